@@ -1,0 +1,65 @@
+"""Every error that Wayfarer raises on purpose.
+
+    WayfarerError
+    ├── InvalidArgument      a value is malformed or outside its range
+    ├── NotFound             no such session, agent, body or model
+    ├── AlreadyExists        the name is taken
+    ├── FailedPrecondition   right request, wrong moment
+    ├── ResourceExhausted    a limit or a quota is reached
+    ├── Unavailable          starting, draining or overloaded: try again
+    ├── ArtifactError        a model or body file does not fit its contract
+    └── DataError            a motion file is malformed (carries file and line)
+
+A message says what was wrong, where, and what is allowed. `transport/errors.py` holds
+the one table that turns these classes into gRPC and HTTP codes.
+"""
+
+
+class WayfarerError(Exception):
+    """Base of all errors raised on purpose."""
+
+
+class InvalidArgument(WayfarerError):
+    """A value is malformed or out of range; `field` names it (dotted path)."""
+
+    def __init__(self, message: str, field: str = "") -> None:
+        super().__init__(message)
+        self.field = field
+
+
+class NotFound(WayfarerError):
+    """No such session, agent, body or model."""
+
+
+class AlreadyExists(WayfarerError):
+    """The name is taken."""
+
+
+class FailedPrecondition(WayfarerError):
+    """The request is well formed, but the state does not allow it now."""
+
+
+class ResourceExhausted(WayfarerError):
+    """A limit is reached; `retry_after` seconds may be worth waiting (0: no hope)."""
+
+    def __init__(self, message: str, retry_after: float = 0.0) -> None:
+        super().__init__(message)
+        self.retry_after = retry_after
+
+
+class Unavailable(WayfarerError):
+    """The service is starting, draining or overloaded."""
+
+
+class ArtifactError(WayfarerError):
+    """A model or body file is missing, damaged, or made for another contract."""
+
+
+class DataError(WayfarerError):
+    """A motion file cannot be read. `line` is 1-based; 0 when no line applies."""
+
+    def __init__(self, message: str, path: str = "", line: int = 0) -> None:
+        where = f"{path}:{line}: " if line else f"{path}: " if path else ""
+        super().__init__(where + message)
+        self.path = path
+        self.line = line

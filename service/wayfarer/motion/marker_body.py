@@ -1,0 +1,114 @@
+"""Markers and joints of a body from its body parameters, in torch: differentiable, exportable.
+
+Linear blend skinning restricted to the marker vertices and the posed joints: fingers stay at
+rest, so their skinning weight is folded into the wrists. Kinematics run level by level down
+the tree, and blending is one matrix product, since gathers dominate otherwise.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike
+from torch import Tensor, nn
+
+from wayfarer.errors import InvalidArgument
+from wayfarer.spec import POSED_JOINTS
+
+
+class MarkerBody(nn.Module):
+    """Skins M markers of one gendered body. Built from plain arrays (see `BodyModel`)."""
+
+    def __init__(
+        self,
+        parents: ArrayLike,  # [J]
+        bind_joints: ArrayLike,  # [J, 3]
+        bind_joints_dirs: ArrayLike,  # [J, 3, B]
+        bind_to_rest: ArrayLike,  # [J, 3, 3]
+        bind_markers: ArrayLike,  # [M, 3]
+        bind_markers_dirs: ArrayLike,  # [M, 3, B]
+        skin_joints: ArrayLike,  # [M, 4]
+        skin_weights: ArrayLike,  # [M, 4]
+    ) -> None:
+        super().__init__()
+        tree = np.asarray(parents)
+        posed = POSED_JOINTS
+        turn = np.asarray(bind_to_rest, dtype=np.float64)
+        owner = _posed_owner(tree, posed)
+        if np.abs(turn - turn[owner]).max() > 1e-5:
+            raise InvalidArgument("unposed joints must share the bind_to_rest of the joint they hang from")
+
+        joints = np.asarray(bind_joints, dtype=np.float64)
+        dirs = np.asarray(bind_joints_dirs, dtype=np.float64)
+        parent = np.maximum(tree[:posed], 0)
+        step = turn[parent]  # rest offset = bind_to_rest[parent] @ bind offset
+        offsets = np.einsum("jab,jb->ja", step, joints[:posed] - joints[parent])
+        offsets_dirs = np.einsum("jab,jbk->jak", step, dirs[:posed] - dirs[parent])
+
+        index, weight = np.asarray(skin_joints), np.asarray(skin_weights, dtype=np.float64)
+        dense = np.zeros((len(index), posed))
+        np.add.at(dense, (np.arange(len(index))[:, None], owner[index]), weight)
+
+        self.levels = _levels(tree[:posed])
+        order = [j for level in self.levels for j in level]
+        self.inverse_order = [order.index(j) for j in range(posed)]
+        self.level_parents = [[int(tree[j]) for j in level] for level in self.levels]
+        self._keep("offsets", offsets)
+        self._keep("offsets_dirs", offsets_dirs)
+        self._keep("bind_joints", joints[:posed])
+        self._keep("bind_joints_dirs", dirs[:posed])
+        self._keep("turn", turn[:posed])
+        self._keep("bind_markers", bind_markers)
+        self._keep("bind_markers_dirs", bind_markers_dirs)
+        self._keep("weights", dense)
+
+    def _keep(self, name: str, array: ArrayLike) -> None:
+        """Register as a constant of the module (not a weight: not in its state dict)."""
+        values = torch.from_numpy(np.array(array, dtype=np.float32))
+        self.register_buffer(name, values, persistent=False)
+
+    def kinematics(self, translation: Tensor, local: Tensor, betas: Tensor) -> tuple[Tensor, Tensor]:
+        """World rotations [..., 22, 3, 3] and joint places [..., 22, 3].
+
+        translation [..., 3], local rotations [..., 22, 3, 3], betas [..., B] (same leading shape).
+        """
+        offsets = self.offsets + (self.offsets_dirs @ betas[..., None, :, None]).squeeze(-1)
+        rotations, places = [local[..., :1, :, :]], [translation[..., None, :]]
+        for below, joints in enumerate(self.levels[1:]):
+            above = self.levels[below]
+            rows = [above.index(p) for p in self.level_parents[below + 1]]
+            base = rotations[-1][..., rows, :, :]
+            moved = (base @ offsets[..., joints, :, None]).squeeze(-1)
+            places.append(places[-1][..., rows, :] + moved)
+            rotations.append(base @ local[..., joints, :, :])
+        back = self.inverse_order
+        return torch.cat(rotations, -3)[..., back, :, :], torch.cat(places, -2)[..., back, :]
+
+    def forward(self, translation: Tensor, local: Tensor, betas: Tensor) -> tuple[Tensor, Tensor]:
+        """Markers [..., M, 3] and joint places [..., 22, 3]; arguments as in `kinematics`."""
+        rotations, places = self.kinematics(translation, local, betas)
+        shape = betas[..., None, :, None]
+        bind_joints = self.bind_joints + (self.bind_joints_dirs @ shape).squeeze(-1)
+        bind_markers = self.bind_markers + (self.bind_markers_dirs @ shape).squeeze(-1)
+        turn = rotations @ self.turn
+        shift = places - (turn @ bind_joints[..., None]).squeeze(-1)
+        transform = torch.cat([turn, shift[..., None]], -1).flatten(-2)  # [..., 22, 12]
+        blended = (self.weights @ transform).unflatten(-1, (3, 4))  # [..., M, 3, 4]
+        markers = (blended[..., :3] @ bind_markers[..., None]).squeeze(-1) + blended[..., 3]
+        return markers, places
+
+
+def _posed_owner(parents: np.ndarray, posed: int) -> np.ndarray:
+    """For every joint the posed joint that carries it (itself when it is posed)."""
+    owner = np.arange(len(parents))
+    for j in range(posed, len(parents)):
+        owner[j] = owner[parents[j]]
+    return owner
+
+
+def _levels(parents: Sequence[int] | np.ndarray) -> list[list[int]]:
+    """Joints grouped by depth in the tree; level 0 is the root."""
+    depth = [0] * len(parents)
+    for j, parent in enumerate(parents):
+        depth[j] = depth[parent] + 1 if parent >= 0 else 0
+    return [[j for j, d in enumerate(depth) if d == level] for level in range(max(depth) + 1)]

@@ -1,0 +1,73 @@
+"""The marker predictor: a CVAE over motion primitives (paper Sec. 3.2.1, Fig. 2, left).
+
+Condition: the motion seed X (1 or 2 frames). Encoder (training only): q(Z | X, Y). Decoder:
+future frames Y from X and z, frame by frame, each the last one plus a predicted change.
+"""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from wayfarer.motion.layers import Gru, Mlp
+from wayfarer.spec import LATENT, MARKERS, PRIMITIVE_FRAMES
+
+SIZE = MARKERS * 3
+HIDDEN = 256
+
+
+class Posterior(NamedTuple):
+    """Diagonal Gaussian q(Z | X, Y); both [..., 128]."""
+
+    mean: Tensor
+    log_variance: Tensor
+
+    def sample(self) -> Tensor:
+        """One latent per row, by reparametrisation."""
+        return self.mean + torch.randn_like(self.mean) * torch.exp(0.5 * self.log_variance)
+
+    def kl(self) -> Tensor:
+        """KL(q ‖ N(0, I)) averaged over latent dimensions. [...]"""
+        variance = torch.exp(self.log_variance)
+        return 0.5 * (variance + self.mean**2 - 1 - self.log_variance).mean(-1)
+
+
+class MarkerPredictor(nn.Module):
+    """Frames are flat markers [201] in metres, canonical frame."""
+
+    def __init__(self, seed_frames: int) -> None:
+        super().__init__()
+        self.seed_frames = seed_frames
+        self.new_frames = PRIMITIVE_FRAMES - seed_frames
+        self.seed_encoder = Gru(SIZE, HIDDEN)
+        self.future_encoder = Gru(SIZE, HIDDEN)
+        self.posterior = Mlp([2 * HIDDEN, 512, HIDDEN])
+        self.mean = nn.Linear(HIDDEN, LATENT)
+        self.log_variance = nn.Linear(HIDDEN, LATENT)
+        self.first_state = Mlp([HIDDEN, 512, HIDDEN, HIDDEN])
+        self.decoder = Gru(SIZE, HIDDEN, condition=HIDDEN)
+        self.from_latent = nn.Linear(LATENT, 3 * HIDDEN, bias=False)
+        self.output = nn.Sequential(Mlp([HIDDEN, 512, HIDDEN]), nn.Linear(HIDDEN, SIZE))
+
+    def encode(self, seed: Tensor, future: Tensor) -> Posterior:
+        """seed [..., S, 201], future [..., F, 201] → posterior."""
+        both = torch.cat([self.seed_encoder.encode(seed), self.future_encoder.encode(future)], -1)
+        features = self.posterior(both)
+        return Posterior(self.mean(features), self.log_variance(features))
+
+    def decode(self, seed: Tensor, latent: Tensor) -> Tensor:
+        """seed [A, S, 201], latent [A, K, 128] → future [A, K, F, 201].
+
+        What depends on the seed alone is computed once for all K candidates.
+        """
+        hx = self.seed_encoder.encode(seed)
+        condition = self.decoder.from_condition(hx)[:, None] + self.from_latent(latent)
+        shape = (*latent.shape[:-1], -1)
+        state = self.first_state(hx)[:, None].expand(shape)
+        frame = seed[:, None, -1].expand(shape)
+        frames = []
+        for _ in range(self.new_frames):
+            state = self.decoder.step(self.decoder.from_input(frame) + condition, state)
+            frame = frame + self.output(state)
+            frames.append(frame)
+        return torch.stack(frames, -2)

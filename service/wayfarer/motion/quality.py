@@ -1,0 +1,161 @@
+"""Quality terms of a primitive: named functions of markers, lower is better (`terms.TERMS`).
+
+Shared by candidate search, policy reward and evaluation. Markers are in any frame whose floor is
+z = 0, metres. Shapes: [..., F, M, 3]; every term returns [...].
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from wayfarer.errors import InvalidArgument
+from wayfarer.spec import FPS
+from wayfarer.terms import TERMS
+
+SAFE = 1e-9
+"""Keeps square roots differentiable and normalisation finite at zero."""
+
+
+@dataclass(frozen=True)
+class Sites:
+    """Indices of the markers that the terms look at."""
+
+    left_waist: list[int]
+    right_waist: list[int]
+    chest: list[int]
+    left_sole: list[int]
+    right_sole: list[int]
+    left_ankle: int
+    right_ankle: int
+
+    @classmethod
+    def from_names(cls, names: Sequence[str]) -> "Sites":
+        """Find them by name. Raises InvalidArgument when one is missing."""
+
+        def find(*wanted: str) -> list[int]:
+            missing = [w for w in wanted if w not in names]
+            if missing:
+                raise InvalidArgument(f"the body lacks markers {missing}; it has {list(names)}")
+            return [list(names).index(w) for w in wanted]
+
+        sole = ("SOLE_HEEL", "SOLE_MT1", "SOLE_MT5", "SOLE_TOE")
+        return cls(
+            left_waist=find("LFWT", "LBWT"),
+            right_waist=find("RFWT", "RBWT"),
+            chest=find("C7", "CLAV"),
+            left_sole=find(*("L" + s for s in sole)),
+            right_sole=find(*("R" + s for s in sole)),
+            left_ankle=find("LANK")[0],
+            right_ankle=find("RANK")[0],
+        )
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """What a term is given: the new frames, with the last seed frame before them."""
+
+    markers: Tensor  # [..., 1 + F, M, 3]
+    goal: Tensor  # [..., 3]
+    target_speed: Tensor  # [...]
+    sites: Sites
+
+    def waist(self, frame: int) -> Tensor:
+        """Centre of the waist, which stands for the hips. [..., 3]"""
+        both = self.sites.left_waist + self.sites.right_waist
+        return self.markers[..., frame, both, :].mean(-2)
+
+    def facing(self) -> Tensor:
+        """Horizontal unit vector the body faces in the last frame. [..., 2]"""
+        last = self.markers[..., -1, :, :]
+        right = last[..., self.sites.right_waist, :2].mean(-2) - last[..., self.sites.left_waist, :2].mean(-2)
+        return _unit(torch.stack([-right[..., 1], right[..., 0]], -1))
+
+    def soles(self) -> Tensor:
+        """Markers under both feet. [..., 1 + F, 8, 3]"""
+        return self.markers[..., self.sites.left_sole + self.sites.right_sole, :]
+
+
+def goal_distance(c: Candidate) -> Tensor:
+    """Horizontal metres from the hips to the goal at the end."""
+    return _length(c.goal[..., :2] - c.waist(-1)[..., :2])
+
+
+def facing(c: Candidate) -> Tensor:
+    """1 - cos(angle between facing and the direction to the goal) (Eq. 6, turned into a cost)."""
+    return 1 - (c.facing() * _unit(c.goal[..., :2] - c.waist(-1)[..., :2])).sum(-1)
+
+
+def speed(c: Candidate) -> Tensor:
+    """Difference of mean horizontal hips speed from the wished speed, m/s."""
+    seconds = (c.markers.shape[-3] - 1) / FPS
+    moved = _length(c.waist(-1)[..., :2] - c.waist(0)[..., :2])
+    return (moved / seconds - c.target_speed).abs()
+
+
+def floating(c: Candidate) -> Tensor:
+    """Mean height of the lowest sole marker above the floor (Eq. 11's height, per frame)."""
+    return c.soles()[..., 2].amin(-1).clamp(min=0).mean(-1)
+
+
+def sinking(c: Candidate) -> Tensor:
+    """Mean depth of the lowest sole marker below the floor."""
+    return (-c.soles()[..., 2].amin(-1)).clamp(min=0).mean(-1)
+
+
+def skating(c: Candidate) -> Tensor:
+    """Mean over frames of the horizontal speed of the slowest sole marker, m/s (Eq. 11's speed)."""
+    soles = c.soles()
+    step = soles[..., 1:, :, :2] - soles[..., :-1, :, :2]
+    return (_length(step).amin(-1) * FPS).mean(-1)
+
+
+def upright(c: Candidate) -> Tensor:
+    """1 - cos(tilt of the trunk) in the last frame."""
+    chest = c.markers[..., -1, c.sites.chest, :].mean(-2)
+    return 1 - _unit(chest - c.waist(-1))[..., 2]
+
+
+def stillness(c: Candidate) -> Tensor:
+    """Mean speed of all markers, m/s."""
+    return (_length(c.markers[..., 1:, :, :] - c.markers[..., :-1, :, :]) * FPS).mean((-1, -2))
+
+
+def feet_apart(c: Candidate) -> Tensor:
+    """Metres from ankle to ankle along the facing direction in the last frame (a stride's length)."""
+    last = c.markers[..., -1, :, :2]
+    between = last[..., c.sites.left_ankle, :] - last[..., c.sites.right_ankle, :]
+    return (between * c.facing()).sum(-1).abs()
+
+
+FUNCTIONS: dict[str, Callable[[Candidate], Tensor]] = {
+    f.__name__: f
+    for f in (goal_distance, facing, speed, floating, sinking, skating, upright, stillness, feet_apart)
+}
+if tuple(FUNCTIONS) != TERMS:
+    raise ImportError(f"quality functions {list(FUNCTIONS)} differ from terms.TERMS {list(TERMS)}")
+
+
+def evaluate(candidate: Candidate) -> Tensor:
+    """All terms in the order of `TERMS`. [..., T]"""
+    return torch.stack([function(candidate) for function in FUNCTIONS.values()], -1)
+
+
+def foot_contacts(soles: Tensor, height: float = 0.03, speed_limit: float = 0.25) -> Tensor:
+    """Feet that touch the floor and stand still: soles [..., 1 + F, 2, 4, 3] → 0 or 1 [..., F, 2].
+
+    A foot is in contact when one of its sole markers is lower than `height` (m) and moves
+    horizontally slower than `speed_limit` (m/s).
+    """
+    step = _length(soles[..., 1:, :, :, :2] - soles[..., :-1, :, :, :2]) * FPS
+    touching = (soles[..., 1:, :, :, 2] < height) & (step < speed_limit)
+    return touching.any(-1).to(soles.dtype)
+
+
+def _length(v: Tensor) -> Tensor:
+    return torch.sqrt((v * v).sum(-1) + SAFE * SAFE)
+
+
+def _unit(v: Tensor) -> Tensor:
+    return v / torch.sqrt((v * v).sum(-1, keepdim=True) + SAFE)
