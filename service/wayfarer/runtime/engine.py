@@ -1,0 +1,51 @@
+"""What the scheduler calls to step agents, as arrays: the boundary to the models.
+
+All positions are world space: metres, right-handed, Z up. Rotations are unit
+quaternions x, y, z, w; joint 0 (the hips) is a world rotation, joints 1..21 are local to
+their parent and relative to the T-pose, whose bones all have identity rotation.
+A = agents, K = candidates, S = seed frames (2), F = new frames (8), T = quality terms.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class StepInputs:
+    """Inputs of one batched step; the field names are the graph's input names."""
+
+    seed_markers: Float  # [A, S, 67, 3]
+    seed_translation: Float  # [A, S, 3] hips joint
+    seed_rotations: Float  # [A, S, 22, 4]
+    betas: Float  # [A, 10]
+    goal: Float  # [A, 3] point on the floor
+    target_speed: Float  # [A] metres per second, horizontal
+    term_weights: Float  # [A, T] cost = sum of weight * term; lower is better
+    noise: Float  # [A, K, 128] candidate latents, already scaled by temperature
+
+
+@dataclass(frozen=True, slots=True)
+class StepOutputs:
+    """Outputs of one batched step, for the cheapest candidate of each agent."""
+
+    translation: Float  # [A, F, 3] hips joint
+    rotations: Float  # [A, F, 22, 4]
+    contacts: Float  # [A, F, 2] left, right foot: 1.0 touching and still, else 0.0
+    next_seed_markers: Float  # [A, S, 67, 3] seed of the next step (graph names must differ from inputs)
+    terms: Float  # [A, T] quality terms of the chosen candidate
+    choice: NDArray[np.int64]  # [A]
+
+
+class Engine(Protocol):
+    """Steps agents of one body. Pure: the same inputs give the same outputs."""
+
+    term_names: tuple[str, ...]
+
+    def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
+        """Step all rows, which are agents of one gender. Row results are independent."""
+        ...

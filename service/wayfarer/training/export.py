@@ -1,0 +1,265 @@
+"""Export trained networks to the ONNX graphs that serve. Fails unless torch and ONNX agree."""
+
+import shutil
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import onnxruntime as ort
+import torch
+from torch import Tensor, nn
+
+from wayfarer.artifacts import (
+    CARD,
+    GRAPHS,
+    METADATA_KEY,
+    BodyIdentity,
+    contract_for,
+    contract_to_json,
+    sha256_of,
+    write_manifest,
+)
+from wayfarer.body.library import body_file, load_body
+from wayfarer.errors import ArtifactError
+from wayfarer.motion.predictor import MarkerPredictor
+from wayfarer.motion.primitive import PrimitiveStep, StepResult
+from wayfarer.motion.quality import Sites
+from wayfarer.motion.regressor import BodyRegressor
+from wayfarer.motion.rotation import matrix_from_rotvec, quaternion_from_matrix
+from wayfarer.spec import BETAS, GENDERS, LATENT, MARKERS, SEED_FRAMES
+from wayfarer.terms import TERMS
+from wayfarer.training.dataset import marker_body
+from wayfarer.training.onnx_files import WeightStore, externalise
+from wayfarer.training.run import load_weights
+
+TOLERANCE = 1e-3
+"""Largest difference allowed between torch and ONNX: metres for places, unitless for rotations."""
+
+
+@dataclass(frozen=True)
+class Graph:
+    """A module to export: names and example inputs, and which axes vary."""
+
+    module: nn.Module
+    inputs: dict[str, Tensor]
+    outputs: Sequence[str]
+    batch: dict[str, tuple[str, ...]]  # input → names of its leading dynamic axes
+
+
+def round_to_half(module: nn.Module) -> nn.Module:
+    """Round weights to float16 values in place, as they are shipped."""
+    with torch.no_grad():
+        for parameter in module.parameters():
+            parameter.copy_(parameter.half().float())
+    return module.eval()
+
+
+def to_onnx(graph: Graph) -> onnx.ModelProto:
+    """One graph with dynamic leading axes."""
+    axes: dict[str, Any] = {}
+    for names in graph.batch.values():
+        axes |= {n: axes.get(n) or torch.export.Dim(n, min=1, max=1 << 16) for n in names}
+    dynamic = tuple({i: axes[n] for i, n in enumerate(graph.batch[name])} for name in graph.inputs)
+    with warnings.catch_warnings(), torch.no_grad():
+        warnings.simplefilter("ignore")  # the exporter's own deprecations
+        program = torch.onnx.export(
+            graph.module,
+            tuple(graph.inputs.values()),
+            input_names=list(graph.inputs),
+            output_names=list(graph.outputs),
+            dynamic_shapes=dynamic,
+            dynamo=True,
+            verbose=False,
+        )
+    if program is None:
+        raise ArtifactError("torch.onnx.export returned no program")
+    return program.model_proto
+
+
+def step_inputs(agents: int, candidates: int, generator: torch.Generator) -> dict[str, Tensor]:
+    """Random inputs of a step: noisy bodies anywhere, for parity only."""
+
+    def normal(*shape: int) -> Tensor:
+        return torch.randn(*shape, generator=generator)
+
+    offset = normal(agents, 1, 1, 3) * 20
+    return {
+        "seed_markers": normal(agents, SEED_FRAMES, MARKERS, 3) * 0.4 + offset,
+        "seed_translation": normal(agents, SEED_FRAMES, 3) * 0.1 + offset[:, 0],
+        "seed_rotations": nn.functional.normalize(normal(agents, SEED_FRAMES, 22, 4), dim=-1),
+        "betas": normal(agents, BETAS),
+        "goal": normal(agents, 3) * 10,
+        "target_speed": torch.rand(agents, generator=generator) * 2,
+        "term_weights": torch.rand(agents, len(TERMS), generator=generator),
+        "noise": normal(agents, candidates, LATENT),
+    }
+
+
+def step_graph(step: PrimitiveStep) -> Graph:
+    """The whole step, dynamic in agents and candidates."""
+    inputs = step_inputs(3, 4, torch.Generator().manual_seed(0))
+    batch = {name: ("agents",) for name in inputs} | {"noise": ("agents", "candidates")}
+    return Graph(step, inputs, StepResult._fields, batch)
+
+
+class _Decode(nn.Module):
+    """The predictor's decoder alone, one latent per row."""
+
+    def __init__(self, predictor: MarkerPredictor) -> None:
+        super().__init__()
+        self.predictor = predictor
+
+    def forward(self, seed: Tensor, latent: Tensor) -> Tensor:
+        return self.predictor.decode(seed, latent[:, None])[:, 0]
+
+
+def predictor_graph(predictor: MarkerPredictor) -> Graph:
+    """Seed [N, S, 201] and latent [N, 128] → future [N, F, 201], canonical frame."""
+    inputs = {"seed": torch.randn(3, predictor.seed_frames, MARKERS * 3), "latent": torch.randn(3, LATENT)}
+    return Graph(_Decode(predictor), inputs, ("future",), {"seed": ("rows",), "latent": ("rows",)})
+
+
+class _Regress(nn.Module):
+    """The regressor on flat markers."""
+
+    def __init__(self, regressor: BodyRegressor) -> None:
+        super().__init__()
+        self.regressor = regressor
+
+    def forward(self, markers: Tensor, betas: Tensor) -> tuple[Tensor, Tensor]:
+        return self.regressor(markers.unflatten(-1, (MARKERS, 3)), betas)
+
+
+def regressor_graph(regressor: BodyRegressor) -> Graph:
+    """Markers [N, 201] and betas [N, 10] → translation [N, 3], rotations [N, 22, 3, 3]."""
+    inputs = {"markers": torch.randn(3, MARKERS * 3), "betas": torch.randn(3, BETAS)}
+    batch = {"markers": ("rows",), "betas": ("rows",)}
+    return Graph(_Regress(regressor), inputs, ("translation", "rotations"), batch)
+
+
+def parity(module: nn.Module, path: Path, inputs: Mapping[str, Tensor], outputs: Sequence[str]) -> float:
+    """Largest difference between torch and the graph in `path` over rows that chose alike.
+
+    Raises ArtifactError above `TOLERANCE`, or when more than one row in a hundred chose
+    another candidate (two candidates may cost the same to the last digit).
+    """
+    session = ort.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+    got = session.run(list(outputs), {n: v.numpy() for n, v in inputs.items()})
+    with torch.no_grad():
+        expected = module(*inputs.values())
+    expected = [e.numpy() for e in (expected if isinstance(expected, tuple) else (expected,))]
+    same = np.ones(len(got[0]), dtype=bool)
+    if "choice" in outputs:
+        at = list(outputs).index("choice")
+        same = got[at] == expected[at]
+        if same.mean() < 0.99:
+            raise ArtifactError(f"{path.name}: torch and ONNX choose alike in only {same.mean():.1%} of rows")
+    worst = 0.0
+    for name, a, b in zip(outputs, expected, got, strict=True):
+        if not np.isfinite(b).all():
+            raise ArtifactError(f"{path.name}: output {name} holds values that are not finite")
+        worst = max(worst, float(np.abs(a[same] - b[same]).max()))
+    if worst > TOLERANCE:
+        raise ArtifactError(f"{path.name}: torch and ONNX differ by {worst:.2e}, allowed {TOLERANCE:.0e}")
+    return worst
+
+
+def save_graph(graph: Graph, path: Path, store: WeightStore, contract: str) -> None:
+    """Write one graph; its weights go to the store, its contract (JSON) into the metadata."""
+    model = externalise(to_onnx(graph), store)
+    for node in model.graph.node:
+        del node.metadata_props[:]  # stack traces of the exporter: a megabyte of them
+        node.doc_string = ""
+    del model.metadata_props[:]
+    model.metadata_props.add(key=METADATA_KEY, value=contract)
+    path.write_bytes(model.SerializeToString())
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Run folders that hold the weights of each network."""
+
+    predictor_1f: Path
+    predictor_2f: Path
+    regressor_male: Path
+    regressor_female: Path
+
+
+def load_graphs(sources: Sources, body: str, floor_origin: bool = True) -> dict[str, Graph]:
+    """Every graph of a model folder by file name, from trained weights (rounded as shipped)."""
+    one = round_to_half(load_weights(MarkerPredictor(1), sources.predictor_1f))
+    two = round_to_half(load_weights(MarkerPredictor(2), sources.predictor_2f))
+    graphs = {"predictor_1f.onnx": predictor_graph(one), "predictor_2f.onnx": predictor_graph(two)}
+    for gender in GENDERS:
+        model = load_body(body, gender)
+        run = getattr(sources, f"regressor_{gender}")
+        regressor = round_to_half(load_weights(BodyRegressor(), run))
+        sites = Sites.from_names(model.marker_names)
+        step = PrimitiveStep(two, regressor, marker_body(model), sites, floor_origin).eval()
+        graphs[f"regressor_{gender}.onnx"] = regressor_graph(regressor)
+        graphs[f"step_{gender}.onnx"] = step_graph(step)
+    return graphs
+
+
+def export_models(
+    sources: Sources, out: Path, card: str, name: str = "gamma-anny52", body: str = "anny52"
+) -> dict[str, float]:
+    """Write a model folder and return the largest torch-ONNX difference of each graph.
+
+    The folder is written beside its place and moved there only when every graph agrees with torch
+    on random inputs; step graphs also on standing and on moving bodies.
+    """
+    graphs = load_graphs(sources, body)
+    staging = out.with_name(out.name + ".new")
+    shutil.rmtree(staging, ignore_errors=True)
+    staging.mkdir(parents=True)
+    store = WeightStore()
+    for file, graph in graphs.items():
+        gender = GRAPHS[file].gender or GENDERS[0]
+        save_graph(graph, staging / file, store, contract_to_json(contract_for(file, name, identity(body, gender))))
+    store.write(staging)
+    differences = {file: check_graph(staging / file, graph) for file, graph in graphs.items()}
+    (staging / CARD).write_text(card)
+    write_manifest(staging, name, body)
+    shutil.rmtree(out, ignore_errors=True)
+    staging.rename(out)
+    return differences
+
+
+def check_graph(path: Path, graph: Graph) -> float:
+    """Parity on the example inputs and, for steps, over batch sizes, candidates and real bodies."""
+    worst = parity(graph.module, path, graph.inputs, graph.outputs)
+    if isinstance(graph.module, PrimitiveStep):
+        generator = torch.Generator().manual_seed(1)
+        for agents, candidates in ((1, 1), (7, 3), (256, 4)):
+            inputs = step_inputs(agents, candidates, generator)
+            worst = max(worst, parity(graph.module, path, inputs, graph.outputs))
+            inputs |= body_inputs(graph.module, agents, generator)
+            worst = max(worst, parity(graph.module, path, inputs, graph.outputs))
+    return worst
+
+
+def body_inputs(step: PrimitiveStep, agents: int, generator: torch.Generator) -> dict[str, Tensor]:
+    """Seeds that are bodies: bent a little at random at every joint, moving at walking speed."""
+    bend = torch.randn(agents, 1, 22, 3, generator=generator) * 0.2
+    local = matrix_from_rotvec(bend).expand(-1, SEED_FRAMES, -1, -1, -1)
+    place = torch.tensor([0.0, 0.0, 0.95]) + torch.tensor([[0.0, 0, 0], [0, 0.03, 0]])
+    place = place.expand(agents, -1, -1)
+    betas = torch.randn(agents, BETAS, generator=generator)
+    with torch.no_grad():
+        markers, _ = step.body(place, local, betas[:, None].expand(-1, SEED_FRAMES, -1))
+    return {
+        "seed_markers": markers,
+        "seed_translation": place.contiguous(),
+        "seed_rotations": quaternion_from_matrix(local).contiguous(),
+        "betas": betas,
+    }
+
+
+def identity(body: str, gender: str) -> BodyIdentity:
+    """What the contract says of a shipped body."""
+    return BodyIdentity(body, sha256_of(body_file(body, gender)), load_body(body, gender).marker_names)

@@ -1,0 +1,149 @@
+"""One training run in a folder: checkpoints, resume, logs, a progress bar, a time limit.
+
+    runs/<name>/config.json    what was asked for
+    runs/<name>/last.pt        model, optimiser, step, random state (written atomically)
+    runs/<name>/tensorboard/   curves
+
+Stopping by Ctrl-C or by the time limit writes `last.pt`; the same command goes on from it.
+"""
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import torch
+from pydantic import BaseModel
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from torch import nn
+from torch.optim import Optimizer
+from torch.utils.tensorboard import SummaryWriter
+
+from wayfarer.errors import ArtifactError, InvalidArgument
+
+
+class TrainingRun:
+    """Drives `steps` optimiser steps, resuming where the folder's checkpoint stands."""
+
+    def __init__(self, folder: Path, config: BaseModel, model: nn.Module, optimizer: Optimizer) -> None:
+        self.folder = folder
+        self.model = model
+        self.optimizer = optimizer
+        self.step = 0
+        folder.mkdir(parents=True, exist_ok=True)
+        self._check_config(config)
+        self.board = SummaryWriter(str(folder / "tensorboard"))
+        if (folder / "last.pt").exists():
+            self._load()
+
+    def _check_config(self, config: BaseModel) -> None:
+        """A folder belongs to one configuration: resuming with another would mix two trainings."""
+        path, wanted = self.folder / "config.json", config.model_dump(mode="json")
+        if path.exists():
+            had = json.loads(path.read_text())
+            changed = sorted(k for k in {*had, *wanted} if had.get(k) != wanted.get(k))
+            if changed:
+                raise InvalidArgument(
+                    f"{path} was made with other values of {changed}; choose another folder to train anew"
+                )
+        path.write_text(json.dumps(wanted, indent=2) + "\n")
+
+    def _load(self) -> None:
+        state = torch.load(self.folder / "last.pt", weights_only=True)
+        self.model.load_state_dict(state["model"])
+        self.optimizer.load_state_dict(state["optimizer"])
+        self.step = state["step"]
+        torch.set_rng_state(state["rng"])
+
+    def save(self) -> None:
+        """Write the checkpoint; a crash while writing leaves the old one whole."""
+        state = {
+            "model": self.model.state_dict(),
+            "optimizer": self.optimizer.state_dict(),
+            "step": self.step,
+            "rng": torch.get_rng_state(),
+        }
+        torch.save(state, self.folder / "last.tmp")
+        (self.folder / "last.tmp").rename(self.folder / "last.pt")
+
+    def log(self, **values: float) -> None:
+        """Scalars for TensorBoard at the current step."""
+        for name, value in values.items():
+            self.board.add_scalar(name, value, self.step)
+
+    def drive(
+        self,
+        steps: int,
+        update: Callable[[], dict[str, float]],
+        validate: Callable[[], dict[str, float]],
+        minutes: float = float("inf"),
+        every: int = 500,
+    ) -> bool:
+        """Call `update` until `steps` are done (True) or `minutes` have passed (False)."""
+        until = time.monotonic() + 60 * minutes
+        shown: dict[str, float] = {}
+        try:
+            with _progress() as bar:
+                task = bar.add_task(self.folder.name, total=steps, completed=self.step, note="")
+                while self.step < steps and time.monotonic() < until:
+                    losses = update()
+                    self.step += 1
+                    if self.step % 50 == 0:
+                        self.log(**losses)
+                    if self.step % every == 0 or self.step == steps:
+                        shown = validate()
+                        self.log(**shown)
+                        self.save()
+                        print_line(self.folder, self.step, losses | shown)
+                    bar.update(task, completed=self.step, note=_note(losses | shown))
+        finally:
+            self.save()
+            self.board.flush()
+        return self.step >= steps
+
+
+def _progress() -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[note]}"),
+        refresh_per_second=2,
+    )
+
+
+def _note(values: dict[str, float]) -> str:
+    return " ".join(f"{k} {v:.4g}" for k, v in values.items())
+
+
+def print_line(folder: Path, step: int, values: dict[str, float]) -> None:
+    """Append one line to the run's plain log, for those who watch with `tail -f`."""
+    with (folder / "log.txt").open("a") as log:
+        log.write(f"{time.strftime('%H:%M:%S')} step {step} {_note(values)}\n")
+
+
+def cosine_rate(base: float, step: int, steps: int, warmup: int = 200) -> float:
+    """Learning rate: linear warm-up, then a half cosine to zero."""
+    import math
+
+    if step < warmup:
+        return base * (step + 1) / warmup
+    return base * 0.5 * (1 + math.cos(math.pi * (step - warmup) / max(1, steps - warmup)))
+
+
+def load_weights(model: nn.Module, folder: Path) -> nn.Module:
+    """Weights of a run's last checkpoint into `model`. Raises ArtifactError."""
+    path = folder / "last.pt"
+    if not path.exists():
+        raise ArtifactError(f"no checkpoint {path}; train it first (wayfarer train --help)")
+    state: dict[str, Any] = torch.load(path, weights_only=True)
+    model.load_state_dict(state["model"])
+    return model.eval()
+
+
+def repeat(rows: int, batch: int) -> Iterator[slice]:
+    """Slices of at most `batch` rows covering `rows`."""
+    for start in range(0, rows, batch):
+        yield slice(start, min(rows, start + batch))

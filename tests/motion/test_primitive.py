@@ -1,0 +1,115 @@
+"""Algebra of the whole step on the shipped body with untrained networks."""
+
+import pytest
+import torch
+
+from wayfarer.body.library import load_body
+from wayfarer.motion.predictor import MarkerPredictor
+from wayfarer.motion.primitive import PrimitiveStep
+from wayfarer.motion.quality import Sites
+from wayfarer.motion.regressor import BodyRegressor
+from wayfarer.motion.rotation import (
+    matrix_from_quaternion,
+    matrix_from_rotvec,
+    quaternion_from_matrix,
+)
+from wayfarer.terms import TERMS
+from wayfarer.training.dataset import marker_body
+from wayfarer.training.export import body_inputs, step_inputs
+
+AGENTS, CANDIDATES = 4, 3
+
+
+@pytest.fixture(scope="module")
+def step():
+    torch.manual_seed(0)
+    body = load_body("anny52", "female")
+    sites = Sites.from_names(body.marker_names)
+    return PrimitiveStep(MarkerPredictor(2), BodyRegressor(), marker_body(body), sites).eval()
+
+
+@pytest.fixture
+def inputs(step):
+    generator = torch.Generator().manual_seed(2)
+    given = step_inputs(AGENTS, CANDIDATES, generator) | body_inputs(step, AGENTS, generator)
+    return given | {"goal": torch.tensor([1.0, 5.0, 0.0]).expand(AGENTS, 3)}
+
+
+def run(step, inputs):
+    with torch.no_grad():
+        return step(**inputs)
+
+
+def test_shapes(step, inputs):
+    out = run(step, inputs)
+    assert out.translation.shape == (AGENTS, 8, 3)
+    assert out.rotations.shape == (AGENTS, 8, 22, 4)
+    assert out.contacts.shape == (AGENTS, 8, 2)
+    assert out.next_seed_markers.shape == (AGENTS, 2, 67, 3)
+    assert out.terms.shape == (AGENTS, len(TERMS))
+
+
+def test_turning_and_moving_the_world_turns_and_moves_the_result(step, inputs):
+    turn = matrix_from_rotvec(torch.tensor([0.0, 0.0, 2.1]))
+    shift = torch.tensor([4.0, -3.0, 0.0])
+
+    def move(points):
+        return points @ turn.T + shift
+
+    root = matrix_from_quaternion(inputs["seed_rotations"][:, :, :1])
+    turned = torch.cat([quaternion_from_matrix(turn @ root), inputs["seed_rotations"][:, :, 1:]], 2)
+    moved = inputs | {
+        "seed_markers": move(inputs["seed_markers"]),
+        "seed_translation": move(inputs["seed_translation"]),
+        "seed_rotations": turned,
+        "goal": move(inputs["goal"]),
+    }
+    here, there = run(step, inputs), run(step, moved)
+    assert torch.equal(here.choice, there.choice)
+    assert torch.allclose(move(here.translation), there.translation, atol=1e-4)
+    assert torch.allclose(move(here.next_seed_markers), there.next_seed_markers, atol=1e-4)
+    a = turn @ matrix_from_quaternion(here.rotations[:, :, 0])
+    assert torch.allclose(a, matrix_from_quaternion(there.rotations[:, :, 0]), atol=1e-4)
+    assert torch.allclose(here.terms, there.terms, atol=1e-4)
+
+
+def test_a_rows_result_does_not_depend_on_its_batch(step, inputs):
+    together = run(step, inputs)
+    alone = run(step, {name: value[2:3] for name, value in inputs.items()})
+    for whole, single in zip(together, alone, strict=True):
+        assert torch.allclose(whole[2:3].double(), single.double(), atol=1e-5)
+
+
+def test_the_cheapest_candidate_is_chosen(step, inputs):
+    out = run(step, inputs)
+    for k in range(CANDIDATES):
+        one = run(step, inputs | {"noise": inputs["noise"][:, k : k + 1]})
+        cost = (one.terms * inputs["term_weights"]).sum(-1)
+        best = (out.terms * inputs["term_weights"]).sum(-1)
+        assert (best <= cost + 1e-5).all()
+
+
+def test_poses_leave_the_seed_without_a_jump(step, inputs):
+    """The untrained regressor is far off, yet the first new frame stays near the last seed frame."""
+    out = run(step, inputs)
+    known = matrix_from_quaternion(inputs["seed_rotations"][:, -1])
+    first = matrix_from_quaternion(out.rotations[:, 0])
+    last = matrix_from_quaternion(out.rotations[:, -1])
+    assert (first - known).norm(dim=(-1, -2)).mean() < 0.5 * (last - known).norm(dim=(-1, -2)).mean()
+
+
+def test_inputs_are_left_as_they_were(step, inputs):
+    before = {name: value.clone() for name, value in inputs.items()}
+    run(step, inputs)
+    assert all(torch.equal(before[n], inputs[n]) for n in inputs)
+
+
+def test_pelvis_origin_measures_height_from_the_floor_all_the_same(step, inputs):
+    pelvis = PrimitiveStep(step.predictor, step.regressor, step.body, step.sites, floor_origin=False)
+    lifted = inputs | {
+        "seed_markers": inputs["seed_markers"] + torch.tensor([0, 0, 0.5]),
+        "seed_translation": inputs["seed_translation"] + torch.tensor([0, 0, 0.5]),
+    }
+    floating = TERMS.index("floating")
+    low, high = run(pelvis.eval(), inputs), run(pelvis.eval(), lifted)
+    assert torch.allclose(high.terms[:, floating] - low.terms[:, floating], torch.tensor(0.5), atol=0.3)
