@@ -36,7 +36,7 @@ class StepOutputs:
     translation: Float  # [A, F, 3] hips joint
     rotations: Float  # [A, F, 22, 4]
     contacts: Float  # [A, F, 2] left, right foot: 1.0 touching and still, else 0.0
-    next_seed_markers: Float  # [A, S, 67, 3] seed of the next step (graph names must differ from inputs)
+    next_seed_markers: Float  # [A, S, 67, 3]; "next": a graph's names must all differ
     terms: Float  # [A, T] quality terms of the chosen candidate
     choice: NDArray[np.int64]  # [A]
 

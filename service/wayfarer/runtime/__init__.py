@@ -1,0 +1,1 @@
+"""Agents in real time: slots, scheduler, playback, loop. Never torch."""

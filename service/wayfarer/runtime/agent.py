@@ -1,0 +1,111 @@
+"""What the runtime is told and what it tells: plain frozen messages, world space.
+
+Transports convert their wire types to these and back, and nothing else crosses.
+"""
+
+from dataclasses import dataclass, field
+from enum import IntFlag, StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class AgentSpec:
+    """A digital human to create."""
+
+    gender: str = "female"
+    betas: tuple[float, ...] = (0.0,) * 10
+    position: tuple[float, float] = (0.0, 0.0)  # metres, on the floor
+    heading: float = 0.0  # radians about +Z; 0 faces +Y
+    noise_seed: int = 0  # the agent's motion is reproducible from it
+    name: str = ""  # shown by clients; need not be unique
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """A place to walk to and stop at."""
+
+    position: tuple[float, float, float]  # metres, world
+    radius: float = 0.3  # metres: arrived when the pelvis is this near, horizontally
+    speed: float = 1.2  # metres per second, wished for on the way
+
+
+class AgentState(StrEnum):
+    """What an agent is doing."""
+
+    STANDING = "standing"
+    WALKING = "walking"
+    STOPPING = "stopping"
+
+
+class ChunkFlag(IntFlag):
+    """Notes on a chunk; see docs/wire-format.md."""
+
+    NONE = 0
+    FIRST = 1  # start from it, do not blend: the agent's first chunk on this stream, or the pose
+    # jumps because a step failed and the agent was put back to a stand
+    REPLANNED = 2  # frames that were planned for this time were thrown away for a new goal
+    ARRIVED = 4  # the goal was reached during this chunk
+    GAP = 8  # chunks before this one were dropped for this subscriber (it was too slow)
+
+
+@dataclass(frozen=True, slots=True)
+class AgentInfo:
+    """A snapshot of one agent."""
+
+    agent_id: str
+    alias: int  # small number that stands for agent_id in chunks of this session
+    session_id: str
+    spec: AgentSpec
+    state: AgentState
+    position: tuple[float, float, float]  # hips, last sent frame
+    heading: float
+    goal: Goal | None
+    goal_revision: int  # 0 before the first goal
+    created_at: float  # Unix seconds
+
+
+@dataclass(frozen=True, slots=True)
+class MotionChunk:
+    """The new frames of one agent from one step."""
+
+    agent_id: str
+    alias: int
+    seq: int  # 0, 1, 2 … per agent
+    first_frame: int  # index of its first frame since the agent began; 40 per second
+    scheduled_at: float  # Unix seconds at which its first frame is to be shown
+    goal_revision: int
+    flags: ChunkFlag
+    state: AgentState
+    translation: NDArray[np.float32] = field(repr=False)  # [F, 3]
+    rotations: NDArray[np.float32] = field(repr=False)  # [F, 22, 4]
+    contacts: NDArray[np.bool_] = field(repr=False)  # [F, 2] left, right
+
+
+@dataclass(frozen=True, slots=True)
+class SessionInfo:
+    """A client's set of agents."""
+
+    session_id: str
+    agent_ids: tuple[str, ...]
+    created_at: float
+
+
+@dataclass(frozen=True, slots=True)
+class LoopStats:
+    """Health of the loop over the last few seconds."""
+
+    agents: int
+    sessions: int
+    subscribers: int
+    steps: int  # agent steps since start
+    step_ms_mean: float  # one engine call
+    step_ms_p95: float
+    late_chunks: int  # chunks ready after their scheduled time, since start
+    lateness_ms_p95: float
+    uptime_s: float
+    resets: int = 0  # agents put back to a stand because their step was broken, since start
+    failures: int = 0  # turns of the loop that raised, since start
+    rebased: int = 0  # how often the schedule was moved because the loop was > 1 s behind
+    dropped_batches: int = 0  # lost by the present subscribers, who were too slow

@@ -1,0 +1,68 @@
+"""What callers may ask for: checks that name the field at fault and what is allowed."""
+
+import math
+import re
+from collections.abc import Iterable
+from typing import Final
+
+from wayfarer.errors import InvalidArgument
+from wayfarer.runtime.agent import AgentSpec, Goal
+from wayfarer.runtime.settings import Limits
+from wayfarer.spec import BETAS, GENDERS, MAX_COORDINATE
+
+RADIUS: Final = (0.05, 10.0)
+SPEED: Final = (0.1, 3.0)
+MAX_BETA: Final = 5.0
+MAX_NAME: Final = 200
+SESSION_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
+
+
+def check_session_id(session_id: str) -> None:
+    """Raises InvalidArgument."""
+    if not SESSION_ID.fullmatch(session_id):
+        raise InvalidArgument(
+            "session_id must be 1 to 64 of A-Z a-z 0-9 . _ -, beginning with a letter or digit",
+            "session_id",
+        )
+
+
+def check_spec(spec: AgentSpec, where: str) -> None:
+    """`where` names the spec in messages, e.g. `agents[2]`. Raises InvalidArgument."""
+    if spec.gender not in GENDERS:
+        raise InvalidArgument(
+            f"gender is {spec.gender!r}; allowed: {', '.join(GENDERS)}", f"{where}.gender"
+        )
+    if len(spec.betas) != BETAS:
+        raise InvalidArgument(f"needs {BETAS} betas, got {len(spec.betas)}", f"{where}.betas")
+    _check_range(spec.betas, -MAX_BETA, MAX_BETA, f"{where}.betas")
+    if len(spec.position) != 2:
+        raise InvalidArgument("position must be x, y on the floor", f"{where}.position")
+    _check_range(spec.position, -MAX_COORDINATE, MAX_COORDINATE, f"{where}.position")
+    _check_range([spec.heading], -MAX_COORDINATE, MAX_COORDINATE, f"{where}.heading")
+    if not 0 <= spec.noise_seed < 2**64:
+        raise InvalidArgument("noise_seed must lie in [0, 2^64)", f"{where}.noise_seed")
+    if len(spec.name) > MAX_NAME:
+        raise InvalidArgument(f"name is longer than {MAX_NAME} characters", f"{where}.name")
+
+
+def check_goal(goal: Goal, hips: tuple[float, float, float], limits: Limits) -> None:
+    """A goal for an agent whose hips are at `hips`. Raises InvalidArgument."""
+    if len(goal.position) != 3:
+        raise InvalidArgument("position must be x, y, z", "goal.position")
+    _check_range(goal.position, -MAX_COORDINATE, MAX_COORDINATE, "goal.position")
+    _check_range([goal.radius], *RADIUS, "goal.radius")
+    _check_range([goal.speed], *SPEED, "goal.speed")
+    distance = math.dist(goal.position[:2], hips[:2])
+    if distance > limits.goal_distance:
+        raise InvalidArgument(
+            f"goal is {distance:.0f} m from the agent; allowed: at most {limits.goal_distance:g} m",
+            "goal.position",
+        )
+
+
+def _check_range(values: Iterable[float], low: float, high: float, field: str) -> None:
+    for value in values:
+        if not low <= value <= high:  # a NaN fails too
+            raise InvalidArgument(
+                f"{field} holds {value:g}; allowed: finite numbers in [{low:g}, {high:g}]", field
+            )

@@ -1,0 +1,113 @@
+"""Commands on their way from event loops to the motion thread, and their results back."""
+
+import asyncio
+import contextlib
+import queue
+from collections.abc import Callable
+from dataclasses import dataclass
+from threading import Lock
+from typing import Any, TypeVar
+
+from wayfarer.errors import Unavailable
+
+T = TypeVar("T")
+
+AT_ONCE = 256
+"""Commands served in one go, so that a flood of them cannot hold up the motion."""
+
+
+def post(loop: asyncio.AbstractEventLoop, call: Callable[..., Any], *args: Any) -> None:
+    """Let `loop` make a call soon; nothing happens when it is closed: nobody is there."""
+    with contextlib.suppress(RuntimeError):
+        loop.call_soon_threadsafe(call, *args)
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A call to be made on the motion thread, and who waits for what it returns."""
+
+    call: Callable[[], Any]
+    loop: asyncio.AbstractEventLoop
+    future: asyncio.Future[Any]
+
+    def run(self) -> None:
+        """Make the call; its result or its error goes to the waiting future."""
+        try:
+            result = self.call()
+        except Exception as error:  # whatever it is, it belongs to the caller
+            self.fail(error)
+        else:
+            post(self.loop, self._settle, self.future.set_result, result)
+
+    def fail(self, error: Exception) -> None:
+        """Let the caller have `error`."""
+        post(self.loop, self._settle, self.future.set_exception, error)
+
+    def _settle(self, settle: Callable[[Any], None], outcome: Any) -> None:
+        if not self.future.done():  # the caller may have been cancelled meanwhile
+            settle(outcome)
+
+
+class Inbox:
+    """Bounded; closed until the motion thread opens it, and for good when that ends."""
+
+    def __init__(self, size: int) -> None:
+        self._queue: queue.Queue[Command | None] = queue.Queue(size)
+        self._gate = Lock()  # so that nothing enters after the last drain
+        self._closed: str | None = "the motion loop has not been started"
+
+    async def ask(self, call: Callable[[], T]) -> T:
+        """Run `call` on the motion thread. Raises Unavailable, or what `call` raises."""
+        loop = asyncio.get_running_loop()
+        command = Command(call, loop, loop.create_future())
+        with self._gate:
+            if self._closed is not None:
+                raise Unavailable(self._closed)
+            try:
+                self._queue.put_nowait(command)
+            except queue.Full:
+                raise Unavailable(
+                    f"{self._queue.maxsize} commands are waiting already; try again"
+                ) from None
+        result: T = await command.future
+        return result
+
+    def open(self) -> None:
+        """Let commands in."""
+        with self._gate:
+            self._closed = None
+
+    def close(self, reason: str) -> None:
+        """Refuse commands from now on, and those that wait, with Unavailable(reason)."""
+        with self._gate:
+            self._closed = reason
+            waiting = self._drain()
+        for command in waiting:
+            command.fail(Unavailable(reason))
+
+    def wake(self) -> None:
+        """End a `serve` that waits."""
+        with self._gate:
+            if self._queue.empty():
+                self._queue.put_nowait(None)
+
+    def serve(self, timeout: float) -> None:
+        """Run commands that wait; if there are none, wait up to `timeout` seconds for one."""
+        try:
+            first = self._queue.get(timeout=timeout) if timeout > 0 else self._queue.get_nowait()
+        except queue.Empty:
+            return
+        for command in [first, *self._drain(AT_ONCE)]:
+            if command is not None:
+                command.run()
+
+    def _drain(self, most: int = 2**31) -> list[Command]:
+        commands: list[Command] = []
+        while len(commands) < most:
+            try:
+                command = self._queue.get_nowait()
+            except queue.Empty:
+                break
+            if command is not None:
+                commands.append(command)
+        return commands

@@ -1,0 +1,31 @@
+"""Latent noise that depends on the agent alone.
+
+Philox is a counter-based generator: the key is the agent's noise seed, the counter the number
+of its chunk. So an agent's noise does not depend on which batch, tick or machine steps it, and
+a run can be repeated, or resumed in its middle, from the seed.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.spec import LATENT
+
+_STREAM = 0x5741594641524552  # second half of the key: keeps our draws apart from others'
+
+
+def latents(
+    noise_seed: NDArray[np.uint64], chunk: NDArray[np.int64], candidates: int
+) -> NDArray[np.float32]:
+    """Standard normal candidates [A, K, 128] for chunk `chunk` [A] of agents `noise_seed` [A].
+
+    The first K candidates are the same for every larger K.
+    """
+    noise = np.empty((len(noise_seed), candidates, LATENT), np.float32)
+    key = np.array([0, _STREAM], np.uint64)
+    counter = np.zeros(4, np.uint64)
+    for row in range(len(noise_seed)):
+        key[0] = noise_seed[row]
+        counter[1] = chunk[row]  # word 0 counts the draws within the chunk
+        generator = np.random.Generator(np.random.Philox(key=key, counter=counter))
+        generator.standard_normal(dtype=np.float32, out=noise[row])
+    return noise

@@ -1,0 +1,94 @@
+"""Who is there: sessions and their agents by id, by slot, and by alias."""
+
+import secrets
+from dataclasses import dataclass, field
+
+from wayfarer.errors import AlreadyExists, NotFound, ResourceExhausted
+from wayfarer.runtime.agent import AgentSpec, Goal
+from wayfarer.runtime.settings import Limits
+
+
+@dataclass(slots=True)
+class Agent:
+    """What is kept of an agent beside its slot."""
+
+    agent_id: str
+    alias: int
+    session_id: str
+    spec: AgentSpec
+    slot: int
+    created_at: float
+    goal: Goal | None = None
+
+
+@dataclass(slots=True)
+class Session:
+    """A session's agents in order of creation; aliases count from 1, none is used twice."""
+
+    session_id: str
+    created_at: float
+    agents: dict[str, Agent] = field(default_factory=dict)
+    last_alias: int = 0
+
+
+class Registry:
+    """The sessions and agents of a world."""
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self.sessions: dict[str, Session] = {}
+        self.agents: dict[str, Agent] = {}
+        self.by_slot: dict[int, Agent] = {}
+
+    def session(self, session_id: str) -> Session:
+        """Raises NotFound."""
+        try:
+            return self.sessions[session_id]
+        except KeyError:
+            raise NotFound(f"no session {session_id!r}") from None
+
+    def agent(self, agent_id: str) -> Agent:
+        """Raises NotFound."""
+        try:
+            return self.agents[agent_id]
+        except KeyError:
+            raise NotFound(f"no agent {agent_id!r}") from None
+
+    def add_session(self, session_id: str | None, now: float) -> Session:
+        """Raises AlreadyExists, ResourceExhausted."""
+        session_id = session_id or f"session-{secrets.token_hex(6)}"
+        if session_id in self.sessions:
+            raise AlreadyExists(f"session {session_id!r} exists already")
+        if len(self.sessions) >= self._limits.sessions:
+            raise ResourceExhausted(
+                f"all {self._limits.sessions} sessions are open; delete one first"
+            )
+        self.sessions[session_id] = session = Session(session_id, now)
+        return session
+
+    def check_room(self, session: Session, agents: int) -> None:
+        """Raises ResourceExhausted when a session may not have so many agents more."""
+        own, all_ = self._limits.agents_per_session, self._limits.agents
+        if len(session.agents) + agents > own:
+            raise ResourceExhausted(
+                f"session {session.session_id!r} has {len(session.agents)} agents and may have "
+                f"{own}; {agents} more were asked for"
+            )
+        if len(self.agents) + agents > all_:
+            raise ResourceExhausted(
+                f"{len(self.agents)} of {all_} agents exist; {agents} more were asked for",
+                retry_after=5.0,
+            )
+
+    def add_agent(self, session: Session, spec: AgentSpec, slot: int, now: float) -> Agent:
+        """Enter an agent whose slot has been taken."""
+        session.last_alias += 1
+        agent_id = f"agent-{secrets.token_hex(6)}"
+        agent = Agent(agent_id, session.last_alias, session.session_id, spec, slot, now)
+        self.agents[agent_id] = session.agents[agent_id] = self.by_slot[slot] = agent
+        return agent
+
+    def remove_agent(self, agent: Agent) -> None:
+        """Forget an agent."""
+        del self.agents[agent.agent_id], self.by_slot[agent.slot]
+        del self.sessions[agent.session_id].agents[agent.agent_id]

@@ -1,0 +1,88 @@
+"""Struct of arrays: columns of equal length that are read and written by row.
+
+The annotations declare the columns:
+
+    class Goals(Rows):
+        given: NDArray[np.bool_]                                # [N]
+        position: Annotated[NDArray[np.float32], Shape(3)]      # [N, 3]
+        history: OtherRows                                      # columns within columns
+"""
+
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, Self, get_args, get_origin, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+Index = NDArray[np.int64]
+"""Row numbers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """Shape of one row of a column."""
+
+    sizes: tuple[int, ...]
+
+    def __init__(self, *sizes: int) -> None:
+        object.__setattr__(self, "sizes", sizes)
+
+
+@dataclass(slots=True)
+class Rows:
+    """Base of column sets; sub-classes are dataclasses, too."""
+
+    @classmethod
+    def empty(cls, rows: int) -> Self:
+        """Zeroed columns."""
+        return cls(
+            **{
+                name: kind.empty(rows)
+                if isinstance(kind, type) and issubclass(kind, Rows)
+                else np.zeros((rows, *shape), kind)
+                for name, kind, shape in _columns(cls)
+            }
+        )
+
+    def take(self, rows: Index) -> Self:
+        """A copy of some rows."""
+        taken: dict[str, Any] = {}
+        for column in fields(self):
+            values = getattr(self, column.name)
+            taken[column.name] = values.take(rows) if isinstance(values, Rows) else values[rows]
+        return type(self)(**taken)
+
+    def put(self, rows: Index, source: Self) -> None:
+        """Overwrite some rows with `source`, which has as many."""
+        for column in fields(self):
+            values = getattr(self, column.name)
+            if isinstance(values, Rows):
+                values.put(rows, getattr(source, column.name))
+            else:
+                values[rows] = getattr(source, column.name)
+
+    def grow(self, rows: int) -> None:
+        """Append zeroed rows until there are `rows`."""
+        for column in fields(self):
+            values = getattr(self, column.name)
+            if isinstance(values, Rows):
+                values.grow(rows)
+            else:
+                more = np.zeros((rows - len(values), *values.shape[1:]), values.dtype)
+                setattr(self, column.name, np.concatenate([values, more]))
+
+
+def _columns(rows: type) -> list[tuple[str, Any, tuple[int, ...]]]:
+    """Name, dtype or `Rows` class, and row shape of each column of a class."""
+    return [
+        (name, *_column(hint)) for name, hint in get_type_hints(rows, include_extras=True).items()
+    ]
+
+
+def _column(hint: Any) -> tuple[Any, tuple[int, ...]]:
+    if get_origin(hint) is Annotated:
+        array, shape = get_args(hint)
+        return _column(array)[0], shape.sizes
+    if isinstance(hint, type):
+        return hint, ()
+    return get_args(get_args(hint)[1])[0], ()  # NDArray[T] is ndarray[shape, dtype[T]]

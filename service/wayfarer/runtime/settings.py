@@ -1,0 +1,56 @@
+"""Settings of a world, checked when they are made."""
+
+from dataclasses import dataclass, field, fields
+
+from wayfarer.errors import InvalidArgument
+from wayfarer.runtime.steering import Steering
+from wayfarer.spec import NEW_FRAMES
+
+BATCH_SIZES = (1, 2, 3, 4, 5, 6, 7, 8)
+"""Batches are padded to these sizes, which the engine has warmed.
+
+For a CPU: there a row costs the same in any batch of more than a few, so padding is waste and a
+large batch only keeps the others waiting. Engines that compile per shape, and GPUs, want few and
+large sizes.
+"""
+
+PHASES = tuple(p for p in range(1, NEW_FRAMES + 1) if NEW_FRAMES % p == 0)
+"""A step can be spread over so many moments, each on a frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Quotas of one world."""
+
+    agents: int = 1024
+    agents_per_session: int = 256
+    sessions: int = 256
+    goal_distance: float = 1000.0  # metres, horizontal, from the agent
+
+    def __post_init__(self) -> None:
+        for limit in fields(self):
+            if not getattr(self, limit.name) > 0:
+                raise InvalidArgument(f"{limit.name} must be positive", f"limits.{limit.name}")
+
+
+@dataclass(frozen=True, slots=True)
+class WorldSettings:
+    """How a world is stepped."""
+
+    limits: Limits = field(default_factory=Limits)
+    steering: Steering = field(default_factory=Steering)
+    lead: int = 1  # chunks that are planned ahead of their time
+    phases: int = 8  # agents' steps are spread over so many moments of the 0.2 s
+    replan_margin: float = 0.04  # s: a chunk that falls due within this is not replanned
+    batch_sizes: tuple[int, ...] = BATCH_SIZES
+
+    def __post_init__(self) -> None:
+        if self.lead < 1:
+            raise InvalidArgument(f"lead is {self.lead}; allowed: 1 or more chunks", "lead")
+        if self.phases not in PHASES:
+            raise InvalidArgument(f"phases is {self.phases}; allowed: {PHASES}", "phases")
+        if not self.replan_margin >= 0:
+            raise InvalidArgument("replan_margin must be 0 s or more", "replan_margin")
+        ascending = list(self.batch_sizes) == sorted(set(self.batch_sizes))
+        if not self.batch_sizes or not ascending or self.batch_sizes[0] < 1:
+            raise InvalidArgument("batch_sizes must be ascending and positive", "batch_sizes")
