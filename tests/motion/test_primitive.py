@@ -95,7 +95,9 @@ def test_poses_leave_the_seed_without_a_jump(step, inputs):
     known = matrix_from_quaternion(inputs["seed_rotations"][:, -1])
     first = matrix_from_quaternion(out.rotations[:, 0])
     last = matrix_from_quaternion(out.rotations[:, -1])
-    assert (first - known).norm(dim=(-1, -2)).mean() < 0.5 * (last - known).norm(dim=(-1, -2)).mean()
+    assert (first - known).norm(dim=(-1, -2)).mean() < 0.5 * (last - known).norm(
+        dim=(-1, -2)
+    ).mean()
 
 
 def test_inputs_are_left_as_they_were(step, inputs):
@@ -105,11 +107,15 @@ def test_inputs_are_left_as_they_were(step, inputs):
 
 
 def test_pelvis_origin_measures_height_from_the_floor_all_the_same(step, inputs):
-    pelvis = PrimitiveStep(step.predictor, step.regressor, step.body, step.sites, floor_origin=False)
+    pelvis = PrimitiveStep(
+        step.predictor, step.regressor, step.body, step.sites, floor_origin=False
+    )
     lifted = inputs | {
         "seed_markers": inputs["seed_markers"] + torch.tensor([0, 0, 0.5]),
         "seed_translation": inputs["seed_translation"] + torch.tensor([0, 0, 0.5]),
     }
     floating = TERMS.index("floating")
     low, high = run(pelvis.eval(), inputs), run(pelvis.eval(), lifted)
-    assert torch.allclose(high.terms[:, floating] - low.terms[:, floating], torch.tensor(0.5), atol=0.3)
+    assert torch.allclose(
+        high.terms[:, floating] - low.terms[:, floating], torch.tensor(0.5), atol=0.3
+    )

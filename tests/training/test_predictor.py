@@ -49,7 +49,9 @@ def test_a_stopped_run_equals_one_that_was_not(tmp_path):
         torch.load(tmp_path / name / "last.pt", weights_only=True) for name in ("whole", "parts")
     )
     assert whole["step"] == parts["step"] == 4
-    assert all(torch.allclose(whole["model"][k], parts["model"][k], atol=1e-6) for k in whole["model"])
+    assert all(
+        torch.allclose(whole["model"][k], parts["model"][k], atol=1e-6) for k in whole["model"]
+    )
 
 
 def test_rollout_seeds_are_the_models_own_frames_in_the_recorded_frame():

@@ -1,0 +1,1 @@
+"""The method: pure torch, no input or output, no clock."""

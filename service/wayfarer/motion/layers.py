@@ -1,6 +1,7 @@
 """Small network parts that train fast on a CPU and export to plain ONNX operators."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import torch
 from torch import Tensor, nn
@@ -11,7 +12,7 @@ class Mlp(nn.Sequential):
 
     def __init__(self, sizes: Sequence[int]) -> None:
         layers: list[nn.Module] = []
-        for i, o in zip(sizes[:-1], sizes[1:], strict=True):
+        for i, o in pairwise(sizes):
             layers += [nn.Linear(i, o), nn.Tanh()]
         super().__init__(*layers)
 
@@ -33,15 +34,14 @@ class Gru(nn.Module):
     """A gated recurrent unit from plain matrix products (Cho et al. 2014, as torch.nn.GRUCell).
 
     Written out because (1) exporters have got `nn.GRU` silently wrong (onnxscript#2852), and
-    (2) a constant part of the input, the condition, is then multiplied once, not once per frame.
+    (2) a constant part of the input, a condition, can be multiplied once and added to the gates.
     """
 
-    def __init__(self, inputs: int, hidden: int, condition: int = 0) -> None:
+    def __init__(self, inputs: int, hidden: int) -> None:
         super().__init__()
         self.hidden = hidden
         self.from_input = nn.Linear(inputs, 3 * hidden)
         self.from_state = nn.Linear(hidden, 3 * hidden)
-        self.from_condition = nn.Linear(condition, 3 * hidden, bias=False) if condition else None
 
     def step(self, gates: Tensor, state: Tensor) -> Tensor:
         """Next state [..., H] from the input's share of the gates [..., 3H] and the state."""

@@ -19,6 +19,15 @@ from wayfarer.spec import POSED_JOINTS
 class MarkerBody(nn.Module):
     """Skins M markers of one gendered body. Built from plain arrays (see `BodyModel`)."""
 
+    offsets: Tensor
+    offsets_dirs: Tensor
+    bind_joints: Tensor
+    bind_joints_dirs: Tensor
+    turn: Tensor
+    bind_markers: Tensor
+    bind_markers_dirs: Tensor
+    weights: Tensor
+
     def __init__(
         self,
         parents: ArrayLike,  # [J]
@@ -36,7 +45,9 @@ class MarkerBody(nn.Module):
         turn = np.asarray(bind_to_rest, dtype=np.float64)
         owner = _posed_owner(tree, posed)
         if np.abs(turn - turn[owner]).max() > 1e-5:
-            raise InvalidArgument("unposed joints must share the bind_to_rest of the joint they hang from")
+            raise InvalidArgument(
+                "unposed joints must share the bind_to_rest of the joint they hang from"
+            )
 
         joints = np.asarray(bind_joints, dtype=np.float64)
         dirs = np.asarray(bind_joints_dirs, dtype=np.float64)
@@ -67,7 +78,9 @@ class MarkerBody(nn.Module):
         values = torch.from_numpy(np.array(array, dtype=np.float32))
         self.register_buffer(name, values, persistent=False)
 
-    def kinematics(self, translation: Tensor, local: Tensor, betas: Tensor) -> tuple[Tensor, Tensor]:
+    def kinematics(
+        self, translation: Tensor, local: Tensor, betas: Tensor
+    ) -> tuple[Tensor, Tensor]:
         """World rotations [..., 22, 3, 3] and joint places [..., 22, 3].
 
         translation [..., 3], local rotations [..., 22, 3, 3], betas [..., B] (same leading shape).

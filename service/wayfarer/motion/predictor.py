@@ -45,23 +45,24 @@ class MarkerPredictor(nn.Module):
         self.mean = nn.Linear(HIDDEN, LATENT)
         self.log_variance = nn.Linear(HIDDEN, LATENT)
         self.first_state = Mlp([HIDDEN, 512, HIDDEN, HIDDEN])
-        self.decoder = Gru(SIZE, HIDDEN, condition=HIDDEN)
+        self.decoder = Gru(SIZE, HIDDEN)
+        self.from_seed = nn.Linear(HIDDEN, 3 * HIDDEN, bias=False)
         self.from_latent = nn.Linear(LATENT, 3 * HIDDEN, bias=False)
         self.output = nn.Sequential(Mlp([HIDDEN, 512, HIDDEN]), nn.Linear(HIDDEN, SIZE))
 
     def encode(self, seed: Tensor, future: Tensor) -> Posterior:
-        """seed [..., S, 201], future [..., F, 201] → posterior."""
+        """Seed [..., S, 201], future [..., F, 201] → posterior."""
         both = torch.cat([self.seed_encoder.encode(seed), self.future_encoder.encode(future)], -1)
         features = self.posterior(both)
         return Posterior(self.mean(features), self.log_variance(features))
 
     def decode(self, seed: Tensor, latent: Tensor) -> Tensor:
-        """seed [A, S, 201], latent [A, K, 128] → future [A, K, F, 201].
+        """Seed [A, S, 201], latent [A, K, 128] → future [A, K, F, 201].
 
         What depends on the seed alone is computed once for all K candidates.
         """
         hx = self.seed_encoder.encode(seed)
-        condition = self.decoder.from_condition(hx)[:, None] + self.from_latent(latent)
+        condition = self.from_seed(hx)[:, None] + self.from_latent(latent)
         shape = (*latent.shape[:-1], -1)
         state = self.first_state(hx)[:, None].expand(shape)
         frame = seed[:, None, -1].expand(shape)

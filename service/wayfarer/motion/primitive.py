@@ -3,7 +3,8 @@
 The recursion of paper Sec. 3.3 in order: canonicalise the seed → predict K candidates → score them
 by named quality terms → choose → regress the body → join it to the seed → skin its markers →
 blend predicted and reprojected markers → back to the world. It is exported whole as one graph, so
-training, search and serving run the same code. Noise, goal and shape are inputs: no state, no chance.
+training, search and serving run the same code. Noise, goal and shape are inputs: no state, no
+chance.
 """
 
 from typing import NamedTuple
@@ -75,18 +76,28 @@ class PrimitiveStep(nn.Module):
         local_goal = to_local(frame, goal[:, None])[:, 0]
 
         futures = self.predictor.decode(seed.flatten(2), noise).unflatten(-1, (-1, 3))
-        terms, choice = self._choose(seed, futures, local_goal, target_speed, term_weights, frame.origin)
+        terms, choice = self._choose(
+            seed, futures, local_goal, target_speed, term_weights, frame.origin
+        )
         rows = torch.arange(choice.shape[0], device=choice.device)
         future, terms = futures[rows, choice], terms[rows, choice]
 
-        translation, rotations = self._body(seed, future, betas, frame.rotation, seed_rotation,
-                                            to_local(frame, seed_translation[:, -1:]))
+        translation, rotations = self._body(
+            seed,
+            future,
+            betas,
+            frame.rotation,
+            seed_rotation,
+            to_local(frame, seed_translation[:, -1:]),
+        )
         shapes = betas[:, None].expand(-1, future.shape[1], -1)
         reprojected, _ = self.body(translation, rotations, shapes)
         blended = BLEND * reprojected + (1 - BLEND) * future
 
         soles = torch.cat([seed[:, -1:], reprojected], 1) + self._floor(frame.origin)[:, None, None]
-        feet = torch.stack([soles[:, :, self.sites.left_sole], soles[:, :, self.sites.right_sole]], 2)
+        feet = torch.stack(
+            [soles[:, :, self.sites.left_sole], soles[:, :, self.sites.right_sole]], 2
+        )
         keep = seed.shape[1]
         next_seed = to_world(frame, blended[:, -keep:].flatten(1, 2)).unflatten(1, (keep, -1))
         world_root = frame.rotation[:, None] @ rotations[:, :, 0]
@@ -105,19 +116,33 @@ class PrimitiveStep(nn.Module):
         return origin * origin.new_tensor([0.0, 0.0, 1.0])
 
     def _choose(
-        self, seed: Tensor, futures: Tensor, goal: Tensor, speed: Tensor, weights: Tensor, origin: Tensor
+        self,
+        seed: Tensor,
+        futures: Tensor,
+        goal: Tensor,
+        speed: Tensor,
+        weights: Tensor,
+        origin: Tensor,
     ) -> tuple[Tensor, Tensor]:
-        """Terms of all candidates [A, K, T] and the cheapest one's index [A] (Sec. 3.3.2, K = 1)."""
+        """Terms of all candidates [A, K, T] and the cheapest one's index [A] (Sec. 3.3.2)."""
         candidates = futures.shape[1]
         last = seed[:, None, -1:].expand(-1, candidates, -1, -1, -1)
         markers = torch.cat([last, futures], 2) + self._floor(origin)[:, None, None, None]
-        candidate = Candidate(markers, goal[:, None].expand(-1, candidates, -1), speed[:, None], self.sites)
+        candidate = Candidate(
+            markers, goal[:, None].expand(-1, candidates, -1), speed[:, None], self.sites
+        )
         terms = evaluate(candidate)
         cost = (terms * weights[:, None]).sum(-1)
         return terms, cost.argmin(-1)
 
     def _body(
-        self, seed: Tensor, future: Tensor, betas: Tensor, turn: Tensor, seed_rotation: Tensor, seed_place: Tensor
+        self,
+        seed: Tensor,
+        future: Tensor,
+        betas: Tensor,
+        turn: Tensor,
+        seed_rotation: Tensor,
+        seed_place: Tensor,
     ) -> tuple[Tensor, Tensor]:
         """Hips [A, F, 3] and rotations [A, F, 22, 3, 3] of the new frames, canonical frame.
 

@@ -69,7 +69,9 @@ class Candidate:
     def facing(self) -> Tensor:
         """Horizontal unit vector the body faces in the last frame. [..., 2]"""
         last = self.markers[..., -1, :, :]
-        right = last[..., self.sites.right_waist, :2].mean(-2) - last[..., self.sites.left_waist, :2].mean(-2)
+        right = last[..., self.sites.right_waist, :2].mean(-2) - last[
+            ..., self.sites.left_waist, :2
+        ].mean(-2)
         return _unit(torch.stack([-right[..., 1], right[..., 0]], -1))
 
     def soles(self) -> Tensor:
@@ -123,7 +125,7 @@ def stillness(c: Candidate) -> Tensor:
 
 
 def feet_apart(c: Candidate) -> Tensor:
-    """Metres from ankle to ankle along the facing direction in the last frame (a stride's length)."""
+    """Metres from ankle to ankle along the facing direction in the last frame: the stride."""
     last = c.markers[..., -1, :, :2]
     between = last[..., c.sites.left_ankle, :] - last[..., c.sites.right_ankle, :]
     return (between * c.facing()).sum(-1).abs()
@@ -131,7 +133,17 @@ def feet_apart(c: Candidate) -> Tensor:
 
 FUNCTIONS: dict[str, Callable[[Candidate], Tensor]] = {
     f.__name__: f
-    for f in (goal_distance, facing, speed, floating, sinking, skating, upright, stillness, feet_apart)
+    for f in (
+        goal_distance,
+        facing,
+        speed,
+        floating,
+        sinking,
+        skating,
+        upright,
+        stillness,
+        feet_apart,
+    )
 }
 if tuple(FUNCTIONS) != TERMS:
     raise ImportError(f"quality functions {list(FUNCTIONS)} differ from terms.TERMS {list(TERMS)}")

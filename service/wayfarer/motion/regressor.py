@@ -25,6 +25,8 @@ RECURSIONS = 3
 class BodyRegressor(nn.Module):
     """Finds the hips' place and 22 local rotations."""
 
+    start: Tensor
+
     def __init__(self) -> None:
         super().__init__()
         self.input = nn.Linear(MARKERS * 3 + STATE + BETAS, HIDDEN)
@@ -36,7 +38,7 @@ class BodyRegressor(nn.Module):
         nn.init.zeros_(self.output.bias)
 
     def forward(self, markers: Tensor, betas: Tensor) -> tuple[Tensor, Tensor]:
-        """markers [..., 67, 3], betas [..., 10] → hips place [..., 3], rotations [..., 22, 3, 3]."""
+        """Markers [..., 67, 3], betas [..., 10] → hips [..., 3], rotations [..., 22, 3, 3]."""
         centre = markers.mean(-2)
         given = torch.cat([(markers - centre[..., None, :]).flatten(-2), betas], -1)
         state = self.start.expand(*given.shape[:-1], STATE)

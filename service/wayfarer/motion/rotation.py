@@ -65,7 +65,12 @@ def matrix_from_rotvec(rotvec: Tensor) -> Tensor:
     x, y, z = rotvec.unbind(-1)
     zero = torch.zeros_like(x)
     k = torch.stack(
-        [torch.stack([zero, -z, y], -1), torch.stack([z, zero, -x], -1), torch.stack([-y, x, zero], -1)], -2
+        [
+            torch.stack([zero, -z, y], -1),
+            torch.stack([z, zero, -x], -1),
+            torch.stack([-y, x, zero], -1),
+        ],
+        -2,
     )
     eye = torch.eye(3, dtype=rotvec.dtype, device=rotvec.device)
     return eye + torch.sin(angle) / angle * k + (1 - torch.cos(angle)) / (angle * angle) * (k @ k)

@@ -1,0 +1,1 @@
+"""Prepared motion → trained networks → exported graphs."""

@@ -4,10 +4,13 @@ The predictor learns from windows of markers; the regressor from single poses, w
 re-skinned with any body shape.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from wayfarer.body.library import load_body
@@ -17,6 +20,8 @@ from wayfarer.motion.frame import canonical_frame, to_local
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.rotation import matrix_from_quaternion
 from wayfarer.spec import BETAS, GENDERS
+from wayfarer.training.mocap.selection import Use
+from wayfarer.training.mocap.store import ClipRange, Dataset, mirror
 
 
 def marker_body(body: BodyModel) -> MarkerBody:
@@ -99,9 +104,75 @@ def random_betas(count: int, scale: float = 1.0) -> Tensor:
     return (torch.randn(count, BETAS) * scale).clamp(-2.5, 2.5)
 
 
-def data_file(folder: Path) -> Path:
-    """The prepared arrays in a folder. Raises InvalidArgument when there are none."""
-    path = folder / "motion.npz"
-    if not path.exists():
-        raise InvalidArgument(f"{path} does not exist; make it with `wayfarer data prepare SRC {folder}`")
-    return path
+def load_frames(
+    folder: Path, split: str, mix: Mapping[str, float], mirrored: bool = True, body: str = "anny52"
+) -> Frames:
+    """One split of a prepared folder, with its mirror image, as tensors.
+
+    `mix` gives each group's share of the draws (`group_of`); within a group a subject's frames
+    weigh less the more there are of them (square root), so nobody's gait dominates.
+    Raises DataError when the folder is not prepared, InvalidArgument when the split is empty.
+    """
+    data = Dataset.load(folder)
+    chosen = [c for c in data.clips if c.split == split]
+    if not chosen:
+        raise InvalidArgument(f"{folder} holds no clip of split {split!r}", "split")
+    rows = np.concatenate([np.arange(c.start, c.stop) for c in chosen])
+    owner = np.repeat(np.arange(len(chosen)), [c.stop - c.start for c in chosen])
+    use = data.use[rows]
+    run = unbroken(use > 0, owner)
+    groups = [group_of(chosen[o], u) for o, u in zip(owner, use, strict=True)]
+    weight = draw_weights(groups, [chosen[o].subject for o in owner], mix)
+    hips, rotations = data.translation[rows], data.rotations[rows]
+    if mirrored:
+        image = mirror(hips, rotations, data.contacts[rows])
+        hips, rotations = np.concatenate([hips, image[0]]), np.concatenate([rotations, image[1]])
+        owner, run, weight = np.tile(owner, 2), np.tile(run, 2), np.tile(weight, 2)
+    place, turns = torch.from_numpy(hips), torch.from_numpy(rotations)
+    betas = torch.tensor([c.betas for c in chosen], dtype=torch.float32)[owner]
+    gender = torch.tensor([GENDERS.index(c.gender) for c in chosen])[owner]
+    return Frames(
+        markers=skin_frames(place, turns, betas, gender, load_marker_bodies(body)),
+        hips=place,
+        hips_rotation=matrix_from_quaternion(turns[:, 0]),
+        rotations=turns,
+        run=torch.from_numpy(run),
+        weight=torch.from_numpy(weight).float(),
+    )
+
+
+def group_of(clip: ClipRange, use: int) -> str:
+    """What a frame teaches: "start_stop", "standing", "run", "walk", "other", or "" (nothing)."""
+    if use == Use.EXCLUDED:
+        return ""
+    if clip.augmentation.startswith(("start", "stop")):
+        return "start_stop"
+    if use == Use.STANDING or clip.augmentation.startswith("stand"):
+        return "standing"
+    if use == Use.OTHER:
+        return "other"
+    return "run" if clip.category.startswith("run") else "walk"
+
+
+def draw_weights(
+    groups: Sequence[str], subjects: Sequence[str], mix: Mapping[str, float]
+) -> NDArray[np.float64]:
+    """Weight per frame so that groups are drawn by `mix` and subjects by the root of their size."""
+    names, group = np.unique(np.asarray(groups), return_inverse=True)
+    _, subject = np.unique(np.asarray(subjects), return_inverse=True)
+    pair = group * (subject.max() + 1) + subject
+    weight = 1 / np.sqrt(np.bincount(pair)[pair])
+    total = np.bincount(group, weights=weight)
+    share = np.array([mix.get(str(n), 0.0) for n in names])
+    return weight * (share / total)[group]
+
+
+def unbroken(good: NDArray[np.bool_], owner: NDArray[np.int64]) -> NDArray[np.int64]:
+    """For each frame, how many frames from it on are good and of the same clip."""
+    run = np.zeros(len(good), np.int64)
+    count = 0
+    for i in range(len(good) - 1, -1, -1):
+        same = i + 1 < len(good) and owner[i + 1] == owner[i]
+        count = (count if same else 0) + 1 if good[i] else 0
+        run[i] = count
+    return run

@@ -34,7 +34,7 @@ from wayfarer.spec import BETAS, GENDERS, LATENT, MARKERS, SEED_FRAMES
 from wayfarer.terms import TERMS
 from wayfarer.training.dataset import marker_body
 from wayfarer.training.onnx_files import WeightStore, externalise
-from wayfarer.training.run import load_weights
+from wayfarer.training.run import Network, load_weights
 
 TOLERANCE = 1e-3
 """Largest difference allowed between torch and ONNX: metres for places, unitless for rotations."""
@@ -47,10 +47,10 @@ class Graph:
     module: nn.Module
     inputs: dict[str, Tensor]
     outputs: Sequence[str]
-    batch: dict[str, tuple[str, ...]]  # input → names of its leading dynamic axes
+    batch: Mapping[str, tuple[str, ...]]  # input → names of its leading dynamic axes
 
 
-def round_to_half(module: nn.Module) -> nn.Module:
+def round_to_half(module: Network) -> Network:
     """Round weights to float16 values in place, as they are shipped."""
     with torch.no_grad():
         for parameter in module.parameters():
@@ -102,7 +102,7 @@ def step_inputs(agents: int, candidates: int, generator: torch.Generator) -> dic
 def step_graph(step: PrimitiveStep) -> Graph:
     """The whole step, dynamic in agents and candidates."""
     inputs = step_inputs(3, 4, torch.Generator().manual_seed(0))
-    batch = {name: ("agents",) for name in inputs} | {"noise": ("agents", "candidates")}
+    batch = dict.fromkeys(inputs, ("agents",)) | {"noise": ("agents", "candidates")}
     return Graph(step, inputs, StepResult._fields, batch)
 
 
@@ -119,7 +119,10 @@ class _Decode(nn.Module):
 
 def predictor_graph(predictor: MarkerPredictor) -> Graph:
     """Seed [N, S, 201] and latent [N, 128] → future [N, F, 201], canonical frame."""
-    inputs = {"seed": torch.randn(3, predictor.seed_frames, MARKERS * 3), "latent": torch.randn(3, LATENT)}
+    inputs = {
+        "seed": torch.randn(3, predictor.seed_frames, MARKERS * 3),
+        "latent": torch.randn(3, LATENT),
+    }
     return Graph(_Decode(predictor), inputs, ("future",), {"seed": ("rows",), "latent": ("rows",)})
 
 
@@ -141,7 +144,9 @@ def regressor_graph(regressor: BodyRegressor) -> Graph:
     return Graph(_Regress(regressor), inputs, ("translation", "rotations"), batch)
 
 
-def parity(module: nn.Module, path: Path, inputs: Mapping[str, Tensor], outputs: Sequence[str]) -> float:
+def parity(
+    module: nn.Module, path: Path, inputs: Mapping[str, Tensor], outputs: Sequence[str]
+) -> float:
     """Largest difference between torch and the graph in `path` over rows that chose alike.
 
     Raises ArtifactError above `TOLERANCE`, or when more than one row in a hundred chose
@@ -157,14 +162,18 @@ def parity(module: nn.Module, path: Path, inputs: Mapping[str, Tensor], outputs:
         at = list(outputs).index("choice")
         same = got[at] == expected[at]
         if same.mean() < 0.99:
-            raise ArtifactError(f"{path.name}: torch and ONNX choose alike in only {same.mean():.1%} of rows")
+            raise ArtifactError(
+                f"{path.name}: torch and ONNX choose alike in only {same.mean():.1%} of rows"
+            )
     worst = 0.0
     for name, a, b in zip(outputs, expected, got, strict=True):
         if not np.isfinite(b).all():
             raise ArtifactError(f"{path.name}: output {name} holds values that are not finite")
         worst = max(worst, float(np.abs(a[same] - b[same]).max()))
     if worst > TOLERANCE:
-        raise ArtifactError(f"{path.name}: torch and ONNX differ by {worst:.2e}, allowed {TOLERANCE:.0e}")
+        raise ArtifactError(
+            f"{path.name}: torch and ONNX differ by {worst:.2e}, allowed {TOLERANCE:.0e}"
+        )
     return worst
 
 
@@ -220,7 +229,12 @@ def export_models(
     store = WeightStore()
     for file, graph in graphs.items():
         gender = GRAPHS[file].gender or GENDERS[0]
-        save_graph(graph, staging / file, store, contract_to_json(contract_for(file, name, identity(body, gender))))
+        save_graph(
+            graph,
+            staging / file,
+            store,
+            contract_to_json(contract_for(file, name, identity(body, gender))),
+        )
     store.write(staging)
     differences = {file: check_graph(staging / file, graph) for file, graph in graphs.items()}
     (staging / CARD).write_text(card)
@@ -262,4 +276,6 @@ def body_inputs(step: PrimitiveStep, agents: int, generator: torch.Generator) ->
 
 def identity(body: str, gender: str) -> BodyIdentity:
     """What the contract says of a shipped body."""
-    return BodyIdentity(body, sha256_of(body_file(body, gender)), load_body(body, gender).marker_names)
+    return BodyIdentity(
+        body, sha256_of(body_file(body, gender)), load_body(body, gender).marker_names
+    )

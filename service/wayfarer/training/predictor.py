@@ -28,6 +28,13 @@ class PredictorConfig(BaseModel):
     floor_origin: bool = True
     rollout: int = 1  # primitives per window; 8 in the paper's second stage
     start_from: str = ""  # run folder whose weights to begin with
+    mix: dict[str, float] = {
+        "walk": 0.55,
+        "run": 0.05,
+        "start_stop": 0.2,
+        "standing": 0.1,
+        "other": 0.1,
+    }  # share of draws, see dataset.group_of
     seed: int = 0
 
 
@@ -63,14 +70,18 @@ class PredictorTrainer:
         self.stride = PRIMITIVE_FRAMES - config.seed_frames
         # long clips are scarce: shorter rollouts keep the others in use
         lengths = {config.rollout, max(1, config.rollout // 2), max(1, config.rollout // 4)}
-        self.samplers = {n: WindowSampler(train, self.window(n)) for n in sorted(lengths, reverse=True)}
+        self.samplers = {
+            n: WindowSampler(train, self.window(n)) for n in sorted(lengths, reverse=True)
+        }
         self.run: TrainingRun | None = None
 
     def window(self, primitives: int) -> int:
         """Frames that `primitives` overlapping primitives cover."""
         return self.config.seed_frames + primitives * self.stride
 
-    def losses(self, frames: Frames, starts: Tensor, primitives: int) -> Iterator[tuple[Tensor, Tensor, Tensor]]:
+    def losses(
+        self, frames: Frames, starts: Tensor, primitives: int
+    ) -> Iterator[tuple[Tensor, Tensor, Tensor]]:
         """Terms of each primitive of a rollout; the graph of one is freed before the next.
 
         Seeds after the first are the model's own last frames, detached; the frame of reference is
@@ -86,7 +97,9 @@ class PredictorTrainer:
             seed = to_local(frame, seed_world.flatten(1, 2)).reshape(len(starts), s, -1)
             future = to_local(frame, target.flatten(1, 2)).reshape(len(starts), self.stride, -1)
             with torch.autocast("cpu", dtype=torch.bfloat16):
-                reconstruction, velocity, kl, guess = primitive_loss(self.model, seed, future, config)
+                reconstruction, velocity, kl, guess = primitive_loss(
+                    self.model, seed, future, config
+                )
             yield reconstruction, velocity, kl
             last = guess.detach()[:, -s:].reshape(len(starts), -1, 3)
             seed_world = to_world(frame, last).unflatten(1, (s, -1))
@@ -103,7 +116,9 @@ class PredictorTrainer:
         self.optimizer.zero_grad()
         total = torch.zeros(3)
         for reconstruction, velocity, kl in self.losses(self.frames, starts, primitives):
-            loss = reconstruction + self.config.velocity_weight * velocity + self.config.kl_weight * kl
+            loss = (
+                reconstruction + self.config.velocity_weight * velocity + self.config.kl_weight * kl
+            )
             (loss / primitives).backward()
             total += torch.stack([reconstruction, velocity, kl]).detach() / primitives
         torch.nn.utils.clip_grad_norm_(self.model.parameters(), 1.0)
@@ -136,11 +151,13 @@ def _marker_error(guess: Tensor, truth: Tensor) -> Tensor:
 
 
 def train_predictor(
-    config: PredictorConfig, train: Frames, validation: Frames, folder: Path, minutes: float = float("inf")
+    config: PredictorConfig,
+    train: Frames,
+    validation: Frames,
+    folder: Path,
+    minutes: float = float("inf"),
 ) -> bool:
     """Train or resume in `folder`. True when all steps are done."""
     trainer = PredictorTrainer(config, train, validation)
     trainer.run = TrainingRun(folder, config, trainer.model, trainer.optimizer)
     return trainer.run.drive(config.steps, trainer.update, trainer.validate, minutes)
-
-

@@ -25,13 +25,22 @@ class RegressorConfig(BaseModel):
     noise: float = 0.02  # metres: largest standard deviation of noise on input markers
     heading: float = 0.7  # radians: spread of headings; a primitive starts facing +Y
     rotation_weight: float = 0.05  # weight of a 6D rotation term; 0 gives Eq. 2 alone
+    mix: dict[str, float] = {
+        "walk": 0.35,
+        "run": 0.15,
+        "start_stop": 0.1,
+        "standing": 0.1,
+        "other": 0.3,
+    }  # share of draws, see dataset.group_of
     seed: int = 0
 
 
 class RegressorTrainer:
     """Draws poses, skins them with random shapes, and learns the way back."""
 
-    def __init__(self, config: RegressorConfig, train: Frames, validation: Frames, body: MarkerBody) -> None:
+    def __init__(
+        self, config: RegressorConfig, train: Frames, validation: Frames, body: MarkerBody
+    ) -> None:
         torch.manual_seed(config.seed)
         self.config = config
         self.frames, self.validation, self.body = train, validation, body
@@ -40,7 +49,9 @@ class RegressorTrainer:
         self.sampler = WindowSampler(train, 1)
         self.run: TrainingRun | None = None
 
-    def sample(self, frames: Frames, rows: Tensor, noise: float) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    def sample(
+        self, frames: Frames, rows: Tensor, noise: float
+    ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """Noisy markers, betas, true markers and true 6D rotations of poses at random headings."""
         rotations = matrix_from_quaternion(frames.rotations[rows])
         right = rotations[:, 0, :2, 0]
@@ -72,11 +83,11 @@ class RegressorTrainer:
         (loss + self.config.rotation_weight * angle).backward()
         torch.nn.utils.clip_grad_norm_(self.model.parameters(), 1.0)
         self.optimizer.step()
-        return {"markers_l1": float(loss), "rotations_l1": float(angle)}
+        return {"markers_l1": float(loss.detach()), "rotations_l1": float(angle.detach())}
 
     @torch.no_grad()
     def validate(self) -> dict[str, float]:
-        """Mean marker error in mm on validation poses with random shapes, without and with noise."""
+        """Mean marker error in mm on validation poses, random shapes, without and with noise."""
         generator_state = torch.get_rng_state()
         torch.manual_seed(1)
         index, _ = self.validation.starts(1)

@@ -4,14 +4,17 @@
     runs/<name>/last.pt        model, optimiser, step, random state (written atomically)
     runs/<name>/tensorboard/   curves
 
-Stopping by Ctrl-C or by the time limit writes `last.pt`; the same command goes on from it.
+Stopping by Ctrl-C, by `kill` or by the time limit writes `last.pt`; the same command goes on
+from it.
 """
 
 import json
+import math
+import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from pydantic import BaseModel
@@ -22,11 +25,15 @@ from torch.utils.tensorboard import SummaryWriter
 
 from wayfarer.errors import ArtifactError, InvalidArgument
 
+Network = TypeVar("Network", bound=nn.Module)
+
 
 class TrainingRun:
     """Drives `steps` optimiser steps, resuming where the folder's checkpoint stands."""
 
-    def __init__(self, folder: Path, config: BaseModel, model: nn.Module, optimizer: Optimizer) -> None:
+    def __init__(
+        self, folder: Path, config: BaseModel, model: nn.Module, optimizer: Optimizer
+    ) -> None:
         self.folder = folder
         self.model = model
         self.optimizer = optimizer
@@ -45,7 +52,8 @@ class TrainingRun:
             changed = sorted(k for k in {*had, *wanted} if had.get(k) != wanted.get(k))
             if changed:
                 raise InvalidArgument(
-                    f"{path} was made with other values of {changed}; choose another folder to train anew"
+                    f"{path} was made with other values of {changed}; "
+                    "choose another folder to train anew"
                 )
         path.write_text(json.dumps(wanted, indent=2) + "\n")
 
@@ -83,6 +91,9 @@ class TrainingRun:
         """Call `update` until `steps` are done (True) or `minutes` have passed (False)."""
         until = time.monotonic() + 60 * minutes
         shown: dict[str, float] = {}
+        # a shell lets its background jobs ignore Ctrl-C, and `kill` would skip the last checkpoint
+        for name in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(name, signal.default_int_handler)
         try:
             with _progress() as bar:
                 task = bar.add_task(self.folder.name, total=steps, completed=self.step, note="")
@@ -126,14 +137,12 @@ def print_line(folder: Path, step: int, values: dict[str, float]) -> None:
 
 def cosine_rate(base: float, step: int, steps: int, warmup: int = 200) -> float:
     """Learning rate: linear warm-up, then a half cosine to zero."""
-    import math
-
     if step < warmup:
         return base * (step + 1) / warmup
     return base * 0.5 * (1 + math.cos(math.pi * (step - warmup) / max(1, steps - warmup)))
 
 
-def load_weights(model: nn.Module, folder: Path) -> nn.Module:
+def load_weights(model: Network, folder: Path) -> Network:
     """Weights of a run's last checkpoint into `model`. Raises ArtifactError."""
     path = folder / "last.pt"
     if not path.exists():
@@ -141,9 +150,3 @@ def load_weights(model: nn.Module, folder: Path) -> nn.Module:
     state: dict[str, Any] = torch.load(path, weights_only=True)
     model.load_state_dict(state["model"])
     return model.eval()
-
-
-def repeat(rows: int, batch: int) -> Iterator[slice]:
-    """Slices of at most `batch` rows covering `rows`."""
-    for start in range(0, rows, batch):
-        yield slice(start, min(rows, start + batch))
