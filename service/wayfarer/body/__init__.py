@@ -1,0 +1,1 @@
+"""Body models as numpy arrays: skeleton, shape, skinning, phenotype, export."""

@@ -1,0 +1,1 @@
+"""Parts of the bake (`body/bake.py`): build time only, none is imported by the service."""

@@ -1,0 +1,204 @@
+"""The SMPL-X loader on a synthetic file of that layout, against SMPL's formulae in its frame."""
+
+import json
+
+import numpy as np
+import pytest
+
+from wayfarer.body import landmarks, skeleton, smplx
+from wayfarer.body.library import SMPLX_FOLDER, load_body
+from wayfarer.body.rotation import GLTF_FROM_CORE, matrix_from_quaternion, quaternion_from_rotvec
+from wayfarer.errors import ArtifactError, InvalidArgument
+
+AXES = GLTF_FROM_CORE
+BODY = skeleton.joint_names()[:22]
+FILE_NAMES = (*BODY, *smplx.EXTRA_JOINTS, *skeleton.joint_names()[22:])
+"""Joint order of SMPL-X files: jaw and eyes stand before the fingers."""
+
+
+def regressor_for(vertices, joints):
+    """Rows over the 12 nearest vertices that give each joint exactly and sum to 1."""
+    rows = np.zeros((len(joints), len(vertices)))
+    for row, joint in zip(rows, joints, strict=True):
+        near = np.argsort(np.linalg.norm(vertices - joint, axis=-1))[:12]
+        system = np.vstack([vertices[near].T, np.ones(12)])
+        row[near] = np.linalg.pinv(system) @ [*joint, 1.0]
+    return rows
+
+
+@pytest.fixture(scope="module")
+def arrays():
+    """An SMPL-X file made of the anny52 body: T-posed, Y up, origin near the head."""
+    rng = np.random.default_rng(0)
+    body = load_body("anny52", "female", "low")
+    rest = dict(zip(body.joint_names, body.rest_joints(np.zeros(10)), strict=True))
+    rest |= {name: rest["head"] + [0, 0.05, 0.02 * k] for k, name in enumerate(FILE_NAMES[22:25])}
+    vertices = (body.rest_vertices(np.zeros(10)) - [0, 0, 1.5]) @ AXES.T
+    joints = (np.array([rest[name] for name in FILE_NAMES]) - [0, 0, 1.5]) @ AXES.T
+    weights = np.zeros((len(vertices), 55))
+    columns = np.array([FILE_NAMES.index(name) for name in body.joint_names])
+    rows = np.arange(len(vertices))[:, None]
+    np.add.at(weights, (rows, columns[body.skin_joints]), body.skin_weights)
+    parents = dict(zip(body.joint_names, [None, *body.parents[1:]], strict=True))
+    tree = [
+        FILE_NAMES.index(body.joint_names[parents[n]]) if parents.get(n) is not None else 15
+        for n in FILE_NAMES
+    ]
+    return {
+        "v_template": vertices,
+        "shapedirs": rng.normal(0, 0.002, (len(vertices), 3, 20)),
+        "posedirs": rng.normal(0, 0.002, (len(vertices), 3, 486)),
+        "J_regressor": regressor_for(vertices, joints),
+        "weights": weights,
+        "kintree_table": np.array([[2**32 - 1, *tree[1:]], range(55)], dtype=np.uint32),
+        "f": body.faces.astype(np.uint32),
+        "hands_meanl": rng.normal(0, 0.2, 45),
+        "hands_meanr": rng.normal(0, 0.2, 45),
+        "hands_componentsl": rng.normal(0, 0.2, (45, 45)),
+        "hands_componentsr": rng.normal(0, 0.2, (45, 45)),
+        "part2num": np.array({"Global": 0}, dtype=object),  # the real files have such entries
+    }
+
+
+def written(tmp_path, arrays, **changes):
+    path = tmp_path / "SMPLX_FEMALE.npz"
+    np.savez(path, **{n: v for n, v in (arrays | changes).items() if v is not None})
+    return path
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory, arrays):
+    return written(tmp_path_factory.mktemp("smplx"), arrays)
+
+
+def rotations(rotvec):
+    return matrix_from_quaternion(quaternion_from_rotvec(rotvec))
+
+
+def reference(arrays, betas, rotvec, translation):
+    """SMPL's own formulae (Loper et al. 2015, Eq. 2-10), in the file's frame and joint order."""
+    shaped = arrays["v_template"] + arrays["shapedirs"][..., : len(betas)] @ betas
+    joints = arrays["J_regressor"] @ shaped
+    local = rotations(rotvec)
+    posed = shaped + arrays["posedirs"] @ (local[1:] - np.eye(3)).ravel()
+    parents = arrays["kintree_table"][0]
+    world = [np.block([[local[0], joints[0][:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])]
+    for j in range(1, 55):
+        step = np.eye(4)
+        step[:3, :3], step[:3, 3] = local[j], joints[j] - joints[parents[j]]
+        world.append(world[parents[j]] @ step)
+    world = np.array(world)
+    moved = world[:, :3, 3] - np.einsum("jab,jb->ja", world[:, :3, :3], joints)
+    blended = np.einsum("vj,jab->vab", arrays["weights"], world[:, :3, :3])
+    skin = np.einsum("vab,vb->va", blended, posed) + arrays["weights"] @ moved
+    return skin + translation, world[:, :3, 3] + translation, joints[0]
+
+
+def test_posed_mesh_is_that_of_the_formulae(arrays, path):
+    rng = np.random.default_rng(1)
+    body = smplx.load_smplx(path, "female")
+    betas, rotvec, shift = rng.normal(size=10), rng.normal(0, 0.4, (55, 3)), rng.normal(size=3)
+    vertices, joints, root = reference(arrays, betas, rotvec, shift)
+    order = [FILE_NAMES.index(name) for name in body.joint_names]
+    local = rotations(rotvec[order] @ AXES.T)
+    hips = (root + shift) @ AXES.T
+    turns, places = body.forward_kinematics(hips, local, body.rest_joints(betas))
+    np.testing.assert_allclose(places, joints[order] @ AXES.T, atol=1e-6)
+    np.testing.assert_allclose(body.skin(betas, turns, places), vertices @ AXES.T, atol=1e-6)
+
+
+def test_joints_are_ours_and_then_jaw_and_eyes(path):
+    body = smplx.load_smplx(path, "female")
+    assert body.joint_names == (*skeleton.joint_names(), *smplx.EXTRA_JOINTS)
+    assert tuple(body.parents[:52]) == skeleton.parents()
+    assert set(body.parents[52:]) == {body.joint_names.index("head")}
+    assert body.betas == 10
+
+
+def test_it_stands_on_the_floor_and_faces_y(path):
+    body = smplx.load_smplx(path, "female")
+    assert body.rest_vertices(np.zeros(10))[:, 2].min() == pytest.approx(0, abs=1e-9)
+    rest = dict(zip(body.joint_names, body.rest_joints(np.zeros(10)), strict=True))
+    assert rest["left_foot"][1] > rest["left_ankle"][1]
+    assert rest["left_wrist"][0] < 0 < rest["head"][2]
+
+
+def test_markers_by_geometry_are_near_those_of_anny52(path):
+    body, ours = smplx.load_smplx(path, "female"), load_body("anny52", "female", "low")
+    found = body.rest_vertices(np.zeros(10), body.marker_vertices)
+    known = ours.rest_vertices(np.zeros(10), ours.marker_vertices)
+    assert np.linalg.norm(found - known, axis=-1).max() < 0.06
+    assert len(body.sole_markers) == 8
+
+
+def test_markers_of_a_users_file(path, tmp_path):
+    table = {name: 3 * k for k, name in enumerate(landmarks.marker_names())}
+    chosen = tmp_path / "markers.json"
+    chosen.write_text(json.dumps(table))
+    body = smplx.load_smplx(path, "female", chosen)
+    assert list(body.marker_vertices) == list(table.values())
+    chosen.write_text(json.dumps(table | {"C7": 10**6}))
+    with pytest.raises(ArtifactError, match="C7: 1000000 is not a vertex"):
+        smplx.load_smplx(path, "female", chosen)
+    chosen.write_text(json.dumps({"C7": 1}))
+    with pytest.raises(ArtifactError, match="the 67 names"):
+        smplx.load_smplx(path, "female", chosen)
+
+
+def test_the_library_finds_a_users_folder(path, monkeypatch):
+    monkeypatch.setenv(SMPLX_FOLDER, str(path.parent))
+    assert load_body("smplx", "female").name == "smplx"
+
+
+def test_hands(arrays, path):
+    hands = smplx.load_hands(path)
+    weights = np.array([0.5, -1.0, 0.2])
+    pose = arrays["hands_meanl"] + weights @ arrays["hands_componentsl"][:3]
+    expected = AXES @ rotations(pose.reshape(15, 3)) @ AXES
+    np.testing.assert_allclose(hands["left"].rotations(weights), expected, atol=1e-12)
+    flat = hands["right"].rotations(np.zeros((4, 6)), flat=True)
+    np.testing.assert_allclose(flat, np.tile(np.eye(3), (4, 15, 1, 1)), atol=1e-12)
+    for bad in (np.zeros(46), np.array([np.nan]), np.zeros(0)):
+        with pytest.raises(InvalidArgument):
+            hands["left"].rotations(bad)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"weights": None}, "weights is missing"),
+        ({"posedirs": np.zeros((5, 3, 486))}, r"posedirs has shape \(5, 3, 486\)"),
+        ({"J_regressor": np.array({"sparse": 1}, dtype=object)}, "pickles may run code"),
+        ({"f": np.array("text")}, "not numeric"),
+        ({"kintree_table": np.zeros((2, 55), dtype=np.uint32)}, "wrong parents of"),
+        ({"shapedirs": np.zeros((1296, 3, 4))}, "has 4 betas, 10 are needed"),
+        ({"hands_meanl": np.zeros(0)}, None),
+    ],
+)
+def test_files_of_another_layout_are_refused(tmp_path, arrays, changes, message):
+    path = written(tmp_path, arrays, **changes)
+    if message is None:
+        with pytest.raises(ArtifactError, match="hands_meanl"):
+            smplx.load_hands(path)
+        smplx.load_smplx(path, "female")
+        return
+    with pytest.raises(ArtifactError, match=message) as caught:
+        smplx.load_smplx(path, "female")
+    assert "SMPLX_FEMALE.npz" in str(caught.value)
+
+
+def test_values_that_are_not_finite_are_refused(tmp_path, arrays):
+    broken = arrays["v_template"].copy()
+    broken[7, 1] = np.nan
+    with pytest.raises(ArtifactError, match="v_template has values that are not finite"):
+        smplx.load_smplx(written(tmp_path, arrays, v_template=broken), "female")
+
+
+def test_files_that_are_no_archive(tmp_path):
+    text = tmp_path / "SMPLX_MALE.npz"
+    text.write_text("hello")
+    with pytest.raises(ArtifactError, match="cannot be read as npz"):
+        smplx.load_smplx(text, "male")
+    np.save(tmp_path / "one.npy", np.zeros(3))
+    with pytest.raises(ArtifactError, match="single array"):
+        smplx.load_smplx(tmp_path / "one.npy", "male")
