@@ -1,0 +1,169 @@
+"""A body as a skinned GLB (glTF 2.0 binary): what browsers and engines load once per agent.
+
+The file is in the glTF basis (metres, Y up, facing +Z). Its node rest pose is the T-pose with
+identity rotations, so a streamed pose is written to the joint nodes as it comes. The mesh stays in
+its bind pose; the inverse bind matrices hold bind → rest, so skinning equals `BodyModel.skin`.
+Pose blend shapes (SMPL-X) have no place in glTF and are left out.
+"""
+
+from typing import Any
+
+import numpy as np
+import pygltflib as gltf
+from numpy.typing import NDArray
+
+from wayfarer import __version__
+from wayfarer.body.mesh import split_by_label, vertex_normals
+from wayfarer.body.model import BodyModel
+from wayfarer.body.outfit import linear_colours, outfit, regions
+from wayfarer.body.rotation import GLTF_FROM_CORE
+
+Array = NDArray[np.floating[Any]]
+
+_COMPONENTS = {
+    np.dtype(np.float32): gltf.FLOAT,
+    np.dtype(np.uint8): gltf.UNSIGNED_BYTE,
+    np.dtype(np.uint16): gltf.UNSIGNED_SHORT,
+    np.dtype(np.uint32): gltf.UNSIGNED_INT,
+}
+_TYPES = {(): gltf.SCALAR, (2,): gltf.VEC2, (3,): gltf.VEC3, (4,): gltf.VEC4, (4, 4): gltf.MAT4}
+
+
+class GlbFile:
+    """A GLB under construction: the glTF document and its one binary buffer."""
+
+    def __init__(self) -> None:
+        self.document = gltf.GLTF2(
+            asset=gltf.Asset(version="2.0", generator=f"wayfarer {__version__}")
+        )
+        self._blob = bytearray()
+
+    def add(self, values: NDArray[Any], target: int | None = None, normalized: bool = False) -> int:
+        """Append an array as buffer view and accessor; return the accessor's index.
+
+        values [n, ...] of float32, uint8, uint16 or uint32. Matrices are stored by columns, as
+        glTF wants. Bounds are written for floats, where glTF asks for some of them.
+        """
+        kind = _TYPES[values.shape[1:]]
+        stored = np.swapaxes(values, -1, -2) if values.ndim == 3 else values
+        self._blob.extend(b"\0" * (-len(self._blob) % 4))  # accessors start at multiples of 4
+        document, data = self.document, np.ascontiguousarray(stored).tobytes()
+        document.bufferViews.append(
+            gltf.BufferView(
+                buffer=0, byteOffset=len(self._blob), byteLength=len(data), target=target
+            )
+        )
+        self._blob.extend(data)
+        accessor = gltf.Accessor(
+            bufferView=len(document.bufferViews) - 1,
+            componentType=_COMPONENTS[values.dtype],
+            count=len(values),
+            type=kind,
+            normalized=normalized,
+        )
+        if values.dtype == np.float32 and kind != gltf.MAT4:
+            flat = values.reshape(len(values), -1)
+            accessor.min, accessor.max = flat.min(0).tolist(), flat.max(0).tolist()
+        document.accessors.append(accessor)
+        return len(document.accessors) - 1
+
+    def to_bytes(self) -> bytes:
+        """The finished file."""
+        self.document.buffers = [gltf.Buffer(byteLength=len(self._blob))]
+        self.document.set_binary_blob(bytes(self._blob))
+        return b"".join(self.document.save_to_bytes())
+
+
+def body_glb(body: BodyModel, betas: Array, style: int = 0) -> bytes:
+    """The body with this shape, standing in T-pose. `style` is the seed of its clothes' colours.
+
+    Joint nodes carry the canonical joint names. Raises InvalidArgument on bad betas.
+    """
+    file = GlbFile()
+    add_body(file, body, betas, style)
+    return file.to_bytes()
+
+
+def add_body(file: GlbFile, body: BodyModel, betas: Array, style: int = 0) -> list[int]:
+    """Add joint nodes, mesh, skin and scene; return the node index of each joint."""
+    shape = body.check_betas(betas)
+    joints = _add_joints(file, body, shape)
+    document = file.document
+    document.skins.append(
+        gltf.Skin(
+            joints=joints,
+            skeleton=joints[0],
+            inverseBindMatrices=file.add(_inverse_bind(body, shape)),
+        )
+    )
+    document.meshes.append(_mesh(file, body, shape, style))
+    document.nodes.append(gltf.Node(name="body", mesh=0, skin=0))
+    document.scenes.append(gltf.Scene(nodes=[joints[0], len(document.nodes) - 1]))
+    document.scene = 0
+    document.extras = {
+        "body": body.name,
+        "gender": body.gender,
+        "betas": shape.tolist(),
+        "style": style,
+    }
+    return joints
+
+
+def _add_joints(file: GlbFile, body: BodyModel, betas: Array) -> list[int]:
+    """One node per joint, at its T-pose offset from its parent, unrotated."""
+    rest = body.rest_joints(betas)
+    offsets = rest.copy()
+    offsets[1:] -= rest[body.parents[1:]]
+    for name, offset in zip(body.joint_names, offsets @ GLTF_FROM_CORE.T, strict=True):
+        file.document.nodes.append(gltf.Node(name=name, translation=offset.tolist()))
+    nodes = file.document.nodes
+    for joint, parent in enumerate(body.parents[1:], start=1):
+        nodes[parent].children.append(joint)
+    return list(range(len(body.joint_names)))
+
+
+def _inverse_bind(body: BodyModel, betas: Array) -> NDArray[np.float32]:
+    """Bind-pose mesh → joint, so that world = [R | p] · inverse_bind · vertex. [J, 4, 4].
+
+    BodyModel.skin: v = R·B·(v_bind - j_bind) + p, hence inverse_bind = [B | -B·j_bind].
+    """
+    joints = body.bind_joints + body.bind_joints_dirs @ betas  # [J, 3]
+    matrices = np.tile(np.eye(4), (len(joints), 1, 1))
+    turn = GLTF_FROM_CORE @ body.bind_to_rest
+    matrices[:, :3, :3] = turn @ GLTF_FROM_CORE.T
+    matrices[:, :3, 3] = -np.einsum("jab,jb->ja", turn, joints)
+    return matrices.astype(np.float32)
+
+
+def _mesh(file: GlbFile, body: BodyModel, betas: Array, style: int) -> gltf.Mesh:
+    """Dressed mesh: vertices on the border of two regions are doubled, so that hems are crisp."""
+    vertices = body.bind_vertices + body.bind_vertices_dirs @ betas
+    normals = vertex_normals(vertices, body.faces)
+    # the outermost garment of the corners: a majority would make zigzag hems of split quads
+    worn = regions(body)[body.faces].max(-1)
+    source, region, faces = split_by_label(worn, body.faces)
+    rgba = np.ones((len(source), 4))
+    rgba[:, :3] = linear_colours(outfit(style))[region]
+    weights = body.skin_weights[source].astype(np.float32)
+    weights /= weights.sum(-1, keepdims=True)
+
+    def vectors(values: Array) -> NDArray[np.float32]:
+        return (values[source] @ GLTF_FROM_CORE.T).astype(np.float32)
+
+    index = np.uint16 if len(source) < 65_535 else np.uint32
+    primitive = gltf.Primitive(
+        attributes=gltf.Attributes(
+            POSITION=file.add(vectors(vertices), gltf.ARRAY_BUFFER),
+            NORMAL=file.add(vectors(normals), gltf.ARRAY_BUFFER),
+            COLOR_0=file.add(
+                (rgba * 65_535).round().astype(np.uint16), gltf.ARRAY_BUFFER, normalized=True
+            ),
+            JOINTS_0=file.add(body.skin_joints[source].astype(np.uint8), gltf.ARRAY_BUFFER),
+            WEIGHTS_0=file.add(weights, gltf.ARRAY_BUFFER),
+        ),
+        indices=file.add(faces.reshape(-1).astype(index), gltf.ELEMENT_ARRAY_BUFFER),
+        material=0,
+    )
+    look = gltf.PbrMetallicRoughness(metallicFactor=0.0, roughnessFactor=0.85)
+    file.document.materials.append(gltf.Material(name="body", pbrMetallicRoughness=look))
+    return gltf.Mesh(name=body.name, primitives=[primitive])

@@ -1,0 +1,26 @@
+"""A clip to a file of the form that its name asks for."""
+
+from pathlib import Path
+
+from wayfarer.body.library import load_body
+from wayfarer.clips.bvh import write_bvh
+from wayfarer.clips.clip import Clip
+from wayfarer.clips.glb import write_glb
+from wayfarer.clips.npz import write_npz
+from wayfarer.errors import InvalidArgument
+
+WRITERS = {".glb": write_glb, ".bvh": write_bvh, ".npz": write_npz}
+
+
+def check_target(path: Path) -> None:
+    """Raises InvalidArgument when no writer fits the name, or its folder does not exist."""
+    if path.suffix.lower() not in WRITERS:
+        raise InvalidArgument(f"{path.name}: the name must end in {', '.join(WRITERS)}", "target")
+    if not path.parent.is_dir():
+        raise InvalidArgument(f"{path}: there is no folder {path.parent}", "target")
+
+
+def write_clip(path: Path, clip: Clip) -> None:
+    """Write the clip as GLB, BVH or npz. Raises InvalidArgument as `check_target`."""
+    check_target(path)
+    WRITERS[path.suffix.lower()](path, clip, load_body(clip.body, clip.gender))

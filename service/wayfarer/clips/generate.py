@@ -1,0 +1,111 @@
+"""Motion without a server: a world is stepped as fast as it goes and its frames become a clip."""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.progress import Progress
+
+from wayfarer.body.phenotype import betas_from_phenotype
+from wayfarer.clips.clip import Clip, join_chunks
+from wayfarer.clips.files import check_target, write_clip
+from wayfarer.errors import InvalidArgument
+from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, Goal, MotionChunk
+from wayfarer.runtime.world import World
+from wayfarer.spec import BETAS, FPS
+from wayfarer.stage import DEFAULT_MODEL, open_world
+
+
+def generate_clip(
+    world: World,
+    spec: AgentSpec,
+    goals: Sequence[Goal],
+    seconds: float,
+    watch: Callable[[float], None] = lambda done: None,
+) -> Clip:
+    """One agent visits `goals` in turn, each after it has come to a stand at the one before.
+
+    The clip has exactly `seconds` × 40 frames, whether or not all goals were reached in them;
+    `clip.meta["goals_reached"]` says how many were. `watch` hears of the seconds done.
+    Raises InvalidArgument on a bad spec or goal.
+    """
+    frames = round(seconds * FPS)
+    if frames < 1:
+        raise InvalidArgument(f"seconds is {seconds:g}; at least one frame is needed", "seconds")
+    session = world.create_session(None, now=0.0).session_id
+    agent = world.create_agents(session, [spec], now=0.0)[0].agent_id
+    waiting = iter(goals)
+    if goals:
+        world.set_goal(agent, next(waiting), now=0.0)
+
+    chunks: list[MotionChunk] = []
+    count = reached = 0
+    arrived = False
+    for chunk in _motion(world, agent):
+        chunks.append(chunk)
+        count += len(chunk.translation)
+        watch(min(count, frames) / FPS)
+        if count >= frames:
+            break
+        arrived |= bool(chunk.flags & ChunkFlag.ARRIVED)
+        reached += bool(chunk.flags & ChunkFlag.ARRIVED)
+        if arrived and chunk.state == AgentState.STANDING:
+            if (goal := next(waiting, None)) is not None:
+                world.set_goal(agent, goal, now=chunk.scheduled_at)
+            arrived = False
+    world.delete_session(session)
+    visited = tuple(goal.position for goal in goals)
+    clip = join_chunks(chunks, spec, goals=visited, meta={"goals_reached": str(reached)})
+    return clip[:frames]
+
+
+def _motion(world: World, agent: str) -> Iterator[MotionChunk]:
+    """The agent's chunks, for as long as they are asked for."""
+    while (event := world.next_event()) is not None:
+        yield from (chunk for chunk in world.tick(event) if chunk.agent_id == agent)
+
+
+def generate(
+    target: Annotated[Path, typer.Argument(help="File to write: .glb, .bvh or .npz.")],
+    goal: Annotated[
+        list[str] | None, typer.Option(help="Place on the floor, X,Y in metres; may be repeated.")
+    ] = None,
+    gender: Annotated[str, typer.Option(help="female or male.")] = "female",
+    height: Annotated[
+        float | None, typer.Option(help="Metres, e.g. 1.70; mean body if absent.")
+    ] = None,
+    speed: Annotated[float, typer.Option(help="Wished for on the way, metres per second.")] = 1.2,
+    heading: Annotated[float, typer.Option(help="At the start; radians, 0 faces +Y.")] = 0.0,
+    seconds: Annotated[float, typer.Option(help="Length of the clip.")] = 20.0,
+    seed: Annotated[int, typer.Option(help="The same seed gives the same motion.", min=0)] = 0,
+    candidates: Annotated[int, typer.Option(help="Candidate primitives per step.", min=1)] = 8,
+    threads: Annotated[int, typer.Option(help="Threads of the engine; 0: all cores.", min=0)] = 0,
+    model: Annotated[Path, typer.Option(help="Folder of a motion model.")] = DEFAULT_MODEL,
+) -> None:
+    """Let one person walk to goals in turn, from the origin, and write the motion.
+
+    Places are metres, Z up: X right, Y ahead of a person at heading 0.
+    """
+    check_target(target)
+    goals = [Goal(_place(text), speed=speed) for text in goal or []]
+    betas = (0.0,) * BETAS if height is None else tuple(betas_from_phenotype(gender, height))
+    spec = AgentSpec(gender=gender, betas=betas, heading=heading, noise_seed=seed)
+    world, _ = open_world(model, 1, candidates, threads)
+    with Progress(transient=True) as progress:
+        task = progress.add_task("generating", total=seconds)
+        clip = generate_clip(
+            world, spec, goals, seconds, lambda done: progress.update(task, completed=done)
+        )
+    write_clip(target, clip)
+    reached = f", {clip.meta['goals_reached']} of {len(goals)} goals reached" if goals else ""
+    typer.echo(f"{target}: {clip.frames} frames, {clip.seconds:.1f} s{reached}")
+
+
+def _place(text: str) -> tuple[float, float, float]:
+    """Text "3,2" → (3.0, 2.0, 0.0). Raises InvalidArgument."""
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError:
+        raise InvalidArgument(f"{text!r} is not a place; write X,Y, e.g. 3,-1.5", "goal") from None
+    return x, y, 0.0

@@ -1,0 +1,101 @@
+"""Clips as AMASS-style npz, the common exchange form of motion research.
+
+Keys as in AMASS (https://amass.is.tue.mpg.de): `poses` [N, 156] rotation vectors of 52 joints in
+SMPL-H order, `trans` [N, 3] metres, `betas`, `gender`, `mocap_framerate`; ours beside them:
+`contacts` [N, 2], `body`, `goals` [G, 3]. As in AMASS the world is Z up, while the T-pose of the
+body model is Y up, facing +Z; and `trans` moves the model, so the hips are at
+trans + rest_hips, where rest_hips is given in the model's own (Y up) axes.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from wayfarer.body.library import load_body
+from wayfarer.body.model import BodyModel
+from wayfarer.body.rotation import (
+    GLTF_FROM_CORE,
+    gltf_quaternion,
+    matrix_from_quaternion,
+    quaternion_from_matrix,
+    quaternion_from_rotvec,
+    rotvec_from_quaternion,
+)
+from wayfarer.clips.clip import Clip
+from wayfarer.errors import DataError, WayfarerError
+from wayfarer.spec import GENDERS, JOINTS, POSED_JOINTS
+
+
+def write_npz(path: Path, clip: Clip, body: BodyModel) -> None:
+    """Write the clip; `body` is that of the clip (for its rest hips)."""
+    rotations = np.asarray(clip.rotations, np.float64)
+    local = gltf_quaternion(rotations)
+    # the root turns the Y-up model into the Z-up world
+    root = matrix_from_quaternion(rotations[:, 0]) @ GLTF_FROM_CORE.T
+    local[:, 0] = quaternion_from_matrix(root)
+    poses = np.zeros((clip.frames, JOINTS, 3))
+    poses[:, :POSED_JOINTS] = rotvec_from_quaternion(local)
+    # an open file: a path would get a second suffix when it ends in .NPZ
+    with path.open("wb") as file:
+        np.savez_compressed(
+            file,
+            poses=poses.reshape(clip.frames, -1),
+            trans=clip.translation - _rest_hips(body, np.asarray(clip.betas)),
+            betas=np.asarray(clip.betas, np.float64),
+            gender=clip.gender,
+            mocap_framerate=float(clip.fps),
+            contacts=clip.contacts,
+            body=clip.body,
+            goals=np.asarray(clip.goals, np.float64).reshape(-1, 3),
+        )
+
+
+def read_npz(path: Path, body: BodyModel | None = None) -> Clip:
+    """Read an AMASS-style file: ours, or AMASS's own (fingers are left out; contacts absent).
+
+    `body` defaults to the one that the file names, or to anny52 of the file's gender; a file of
+    another body keeps its motion, but not its shape. Raises DataError when the file does not fit.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            data = {key: file[key] for key in file.files}
+    except (OSError, ValueError) as error:
+        raise DataError(f"not a readable npz file: {error}", str(path)) from error
+    missing = {"poses", "trans", "mocap_framerate"} - set(data)
+    if missing:
+        raise DataError(f"keys {sorted(missing)} are missing; found {sorted(data)}", str(path))
+    poses, trans = data["poses"], data["trans"]
+    frames = len(poses)
+    if poses.ndim != 2 or poses.shape[1] < POSED_JOINTS * 3 or trans.shape != (frames, 3):
+        what = f"poses {poses.shape}, trans {trans.shape}; wanted [N, ≥ 66] and [N, 3]"
+        raise DataError(what, str(path))
+
+    gender = str(data.get("gender", GENDERS[0]))
+    name = str(data.get("body", ""))
+    if body is None:
+        gender = gender if gender in GENDERS else GENDERS[0]  # AMASS knows "neutral" too
+        body = load_body(name or "anny52", gender)
+    betas = data["betas"][: body.betas] if name == body.name else np.zeros(body.betas)
+
+    local = quaternion_from_rotvec(poses[:, : POSED_JOINTS * 3].reshape(frames, POSED_JOINTS, 3))
+    root = matrix_from_quaternion(local[:, 0]) @ GLTF_FROM_CORE
+    rotations = gltf_quaternion(local)
+    rotations[:, 0] = quaternion_from_matrix(root)
+    try:
+        return Clip(
+            translation=trans + _rest_hips(body, betas),
+            rotations=rotations,
+            contacts=data.get("contacts", np.zeros((frames, 2), bool)).astype(bool),
+            gender=gender,
+            betas=tuple(float(b) for b in betas),
+            body=body.name,
+            fps=float(data["mocap_framerate"]),
+            goals=tuple(tuple(goal) for goal in data.get("goals", np.zeros((0, 3))).tolist()),
+        )
+    except WayfarerError as error:
+        raise DataError(str(error), str(path)) from error
+
+
+def _rest_hips(body: BodyModel, betas: np.ndarray) -> np.ndarray:
+    """Hips of the T-pose in the model's own Y-up axes [3]."""
+    return GLTF_FROM_CORE @ body.rest_joints(betas)[0]

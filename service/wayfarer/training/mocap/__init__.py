@@ -1,0 +1,1 @@
+"""Motion capture → prepared data: read, repair, resample, floor, retarget, augment, select."""

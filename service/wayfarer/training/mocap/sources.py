@@ -1,0 +1,139 @@
+"""Which clips there are: any folder of BVH or ASF/AMC files, with an optional index.
+
+`index.csv` columns used when present: `clip`, `path` (or `archive` + `member`), `subject`,
+`split` (train, validation, heldout), `category`, `locomotion`, `scene_contact`, `fps`,
+`glitch_at`. Archives (.tar, .tar.xz, ...) are unpacked once, motion files only, and a member
+whose name leads outside the folder is refused.
+"""
+
+import csv
+import tarfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from wayfarer.errors import DataError
+
+SUFFIXES = (".bvh", ".amc")
+SPLITS = ("train", "validation", "heldout")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One motion file to read."""
+
+    name: str
+    path: Path
+    subject: str
+    split: str = "train"
+    category: str = ""
+    locomotion: bool | None = None  # None: the index does not say
+    scene_contact: bool = False
+    fps: float | None = None
+    glitch_at: tuple[int, ...] = ()
+
+
+def list_entries(
+    src: Path, unpacked: Path, index: Path | None = None, skip: Callable[[str], None] = print
+) -> list[Entry]:
+    """All motion files of `src`, in a stable order. `skip` is told of rows that lead nowhere.
+
+    Raises DataError when there is nothing to read or the index is malformed.
+    """
+    if not src.is_dir():
+        raise DataError("no such folder", str(src))
+    index = index or (src / "index.csv" if (src / "index.csv").exists() else None)
+    if index is None:
+        files = sorted(p for p in src.rglob("*") if p.suffix.lower() in SUFFIXES)
+        entries = [Entry(p.stem, p, _subject(p)) for p in files]
+    else:
+        entries = _read_index(index, src, unpacked, skip)
+    if not entries:
+        raise DataError(f"no motion file ({', '.join(SUFFIXES)}) found", str(src))
+    return entries
+
+
+def _subject(path: Path) -> str:
+    """CMU names clips <subject>_<trial>; otherwise the folder names the subject."""
+    head, _, tail = path.stem.partition("_")
+    return head if tail.isdigit() else path.parent.name
+
+
+def _read_index(index: Path, src: Path, unpacked: Path, skip: Callable[[str], None]) -> list[Entry]:
+    entries = []
+    with index.open(newline="") as file:
+        for row in (reader := csv.DictReader(file)):
+            line = reader.line_num
+            split = row.get("split") or "train"
+            if split not in SPLITS:
+                message = f"split must be one of {', '.join(SPLITS)}, got '{split}'"
+                raise DataError(message, str(index), line)
+            try:
+                path = _locate(row, src, unpacked, split)
+                entries.append(
+                    Entry(
+                        name=row.get("clip") or path.stem,
+                        path=path,
+                        subject=row.get("subject") or _subject(path),
+                        split=split,
+                        category=row.get("category") or "",
+                        locomotion=row["locomotion"] == "1" if row.get("locomotion") else None,
+                        scene_contact=row.get("scene_contact") == "1",
+                        fps=float(row["fps"]) if row.get("fps") else None,
+                        glitch_at=tuple(int(f) for f in (row.get("glitch_at") or "").split()),
+                    )
+                )
+            except DataError as error:
+                skip(str(error))
+            except ValueError as error:
+                raise DataError(str(error), str(index), line) from None
+    return entries
+
+
+def _locate(row: dict[str, str], src: Path, unpacked: Path, split: str) -> Path:
+    """The file of an index row: `path`, or `member` of `archive`, or a file named as the clip."""
+    if row.get("archive") and row.get("member"):
+        places = [src / split / row["archive"], src / row["archive"]]
+        archive = next((p for p in places if p.is_file()), None)
+        if archive is None:
+            raise DataError(f"archive '{row['archive']}' not found in {src}")
+        path = unpack(archive, unpacked) / row["member"]
+    elif row.get("path"):
+        path = src / row["path"]
+    else:
+        matches = [p for p in src.rglob(f"{row.get('clip')}.*") if p.suffix.lower() in SUFFIXES]
+        if not matches:
+            raise DataError(f"clip '{row.get('clip')}' not found in {src}")
+        path = matches[0]
+    if not path.is_file():
+        raise DataError("listed in the index, but no such file", str(path))
+    return path
+
+
+def unpack(archive: Path, into: Path) -> Path:
+    """Unpack motion files of an archive once; return its folder.
+
+    Raises DataError on a damaged archive or a member that leads outside.
+    """
+    folder = into / f"{archive.parent.name}-{archive.name.split('.')[0]}"
+    done = folder / ".complete"
+    if done.exists():
+        return folder
+    wanted = (*SUFFIXES, ".asf")
+    try:
+        with tarfile.open(archive) as tar:
+            members = [m for m in tar if m.isfile() and m.name.lower().endswith(wanted)]
+            tar.extractall(folder, members=members, filter="data")
+    except (tarfile.TarError, OSError, EOFError) as error:
+        raise DataError(f"cannot unpack: {error}", str(archive)) from error
+    done.touch()
+    return folder
+
+
+def find_asf(entry: Entry, skeletons: dict[str, Path]) -> Path | None:
+    """The ASF of a clip's subject: beside the clip, or anywhere in the source under its name."""
+    beside = entry.path.parent / f"{entry.subject}.asf"
+    if beside.is_file():
+        return beside
+    alone = sorted(entry.path.parent.glob("*.asf"))
+    return alone[0] if len(alone) == 1 else skeletons.get(entry.subject)

@@ -1,0 +1,65 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wayfarer.clips.clip import join_chunks
+from wayfarer.errors import InvalidArgument
+from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, MotionChunk
+
+
+def chunk(seq, first_frame):
+    return MotionChunk(
+        agent_id="a",
+        alias=1,
+        seq=seq,
+        first_frame=first_frame,
+        scheduled_at=first_frame / 40,
+        goal_revision=0,
+        flags=ChunkFlag.NONE,
+        state=AgentState.WALKING,
+        translation=np.full((8, 3), seq, np.float32),
+        rotations=np.tile(np.array([0, 0, 0, 1], np.float32), (8, 22, 1)),
+        contacts=np.ones((8, 2), bool),
+    )
+
+
+def test_chunks_become_a_clip_in_order_of_seq():
+    spec = AgentSpec(gender="male", betas=(0.5,) * 10)
+    clip = join_chunks([chunk(1, 8), chunk(0, 0)], spec)
+    assert clip.frames == 16
+    assert clip.seconds == pytest.approx(0.4)
+    assert clip.translation[[0, 8], 0].tolist() == [0, 1]
+    assert (clip.gender, clip.betas) == ("male", (0.5,) * 10)
+
+
+def test_a_gap_between_chunks_is_refused():
+    with pytest.raises(InvalidArgument, match="missing before chunk 2"):
+        join_chunks([chunk(0, 0), chunk(2, 16)], AgentSpec())
+    with pytest.raises(InvalidArgument, match="no chunk"):
+        join_chunks([], AgentSpec())
+
+
+@pytest.mark.parametrize("field", ["translation", "rotations", "contacts"])
+def test_fields_must_agree_in_length(clip, field):
+    with pytest.raises(InvalidArgument, match=field if field != "translation" else "rotations"):
+        replace(clip, **{field: getattr(clip, field)[:-1]})
+
+
+def test_nan_and_bad_rates_are_refused(clip):
+    broken = clip.translation.copy()
+    broken[3, 1] = np.nan
+    with pytest.raises(InvalidArgument, match="translation holds NaN"):
+        replace(clip, translation=broken)
+    with pytest.raises(InvalidArgument, match="fps"):
+        replace(clip, fps=0)
+
+
+def test_a_clip_is_cut_by_slices(clip):
+    part = clip[5:9]
+    assert part.frames == 4
+    assert (part.translation == clip.translation[5:9]).all()
+    with pytest.raises(InvalidArgument, match="steps"):
+        clip[::2]
+    with pytest.raises(InvalidArgument, match="N ≥ 1"):
+        clip[7:7]

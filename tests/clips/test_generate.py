@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+
+from tests.runtime.fakes import make_world
+from wayfarer.clips.clip import Clip
+from wayfarer.clips.files import write_clip
+from wayfarer.clips.generate import generate, generate_clip
+from wayfarer.errors import InvalidArgument
+from wayfarer.runtime.agent import AgentSpec, Goal
+
+GOALS = [Goal((0.0, 2.0, 0.0)), Goal((1.0, 0.0, 0.0))]
+
+
+def test_an_agent_visits_its_goals_in_turn():
+    heard = []
+    clip = generate_clip(make_world(), AgentSpec(noise_seed=4), GOALS, 15.0, heard.append)
+    assert clip.frames == 600
+    assert clip.meta["goals_reached"] == "2"
+    assert clip.goals == tuple(goal.position for goal in GOALS)
+    nearest = [
+        np.linalg.norm(clip.translation[:, :2] - goal.position[:2], axis=-1) for goal in GOALS
+    ]
+    assert all(distance.min() <= 0.3 for distance in nearest)
+    assert nearest[0].argmin() < nearest[1].argmin()
+    assert heard == sorted(heard) and heard[-1] == 15.0
+
+
+def test_without_goals_it_stands():
+    clip = generate_clip(make_world(), AgentSpec(position=(2.0, 3.0)), [], 1.0)
+    assert clip.frames == 40
+    assert np.abs(clip.translation[:, :2] - [2.0, 3.0]).max() < 0.1
+
+
+def test_the_same_seed_gives_the_same_clip_and_the_world_is_left_empty():
+    world = make_world()
+    first = generate_clip(world, AgentSpec(noise_seed=7), GOALS, 3.0)
+    assert (world.agents, world.sessions) == (0, 0)
+    again = generate_clip(make_world(), AgentSpec(noise_seed=7), GOALS, 3.0)
+    other = generate_clip(make_world(), AgentSpec(noise_seed=8), GOALS, 3.0)
+    assert (first.translation == again.translation).all()
+    assert (first.translation != other.translation).any()
+
+
+def test_goals_out_of_reach_are_counted_not_hidden():
+    clip = generate_clip(make_world(), AgentSpec(), [Goal((0.0, 50.0, 0.0))], 2.0)
+    assert (clip.frames, clip.meta["goals_reached"]) == (80, "0")
+
+
+@pytest.mark.parametrize("seconds", [0.0, -3.0, 0.001])
+def test_a_clip_without_frames_is_refused(seconds):
+    with pytest.raises(InvalidArgument, match="seconds"):
+        generate_clip(make_world(), AgentSpec(), [], seconds)
+
+
+def test_bad_arguments_are_refused_before_any_model_is_loaded(tmp_path):
+    with pytest.raises(InvalidArgument, match=r"must end in \.glb, \.bvh, \.npz"):
+        generate(tmp_path / "walk.fbx")
+    with pytest.raises(InvalidArgument, match="no folder"):
+        generate(tmp_path / "nowhere" / "walk.glb")
+    with pytest.raises(InvalidArgument, match="'3;2' is not a place"):
+        generate(tmp_path / "walk.glb", goal=["3;2"])
+
+
+@pytest.mark.parametrize("name", ["c.glb", "c.bvh", "c.NPZ"])
+def test_the_name_chooses_the_form(tmp_path, clip: Clip, name):
+    write_clip(tmp_path / name, clip)
+    start = (tmp_path / name).read_bytes()[:4]
+    assert start == {"glb": b"glTF", "bvh": b"HIER", "npz": b"PK\x03\x04"}[name[2:].lower()]
