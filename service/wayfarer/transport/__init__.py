@@ -1,0 +1,1 @@
+"""gRPC, HTTP and WebSocket: thin servers over one `Gateway`."""

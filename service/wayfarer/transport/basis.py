@@ -1,0 +1,112 @@
+"""The one table of coordinate bases, and conversion between the core's basis and each of them.
+
+Core: metres, right-handed, Z up; a body at heading 0 faces +Y, its right side is +X.
+A basis is a signed permutation M of the core's axes and a unit of length: p' = M p / unit.
+Where M turns a right-handed frame into a left-handed one (det M = -1), rotations turn the
+other way round: the vector part of a quaternion is a pseudovector, v' = det(M) M v, and an
+angle about the up axis changes its sign.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.floating[Any]]
+
+
+class Basis(StrEnum):
+    """What a session may choose."""
+
+    GLTF = "gltf"
+    UNITY = "unity"
+    UNREAL = "unreal"
+    UNREAL_MANNEQUIN = "unreal_mannequin"
+    BLENDER = "blender"
+    ROS = "ros"
+
+    @property
+    def axes(self) -> "Axes":
+        """How this basis lies in the core's."""
+        return TABLE[self]
+
+
+@dataclass(frozen=True)
+class Axes:
+    """Each axis of a basis as a signed core axis, and its unit of length."""
+
+    core_axes: tuple[str, str, str]  # ("-x", "+z", "+y"): x is core -x, y is core z, z is core y
+    metres_per_unit: float = 1.0
+
+    @cached_property
+    def matrix(self) -> Array:
+        """M [3, 3]."""
+        rows = np.zeros((3, 3))
+        for row, axis in zip(rows, self.core_axes, strict=True):
+            row["xyz".index(axis[1])] = -1.0 if axis[0] == "-" else 1.0
+        return rows
+
+    @cached_property
+    def handedness(self) -> float:
+        """det(M): 1 when right-handed as the core is, -1 when left-handed."""
+        return float(round(np.linalg.det(self.matrix)))
+
+    @cached_property
+    def quaternion_matrix(self) -> Array:
+        """The map of quaternions x, y, z, w [4, 4]: orthogonal, so its inverse is its transpose."""
+        block = np.eye(4)
+        block[:3, :3] = self.handedness * self.matrix
+        return block
+
+    @property
+    def up(self) -> Array:
+        """The core's +Z here [3]."""
+        return self.matrix @ (0.0, 0.0, 1.0)
+
+    @property
+    def forward(self) -> Array:
+        """The core's +Y here [3]: what a body faces at heading 0."""
+        return self.matrix @ (0.0, 1.0, 0.0)
+
+    def points_to_wire(self, points: Array) -> Array:
+        """Core points or offsets [..., 3], metres → this basis and its unit."""
+        return points @ (self.matrix.T / self.metres_per_unit).astype(points.dtype)
+
+    def points_to_core(self, points: Array) -> Array:
+        """The inverse of `points_to_wire`."""
+        return points @ (self.matrix * self.metres_per_unit).astype(points.dtype)
+
+    def quaternions_to_wire(self, quaternions: Array) -> Array:
+        """Core quaternions x, y, z, w [..., 4] → the same turns in this basis."""
+        return quaternions @ self.quaternion_matrix.T.astype(quaternions.dtype)
+
+    def quaternions_to_core(self, quaternions: Array) -> Array:
+        """The inverse of `quaternions_to_wire`."""
+        return quaternions @ self.quaternion_matrix.astype(quaternions.dtype)
+
+    def heading_to_wire(self, heading: float) -> float:
+        """Core heading → angle about this basis's up axis from its forward axis (own inverse)."""
+        return self.handedness * heading
+
+    heading_to_core = heading_to_wire
+
+    def length_to_wire(self, metres: float) -> float:
+        """A length or speed in this basis's unit."""
+        return metres / self.metres_per_unit
+
+    def length_to_core(self, length: float) -> float:
+        """The inverse of `length_to_wire`."""
+        return length * self.metres_per_unit
+
+
+TABLE: Final = {
+    Basis.GLTF: Axes(("-x", "+z", "+y")),
+    Basis.UNITY: Axes(("+x", "+z", "+y")),
+    Basis.UNREAL: Axes(("+y", "+x", "+z"), metres_per_unit=0.01),
+    Basis.UNREAL_MANNEQUIN: Axes(("-x", "+y", "+z"), metres_per_unit=0.01),
+    Basis.BLENDER: Axes(("-x", "-y", "+z")),
+    Basis.ROS: Axes(("+y", "-x", "+z")),
+}

@@ -1,0 +1,32 @@
+"""The bodies that a server offers: one body model, both genders."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from wayfarer.body.library import Detail, load_body
+from wayfarer.body.model import Array, BodyModel
+from wayfarer.body.phenotype import LIMITS, betas_from_phenotype, height_of
+from wayfarer.spec import BETAS
+
+
+@dataclass(frozen=True)
+class BodyLibrary:
+    """By the name of the body model, e.g. "anny52"."""
+
+    name: str
+
+    def model(self, gender: str, detail: Detail = "high") -> BodyModel:
+        """The body of a gender. Raises NotFound, ArtifactError."""
+        return load_body(self.name, gender, detail)
+
+    def betas(self, gender: str, phenotype: Mapping[str, float]) -> Array:
+        """Shape coefficients [10] of height_m, weight, muscle, age; those absent take the mean.
+
+        Raises InvalidArgument, whose `field` is one of these names.
+        """
+        height = phenotype.get("height_m", height_of(gender, (0.0,) * BETAS, self.name))
+        return betas_from_phenotype(gender, **{**phenotype, "height_m": height})
+
+    def height_range(self) -> tuple[float, float]:
+        """Least and greatest standing height in metres that a phenotype may ask for."""
+        return LIMITS["height_m"]

@@ -1,0 +1,244 @@
+"""Wire ↔ values ↔ runtime. Nothing else converts.
+
+Two steps: `parse`/`message` turn any protobuf message into its twin of schema.py and back by
+field name; the others turn those twins, in a session's basis, into the runtime's world-space
+messages and back.
+"""
+
+import secrets
+from dataclasses import asdict
+from functools import lru_cache
+from typing import Any, TypeVar
+
+import numpy as np
+from google.protobuf.message import Message as ProtoMessage
+from numpy.typing import NDArray
+from pydantic import BaseModel, ValidationError
+
+from wayfarer.body.skeleton import load_skeleton, parents
+from wayfarer.errors import InvalidArgument
+from wayfarer.runtime import agent as runtime
+from wayfarer.spec import BETAS, POSED_JOINTS
+from wayfarer.transport import schema
+from wayfarer.transport.basis import Axes, Basis
+from wayfarer.transport.bodies import BodyLibrary
+from wayfarer.transport.errors import invalid_request
+
+Twin = TypeVar("Twin", bound=BaseModel)
+Proto = TypeVar("Proto", bound=ProtoMessage)
+
+
+# protobuf ↔ schema
+
+
+def parse(twin: type[Twin], message: ProtoMessage, field: str = "") -> Twin:
+    """The schema twin of a protobuf message, itself the `field` of a request.
+
+    Raises InvalidRequest.
+    """
+    try:
+        return twin.model_validate(_values(message))
+    except ValidationError as error:
+        raise invalid_request(error, field) from None
+
+
+def message(kind: type[Proto], twin: BaseModel) -> Proto:
+    """The protobuf message of a schema twin."""
+    return kind(**_arguments(kind.DESCRIPTOR, twin.model_dump()))
+
+
+def _values(message: ProtoMessage) -> dict[str, Any]:
+    """Fields by name. Absent ones and unspecified enums are left to the twin's defaults."""
+    values: dict[str, Any] = {}
+    for field in message.DESCRIPTOR.fields:
+        value = getattr(message, field.name)
+        if field.is_repeated:
+            values[field.name] = [_value(field, item) for item in value]
+        elif (
+            message.HasField(field.name) if field.has_presence else field.enum_type is None or value
+        ):
+            values[field.name] = _value(field, value)
+    return values
+
+
+def _value(field: Any, value: Any) -> Any:
+    if field.enum_type is not None:
+        return _enum_name(field, value)
+    return value if field.message_type is None else _values(value)
+
+
+def _arguments(descriptor: Any, values: dict[str, Any]) -> dict[str, Any]:
+    """Constructor arguments of a protobuf message; None stands for an absent field."""
+    arguments: dict[str, Any] = {}
+    for name, value in values.items():
+        field = descriptor.fields_by_name[name]
+        if field.is_repeated:
+            arguments[name] = [_argument(field, item) for item in value]
+        elif value is not None:
+            arguments[name] = _argument(field, value)
+    return arguments
+
+
+def _argument(field: Any, value: Any) -> Any:
+    if field.enum_type is not None:
+        return f"{_prefix(field.enum_type)}{value.upper()}"
+    return value if field.message_type is None else _arguments(field.message_type, value)
+
+
+def _enum_name(field: Any, number: int) -> str:
+    value = field.enum_type.values_by_number.get(number)
+    if value is None:
+        known = [v.name for v in field.enum_type.values[1:]]
+        raise InvalidArgument(f"{number} is none of {', '.join(known)}", field.name)
+    return str(value.name).removeprefix(_prefix(field.enum_type)).lower()
+
+
+def _prefix(enum: Any) -> str:
+    """Enum values carry their enum's name, as buf's STANDARD rules want: "GENDER_"."""
+    return str(enum.values[0].name).removesuffix("UNSPECIFIED")
+
+
+# schema ↔ runtime
+
+
+def basis_info(basis: Basis) -> schema.BasisInfo:
+    """What a basis means, in numbers."""
+    axes = basis.axes
+    return schema.BasisInfo(
+        basis=basis,
+        metres_per_unit=axes.metres_per_unit,
+        right_handed=axes.handedness > 0,
+        up=_vector(axes.up),
+        forward=_vector(axes.forward),
+    )
+
+
+def session(info: runtime.SessionInfo, basis: Basis) -> schema.Session:
+    """A session as its client sees it."""
+    return schema.Session(
+        session_id=info.session_id,
+        basis=basis_info(basis),
+        agent_ids=info.agent_ids,
+        created_at_us=microseconds(info.created_at),
+    )
+
+
+def agent_spec(
+    spec: schema.AgentSpec, basis: Basis, bodies: BodyLibrary, field: str
+) -> runtime.AgentSpec:
+    """What the runtime shall create. Raises InvalidArgument that names the field below `field`."""
+    axes = basis.axes
+    betas: NDArray[np.floating[Any]] = np.array(spec.betas or (0.0,) * BETAS)
+    if spec.phenotype is not None:
+        try:
+            betas = bodies.betas(spec.gender, spec.phenotype.model_dump(exclude_none=True))
+        except InvalidArgument as error:
+            raise InvalidArgument(str(error), f"{field}.phenotype.{error.field}") from None
+    x = y = 0.0
+    if spec.position is not None:
+        x, y, _ = _place(spec.position, axes)
+    return runtime.AgentSpec(
+        gender=spec.gender,
+        betas=tuple(float(beta) for beta in betas),
+        position=(x, y),
+        heading=axes.heading_to_core(spec.heading),
+        noise_seed=secrets.randbits(32) if spec.seed is None else spec.seed,
+        name=spec.name,
+    )
+
+
+def agent(info: runtime.AgentInfo, basis: Basis, bodies: BodyLibrary) -> schema.Agent:
+    """An agent as its client sees it."""
+    axes, spec = basis.axes, info.spec
+    return schema.Agent(
+        agent_id=info.agent_id,
+        alias=info.alias,
+        session_id=info.session_id,
+        name=spec.name,
+        body=bodies.name,
+        gender=schema.Gender(spec.gender),
+        betas=spec.betas,
+        seed=spec.noise_seed,
+        state=info.state,
+        position=_vector(axes.points_to_wire(np.array(info.position, dtype=float))),
+        heading=axes.heading_to_wire(info.heading),
+        goal=None if info.goal is None else _goal_to_wire(info.goal, axes),
+        goal_revision=info.goal_revision,
+        created_at_us=microseconds(info.created_at),
+        rest_offsets=rest_offsets(bodies, spec.gender, spec.betas, basis),
+    )
+
+
+def goal(wish: schema.Goal, basis: Basis) -> runtime.Goal:
+    """The goal in world space."""
+    axes = basis.axes
+    given = {"radius": wish.radius, "speed": wish.speed}
+    lengths = {k: axes.length_to_core(v) for k, v in given.items() if v is not None}
+    return runtime.Goal(_place(wish.position, axes), **lengths)
+
+
+def skeleton() -> schema.Skeleton:
+    """The bones of all agents."""
+    bones = tuple(
+        schema.Bone(name=b.name, parent=p, mixamo=b.mixamo, unity=b.unity, vrm=b.vrm, ue=b.ue)
+        for b, p in zip(load_skeleton(), parents(), strict=True)
+    )
+    return schema.Skeleton(bones=bones, posed_bones=POSED_JOINTS)
+
+
+def body(bodies: BodyLibrary, gender: schema.Gender) -> schema.Body:
+    """A catalogue entry."""
+    model = bodies.model(gender)
+    least, greatest = bodies.height_range()
+    return schema.Body(
+        name=bodies.name,
+        gender=gender,
+        betas=model.betas,
+        vertices=len(model.bind_vertices),
+        faces=len(model.faces),
+        min_height_m=least,
+        max_height_m=greatest,
+        glb_path=f"/v1/bodies/{bodies.name}-{gender}.glb",
+    )
+
+
+def stats(figures: runtime.LoopStats) -> schema.Stats:
+    """Field by field."""
+    return schema.Stats(**asdict(figures))
+
+
+@lru_cache(maxsize=1024)
+def rest_offsets(
+    bodies: BodyLibrary, gender: str, betas: tuple[float, ...], basis: Basis
+) -> tuple[float, ...]:
+    """J × 3 numbers: each joint relative to its parent's in the T-pose, in the basis."""
+    body = bodies.model(gender, "low")
+    joints = body.rest_joints(np.array(betas))
+    offsets = joints.copy()
+    offsets[1:] -= joints[body.parents[1:]]
+    wire = basis.axes.points_to_wire(offsets)
+    return tuple(round(float(value), 6) for value in wire.ravel())
+
+
+def microseconds(seconds: float) -> int:
+    """Unix seconds → microseconds since the Unix epoch."""
+    return round(seconds * 1e6)
+
+
+def _goal_to_wire(goal: runtime.Goal, axes: Axes) -> schema.Goal:
+    return schema.Goal(
+        position=_vector(axes.points_to_wire(np.array(goal.position, dtype=float))),
+        radius=axes.length_to_wire(goal.radius),
+        speed=axes.length_to_wire(goal.speed),
+    )
+
+
+def _vector(values: NDArray[np.floating[Any]]) -> schema.Vector3:
+    x, y, z = (float(value) + 0.0 for value in values)  # + 0.0: no negative zero
+    return schema.Vector3(x=x, y=y, z=z)
+
+
+def _place(point: schema.Vector3, axes: Axes) -> tuple[float, float, float]:
+    """A point of the world in metres."""
+    x, y, z = (float(v) for v in axes.points_to_core(np.array([point.x, point.y, point.z])))
+    return x, y, z

@@ -1,0 +1,152 @@
+"""The one table that turns errors into gRPC statuses and HTTP problems."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from http import HTTPStatus
+from typing import Any, Final
+
+import grpc
+from google.protobuf.any_pb2 import Any as AnyMessage
+from google.protobuf.duration_pb2 import Duration
+from google.rpc.error_details_pb2 import BadRequest, ErrorInfo, RetryInfo
+from google.rpc.status_pb2 import Status
+from grpc_status import rpc_status
+from pydantic import ValidationError
+
+from wayfarer import errors
+
+DOMAIN: Final = "wayfarer"
+PROBLEM_JSON: Final = "application/problem+json"
+
+
+@dataclass(frozen=True, slots=True)
+class Code:
+    """One kind of failure on both transports."""
+
+    grpc: grpc.StatusCode
+    http: HTTPStatus
+    title: str
+
+    @property
+    def reason(self) -> str:
+        """Upper snake case name, the same on both transports."""
+        return self.grpc.name
+
+
+TABLE: Final[dict[type[errors.WayfarerError], Code]] = {
+    errors.InvalidArgument: Code(
+        grpc.StatusCode.INVALID_ARGUMENT, HTTPStatus.UNPROCESSABLE_ENTITY, "Invalid argument"
+    ),
+    errors.NotFound: Code(grpc.StatusCode.NOT_FOUND, HTTPStatus.NOT_FOUND, "Not found"),
+    errors.AlreadyExists: Code(
+        grpc.StatusCode.ALREADY_EXISTS, HTTPStatus.CONFLICT, "Already exists"
+    ),
+    errors.FailedPrecondition: Code(
+        grpc.StatusCode.FAILED_PRECONDITION, HTTPStatus.CONFLICT, "Failed precondition"
+    ),
+    errors.ResourceExhausted: Code(
+        grpc.StatusCode.RESOURCE_EXHAUSTED, HTTPStatus.TOO_MANY_REQUESTS, "Limit reached"
+    ),
+    errors.Unavailable: Code(
+        grpc.StatusCode.UNAVAILABLE, HTTPStatus.SERVICE_UNAVAILABLE, "Unavailable"
+    ),
+}
+INTERNAL: Final = Code(grpc.StatusCode.INTERNAL, HTTPStatus.INTERNAL_SERVER_ERROR, "Internal error")
+"""All others: their text stays in the server's log."""
+
+
+class InvalidRequest(errors.InvalidArgument):
+    """Several fields of a request are wrong; `violations` are (field, what is wrong)."""
+
+    def __init__(self, violations: list[tuple[str, str]]) -> None:
+        text = "; ".join(f"{field}: {what}" if field else what for field, what in violations)
+        super().__init__(text, violations[0][0])
+        self.violations = violations
+
+
+def invalid_request(error: ValidationError, field: str = "") -> InvalidRequest:
+    """What pydantic found in the part `field` of a request."""
+    found = error.errors(include_url=False, include_input=False)
+    return InvalidRequest([(field_path((field, *e["loc"])), e["msg"]) for e in found])
+
+
+def field_path(parts: Iterable[int | str]) -> str:
+    """("agents", 0, "betas") → "agents[0].betas"."""
+    text = "".join(
+        f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts if part != ""
+    )
+    return text.removeprefix(".")
+
+
+def code_of(error: BaseException) -> Code:
+    """The row of the nearest class of the error."""
+    return next((TABLE[kind] for kind in type(error).__mro__ if kind in TABLE), INTERNAL)
+
+
+def message_of(error: BaseException) -> str:
+    """What the caller may read."""
+    return (
+        "internal error; the server's log tells more" if code_of(error) is INTERNAL else str(error)
+    )
+
+
+def violations_of(error: BaseException) -> list[tuple[str, str]]:
+    """(field, what is wrong) of an error about arguments; empty for others."""
+    if isinstance(error, InvalidRequest):
+        return error.violations
+    if isinstance(error, errors.InvalidArgument) and error.field:
+        return [(error.field, str(error))]
+    return []
+
+
+def retry_after(error: BaseException) -> float:
+    """Seconds after which to try again; 0 when that is no use."""
+    if isinstance(error, errors.ResourceExhausted):
+        return error.retry_after
+    return 1.0 if isinstance(error, errors.Unavailable) else 0.0
+
+
+def to_grpc(error: BaseException) -> grpc.Status:
+    """The status that ends a call, with google.rpc details."""
+    code = code_of(error)
+    details: list[Any] = [ErrorInfo(reason=code.reason, domain=DOMAIN)]
+    if violations := violations_of(error):
+        fields = [BadRequest.FieldViolation(field=f, description=d) for f, d in violations]
+        details.append(BadRequest(field_violations=fields))
+    if seconds := retry_after(error):
+        delay = Duration()
+        delay.FromMilliseconds(round(seconds * 1000))
+        details.append(RetryInfo(retry_delay=delay))
+    status = Status(code=code.grpc.value[0], message=message_of(error))
+    for detail in details:
+        packed = AnyMessage()
+        packed.Pack(detail)
+        status.details.append(packed)
+    return rpc_status.to_status(status)
+
+
+def to_problem(error: BaseException) -> dict[str, Any]:
+    """The RFC 9457 problem document."""
+    code = code_of(error)
+    problem: dict[str, Any] = {
+        "type": f"urn:{DOMAIN}:{code.reason.lower()}",
+        "title": code.title,
+        "status": int(code.http),
+        "detail": message_of(error),
+    }
+    if violations := violations_of(error):
+        problem["errors"] = [{"field": f, "detail": d} for f, d in violations]
+    if seconds := retry_after(error):
+        problem["retry_after_s"] = seconds
+    return problem
+
+
+def close_code(error: BaseException) -> int:
+    """WebSocket close code: 4000 + HTTP status, in the range left to applications."""
+    return 4000 + int(code_of(error).http)
+
+
+def log_unexpected(log: Any, error: BaseException, where: str) -> None:
+    """Write down, with its trace, an error that nobody raised on purpose."""
+    if code_of(error) is INTERNAL:
+        log.error("request failed", where=where, exc_info=error)

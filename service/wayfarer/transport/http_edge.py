@@ -1,0 +1,136 @@
+"""What surrounds the HTTP routes: request limits, headers, problem documents, static files."""
+
+import json
+import mimetypes
+from http import HTTPStatus
+from typing import Any, Final
+
+import structlog
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from starlette.datastructures import MutableHeaders
+from starlette.exceptions import HTTPException
+from starlette.responses import Response
+from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from wayfarer.errors import WayfarerError
+from wayfarer.transport import errors, schema
+
+log = structlog.get_logger(__name__)
+
+PROBLEMS: Final[dict[int | str, dict[str, Any]]] = {
+    int(code.http): {
+        "description": code.title,
+        "content": {errors.PROBLEM_JSON: {"schema": schema.Problem.model_json_schema()}},
+    }
+    for code in errors.TABLE.values()
+}
+"""OpenAPI's description of every error answer."""
+
+# The machine's own table may lack these, or have them wrong.
+for suffix, kind in ((".js", "text/javascript"), (".glb", "model/gltf-binary")):
+    mimetypes.add_type(kind, suffix)
+
+
+class Edge:
+    """ASGI middleware: bounds request bodies and sets headers that hold for every answer."""
+
+    def __init__(self, app: ASGIApp, body_bytes: int) -> None:
+        self._app = app
+        self._most = body_bytes
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Refuse a body that is, or turns out to be, too large."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        left = self._most
+        too_large = HTTPException(
+            HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a request has {self._most} bytes at most"
+        )
+
+        async def bounded_receive() -> Message:
+            nonlocal left
+            message = await receive()
+            left -= len(message.get("body", b""))
+            if left < 0:
+                raise too_large
+            return message
+
+        async def headed_send(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                headers.setdefault("cache-control", "no-store")
+                headers.setdefault("x-content-type-options", "nosniff")
+            await send(message)
+
+        length = dict(scope["headers"]).get(b"content-length", b"0")
+        if length.isdigit() and int(length) > self._most:
+            await _http_problem(too_large)(scope, receive, headed_send)
+            return
+        await self._app(scope, bounded_receive, headed_send)
+
+
+class RevalidatedFiles(StaticFiles):
+    """Static files that a browser keeps, but asks about (ETag) before it uses them again."""
+
+    async def get_response(self, path: str, scope: Scope) -> Response:
+        """As StaticFiles, with Cache-Control."""
+        response = await super().get_response(path, scope)
+        response.headers["cache-control"] = "no-cache"
+        return response
+
+
+def add_problem_handlers(app: FastAPI) -> None:
+    """Answer every failure with an RFC 9457 problem document."""
+
+    @app.exception_handler(WayfarerError)
+    async def on_error(request: Request, error: WayfarerError) -> Response:
+        errors.log_unexpected(log, error, request.url.path)
+        return problem_response(error)
+
+    @app.exception_handler(RequestValidationError)
+    async def on_validation(request: Request, error: RequestValidationError) -> Response:
+        # loc starts with where the value stood: body, query, path
+        found = [(errors.field_path(e["loc"][1:]), e["msg"]) for e in error.errors()]
+        return problem_response(errors.InvalidRequest(found))
+
+    @app.exception_handler(HTTPException)
+    async def on_http(request: Request, error: HTTPException) -> Response:
+        return _http_problem(error)
+
+    @app.exception_handler(Exception)
+    async def on_unexpected(request: Request, error: Exception) -> Response:
+        errors.log_unexpected(log, error, request.url.path)
+        return problem_response(error)
+
+
+def problem_response(error: BaseException) -> Response:
+    """The answer to a request that raised."""
+    problem = errors.to_problem(error)
+    response = _problem(problem)
+    if seconds := errors.retry_after(error):
+        response.headers["retry-after"] = str(max(1, round(seconds)))
+    return response
+
+
+def _http_problem(error: HTTPException) -> Response:
+    """Failures of HTTP itself: no such route, method not allowed, body too large."""
+    status = HTTPStatus(error.status_code)
+    response = _problem(
+        {
+            "type": "about:blank",
+            "title": status.phrase,
+            "status": int(status),
+            "detail": str(error.detail),
+        }
+    )
+    response.headers.update(error.headers or {})
+    return response
+
+
+def _problem(problem: dict[str, Any]) -> Response:
+    return Response(
+        json.dumps(problem), status_code=problem["status"], media_type=errors.PROBLEM_JSON
+    )

@@ -1,0 +1,112 @@
+// Decisions that need no screen: whom to create, whom to send where. No DOM; chance is an argument.
+
+const NAMES = [
+  "Ada", "Bo", "Chidi", "Dara", "Elif", "Finn", "Gia", "Hugo", "Ines", "Jun", "Kofi", "Lena", "Mira",
+  "Noor", "Omar", "Pia", "Quinn", "Rosa", "Sami", "Tess", "Uma", "Vik", "Wen", "Ximena", "Yara", "Zoe",
+];
+const HEIGHT = { female: [1.65, 0.07], male: [1.78, 0.075] }; // mean and deviation, metres
+const APART = 1.0; // metres between two people at the start
+
+/**
+ * `count` agents of random gender and shape on free places around the origin (glTF basis).
+ * `heights[gender]` is [least, most] of the body; `taken` are places { x, z }.
+ */
+export function randomAgents(count, heights, taken, random = Math.random) {
+  const places = taken.map(({ x, z }) => ({ x, z }));
+  const agents = [];
+  for (let k = 0; k < count; k += 1) {
+    const gender = random() < 0.5 ? "female" : "male";
+    const [mean, deviation] = HEIGHT[gender];
+    const [least, most] = heights[gender];
+    const wished = mean + deviation * normal(random);
+    const place = freePlace(places, random);
+    places.push(place);
+    agents.push({
+      gender,
+      phenotype: {
+        height_m: Math.min(most, Math.max(least, wished)),
+        weight: clamp(0.5 + 0.18 * normal(random)),
+        muscle: clamp(0.5 + 0.18 * normal(random)),
+        age: 20 + 45 * random(), // years
+      },
+      position: { x: place.x, y: 0, z: place.z },
+      heading: (random() * 2 - 1) * Math.PI,
+      name: NAMES[Math.floor(random() * NAMES.length)],
+    });
+  }
+  return agents;
+}
+
+/** A place at least `APART` from the others, as near to the origin as chance allows. */
+export function freePlace(taken, random = Math.random) {
+  for (let radius = 1.5; ; radius *= 1.08) {
+    const angle = random() * 2 * Math.PI;
+    const distance = radius * Math.sqrt(random());
+    const place = { x: distance * Math.cos(angle), z: distance * Math.sin(angle) };
+    if (taken.every(({ x, z }) => Math.hypot(x - place.x, z - place.z) >= APART)) return place;
+  }
+}
+
+/** Places for `count` people around a point, 0.9 m apart (sunflower pattern), the first on it. */
+export function formation(point, count) {
+  const golden = Math.PI * (3 - Math.sqrt(5));
+  return Array.from({ length: count }, (_, k) => ({
+    x: point.x + 0.9 * Math.sqrt(k) * Math.cos(k * golden),
+    z: point.z + 0.9 * Math.sqrt(k) * Math.sin(k * golden),
+  }));
+}
+
+/** Whom a click sends: people are { x, z }; `mode` is "selected", "nearest" or "all". */
+export function recipients(mode, people, selected, point) {
+  const byDistance = [...people].sort((a, b) => distance(a, point) - distance(b, point));
+  if (mode === "all") return byDistance;
+  if (mode === "selected" && selected) return [selected];
+  return mode === "nearest" ? byDistance.slice(0, 1) : [];
+}
+
+/** The person whose upright axis (floor to `height`) a ray passes nearest, within 0.35 m. */
+export function pick(people, ray) {
+  let best = null;
+  let nearest = 0.35;
+  for (const person of people) {
+    const gap = axisGap(ray.origin, ray.direction, person);
+    if (gap < nearest) [best, nearest] = [person, gap];
+  }
+  return best;
+}
+
+/** A random goal 2.5 to 6 m from where someone is, within 9 m of the origin. */
+export function wanderGoal({ x, z }, random = Math.random) {
+  for (let tries = 0; tries < 50; tries += 1) {
+    const angle = random() * 2 * Math.PI;
+    const way = 2.5 + 3.5 * random();
+    const goal = { x: x + way * Math.cos(angle), z: z + way * Math.sin(angle) };
+    if (Math.hypot(goal.x, goal.z) < 9) return goal;
+  }
+  return { x: 0, z: 0 }; // far outside: come back
+}
+
+function axisGap(origin, direction, { x, z, height }) {
+  // the ray's point nearest to the vertical line through (x, z); then clamp the line to the body
+  const across = direction.x ** 2 + direction.z ** 2;
+  if (across < 1e-9) return Math.hypot(origin.x - x, origin.z - z);
+  const along = ((x - origin.x) * direction.x + (z - origin.z) * direction.z) / across;
+  if (along < 0) return Infinity;
+  const y = origin.y + along * direction.y;
+  const above = Math.max(0, y - height, -y);
+  const side = Math.hypot(origin.x + along * direction.x - x, origin.z + along * direction.z - z);
+  return Math.hypot(side, above);
+}
+
+function distance(a, b) {
+  return Math.hypot(a.x - b.x, a.z - b.z);
+}
+
+function clamp(share) {
+  return Math.min(1, Math.max(0, share));
+}
+
+/** Box-Muller; 1 - random() keeps the logarithm finite. */
+function normal(random) {
+  return Math.sqrt(-2 * Math.log(1 - random())) * Math.cos(2 * Math.PI * random());
+}

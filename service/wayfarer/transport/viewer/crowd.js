@@ -1,0 +1,94 @@
+// The people of this session: what the stream brings, played back smoothly on the stage.
+
+import { FLAG } from "./messages.js";
+import { PlayoutClock, PoseTrack } from "./jitter.js";
+import { Person } from "./people.js";
+
+/** Follows `MotionStream` events; `changed()` is called when somebody comes or goes. */
+export class Crowd {
+  constructor(stage, meshUrl, changed, failed) {
+    this.stage = stage;
+    this.meshUrl = meshUrl; // agent → URL of its GLB
+    this.changed = changed;
+    this.failed = failed;
+    this.clock = new PlayoutClock();
+    this.members = new Map(); // alias → { person, track, frame, state }
+    this.boneNames = [];
+    this.marks = { trails: false, labels: false };
+  }
+
+  get people() {
+    return [...this.members.values()].map(({ person }) => person);
+  }
+
+  /** Handlers for MotionStream; `now()` is a local clock in seconds. */
+  handlers(now) {
+    return {
+      message: (sentAt) => this.clock.observe(now(), sentAt),
+      added: (agent) => this.add(agent),
+      removed: (alias) => this.remove(alias),
+      chunk: (chunk, frames, fps) => this.#chunk(chunk, frames, fps, now()),
+    };
+  }
+
+  /** A new agent, or one that is known already, when a stream begins again. */
+  add(agent) {
+    if (this.members.has(agent.alias)) return;
+    const person = new Person(agent, this.boneNames);
+    const frame = new Float32Array(3 + 4 * this.boneNames.length);
+    this.members.set(agent.alias, { person, track: new PoseTrack(), frame, state: "standing" });
+    this.stage.add(person.group);
+    person.trail.line.visible = this.marks.trails;
+    person.label.visible = this.marks.labels;
+    person.load(this.meshUrl(agent)).catch((error) => this.failed(`body not loaded: ${error.message}`));
+    this.changed();
+  }
+
+  remove(alias) {
+    this.members.get(alias)?.person.dispose();
+    if (this.members.delete(alias)) this.changed();
+  }
+
+  clear() {
+    for (const alias of [...this.members.keys()]) this.remove(alias);
+    this.clock = new PlayoutClock();
+  }
+
+  mark(name, visible) {
+    this.marks[name] = visible;
+    for (const person of this.people) {
+      (name === "trails" ? person.trail.line : person.label).visible = visible;
+    }
+  }
+
+  stateOf(person) {
+    return this.members.get(person.agent.alias)?.state ?? "standing";
+  }
+
+  /** Show everybody as at local time `now`. */
+  play(now) {
+    const moment = this.clock.advance(now);
+    for (const { person, track, frame } of this.members.values()) {
+      if (track.sample(moment, frame)) person.pose(frame);
+    }
+    return moment;
+  }
+
+  /** Least motion in hand in seconds, and how often somebody had to wait. */
+  health(moment) {
+    const tracks = [...this.members.values()].map(({ track }) => track);
+    return {
+      buffered: Math.min(...tracks.map((track) => track.buffered(moment))),
+      holds: tracks.reduce((sum, track) => sum + track.underruns, 0),
+    };
+  }
+
+  #chunk(chunk, frames, fps, now) {
+    const member = this.members.get(chunk.alias);
+    if (!member) return; // removed here, its last chunks still on the way
+    this.clock.observeChunk(now, chunk.scheduledAt);
+    member.track.push(chunk.scheduledAt, fps, frames);
+    member.state = chunk.state;
+    if (chunk.flags & FLAG.ARRIVED) member.person.hideGoal();
+  }
+}

@@ -1,0 +1,69 @@
+// Buttons, figures and messages: everything on the page that is not the stage.
+
+const MESSAGE_SECONDS = 6;
+const FIGURE_SECONDS = 0.5;
+
+export const byId = (id) => document.getElementById(id);
+
+/** Tell the user; an error unless `note`. The same text is not shown twice at once. */
+export function tell(text, note = false) {
+  const box = byId("messages");
+  if ([...box.children].some((shown) => shown.textContent === text)) return;
+  const line = document.createElement("p");
+  line.textContent = text;
+  if (note) line.className = "note";
+  box.append(line);
+  setTimeout(() => line.remove(), MESSAGE_SECONDS * 1000);
+}
+
+export function showConnection(state, text) {
+  const line = byId("connection");
+  line.dataset.state = state;
+  line.textContent = text;
+}
+
+/** The list of people; keeps what is chosen. */
+export function listPeople(people, selected) {
+  const list = byId("selected");
+  const options = people.map((person) => {
+    const { alias, name } = person.agent;
+    return new Option(`${name || "agent"} · ${alias}`, String(alias), false, person === selected);
+  });
+  list.replaceChildren(new Option("nobody", "", false, !selected), ...options);
+  byId("remove").disabled = !selected;
+}
+
+/** Writes the figures a few times per second; counts frames on the way. */
+export class Readout {
+  #frames = 0;
+  #since = null;
+
+  /** Call once per frame; when it is time to write, asks `figures()` and returns the fps. */
+  frame(now, figures) {
+    this.#since ??= now;
+    this.#frames += 1;
+    if (now - this.#since < FIGURE_SECONDS) return null;
+    const fps = this.#frames / (now - this.#since);
+    this.#frames = 0;
+    this.#since = now;
+    const { people, delay, buffered, holds } = figures();
+    byId("figure-people").textContent = people;
+    byId("figure-fps").textContent = fps.toFixed(0);
+    byId("figure-delay").textContent = delay === null ? "–" : milliseconds(delay);
+    byId("figure-buffer").textContent = Number.isFinite(buffered) ? milliseconds(Math.max(0, buffered)) : "–";
+    byId("figure-holds").textContent = holds;
+    return fps;
+  }
+
+  /** The server's figures, or null when it does not answer. */
+  stats(stats) {
+    byId("figure-step").textContent = stats
+      ? `${stats.step_ms_mean.toFixed(1)} / ${stats.step_ms_p95.toFixed(1)} ms`
+      : "–";
+    byId("figure-late").textContent = stats?.late_chunks ?? "–";
+  }
+}
+
+function milliseconds(seconds) {
+  return `${Math.round(seconds * 1000)} ms`;
+}

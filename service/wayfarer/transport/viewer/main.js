@@ -1,0 +1,225 @@
+// Puts the page together: session, stream, stage, controls.
+
+import { Api } from "./api.js";
+import { formation, pick, randomAgents, recipients, wanderGoal } from "./choices.js";
+import { Crowd } from "./crowd.js";
+import { Readout, byId, listPeople, showConnection, tell } from "./hud.js";
+import { floorRing } from "./people.js";
+import { Stage } from "./scene.js";
+import { MotionStream } from "./stream.js";
+
+const DETAILED = 24; // so many people get the fine mesh; later ones the light one
+const STATS_SECONDS = 1;
+const WANDER_SECONDS = 1;
+const CLICK_PIXELS = 5; // a pointer that moved more was a drag
+
+const api = new Api();
+const stage = new Stage(byId("view"));
+const readout = new Readout();
+const page = new URLSearchParams(location.search);
+const clock = () => performance.now() / 1000;
+const cursor = floorRing(0.1, 0.14, "#b02a37");
+cursor.visible = false;
+stage.add(cursor);
+
+let session = null;
+let bodies = new Map(); // gender → body
+let selected = null;
+let wandering = false;
+
+const crowd = new Crowd(stage, meshUrl, refresh, tell);
+start();
+
+async function start() {
+  try {
+    bodies = new Map((await api.bodies()).map((body) => [body.gender, body]));
+    await openSession();
+  } catch (error) {
+    showConnection("lost", `${error.message}; trying again`);
+    setTimeout(start, 2000);
+  }
+}
+
+async function openSession() {
+  crowd.clear();
+  session = (await api.createSession()).session_id;
+  new MotionStream(api.streamUrl(session), {
+    ...crowd.handlers(clock),
+    header: ({ bones, posedBones }) => {
+      crowd.boneNames = bones.slice(0, posedBones).map(({ name }) => name);
+    },
+    status: (state, detail) => {
+      const text = { connecting: "connecting", open: "connected", lost: "connection lost, reconnecting" };
+      showConnection(state, detail ? `${text[state]} (${detail})` : text[state]);
+    },
+    failed: (reason) => tell(`${reason}. Reload the page to begin anew.`),
+    ended: (reason) => {
+      tell(`The session is no more (${reason}). A new one begins.`);
+      setTimeout(start, 1000);
+    },
+  });
+}
+
+addEventListener("pagehide", () => session && api.abandonSession(session));
+
+function meshUrl(agent) {
+  const url = new URL(bodies.get(agent.gender).glb_path, location.href);
+  url.searchParams.set("betas", agent.betas.map((beta) => beta.toFixed(4)).join(","));
+  url.searchParams.set("style", agent.alias);
+  url.searchParams.set("detail", page.get("detail") ?? (crowd.members.size > DETAILED ? "low" : "high"));
+  return url.href;
+}
+
+function refresh() {
+  if (selected && crowd.members.get(selected.agent.alias)?.person !== selected) select(null);
+  else listPeople(crowd.people, selected);
+}
+
+function select(person) {
+  selected = person;
+  const mode = sendMode();
+  if (person && mode === "nearest") setSendMode("selected");
+  if (!person && mode === "selected") setSendMode("nearest");
+  for (const other of crowd.people) other.marker.visible = other === person;
+  refresh();
+}
+
+const sendMode = () => document.querySelector("input[name=send]:checked").value;
+const setSendMode = (mode) => {
+  document.querySelector(`input[name=send][value=${mode}]`).checked = true;
+};
+
+// ---- what the user asks for; every refusal is shown
+
+const attempt = (action) => (...given) => {
+  Promise.resolve(action(...given)).catch((error) => tell(error.message));
+};
+
+const add = attempt(async (count) => {
+  if (!session) throw new Error("not connected yet");
+  const heights = Object.fromEntries(
+    [...bodies].map(([gender, body]) => [gender, [body.min_height_m, body.max_height_m]]),
+  );
+  await api.createAgents(session, randomAgents(count, heights, crowd.people));
+});
+
+const remove = attempt(async () => {
+  if (selected) await api.deleteAgent(selected.agent.id);
+});
+
+const stop = attempt(async () => {
+  const stopped = selected ? [selected] : crowd.people;
+  for (const person of stopped) person.hideGoal();
+  await Promise.all(stopped.map((person) => api.clearGoal(person.agent.id)));
+});
+
+const sendTo = attempt(async (point) => {
+  const sent = recipients(sendMode(), crowd.people, selected, point);
+  if (!sent.length) {
+    tell(crowd.people.length ? "Select a person first, or send the nearest or all" : "Add people first", true);
+  }
+  await sendAll(sent, formation(point, sent.length));
+});
+
+async function sendAll(sent, places) {
+  sent.forEach((person, k) => person.showGoal(places[k].x, places[k].z));
+  await Promise.all(sent.map((person, k) => api.setGoal(person.agent.id, places[k].x, places[k].z)));
+}
+
+const wander = attempt(async () => {
+  if (!wandering) return;
+  const idle = crowd.people.filter((person) => !person.goal.visible && crowd.stateOf(person) === "standing");
+  await sendAll(idle, idle.map((person) => wanderGoal(person)));
+});
+
+function toggleWander() {
+  wandering = !wandering;
+  byId("wander").setAttribute("aria-pressed", String(wandering));
+  wander();
+}
+
+// ---- controls
+
+byId("add-one").onclick = () => add(1);
+byId("add-many").onclick = () => add(16);
+byId("remove").onclick = remove;
+byId("stop").onclick = stop;
+byId("wander").onclick = toggleWander;
+byId("trails").onchange = (event) => crowd.mark("trails", event.target.checked);
+byId("labels").onchange = (event) => crowd.mark("labels", event.target.checked);
+byId("selected").onchange = (event) => {
+  select(crowd.members.get(Number(event.target.value))?.person ?? null);
+};
+
+let pressed = null;
+const view = byId("view");
+view.addEventListener("pointerdown", (event) => {
+  pressed = { x: event.clientX, y: event.clientY };
+});
+view.addEventListener("pointerup", (event) => {
+  if (!pressed || event.button !== 0) return;
+  if (Math.hypot(event.clientX - pressed.x, event.clientY - pressed.y) > CLICK_PIXELS) return;
+  const ray = stage.ray(event);
+  const person = pick(crowd.people, ray);
+  if (person) {
+    select(person);
+    return;
+  }
+  const point = stage.floorPoint(ray);
+  if (point) sendTo(point);
+});
+
+const ARROWS = { ArrowUp: [0, -1], ArrowDown: [0, 1], ArrowLeft: [-1, 0], ArrowRight: [1, 0] };
+view.addEventListener("keydown", (event) => {
+  if (event.key in ARROWS) {
+    const [x, z] = ARROWS[event.key];
+    cursor.visible = true;
+    cursor.position.x += 0.25 * x;
+    cursor.position.z += 0.25 * z;
+    event.preventDefault();
+  } else if (event.key === "Enter" && cursor.visible) {
+    sendTo(cursor.position);
+  }
+});
+
+const press = (id) => () => byId(id).click();
+const KEYS = {
+  a: press("add-one"), s: press("add-many"), delete: press("remove"), w: press("wander"), x: press("stop"),
+  f: press("follow"), t: press("trails"), l: press("labels"), escape: () => select(null),
+};
+addEventListener("keydown", (event) => {
+  const typing = event.target instanceof HTMLSelectElement;
+  if (!typing && !event.ctrlKey && !event.metaKey && !event.altKey) KEYS[event.key.toLowerCase()]?.();
+});
+
+// ---- clocks
+
+let last = clock();
+stage.renderer.setAnimationLoop(() => {
+  const now = clock();
+  const moment = crowd.play(now);
+  if (byId("follow").checked) followPeople(now - last);
+  stage.render();
+  const fps = readout.frame(now, () => ({
+    people: crowd.members.size,
+    delay: crowd.members.size ? crowd.clock.delay(now) : null,
+    ...crowd.health(moment),
+  }));
+  if (fps !== null) stage.keepUp(fps);
+  last = now;
+});
+
+function followPeople(seconds) {
+  const people = selected ? [selected] : crowd.people;
+  if (!people.length) return;
+  const middle = (axis) => people.reduce((sum, person) => sum + person[axis], 0) / people.length;
+  stage.follow(middle("x"), middle("z"), seconds);
+}
+
+setInterval(() => {
+  // no answer shows as "–"; whether the connection is lost is the stream's to say
+  if (!document.hidden) api.stats().then((stats) => readout.stats(stats), () => readout.stats(null));
+}, STATS_SECONDS * 1000);
+setInterval(wander, WANDER_SECONDS * 1000);
+
+globalThis.wayfarer = { crowd, stage }; // for the browser's console, and the tests

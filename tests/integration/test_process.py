@@ -1,0 +1,138 @@
+"""`wayfarer serve` as a process, with the shipped models."""
+
+import asyncio
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+
+import httpx
+import pytest
+
+import wayfarer_client as wf
+
+COMMAND = [sys.executable, "-m", "wayfarer.cli", "serve", "--log-format", "json"]
+ANY_PORTS = ["--http-port", "0", "--grpc-port", "0"]
+ENVIRONMENT = {k: v for k, v in os.environ.items() if not k.startswith("WAYFARER_")}
+
+
+class Process:
+    """A running service that has said it is ready."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self.process = process
+        self.log: list[dict] = []
+        for line in process.stderr:
+            self.log.append(json.loads(line))
+            if self.log[-1]["event"] == "ready":
+                break
+        else:
+            raise AssertionError(f"ended with {process.wait()}: {self.log}")
+        self.http = self.log[-1]["http"]
+        self.grpc = self.log[-1]["grpc"]
+
+    def stop(self, sign: signal.Signals) -> int:
+        self.process.send_signal(sign)
+        self.log += [json.loads(line) for line in self.process.stderr]
+        return self.process.wait(timeout=15)
+
+
+@contextmanager
+def serve(*arguments: str) -> Iterator[Process]:
+    process = subprocess.Popen(
+        [*COMMAND, *arguments], stderr=subprocess.PIPE, text=True, env=ENVIRONMENT
+    )
+    try:
+        yield Process(process)
+    finally:
+        process.kill()
+        process.wait()
+        process.stderr.close()
+
+
+def refused(*arguments: str) -> str:
+    """What a start that must fail says, in one line."""
+    answer = subprocess.run(
+        [*COMMAND, *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=ENVIRONMENT,
+        timeout=60,
+    )
+    assert answer.returncode == 2, answer
+    said = [line for line in answer.stderr.splitlines() if not line.startswith("{")]
+    assert len(said) == 1, answer.stderr
+    return said[0]
+
+
+async def walk(address: str) -> list[wf.Frames]:
+    """Two people walk for a while."""
+    frames: list[wf.Frames] = []
+    async with wf.Client(address) as client, await client.create_session() as session:
+        people = await session.create_agents(
+            wf.AgentSpec(gender="female", seed=1), wf.AgentSpec(gender="male", seed=2)
+        )
+        for person in people:
+            await session.set_goal(person, (0, 0, 3))
+        async with asyncio.timeout(60):
+            async for batch in session.stream():
+                frames += batch.frames
+                if len(frames) >= 20:
+                    return frames
+    raise AssertionError("the stream ended")
+
+
+@pytest.mark.parametrize("sign", [signal.SIGTERM, signal.SIGINT])
+def test_starts_serves_and_stops(sign):
+    with serve(*ANY_PORTS) as service:
+        assert httpx.get(f"{service.http}/v1/health/ready").status_code == 200
+        assert httpx.get(f"{service.http}/v1/models").json()["models"][0]["name"] == "default"
+        frames = asyncio.run(walk(service.grpc))
+        assert {f.agent.gender for f in frames} == {"female", "male"}
+        assert all(0.5 < f.translation[:, 1].min() < 1.3 for f in frames)  # hips, Y up
+        assert service.stop(sign) == 0
+        assert service.log[-1]["event"] == "stopped"
+        assert not [line for line in service.log if line["level"] in ("warning", "error")]
+
+
+def test_streams_end_with_a_reason_when_the_service_stops():
+    async def follow(service: Process) -> None:
+        async with wf.Client(service.grpc) as client:
+            session = await client.create_session()
+            await session.create_agents(wf.AgentSpec())
+            async for _ in session.stream(deadline=0.1):
+                await asyncio.to_thread(service.stop, signal.SIGTERM)
+
+    with serve(*ANY_PORTS) as service, pytest.raises(wf.Unavailable, match="no stream"):
+        asyncio.run(follow(service))
+    assert service.process.returncode == 0
+
+
+@pytest.mark.parametrize(("option", "what"), [("--http-port", "HTTP"), ("--grpc-port", "gRPC")])
+def test_a_port_in_use_is_one_line(option, what):
+    with closing(socket.create_server(("127.0.0.1", 0))) as taken:
+        port = taken.getsockname()[1]
+        said = refused(*ANY_PORTS, option, str(port))
+    assert said.startswith(f"wayfarer: cannot listen for {what} on 127.0.0.1:{port}")
+    assert option in said
+
+
+def test_other_machines_are_let_in_only_when_asked_and_with_a_warning():
+    with serve(*ANY_PORTS, "--host", "0.0.0.0") as service:
+        (warning,) = [line for line in service.log if line["level"] == "warning"]
+        assert "without authentication" in warning["event"]
+
+
+def test_a_model_that_is_not_there_is_one_line():
+    assert "nowhere" in refused("--model", "nowhere")
+
+
+def test_a_wrong_setting_is_one_line(tmp_path):
+    file = tmp_path / "wayfarer.toml"
+    file.write_text("htp_port = 1")
+    assert "setting htp_port: unknown; known are host, http_port" in refused("--config", str(file))

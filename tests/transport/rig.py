@@ -1,0 +1,81 @@
+"""Both servers over the fake service, on free ports, and clients of them."""
+
+import asyncio
+
+import grpc
+import httpx
+import websockets
+from grpc_health.v1 import health_pb2_grpc
+
+from tests.transport.fakes import FakeService, gateway
+from wayfarer.config import Limits
+from wayfarer.transport.server import Server
+from wayfarer.v1 import (
+    agent_pb2_grpc,
+    catalog_pb2_grpc,
+    goal_pb2_grpc,
+    motion_pb2,
+    motion_pb2_grpc,
+    session_pb2_grpc,
+)
+
+LIMITS = Limits(message_bytes=8192, streams_per_session=2)
+
+
+class Rig:
+    """A running server and clients of it."""
+
+    def __init__(self) -> None:
+        self.service = FakeService()
+        self.gateway = gateway(self.service, LIMITS)
+        self.server = Server(self.gateway, "127.0.0.1", 0, 0)
+
+    async def __aenter__(self) -> "Rig":
+        await self.server.start()
+        await self.server.until_ready()
+        self.http = httpx.AsyncClient(base_url=self.server.http_url, timeout=10)
+        self.channel = grpc.aio.insecure_channel(self.server.grpc_address)
+        self.sessions = session_pb2_grpc.SessionServiceStub(self.channel)
+        self.agents = agent_pb2_grpc.AgentServiceStub(self.channel)
+        self.goals = goal_pb2_grpc.GoalServiceStub(self.channel)
+        self.motion = motion_pb2_grpc.MotionServiceStub(self.channel)
+        self.catalog = catalog_pb2_grpc.CatalogServiceStub(self.channel)
+        self.health = health_pb2_grpc.HealthStub(self.channel)
+        self.stopped = False
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.http.aclose()
+        await self.channel.close()
+        if not self.stopped:
+            await self.server.stop()
+
+    async def stop(self) -> None:
+        self.stopped = True
+        await self.server.stop()
+
+    async def session(self, basis: str = "gltf", agents: int = 2) -> tuple[str, list[dict]]:
+        answer = await self.http.post("/v1/sessions", json={"basis": basis})
+        session_id = answer.json()["session_id"]
+        specs = [{"seed": i} for i in range(agents)]
+        made = await self.http.post(f"/v1/sessions/{session_id}/agents", json={"agents": specs})
+        assert made.status_code == 201, made.text
+        return session_id, made.json()["agents"]
+
+    def socket(self, session_id: str, **options: object) -> websockets.connect:
+        url = self.server.http_url.replace("http", "ws")
+        return websockets.connect(f"{url}/v1/stream?session={session_id}", **options)
+
+
+async def until(condition, seconds: float = 10.0) -> None:
+    async with asyncio.timeout(seconds):
+        while not condition():
+            await asyncio.sleep(0.01)
+
+
+async def others_are_undisturbed(rig, session_id):
+    call = rig.motion.StreamMotion(motion_pb2.StreamMotionRequest(session_id=session_id))
+    await call.read()
+    rig.service.emit(session_id)
+    assert len((await call.read()).batch.chunks) == 2
+    call.cancel()

@@ -1,0 +1,81 @@
+import grpc
+import pytest
+from google.rpc.error_details_pb2 import BadRequest, ErrorInfo, RetryInfo
+from google.rpc.status_pb2 import Status
+from pydantic import ValidationError
+
+from wayfarer import errors as raised
+from wayfarer.transport import errors, schema
+
+EVERY = {
+    raised.InvalidArgument("too big", "goal.radius"): ("INVALID_ARGUMENT", 422),
+    raised.NotFound("no agent 'x'"): ("NOT_FOUND", 404),
+    raised.AlreadyExists("taken"): ("ALREADY_EXISTS", 409),
+    raised.FailedPrecondition("not now"): ("FAILED_PRECONDITION", 409),
+    raised.ResourceExhausted("full", retry_after=2.5): ("RESOURCE_EXHAUSTED", 429),
+    raised.Unavailable("starting"): ("UNAVAILABLE", 503),
+    raised.ArtifactError("secret path"): ("INTERNAL", 500),
+    ZeroDivisionError("secret"): ("INTERNAL", 500),
+}
+
+
+def rich(error) -> tuple[grpc.Status, Status]:
+    status = errors.to_grpc(error)
+    (value,) = (v for k, v in status.trailing_metadata if k == "grpc-status-details-bin")
+    return status, Status.FromString(value)
+
+
+def detail(status: Status, kind):
+    for packed in status.details:
+        if packed.Is(kind.DESCRIPTOR):
+            found = kind()
+            packed.Unpack(found)
+            return found
+    return None
+
+
+@pytest.mark.parametrize(("error", "codes"), EVERY.items(), ids=lambda value: type(value).__name__)
+def test_both_transports_say_the_same(error, codes):
+    name, http = codes
+    status, details = rich(error)
+    problem = errors.to_problem(error)
+    assert status.code.name == name == detail(details, ErrorInfo).reason
+    assert problem["status"] == http
+    assert problem["type"] == f"urn:wayfarer:{name.lower()}"
+    assert problem["detail"] == status.details == details.message
+    assert errors.close_code(error) == 4000 + http
+
+
+def test_every_error_of_the_tree_has_a_row():
+    missing = set(raised.WayfarerError.__subclasses__()) - set(errors.TABLE)
+    assert missing == {raised.ArtifactError, raised.DataError}  # the server's own faults
+
+
+def test_fields_are_named_on_both():
+    error = raised.InvalidArgument("too big", "goal.radius")
+    bad = detail(rich(error)[1], BadRequest)
+    assert [(v.field, v.description) for v in bad.field_violations] == [("goal.radius", "too big")]
+    assert errors.to_problem(error)["errors"] == [{"field": "goal.radius", "detail": "too big"}]
+
+
+def test_when_to_try_again_is_told_on_both():
+    error = raised.ResourceExhausted("full", retry_after=2.5)
+    assert detail(rich(error)[1], RetryInfo).retry_delay.ToMilliseconds() == 2500
+    assert errors.to_problem(error)["retry_after_s"] == 2.5
+    hopeless = raised.ResourceExhausted("full")
+    assert detail(rich(hopeless)[1], RetryInfo) is None
+    assert "retry_after_s" not in errors.to_problem(hopeless)
+
+
+def test_internals_are_not_told():
+    for error in (raised.ArtifactError("secret path"), ZeroDivisionError("secret")):
+        assert "secret" not in errors.to_grpc(error).details + str(errors.to_problem(error))
+
+
+def test_all_wrong_fields_are_named_and_values_not_echoed():
+    with pytest.raises(ValidationError) as caught:
+        schema.AgentSpec(heading=float("nan"), betas=[9.0], name="x" * 65)
+    error = errors.invalid_request(caught.value, "agents[3]")
+    fields = [field for field, _ in error.violations]
+    assert fields == ["agents[3].betas[0]", "agents[3].heading", "agents[3].name"]
+    assert "nan" not in str(errors.to_problem(error)).lower()

@@ -1,0 +1,61 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { Api, ApiError } from "../../service/wayfarer/transport/viewer/api.js";
+
+/** An Api whose server gives one answer, and the requests it was asked. */
+function api(status, body) {
+  const asked = [];
+  const fetcher = async (url, { method, body: sent }) => {
+    asked.push([method, url, sent && JSON.parse(sent)]);
+    return new Response(status === 204 ? null : body, { status });
+  };
+  return { api: new Api("", fetcher), asked };
+}
+
+test("calls have the method, path and body of the API", async () => {
+  const { api: client, asked } = api(200, '{"agents": [1], "bodies": [2], "revision": 3}');
+  await client.createSession();
+  assert.deepEqual(await client.bodies(), [2]);
+  assert.deepEqual(await client.createAgents("s/1", [{ gender: "male" }]), [1]);
+  await client.setGoal("a", 1.5, -2);
+  await client.clearGoal("a");
+  await client.deleteAgent("a");
+  assert.deepEqual(asked, [
+    ["POST", "/v1/sessions", { basis: "gltf" }],
+    ["GET", "/v1/bodies", undefined],
+    ["POST", "/v1/sessions/s%2F1/agents", { agents: [{ gender: "male" }] }],
+    ["PUT", "/v1/agents/a/goal", { position: { x: 1.5, y: 0, z: -2 } }],
+    ["DELETE", "/v1/agents/a/goal", undefined],
+    ["DELETE", "/v1/agents/a", undefined],
+  ]);
+});
+
+test("an answer without content is null", async () => {
+  assert.equal(await api(204, "").api.deleteAgent("a"), null);
+});
+
+test("a refusal says what the problem document says", async () => {
+  const document = { title: "Invalid argument", detail: "too far", errors: [{ field: "position", detail: "too far" }] };
+  await assert.rejects(api(422, JSON.stringify(document)).api.setGoal("a", 9e9, 0), (error) => {
+    assert.ok(error instanceof ApiError);
+    assert.equal(error.status, 422);
+    assert.equal(error.message, "position: too far");
+    return true;
+  });
+  await assert.rejects(api(404, '{"detail": "no agent a"}').api.clearGoal("a"), /no agent a/);
+  await assert.rejects(api(502, "<html>").api.stats(), /HTTP 502/);
+});
+
+test("no answer is an error of its own", async () => {
+  const client = new Api("", async () => {
+    throw new TypeError("fetch failed");
+  });
+  await assert.rejects(client.stats(), { name: "ApiError", status: 0, message: /does not answer/ });
+});
+
+test("the stream's address follows the page's", () => {
+  const client = new Api();
+  const of = (href) => client.streamUrl("s 1", new URL(href));
+  assert.equal(of("http://host:8080/"), "ws://host:8080/v1/stream?session=s+1");
+  assert.equal(of("https://host/x/"), "wss://host/v1/stream?session=s+1");
+});

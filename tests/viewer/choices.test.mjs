@@ -1,0 +1,82 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import {
+  formation, freePlace, pick, randomAgents, recipients, wanderGoal,
+} from "../../service/wayfarer/transport/viewer/choices.js";
+
+const HEIGHTS = { female: [1.5, 1.8], male: [1.55, 1.9] };
+
+function chance(seed) {
+  let state = seed;
+  return () => (state = (state * 16807) % 2147483647) / 2147483647;
+}
+
+test("random agents differ, fit the bodies and keep their distance", () => {
+  const taken = [{ x: 0, z: 0 }];
+  const agents = randomAgents(60, HEIGHTS, taken, chance(3));
+  assert.equal(agents.length, 60);
+  assert.equal(new Set(agents.map(({ gender }) => gender)).size, 2);
+  for (const { gender, phenotype, heading, name } of agents) {
+    const [least, most] = HEIGHTS[gender];
+    assert.ok(phenotype.height_m >= least && phenotype.height_m <= most);
+    for (const share of [phenotype.weight, phenotype.muscle]) assert.ok(share >= 0 && share <= 1);
+    assert.ok(phenotype.age >= 20 && phenotype.age <= 80);
+    assert.ok(Math.abs(heading) <= Math.PI);
+    assert.ok(name.length > 0);
+  }
+  const places = [...taken, ...agents.map(({ position }) => position)];
+  places.forEach((a, i) => places.slice(i + 1).forEach((b) => {
+    assert.ok(Math.hypot(a.x - b.x, a.z - b.z) >= 1);
+  }));
+});
+
+test("a free place is found however full the middle is", () => {
+  const taken = [];
+  for (let x = -5; x <= 5; x += 1) for (let z = -5; z <= 5; z += 1) taken.push({ x, z });
+  const { x, z } = freePlace(taken, chance(1));
+  assert.ok(taken.every((other) => Math.hypot(other.x - x, other.z - z) >= 1));
+});
+
+test("a formation begins on the point and does not crowd", () => {
+  const places = formation({ x: 3, z: -2 }, 64);
+  assert.deepEqual(places[0], { x: 3, z: -2 });
+  places.forEach((a, i) => places.slice(i + 1).forEach((b) => {
+    assert.ok(Math.hypot(a.x - b.x, a.z - b.z) > 0.7);
+  }));
+  assert.deepEqual(formation({ x: 0, z: 0 }, 0), []);
+});
+
+test("a click sends those that the mode names", () => {
+  const near = { x: 1, z: 0 };
+  const far = { x: 5, z: 0 };
+  const point = { x: 0, z: 0 };
+  assert.deepEqual(recipients("all", [far, near], null, point), [near, far]);
+  assert.deepEqual(recipients("nearest", [far, near], far, point), [near]);
+  assert.deepEqual(recipients("selected", [far, near], far, point), [far]);
+  assert.deepEqual(recipients("selected", [far, near], null, point), []);
+  assert.deepEqual(recipients("nearest", [], null, point), []);
+});
+
+test("a ray picks the person it passes, not the one behind the viewer", () => {
+  const front = { x: 0, z: -5, height: 1.7 };
+  const aside = { x: 2, z: -5, height: 1.7 };
+  const behind = { x: 0, z: 5, height: 1.7 };
+  const people = [behind, aside, front];
+  const origin = { x: 0, y: 1.2, z: 0 };
+  assert.equal(pick(people, { origin, direction: { x: 0, y: 0, z: -1 } }), front);
+  assert.equal(pick(people, { origin, direction: { x: 0, y: 0.6, z: -0.8 } }), null); // over the head
+  assert.equal(pick(people, { origin, direction: { x: 0.371, y: 0, z: -0.928 } }), aside);
+  assert.equal(pick([front], { origin: { x: 0.1, y: 9, z: -5 }, direction: { x: 0, y: -1, z: 0 } }), front);
+  assert.equal(pick([], { origin, direction: { x: 0, y: 0, z: -1 } }), null);
+});
+
+test("wandering leads somewhere else and stays near the middle", () => {
+  const random = chance(5);
+  for (let k = 0; k < 200; k += 1) {
+    const from = { x: 16 * random() - 8, z: 0 };
+    const goal = wanderGoal(from, random);
+    assert.ok(Math.hypot(goal.x, goal.z) < 9);
+    assert.ok(Math.hypot(goal.x - from.x, goal.z - from.z) >= 2.5);
+  }
+  assert.deepEqual(wanderGoal({ x: 500, z: 0 }, random), { x: 0, z: 0 });
+});

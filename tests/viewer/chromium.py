@@ -1,0 +1,130 @@
+"""A headless Chromium page over the DevTools protocol: just what a test of a page needs."""
+
+import base64
+import itertools
+import json
+import shutil
+import subprocess
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from urllib.request import urlopen
+
+from websockets.sync.client import connect
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
+FLAGS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu-sandbox",
+    "--disable-dev-shm-usage",
+    "--enable-unsafe-swiftshader",
+    "--use-angle=swiftshader",
+    "--remote-debugging-port=0",
+    "--no-first-run",
+    "--disable-extensions",
+    "--disable-background-networking",
+    "--mute-audio",
+)
+
+
+def find_chromium() -> str | None:
+    """Path of a browser, or None."""
+    return next((path for name in NAMES if (path := shutil.which(name))), None)
+
+
+class Page:
+    """One tab, a context manager; `problems` collects errors of console, scripts, network."""
+
+    def __init__(self, executable: str, profile: Path, size: tuple[int, int] = (1000, 640)) -> None:
+        width, height = size
+        command = [executable, *FLAGS, f"--window-size={width},{height}"]
+        self.problems: list[str] = []
+        self._numbers = itertools.count(1)
+        self._process = subprocess.Popen(
+            [*command, f"--user-data-dir={profile}", "about:blank"],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        try:
+            port = self._port(profile / "DevToolsActivePort")
+            with urlopen(f"http://127.0.0.1:{port}/json/list") as answer:
+                target = next(t for t in json.load(answer) if t["type"] == "page")
+            self._stack = ExitStack()
+            address = target["webSocketDebuggerUrl"]
+            self._socket = self._stack.enter_context(connect(address, max_size=None))
+        except BaseException:
+            self._process.kill()
+            raise
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self.call(f"{domain}.enable")
+
+    def __enter__(self) -> "Page":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+        self._process.terminate()
+        try:
+            self._process.wait(10)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def call(self, method: str, **params: object) -> dict:
+        """A DevTools command and its result; events on the way are looked at for problems."""
+        number = next(self._numbers)
+        self._socket.send(json.dumps({"id": number, "method": method, "params": params}))
+        while True:
+            message = json.loads(self._socket.recv(timeout=60))
+            if message.get("id") == number:
+                if "error" in message:
+                    raise RuntimeError(f"{method}: {message['error']}")
+                return message["result"]
+            self._note(message)
+
+    def evaluate(self, script: str) -> object:
+        """Value of a JavaScript expression; promises are awaited."""
+        result = self.call(
+            "Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True
+        )
+        if "exceptionDetails" in result:
+            raise RuntimeError(f"{script}: {result['exceptionDetails']}")
+        return result["result"].get("value")
+
+    def wait_for(self, script: str, seconds: float = 30) -> object:
+        """Wait until an expression is true, and return it. Raises TimeoutError with `problems`."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            if value := self.evaluate(script):
+                return value
+            time.sleep(0.1)
+        raise TimeoutError(f"not true after {seconds} s: {script}; problems: {self.problems}")
+
+    def click(self, x: float, y: float) -> None:
+        """Press and release the left button at a point of the page (CSS pixels)."""
+        for kind in ("mousePressed", "mouseReleased"):
+            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+
+    def screenshot(self) -> bytes:
+        """The page as PNG."""
+        return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
+
+    def _note(self, event: dict) -> None:
+        method, params = event.get("method"), event.get("params", {})
+        if method == "Runtime.exceptionThrown":
+            self.problems.append(json.dumps(params["exceptionDetails"])[:500])
+        elif method == "Log.entryAdded" and params["entry"]["level"] == "error":
+            self.problems.append(f"{params['entry']['text']} {params['entry'].get('url', '')}")
+        elif method == "Runtime.consoleAPICalled" and params["type"] in ("error", "warning"):
+            self.problems.append(" ".join(str(a.get("value", a)) for a in params["args"])[:500])
+
+    def _port(self, file: Path) -> int:
+        end = time.monotonic() + 30
+        while time.monotonic() < end:
+            if self._process.poll() is not None:
+                raise RuntimeError(f"the browser ended with code {self._process.returncode}")
+            if file.exists() and (lines := file.read_text().splitlines()):
+                return int(lines[0])
+            time.sleep(0.05)
+        raise TimeoutError("the browser did not open its DevTools port within 30 s")

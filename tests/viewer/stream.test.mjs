@@ -1,0 +1,118 @@
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { test } from "node:test";
+import { MotionStream } from "../../service/wayfarer/transport/viewer/stream.js";
+
+const golden = JSON.parse(readFileSync(new URL("golden.json", import.meta.url)));
+
+/** A stream over sockets and timers that the test drives by hand. */
+function harness() {
+  const sockets = [];
+  const timers = [];
+  const heard = [];
+  const note = (name) => (...given) => heard.push([name, ...given]);
+  const on = Object.fromEntries(
+    ["status", "header", "message", "added", "chunk", "removed", "ended", "failed"].map((name) => [name, note(name)]),
+  );
+  const newSocket = (url) => {
+    const socket = {
+      url,
+      closed: false,
+      close() {
+        this.closed = true;
+        this.onclose({ code: 1006, reason: "" });
+      },
+      say(name) {
+        const bytes = Buffer.from(golden[name], "hex");
+        this.onmessage({ data: bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.length) });
+      },
+    };
+    sockets.push(socket);
+    return socket;
+  };
+  const stream = new MotionStream("ws://x/", on, newSocket, (callback, seconds) => timers.push({ callback, seconds }));
+  const names = () => heard.map(([name]) => name);
+  const run = (seconds) => {
+    const due = timers.filter((timer) => timer.seconds === seconds);
+    due.forEach((timer) => timers.splice(timers.indexOf(timer), 1));
+    due.forEach(({ callback }) => callback());
+    return due.length;
+  };
+  return { stream, sockets, timers, heard, names, run };
+}
+
+const states = (heard) => heard.filter(([name]) => name === "status").map(([, state]) => state);
+
+test("header, agents, chunks and removals arrive in order", () => {
+  const { sockets, heard, names } = harness();
+  sockets[0].say("header");
+  sockets[0].say("batch");
+  sockets[0].say("heartbeat");
+  assert.deepEqual(names(), [
+    "status", "header", "status", "message", "message", "added", "chunk", "removed", "removed", "message",
+  ]);
+  const [, chunk, frames, fps] = heard.find(([name]) => name === "chunk");
+  assert.deepEqual([chunk.seq, frames.length, fps], [12, 3, 40]);
+  assert.deepEqual(states(heard), ["connecting", "open"]);
+});
+
+test("a lost connection is opened again, later each time", () => {
+  const { sockets, heard, timers, run } = harness();
+  sockets[0].onclose({ code: 1006, reason: "" });
+  assert.equal(run(0.5), 1);
+  sockets[1].onclose({ code: 4503, reason: "the server is shutting down" });
+  assert.equal(run(1), 1);
+  assert.equal(sockets.length, 3);
+  sockets[2].say("header"); // success: patience begins anew
+  sockets[2].onclose({ code: 1001, reason: "" });
+  assert.ok(timers.some(({ seconds }) => seconds === 0.5));
+  assert.deepEqual(states(heard), ["connecting", "lost", "connecting", "lost", "connecting", "open", "lost"]);
+});
+
+test("an ended or unknown session is not asked for again", () => {
+  for (const code of [1000, 4404]) {
+    const { sockets, heard, timers } = harness();
+    const before = timers.length;
+    sockets[0].onclose({ code, reason: "gone" });
+    assert.deepEqual(heard.at(-1), ["ended", "gone"]);
+    assert.equal(timers.length, before);
+  }
+});
+
+test("a foreign origin is told so", () => {
+  const { sockets, heard } = harness();
+  sockets[0].onclose({ code: 1008, reason: "" });
+  assert.equal(heard.at(-1)[0], "failed");
+});
+
+test("a silent connection is given up, a speaking one is kept", () => {
+  const { sockets, run } = harness();
+  sockets[0].say("header");
+  run(4);
+  assert.equal(sockets[0].closed, false);
+  run(4);
+  assert.equal(sockets[0].closed, true);
+});
+
+test("what cannot be read ends the stream with a reason", () => {
+  const { sockets, heard } = harness();
+  sockets[0].onmessage({ data: new Uint8Array([0x0b]).buffer });
+  assert.match(heard.at(-1)[1], /cannot read the stream: malformed message/);
+  sockets[0].onclose({ code: 1006, reason: "" });
+  assert.equal(sockets.length, 1);
+});
+
+test("a batch before the header is an error", () => {
+  const { sockets, heard } = harness();
+  sockets[0].say("batch");
+  assert.match(heard.at(-1)[1], /before the header/);
+});
+
+test("a stream that was closed stays closed and ignores late messages", () => {
+  const { stream, sockets, timers, heard } = harness();
+  stream.close();
+  const count = heard.length;
+  timers.forEach(({ callback }) => callback());
+  assert.equal(sockets.length, 1);
+  assert.equal(heard.length, count);
+});
