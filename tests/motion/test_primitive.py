@@ -119,3 +119,13 @@ def test_pelvis_origin_measures_height_from_the_floor_all_the_same(step, inputs)
     assert torch.allclose(
         high.terms[:, floating] - low.terms[:, floating], torch.tensor(0.5), atol=0.3
     )
+
+
+def test_the_floor_draws_bodies_back(step):
+    """Of a height error half is gone after each primitive, and it goes without a jump."""
+    markers = torch.zeros(1, 8, 67, 3)
+    markers[..., 2] = 0.1
+    lift = step._ground(markers)[0, :, 2]
+    assert lift[-1] == pytest.approx(-0.05)
+    assert (lift.diff() < 0).all() and lift[0].abs() < 0.01
+    assert (step._ground(-markers)[..., 2] > 0).all()

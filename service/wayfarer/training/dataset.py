@@ -141,12 +141,18 @@ def load_frames(
     )
 
 
+GROUPS = ("walk", "run", "start_stop", "turn", "standing", "other")
+"""Kinds of frames that a training's `mix` gives shares to."""
+
+
 def group_of(clip: ClipRange, use: int) -> str:
-    """What a frame teaches: "start_stop", "standing", "run", "walk", "other", or "" (nothing)."""
+    """What a frame teaches, one of `GROUPS`, or "" for nothing."""
     if use == Use.EXCLUDED:
         return ""
     if clip.augmentation.startswith(("start", "stop")):
         return "start_stop"
+    if clip.augmentation == "stepturn":
+        return "turn"
     if use == Use.STANDING or clip.augmentation.startswith("stand"):
         return "standing"
     if use == Use.OTHER:

@@ -28,10 +28,12 @@ class PredictorConfig(BaseModel):
     floor_origin: bool = True
     rollout: int = 1  # primitives per window; 8 in the paper's second stage
     start_from: str = ""  # run folder whose weights to begin with
+    compile: bool = False  # torch.compile the loss: a quarter faster after a minute; needs g++
     mix: dict[str, float] = {
-        "walk": 0.55,
+        "walk": 0.4,
         "run": 0.05,
-        "start_stop": 0.2,
+        "start_stop": 0.25,
+        "turn": 0.1,
         "standing": 0.1,
         "other": 0.1,
     }  # share of draws, see dataset.group_of
@@ -66,6 +68,7 @@ class PredictorTrainer:
         self.model = MarkerPredictor(config.seed_frames)
         if config.start_from:
             load_weights(self.model, Path(config.start_from)).train()
+        self.loss = torch.compile(primitive_loss) if config.compile else primitive_loss
         self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.rate, fused=True)
         self.stride = PRIMITIVE_FRAMES - config.seed_frames
         # long clips are scarce: shorter rollouts keep the others in use
@@ -97,7 +100,7 @@ class PredictorTrainer:
             seed = to_local(frame, seed_world.flatten(1, 2)).reshape(len(starts), s, -1)
             future = to_local(frame, target.flatten(1, 2)).reshape(len(starts), self.stride, -1)
             with torch.autocast("cpu", dtype=torch.bfloat16):
-                reconstruction, velocity, kl, guess = primitive_loss(
+                reconstruction, velocity, kl, guess = self.loss(
                     self.model, seed, future, config
                 )
             yield reconstruction, velocity, kl
