@@ -66,7 +66,9 @@ class Settings(BaseSettings):
         default=8080, ge=0, le=65535, description="HTTP and WebSocket; 0: any free port"
     )
     grpc_port: int = Field(default=50051, ge=0, le=65535, description="gRPC; 0: any free port")
-    model: str = Field(default="gamma-anny52", description="motion model: a shipped name or a folder")
+    model: str = Field(
+        default="gamma-anny52", description="motion model: a shipped name or a folder"
+    )
     threads: int = Field(default=0, ge=0, le=256, description="threads of the engine; 0: all cores")
     candidates: int = Field(
         default=8, ge=1, le=256, description="candidate primitives tried per step"

@@ -20,22 +20,22 @@ TERMS: Final = (
 
 WALK: Final = {
     "goal_distance": 1.0,
-    "facing": 0.2,
+    "facing": 0.5,
     "speed": 0.1,
     "floating": 0.5,
     "sinking": 1.0,
-    "skating": 0.1,
+    "skating": 1.0,
     "upright": 0.2,
 }
 """On the way to a goal."""
 
 STAND: Final = {
-    "goal_distance": 0.1,
+    "goal_distance": 0.5,
     "floating": 1.0,
     "sinking": 1.0,
     "skating": 0.2,
     "upright": 0.5,
-    "stillness": 1.0,
+    "stillness": 2.0,
     "feet_apart": 0.3,
 }
 """Stopping and standing."""

@@ -90,7 +90,7 @@ def test_the_cheapest_candidate_is_chosen(step, inputs):
 
 
 def test_poses_leave_the_seed_without_a_jump(step, inputs):
-    """The untrained regressor is far off, yet the first new frame stays near the last seed frame."""
+    """The untrained regressor is far off, yet the first frame stays near the last seed frame."""
     out = run(step, inputs)
     known = matrix_from_quaternion(inputs["seed_rotations"][:, -1])
     first = matrix_from_quaternion(out.rotations[:, 0])

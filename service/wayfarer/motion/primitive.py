@@ -1,10 +1,10 @@
 """PrimitiveStep: one motion primitive for a batch of agents, world in, world out.
 
 The recursion of paper Sec. 3.3 in order: canonicalise the seed → predict K candidates → score them
-by named quality terms → choose → regress the body → join it to the seed → skin its markers →
-set it on the floor → blend predicted and reprojected markers → back to the world. It is exported whole as one graph, so
-training, search and serving run the same code. Noise, goal and shape are inputs: no state, no
-chance.
+by named quality terms → choose → regress the body → join it to the seed → skin its markers → set
+it on the floor → blend predicted and reprojected markers → back to the world. It is exported whole
+as one graph, so training, search and serving run the same code. Noise, goal and shape are inputs:
+no state, no chance.
 """
 
 from typing import NamedTuple
@@ -124,8 +124,7 @@ class PrimitiveStep(nn.Module):
         a few primitives a body can neither sink nor float. Within 0.2 s even a runner touches down.
         """
         soles = markers[:, :, self.sites.left_sole + self.sites.right_sole, 2]
-        steps = markers.shape[1]
-        ramp = torch.linspace(0, 1, steps + 1, device=markers.device)[1:]
+        ramp = _ease(markers.shape[1], markers)
         up = markers.new_tensor([0.0, 0.0, 1.0])
         return -GROUNDING * soles.amin((1, 2))[:, None, None] * ramp[:, None] * up
 
@@ -174,8 +173,13 @@ class PrimitiveStep(nn.Module):
         sixd = sixd_from_matrix(rotation)
         known_root = turn.transpose(-1, -2) @ seed_rotation[:, 0]
         known = sixd_from_matrix(torch.cat([known_root[:, None], seed_rotation[:, 1:]], 1))
-        steps = future.shape[1]
-        fade = torch.linspace(1, 0, steps + 1, device=seed.device)[1:].square()
+        fade = 1 - _ease(future.shape[1], seed)
         place = place[:, 1:] + fade[:, None] * (seed_place - place[:, :1])
         sixd = sixd[:, 1:] + fade[:, None, None] * (known[:, None] - sixd[:, :1])
         return place, matrix_from_6d(sixd)
+
+
+def _ease(frames: int, like: Tensor) -> Tensor:
+    """Rise from 0 (the last seed frame, left out) to 1 (the last new frame), flat at both ends."""
+    t = torch.linspace(0, 1, frames + 1, device=like.device)[1:]
+    return 0.5 - 0.5 * torch.cos(torch.pi * t)

@@ -37,9 +37,9 @@ def default_searches() -> dict[Mode, Search]:
     Modes of different K go into batches of their own, which costs more than it saves.
     """
     return {
-        Mode.STANDING: Search(STAND, candidates=16, temperature=0.3, zero_latent=True),
-        Mode.WALKING: Search(WALK, candidates=16, temperature=1.0),
-        Mode.STOPPING: Search(STAND, candidates=16, temperature=1.0, zero_latent=True),
+        Mode.STANDING: Search(STAND, candidates=8, temperature=1.0, zero_latent=True),
+        Mode.WALKING: Search(WALK, candidates=8, temperature=1.3),
+        Mode.STOPPING: Search(STAND, candidates=8, temperature=1.3, zero_latent=True),
     }
 
 

@@ -1,0 +1,83 @@
+# The same commands on a developer's machine and in CI. One virtual environment (.venv) with two
+# stamps: .serve holds what the service needs, .dev adds tests, training and the Python client.
+#
+# Knobs:  make serve ARGS="--http-port 9000"     options of `wayfarer serve`
+#         make test  ARGS="-k goals -x"          options of pytest
+#         make PYTHON=/path/to/python3.12 serve  another interpreter (3.11 or newer)
+
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+
+VENV := .venv
+BIN := $(VENV)/bin
+PYTHON ?=
+ARGS ?=
+
+PACKAGE := pyproject.toml proto/build_hook.py $(shell find proto -name '*.proto')
+CLIENT := $(wildcard clients/python/pyproject.toml)
+VIEWER_TESTS := $(wildcard tests/viewer/*.test.mjs)
+CHECKED := service tests $(wildcard clients/python benchmarks proto/build_hook.py)
+
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+export PIP_ROOT_USER_ACTION := ignore
+
+.PHONY: help serve test lint format proto docker clean
+
+help: ## show this list
+	@echo "Wayfarer. Usage: make <target>"
+	@sed -nE 's/^([a-z-]+):.*## (.*)/  \1\t\2/p' Makefile | expand -t 12
+
+serve: $(VENV)/.serve ## set up and start gRPC (50051) and HTTP (8080) with the shipped models
+	@exec $(BIN)/wayfarer serve $(ARGS)
+
+test: $(VENV)/.dev ## set up and run all tests
+	$(BIN)/python -m pytest $(ARGS)
+ifneq ($(VIEWER_TESTS),)
+	@if command -v node >/dev/null; then node --test $(VIEWER_TESTS); \
+	else echo "skipped: tests/viewer needs node (apt-get install nodejs)" >&2; [ -z "$${CI:-}" ]; fi
+endif
+
+lint: $(VENV)/.dev ## check style, types and the import rules
+	$(BIN)/ruff check $(CHECKED)
+	$(BIN)/ruff format --check $(CHECKED)
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: $(VENV)/.dev ## rewrite the code in the project's style
+	$(BIN)/ruff check --fix $(CHECKED)
+	$(BIN)/ruff format $(CHECKED)
+
+proto: $(VENV)/.serve ## generate the Python code of proto/ again
+	$(BIN)/pip install --quiet --no-deps --editable . $(if $(CLIENT),--editable clients/python)
+
+docker: ## build the image wayfarer:latest
+	docker build --tag wayfarer .
+
+clean: ## remove the virtual environment, generated code and caches
+	rm -rf $(VENV) build dist service/wayfarer/v1 clients/python/wayfarer_client/v1
+	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	find service clients tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# The first interpreter that is new enough and can make virtual environments (Debian splits that off).
+$(BIN)/python:
+	@for python in $(if $(PYTHON),$(PYTHON),python3 python3.13 python3.12 python3.11); do \
+	  if "$$python" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then \
+	    echo "setting up $(VENV) with $$("$$python" --version)"; \
+	    "$$python" -m venv --clear $(VENV); exit; \
+	  fi; \
+	done; \
+	echo "Wayfarer needs Python 3.11 or newer with the venv module, and found none." >&2; \
+	echo "On Debian 12+ or Ubuntu 24.04+:  sudo apt-get install python3 python3-venv" >&2; \
+	echo "Elsewhere, name an interpreter:  make $(MAKECMDGOALS) PYTHON=/path/to/python3.12" >&2; \
+	exit 1
+
+$(VENV)/.serve: $(PACKAGE) | $(BIN)/python
+	@echo "installing the service into $(VENV) (once; about half a minute)"
+	@$(BIN)/pip install --quiet --editable .
+	@touch $@
+
+$(VENV)/.dev: $(VENV)/.serve $(CLIENT)
+	@echo "installing torch and the test tools into $(VENV) (once)"
+	@$(BIN)/pip install --quiet --editable '.[train,dev]' $(if $(CLIENT),--editable clients/python)
+	@touch $@

@@ -1,0 +1,91 @@
+"""The `wayfarer` command. Each sub-command lives beside its work and is imported when it is called,
+so `wayfarer --help` and `wayfarer serve` load neither torch nor anything else they do not need.
+"""
+
+import importlib
+import sys
+from collections.abc import Callable
+from typing import Any, Final
+
+import typer
+
+from wayfarer.errors import WayfarerError
+
+EXTRAS: Final = {
+    "torch": "train",
+    "onnx": "train",
+    "onnxscript": "train",
+    "onnx_ir": "train",
+    "scipy": "train",
+    "tensorboard": "train",
+    "matplotlib": "train",
+    "PIL": "train",
+    "anny": "bake",
+}
+"""Package that may be missing → the extra of this package that brings it."""
+
+
+def main() -> None:
+    """Run the command line. Exit code 2 for errors raised on purpose, 130 for Ctrl-C."""
+    try:
+        app(prog_name="wayfarer")
+    except WayfarerError as error:
+        sys.exit(_fail(str(error)))
+    except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        if package not in EXTRAS:
+            raise
+        extra = EXTRAS[package]
+        sys.exit(_fail(f"this command needs {package}: pip install 'wayfarer[{extra}]'"))
+
+
+def _fail(message: str) -> int:
+    typer.echo(f"wayfarer: {message}", err=True)
+    return 2
+
+
+def _group(help_text: str) -> typer.Typer:
+    return typer.Typer(
+        help=help_text, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
+    )
+
+
+def _command(parent: typer.Typer, name: str, target: str, help_text: str) -> None:
+    """Let `parent name …` run `target`: "module:attribute", a typer app or annotated function."""
+
+    @parent.command(
+        name,
+        help=help_text,
+        add_help_option=False,  # --help is for the target, which knows its options
+        context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+    )
+    def run(context: typer.Context) -> None:
+        module, _, attribute = target.partition(":")
+        found: Callable[..., Any] = getattr(importlib.import_module(module), attribute)
+        if not isinstance(found, typer.Typer):
+            single = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+            single.command()(found)
+            found = single
+        found(args=context.args, prog_name=context.command_path)
+
+
+app = _group("Wayfarer: walking digital humans, streamed to engines and browsers.")
+_command(app, "serve", "wayfarer.serve:serve_command", "Start gRPC and HTTP with the models.")
+_command(app, "generate", "wayfarer.clips.generate:generate", "Write a walk as GLB, BVH or npz.")
+_command(app, "render", "wayfarer.evaluation.render:render", "Draw a clip as a contact sheet.")
+_command(app, "eval", "wayfarer.evaluation.commands:app", "Measure motion and models, as tables.")
+_command(app, "train", "wayfarer.training.cli:app", "Train the models of the method.")
+_command(app, "export", "wayfarer.training.cli:export", "Write trained models as ONNX graphs.")
+
+data = _group("Prepare motion capture for training.")
+_command(
+    data, "prepare", "wayfarer.training.mocap.cli:prepare", "Read, fit and cut BVH or ASF/AMC."
+)
+app.add_typer(data, name="data")
+
+body = _group("Body models.")
+_command(body, "bake", "wayfarer.body.baking.cli:bake", "Bake the anny52 body from anny.")
+app.add_typer(body, name="body")
+
+if __name__ == "__main__":
+    main()

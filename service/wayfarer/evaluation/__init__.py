@@ -1,0 +1,1 @@
+"""Metrics and tables over the same engine that serves."""

@@ -1,0 +1,156 @@
+"""Speed, smoothness, and the errors of predictors and regressors: pure functions of arrays.
+
+Metres and seconds. Points have shape [..., T, P, 3]: T frames at `fps`, P markers or joints.
+Predictor futures are flattened markers [..., F, 201] in the canonical frame of their seed.
+Measures of floor contact are in `contact.py`.
+"""
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.errors import InvalidArgument
+from wayfarer.spec import FPS, NEW_FRAMES
+
+Array = NDArray[np.floating[Any]]
+
+VERSION: Final = 1
+"""Written into every report; tables of different versions must not be compared."""
+
+SPEED_HOP: Final = 10
+"""Frames between the places whose distances make a speed: 0.25 s, so sway hardly counts."""
+
+WALKING_SPEED: Final = (0.9, 1.4)
+"""Metres per second: windows in this range are compared with each other (*speed-matched*)."""
+
+
+# --- one motion -------------------------------------------------------------------------------
+
+
+def velocity(points: Array, fps: float = FPS) -> Array:
+    """m/s, central differences inside, one-sided at the ends. Shape as `points`."""
+    return np.gradient(points, 1.0 / fps, axis=-3)
+
+
+def acceleration(points: Array, fps: float = FPS) -> Array:
+    """|p(t-1) - 2 p(t) + p(t+1)| · fps², m/s², of inner frames 1 … T-2. [..., T-2, P]"""
+    return np.linalg.norm(np.diff(points, 2, axis=-3), axis=-1) * fps**2
+
+
+def jerk(points: Array, fps: float = FPS) -> Array:
+    """Norm of the third difference · fps³, m/s³. [..., T-3, P]"""
+    return np.linalg.norm(np.diff(points, 3, axis=-3), axis=-1) * fps**3
+
+
+def seam_ratio(points: Array, first_seam: int = 0, every: int = NEW_FRAMES) -> float:
+    """Mean acceleration across the seams of primitives ÷ elsewhere; 1 means that no seam shows.
+
+    A seam lies before each frame `first_seam + k · every`; the two second differences that
+    straddle it (centred on the frames before and after it) count as *at the seam*.
+    """
+    values = acceleration(points)
+    centre = np.arange(1, points.shape[-3] - 1)
+    phase = (centre - first_seam) % every
+    at_seam = (phase == 0) | (phase == every - 1)
+    if at_seam.all() or not at_seam.any():
+        raise InvalidArgument(f"{points.shape[-3]} frames hold no seam, or nothing but seams")
+    elsewhere = float(values[..., ~at_seam, :].mean())
+    return float(values[..., at_seam, :].mean()) / max(elsewhere, 1e-9)
+
+
+def travel_speed(hips: Array, fps: float = FPS) -> Array:
+    """Mean horizontal speed, m/s, of hips [..., T, 3], from hops of 10 frames (0.25 s). [...]
+
+    Needs 11 frames at least; frames after the last whole hop do not count.
+    """
+    places = hips[..., ::SPEED_HOP, :2]
+    if places.shape[-2] < 2:
+        raise InvalidArgument(f"a speed needs {SPEED_HOP + 1} frames, got {hips.shape[-2]}")
+    return np.linalg.norm(np.diff(places, axis=-2), axis=-1).mean(-1) * fps / SPEED_HOP
+
+
+def at_walking_speed(hips: Array, fps: float = FPS) -> NDArray[np.bool_]:
+    """Windows whose `travel_speed` lies in 0.9 … 1.4 m/s. [...]"""
+    low, high = WALKING_SPEED
+    speed = travel_speed(hips, fps)
+    return (speed >= low) & (speed <= high)
+
+
+def windows(track: Array, frames: int) -> Array:
+    """Consecutive whole windows of a track [T, ...], without overlap: [W, frames, ...]."""
+    whole = len(track) // frames
+    return track[: whole * frames].reshape(whole, frames, *track.shape[1:])
+
+
+# --- predictors: K samples per seed against the true future -------------------------------------
+
+
+def ade(samples: Array, truth: Array) -> Array:
+    """Average displacement error, metres: the best of K futures [..., K, F, D] by the mean over
+    frames of the L2 distance of whole flattened poses to `truth` [..., F, D]. [...]
+    """
+    return _distance(samples, truth).mean(-1).min(-1)
+
+
+def fde(samples: Array, truth: Array) -> Array:
+    """Final displacement error: as `ade`, the last frame only, with its own best sample. [...]"""
+    return _distance(samples, truth)[..., -1].min(-1)
+
+
+def apd(samples: Array) -> Array:
+    """Average pairwise distance, metres: mean L2 between K ≥ 2 futures [..., K, F, D], each
+    flattened over frames and coordinates; more is more diverse. [...]
+    """
+    flat = samples.reshape(*samples.shape[:-2], -1)
+    first, second = np.triu_indices(flat.shape[-2], 1)
+    if first.size == 0:
+        raise InvalidArgument("diversity needs two samples or more per seed")
+    return np.linalg.norm(flat[..., first, :] - flat[..., second, :], axis=-1).mean(-1)
+
+
+def multimodal_errors(
+    samples: Array, truths: Array, seeds: Array, epsilon: float
+) -> tuple[float, float]:
+    """MMADE and MMFDE, metres (DLow): every true future whose seed is alike counts as true.
+
+    samples [N, K, F, D], truths [N, F, D], seeds [N, E] (the last seed frame, flattened).
+    Seeds are alike when their L2 distance is at most `epsilon` (metres over all markers
+    together): say its value wherever the figures are given.
+    """
+    average, final = [], []
+    for row, seed in enumerate(seeds):
+        alike = truths[np.linalg.norm(seeds - seed, axis=-1) <= epsilon]
+        distance = _every_distance(samples[row], alike)
+        average.append(distance.mean(-1).min(-1).mean())
+        final.append(distance[..., -1].min(-1).mean())
+    return float(np.mean(average)), float(np.mean(final))
+
+
+def _distance(samples: Array, truth: Array) -> Array:
+    """L2 distance of whole poses: [..., K, F]."""
+    return np.linalg.norm(samples - truth[..., None, :, :], axis=-1)
+
+
+def _every_distance(samples: Array, truths: Array) -> Array:
+    """L2 distance of whole poses, samples [K, F, D] against each of truths [N, F, D]: [N, K, F].
+
+    By |a - b|² = |a|² + |b|² - 2ab: a thousand times thousands of pairs would not fit in memory.
+    """
+    a, b = samples.astype(np.float64), truths.astype(np.float64)
+    products = np.einsum("kfd,nfd->nkf", a, b, optimize=True)
+    squares = (a * a).sum(-1) + (b * b).sum(-1)[:, None] - 2 * products
+    return np.sqrt(np.maximum(squares, 0.0))
+
+
+# --- regressors ---------------------------------------------------------------------------------
+
+
+def amd(predicted: Array, truth: Array) -> float:
+    """Average marker distance, millimetres: mean L2 over markers [..., M, 3]."""
+    return float(np.linalg.norm(predicted - truth, axis=-1).mean()) * 1000
+
+
+def avd(predicted: Array, truth: Array) -> float:
+    """Average vertex distance, millimetres: as `amd`, over all vertices of the skinned mesh."""
+    return amd(predicted, truth)

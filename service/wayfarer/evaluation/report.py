@@ -1,0 +1,118 @@
+"""Rows of figures → a table on the screen and a JSON file that says how they were made."""
+
+import json
+import math
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from wayfarer import __version__
+from wayfarer.evaluation.gait import Row
+from wayfarer.evaluation.metrics import VERSION
+
+console = Console(stderr=True, width=None if sys.stderr.isatty() else 160)
+"""Tables and progress go to stderr, so that stdout stays free; wide ones into a log file."""
+
+
+def progress() -> Progress:
+    """The progress bar of all evaluations."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=console,
+    )
+
+
+def show(title: str, rows: Sequence[Row]) -> None:
+    """Print rows as a table: a column per row, since rows have many figures and short names."""
+    if not rows:
+        return
+    table = Table(title=title)
+    table.add_column("", no_wrap=True)
+    for row in rows:
+        table.add_column(str(row["name"]), justify="right")
+    figures = dict.fromkeys(key for row in rows for key in row if key != "name")
+    for figure in figures:
+        table.add_row(figure, *(_text(row.get(figure)) for row in rows))
+    console.print(table)
+
+
+def write(path: Path, rows: Sequence[Row], **about: Any) -> None:
+    """Write `{"rows": […], "meta": {…}}`; `about` (arguments, seed) joins the meta part.
+
+    A figure that could not be measured (NaN) becomes null: JSON has no NaN.
+    """
+    report = {
+        "rows": [{k: _finite(v) for k, v in row.items()} for row in rows],
+        "meta": meta(about),
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(report, indent=2, allow_nan=False) + "\n")
+
+
+def meta(about: dict[str, Any]) -> dict[str, Any]:
+    """When, where and with what figures were made."""
+    return {
+        **about,
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "machine": {"cpu": _cpu(), "cores": os.cpu_count(), "system": platform.platform()},
+        "commit": _commit(),
+        "metrics_version": VERSION,
+        "versions": {
+            "wayfarer": __version__,
+            "python": platform.python_version(),
+            **{name: _installed(name) for name in ("numpy", "onnxruntime")},
+        },
+    }
+
+
+def _text(value: float | int | str | None) -> str:
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "–"
+    return f"{value:.3f}" if isinstance(value, float) else str(value)
+
+
+def _finite(value: float | int | str) -> float | int | str | None:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _cpu() -> str:
+    """The processor's name; `platform.processor()` is empty on most Linux systems."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text().splitlines() if info.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+def _commit() -> str:
+    """The source's git commit, `-dirty` when changed since; "unknown" outside a checkout."""
+    try:
+        answer = subprocess.run(
+            ["git", "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"],
+            cwd=Path(__file__).parent,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+    except (FileNotFoundError, subprocess.CalledProcessError):
+        return "unknown"
+    return answer.stdout.strip()
+
+
+def _installed(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "not installed"

@@ -1,0 +1,127 @@
+"""The `wayfarer` command: what it says, what it loads, how it fails."""
+
+import subprocess
+import sys
+import textwrap
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from wayfarer import cli
+from wayfarer.errors import DataError, WayfarerError
+
+COMMANDS = ("serve", "generate", "render", "eval", "export", "data", "body", "train")
+LEAVES = (
+    ["serve"],
+    ["generate"],
+    ["render"],
+    ["eval"],
+    ["eval", "goals"],
+    ["export"],
+    ["data", "prepare"],
+    ["body", "bake"],
+    ["train", "predictor"],
+    ["train", "regressor"],
+)
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    """Exit code of `wayfarer arguments…`, in this process."""
+    monkeypatch.setattr(sys, "argv", ["wayfarer", *arguments])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    return int(stop.value.code or 0)
+
+
+def python(code: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, check=False
+    )
+
+
+def test_help_lists_every_command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, "--help") == 0
+    listed = capsys.readouterr().out
+    assert all(f" {command} " in listed for command in COMMANDS)
+
+
+@pytest.mark.parametrize("leaf", LEAVES, ids=" ".join)
+def test_every_command_exists_and_explains_itself(
+    leaf: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, *leaf, "--help") == 0
+    assert "Usage: wayfarer " + " ".join(leaf) in capsys.readouterr().out
+
+
+def test_a_wrong_option_is_a_usage_error(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, "render", "--no-such-option") == 2
+    assert "--no-such-option" in capsys.readouterr().err
+
+
+def stand_in(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
+    """Let `wayfarer render` fail with `error`."""
+
+    def fail() -> None:
+        raise error
+
+    monkeypatch.setattr("wayfarer.evaluation.render.render", fail)
+
+
+@pytest.mark.parametrize(
+    "error", [WayfarerError("no such body"), DataError("bad number", "walk.bvh", 12)]
+)
+def test_our_errors_are_one_line(
+    error: WayfarerError, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stand_in(monkeypatch, error)
+    assert run(monkeypatch, "render") == 2
+    assert capsys.readouterr().err == f"wayfarer: {error}\n"
+
+
+def test_a_missing_extra_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stand_in(monkeypatch, ModuleNotFoundError("No module named 'torch'", name="torch.nn"))
+    assert run(monkeypatch, "render") == 2
+    assert "pip install 'wayfarer[train]'" in capsys.readouterr().err
+
+
+def test_a_module_of_ours_that_is_missing_is_a_bug_and_shown_as_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stand_in(monkeypatch, ModuleNotFoundError("No module named 'wayfarer.x'", name="wayfarer.x"))
+    monkeypatch.setattr(sys, "argv", ["wayfarer", "render"])
+    with pytest.raises(ModuleNotFoundError):
+        cli.main()
+
+
+def test_ctrl_c_ends_without_a_traceback(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stand_in(monkeypatch, KeyboardInterrupt())
+    assert run(monkeypatch, "render") == 130
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_every_extra_that_a_message_names_exists() -> None:
+    project = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text())[
+        "project"
+    ]
+    offered = project["optional-dependencies"]
+    assert set(cli.EXTRAS.values()) <= set(offered)
+
+
+def test_help_and_serving_load_no_torch() -> None:
+    answer = python(
+        """
+        import sys, wayfarer.cli, wayfarer.serve
+        heavy = {"torch", "matplotlib", "anny", "onnx"} & set(sys.modules)
+        sys.exit(f"loaded {heavy}" if heavy else 0)
+        """
+    )
+    assert answer.returncode == 0, answer.stderr
