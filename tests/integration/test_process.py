@@ -91,7 +91,7 @@ async def walk(address: str) -> list[wf.Frames]:
 def test_starts_serves_and_stops(sign):
     with serve(*ANY_PORTS) as service:
         assert httpx.get(f"{service.http}/v1/health/ready").status_code == 200
-        assert httpx.get(f"{service.http}/v1/models").json()["models"][0]["name"] == "default"
+        assert httpx.get(f"{service.http}/v1/models").json()["models"][0]["name"] == "gamma-anny52"
         frames = asyncio.run(walk(service.grpc))
         assert {f.agent.gender for f in frames} == {"female", "male"}
         assert all(0.5 < f.translation[:, 1].min() < 1.3 for f in frames)  # hips, Y up

@@ -100,9 +100,7 @@ class PredictorTrainer:
             seed = to_local(frame, seed_world.flatten(1, 2)).reshape(len(starts), s, -1)
             future = to_local(frame, target.flatten(1, 2)).reshape(len(starts), self.stride, -1)
             with torch.autocast("cpu", dtype=torch.bfloat16):
-                reconstruction, velocity, kl, guess = self.loss(
-                    self.model, seed, future, config
-                )
+                reconstruction, velocity, kl, guess = self.loss(self.model, seed, future, config)
             yield reconstruction, velocity, kl
             last = guess.detach()[:, -s:].reshape(len(starts), -1, 3)
             seed_world = to_world(frame, last).unflatten(1, (s, -1))
