@@ -25,7 +25,7 @@ WALK: Final = {
     "floating": 0.5,
     "sinking": 1.0,
     "skating": 1.0,
-    "upright": 0.2,
+    "upright": 3.0,
 }
 """On the way to a goal."""
 
@@ -34,7 +34,7 @@ STAND: Final = {
     "floating": 1.0,
     "sinking": 1.0,
     "skating": 0.2,
-    "upright": 0.5,
+    "upright": 3.0,
     "stillness": 2.0,
     "feet_apart": 0.3,
 }

@@ -1,0 +1,75 @@
+"""Write docs/results.md from the JSON files of `wayfarer eval … --json benchmarks/results/…`.
+
+python benchmarks/results_page.py
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve().parent
+RESULTS = HERE / "results"
+PAGE = HERE.parent / "docs" / "results.md"
+
+INTRO = """# Results
+
+Made by `python benchmarks/results_page.py` from `benchmarks/results/*.json`; nothing is typed in.
+Each section names the command and the machine. `heldout` are people that no training and no
+tuning has seen; "mocap" rows are recordings, judged by the same code. The metrics are defined in
+`service/wayfarer/evaluation/` (docstrings).
+"""
+
+COMMANDS = {
+    "goals": "wayfarer eval goals --runs 100 --data PREPARED --split heldout --seed 7",
+    "long": "wayfarer eval long --agents 64 --minutes 10 --seed 3",
+    "predictor": "wayfarer eval predictor PREPARED --split heldout",
+    "regressor": "wayfarer eval regressor PREPARED --split heldout",
+    "mocap": "wayfarer eval mocap PREPARED",
+}
+Row = dict[str, Any]
+
+
+def tables(rows: list[Row]) -> list[list[Row]]:
+    """Rows in groups that share their metrics (rows without any figure are left out)."""
+    groups: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        keys = tuple(k for k in row if k != "name")
+        if len(keys) > 1:
+            groups.setdefault(keys, []).append(row)
+    return list(groups.values())
+
+
+def shown(value: object) -> str:
+    """A figure with as many digits as are worth reading."""
+    if isinstance(value, float):
+        return f"{value:.3f}" if abs(value) < 100 else f"{value:.0f}"
+    return str(value)
+
+
+def markdown(rows: list[Row]) -> str:
+    """One table: metrics down, rows across."""
+    names = [str(r["name"]) for r in rows]
+    lines = [f"| | {' | '.join(names)} |", "|---" * (len(names) + 1) + "|"]
+    metrics = [k for k in rows[0] if k != "name"]
+    lines += [f"| {m} | {' | '.join(shown(r[m]) for r in rows)} |" for m in metrics]
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Write the page."""
+    parts = [INTRO]
+    for name, command in COMMANDS.items():
+        path = RESULTS / f"{name}.json"
+        if not path.exists():
+            continue
+        result = json.loads(path.read_text())
+        meta = result["meta"]
+        where = f"{meta['machine']['cpu']}, {meta['machine']['cores']} cores"
+        when = f"{meta['date'][:10]}, {where}, commit {meta['commit'][:7]}"
+        parts.append(f"## {name}\n\n`{command}`  \n{when}\n")
+        parts += [markdown(rows) + "\n" for rows in tables(result["rows"])]
+    PAGE.write_text("\n".join(parts))
+
+
+if __name__ == "__main__":
+    main()
