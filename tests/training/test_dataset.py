@@ -3,7 +3,7 @@ import torch
 
 from tests.training.fakes import gliding_frames
 from wayfarer.errors import InvalidArgument
-from wayfarer.training.dataset import WindowSampler
+from wayfarer.training.dataset import WindowSampler, draw_weights
 
 
 def test_windows_never_cross_a_clip_edge():
@@ -34,3 +34,15 @@ def test_sampler_follows_the_weights():
     assert drawn.min() >= 20
     share = (drawn == 30).float().mean()
     assert 0.4 < share < 0.55  # 9 of 9 + 10
+
+
+def test_groups_are_drawn_by_their_share_whatever_their_size():
+    groups, subjects = ["walk"] * 30 + ["run"] * 10, ["a"] * 40
+    weight = draw_weights(groups, subjects, {"walk": 0.25, "run": 0.75})
+    assert weight[:30].sum() == pytest.approx(0.25)
+    assert weight[30:].sum() == pytest.approx(0.75)
+
+
+def test_a_mistyped_group_is_refused_with_the_allowed_ones():
+    with pytest.raises(InvalidArgument, match=r"wlak.*allowed.*walk"):
+        draw_weights(["walk"], ["a"], {"wlak": 1.0})

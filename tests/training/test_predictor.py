@@ -5,6 +5,7 @@ import torch
 
 from tests.training.fakes import gliding_frames
 from wayfarer.errors import InvalidArgument
+from wayfarer.training.cli import CONFIGS, read_config
 from wayfarer.training.predictor import PredictorConfig, PredictorTrainer, train_predictor
 
 SMALL = PredictorConfig(steps=60, batch=64, rate=2e-3)
@@ -62,3 +63,10 @@ def test_rollout_seeds_are_the_models_own_frames_in_the_recorded_frame():
     assert len(terms) == 8
     errors = [float(reconstruction.detach()) for reconstruction, _, _ in terms]
     assert errors[-1] > errors[0]  # errors of an untrained model add up
+
+
+def test_the_shipped_recipe_starts_only_from_runs_that_it_makes():
+    """Every `start_from` of a config names the run of another shipped config."""
+    made = {f"runs/{path.stem}" for path in CONFIGS.glob("*.toml")}
+    for path in CONFIGS.glob("predictor_*.toml"):
+        assert read_config(PredictorConfig, path.stem).start_from in made | {""}

@@ -5,7 +5,7 @@ hips themselves (the paper's choice). X: horizontal part of left hip → right h
 Y = Z × X: forward.
 
 With the paper's origin the networks never see the floor, and height drifts as a random walk;
-the floor origin is therefore the default (measured in docs/models.md).
+the floor origin is therefore the default (docs/models.md lists all deviations).
 """
 
 from typing import NamedTuple

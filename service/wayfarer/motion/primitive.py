@@ -25,7 +25,7 @@ from wayfarer.motion.rotation import (
 )
 
 BLEND = 0.5
-"""Share of reprojected markers in the next seed. With 0 markers part from the body within 10 s."""
+"""Share of reprojected markers in the next seed. With 0, predicted markers part from the body."""
 
 GROUNDING = 0.5
 """Share of a primitive's height error that is taken off by its end (not in the paper)."""

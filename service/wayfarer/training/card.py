@@ -10,6 +10,7 @@ import torch
 
 from wayfarer.spec import FPS
 from wayfarer.training.mocap.store import Dataset
+from wayfarer.training.run import read_run_config
 
 HEADER = """# Model card: {name}
 
@@ -67,7 +68,7 @@ def _data_table(data: Dataset) -> str:
 
 def _run_section(network: str, folder: Path) -> str:
     """Settings and last validation of one run."""
-    config = json.loads((folder / "config.json").read_text())
+    config = read_run_config(folder)
     log = (folder / "log.txt").read_text().splitlines()
     lines = [f"## {network}", "", f"Run `{folder.name}`, last log line:", "", f"    {log[-1]}", ""]
     return "\n".join([*lines, "```json", json.dumps(config, indent=2), "```", ""])

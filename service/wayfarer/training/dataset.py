@@ -163,7 +163,13 @@ def group_of(clip: ClipRange, use: int) -> str:
 def draw_weights(
     groups: Sequence[str], subjects: Sequence[str], mix: Mapping[str, float]
 ) -> NDArray[np.float64]:
-    """Weight per frame so that groups are drawn by `mix` and subjects by the root of their size."""
+    """Weight per frame so that groups are drawn by `mix` and subjects by the root of their size.
+
+    Raises InvalidArgument when `mix` names a group that does not exist.
+    """
+    unknown = sorted(set(mix) - set(GROUPS))
+    if unknown:
+        raise InvalidArgument(f"unknown groups {unknown}; allowed: {list(GROUPS)}", "mix")
     names, group = np.unique(np.asarray(groups), return_inverse=True)
     _, subject = np.unique(np.asarray(subjects), return_inverse=True)
     pair = group * (subject.max() + 1) + subject

@@ -34,7 +34,7 @@ from wayfarer.spec import BETAS, GENDERS, LATENT, MARKERS, SEED_FRAMES
 from wayfarer.terms import TERMS
 from wayfarer.training.dataset import marker_body
 from wayfarer.training.onnx_files import WeightStore, externalise
-from wayfarer.training.run import Network, load_weights
+from wayfarer.training.run import Network, load_weights, read_run_config
 
 TOLERANCE = 1e-3
 """Largest difference allowed between torch and ONNX: metres for places, unitless for rotations."""
@@ -198,8 +198,12 @@ class Sources:
     regressor_female: Path
 
 
-def load_graphs(sources: Sources, body: str, floor_origin: bool = True) -> dict[str, Graph]:
-    """Every graph of a model folder by file name, from trained weights (rounded as shipped)."""
+def load_graphs(sources: Sources, body: str) -> dict[str, Graph]:
+    """Every graph of a model folder by file name, from trained weights (rounded as shipped).
+
+    The step canonicalises as its predictor was trained (`floor_origin` of that run).
+    """
+    floor_origin = read_run_config(sources.predictor_2f)["floor_origin"]
     one = round_to_half(load_weights(MarkerPredictor(1), sources.predictor_1f))
     two = round_to_half(load_weights(MarkerPredictor(2), sources.predictor_2f))
     graphs = {"predictor_1f.onnx": predictor_graph(one), "predictor_2f.onnx": predictor_graph(two)}

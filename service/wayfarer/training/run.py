@@ -142,6 +142,15 @@ def cosine_rate(base: float, step: int, steps: int, warmup: int = 200) -> float:
     return base * 0.5 * (1 + math.cos(math.pi * (step - warmup) / max(1, steps - warmup)))
 
 
+def read_run_config(folder: Path) -> dict[str, Any]:
+    """What a run was trained with. Raises ArtifactError."""
+    try:
+        config: dict[str, Any] = json.loads((folder / "config.json").read_text())
+    except (OSError, ValueError) as error:
+        raise ArtifactError(f"{folder / 'config.json'}: cannot be read: {error}") from error
+    return config
+
+
 def load_weights(model: Network, folder: Path) -> Network:
     """Weights of a run's last checkpoint into `model`. Raises ArtifactError."""
     path = folder / "last.pt"
