@@ -4,6 +4,7 @@ import pytest
 import torch
 
 from wayfarer.body.library import load_body
+from wayfarer.motion.policy import GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
@@ -25,7 +26,10 @@ def step():
     torch.manual_seed(0)
     body = load_body("anny52", "female")
     sites = Sites.from_names(body.marker_names)
-    return PrimitiveStep(MarkerPredictor(2), BodyRegressor(), marker_body(body), sites).eval()
+    skin = marker_body(body)
+    policy = GoalPolicy()
+    torch.nn.init.normal_(policy.output.weight, std=0.05)  # it begins as the prior
+    return PrimitiveStep(MarkerPredictor(2), BodyRegressor(skin), skin, sites, policy).eval()
 
 
 @pytest.fixture
@@ -63,6 +67,7 @@ def test_turning_and_moving_the_world_turns_and_moves_the_result(step, inputs):
         "seed_translation": move(inputs["seed_translation"]),
         "seed_rotations": turned,
         "goal": move(inputs["goal"]),
+        "facing": inputs["facing"] @ turn[:2, :2].T,
     }
     here, there = run(step, inputs), run(step, moved)
     assert torch.equal(here.choice, there.choice)
@@ -87,6 +92,33 @@ def test_the_cheapest_candidate_is_chosen(step, inputs):
         cost = (one.terms * inputs["term_weights"]).sum(-1)
         best = (out.terms * inputs["term_weights"]).sum(-1)
         assert (best <= cost + 1e-5).all()
+
+
+def test_the_policy_moves_the_latents_as_far_as_it_is_asked_to(step, inputs):
+    def goal_distances(share):
+        return run(step, inputs | {"policy": torch.full((AGENTS,), share)}).terms
+
+    prior = PrimitiveStep(step.predictor, step.regressor, step.body, step.sites).eval()
+    assert torch.allclose(goal_distances(0.0), run(prior, inputs).terms, atol=1e-5)
+    assert not torch.allclose(goal_distances(1.0), goal_distances(0.0), atol=1e-4)
+
+
+def test_given_latents_are_used_as_they_are(step, inputs):
+    """With a share of 0 the noise is the latent: how PPO steps the world."""
+    one = inputs | {"noise": inputs["noise"][:, :1], "policy": torch.zeros(AGENTS)}
+    moved = one | {"noise": one["noise"] + 1.0}
+    assert not torch.allclose(run(step, one).terms, run(step, moved).terms, atol=1e-4)
+
+
+def test_a_one_frame_seed_brings_nine_frames(step, inputs):
+    first = {
+        name: inputs[name][:, -1:]
+        for name in ("seed_markers", "seed_translation", "seed_rotations")
+    }
+    one = PrimitiveStep(MarkerPredictor(1), step.regressor, step.body, step.sites, step.policy)
+    out = run(one.eval(), inputs | first)
+    assert out.translation.shape == (AGENTS, 9, 3)
+    assert out.next_seed_markers.shape == (AGENTS, 1, 67, 3)
 
 
 def test_poses_leave_the_seed_without_a_jump(step, inputs):
@@ -114,11 +146,10 @@ def test_pelvis_origin_measures_height_from_the_floor_all_the_same(step, inputs)
         "seed_markers": inputs["seed_markers"] + torch.tensor([0, 0, 0.5]),
         "seed_translation": inputs["seed_translation"] + torch.tensor([0, 0, 0.5]),
     }
-    floating = TERMS.index("floating")
-    low, high = run(pelvis.eval(), inputs), run(pelvis.eval(), lifted)
-    assert torch.allclose(
-        high.terms[:, floating] - low.terms[:, floating], torch.tensor(0.5), atol=0.3
-    )
+    above, below = TERMS.index("floating"), TERMS.index("sinking")
+    low, high = run(pelvis.eval(), inputs).terms, run(pelvis.eval(), lifted).terms
+    rise = (high - low)[:, above] - (high - low)[:, below]
+    assert torch.allclose(rise, torch.tensor(0.5), atol=1e-3)
 
 
 def test_the_floor_draws_bodies_back(step):

@@ -8,7 +8,7 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.motion import quality
 from wayfarer.motion.quality import Candidate, Sites
 from wayfarer.spec import FPS
-from wayfarer.terms import STAND, TERMS, WALK, weights
+from wayfarer.terms import STAND, TERMS, TURN, WALK, weights
 from wayfarer.training.dataset import marker_body
 
 FRAMES = 9
@@ -29,9 +29,12 @@ def standing(body):
     return (markers - torch.tensor([0.0, 0.0, float(soles)]))[:, None].expand(1, FRAMES, -1, -1)
 
 
-def candidate(body, markers, goal=(0.0, 10.0, 0.0), speed=0.0):
+def candidate(body, markers, goal=(0.0, 10.0, 0.0), speed=0.0, facing=(0.0, 0.0), before=None):
+    """`before` is the velocity in m/s with which the seed came; resting, if not told."""
     sites = Sites.from_names(body.marker_names)
-    return Candidate(markers, torch.tensor([goal]), torch.tensor([speed]), sites)
+    velocity = torch.tensor(before or [0.0, 0.0, 0.0]).expand(1, 67, 3) / FPS
+    asked = torch.tensor([goal]), torch.tensor([speed]), torch.tensor([facing])
+    return Candidate(markers, velocity, *asked, sites)
 
 
 def moving(markers, velocity):
@@ -42,7 +45,7 @@ def moving(markers, velocity):
 def test_standing_still_costs_nothing_but_the_distance(body, standing):
     values = dict(zip(TERMS, quality.evaluate(candidate(body, standing))[0].tolist(), strict=True))
     assert values["goal_distance"] == pytest.approx(10, abs=0.15)
-    for name in ("facing", "speed", "sinking", "skating", "stillness", "feet_apart"):
+    for name in ("speed", "sinking", "skating", "sliding", "stillness", "feet_apart", "seam"):
         assert values[name] == pytest.approx(0, abs=1e-3), name
     assert values["upright"] < 0.02
     assert values["floating"] < 1e-3
@@ -55,11 +58,21 @@ def test_a_glide_is_skating_at_its_speed(body, standing):
     assert quality.speed(gliding).item() == pytest.approx(0.3, abs=1e-3)
 
 
-def test_a_step_on_one_planted_foot_is_no_skating(body, standing):
+def test_a_step_on_one_planted_foot_is_no_skating_but_the_dragged_one_slides(body, standing):
     moved = moving(standing, [0.0, 1.3, 0.0])
     planted = candidate(body, moved).sites.left_sole
     moved[:, :, planted] = standing[:, :, planted]
     assert quality.skating(candidate(body, moved)).item() == pytest.approx(0, abs=1e-3)
+    assert quality.sliding(candidate(body, moved)).item() == pytest.approx(0.65, abs=0.02)
+    dragged = candidate(body, moved).sites.right_sole
+    moved[:, :, dragged, 2] += quality.FOOT_HEIGHT
+    assert quality.sliding(candidate(body, moved)).item() == pytest.approx(0, abs=1e-3)
+
+
+def test_a_seam_is_the_change_of_velocity(body, standing):
+    going_on = moving(standing, [0.0, 1.3, 0.0])
+    assert quality.seam(candidate(body, going_on, before=[0.0, 1.3, 0.0])).item() < 1e-3
+    assert quality.seam(candidate(body, going_on)).item() == pytest.approx(1.3, abs=1e-3)
 
 
 @pytest.mark.parametrize(("lift", "floating", "sinking"), [(0.1, 0.1, 0.0), (-0.04, 0.0, 0.04)])
@@ -78,6 +91,19 @@ def test_facing(body, standing, goal, expected):
     )
 
 
+def test_a_wished_facing_counts_more_than_the_way(body, standing):
+    aside = candidate(body, standing, (0.0, 9.0, 0.0), facing=(1.0, 0.0))
+    assert quality.facing(aside).item() == pytest.approx(1.0, abs=0.02)
+    ahead = candidate(body, standing, (0.0, -9.0, 0.0), facing=(0.0, 1.0))
+    assert quality.facing(ahead).item() == pytest.approx(0.0, abs=0.02)
+
+
+def test_a_goal_underfoot_has_no_direction(body, standing):
+    beside, behind = ((0.01, 0.0, 0.0), (0.0, -0.01, 0.0))
+    costs = [quality.facing(candidate(body, standing, g)).item() for g in (beside, behind)]
+    assert abs(costs[0] - costs[1]) < 0.1
+
+
 def test_contacts_tell_a_planted_from_a_lifted_and_from_a_sliding_foot(body, standing):
     sites = Sites.from_names(body.marker_names)
     feet = torch.stack(
@@ -92,7 +118,7 @@ def test_contacts_tell_a_planted_from_a_lifted_and_from_a_sliding_foot(body, sta
 
 
 def test_weight_tables_name_only_terms():
-    assert len(weights(WALK)) == len(weights(STAND)) == len(TERMS)
+    assert len(weights(WALK)) == len(weights(STAND)) == len(weights(TURN)) == len(TERMS)
     with pytest.raises(KeyError, match="allowed"):
         weights({"goodness": 1.0})
 

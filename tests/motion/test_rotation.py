@@ -26,6 +26,7 @@ def test_conversions_return_where_they_began(seed):
     m = random_matrices(seed)
     assert torch.allclose(r.matrix_from_6d(r.sixd_from_matrix(m)), m, atol=1e-9)
     assert torch.allclose(r.matrix_from_quaternion(r.quaternion_from_matrix(m)), m, atol=1e-9)
+    assert torch.allclose(r.matrix_from_rotvec(r.rotvec_from_matrix(m)), m, atol=1e-6)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -52,3 +53,11 @@ def test_rotvec_of_zero_is_identity_with_finite_gradient():
     m.sum().backward()
     assert torch.allclose(m, torch.eye(3), atol=1e-6)
     assert torch.isfinite(v.grad).all()
+
+
+def test_no_rotation_is_a_zero_rotvec_with_finite_gradient():
+    m = torch.eye(3).requires_grad_()
+    v = r.rotvec_from_matrix(m)
+    v.sum().backward()
+    assert torch.equal(v.detach(), torch.zeros(3))
+    assert torch.isfinite(m.grad).all()

@@ -6,6 +6,7 @@ import torch
 from wayfarer.artifacts import contract_for, contract_to_json, read_contract
 from wayfarer.body.library import load_body
 from wayfarer.errors import ArtifactError
+from wayfarer.motion.policy import GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
@@ -25,8 +26,14 @@ from wayfarer.training.onnx_files import WeightStore
 def small_step(seed: int) -> PrimitiveStep:
     torch.manual_seed(seed)
     body = load_body("anny52", "male")
-    networks = round_to_half(MarkerPredictor(2)), round_to_half(BodyRegressor())
-    return PrimitiveStep(*networks, marker_body(body), Sites.from_names(body.marker_names)).eval()
+    skin = marker_body(body)
+    policy = GoalPolicy()
+    torch.nn.init.normal_(policy.output.weight, std=0.05)  # it begins as the prior
+    predictor, regressor, policy = map(
+        round_to_half, (MarkerPredictor(2), BodyRegressor(skin), policy)
+    )
+    sites = Sites.from_names(body.marker_names)
+    return PrimitiveStep(predictor, regressor, skin, sites, policy).eval()
 
 
 @pytest.fixture(scope="module")

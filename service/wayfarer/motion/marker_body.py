@@ -2,10 +2,12 @@
 
 Linear blend skinning restricted to the marker vertices and the posed joints: fingers stay at
 rest, so their skinning weight is folded into the wrists. Kinematics run level by level down
-the tree, and blending is one matrix product, since gathers dominate otherwise.
+the tree; what depends on the shape alone is worked out once for all frames (`shaped`); blending is
+one matrix product for all, with markers last, since gathers and small products dominate otherwise.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -14,6 +16,14 @@ from torch import Tensor, nn
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.spec import POSED_JOINTS
+
+
+class Shaped(NamedTuple):
+    """A body of one shape per row, as `MarkerBody.skin` wants it."""
+
+    offsets: Tensor  # [..., 22, 3] from parent to joint, rest pose
+    bind_joints: Tensor  # [..., 22, 3]
+    bind_markers: Tensor  # [..., 4, M] x, y, z and 1
 
 
 class MarkerBody(nn.Module):
@@ -71,44 +81,63 @@ class MarkerBody(nn.Module):
         self._keep("turn", turn[:posed])
         self._keep("bind_markers", bind_markers)
         self._keep("bind_markers_dirs", bind_markers_dirs)
-        self._keep("weights", dense)
+        self._keep("weights", dense.T)
 
     def _keep(self, name: str, array: ArrayLike) -> None:
         """Register as a constant of the module (not a weight: not in its state dict)."""
         values = torch.from_numpy(np.array(array, dtype=np.float32))
         self.register_buffer(name, values, persistent=False)
 
-    def kinematics(
-        self, translation: Tensor, local: Tensor, betas: Tensor
-    ) -> tuple[Tensor, Tensor]:
-        """World rotations [..., 22, 3, 3] and joint places [..., 22, 3].
+    def shaped(self, betas: Tensor) -> Shaped:
+        """What a shape alone decides: betas [..., B]."""
+        column = betas[..., None, :, None]
+        bind_markers = self.bind_markers + (self.bind_markers_dirs @ column).squeeze(-1)
+        one = torch.ones_like(bind_markers[..., :1])
+        return Shaped(
+            offsets=self.offsets + (self.offsets_dirs @ column).squeeze(-1),
+            bind_joints=self.bind_joints + (self.bind_joints_dirs @ column).squeeze(-1),
+            bind_markers=torch.cat([bind_markers, one], -1).transpose(-1, -2),
+        )
 
-        translation [..., 3], local rotations [..., 22, 3, 3], betas [..., B] (same leading shape).
+    def kinematics(
+        self, shape: Shaped, translation: Tensor, local: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """World rotations [..., F, 22, 3, 3] and joint places [..., F, 22, 3].
+
+        translation [..., F, 3], local rotations [..., F, 22, 3, 3] of a shape [...].
         """
-        offsets = self.offsets + (self.offsets_dirs @ betas[..., None, :, None]).squeeze(-1)
+        offsets = shape.offsets[..., None, :, :]
         rotations, places = [local[..., :1, :, :]], [translation[..., None, :]]
         for below, joints in enumerate(self.levels[1:]):
             above = self.levels[below]
             rows = [above.index(p) for p in self.level_parents[below + 1]]
             base = rotations[-1][..., rows, :, :]
-            moved = (base @ offsets[..., joints, :, None]).squeeze(-1)
+            moved = (base * offsets[..., joints, None, :]).sum(-1)
             places.append(places[-1][..., rows, :] + moved)
             rotations.append(base @ local[..., joints, :, :])
         back = self.inverse_order
         return torch.cat(rotations, -3)[..., back, :, :], torch.cat(places, -2)[..., back, :]
 
-    def forward(self, translation: Tensor, local: Tensor, betas: Tensor) -> tuple[Tensor, Tensor]:
-        """Markers [..., M, 3] and joint places [..., 22, 3]; arguments as in `kinematics`."""
-        rotations, places = self.kinematics(translation, local, betas)
-        shape = betas[..., None, :, None]
-        bind_joints = self.bind_joints + (self.bind_joints_dirs @ shape).squeeze(-1)
-        bind_markers = self.bind_markers + (self.bind_markers_dirs @ shape).squeeze(-1)
+    def skin(self, shape: Shaped, translation: Tensor, local: Tensor) -> tuple[Tensor, Tensor]:
+        """Markers [..., F, M, 3] and joint places [..., F, 22, 3]; arguments as in `kinematics`."""
+        rotations, places = self.kinematics(shape, translation, local)
         turn = rotations @ self.turn
-        shift = places - (turn @ bind_joints[..., None]).squeeze(-1)
-        transform = torch.cat([turn, shift[..., None]], -1).flatten(-2)  # [..., 22, 12]
-        blended = (self.weights @ transform).unflatten(-1, (3, 4))  # [..., M, 3, 4]
-        markers = (blended[..., :3] @ bind_markers[..., None]).squeeze(-1) + blended[..., 3]
-        return markers, places
+        shift = places - (turn * shape.bind_joints[..., None, :, None, :]).sum(-1)
+        transform = torch.cat([turn, shift[..., None]], -1)  # [..., F, 22, 3, 4]
+        by_entry = transform.movedim(-3, -1).flatten(-3, -2)  # [..., F, 3 · 4, 22]
+        blended = (by_entry @ self.weights).unflatten(-2, (3, 4))  # [..., F, 3, 4, M]
+        markers = (blended * shape.bind_markers[..., None, None, :, :]).sum(-2)
+        return markers.transpose(-1, -2), places
+
+    def forward(self, translation: Tensor, local: Tensor, betas: Tensor) -> tuple[Tensor, Tensor]:
+        """Markers [..., M, 3] and joint places [..., 22, 3] of poses that each have their shape.
+
+        translation [..., 3], local rotations [..., 22, 3, 3], betas [..., B].
+        """
+        markers, places = self.skin(
+            self.shaped(betas), translation[..., None, :], local[..., None, :, :, :]
+        )
+        return markers[..., 0, :, :], places[..., 0, :, :]
 
 
 def _posed_owner(parents: np.ndarray, posed: int) -> np.ndarray:

@@ -51,7 +51,7 @@ class MarkerPredictor(nn.Module):
         self.output = nn.Sequential(Mlp([HIDDEN, 512, HIDDEN]), nn.Linear(HIDDEN, SIZE))
 
     def encode(self, seed: Tensor, future: Tensor) -> Posterior:
-        """Seed [..., S, 201], future [..., F, 201] → posterior."""
+        """Seed [..., S, 201 or more], future [..., F, 201] → posterior."""
         both = torch.cat([self.seed_encoder.encode(seed), self.future_encoder.encode(future)], -1)
         features = self.posterior(both)
         return Posterior(self.mean(features), self.log_variance(features))
@@ -59,13 +59,14 @@ class MarkerPredictor(nn.Module):
     def decode(self, seed: Tensor, latent: Tensor) -> Tensor:
         """Seed [A, S, 201], latent [A, K, 128] → future [A, K, F, 201].
 
-        What depends on the seed alone is computed once for all K candidates.
+        What depends on the seed alone is computed once for all K candidates. Numbers of a seed's
+        frame beyond its 201 are a condition (`goal_cvae.py`).
         """
         hx = self.seed_encoder.encode(seed)
         condition = self.from_seed(hx)[:, None] + self.from_latent(latent)
         shape = (*latent.shape[:-1], -1)
         state = self.first_state(hx)[:, None].expand(shape)
-        frame = seed[:, None, -1].expand(shape)
+        frame = seed[:, None, -1, :SIZE].expand(shape)
         frames = []
         for _ in range(self.new_frames):
             state = self.decoder.step(self.decoder.from_input(frame) + condition, state)

@@ -14,6 +14,12 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.spec import FPS
 from wayfarer.terms import TERMS
 
+NEAR_GOAL = 0.25
+"""Metres: nearer than this, the direction of a goal is mostly noise."""
+
+FOOT_HEIGHT = 0.03
+"""Metres: a sole marker below it may bear weight."""
+
 SAFE = 1e-9
 """Keeps square roots differentiable and normalisation finite at zero."""
 
@@ -57,8 +63,10 @@ class Candidate:
     """What a term is given: the new frames, with the last seed frame before them."""
 
     markers: Tensor  # [..., 1 + F, M, 3]
+    velocity: Tensor  # [..., M, 3] from the frame before the last seed frame to it, metres a frame
     goal: Tensor  # [..., 3]
     target_speed: Tensor  # [...]
+    wished_facing: Tensor  # [..., 2] horizontal unit vector, or zero: the way to the goal
     sites: Sites
 
     def waist(self, frame: int) -> Tensor:
@@ -85,12 +93,21 @@ def goal_distance(c: Candidate) -> Tensor:
 
 
 def facing(c: Candidate) -> Tensor:
-    """1 - cos(angle between facing and the direction to the goal) (Eq. 6, turned into a cost)."""
-    return 1 - (c.facing() * _unit(c.goal[..., :2] - c.waist(-1)[..., :2])).sum(-1)
+    """1 - cos(angle from the body's facing to the wished one, or to the goal) (Eq. 6 as a cost).
+
+    The way to a goal that is a step away says little, and less the nearer it is.
+    """
+    way = c.goal[..., :2] - c.waist(-1)[..., :2]
+    to_goal = way / torch.sqrt((way * way).sum(-1, keepdim=True) + NEAR_GOAL**2)
+    wished = (c.wished_facing**2).sum(-1, keepdim=True)  # 1 or 0
+    return 1 - (c.facing() * (c.wished_facing + (1 - wished) * to_goal)).sum(-1)
 
 
 def speed(c: Candidate) -> Tensor:
-    """Difference of mean horizontal hips speed from the wished speed, m/s."""
+    """Difference of mean horizontal hips speed from the wished speed, m/s, whatever the direction.
+
+    Counted towards the goal only, an agent that faces away would rather stop than walk a curve.
+    """
     seconds = (c.markers.shape[-3] - 1) / FPS
     moved = _length(c.waist(-1)[..., :2] - c.waist(0)[..., :2])
     return (moved / seconds - c.target_speed).abs()
@@ -113,6 +130,21 @@ def skating(c: Candidate) -> Tensor:
     return (_length(step).amin(-1) * FPS).mean(-1)
 
 
+def sliding(c: Candidate) -> Tensor:
+    """Horizontal speed of each foot's lowest marker, m/s, mean over feet and frames.
+
+    It counts less the higher that marker is and not at all from 3 cm on: both feet are watched,
+    where `skating` is content with one (after the skate measure of DART).
+    """
+    speeds = []
+    for foot in (c.sites.left_sole, c.sites.right_sole):
+        markers = c.markers[..., foot, :]
+        speed = _length(markers[..., 1:, :, :2] - markers[..., :-1, :, :2]) * FPS
+        height = torch.maximum(markers[..., 1:, :, 2], markers[..., :-1, :, 2])
+        speeds.append((speed * (1 - height / FOOT_HEIGHT).clamp(0, 1)).amax(-1))
+    return torch.stack(speeds, -1).mean((-1, -2))
+
+
 def upright(c: Candidate) -> Tensor:
     """1 - cos(tilt of the trunk) in the last frame."""
     chest = c.markers[..., -1, c.sites.chest, :].mean(-2)
@@ -131,6 +163,12 @@ def feet_apart(c: Candidate) -> Tensor:
     return (between * c.facing()).sum(-1).abs()
 
 
+def seam(c: Candidate) -> Tensor:
+    """Mean over markers of the change of velocity across the seam, m/s: seen as a jerk."""
+    first = c.markers[..., 1, :, :] - c.markers[..., 0, :, :]
+    return (_length(first - c.velocity) * FPS).mean(-1)
+
+
 FUNCTIONS: dict[str, Callable[[Candidate], Tensor]] = {
     f.__name__: f
     for f in (
@@ -140,9 +178,11 @@ FUNCTIONS: dict[str, Callable[[Candidate], Tensor]] = {
         floating,
         sinking,
         skating,
+        sliding,
         upright,
         stillness,
         feet_apart,
+        seam,
     )
 }
 if tuple(FUNCTIONS) != TERMS:

@@ -74,3 +74,11 @@ def matrix_from_rotvec(rotvec: Tensor) -> Tensor:
     )
     eye = torch.eye(3, dtype=rotvec.dtype, device=rotvec.device)
     return eye + torch.sin(angle) / angle * k + (1 - torch.cos(angle)) / (angle * angle) * (k @ k)
+
+
+def rotvec_from_matrix(matrix: Tensor) -> Tensor:
+    """[..., 3, 3] → axis times angle in radians [..., 3], angle ≤ π."""
+    quaternion = quaternion_from_matrix(matrix)
+    vector, w = quaternion[..., :3], quaternion[..., 3:]
+    sine = torch.sqrt((vector * vector).sum(-1, keepdim=True) + 1e-16)
+    return vector * (2 * torch.atan2(sine, w) / sine)

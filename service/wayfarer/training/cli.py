@@ -12,9 +12,15 @@ from pydantic import BaseModel, ValidationError
 from wayfarer.artifacts import ASSETS
 from wayfarer.body.library import load_body
 from wayfarer.errors import InvalidArgument
+from wayfarer.runtime.spawn import load_start_poses
+from wayfarer.spec import GENDERS
+from wayfarer.training.analytic import AnalyticConfig, train_analytic
 from wayfarer.training.card import model_card
-from wayfarer.training.dataset import load_frames, marker_body
-from wayfarer.training.export import Sources, export_models
+from wayfarer.training.dataset import load_frames, load_poses, marker_body
+from wayfarer.training.export import Sources, export_models, write_models
+from wayfarer.training.goal_cvae import GoalCvaeConfig, load_goal_cvae_graphs, train_goal_cvae
+from wayfarer.training.policy import PolicyConfig, load_environment, train_policy
+from wayfarer.training.pose_prior import PosePriorConfig, train_pose_prior
 from wayfarer.training.predictor import PredictorConfig, train_predictor
 from wayfarer.training.regressor import RegressorConfig, train_regressor
 
@@ -85,6 +91,72 @@ def regressor(
     _finished(train_regressor(settings, train, validation, body, out, minutes), out)
 
 
+@app.command()
+def pose_prior(
+    data: DataOption,
+    out: OutOption,
+    config: ConfigOption = "pose_prior",
+    minutes: MinutesOption = float("inf"),
+    threads: ThreadsOption = 0,
+) -> None:
+    """Train the pose prior, a VAE of poses in VPoser's role (for the policy and evaluation)."""
+    _threads(threads)
+    settings = read_config(PosePriorConfig, config)
+    train, validation = (load_poses(data, split, settings.mix) for split in ("train", "validation"))
+    _finished(train_pose_prior(settings, train, validation, out, minutes), out)
+
+
+@app.command()
+def policy(
+    data: DataOption,
+    out: OutOption,
+    config: ConfigOption = "policy_ppo",
+    minutes: MinutesOption = float("inf"),
+    threads: ThreadsOption = 0,
+) -> None:
+    """Train the goal policy by PPO in simulation (paper Eq. 10) on trained networks."""
+    _threads(threads)
+    settings = read_config(PolicyConfig, config)
+    moving = load_poses(data, "train", settings.moving_mix)
+    standing = torch.from_numpy(load_start_poses(ASSETS / "start_poses.npz"))
+    environment = load_environment(settings, moving, standing)
+    _finished(train_policy(settings, environment, out, minutes), out)
+
+
+@app.command("policy-analytic")
+def policy_analytic(
+    data: DataOption,
+    out: OutOption,
+    config: ConfigOption = "policy_analytic",
+    minutes: MinutesOption = float("inf"),
+    threads: ThreadsOption = 0,
+) -> None:
+    """Train the policy by analytic gradients of the quality terms: the start of the recipe."""
+    _threads(threads)
+    settings = read_config(AnalyticConfig, config)
+    train, validation = (
+        load_frames(data, split, settings.mix) for split in ("train", "validation")
+    )
+    _finished(train_analytic(settings, train, validation, out, minutes), out)
+
+
+@app.command("goal-cvae")
+def goal_cvae(
+    data: DataOption,
+    out: OutOption,
+    config: ConfigOption = "goal_cvae",
+    minutes: MinutesOption = float("inf"),
+    threads: ThreadsOption = 0,
+) -> None:
+    """Train the baseline of `wayfarer eval control`, the goal-conditioned CVAE (paper Sec. 4.2)."""
+    _threads(threads)
+    settings = read_config(GoalCvaeConfig, config)
+    train, validation = (
+        load_frames(data, split, settings.mix) for split in ("train", "validation")
+    )
+    _finished(train_goal_cvae(settings, train, validation, out, minutes), out)
+
+
 def _threads(count: int) -> None:
     if count:
         torch.set_num_threads(count)
@@ -102,20 +174,31 @@ def export(
     data: Annotated[
         Path | None, typer.Option(help="Prepared folder, described in the card.")
     ] = None,
+    policy: Annotated[str, typer.Option(help="Run of the policy.")] = "policy",
     predictor_1f: Annotated[
         str, typer.Option(help="Run of the 1-frame predictor.")
     ] = "predictor_1f_rollout",
     predictor_2f: Annotated[
         str, typer.Option(help="Run of the 2-frame predictor.")
     ] = "predictor_2f_rollout",
+    goal_cvae: Annotated[
+        str, typer.Option(help="Run of the g-CVAE: write a folder of that baseline instead.")
+    ] = "",
 ) -> None:
     """Write trained networks as the ONNX graphs that serve. Fails unless torch and ONNX agree."""
     sources = Sources(
+        policy=runs / policy,
         predictor_1f=runs / predictor_1f,
         predictor_2f=runs / predictor_2f,
         regressor_male=runs / "regressor_male",
         regressor_female=runs / "regressor_female",
     )
-    card = model_card(out.name, asdict(sources), data)
-    for file, difference in export_models(sources, out, card, out.name).items():
+    if goal_cvae:
+        regressors = {gender: runs / f"regressor_{gender}" for gender in GENDERS}
+        trained = {"goal_cvae": runs / goal_cvae} | regressors
+        graphs = load_goal_cvae_graphs(runs / goal_cvae, regressors)
+        written = write_models(graphs, out, model_card(out.name, trained, data), out.name)
+    else:
+        written = export_models(sources, out, model_card(out.name, asdict(sources), data), out.name)
+    for file, difference in written.items():
         typer.echo(f"{file}: torch and ONNX differ by at most {difference:.1e}")

@@ -40,12 +40,10 @@ def marker_body(body: BodyModel) -> MarkerBody:
 
 
 @dataclass(frozen=True)
-class Frames:
-    """All frames of one split, end to end. Clip edges are respected by `starts`."""
+class Poses:
+    """All poses of one split, end to end. Clip edges are respected by `starts`."""
 
-    markers: Tensor  # [N, 67, 3] world
-    hips: Tensor  # [N, 3]
-    hips_rotation: Tensor  # [N, 3, 3]
+    hips: Tensor  # [N, 3] world
     rotations: Tensor  # [N, 22, 4] local quaternions, joint 0 world
     run: Tensor  # [N] frames left in the unbroken stretch that begins here, itself included
     weight: Tensor  # [N] how often a window should start here, relative
@@ -56,6 +54,14 @@ class Frames:
         if len(index) == 0:
             raise InvalidArgument(f"the data hold no unbroken stretch of {length} frames")
         return index, self.weight[index]
+
+
+@dataclass(frozen=True)
+class Frames(Poses):
+    """Poses with the markers of the bodies that took them."""
+
+    markers: Tensor  # [N, 67, 3] world
+    hips_rotation: Tensor  # [N, 3, 3]
 
     def world(self, starts: Tensor, length: int) -> Tensor:
         """Windows in the world [B, length, 67, 3]."""
@@ -71,7 +77,7 @@ class Frames:
 class WindowSampler:
     """Draws start frames with replacement, in proportion to their weight."""
 
-    def __init__(self, frames: Frames, length: int) -> None:
+    def __init__(self, frames: Poses, length: int) -> None:
         self.index, weight = frames.starts(length)
         self._upto = torch.cumsum(weight.double(), 0)
 
@@ -107,12 +113,32 @@ def random_betas(count: int, scale: float = 1.0) -> Tensor:
 def load_frames(
     folder: Path, split: str, mix: Mapping[str, float], mirrored: bool = True, body: str = "anny52"
 ) -> Frames:
+    """`load_poses` with markers, which takes a minute or two for the shipped data."""
+    poses, betas, gender = _read(folder, split, mix, mirrored)
+    return Frames(
+        hips=poses.hips,
+        rotations=poses.rotations,
+        run=poses.run,
+        weight=poses.weight,
+        markers=skin_frames(poses.hips, poses.rotations, betas, gender, load_marker_bodies(body)),
+        hips_rotation=matrix_from_quaternion(poses.rotations[:, 0]),
+    )
+
+
+def load_poses(folder: Path, split: str, mix: Mapping[str, float], mirrored: bool = True) -> Poses:
     """One split of a prepared folder, with its mirror image, as tensors.
 
     `mix` gives each group's share of the draws (`group_of`); within a group a subject's frames
     weigh less the more there are of them (square root), so nobody's gait dominates.
     Raises DataError when the folder is not prepared, InvalidArgument when the split is empty.
     """
+    return _read(folder, split, mix, mirrored)[0]
+
+
+def _read(
+    folder: Path, split: str, mix: Mapping[str, float], mirrored: bool
+) -> tuple[Poses, Tensor, Tensor]:
+    """Poses, and of each the betas [N, 10] and the gender [N] of the body."""
     data = Dataset.load(folder)
     chosen = [c for c in data.clips if c.split == split]
     if not chosen:
@@ -128,17 +154,15 @@ def load_frames(
         image = mirror(hips, rotations, data.contacts[rows])
         hips, rotations = np.concatenate([hips, image[0]]), np.concatenate([rotations, image[1]])
         owner, run, weight = np.tile(owner, 2), np.tile(run, 2), np.tile(weight, 2)
-    place, turns = torch.from_numpy(hips), torch.from_numpy(rotations)
-    betas = torch.tensor([c.betas for c in chosen], dtype=torch.float32)[owner]
-    gender = torch.tensor([GENDERS.index(c.gender) for c in chosen])[owner]
-    return Frames(
-        markers=skin_frames(place, turns, betas, gender, load_marker_bodies(body)),
-        hips=place,
-        hips_rotation=matrix_from_quaternion(turns[:, 0]),
-        rotations=turns,
+    poses = Poses(
+        hips=torch.from_numpy(hips),
+        rotations=torch.from_numpy(rotations),
         run=torch.from_numpy(run),
         weight=torch.from_numpy(weight).float(),
     )
+    betas = torch.tensor([c.betas for c in chosen], dtype=torch.float32)[owner]
+    gender = torch.tensor([GENDERS.index(c.gender) for c in chosen])[owner]
+    return poses, betas, gender
 
 
 GROUPS = ("walk", "run", "start_stop", "turn", "standing", "other")

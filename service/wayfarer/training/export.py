@@ -25,6 +25,7 @@ from wayfarer.artifacts import (
 )
 from wayfarer.body.library import body_file, load_body
 from wayfarer.errors import ArtifactError
+from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep, StepResult
 from wayfarer.motion.quality import Sites
@@ -33,21 +34,12 @@ from wayfarer.motion.rotation import matrix_from_rotvec, quaternion_from_matrix
 from wayfarer.spec import BETAS, GENDERS, LATENT, MARKERS, SEED_FRAMES
 from wayfarer.terms import TERMS
 from wayfarer.training.dataset import marker_body
+from wayfarer.training.graph import Graph
 from wayfarer.training.onnx_files import WeightStore, externalise
 from wayfarer.training.run import Network, load_weights, read_run_config
 
 TOLERANCE = 1e-3
 """Largest difference allowed between torch and ONNX: metres for places, unitless for rotations."""
-
-
-@dataclass(frozen=True)
-class Graph:
-    """A module to export: names and example inputs, and which axes vary."""
-
-    module: nn.Module
-    inputs: dict[str, Tensor]
-    outputs: Sequence[str]
-    batch: Mapping[str, tuple[str, ...]]  # input → names of its leading dynamic axes
 
 
 def round_to_half(module: Network) -> Network:
@@ -94,7 +86,9 @@ def step_inputs(agents: int, candidates: int, generator: torch.Generator) -> dic
         "betas": normal(agents, BETAS),
         "goal": normal(agents, 3) * 10,
         "target_speed": torch.rand(agents, generator=generator) * 2,
+        "facing": nn.functional.normalize(normal(agents, 2), dim=-1),
         "term_weights": torch.rand(agents, len(TERMS), generator=generator),
+        "policy": torch.rand(agents, generator=generator),
         "noise": normal(agents, candidates, LATENT),
     }
 
@@ -126,6 +120,31 @@ def predictor_graph(predictor: MarkerPredictor) -> Graph:
     return Graph(_Decode(predictor), inputs, ("future",), {"seed": ("rows",), "latent": ("rows",)})
 
 
+class _Act(nn.Module):
+    """The actor alone, on flat arguments."""
+
+    def __init__(self, policy: GoalPolicy) -> None:
+        super().__init__()
+        self.policy = policy
+
+    def forward(
+        self, seed: Tensor, goal: Tensor, target_speed: Tensor, facing: Tensor, weights: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        return self.policy(seed, Condition(goal, target_speed, facing, weights))
+
+
+def policy_graph(policy: GoalPolicy) -> Graph:
+    """Seed [N, 2, 201], canonical frame, and what is asked → mean and log σ [N, 128] of latents."""
+    inputs = {
+        "seed": torch.randn(3, SEED_FRAMES, MARKERS * 3),
+        "goal": torch.randn(3, 3),
+        "target_speed": torch.rand(3),
+        "facing": nn.functional.normalize(torch.randn(3, 2), dim=-1),
+        "term_weights": torch.rand(3, len(TERMS)),
+    }
+    return Graph(_Act(policy), inputs, Gaussian._fields, dict.fromkeys(inputs, ("rows",)))
+
+
 class _Regress(nn.Module):
     """The regressor on flat markers."""
 
@@ -134,7 +153,8 @@ class _Regress(nn.Module):
         self.regressor = regressor
 
     def forward(self, markers: Tensor, betas: Tensor) -> tuple[Tensor, Tensor]:
-        return self.regressor(markers.unflatten(-1, (MARKERS, 3)), betas)
+        place, rotations = self.regressor(markers.unflatten(-1, (MARKERS, 3))[:, None], betas)
+        return place[:, 0], rotations[:, 0]
 
 
 def regressor_graph(regressor: BodyRegressor) -> Graph:
@@ -194,6 +214,7 @@ class Sources:
 
     predictor_1f: Path
     predictor_2f: Path
+    policy: Path
     regressor_male: Path
     regressor_female: Path
 
@@ -206,13 +227,19 @@ def load_graphs(sources: Sources, body: str) -> dict[str, Graph]:
     floor_origin = read_run_config(sources.predictor_2f)["floor_origin"]
     one = round_to_half(load_weights(MarkerPredictor(1), sources.predictor_1f))
     two = round_to_half(load_weights(MarkerPredictor(2), sources.predictor_2f))
-    graphs = {"predictor_1f.onnx": predictor_graph(one), "predictor_2f.onnx": predictor_graph(two)}
+    policy = round_to_half(load_weights(GoalPolicy(), sources.policy))
+    graphs = {
+        "predictor_1f.onnx": predictor_graph(one),
+        "predictor_2f.onnx": predictor_graph(two),
+        "policy.onnx": policy_graph(policy),
+    }
     for gender in GENDERS:
         model = load_body(body, gender)
         run = getattr(sources, f"regressor_{gender}")
-        regressor = round_to_half(load_weights(BodyRegressor(), run))
+        body_of = marker_body(model)
+        regressor = round_to_half(load_weights(BodyRegressor(body_of), run))
         sites = Sites.from_names(model.marker_names)
-        step = PrimitiveStep(two, regressor, marker_body(model), sites, floor_origin).eval()
+        step = PrimitiveStep(two, regressor, body_of, sites, policy, floor_origin).eval()
         graphs[f"regressor_{gender}.onnx"] = regressor_graph(regressor)
         graphs[f"step_{gender}.onnx"] = step_graph(step)
     return graphs
@@ -221,12 +248,18 @@ def load_graphs(sources: Sources, body: str) -> dict[str, Graph]:
 def export_models(
     sources: Sources, out: Path, card: str, name: str = "gamma-anny52", body: str = "anny52"
 ) -> dict[str, float]:
-    """Write a model folder and return the largest torch-ONNX difference of each graph.
+    """Write a model folder from trained weights; see `write_models`."""
+    return write_models(load_graphs(sources, body), out, card, name, body)
+
+
+def write_models(
+    graphs: Mapping[str, Graph], out: Path, card: str, name: str, body: str = "anny52"
+) -> dict[str, float]:
+    """Write graphs, by file name, as a model folder; return each one's torch-ONNX difference.
 
     The folder is written beside its place and moved there only when every graph agrees with torch
     on random inputs; step graphs also on standing and on moving bodies.
     """
-    graphs = load_graphs(sources, body)
     staging = out.with_name(out.name + ".new")
     shutil.rmtree(staging, ignore_errors=True)
     staging.mkdir(parents=True)

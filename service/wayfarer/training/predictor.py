@@ -51,8 +51,9 @@ def primitive_loss(
     posterior = model.encode(seed, future)
     guess = model.decode(seed, posterior.sample()[:, None])[:, 0].float()
     reconstruction = (guess - future).abs().mean()
-    before = torch.cat([seed[:, -1:], future[:, :-1]], 1)
-    guess_before = torch.cat([seed[:, -1:], guess[:, :-1]], 1)
+    last = seed[:, -1:, : future.shape[-1]]
+    before = torch.cat([last, future[:, :-1]], 1)
+    guess_before = torch.cat([last, guess[:, :-1]], 1)
     velocity = ((guess - guess_before) - (future - before)).abs().mean()
     kl = posterior.kl().float().mean()
     return reconstruction, velocity, torch.sqrt(1 + kl * kl) - 1, guess
@@ -65,9 +66,7 @@ class PredictorTrainer:
         torch.manual_seed(config.seed)
         self.config = config
         self.frames, self.validation = train, validation
-        self.model = MarkerPredictor(config.seed_frames)
-        if config.start_from:
-            load_weights(self.model, Path(config.start_from)).train()
+        self.model = self.network()
         self.loss = torch.compile(primitive_loss) if config.compile else primitive_loss
         self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.rate, fused=True)
         self.stride = PRIMITIVE_FRAMES - config.seed_frames
@@ -77,6 +76,17 @@ class PredictorTrainer:
             n: WindowSampler(train, self.window(n)) for n in sorted(lengths, reverse=True)
         }
         self.run: TrainingRun | None = None
+
+    def network(self) -> MarkerPredictor:
+        """What is trained, with the weights that it starts from."""
+        model = MarkerPredictor(self.config.seed_frames)
+        if self.config.start_from:
+            load_weights(model, Path(self.config.start_from)).train()
+        return model
+
+    def condition(self, frames: Frames, at: Tensor, seed: Tensor) -> Tensor:
+        """What the model is given of seeds [B, S, 201], which begin at frames `at` [B]."""
+        return seed
 
     def window(self, primitives: int) -> int:
         """Frames that `primitives` overlapping primitives cover."""
@@ -98,6 +108,7 @@ class PredictorTrainer:
             frame = canonical_frame(frames.hips[at], frames.hips_rotation[at], config.floor_origin)
             target = world[:, s + p * self.stride : s + (p + 1) * self.stride]
             seed = to_local(frame, seed_world.flatten(1, 2)).reshape(len(starts), s, -1)
+            seed = self.condition(frames, at, seed)
             future = to_local(frame, target.flatten(1, 2)).reshape(len(starts), self.stride, -1)
             with torch.autocast("cpu", dtype=torch.bfloat16):
                 reconstruction, velocity, kl, guess = self.loss(self.model, seed, future, config)
@@ -134,6 +145,7 @@ class PredictorTrainer:
         starts = starts[:: max(1, len(starts) // 1024)]
         windows = self.validation.canonical(starts, length, self.config.floor_origin)
         seed, future = windows[:, : self.config.seed_frames], windows[:, self.config.seed_frames :]
+        seed = self.condition(self.validation, starts, seed)
         generator = torch.Generator().manual_seed(1)
         latent = torch.randn(len(starts), 10, 128, generator=generator)
         prior = self.model.decode(seed, latent)

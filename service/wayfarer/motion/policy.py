@@ -1,0 +1,129 @@
+"""The goal policy π(Z | s): which latents bring a body to its goal (paper Sec. 3.3.1, Fig. S4).
+
+An actor and a critic over one recurrent encoder. The state is that of Eq. 3: the markers of the
+seed and, for each, the direction to the goal.
+
+Deviations from the paper, and why: the networks are also told how far the goal is, the wished
+speed, the wished facing and the weights of the quality terms, so that one policy walks, strolls,
+stops, stands and turns, and can be asked for any of them at any step.
+"""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from wayfarer.motion.layers import Gru
+from wayfarer.spec import LATENT, MARKERS
+from wayfarer.terms import TERMS
+
+HIDDEN = 512
+BLOCKS = 2
+LOG_STD = (-2.0, 0.5)
+"""Limits of log σ: from nearly certain to a little wider than the prior."""
+
+FAR = 2.0
+"""Metres: distances are told as d / (d + FAR), which tells near ones apart and levels off."""
+
+
+class Condition(NamedTuple):
+    """What is asked of the agents, canonical frame of their seed."""
+
+    goal: Tensor  # [A, 3]
+    target_speed: Tensor  # [A] m/s
+    facing: Tensor  # [A, 2] horizontal unit vector, or zero: the way to the goal
+    term_weights: Tensor  # [A, T]
+
+
+class Gaussian(NamedTuple):
+    """A diagonal normal distribution of latents; both [A, 128]."""
+
+    mean: Tensor
+    log_std: Tensor
+
+    def kl(self) -> Tensor:
+        """KL(π ‖ N(0, I)) averaged over latent dimensions. [A]"""
+        return 0.5 * (torch.exp(2 * self.log_std) + self.mean**2 - 1 - 2 * self.log_std).mean(-1)
+
+    def log_probability(self, latent: Tensor) -> Tensor:
+        """Log π(latent), without its constant, summed over dimensions. [A]"""
+        standard = (latent - self.mean) * torch.exp(-self.log_std)
+        return -(0.5 * standard**2 + self.log_std).sum(-1)
+
+    def sample(self, noise: Tensor, share: Tensor) -> Tensor:
+        """Latents [A, K, 128] from standard normal noise; share [A] 0: the prior, 1: the policy.
+
+        In between, mean and log σ are scaled: z = p·μ + σ^p ⊙ noise.
+        """
+        share = share[:, None, None]
+        return share * self.mean[:, None] + torch.exp(share * self.log_std[:, None]) * noise
+
+
+def state(seed: Tensor, goal: Tensor) -> Tensor:
+    """The state of Eq. 3 [A, S, 402]: seed [A, S, 201] and the directions to the goal [A, 3]."""
+    # s = (X, (g - X) / |g - X|)
+    ways = goal[:, None, None] - seed.unflatten(-1, (MARKERS, 3))
+    ways = ways / torch.sqrt((ways * ways).sum(-1, keepdim=True) + 1e-6)
+    return torch.cat([seed, ways.flatten(-2)], -1)
+
+
+class LeakyBlock(nn.Module):
+    """x + two fully connected layers with leaky ReLU (Fig. S4)."""
+
+    def __init__(self, size: int) -> None:
+        super().__init__()
+        self.layers = nn.Sequential(
+            nn.Linear(size, size), nn.LeakyReLU(), nn.Linear(size, size), nn.LeakyReLU()
+        )
+
+    def forward(self, x: Tensor) -> Tensor:
+        """[..., size] → same."""
+        return x + self.layers(x)
+
+
+class GoalPolicy(nn.Module):
+    """Serves seeds of one and of two frames alike."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.encoder = Gru(2 * MARKERS * 3, HIDDEN)
+        self.condition = nn.Linear(1 + 2 + 1 + 2 + len(TERMS), HIDDEN)
+        self.actor = nn.Sequential(*(LeakyBlock(HIDDEN) for _ in range(BLOCKS)))
+        self.output = nn.Linear(HIDDEN, 2 * LATENT)
+        self.critic = nn.Sequential(
+            *(LeakyBlock(HIDDEN) for _ in range(BLOCKS)), nn.Linear(HIDDEN, 1)
+        )
+        nn.init.zeros_(self.output.weight)  # begins as the prior N(0, I)
+        nn.init.zeros_(self.output.bias)
+
+    def forward(self, seed: Tensor, condition: Condition) -> Gaussian:
+        """Seed [A, S, 201], canonical frame → the distribution of latents."""
+        return self.act(self.features(seed, condition))
+
+    def value(self, seed: Tensor, condition: Condition) -> Tensor:
+        """The critic's guess of the return [A]."""
+        return self.judge(self.features(seed, condition))
+
+    def act(self, features: Tensor) -> Gaussian:
+        """The actor on shared features [A, 512]."""
+        mean, log_std = self.output(self.actor(features)).chunk(2, -1)
+        low, high = LOG_STD
+        return Gaussian(mean, log_std.clamp(low, high))
+
+    def judge(self, features: Tensor) -> Tensor:
+        """The critic on shared features [A, 512]: [A]."""
+        return self.critic(features).squeeze(-1)
+
+    def features(self, seed: Tensor, condition: Condition) -> Tensor:
+        """Encoding of the state [A, 512] (Eq. 3), and of what is asked."""
+        encoded = self.encoder.encode(state(seed, condition.goal))
+        way = condition.goal[:, :2]  # the canonical origin lies under the hips
+        distance = torch.sqrt((way * way).sum(-1, keepdim=True) + 1e-6)
+        asked = [
+            distance / (distance + FAR),
+            way / (distance + 0.3),  # fades where a direction means nothing
+            condition.target_speed[:, None],
+            condition.facing,
+            condition.term_weights,
+        ]
+        return torch.tanh(encoded + self.condition(torch.cat(asked, -1)))

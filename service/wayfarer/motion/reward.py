@@ -1,0 +1,93 @@
+"""Rewards of a generated primitive: named functions (`terms.REWARDS`), paper Eq. 4-9.
+
+Each gives 0…1, higher is better, for a batch of agents: [A]. They look at the body itself, at
+its reprojected markers and its hips joint, since that is what viewers see. "Start" is the last
+seed frame, in the same frame of reference as the new ones (GAMMA-release takes a stale hips place
+from a frame of reference that no longer holds); "end" is the last new frame.
+
+Where the paper and GAMMA-release differ, the paper is followed: the squares in Eq. 7 and 8.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn.functional import normalize
+
+from wayfarer.motion.quality import FUNCTIONS, Candidate, facing
+from wayfarer.spec import FPS
+from wayfarer.terms import REWARD_SCALES, REWARDS
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a reward is given: one primitive of each agent, frames as in `Candidate`."""
+
+    body: Candidate  # of the body's reprojected markers, [A, 1 + F, M, 3]
+    hips: Tensor  # [A, 1 + F, 3]
+    pose: Tensor  # [A, F, 32] latent means μ(θ) of the new poses under the pose prior
+
+
+def path(o: Outcome) -> Tensor:
+    """Eq. 5: (1 + cos(angle from the way that the hips moved to the way to the goal)) / 2."""
+    start = o.hips[:, 0, :2]
+    moved = normalize(o.hips[:, -1, :2] - start, dim=-1)
+    wanted = normalize(o.body.goal[:, :2] - start, dim=-1)
+    return ((moved * wanted).sum(-1) + 1) / 2
+
+
+def orientation(o: Outcome) -> Tensor:
+    """Eq. 6: (1 + cos(angle from the body's facing to the goal)) / 2 at the end.
+
+    Of an agent that is asked to face some way, that way instead.
+    """
+    return 1 - facing(o.body) / 2
+
+
+def contact(o: Outcome) -> Tensor:
+    """Eq. 7: exp(-|change of the hips' height|) · exp(-min |marker velocity|²), metres and m/s.
+
+    The minimum is over all markers and frames. The speed is squared, as in the paper (in
+    GAMMA-release it is not). It is lenient: one still marker in one frame suffices.
+    """
+    rise = (o.hips[:, -1, 2] - o.hips[:, 0, 2]).abs()
+    velocity = (o.body.markers[:, 1:] - o.body.markers[:, :-1]) * FPS
+    slowest_squared = (velocity * velocity).sum(-1).amin((1, 2))
+    return torch.exp(-rise - slowest_squared)
+
+
+def pose_prior(o: Outcome) -> Tensor:
+    """Eq. 8 with a scale: exp(-|μ(θ)|² / 32), |μ|² averaged over the new frames.
+
+    |μ|² is the squared length, as in the paper (GAMMA-release takes the length). Divided by the
+    number of latents: every latent of our prior is in use, so a quite usual pose has |μ|² ≈ 27 and
+    the raw form would be 0 for all poses but the one in the middle.
+    """
+    return torch.exp(-(o.pose * o.pose).mean((-1, -2)))
+
+
+def from_term(name: str) -> Callable[[Outcome], Tensor]:
+    """exp(-term / scale) of a quality term (not in the paper)."""
+    return lambda o: torch.exp(-FUNCTIONS[name](o.body) / REWARD_SCALES[name])
+
+
+def goal(closest: Tensor, area: float, reached: float) -> Tensor:
+    """Eq. 9: ((L - d) / L)₊, or 1 within `reached`, the same for all primitives of an episode.
+
+    `closest` [A] is the least distance, over the ends of an agent's primitives, from hips to goal;
+    L is the side of the area, 20 m in the paper (GAMMA-release has 10). Metres.
+    """
+    return torch.where(closest > reached, ((area - closest) / area).clamp(min=0), 1.0)
+
+
+FUNCTIONS_OF_A_STEP: Mapping[str, Callable[[Outcome], Tensor]] = {
+    f.__name__: f for f in (path, orientation, contact, pose_prior)
+} | {name: from_term(name) for name in REWARD_SCALES}
+if (*FUNCTIONS_OF_A_STEP, goal.__name__) != REWARDS:
+    raise ImportError(f"rewards {list(FUNCTIONS_OF_A_STEP)} differ from terms.REWARDS {REWARDS}")
+
+
+def evaluate(o: Outcome) -> Tensor:
+    """All rewards but the goal's, in the order of `terms.REWARDS`. [A, R - 1]"""
+    return torch.stack([function(o) for function in FUNCTIONS_OF_A_STEP.values()], -1)

@@ -1,0 +1,161 @@
+"""Proximal policy optimisation as pure functions (paper Eq. 10, 13-15; Schulman et al. 2017).
+
+T = primitives of an episode, A = agents, N = samples: the primitives of all agents that were still
+going, one after the other in the order of time, agents in the order of rows.
+"""
+
+from typing import NamedTuple
+
+import torch
+from pydantic import BaseModel, ConfigDict
+from torch import Tensor
+
+from wayfarer.errors import InvalidArgument
+from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
+
+
+class PpoSettings(BaseModel):
+    """How a policy learns from one epoch's samples."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    rate: float = 3e-4
+    batch: int = 1024
+    passes: int = 3
+    discount: float = 0.99  # γ of Eq. 13
+    gae: float = 1.0  # λ of generalised advantages; 1 is Eq. 14
+    clip: float = 0.2  # ε of Eq. 15
+    kl_limit: float = 0.02  # the actor stops when KL(π^k ‖ π) is larger
+    value_weight: float = 1.0
+    prior_weight: float = 10.0  # α of Eq. 10, which the paper does not name; GAMMA's code has 10
+    max_gradient: float = 1.0
+
+
+class Batch(NamedTuple):
+    """Samples to learn from; row n of every field is the same sample."""
+
+    seed: Tensor  # [N, S, 201]
+    condition: Condition
+    latent: Tensor  # [N, 128]
+    old: Gaussian  # π^k, the policy that drew them
+    advantage: Tensor  # [N]
+    returns: Tensor  # [N]
+
+    def take(self, rows: Tensor) -> "Batch":
+        """Some samples; all fields are permuted alike."""
+        return Batch(
+            self.seed[rows],
+            Condition(*(field[rows] for field in self.condition)),
+            self.latent[rows],
+            Gaussian(*(field[rows] for field in self.old)),
+            self.advantage[rows],
+            self.returns[rows],
+        )
+
+
+def look(policy: GoalPolicy, seed: Tensor, condition: Condition) -> tuple[Gaussian, Tensor, Tensor]:
+    """π(z | s), features and V(s) [N]. Most of it in bfloat16; what becomes a ratio in float32."""
+    with torch.autocast(seed.device.type, dtype=torch.bfloat16):
+        features = policy.features(seed, condition)
+        value = policy.judge(features)
+    return policy.act(features.float()), features, value.float()
+
+
+def advantages(
+    rewards: Tensor, values: Tensor, alive: Tensor, after: Tensor, discount: float, gae: float
+) -> tuple[Tensor, Tensor]:
+    """Advantages [T, A] and returns [T, A], zero where an agent was no longer going.
+
+    rewards, values [T, A]; alive [T, A] is true up to each agent's last primitive, whose end is
+    worth `after` [A]. With λ = 1, R_t = Σ γ^(τ-t) r_τ (Eq. 13, worked out from the last step to
+    the first), A_t = R_t - V(s_t) (Eq. 14); with less, generalised advantages (Schulman et al.
+    2016), R_t = A_t + V(s_t).
+    """
+    advantage = torch.zeros_like(rewards)
+    following, coming = after, torch.zeros_like(after)  # V(s_t+1), A_t+1
+    for t in range(len(rewards) - 1, -1, -1):
+        error = rewards[t] + discount * following - values[t]
+        coming = torch.where(alive[t], error + discount * gae * coming, 0.0)
+        following = torch.where(alive[t], values[t], after)
+        advantage[t] = coming
+    return advantage, torch.where(alive, advantage + values, 0.0)
+
+
+def normalised(advantage: Tensor) -> Tensor:
+    """Zero mean and unit deviation over all samples [N] of the epoch: every start and clone.
+
+    (The paper: over the clones of one simulation; GAMMA-release: per time step over clones.)
+    """
+    return (advantage - advantage.mean()) / (advantage.std() + 1e-8)
+
+
+def policy_loss(ratio: Tensor, advantage: Tensor, clip: float) -> Tensor:
+    """Eq. 15, averaged: ratio [N] of π(z|s) to π^k(z|s)."""
+    clipped = ratio.clamp(1 - clip, 1 + clip)
+    return -torch.minimum(ratio * advantage, clipped * advantage).mean()
+
+
+def value_loss(value: Tensor, returns: Tensor) -> Tensor:
+    """Second term of Eq. 10: mean of (R_t - V(s_t))². Both [N].
+
+    Raises InvalidArgument on other shapes: [N, 1] and [N] would broadcast to [N, N], as they do in
+    GAMMA-release, and teach the critic only the batch's mean.
+    """
+    if value.shape != returns.shape or value.ndim != 1:
+        raise InvalidArgument(
+            f"values {tuple(value.shape)} and returns {tuple(returns.shape)} must both be [N]"
+        )
+    return ((returns - value) ** 2).mean()
+
+
+def divergence(old: Gaussian, new: Gaussian) -> Tensor:
+    """KL(π^k ‖ π) of diagonal Gaussians, exact, summed over latent dimensions. [N]"""
+    ratio = torch.exp(2 * (old.log_std - new.log_std))
+    shift = (old.mean - new.mean) ** 2 * torch.exp(-2 * new.log_std)
+    return 0.5 * (ratio + shift - 1 - 2 * (old.log_std - new.log_std)).sum(-1)
+
+
+def robust(divergence: Tensor) -> Tensor:
+    """Ψ(s) = √(1 + s²) - 1 (Eq. 1 and 10)."""
+    return torch.sqrt(1 + divergence * divergence) - 1
+
+
+def improve(
+    policy: GoalPolicy, optimizer: torch.optim.Optimizer, samples: Batch, settings: PpoSettings
+) -> dict[str, float]:
+    """Minimise Eq. 10 over some passes through the samples. Returns means of what was watched.
+
+    Once π has moved too far from π^k the actor and the shared encoder rest, and the critic alone
+    goes on.
+    """
+    watched: list[dict[str, float]] = []
+    acting = True
+    for _ in range(settings.passes):
+        for rows in torch.randperm(len(samples.latent)).split(settings.batch):
+            part = samples.take(rows)
+            with torch.set_grad_enabled(acting):
+                now, features, value = look(policy, part.seed, part.condition)
+            moved = divergence(part.old, now).mean()
+            acting = acting and bool(moved <= settings.kl_limit)
+            if not acting:
+                value = policy.judge(features.detach().float())
+            error = value_loss(value, part.returns)
+            loss = settings.value_weight * error
+            if acting:
+                log_ratio = now.log_probability(part.latent) - part.old.log_probability(part.latent)
+                surrogate = policy_loss(log_ratio.exp(), part.advantage, settings.clip)
+                to_prior = now.kl().mean()
+                loss = loss + surrogate + settings.prior_weight * robust(to_prior)
+                watched.append(
+                    {
+                        "ppo/surrogate": float(surrogate.detach()),
+                        "ppo/kl_old": float(moved.detach()),
+                        "ppo/kl_prior": float(to_prior.detach()),
+                    }
+                )
+            optimizer.zero_grad()
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_(policy.parameters(), settings.max_gradient)
+            optimizer.step()
+    means = {k: sum(w[k] for w in watched) / len(watched) for k in (watched[0] if watched else ())}
+    return means | {"ppo/updates": float(len(watched)), "ppo/value_loss": float(error.detach())}

@@ -1,0 +1,58 @@
+import torch
+
+from wayfarer.body.library import load_body
+from wayfarer.motion.regressor import BodyRegressor
+from wayfarer.motion.rotation import matrix_from_rotvec
+from wayfarer.training.dataset import marker_body
+
+
+def regressor():
+    torch.manual_seed(0)
+    return BodyRegressor(marker_body(load_body("anny52", "male"))).eval()
+
+
+def test_moving_the_markers_moves_the_hips_and_nothing_else():
+    model, markers, betas = regressor(), torch.randn(3, 4, 67, 3), torch.randn(3, 10)
+    shift = torch.tensor([5.0, -2.0, 0.7])
+    place, rotations = model(markers, betas)
+    moved, same = model(markers + shift, betas)
+    assert place.shape == (3, 4, 3) and rotations.shape == (3, 4, 22, 3, 3)
+    assert torch.allclose(moved, place + shift, atol=1e-4)
+    assert torch.allclose(same, rotations, atol=1e-4)
+
+
+def test_frames_of_a_row_do_not_influence_each_other():
+    model, markers, betas = regressor(), torch.randn(2, 5, 67, 3), torch.randn(2, 10)
+    together, alone = model(markers, betas), model(markers[:, 2:3], betas)
+    for whole, single in zip(together, alone, strict=True):
+        assert torch.allclose(whole[:, 2:3], single, atol=1e-5)
+
+
+def test_a_pass_is_told_how_far_off_the_last_one_was():
+    """The untrained network says next to nothing; given its own markers the error input is zero."""
+    model, betas = regressor(), torch.randn(4, 10)
+    seen = []
+    model.network.register_forward_pre_hook(lambda _, given: seen.append(given[0]))
+    rest = torch.eye(3).expand(4, 1, 22, 3, 3)
+    markers, _ = model.body.skin(model.body.shaped(betas), torch.zeros(4, 1, 3), rest)
+    model(markers - markers.mean(-2, keepdim=True), betas, passes=1)
+    model(markers + torch.tensor([0.1, 0.0, 0.0]), betas, passes=1)
+    errors = [given[..., 201 + 10 : 201 + 10 + 201] for given in seen]
+    # hips are looked for relative to the centre of the markers, wherever they are
+    assert torch.allclose(errors[0], errors[1], atol=1e-2)
+    bent = matrix_from_rotvec(torch.full((4, 1, 22, 3), 0.2))
+    markers, _ = model.body.skin(model.body.shaped(betas), torch.zeros(4, 1, 3), bent)
+    model(markers, betas, passes=1)
+    assert seen[2][..., 211:412].abs().mean() > errors[0].abs().mean()
+
+
+def test_no_gradient_flows_between_passes():
+    model, betas = regressor(), torch.zeros(2, 10)
+    torch.nn.init.normal_(model.network[-1].weight, std=0.1)
+    states = []
+    model.network.register_forward_hook(lambda _, given, out: states.append(out))
+    place, _ = model(torch.randn(2, 1, 67, 3), betas, passes=3)
+    for state in states:
+        state.retain_grad()
+    place.sum().backward()
+    assert [s.grad is not None for s in states] == [False, False, True]
