@@ -45,13 +45,14 @@ class Limits(BaseModel):
     streams: int = Field(default=64, ge=1, description="streams on the server")
     message_bytes: int = Field(default=1 << 20, ge=1024, description="bytes of one request")
     goal_distance_m: float = Field(
-        default=1000.0, gt=0, description="metres from an agent to its goal"
+        default=1000.0, gt=0, description="metres from an agent to its goal, or from goal to goal"
     )
     session_idle_s: float = Field(
         default=300.0,
         ge=0,
         description="a session without streams and calls ends after this; 0: never",
     )
+    path_goals: int = Field(default=256, ge=1, le=1024, description="goals of one path")
 
 
 class Settings(BaseSettings):
@@ -71,7 +72,7 @@ class Settings(BaseSettings):
     )
     threads: int = Field(default=0, ge=0, le=256, description="threads of the engine; 0: all cores")
     candidates: int = Field(
-        default=8, ge=1, le=256, description="candidate primitives tried per step"
+        default=4, ge=1, le=256, description="candidate primitives tried per step"
     )
     limits: Limits = Limits()
     log_level: Literal["debug", "info", "warning", "error"] = "info"

@@ -18,6 +18,7 @@ from wayfarer.artifacts import ModelFolder, sha256_of
 from wayfarer.body.library import load_body
 from wayfarer.config import Settings
 from wayfarer.logs import configure_logging
+from wayfarer.runtime.budget import BudgetRules, rungs
 from wayfarer.runtime.loop import MotionLoop, steady_clock
 from wayfarer.runtime.onnx_engine import OnnxEngine
 from wayfarer.runtime.settings import Limits, WorldSettings
@@ -75,13 +76,17 @@ def motion_loop(settings: Settings, folder: ModelFolder, clock: Any) -> MotionLo
         agents_per_session=settings.limits.agents_per_session,
         sessions=settings.limits.sessions,
         goal_distance=settings.limits.goal_distance_m,
+        path_goals=settings.limits.path_goals,
     )
-    steering = Steering().with_candidates(settings.candidates)
-    world_settings = WorldSettings(limits=limits, steering=steering)
+    world_settings = WorldSettings(
+        limits=limits,
+        steering=Steering().with_search(candidates=settings.candidates),
+        budget=BudgetRules(),
+    )
     engine = OnnxEngine(folder, settings.threads)
     bodies = {gender: load_body(BODY, gender, "low") for gender in GENDERS}
     world = World(engine, bodies, load_start_poses(START_POSES), world_settings)
-    candidates = {search.candidates for search in steering.searches.values()}
+    candidates = rungs(settings.candidates)
     sizes = [size for size in world_settings.batch_sizes if size <= limits.agents]
     return MotionLoop(world, lambda: engine.warm_up(sizes, candidates), clock=clock)
 

@@ -49,7 +49,9 @@ async def test_from_session_to_frames(service, client):
     async with await client.create_session("unreal") as session:
         ada, bob = await session.create_agents(
             wf.AgentSpec(name="Ada", seed=1, phenotype=wf.Phenotype(height_m=1.8)),
-            wf.AgentSpec(gender="male", betas=[1.0] + [0.0] * 9, position=(100, 200, 0)),
+            wf.AgentSpec(
+                gender="male", betas=[1.0] + [0.0] * 9, position=(100, 200, 0), foot_lock=False
+            ),
         )
         assert (ada.name, ada.gender, ada.seed, ada.state) == ("Ada", "female", 1, "standing")
         assert (bob.gender, bob.betas[0]) == ("male", 1.0)
@@ -57,11 +59,19 @@ async def test_from_session_to_frames(service, client):
         assert ada.rest_offsets.shape == (52, 3)
         assert ada.goal is None and ada.goal_revision == 0
         assert service.specs[1].position == pytest.approx((2.0, 1.0))
+        assert [spec.foot_lock for spec in service.specs] == [True, False]
 
         assert await session.set_goal(ada, (300, 0, 0), radius=50) == 1
         goal = service.goals[0][1]
         assert goal.position == pytest.approx((0, 3, 0)) and goal.radius == pytest.approx(0.5)
         assert await session.clear_goal(ada.agent_id) == 2
+        path = [wf.Goal((100, 0, 0), stop=False), wf.Goal((0, 0, 0), heading=0.5, dwell=1.5)]
+        assert await session.set_path(ada, path) == 4
+        first, second = (goal for _, goal in service.goals[2:])
+        assert (first.stop, first.heading) == (False, None)
+        assert (second.stop, second.heading, second.dwell) == (True, -0.5, 1.5)  # left-handed
+        assert await session.set_goal(ada, (0, 0, 0), heading=1.0, strafe=True) == 5
+        assert (service.goals[4][1].heading, service.goals[4][1].strafe) == (-1.0, True)
 
         stream = session.stream()
         reading = asyncio.create_task(anext(stream))
@@ -72,6 +82,7 @@ async def test_from_session_to_frames(service, client):
         assert batch.added == (ada, bob)
         frames, _ = batch
         assert frames.agent == ada and frames.flags == wf.Flag.FIRST
+        assert (frames.waypoint, frames.candidates) == (5, 4)
         assert frames.translation.shape == (8, 3) and frames.rotations.shape == (8, 22, 4)
         np.testing.assert_allclose(frames.translation[0], (0, 0, 90), atol=1e-4)
         np.testing.assert_allclose(frames.translation[-1], (70, 0, 90), atol=1e-4)
@@ -176,7 +187,8 @@ async def test_sync_client(service, server):
         with wf.SyncClient(server.grpc_address) as client, client.create_session() as session:
             found["fps"] = client.server_info().fps
             (ada,) = session.create_agents(wf.AgentSpec(name="Ada"))
-            found["revision"] = session.set_goal(ada, (1, 0, 1))
+            found["revision"] = session.set_goal(ada, (1, 0, 1), heading=0.5)
+            found["path"] = session.set_path(ada, [wf.Goal((1, 0, 0)), wf.Goal((2, 0, 0))])
             for batch in session.stream():
                 found["frames"] = batch.frames[0]
                 break
@@ -188,7 +200,7 @@ async def test_sync_client(service, server):
         await asyncio.sleep(0.01)
     service.emit(service.subscriptions[0].session_id)
     await asyncio.to_thread(thread.join)
-    assert (found["fps"], found["revision"]) == (40, 1)
+    assert (found["fps"], found["revision"], found["path"]) == (40, 1, 3)
     assert found["frames"].agent.name == "Ada" and len(found["agents"]) == 1
     while not service.subscriptions[0].closed:
         await asyncio.sleep(0.01)

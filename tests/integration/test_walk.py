@@ -2,6 +2,8 @@
 
 import asyncio
 import contextlib
+import math
+from dataclasses import replace
 
 import httpx
 import numpy as np
@@ -82,6 +84,33 @@ async def test_people_arrive_at_three_goals_in_turn(client):
                 if min(reached.values()) == 3:
                     break
         assert set(reached.values()) == {3}
+
+
+async def test_a_path_is_walked_with_its_controls(client):
+    """Through a corner without stopping, and at the end the heading that was asked for."""
+    async with await client.create_session("unity") as session:
+        (ada,) = await session.create_agents(wf.AgentSpec())
+        path = [
+            wf.Goal((0, 0, 1.2), speed=3.0, stop=False),
+            wf.Goal((1.2, 0, 1.2), speed=3.0, heading=math.pi / 2),
+        ]
+        assert await session.set_path(ada, path) == 1
+        assert (await session.agent(ada)).waypoints == 2
+        reached, states = [], []
+        async with contextlib.aclosing(session.stream()) as stream, asyncio.timeout(60):
+            async for batch in stream:
+                for frames in batch:
+                    states.append((frames.waypoint, frames.state))
+                    if wf.Flag.ARRIVED in frames.flags:
+                        reached.append(frames.waypoint)
+                if len(reached) == 2 and states[-1][1] == "standing":
+                    break
+        assert reached == [0, 1]
+        assert {state for waypoint, state in states if waypoint == 0} <= {"standing", "walking"}
+        assert (1, "turning") in states
+        ada = await session.agent(ada)
+        assert ada.goal == replace(path[1], radius=0.3)
+        assert ada.heading == pytest.approx(math.pi / 2, abs=0.3)
 
 
 async def test_frames_follow_each_other_without_a_hole(client):

@@ -5,17 +5,21 @@ import numpy as np
 from wayfarer.body.model import BodyModel
 from wayfarer.runtime.agent import AgentSpec
 from wayfarer.runtime.engine import StepInputs, StepOutputs
+from wayfarer.runtime.heading import facing_of
 from wayfarer.runtime.settings import WorldSettings
+from wayfarer.runtime.spawn import multiply
 from wayfarer.runtime.world import World
 from wayfarer.spec import BETAS, GENDERS, JOINTS, MARKERS, NEW_FRAMES, STEP_SECONDS
 from wayfarer.terms import TERMS
 
 HIPS_HEIGHT = 0.9
+TURN = 0.4  # radians
 
 
 class FakeEngine:
-    """Moves the whole body towards the goal at the target speed; candidate 0's first latent
-    number is a sideways nudge in millimetres, so the noise shows in the motion."""
+    """Moves the whole body towards the goal at the target speed, and turns it by up to TURN a step
+    to the facing asked for; candidate 0's first latent number is a sideways nudge in millimetres,
+    so the noise shows in the motion."""
 
     term_names = TERMS
 
@@ -42,12 +46,25 @@ class FakeEngine:
             move[inputs.betas[:, 0] == np.float32(self.nan_for_beta)] = np.nan
         return StepOutputs(
             translation=start[:, None] + move,
-            rotations=np.repeat(inputs.seed_rotations[:, -1:], NEW_FRAMES, axis=1),
+            rotations=np.repeat(_turned(inputs)[:, None], NEW_FRAMES, axis=1),
             contacts=np.ones((agents, NEW_FRAMES, 2), np.float32),
             next_seed_markers=inputs.seed_markers[:, -1:] + move[:, -2:, None],
             terms=np.zeros((agents, len(TERMS)), np.float32),
             choice=np.zeros(agents, np.int64),
         )
+
+
+def _turned(inputs: StepInputs) -> np.ndarray:
+    """The last seed frame's rotations [A, 22, 4], hips turned towards the facing asked for."""
+    rotations = inputs.seed_rotations[:, -1].copy()
+    now, asked = facing_of(rotations[:, 0]), inputs.facing
+    angle = np.arctan2(now[:, 0] * asked[:, 1] - now[:, 1] * asked[:, 0], (now * asked).sum(-1))
+    half = np.clip(angle, -TURN, TURN) / 2 * asked.any(-1)
+    turns = np.stack([0 * half, 0 * half, np.sin(half), np.cos(half)], -1)
+    rotations[:, 0] = [
+        multiply(turn, hips) for turn, hips in zip(turns, rotations[:, 0], strict=True)
+    ]
+    return rotations
 
 
 def stick_body(gender: str = "female") -> BodyModel:
@@ -59,7 +76,8 @@ def stick_body(gender: str = "female") -> BodyModel:
     vertices[:, 2] = np.linspace(1.7, 0.0, MARKERS)
     vertices[:, 0] = 0.1
     names = [f"M{i}" for i in range(MARKERS)]
-    names[-2:] = ["LSOLE", "RSOLE"]
+    parts = ("HEEL", "MT1", "MT5", "TOE")
+    names[-8:] = [f"{side}SOLE_{part}" for side in "LR" for part in parts]
     parents = np.zeros(JOINTS, np.int64)
     parents[0] = -1
     bones = np.zeros((MARKERS, 4), np.int64)

@@ -24,7 +24,9 @@ STEP_INPUTS = {
     "betas": ["A", BETAS],
     "goal": ["A", 3],
     "target_speed": ["A"],
+    "facing": ["A", 2],
     "term_weights": ["A", len(TERMS)],
+    "policy": ["A"],
     "noise": ["A", "K", LATENT],
 }
 STEP_OUTPUTS = {

@@ -34,10 +34,10 @@ def test_limit_is_refused_with_a_message():
 def test_released_slot_comes_back_clean():
     table = SlotTable(limit=1)
     slot = table.acquire()
-    table.rows.goal.given[slot] = True
+    table.rows.goal_revision[slot] = 3
     table.rows.planned.gait.mode[slot] = Mode.WALKING
     table.release(slot)
     assert not table.rows.active[slot]
     assert table.acquire() == slot
-    assert not table.rows.goal.given[slot]
+    assert table.rows.goal_revision[slot] == 0
     assert table.rows.planned.gait.mode[slot] == Mode.STANDING

@@ -4,7 +4,8 @@ import pytest
 from tests.runtime.fakes import BODIES, HIPS_HEIGHT, start_poses
 from wayfarer.errors import ArtifactError
 from wayfarer.runtime.agent import AgentSpec
-from wayfarer.runtime.spawn import Spawner, heading_of, load_start_poses, multiply
+from wayfarer.runtime.heading import heading_of
+from wayfarer.runtime.spawn import Spawner, load_start_poses, multiply
 
 SPAWNER = Spawner(BODIES, start_poses())
 

@@ -129,6 +129,11 @@ class FakeService:
         self.goals.append((agent_id, goal))
         return len(self.goals)
 
+    async def set_path(self, agent_id: str, goals: Sequence[Goal]) -> int:
+        self._agent(agent_id)
+        self.goals += [(agent_id, goal) for goal in goals]
+        return len(self.goals)
+
     async def clear_goal(self, agent_id: str) -> int:
         self._agent(agent_id)
         self.goals.append((agent_id, None))
@@ -195,6 +200,8 @@ def chunk(
         translation=translation.astype(np.float32),
         rotations=rotations,
         contacts=contacts,
+        waypoint=5,
+        candidates=4,
     )
 
 

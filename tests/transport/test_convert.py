@@ -2,11 +2,14 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.transport.fakes import NOW
 from wayfarer.body.phenotype import height_of
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.agent import AgentInfo, AgentSpec, AgentState, Goal
+from wayfarer.runtime.heading import facing_at
 from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.bodies import BodyLibrary
@@ -25,6 +28,7 @@ TWINS = [
     (schema.Agent, agent_pb2.Agent),
     (schema.Goal, goal_pb2.Goal),
     (schema.GoalRevision, goal_pb2.SetGoalResponse),
+    (schema.GoalRevision, goal_pb2.SetPathResponse),
     (schema.GoalRevision, goal_pb2.ClearGoalResponse),
     (schema.Bone, catalog_pb2.Bone),
     (schema.Skeleton, catalog_pb2.Skeleton),
@@ -128,6 +132,12 @@ def test_a_body_beyond_its_range_is_named(wrong):
     assert caught.value.field == f"agents[2].phenotype.{next(iter(wrong))}"
 
 
+@pytest.mark.parametrize(("sent", "wanted"), [({}, True), ({"foot_lock": False}, False)])
+def test_feet_are_locked_unless_it_is_refused(sent, wanted):
+    wish = convert.parse(schema.AgentSpec, agent_pb2.AgentSpec(**sent))
+    assert convert.agent_spec(wish, Basis.GLTF, BODIES, "agents[0]").foot_lock is wanted
+
+
 def test_seeds_are_drawn_when_absent():
     drawn = {
         convert.agent_spec(schema.AgentSpec(), Basis.GLTF, BODIES, "").noise_seed for _ in range(8)
@@ -144,6 +154,47 @@ def test_goals_there_and_back(basis):
     )
     goal = convert.goal(wish, basis)
     assert goal == Goal(pytest.approx((3.0, -4.0, 0.0)), pytest.approx(0.5), 1.2)
+
+
+@pytest.mark.parametrize("basis", Basis)
+def test_how_to_go_to_a_goal_there_and_back(basis):
+    """What a client writes, in each basis, and reads back from the agent's description."""
+    axes = basis.axes
+    sent = goal_pb2.Goal(
+        position={"x": 1.0, "y": 2.0, "z": 3.0}, heading=0.5, stop=False, strafe=True, dwell=0.0
+    )
+    given = convert.goal(convert.parse(schema.Goal, sent, "goal"), basis)
+    assert given.heading == axes.handedness * 0.5
+    assert (given.stop, given.strafe, given.dwell) == (False, True, 0.0)
+    shown = convert.message(agent_pb2.Agent, convert.agent(agent(goal=given), basis, BODIES)).goal
+    assert (shown.heading, shown.stop, shown.strafe) == (0.5, False, True)
+
+
+@given(st.sampled_from(list(Basis)), st.floats(-3, 3))
+def test_a_goal_heading_faces_what_the_basis_means_by_it(basis, heading):
+    """The wire's own turn about its up axis takes its forward axis to where the body faces."""
+    axes = basis.axes
+    wish = schema.Goal(position=schema.Vector3(x=0, y=0, z=0), heading=heading)
+    facing = axes.matrix @ np.array([*facing_at(convert.goal(wish, basis).heading), 0.0])
+    side = np.cross(axes.up, axes.forward)  # where +90 degrees about +up points, either handedness
+    np.testing.assert_allclose(
+        facing, np.cos(heading) * axes.forward + np.sin(heading) * side, atol=1e-9
+    )
+
+
+def test_an_absent_heading_stays_absent():
+    given = convert.goal(convert.parse(schema.Goal, goal_pb2.Goal(position={})), Basis.UNITY)
+    assert given == Goal((0.0, 0.0, 0.0))
+    shown = convert.message(agent_pb2.Agent, convert.agent(agent(goal=given), Basis.UNITY, BODIES))
+    assert not shown.goal.HasField("heading")
+    assert shown.goal.stop and not shown.goal.strafe
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, 100.5])
+def test_goal_headings_have_a_range(bad):
+    with pytest.raises(InvalidArgument) as caught:
+        convert.parse(schema.Goal, goal_pb2.Goal(position={}, heading=bad), "goals[2]")
+    assert caught.value.field == "goals[2].heading"
 
 
 def agent(**changes) -> AgentInfo:
@@ -163,7 +214,8 @@ def agent(**changes) -> AgentInfo:
 
 
 def test_agent_in_unity():
-    shown = convert.agent(agent(), Basis.UNITY, BODIES)
+    shown = convert.agent(agent(waypoint=2, waypoints=3), Basis.UNITY, BODIES)
+    assert (shown.waypoint, shown.waypoints) == (2, 3)
     assert shown.position == schema.Vector3(x=1.0, y=0.9, z=2.0)
     assert shown.heading == -0.25
     assert shown.goal.position == schema.Vector3(x=3.0, y=0.0, z=4.0)

@@ -50,6 +50,7 @@ async def test_unknown_ids_are_not_found():
         api.get_agent("x"),
         api.delete_agent("x"),
         api.set_goal("x", goal),
+        api.set_path("x", [goal]),
         api.clear_goal("x"),
         anext(api.stream("x")),
     ):

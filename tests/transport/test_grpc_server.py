@@ -39,6 +39,20 @@ async def test_grpc_from_session_to_frames(rig):
     assert rig.service.goals[0][1].position == (-3.0, 0.0, 0.0)
     assert rig.service.goals[0][1].radius == 0.5
 
+    path = await rig.goals.SetPath(
+        goal_pb2.SetPathRequest(
+            agent_id=agent.agent_id,
+            goals=[
+                {"position": {"x": 1.0}, "stop": False},
+                {"position": {"x": 2.0}, "heading": 0.5, "strafe": True, "dwell": 3.0},
+            ],
+        )
+    )
+    assert path.revision == 3
+    first, second = (goal for _, goal in rig.service.goals[1:])
+    assert first.position == (0.0, 1.0, 0.0) and not first.stop and first.heading is None
+    assert (second.heading, second.stop, second.strafe, second.dwell) == (0.5, True, True, 3.0)
+
     call = rig.motion.StreamMotion(motion_pb2.StreamMotionRequest(session_id=session_id))
     assert (await call.read()).header.skeleton.posed_bones == 22
     (sent,) = rig.service.emit(session_id)
@@ -46,6 +60,7 @@ async def test_grpc_from_session_to_frames(rig):
     assert batch.added[0].agent_id == agent.agent_id
     (chunk,) = batch.chunks
     assert chunk.flags == motion_pb2.CHUNK_FLAG_FIRST
+    assert (chunk.waypoint, chunk.candidates) == (5, 4)
     assert chunk.scheduled_at_us == round(sent.scheduled_at * 1e6)
     translation, rotations, contacts = codec.decode(chunk.poses, chunk.contacts, Basis.ROS)
     np.testing.assert_allclose(translation, sent.translation, atol=1e-6)
@@ -73,6 +88,16 @@ async def test_grpc_errors_carry_details(rig):
     violations = BadRequest()
     assert any(packed.Unpack(violations) for packed in status.details)
     assert violations.field_violations[0].field == "agents[0].betas[0]"
+
+
+async def test_a_goal_of_a_path_that_is_wrong_is_named(rig):
+    _, (agent, _) = await rig.session()
+    goals = [{"position": {}}, {"position": {}, "heading": float("nan")}]
+    request = goal_pb2.SetPathRequest(agent_id=agent["agent_id"], goals=goals)
+    with pytest.raises(grpc.aio.AioRpcError, match=r"goals\[1\]\.heading") as caught:
+        await rig.goals.SetPath(request)
+    assert caught.value.code() == grpc.StatusCode.INVALID_ARGUMENT
+    assert rig.service.goals == []
 
 
 async def test_a_large_grpc_message_is_refused(rig):

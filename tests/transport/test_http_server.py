@@ -23,6 +23,17 @@ async def test_http_from_session_to_frames(rig):
     assert given.position == pytest.approx((0, 2.5, 0))
     assert (given.radius, given.speed) == pytest.approx((0.5, 1.0))
     assert (await rig.http.delete(path + "/goal")).json() == {"revision": 2}
+    goals = [
+        {"position": {"x": 100, "y": 0, "z": 0}, "stop": False, "speed": 160},
+        {"position": {"x": 0, "y": 50, "z": 0}, "heading": 1.5, "dwell": 2},
+    ]
+    answer = await rig.http.put(path + "/path", json={"goals": goals})
+    assert answer.json() == {"revision": 4}
+    first, second = (goal for _, goal in rig.service.goals[2:])
+    assert first.position == pytest.approx((0, 1, 0)) and first.speed == pytest.approx(1.6)
+    assert not first.stop
+    assert second.position == pytest.approx((0.5, 0, 0))
+    assert (second.heading, second.stop, second.dwell) == (-1.5, True, 2.0)  # left-handed
     async with rig.socket(session_id) as socket:
         messages = [motion_pb2.StreamMotionResponse.FromString(await socket.recv())]
         (sent, _) = rig.service.emit(session_id)
@@ -43,6 +54,9 @@ async def test_http_from_session_to_frames(rig):
     ("method", "path", "body", "status"),
     [
         ("PUT", "/v1/agents/none/goal", {"position": {"x": 0, "y": 0, "z": 0}}, 404),
+        ("PUT", "/v1/agents/none/path", {"goals": [{"position": {"x": 0, "y": 0, "z": 0}}]}, 404),
+        ("PUT", "/v1/agents/none/path", {"goals": []}, 422),
+        ("PUT", "/v1/agents/none/path", {"goals": [{"position": {"x": 0}}]}, 422),
         ("GET", "/v1/sessions/none", None, 404),
         ("GET", "/v1/agents/" + "x" * 65, None, 422),
         ("GET", "/v1/nothing", None, 404),
@@ -129,7 +143,7 @@ async def test_openapi_describes_every_route(rig):
         for path, item in document["paths"].items()
         for method, operation in item.items()
     ]
-    assert len(operations) == 17
+    assert len(operations) == 18
     for path, method, operation in operations:
         assert operation.get("summary"), (method, path)
         if not path.startswith("/v1/health"):

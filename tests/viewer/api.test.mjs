@@ -17,14 +17,19 @@ test("calls have the method, path and body of the API", async () => {
   await client.createSession();
   assert.deepEqual(await client.bodies(), [2]);
   assert.deepEqual(await client.createAgents("s/1", [{ gender: "male" }]), [1]);
-  await client.setGoal("a", 1.5, -2);
+  await client.setPath("a", [{ x: 1.5, z: -2, speed: 0.8, stop: false }, { x: 0, z: 0, heading: 1 }]);
   await client.clearGoal("a");
   await client.deleteAgent("a");
   assert.deepEqual(asked, [
     ["POST", "/v1/sessions", { basis: "gltf" }],
     ["GET", "/v1/bodies", undefined],
     ["POST", "/v1/sessions/s%2F1/agents", { agents: [{ gender: "male" }] }],
-    ["PUT", "/v1/agents/a/goal", { position: { x: 1.5, y: 0, z: -2 } }],
+    ["PUT", "/v1/agents/a/path", {
+      goals: [
+        { position: { x: 1.5, y: 0, z: -2 }, speed: 0.8, stop: false },
+        { position: { x: 0, y: 0, z: 0 }, heading: 1 },
+      ],
+    }],
     ["DELETE", "/v1/agents/a/goal", undefined],
     ["DELETE", "/v1/agents/a", undefined],
   ]);
@@ -36,7 +41,7 @@ test("an answer without content is null", async () => {
 
 test("a refusal says what the problem document says", async () => {
   const document = { title: "Invalid argument", detail: "too far", errors: [{ field: "position", detail: "too far" }] };
-  await assert.rejects(api(422, JSON.stringify(document)).api.setGoal("a", 9e9, 0), (error) => {
+  await assert.rejects(api(422, JSON.stringify(document)).api.setPath("a", [{ x: 9e9, z: 0 }]), (error) => {
     assert.ok(error instanceof ApiError);
     assert.equal(error.status, 422);
     assert.equal(error.message, "position: too far");

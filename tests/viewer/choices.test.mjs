@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import {
-  formation, freePlace, pick, randomAgents, recipients, wanderGoal,
+  dragHeading, extended, formation, freePlace, pick, randomAgents, recipients, wanderGoal,
 } from "../../service/wayfarer/transport/viewer/choices.js";
 
 const HEIGHTS = { female: [1.5, 1.8], male: [1.55, 1.9] };
@@ -55,6 +55,20 @@ test("a click sends those that the mode names", () => {
   assert.deepEqual(recipients("selected", [far, near], far, point), [far]);
   assert.deepEqual(recipients("selected", [far, near], null, point), []);
   assert.deepEqual(recipients("nearest", [], null, point), []);
+});
+
+test("a path grows at its end, and what ended it is passed through", () => {
+  const [a, b, c] = [{ x: 0, z: 1 }, { x: 0, z: 2, heading: 1 }, { x: 0, z: 3 }];
+  const path = extended(extended(extended([], a), b), c);
+  assert.deepEqual(path, [{ ...a, stop: false }, b, c]);
+  assert.equal("stop" in a, false);
+});
+
+test("a drag gives the heading it points to, a twitch none", () => {
+  const from = { x: 1, z: 1 };
+  assert.equal(dragHeading(from, { x: 1, z: 3 }), 0);
+  assert.equal(dragHeading(from, { x: 3, z: 1 }), Math.PI / 2);
+  assert.equal(dragHeading(from, { x: 1.1, z: 1.1 }), null);
 });
 
 test("a ray picks the person it passes, not the one behind the viewer", () => {

@@ -106,6 +106,14 @@ class Page:
         for kind in ("mousePressed", "mouseReleased"):
             self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
+    def drag(
+        self, start: tuple[float, float], end: tuple[float, float], shift: bool = False
+    ) -> None:
+        """Press the left button at one point, move, and release it at another."""
+        held = {"modifiers": 8 if shift else 0, "button": "left", "clickCount": 1}
+        for kind, (x, y) in (("mousePressed", start), ("mouseMoved", end), ("mouseReleased", end)):
+            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **held)
+
     def screenshot(self) -> bytes:
         """The page as PNG."""
         return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])

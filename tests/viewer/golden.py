@@ -57,6 +57,8 @@ def messages() -> dict[str, motion_pb2.StreamMotionResponse]:
         flags=motion_pb2.CHUNK_FLAG_FIRST | motion_pb2.CHUNK_FLAG_ARRIVED,
         poses=poses(3),
         contacts=bytes([1, 3, 2]),
+        waypoint=2,
+        candidates=8,
     )
     batch = motion_pb2.MotionBatch(added=[agent], chunks=[chunk], removed=[1, 300])
     now = 1_780_000_000_200_000

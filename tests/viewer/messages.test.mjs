@@ -26,7 +26,7 @@ test("a batch gives new agents, chunks and removals", () => {
   const [{ poses, contacts, ...chunk }] = batch.chunks;
   assert.deepEqual(chunk, {
     alias: 300, seq: 12, firstFrame: 96, scheduledAt: 1_780_000_000.123456, goalRevision: 3,
-    state: "walking", flags: FLAG.FIRST | FLAG.ARRIVED,
+    state: "walking", flags: FLAG.FIRST | FLAG.ARRIVED, waypoint: 2, candidates: 8,
   });
   assert.deepEqual([...contacts], [1, 3, 2]);
   const frames = unpackPoses(poses, 2);

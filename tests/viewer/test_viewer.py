@@ -107,13 +107,33 @@ def test_a_click_on_the_ground_sends_everybody(page: Page):
     start = hips(page)
     page.evaluate("document.querySelector('input[value=all]').click()")
     page.click(620, 420)
-    page.wait_for(f"{CROWD}.people.filter((person) => person.goal.visible).length === 16")
+    page.wait_for(f"{CROWD}.people.filter((person) => person.ahead.length === 1).length === 16")
     moved = (
         f"{CROWD}.people.filter((person, k) => "
         f"Math.hypot(person.x - {json.dumps(start.tolist())}[k][0],"
         f" person.z - {json.dumps(start.tolist())}[k][1]) > 0.5).length"
     )
     page.wait_for(f"{moved} >= 10", 60)
+    assert page.problems == []
+
+
+def test_shift_adds_waypoints_and_a_drag_the_heading(page: Page):
+    ahead = f"{CROWD}.people.map((person) => person.ahead)"
+    page.evaluate(
+        "(() => { const speed = document.querySelector('#speed');"
+        " speed.value = '0.6'; speed.dispatchEvent(new Event('input')); })()"
+    )
+    assert page.evaluate("document.querySelector('#speed-shown').textContent") == "0.6 m/s"
+    camera = page.evaluate("globalThis.wayfarer.stage.camera.position.toArray()")
+    page.drag((620, 420), (620, 420), shift=True)
+    page.drag((700, 400), (780, 400), shift=True)
+    page.wait_for(f"{ahead}.every((goals) => goals.length >= 2)")
+    for *before, last in page.evaluate(ahead):
+        assert all(goal["stop"] is False for goal in before)
+        assert "stop" not in last and last["speed"] == 0.6
+        assert abs(last["heading"]) < 3.2
+    assert page.evaluate("globalThis.wayfarer.stage.camera.position.toArray()") == camera
+    page.wait_for(f"{CROWD}.people.every((person) => Number.isFinite(person.revision))")
     assert page.problems == []
 
 

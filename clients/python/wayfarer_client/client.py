@@ -190,11 +190,20 @@ class Session:
         position: Place,
         radius: float | None = None,
         speed: float | None = None,
+        heading: float | None = None,
+        stop: bool = True,
+        strafe: bool = False,
     ) -> int:
-        """Send an agent somewhere; return the goal's revision."""
-        goal = Goal(position, radius, speed).to_wire()
+        """Send an agent somewhere, see `Goal`; return the goal's revision."""
+        goal = Goal(position, radius, speed, heading, stop, strafe).to_wire()
         request = goal_pb2.SetGoalRequest(agent_id=_id(agent), goal=goal)
         return int((await self.client._call(self.client._goals.SetGoal, request)).revision)
+
+    async def set_path(self, agent: Agent | str, goals: Iterable[Goal]) -> int:
+        """Send an agent to goals in turn; return their revision."""
+        wire = [goal.to_wire() for goal in goals]
+        request = goal_pb2.SetPathRequest(agent_id=_id(agent), goals=wire)
+        return int((await self.client._call(self.client._goals.SetPath, request)).revision)
 
     async def clear_goal(self, agent: Agent | str) -> int:
         """Stop an agent where it is; return the revision."""

@@ -27,6 +27,7 @@ class Flag(IntFlag):
     REPLANNED = 2  # frames planned for this time were thrown away for a new goal
     ARRIVED = 4  # the goal was reached
     GAP = 8  # earlier frames were lost, because this reader was too slow
+    REDUCED = 16  # the server was short of time and tried fewer candidates than usual
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +51,7 @@ class AgentSpec:
     heading: float = 0.0  # radians about up; 0 faces the basis's forward
     seed: int | None = None  # None: the server chooses, and reports it
     name: str = ""
+    foot_lock: bool = True  # keep feet on the floor from sliding; False: as the model makes them
 
     def to_wire(self) -> agent_pb2.AgentSpec:
         """As protobuf."""
@@ -60,6 +62,7 @@ class AgentSpec:
             heading=self.heading,
             seed=self.seed,
             name=self.name,
+            foot_lock=self.foot_lock,
         )
         if self.phenotype is not None:
             words = {name: getattr(self.phenotype, name) for name in Phenotype.__slots__}
@@ -69,15 +72,20 @@ class AgentSpec:
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A place to walk to and stop at."""
+    """A place to walk to, and how."""
 
     position: Place
     radius: float | None = None  # arrived when this near; None: 0.3 m
     speed: float | None = None  # per second; None: 1.2 m/s
+    heading: float | None = None  # radians about up, to face once stopped there; None: any
+    stop: bool = True  # False: pass through without slowing; where no goal follows, stop after it
+    strafe: bool = False  # face `heading` on the way, too: walk sideways or backwards
+    dwell: float = 0.0  # seconds to stand there before the next goal of a path
 
     def to_wire(self) -> goal_pb2.Goal:
         """As protobuf."""
-        return goal_pb2.Goal(position=vector(self.position), radius=self.radius, speed=self.speed)
+        given = {name: getattr(self, name) for name in Goal.__slots__ if name != "position"}
+        return goal_pb2.Goal(position=vector(self.position), **given)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,13 +100,15 @@ class Agent:
     gender: str
     betas: tuple[float, ...]
     seed: int
-    state: str  # "standing", "walking", "stopping"
+    state: str  # "standing", "walking", "stopping", "turning"
     position: Place  # hips
     heading: float
-    goal: Goal | None
+    goal: Goal | None  # the present one of its path
     goal_revision: int
     created_at: float
     rest_offsets: Float = field(repr=False, compare=False)  # [J, 3] joint relative to parent
+    waypoint: int = 0  # place of `goal` in its path
+    waypoints: int = 0  # goals of its path
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +125,8 @@ class Frames:
     translation: Float = field(repr=False)  # [F, 3] hips
     rotations: Float = field(repr=False)  # [F, 22, 4] x, y, z, w; hips: world; else: local
     contacts: NDArray[np.bool_] = field(repr=False)  # [F, 2] left, right foot on the ground
+    waypoint: int = 0  # place in its path of the goal they were planned for
+    candidates: int = 0  # so many were tried for them
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,12 +182,12 @@ def agent_from_wire(message: agent_pb2.Agent) -> Agent:
         state=STATES[message.state],
         position=_place(message.position),
         heading=message.heading,
-        goal=Goal(_place(goal.position), goal.radius, goal.speed)
-        if message.HasField("goal")
-        else None,
+        goal=_goal(goal) if message.HasField("goal") else None,
         goal_revision=message.goal_revision,
         created_at=message.created_at_us / 1e6,
         rest_offsets=np.array(message.rest_offsets, np.float32).reshape(-1, 3),
+        waypoint=message.waypoint,
+        waypoints=message.waypoints,
     )
 
 
@@ -196,6 +208,20 @@ def frames_from_wire(
         translation=packed[:, :3],
         rotations=packed[:, 3:].reshape(-1, posed_bones, 4),
         contacts=(contacts[:, None] & np.array([1, 2])).astype(bool),
+        waypoint=chunk.waypoint,
+        candidates=chunk.candidates,
+    )
+
+
+def _goal(message: goal_pb2.Goal) -> Goal:
+    return Goal(
+        position=_place(message.position),
+        radius=message.radius,
+        speed=message.speed,
+        heading=message.heading if message.HasField("heading") else None,
+        stop=message.stop if message.HasField("stop") else True,
+        strafe=message.strafe,
+        dwell=message.dwell,
     )
 
 

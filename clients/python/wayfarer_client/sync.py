@@ -7,7 +7,7 @@ from types import TracebackType
 from typing import Any, Self, TypeVar
 
 from wayfarer_client.client import Client, Session
-from wayfarer_client.messages import Agent, AgentSpec, Batch, Place
+from wayfarer_client.messages import Agent, AgentSpec, Batch, Goal, Place
 from wayfarer_client.v1 import catalog_pb2
 
 T = TypeVar("T")
@@ -127,9 +127,17 @@ class SyncSession:
         position: Place,
         radius: float | None = None,
         speed: float | None = None,
+        heading: float | None = None,
+        stop: bool = True,
+        strafe: bool = False,
     ) -> int:
         """See `Session.set_goal`."""
-        return self._client._run(self._session.set_goal(agent, position, radius, speed))
+        goal = self._session.set_goal(agent, position, radius, speed, heading, stop, strafe)
+        return self._client._run(goal)
+
+    def set_path(self, agent: Agent | str, goals: Iterable[Goal]) -> int:
+        """See `Session.set_path`."""
+        return self._client._run(self._session.set_path(agent, goals))
 
     def clear_goal(self, agent: Agent | str) -> int:
         """See `Session.clear_goal`."""

@@ -20,15 +20,20 @@ class AgentSpec:
     heading: float = 0.0  # radians about +Z; 0 faces +Y
     noise_seed: int = 0  # the agent's motion is reproducible from it
     name: str = ""  # shown by clients; need not be unique
+    foot_lock: bool = True  # feet on the floor are kept from sliding in the frames that are sent
 
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A place to walk to and stop at."""
+    """A place to walk to, and how."""
 
     position: tuple[float, float, float]  # metres, world
     radius: float = 0.3  # metres: arrived when the pelvis is this near, horizontally
     speed: float = 1.2  # metres per second, wished for on the way
+    heading: float | None = None  # radians about +Z, 0 faces +Y: to face once stopped there
+    stop: bool = True  # False: pass through without slowing; with no goal to follow, stop after it
+    strafe: bool = False  # face `heading` on the way, too: walk sideways or backwards
+    dwell: float = 0.0  # seconds to stand there before going on to the next goal of a path
 
 
 class AgentState(StrEnum):
@@ -37,6 +42,7 @@ class AgentState(StrEnum):
     STANDING = "standing"
     WALKING = "walking"
     STOPPING = "stopping"
+    TURNING = "turning"
 
 
 class ChunkFlag(IntFlag):
@@ -48,6 +54,7 @@ class ChunkFlag(IntFlag):
     REPLANNED = 2  # frames that were planned for this time were thrown away for a new goal
     ARRIVED = 4  # the goal was reached during this chunk
     GAP = 8  # chunks before this one were dropped for this subscriber (it was too slow)
+    REDUCED = 16  # fewer candidates than wished were tried, because time was short
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +68,11 @@ class AgentInfo:
     state: AgentState
     position: tuple[float, float, float]  # hips, last sent frame
     heading: float
-    goal: Goal | None
+    goal: Goal | None  # the present one of its path
     goal_revision: int  # 0 before the first goal
     created_at: float  # Unix seconds
+    waypoint: int = 0  # place of `goal` in its path
+    waypoints: int = 0  # goals of its path
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +90,8 @@ class MotionChunk:
     translation: NDArray[np.float32] = field(repr=False)  # [F, 3]
     rotations: NDArray[np.float32] = field(repr=False)  # [F, 22, 4]
     contacts: NDArray[np.bool_] = field(repr=False)  # [F, 2] left, right
+    waypoint: int = 0  # place in the path of the goal these frames were planned for
+    candidates: int = 0  # so many were tried: with it and the seeds the chunk can be made again
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,3 +120,4 @@ class LoopStats:
     failures: int = 0  # turns of the loop that raised, since start
     rebased: int = 0  # how often the schedule was moved because the loop was > 1 s behind
     dropped_batches: int = 0  # lost by the present subscribers, who were too slow
+    reduced_steps: int = 0  # agent steps with fewer candidates than wished, since start

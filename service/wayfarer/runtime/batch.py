@@ -5,7 +5,7 @@ from dataclasses import fields
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.runtime.engine import StepInputs, StepOutputs
+from wayfarer.runtime.engine import Float, StepInputs, StepOutputs
 from wayfarer.runtime.noise import latents
 from wayfarer.runtime.rows import Index
 from wayfarer.runtime.slots import Gait, Goals, Seeds, Slots
@@ -16,23 +16,34 @@ MAX_STEP_METRES = 3.0
 
 
 def gather(
-    slots: Slots, rows: Index, seed: Seeds, gait: Gait, goals: Goals, steering: Steering
+    slots: Slots,
+    rows: Index,
+    seed: Seeds,
+    gait: Gait,
+    goals: Goals,
+    candidates: int,
+    steering: Steering,
 ) -> StepInputs:
-    """Engine inputs of `rows`; `seed`, the gait to come and the goals are theirs.
-
-    All rows want the same number of candidates.
-    """
-    goal, target_speed = steering.targets(gait, seed.translation, goals)
-    candidates = int(steering.candidates(gait.mode[:1])[0])
+    """Engine inputs of `rows`; `seed`, the gait to come and the goals are theirs."""
     noise = latents(slots.noise_seed[rows], slots.planned_chunks[rows], candidates)
+    return assemble(seed, slots.betas[rows], gait, goals, noise, steering)
+
+
+def assemble(
+    seed: Seeds, betas: Float, gait: Gait, goals: Goals, noise: Float, steering: Steering
+) -> StepInputs:
+    """Engine inputs of the step that `gait` is for: betas [A, 10], noise [A, K, 128] ~ N(0, I)."""
+    target = steering.targets(gait, seed, goals)
     return StepInputs(
         seed_markers=seed.markers,
         seed_translation=seed.translation,
         seed_rotations=seed.rotations,
-        betas=slots.betas[rows],
-        goal=goal,
-        target_speed=target_speed,
+        betas=betas,
+        goal=target.place,
+        target_speed=target.speed,
+        facing=target.facing,
         term_weights=steering.term_weights(gait.mode),
+        policy=steering.policy(gait.mode),
         noise=steering.scale_noise(gait.mode, noise),
     )
 

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 from wayfarer.errors import InvalidArgument
@@ -11,7 +11,9 @@ from wayfarer.runtime.settings import Limits
 from wayfarer.spec import BETAS, GENDERS, MAX_COORDINATE
 
 RADIUS: Final = (0.05, 10.0)
-SPEED: Final = (0.1, 3.0)
+SPEED: Final = (0.2, 4.0)
+MAX_DWELL: Final = 3600.0
+MAX_HEADING: Final = 100.0
 MAX_BETA: Final = 5.0
 MAX_NAME: Final = 200
 SESSION_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
@@ -45,19 +47,50 @@ def check_spec(spec: AgentSpec, where: str) -> None:
         raise InvalidArgument(f"name is longer than {MAX_NAME} characters", f"{where}.name")
 
 
-def check_goal(goal: Goal, hips: tuple[float, float, float], limits: Limits) -> None:
-    """A goal for an agent whose hips are at `hips`. Raises InvalidArgument."""
+def check_goal(
+    goal: Goal,
+    start: tuple[float, float, float],
+    limits: Limits,
+    where: str = "goal",
+    whence: str = "the agent",
+) -> None:
+    """A goal for an agent at `start`. `where` names it in messages. Raises InvalidArgument."""
     if len(goal.position) != 3:
-        raise InvalidArgument("position must be x, y, z", "goal.position")
-    _check_range(goal.position, -MAX_COORDINATE, MAX_COORDINATE, "goal.position")
-    _check_range([goal.radius], *RADIUS, "goal.radius")
-    _check_range([goal.speed], *SPEED, "goal.speed")
-    distance = math.dist(goal.position[:2], hips[:2])
+        raise InvalidArgument("position must be x, y, z", f"{where}.position")
+    _check_range(goal.position, -MAX_COORDINATE, MAX_COORDINATE, f"{where}.position")
+    _check_range([goal.radius], *RADIUS, f"{where}.radius")
+    _check_range([goal.speed], *SPEED, f"{where}.speed")
+    _check_range([goal.dwell], 0, MAX_DWELL, f"{where}.dwell")
+    if goal.dwell and not goal.stop:
+        raise InvalidArgument("an agent does not dwell where it does not stop", f"{where}.dwell")
+    if goal.heading is not None:
+        _check_range([goal.heading], -MAX_HEADING, MAX_HEADING, f"{where}.heading")
+        if not (goal.stop or goal.strafe):
+            raise InvalidArgument(
+                "a heading is faced when the agent stops, or with strafe on the way; "
+                "this goal asks for neither",
+                f"{where}.heading",
+            )
+    elif goal.strafe:
+        raise InvalidArgument("strafe needs a heading to hold on the way", f"{where}.strafe")
+    distance = math.dist(goal.position[:2], start[:2])
     if distance > limits.goal_distance:
         raise InvalidArgument(
-            f"goal is {distance:.0f} m from the agent; allowed: at most {limits.goal_distance:g} m",
-            "goal.position",
+            f"goal is {distance:.0f} m from {whence}; allowed: at most {limits.goal_distance:g} m",
+            f"{where}.position",
         )
+
+
+def check_path(goals: Sequence[Goal], start: tuple[float, float, float], limits: Limits) -> None:
+    """Goals to visit in turn from `start`. Raises InvalidArgument that names the one at fault."""
+    if not 1 <= len(goals) <= limits.path_goals:
+        raise InvalidArgument(
+            f"a path has {len(goals)} goals; allowed: 1 to {limits.path_goals}", "goals"
+        )
+    whence = "the agent"
+    for number, goal in enumerate(goals):
+        check_goal(goal, start, limits, f"goals[{number}]", whence)
+        start, whence = goal.position, "the goal before it"
 
 
 def _check_range(values: Iterable[float], low: float, high: float, field: str) -> None:

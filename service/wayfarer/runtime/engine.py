@@ -25,8 +25,10 @@ class StepInputs:
     betas: Float  # [A, 10]
     goal: Float  # [A, 3] point on the floor
     target_speed: Float  # [A] metres per second, horizontal
+    facing: Float  # [A, 2] world, unit vector the body should face; (0, 0): the way to the goal
     term_weights: Float  # [A, T] cost = sum of weight * term; lower is better
-    noise: Float  # [A, K, 128] candidate latents, already scaled by temperature
+    policy: Float  # [A] 0 … 1, share of the policy in the latents: 0 is the prior N(0, I)
+    noise: Float  # [A, K, 128] standard normal, already scaled by temperature
 
 
 @dataclass(frozen=True, slots=True)

@@ -154,6 +154,10 @@ class MotionLoop:
         """See `MotionService`."""
         return await self._inbox.ask(lambda: self._world.set_goal(agent_id, goal, self._clock()))
 
+    async def set_path(self, agent_id: str, goals: Sequence[Goal]) -> int:
+        """See `MotionService`."""
+        return await self._inbox.ask(lambda: self._world.set_path(agent_id, goals, self._clock()))
+
     async def clear_goal(self, agent_id: str) -> int:
         """See `MotionService`."""
         return await self._inbox.ask(lambda: self._world.clear_goal(agent_id, self._clock()))
@@ -224,6 +228,7 @@ class MotionLoop:
             done = self._clock()
             self._steps += stepped
             self._step_seconds.add(done, done - started)
+            self._world.spent(done, done - started)
 
     def _reach(self) -> float:
         """How long the next engine call may take: the longest of the last seconds, capped."""
@@ -293,6 +298,7 @@ class MotionLoop:
             failures=self._failures,
             rebased=self._rebased,
             dropped_batches=sum(q.dropped for q in queues),
+            reduced_steps=self._world.reduced_steps,
         )
 
 

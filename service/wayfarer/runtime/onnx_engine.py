@@ -76,6 +76,8 @@ def resting_inputs(agents: int, candidates: int) -> StepInputs:
         betas=np.zeros((agents, BETAS), np.float32),
         goal=np.zeros((agents, 3), np.float32),
         target_speed=np.zeros(agents, np.float32),
+        facing=np.zeros((agents, 2), np.float32),
         term_weights=np.zeros((agents, len(TERMS)), np.float32),
+        policy=np.zeros(agents, np.float32),
         noise=np.zeros((agents, candidates, LATENT), np.float32),
     )

@@ -25,6 +25,7 @@ class Chunks(Rows):
     contacts: Annotated[Flags, Shape(NEW_FRAMES, 2)]
     flags: NDArray[np.uint8]  # ChunkFlag
     goal_revision: Int
+    candidates: NDArray[np.int16]
     end: Motion
 
 
@@ -67,6 +68,12 @@ class Playback:
         waiting = self._slots.planned_chunks[rows] > self._slots.sent_chunks[rows]
         send = self._send_frame(rows)[waiting]
         return int(np.concatenate([self._plan_frame(rows), send]).min())
+
+    def slack(self, frame: float) -> float:
+        """Frames from world frame `frame` until the next chunk to be planned is to be shown."""
+        rows = np.flatnonzero(self._slots.active)
+        show = self._show_frame(rows, self._slots.planned_chunks[rows])
+        return float(show.min(initial=np.iinfo(np.int64).max) - frame)
 
     def next_send(self) -> int | None:
         """World frame at which the next chunk is to be sent, planned or not."""

@@ -18,7 +18,7 @@ class Agent:
     spec: AgentSpec
     slot: int
     created_at: float
-    goal: Goal | None = None
+    path: tuple[Goal, ...] = ()
 
 
 @dataclass(slots=True)

@@ -8,6 +8,7 @@ The annotations declare the columns:
         history: OtherRows                                      # columns within columns
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, Self, get_args, get_origin, get_type_hints
 
@@ -43,6 +44,16 @@ class Rows:
                 for name, kind, shape in _columns(cls)
             }
         )
+
+    @classmethod
+    def join(cls, parts: Sequence[Self]) -> Self:
+        """The rows of all `parts`, at least one, in order."""
+        joined: dict[str, Any] = {}
+        for name, kind, _ in _columns(cls):
+            values = [getattr(part, name) for part in parts]
+            is_rows = isinstance(kind, type) and issubclass(kind, Rows)
+            joined[name] = kind.join(values) if is_rows else np.concatenate(values)
+        return cls(**joined)
 
     def take(self, rows: Index) -> Self:
         """A copy of some rows."""

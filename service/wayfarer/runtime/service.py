@@ -67,6 +67,10 @@ class MotionService(Protocol):
         """Return the new goal revision. Raises NotFound, InvalidArgument."""
         ...
 
+    async def set_path(self, agent_id: str, goals: Sequence[Goal]) -> int:
+        """Goals to visit in turn; one revision for all. Raises NotFound, InvalidArgument."""
+        ...
+
     async def clear_goal(self, agent_id: str) -> int:
         """Stop where the agent is. Return the new revision. Raises NotFound."""
         ...

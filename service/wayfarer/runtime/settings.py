@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, fields
 
 from wayfarer.errors import InvalidArgument
+from wayfarer.runtime.budget import BudgetRules
 from wayfarer.runtime.steering import Steering
 from wayfarer.spec import NEW_FRAMES
 
@@ -25,7 +26,8 @@ class Limits:
     agents: int = 1024
     agents_per_session: int = 256
     sessions: int = 256
-    goal_distance: float = 1000.0  # metres, horizontal, from the agent
+    goal_distance: float = 1000.0  # metres, horizontal, from the agent or the goal before
+    path_goals: int = 256  # goals of one path
 
     def __post_init__(self) -> None:
         for limit in fields(self):
@@ -39,6 +41,7 @@ class WorldSettings:
 
     limits: Limits = field(default_factory=Limits)
     steering: Steering = field(default_factory=Steering)
+    budget: BudgetRules | None = None  # try fewer candidates when time is short; None: never
     lead: int = 1  # chunks that are planned ahead of their time
     phases: int = 8  # agents' steps are spread over so many moments of the 0.2 s
     replan_margin: float = 0.04  # s: a chunk that falls due within this is not replanned

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from wayfarer.errors import ResourceExhausted
 from wayfarer.runtime.agent import AgentState
+from wayfarer.runtime.footlock import LockState
+from wayfarer.runtime.legs import Legs
 from wayfarer.runtime.rows import Rows, Shape
 from wayfarer.spec import BETAS, MARKERS, POSED_JOINTS, SEED_FRAMES
 
@@ -27,11 +29,13 @@ class Mode(IntEnum):
     STANDING = 0
     WALKING = 1
     STOPPING = 2
+    TURNING = 3
+    STRAFING = 4
 
     @property
     def state(self) -> AgentState:
         """The public name."""
-        return AgentState[self.name]
+        return AgentState.WALKING if self is Mode.STRAFING else AgentState[self.name]
 
 
 @dataclass(slots=True)
@@ -49,9 +53,11 @@ class Gait(Rows):
 
     mode: NDArray[np.int8]  # Mode
     speed: Float  # m/s, horizontal, mean over the last step
-    slow_seconds: Float  # how long it has been slow
+    slow_seconds: Float  # how long it has been slow while stopping, and then standing
     stop_place: Annotated[Float, Shape(2)]  # where it stopped, or shall stop
+    stop_facing: Annotated[Float, Shape(2)]  # unit vector it faced when it did
     arrived: Flags  # the goal has been reached
+    waypoint: Int  # place of that goal in the path
 
 
 @dataclass(slots=True)
@@ -70,7 +76,13 @@ class Goals(Rows):
     position: Annotated[Float, Shape(3)]
     radius: Float
     speed: Float
-    revision: Int
+    heading: Annotated[Float, Shape(2)]  # unit vector to face, or zero: none is wished
+    strafe: Flags  # face the heading on the way, too
+    through: Flags  # pass through without stopping
+    dwell: Float  # seconds to stand there before the next goal
+    more: Flags  # another goal follows
+    bend: Float  # radians by which the path turns here
+    onward: Annotated[Float, Shape(2)]  # unit vector of the path after here
 
 
 @dataclass(slots=True)
@@ -81,13 +93,16 @@ class Slots(Rows):
     gender: NDArray[np.int8]  # index into spec.GENDERS
     noise_seed: NDArray[np.uint64]
     betas: Annotated[Float, Shape(BETAS)]
-    goal: Goals
+    goal_revision: Int  # counts the goals and paths set and cleared
     committed: Motion
     planned: Motion
     start_frame: Int  # world frame of the agent's frame 0
     planned_chunks: Int  # = seq of the next chunk to plan
     sent_chunks: Int  # = seq of the next chunk to send
     replanned: Flags  # the next chunk replaces one that was thrown away
+    foot_lock: Flags  # the agent wants its feet locked in what is sent
+    legs: Legs
+    feet: LockState  # after the frames already sent
 
 
 class SlotTable:

@@ -14,6 +14,7 @@ from wayfarer.body.model import Array, BodyModel
 from wayfarer.body.rotation import matrix_from_quaternion, quaternion_from_rotvec
 from wayfarer.errors import ArtifactError
 from wayfarer.runtime.agent import AgentSpec
+from wayfarer.runtime.heading import facing_at
 from wayfarer.runtime.slots import Gait, Mode, Motion, Seeds
 from wayfarer.spec import POSED_JOINTS
 
@@ -65,6 +66,7 @@ class Spawner:
         seed.rotations[:] = quaternions
         gait.mode[:] = Mode.STANDING
         gait.stop_place[:] = spec.position
+        gait.stop_facing[:] = facing_at(spec.heading)
         return Motion(seed, gait)
 
 
@@ -72,9 +74,3 @@ def multiply(a: Array, b: Array) -> Array:
     """Quaternion product a b [4], x y z w: first turn by b, then by a."""
     vector = a[3] * b[:3] + b[3] * a[:3] + np.cross(a[:3], b[:3])
     return np.array([*vector, a[3] * b[3] - a[:3] @ b[:3]])
-
-
-def heading_of(hips: NDArray[np.float32]) -> float:
-    """Heading in radians of a hips rotation [4]: the horizontal direction of its right side."""
-    x, y, z, w = (float(v) for v in hips)
-    return float(np.arctan2(2 * (x * y + z * w), 1 - 2 * (y * y + z * z)))

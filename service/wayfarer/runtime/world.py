@@ -13,26 +13,22 @@ from numpy.typing import NDArray
 
 from wayfarer.body.model import BodyModel
 from wayfarer.errors import ResourceExhausted
-from wayfarer.runtime.agent import (
-    AgentInfo,
-    AgentSpec,
-    AgentState,
-    ChunkFlag,
-    Goal,
-    MotionChunk,
-    SessionInfo,
-)
-from wayfarer.runtime.checks import check_goal, check_session_id, check_spec
+from wayfarer.runtime.agent import AgentInfo, AgentSpec, Goal, MotionChunk, SessionInfo
+from wayfarer.runtime.budget import Budget
+from wayfarer.runtime.checks import check_goal, check_path, check_session_id, check_spec
+from wayfarer.runtime.cleanup import clean_feet
 from wayfarer.runtime.engine import Engine
-from wayfarer.runtime.playback import Playback, Sent
+from wayfarer.runtime.heading import heading_of
+from wayfarer.runtime.legs import measure_legs
+from wayfarer.runtime.paths import Paths
+from wayfarer.runtime.playback import Playback
 from wayfarer.runtime.registry import Agent, Registry, Session
 from wayfarer.runtime.scheduler import Scheduler
 from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.slots import Mode, Motion, SlotTable
-from wayfarer.runtime.spawn import Spawner, heading_of
+from wayfarer.runtime.spawn import Spawner
+from wayfarer.runtime.views import agent_info, motion_chunks
 from wayfarer.spec import FPS, GENDERS, NEW_FRAMES
-
-STATES: tuple[AgentState, ...] = tuple(mode.state for mode in Mode)
 
 
 class World:
@@ -47,17 +43,24 @@ class World:
     ) -> None:
         """`bodies` by gender; `start_poses` [P, 22, 4] from `spawn.load_start_poses`."""
         self.settings = settings or WorldSettings()
+        self._bodies = bodies
         self._spawner = Spawner(bodies, start_poses)
         self._table = SlotTable(self.settings.limits.agents)
         self._playback = Playback(self._table.rows, self.settings.lead)
+        self._paths = Paths(self._table.rows, self.settings.limits.path_goals)
         self._scheduler = Scheduler(
             self._table,
             self._playback,
+            self._paths,
             engine,
             self.settings.steering,
             self._stand_again,
             self.settings.batch_sizes,
         )
+        self._budget: Budget | None = None
+        if self.settings.budget is not None:
+            wished = [search.candidates for search in self.settings.steering.searches.values()]
+            self._budget = Budget(max(wished), self.settings.budget)
         self._registry = Registry(self.settings.limits)
         # How many agents of each gender have their steps in each phase.
         self._phase_load = np.zeros((self.settings.phases, len(GENDERS)), np.int64)
@@ -74,11 +77,24 @@ class World:
 
     def step(self, now: float) -> int:
         """One engine call for the agents most urgently due. Returns how many were stepped."""
-        return self._scheduler.tick(self._frame(now))
+        frame = self._frame(now)
+        if self._budget is None:
+            return self._scheduler.tick(frame)
+        slack = self._playback.slack(frame) / FPS
+        return self._scheduler.tick(frame, self._budget.candidates(now, slack))
+
+    def spent(self, now: float, seconds: float) -> None:
+        """Tell the budget that a step has ended, and how long it took."""
+        if self._budget is not None:
+            self._budget.spent(now, seconds)
 
     def collect(self, until: float) -> list[MotionChunk]:
         """The planned chunks that are to be shown by `until`, in order of that."""
-        return [c for sent in self._playback.send(self._frame(until)) for c in self._chunks(sent)]
+        chunks: list[MotionChunk] = []
+        for sent in self._playback.send(self._frame(until)):
+            clean_feet(self._table.rows, sent)
+            chunks += motion_chunks(sent, self._registry.by_slot, self._time)
+        return chunks
 
     def next_event(self) -> float | None:
         """When the next agent is due or the next chunk is to be sent; None without agents."""
@@ -176,22 +192,23 @@ class World:
         """Replan for a new goal; return its revision. Raises NotFound, InvalidArgument."""
         agent = self._registry.agent(agent_id)
         check_goal(goal, self._info(agent).position, self.settings.limits)
-        slots, slot = self._table.rows, agent.slot
-        self._replan(agent, now)
-        slots.goal.given[slot] = True
-        slots.goal.position[slot] = goal.position
-        slots.goal.radius[slot] = goal.radius
-        slots.goal.speed[slot] = goal.speed
-        slots.planned.gait.mode[slot] = Mode.WALKING
-        slots.planned.gait.arrived[slot] = False
-        return self._revise(agent, goal)
+        return self._walk(agent, (goal,), now)
+
+    def set_path(self, agent_id: str, goals: Sequence[Goal], now: float) -> int:
+        """Replan for goals to be visited in turn; return the revision, one for all of them.
+
+        A goal to pass through is done with once it is reached, another one after the agent has
+        stood there for its dwell. Raises NotFound, InvalidArgument.
+        """
+        agent = self._registry.agent(agent_id)
+        check_path(goals, self._info(agent).position, self.settings.limits)
+        return self._walk(agent, tuple(goals), now)
 
     def clear_goal(self, agent_id: str, now: float) -> int:
         """Stop where the agent is; return the new revision. Raises NotFound."""
         agent = self._registry.agent(agent_id)
         self._replan(agent, now)
-        self._table.rows.goal.given[agent.slot] = False
-        return self._revise(agent, None)
+        return self._revise(agent, ())
 
     # Counts
 
@@ -209,6 +226,11 @@ class World:
     def resets(self) -> int:
         """How often an agent had to be put back to a stand because its step was broken."""
         return self._scheduler.resets
+
+    @property
+    def reduced_steps(self) -> int:
+        """Agent steps for which time was too short to try all the candidates wished for."""
+        return self._scheduler.reduced_steps
 
     # Within
 
@@ -240,6 +262,9 @@ class World:
         slots.gender[slot] = gender = GENDERS.index(spec.gender)
         slots.noise_seed[slot] = spec.noise_seed
         slots.betas[slot] = spec.betas
+        slots.foot_lock[slot] = spec.foot_lock
+        slots.legs.put(row, measure_legs(self._bodies[spec.gender], np.array(spec.betas)))
+        self._paths.put(slot, (), spec.position)
         slots.committed.put(row, seed)
         slots.planned.put(row, seed)
         slots.start_frame[slot] = self._start_frame(gender, now)
@@ -249,10 +274,20 @@ class World:
         # What falls due within the margin could not be made again in time.
         self._playback.replan(agent.slot, self._frame(now + self.settings.replan_margin))
 
-    def _revise(self, agent: Agent, goal: Goal | None) -> int:
-        agent.goal = goal
-        self._table.rows.goal.revision[agent.slot] += 1
-        return int(self._table.rows.goal.revision[agent.slot])
+    def _walk(self, agent: Agent, goals: tuple[Goal, ...], now: float) -> int:
+        self._replan(agent, now)
+        self._table.rows.planned.gait.mode[agent.slot] = Mode.WALKING
+        return self._revise(agent, goals)
+
+    def _revise(self, agent: Agent, goals: tuple[Goal, ...]) -> int:
+        agent.path = goals
+        slots, slot = self._table.rows, agent.slot
+        x, y = slots.planned.seed.translation[slot, -1, :2].tolist()
+        self._paths.put(slot, goals, (x, y))
+        slots.planned.gait.arrived[slot] = False
+        slots.planned.gait.waypoint[slot] = 0
+        slots.goal_revision[slot] += 1
+        return int(slots.goal_revision[slot])
 
     def _stand_again(self, slot: int) -> Motion:
         seed, spec = self._table.rows.planned.seed, self._registry.by_slot[slot].spec
@@ -260,37 +295,5 @@ class World:
         heading = heading_of(seed.rotations[slot, -1, 0])
         return self._spawner.stand(replace(spec, position=(x, y), heading=heading))
 
-    def _chunks(self, sent: Sent) -> Iterator[MotionChunk]:
-        for row, (slot, seq, frame) in enumerate(
-            zip(sent.slots.tolist(), sent.seq.tolist(), sent.frame.tolist(), strict=True)
-        ):
-            agent = self._registry.by_slot[slot]
-            yield MotionChunk(
-                agent_id=agent.agent_id,
-                alias=agent.alias,
-                seq=seq,
-                first_frame=seq * NEW_FRAMES,
-                scheduled_at=self._time(frame),
-                goal_revision=int(sent.chunks.goal_revision[row]),
-                flags=ChunkFlag(int(sent.chunks.flags[row])),
-                state=STATES[sent.chunks.end.gait.mode[row]],
-                translation=sent.chunks.translation[row],
-                rotations=sent.chunks.rotations[row],
-                contacts=sent.chunks.contacts[row],
-            )
-
     def _info(self, agent: Agent) -> AgentInfo:
-        slots, slot = self._table.rows, agent.slot
-        x, y, z = (float(v) for v in slots.committed.seed.translation[slot, -1])
-        return AgentInfo(
-            agent_id=agent.agent_id,
-            alias=agent.alias,
-            session_id=agent.session_id,
-            spec=agent.spec,
-            state=STATES[slots.committed.gait.mode[slot]],
-            position=(x, y, z),
-            heading=heading_of(slots.committed.seed.rotations[slot, -1, 0]),
-            goal=agent.goal,
-            goal_revision=int(slots.goal.revision[slot]),
-            created_at=agent.created_at,
-        )
+        return agent_info(agent, self._table.rows)

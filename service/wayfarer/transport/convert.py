@@ -144,6 +144,7 @@ def agent_spec(
         heading=axes.heading_to_core(spec.heading),
         noise_seed=secrets.randbits(32) if spec.seed is None else spec.seed,
         name=spec.name,
+        foot_lock=spec.foot_lock,
     )
 
 
@@ -166,15 +167,23 @@ def agent(info: runtime.AgentInfo, basis: Basis, bodies: BodyLibrary) -> schema.
         goal_revision=info.goal_revision,
         created_at_us=microseconds(info.created_at),
         rest_offsets=rest_offsets(bodies, spec.gender, spec.betas, basis),
+        waypoint=info.waypoint,
+        waypoints=info.waypoints,
     )
 
 
 def goal(wish: schema.Goal, basis: Basis) -> runtime.Goal:
-    """The goal in world space."""
+    """The goal in world space; what is absent takes the runtime's default."""
     axes = basis.axes
-    given = {"radius": wish.radius, "speed": wish.speed}
-    lengths = {k: axes.length_to_core(v) for k, v in given.items() if v is not None}
-    return runtime.Goal(_place(wish.position, axes), **lengths)
+    given = wish.model_dump(exclude_none=True, exclude={"position"})
+    for name, to_core in (
+        ("radius", axes.length_to_core),
+        ("speed", axes.length_to_core),
+        ("heading", axes.heading_to_core),
+    ):
+        if name in given:
+            given[name] = to_core(given[name])
+    return runtime.Goal(_place(wish.position, axes), **given)
 
 
 def skeleton() -> schema.Skeleton:
@@ -230,6 +239,10 @@ def _goal_to_wire(goal: runtime.Goal, axes: Axes) -> schema.Goal:
         position=_vector(axes.points_to_wire(np.array(goal.position, dtype=float))),
         radius=axes.length_to_wire(goal.radius),
         speed=axes.length_to_wire(goal.speed),
+        heading=None if goal.heading is None else axes.heading_to_wire(goal.heading),
+        stop=goal.stop,
+        strafe=goal.strafe,
+        dwell=goal.dwell,
     )
 
 

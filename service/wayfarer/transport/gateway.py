@@ -166,6 +166,12 @@ class Gateway:
         basis = self._owner(agent_id).basis
         return await self._service.set_goal(agent_id, convert.goal(wish, basis))
 
+    async def set_path(self, agent_id: str, wishes: Sequence[schema.Goal]) -> int:
+        """Give an agent goals to visit in turn; return their revision."""
+        basis = self._owner(agent_id).basis
+        goals = [convert.goal(wish, basis) for wish in wishes]
+        return await self._service.set_path(agent_id, goals)
+
     async def clear_goal(self, agent_id: str) -> int:
         """Stop an agent where it is; return the revision."""
         self._owner(agent_id)

@@ -118,6 +118,16 @@ class GoalService(goal_pb2_grpc.GoalServiceServicer):
         revision = await self._gateway.set_goal(request.agent_id, goal)
         return goal_pb2.SetGoalResponse(revision=revision)
 
+    async def SetPath(  # noqa: N802
+        self, request: goal_pb2.SetPathRequest, context: Context
+    ) -> goal_pb2.SetPathResponse:
+        """See goal.proto."""
+        goals = [
+            convert.parse(schema.Goal, goal, f"goals[{i}]") for i, goal in enumerate(request.goals)
+        ]
+        revision = await self._gateway.set_path(request.agent_id, goals)
+        return goal_pb2.SetPathResponse(revision=revision)
+
     async def ClearGoal(  # noqa: N802
         self, request: goal_pb2.ClearGoalRequest, context: Context
     ) -> goal_pb2.ClearGoalResponse:

@@ -96,7 +96,12 @@ def _agents(gateway: Gateway) -> APIRouter:
     async def set_goal(agent_id: AgentId, goal: schema.Goal) -> schema.GoalRevision:
         return schema.GoalRevision(revision=await gateway.set_goal(agent_id, goal))
 
-    @router.delete("/{agent_id}/goal", summary="Take the goal away: the agent stops")
+    @router.put("/{agent_id}/path", summary="Give an agent goals to visit in turn")
+    async def set_path(agent_id: AgentId, path: schema.Path) -> schema.GoalRevision:
+        """In place of its present goal or path. `DELETE …/goal` takes it away."""
+        return schema.GoalRevision(revision=await gateway.set_path(agent_id, path.goals))
+
+    @router.delete("/{agent_id}/goal", summary="Take the goal or path away: the agent stops")
     async def clear_goal(agent_id: AgentId) -> schema.GoalRevision:
         return schema.GoalRevision(revision=await gateway.clear_goal(agent_id))
 

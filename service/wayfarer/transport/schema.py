@@ -97,6 +97,10 @@ class AgentSpec(Message):
         description="the motion is reproducible from it; server's choice",
     )
     name: str = Field(default="", max_length=64, pattern=r"^[^\x00-\x1f\x7f]*$")
+    foot_lock: bool = Field(
+        default=True,
+        description="keep feet on the floor from sliding; false: poses as the model makes them",
+    )
 
     @model_validator(mode="after")
     def _one_body(self) -> "AgentSpec":
@@ -114,17 +118,38 @@ class NewAgents(Message):
 
 
 class Goal(Message):
-    """A place to walk to and stop at."""
+    """A place to walk to, and how."""
 
     position: Vector3 = Field(description="the component along up is ignored")
     radius: float | None = Field(
         default=None, description="arrived when this near; 0.05 to 10 m; 0.3 m"
     )
-    speed: float | None = Field(default=None, description="on the way; 0.1 to 3 m/s; 1.2 m/s")
+    speed: float | None = Field(default=None, description="on the way; 0.2 to 4 m/s; 1.2 m/s")
+    heading: float | None = Field(
+        default=None,
+        ge=-100,
+        le=100,
+        description="to face once stopped there: radians about up, 0 faces the basis's forward",
+    )
+    stop: bool | None = Field(
+        default=None, description="false: pass through without slowing, stop after the last; true"
+    )
+    strafe: bool | None = Field(
+        default=None, description="face `heading` on the way, too: walk sideways, backwards; false"
+    )
+    dwell: float | None = Field(
+        default=None, description="seconds to stand there before the next goal; 0 to 3600; 0"
+    )
+
+
+class Path(Message):
+    """Goals to visit in turn."""
+
+    goals: tuple[Goal, ...] = Field(min_length=1, max_length=1024)
 
 
 class GoalRevision(Message):
-    """The goal was taken, or taken away."""
+    """The goal or the path was taken, or taken away."""
 
     revision: int
 
@@ -144,11 +169,13 @@ class Agent(Message):
     position: Vector3 = Field(description="hips, last sent frame")
     heading: float
     goal: Goal | None
-    goal_revision: int = Field(description="0 before the first goal")
+    goal_revision: int = Field(description="of the goal or path; 0 before the first")
     created_at_us: int
     rest_offsets: tuple[float, ...] = Field(
         description=f"{JOINTS} × 3 numbers: each joint relative to its parent's in the T-pose"
     )
+    waypoint: int = Field(default=0, description="place of `goal` in its path, from 0")
+    waypoints: int = Field(default=0, description="goals of its path")
 
 
 class Agents(Message):
@@ -236,6 +263,9 @@ class Stats(Message):
     failures: int = Field(description="turns of the loop that raised, since start")
     rebased: int = Field(description="how often the schedule was moved, being > 1 s behind")
     dropped_batches: int = Field(description="lost by the present streams, being too slow")
+    reduced_steps: int = Field(
+        description="agent steps with fewer candidates than usual for want of time, since start"
+    )
 
 
 class Health(Message):

@@ -105,6 +105,8 @@ class MotionStream:
                     flags=int(chunk.flags),
                     poses=packed.poses,
                     contacts=packed.contacts,
+                    waypoint=chunk.waypoint,
+                    candidates=chunk.candidates,
                 )
                 for chunk, packed in zip(
                     shown, self._encoder.encode(shown, self._basis), strict=True

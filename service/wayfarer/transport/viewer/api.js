@@ -43,10 +43,10 @@ export class Api {
     return this.#call("DELETE", `/v1/agents/${encodeURIComponent(agentId)}`);
   }
 
-  /** Send an agent to a point of the floor (glTF basis, metres). */
-  setGoal(agentId, x, z) {
-    const goal = { position: { x, y: 0, z } };
-    return this.#call("PUT", `/v1/agents/${encodeURIComponent(agentId)}/goal`, goal);
+  /** Send an agent to points of the floor in turn: [{ x, z, speed, heading … }], glTF basis. */
+  setPath(agentId, goals) {
+    const path = goals.map(({ x, z, ...how }) => ({ position: { x, y: 0, z }, ...how }));
+    return this.#call("PUT", `/v1/agents/${encodeURIComponent(agentId)}/path`, { goals: path });
   }
 
   clearGoal(agentId) {

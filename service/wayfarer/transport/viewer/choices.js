@@ -64,6 +64,16 @@ export function recipients(mode, people, selected, point) {
   return mode === "nearest" ? byDistance.slice(0, 1) : [];
 }
 
+/** A path with a goal added; what ended it is now passed through, unless a heading is faced there. */
+export function extended(path, goal) {
+  return [...path.map((old) => ("heading" in old ? old : { ...old, stop: false })), goal];
+}
+
+/** Heading of a drag over the floor (0: +Z, positive towards +X), or null when it is too short. */
+export function dragHeading(from, to) {
+  return distance(from, to) < 0.25 ? null : Math.atan2(to.x - from.x, to.z - from.z);
+}
+
 /** The person whose upright axis (floor to `height`) a ray passes nearest, within 0.35 m. */
 export function pick(people, ray) {
   let best = null;

@@ -89,6 +89,6 @@ export class Crowd {
     this.clock.observeChunk(now, chunk.scheduledAt);
     member.track.push(chunk.scheduledAt, fps, frames);
     member.state = chunk.state;
-    if (chunk.flags & FLAG.ARRIVED) member.person.hideGoal();
+    if (chunk.flags & FLAG.ARRIVED) member.person.reach(chunk.goalRevision, chunk.waypoint);
   }
 }

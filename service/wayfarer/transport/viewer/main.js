@@ -1,7 +1,9 @@
 // Puts the page together: session, stream, stage, controls.
 
 import { Api } from "./api.js";
-import { formation, pick, randomAgents, recipients, wanderGoal } from "./choices.js";
+import {
+  dragHeading, extended, formation, pick, randomAgents, recipients, wanderGoal,
+} from "./choices.js";
 import { Crowd } from "./crowd.js";
 import { Readout, byId, listPeople, showConnection, tell } from "./hud.js";
 import { floorRing } from "./people.js";
@@ -26,6 +28,7 @@ let session = null;
 let bodies = new Map(); // gender → body
 let selected = null;
 let wandering = false;
+let lastSent = []; // those whose path a further waypoint belongs to
 
 const crowd = new Crowd(stage, meshUrl, refresh, tell);
 start();
@@ -109,27 +112,35 @@ const remove = attempt(async () => {
 
 const stop = attempt(async () => {
   const stopped = selected ? [selected] : crowd.people;
-  for (const person of stopped) person.hideGoal();
+  for (const person of stopped) person.showPath([]);
   await Promise.all(stopped.map((person) => api.clearGoal(person.agent.id)));
 });
 
-const sendTo = attempt(async (point) => {
-  const sent = recipients(sendMode(), crowd.people, selected, point);
-  if (!sent.length) {
+/** Send people to a point; with `further`, when they have been where they were sent before. */
+const sendTo = attempt(async (point, how = {}, further = false) => {
+  const present = lastSent.filter((person) => crowd.people.includes(person));
+  const onward = further && present.length > 0;
+  lastSent = onward ? present : recipients(sendMode(), crowd.people, selected, point);
+  if (!lastSent.length) {
     tell(crowd.people.length ? "Select a person first, or send the nearest or all" : "Add people first", true);
   }
-  await sendAll(sent, formation(point, sent.length));
+  const places = formation(point, lastSent.length);
+  await Promise.all(lastSent.map((person, k) => {
+    const goal = { ...places[k], ...how, speed: Number(byId("speed").value) };
+    return walk(person, onward ? extended(person.ahead, goal) : [goal]);
+  }));
 });
 
-async function sendAll(sent, places) {
-  sent.forEach((person, k) => person.showGoal(places[k].x, places[k].z));
-  await Promise.all(sent.map((person, k) => api.setGoal(person.agent.id, places[k].x, places[k].z)));
+async function walk(person, path) {
+  person.showPath(path);
+  person.revision = (await api.setPath(person.agent.id, path)).revision;
 }
 
 const wander = attempt(async () => {
   if (!wandering) return;
-  const idle = crowd.people.filter((person) => !person.goal.visible && crowd.stateOf(person) === "standing");
-  await sendAll(idle, idle.map((person) => wanderGoal(person)));
+  const idle = crowd.people.filter((person) => !person.ahead.length && crowd.stateOf(person) === "standing");
+  const speed = Number(byId("speed").value);
+  await Promise.all(idle.map((person) => walk(person, [{ ...wanderGoal(person), speed }])));
 });
 
 function toggleWander() {
@@ -145,6 +156,9 @@ byId("add-many").onclick = () => add(16);
 byId("remove").onclick = remove;
 byId("stop").onclick = stop;
 byId("wander").onclick = toggleWander;
+byId("speed").oninput = (event) => {
+  byId("speed-shown").textContent = `${Number(event.target.value).toFixed(1)} m/s`;
+};
 byId("trails").onchange = (event) => crowd.mark("trails", event.target.checked);
 byId("labels").onchange = (event) => crowd.mark("labels", event.target.checked);
 byId("selected").onchange = (event) => {
@@ -154,12 +168,20 @@ byId("selected").onchange = (event) => {
 let pressed = null;
 const view = byId("view");
 view.addEventListener("pointerdown", (event) => {
-  pressed = { x: event.clientX, y: event.clientY };
-});
+  pressed = { x: event.clientX, y: event.clientY, point: stage.floorPoint(stage.ray(event)) };
+  stage.controls.enabled = !event.shiftKey; // with Shift a drag is a heading, not a turn of the camera
+}, { capture: true });
 view.addEventListener("pointerup", (event) => {
+  stage.controls.enabled = true;
   if (!pressed || event.button !== 0) return;
-  if (Math.hypot(event.clientX - pressed.x, event.clientY - pressed.y) > CLICK_PIXELS) return;
   const ray = stage.ray(event);
+  if (event.shiftKey) {
+    const end = stage.floorPoint(ray);
+    const heading = pressed.point && end && dragHeading(pressed.point, end);
+    if (pressed.point) sendTo(pressed.point, heading === null ? {} : { heading }, true);
+    return;
+  }
+  if (Math.hypot(event.clientX - pressed.x, event.clientY - pressed.y) > CLICK_PIXELS) return;
   const person = pick(crowd.people, ray);
   if (person) {
     select(person);

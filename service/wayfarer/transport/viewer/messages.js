@@ -2,11 +2,11 @@
 
 import { ProtoReader } from "./protobuf.js";
 
-const STATES = ["unknown", "standing", "walking", "stopping"];
+const STATES = ["unknown", "standing", "walking", "stopping", "turning"];
 const GENDERS = ["female", "female", "male"];
 const FLOATS_PER_BONE = 4;
 
-export const FLAG = Object.freeze({ FIRST: 1, REPLANNED: 2, ARRIVED: 4, GAP: 8 });
+export const FLAG = Object.freeze({ FIRST: 1, REPLANNED: 2, ARRIVED: 4, GAP: 8, REDUCED: 16 });
 
 /** Decode one message: { sentAt, header | batch | heartbeat }, times in seconds since 1970. */
 export function decodeStreamMessage(bytes) {
@@ -82,7 +82,7 @@ function decodeAgent(reader) {
 function decodeChunk(reader) {
   const chunk = {
     alias: 0, seq: 0, firstFrame: 0, scheduledAt: 0, goalRevision: 0, state: "unknown", flags: 0,
-    poses: new Uint8Array(0), contacts: new Uint8Array(0),
+    waypoint: 0, candidates: 0, poses: new Uint8Array(0), contacts: new Uint8Array(0),
   };
   for (let field = reader.next(); field; field = reader.next()) {
     if (field === 1) chunk.alias = reader.varint();
@@ -94,6 +94,8 @@ function decodeChunk(reader) {
     else if (field === 7) chunk.flags = reader.varint();
     else if (field === 8) chunk.poses = reader.block();
     else if (field === 9) chunk.contacts = reader.block();
+    else if (field === 10) chunk.waypoint = reader.varint();
+    else if (field === 11) chunk.candidates = reader.varint();
     else reader.skip();
   }
   return chunk;

@@ -10,13 +10,13 @@ const TRAIL_STEP = 0.12; // metres between two points
 const ACCENT = "#0b7285";
 const loader = new GLTFLoader();
 
-/** A flat ring on the floor. */
-export function floorRing(inner, outer, colour, opacity = 0.9) {
+/** A flat ring on the floor, or the arc of it around a heading. */
+export function floorRing(inner, outer, colour, opacity = 0.9, { heading = 0, width = 2 * Math.PI } = {}) {
   const material = new MeshBasicMaterial({
     color: colour, transparent: true, opacity, depthWrite: false,
     polygonOffset: true, polygonOffsetFactor: -2,
   });
-  const ring = new Mesh(new RingGeometry(inner, outer, 48), material);
+  const ring = new Mesh(new RingGeometry(inner, outer, 48, 1, heading - (Math.PI + width) / 2, width), material);
   ring.rotation.x = -Math.PI / 2;
   ring.position.y = 0.006;
   return ring;
@@ -34,12 +34,14 @@ export class Person {
     this.group = new Group();
     this.marker = floorRing(0.36, 0.42, ACCENT);
     this.marker.visible = false;
-    this.goal = floorRing(0.24, 0.3, colourOf(agent.alias));
-    this.goal.visible = false;
+    this.path = new Group(); // a mark for each goal ahead
+    this.ahead = []; // { x, z, heading? … }
+    this.passed = 0; // goals of its path that are behind it
+    this.revision = 0; // of its path, as far as the server has told
     this.trail = new Trail(colourOf(agent.alias));
     this.label = label(agent.name);
     this.label.visible = false;
-    this.group.add(this.marker, this.goal, this.trail.line, this.label);
+    this.group.add(this.marker, this.path, this.trail.line, this.label);
   }
 
   /** Load the mesh; the person appears with its first pose. */
@@ -77,25 +79,48 @@ export class Person {
     }
   }
 
-  showGoal(x, z) {
-    this.goal.position.x = x;
-    this.goal.position.z = z;
-    this.goal.visible = true;
+  /** Show goals ahead; what is reached counts again once their `revision` is known. */
+  showPath(goals) {
+    discard(this.path.children);
+    this.ahead = goals;
+    this.passed = 0;
+    this.revision = Infinity;
+    this.path.add(...goals.map((goal) => goalMark(goal, colourOf(this.agent.alias))));
   }
 
-  hideGoal() {
-    this.goal.visible = false;
+  /** Goal `waypoint` of the path of a revision was reached. */
+  reach(revision, waypoint) {
+    if (revision < this.revision) return; // of a path before this one
+    const count = waypoint + 1 - this.passed;
+    this.passed = waypoint + 1;
+    this.ahead = this.ahead.slice(count);
+    discard(this.path.children.slice(0, count));
   }
 
   dispose() {
-    this.group.removeFromParent();
-    this.group.traverse((node) => {
+    discard([this.group]);
+  }
+}
+
+function discard(objects) {
+  for (const object of [...objects]) {
+    object.removeFromParent();
+    object.traverse((node) => {
       node.geometry?.dispose();
       node.skeleton?.dispose();
       node.material?.map?.dispose();
       node.material?.dispose();
     });
   }
+}
+
+/** A ring, with an arc before it where a heading is to be faced. */
+function goalMark({ x, z, heading }, colour) {
+  const mark = new Group();
+  mark.position.set(x, 0, z);
+  mark.add(floorRing(0.24, 0.3, colour));
+  if (heading !== undefined) mark.add(floorRing(0.36, 0.46, colour, 0.9, { heading, width: 0.8 }));
+  return mark;
 }
 
 class Trail {
