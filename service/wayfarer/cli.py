@@ -19,7 +19,8 @@ EXTRAS: Final = {
     "scipy": "train",
     "tensorboard": "train",
     "matplotlib": "train",
-    "PIL": "train",
+    "PIL": "render",
+    "imageio_ffmpeg": "render",
     "anny": "bake",
 }
 """Package that may be missing → the extra of this package that brings it."""
@@ -72,7 +73,7 @@ def _command(parent: typer.Typer, name: str, target: str, help_text: str) -> Non
 app = _group("Wayfarer: walking digital humans, streamed to engines and browsers.")
 _command(app, "serve", "wayfarer.serve:serve_command", "Start gRPC and HTTP with the models.")
 _command(app, "generate", "wayfarer.clips.generate:generate", "Write a walk as GLB, BVH or npz.")
-_command(app, "render", "wayfarer.evaluation.render:render", "Draw a clip as a contact sheet.")
+_command(app, "render", "wayfarer.evaluation.render:render", "Draw motion: strips, sheets, films.")
 _command(app, "eval", "wayfarer.evaluation.commands:app", "Measure motion and models, as tables.")
 _command(app, "train", "wayfarer.training.cli:app", "Train the models of the method.")
 _command(app, "export", "wayfarer.training.cli:export", "Write trained models as ONNX graphs.")

@@ -1,12 +1,14 @@
 import numpy as np
 import pytest
 
-from tests.runtime.fakes import make_world
+from tests.runtime.fakes import FakeEngine, make_world
 from wayfarer.clips.clip import Clip
 from wayfarer.clips.files import write_clip
-from wayfarer.clips.generate import generate, generate_clip
+from wayfarer.clips.generate import SearchKind, generate, generate_clip
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.agent import AgentSpec, Goal
+from wayfarer.runtime.beam_settings import BeamSettings
+from wayfarer.runtime.steering import Steering
 
 GOALS = [Goal((0.0, 2.0, 0.0)), Goal((1.0, 0.0, 0.0))]
 
@@ -32,11 +34,12 @@ def test_without_goals_it_stands():
 
 
 def test_the_same_seed_gives_the_same_clip_and_the_world_is_left_empty():
-    world = make_world()
+    drawn = BeamSettings(zero_latent=False).steer(Steering())  # the fake moves by its candidate 0
+    world = make_world(steering=drawn)
     first = generate_clip(world, AgentSpec(noise_seed=7), GOALS, 3.0)
     assert (world.agents, world.sessions) == (0, 0)
-    again = generate_clip(make_world(), AgentSpec(noise_seed=7), GOALS, 3.0)
-    other = generate_clip(make_world(), AgentSpec(noise_seed=8), GOALS, 3.0)
+    again = generate_clip(make_world(steering=drawn), AgentSpec(noise_seed=7), GOALS, 3.0)
+    other = generate_clip(make_world(steering=drawn), AgentSpec(noise_seed=8), GOALS, 3.0)
     assert (first.translation == again.translation).all()
     assert (first.translation != other.translation).any()
 
@@ -59,6 +62,52 @@ def test_bad_arguments_are_refused_before_any_model_is_loaded(tmp_path):
         generate(tmp_path / "nowhere" / "walk.glb")
     with pytest.raises(InvalidArgument, match="'3;2' is not a place"):
         generate(tmp_path / "walk.glb", goal=["3;2"])
+    with pytest.raises(InvalidArgument, match="--keep works with --search beam only"):
+        generate(tmp_path / "walk.glb", keep=2)
+    with pytest.raises(InvalidArgument, match="--candidates works with --search online only"):
+        generate(tmp_path / "walk.glb", search=SearchKind.BEAM, candidates=8)
+    with pytest.raises(InvalidArgument, match="children is 0"):
+        generate(tmp_path / "walk.glb", search=SearchKind.BEAM, children=0)
+
+
+class Stage:
+    """A stage with models that are not there."""
+
+    def __init__(self, engine: FakeEngine) -> None:
+        self.engine = engine
+
+    def world(self, agents, steering):
+        return make_world(self.engine, steering=steering)
+
+
+@pytest.fixture
+def engine(monkeypatch):
+    made = FakeEngine()
+    monkeypatch.setattr("wayfarer.clips.generate.open_stage", lambda *_: Stage(made))
+    return made
+
+
+def test_the_command_chooses_its_search(tmp_path, engine, capsys):
+    asked = {"goal": ["0,1"], "seconds": 6.0}
+    generate(tmp_path / "online.npz", **asked, candidates=5)
+    assert {call[1:] for call in engine.calls} == {(1, 5)}
+    engine.calls.clear()
+    generate(tmp_path / "beam.npz", **asked, search=SearchKind.BEAM, children=3, keep=2, hard=True)
+    assert {call[1:] for call in engine.calls} == {(6, 1)}
+    said = capsys.readouterr().out
+    assert said.count("240 frames, 6.0 s, 1 of 1 goals reached") == 2
+
+
+@pytest.mark.parametrize("search", list(SearchKind))
+def test_interrupted_it_leaves_the_file_as_it_was(tmp_path, engine, monkeypatch, search):
+    def interrupt(gender, inputs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(engine, "step", interrupt)
+    (tmp_path / "walk.npz").write_bytes(b"before")
+    with pytest.raises(KeyboardInterrupt):
+        generate(tmp_path / "walk.npz", search=search)
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"before"]
 
 
 @pytest.mark.parametrize("name", ["c.glb", "c.bvh", "c.NPZ"])

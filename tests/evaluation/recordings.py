@@ -11,6 +11,7 @@ from wayfarer.training.mocap.store import ClipRange, Dataset
 
 FRAMES = 100
 SPEED = 1.2
+KINDS = (*((gender, "") for gender in GENDERS), ("female", "faster"))
 
 
 def hips_height(gender: str) -> float:
@@ -22,16 +23,19 @@ def hips_height(gender: str) -> float:
     return float(places[0, 2] - markers[body.sole_markers, 2].min())
 
 
-def write_recordings(folder: Path) -> Path:
-    """One clip of each gender in `heldout`, and an augmented one that must not be used."""
+def write_recordings(folder: Path, *splits: str) -> Path:
+    """One clip of each gender in `heldout` (or in each of `splits`), and an augmented one that
+    must not be used.
+    """
     clips, translation, use = [], [], []
     time = np.arange(FRAMES) / FPS
-    for number, gender in enumerate((*GENDERS, "female")):
+    kinds = [(split, *kind) for split in splits or ("heldout",) for kind in KINDS]
+    for number, (split, gender, augmentation) in enumerate(kinds):
         start = number * FRAMES
         clips.append(
             ClipRange(
-                start, start + FRAMES, f"c{number}", f"c{number}", "07", "heldout", "walk", True,
-                gender, (0.0,) * BETAS, "own", "faster" if number == 2 else "",
+                start, start + FRAMES, f"c{number}", f"c{number}", "07", split, "walk", True,
+                gender, (0.0,) * BETAS, "own", augmentation,
             )
         )  # fmt: skip
         hips = np.zeros((FRAMES, 3))

@@ -45,6 +45,19 @@ def test_a_sliding_body_scores_its_speed(speed: float, angle: float) -> None:
         assert contact.both_feet_skating(soles).all() == (speed > contact.SKATE_SPEED)
 
 
+def test_heels_skate_when_both_are_low_and_fast() -> None:
+    heels = moving(np.tile([[-0.1, 0.0, 0.03], [0.1, 0.0, 0.03]], (FRAMES, 1, 1)), (0.0, 0.1, 0.0))
+    assert contact.heel_skating(heels, 0.075).shape == (FRAMES - 1,)
+    assert contact.heel_skating(heels, 0.075).all()
+    assert not contact.heel_skating(heels, 0.2).any()
+    raised = heels.copy()
+    raised[:20, 1, 2] = 0.06
+    assert contact.heel_skating(raised, 0.075).tolist() == [False] * 19 + [True] * 20
+    planted = heels.copy()
+    planted[:, 0] = planted[0, 0]
+    assert not contact.heel_skating(planted, 0.075).any()
+
+
 def test_one_planted_foot_is_no_double_skating() -> None:
     motion = standing()
     motion[:, :4] = moving(motion[:, :4], (0.0, 1.0, 0.0))

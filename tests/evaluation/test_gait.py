@@ -38,6 +38,18 @@ def test_only_windows_of_walking_speed_are_compared() -> None:
     assert gait_row("matched", both.at_walking_speed(), SOLES)["speed_mps"] == pytest.approx(1.2)
 
 
+def test_seams_are_looked_for_where_they_lie() -> None:
+    time = np.arange(90)[:, None] / FPS
+    hips = np.concatenate([0.3 * time**2, time, np.full((90, 1), 0.9)], -1)
+    hips[:, 1] += 0.01 * (np.arange(90) // 9)  # a jump before every ninth frame
+    row = {
+        every: gait_row("x", Windows.cut(np.tile(hips[:, None], (1, 8, 1)), hips, every), SOLES)
+        for every in (8, 9)
+    }
+    assert row[9]["windows"] == 2 and row[9]["seam_ratio"] > 5
+    assert row[8]["seam_ratio"] < row[9]["seam_ratio"] / 2
+
+
 def test_no_windows_give_no_figures() -> None:
     assert gait_row("none", gliding(3.0).at_walking_speed(), SOLES) == {
         "name": "none",

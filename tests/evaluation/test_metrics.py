@@ -62,6 +62,14 @@ def test_only_walking_windows_are_chosen() -> None:
     assert metrics.at_walking_speed(hips).tolist() == [False, True, True, False]
 
 
+def test_deformation_is_the_spread_of_distances() -> None:
+    points = np.zeros((4, 3, 3))
+    points[:, 1, 0] = (1.0, 3.0, 1.0, 3.0)  # distances to the others: 1 or 3, σ = 1
+    assert metrics.deformation(points) == pytest.approx(2.0)
+    moved = points + RANDOM.normal(size=(4, 1, 3))
+    assert metrics.deformation(moved) == pytest.approx(2.0), "a body may move as a whole"
+
+
 def test_windows_are_whole_and_consecutive() -> None:
     track = np.arange(23)[:, None]
     assert metrics.windows(track, 10)[..., 0].tolist() == [[*range(10)], [*range(10, 20)]]

@@ -1,83 +1,94 @@
-import numpy as np
+"""`wayfarer render`: from clips, recordings and runs to files."""
+
+import sys
+
 import pytest
+from PIL import Image
 
-pytest.importorskip("PIL", reason="pillow is missing: pip install 'wayfarer[train]'")
-
+from tests.evaluation.recordings import write_recordings
+from tests.runtime.fakes import make_world
 from wayfarer.body.library import load_body
-from wayfarer.clips.clip import Clip
 from wayfarer.clips.npz import write_npz
-from wayfarer.errors import InvalidArgument
-from wayfarer.evaluation.render import render, strip, top_view
+from wayfarer.errors import InvalidArgument, NotFound
+from wayfarer.evaluation import render as module
+from wayfarer.evaluation.pictures.sources import recorded
+from wayfarer.evaluation.render import render
 
 
 @pytest.fixture(scope="module")
-def body():
-    return load_body("anny52", "male", "low")
+def folder(tmp_path_factory):
+    """A folder of recordings, `motion.npz`, with one of them as a clip, `walk.npz`."""
+    made = write_recordings(tmp_path_factory.mktemp("data"))
+    clip = recorded(made, ["c1"])["c1"][:12]
+    write_npz(made / "walk.npz", clip, load_body("anny52", clip.gender))
+    return made
 
 
-def gliding(body, sink=0.0, contacts=True):
-    """A T-pose that glides 1 m ahead with its soles on the floor, or `sink` below."""
-    frames = 20
-    hips = body.rest_joints(np.zeros(10))[0, 2]
-    translation = np.zeros((frames, 3))
-    translation[:, 1] = np.linspace(0, 1, frames)
-    translation[:, 2] = hips - sink
-    rotations = np.zeros((frames, 22, 4))
-    rotations[..., 3] = 1
-    flags = np.full((frames, 2), contacts)
-    return Clip(translation, rotations, flags, "male", (0.0,) * 10, goals=((0.0, 1.0, 0.0),))
+@pytest.fixture
+def gliding(monkeypatch):
+    """Let runs be made by an engine that glides."""
+    monkeypatch.setattr(module, "open_world", lambda *asked: (make_world(phases=1), {}))
 
 
-def pixels(picture):
-    return np.asarray(picture).astype(int)
+@pytest.mark.parametrize("kind", ["strip", "sheet", "top"])
+def test_stills_of_a_clip(tmp_path, folder, kind, capsys):
+    out = tmp_path / f"{kind}.png"
+    render([folder / "walk.npz"], out=out, kind=kind, every=6, columns=2, size=48)
+    with Image.open(out) as picture:
+        assert picture.format == "PNG" and picture.height >= 48
+        assert f"{picture.width} × {picture.height} px, 0.3 s" in capsys.readouterr().out
 
 
-def reddish(picture):
-    """Number of pixels in the red that marks what is below the floor."""
-    r, g, b = np.moveaxis(pixels(picture), -1, 0)
-    return int(((r > 140) & (r > 1.6 * g) & (r > 1.6 * b)).sum())
+@pytest.mark.parametrize("kind", [None, "crowd"])
+def test_films_of_a_clip_beside_a_recording(tmp_path, folder, kind, capsys):
+    out = tmp_path / "a.gif"
+    render(
+        [folder / "walk.npz"], out=out, kind=kind, data=folder, clip=["c0"], seconds=0.2, size=48
+    )
+    with Image.open(out) as film:
+        assert film.n_frames == 4
+        assert film.size == ((85, 48) if kind == "crowd" else (96, 48))
+    assert "4 pictures, 0.2 s" in capsys.readouterr().out
 
 
-def test_a_strip_has_a_cell_per_interval(body):
-    few = strip(gliding(body), body, every=10, pixels_per_metre=40)
-    many = strip(gliding(body), body, every=5, columns=2, pixels_per_metre=40)
-    assert few.width >= 900  # the chart's least width
-    assert many.height - few.height == int(2.25 * 40)  # two rows in place of one
+def test_a_sheet_of_random_runs(tmp_path, gliding, capsys):
+    render(out=tmp_path / "sheet.png", goals=3, seconds=1.0, columns=2, size=40)
+    with Image.open(tmp_path / "sheet.png") as sheet:
+        assert sheet.height > 3 * 40
+    assert "3.0 s of motion" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("view", ["side", "front", "body"])
-def test_bodies_are_drawn_in_every_view(body, view):
-    picture = strip(gliding(body), body, every=10, view=view, pixels_per_metre=40)
-    first = pixels(picture)[: int(2.25 * 40), : int(1.45 * 40)]
-    assert ((first < 235).any(-1)).mean() > 0.05
+def test_runs_are_cut_as_clips_are(tmp_path, gliding, capsys):
+    render(out=tmp_path / "a.png", goals=1, start=1.0, seconds=0.4, kind="top", size=40)
+    assert "0.4 s of motion" in capsys.readouterr().out
 
 
-def test_sunken_feet_are_marked_and_standing_ones_are_not(body):
-    on_floor = strip(gliding(body, contacts=False), body, every=10, pixels_per_metre=60)
-    sunken = strip(gliding(body, sink=0.06, contacts=False), body, every=10, pixels_per_metre=60)
-    assert reddish(sunken) > reddish(on_floor) + 20
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({}, "nothing to draw"),
+        ({"goals": 2, "kind": "strip"}, "--kind sheet"),
+        ({"goals": 1, "view": "below"}, "allowed: quarter"),
+        ({"goals": 1, "clip": ["c0"]}, "go together"),
+        ({"goals": 1, "look": "naked"}, "allowed: dressed, sides"),
+    ],
+)
+def test_wrong_wishes_are_refused_and_nothing_is_written(tmp_path, gliding, arguments, message):
+    with pytest.raises(InvalidArgument, match=message):
+        render(out=tmp_path / "a.png", **arguments)
+    assert not list(tmp_path.iterdir())
 
 
-def test_the_view_from_above_shows_trail_goal_and_contacts(body):
-    clip = gliding(body)
-    with_contacts = top_view([clip], [body], size=300)
-    without = top_view([gliding(body, contacts=False)], [body], size=300)
-    assert max(with_contacts.size) == 300
-    assert (pixels(with_contacts) != pixels(without)).any()
-    elsewhere = top_view([clip], [body], goals=[(2.0, 2.0)], size=300)
-    assert elsewhere.size != with_contacts.size
+def test_unknown_clips_are_refused(tmp_path, folder):
+    with pytest.raises(NotFound, match="no such file"):
+        render([folder / "none.npz"], out=tmp_path / "a.png")
+    with pytest.raises(NotFound, match="the nearest"):
+        render(out=tmp_path / "a.png", data=folder, clip=["none"])
 
 
-def test_unknown_views_and_missing_bodies_are_refused(body):
-    with pytest.raises(InvalidArgument, match="allowed: side, front, body"):
-        strip(gliding(body), body, view="below")
-    with pytest.raises(InvalidArgument, match="1 clips and 0 bodies"):
-        top_view([gliding(body)], [])
-
-
-def test_the_command_writes_a_picture(tmp_path, body, capsys):
-    write_npz(tmp_path / "walk.npz", gliding(body), body)
-    for view in ("side", "top"):
-        render(tmp_path / "walk.npz", tmp_path / f"{view}.png", view=view, every=20, columns=10)
-        assert (tmp_path / f"{view}.png").read_bytes().startswith(b"\x89PNG")
-    assert "0.5 s of motion" in capsys.readouterr().out
+def test_mp4_without_ffmpeg_fails_before_anything_is_drawn(tmp_path, folder, monkeypatch):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(ModuleNotFoundError) as caught:
+        render([folder / "walk.npz"], out=tmp_path / "a.mp4")
+    assert caught.value.name == "imageio_ffmpeg"  # which `wayfarer` turns into what to install
+    assert not list(tmp_path.iterdir())

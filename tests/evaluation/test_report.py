@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from tests.evaluation.recordings import SPEED, write_recordings
 from wayfarer.evaluation import report
 from wayfarer.evaluation.commands import app
 from wayfarer.evaluation.gait import Row
@@ -19,7 +18,7 @@ ROWS: list[Row] = [
 
 def test_a_report_tells_how_it_was_made(tmp_path: Path) -> None:
     path = tmp_path / "new" / "folder" / "report.json"
-    report.write(path, ROWS, seed=7, command="goals")
+    report.write(path, {"Gait": ROWS}, seed=7, command="goals")
     text = json.loads(path.read_text())
     assert text["rows"][0] == ROWS[0]
     assert text["rows"][1]["slide_cm_s"] is None, "NaN is not JSON"
@@ -29,6 +28,21 @@ def test_a_report_tells_how_it_was_made(tmp_path: Path) -> None:
     assert meta["machine"]["cores"] >= 1 and meta["machine"]["cpu"]
     assert set(meta["versions"]) == {"wayfarer", "python", "numpy", "onnxruntime"}
     assert meta["metrics_version"] >= 1 and meta["commit"]
+
+
+def test_the_same_tables_are_written_for_people(tmp_path: Path) -> None:
+    report.write(tmp_path / "x.json", {"Gait": ROWS, "Nothing": []}, seed=7)
+    page = (tmp_path / "x.md").read_text()
+    assert page.startswith("# x\n") and "## Gait" in page and "Nothing" not in page
+    assert "|  | model | mocap |\n| --- | --- | --- |\n| slide_cm_s | 5.250 | – |" in page
+    assert "- seed: 7" in page
+    assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_many_rows_of_few_figures_run_down_the_page(tmp_path: Path) -> None:
+    rows: list[Row] = [{"name": f"row {i}", "slide_cm_s": float(i)} for i in range(5)]
+    page = report.markdown("x", {"Gait": rows}, report.meta({}))
+    assert "|  | slide_cm_s |\n| --- | --- |\n| row 0 | 0.000 |\n| row 1 | 1.000 |" in page
 
 
 def test_outside_a_checkout_the_commit_is_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -48,15 +62,3 @@ def test_a_bad_file_name_is_refused_before_anything_is_measured(tmp_path: Path) 
     answer = CliRunner().invoke(app, ["long", "--json", str(tmp_path / "long.txt")])
     assert answer.exit_code == 2
     assert ".json" in answer.output
-
-
-def test_recordings_are_judged_by_the_command_line(tmp_path: Path) -> None:
-    path = tmp_path / "mocap.json"
-    folder = write_recordings(tmp_path)
-    answer = CliRunner().invoke(app, ["mocap", str(folder), "--json", str(path)])
-    assert answer.exit_code == 0, answer.output
-    rows = json.loads(path.read_text())["rows"]
-    assert [row["name"] for row in rows] == [
-        "mocap heldout", "mocap heldout, 0.9-1.4 m/s", "mocap heldout, standing",
-    ]  # fmt: skip
-    assert rows[1]["speed_mps"] == pytest.approx(SPEED, abs=1e-3)

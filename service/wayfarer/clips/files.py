@@ -1,15 +1,16 @@
-"""A clip to a file of the form that its name asks for."""
+"""A clip to a file of the form that its name asks for, and back."""
 
 from pathlib import Path
 
 from wayfarer.body.library import load_body
 from wayfarer.clips.bvh import write_bvh
 from wayfarer.clips.clip import Clip
-from wayfarer.clips.glb import write_glb
-from wayfarer.clips.npz import write_npz
-from wayfarer.errors import InvalidArgument
+from wayfarer.clips.glb import read_glb, write_glb
+from wayfarer.clips.npz import read_npz, write_npz
+from wayfarer.errors import InvalidArgument, NotFound
 
 WRITERS = {".glb": write_glb, ".bvh": write_bvh, ".npz": write_npz}
+READERS = {".glb": read_glb, ".npz": read_npz}
 
 
 def check_target(path: Path) -> None:
@@ -24,3 +25,17 @@ def write_clip(path: Path, clip: Clip) -> None:
     """Write the clip as GLB, BVH or npz. Raises InvalidArgument as `check_target`."""
     check_target(path)
     WRITERS[path.suffix.lower()](path, clip, load_body(clip.body, clip.gender))
+
+
+def read_clip(path: Path) -> Clip:
+    """Read a clip that Wayfarer wrote as npz or GLB, or an AMASS npz.
+
+    A BVH file is refused: it holds bones without the body around them. Raises InvalidArgument
+    for other names, NotFound when there is no such file, DataError when it does not fit.
+    """
+    read = READERS.get(path.suffix.lower())
+    if read is None:
+        raise InvalidArgument(f"{path.name}: a clip to read ends in {', '.join(READERS)}", "source")
+    if not path.is_file():
+        raise NotFound(f"{path}: there is no such file")
+    return read(path)

@@ -1,8 +1,9 @@
 """Motion without a server: a world is stepped as fast as it goes and its frames become a clip."""
 
 from collections.abc import Callable, Iterator, Sequence
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.progress import Progress
@@ -10,11 +11,24 @@ from rich.progress import Progress
 from wayfarer.body.phenotype import betas_from_phenotype
 from wayfarer.clips.clip import Clip, join_chunks
 from wayfarer.clips.files import check_target, write_clip
+from wayfarer.clips.planned import plan_clip
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, Goal, MotionChunk
+from wayfarer.runtime.beam_settings import HARD, BeamSettings
+from wayfarer.runtime.steering import Steering
 from wayfarer.runtime.world import World
 from wayfarer.spec import BETAS, FPS
-from wayfarer.stage import DEFAULT_MODEL, open_world
+from wayfarer.stage import DEFAULT_MODEL, open_stage
+
+CANDIDATES = 4
+"""Candidates per step of the online search, if nothing else is asked for."""
+
+
+class SearchKind(StrEnum):
+    """How primitives are chosen."""
+
+    ONLINE = "online"  # as the service does: the best of each step, for good
+    BEAM = "beam"  # several ways are kept at every step, and the best one at the end
 
 
 def generate_clip(
@@ -79,7 +93,26 @@ def generate(
     heading: Annotated[float, typer.Option(help="At the start; radians, 0 faces +Y.")] = 0.0,
     seconds: Annotated[float, typer.Option(help="Length of the clip.")] = 20.0,
     seed: Annotated[int, typer.Option(help="The same seed gives the same motion.", min=0)] = 0,
-    candidates: Annotated[int, typer.Option(help="Candidate primitives per step.", min=1)] = 8,
+    search: Annotated[
+        SearchKind,
+        typer.Option(
+            help="online: as the service chooses, step by step. beam: keep several ways open at "
+            "every step and take the best in the end; slower, by about children x keep."
+        ),
+    ] = SearchKind.ONLINE,
+    candidates: Annotated[
+        int | None,
+        typer.Option(help=f"online: candidate primitives a step; {CANDIDATES} if absent.", min=1),
+    ] = None,
+    children: Annotated[
+        int | None, typer.Option(help="beam: primitives tried after each kept one; 4 if absent.")
+    ] = None,
+    keep: Annotated[
+        int | None, typer.Option(help="beam: primitives kept at every step; 4 if absent.")
+    ] = None,
+    hard: Annotated[
+        bool, typer.Option("--hard", help="beam: reject feet that slide, float or sink.")
+    ] = False,
     threads: Annotated[int, typer.Option(help="Threads of the engine; 0: all cores.", min=0)] = 0,
     model: Annotated[Path, typer.Option(help="Folder of a motion model.")] = DEFAULT_MODEL,
 ) -> None:
@@ -88,18 +121,45 @@ def generate(
     Places are metres, Z up: X right, Y ahead of a person at heading 0.
     """
     check_target(target)
+    beam = _beam(search, candidates, children, keep, hard)
     goals = [Goal(_place(text), speed=speed) for text in goal or []]
     betas = (0.0,) * BETAS if height is None else tuple(betas_from_phenotype(gender, height))
     spec = AgentSpec(gender=gender, betas=betas, heading=heading, noise_seed=seed)
-    world, _ = open_world(model, 1, candidates, threads)
+    stage = open_stage(model, threads)
+    world = stage.world(1, Steering().with_search(candidates=candidates or CANDIDATES))
     with Progress(transient=True) as progress:
         task = progress.add_task("generating", total=seconds)
-        clip = generate_clip(
-            world, spec, goals, seconds, lambda done: progress.update(task, completed=done)
-        )
+
+        def watch(done: float) -> None:
+            progress.update(task, completed=done)
+
+        if beam is None:
+            clip = generate_clip(world, spec, goals, seconds, watch)
+        else:
+            [start] = world.prepare([spec])
+            clip = plan_clip(stage.engine, spec, start, goals, seconds, beam, watch)
     write_clip(target, clip)
     reached = f", {clip.meta['goals_reached']} of {len(goals)} goals reached" if goals else ""
     typer.echo(f"{target}: {clip.frames} frames, {clip.seconds:.1f} s{reached}")
+
+
+def _beam(
+    search: SearchKind, candidates: int | None, children: int | None, keep: int | None, hard: bool
+) -> BeamSettings | None:
+    """Settings of the tree search, or None for the search online. Raises InvalidArgument."""
+    if search is SearchKind.ONLINE:
+        _refuse(SearchKind.BEAM, children=children, keep=keep, hard=hard or None)
+        return None
+    _refuse(SearchKind.ONLINE, candidates=candidates)
+    asked: dict[str, Any] = {"children": children, "keep": keep, "limits": HARD if hard else None}
+    return BeamSettings(**{name: value for name, value in asked.items() if value is not None})
+
+
+def _refuse(search: SearchKind, **options: object) -> None:
+    """Options that were given, but are another search's."""
+    for name, value in options.items():
+        if value is not None:
+            raise InvalidArgument(f"--{name} works with --search {search} only", name)
 
 
 def _place(text: str) -> tuple[float, float, float]:

@@ -8,6 +8,7 @@ trans + rest_hips, where rest_hips is given in the model's own (Y up) axes.
 """
 
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -59,7 +60,7 @@ def read_npz(path: Path, body: BodyModel | None = None) -> Clip:
     try:
         with np.load(path, allow_pickle=False) as file:
             data = {key: file[key] for key in file.files}
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, EOFError, BadZipFile) as error:
         raise DataError(f"not a readable npz file: {error}", str(path)) from error
     missing = {"poses", "trans", "mocap_framerate"} - set(data)
     if missing:

@@ -13,8 +13,10 @@ from wayfarer.spec import NEW_FRAMES
 Array = NDArray[np.floating[Any]]
 Row = dict[str, float | int | str]
 
-WINDOW_FRAMES: Final = 5 * NEW_FRAMES
-"""1 s; a whole number of steps, so seams keep their places in every window."""
+WINDOW_STEPS: Final = 5
+"""Primitives in a window, so that seams keep their places: 1 s with 8 new frames in each."""
+
+WINDOW_FRAMES: Final = WINDOW_STEPS * NEW_FRAMES
 
 
 @dataclass(frozen=True)
@@ -23,11 +25,13 @@ class Windows:
 
     markers: Array  # [W, T, M, 3]
     hips: Array  # [W, T, 3]
+    seam_every: int = NEW_FRAMES  # new frames of a primitive; a seam lies before the first frame
 
     @classmethod
-    def cut(cls, markers: Array, hips: Array) -> "Windows":
-        """Cut one track, markers [T, M, 3] and hips [T, 3], into whole windows of 1 s."""
-        return cls(metrics.windows(markers, WINDOW_FRAMES), metrics.windows(hips, WINDOW_FRAMES))
+    def cut(cls, markers: Array, hips: Array, seam_every: int = NEW_FRAMES) -> "Windows":
+        """Cut one track, markers [T, M, 3] and hips [T, 3], into whole windows of 5 primitives."""
+        frames = WINDOW_STEPS * seam_every
+        return cls(metrics.windows(markers, frames), metrics.windows(hips, frames), seam_every)
 
     @classmethod
     def join(cls, parts: "list[Windows]") -> "Windows":
@@ -35,13 +39,15 @@ class Windows:
         if not parts:
             raise InvalidArgument("no motion to cut into windows")
         return cls(
-            np.concatenate([p.markers for p in parts]), np.concatenate([p.hips for p in parts])
+            np.concatenate([p.markers for p in parts]),
+            np.concatenate([p.hips for p in parts]),
+            parts[0].seam_every,
         )
 
     def at_walking_speed(self) -> "Windows":
         """Those at 0.9 … 1.4 m/s: contact falls with speed, so only like is compared with like."""
         chosen = metrics.at_walking_speed(self.hips)
-        return Windows(self.markers[chosen], self.hips[chosen])
+        return Windows(self.markers[chosen], self.hips[chosen], self.seam_every)
 
 
 def gait_row(name: str, motion: Windows, soles: NDArray[np.int64]) -> Row:
@@ -63,7 +69,7 @@ def gait_row(name: str, motion: Windows, soles: NDArray[np.int64]) -> Row:
         "floating_5cm": float((contact.clearance(motion.markers) > contact.FLOATING).mean()),
         "acceleration_m_s2": float(metrics.acceleration(motion.markers).mean()),
         "jerk_m_s3": float(metrics.jerk(motion.markers).mean()),
-        "seam_ratio": metrics.seam_ratio(motion.markers),
+        "seam_ratio": metrics.seam_ratio(motion.markers, every=motion.seam_every),
     }
 
 

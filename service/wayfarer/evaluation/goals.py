@@ -1,42 +1,94 @@
-"""Seeded runs to goals, through the world that serves: all agents at once, on their own clock."""
+"""Agents on errands, through the world that serves: all at once, on their own clock."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from math import cos, pi, sin, tau
-from typing import Any
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import cos, pi, sin
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.body.model import BodyModel
-from wayfarer.evaluation.outcome import STAND_SECONDS, STEP_LIMIT, Outcome, judge
 from wayfarer.evaluation.tracks import Track, skin_track
-from wayfarer.runtime.agent import AgentSpec, AgentState, Goal, MotionChunk
+from wayfarer.runtime.agent import AgentInfo, AgentSpec, AgentState, Goal, MotionChunk
+from wayfarer.runtime.heading import facing_of
 from wayfarer.runtime.slots import Motion
 from wayfarer.runtime.world import World
-from wayfarer.spec import BETAS, FPS, GENDERS, NEW_FRAMES, STEP_SECONDS
-from wayfarer.stage import Bodies
+from wayfarer.spec import BETAS, GENDERS, NEW_FRAMES
 
 Array = NDArray[np.floating[Any]]
 Watch = Callable[[float, float], None]
 """Told how many seconds of motion are done, of how many."""
 
-MAX_BETA = 2.0
-DISTANCE = (3.0, 8.0)
-LEAD_IN = 2.0
-"""Seconds of standing, or of walking, before the goal is given."""
+Plan = Callable[[AgentInfo], Sequence[Goal]]
+"""The path that an agent is given, from what it is doing at that moment."""
 
-SLACK = 10.0
-"""Seconds after the 60 primitives in which a late stand can still begin."""
+MAX_BETA: Final = 2.0
+
+LEAD_IN: Final = 2.0
+"""Seconds of standing before the first order."""
 
 
 @dataclass(frozen=True)
-class Run:
-    """One agent's way to one goal: its frames from the first that was made for the goal."""
+class Order:
+    """A path of one goal or more, and when it is given."""
+
+    at: float  # seconds after the lead-in
+    plan: Plan
+
+
+@dataclass(frozen=True)
+class Errand:
+    """What one agent is to do."""
 
     spec: AgentSpec
-    outcome: Outcome
-    track: Track
+    orders: tuple[Order, ...]  # in order of time; the first at 0
+
+
+@dataclass(frozen=True)
+class Given:
+    """An order as it was carried out."""
+
+    path: tuple[Goal, ...]
+    frame: int  # the first that was made for it
+
+
+@dataclass(frozen=True)
+class Course:
+    """What an agent did, from the first frame that was made for its first order. World space."""
+
+    spec: AgentSpec
+    given: tuple[Given, ...]
+    hips: Array  # [T, 3]
+    rotations: Array  # [T, 22, 4] x, y, z, w; joint 0 is the hips' world rotation
+    standing: NDArray[np.bool_]  # [T] the agent says it stands
+
+    @cached_property
+    def facing(self) -> Array:
+        """Horizontal unit vector that the body faces. [T, 2]"""
+        return facing_of(self.rotations[:, 0])
+
+    @property
+    def goal(self) -> Goal:
+        """The last goal of the last order."""
+        return self.given[-1].path[-1]
+
+    def latest(self) -> "Course":
+        """The part from the first frame that was made for the last order."""
+        frame = self.given[-1].frame
+        return replace(
+            self,
+            given=(replace(self.given[-1], frame=0),),
+            hips=self.hips[frame:],
+            rotations=self.rotations[frame:],
+            standing=self.standing[frame:],
+        )
+
+    def track(self, body: BodyModel, frames: slice = slice(None)) -> Track:
+        """Skinned markers of some of its frames."""
+        betas = np.array(self.spec.betas)
+        return skin_track(body, betas, self.hips[frames], self.rotations[frames])
 
 
 def random_specs(count: int, random: np.random.Generator) -> list[AgentSpec]:
@@ -54,71 +106,64 @@ def random_specs(count: int, random: np.random.Generator) -> list[AgentSpec]:
     ]
 
 
-def run_goals(
+def relative(agent: AgentInfo, ahead: float, left: float) -> tuple[float, float, float]:
+    """The place so many metres ahead of an agent and to its left, on the floor."""
+    x, y, _ = agent.position
+    s, c = sin(agent.heading), cos(agent.heading)
+    return (x - ahead * s - left * c, y + ahead * c - left * s, 0.0)
+
+
+def run_errands(
     world: World,
-    bodies: Bodies,
-    specs: Sequence[AgentSpec],
-    random: np.random.Generator,
+    errands: Sequence[Errand],
+    seconds: float,
     *,
-    walking: bool = False,
     seeds: Sequence[Motion] | None = None,
     watch: Watch = lambda done, total: None,
-) -> list[Run]:
-    """Send every agent to one goal, 3 … 8 m away in a random direction, and watch it stand.
+) -> list[Course]:
+    """Let all agents go about their errands for `seconds` from the first order.
 
-    The goal comes after 2 s of standing; with `walking`, after 2 s on the way straight ahead;
-    with `seeds`, at once: agents then begin in these motions.
+    That comes after 2 s of standing; with `seeds`, at once: agents then begin in these motions.
     """
     session = world.create_session(None, 0.0).session_id
-    agents = world.create_agents(session, specs, 0.0, seeds)
-    start = 0.0
-    if seeds is None:
-        start = LEAD_IN
-        if walking:
-            for agent, spec in zip(agents, specs, strict=True):
-                world.set_goal(agent.agent_id, Goal(_ahead(spec, 20.0)), 0.0)
-        for _ in world.advance(start):
-            pass
+    agents = [
+        a.agent_id
+        for a in world.create_agents(session, [errand.spec for errand in errands], 0.0, seeds)
+    ]
+    start = 0.0 if seeds is not None else LEAD_IN
+    chunks: dict[str, list[MotionChunk]] = {agent: [] for agent in agents}
+    given: dict[str, list[tuple[int, tuple[Goal, ...]]]] = {agent: [] for agent in agents}
 
-    goals, revisions = {}, {}
-    chunks: dict[str, list[MotionChunk]] = {agent.agent_id: [] for agent in agents}
-    for agent in agents:
-        x, y, _ = world.get_agent(agent.agent_id).position
-        angle, distance = random.uniform(0, tau), random.uniform(*DISTANCE)
-        goals[agent.agent_id] = np.array(
-            [x + distance * cos(angle), y + distance * sin(angle), 0.0]
-        )
-        goal = Goal(tuple(goals[agent.agent_id].tolist()))
-        revisions[agent.agent_id] = world.set_goal(agent.agent_id, goal, start)
-    total = start + STEP_LIMIT * STEP_SECONDS + SLACK + STAND_SECONDS
-    for chunk in world.advance(total):
-        if chunk.goal_revision == revisions[chunk.agent_id]:
-            chunks[chunk.agent_id].append(chunk)
-        watch(chunk.scheduled_at, total)
+    def advance(until: float) -> None:
+        for chunk in world.advance(until):
+            if given[chunk.agent_id] and chunk.goal_revision >= given[chunk.agent_id][0][0]:
+                chunks[chunk.agent_id].append(chunk)
+            watch(chunk.scheduled_at, start + seconds)
+
+    for moment in sorted({order.at for errand in errands for order in errand.orders}):
+        advance(start + moment)
+        for agent, errand in zip(agents, errands, strict=True):
+            for order in errand.orders:
+                if order.at == moment:
+                    path = tuple(order.plan(world.get_agent(agent)))
+                    revision = world.set_path(agent, path, start + moment)
+                    given[agent].append((revision, path))
+    advance(start + seconds)
     world.delete_session(session)
     return [
-        _finish(
-            spec,
-            bodies[spec.gender],
-            chunks[agent.agent_id],
-            goals[agent.agent_id],
-        )
-        for agent, spec in zip(agents, specs, strict=True)
+        _course(errand.spec, given[agent], chunks[agent])
+        for agent, errand in zip(agents, errands, strict=True)
     ]
 
 
-def _finish(spec: AgentSpec, body: BodyModel, chunks: list[MotionChunk], goal: Array) -> Run:
-    hips = np.concatenate([c.translation for c in chunks])
-    rotations = np.concatenate([c.rotations for c in chunks])
-    standing = np.repeat([c.state == AgentState.STANDING for c in chunks], NEW_FRAMES)
-    outcome = judge(hips, standing, goal)
-    last = outcome.walking().stop
-    if outcome.stopped is not None:
-        last = outcome.stopped + STAND_SECONDS * FPS
-    track = skin_track(body, np.array(spec.betas), hips[:last], rotations[:last])
-    return Run(spec, outcome, track)
-
-
-def _ahead(spec: AgentSpec, metres: float) -> tuple[float, float, float]:
-    x, y = spec.position
-    return (x - metres * sin(spec.heading), y + metres * cos(spec.heading), 0.0)
+def _course(
+    spec: AgentSpec, given: Sequence[tuple[int, tuple[Goal, ...]]], chunks: Sequence[MotionChunk]
+) -> Course:
+    revisions = np.repeat([c.goal_revision for c in chunks], NEW_FRAMES)
+    return Course(
+        spec=spec,
+        given=tuple(Given(path, int(np.argmax(revisions >= revision))) for revision, path in given),
+        hips=np.concatenate([c.translation for c in chunks]),
+        rotations=np.concatenate([c.rotations for c in chunks]),
+        standing=np.repeat([c.state == AgentState.STANDING for c in chunks], NEW_FRAMES),
+    )

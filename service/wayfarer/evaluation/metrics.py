@@ -15,7 +15,7 @@ from wayfarer.spec import FPS, NEW_FRAMES
 
 Array = NDArray[np.floating[Any]]
 
-VERSION: Final = 1
+VERSION: Final = 2
 """Written into every report; tables of different versions must not be compared."""
 
 SPEED_HOP: Final = 10
@@ -75,6 +75,17 @@ def at_walking_speed(hips: Array, fps: float = FPS) -> NDArray[np.bool_]:
     low, high = WALKING_SPEED
     speed = travel_speed(hips, fps)
     return (speed >= low) & (speed <= high)
+
+
+def deformation(points: Array) -> Array:
+    """How far points of one rigid part of the body move against each other, metres. [...]
+
+    The sum over all pairs of the standard deviation over time of their distance (MOJO, Tab. 3;
+    paper Sec. A.4). It grows with the length of the motion: compare equal lengths.
+    """
+    first, second = np.triu_indices(points.shape[-2], 1)
+    distance = np.linalg.norm(points[..., first, :] - points[..., second, :], axis=-1)
+    return distance.std(-2).sum(-1)
 
 
 def windows(track: Array, frames: int) -> Array:

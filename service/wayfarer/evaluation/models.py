@@ -1,58 +1,65 @@
-"""Tables of the trained networks on recorded motion: predictor and regressors, as exported."""
+"""Tables of the trained networks on recorded motion: predictors (Tab. S1), regressors (Tab. S2)."""
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
-import onnxruntime
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
-from wayfarer.artifacts import open_session
 from wayfarer.body.model import BodyModel
-from wayfarer.body.rotation import matrix_from_quaternion
 from wayfarer.errors import InvalidArgument
 from wayfarer.evaluation import metrics
 from wayfarer.evaluation.gait import Row
+from wayfarer.evaluation.parts import Parts
 from wayfarer.evaluation.tracks import Recorded
-from wayfarer.motion.frame import canonical_frame, to_local
+from wayfarer.motion.frame import Frame, canonical_frame, to_local
+from wayfarer.motion.marker_body import MarkerBody
+from wayfarer.motion.predictor import MarkerPredictor
+from wayfarer.motion.regressor import BodyRegressor
+from wayfarer.motion.rotation import matrix_from_quaternion
 from wayfarer.spec import BETAS, GENDERS, LATENT, PRIMITIVE_FRAMES
+from wayfarer.training.dataset import load_marker_bodies
 
 Array = NDArray[np.floating[Any]]
 
-ALIKE_SEEDS = 0.5
+ALIKE_SEEDS: Final = 0.5
 """ε of MMADE and MMFDE, metres over all markers of the last seed frame together."""
 
-MESH_FRAMES = 100
+MESH_FRAMES: Final = 100
 """Frames whose whole mesh is compared for AVD."""
+
+BLOCK: Final = 256
+"""Rows computed at once: bounds memory."""
+
+MEMORY: Final = 10_000
+"""Recorded primitives per gender among which the row "mocap" looks for alike seeds."""
 
 
 @dataclass(frozen=True)
 class Primitives:
     """Recorded primitives of one gender: W windows of F = 10 frames, world space."""
 
-    translation: Array  # [W, F, 3]
-    rotations: Array  # [W, F, 22, 3, 3] joint 0 world, others local
-    betas: Array  # [W, 10]
+    translation: Tensor  # [W, F, 3]
+    rotations: Tensor  # [W, F, 22, 3, 3] joint 0 world, others local
+    betas: Tensor  # [W, 10]
 
-    def markers(self, body: BodyModel, betas: Array) -> Array:
-        """Markers [W, F, M, 3] of these poses on bodies of shape `betas` [W, 10]."""
-        rows = []
-        for place, rotation, shape in zip(self.translation, self.rotations, betas, strict=True):
-            world, places = body.forward_kinematics(place, rotation, body.rest_joints(shape))
-            rows.append(body.markers(shape, world, places))
-        return np.stack(rows)
+    def markers(self, body: MarkerBody) -> Tensor:
+        """Markers [W, F, 67, 3] of these poses, world."""
+        shape = body.shaped(self.betas)
+        return body.skin(shape, self.translation, self.rotations)[0]
 
-    def canonical(self, points: Array) -> Array:
-        """Points [W, F, P, 3] in the canonical frame of each window's first frame."""
-        hips, turn = (
-            torch.from_numpy(self.translation[:, 0]),
-            torch.from_numpy(self.rotations[:, 0, 0]),
-        )
-        frame = canonical_frame(hips, turn)
-        flat = torch.from_numpy(points).flatten(1, 2)
-        return to_local(frame, flat).reshape(points.shape).numpy().astype(np.float32)
+    def frame(self) -> Frame:
+        """The canonical frame of each window."""
+        return canonical_frame(self.translation[:, 0], self.rotations[:, 0, 0])
+
+    def canonical(self) -> "Primitives":
+        """The same motion in its canonical frames."""
+        frame = self.frame()
+        root = frame.rotation.transpose(-1, -2)[:, None] @ self.rotations[:, :, 0]
+        rotations = torch.cat([root[:, :, None], self.rotations[:, :, 1:]], 2)
+        return Primitives(to_local(frame, self.translation), rotations, self.betas)
 
 
 def primitives(recorded: Recorded, gender: str, count: int, seed: int) -> Primitives:
@@ -63,159 +70,187 @@ def primitives(recorded: Recorded, gender: str, count: int, seed: int) -> Primit
         if clip.gender == gender:
             inside = allowed[(allowed >= clip.start) & (allowed < clip.stop)]
             starts.append(inside)
-            shapes.append(np.tile(clip.betas, (len(inside), 1)))
+            shapes.append(np.tile(np.asarray(clip.betas, np.float32), (len(inside), 1)))
     if not sum(map(len, starts)):
         raise InvalidArgument(f"no primitives of {gender} bodies in use among these clips")
     chosen = np.concatenate(starts)
     order = np.random.default_rng(seed).permutation(len(chosen))[:count]
     index = chosen[order][:, None] + np.arange(PRIMITIVE_FRAMES)
     return Primitives(
-        translation=data.translation[index].astype(np.float64),
-        rotations=matrix_from_quaternion(data.rotations[index].astype(np.float64)),
-        betas=np.concatenate(shapes)[order],
+        translation=torch.from_numpy(data.translation[index]),
+        rotations=matrix_from_quaternion(torch.from_numpy(data.rotations[index])),
+        betas=torch.from_numpy(np.concatenate(shapes)[order]),
     )
 
 
+@torch.inference_mode()
 def predictor_rows(
-    models: Path, recorded: Recorded, samples: int, count: int, seed: int
+    parts: Parts,
+    recorded: Recorded,
+    samples: int,
+    count: int,
+    seed: int,
+    memory: Recorded | None = None,
 ) -> list[Row]:
-    """The predictors in `models`, beside repeating the last frame and a straight line."""
-    windows = _both_genders(recorded, count, seed)
+    """Every predictor beside repeating the last frame, a straight line, and recordings.
+
+    The row "mocap" guesses as a predictor would that only remembers: the futures of those
+    `samples` primitives of `memory` (the train split) whose 2-frame seeds are nearest.
+    """
+    if not parts.predictors:
+        raise InvalidArgument("these models hold no predictor_1f.onnx or predictor_2f.onnx")
+    windows = _windows(recorded, count, seed)
+    noise = np.random.default_rng(seed).standard_normal((len(windows), samples, LATENT))
+    latents = torch.from_numpy(noise.astype(np.float32))
     rows: list[Row] = []
-    for seed_frames in (1, 2):
-        path = models / f"predictor_{seed_frames}f.onnx"
-        if not path.exists():
-            continue
-        past, future = windows[:, :seed_frames], windows[:, seed_frames:]
-        noise = np.random.default_rng(seed).standard_normal((len(past), samples, LATENT))
-        made = _decode(_open(path), past, noise.astype(np.float32))
-        rows.append(_errors(f"{seed_frames}f, best of {samples}", made, past, future))
-        rows.append(_errors(f"{seed_frames}f, one sample", made[:, :1], past, future))
-    if not rows:
-        raise InvalidArgument(f"{models} holds no predictor_1f.onnx or predictor_2f.onnx")
+    for name, predictor in parts.predictors.items():
+        past, future = windows[:, : predictor.seed_frames], windows[:, predictor.seed_frames :]
+        made = _decode(predictor, past, latents)
+        rows.append(_errors(name, made, past, future))
+        rows.append(_errors(f"{name}, one sample", made[:, :1], past, future))
     past, future = windows[:, :2], windows[:, 2:]
     steps = np.arange(1, future.shape[1] + 1, dtype=np.float32)[:, None]
     still = np.repeat(past[:, None, 1:], future.shape[1], 2)
     line = past[:, None, 1:] + steps * (past[:, 1:] - past[:, :1])[:, None]
     rows.append(_errors("repeat last frame", still, past, future))
     rows.append(_errors("straight line", line, past, future))
+    if memory is not None:
+        known = _windows(memory, MEMORY, seed)
+        made = known[_nearest(past, known[:, :2], samples), 2:]
+        rows.append(_errors("mocap", made, past, future))
     return rows
 
 
-def regressor_rows(models: Path, recorded: Recorded, count: int, seed: int) -> list[Row]:
-    """Each gender's regressor on recorded poses: with the recorded shapes and with random ones."""
+@torch.inference_mode()
+def regressor_rows(parts: Parts, recorded: Recorded, count: int, seed: int) -> list[Row]:
+    """Each gender's regressor on recorded poses: with the recorded shapes and with random ones.
+
+    The row "mocap" puts the recordings' own parameters in a regressor's place: the floor of these
+    figures, 0 but for rounding.
+    """
+    bodies = load_marker_bodies()
+    present = sorted({clip.gender for clip in recorded.clips})
+    known = {gender: primitives(recorded, gender, count, seed) for gender in present}
     rows: list[Row] = []
     for gender in GENDERS:
-        session, body = _open(models / f"regressor_{gender}.onnx"), recorded.bodies[gender]
-        own = [c for c in recorded.clips if c.gender == gender]
-        for name, known in (("recorded shapes", True), ("random shapes", False)):
-            if known and not own:
-                continue
-            poses = [
-                primitives(recorded, g, count, seed) for g in _genders(recorded, gender, known)
-            ]
-            poses = [p if known else _reshape(p, seed) for p in poses]
-            rows.append(_regress(f"{gender}, {name}", session, body, poses))
+        cases = {"recorded shapes": [known[gender]]} if gender in known else {}
+        # a recorded shape belongs to its gender, a pose fits any body
+        cases["random shapes"] = [_reshape(poses, seed) for poses in known.values()]
+        for name, parts_of in cases.items():
+            poses = _join(parts_of).canonical()
+            made = _regressed(parts.regressors[gender], poses, bodies[gender])
+            body = recorded.bodies[gender]
+            rows.append(_differences(f"{gender}, {name}", made, poses, body, bodies[gender]))
+    gender = present[0]
+    truth = known[gender].canonical()
+    rows.append(_differences("mocap", truth, truth, recorded.bodies[gender], bodies[gender]))
     return rows
 
 
-def _genders(recorded: Recorded, gender: str, known: bool) -> list[str]:
-    """Whose poses are used: a recorded shape belongs to its gender, a pose fits any body."""
-    present = {clip.gender for clip in recorded.clips}
-    return [gender] if known else sorted(present)
+def _join(poses: list[Primitives]) -> Primitives:
+    return Primitives(
+        torch.cat([p.translation for p in poses]),
+        torch.cat([p.rotations for p in poses]),
+        torch.cat([p.betas for p in poses]),
+    )
 
 
 def _reshape(poses: Primitives, seed: int) -> Primitives:
     """The same poses with shapes drawn from the shape space, within 2.5 standard deviations."""
     betas = np.random.default_rng(seed).standard_normal((len(poses.betas), BETAS)).clip(-2.5, 2.5)
-    return Primitives(poses.translation, poses.rotations, betas)
+    return Primitives(poses.translation, poses.rotations, torch.from_numpy(np.float32(betas)))
 
 
-def _regress(
-    name: str,
-    session: onnxruntime.InferenceSession,
-    body: BodyModel,
-    parts: list[Primitives],
-) -> Row:
-    truth = [p.markers(body, p.betas) for p in parts]
-    local = np.concatenate([p.canonical(t) for p, t in zip(parts, truth, strict=True)])
-    betas = np.concatenate([p.betas for p in parts])
-    frames = local.shape[1]
-    shapes = np.repeat(betas, frames, 0)
-    markers = local.reshape(-1, *local.shape[2:])
-    given = {
-        "markers": markers.reshape(len(markers), -1),
-        "betas": shapes.astype(np.float32),
-    }
-    place, turn = (
-        np.asarray(out, np.float64) for out in session.run(["translation", "rotations"], given)
+def _regressed(regressor: BodyRegressor, poses: Primitives, body: MarkerBody) -> Primitives:
+    """What the regressor makes of the markers of canonical `poses`."""
+    place, rotations = zip(
+        *(
+            regressor(markers, betas)
+            for markers, betas in zip(
+                poses.markers(body).split(BLOCK), poses.betas.split(BLOCK), strict=True
+            )
+        ),
+        strict=True,
     )
-    made = Primitives(place[:, None], turn[:, None], shapes)
+    return Primitives(torch.cat(place), torch.cat(rotations), poses.betas)
 
-    true_turn = np.concatenate([p.rotations for p in parts]).reshape(-1, *turn.shape[1:])
-    relative = np.swapaxes(true_turn[:, 1:], -1, -2) @ turn[:, 1:]
-    cosine = (np.trace(relative, axis1=-2, axis2=-1) - 1) / 2
-    error = np.linalg.norm(made.markers(body, shapes)[:, 0] - markers, axis=-1) * 1000
+
+def _differences(
+    name: str, made: Primitives, truth: Primitives, body: BodyModel, marker_body: MarkerBody
+) -> Row:
+    """AMD, AVD and the mean angle between joint rotations (the hips' own left out)."""
+    markers, guess = truth.markers(marker_body), made.markers(marker_body)
+    error = 1000 * (guess - markers).norm(dim=-1)
+    relative = truth.rotations[:, :, 1:].transpose(-1, -2) @ made.rotations[:, :, 1:]
+    # |R - 1|² = 8 sin²(angle / 2): unlike the arc cosine of the trace, exact for small angles
+    chord = (relative - torch.eye(3)).flatten(-2).norm(dim=-1) / 8**0.5
     return {
         "name": name,
-        "frames": len(markers),
+        "frames": error[..., 0].numel(),
         "amd_mm": float(error.mean()),
-        "amd_p95_mm": float(np.percentile(error, 95)),
-        "avd_mm": _mesh_error(body, parts[0], place, turn),
-        "joint_angle_deg": float(np.degrees(np.arccos(cosine.clip(-1, 1))).mean()),
+        "amd_p95_mm": float(np.percentile(error.numpy(), 95)),
+        "avd_mm": _mesh_error(body, made, truth),
+        "joint_angle_deg": float(torch.rad2deg(2 * torch.asin(chord.clamp(max=1))).mean()),
     }
 
 
-def _mesh_error(body: BodyModel, poses: Primitives, place: Array, turn: Array) -> float:
-    """AVD, mm, over the whole mesh of some frames spread over the first of the poses."""
-    frames = poses.translation.shape[1]
+def _mesh_error(body: BodyModel, made: Primitives, truth: Primitives) -> float:
+    """AVD, mm, over the whole mesh of some frames spread over all."""
+    frames = truth.translation.shape[1]
     errors = []
-    for row in np.linspace(0, frames * len(poses.betas) - 1, MESH_FRAMES).astype(int):
+    for row in np.linspace(0, frames * len(truth.betas) - 1, MESH_FRAMES).astype(int):
         window, frame = divmod(int(row), frames)
-        shape = poses.betas[window]
+        shape = truth.betas[window].numpy()
         rest = body.rest_joints(shape)
-        world = body.forward_kinematics(
-            poses.translation[window, frame], poses.rotations[window, frame], rest
+        true, guess = (
+            body.skin(
+                shape,
+                *body.forward_kinematics(
+                    poses.translation[window, frame].numpy(),
+                    poses.rotations[window, frame].numpy(),
+                    rest,
+                ),
+            )
+            for poses in (truth, made)
         )
-        truth = body.skin(shape, *world)
-        one = Primitives(poses.translation[[window]], poses.rotations[[window]], shape[None])
-        local = one.canonical(truth[None, None])[0, 0]
-        made = body.skin(shape, *body.forward_kinematics(place[row], turn[row], rest))
-        errors.append(metrics.avd(made, local))
+        errors.append(metrics.avd(guess, true))
     return float(np.mean(errors))
 
 
-def _both_genders(recorded: Recorded, count: int, seed: int) -> Array:
-    """Flattened markers [W, F, 201] in canonical frames."""
-    parts = []
+def _windows(recorded: Recorded, count: int, seed: int) -> Array:
+    """Flattened markers [W, F, 201] of both genders in canonical frames."""
+    parts, bodies = [], load_marker_bodies()
     for gender in sorted({clip.gender for clip in recorded.clips}):
-        poses = primitives(recorded, gender, count, seed)
-        parts.append(poses.canonical(poses.markers(recorded.bodies[gender], poses.betas)))
-    windows = np.concatenate(parts)
-    return windows.reshape(*windows.shape[:2], -1)
+        poses = primitives(recorded, gender, count, seed).canonical()
+        parts.append(poses.markers(bodies[gender]).flatten(-2).numpy())
+    return np.concatenate(parts)
 
 
-def _decode(session: onnxruntime.InferenceSession, past: Array, noise: Array) -> Array:
+def _decode(predictor: MarkerPredictor, past: Array, latents: Tensor) -> Array:
     """Futures [W, K, F, 201] of seeds [W, S, 201] and latents [W, K, 128]."""
-    made = [
-        session.run(["future"], {"seed": past, "latent": np.ascontiguousarray(noise[:, k])})[0]
-        for k in range(noise.shape[1])
-    ]
-    return np.stack(made, 1)
+    seeds = torch.from_numpy(np.ascontiguousarray(past)).split(BLOCK)
+    made = [predictor.decode(s, z) for s, z in zip(seeds, latents.split(BLOCK), strict=True)]
+    return torch.cat(made).numpy()
+
+
+def _nearest(seeds: Array, known: Array, count: int) -> NDArray[np.int64]:
+    """Indices [W, K] of the `count` of `known` [N, S, 201] nearest to each of seeds [W, S, 201]."""
+    points = torch.from_numpy(known.reshape(len(known), -1).copy())
+    asked = torch.from_numpy(seeds.reshape(len(seeds), -1).copy()).split(BLOCK)
+    best = [torch.cdist(block, points).topk(count, largest=False).indices for block in asked]
+    return torch.cat(best).numpy()
 
 
 def _errors(name: str, made: Array, past: Array, future: Array) -> Row:
+    """Figures of futures `made` [W, K, F, 201], the best of K; seeds `past`, truth `future`."""
     multimodal = metrics.multimodal_errors(made, future, past[:, -1], ALIKE_SEEDS)
     return {
         "name": name,
         "primitives": len(future),
+        "samples": made.shape[1],
         "ade_m": float(metrics.ade(made, future).mean()),
         "fde_m": float(metrics.fde(made, future).mean()),
         "mmade_m": multimodal[0],
         "mmfde_m": multimodal[1],
         "apd_m": float(metrics.apd(made).mean()) if made.shape[1] > 1 else 0.0,
     }
-
-
-def _open(path: Path) -> onnxruntime.InferenceSession:
-    return open_session(path, onnxruntime.SessionOptions())

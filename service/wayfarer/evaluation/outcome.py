@@ -1,15 +1,24 @@
-"""What became of one goal run: a pure function of the streamed hips and states."""
+"""What became of an agent on its way to one goal: a pure function of its course."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wayfarer.evaluation.figures import (
+    degrees_off,
+    distances,
+    first,
+    mean,
+    primitives,
+    quantile,
+    share,
+)
 from wayfarer.evaluation.gait import Row
+from wayfarer.evaluation.goals import Course
+from wayfarer.runtime.heading import facing_at
 from wayfarer.spec import FPS, NEW_FRAMES
-
-Array = NDArray[np.floating[Any]]
 
 REACHED: Final = 0.75
 """Metres, horizontal, hips to goal: reached, as in the paper (Sec. 4.2)."""
@@ -23,25 +32,34 @@ STEP_LIMIT: Final = 60
 STAND_SECONDS: Final = 5
 """How long an agent is watched after it has come to a stand."""
 
-STAND_DRIFT: Final = 0.5
-"""Metres that a standing agent may move away from where it came to a stand."""
+DRIFT_SECONDS: Final = 2
+"""After the stand, for the drift that is nearest to the stop itself."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Of one goal; frames count from the first new frame made for it. NaN: never happened."""
+    """Of one goal; frames count from the first that was made for it. NaN: never happened."""
 
     reached: int | None  # frame at which the hips are first within 0.75 m, in 60 primitives
-    near: bool  # within 0.3 m in 60 primitives
+    near: int | None  # within 0.3 m, in 60 primitives
     final_distance: float  # metres, after 60 primitives
     stopped: int | None  # first frame of standing after the goal was reached
     arrival_error: float  # metres, hips to goal at that frame
-    drift: float  # metres, farthest in the 5 s from that frame
+    facing_error: float  # degrees off the asked heading at that frame; NaN: none was asked
+    drift_2s: float  # metres, farthest from there in the 2 s after that frame
+    drift_5s: float  # the same for 5 s
 
     @property
     def steps(self) -> float:
         """Primitives until the goal was reached."""
-        return float("nan") if self.reached is None else self.reached // NEW_FRAMES + 1
+        return primitives(self.reached)
+
+    @property
+    def seconds_to_stand(self) -> float:
+        """From reaching the goal to standing."""
+        if self.reached is None or self.stopped is None:
+            return float("nan")
+        return (self.stopped - self.reached) / FPS
 
     def walking(self) -> slice:
         """Frames on the way: to the goal, or all that count."""
@@ -54,53 +72,56 @@ class Outcome:
         return slice(self.stopped + FPS, self.stopped + STAND_SECONDS * FPS)
 
 
-def judge(hips: Array, standing: NDArray[np.bool_], goal: Array) -> Outcome:
-    """Outcome from hips [T, 3], standing [T] (the agent says it stands) and goal [2 or 3]; T ≥ 480.
+def judge(course: Course) -> Outcome:
+    """Outcome of the goal of the last order.
 
     A stand counts when it comes after the goal was reached and can be watched for 5 s.
     """
+    course = course.latest()
+    goal, hips = course.goal, course.hips
     limit = STEP_LIMIT * NEW_FRAMES
-    distance = np.linalg.norm(hips[:, :2] - np.asarray(goal)[:2], axis=-1)
-    within = np.flatnonzero(distance[:limit] <= REACHED)
-    reached = int(within[0]) if len(within) else None
+    distance = distances(hips, goal)
+    reached = first(distance[:limit] <= REACHED)
 
-    stopped, arrival_error, drift = None, float("nan"), float("nan")
+    stopped, drift = None, np.full(STAND_SECONDS * FPS, np.nan)
+    arrival_error = facing_error = float("nan")
     if reached is not None:
-        watched = len(hips) - STAND_SECONDS * FPS
-        stands = reached + np.flatnonzero(standing[reached : max(watched + 1, reached)])
-        if len(stands):
-            stopped = int(stands[0])
-            arrival_error = float(distance[stopped])
-            after = hips[stopped : stopped + STAND_SECONDS * FPS, :2] - hips[stopped, :2]
-            drift = float(np.linalg.norm(after, axis=-1).max())
+        time = np.arange(len(hips))
+        stopped = first(course.standing & (time >= reached) & (time <= len(hips) - len(drift)))
+    if stopped is not None:
+        arrival_error = float(distance[stopped])
+        drift = distances(hips[stopped : stopped + len(drift)], hips[stopped])
+        if goal.heading is not None:
+            facing_error = float(degrees_off(course.facing[stopped], facing_at(goal.heading)))
     return Outcome(
         reached=reached,
-        near=bool((distance[:limit] <= NEAR).any()),
+        near=first(distance[:limit] <= NEAR),
         final_distance=float(distance[:limit][-1]),
         stopped=stopped,
         arrival_error=arrival_error,
-        drift=drift,
+        facing_error=facing_error,
+        drift_2s=float(drift[: DRIFT_SECONDS * FPS].max()),
+        drift_5s=float(drift.max()),
     )
 
 
-def goal_row(name: str, outcomes: list[Outcome]) -> Row:
+def goal_row(name: str, outcomes: Sequence[Outcome]) -> Row:
     """Figures of many runs. Averages are over the runs in which the thing happened."""
-    reached = [o for o in outcomes if o.reached is not None]
-    stopped = [o for o in outcomes if o.stopped is not None]
     return {
         "name": name,
         "runs": len(outcomes),
-        "success_075m": len(reached) / len(outcomes),
-        "success_03m": sum(o.near for o in outcomes) / len(outcomes),
-        "steps": _mean([o.steps for o in reached]),
-        "final_distance_m": _mean([o.final_distance for o in outcomes]),
-        "stopped": len(stopped) / len(outcomes),
-        "arrival_error_m": _mean([o.arrival_error for o in stopped]),
-        "drift_5s_mean_m": _mean([o.drift for o in stopped]),
-        "drift_5s_max_m": max((o.drift for o in stopped), default=float("nan")),
-        "stays_within_05m": _mean([float(o.drift <= STAND_DRIFT) for o in stopped]),
+        "success": share([o.reached is not None for o in outcomes]),
+        "success_03m": share([o.near is not None for o in outcomes]),
+        "steps": mean([o.steps for o in outcomes]),
+        "final_distance_m": mean([o.final_distance for o in outcomes]),
+        "stopped": share([o.stopped is not None for o in outcomes]),
+        "arrival_error_median_m": quantile([o.arrival_error for o in outcomes], 0.5),
+        "arrival_error_mean_m": mean([o.arrival_error for o in outcomes]),
+        "seconds_to_stand": quantile([o.seconds_to_stand for o in outcomes], 0.5),
+        "drift_2s_mean_m": mean([o.drift_2s for o in outcomes]),
+        "drift_2s_p95_m": quantile([o.drift_2s for o in outcomes], 0.95),
+        "drift_5s_mean_m": mean([o.drift_5s for o in outcomes]),
+        "drift_5s_max_m": quantile([o.drift_5s for o in outcomes], 1.0),
+        "facing_error_median_deg": quantile([o.facing_error for o in outcomes], 0.5),
+        "facing_error_p90_deg": quantile([o.facing_error for o in outcomes], 0.9),
     }
-
-
-def _mean(values: list[float]) -> float:
-    return float(np.mean(values)) if values else float("nan")

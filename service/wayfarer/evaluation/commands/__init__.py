@@ -1,0 +1,9 @@
+"""`wayfarer eval …`: tables on the screen, and with --json the rows in a file with their origin."""
+
+import typer
+
+from wayfarer.evaluation.commands import arrival, control, everything, long, recorded, rollouts
+
+app = typer.Typer(help="Measure motion and models.", no_args_is_help=True)
+for part in (rollouts, recorded, control, arrival, long, everything):
+    app.add_typer(part.app)  # without a name: its commands stand beside those of the others

@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+
+from tests.runtime.fakes import FakeEngine, make_world
+from wayfarer.clips.generate import generate_clip
+from wayfarer.clips.planned import plan_clip
+from wayfarer.errors import FailedPrecondition, InvalidArgument
+from wayfarer.runtime.agent import AgentSpec, Goal
+from wayfarer.runtime.beam_settings import BeamSettings
+from wayfarer.runtime.steering import Steering
+
+GOALS = [Goal((0.0, 2.0, 0.0)), Goal((1.0, 0.0, 0.0))]
+
+
+def planned(goals, seconds, settings=None, engine=None, spec=None, **about):
+    spec = spec or AgentSpec(noise_seed=4)
+    [start] = make_world().prepare([spec])
+    settings = settings or BeamSettings()
+    return plan_clip(engine or FakeEngine(), spec, start, goals, seconds, settings, **about)
+
+
+def test_goals_are_visited_in_turn_and_the_rest_of_the_time_is_spent_standing():
+    heard = []
+    clip = planned(GOALS, 15.0, watch=heard.append)
+    assert clip.frames == 600
+    assert clip.meta == {"goals_reached": "2", "primitives_rejected": "0"}
+    assert clip.goals == tuple(goal.position for goal in GOALS)
+    nearest = [
+        np.linalg.norm(clip.translation[:, :2] - goal.position[:2], axis=-1) for goal in GOALS
+    ]
+    assert all(distance.min() <= 0.3 for distance in nearest)
+    assert nearest[0].argmin() < nearest[1].argmin()
+    assert np.ptp(clip.translation[-40:, :2], axis=0).max() < 0.05
+    assert heard == sorted(heard) and heard[-1] == 15.0
+
+
+def test_keeping_one_it_is_the_clip_made_online():
+    spec = AgentSpec(noise_seed=9)
+    world = make_world(steering=Steering().with_search(candidates=8))
+    online = generate_clip(world, spec, GOALS[:1], 4.0)
+    clip = planned(GOALS[:1], 4.0, BeamSettings(keep=1, children=8), spec=spec)
+    np.testing.assert_array_equal(clip.translation, online.translation)
+
+
+def test_seconds_that_are_no_whole_primitives_are_cut():
+    assert planned([], 0.5).frames == 20
+
+
+@pytest.mark.parametrize("seconds", [0.0, -3.0, 0.001])
+def test_a_clip_without_frames_is_refused(seconds):
+    with pytest.raises(InvalidArgument, match="seconds"):
+        planned([], seconds)
+
+
+def test_a_search_without_a_way_on_says_so():
+    engine = FakeEngine()
+    engine.nan_for_beta = 0.0
+    with pytest.raises(FailedPrecondition, match=r"no way on after 0\.0 s"):
+        planned(GOALS, 2.0, engine=engine)
