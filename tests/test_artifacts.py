@@ -123,9 +123,9 @@ def test_a_file_that_is_no_graph_is_refused(folder):
 
 def test_unknown_graphs_are_refused(folder):
     contract = contract_for("step_male.onnx", "tiny", IDENTITIES["male"])
-    save(step_model(), folder / "policy.onnx", contract_to_json(contract))
+    save(step_model(), folder / "critic.onnx", contract_to_json(contract))
     artifacts.write_manifest(folder, "tiny", "stick")
-    with pytest.raises(ArtifactError, match=r"found policy\.onnx, expected"):
+    with pytest.raises(ArtifactError, match=r"found critic\.onnx, expected"):
         load(folder)
 
 

@@ -4,7 +4,8 @@
         manifest.json          name, body, card, SHA-256 of every other file
         step_male.onnx         the whole step, one graph per gender (what the service runs)
         step_female.onnx
-        predictor_{1f,2f}.onnx, regressor_{male,female}.onnx   the parts, for other engines
+        predictor_{1f,2f}.onnx, policy.onnx, regressor_{male,female}.onnx
+                               the parts, for other engines
         weights.bin            external data, shared by the graphs
         CARD.md                model card
 
@@ -40,7 +41,7 @@ CARD: Final = "CARD.md"
 class Graph:
     """What a file of the folder is: its kind, gender and seed length."""
 
-    kind: str  # "step", "predictor", "regressor"
+    kind: str  # "step", "predictor", "policy", "regressor"
     gender: str = ""  # "" when the graph serves both
     seed_frames: int = 0  # 0 when the graph takes single frames
 
@@ -50,6 +51,7 @@ GRAPHS: Final[Mapping[str, Graph]] = {
     "step_female.onnx": Graph("step", "female", spec.SEED_FRAMES),
     "predictor_1f.onnx": Graph("predictor", "", 1),
     "predictor_2f.onnx": Graph("predictor", "", 2),
+    "policy.onnx": Graph("policy", "", spec.SEED_FRAMES),
     "regressor_male.onnx": Graph("regressor", "male"),
     "regressor_female.onnx": Graph("regressor", "female"),
 }
