@@ -20,8 +20,9 @@ tuning has seen; "mocap" rows are recordings, judged by the same code. The metri
 """
 
 COMMANDS = {
-    "goals": "wayfarer eval goals --runs 100 --data PREPARED --split heldout --seed 7",
-    "long": "wayfarer eval long --agents 64 --minutes 10 --seed 3",
+    "control": "wayfarer eval control --data PREPARED --split heldout --seed 7",
+    "arrival": "wayfarer eval arrival --data PREPARED --split heldout --seed 7",
+    "long": "wayfarer eval long --data PREPARED --split heldout --seed 3",
     "predictor": "wayfarer eval predictor PREPARED --split heldout",
     "regressor": "wayfarer eval regressor PREPARED --split heldout",
     "mocap": "wayfarer eval mocap PREPARED",
