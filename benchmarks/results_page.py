@@ -19,13 +19,16 @@ tuning has seen; "mocap" rows are recordings, judged by the same code. The metri
 `service/wayfarer/evaluation/` (docstrings).
 """
 
+HELDOUT = "--data PREPARED --split heldout"
 COMMANDS = {
-    "control": "wayfarer eval control --data PREPARED --split heldout --seed 7",
-    "arrival": "wayfarer eval arrival --data PREPARED --split heldout --seed 7",
-    "long": "wayfarer eval long --data PREPARED --split heldout --seed 3",
-    "predictor": "wayfarer eval predictor PREPARED --split heldout",
-    "regressor": "wayfarer eval regressor PREPARED --split heldout",
-    "mocap": "wayfarer eval mocap PREPARED",
+    "control": f"wayfarer eval control --g-cvae GCVAE {HELDOUT} --seed 7",
+    "arrival": f"wayfarer eval arrival {HELDOUT} --seed 7",
+    "long": "wayfarer eval long --seed 3",
+    "realism": f"wayfarer eval realism {HELDOUT} --seed 7",
+    "skating": f"wayfarer eval skating {HELDOUT} --seed 7",
+    "bodies": f"wayfarer eval bodies {HELDOUT} --seed 7",
+    "predictor": f"wayfarer eval predictor {HELDOUT} --seed 7",
+    "regressor": f"wayfarer eval regressor {HELDOUT}",
 }
 Row = dict[str, Any]
 

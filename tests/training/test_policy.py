@@ -74,6 +74,14 @@ def test_a_stopped_run_equals_one_that_was_not(trained, world, tmp_path, monkeyp
     assert all(torch.allclose(whole[k], parts[k], atol=1e-6) for k in whole)
 
 
+def test_the_critic_can_learn_first_while_the_actor_rests(world, tmp_path):
+    config = SMALL.model_copy(update={"critic_epochs": 2})
+    fresh = PolicyTrainer(config, world).model.state_dict()
+    assert train_policy(config, world, tmp_path)
+    moved = {k for k, v in weights_of(tmp_path).items() if not torch.equal(v, fresh[k])}
+    assert moved and all(name.startswith("critic") for name in moved)
+
+
 def test_it_can_begin_with_another_runs_policy(trained, world):
     config = SMALL.model_copy(update={"start_from": str(trained)})
     begun = PolicyTrainer(config, world).model.state_dict()

@@ -78,7 +78,6 @@ class Steering:
     slow: float = 0.15  # below this an agent counts as slow
     slow_seconds: float = 0.4  # slow for so long: it stands
     resume_margin: float = 0.3  # stopped or pushed so far outside the goal's radius: walk again
-    drift: float = 0.35  # standing this far from its place, an agent is drawn back to it
     lookahead: float = 1.0  # a point to pass through is aimed at so far ahead
     behind: float = radians(120)  # at rest, an agent first turns to a goal farther aside …
     abeam: float = radians(70)  # … until it is so far aside
@@ -184,13 +183,8 @@ class Steering:
         """What the next step, which `gait` is for, aims at."""
         hips = seed.translation[:, -1, :2]
         walking = np.isin(gait.mode, WALKS)
-        at_place = np.linalg.norm(gait.stop_place - hips, axis=-1) <= self.drift
-        # Standing within reach of its place an agent is not pulled anywhere: it would fidget.
-        rests = (gait.mode == Mode.STANDING) & at_place
         place = goals.position.copy()
-        place[:, :2] = _choose(
-            [(walking, self._ahead(hips, goals)), (rests, hips)], gait.stop_place
-        )
+        place[:, :2] = _choose([(walking, self._ahead(hips, goals))], gait.stop_place)
         return Targets(
             place=place,
             speed=np.where(walking, self._speed(hips, goals), 0.0).astype(np.float32),
