@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tests.runtime.fakes import FakeEngine, make_world
+from tests.runtime.fakes import BODIES, FakeEngine, make_world
 from wayfarer.clips.clip import Clip
 from wayfarer.clips.files import write_clip
 from wayfarer.clips.generate import SearchKind, generate, generate_clip
@@ -72,6 +72,8 @@ def test_bad_arguments_are_refused_before_any_model_is_loaded(tmp_path):
 
 class Stage:
     """A stage with models that are not there."""
+
+    bodies = BODIES
 
     def __init__(self, engine: FakeEngine) -> None:
         self.engine = engine

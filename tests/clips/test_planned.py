@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tests.runtime.fakes import FakeEngine, make_world
+from tests.runtime.fakes import BODIES, FakeEngine, make_world
 from wayfarer.clips.generate import generate_clip
 from wayfarer.clips.planned import plan_clip
 from wayfarer.errors import FailedPrecondition, InvalidArgument
@@ -16,7 +16,8 @@ def planned(goals, seconds, settings=None, engine=None, spec=None, **about):
     spec = spec or AgentSpec(noise_seed=4)
     [start] = make_world().prepare([spec])
     settings = settings or BeamSettings()
-    return plan_clip(engine or FakeEngine(), spec, start, goals, seconds, settings, **about)
+    body = BODIES[spec.gender]
+    return plan_clip(engine or FakeEngine(), body, spec, start, goals, seconds, settings, **about)
 
 
 def test_goals_are_visited_in_turn_and_the_rest_of_the_time_is_spent_standing():
@@ -34,12 +35,15 @@ def test_goals_are_visited_in_turn_and_the_rest_of_the_time_is_spent_standing():
     assert heard == sorted(heard) and heard[-1] == 15.0
 
 
-def test_keeping_one_it_is_the_clip_made_online():
-    spec = AgentSpec(noise_seed=9)
+@pytest.mark.parametrize("foot_lock", [True, False])
+def test_keeping_one_it_is_the_clip_made_online(foot_lock):
+    spec = AgentSpec(noise_seed=9, foot_lock=foot_lock)
     world = make_world(steering=Steering().with_search(candidates=8))
     online = generate_clip(world, spec, GOALS[:1], 4.0)
     clip = planned(GOALS[:1], 4.0, BeamSettings(keep=1, children=8), spec=spec)
     np.testing.assert_array_equal(clip.translation, online.translation)
+    np.testing.assert_allclose(clip.rotations, online.rotations, atol=1e-6)
+    np.testing.assert_array_equal(clip.contacts, online.contacts)
 
 
 def test_seconds_that_are_no_whole_primitives_are_cut():

@@ -127,7 +127,9 @@ def test_shift_adds_waypoints_and_a_drag_the_heading(page: Page):
     camera = page.evaluate("globalThis.wayfarer.stage.camera.position.toArray()")
     page.drag((620, 420), (620, 420), shift=True)
     page.drag((700, 400), (780, 400), shift=True)
-    page.wait_for(f"{ahead}.every((goals) => goals.length >= 2)")
+    # whoever stands near the first may have passed it before the second is there
+    page.wait_for(f"{ahead}.every((goals) => goals.at(-1)?.heading !== undefined)")
+    page.wait_for(f"{ahead}.some((goals) => goals.length >= 2)")
     for *before, last in page.evaluate(ahead):
         assert all(goal["stop"] is False for goal in before)
         assert "stop" not in last and last["speed"] == 0.6

@@ -137,7 +137,8 @@ def generate(
             clip = generate_clip(world, spec, goals, seconds, watch)
         else:
             [start] = world.prepare([spec])
-            clip = plan_clip(stage.engine, spec, start, goals, seconds, beam, watch)
+            body = stage.bodies[gender]
+            clip = plan_clip(stage.engine, body, spec, start, goals, seconds, beam, watch)
     write_clip(target, clip)
     reached = f", {clip.meta['goals_reached']} of {len(goals)} goals reached" if goals else ""
     typer.echo(f"{target}: {clip.frames} frames, {clip.seconds:.1f} s{reached}")

@@ -4,19 +4,25 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import ceil
 
+import numpy as np
+
+from wayfarer.body.model import BodyModel
 from wayfarer.clips.clip import Clip
 from wayfarer.errors import FailedPrecondition, InvalidArgument
 from wayfarer.runtime.agent import AgentSpec, Goal
 from wayfarer.runtime.beam import plan
 from wayfarer.runtime.beam_settings import BeamSettings
 from wayfarer.runtime.engine import Engine
-from wayfarer.runtime.plan import Ending, Problem
-from wayfarer.runtime.slots import Motion
+from wayfarer.runtime.footlock import begin, lock_feet
+from wayfarer.runtime.legs import measure_legs
+from wayfarer.runtime.plan import Ending, Plan, Problem
+from wayfarer.runtime.slots import Flags, Float, Motion
 from wayfarer.spec import FPS, NEW_FRAMES, STEP_SECONDS
 
 
 def plan_clip(
     engine: Engine,
+    body: BodyModel,
     spec: AgentSpec,
     start: Motion,
     goals: Sequence[Goal],
@@ -26,8 +32,8 @@ def plan_clip(
 ) -> Clip:
     """`generate_clip` by the search of `settings`, whose depth is made to fit `seconds`.
 
-    `start` is what `World.prepare` makes of `spec`. Raises InvalidArgument on a bad goal, and
-    FailedPrecondition when the search finds no way on.
+    `body` is of the spec's gender, `start` what `World.prepare` makes of the spec. Raises
+    InvalidArgument on a bad goal, and FailedPrecondition when the search finds no way on.
     """
     frames = round(seconds * FPS)
     if frames < 1:
@@ -42,10 +48,13 @@ def plan_clip(
         )
     watch(seconds)
     gait = found.end.gait
+    rotations, contacts = found.rotations, found.contacts
+    if spec.foot_lock:
+        rotations, contacts = _locked(body, spec, found)
     return Clip(
         translation=found.translation,
-        rotations=found.rotations,
-        contacts=found.contacts,
+        rotations=rotations,
+        contacts=contacts,
         gender=spec.gender,
         betas=spec.betas,
         goals=tuple(goal.position for goal in goals),
@@ -54,3 +63,11 @@ def plan_clip(
             "primitives_rejected": str(int(found.rejected.sum())),
         },
     )[:frames]
+
+
+def _locked(body: BodyModel, spec: AgentSpec, found: Plan) -> tuple[Float, Flags]:
+    """Rotations [N, 22, 4] and contacts [N, 2] with the feet locked, as the service does."""
+    legs = measure_legs(body, np.array(spec.betas))
+    hips, rotations = found.translation[None], found.rotations[None]
+    locked = lock_feet(begin(legs, hips[:, 0], rotations[:, 0]), legs, hips, rotations)
+    return locked.rotations[0], locked.contacts[0]
