@@ -261,6 +261,17 @@ def priced(*prices: float) -> FakeEngine:
     return Priced()
 
 
+def test_what_a_term_has_below_its_tolerance_is_free():
+    weights = {"skating": 1.0, "goal_distance": 0.01}
+    settings = BeamSettings(3, keep=3, roots=3, depth=1, weights=weights)
+    [strict] = grow(priced(0.04, 0.06, 0.3), standing(1), settings)
+    np.testing.assert_allclose(strict.levels[0].cost, [0.0496, 0.0694, 0.307], atol=1e-5)
+    [lenient] = grow(
+        priced(0.04, 0.06, 0.3), standing(1), replace(settings, tolerances={"skating": 0.075})
+    )
+    np.testing.assert_allclose(lenient.levels[0].cost, [0.0094, 0.0096, 0.232], atol=1e-5)
+
+
 def test_children_over_a_limit_are_rejected_though_they_cost_less():
     weights = {"goal_distance": 1.0}
     settings = BeamSettings(4, keep=2, roots=4, depth=1, weights=weights, limits={"skating": 0.25})
@@ -431,6 +442,7 @@ def test_fanned_out_rows_hold_one_candidate_each_in_order():
         ("temperature", {"temperature": -1.0}),
         ("weights.grace", {"weights": {"grace": 1.0}}),
         ("weights.skating", {"weights": {"skating": -1.0}}),
+        ("tolerances.grace", {"tolerances": {"grace": 1.0}}),
         ("limits.grace", {"limits": {"grace": 1.0}}),
         ("limits.skating", {"limits": {"skating": math.nan}}),
     ],

@@ -126,7 +126,8 @@ class _Search:
 
         parent = np.repeat(np.arange(len(nodes.agent)), count)
         start = seed.translation[:, -1]
-        own = (outputs.terms * self._weights(nodes, asked)[parent]).sum(-1).astype(np.float64)
+        felt = np.maximum(outputs.terms - _row(self._settings.tolerances, 0.0), 0.0)
+        own = (felt * self._weights(nodes, asked)[parent]).sum(-1).astype(np.float64)
         own[broken(start[parent], outputs) | ~np.isfinite(own)] = np.inf
         cost = self._settings.memory * nodes.cost[parent] + own
         within = outputs.terms <= _row(self._settings.limits, np.inf)

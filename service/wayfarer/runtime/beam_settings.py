@@ -18,7 +18,10 @@ HARD: Final = {"floating": 0.05, "sinking": 0.05, "skating": 0.075}
 """Limits of a hard cost: the thresholds of the contact score (paper Eq. 11)."""
 
 PAPER: Final = {"floating": 1.0, "sinking": 1.0, "skating": 1.0, "goal_distance": 0.1}
-"""Contact and distance to the goal, by which the paper ranks (Sec. 4.2)."""
+"""Contact and distance to the goal, by which the paper ranks (Sec. 4.2), as GAMMA weighs them.
+
+With `HARD` as tolerances the first three are -log of the contact score.
+"""
 
 Until = Literal["reached", "standing", "depth"]
 """Where a tree ends: within `reach` of the last goal, at a stand there, or at its depth alone."""
@@ -42,6 +45,7 @@ class BeamSettings:
     reach: float = REACHED  # metres, horizontal, hips to the last goal
     memory: float = 0.0  # share of its parent's cost that a node inherits; 0: judged by itself
     weights: Mapping[str, float] | None = None  # of the ranking; None: steering's, by mode
+    tolerances: Mapping[str, float] = field(default_factory=dict)  # so much of a term is free
     limits: Mapping[str, float] = field(default_factory=dict)  # a child above one is rejected
     policy: float | None = None  # share of the policy in the latents; None: as steering says
     temperature: float | None = None  # scale of the noise; None: as steering says
@@ -82,6 +86,7 @@ class BeamSettings:
                 f"temperature is {self.temperature:g}; allowed: 0 or more, or None", "temperature"
             )
         _check_terms("weights", self.weights or {})
+        _check_terms("tolerances", self.tolerances)
         _check_terms("limits", self.limits)
 
     @classmethod
@@ -102,6 +107,7 @@ class BeamSettings:
             keep=keep,
             roots=CLONES,
             weights=PAPER,
+            tolerances=HARD,
             policy=1.0,
             temperature=1.0,
             zero_latent=False,

@@ -43,16 +43,16 @@ TOUCH_SPEED: Final = 0.4
 LIFT_HEIGHT: Final = 0.05
 """A foot in contact that rises above this has left the floor."""
 
-LIFT_SPEED: Final = 0.6
+LIFT_SPEED: Final = 0.7
 """And so has one that is faster than this."""
 
 RISE: Final = np.float32(1 / 3)
 """Per frame: over 3 frames a hold rises, and falls."""
 
-SLIPPING: Final = (0.2, LIFT_SPEED)
+SLIPPING: Final = (0.25, LIFT_SPEED)
 """Metres per second: between these a foot tears itself loose by degrees."""
 
-LEASH: Final = (0.05, 0.08)
+LEASH: Final = (0.07, 0.10)
 """Metres of horizontal shift between which the grip lets go by degrees: a foot that is pulled on
 for long slides along with the body instead of snapping back."""
 

@@ -133,7 +133,10 @@ def summary(episode: Episode, weights: Tensor) -> dict[str, float]:
 
 
 def load_steps(config: PolicyConfig) -> tuple[PrimitiveStep, ...]:
-    """The step of each gender, its networks in bfloat16 (skinning stays in float32)."""
+    """The step of each gender, its regressor in bfloat16, which moves markers by 0.1 mm.
+
+    (The predictor in bfloat16 would move them by 1.6 mm and be no faster.)
+    """
     trained = read_run_config(Path(config.predictor))
     if trained["seed_frames"] != config.seed_frames:
         raise InvalidArgument(
@@ -143,7 +146,6 @@ def load_steps(config: PolicyConfig) -> tuple[PrimitiveStep, ...]:
         )
     half = torch.autocast("cpu", dtype=torch.bfloat16)
     predictor = load_weights(MarkerPredictor(config.seed_frames), Path(config.predictor))
-    predictor.decode = half(predictor.decode)  # type: ignore[method-assign]
     steps = []
     for gender in GENDERS:
         model = load_body("anny52", gender)
