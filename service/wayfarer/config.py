@@ -47,12 +47,31 @@ class Limits(BaseModel):
     goal_distance_m: float = Field(
         default=1000.0, gt=0, description="metres from an agent to its goal, or from goal to goal"
     )
-    session_idle_s: float = Field(
-        default=300.0,
-        ge=0,
-        description="a session without streams and calls ends after this; 0: never",
+    lease_s: float = Field(
+        default=86_400.0, ge=1, description="longest time a session may outlive its last call"
     )
     path_goals: int = Field(default=256, ge=1, le=1024, description="goals of one path")
+    queue_s: float = Field(
+        default=0.5, ge=0.2, le=60, description="seconds of motion that wait for a slow reader"
+    )
+    resume_s: float = Field(
+        default=5.0, ge=0, le=60, description="seconds of motion held for streams that resume"
+    )
+    lead_s: float = Field(
+        default=0.5, ge=0.2, le=60, description="seconds sent ahead of an acknowledged playhead"
+    )
+    clip_s: float = Field(default=120.0, gt=0, le=3600, description="seconds of one clip")
+    clips: int = Field(default=2, ge=1, le=64, description="clips and replays made at a time")
+    steps_per_call: int = Field(
+        default=50, ge=1, le=1000, description="primitives of one StepAgents call"
+    )
+    log_entries: int = Field(
+        default=100_000, ge=1, description="commands of one session that are recorded"
+    )
+    sessions_per_caller: int = Field(default=32, ge=1, description="sessions of one caller")
+    calls_per_second: int = Field(
+        default=100, ge=1, description="calls of one caller per second; bursts of twice as many"
+    )
 
 
 class Settings(BaseSettings):

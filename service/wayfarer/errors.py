@@ -5,7 +5,10 @@
     ├── NotFound             no such session, agent, body or model
     ├── AlreadyExists        the name is taken
     ├── FailedPrecondition   right request, wrong moment
+    ├── Aborted              somebody else was quicker: a stale revision, a reused request id
     ├── ResourceExhausted    a limit or a quota is reached
+    ├── Unauthenticated      no credentials, or none that hold
+    ├── PermissionDenied     the caller's scopes do not allow it
     ├── Unavailable          starting, draining or overloaded: try again
     ├── ArtifactError        a model or body file does not fit its contract
     └── DataError            a motion file is malformed (carries file and line)
@@ -37,6 +40,18 @@ class AlreadyExists(WayfarerError):
 
 class FailedPrecondition(WayfarerError):
     """The request is well formed, but the state does not allow it now."""
+
+
+class Aborted(WayfarerError):
+    """The state has changed since the caller looked: a stale revision, a reused request id."""
+
+
+class Unauthenticated(WayfarerError):
+    """Credentials are missing, malformed, expired or unknown."""
+
+
+class PermissionDenied(WayfarerError):
+    """The caller is known, and its scopes do not allow the call."""
 
 
 class ResourceExhausted(WayfarerError):

@@ -33,7 +33,7 @@ WALK: Final = {
 }
 """On the way to a goal."""
 
-STRAFE: Final = WALK | {"goal_distance": 3.0, "facing": 1.0, "speed": 0.1}
+STRAFE: Final = WALK | {"goal_distance": 2.0, "facing": 1.0, "speed": 0.2}
 """On the way to a goal while facing elsewhere: sideways or backwards.
 
 `speed` knows no direction: with its weight in WALK the body would walk where it faces.
@@ -48,13 +48,13 @@ STAND: Final = {
     "sliding": 1.0,
     "upright": 3.0,
     "stillness": 2.0,
-    "feet_apart": 0.3,
+    "feet_apart": 0.8,
     "seam": 0.6,
 }
 """Stopping and standing."""
 
 TURN: Final = {
-    "goal_distance": 0.5,
+    "goal_distance": 1.0,
     "facing": 1.5,
     "floating": 1.0,
     "sinking": 1.0,

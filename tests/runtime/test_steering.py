@@ -205,7 +205,7 @@ def test_near_a_goal_to_pass_it_looks_ahead_along_the_path():
 def test_slows_before_a_sharp_corner_only():
     def speed_at(bend, distance):
         wish = goal(distance, through=True, more=True, bend=radians(bend))
-        return STEERING.targets(gait(Mode.WALKING), at(0), wish).speed[0]
+        return STEERING.targets(gait(Mode.WALKING, 1.2), at(0), wish).speed[0]
 
     assert speed_at(45, 0.2) == pytest.approx(1.2)
     assert speed_at(90, 0.2) == pytest.approx(STEERING.corner_speed)
@@ -287,13 +287,23 @@ def test_every_radius_can_be_reached(radius):
 
 def test_target_speed_falls_near_the_goal():
     def speed_at(distance):
-        return STEERING.targets(gait(Mode.WALKING), at(0), goal(distance)).speed[0]
+        return STEERING.targets(gait(Mode.WALKING, 1.2), at(0), goal(distance)).speed[0]
 
     assert speed_at(5) == pytest.approx(1.2)
     assert STEERING.slowest < speed_at(0.65) < 1.2
     assert speed_at(0.1) == pytest.approx(STEERING.slowest)
     for mode in (Mode.STANDING, Mode.STOPPING, Mode.TURNING):
         assert STEERING.targets(gait(mode), at(0), goal(5)).speed[0] == 0
+
+
+def test_full_speed_is_not_asked_for_at_once():
+    def wished(speed):
+        return STEERING.targets(gait(Mode.WALKING, speed), at(0), goal(5)).speed[0]
+
+    gained = STEERING.acceleration * STEP_SECONDS
+    assert wished(0.0) == pytest.approx(gained)
+    assert wished(0.5) == pytest.approx(0.5 + gained)
+    assert wished(1.1) == pytest.approx(1.2)
 
 
 def test_standing_it_is_drawn_to_the_place_where_it_stopped():

@@ -5,10 +5,9 @@ import torch
 
 from tests.training.fakes import gliding_frames
 from wayfarer.body.library import load_body
-from wayfarer.terms import STAND, TURN, WALK, weights
+from wayfarer.spec import FPS
 from wayfarer.training.crowd import CrowdSampler
 from wayfarer.training.dataset import marker_body
-from wayfarer.training.tasks import ARRIVED, STANDING, TURNING, WALKING, Tasks, draw_tasks
 
 
 @pytest.fixture(scope="module")
@@ -35,30 +34,9 @@ def test_sound_bodies_are_told_from_broken_ones(crowd):
     assert torch.nonzero(bad.broken()).squeeze(-1).tolist() == [3, 5, 9]
 
 
-def test_tasks_are_what_their_kind_says():
-    torch.manual_seed(1)
-    place = torch.randn(500, 2) * 5
-    tasks = draw_tasks(place)
-    speed = tasks.target_speed(place)
-    walking, turning = tasks.kind == WALKING, tasks.kind == TURNING
-    assert speed[walking].min() > 0.3
-    assert speed[~walking].abs().max() == 0
-    assert torch.allclose(tasks.facing[turning].norm(dim=-1), torch.ones(int(turning.sum())))
-    assert tasks.facing[tasks.kind == STANDING].abs().max() == 0
-    tables = torch.tensor([weights(t) for t in (WALK, STAND, TURN)])
-    assert torch.equal(tasks.term_weights(), tables[tasks.kind])
-
-
-def test_whoever_is_there_stands_there():
-    torch.manual_seed(2)
-    place = torch.zeros(400, 2)
-    tasks = Tasks(
-        kind=torch.full((400,), WALKING),
-        goal=torch.tensor([ARRIVED / 2, 0.0, 0.0]).repeat(400, 1),
-        speed=torch.ones(400),
-        facing=torch.zeros(400, 2),
-    )
-    tasks.renew(place)
-    same = tasks.goal[:, 0] == ARRIVED / 2
-    assert same.float().mean() > 0.8
-    assert (tasks.kind[same] == STANDING).all()
+def test_speed_and_facing_are_those_of_the_hips(crowd):
+    moved = crowd.detached()
+    moved.translation = moved.translation.clone()
+    moved.translation[:, 1] = moved.translation[:, 0] + torch.tensor([0.03, 0.04, 0.5])
+    assert torch.allclose(moved.speed, torch.full((32,), 0.05 * FPS), atol=1e-4)
+    assert torch.allclose(crowd.facing.norm(dim=-1), torch.ones(32), atol=1e-5)

@@ -3,6 +3,7 @@
 Transports convert their wire types to these and back, and nothing else crosses.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntFlag, StrEnum
 
@@ -55,6 +56,7 @@ class ChunkFlag(IntFlag):
     ARRIVED = 4  # the goal was reached during this chunk
     GAP = 8  # chunks before this one were dropped for this subscriber (it was too slow)
     REDUCED = 16  # fewer candidates than wished were tried, because time was short
+    HELD = 32  # not stepped, because time was short and there was nothing to do: the pose is held
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +75,7 @@ class AgentInfo:
     created_at: float  # Unix seconds
     waypoint: int = 0  # place of `goal` in its path
     waypoints: int = 0  # goals of its path
+    model: str = ""  # the motion model that moves it
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +97,79 @@ class MotionChunk:
     candidates: int = 0  # so many were tried: with it and the seeds the chunk can be made again
 
 
+class EventKind(StrEnum):
+    """Kinds of `Event`; names as in motion.proto."""
+
+    GOAL_REACHED = "goal_reached"
+    PATH_DONE = "path_done"
+    GAP = "gap"
+    DRAINING = "draining"
+    MODEL_CHANGED = "model_changed"
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened to an agent, a stream or the server."""
+
+    kind: EventKind
+    at: float  # Unix seconds; of a goal the scheduled time of its chunk
+    agent_id: str = ""
+    alias: int = 0
+    goal_revision: int = 0
+    waypoint: int = 0
+    detail: str = ""  # a sentence for people
+
+
+@dataclass(frozen=True, slots=True)
+class Publication:
+    """What a session's subscribers are told at one moment."""
+
+    position: int  # 1, 2, 3 … per session
+    chunks: tuple[MotionChunk, ...]  # that fell due together, at most one per agent
+    events: tuple[Event, ...] = ()  # after the chunks
+
+    @property
+    def scheduled_at(self) -> float:
+        """Of its first chunk, or event."""
+        return self.chunks[0].scheduled_at if self.chunks else self.events[0].at
+
+
+@dataclass(frozen=True, slots=True)
+class Resume:
+    """How far an earlier subscription of the session has come."""
+
+    epoch: str  # life of the session on a server; see `Subscription.epoch`
+    position: int  # of the last publication received
+
+
+class SlowReader(StrEnum):
+    """What to do with chunks that wait too long for a subscriber."""
+
+    DROP_OLDEST = "drop_oldest"
+    HOLD = "hold"  # let the session's agents wait, while no other subscriber reads
+    DISCONNECT = "disconnect"  # end with ResourceExhausted
+
+
+@dataclass(frozen=True, slots=True)
+class StreamWish:
+    """What a subscriber asks for."""
+
+    agent_ids: tuple[str, ...] = ()  # none: all of the session, later ones too
+    slow_reader: SlowReader = SlowReader.DROP_OLDEST
+    resume: Resume | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SessionSpec:
+    """A session to open."""
+
+    session_id: str | None = None  # chosen by the runtime when None
+    seed: int = 0  # from which agents without a seed draw theirs
+    lock_step: bool = False  # time passes only in `step_session`
+    record: bool = False  # commands are kept for `export_log`
+    attributes: Mapping[str, str] = field(default_factory=dict)  # the transport's: kept, not read
+
+
 @dataclass(frozen=True, slots=True)
 class SessionInfo:
     """A client's set of agents."""
@@ -101,6 +177,25 @@ class SessionInfo:
     session_id: str
     agent_ids: tuple[str, ...]
     created_at: float
+    spec: SessionSpec = field(default_factory=SessionSpec)
+
+
+@dataclass(frozen=True, slots=True)
+class Wander:
+    """Walking about in a disc, from one place drawn at random to the next."""
+
+    center: tuple[float, float]  # metres, world
+    radius: float  # metres
+    speed: float = 1.2  # m/s
+    dwell: float = 0.0  # seconds to stand at each place
+
+
+@dataclass(frozen=True, slots=True)
+class AgentChange:
+    """What to change of an agent; None: leave it."""
+
+    name: str | None = None
+    foot_lock: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)

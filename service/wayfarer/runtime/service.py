@@ -7,14 +7,42 @@ blocks it. Errors are those of `wayfarer.errors`.
 from collections.abc import AsyncIterator, Sequence
 from typing import Protocol
 
-from wayfarer.runtime.agent import AgentInfo, AgentSpec, Goal, LoopStats, MotionChunk, SessionInfo
+from wayfarer.runtime.agent import (
+    AgentChange,
+    AgentInfo,
+    AgentSpec,
+    Goal,
+    LoopStats,
+    Publication,
+    SessionInfo,
+    SessionSpec,
+    StreamWish,
+    Wander,
+)
 
 
 class Subscription(Protocol):
-    """A bounded queue of chunk batches; a slow reader loses the oldest (flag GAP)."""
+    """A bounded queue of publications, for one reader."""
 
-    def __aiter__(self) -> AsyncIterator[Sequence[MotionChunk]]:
-        """Yield batches (chunks that fell due together) until the session ends."""
+    epoch: str
+    """Changes when the session's positions begin anew: with a restart or an import."""
+
+    resumed: bool
+    """The subscription goes on without a gap where `StreamWish.resume` left off."""
+
+    def __aiter__(self) -> AsyncIterator[Publication]:
+        """Yield publications in order until the session ends.
+
+        Raises ResourceExhausted when the reader is too slow and asked to be disconnected then,
+        Unavailable when the loop has failed.
+        """
+        ...
+
+    def ack(self, position: int, playhead: float) -> None:
+        """The reader has received all up to `position` and shows the moment `playhead` (Unix s).
+
+        From the first call on, nothing is yielded that begins more than the lead after the playhead.
+        """
         ...
 
     async def close(self) -> None:
@@ -23,7 +51,10 @@ class Subscription(Protocol):
 
 
 class MotionService(Protocol):
-    """Sessions, agents, goals, streams."""
+    """Sessions, agents, goals, streams.
+
+    Where an `expected` revision is given and is not the agent's present one, Aborted is raised.
+    """
 
     @property
     def ready(self) -> bool:
@@ -35,12 +66,16 @@ class MotionService(Protocol):
         """The loop has made a turn within the last second."""
         ...
 
-    async def create_session(self, session_id: str | None = None) -> SessionInfo:
+    async def create_session(self, spec: SessionSpec) -> SessionInfo:
         """Open a session. Raises AlreadyExists, ResourceExhausted."""
         ...
 
     async def get_session(self, session_id: str) -> SessionInfo:
         """Raises NotFound."""
+        ...
+
+    async def list_sessions(self) -> list[SessionInfo]:
+        """All, oldest first; after a restart those that the journal has kept."""
         ...
 
     async def delete_session(self, session_id: str) -> None:
@@ -59,24 +94,78 @@ class MotionService(Protocol):
         """Raises NotFound."""
         ...
 
+    async def update_agent(self, agent_id: str, change: AgentChange) -> AgentInfo:
+        """Raises NotFound, InvalidArgument."""
+        ...
+
     async def delete_agent(self, agent_id: str) -> None:
         """Raises NotFound."""
         ...
 
-    async def set_goal(self, agent_id: str, goal: Goal) -> int:
-        """Return the new goal revision. Raises NotFound, InvalidArgument."""
+    async def set_goal(self, agent_id: str, goal: Goal, expected: int | None = None) -> int:
+        """Return the new goal revision. Raises NotFound, InvalidArgument, Aborted."""
         ...
 
-    async def set_path(self, agent_id: str, goals: Sequence[Goal]) -> int:
-        """Goals to visit in turn; one revision for all. Raises NotFound, InvalidArgument."""
+    async def set_path(
+        self, agent_id: str, goals: Sequence[Goal], expected: int | None = None
+    ) -> int:
+        """Goals to visit in turn; one revision for all. Raises as `set_goal`."""
         ...
 
-    async def clear_goal(self, agent_id: str) -> int:
-        """Stop where the agent is. Return the new revision. Raises NotFound."""
+    async def append_goals(
+        self, agent_id: str, goals: Sequence[Goal], expected: int | None = None
+    ) -> int:
+        """More goals at the end of the path; what is planned stays. Raises as `set_goal`."""
         ...
 
-    async def subscribe(self, session_id: str, agent_ids: Sequence[str] = ()) -> Subscription:
-        """Follow all agents of a session (later ones too), or those named. Raises NotFound."""
+    async def wander(self, agent_id: str, area: Wander, expected: int | None = None) -> int:
+        """Walk about until told otherwise; one revision for all of it. Raises as `set_goal`."""
+        ...
+
+    async def clear_goal(self, agent_id: str, expected: int | None = None) -> int:
+        """Stop where the agent is. Return the new revision. Raises NotFound, Aborted."""
+        ...
+
+    async def subscribe(self, session_id: str, wish: StreamWish) -> Subscription:
+        """Follow a session. Raises NotFound; FailedPrecondition for a lock-step session."""
+        ...
+
+    async def step_session(self, session_id: str, steps: int) -> list[Publication]:
+        """Let so many primitives pass in a lock-step session. Raises NotFound, FailedPrecondition."""
+        ...
+
+    async def export_session(self, session_id: str) -> bytes:
+        """Its state as of the last frames sent. Raises NotFound."""
+        ...
+
+    async def import_session(self, snapshot: bytes) -> SessionInfo:
+        """Go on with an exported session. Raises InvalidArgument, FailedPrecondition, …"""
+        ...
+
+    async def export_log(self, session_id: str) -> bytes:
+        """Commands of a recorded session. Raises NotFound, FailedPrecondition."""
+        ...
+
+    def replay(self, log: bytes) -> AsyncIterator[Publication]:
+        """Make a log's motion again, off the real-time path. Raises InvalidArgument, …"""
+        ...
+
+    def generate_clip(
+        self, spec: AgentSpec, goals: Sequence[Goal], seconds: float, until_arrival: bool
+    ) -> AsyncIterator[Publication]:
+        """Make a clip, off the real-time path. Raises InvalidArgument, ResourceExhausted."""
+        ...
+
+    async def load_model(self, name: str) -> None:
+        """Load and warm a model beside the others. Raises NotFound, AlreadyExists, ArtifactError."""
+        ...
+
+    async def use_model(self, name: str, move_agents: bool) -> int:
+        """Let new agents, and present ones, be moved by it; returns how many. Raises NotFound."""
+        ...
+
+    async def unload_model(self, name: str) -> None:
+        """Raises NotFound, FailedPrecondition while it is in use."""
         ...
 
     async def stats(self) -> LoopStats:

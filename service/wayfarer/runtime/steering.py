@@ -72,6 +72,7 @@ class Steering:
     braking_margin: float = 0.15
     slowing_distance: float = 0.7  # from here on the target speed falls with the distance …
     slowest: float = 0.7  # … down to this
+    acceleration: float = 2.0  # m/s²: nobody is asked for full speed at once
     coasting_seconds: float = 0.35  # without a goal an agent comes to rest in this × speed
     sharp: float = radians(60)  # where a path turns by more, it is not passed at full speed …
     corner_speed: float = 0.7  # … but at this
@@ -187,7 +188,7 @@ class Steering:
         place[:, :2] = _choose([(walking, self._ahead(hips, goals))], gait.stop_place)
         return Targets(
             place=place,
-            speed=np.where(walking, self._speed(hips, goals), 0.0).astype(np.float32),
+            speed=np.where(walking, self._speed(hips, gait, goals), 0.0).astype(np.float32),
             facing=_choose(
                 [(~walking, gait.stop_facing), (gait.mode == Mode.STRAFING, goals.heading)],
                 np.zeros_like(goals.heading),
@@ -224,13 +225,14 @@ class Steering:
         scaled[zero[mode], 0] = 0.0
         return scaled
 
-    def _speed(self, hips: Float, goals: Goals) -> Float:
-        """Speed wished for on the way [A]: less before a stop and before a sharp corner."""
+    def _speed(self, hips: Float, gait: Gait, goals: Goals) -> Float:
+        """Speed wished for on the way [A]: less at the start, before a stop, and at a corner."""
         distance = np.linalg.norm(goals.position[:, :2] - hips, axis=-1)
         at_goal = np.where(goals.bend > self.sharp, self.corner_speed, goals.speed)
         at_goal = np.where(goals.through, at_goal, self.slowest)
         slowing = goals.speed * distance / self.slowing_distance
-        return np.minimum(goals.speed, np.maximum(slowing, at_goal))
+        reachable = gait.speed + self.acceleration * STEP_SECONDS
+        return np.minimum(np.minimum(goals.speed, reachable), np.maximum(slowing, at_goal))
 
     def _rest(self, gait: Gait, path: Float) -> Float:
         """Where an agent that begins to brake now would come to rest [A, 2]."""

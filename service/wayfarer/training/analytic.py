@@ -24,7 +24,7 @@ from wayfarer.terms import TERMS
 from wayfarer.training.crowd import Crowd, CrowdSampler
 from wayfarer.training.dataset import Frames, marker_body
 from wayfarer.training.run import TrainingRun, cosine_rate, load_weights
-from wayfarer.training.tasks import STANDING, TURNING, WALKING, Tasks, draw_tasks
+from wayfarer.training.tasks import STANDING, STRAFING, TURNING, WALKING, Tasks, draw_tasks
 
 
 class AnalyticConfig(BaseModel):
@@ -93,7 +93,7 @@ class AnalyticTrainer:
         self.samplers = {g: CrowdSampler(train, s.body) for g, s in self.steps.items()}
         self.trials = {g: CrowdSampler(validation, s.body) for g, s in self.steps.items()}
         self.crowds = {g: s.draw(config.agents) for g, s in self.samplers.items()}
-        self.tasks = {g: draw_tasks(c.place) for g, c in self.crowds.items()}
+        self.tasks = {g: draw_tasks(c.place, c.facing) for g, c in self.crowds.items()}
         self.optimizer = torch.optim.Adam(self.policy.parameters(), lr=config.rate, fused=True)
         self.run: TrainingRun | None = None
 
@@ -122,7 +122,7 @@ class AnalyticTrainer:
             crowd.rotations.detach(),
             crowd.betas,
             tasks.goal,
-            tasks.target_speed(crowd.place.detach()),
+            tasks.target_speed(crowd.place.detach(), crowd.speed.detach()),
             tasks.facing,
             weight,
             torch.ones(count),
@@ -161,12 +161,12 @@ class AnalyticTrainer:
 
     def _go_on(self, gender: str, crowd: Crowd, tasks: Tasks) -> None:
         """Renew tasks; replace broken agents, and some others, by new ones."""
-        tasks.renew(crowd.place)
+        tasks.renew(crowd.place, crowd.facing)
         leave = crowd.broken() | (torch.rand(self.config.agents) < self.config.renewal)
         rows = torch.nonzero(leave).squeeze(-1)
         if len(rows):
             crowd.put(rows, self.samplers[gender].draw(len(rows)))
-            tasks.put(rows, draw_tasks(crowd.place[rows]))
+            tasks.put(rows, draw_tasks(crowd.place[rows], crowd.facing[rows]))
         self.crowds[gender] = crowd
 
     @torch.no_grad()
@@ -179,14 +179,14 @@ class AnalyticTrainer:
         fallen = 0.0
         for gender, sampler in self.trials.items():
             crowd = sampler.draw(self.config.agents // 2)
-            tasks = draw_tasks(crowd.place)
+            tasks = draw_tasks(crowd.place, crowd.facing)
             for _ in range(20):
                 crowd, _, terms, _ = self.advance(gender, crowd, tasks)
                 for kind in KINDS:
                     of_kind = terms[tasks.kind == kind].nan_to_num()
                     sums[kind] += of_kind.sum(0)
                     counts[kind] += len(of_kind)
-                tasks.renew(crowd.place)
+                tasks.renew(crowd.place, crowd.facing)
             fallen += float(crowd.broken().float().mean()) / len(self.trials)
         torch.set_rng_state(state)
         found = {"val/fallen": fallen}
@@ -196,11 +196,12 @@ class AnalyticTrainer:
         return found
 
 
-KINDS = {WALKING: "walk", STANDING: "stand", TURNING: "turn"}
+KINDS = {WALKING: "walk", STANDING: "stand", TURNING: "turn", STRAFING: "strafe"}
 SHOWN = {
     WALKING: ("speed", "facing", "skating", "sliding", "upright", "seam"),
     STANDING: ("stillness", "goal_distance", "sliding", "seam"),
     TURNING: ("facing", "goal_distance", "sliding"),
+    STRAFING: ("facing", "goal_distance", "sliding"),
 }
 
 

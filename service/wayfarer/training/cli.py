@@ -16,7 +16,7 @@ from wayfarer.runtime.spawn import load_start_poses
 from wayfarer.spec import GENDERS
 from wayfarer.training.analytic import AnalyticConfig, train_analytic
 from wayfarer.training.card import model_card
-from wayfarer.training.dataset import load_frames, load_poses, marker_body
+from wayfarer.training.dataset import load_frames, load_poses
 from wayfarer.training.export import Sources, export_models, write_models
 from wayfarer.training.goal_cvae import GoalCvaeConfig, load_goal_cvae_graphs, train_goal_cvae
 from wayfarer.training.policy import PolicyConfig, load_environment, train_policy
@@ -84,7 +84,7 @@ def regressor(
     """Train a body regressor (paper Eq. 2) for one gender."""
     _threads(threads)
     settings = read_config(RegressorConfig, config)
-    body = marker_body(load_body("anny52", settings.gender))
+    body = load_body("anny52", settings.gender)
     train, validation = (
         load_frames(data, split, settings.mix) for split in ("train", "validation")
     )

@@ -8,7 +8,7 @@ from torch import Tensor
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.primitive import StepResult
 from wayfarer.motion.rotation import matrix_from_quaternion
-from wayfarer.spec import SEED_FRAMES
+from wayfarer.spec import FPS, SEED_FRAMES
 from wayfarer.training.dataset import Frames, WindowSampler, random_betas
 
 LOW_HIPS = 0.5
@@ -31,6 +31,17 @@ class Crowd:
     def place(self) -> Tensor:
         """Hips on the ground plane, last frame [A, 2]."""
         return self.translation[:, -1, :2]
+
+    @property
+    def speed(self) -> Tensor:
+        """Horizontal m/s of the hips, last two frames [A]."""
+        return (self.translation[:, -1, :2] - self.translation[:, -2, :2]).norm(dim=-1) * FPS
+
+    @property
+    def facing(self) -> Tensor:
+        """Horizontal unit vector that the hips face, last frame [A, 2]."""
+        forward = matrix_from_quaternion(self.rotations[:, -1, 0])[:, :2, 1]
+        return forward / forward.norm(dim=-1, keepdim=True).clamp(min=1e-6)
 
     def put(self, rows: Tensor, other: "Crowd") -> None:
         """Replace some agents."""

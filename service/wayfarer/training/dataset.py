@@ -24,9 +24,9 @@ from wayfarer.training.mocap.selection import Use
 from wayfarer.training.mocap.store import ClipRange, Dataset, mirror
 
 
-def marker_body(body: BodyModel) -> MarkerBody:
-    """The torch skinning of a body's markers."""
-    chosen = body.marker_vertices
+def marker_body(body: BodyModel, vertices: Sequence[int] | None = None) -> MarkerBody:
+    """The torch skinning of a body's markers, or of other vertices of its mesh."""
+    chosen = body.marker_vertices if vertices is None else np.asarray(vertices)
     return MarkerBody(
         parents=body.parents,
         bind_joints=body.bind_joints,

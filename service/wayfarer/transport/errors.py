@@ -44,6 +44,13 @@ TABLE: Final[dict[type[errors.WayfarerError], Code]] = {
     errors.FailedPrecondition: Code(
         grpc.StatusCode.FAILED_PRECONDITION, HTTPStatus.CONFLICT, "Failed precondition"
     ),
+    errors.Aborted: Code(grpc.StatusCode.ABORTED, HTTPStatus.CONFLICT, "Aborted"),
+    errors.Unauthenticated: Code(
+        grpc.StatusCode.UNAUTHENTICATED, HTTPStatus.UNAUTHORIZED, "Unauthenticated"
+    ),
+    errors.PermissionDenied: Code(
+        grpc.StatusCode.PERMISSION_DENIED, HTTPStatus.FORBIDDEN, "Permission denied"
+    ),
     errors.ResourceExhausted: Code(
         grpc.StatusCode.RESOURCE_EXHAUSTED, HTTPStatus.TOO_MANY_REQUESTS, "Limit reached"
     ),
