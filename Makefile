@@ -18,6 +18,7 @@ PACKAGE := pyproject.toml proto/build_hook.py $(shell find proto -name '*.proto'
 CLIENT := $(wildcard clients/python/pyproject.toml)
 VIEWER_TESTS := $(wildcard tests/viewer/*.test.mjs)
 NODE := clients/node
+BUF := tests/proto/node_modules/.bin/buf
 CHECKED := service tests $(wildcard clients/python benchmarks proto/build_hook.py)
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
@@ -40,11 +41,13 @@ test: $(VENV)/.dev ## set up and run all tests
 	else echo "skipped: tests/viewer needs node (apt-get install nodejs)" >&2; [ -z "$${CI:-}" ]; fi
 	@if [ -d $(NODE)/src/gen ] && command -v npm >/dev/null; then cd $(NODE) && npm test; fi
 
-lint: $(VENV)/.dev ## check style, types and the import rules
+lint: $(VENV)/.dev ## check style, types, the import rules and the protos
 	$(BIN)/ruff check $(CHECKED)
 	$(BIN)/ruff format --check $(CHECKED)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory $(BUF) && $(BUF) lint proto; \
+	else echo "skipped: buf lint needs npm (apt-get install npm)" >&2; [ -z "$${CI:-}" ]; fi
 
 format: $(VENV)/.dev ## rewrite the code in the project's style
 	$(BIN)/ruff check --fix $(CHECKED)
@@ -66,6 +69,9 @@ clean: ## remove the virtual environment, generated code and caches
 $(NODE)/src/gen: $(NODE)/package-lock.json $(NODE)/generate.js $(wildcard proto/wayfarer/v1/*.proto)
 	@echo "installing the packages of $(NODE) and generating its code (once)"
 	@cd $(NODE) && npm ci --silent --ignore-scripts && npm run --silent generate && touch src/gen
+
+$(BUF): tests/proto/package.json
+	@cd tests/proto && npm install --silent --ignore-scripts --no-package-lock && touch node_modules/.bin/buf
 
 # The first interpreter that is new enough and can make virtual environments (Debian splits that off).
 $(BIN)/python:

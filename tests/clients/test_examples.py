@@ -57,7 +57,7 @@ def test_lock_step(real_server, tmp_path):
 def test_the_readme_names_what_there_is():
     owners = {"client": wf.Client, "session": wf.Session, "client.admin": Admin}
     table = README[README.index("| call |") : README.index("`SyncClient` and")]
-    for row in table.splitlines()[2:]:
+    for row in filter(None, table.splitlines()[2:]):
         calls = re.findall(r"`([^`]+)`", row.split("|")[1])
         owner = None
         for call in calls:  # the first of a row says whose they are

@@ -31,6 +31,10 @@ class FakeEngine:
         self.fail_next = 0
         self.nan_for_beta: float | None = None  # rows with this first beta come out as NaN
 
+    @property
+    def alone(self) -> "FakeEngine":
+        return self
+
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
         agents, candidates = inputs.noise.shape[:2]
         self.calls.append((gender, agents, candidates))

@@ -158,6 +158,19 @@ def test_at_the_end_of_the_ladder_nobody_is_let_in_until_there_is_time_again():
     world.create_agents("s", people(1), now + 30.0)
 
 
+def test_a_world_that_everybody_has_left_is_not_late():
+    """The ladder is looked at with each step, and there are none."""
+    world = make_world(budget=BudgetRules(), phases=1)
+    world.create_session(SessionSpec("s"), 0.0)
+    (agent,) = world.create_agents("s", people(1), 0.0)
+    now = 0.0
+    while not world.rung.refuse:
+        now = world.next_event() + 0.25
+        world.tick(now)
+    world.delete_agent(agent.agent_id)
+    world.create_agents("s", people(1), now)
+
+
 def test_who_may_not_be_is_not_counted_for():
     world = make_world()
     measure(world)

@@ -367,6 +367,17 @@ async def test_what_waits_for_a_full_disk_does_not_grow(kept):
     kept.close()
 
 
+async def test_an_entry_that_cannot_be_written_keeps_no_other_back(kept, capsys):
+    populate(kept.world, 1)
+    kept.world.create_agents("s", people(1, name="\ud800"), 0.0)  # half a character
+    kept.world.create_agents("s", people(1), 0.0)
+    await kept.journal.durable()
+    assert not kept.journal.failing
+    assert "cannot be written to the journal" in capsys.readouterr().out
+    kept.close()
+    assert [agent.alias for agent in kept.restored()["s"].agents] == [1, 3]
+
+
 def test_entries_are_written_all_or_none(tmp_path):
     file = JournalFile(tmp_path)
     file.write({(Kind.SESSION, "a"): b"1"})

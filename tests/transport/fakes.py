@@ -1,7 +1,7 @@
 """An in-memory MotionService whose motion is made by hand, and a gateway over it."""
 
 import asyncio
-from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
+from collections.abc import AsyncGenerator, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from itertools import count
 from typing import Any
@@ -239,7 +239,7 @@ class FakeService:
             raise FailedPrecondition(f"session {session_id!r} is not recorded")
         return b"log of " + session_id.encode()
 
-    async def replay(self, log: bytes) -> AsyncIterator[Publication]:
+    async def replay(self, log: bytes) -> AsyncGenerator[Publication]:
         if not log.startswith(b"log of "):
             raise InvalidArgument("not a log", "log")
         for published in self._offline(AgentSpec(), 2):
@@ -247,7 +247,7 @@ class FakeService:
 
     async def generate_clip(
         self, spec: AgentSpec, goals: Sequence[Goal], seconds: float, until_arrival: bool
-    ) -> AsyncIterator[Publication]:
+    ) -> AsyncGenerator[Publication]:
         self.specs.append(spec)
         for published in self._offline(spec, round(seconds / 0.2)):
             if self.fail_with is not None and published.position > 1:

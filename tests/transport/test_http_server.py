@@ -254,6 +254,10 @@ async def test_http_moves_and_replays_sessions(rig):
     lines = (await rig.http.post("/v1/replays", content=log, params=query)).text.splitlines()
     assert json.loads(lines[0])["header"]["frame_bytes"] == 12 + 2 * 16 and len(lines) == 3
     assert (await rig.http.post("/v1/replays", content=b"?")).status_code == 422
+    for wrong in ({"fps": -1}, {"fps": 30}, {"bones": ["head"]}, {"encoding": "jpeg"}):
+        answer = await rig.http.post("/v1/replays", content=log, params=wrong)
+        assert answer.status_code == 422
+        assert answer.json()["errors"][0]["field"].endswith(next(iter(wrong)))
 
 
 async def test_http_administrates(rig):
@@ -268,6 +272,30 @@ async def test_http_administrates(rig):
     assert (await rig.http.post("/v1/admin/drain")).status_code == 202
 
 
-async def test_every_answer_to_an_unknown_method_says_which_there_are(rig):
-    answer = await rig.http.put("/v1/sessions/x")
-    assert answer.status_code == 405 and "GET" in answer.headers["allow"]
+@pytest.mark.parametrize(
+    ("method", "path", "allowed"),
+    [
+        ("PUT", "/v1/sessions/x", "DELETE, GET"),
+        ("GET", "/v1/clips", "POST"),
+        ("OPTIONS", "/v1/sessions", "GET, POST"),
+        ("HEAD", "/v1/info", "GET"),
+        ("POST", "/v1/bodies/anny52-male.glb", "GET"),
+    ],
+)
+async def test_a_path_says_which_methods_it_has(rig, method, path, allowed):
+    answer = await rig.http.request(method, path)
+    assert answer.status_code == 405 and answer.headers["allow"] == allowed
+    assert answer.headers["content-type"] == "application/problem+json"
+
+
+async def test_a_body_that_is_not_text_is_refused(rig):
+    headers = {"content-type": "application/json"}
+    for body in (b"\xff\xfe", b"\x80", b"{"):
+        answer = await rig.http.post("/v1/sessions", content=body, headers=headers)
+        assert answer.status_code == 422 and "body is not JSON" in answer.json()["detail"]
+
+
+async def test_an_item_that_is_wrong_is_named_once(rig):
+    goals = {"goals": [{"position": {"x": 0, "y": 0, "z": 0}, "speed": 0}]}
+    answer = await rig.http.put("/v1/agents/x/path", json=goals)
+    assert [error["field"] for error in answer.json()["errors"]] == ["goals[0].speed"]

@@ -1,6 +1,8 @@
 """HTTP offers all that the protos do, and says so."""
 
 import json
+import re
+from pathlib import Path
 from typing import Any
 
 import jsonschema
@@ -13,6 +15,7 @@ from tests.transport.fakes import gateway
 from wayfarer.transport.grpc_server.server import FILES
 from wayfarer.transport.http_server import http_app
 
+GUIDE = (Path(__file__).parents[2] / "docs" / "api.md").read_text("utf-8")
 DOCUMENT = http_app(gateway()).openapi()
 OPERATIONS = {
     operation["operationId"]: (path, method, operation)
@@ -133,3 +136,12 @@ def test_bodies_that_change_something_have_examples():
             schema = resolved(content["schema"])
             if "properties" in schema and name != "useModel":
                 assert schema.get("examples"), (name, method)
+
+
+def test_the_guide_lists_every_call():
+    table = GUIDE.split("## All calls")[1].split("\n## ")[0]
+    assert set(RPCS) <= set(re.findall(r"\b[A-Z][A-Za-z]+\b", table))
+    listed = set(re.findall(r"/v1/[^ `?,]*", table))
+    named = {re.sub(r"\{\w+_id\}", "{id}", path) for path in DOCUMENT["paths"]}
+    shown = {path for path in named if not path.startswith("/v1/health")} | set(SOCKETS.values())
+    assert shown <= listed

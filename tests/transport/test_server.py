@@ -132,6 +132,6 @@ async def test_a_port_in_use_is_one_clear_line():
     with contextlib.closing(socket.create_server(("127.0.0.1", 0))) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(Unavailable, match=rf"HTTP on 127.0.0.1:{port}: .*in use.*--http-port"):
-            Server(api, "127.0.0.1", port, 0, api.catalogue.stats)
+            Server(api, "127.0.0.1", port, 0)
         with pytest.raises(Unavailable, match=rf"gRPC on 127.0.0.1:{port}: .*in use.*--grpc-port"):
-            Server(api, "127.0.0.1", 0, port, api.catalogue.stats)
+            Server(api, "127.0.0.1", 0, port)

@@ -72,6 +72,7 @@ class Clockwork:
             self._population.stand_again,
             settings.batch_sizes,
             self._planned,
+            settings.alone,
         )
         wished = max(search.candidates for search in settings.steering.searches.values())
         self._everything = Rung(wished)

@@ -50,6 +50,11 @@ class Engine(Protocol):
     graphs: tuple[str, ...]  # SHA-256 of what it runs for each gender, hexadecimal
     term_names: tuple[str, ...]
 
+    @property
+    def alone(self) -> "Engine":
+        """The same engine on the calling thread only, whose priority then counts for all of it."""
+        ...
+
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
         """Step all rows, which are agents of one gender.
 

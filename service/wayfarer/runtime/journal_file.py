@@ -103,6 +103,7 @@ class JournalFile:
                 entries = _read(self.path)
                 if entries.damage:
                     self._set_aside(entries)
+            self.path.touch(mode=0o600)  # names of callers are in it
             self._connection = _connect(self.path)
             if entries.damage or not entries.found:
                 _prepare(self._connection)
@@ -130,7 +131,7 @@ class JournalFile:
 
 def _lock(folder: Path) -> FileLock:
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         lock = FileLock(folder / LOCK, timeout=0, thread_local=False)
         lock.acquire()
     except Timeout:

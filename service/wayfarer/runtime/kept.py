@@ -18,7 +18,8 @@ from wayfarer.runtime.agent import (
 from wayfarer.runtime.commands import Order
 from wayfarer.runtime.engine import Engine
 from wayfarer.runtime.handover import AgentRecord, SessionRecord
-from wayfarer.runtime.journal import Crowd, Journal, Member
+from wayfarer.runtime.journal import Journal
+from wayfarer.runtime.journal_entries import Crowd, Member
 from wayfarer.runtime.models import Models
 from wayfarer.runtime.record import CommandLog, CommandLogs
 from wayfarer.runtime.registry import Agent, Session
@@ -44,6 +45,7 @@ class KeptWorld(World):
         self._logs = CommandLogs(log_entries, self.get_agent)
         super().__init__(engine, bodies, start_poses, settings, self._logs)
         self._journal = journal
+        self._saved = 0
         self._orders_at: dict[str, int] = {}  # first chunk that an agent's last order counts for
 
     def log(self, session_id: str) -> CommandLog:
@@ -56,10 +58,14 @@ class KeptWorld(World):
         session = self._registry.session(session_id)
         return _session_part(session), self._crowd(list(session.agents.values()))
 
-    def save(self) -> None:
-        """Let the journal know where everybody stands now."""
-        if self._journal is not None and self._registry.agents:
-            self._journal.refresh(self._crowd(list(self._registry.agents.values())))
+    def save(self, parts: int = 1) -> None:
+        """Let the journal know where agents stand now: one in so many, in turn."""
+        if self._journal is None or not self._registry.agents:
+            return
+        self._saved = (self._saved + 1) % parts
+        agents = list(self._registry.agents.values())[self._saved :: parts]
+        if agents:
+            self._journal.refresh(self._crowd(agents))
 
     def collect(self, until: float) -> list[MotionChunk]:
         """See `World`, as for all below."""
@@ -165,6 +171,12 @@ class KeptWorld(World):
             [_member(*pair) for pair in zip(agents, revisions, strict=True)],
             Standing(seq, motion, slots.feet.take(rows), slots.feet_begun[rows]),
         )
+
+
+def kept(world: World) -> KeptWorld:
+    """The world of a home, which is always one of these."""
+    assert isinstance(world, KeptWorld)
+    return world
 
 
 def _session_part(session: Session) -> SessionPart:

@@ -55,7 +55,7 @@ class LockStep:
         self._milestones = Milestones(world.get_agent)
         self._told: list[Event] = []  # since the last primitive
         self._steps = self._position = 0
-        self._reason: str | None = None  # why it has ended
+        self._ended = False
         self._thread = threading.Thread(target=self._run, name="lock-step", daemon=True)
 
     @property
@@ -76,8 +76,8 @@ class LockStep:
     def end(self, reason: str, error: type[WayfarerError] = Unavailable) -> None:
         """Let the thread end, and refuse what still waits."""
         self._ended = True
-        self._inbox.wake()
         self._inbox.close(reason, error)
+        self._inbox.wake()  # at last: closing empties the queue
 
     def join(self) -> None:
         """Wait for the thread's end."""
@@ -138,9 +138,8 @@ class LockStep:
 
     def _run(self) -> None:
         give_way()
-        while self._reason is None:
+        while not self._ended:
             self._inbox.serve(WAIT)
-        self._inbox.close(self._reason)
 
     def _advance(self, steps: int) -> list[Publication]:
         with self._offline.place():
@@ -153,8 +152,8 @@ class LockStep:
 
         So what is planned is sent at once, and no change of goals ever throws any of it away.
         """
-        while (event := self.world.next_event()) is not None and event <= self._next:
-            self.world.step(self._next)
+        while self.world.step(self._next):
+            pass
         self._steps += 1
         self._position += 1
         at = self._steps * STEP_SECONDS
@@ -185,7 +184,7 @@ class LockSteps:
 
     def create(self, spec: SessionSpec) -> SessionInfo:
         """Open a session. Raises InvalidArgument, ResourceExhausted."""
-        return self._open(lambda world, now: world.create_session(spec, now))
+        return self._open(lambda world, _: world.create_session(spec, self._clock()))
 
     def put(self, record: SessionRecord) -> SessionInfo:
         """Go on with one. Raises InvalidArgument, ResourceExhausted."""

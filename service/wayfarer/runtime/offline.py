@@ -9,7 +9,7 @@ import asyncio
 import os
 import sys
 import threading
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncGenerator, Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Final, Generic, TypeVar
@@ -53,7 +53,7 @@ class Offline:
         finally:
             self._give_back()
 
-    async def run(self, make: Callable[[], Iterator[T]]) -> AsyncIterator[T]:
+    async def run(self, make: Callable[[], Iterator[T]]) -> AsyncGenerator[T]:
         """What `make()` yields; both it and the iterator run in the job's thread.
 
         Raises ResourceExhausted when all places are taken, or when the reader has taken nothing

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import fields
+from functools import cached_property
 
 import numpy as np
 import onnxruntime
@@ -25,8 +26,14 @@ class OnnxEngine:
     def __init__(self, models: ModelFolder, threads: int = 0) -> None:
         """`threads` per call; 0: one per core. Raises ArtifactError."""
         self.name = models.path.resolve().name
+        self._models = models
         self.graphs = tuple(sha256_of(models.graph("step", g, SEED_FRAMES)) for g in GENDERS)
         self._sessions = {g: self._open(models, g, threads) for g in GENDERS}
+
+    @cached_property
+    def alone(self) -> "OnnxEngine":
+        """See `Engine`. Opened when it is first asked for."""
+        return OnnxEngine(self._models, threads=1)
 
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
         """Step all rows; see `Engine`."""

@@ -3,7 +3,6 @@
 The class alone decides the length of a row, so nothing that the bytes say is ever allocated.
 """
 
-from functools import cache
 from math import prod
 from operator import attrgetter
 from typing import Any, TypeVar
@@ -17,13 +16,11 @@ from wayfarer.runtime.rows import Column, Rows, flat_columns
 R = TypeVar("R", bound=Rows)
 
 
-@cache
 def columns_of(kind: type[Rows]) -> tuple[Column, ...]:
     """The arrays of a class, in the order in which they are packed."""
     return tuple(flat_columns(kind))
 
 
-@cache
 def row_bytes(kind: type[Rows]) -> int:
     """Length of one packed row."""
     return sum(_size(column) for column in columns_of(kind))

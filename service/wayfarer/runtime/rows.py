@@ -10,6 +10,7 @@ The annotations declare the columns:
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
+from functools import cache
 from typing import Annotated, Any, NamedTuple, Self, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -100,11 +101,15 @@ def flat_columns(rows: type[Rows], path: str = "") -> Iterator[Column]:
             yield Column(path + name, np.dtype(kind), shape)
 
 
-def _columns(rows: type) -> list[tuple[str, Any, tuple[int, ...]]]:
+def _columns(rows: type) -> tuple[tuple[str, Any, tuple[int, ...]], ...]:
     """Name, dtype or `Rows` class, and row shape of each column of a class."""
-    return [
-        (name, *_column(hint)) for name, hint in get_type_hints(rows, include_extras=True).items()
-    ]
+    return _read_columns(rows)
+
+
+@cache  # reading the hints takes longer than most work on rows
+def _read_columns(rows: type) -> tuple[tuple[str, Any, tuple[int, ...]], ...]:
+    hints = get_type_hints(rows, include_extras=True)
+    return tuple((name, *_column(hint)) for name, hint in hints.items())
 
 
 def _column(hint: Any) -> tuple[Any, tuple[int, ...]]:

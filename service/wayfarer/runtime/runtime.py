@@ -6,20 +6,10 @@ the journal, if there is one, has it on disk.
 """
 
 import asyncio
-import contextlib
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
+from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Final, TypeVar
 
-import structlog
-
-from wayfarer.errors import (
-    AlreadyExists,
-    ArtifactError,
-    FailedPrecondition,
-    Unavailable,
-    WayfarerError,
-)
+from wayfarer.errors import AlreadyExists, FailedPrecondition
 from wayfarer.runtime.agent import (
     AgentChange,
     AgentInfo,
@@ -33,33 +23,20 @@ from wayfarer.runtime.agent import (
     StreamWish,
     Wander,
 )
+from wayfarer.runtime.archive import Archive
 from wayfarer.runtime.commands import AppendGoals, ClearGoal, Order, SetGoal, SetPath
 from wayfarer.runtime.engine import Engine
 from wayfarer.runtime.handover import SessionRecord
-from wayfarer.runtime.kept import KeptWorld
+from wayfarer.runtime.keeper import SAVE_PARTS, Keeper
+from wayfarer.runtime.kept import KeptWorld, kept
 from wayfarer.runtime.lockstep import LockStep, LockSteps
-from wayfarer.runtime.log_format import Origin, decode_log, encode_log
 from wayfarer.runtime.loop import LoopSettings, MotionLoop, steady_clock
 from wayfarer.runtime.meter import Meter
 from wayfarer.runtime.model_store import ModelDesk, no_model
 from wayfarer.runtime.offline import Offline
-from wayfarer.runtime.replay import replay
-from wayfarer.runtime.snapshot import decode_session, encode_session
 from wayfarer.runtime.subscription import BoundedSubscription
 from wayfarer.runtime.walk import walk
 from wayfarer.runtime.worlds import Worlds
-
-log = structlog.get_logger(__name__)
-
-T = TypeVar("T")
-
-SAVE_SECONDS: Final = 0.4
-"""Between two copies of where everybody stands, for the journal."""
-
-SETTLE_TRIES: Final = 15
-SETTLE_SECONDS: Final = 0.02
-"""An export waits so often, so long, for chunks that were planned before an order to be sent: they
-leave within 0.1 s of it."""
 
 
 class Runtime:
@@ -83,15 +60,13 @@ class Runtime:
         ArtifactError when that is more than the limits allow.
         """
         self._worlds = worlds
-        self._limits = worlds.settings.limits
-        self._journal = worlds.journal
+        self._archive = Archive(worlds)
+        self._keeper = Keeper(worlds.journal, worlds.settings.limits)
         self._clock = clock or steady_clock()
         self._offline = Offline(jobs)
         self._desk = ModelDesk(worlds.models, open_model)
         self._lock_steps = LockSteps(worlds, self._offline, self._clock)
         self._door = asyncio.Lock()  # two sessions of one id must not enter different worlds
-        self._saving: asyncio.Task[None] | None = None
-        self._kept = self._read_journal()
         self._world = worlds.live()
         self._loop = MotionLoop(
             self._world, lambda: self._wake(warm_up), settings, self._clock, meter
@@ -101,21 +76,17 @@ class Runtime:
 
     def start(self) -> None:
         """Start all threads, once; to be called on the event loop."""
-        if self._journal is not None:
-            self._journal.start()
-            self._saving = asyncio.create_task(self._save())
+        self._keeper.start(lambda: self._loop.ask(lambda world, _: kept(world).save(SAVE_PARTS)))
         self._loop.start()
 
     async def stop(self) -> None:
         """End every thread, stream and waiting command; where all stand is saved."""
         reason = "the server has been stopped"
-        if self._saving is not None:
-            self._saving.cancel()
+        self._keeper.pause()
         await self._loop.stop()
         await asyncio.to_thread(self._lock_steps.stop, reason)
-        if self._journal is not None:
-            self._world.save()
-            await asyncio.to_thread(self._journal.stop)
+        self._world.save()
+        await self._keeper.stop()
 
     @property
     def ready(self) -> bool:
@@ -129,8 +100,7 @@ class Runtime:
 
     async def stats(self) -> LoopStats:
         """See `MotionService`."""
-        failing = self._journal is not None and self._journal.failing
-        return replace(await self._loop.stats(), journal_failing=failing)
+        return replace(await self._loop.stats(), journal_failing=self._keeper.failing)
 
     # Sessions
 
@@ -142,7 +112,7 @@ class Runtime:
                 made = self._lock_steps.create(spec)
             else:
                 made = await self._loop.create_session(spec)
-        return await self._durable(made)
+        return await self._keeper.durable(made)
 
     async def get_session(self, session_id: str) -> SessionInfo:
         """See `MotionService`."""
@@ -157,14 +127,14 @@ class Runtime:
         """See `MotionService`."""
         home = self._lock_steps if self._lock_steps.session(session_id) else self._loop
         await home.delete_session(session_id)
-        await self._durable(None)
+        await self._keeper.durable(None)
 
     # Agents
 
     async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
         """See `MotionService`."""
         home = self._lock_steps if self._lock_steps.session(session_id) else self._loop
-        return await self._durable(await home.create_agents(session_id, specs))
+        return await self._keeper.durable(await home.create_agents(session_id, specs))
 
     async def get_agent(self, agent_id: str) -> AgentInfo:
         """See `MotionService`."""
@@ -176,13 +146,15 @@ class Runtime:
 
     async def update_agent(self, agent_id: str, change: AgentChange) -> AgentInfo:
         """See `MotionService`."""
-        return await self._durable(await self._home_of(agent_id).update_agent(agent_id, change))
+        return await self._keeper.durable(
+            await self._home_of(agent_id).update_agent(agent_id, change)
+        )
 
     async def delete_agent(self, agent_id: str) -> None:
         """See `MotionService`."""
         home = self._lock_steps if self._lock_steps.agent(agent_id) else self._loop
         await home.delete_agent(agent_id)
-        await self._durable(None)
+        await self._keeper.durable(None)
 
     # Goals
 
@@ -233,21 +205,15 @@ class Runtime:
 
     def generate_clip(
         self, spec: AgentSpec, goals: Sequence[Goal], seconds: float, until_arrival: bool
-    ) -> AsyncIterator[Publication]:
+    ) -> AsyncGenerator[Publication]:
         """See `MotionService`."""
         return self._offline.run(
             lambda: walk(self._worlds.solo(), spec, goals, seconds, until_arrival)
         )
 
-    def replay(self, log: bytes) -> AsyncIterator[Publication]:
+    def replay(self, log: bytes) -> AsyncGenerator[Publication]:
         """See `MotionService`."""
-
-        def play() -> Iterator[Publication]:
-            entries = self._worlds.log_entries
-            commands = decode_log(log, self._origin, self._limits, entries)
-            return replay(commands, self._worlds.solo)
-
-        return self._offline.run(play)
+        return self._offline.run(lambda: self._archive.replay(log))
 
     # Models
 
@@ -274,45 +240,26 @@ class Runtime:
 
     async def export_session(self, session_id: str) -> bytes:
         """See `MotionService`."""
-        home = self._home(session_id)
-        for _ in range(SETTLE_TRIES):
-            if await home.ask(lambda world, _: _kept(world).is_settled(session_id)):
-                break
-            await asyncio.sleep(SETTLE_SECONDS)
-        session, crowd = await home.ask(lambda world, _: _kept(world).capture(session_id))
-        parts = [member.part for member in crowd.members]
-        body = self._worlds.body
-        return await asyncio.to_thread(encode_session, session, parts, crowd.rows, body)
+        return await self._archive.export_session(self._home(session_id), session_id)
 
     async def import_session(
         self, snapshot: bytes, attributes: Mapping[str, str] | None = None
     ) -> SessionInfo:
         """See `MotionService`."""
-        body = self._worlds.body
-        record = await asyncio.to_thread(decode_session, snapshot, body, self._limits)
-        own = {**record.spec.attributes, **(attributes or {})}
-        record = replace(record, spec=replace(record.spec, attributes=own))
+        record = await self._archive.read_session(snapshot, attributes or {})
         async with self._door:
             await self._refuse_taken(record.session_id)
             if record.spec.lock_step:
-                made = self._lock_steps.put(record)
+                made = await asyncio.to_thread(self._lock_steps.put, record)
             else:
                 made = await self._loop.put_session(record)
-        return await self._durable(made)
+        return await self._keeper.durable(made)
 
     async def export_log(self, session_id: str) -> bytes:
         """See `MotionService`."""
-        home = self._home(session_id)
-        commands = await home.ask(lambda world, _: _kept(world).log(session_id))
-        return await asyncio.to_thread(encode_log, commands, self._origin)
+        return await self._archive.export_log(self._home(session_id), session_id)
 
     # Within
-
-    @property
-    def _origin(self) -> Origin:
-        steering = self._worlds.settings.steering
-        wished = max(search.candidates for search in steering.searches.values())
-        return Origin(self._worlds.body, self._worlds.models.stamps, wished)
 
     def _home(self, session_id: str) -> MotionLoop | LockStep:
         return self._lock_steps.session(session_id) or self._loop
@@ -321,13 +268,9 @@ class Runtime:
         return self._lock_steps.agent(agent_id) or self._loop
 
     async def _give(self, agent_id: str, order: Order, expected: int | None) -> int:
-        return await self._durable(await self._home_of(agent_id).give(agent_id, order, expected))
-
-    async def _durable(self, result: T) -> T:
-        """Hand on what a change returned, once it cannot be lost any more."""
-        if self._journal is not None:
-            await self._journal.durable()
-        return result
+        return await self._keeper.durable(
+            await self._home_of(agent_id).give(agent_id, order, expected)
+        )
 
     async def _refuse_taken(self, session_id: str | None) -> None:
         if session_id is not None and (
@@ -336,49 +279,12 @@ class Runtime:
         ):
             raise AlreadyExists(f"session {session_id!r} exists already")
 
-    # The journal
-
-    def _read_journal(self) -> list[SessionRecord]:
-        """Raises ArtifactError when there is more in it than may be here."""
-        if self._journal is None:
-            return []
-        records = self._journal.restore(self._limits)
-        agents, limits = sum(len(record.agents) for record in records), self._limits
-        if len(records) > limits.sessions or agents > limits.agents:
-            raise ArtifactError(
-                f"the journal holds {len(records)} sessions with {agents} agents; limits.sessions "
-                f"is {limits.sessions} and limits.agents {limits.agents}: raise them, or take "
-                "another state_dir"
-            )
-        return records
-
     def _wake(self, warm_up: Callable[[KeptWorld], None]) -> None:
         """On the motion thread, before its first turn: warm up, then go on with what was kept."""
         warm_up(self._world)
-        for record in self._kept:
-            try:
-                if record.spec.lock_step:
-                    self._lock_steps.put(record)
-                else:
-                    self._loop.adopt(record, self._clock(), admit=False)
-            except WayfarerError as error:
-                log.error(
-                    "a session of the journal does not fit in here; it is left in the journal",
-                    session=record.session_id,
-                    why=str(error),
-                )
-        if self._kept:
-            agents = sum(len(record.agents) for record in self._kept)
-            log.info("the journal was read", sessions=len(self._kept), agents=agents)
-        self._kept = []
+        self._keeper.restore(self._adopt)
 
-    async def _save(self) -> None:
-        while True:
-            await asyncio.sleep(SAVE_SECONDS)
-            with contextlib.suppress(Unavailable):  # it is warming up, or flooded
-                await self._loop.ask(lambda world, _: _kept(world).save())
-
-
-def _kept(world: object) -> KeptWorld:
-    assert isinstance(world, KeptWorld)  # the loop has it from us
-    return world
+    def _adopt(self, record: SessionRecord) -> SessionInfo:
+        if record.spec.lock_step:
+            return self._lock_steps.put(record)
+        return self._loop.adopt(record, self._clock(), admit=False)

@@ -53,10 +53,12 @@ class Scheduler:
         reset: Callable[[int], Motion],
         batch_sizes: tuple[int, ...],
         planned: Callable[[Index, Index, int], None],
+        alone: bool = False,
     ) -> None:
         """`reset(slot)` gives the standing motion from which a broken agent goes on.
 
         `planned(slots, seqs, candidates)` is told of all new chunks, 0 candidates of those held.
+        `alone`: engine calls take no thread but the caller's.
         """
         self._table = table
         self._playback = playback
@@ -66,6 +68,7 @@ class Scheduler:
         self._reset = reset
         self._sizes = batch_sizes
         self._planned = planned
+        self._alone = alone
         self.call: Call | None = None  # that the last tick has made
         self.resets = 0  # broken rows so far
         self.reduced_steps = 0  # rows stepped with fewer candidates than wished
@@ -87,7 +90,8 @@ class Scheduler:
         if batch is None:
             return 0
         inputs = pad(batch.inputs, self._sizes)
-        outputs = self._models.numbered(batch.model).engine.step(batch.gender, inputs)
+        engine = self._models.numbered(batch.model).engine
+        outputs = (engine.alone if self._alone else engine).step(batch.gender, inputs)
         self.call = Call(len(inputs.goal), batch.candidates)
         self.apply(batch, cut(outputs, len(batch.rows)))
         return len(batch.rows)

@@ -4,7 +4,7 @@
 blocks it. Errors are those of `wayfarer.errors`.
 """
 
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncGenerator, AsyncIterator, Mapping, Sequence
 from typing import Protocol
 
 from wayfarer.runtime.agent import (
@@ -152,13 +152,13 @@ class MotionService(Protocol):
         """Commands of a recorded session. Raises NotFound, FailedPrecondition."""
         ...
 
-    def replay(self, log: bytes) -> AsyncIterator[Publication]:
+    def replay(self, log: bytes) -> AsyncGenerator[Publication]:
         """Make a log's motion again, off the real-time path. Raises InvalidArgument, …"""
         ...
 
     def generate_clip(
         self, spec: AgentSpec, goals: Sequence[Goal], seconds: float, until_arrival: bool
-    ) -> AsyncIterator[Publication]:
+    ) -> AsyncGenerator[Publication]:
         """Make a clip, off the real-time path. Raises InvalidArgument, ResourceExhausted."""
         ...
 

@@ -59,6 +59,7 @@ class WorldSettings:
     phases: int = 8  # agents' steps are spread over so many moments of the 0.2 s
     replan_margin: float = 0.04  # s: a chunk that falls due within this is not replanned
     batch_sizes: tuple[int, ...] = BATCH_SIZES
+    alone: bool = False  # engine calls take no thread but the caller's
 
     def __post_init__(self) -> None:
         if self.lead < 1:

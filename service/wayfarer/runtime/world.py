@@ -265,7 +265,9 @@ class World(Clockwork):
         self._registry.check_room(session, len(specs))
         if admit:
             genders = [GENDERS.index(spec.gender) for spec in specs]
-            self._admission.check(self._population.phases, genders, now, self.rung.refuse)
+            # the ladder is looked at with each step: without agents it stands where it was left
+            late = self.rung.refuse and self.agents > 0
+            self._admission.check(self._population.phases, genders, now, late)
 
     def _check_new(self, record: AgentRecord, where: str) -> None:
         """Raises AlreadyExists, and InvalidArgument when its path is too long for this world."""

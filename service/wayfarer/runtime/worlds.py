@@ -60,7 +60,9 @@ class Worlds:
         return World(self.models.copy(), self.bodies, self.start_poses, settings)
 
     def _patient(self) -> WorldSettings:
-        return replace(self.settings, budget=None, phases=1, lead=1, batch_sizes=BATCH_SIZES)
+        return replace(
+            self.settings, budget=None, phases=1, lead=1, batch_sizes=BATCH_SIZES, alone=True
+        )
 
     def _kept(self, settings: WorldSettings) -> KeptWorld:
         return KeptWorld(

@@ -1,6 +1,7 @@
 """The runtime's publications as wire messages, in one basis and format."""
 
-from collections.abc import AsyncGenerator, AsyncIterator, Iterable, Sequence
+from collections.abc import AsyncGenerator, Iterable, Sequence
+from contextlib import aclosing
 from dataclasses import dataclass
 from typing import Final
 
@@ -74,18 +75,19 @@ class BatchWriter:
         )
 
     async def offline(
-        self, made: AsyncIterator[Publication]
+        self, made: AsyncGenerator[Publication]
     ) -> AsyncGenerator[tuple[motion_pb2.StreamHeader | None, motion_pb2.MotionBatch | None]]:
         """A header, then batches, of motion that is made off the real-time path.
 
         The header comes when the first motion has: what is refused is refused before it.
         """
         headed = False
-        async for published in made:
-            if not headed:
-                yield self.header(), None
-                headed = True
-            yield None, self.batch(published.chunks, published.added)
+        async with aclosing(made):
+            async for published in made:
+                if not headed:
+                    yield self.header(), None
+                    headed = True
+                yield None, self.batch(published.chunks, published.added)
 
     def agent(self, info: AgentInfo) -> agent_pb2.Agent:
         """An agent as the reader sees it."""

@@ -1,7 +1,7 @@
 """The one table that turns errors into gRPC statuses and HTTP problems."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Any, Final
@@ -86,7 +86,20 @@ class InvalidRequest(errors.InvalidArgument):
 def invalid_request(error: ValidationError, field: str = "") -> InvalidRequest:
     """What pydantic found in the part `field` of a request."""
     found = error.errors(include_url=False, include_input=False)
-    return InvalidRequest([(field_path((field, *e["loc"])), e["msg"]) for e in found])
+    return InvalidRequest(violations([((field, *e["loc"]), e["msg"]) for e in found]))
+
+
+def violations(found: Sequence[tuple[tuple[int | str, ...], str]]) -> list[tuple[str, str]]:
+    """(field, what is wrong) of what pydantic found, as (where, what).
+
+    A list whose items are wrong is then too short as well; that is left out.
+    """
+    places = [where for where, _ in found]
+    return [
+        (field_path(where), what)
+        for where, what in found
+        if not any(len(other) > len(where) and other[: len(where)] == where for other in places)
+    ]
 
 
 def field_path(parts: Iterable[int | str]) -> str:

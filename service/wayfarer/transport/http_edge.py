@@ -14,7 +14,7 @@ from starlette.responses import Response
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from wayfarer.errors import WayfarerError
+from wayfarer.errors import InvalidArgument, WayfarerError
 from wayfarer.transport import errors
 
 log = structlog.get_logger(__name__)
@@ -98,12 +98,18 @@ def add_problem_handlers(app: FastAPI) -> None:
 
     @app.exception_handler(RequestValidationError)
     async def on_validation(request: Request, error: RequestValidationError) -> Response:
+        first = error.errors()[0]
+        if first["type"] == "json_invalid":
+            place = f"{first['ctx']['error']}, at character {first['loc'][-1]}"
+            return problem_response(InvalidArgument(f"the body is not JSON: {place}"))
         # loc starts with where the value stood: body, query, path
-        found = [(errors.field_path(e["loc"][1:]), e["msg"]) for e in error.errors()]
-        return problem_response(errors.InvalidRequest(found))
+        found = [(e["loc"][1:], e["msg"]) for e in error.errors()]
+        return problem_response(errors.InvalidRequest(errors.violations(found)))
 
     @app.exception_handler(HTTPException)
     async def on_http(request: Request, error: HTTPException) -> Response:
+        if error.status_code == HTTPStatus.BAD_REQUEST:  # FastAPI's, of a body it cannot read
+            return problem_response(InvalidArgument("the body is not JSON in UTF-8"))
         return _http_problem(error)
 
     @app.exception_handler(Exception)

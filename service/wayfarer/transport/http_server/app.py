@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
+from starlette.routing import Route
 
 from wayfarer import __version__
 from wayfarer.transport import schema
@@ -14,6 +15,7 @@ from wayfarer.transport.http_server.admin import admin_routes
 from wayfarer.transport.http_server.agents import agent_routes, goal_routes
 from wayfarer.transport.http_server.catalogue import catalogue_routes
 from wayfarer.transport.http_server.clips import clip_routes, snapshot_routes
+from wayfarer.transport.http_server.elsewhere import Elsewhere
 from wayfarer.transport.http_server.events import event_routes
 from wayfarer.transport.http_server.health import health_routes
 from wayfarer.transport.http_server.sessions import session_routes
@@ -49,6 +51,7 @@ def http_app(gateway: Gateway, viewer: Path = VIEWER) -> FastAPI:
     add_problem_handlers(app)
     app.add_middleware(Edge, body_bytes=gateway.limits.message_bytes)
     app.openapi = lambda: _document(app)  # type: ignore[method-assign]
+    app.router.routes.append(Route("/v1/{rest:path}", Elsewhere(app.openapi)))
     if viewer.is_dir():
         app.mount("/", RevalidatedFiles(directory=viewer, html=True), name="viewer")
     return app

@@ -4,10 +4,13 @@ from typing import Annotated, Any, Final
 
 from fastapi import Header, Query
 from fastapi import Path as InPath
+from pydantic import ValidationError
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.transport import schema
 from wayfarer.transport.codec import PoseEncoding, PoseProfile
+from wayfarer.transport.codec.pose_format import RATES
+from wayfarer.transport.errors import invalid_request
 
 UINT32: Final = (1 << 32) - 1
 
@@ -57,17 +60,26 @@ def request_id(in_body: str, in_header: str) -> str:
     return in_body or in_header
 
 
-def pose_format(
+async def pose_format(
     encoding: Annotated[PoseEncoding, Query(description="how numbers are packed")] = (
         PoseEncoding.F32_LE
     ),
     profile: Annotated[PoseProfile, Query(description="which bones are sent")] = PoseProfile.BODY,
     bones: Annotated[
-        list[str] | None, Query(max_length=52, description="with profile=bones: their names")
+        list[schema.BoneName] | None,
+        Query(max_length=52, description="with profile=bones, and only then: their names"),
     ] = None,
     fps: Annotated[
-        int, Query(ge=0, le=40, description="frames per second: 40, 20 or 10; 0: 40")
+        int,
+        Query(
+            description="frames per second; 0: 40",
+            json_schema_extra={"enum": [0, *sorted(RATES)]},
+        ),
     ] = 0,
 ) -> schema.PoseFormat:
-    """A dependency: how poses shall be packed."""
-    return schema.PoseFormat(encoding=encoding, profile=profile, bones=tuple(bones or ()), fps=fps)
+    """A dependency: how poses shall be packed. Raises InvalidArgument."""
+    chosen = {"encoding": encoding, "profile": profile, "bones": bones or (), "fps": fps}
+    try:
+        return schema.PoseFormat.model_validate(chosen)
+    except ValidationError as error:
+        raise invalid_request(error) from None

@@ -32,6 +32,7 @@ from wayfarer.transport.schema.catalogue import (
 from wayfarer.transport.schema.goals import Area, Goal, GoalRevision, Goals, Wander
 from wayfarer.transport.schema.motion import (
     ID_LENGTH,
+    BoneName,
     ClipLine,
     ClipWish,
     Event,
@@ -57,6 +58,7 @@ __all__ = [
     "Bodies",
     "Body",
     "Bone",
+    "BoneName",
     "ClipLine",
     "ClipWish",
     "Event",

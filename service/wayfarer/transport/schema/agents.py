@@ -37,6 +37,7 @@ class AgentSpec(Message):
         default=(),
         max_length=BETAS,
         description=f"{BETAS} shape coefficients, or none for the mean body",
+        json_schema_extra={"anyOf": [{"maxItems": 0}, {"minItems": BETAS}]},
     )
     phenotype: Phenotype | None = None
     position: Vector3 | None = Field(

@@ -1,25 +1,18 @@
 """What the other messages are made of."""
 
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict
-from pydantic_core import PydanticCustomError
+from pydantic import BaseModel, ConfigDict, Field, Strict
 
 from wayfarer.transport.basis import Basis
 
 UINT32: Final = (1 << 32) - 1
 
 
-def _number(value: Any) -> Any:
-    if isinstance(value, str | bytes | bool):
-        raise PydanticCustomError("number", "Input should be a number")
-    return value
-
-
-Float = Annotated[float, BeforeValidator(_number)]
+Float = Annotated[float, Strict()]
 """A JSON number; neither "1" nor true."""
 
-Int = Annotated[int, BeforeValidator(_number)]
+Int = Annotated[int, Strict()]
 """A JSON number without a fraction."""
 
 Uint32 = Annotated[Int, Field(ge=0, le=UINT32)]

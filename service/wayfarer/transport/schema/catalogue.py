@@ -67,7 +67,7 @@ class NewModel(Message):
     model_config = ConfigDict(json_schema_extra={"examples": [{"name": "gamma-anny52"}]})
 
     name: str = Field(
-        pattern=r"^[A-Za-z0-9._-]{1,64}$",
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$",
         description="a shipped model, or a folder inside the server's models folder",
     )
 

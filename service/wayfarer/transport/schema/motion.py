@@ -1,14 +1,22 @@
 """Streams, clips, lock-step. Poses stand in JSON as base64 of their bytes (docs/wire-format.md)."""
 
+from typing import Annotated
+
 from pydantic import ConfigDict, Field
 
+from wayfarer.body.skeleton import load_skeleton
 from wayfarer.runtime.agent import AgentState, EventKind, SlowReader
+from wayfarer.spec import FPS
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import PoseEncoding, PoseProfile
+from wayfarer.transport.codec.pose_format import RATES
 from wayfarer.transport.schema.agents import Agent, AgentSpec
 from wayfarer.transport.schema.base import BasisInfo, Bool, Float, Message, Problem, Uint32
 from wayfarer.transport.schema.catalogue import Skeleton
 from wayfarer.transport.schema.goals import Goal
+
+BONES = tuple(bone.name for bone in load_skeleton())
+BoneName = Annotated[str, Field(json_schema_extra={"enum": list(BONES)})]
 
 ID_LENGTH = 64
 """Characters of a session's or agent's id at most."""
@@ -21,10 +29,15 @@ class PoseFormat(Message):
     profile: PoseProfile = Field(
         default=PoseProfile.BODY, description="the 22 bones that move, all 52, or those of `bones`"
     )
-    bones: tuple[str, ...] = Field(
-        default=(), max_length=52, description="with profile `bones`: canonical names, each once"
+    bones: tuple[BoneName, ...] = Field(
+        default=(),
+        max_length=len(BONES),
+        description="with profile `bones`, and only then: canonical names, each once",
+        json_schema_extra={"uniqueItems": True},
     )
-    fps: Uint32 = Field(default=0, description="40, 20 or 10; 0: 40")
+    fps: Uint32 = Field(
+        default=0, description="0: 40", json_schema_extra={"enum": [0, *sorted(RATES)]}
+    )
 
 
 class StreamWish(Message):
@@ -59,7 +72,7 @@ class ClipWish(Message):
     goals: tuple[Goal, ...] = Field(
         default=(), max_length=1024, description="to visit in turn; none: the agent stands"
     )
-    seconds: Float = Field(gt=0, description="length; at most limits.clip_s")
+    seconds: Float = Field(ge=1 / FPS, description="length; at most limits.clip_s")
     until_arrival: Bool = Field(
         default=False, description="end once the agent stands at the last goal"
     )

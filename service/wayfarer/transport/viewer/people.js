@@ -86,13 +86,13 @@ export class Person {
     this.ahead = goals;
     this.passed = 0;
     this.revision = Infinity;
-    this.path.add(...goals.map((goal) => goalMark(goal, colourOf(this.agent.alias))));
+    this.#mark(goals);
   }
 
   /** Show goals that were added to the end of the path. */
   extendPath(goals) {
     this.ahead = [...this.ahead, ...goals];
-    this.path.add(...goals.map((goal) => goalMark(goal, colourOf(this.agent.alias))));
+    this.#mark(goals);
   }
 
   /** Goal `waypoint` of the path of a revision was reached. */
@@ -102,6 +102,10 @@ export class Person {
     this.passed = waypoint + 1;
     this.ahead = this.ahead.slice(count);
     discard(this.path.children.slice(0, count));
+  }
+
+  #mark(goals) {
+    for (const goal of goals) this.path.add(goalMark(goal, colourOf(this.agent.alias)));
   }
 
   dispose() {

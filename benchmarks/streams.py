@@ -1,0 +1,62 @@
+"""Readers who stall and readers who leave, at length, with a server of their own.
+
+    python -m benchmarks.streams --seconds 60 --cycles 1000
+
+One reader stalls for `seconds` beside 63 healthy ones (8 sessions, 2 agents each), once over gRPC
+and once over WebSocket; then so many streams are opened and left. Ends with 1 when a healthy reader
+lost a chunk or got one after its time, or when memory grew.
+"""
+
+import argparse
+import asyncio
+import sys
+import tempfile
+from pathlib import Path
+
+from tests.fuzz import streams
+from tests.fuzz.server import served
+
+HEALTHY = 63
+SESSIONS = 8
+AGENTS = 2
+SHOWN_MS = 200.0
+"""A chunk that comes later has nothing left to show."""
+
+GROWTH = 0.05
+"""Share of its memory by which the server may grow."""
+
+
+async def main() -> int:
+    """Run it; 0 when all is well."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--cycles", type=int, default=1000)
+    asked = parser.parse_args()
+    faults = []
+    with tempfile.TemporaryDirectory() as folder:
+        for kind in streams.STALLS:
+            async with served(Path(folder) / "log", settings=streams.SETTINGS) as server:
+                stall = await streams.stall(
+                    server.target, asked.seconds, SESSIONS, AGENTS, HEALTHY, kind
+                )
+                found = streams.summary(stall)
+                print(f"stalled {kind} reader, {asked.seconds:g} s: {found}")
+                if found["lost"] or found["lateness_ms"]["p100"] > SHOWN_MS:
+                    faults.append(f"{kind}: healthy readers were disturbed")
+                faults += grown(*stall.megabytes, f"{kind} stall") + server.errors
+        async with served(Path(folder) / "log", settings=streams.SETTINGS) as server:
+            before, after, stats = await streams.cycles(server.target, asked.cycles, seed=1)
+            print(f"{asked.cycles} cycles: {before:.1f} → {after:.1f} MB, {stats}")
+            faults += grown(before, after, "cycles") + server.errors
+    for fault in faults:
+        print(f"FAULT {fault}")
+    return 1 if faults else 0
+
+
+def grown(before: float, after: float, what: str) -> list[str]:
+    """A line if memory grew by more than it may."""
+    return [f"{what}: {before:.1f} → {after:.1f} MB"] if after > before * (1 + GROWTH) else []
+
+
+if __name__ == "__main__":
+    sys.exit(asyncio.run(main()))

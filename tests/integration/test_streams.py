@@ -1,0 +1,33 @@
+"""Short runs of benchmarks/streams.py against the real process."""
+
+import asyncio
+
+import pytest
+
+from tests.fuzz import streams
+from tests.fuzz.server import served
+
+
+@pytest.fixture
+async def server(tmp_path):
+    async with served(tmp_path / "log", settings=streams.SETTINGS) as server:
+        yield server
+        assert server.errors == []
+
+
+@pytest.mark.parametrize("kind", ["grpc", "websocket"])
+async def test_a_stalled_reader_costs_the_others_nothing(server, kind):
+    async with asyncio.timeout(120):
+        stalled = await streams.stall(
+            server.target, seconds=5, sessions=2, agents=2, healthy=7, kind=kind
+        )
+    found = streams.summary(stalled)
+    assert found["readers"] == 7
+    assert all(reading.chunks > 0 and reading.lost == 0 for reading in stalled.readings), found
+
+
+async def test_readers_who_leave_leave_nothing_behind(server):
+    async with asyncio.timeout(120):
+        before, after, stats = await streams.cycles(server.target, count=150, seed=3)
+    assert stats["subscribers"] <= 1
+    assert after - before < 15, (before, after)  # 100 kB for each of them
