@@ -26,6 +26,7 @@ from wayfarer.artifacts import (
 from wayfarer.body.library import body_file, load_body
 from wayfarer.errors import ArtifactError
 from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
+from wayfarer.motion.pose_prior import PosePrior
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep, StepResult
 from wayfarer.motion.quality import Sites
@@ -36,6 +37,7 @@ from wayfarer.terms import TERMS
 from wayfarer.training.dataset import marker_body
 from wayfarer.training.graph import Graph
 from wayfarer.training.onnx_files import WeightStore, externalise
+from wayfarer.training.pose_graphs import pose_decoder_graph, pose_encoder_graph
 from wayfarer.training.run import Network, load_weights, read_run_config
 
 TOLERANCE = 1e-3
@@ -217,6 +219,7 @@ class Sources:
     policy: Path
     regressor_male: Path
     regressor_female: Path
+    pose_prior: Path
 
 
 def load_graphs(sources: Sources, body: str) -> dict[str, Graph]:
@@ -228,10 +231,13 @@ def load_graphs(sources: Sources, body: str) -> dict[str, Graph]:
     one = round_to_half(load_weights(MarkerPredictor(1), sources.predictor_1f))
     two = round_to_half(load_weights(MarkerPredictor(2), sources.predictor_2f))
     policy = round_to_half(load_weights(GoalPolicy(), sources.policy))
+    prior = round_to_half(load_weights(PosePrior(), sources.pose_prior))
     graphs = {
         "predictor_1f.onnx": predictor_graph(one),
         "predictor_2f.onnx": predictor_graph(two),
         "policy.onnx": policy_graph(policy),
+        "pose_encoder.onnx": pose_encoder_graph(prior),
+        "pose_decoder.onnx": pose_decoder_graph(prior),
     }
     for gender in GENDERS:
         model = load_body(body, gender)
@@ -249,11 +255,17 @@ def export_models(
     sources: Sources, out: Path, card: str, name: str = "gamma-anny52", body: str = "anny52"
 ) -> dict[str, float]:
     """Write a model folder from trained weights; see `write_models`."""
-    return write_models(load_graphs(sources, body), out, card, name, body)
+    floor_origin = bool(read_run_config(sources.predictor_2f)["floor_origin"])
+    return write_models(load_graphs(sources, body), out, card, name, body, floor_origin)
 
 
 def write_models(
-    graphs: Mapping[str, Graph], out: Path, card: str, name: str, body: str = "anny52"
+    graphs: Mapping[str, Graph],
+    out: Path,
+    card: str,
+    name: str,
+    body: str = "anny52",
+    floor_origin: bool = True,
 ) -> dict[str, float]:
     """Write graphs, by file name, as a model folder; return each one's torch-ONNX difference.
 
@@ -270,7 +282,7 @@ def write_models(
             graph,
             staging / file,
             store,
-            contract_to_json(contract_for(file, name, identity(body, gender))),
+            contract_to_json(contract_for(file, name, identity(body, gender), floor_origin)),
         )
     store.write(staging)
     differences = {file: check_graph(staging / file, graph) for file, graph in graphs.items()}
