@@ -17,6 +17,7 @@ ARGS ?=
 PACKAGE := pyproject.toml proto/build_hook.py $(shell find proto -name '*.proto')
 CLIENT := $(wildcard clients/python/pyproject.toml)
 VIEWER_TESTS := $(wildcard tests/viewer/*.test.mjs)
+NODE := clients/node
 CHECKED := service tests $(wildcard clients/python benchmarks proto/build_hook.py)
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
@@ -32,11 +33,12 @@ serve: $(VENV)/.serve ## set up and start gRPC (50051) and HTTP (8080) with the 
 	@exec $(BIN)/wayfarer serve $(ARGS)
 
 test: $(VENV)/.dev ## set up and run all tests
+	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory $(NODE)/src/gen; \
+	else echo "skipped: clients/node needs npm (apt-get install npm)" >&2; [ -z "$${CI:-}" ]; fi
 	$(BIN)/python -m pytest $(ARGS)
-ifneq ($(VIEWER_TESTS),)
 	@if command -v node >/dev/null; then node --test $(VIEWER_TESTS); \
 	else echo "skipped: tests/viewer needs node (apt-get install nodejs)" >&2; [ -z "$${CI:-}" ]; fi
-endif
+	@if [ -d $(NODE)/src/gen ] && command -v npm >/dev/null; then cd $(NODE) && npm test; fi
 
 lint: $(VENV)/.dev ## check style, types and the import rules
 	$(BIN)/ruff check $(CHECKED)
@@ -56,8 +58,14 @@ docker: ## build the image wayfarer:latest
 
 clean: ## remove the virtual environment, generated code and caches
 	rm -rf $(VENV) build dist service/wayfarer/v1 clients/python/wayfarer_client/v1
+	rm -rf $(NODE)/node_modules $(NODE)/src/gen
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	find service clients tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# The node client: its packages, then its code of proto/.
+$(NODE)/src/gen: $(NODE)/package-lock.json $(NODE)/generate.js $(wildcard proto/wayfarer/v1/*.proto)
+	@echo "installing the packages of $(NODE) and generating its code (once)"
+	@cd $(NODE) && npm ci --silent --ignore-scripts && npm run --silent generate && touch src/gen
 
 # The first interpreter that is new enough and can make virtual environments (Debian splits that off).
 $(BIN)/python:

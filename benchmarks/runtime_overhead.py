@@ -15,7 +15,7 @@ import numpy as np
 
 from wayfarer.body.library import load_body
 from wayfarer.runtime import batch, scheduler
-from wayfarer.runtime.agent import AgentSpec, Goal
+from wayfarer.runtime.agent import AgentSpec, Goal, SessionSpec
 from wayfarer.runtime.engine import StepInputs, StepOutputs
 from wayfarer.runtime.playback import Playback
 from wayfarer.runtime.settings import Limits, WorldSettings
@@ -30,6 +30,8 @@ STEPS = 25
 class InstantEngine:
     """Moves everybody one way without computing anything."""
 
+    name = "fake"
+    graphs = ("0" * 64, "1" * 64)
     term_names = TERMS
 
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
@@ -73,7 +75,7 @@ def run(agents: int, clocked: Clocked) -> float:
     poses[..., 3] = 1
     limits = Limits(agents=agents, agents_per_session=agents, goal_distance=10_000)
     world = World(InstantEngine(), bodies, poses, WorldSettings(limits))
-    world.create_session("s", 0.0)
+    world.create_session(SessionSpec("s"), 0.0)
     specs = [AgentSpec(GENDERS[i % 2], noise_seed=i) for i in range(agents)]
     started = time.thread_time()
     infos = world.create_agents("s", specs, 0.0)

@@ -11,9 +11,25 @@ import pytest
 from wayfarer import cli
 from wayfarer.errors import DataError, WayfarerError
 
-COMMANDS = ("serve", "generate", "render", "eval", "export", "data", "body", "train")
+COMMANDS = (
+    "serve",
+    "probe",
+    "keys",
+    "config",
+    "generate",
+    "render",
+    "eval",
+    "export",
+    "data",
+    "body",
+    "train",
+)
 LEAVES = (
     ["serve"],
+    ["probe"],
+    ["keys", "new"],
+    ["config", "schema"],
+    ["config", "table"],
     ["generate"],
     ["render"],
     ["eval"],

@@ -1,8 +1,11 @@
+import json
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from wayfarer import config
+from wayfarer.config_page import app, as_markdown, as_toml
 from wayfarer.errors import InvalidArgument
 
 
@@ -106,4 +109,120 @@ def test_a_file_that_is_not_there_or_not_toml(tmp_path):
     ],
 )
 def test_loopback(host, loopback):
-    assert config.load({"host": host}).is_loopback == loopback
+    assert config.load({"host": host, "insecure_no_auth": True}).is_loopback == loopback
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.168.1.4", "example.org"])
+def test_beyond_loopback_one_must_say_who_may_call(host):
+    with pytest.raises(InvalidArgument) as caught:
+        config.load({"host": host})
+    said = str(caught.value)
+    assert host in said and "auth.keys_file" in said and "--insecure-no-auth" in said
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"auth": {"keys_file": "keys.toml"}},
+        {
+            "auth": {
+                "jwt_keys": "https://issuer.example/jwks",
+                "jwt_issuer": "https://issuer.example",
+            }
+        },
+        {"tls_cert": "a.pem", "tls_key": "a.key", "tls_client_ca": "ca.pem"},
+        {"insecure_no_auth": True},
+    ],
+)
+def test_ways_beyond_loopback(given):
+    settings = config.load({"host": "0.0.0.0", **given})
+    assert settings.has_auth != settings.insecure_no_auth
+
+
+@pytest.mark.parametrize(
+    ("given", "what"),
+    [
+        ({"tls_cert": "a.pem"}, "tls_cert and tls_key belong together"),
+        ({"tls_client_ca": "ca.pem"}, "tls_client_ca needs tls_cert"),
+        ({"auth": {"jwt_keys": "keys.json"}}, "auth: jwt_keys and jwt_issuer belong together"),
+        (
+            {"auth": {"jwt_keys": "http://issuer.example", "jwt_issuer": "x"}},
+            "jwt_keys is a file or an https:// URL",
+        ),
+        ({"auth": {"jwt_algorithms": ["HS256"]}}, "'HS256' is not allowed; allowed are ES256"),
+        ({"auth": {"jwt_algorithms": ["none"]}}, "'none' is not allowed"),
+        ({"auth": {"jwt_algorithms": []}}, "auth.jwt_algorithms"),
+        ({"auth": {"certificate_scopes": ["write"]}}, "write is no scope"),
+        ({"cors_origins": ["*"]}, "is no origin"),
+        ({"cors_origins": ["https://a.example/"]}, "with no path"),
+    ],
+)
+def test_settings_that_do_not_fit_together(given, what):
+    with pytest.raises(InvalidArgument, match=what):
+        config.load(given)
+
+
+def test_lists_in_the_environment(monkeypatch):
+    monkeypatch.setenv("WAYFARER_CORS_ORIGINS", "https://a.example, http://b.example:8080")
+    monkeypatch.setenv("WAYFARER_AUTH__JWT_ALGORITHMS", "EdDSA")
+    settings = config.load({})
+    assert settings.cors_origins == ("https://a.example", "http://b.example:8080")
+    assert settings.auth.jwt_algorithms == ("EdDSA",)
+
+
+def test_a_group_comes_together_from_all_sources(tmp_path, monkeypatch):
+    file = write(tmp_path, "[auth]\njwt_issuer = 'i'\njwt_keys = 'k.json'")
+    monkeypatch.setenv("WAYFARER_AUTH__JWT_AUDIENCE", "games")
+    auth = config.load({"auth": {"keys_file": "keys.toml"}}, file).auth
+    assert (auth.jwt_issuer, auth.jwt_audience, auth.keys_file) == ("i", "games", Path("keys.toml"))
+
+
+def test_where_each_setting_comes_from(tmp_path, monkeypatch):
+    file = write(tmp_path, "threads = 3\ngrpc_port = 2\n[limits]\nagents = 4")
+    monkeypatch.setenv("WAYFARER_GRPC_PORT", "12")
+    monkeypatch.setenv("WAYFARER_LIMITS__STREAMS", "14")
+    found = config.origins({"http_port": 21}, file)
+    expected = {
+        "http_port": "command line",
+        "grpc_port": "environment",
+        "limits.streams": "environment",
+        "threads": str(file),
+        "limits.agents": str(file),
+        "host": "default",
+    }
+    assert {key: found[key] for key in expected} == expected
+    assert set(found) == set(config.keys())
+
+
+def test_what_is_printed_is_a_settings_file(tmp_path):
+    keys = {"auth": {"keys_file": "keys.toml"}, "otlp_endpoint": "http://ada:sesame@collector:4317"}
+    settings = config.load(keys)
+    page = as_toml(settings, config.origins(keys))
+    assert "sesame" not in page
+    assert "# command line" in page and "# tls_cert is not set" in page
+    again = config.load({}, write(tmp_path, page.replace("[hidden]", "ada:sesame")))
+    assert again.model_dump() == settings.model_dump()
+
+
+def test_the_schema_knows_every_setting():
+    done = CliRunner().invoke(app, ["schema"])
+    document = json.loads(done.stdout)
+    assert set(document["properties"]) == set(config.Settings.model_fields)
+    assert set(document["$defs"]["Limits"]["properties"]) == set(config.Limits.model_fields)
+
+
+def test_the_settings_in_the_documents_are_these():
+    page = (Path(__file__).parent.parent / "docs/operations.md").read_text()
+    table = page.split("<!-- wayfarer config table -->\n")[1].split("\n<!-- end -->")[0]
+    assert table == as_markdown()
+
+
+def test_every_setting_is_described():
+    models = (config.Settings, config.Limits, config.Auth)
+    bare = [
+        name
+        for model in models
+        for name, field in model.model_fields.items()
+        if not field.description and name not in ("limits", "auth")
+    ]
+    assert bare == []

@@ -4,6 +4,8 @@ import sys
 
 import pytest
 
+from wayfarer.logs import HIDDEN, hidden
+
 PROGRAM = """
 import logging, structlog
 from wayfarer.logs import configure_logging
@@ -45,3 +47,46 @@ def test_text():
     lines = run("text")
     assert "ready" in lines and "port=1" in lines and "ZeroDivisionError" in lines
     assert "hidden" not in lines and "chatter" not in lines
+
+
+KEY = "wf_Zm9vYmFyYmF6cXV4Zm9vYmFyYmF6cXV4"
+TOKEN = "eyJhbGciOiJFUzI1NiIsImtpZCI6Im9uZSJ9.eyJzdWIiOiJhZGEifQ.c2lnbmF0dXJl"
+SECRETS = f"""
+import logging, structlog
+from wayfarer.logs import configure_logging
+configure_logging("debug", "{{form}}")
+log = structlog.get_logger("test")
+log.info("key {KEY}", authorization="Bearer opaque-1", x_api_key="opaque-2", token="opaque-3")
+log.info("call", path="/v1/stream?token=opaque-4&session=s", headers={{{{"a": ["{TOKEN}"]}}}})
+logging.getLogger("library").warning("got Authorization: Bearer opaque-5, from %s", "{KEY}")
+logging.getLogger("library").warning("https://ada:opaque-6@issuer.example/jwks?api_key=opaque-7")
+structlog.contextvars.bind_contextvars(cookie="opaque-8")
+try:
+    raise ValueError("no such token: {TOKEN}") from KeyError("wayfarer.token.b3BhcXVlLTk")
+except ValueError:
+    log.exception("broken")
+"""
+
+
+@pytest.mark.parametrize("form", ["json", "text"])
+def test_no_key_or_token_in_any_line(form):
+    answer = subprocess.run(
+        [sys.executable, "-c", SECRETS.format(form=form)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    lines = answer.stderr
+    for secret in (KEY, TOKEN, "opaque", "b3BhcXVl"):
+        assert secret not in lines
+    assert "[hidden]" in lines and "session=s" in lines and "issuer.example" in lines
+    if form == "json":
+        assert all(json.loads(line) for line in lines.splitlines())
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["tokens=3 keys=5", "wf_short", "bearer of good news", "https://issuer.example/jwks", "a:b@c"],
+)
+def test_other_text_stays(text):
+    assert hidden(text) in (text, text.replace("of", HIDDEN))

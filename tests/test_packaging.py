@@ -39,12 +39,12 @@ def test_the_image_sets_what_the_service_knows(monkeypatch: pytest.MonkeyPatch) 
     variables = re.findall(r"(WAYFARER_\w+)=(\S+)", DOCKERFILE)
     for name, value in variables:
         monkeypatch.setenv(name, value)
-    assert variables and config.load({}).host == "0.0.0.0"
+    assert variables and config.load({"insecure_no_auth": True}).host == "0.0.0.0"
 
 
 def test_compose_publishes_on_this_machine_only() -> None:
     ports = re.findall(r'^ +- "(.+:\d+)"$', (ROOT / "docker-compose.yml").read_text(), re.MULTILINE)
-    assert len(ports) == 2
+    assert len(ports) == 4
     assert all(port.startswith("127.0.0.1:") for port in ports)
 
 
@@ -56,8 +56,9 @@ def test_make_knows_its_targets(target: str) -> None:
     assert plan.returncode == 0, plan.stderr
 
 
-@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md"])
+@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md", "docs/operations.md"])
 def test_links_between_documents_lead_somewhere(page: str) -> None:
     links = re.findall(r"\]\((?!https?:)([^)#]+)", (ROOT / page).read_text())
     assert links
-    assert [link for link in links if not (ROOT / link).exists()] == []
+    folder = (ROOT / page).parent
+    assert [link for link in links if not (folder / link).exists()] == []

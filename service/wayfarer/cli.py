@@ -22,6 +22,7 @@ EXTRAS: Final = {
     "PIL": "render",
     "imageio_ffmpeg": "render",
     "anny": "bake",
+    "opentelemetry": "otel",
 }
 """Package that may be missing → the extra of this package that brings it."""
 
@@ -72,9 +73,13 @@ def _command(parent: typer.Typer, name: str, target: str, help_text: str) -> Non
 
 app = _group("Wayfarer: walking digital humans, streamed to engines and browsers.")
 _command(app, "serve", "wayfarer.serve:serve_command", "Start gRPC and HTTP with the models.")
+_command(app, "probe", "wayfarer.probe:probe", "Ask the service here whether it is ready.")
+_command(app, "keys", "wayfarer.transport.auth.commands:app", "API keys of the service.")
+_command(app, "config", "wayfarer.config_page:app", "Settings: the JSON schema of their file.")
 _command(app, "generate", "wayfarer.clips.generate:generate", "Write a walk as GLB, BVH or npz.")
 _command(app, "render", "wayfarer.evaluation.render:render", "Draw motion: strips, sheets, films.")
 _command(app, "eval", "wayfarer.evaluation.commands:app", "Measure motion and models, as tables.")
+_command(app, "load", "wayfarer.load.cli:load", "Load a server, and measure how late it is.")
 _command(app, "train", "wayfarer.training.cli:app", "Train the models of the method.")
 _command(app, "export", "wayfarer.training.cli:export", "Write trained models as ONNX graphs.")
 

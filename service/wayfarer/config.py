@@ -2,7 +2,7 @@
 
 A setting comes from, first wins: the command line; the environment (`WAYFARER_HTTP_PORT=9000`,
 nested `WAYFARER_LIMITS__AGENTS=128`); a TOML file (`--config` or `WAYFARER_CONFIG`); its default.
-Unknown keys are refused wherever they stand.
+Unknown keys are refused wherever they stand. Lists are written with commas in the environment.
 """
 
 import os
@@ -11,11 +11,23 @@ import tomllib
 from collections.abc import Mapping
 from ipaddress import ip_address
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
+from urllib.parse import urlsplit
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
+from pydantic.fields import FieldInfo
 from pydantic_settings import (
     BaseSettings,
+    EnvSettingsSource,
+    NoDecode,
     PydanticBaseSettingsSource,
     SettingsConfigDict,
     TomlConfigSettingsSource,
@@ -26,8 +38,26 @@ from wayfarer.errors import InvalidArgument
 PREFIX: Final = "WAYFARER_"
 FILE_VARIABLE: Final = PREFIX + "CONFIG"
 
+SIGNATURES: Final = (
+    *("ES256", "ES384", "ES512", "RS256", "RS384", "RS512", "PS256", "PS384", "PS512", "EdDSA"),
+)
+"""What a JWT may be signed with."""
+
 SERVICE_LINK: Final = re.compile(PREFIX + r"(SERVICE_HOST|SERVICE_PORT(_.+)?|PORT(_\d+_.+)?)")
 """Variables that Kubernetes sets in every pod beside a service named wayfarer."""
+
+Texts = Annotated[
+    tuple[str, ...],
+    NoDecode,
+    BeforeValidator(lambda v: v.replace(",", " ").split() if isinstance(v, str) else v),
+]
+
+
+def _origin(text: str) -> str:
+    parts = urlsplit(text)
+    if parts.scheme not in ("http", "https") or f"{parts.scheme}://{parts.netloc}" != text:
+        raise ValueError(f"{text!r} is no origin; write https://example.org, with no path")
+    return text
 
 
 class Limits(BaseModel):
@@ -74,6 +104,51 @@ class Limits(BaseModel):
     )
 
 
+class Auth(BaseModel):
+    """How callers are known. Nothing set: everybody may do everything."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    keys_file: Path | None = Field(
+        default=None, description="TOML file of API keys; `wayfarer keys new` makes entries"
+    )
+    jwt_keys: str = Field(
+        default="", description="JWKS of the issuer of JWTs: a file, or an https:// URL"
+    )
+    jwt_issuer: str = Field(default="", description="`iss` that a JWT must have")
+    jwt_audience: str = Field(default="wayfarer", description="`aud` that a JWT must have")
+    jwt_algorithms: Annotated[
+        Texts, AfterValidator(lambda found: tuple(_signature(name) for name in found))
+    ] = Field(default=("ES256", "RS256"), min_length=1, description="signatures that are accepted")
+    jwt_leeway_s: float = Field(
+        default=30.0, ge=0, le=300, description="seconds that clocks may differ"
+    )
+    certificate_scopes: Texts = Field(
+        default=("read", "control"),
+        description="scopes of a caller known by its client certificate alone",
+    )
+
+    @model_validator(mode="after")
+    def _whole(self) -> "Auth":
+        if bool(self.jwt_keys) != bool(self.jwt_issuer):
+            raise ValueError("jwt_keys and jwt_issuer belong together: set both, or neither")
+        if self.jwt_keys and "://" in self.jwt_keys and not self.jwt_keys.startswith("https://"):
+            raise ValueError("jwt_keys is a file or an https:// URL")
+        if unknown := set(self.certificate_scopes) - {"read", "control", "admin"}:
+            raise ValueError(
+                f"certificate_scopes: {', '.join(sorted(unknown))} is no scope; "
+                "there are read, control, admin"
+            )
+        return self
+
+
+def _signature(name: str) -> str:
+    """Public-key signatures only: with HS256 everybody who can check could also sign."""
+    if name not in SIGNATURES:
+        raise ValueError(f"{name!r} is not allowed; allowed are {', '.join(SIGNATURES)}")
+    return name
+
+
 class Settings(BaseSettings):
     """Everything that can be set."""
 
@@ -87,17 +162,82 @@ class Settings(BaseSettings):
     )
     grpc_port: int = Field(default=50051, ge=0, le=65535, description="gRPC; 0: any free port")
     model: str = Field(
-        default="gamma-anny52", description="motion model: a shipped name or a folder"
+        default="gamma-anny52",
+        description="motion model: a shipped name, one of models_dir, or a folder's path with a /",
+    )
+    models_dir: Path | None = Field(
+        default=None, description="folder of more model folders, for AdminService.LoadModel"
+    )
+    state_dir: Path | None = Field(
+        default=None, description="folder of the journal: what it holds outlives the process"
     )
     threads: int = Field(default=0, ge=0, le=256, description="threads of the engine; 0: all cores")
     candidates: int = Field(
         default=4, ge=1, le=256, description="candidate primitives tried per step"
     )
+    admission: bool = Field(
+        default=True,
+        description="refuse agents for whom there is no time; false: only `limits` refuse",
+    )
+    most_load: float = Field(
+        default=0.8,
+        gt=0,
+        le=1,
+        description="share of the time that steps may take; agents who would exceed it are refused",
+    )
     limits: Limits = Limits()
-    log_level: Literal["debug", "info", "warning", "error"] = "info"
+    auth: Auth = Auth()
+    connections: int = Field(default=1024, ge=8, description="open HTTP connections")
+    insecure_no_auth: bool = Field(
+        default=False, description="let everybody who reaches a host beyond loopback do everything"
+    )
+    tls_cert: Path | None = Field(
+        default=None, description="PEM file of the server's certificate chain: both ports speak TLS"
+    )
+    tls_key: Path | None = Field(default=None, description="PEM file of its private key")
+    tls_client_ca: Path | None = Field(
+        default=None, description="PEM file of the authority whose client certificates are asked"
+    )
+    cors_origins: Annotated[
+        Texts, AfterValidator(lambda found: tuple(_origin(text) for text in found))
+    ] = Field(default=(), description="origins of web pages that may call, as https://example.org")
+    metrics: Literal["guarded", "open", "off"] = Field(
+        default="guarded", description="who may read /metrics; guarded: callers with scope read"
+    )
+    otlp_endpoint: str = Field(
+        default="", description="where traces go (OTLP over gRPC); empty: no traces"
+    )
+    drain_s: float = Field(
+        default=2.0, ge=0, le=600, description="seconds for streams and calls to end at shutdown"
+    )
+    log_level: Literal["debug", "info", "warning", "error"] = Field(
+        default="info", description="the least that is logged"
+    )
     log_format: Literal["auto", "text", "json"] = Field(
         default="auto", description="auto: text on a terminal, JSON elsewhere"
     )
+    access_log: bool = Field(default=False, description="a line in the log for every call")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "Settings":
+        if bool(self.tls_cert) != bool(self.tls_key):
+            raise ValueError("tls_cert and tls_key belong together: set both, or neither")
+        if self.tls_client_ca and not self.tls_cert:
+            raise ValueError(
+                "tls_client_ca needs tls_cert and tls_key: client certificates are TLS"
+            )
+        if not (self.is_loopback or self.has_auth or self.insecure_no_auth):
+            raise ValueError(
+                f"host {self.host} lets other machines in, and nothing says who may call; either "
+                "set auth.keys_file, auth.jwt_keys or tls_client_ca (docs/operations.md), or, "
+                "where something else guards the ports, give --insecure-no-auth"
+            )
+        return self
+
+    @property
+    def has_auth(self) -> bool:
+        """Whether callers must show who they are."""
+        return bool(self.auth.keys_file or self.auth.jwt_keys or self.tls_client_ca)
 
     @property
     def is_loopback(self) -> bool:
@@ -126,34 +266,90 @@ def load(command_line: Mapping[str, Any], file: Path | None = None) -> Settings:
     Raises InvalidArgument that names the key, what is wrong with it, and where it may stand.
     """
     _refuse_unknown_variables()
-    if file is None and (named := os.environ.get(FILE_VARIABLE)):
-        file = Path(named)
-    if file is not None and not file.is_file():
-        raise InvalidArgument(f"there is no settings file {file}", "config")
-
-    class FileSettings(Settings):
-        model_config = SettingsConfigDict(toml_file=file)
-
+    file = settings_file(file)
     try:
-        return FileSettings(**command_line)
+        return _from(file)(**command_line)
     except tomllib.TOMLDecodeError as error:
         raise InvalidArgument(f"{file} is not TOML: {error}", "config") from None
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])
-        known = _keys(Settings, ".")
-        what = (
-            f"unknown; known are {', '.join(known)}"
-            if first["type"] == "extra_forbidden"
-            else f"{first['msg']} (got {first['input']!r})"
-        )
-        raise InvalidArgument(f"setting {key}: {what}", key) from None
+        if first["type"] == "extra_forbidden":
+            what = f"unknown; known are {', '.join(keys())}"
+        elif "error" in first.get("ctx", {}):  # raised by a check of ours
+            what = str(first["ctx"]["error"])
+        else:
+            what = f"{first['msg']} (got {first['input']!r})"
+        raise InvalidArgument(f"setting {key}: {what}" if key else what, key) from None
+
+
+def settings_file(named: Path | None = None) -> Path | None:
+    """The file that is read: `named`, or that of the environment. Raises InvalidArgument."""
+    if named is None and (variable := os.environ.get(FILE_VARIABLE)):
+        named = Path(variable)
+    if named is not None and not named.is_file():
+        raise InvalidArgument(f"there is no settings file {named}", "config")
+    return named
+
+
+def origins(command_line: Mapping[str, Any], file: Path | None = None) -> dict[str, str]:
+    """Where each setting that `load` would give comes from, by dotted key."""
+    file = settings_file(file)
+    sources = {
+        "command line": dict(command_line),
+        "environment": EnvSettingsSource(Settings)(),
+        str(file): TomlConfigSettingsSource(Settings, file)() if file else {},
+    }
+    return {
+        key: next((name for name, values in sources.items() if _holds(values, key)), "default")
+        for key in keys()
+    }
+
+
+def keys(model: type[BaseModel] | None = None, separator: str = ".") -> list[str]:
+    """Names of all settings, nested ones joined."""
+    found: list[str] = []
+    for name, field in (model or Settings).model_fields.items():
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            found += [name + separator + inner for inner in keys(field.annotation, separator)]
+        else:
+            found.append(name)
+    return found
+
+
+def field_of(key: str) -> FieldInfo:
+    """Of a setting."""
+    group, _, name = key.rpartition(".")
+    if not group:
+        return Settings.model_fields[name]
+    model: Any = Settings.model_fields[group].annotation
+    found: FieldInfo = model.model_fields[name]
+    return found
+
+
+def variable(key: str) -> str:
+    """Name of a setting in the environment."""
+    return PREFIX + key.replace(".", "__").upper()
+
+
+def _from(file: Path | None) -> type[Settings]:
+    class FileSettings(Settings):
+        model_config = SettingsConfigDict(toml_file=file)
+
+    return FileSettings
+
+
+def _holds(values: Mapping[str, Any], key: str) -> bool:
+    first, _, rest = key.partition(".")
+    if first not in values:
+        return False
+    return not rest or (isinstance(values[first], Mapping) and _holds(values[first], rest))
 
 
 def _refuse_unknown_variables() -> None:
     """pydantic-settings ignores variables that it does not know; a typing error must not pass."""
-    known = {PREFIX + key.upper() for key in _keys(Settings, "__")} | {FILE_VARIABLE}
-    known.add(PREFIX + "LIMITS")
+    known = {variable(key) for key in keys()} | {FILE_VARIABLE}
+    known |= {variable(key.partition(".")[0]) for key in keys() if "." in key}  # whole, as JSON
     unknown = sorted(
         key
         for key in os.environ
@@ -165,14 +361,3 @@ def _refuse_unknown_variables() -> None:
             f"known are {', '.join(sorted(known))}",
             unknown[0],
         )
-
-
-def _keys(model: type[BaseModel], separator: str) -> list[str]:
-    """Names of all settings, nested ones joined."""
-    keys: list[str] = []
-    for name, field in model.model_fields.items():
-        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            keys += [name + separator + inner for inner in _keys(field.annotation, separator)]
-        else:
-            keys.append(name)
-    return keys

@@ -31,7 +31,12 @@ class InvalidArgument(WayfarerError):
 
 
 class NotFound(WayfarerError):
-    """No such session, agent, body or model."""
+    """No such session, agent, body or model; `kind` and `name` say which, where known."""
+
+    def __init__(self, message: str, kind: str = "", name: str = "") -> None:
+        super().__init__(message)
+        self.kind = kind
+        self.name = name
 
 
 class AlreadyExists(WayfarerError):

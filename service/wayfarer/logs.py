@@ -1,10 +1,32 @@
-"""Log lines: text for people, JSON for machines. Of this project and of the libraries below it."""
+"""Log lines: text for people, JSON for machines. Of this project and of the libraries below it.
+
+Keys and tokens are taken out of every line, whoever wrote it and wherever they stand in it.
+"""
 
 import logging
+import re
 import sys
-from typing import Any
+from typing import Any, Final
 
 import structlog
+
+HIDDEN: Final = "[hidden]"
+
+SECRET_NAMES: Final = re.compile(
+    r"authorization|api[-_]?key|token|secret|password|cookie|sec-websocket-protocol", re.IGNORECASE
+)
+"""Fields of a line whose values are never shown."""
+
+_SECRETS: Final = re.compile(
+    r"wf_[\w-]{16,}"  # API keys
+    r"|eyJ[\w-]{8,}(?:\.[\w-]*){1,4}"  # JWTs
+    r"|(?<=wayfarer\.token\.)[\w-]+"  # either, in a WebSocket's subprotocol
+    r"|(?<=bearer )[^\s\"',\\]+"
+    r"|(?<=(?:[?&])token=)[^\s&\"'\\]+|(?<=(?:[?&])key=)[^\s&\"'\\]+"
+    r"|(?<=api_key=)[^\s&\"'\\]+|(?<=access_token=)[^\s&\"'\\]+"
+    r"|(?<=://)[^\s/@\"'\\]+:[^\s/@\"'\\]+(?=@)",  # user and password of a URL
+    re.IGNORECASE,
+)
 
 
 def configure_logging(level: str, form: str) -> None:
@@ -34,15 +56,33 @@ def configure_logging(level: str, form: str) -> None:
         logger_factory=structlog.stdlib.LoggerFactory(),
         cache_logger_on_first_use=True,
     )
+    meta = structlog.stdlib.ProcessorFormatter.remove_processors_meta
+    last: list[Any] = [meta, hide_fields, *finish, hide_text]
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(
-        structlog.stdlib.ProcessorFormatter(
-            foreign_pre_chain=shared,
-            processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, *finish],
-        )
+        structlog.stdlib.ProcessorFormatter(foreign_pre_chain=shared, processors=last)
     )
     root = logging.getLogger()
     root.handlers[:] = [handler]
     root.setLevel(level.upper())
-    for chatty in ("uvicorn", "asyncio", "grpc"):
+    for chatty in ("asyncio", "grpc"):
         logging.getLogger(chatty).setLevel(max(root.level, logging.WARNING))
+    logging.getLogger("uvicorn").setLevel(logging.ERROR)  # it warns of every malformed request
+
+
+def hide_fields(logger: Any, method: str, event: dict[str, Any]) -> dict[str, Any]:
+    """Processor: no value of a field that is a secret by its name."""
+    return {
+        key: HIDDEN if isinstance(key, str) and SECRET_NAMES.search(key) else value
+        for key, value in event.items()
+    }
+
+
+def hide_text(logger: Any, method: str, line: str) -> str:
+    """Last processor: no key or token in a finished line, traces included."""
+    return hidden(line)
+
+
+def hidden(text: str) -> str:
+    """A text without the keys, tokens and passwords in it."""
+    return _SECRETS.sub(HIDDEN, text)

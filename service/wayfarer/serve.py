@@ -6,8 +6,9 @@ One process: an asyncio event loop for both transports, a thread for the motion 
 import asyncio
 import signal
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Final
 
 import structlog
 import typer
@@ -15,62 +16,93 @@ from rich.console import Console
 
 from wayfarer import __version__, config
 from wayfarer.artifacts import ModelFolder, sha256_of
-from wayfarer.body.library import load_body
+from wayfarer.body.library import body_file, load_body
 from wayfarer.config import Settings
+from wayfarer.config_page import as_toml
 from wayfarer.logs import configure_logging
 from wayfarer.runtime.budget import BudgetRules, rungs
-from wayfarer.runtime.loop import MotionLoop, steady_clock
+from wayfarer.runtime.journal import Journal
+from wayfarer.runtime.loop import LoopSettings, steady_clock
+from wayfarer.runtime.meter import Meter
+from wayfarer.runtime.model_store import ModelStore
+from wayfarer.runtime.models import Models
 from wayfarer.runtime.onnx_engine import OnnxEngine
-from wayfarer.runtime.settings import Limits, WorldSettings
+from wayfarer.runtime.runtime import Runtime
+from wayfarer.runtime.settings import BATCH_SIZES, AdmissionRules, Limits, WorldSettings
+from wayfarer.runtime.snapshot import BodyStamp
 from wayfarer.runtime.spawn import load_start_poses
 from wayfarer.runtime.steering import Steering
 from wayfarer.runtime.world import World
-from wayfarer.spec import GENDERS, PRIMITIVE_FRAMES, SEED_FRAMES
+from wayfarer.runtime.worlds import Worlds
+from wayfarer.spec import GENDERS
 from wayfarer.stage import BODY, DEFAULT_MODEL, START_POSES, load_models
-from wayfarer.transport import schema
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
+from wayfarer.transport.operation import Operation
 from wayfarer.transport.server import Server
 
 log = structlog.get_logger(__name__)
 
+MEASURES: Final = 3
+"""Calls of each size that are measured once all is warm; agents are admitted by the shortest."""
+
+SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+
 
 async def serve(settings: Settings) -> None:
-    """Run until SIGINT or SIGTERM."""
+    """Run until SIGINT, SIGTERM or AdminService.Drain."""
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
-    for sign in (signal.SIGINT, signal.SIGTERM):
+    for sign in SIGNALS:
         loop.add_signal_handler(sign, stop.set)
-    if not settings.is_loopback:
+    if not (settings.is_loopback or settings.has_auth):
         log.warning("reachable from other machines without authentication", host=settings.host)
 
     clock = steady_clock()
-    folder = load_models(model_folder(settings.model))
-    motion = motion_loop(settings, folder, clock)
-    gateway = Gateway(motion, BodyLibrary(BODY), [model_card(folder)], settings.limits, clock)
-    server = Server(gateway, settings.host, settings.http_port, settings.grpc_port)
+    operation = Operation.from_settings(settings)
+    if hasattr(signal, "SIGHUP"):
+        loop.add_signal_handler(signal.SIGHUP, operation.guard.authenticator.reload)
+    folder = model_folder(settings)
+    motion = runtime(settings, folder, clock, operation.metrics)
+    gateway = Gateway(motion, BodyLibrary(BODY), settings.limits, clock, stop.set)
+    server = Server(gateway, settings.host, settings.http_port, settings.grpc_port, operation)
     motion.start()
     try:
         await server.start()
         await server.until_ready()
         announce(server, folder)
         await stop.wait()
-        for sign in (signal.SIGINT, signal.SIGTERM):
-            loop.remove_signal_handler(sign)  # a second one ends the process at once
-        log.info("stopping")
+        for sign in SIGNALS:
+            loop.remove_signal_handler(sign)  # one more ends the process at once
+        log.info("draining", streams=gateway.streams)
         await server.stop()
     finally:
         await motion.stop()
     log.info("stopped")
 
 
-def model_folder(name: str) -> Path:
-    """Where a shipped model lies, or the folder that a path names."""
-    return Path(name) if "/" in name else DEFAULT_MODEL.parent / name
+def model_store(settings: Settings) -> ModelStore:
+    """The models that can be loaded by name: those shipped, then those of `models_dir`."""
+    shipped = DEFAULT_MODEL.parent
+    return ModelStore(
+        (shipped,) if settings.models_dir is None else (shipped, settings.models_dir),
+        load_models,
+        settings.threads,
+        [size for size in BATCH_SIZES if size <= settings.limits.agents],
+        rungs(settings.candidates),
+    )
 
 
-def motion_loop(settings: Settings, folder: ModelFolder, clock: Any) -> MotionLoop:
-    """The runtime over the models; not yet started."""
+def model_folder(settings: Settings) -> ModelFolder:
+    """The model to start with. Raises InvalidArgument, NotFound, ArtifactError."""
+    name = settings.model
+    return load_models(Path(name) if "/" in name else model_store(settings).find(name))
+
+
+def runtime(
+    settings: Settings, folder: ModelFolder, clock: Callable[[], float], meter: Meter | None = None
+) -> Runtime:
+    """The runtime over the models; not yet started. Raises ArtifactError."""
     limits = Limits(
         agents=settings.limits.agents,
         agents_per_session=settings.limits.agents_per_session,
@@ -82,23 +114,34 @@ def motion_loop(settings: Settings, folder: ModelFolder, clock: Any) -> MotionLo
         limits=limits,
         steering=Steering().with_search(candidates=settings.candidates),
         budget=BudgetRules(),
+        admission=AdmissionRules(settings.most_load),
     )
+    body = BodyStamp(BODY, {gender: sha256_of(body_file(BODY, gender)) for gender in GENDERS})
     engine = OnnxEngine(folder, settings.threads)
-    bodies = {gender: load_body(BODY, gender, "low") for gender in GENDERS}
-    world = World(engine, bodies, load_start_poses(START_POSES), world_settings)
-    candidates = rungs(settings.candidates)
     sizes = [size for size in world_settings.batch_sizes if size <= limits.agents]
-    return MotionLoop(world, lambda: engine.warm_up(sizes, candidates), clock=clock)
 
+    def warm_up(world: World) -> None:
+        engine.warm_up(sizes, rungs(settings.candidates))
+        for _ in range(MEASURES if settings.admission else 0):  # what is not measured refuses none
+            engine.warm_up(sizes, (1, settings.candidates), world.measured)
 
-def model_card(folder: ModelFolder) -> schema.Model:
-    """The catalogue entry of a model folder."""
-    return schema.Model(
-        name=folder.name,
-        genders=tuple(schema.Gender(gender) for gender in GENDERS),
-        seed_frames=SEED_FRAMES,
-        primitive_frames=PRIMITIVE_FRAMES,
-        sha256=tuple(sha256_of(folder.graph("step", gender, SEED_FRAMES)) for gender in GENDERS),
+    worlds = Worlds(
+        models=Models(engine),
+        body=body,
+        bodies={gender: load_body(BODY, gender, "low") for gender in GENDERS},
+        start_poses=load_start_poses(START_POSES),
+        settings=world_settings,
+        journal=Journal(settings.state_dir, body, meter) if settings.state_dir else None,
+        log_entries=settings.limits.log_entries,
+    )
+    queues = LoopSettings(
+        queue_s=settings.limits.queue_s,
+        resume_s=settings.limits.resume_s,
+        lead_s=settings.limits.lead_s,
+    )
+    store = model_store(settings)
+    return Runtime(
+        worlds, settings.limits.clips, warm_up, queues, clock, meter, open_model=store.open
     )
 
 
@@ -123,13 +166,33 @@ def serve_command(
     http_port: Annotated[int | None, typer.Option(help="HTTP; 0: any free port. [8080]")] = None,
     grpc_port: Annotated[int | None, typer.Option(help="gRPC; 0: any free port. [50051]")] = None,
     model: Annotated[
-        str | None, typer.Option(help="A shipped model's name, or a folder. [default]")
+        str | None, typer.Option(help="A shipped model's name, or a folder. [gamma-anny52]")
     ] = None,
     threads: Annotated[
         int | None, typer.Option(help="Threads of the engine; 0: all cores. [0]")
     ] = None,
     candidates: Annotated[
-        int | None, typer.Option(help="Candidate primitives tried per step. [16]")
+        int | None, typer.Option(help="Candidate primitives tried per step. [4]")
+    ] = None,
+    state_dir: Annotated[
+        Path | None, typer.Option(help="Folder in which sessions outlive a crash. [none]")
+    ] = None,
+    models_dir: Annotated[
+        Path | None, typer.Option(help="Folder of models that may be loaded while it runs. [none]")
+    ] = None,
+    keys_file: Annotated[
+        Path | None, typer.Option(help="TOML file of API keys; `wayfarer keys new` makes entries.")
+    ] = None,
+    insecure_no_auth: Annotated[
+        bool | None,
+        typer.Option("--insecure-no-auth", help="Ask nobody who they are, beyond loopback too."),
+    ] = None,
+    tls_cert: Annotated[
+        Path | None, typer.Option(help="PEM file of the certificate chain: both ports speak TLS.")
+    ] = None,
+    tls_key: Annotated[Path | None, typer.Option(help="PEM file of its private key.")] = None,
+    tls_client_ca: Annotated[
+        Path | None, typer.Option(help="PEM file of the authority of client certificates.")
     ] = None,
     log_level: Annotated[
         str | None, typer.Option(help="debug, info, warning, error. [info]")
@@ -138,12 +201,26 @@ def serve_command(
     file: Annotated[
         Path | None, typer.Option("--config", help="TOML file with any of the settings.")
     ] = None,
+    check_config: Annotated[
+        bool,
+        typer.Option(
+            "--check-config",
+            help="Print the settings and where each comes from, check their files, and end.",
+        ),
+    ] = False,
 ) -> None:
-    """Start the service: gRPC and HTTP. All settings: docs/api.md."""
-    given = dict(locals())
-    file = given.pop("file")
-    settings = config.load({k: v for k, v in given.items() if v is not None}, file)
+    """Start the service: gRPC and HTTP. All settings: docs/operations.md."""
+    given = {k: v for k, v in locals().items() if v is not None}
+    file, check_config = given.pop("file", None), given.pop("check_config")
+    if "keys_file" in given:
+        given["auth"] = {"keys_file": given.pop("keys_file")}
+    settings = config.load(given, file)
     configure_logging(settings.log_level, settings.log_format)
+    if check_config:
+        typer.echo(as_toml(settings, config.origins(given, file)))
+        Operation.from_settings(settings)
+        model_folder(settings)
+        return
     try:
         import uvloop
     except ImportError:  # Windows has none

@@ -150,8 +150,9 @@ async def test_stream_connects_again(service, client):
         while len(service.subscriptions) == connection:
             await asyncio.sleep(0.01)
         service.emit(session.session_id)
-        assert [agent.name for agent in (await reading).added] == ["Ada"]
+        assert [frames.agent.name for frames in await reading] == ["Ada"]
         service.subscriptions[connection].queue.put_nowait(Unavailable("hiccup"))
+    assert stream.reconnections == 1
     await stream.aclose()
 
 
@@ -163,15 +164,16 @@ async def test_stream_gives_up_after_its_deadline(service):
         reading = asyncio.create_task(anext(stream))
         while not service.subscriptions:
             await asyncio.sleep(0.01)
+    assert [event.kind for event in (await reading).events] == ["draining"]
     with pytest.raises(wf.Unavailable, match=r"no stream for 0\.5 s"):
-        await reading
+        await anext(stream)
     await client.close()
 
 
 async def test_a_slow_stream_is_not_cut(client, monkeypatch):
     """Heartbeats are signs of life, though nothing moves."""
     monkeypatch.setattr("wayfarer.transport.stream.HEARTBEAT_S", 0.05)
-    monkeypatch.setattr("wayfarer_client.client.SILENCE_S", 0.5)
+    monkeypatch.setattr("wayfarer_client.stream.SILENCE_S", 0.5)
     session = await client.create_session()
     reading = asyncio.create_task(anext(session.stream(deadline=0.1)))
     done, _ = await asyncio.wait({reading}, timeout=1.0)

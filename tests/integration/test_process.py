@@ -123,7 +123,8 @@ def test_a_port_in_use_is_one_line(option, what):
 
 
 def test_other_machines_are_let_in_only_when_asked_and_with_a_warning():
-    with serve(*ANY_PORTS, "--host", "0.0.0.0") as service:
+    assert "--insecure-no-auth" in refused("--host", "0.0.0.0")
+    with serve(*ANY_PORTS, "--host", "0.0.0.0", "--insecure-no-auth") as service:
         (warning,) = [line for line in service.log if line["level"] == "warning"]
         assert "without authentication" in warning["event"]
 

@@ -11,13 +11,11 @@ import pytest
 import websockets
 
 import wayfarer_client as wf
-from tests.runtime.fakes import BODIES, FakeEngine, start_poses
-from tests.transport.fakes import MODEL
+from tests.runtime.kept_worlds import fake_worlds
 from wayfarer.config import Limits
-from wayfarer.runtime.loop import LoopSettings, MotionLoop, steady_clock
+from wayfarer.runtime.loop import LoopSettings, steady_clock
+from wayfarer.runtime.runtime import Runtime
 from wayfarer.runtime.settings import Limits as WorldLimits
-from wayfarer.runtime.settings import WorldSettings
-from wayfarer.runtime.world import World
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.server import Server
@@ -27,18 +25,17 @@ from wayfarer.v1 import motion_pb2
 @pytest.fixture
 async def server():
     clock = steady_clock()
-    settings = WorldSettings(limits=WorldLimits(agents=32, agents_per_session=32, sessions=4))
-    world = World(FakeEngine(), BODIES, start_poses(), settings)
+    worlds = fake_worlds(limits=WorldLimits(agents=32, agents_per_session=32, sessions=4))
     # long queues: a busy test machine must not look like a slow reader
-    loop = MotionLoop(world, settings=LoopSettings(queue_seconds=30.0), clock=clock)
-    gateway = Gateway(loop, BodyLibrary("anny52"), [MODEL], Limits(), clock)
+    runtime = Runtime(worlds, settings=LoopSettings(queue_s=30.0), clock=clock)
+    gateway = Gateway(runtime, BodyLibrary("anny52"), Limits(), clock, stop=lambda: None)
     running = Server(gateway, "127.0.0.1", 0, 0)
-    loop.start()
+    runtime.start()
     await running.start()
     await running.until_ready()
     yield running
     await running.stop()
-    await loop.stop()
+    await runtime.stop()
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ import numpy as np
 
 from wayfarer.body.model import BodyModel
 from wayfarer.runtime.agent import AgentSpec
+from wayfarer.runtime.commands import Recorder
 from wayfarer.runtime.engine import StepInputs, StepOutputs
 from wayfarer.runtime.heading import facing_of
 from wayfarer.runtime.settings import WorldSettings
@@ -21,6 +22,8 @@ class FakeEngine:
     to the facing asked for; candidate 0's first latent number is a sideways nudge in millimetres,
     so the noise shows in the motion."""
 
+    name = "fake"
+    graphs = ("0" * 64, "1" * 64)
     term_names = TERMS
 
     def __init__(self) -> None:
@@ -115,8 +118,11 @@ def start_poses(count: int = 2) -> np.ndarray:
     return poses
 
 
-def make_world(engine: FakeEngine | None = None, **settings: object) -> World:
-    return World(engine or FakeEngine(), BODIES, start_poses(), WorldSettings(**settings))
+def make_world(
+    engine: FakeEngine | None = None, recorder: Recorder | None = None, **settings: object
+) -> World:
+    found = WorldSettings(**settings)
+    return World(engine or FakeEngine(), BODIES, start_poses(), found, recorder)
 
 
 def people(count: int, **values: object) -> list[AgentSpec]:

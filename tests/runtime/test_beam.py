@@ -7,7 +7,7 @@ import pytest
 
 from tests.runtime.fakes import HIPS_HEIGHT, FakeEngine, make_world, people
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.agent import AgentState, Goal
+from wayfarer.runtime.agent import AgentState, Goal, SessionSpec
 from wayfarer.runtime.beam import BLOCK, fan_out, grow, plan, select
 from wayfarer.runtime.beam_settings import CLONES, HARD, BeamSettings
 from wayfarer.runtime.engine import StepInputs, StepOutputs
@@ -141,7 +141,7 @@ def test_keeping_one_is_the_online_search(children):
     specs = people(3)
     goals = [Goal((s.position[0] + 1.0, 2.0, 0.0), heading=0.0) for s in specs]
     world = make_world(Walker(), steering=Steering().with_search(candidates=children))
-    session = world.create_session(None, 0.0).session_id
+    session = world.create_session(SessionSpec(), 0.0).session_id
     agents = [a.agent_id for a in world.create_agents(session, specs, 0.0)]
     for agent, goal in zip(agents, goals, strict=True):
         world.set_goal(agent, goal, 0.0)

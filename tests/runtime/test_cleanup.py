@@ -6,7 +6,14 @@ import numpy as np
 
 from tests.runtime.fakes import FakeEngine
 from tests.runtime.legwork import body, soles_of, standing
-from wayfarer.runtime.agent import AgentSpec, ChunkFlag, Goal, MotionChunk
+from wayfarer.runtime.agent import (
+    AgentChange,
+    AgentSpec,
+    ChunkFlag,
+    Goal,
+    MotionChunk,
+    SessionSpec,
+)
 from wayfarer.runtime.twobone import MOVED
 from wayfarer.runtime.world import World
 
@@ -17,7 +24,7 @@ OTHERS = [joint for joint in range(22) if joint not in MOVED]
 def world_of(*specs: AgentSpec, engine: FakeEngine | None = None) -> tuple[World, list[str]]:
     bodies = {gender: body() for gender in ("female", "male")}
     world = World(engine or FakeEngine(), bodies, standing(1)[1][0])
-    world.create_session("s", 0.0)
+    world.create_session(SessionSpec("s"), 0.0)
     return world, [a.agent_id for a in world.create_agents("s", specs, 0.0)]
 
 
@@ -88,3 +95,20 @@ def test_agents_of_one_moment_are_cleaned_together_and_apart_alike():
         found = tracks(list(alone_world.advance(2.0)))[alone]
         shared = min(found[0].shape[1], together[agent][0].shape[1])
         np.testing.assert_allclose(together[agent][1][:, :shared], found[1][:, :shared], atol=1e-5)
+
+
+def test_a_lock_that_is_switched_on_begins_where_the_feet_are():
+    world, [agent] = world_of(AgentSpec(foot_lock=False))
+    world.set_goal(agent, SLOW, 0.0)
+    plain = list(world.advance(2.0))
+    world.update_agent(agent, AgentChange(foot_lock=True))
+    locked = list(world.advance(3.0))
+    world.update_agent(agent, AgentChange(foot_lock=False))
+    list(world.advance(6.0))
+    world.update_agent(agent, AgentChange(foot_lock=True))
+    again = list(world.advance(7.0))
+    for chunks in (plain + locked, again):
+        hips, rotations = tracks(chunks)[agent]
+        feet = soles_of(hips, rotations)[0].mean(2)
+        assert np.linalg.norm(np.diff(feet, axis=0), axis=-1).max() < 0.006
+    assert np.abs(locked[1].rotations[:, MOVED] - plain[0].rotations[:, MOVED]).max() > 0.001

@@ -50,3 +50,25 @@ def test_bends_are_those_of_the_way_walked():
     corners = [(0, 2), (2, 2), (2, 4), (2, 2), (-1, 2.0)]
     made = goal_columns([Goal((*c, 0.0)) for c in corners], HERE)
     assert np.degrees(made.bend).tolist() == pytest.approx([90, 90, 180, 90, 0], abs=1e-3)
+
+
+def line(*xs):
+    return [Goal((x, 0, 0), stop=False) for x in xs]
+
+
+def test_goals_keep_their_numbers_while_a_path_goes_round_its_ring():
+    paths = Paths(SlotTable(limit=2, capacity=2).rows, limit=4)
+    paths.put(1, line(100), HERE)
+    for first in range(20):
+        paths.put(0, line(first, first + 1, first + 2), (first - 1.0, 0.0), first)
+        found = paths.at(np.zeros(3, int), np.arange(first, first + 3))
+        assert found.position[:, 0].tolist() == [first, first + 1, first + 2]
+        is_last = paths.is_last(np.zeros(3, int), np.arange(first, first + 3))
+        assert is_last.tolist() == [False, False, True]
+    assert paths.at(row(1), row(0)).position[0, 0] == 100, "the other slot's path is untouched"
+
+
+def test_a_slot_without_goals_has_no_next_one():
+    paths = Paths(SlotTable(limit=1).rows, limit=2)
+    paths.put(0, [], HERE, 7)
+    assert paths.is_last(row(0), row(7)).all() and not paths.at(row(0), row(7)).given.any()

@@ -1,48 +1,74 @@
 """An in-memory MotionService whose motion is made by hand, and a gateway over it."""
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
 from itertools import count
+from typing import Any
 
 import numpy as np
 
 from wayfarer.config import Limits
-from wayfarer.errors import NotFound, Unavailable, WayfarerError
+from wayfarer.errors import (
+    Aborted,
+    AlreadyExists,
+    ArtifactError,
+    FailedPrecondition,
+    InvalidArgument,
+    NotFound,
+    Unavailable,
+    WayfarerError,
+)
 from wayfarer.runtime.agent import (
+    AgentChange,
     AgentInfo,
     AgentSpec,
     AgentState,
     ChunkFlag,
+    Event,
     Goal,
     LoopStats,
+    ModelInfo,
     MotionChunk,
+    Publication,
     SessionInfo,
+    SessionSpec,
+    StreamWish,
+    Wander,
 )
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
-from wayfarer.transport import schema
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
 
 NOW = 1_700_000_000.0
+MODEL = ModelInfo("fake", ("female", "male"), 2, 10, ("0", "1"), in_use=True)
 
 
 class FakeSubscription:
-    def __init__(self, session_id: str, agent_ids: Sequence[str]) -> None:
+    epoch = "epoch-1"
+
+    def __init__(self, session_id: str, wish: StreamWish) -> None:
         self.session_id = session_id
-        self.agent_ids = set(agent_ids)
-        self.queue: asyncio.Queue[list[MotionChunk] | WayfarerError | None] = asyncio.Queue()
+        self.wish = wish
+        self.agent_ids = set(wish.agent_ids)
+        self.resumed = wish.resume is not None and wish.resume.epoch == self.epoch
+        self.acks: list[tuple[int, float]] = []
+        self.queue: asyncio.Queue[Publication | WayfarerError | None] = asyncio.Queue()
         self.closed = False
 
     def __aiter__(self):
         return self
 
-    async def __anext__(self) -> list[MotionChunk]:
+    async def __anext__(self) -> Publication:
         item = await self.queue.get()
         if item is None:
             raise StopAsyncIteration
         if isinstance(item, WayfarerError):
             raise item
         return item
+
+    def ack(self, position: int, playhead: float) -> None:
+        self.acks.append((position, playhead))
 
     async def close(self) -> None:
         self.closed = True
@@ -55,11 +81,18 @@ class FakeService:
         self.ready = True
         self.alive = True
         self.specs: list[AgentSpec] = []
-        self.goals: list[tuple[str, Goal | None]] = []
+        self.goals: list[tuple[str, Goal | Wander | None]] = []
+        self.expected: list[int | None] = []
         self.subscriptions: list[FakeSubscription] = []
+        self.models = [MODEL]
+        self.created = 0  # sessions and agents ever
         self.fail_with: Exception | None = None  # the next command fails with it
+        self.slow: asyncio.Event | None = None  # creations wait for it
+        self._infos: dict[str, SessionInfo] = {}
         self._sessions: dict[str, list[AgentInfo]] = {}
+        self._published: dict[str, list[Publication]] = {}
         self._seq: dict[str, int] = {}
+        self._alias: dict[str, int] = {}
         self._number = count(1)
 
     def _session(self, session_id: str) -> list[AgentInfo]:
@@ -77,14 +110,22 @@ class FakeService:
                     return agent
         raise NotFound(f"no agent {agent_id!r}")
 
-    async def create_session(self, session_id: str | None = None) -> SessionInfo:
-        session_id = session_id or f"session-{next(self._number)}"
+    async def create_session(self, spec: SessionSpec) -> SessionInfo:
+        self.created += 1
+        if self.slow is not None:
+            await self.slow.wait()
+        session_id = spec.session_id or f"session-{next(self._number)}"
+        self._infos[session_id] = SessionInfo(session_id, (), NOW, spec)
         self._sessions[session_id] = []
+        self._published[session_id] = []
         return await self.get_session(session_id)
 
     async def get_session(self, session_id: str) -> SessionInfo:
         agents = self._session(session_id)
-        return SessionInfo(session_id, tuple(a.agent_id for a in agents), NOW)
+        return replace(self._infos[session_id], agent_ids=tuple(a.agent_id for a in agents))
+
+    async def list_sessions(self) -> list[SessionInfo]:
+        return [await self.get_session(session_id) for session_id in self._sessions]
 
     async def delete_session(self, session_id: str) -> None:
         self._session(session_id)
@@ -95,20 +136,14 @@ class FakeService:
 
     async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
         agents = self._session(session_id)
+        self.created += len(specs)
+        if self.slow is not None:
+            await self.slow.wait()
         self.specs += specs
+        first = self._alias.get(session_id, 0) + 1
+        self._alias[session_id] = first - 1 + len(specs)
         made = [
-            AgentInfo(
-                agent_id=f"agent-{next(self._number)}",
-                alias=len(agents) + i + 1,
-                session_id=session_id,
-                spec=spec,
-                state=AgentState.STANDING,
-                position=(*spec.position, 0.9),
-                heading=spec.heading,
-                goal=None,
-                goal_revision=0,
-                created_at=NOW,
-            )
+            agent_info(f"agent-{next(self._number)}", first + i, session_id, spec)
             for i, spec in enumerate(specs)
         ]
         agents += made
@@ -120,58 +155,196 @@ class FakeService:
     async def list_agents(self, session_id: str) -> list[AgentInfo]:
         return list(self._session(session_id))
 
+    async def update_agent(self, agent_id: str, change: AgentChange) -> AgentInfo:
+        agent = self._agent(agent_id)
+        changes = {k: v for k, v in asdict(change).items() if v is not None}
+        changed = replace(agent, spec=replace(agent.spec, **changes))
+        agents = self._sessions[agent.session_id]
+        agents[agents.index(agent)] = changed
+        return changed
+
     async def delete_agent(self, agent_id: str) -> None:
         agent = self._agent(agent_id)
         self._sessions[agent.session_id].remove(agent)
 
-    async def set_goal(self, agent_id: str, goal: Goal) -> int:
+    def _changed(self, agent_id: str, goals: Sequence[Any], expected: int | None) -> int:
+        """The revision is the number of goals ever given."""
         self._agent(agent_id)
-        self.goals.append((agent_id, goal))
-        return len(self.goals)
-
-    async def set_path(self, agent_id: str, goals: Sequence[Goal]) -> int:
-        self._agent(agent_id)
+        if expected is not None and expected != len(self.goals):
+            raise Aborted(f"revision {expected} is stale; it is {len(self.goals)}")
+        self.expected.append(expected)
         self.goals += [(agent_id, goal) for goal in goals]
         return len(self.goals)
 
-    async def clear_goal(self, agent_id: str) -> int:
-        self._agent(agent_id)
-        self.goals.append((agent_id, None))
-        return len(self.goals)
+    async def set_goal(self, agent_id: str, goal: Goal, expected: int | None = None) -> int:
+        return self._changed(agent_id, [goal], expected)
 
-    async def subscribe(self, session_id: str, agent_ids: Sequence[str] = ()) -> FakeSubscription:
+    async def set_path(
+        self, agent_id: str, goals: Sequence[Goal], expected: int | None = None
+    ) -> int:
+        return self._changed(agent_id, goals, expected)
+
+    async def append_goals(
+        self, agent_id: str, goals: Sequence[Goal], expected: int | None = None
+    ) -> int:
+        return self._changed(agent_id, goals, expected)
+
+    async def wander(self, agent_id: str, area: Wander, expected: int | None = None) -> int:
+        return self._changed(agent_id, [area], expected)
+
+    async def clear_goal(self, agent_id: str, expected: int | None = None) -> int:
+        return self._changed(agent_id, [None], expected)
+
+    async def subscribe(self, session_id: str, wish: StreamWish) -> FakeSubscription:
         known = {agent.agent_id for agent in self._session(session_id)}
-        if unknown := set(agent_ids) - known:
+        if self._infos[session_id].spec.lock_step:
+            raise FailedPrecondition("a lock-step session has no streams")
+        if unknown := set(wish.agent_ids) - known:
             raise NotFound(f"no agents {sorted(unknown)}")
-        subscription = FakeSubscription(session_id, agent_ids)
+        subscription = FakeSubscription(session_id, wish)
         self.subscriptions.append(subscription)
+        if subscription.resumed:
+            for published in self._published[session_id][wish.resume.position :]:
+                subscription.queue.put_nowait(published)
         return subscription
+
+    async def step_session(self, session_id: str, steps: int) -> list[Publication]:
+        self._session(session_id)
+        if not self._infos[session_id].spec.lock_step:
+            raise FailedPrecondition(f"session {session_id!r} is not in lock-step")
+        return [self._publish(session_id, ()) for _ in range(steps)]
+
+    async def export_session(self, session_id: str) -> bytes:
+        self._session(session_id)
+        return kept((self._infos[session_id], self._sessions[session_id]))
+
+    async def import_session(
+        self, snapshot: bytes, attributes: Mapping[str, str] | None = None
+    ) -> SessionInfo:
+        try:
+            info, agents = found(snapshot)
+        except ValueError:
+            raise InvalidArgument("not a snapshot", "snapshot") from None
+        if info.session_id in self._sessions:
+            raise AlreadyExists(f"session {info.session_id!r} is here")
+        spec = replace(info.spec, attributes={**info.spec.attributes, **(attributes or {})})
+        self._infos[info.session_id] = replace(info, spec=spec)
+        self._sessions[info.session_id] = agents
+        self._published[info.session_id] = []
+        return await self.get_session(info.session_id)
+
+    async def export_log(self, session_id: str) -> bytes:
+        self._session(session_id)
+        if not self._infos[session_id].spec.record:
+            raise FailedPrecondition(f"session {session_id!r} is not recorded")
+        return b"log of " + session_id.encode()
+
+    async def replay(self, log: bytes) -> AsyncIterator[Publication]:
+        if not log.startswith(b"log of "):
+            raise InvalidArgument("not a log", "log")
+        for published in self._offline(AgentSpec(), 2):
+            yield published
+
+    async def generate_clip(
+        self, spec: AgentSpec, goals: Sequence[Goal], seconds: float, until_arrival: bool
+    ) -> AsyncIterator[Publication]:
+        self.specs.append(spec)
+        for published in self._offline(spec, round(seconds / 0.2)):
+            if self.fail_with is not None and published.position > 1:
+                raise self.fail_with
+            yield published
+
+    def _offline(self, spec: AgentSpec, steps: int) -> Iterator[Publication]:
+        info = agent_info("agent-1", 1, "", spec)
+        for seq in range(steps):
+            made = chunk("agent-1", 1, seq, info.position)
+            yield Publication(seq + 1, (made,), added=() if seq else (info,))
+
+    async def list_models(self) -> list[ModelInfo]:
+        return list(self.models)
+
+    async def load_model(self, name: str) -> None:
+        if name == "broken":
+            raise ArtifactError("its hash is wrong")
+        if name == "none":
+            raise NotFound(f"no model {name!r}")
+        if any(model.name == name for model in self.models):
+            raise AlreadyExists(f"model {name!r} is loaded")
+        self.models.append(replace(MODEL, name=name, in_use=False))
+
+    async def use_model(self, name: str, move_agents: bool) -> int:
+        if all(model.name != name for model in self.models):
+            raise NotFound(f"no model {name!r}")
+        self.models = [replace(model, in_use=model.name == name) for model in self.models]
+        return sum(map(len, self._sessions.values())) if move_agents else 0
+
+    async def unload_model(self, name: str) -> None:
+        if all(model.name != name for model in self.models):
+            raise NotFound(f"no model {name!r}")
+        if any(model.name == name and model.in_use for model in self.models):
+            raise FailedPrecondition(f"model {name!r} is in use")
+        self.models = [model for model in self.models if model.name != name]
 
     async def stats(self) -> LoopStats:
         return LoopStats(1, 1, 1, 10, 2.5, 3.0, 0, 0.1, 12.0)
 
-    def emit(self, session_id: str) -> list[MotionChunk]:
+    def emit(self, session_id: str, *events: Event) -> tuple[MotionChunk, ...]:
         """One chunk of each agent of a session, to every subscription of it."""
+        published = self._publish(session_id, events)
+        for subscription in self.subscriptions:
+            wanted = tuple(
+                c
+                for c in published.chunks
+                if not subscription.agent_ids or c.agent_id in subscription.agent_ids
+            )
+            if subscription.session_id == session_id and not subscription.closed:
+                subscription.queue.put_nowait(replace(published, chunks=wanted))
+        return published.chunks
+
+    def _publish(self, session_id: str, events: Sequence[Event]) -> Publication:
         chunks = []
         for agent in self._sessions[session_id]:
             seq = self._seq.get(agent.agent_id, 0)
             self._seq[agent.agent_id] = seq + 1
             chunks.append(chunk(agent.agent_id, agent.alias, seq, agent.position))
-        for subscription in self.subscriptions:
-            wanted = [
-                c
-                for c in chunks
-                if not subscription.agent_ids or c.agent_id in subscription.agent_ids
-            ]
-            if subscription.session_id == session_id and wanted and not subscription.closed:
-                subscription.queue.put_nowait(wanted)
-        return chunks
+        past = self._published[session_id]
+        past.append(Publication(len(past) + 1, tuple(chunks), tuple(events)))
+        return past[-1]
 
     def break_down(self) -> None:
         """As when the motion loop ends with an error."""
         self.ready = self.alive = False
         for subscription in self.subscriptions:
             subscription.queue.put_nowait(Unavailable("the motion loop has failed"))
+
+
+def agent_info(agent_id: str, alias: int, session_id: str, spec: AgentSpec) -> AgentInfo:
+    return AgentInfo(
+        agent_id=agent_id,
+        alias=alias,
+        session_id=session_id,
+        spec=spec,
+        state=AgentState.STANDING,
+        position=(*spec.position, 0.9),
+        heading=spec.heading,
+        goal=None,
+        goal_revision=0,
+        created_at=NOW,
+        model="fake",
+    )
+
+
+def kept(value: Any) -> bytes:
+    """A stand-in for a snapshot: this process keeps the value, the bytes are its number."""
+    KEPT.append(value)
+    return b"snapshot %d" % (len(KEPT) - 1)
+
+
+def found(snapshot: bytes) -> Any:
+    return KEPT[int(snapshot.removeprefix(b"snapshot "))]
+
+
+KEPT: list[Any] = []
 
 
 def chunk(
@@ -215,18 +388,23 @@ class Clock:
         return self.now
 
 
-MODEL = schema.Model(
-    name="fake", genders=("female", "male"), seed_frames=2, primitive_frames=10, sha256=("0", "1")
-)
-
-
 def gateway(
     service: FakeService | None = None, limits: Limits | None = None, clock: Clock | None = None
 ) -> Gateway:
+    """Not yet taking work: `await api.take_over()`."""
     return Gateway(
         service or FakeService(),
         BodyLibrary("anny52"),
-        [MODEL],
         limits or Limits(),
         clock or Clock(),
+        lambda: None,
     )
+
+
+async def opened(
+    service: FakeService | None = None, limits: Limits | None = None, clock: Clock | None = None
+) -> Gateway:
+    """Taking work."""
+    api = gateway(service, limits, clock)
+    await api.take_over()
+    return api

@@ -11,12 +11,15 @@ from tests.transport.fakes import FakeService, gateway
 from wayfarer.config import Limits
 from wayfarer.transport.server import Server
 from wayfarer.v1 import (
+    admin_pb2_grpc,
     agent_pb2_grpc,
     catalog_pb2_grpc,
+    control_pb2_grpc,
     goal_pb2_grpc,
     motion_pb2,
     motion_pb2_grpc,
     session_pb2_grpc,
+    snapshot_pb2_grpc,
 )
 
 LIMITS = Limits(message_bytes=8192, streams_per_session=2)
@@ -40,6 +43,9 @@ class Rig:
         self.goals = goal_pb2_grpc.GoalServiceStub(self.channel)
         self.motion = motion_pb2_grpc.MotionServiceStub(self.channel)
         self.catalog = catalog_pb2_grpc.CatalogServiceStub(self.channel)
+        self.control = control_pb2_grpc.ControlServiceStub(self.channel)
+        self.snapshots = snapshot_pb2_grpc.SnapshotServiceStub(self.channel)
+        self.admin = admin_pb2_grpc.AdminServiceStub(self.channel)
         self.health = health_pb2_grpc.HealthStub(self.channel)
         self.stopped = False
         return self
@@ -62,9 +68,15 @@ class Rig:
         assert made.status_code == 201, made.text
         return session_id, made.json()["agents"]
 
-    def socket(self, session_id: str, **options: object) -> websockets.connect:
-        url = self.server.http_url.replace("http", "ws")
-        return websockets.connect(f"{url}/v1/stream?session={session_id}", **options)
+    def socket(self, session_id: str, query: str = "", **options: object) -> websockets.connect:
+        return websockets.connect(f"{self.ws_url}/v1/stream?session={session_id}{query}", **options)
+
+    def control_socket(self) -> websockets.connect:
+        return websockets.connect(f"{self.ws_url}/v1/control")
+
+    @property
+    def ws_url(self) -> str:
+        return self.server.http_url.replace("http", "ws")
 
 
 async def until(condition, seconds: float = 10.0) -> None:

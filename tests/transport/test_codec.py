@@ -3,25 +3,63 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
 
 from tests.transport.fakes import chunk
+from wayfarer.body.skeleton import load_skeleton
 from wayfarer.errors import InvalidArgument
+from wayfarer.runtime.agent import ChunkFlag
 from wayfarer.transport import codec
 from wayfarer.transport.basis import Basis
+from wayfarer.transport.codec import PoseEncoding, PoseFormat, PoseProfile, smallest_three
+from wayfarer.transport.codec.packing import BLOCK
+from wayfarer.v1 import motion_pb2
+
+WORST_DEG = {
+    PoseEncoding.F32_LE: 1e-4,
+    PoseEncoding.F16_LE: 0.056,
+    PoseEncoding.SMALLEST_THREE: smallest_three.WORST_ERROR_DEG + 1e-4,
+}
+FINGERS = slice(22, 52)
+
+
+def turned(count: int = 8, seed: int = 0):
+    """A chunk with rotations drawn at random."""
+    rotations = np.random.default_rng(seed).normal(size=(count, 22, 4))
+    rotations /= np.linalg.norm(rotations, axis=-1, keepdims=True)
+    return replace(chunk(), rotations=rotations.astype(np.float32))
+
+
+def degrees_between(a, b) -> np.ndarray:
+    """Angles between rotations, exact for small ones."""
+    a, b = np.asarray(a, float), np.asarray(b, float)
+    a, b = (q / np.linalg.norm(q, axis=-1, keepdims=True) for q in (a, b))
+    chord = np.minimum(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
+    return np.degrees(4 * np.arcsin(chord / 2))
 
 
 @pytest.mark.parametrize("basis", Basis)
-def test_round_trip(basis):
-    made = chunk()
-    (packed,) = codec.encode([made], basis)
-    translation, rotations, contacts = codec.decode(*packed, basis)
-    np.testing.assert_allclose(translation, made.translation, rtol=1e-6)
-    np.testing.assert_array_equal(rotations, made.rotations)
-    np.testing.assert_array_equal(contacts, made.contacts)
+@pytest.mark.parametrize("encoding", PoseEncoding)
+def test_round_trip(basis, encoding):
+    made, pose_format = turned(), PoseFormat(encoding)
+    (packed,) = codec.encode([made], basis, pose_format)
+    found = codec.decode(packed.poses, packed.contacts, basis, pose_format)
+    np.testing.assert_allclose(found.translation, made.translation, rtol=1e-6)
+    assert degrees_between(found.rotations, made.rotations).max() <= WORST_DEG[encoding]
+    np.testing.assert_array_equal(found.contacts, made.contacts)
 
 
-def test_golden_bytes():
-    """The layout of docs/wire-format.md, byte by byte."""
+def test_float32_loses_nothing():
+    made = turned()
+    (packed,) = codec.encode([made], Basis.BLENDER)
+    found = codec.decode(packed.poses, packed.contacts, Basis.BLENDER)
+    np.testing.assert_array_equal(found.rotations, made.rotations)
+
+
+def test_float32_bytes():
+    """The example of docs/wire-format.md."""
     rotations = np.zeros((2, 22, 4), np.float32)
     rotations[0, 0] = [0.1, 0.2, 0.3, 0.4]
     rotations[1, 21] = [0.5, 0.6, 0.7, 0.8]
@@ -40,8 +78,117 @@ def test_golden_bytes():
     assert packed.contacts == b"\x01\x03"
 
 
+def test_float16_bytes():
+    made = replace(chunk(), rotations=np.full((8, 22, 4), 0.5, np.float32))
+    (packed,) = codec.encode([made], Basis.ROS, PoseFormat(PoseEncoding.F16_LE))
+    assert len(packed.poses) == 8 * (12 + 22 * 8)
+    assert packed.poses[:12] == struct.pack(
+        "<3f", *made.translation[0, [1]], -1, made.translation[0, 2]
+    )
+    assert packed.poses[12:20] == struct.pack("<4e", 0.5, -0.5, 0.5, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("quaternion", "words"),
+    [
+        ((0, 0, 0, 1), (16383 | 0x8000, 16383 | 0x8000, 16383)),  # w left out: index 3
+        ((1, 0, 0, 0), (16383, 16383, 16383)),  # index 0
+        ((0, -1, 0, 0), (16383 | 0x8000, 16383, 16383)),  # index 1
+        ((0.5, 0.5, 0.5, 0.5), (27968, 27968, 27968)),  # the first of equals is left out
+        # z is left out and negative, so the signs of all are turned: x 0.6 becomes -0.6
+        ((0.6, 0, -0.8, 0), (16383 - 13901, 16383 | 0x8000, 16383)),
+        ((0, 0, 0.8, 0.6), (16383, 16383 | 0x8000, 16383 + 13901)),
+        ((2**-0.5, 2**-0.5, 0, 0), (2 * 16383, 16383, 16383)),  # the greatest count
+    ],
+)
+def test_words_of_smallest_three(quaternion, words):
+    """The table of docs/wire-format.md."""
+    packed = smallest_three.pack(np.array(quaternion, np.float32))
+    assert tuple(packed.tolist()) == words
+    assert degrees_between(smallest_three.unpack(packed), quaternion) < 0.009
+
+
+@given(
+    arrays.arrays(
+        np.float64,
+        (7, 4),
+        elements=st.one_of(st.floats(-1, 1), st.sampled_from([0.0, 0.5, -0.5, 1.0, -1.0])),
+    )
+)
+def test_smallest_three_is_never_off_by_more_than_it_says(rows):
+    rows = rows[np.linalg.norm(rows, axis=-1) > 1e-3]
+    rows /= np.linalg.norm(rows, axis=-1, keepdims=True)
+    found = smallest_three.unpack(smallest_three.pack(rows))
+    np.testing.assert_allclose(np.linalg.norm(found, axis=-1), 1, atol=1e-6)
+    assert (degrees_between(found, rows) <= smallest_three.WORST_ERROR_DEG + 1e-4).all()
+
+
+def test_the_stated_error_of_smallest_three_is_reached():
+    """Half a step off in three components, all at a half: the bound is tight."""
+    half = 0.5 * smallest_three.STEPS_PER_ONE
+    near = (np.floor(half) + 0.499 + np.zeros(3)) / smallest_three.STEPS_PER_ONE
+    worst = np.array([*near, np.sqrt(1 - (near**2).sum())])
+    found = smallest_three.unpack(smallest_three.pack(worst))
+    assert degrees_between(found, worst) > 0.95 * smallest_three.WORST_ERROR_DEG
+
+
+@given(st.lists(st.integers(0, 2**16 - 1), min_size=3, max_size=3))
+def test_any_words_are_some_rotation(words):
+    found = smallest_three.unpack(np.array(words, np.uint16))
+    assert np.isfinite(found).all()
+
+
+@pytest.mark.parametrize("encoding", PoseEncoding)
+def test_full_profile_adds_fingers_at_rest(encoding):
+    full = PoseFormat.choose(encoding, PoseProfile.FULL)
+    body = PoseFormat.choose(encoding)
+    made = turned()
+    for basis in Basis:
+        (long,), (short,) = (codec.encode([made], basis, f) for f in (full, body))
+        rotations = codec.decode(long.poses, long.contacts, basis, full).rotations
+        np.testing.assert_array_equal(
+            rotations[:, :22], codec.decode(short.poses, short.contacts, basis, body).rotations
+        )
+        np.testing.assert_array_equal(rotations[:, FINGERS], np.tile([0, 0, 0, 1], (8, 30, 1)))
+
+
+def test_chosen_bones_come_in_the_order_of_the_skeleton():
+    names = ["left_index1", "head", "pelvis"]
+    chosen = PoseFormat.choose(profile=PoseProfile.BONES, bones=names)
+    skeleton = [bone.name for bone in load_skeleton()]
+    assert chosen.bones == (0, 15, 22) == tuple(sorted(map(skeleton.index, names)))
+    made = turned()
+    (packed,) = codec.encode([made], Basis.GLTF, chosen)
+    found = codec.decode(packed.poses, packed.contacts, Basis.GLTF, chosen)
+    np.testing.assert_array_equal(found.rotations[:, :2], made.rotations[:, [0, 15]])
+    np.testing.assert_array_equal(found.rotations[:, 2], np.tile([0, 0, 0, 1], (8, 1)))
+
+
+@pytest.mark.parametrize("fps", [40, 20, 10])
+@pytest.mark.parametrize("lengths", [(8, 8, 8), (8, 3, 5, 1, 7)])
+def test_frames_are_left_out_evenly_from_chunk_to_chunk(fps, lengths):
+    pose_format, first, sent, numbers = PoseFormat(fps=fps), 40, [], []
+    for length in lengths:
+        made = turned(length, seed=first)
+        made = replace(
+            made,
+            first_frame=first,
+            translation=np.repeat(np.arange(first, first + length)[:, None], 3, 1).astype("f4"),
+            contacts=made.contacts[:length],
+        )
+        (packed,) = codec.encode([made], Basis.ROS, pose_format)
+        found = codec.decode(packed.poses, packed.contacts, Basis.ROS, pose_format)
+        sent += found.translation[:, 0].tolist()
+        count = len(packed.contacts)
+        numbers += [first + packed.skipped + k * pose_format.stride for k in range(count)]
+        kept = made.contacts[packed.skipped :: pose_format.stride]
+        np.testing.assert_array_equal(found.contacts, kept)
+        first += length
+    assert sent == numbers == list(range(40, 40 + sum(lengths), 40 // fps))
+
+
 def test_chunks_of_a_batch_do_not_depend_on_each_other():
-    chunks = [chunk(alias=1), replace(chunk(hips=(5, 6, 7)), alias=2), chunk(alias=3)]
+    chunks = [replace(turned(seed=k), alias=k) for k in range(BLOCK + 3)]
     short = chunks[1]
     chunks[1] = replace(
         short,
@@ -51,7 +198,7 @@ def test_chunks_of_a_batch_do_not_depend_on_each_other():
     )
     together = codec.encode(chunks, Basis.UNREAL)
     assert together == [codec.encode([c], Basis.UNREAL)[0] for c in chunks]
-    assert [len(p.contacts) for p in together] == [8, 3, 8]
+    assert [len(p.contacts) for p in together][:3] == [8, 3, 8]
     assert codec.encode([], Basis.GLTF) == []
 
 
@@ -60,22 +207,94 @@ def test_lengths_that_do_not_fit_are_refused():
         codec.decode(bytes(364), bytes(2), Basis.GLTF)
 
 
-def test_each_chunk_is_encoded_once_per_basis(monkeypatch):
-    encoded = []
-    plain = codec.encode
+# what a client may ask for
 
-    def counting(chunks, basis):
-        encoded.extend((basis, c.seq) for c in chunks)
-        return plain(chunks, basis)
 
-    monkeypatch.setattr(codec, "encode", counting)
-    encoder = codec.PoseEncoder()
+def test_defaults():
+    assert PoseFormat.from_proto(motion_pb2.PoseFormat()) == PoseFormat()
+    assert PoseFormat().header() == {
+        "pose_encoding": "POSE_ENCODING_F32_LE",
+        "sent_fps": 40,
+        "bones": tuple(range(22)),
+        "frame_bytes": 364,
+    }
+    motion_pb2.StreamHeader(**PoseFormat().header())
+
+
+def test_from_proto():
+    wish = motion_pb2.PoseFormat(
+        encoding=motion_pb2.POSE_ENCODING_SMALLEST_THREE,
+        profile=motion_pb2.POSE_PROFILE_BONES,
+        bones=["head", "pelvis"],
+        fps=10,
+    )
+    found = PoseFormat.from_proto(wish)
+    assert found == PoseFormat(PoseEncoding.SMALLEST_THREE, (0, 15), 10)
+    assert (found.frame_bytes, found.stride) == (24, 4)
+    full = PoseFormat.from_proto(motion_pb2.PoseFormat(profile=motion_pb2.POSE_PROFILE_FULL))
+    assert full.frame_bytes == 12 + 52 * 16
+
+
+@pytest.mark.parametrize(
+    ("wish", "field", "message"),
+    [
+        ({"fps": 30}, "format.fps", "30 is none of 40, 20, 10 frames per second"),
+        ({"encoding": 9}, "format.encoding", "9 is none of POSE_ENCODING_F32_LE, "),
+        ({"profile": -1}, "format.profile", "-1 is none of POSE_PROFILE_BODY, "),
+        ({"bones": ["head"]}, "format.bones", "with the profile BONES only"),
+        ({"profile": 2, "bones": ["head"]}, "format.bones", "with the profile BONES only"),
+        ({"profile": 3}, "format.bones", "needs the name of one bone"),
+        ({"profile": 3, "bones": ["head", "head"]}, "format.bones", "'head' is named twice"),
+        ({"profile": 3, "bones": ["head", "tail"]}, "format.bones", "no bones 'tail'; the skel"),
+        ({"profile": 3, "bones": ["x" * 9999]}, "format.bones", f"no bones '{'x' * 32}';"),
+        ({"profile": 3, "bones": [f"b{k}" for k in range(20)]}, "format.bones", "and 12 more"),
+        ({"profile": 3, "bones": ["head"] * 53}, "format.bones", "52 bones at most, not 53"),
+    ],
+)
+def test_wrong_wishes_are_explained(wish, field, message):
+    with pytest.raises(InvalidArgument) as caught:
+        PoseFormat.from_proto(motion_pb2.PoseFormat(**wish))
+    assert caught.value.field == field
+    assert message in str(caught.value)
+
+
+# the encoder's memory
+
+
+@pytest.fixture
+def encoded(monkeypatch):
+    """What has really been packed: (basis, format, seq)."""
+    packed, plain = [], codec.encode
+
+    def counting(chunks, basis, pose_format):
+        packed.extend((basis, pose_format, c.seq) for c in chunks)
+        return plain(chunks, basis, pose_format)
+
+    monkeypatch.setattr("wayfarer.transport.codec.encoder.encode", counting)
+    return packed
+
+
+def test_each_chunk_is_packed_once_per_basis_and_format(encoded):
+    encoder, plain, half = codec.PoseEncoder(), PoseFormat(), PoseFormat(fps=20)
     a, b = chunk(seq=0), chunk(seq=1)
     first = encoder.encode([a, b], Basis.GLTF)
-    assert encoder.encode([b], Basis.GLTF) == first[1:]
-    assert encoder.encode([a, b], Basis.GLTF) == first
-    assert encoder.encode([a], Basis.ROS) == plain([a], Basis.ROS)
-    assert encoded == [(Basis.GLTF, 0), (Basis.GLTF, 1), (Basis.ROS, 0)]
+    assert encoder.encode([replace(b, flags=ChunkFlag.GAP)], Basis.GLTF) == first[1:]
+    assert encoder.encode([a, b], Basis.GLTF, PoseFormat()) == first
+    assert encoder.encode([a], Basis.ROS) == codec.encode([a], Basis.ROS)
+    assert encoder.encode([a], Basis.GLTF, half) == codec.encode([a], Basis.GLTF, half)
+    assert encoded == [
+        (Basis.GLTF, plain, 0),
+        (Basis.GLTF, plain, 1),
+        (Basis.ROS, plain, 0),
+        (Basis.GLTF, half, 0),
+    ]
+
+
+def test_other_motion_with_the_same_numbers_is_not_mixed_up(encoded):
+    """A session imported again sends other frames under numbers that it has sent before."""
+    encoder = codec.PoseEncoder()
+    before = encoder.encode([turned(seed=1)], Basis.GLTF)
+    assert encoder.encode([turned(seed=2)], Basis.GLTF) != before
 
 
 def test_memory_is_bounded():

@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import numpy as np
@@ -8,40 +9,95 @@ from hypothesis import strategies as st
 from tests.transport.fakes import NOW
 from wayfarer.body.phenotype import height_of
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.agent import AgentInfo, AgentSpec, AgentState, Goal
+from wayfarer.runtime.agent import (
+    AgentInfo,
+    AgentSpec,
+    AgentState,
+    EventKind,
+    Goal,
+    LoopStats,
+    SlowReader,
+)
 from wayfarer.runtime.heading import facing_at
-from wayfarer.transport import convert, schema
+from wayfarer.transport import convert, schema, wire
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.bodies import BodyLibrary
-from wayfarer.v1 import agent_pb2, catalog_pb2, common_pb2, goal_pb2, session_pb2
+from wayfarer.transport.codec import PoseEncoding, PoseProfile
+from wayfarer.v1 import (
+    admin_pb2,
+    agent_pb2,
+    catalog_pb2,
+    common_pb2,
+    goal_pb2,
+    motion_pb2,
+    session_pb2,
+)
 
 BODIES = BodyLibrary("anny52")
 
-# Schema twins and the protobuf messages they stand for.
+# Schema twins and the protobuf messages they stand for; some requests name their object besides.
 TWINS = [
     (schema.Vector3, common_pb2.Vector3),
     (schema.BasisInfo, common_pb2.BasisInfo),
     (schema.NewSession, session_pb2.CreateSessionRequest),
     (schema.Session, session_pb2.Session),
+    (schema.Sessions, session_pb2.ListSessionsResponse),
+    (schema.Renewal, session_pb2.RenewSessionResponse),
     (schema.Phenotype, agent_pb2.Phenotype),
     (schema.AgentSpec, agent_pb2.AgentSpec),
+    (schema.NewAgents, agent_pb2.CreateAgentsRequest),
+    (schema.AgentUpdate, agent_pb2.UpdateAgentRequest),
     (schema.Agent, agent_pb2.Agent),
+    (schema.Agents, agent_pb2.CreateAgentsResponse),
+    (schema.Agents, agent_pb2.ListAgentsResponse),
     (schema.Goal, goal_pb2.Goal),
+    (schema.Goals, goal_pb2.SetPathRequest),
+    (schema.Goals, goal_pb2.AppendGoalsRequest),
+    (schema.Area, goal_pb2.Area),
+    (schema.Wander, goal_pb2.WanderRequest),
     (schema.GoalRevision, goal_pb2.SetGoalResponse),
+    (schema.GoalRevision, goal_pb2.AppendGoalsResponse),
+    (schema.GoalRevision, goal_pb2.WanderResponse),
     (schema.GoalRevision, goal_pb2.SetPathResponse),
     (schema.GoalRevision, goal_pb2.ClearGoalResponse),
     (schema.Bone, catalog_pb2.Bone),
     (schema.Skeleton, catalog_pb2.Skeleton),
     (schema.Body, catalog_pb2.Body),
     (schema.Model, catalog_pb2.Model),
+    (schema.Bodies, catalog_pb2.ListBodiesResponse),
+    (schema.Models, catalog_pb2.ListModelsResponse),
+    (schema.NewModel, admin_pb2.LoadModelRequest),
+    (schema.ModelUse, admin_pb2.UseModelRequest),
+    (schema.ModelUsed, admin_pb2.UseModelResponse),
+    (schema.PoseFormat, motion_pb2.PoseFormat),
+    (schema.StreamWish, motion_pb2.StreamMotionRequest),
+    (schema.ClipWish, motion_pb2.GenerateClipRequest),
+    (schema.StepWish, motion_pb2.StepAgentsRequest),
+    (schema.Steps, motion_pb2.StepAgentsResponse),
+    (schema.StreamHeader, motion_pb2.StreamHeader),
+    (schema.MotionBatch, motion_pb2.MotionBatch),
+    (schema.MotionChunk, motion_pb2.MotionChunk),
+    (schema.Event, motion_pb2.Event),
     (schema.Limits, catalog_pb2.Limits),
     (schema.ServerInfo, catalog_pb2.GetServerInfoResponse),
 ]
 
 
+ADDRESSES = {"session_id", "agent_id", "name"}
+"""What a twin may leave to the call: the object of a request, and its expected revision."""
+
+
 @pytest.mark.parametrize(("twin", "proto"), TWINS, ids=lambda t: t.__name__)
 def test_twins_have_the_same_fields(twin, proto):
-    assert list(twin.model_fields) == [field.name for field in proto.DESCRIPTOR.fields]
+    fields = [field.name for field in proto.DESCRIPTOR.fields]
+    if proto.DESCRIPTOR.name.endswith("Request"):
+        left = [name for name in fields if name not in twin.model_fields]
+        assert set(left) <= {fields[0], "expected_revision"} and set(left[:1]) <= {
+            *ADDRESSES,
+            "expected_revision",
+        }
+        fields = [name for name in fields if name not in left]
+    assert list(twin.model_fields) == fields
 
 
 @pytest.mark.parametrize(
@@ -50,6 +106,10 @@ def test_twins_have_the_same_fields(twin, proto):
         (Basis, common_pb2.Basis),
         (schema.Gender, agent_pb2.Gender),
         (AgentState, agent_pb2.AgentState),
+        (EventKind, motion_pb2.EventKind),
+        (SlowReader, motion_pb2.SlowReader),
+        (PoseEncoding, motion_pb2.PoseEncoding),
+        (PoseProfile, motion_pb2.PoseProfile),
     ],
 )
 def test_enums_have_the_same_values(names, enum):
@@ -57,19 +117,23 @@ def test_enums_have_the_same_values(names, enum):
     assert {prefix + name.value.upper() for name in names} == set(enum.keys()[1:])
 
 
+def test_all_figures_of_the_loop_are_shown():
+    assert set(schema.Stats.model_fields) == {field.name for field in dataclasses.fields(LoopStats)}
+
+
 def spec(**fields) -> agent_pb2.AgentSpec:
     return agent_pb2.AgentSpec(**fields)
 
 
 def test_what_is_absent_takes_the_default():
-    parsed = convert.parse(schema.AgentSpec, spec())
+    parsed = wire.parse(schema.AgentSpec, spec())
     assert parsed == schema.AgentSpec()
     assert parsed.seed is None and parsed.position is None
-    assert convert.parse(schema.NewSession, session_pb2.CreateSessionRequest()).basis == "gltf"
+    assert wire.parse(schema.NewSession, session_pb2.CreateSessionRequest()).basis == "gltf"
 
 
 def test_zero_is_not_absent():
-    parsed = convert.parse(schema.AgentSpec, spec(seed=0, position={}))
+    parsed = wire.parse(schema.AgentSpec, spec(seed=0, position={}))
     assert parsed.seed == 0
     assert parsed.position == schema.Vector3(x=0, y=0, z=0)
 
@@ -77,14 +141,14 @@ def test_zero_is_not_absent():
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_numbers_must_be_finite(bad):
     with pytest.raises(InvalidArgument) as caught:
-        convert.parse(schema.Goal, goal_pb2.Goal(position={"x": bad}), "goal")
+        wire.parse(schema.Goal, goal_pb2.Goal(position={"x": bad}), "goal")
     assert caught.value.field == "goal.position.x"
 
 
 def test_unknown_enum_values_are_refused():
     with pytest.raises(InvalidArgument, match="GENDER_MALE") as caught:
-        convert.parse(schema.AgentSpec, spec(gender=7))
-    assert caught.value.field == "gender"
+        wire.parse(schema.AgentSpec, spec(gender=7), "agents[1]")
+    assert caught.value.field == "agents[1].gender"
 
 
 @pytest.mark.parametrize(
@@ -95,19 +159,21 @@ def test_unknown_enum_values_are_refused():
         ({"betas": [5.1] + [0.0] * 9}, "betas[0]"),
         ({"betas": [0.0] * 10, "phenotype": {"weight": 0.5}}, ""),
         ({"phenotype": {"weight": math.nan}}, "phenotype.weight"),
+        ({"phenotype": {"weight": 1.5}}, "phenotype.weight"),
+        ({"phenotype": {"age": 5.0}}, "phenotype.age"),
         ({"heading": 101.0}, "heading"),
         ({"name": "two\nlines"}, "name"),
     ],
 )
 def test_ranges_of_an_agent(fields, field):
     with pytest.raises(InvalidArgument) as caught:
-        convert.parse(schema.AgentSpec, spec(**fields))
+        wire.parse(schema.AgentSpec, spec(**fields))
     assert caught.value.field == field
 
 
 def test_agent_spec_in_unreal_is_in_centimetres_and_turns_clockwise():
     wish = schema.AgentSpec(position=schema.Vector3(x=200, y=100, z=55), heading=0.5, seed=3)
-    made = convert.agent_spec(wish, Basis.UNREAL, BODIES, "agents[0]")
+    made = convert.agent_spec(wish, Basis.UNREAL, BODIES, 0, "agents[0]")
     assert made.position == pytest.approx((1.0, 2.0))  # Unreal x is forward, core +Y
     assert made.heading == -0.5
     assert made.betas == (0.0,) * 10
@@ -115,34 +181,46 @@ def test_agent_spec_in_unreal_is_in_centimetres_and_turns_clockwise():
 
 def test_a_body_in_everyday_words():
     tall = schema.AgentSpec(phenotype=schema.Phenotype(height_m=1.9))
-    made = convert.agent_spec(tall, Basis.GLTF, BODIES, "agents[0]")
+    made = convert.agent_spec(tall, Basis.GLTF, BODIES, 0, "agents[0]")
     assert height_of("female", made.betas) == pytest.approx(1.9, abs=2e-3)
     plain = schema.AgentSpec(phenotype=schema.Phenotype(weight=0.9))
-    made = convert.agent_spec(plain, Basis.GLTF, BODIES, "agents[0]")
+    made = convert.agent_spec(plain, Basis.GLTF, BODIES, 0, "agents[0]")
     assert height_of("female", made.betas) == pytest.approx(
         height_of("female", (0.0,) * 10), abs=2e-3
     )
 
 
-@pytest.mark.parametrize("wrong", [{"height_m": 3.0}, {"weight": 1.5}, {"age": 5.0}])
-def test_a_body_beyond_its_range_is_named(wrong):
-    wish = schema.AgentSpec(phenotype=schema.Phenotype(**wrong))
+def test_a_body_beyond_its_range_is_named():
+    wish = schema.AgentSpec(phenotype=schema.Phenotype(height_m=3.0))
     with pytest.raises(InvalidArgument, match="must lie in") as caught:
-        convert.agent_spec(wish, Basis.GLTF, BODIES, "agents[2]")
-    assert caught.value.field == f"agents[2].phenotype.{next(iter(wrong))}"
+        convert.agent_spec(wish, Basis.GLTF, BODIES, 0, "agents[2]")
+    assert caught.value.field == "agents[2].phenotype.height_m"
 
 
 @pytest.mark.parametrize(("sent", "wanted"), [({}, True), ({"foot_lock": False}, False)])
 def test_feet_are_locked_unless_it_is_refused(sent, wanted):
-    wish = convert.parse(schema.AgentSpec, agent_pb2.AgentSpec(**sent))
-    assert convert.agent_spec(wish, Basis.GLTF, BODIES, "agents[0]").foot_lock is wanted
+    wish = wire.parse(schema.AgentSpec, agent_pb2.AgentSpec(**sent))
+    assert convert.agent_spec(wish, Basis.GLTF, BODIES, 0, "agents[0]").foot_lock is wanted
 
 
-def test_seeds_are_drawn_when_absent():
-    drawn = {
-        convert.agent_spec(schema.AgentSpec(), Basis.GLTF, BODIES, "").noise_seed for _ in range(8)
-    }
-    assert len(drawn) > 1 and all(0 <= seed < 1 << 32 for seed in drawn)
+def test_a_seed_of_its_own_goes_before_the_drawn_one():
+    for own, made in ((None, 7), (0, 0), (3, 3)):
+        wish = schema.AgentSpec(seed=own)
+        assert convert.agent_spec(wish, Basis.GLTF, BODIES, 7, "").noise_seed == made
+
+
+@given(st.integers(0, (1 << 32) - 1), st.integers(0, 1000))
+def test_drawn_seeds_are_uint32_and_each_of_a_sessions_its_own(seed, number):
+    drawn = convert.drawn_seed(seed, number)
+    assert 0 <= drawn < 1 << 32 and drawn == convert.drawn_seed(seed, number)
+    assert drawn != convert.drawn_seed(seed, number + 1)
+
+
+def test_bytes_stand_as_base64_among_values():
+    sent = motion_pb2.MotionChunk(state="AGENT_STATE_WALKING", poses=b"\x00\xff", contacts=b"\x03")
+    shown = wire.parse(schema.MotionChunk, sent)
+    assert (shown.poses, shown.contacts, shown.state) == ("AP8=", "Aw==", "walking")
+    assert wire.message(motion_pb2.MotionChunk, shown) == sent
 
 
 @pytest.mark.parametrize("basis", Basis)
@@ -163,10 +241,10 @@ def test_how_to_go_to_a_goal_there_and_back(basis):
     sent = goal_pb2.Goal(
         position={"x": 1.0, "y": 2.0, "z": 3.0}, heading=0.5, stop=False, strafe=True, dwell=0.0
     )
-    given = convert.goal(convert.parse(schema.Goal, sent, "goal"), basis)
+    given = convert.goal(wire.parse(schema.Goal, sent, "goal"), basis)
     assert given.heading == axes.handedness * 0.5
     assert (given.stop, given.strafe, given.dwell) == (False, True, 0.0)
-    shown = convert.message(agent_pb2.Agent, convert.agent(agent(goal=given), basis, BODIES)).goal
+    shown = wire.message(agent_pb2.Agent, convert.agent(agent(goal=given), basis, BODIES)).goal
     assert (shown.heading, shown.stop, shown.strafe) == (0.5, False, True)
 
 
@@ -183,9 +261,9 @@ def test_a_goal_heading_faces_what_the_basis_means_by_it(basis, heading):
 
 
 def test_an_absent_heading_stays_absent():
-    given = convert.goal(convert.parse(schema.Goal, goal_pb2.Goal(position={})), Basis.UNITY)
+    given = convert.goal(wire.parse(schema.Goal, goal_pb2.Goal(position={})), Basis.UNITY)
     assert given == Goal((0.0, 0.0, 0.0))
-    shown = convert.message(agent_pb2.Agent, convert.agent(agent(goal=given), Basis.UNITY, BODIES))
+    shown = wire.message(agent_pb2.Agent, convert.agent(agent(goal=given), Basis.UNITY, BODIES))
     assert not shown.goal.HasField("heading")
     assert shown.goal.stop and not shown.goal.strafe
 
@@ -193,7 +271,7 @@ def test_an_absent_heading_stays_absent():
 @pytest.mark.parametrize("bad", [math.nan, math.inf, 100.5])
 def test_goal_headings_have_a_range(bad):
     with pytest.raises(InvalidArgument) as caught:
-        convert.parse(schema.Goal, goal_pb2.Goal(position={}, heading=bad), "goals[2]")
+        wire.parse(schema.Goal, goal_pb2.Goal(position={}, heading=bad), "goals[2]")
     assert caught.value.field == "goals[2].heading"
 
 
@@ -219,16 +297,16 @@ def test_agent_in_unity():
     assert shown.position == schema.Vector3(x=1.0, y=0.9, z=2.0)
     assert shown.heading == -0.25
     assert shown.goal.position == schema.Vector3(x=3.0, y=0.0, z=4.0)
-    message = convert.message(agent_pb2.Agent, shown)
+    message = wire.message(agent_pb2.Agent, shown)
     assert message.state == agent_pb2.AGENT_STATE_WALKING
     assert message.gender == agent_pb2.GENDER_MALE
-    assert convert.parse(schema.Agent, message).model_dump(exclude={"rest_offsets"}) == (
+    assert wire.parse(schema.Agent, message).model_dump(exclude={"rest_offsets"}) == (
         shown.model_dump(exclude={"rest_offsets"})
     )
 
 
 def test_an_agent_without_a_goal_has_none_on_the_wire():
-    message = convert.message(agent_pb2.Agent, convert.agent(agent(goal=None), Basis.GLTF, BODIES))
+    message = wire.message(agent_pb2.Agent, convert.agent(agent(goal=None), Basis.GLTF, BODIES))
     assert not message.HasField("goal")
 
 

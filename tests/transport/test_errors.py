@@ -1,17 +1,30 @@
+from pathlib import Path
+
 import grpc
 import pytest
-from google.rpc.error_details_pb2 import BadRequest, ErrorInfo, RetryInfo
+from google.rpc.error_details_pb2 import (
+    BadRequest,
+    ErrorInfo,
+    QuotaFailure,
+    ResourceInfo,
+    RetryInfo,
+)
 from google.rpc.status_pb2 import Status
 from pydantic import ValidationError
 
 from wayfarer import errors as raised
 from wayfarer.transport import errors, schema
 
+DOCUMENT = Path(__file__).parents[2] / "docs" / "errors.md"
+
 EVERY = {
     raised.InvalidArgument("too big", "goal.radius"): ("INVALID_ARGUMENT", 422),
     raised.NotFound("no agent 'x'"): ("NOT_FOUND", 404),
     raised.AlreadyExists("taken"): ("ALREADY_EXISTS", 409),
     raised.FailedPrecondition("not now"): ("FAILED_PRECONDITION", 409),
+    raised.Aborted("stale"): ("ABORTED", 409),
+    raised.Unauthenticated("who?"): ("UNAUTHENTICATED", 401),
+    raised.PermissionDenied("no"): ("PERMISSION_DENIED", 403),
     raised.ResourceExhausted("full", retry_after=2.5): ("RESOURCE_EXHAUSTED", 429),
     raised.Unavailable("starting"): ("UNAVAILABLE", 503),
     raised.ArtifactError("secret path"): ("INTERNAL", 500),
@@ -65,6 +78,34 @@ def test_when_to_try_again_is_told_on_both():
     hopeless = raised.ResourceExhausted("full")
     assert detail(rich(hopeless)[1], RetryInfo) is None
     assert "retry_after_s" not in errors.to_problem(hopeless)
+
+
+def test_headers_say_what_to_do():
+    assert errors.headers_of(raised.ResourceExhausted("full", 2.5)) == {"retry-after": "3"}
+    assert errors.headers_of(raised.ResourceExhausted("full")) == {}
+    assert errors.headers_of(raised.Unavailable("starting")) == {"retry-after": "1"}
+    who = errors.headers_of(raised.Unauthenticated("who?"))
+    assert who == {"www-authenticate": 'Bearer realm="wayfarer"'}
+
+
+def test_what_is_full_and_what_is_missing_are_told():
+    full = detail(rich(raised.ResourceExhausted("full"))[1], QuotaFailure)
+    assert full.violations[0].description == "full"
+    missing = detail(rich(raised.NotFound("no agent 'x'", "agent", "x"))[1], ResourceInfo)
+    assert (missing.resource_type, missing.resource_name) == ("agent", "x")
+
+
+def test_the_documented_table_is_the_table():
+    rows = [
+        [cell.strip(" `") for cell in line.strip("|").split("|")]
+        for line in DOCUMENT.read_text("utf-8").splitlines()
+        if line.startswith("| `urn:")
+    ]
+    documented = {row[0]: (row[1], int(row[2]), int(row[3])) for row in rows}
+    assert documented == {
+        f"urn:wayfarer:{code.reason.lower()}": (code.reason, code.http, 4000 + code.http)
+        for code in (*errors.TABLE.values(), errors.INTERNAL)
+    }
 
 
 def test_internals_are_not_told():

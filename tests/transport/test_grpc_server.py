@@ -11,11 +11,14 @@ from tests.transport.rig import others_are_undisturbed, until
 from wayfarer.transport import codec
 from wayfarer.transport.basis import Basis
 from wayfarer.v1 import (
+    admin_pb2,
     agent_pb2,
+    control_pb2,
     goal_pb2,
     motion_pb2,
     motion_pb2_grpc,
     session_pb2,
+    snapshot_pb2,
 )
 
 
@@ -127,3 +130,129 @@ async def test_reflection_lists_the_services(rig):
     names = {s.name for s in (await call.read()).list_services_response.service}
     assert {"wayfarer.v1.MotionService", "grpc.health.v1.Health"} <= names
     call.cancel()
+
+
+async def code_of(call) -> grpc.StatusCode:
+    with pytest.raises(grpc.aio.AioRpcError) as caught:
+        await call
+    return caught.value.code()
+
+
+async def test_grpc_keeps_sessions_and_changes_agents(rig):
+    wish = session_pb2.CreateSessionRequest(seed=0, lease_s=30, record=True, request_id="one")
+    session = (await rig.sessions.CreateSession(wish)).session
+    assert (session.seed, session.lease_s, session.record) == (0, 30, True)
+    assert (await rig.sessions.CreateSession(wish)).session == session
+    changed = session_pb2.CreateSessionRequest(seed=1, request_id="one")
+    assert await code_of(rig.sessions.CreateSession(changed)) == grpc.StatusCode.ABORTED
+    listed = await rig.sessions.ListSessions(session_pb2.ListSessionsRequest())
+    assert list(listed.sessions) == [session]
+    renewal = session_pb2.RenewSessionRequest(session_id=session.session_id)
+    assert (await rig.sessions.RenewSession(renewal)).expires_at_us == session.expires_at_us
+
+    spec = agent_pb2.CreateAgentsRequest(session_id=session.session_id, agents=[{}])
+    (agent,) = (await rig.agents.CreateAgents(spec)).agents
+    change = agent_pb2.UpdateAgentRequest(agent_id=agent.agent_id, name="Ada")
+    named = (await rig.agents.UpdateAgent(change)).agent
+    assert (named.name, named.foot_lock, named.model) == ("Ada", True, "fake")
+
+    of = {"agent_id": agent.agent_id}
+    goals = goal_pb2.AppendGoalsRequest(**of, goals=[{"position": {}}], expected_revision=0)
+    assert (await rig.goals.AppendGoals(goals)).revision == 1
+    assert await code_of(rig.goals.AppendGoals(goals)) == grpc.StatusCode.ABORTED
+    area = goal_pb2.WanderRequest(**of, area={"center": {"x": 1}, "radius": 3}, dwell=2)
+    assert (await rig.goals.Wander(area)).revision == 2
+    nowhere = goal_pb2.WanderRequest(**of)
+    assert await code_of(rig.goals.Wander(nowhere)) == grpc.StatusCode.INVALID_ARGUMENT
+
+
+async def test_grpc_makes_clips_and_lets_time_pass(rig):
+    clip = rig.motion.GenerateClip(motion_pb2.GenerateClipRequest(seconds=0.4, agent={"seed": 3}))
+    header, *batches = [message async for message in clip]
+    assert header.header.frame_bytes == 364
+    assert [b.batch.chunks[0].seq for b in batches] == [0, 1]
+    too_long = rig.motion.GenerateClip(motion_pb2.GenerateClipRequest(seconds=1e6))
+    assert await code_of(too_long.read()) == grpc.StatusCode.INVALID_ARGUMENT
+
+    wish = session_pb2.CreateSessionRequest(lock_step=True)
+    session_id = (await rig.sessions.CreateSession(wish)).session.session_id
+    await rig.agents.CreateAgents(agent_pb2.CreateAgentsRequest(session_id=session_id, agents=[{}]))
+    step = motion_pb2.StepAgentsRequest(session_id=session_id, steps=2)
+    assert len((await rig.motion.StepAgents(step)).batches) == 2
+    stream = rig.motion.StreamMotion(motion_pb2.StreamMotionRequest(session_id=session_id))
+    assert await code_of(stream.read()) == grpc.StatusCode.FAILED_PRECONDITION
+
+
+async def test_grpc_moves_and_replays_sessions(rig):
+    wish = session_pb2.CreateSessionRequest(record=True)
+    session_id = (await rig.sessions.CreateSession(wish)).session.session_id
+    of = {"session_id": session_id}
+    exported = await rig.snapshots.ExportSession(snapshot_pb2.ExportSessionRequest(**of))
+    log = (await rig.snapshots.ExportLog(snapshot_pb2.ExportLogRequest(**of))).log
+    back = snapshot_pb2.ImportSessionRequest(snapshot=exported.snapshot)
+    assert await code_of(rig.snapshots.ImportSession(back)) == grpc.StatusCode.ALREADY_EXISTS
+    await rig.sessions.DeleteSession(session_pb2.DeleteSessionRequest(**of))
+    assert (await rig.snapshots.ImportSession(back)).session.session_id == session_id
+    replay = rig.snapshots.Replay(snapshot_pb2.ReplayRequest(log=log, format={"fps": 10}))
+    header, *batches = [message async for message in replay]
+    assert header.header.sent_fps == 10 and len(batches) == 2
+    unknown = rig.snapshots.Replay(snapshot_pb2.ReplayRequest(log=log, format={"encoding": 9}))
+    assert await code_of(unknown.read()) == grpc.StatusCode.INVALID_ARGUMENT
+
+
+async def test_grpc_administrates(rig):
+    named = {"name": "next"}
+    loaded = await rig.admin.LoadModel(admin_pb2.LoadModelRequest(**named))
+    assert (loaded.model.name, loaded.model.in_use) == ("next", False)
+    assert (await rig.admin.UseModel(admin_pb2.UseModelRequest(**named))).moved == 0
+    await rig.admin.UnloadModel(admin_pb2.UnloadModelRequest(name="fake"))
+    last = rig.admin.UnloadModel(admin_pb2.UnloadModelRequest(**named))
+    assert await code_of(last) == grpc.StatusCode.FAILED_PRECONDITION
+    await rig.admin.Drain(admin_pb2.DrainRequest())
+
+
+async def test_control_over_grpc(rig):
+    session_id, (agent, _) = await rig.session()
+    call = rig.control.Control()
+    await call.write(control_pb2.ControlRequest(open={"session_id": session_id}))
+    assert (await call.read()).motion.header.session_id == session_id
+    clear = {"agent_id": agent["agent_id"]}
+    await call.write(control_pb2.ControlRequest(command_id=1, clear_goal=clear))
+    assert (await call.read()).reply.revision == 1
+    rig.service.emit(session_id)
+    token = (await call.read()).motion.batch.resume_token
+    await call.write(control_pb2.ControlRequest(ack={"resume_token": token}))
+    await until(lambda: rig.service.subscriptions[0].acks == [(1, 0.0)])
+    await call.done_writing()  # the stream goes on
+    rig.service.emit(session_id)
+    assert len((await call.read()).motion.batch.chunks) == 2
+    call.cancel()
+    await until(lambda: rig.service.subscriptions[0].closed)
+    await others_are_undisturbed(rig, session_id)
+
+
+async def test_control_that_cannot_open_ends_with_a_status(rig):
+    call = rig.control.Control()
+    await call.write(control_pb2.ControlRequest(open={"session_id": "none"}))
+    assert await code_of(call.read()) == grpc.StatusCode.NOT_FOUND
+
+
+@pytest.mark.parametrize("path", ["SessionService/CreateSession", "MotionService/StreamMotion"])
+async def test_bytes_that_are_no_message_are_the_clients_fault(rig, path):
+    method = f"/wayfarer.v1.{path}"
+    if path.endswith("StreamMotion"):
+        call = rig.channel.unary_stream(method)(b"\xff\xff\xff").read()
+    else:
+        call = rig.channel.unary_unary(method)(b"\xff\xff\xff")
+    assert await code_of(call) == grpc.StatusCode.INVALID_ARGUMENT
+
+
+async def test_bytes_that_are_no_message_end_control(rig):
+    session_id, _ = await rig.session()
+    call = rig.channel.stream_stream("/wayfarer.v1.ControlService/Control")()
+    opening = control_pb2.ControlRequest(open={"session_id": session_id})
+    await call.write(opening.SerializeToString())
+    await call.read()
+    await call.write(b"\xff\xff\xff")
+    assert await code_of(call.read()) == grpc.StatusCode.INVALID_ARGUMENT
+    await until(lambda: rig.service.subscriptions[0].closed)

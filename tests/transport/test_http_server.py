@@ -1,11 +1,13 @@
 """HTTP, spoken to by a real client."""
 
+import base64
 import json
 
 import numpy as np
 import pytest
 import websockets
 
+from wayfarer.errors import ResourceExhausted
 from wayfarer.transport import codec
 from wayfarer.transport.basis import Basis
 from wayfarer.v1 import (
@@ -61,6 +63,20 @@ async def test_http_from_session_to_frames(rig):
         ("GET", "/v1/agents/" + "x" * 65, None, 422),
         ("GET", "/v1/nothing", None, 404),
         ("PATCH", "/v1/sessions", {}, 405),
+        ("POST", "/v1/sessions", {"seed": "1"}, 422),
+        ("POST", "/v1/sessions", {"seed": True}, 422),
+        ("POST", "/v1/sessions", {"seed": 1.5}, 422),
+        ("POST", "/v1/sessions", {"seed": -1}, 422),
+        ("POST", "/v1/sessions", {"lease_s": 0.5}, 422),
+        ("POST", "/v1/sessions", {"lock_step": "yes"}, 422),
+        ("POST", "/v1/sessions", {"scene": "park"}, 404),
+        ("POST", "/v1/clips", {}, 422),
+        ("POST", "/v1/clips", {"seconds": 0}, 422),
+        ("PATCH", "/v1/agents/none", {"name": "a\nb"}, 422),
+        ("PATCH", "/v1/agents/none", {"betas": []}, 422),
+        ("GET", "/v1/events", None, 422),
+        ("GET", "/v1/events?session=none", None, 404),
+        ("GET", "/v1/events?session=none&resume_token=7", None, 404),
         ("POST", "/v1/sessions", {"basis": "maya"}, 422),
         ("POST", "/v1/sessions", {"bases": "gltf"}, 422),
         ("POST", "/v1/sessions/none/agents", {"agents": []}, 422),
@@ -135,22 +151,123 @@ async def test_viewer_is_served_and_revalidated(rig):
     assert (await rig.http.get("/..%2f..%2f__init__.py")).status_code == 404
 
 
-async def test_openapi_describes_every_route(rig):
-    document = (await rig.http.get("/openapi.json")).json()
-    assert document["openapi"].startswith("3.")
-    operations = [
-        (path, method, operation)
-        for path, item in document["paths"].items()
-        for method, operation in item.items()
-    ]
-    assert len(operations) == 18
-    for path, method, operation in operations:
-        assert operation.get("summary"), (method, path)
-        if not path.startswith("/v1/health"):
-            problem = operation["responses"]["422"]["content"]
-            assert list(problem) == ["application/problem+json"], (method, path)
-    refs = {part.split('"')[0] for part in json.dumps(document).split('"$ref": "')[1:]}
-    assert all(
-        ref.removeprefix("#/components/schemas/") in document["components"]["schemas"]
-        for ref in refs
+async def test_http_keeps_sessions(rig):
+    made = await rig.http.post("/v1/sessions")  # all has a default
+    assert made.status_code == 201
+    session = made.json()
+    assert session["basis"]["basis"] == "gltf" and session["lease_s"] == 60
+    path = f"/v1/sessions/{session['session_id']}"
+    assert (await rig.http.get(path)).json() == session
+    assert (await rig.http.get("/v1/sessions")).json() == {"sessions": [session]}
+    renewal = (await rig.http.post(path + "/renew")).json()
+    assert renewal == {"expires_at_us": session["expires_at_us"]}  # the clock stands still
+
+
+async def test_a_request_sent_again_is_done_once(rig):
+    key = {"idempotency-key": "one"}
+    first = await rig.http.post("/v1/sessions", headers=key, json={"seed": 1})
+    assert (await rig.http.post("/v1/sessions", json={"seed": 1, "request_id": "one"})).json() == (
+        first.json()
     )
+    other = await rig.http.post("/v1/sessions", headers=key, json={"seed": 2})
+    assert other.status_code == 409 and other.json()["type"] == "urn:wayfarer:aborted"
+    both = await rig.http.post("/v1/sessions", headers=key, json={"request_id": "two"})
+    assert both.status_code == 422 and "Idempotency-Key" in both.json()["detail"]
+    agents = f"/v1/sessions/{first.json()['session_id']}/agents"
+    made = [
+        (
+            await rig.http.post(agents, headers={"idempotency-key": "b"}, json={"agents": [{}]})
+        ).json()
+        for _ in range(2)
+    ]
+    assert made[0] == made[1] and rig.service.created == 2
+
+
+async def test_http_changes_agents_and_goals(rig):
+    _, (agent, _) = await rig.session()
+    path = f"/v1/agents/{agent['agent_id']}"
+    changed = await rig.http.patch(path, json={"name": "Ada", "foot_lock": False})
+    assert (changed.json()["name"], changed.json()["foot_lock"]) == ("Ada", False)
+    goals = {"goals": [{"position": {"x": 0, "y": 0, "z": 1}}]}
+    answer = await rig.http.post(path + "/goals", json=goals, params={"expected_revision": 0})
+    assert answer.json() == {"revision": 1}
+    area = {"area": {"center": {"x": 0, "y": 0, "z": 0}, "radius": 3}, "dwell": 1}
+    answer = await rig.http.put(path + "/wander", json=area, params={"expected_revision": 1})
+    assert answer.json() == {"revision": 2}
+    stale = await rig.http.delete(path + "/goal", params={"expected_revision": 1})
+    assert stale.status_code == 409 and stale.json()["type"] == "urn:wayfarer:aborted"
+    for wrong in (-1, 1 << 32, "x"):
+        answer = await rig.http.delete(path + "/goal", params={"expected_revision": wrong})
+        assert answer.status_code == 422
+        assert answer.json()["errors"][0]["field"] == "expected_revision"
+
+
+async def test_a_clip_is_lines_of_json(rig):
+    wish = {"seconds": 0.4, "agent": {"seed": 3}, "format": {"encoding": "f16_le"}}
+    answer = await rig.http.post("/v1/clips", json=wish)
+    assert answer.headers["content-type"] == "application/x-ndjson"
+    header, *batches = map(json.loads, answer.text.splitlines())
+    assert header["header"]["pose_encoding"] == "f16_le"
+    chunks = [chunk for line in batches for chunk in line["batch"]["chunks"]]
+    assert [chunk["seq"] for chunk in chunks] == [0, 1]
+    frames = len(base64.b64decode(chunks[0]["poses"])) // header["header"]["frame_bytes"]
+    assert frames == len(base64.b64decode(chunks[0]["contacts"])) == 8
+    assert batches[0]["batch"]["added"][0]["seed"] == 3
+
+
+async def test_a_clip_that_breaks_off_says_why(rig):
+    rig.service.fail_with = ResourceExhausted("no room", 2.0)
+    answer = await rig.http.post("/v1/clips", json={"seconds": 0.4})
+    assert answer.status_code == 200
+    last = json.loads(answer.text.splitlines()[-1])
+    assert last["problem"]["status"] == 429 and last["problem"]["retry_after_s"] == 2.0
+
+
+async def test_a_clip_that_cannot_begin_is_a_problem(rig):
+    answer = await rig.http.post("/v1/clips", json={"seconds": 1e6})
+    assert answer.status_code == 422 and answer.json()["errors"][0]["field"] == "seconds"
+
+
+async def test_http_lets_time_pass(rig):
+    session = (await rig.http.post("/v1/sessions", json={"lock_step": True})).json()
+    path = f"/v1/sessions/{session['session_id']}"
+    await rig.http.post(path + "/agents", json={"agents": [{}]})
+    first = (await rig.http.post(path + "/step")).json()
+    assert len(first["batches"]) == 1 and first["batches"][0]["added"]
+    more = (await rig.http.post(path + "/step", json={"steps": 3, "format": {"fps": 10}})).json()
+    assert [batch["chunks"][0]["seq"] for batch in more["batches"]] == [1, 2, 3]
+    assert len(base64.b64decode(more["batches"][0]["chunks"][0]["contacts"])) == 2
+
+
+async def test_http_moves_and_replays_sessions(rig):
+    session = (await rig.http.post("/v1/sessions", json={"record": True})).json()
+    path = f"/v1/sessions/{session['session_id']}"
+    snapshot = await rig.http.get(path + "/snapshot")
+    assert snapshot.headers["content-type"] == "application/octet-stream"
+    log = (await rig.http.get(path + "/log")).content
+    assert (await rig.http.post("/v1/snapshots", content=snapshot.content)).status_code == 409
+    await rig.http.delete(path)
+    back = await rig.http.post("/v1/snapshots", content=snapshot.content)
+    assert back.status_code == 201 and back.json()["session_id"] == session["session_id"]
+    assert (await rig.http.post("/v1/snapshots", content=b"?")).status_code == 422
+    query = {"profile": "bones", "bones": ["head", "neck"], "fps": 20}
+    lines = (await rig.http.post("/v1/replays", content=log, params=query)).text.splitlines()
+    assert json.loads(lines[0])["header"]["frame_bytes"] == 12 + 2 * 16 and len(lines) == 3
+    assert (await rig.http.post("/v1/replays", content=b"?")).status_code == 422
+
+
+async def test_http_administrates(rig):
+    loaded = await rig.http.post("/v1/admin/models", json={"name": "next"})
+    assert loaded.status_code == 201 and not loaded.json()["in_use"]
+    answer = await rig.http.post("/v1/admin/models/next/use", json={"move_agents": True})
+    assert answer.json() == {"moved": 0}
+    assert (await rig.http.delete("/v1/admin/models/next")).status_code == 409
+    assert (await rig.http.delete("/v1/admin/models/fake")).status_code == 204
+    assert (await rig.http.post("/v1/admin/models", json={"name": "../x"})).status_code == 422
+    assert (await rig.http.post("/v1/admin/models", json={"name": "broken"})).status_code == 409
+    assert (await rig.http.post("/v1/admin/drain")).status_code == 202
+
+
+async def test_every_answer_to_an_unknown_method_says_which_there_are(rig):
+    answer = await rig.http.put("/v1/sessions/x")
+    assert answer.status_code == 405 and "GET" in answer.headers["allow"]

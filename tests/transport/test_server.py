@@ -128,9 +128,10 @@ async def test_stop_ends_streams_with_a_reason(rig):
 
 
 async def test_a_port_in_use_is_one_clear_line():
+    api = gateway()
     with contextlib.closing(socket.create_server(("127.0.0.1", 0))) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(Unavailable, match=rf"HTTP on 127.0.0.1:{port}: .*in use.*--http-port"):
-            Server(gateway(), "127.0.0.1", port, 0)
+            Server(api, "127.0.0.1", port, 0, api.catalogue.stats)
         with pytest.raises(Unavailable, match=rf"gRPC on 127.0.0.1:{port}: .*in use.*--grpc-port"):
-            Server(gateway(), "127.0.0.1", 0, port)
+            Server(api, "127.0.0.1", 0, port, api.catalogue.stats)

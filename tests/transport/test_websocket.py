@@ -1,10 +1,18 @@
-"""The stream over WebSocket."""
+"""`WS /v1/stream` and `WS /v1/control`, spoken to by a real client."""
 
 import pytest
 import websockets
+from starlette.datastructures import QueryParams
 
 from tests.transport.rig import others_are_undisturbed, until
-from wayfarer.transport.websocket import is_allowed_origin
+from wayfarer.errors import InvalidArgument
+from wayfarer.runtime.agent import SlowReader
+from wayfarer.transport.websocket import wish_of
+from wayfarer.v1 import control_pb2, motion_pb2
+
+
+async def message(socket) -> motion_pb2.StreamMotionResponse:
+    return motion_pb2.StreamMotionResponse.FromString(await socket.recv())
 
 
 async def test_a_websocket_client_that_vanishes_is_cleaned_up(rig):
@@ -18,47 +26,111 @@ async def test_a_websocket_client_that_vanishes_is_cleaned_up(rig):
 
 @pytest.mark.parametrize(
     ("query", "code", "reason"),
-    [("none", 4404, "no session"), ("x" * 65, 1008, "")],
-)
-async def test_websocket_says_why_it_closes(rig, query, code, reason):
-    with pytest.raises((websockets.ConnectionClosed, websockets.InvalidStatus)) as caught:
-        async with rig.socket(query) as socket:
-            await socket.recv()
-    if isinstance(caught.value, websockets.ConnectionClosed):
-        assert caught.value.rcvd.code == code and reason in caught.value.rcvd.reason
-    else:  # refused at the handshake
-        assert caught.value.response.status_code == 403
-
-
-async def test_websocket_of_a_foreign_page_is_refused(rig):
-    session_id, _ = await rig.session()
-    with pytest.raises(websockets.InvalidStatus) as caught:
-        async with rig.socket(session_id, origin="https://evil.example"):
-            pass
-    assert caught.value.response.status_code == 403
-    async with rig.socket(session_id, origin="http://localhost:3000") as socket:
-        await socket.recv()
-
-
-@pytest.mark.parametrize(
-    ("origin", "host", "allowed"),
     [
-        (None, "motion.example:8080", True),
-        ("https://motion.example:8080", "motion.example:8080", True),
-        ("http://localhost:5173", "motion.example:8080", True),
-        ("http://127.0.0.1", "motion.example:8080", True),
-        ("http://[::1]:9", "motion.example:8080", True),
-        ("https://evil.example", "motion.example:8080", False),
-        ("https://localhost.evil.example", "127.0.0.1:8080", False),
-        ("null", "127.0.0.1:8080", False),
-        ("http://[", "127.0.0.1:8080", False),
+        ("none", 4404, "no session"),
+        ("x" * 65, 4422, "session_id: "),
+        ("none&fps=30", 4422, "none of 40, 20, 10"),
+        ("none&fps=x", 4422, "40, 20 or 10"),
+        ("none&encoding=jpeg", 4422, "encoding"),
+        ("none&resume_token=1", 4404, "no session"),
+        ("none&colour=red", 4422, "resume_token"),
     ],
 )
-def test_origins(origin, host, allowed):
-    assert is_allowed_origin(origin, host) == allowed
+async def test_websocket_says_why_it_closes(rig, query, code, reason):
+    async with rig.socket(query) as socket:
+        with pytest.raises(websockets.ConnectionClosed) as caught:
+            await socket.recv()
+    assert caught.value.rcvd.code == code and reason in caught.value.rcvd.reason
+
+
+async def test_the_query_chooses_the_format_and_resumes(rig):
+    session_id, (agent, _) = await rig.session()
+    query = f"&agent={agent['agent_id']}&encoding=smallest_three&profile=full&fps=20"
+    async with rig.socket(session_id, query) as socket:
+        header = (await message(socket)).header
+        assert (header.sent_fps, header.frame_bytes) == (20, 12 + 6 * 52)
+        rig.service.emit(session_id)
+        batch = (await message(socket)).batch
+        assert [a.alias for a in batch.added] == [agent["alias"]]
+    rig.service.emit(session_id)
+    resume = f"&resume_token={batch.resume_token}&slow_reader=disconnect"
+    async with rig.socket(session_id, resume) as socket:
+        assert (await message(socket)).header.resumed
+        assert [c.seq for c in (await message(socket)).batch.chunks] == [1, 1]
+    assert rig.service.subscriptions[1].wish.slow_reader is SlowReader.DISCONNECT
+
+
+def test_the_query_stands_for_a_request():
+    text = "session=s&agent=a&agent=b&profile=bones&bones=head&bones=neck&fps=10&slow_reader=hold"
+    wish = wish_of(QueryParams(text))
+    assert (wish.session_id, wish.agent_ids) == ("s", ("a", "b"))
+    assert wish.format.bones == ("head", "neck") and wish.format.fps == 10
+
+
+@pytest.mark.parametrize("query", ["fps=٣", "fps=-1", "fps=", "fps=9999", "slow_reader=no", "x=1"])
+def test_a_malformed_query_names_its_part(query):
+    with pytest.raises(InvalidArgument) as caught:
+        wish_of(QueryParams(query))
+    assert caught.value.field == query.split("=")[0]
 
 
 async def test_websocket_is_not_compressed(rig):
     session_id, _ = await rig.session()
     async with rig.socket(session_id) as socket:
         assert "Sec-WebSocket-Extensions" not in socket.response.headers
+
+
+async def test_control_from_a_browser(rig):
+    session_id, (agent, _) = await rig.session()
+    async with rig.control_socket() as socket:
+
+        async def send(**payload: object) -> None:
+            await socket.send(control_pb2.ControlRequest(**payload).SerializeToString())
+
+        async def receive() -> control_pb2.ControlResponse:
+            return control_pb2.ControlResponse.FromString(await socket.recv())
+
+        await send(open={"session_id": session_id})
+        assert (await receive()).motion.header.session_id == session_id
+        await send(command_id=4, clear_goal={"agent_id": agent["agent_id"]})
+        assert (await receive()).reply == control_pb2.CommandReply(command_id=4, revision=1)
+        rig.service.emit(session_id)
+        token = (await receive()).motion.batch.resume_token
+        await send(ack={"resume_token": token, "playhead_us": 1_000_000})
+        await until(lambda: rig.service.subscriptions[0].acks == [(1, 1.0)])
+        await rig.http.delete(f"/v1/sessions/{session_id}")
+        with pytest.raises(websockets.ConnectionClosedOK):
+            await socket.recv()
+
+
+@pytest.mark.parametrize("frame", [b"\xff\xff\xff", b"", "text"])
+async def test_control_says_what_a_frame_must_be(rig, frame):
+    async with rig.control_socket() as socket:
+        await socket.send(frame)
+        with pytest.raises(websockets.ConnectionClosed) as caught:
+            await socket.recv()
+    assert caught.value.rcvd.code == 4422
+
+
+async def test_a_malformed_frame_ends_control_and_its_subscription(rig):
+    session_id, _ = await rig.session()
+    async with rig.control_socket() as socket:
+        opening = control_pb2.ControlRequest(open={"session_id": session_id})
+        await socket.send(opening.SerializeToString())
+        await socket.recv()
+        await socket.send(b"\xff\xff\xff")
+        with pytest.raises(websockets.ConnectionClosed) as caught:
+            await socket.recv()
+    assert caught.value.rcvd.code == 4422 and "ControlRequest" in caught.value.rcvd.reason
+    await until(lambda: rig.service.subscriptions[0].closed)
+
+
+async def test_a_control_client_that_vanishes_is_cleaned_up(rig):
+    session_id, _ = await rig.session()
+    async with rig.control_socket() as socket:
+        opening = control_pb2.ControlRequest(open={"session_id": session_id})
+        await socket.send(opening.SerializeToString())
+        await socket.recv()
+        socket.transport.abort()
+        await until(lambda: rig.service.subscriptions[0].closed)
+    await others_are_undisturbed(rig, session_id)

@@ -1,5 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { Access } from "../../service/wayfarer/transport/viewer/access.js";
 import { Api, ApiError } from "../../service/wayfarer/transport/viewer/api.js";
 
 /** An Api whose server gives one answer, and the requests it was asked. */
@@ -9,19 +10,23 @@ function api(status, body) {
     asked.push([method, url, sent && JSON.parse(sent)]);
     return new Response(status === 204 ? null : body, { status });
   };
-  return { api: new Api("", fetcher), asked };
+  return { api: new Api("", undefined, fetcher), asked };
 }
 
 test("calls have the method, path and body of the API", async () => {
   const { api: client, asked } = api(200, '{"agents": [1], "bodies": [2], "revision": 3}');
-  await client.createSession();
+  await client.createSession(60);
+  await client.renewSession("s/1");
   assert.deepEqual(await client.bodies(), [2]);
   assert.deepEqual(await client.createAgents("s/1", [{ gender: "male" }]), [1]);
   await client.setPath("a", [{ x: 1.5, z: -2, speed: 0.8, stop: false }, { x: 0, z: 0, heading: 1 }]);
+  await client.appendGoals("a", [{ x: 3, z: 4, stop: false }]);
+  await client.wander("a", { x: 1, z: 2 }, 9, { speed: 0.5 });
   await client.clearGoal("a");
   await client.deleteAgent("a");
   assert.deepEqual(asked, [
-    ["POST", "/v1/sessions", { basis: "gltf" }],
+    ["POST", "/v1/sessions", { basis: "gltf", lease_s: 60 }],
+    ["POST", "/v1/sessions/s%2F1/renew", undefined],
     ["GET", "/v1/bodies", undefined],
     ["POST", "/v1/sessions/s%2F1/agents", { agents: [{ gender: "male" }] }],
     ["PUT", "/v1/agents/a/path", {
@@ -30,6 +35,8 @@ test("calls have the method, path and body of the API", async () => {
         { position: { x: 0, y: 0, z: 0 }, heading: 1 },
       ],
     }],
+    ["POST", "/v1/agents/a/goals", { goals: [{ position: { x: 3, y: 0, z: 4 }, stop: false }] }],
+    ["PUT", "/v1/agents/a/wander", { area: { center: { x: 1, y: 0, z: 2 }, radius: 9 }, speed: 0.5 }],
     ["DELETE", "/v1/agents/a/goal", undefined],
     ["DELETE", "/v1/agents/a", undefined],
   ]);
@@ -52,7 +59,7 @@ test("a refusal says what the problem document says", async () => {
 });
 
 test("no answer is an error of its own", async () => {
-  const client = new Api("", async () => {
+  const client = new Api("", undefined, async () => {
     throw new TypeError("fetch failed");
   });
   await assert.rejects(client.stats(), { name: "ApiError", status: 0, message: /does not answer/ });
@@ -60,7 +67,38 @@ test("no answer is an error of its own", async () => {
 
 test("the stream's address follows the page's", () => {
   const client = new Api();
-  const of = (href) => client.streamUrl("s 1", new URL(href));
-  assert.equal(of("http://host:8080/"), "ws://host:8080/v1/stream?session=s+1");
-  assert.equal(of("https://host/x/"), "wss://host/v1/stream?session=s+1");
+  const of = (href, ...rest) => client.streamAddress("s 1", ...rest, new URL(href)).url;
+  assert.equal(of("http://host:8080/", {}, ""), "ws://host:8080/v1/stream?session=s+1");
+  assert.equal(
+    of("https://host/x/", { encoding: "f16_le", fps: 20 }, "r.1"),
+    "wss://host/v1/stream?session=s+1&encoding=f16_le&fps=20&resume_token=r.1",
+  );
+});
+
+test("a server that asks who calls gets a token, asked for once and kept", async () => {
+  const kept = new Map();
+  const storage = { getItem: (key) => kept.get(key) ?? null, setItem: (key, value) => kept.set(key, value) };
+  const typed = ["wrong", "a+b?~"];
+  const reasons = [];
+  const access = new Access(async (reason) => {
+    reasons.push(reason);
+    return typed.shift();
+  }, storage);
+  const good = "Bearer a+b?~";
+  const fetcher = async (url, { headers }) => (headers.authorization === good
+    ? new Response('{"bodies": []}')
+    : new Response('{"detail": "credentials are missing"}', { status: 401 }));
+  const client = new Api("", access, fetcher);
+  await Promise.all([client.bodies(), client.bodies(), client.bodies()]);
+  assert.deepEqual(reasons, ["credentials are missing", "credentials are missing"]);
+  assert.deepEqual([...kept.values()], ["a+b?~"]);
+  assert.deepEqual(client.streamAddress("s", {}, "", new URL("http://h/")).protocols, [
+    "wayfarer.v1", "wayfarer.token.YStiP34",
+  ]);
+});
+
+test("where nobody asks, nothing is shown", () => {
+  const access = new Access(() => {}, { getItem: () => null });
+  assert.deepEqual(access.headers, {});
+  assert.deepEqual(access.protocols, ["wayfarer.v1"]);
 });

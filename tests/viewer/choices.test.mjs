@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import {
-  dragHeading, extended, formation, freePlace, pick, randomAgents, recipients, wanderGoal,
+  dragHeading, eventText, formation, freePlace, pick, randomAgents, recipients,
 } from "../../service/wayfarer/transport/viewer/choices.js";
 
 const HEIGHTS = { female: [1.5, 1.8], male: [1.55, 1.9] };
@@ -57,13 +57,6 @@ test("a click sends those that the mode names", () => {
   assert.deepEqual(recipients("nearest", [], null, point), []);
 });
 
-test("a path grows at its end, and what ended it is passed through", () => {
-  const [a, b, c] = [{ x: 0, z: 1 }, { x: 0, z: 2, heading: 1 }, { x: 0, z: 3 }];
-  const path = extended(extended(extended([], a), b), c);
-  assert.deepEqual(path, [{ ...a, stop: false }, b, c]);
-  assert.equal("stop" in a, false);
-});
-
 test("a drag gives the heading it points to, a twitch none", () => {
   const from = { x: 1, z: 1 };
   assert.equal(dragHeading(from, { x: 1, z: 3 }), 0);
@@ -84,13 +77,12 @@ test("a ray picks the person it passes, not the one behind the viewer", () => {
   assert.equal(pick([], { origin, direction: { x: 0, y: 0, z: -1 } }), null);
 });
 
-test("wandering leads somewhere else and stays near the middle", () => {
-  const random = chance(5);
-  for (let k = 0; k < 200; k += 1) {
-    const from = { x: 16 * random() - 8, z: 0 };
-    const goal = wanderGoal(from, random);
-    assert.ok(Math.hypot(goal.x, goal.z) < 9);
-    assert.ok(Math.hypot(goal.x - from.x, goal.z - from.z) >= 2.5);
-  }
-  assert.deepEqual(wanderGoal({ x: 500, z: 0 }, random), { x: 0, z: 0 });
+test("events are told in a sentence, or not where the picture tells", () => {
+  const reached = { kind: "goal_reached", waypoint: 1, detail: "" };
+  assert.equal(eventText(reached, "Ada", 3), "Ada has reached goal 2");
+  assert.equal(eventText({ ...reached, waypoint: 0 }, "Ada", 1), "Ada has reached the goal");
+  assert.equal(eventText({ kind: "path_done", detail: "x" }, "Ada", 3), "");
+  assert.match(eventText({ kind: "gap", detail: "3 s" }, "", 0), /lost: 3 s/);
+  assert.match(eventText({ kind: "draining", detail: "" }, "", 0), /about to stop/);
+  assert.equal(eventText({ kind: "unknown", detail: "of a later version" }, "", 0), "of a later version");
 });

@@ -1,19 +1,24 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
-import { FLAG, decodeStreamMessage, unpackPoses } from "../../service/wayfarer/transport/viewer/messages.js";
+import { FLAG, decodeStreamMessage } from "../../service/wayfarer/transport/viewer/messages.js";
+import { unpackPoses } from "../../service/wayfarer/transport/viewer/poses.js";
 import { ProtoReader } from "../../service/wayfarer/transport/viewer/protobuf.js";
 
-const golden = JSON.parse(readFileSync(new URL("golden.json", import.meta.url)));
+const golden = JSON.parse(readFileSync(new URL("../golden/messages.json", import.meta.url)));
+const FLOATS = { encoding: 1, bones: 2 };
 const bytes = (name) => new Uint8Array(Buffer.from(golden[name], "hex"));
 
 test("a header gives rate, skeleton and encoding", () => {
   const { sentAt, header } = decodeStreamMessage(bytes("header"));
   assert.equal(sentAt, 1_780_000_000.2);
   assert.deepEqual(header, {
-    serverVersion: "1.2.3", sessionId: "s-1", fps: 40, posedBones: 2, encoding: 1,
-    bones: [{ name: "pelvis", parent: -1 }, { name: "left_hip", parent: 0 }],
+    serverVersion: "1.2.3", sessionId: "s-1", fps: 40, sentFps: 40, encoding: 1, frameBytes: 44,
+    skeleton: [{ name: "pelvis", parent: -1 }, { name: "left_hip", parent: 0 }],
+    bones: [0, 1], resumed: false,
   });
+  const small = decodeStreamMessage(bytes("header_small")).header;
+  assert.deepEqual([small.encoding, small.sentFps, small.bones, small.frameBytes, small.resumed], [3, 10, [1], 18, true]);
 });
 
 test("a batch gives new agents, chunks and removals", () => {
@@ -23,15 +28,31 @@ test("a batch gives new agents, chunks and removals", () => {
     betas: [0.5, -1.25, 3], seed: 4294967295,
   }]);
   assert.deepEqual(batch.removed, [1, 300]);
+  assert.equal(batch.resumeToken, "r.1.41");
   const [{ poses, contacts, ...chunk }] = batch.chunks;
   assert.deepEqual(chunk, {
     alias: 300, seq: 12, firstFrame: 96, scheduledAt: 1_780_000_000.123456, goalRevision: 3,
     state: "walking", flags: FLAG.FIRST | FLAG.ARRIVED, waypoint: 2, candidates: 8,
   });
   assert.deepEqual([...contacts], [1, 3, 2]);
-  const frames = unpackPoses(poses, 2);
+  const frames = unpackPoses(poses, FLOATS);
   assert.equal(frames.length, 3);
   assert.deepEqual([...frames[2]], [2, 2.5, 2.25, 0, 0, 0, 1, 0.5, -0.5, 0.5, -0.5]);
+});
+
+test("smallest-three poses and held motion", () => {
+  const [chunk] = decodeStreamMessage(bytes("batch_small")).batch.chunks;
+  assert.equal(chunk.flags, FLAG.HELD | FLAG.GAP);
+  const [, second] = unpackPoses(chunk.poses, { encoding: 3, bones: 1 });
+  assert.deepEqual([...second.subarray(0, 3)], [1, 1.5, 1.25]);
+  second.subarray(3).forEach((component) => assert.ok(Math.abs(component - 0.5) < 1e-4));
+});
+
+test("an event says what happened to whom", () => {
+  assert.deepEqual(decodeStreamMessage(bytes("event")).event, {
+    kind: "goal_reached", agentId: "a-7", alias: 300, at: 1_780_000_000.123456, goalRevision: 3,
+    waypoint: 2, detail: "goal 3 of 4 reached",
+  });
 });
 
 test("a heartbeat has only its time", () => {
@@ -41,7 +62,7 @@ test("a heartbeat has only its time", () => {
 test("a message in the middle of a larger buffer is read in place", () => {
   const padded = new Uint8Array([9, 9, 9, ...bytes("batch"), 9]);
   const { batch } = decodeStreamMessage(padded.subarray(3, padded.length - 1));
-  assert.equal(unpackPoses(batch.chunks[0].poses, 2)[1][1], 1.5);
+  assert.equal(unpackPoses(batch.chunks[0].poses, FLOATS)[1][1], 1.5);
 });
 
 test("every cut of a message is an error or a shorter message, never a hang", () => {
@@ -74,6 +95,7 @@ test("numbers that JavaScript cannot hold, groups and field 0 are refused", () =
 });
 
 test("poses that are not whole frames are refused", () => {
-  assert.throws(() => unpackPoses(new Uint8Array(45), 2), /45 bytes are not whole frames of 44/);
-  assert.deepEqual(unpackPoses(new Uint8Array(0), 2), []);
+  assert.throws(() => unpackPoses(new Uint8Array(45), FLOATS), /45 bytes are not whole frames of 44/);
+  assert.throws(() => unpackPoses(new Uint8Array(0), { encoding: 9, bones: 2 }), /encoding 9 is not known/);
+  assert.deepEqual(unpackPoses(new Uint8Array(0), FLOATS), []);
 });

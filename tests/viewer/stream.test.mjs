@@ -3,7 +3,7 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { MotionStream } from "../../service/wayfarer/transport/viewer/stream.js";
 
-const golden = JSON.parse(readFileSync(new URL("golden.json", import.meta.url)));
+const golden = JSON.parse(readFileSync(new URL("../golden/messages.json", import.meta.url)));
 
 /** A stream over sockets and timers that the test drives by hand. */
 function harness() {
@@ -12,11 +12,12 @@ function harness() {
   const heard = [];
   const note = (name) => (...given) => heard.push([name, ...given]);
   const on = Object.fromEntries(
-    ["status", "header", "message", "added", "chunk", "removed", "ended", "failed"].map((name) => [name, note(name)]),
+    ["status", "header", "message", "added", "chunk", "removed", "event", "ended", "refused", "failed"].map((name) => [name, note(name)]),
   );
-  const newSocket = (url) => {
+  const newSocket = (url, protocols) => {
     const socket = {
       url,
+      protocols,
       closed: false,
       close() {
         this.closed = true;
@@ -30,7 +31,7 @@ function harness() {
     sockets.push(socket);
     return socket;
   };
-  const stream = new MotionStream("ws://x/", on, newSocket, (callback, seconds) => timers.push({ callback, seconds }));
+  const stream = new MotionStream((token) => ({ url: `ws://x/${token}`, protocols: ["p"] }), on, newSocket, (callback, seconds) => timers.push({ callback, seconds }));
   const names = () => heard.map(([name]) => name);
   const run = (seconds) => {
     const due = timers.filter((timer) => timer.seconds === seconds);
@@ -69,6 +70,49 @@ test("a lost connection is opened again, later each time", () => {
   assert.deepEqual(states(heard), ["connecting", "lost", "connecting", "lost", "connecting", "open", "lost"]);
 });
 
+test("a stream goes on where it was, and says so", () => {
+  const { sockets, heard, run } = harness();
+  sockets[0].say("header");
+  sockets[0].say("batch");
+  sockets[0].onclose({ code: 1006, reason: "" });
+  run(0.5);
+  assert.deepEqual([sockets[0].url, sockets[1].url], ["ws://x/", "ws://x/r.1.41"]);
+  assert.deepEqual(sockets[1].protocols, ["p"]);
+  sockets[1].say("header_small");
+  sockets[1].say("batch_small");
+  const headers = heard.filter(([name]) => name === "header");
+  assert.deepEqual(headers.map(([, header, again]) => [header.resumed, again]), [[false, false], [true, true]]);
+  const [, chunk, frames, fps] = heard.filter(([name]) => name === "chunk").at(-1);
+  assert.deepEqual([chunk.seq, frames.length, frames[0].length, fps], [13, 2, 7, 10]);
+});
+
+test("events are handed on", () => {
+  const { sockets, heard } = harness();
+  sockets[0].say("header");
+  sockets[0].say("event");
+  assert.equal(heard.at(-1)[1].kind, "goal_reached");
+});
+
+test("a resume token that the server does not know is forgotten", () => {
+  const { sockets, heard } = harness();
+  sockets[0].say("header");
+  sockets[0].say("batch");
+  sockets[0].onclose({ code: 4422, reason: "not a resume token" });
+  assert.equal(sockets[1].url, "ws://x/");
+  sockets[1].onclose({ code: 4422, reason: "encoding: unknown" });
+  assert.deepEqual(heard.at(-1), ["failed", "encoding: unknown"]);
+  assert.equal(sockets.length, 2);
+});
+
+test("a caller that is not known may show who it is and open again", () => {
+  const { stream, sockets, heard } = harness();
+  sockets[0].onclose({ code: 4401, reason: "credentials are missing" });
+  assert.deepEqual(heard.at(-1), ["refused", "credentials are missing"]);
+  assert.equal(sockets.length, 1);
+  stream.open();
+  assert.equal(sockets.length, 2);
+});
+
 test("an ended or unknown session is not asked for again", () => {
   for (const code of [1000, 4404]) {
     const { sockets, heard, timers } = harness();
@@ -79,10 +123,10 @@ test("an ended or unknown session is not asked for again", () => {
   }
 });
 
-test("a foreign origin is told so", () => {
+test("what is not allowed is told", () => {
   const { sockets, heard } = harness();
-  sockets[0].onclose({ code: 1008, reason: "" });
-  assert.equal(heard.at(-1)[0], "failed");
+  sockets[0].onclose({ code: 4403, reason: "web pages of this origin may not call" });
+  assert.deepEqual(heard.at(-1), ["failed", "web pages of this origin may not call"]);
 });
 
 test("a silent connection is given up, a speaking one is kept", () => {

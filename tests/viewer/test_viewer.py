@@ -9,11 +9,13 @@ import json
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
+from tests.serving import Service
 from tests.viewer.chromium import Page, find_chromium
 
 Image = pytest.importorskip("PIL.Image", reason="pillow is missing: pip install 'wayfarer[train]'")
@@ -24,34 +26,6 @@ pytestmark = pytest.mark.skipif(
 
 CROWD = "globalThis.wayfarer.crowd"
 CONNECTION = "document.querySelector('#connection').dataset.state"
-
-
-class Service:
-    """`wayfarer serve` on free ports."""
-
-    def __init__(self) -> None:
-        command = [sys.executable, "-m", "wayfarer.cli", "serve", "--log-format", "json"]
-        self.process = subprocess.Popen(
-            [*command, "--http-port", "0", "--grpc-port", "0", "--candidates", "2"],
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        assert self.process.stderr is not None
-        said = []
-        for line in self.process.stderr:
-            said.append(line)
-            if line.startswith("{") and json.loads(line).get("event") == "ready":
-                self.url = json.loads(line)["http"]
-                return
-        raise RuntimeError("the service did not start:\n" + "".join(said[-20:]))
-
-    def stop(self) -> None:
-        self.process.terminate()
-        try:
-            self.process.communicate(timeout=20)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.communicate()
 
 
 @pytest.fixture(scope="module")
@@ -87,9 +61,18 @@ def picture(page: Page) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB")).astype(int)
 
 
+def add_sixteen(page: Page) -> None:
+    """A busy machine refuses so many for a while, and the page says so."""
+    end = time.monotonic() + 120
+    while page.evaluate(f"{CROWD}.members.size") == 0 and time.monotonic() < end:
+        page.evaluate("document.querySelector('#add-many').click()")
+        time.sleep(2)
+    page.problems[:] = [problem for problem in page.problems if "429" not in problem]
+
+
 def test_sixteen_people_of_differing_shape_appear(page: Page):
     empty = picture(page)
-    page.evaluate("document.querySelector('#add-many').click()")
+    add_sixteen(page)
     seen = f"{CROWD}.people.filter((person) => person.body?.visible).length"
     page.wait_for(f"{seen} === 16", 90)
     heights = np.array(page.evaluate(f"{CROWD}.people.map(({{ height }}) => height)"))
@@ -130,12 +113,44 @@ def test_shift_adds_waypoints_and_a_drag_the_heading(page: Page):
     # whoever stands near the first may have passed it before the second is there
     page.wait_for(f"{ahead}.every((goals) => goals.at(-1)?.heading !== undefined)")
     page.wait_for(f"{ahead}.some((goals) => goals.length >= 2)")
-    for *before, last in page.evaluate(ahead):
-        assert all(goal["stop"] is False for goal in before)
+    for *_, last in page.evaluate(ahead):
         assert "stop" not in last and last["speed"] == 0.6
         assert abs(last["heading"]) < 3.2
     assert page.evaluate("globalThis.wayfarer.stage.camera.position.toArray()") == camera
     page.wait_for(f"{CROWD}.people.every((person) => Number.isFinite(person.revision))")
+    assert page.problems == []
+
+
+def test_wandering_begins_and_ends_with_its_button(page: Page):
+    state = "document.querySelector('#wander').getAttribute('aria-pressed')"
+    page.evaluate("document.querySelector('#stop').click()")
+    page.wait_for(f"{CROWD}.people.every((person) => person.ahead.length === 0)")
+    press(page, "w")
+    assert page.evaluate(state) == "true"
+    page.wait_for(f"{CROWD}.people.every((person) => person.wanders)")
+    walking = f"{CROWD}.people.filter((p) => {CROWD}.stateOf(p) === 'walking').length"
+    page.wait_for(f"{walking} >= 8", 60)
+    press(page, "w")
+    assert page.evaluate(state) == "false"
+    page.wait_for(f"{walking} === 0", 60)
+    assert page.problems == []
+
+
+def test_a_lost_connection_is_made_again_without_a_gap(page: Page):
+    page.evaluate(
+        "(() => { const { crowd, stream } = globalThis.wayfarer; globalThis.seqs = {};"
+        " const chunk = stream.on.chunk; stream.on.chunk = (found, ...rest) => {"
+        "  (globalThis.seqs[found.alias] ??= []).push(found.seq); chunk(found, ...rest); }; })()"
+    )
+    page.wait_for("Object.values(seqs).length === 16 && seqs[1].length > 2")
+    page.evaluate("globalThis.wayfarer.stream.socket.close()")
+    page.wait_for(f"{CONNECTION} !== 'open'", 5)
+    page.wait_for(f"{CONNECTION} === 'open' && globalThis.wayfarer.stream.header.resumed", 20)
+    before = page.evaluate("Math.max(...Object.values(seqs).map((found) => found.length))")
+    page.wait_for(f"Object.values(seqs).every((found) => found.length > {before} + 3)")
+    for numbers in page.evaluate("Object.values(seqs)"):
+        assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+    assert page.evaluate(f"{CROWD}.members.size") == 16
     assert page.problems == []
 
 
@@ -167,8 +182,54 @@ def test_a_refusal_is_shown_to_the_user(page: Page):
     page.problems.clear()  # the browser logs the 404 itself
 
 
+def test_events_are_mentioned(page: Page):
+    page.evaluate("document.querySelector('input[value=all]').click()")
+    page.click(620, 420)
+    page.wait_for("document.querySelector('#news').textContent.includes('has reached')", 60)
+    assert page.evaluate("document.querySelector('#news').children.length") <= 4
+    page.wait_for(
+        "/full|reduced|held/.test(document.querySelector('#figure-quality').textContent)", 10
+    )
+
+
 @pytest.mark.skipif("VIEWER_URL" in os.environ, reason="the server is not ours to stop")
 def test_a_lost_connection_is_shown(page: Page, service: Service):
     service.stop()
     page.wait_for(f"{CONNECTION} === 'lost'", 20)
     assert "lost" in str(page.evaluate("document.querySelector('#connection').textContent"))
+
+
+def test_a_guarded_server_asks_once_for_a_key(tmp_path, tmp_path_factory):
+    made = subprocess.run(
+        [sys.executable, "-m", "wayfarer.cli", "keys", "new", "tester"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    keys = tmp_path / "keys.toml"
+    keys.write_text(made.stdout)
+    key = next(word for word in made.stderr.split() if word.startswith("wf_"))
+    executable = find_chromium()
+    assert executable
+    with (
+        Service("--keys-file", str(keys)) as guarded,
+        Page(executable, tmp_path_factory.mktemp("guarded"), (900, 600)) as opened,
+    ):
+        opened.call(
+            "Page.navigate", url=f"{guarded.url}/?detail=low&encoding=smallest_three&fps=20"
+        )
+        opened.wait_for("document.querySelector('#access')?.open", 60)
+        assert opened.evaluate("document.querySelector('#access-reason').textContent")
+        opened.evaluate(
+            f"(() => {{ document.querySelector('#access-token').value = '{key}';"
+            " document.querySelector('#access button').click(); })()"
+        )
+        opened.wait_for(f"globalThis.wayfarer && {CONNECTION} === 'open'", 30)
+        opened.evaluate("document.querySelector('#add-one').click()")
+        opened.wait_for(f"{CROWD}.people.filter((person) => person.body?.visible).length === 1", 60)
+        header = opened.evaluate("globalThis.wayfarer.stream.header")
+        assert (header["encoding"], header["sentFps"]) == (3, 20)
+        opened.call("Page.reload")
+        opened.wait_for(f"globalThis.wayfarer && {CONNECTION} === 'open'", 60)
+        assert not opened.evaluate("document.querySelector('#access').open")
+        assert key not in "".join(guarded.said)

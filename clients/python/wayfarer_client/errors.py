@@ -1,12 +1,26 @@
 """Errors of the client, one per kind of gRPC status that the server sends."""
 
-from typing import Final
+from typing import Any, Final
 
 import grpc
+from google.protobuf.message import DecodeError
+from google.rpc.error_details_pb2 import BadRequest, RetryInfo
+from google.rpc.status_pb2 import Status
+
+from wayfarer_client.v1 import common_pb2
+
+DETAILS: Final = "grpc-status-details-bin"
 
 
 class WayfarerError(Exception):
     """Base of all. The text is the server's, which names the field at fault."""
+
+    def __init__(self, message: str, field: str = "", retry_after: float = 0.0) -> None:
+        super().__init__(message)
+        self.field = field
+        """Path of the field at fault, as in "goals[3].speed"; empty when none is."""
+        self.retry_after = retry_after
+        """Seconds after which the server may have time; 0 when it has not said."""
 
 
 class InvalidArgument(WayfarerError):
@@ -14,7 +28,7 @@ class InvalidArgument(WayfarerError):
 
 
 class NotFound(WayfarerError):
-    """No such session, agent or body."""
+    """No such session, agent, body or model."""
 
 
 class AlreadyExists(WayfarerError):
@@ -25,8 +39,20 @@ class FailedPrecondition(WayfarerError):
     """Right request, wrong moment."""
 
 
+class Aborted(WayfarerError):
+    """Somebody else was quicker: the revision expected is no longer the agent's."""
+
+
 class ResourceExhausted(WayfarerError):
-    """A limit of the server is reached."""
+    """A limit of the server is reached; `retry_after` says when to try again."""
+
+
+class Unauthenticated(WayfarerError):
+    """The key, token or certificate is missing or does not hold."""
+
+
+class PermissionDenied(WayfarerError):
+    """The caller is known, and its scopes do not allow the call."""
 
 
 class Unavailable(WayfarerError):
@@ -42,16 +68,47 @@ CLASSES: Final = {
     grpc.StatusCode.NOT_FOUND: NotFound,
     grpc.StatusCode.ALREADY_EXISTS: AlreadyExists,
     grpc.StatusCode.FAILED_PRECONDITION: FailedPrecondition,
+    grpc.StatusCode.ABORTED: Aborted,
     grpc.StatusCode.RESOURCE_EXHAUSTED: ResourceExhausted,
+    grpc.StatusCode.UNAUTHENTICATED: Unauthenticated,
+    grpc.StatusCode.PERMISSION_DENIED: PermissionDenied,
     grpc.StatusCode.UNAVAILABLE: Unavailable,
     grpc.StatusCode.DEADLINE_EXCEEDED: Unavailable,
     grpc.StatusCode.INTERNAL: InternalError,
 }
+_BY_NUMBER: Final = {code.value[0]: kind for code, kind in CLASSES.items()}
 
 
 def from_grpc(error: grpc.aio.AioRpcError) -> WayfarerError:
     """The client's error for a failed call."""
+    text = error.details() or error.code().name
     kind = CLASSES.get(error.code())
     if kind is None:
-        return WayfarerError(f"{error.code().name}: {error.details()}")
-    return kind(error.details() or error.code().name)
+        return WayfarerError(f"{error.code().name}: {text}")
+    return kind(text, *_details(error))
+
+
+def from_problem(problem: common_pb2.Problem) -> WayfarerError:
+    """The client's error for a command that failed on a stream that goes on."""
+    kind = _BY_NUMBER.get(problem.code, WayfarerError)
+    return kind(problem.message, problem.field)
+
+
+def _details(error: grpc.aio.AioRpcError) -> tuple[str, float]:
+    """Field at fault, and seconds to wait."""
+    field, retry_after = "", 0.0
+    metadata: Any = error.trailing_metadata() or ()
+    for key, value in metadata:
+        if key != DETAILS or isinstance(value, str):
+            continue
+        try:
+            details = Status.FromString(value).details
+        except DecodeError:  # a proxy's: the text is all there is
+            continue
+        for detail in details:
+            bad, retry = BadRequest(), RetryInfo()
+            if detail.Unpack(bad) and bad.field_violations:
+                field = bad.field_violations[0].field
+            elif detail.Unpack(retry):
+                retry_after = retry.retry_delay.ToTimedelta().total_seconds()
+    return field, retry_after

@@ -4,10 +4,10 @@ All places, lengths and headings are in the session's basis; times are seconds o
 Unix clock.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import IntFlag
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,26 @@ class Flag(IntFlag):
     ARRIVED = 4  # the goal was reached
     GAP = 8  # earlier frames were lost, because this reader was too slow
     REDUCED = 16  # the server was short of time and tried fewer candidates than usual
+    HELD = 32  # the server was short of time and the agent had nothing to do: it holds its pose
+
+
+@dataclass(frozen=True, slots=True)
+class PoseFormat:
+    """What poses hold and how they are packed."""
+
+    encoding: str = "f32_le"  # or "f16_le" (rotations within 0.06°), "smallest_three" (0.009°)
+    profile: str = "body"  # 22 bones; "full": 52, fingers at rest; "bones": those named
+    bones: Sequence[str] = ()  # with "bones": names of the skeleton
+    fps: int = 40  # or 20, 10: frames are left out
+
+    def to_wire(self) -> motion_pb2.PoseFormat:
+        """As protobuf."""
+        return motion_pb2.PoseFormat(
+            encoding=enum_label(motion_pb2.PoseEncoding, self.encoding, "encoding"),
+            profile=enum_label(motion_pb2.PoseProfile, self.profile, "profile"),
+            bones=self.bones,
+            fps=self.fps,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,11 +129,38 @@ class Agent:
     rest_offsets: Float = field(repr=False, compare=False)  # [J, 3] joint relative to parent
     waypoint: int = 0  # place of `goal` in its path
     waypoints: int = 0  # goals of its path
+    foot_lock: bool = True
+    model: str = ""  # the motion model that moves it
+
+
+@dataclass(frozen=True, slots=True)
+class StreamInfo:
+    """What holds for a whole stream, clip or replay."""
+
+    server_version: str
+    session_id: str
+    encoding: str
+    fps: int  # frames per second that are sent
+    bones: tuple[str, ...]  # whose rotations are sent, in their order
+    resume_s: float  # seconds of motion that the server holds for a stream that resumes
+    resumed: bool  # it goes on without a gap where the connection before was lost
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened to an agent, the stream or the server."""
+
+    kind: str  # "goal_reached", "path_done", "gap", "draining", "model_changed"; "" if unknown
+    at: float  # of a goal: the scheduled time of its chunk
+    agent: Agent | None  # None: the stream or the server
+    goal_revision: int
+    waypoint: int
+    detail: str  # a sentence for people
 
 
 @dataclass(frozen=True, slots=True)
 class Frames:
-    """The new frames of one agent: F of them, 40 per second."""
+    """The new frames of one agent: F of them, `StreamInfo.fps` per second."""
 
     agent: Agent  # as it was when the stream introduced it
     seq: int
@@ -123,7 +170,7 @@ class Frames:
     flags: Flag
     times: NDArray[np.float64] = field(repr=False)  # [F] when each is to be shown
     translation: Float = field(repr=False)  # [F, 3] hips
-    rotations: Float = field(repr=False)  # [F, 22, 4] x, y, z, w; hips: world; else: local
+    rotations: Float = field(repr=False)  # [F, B, 4] x, y, z, w; hips: world; else: local
     contacts: NDArray[np.bool_] = field(repr=False)  # [F, 2] left, right foot on the ground
     waypoint: int = 0  # place in its path of the goal they were planned for
     candidates: int = 0  # so many were tried for them
@@ -131,25 +178,18 @@ class Frames:
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """What fell due together."""
+    """What fell due together, or what has happened."""
 
     sent_at: float
     frames: tuple[Frames, ...]
     added: tuple[Agent, ...] = ()  # agents seen for the first time
     removed: tuple[Agent, ...] = ()  # agents that were deleted
+    events: tuple[Event, ...] = ()
+    resume_token: str = ""  # says that all up to here has been received
 
     def __iter__(self) -> Iterator[Frames]:
         """Iterate over the frames."""
         return iter(self.frames)
-
-
-STATES: Final = {
-    number: name.removeprefix("AGENT_STATE_").lower()
-    for name, number in agent_pb2.AgentState.items()
-}
-GENDERS: Final = {
-    number: name.removeprefix("GENDER_").lower() for name, number in agent_pb2.Gender.items()
-}
 
 
 def enum_label(enum: Any, name: str, field: str) -> str:
@@ -165,65 +205,3 @@ def vector(place: Sequence[float]) -> common_pb2.Vector3:
     """As protobuf."""
     x, y, z = (float(value) for value in place)
     return common_pb2.Vector3(x=x, y=y, z=z)
-
-
-def agent_from_wire(message: agent_pb2.Agent) -> Agent:
-    """From protobuf."""
-    goal = message.goal
-    return Agent(
-        agent_id=message.agent_id,
-        alias=message.alias,
-        session_id=message.session_id,
-        name=message.name,
-        body=message.body,
-        gender=GENDERS[message.gender],
-        betas=tuple(message.betas),
-        seed=message.seed,
-        state=STATES[message.state],
-        position=_place(message.position),
-        heading=message.heading,
-        goal=_goal(goal) if message.HasField("goal") else None,
-        goal_revision=message.goal_revision,
-        created_at=message.created_at_us / 1e6,
-        rest_offsets=np.array(message.rest_offsets, np.float32).reshape(-1, 3),
-        waypoint=message.waypoint,
-        waypoints=message.waypoints,
-    )
-
-
-def frames_from_wire(
-    chunk: motion_pb2.MotionChunk, agents: Mapping[int, Agent], fps: int, posed_bones: int
-) -> Frames:
-    """Unpack POSE_ENCODING_F32_LE; see docs/wire-format.md."""
-    packed = np.frombuffer(chunk.poses, "<f4").reshape(-1, 3 + 4 * posed_bones)
-    contacts = np.frombuffer(chunk.contacts, np.uint8)
-    return Frames(
-        agent=agents[chunk.alias],
-        seq=chunk.seq,
-        first_frame=chunk.first_frame,
-        goal_revision=chunk.goal_revision,
-        state=STATES[chunk.state],
-        flags=Flag(chunk.flags),
-        times=chunk.scheduled_at_us / 1e6 + np.arange(len(packed)) / fps,
-        translation=packed[:, :3],
-        rotations=packed[:, 3:].reshape(-1, posed_bones, 4),
-        contacts=(contacts[:, None] & np.array([1, 2])).astype(bool),
-        waypoint=chunk.waypoint,
-        candidates=chunk.candidates,
-    )
-
-
-def _goal(message: goal_pb2.Goal) -> Goal:
-    return Goal(
-        position=_place(message.position),
-        radius=message.radius,
-        speed=message.speed,
-        heading=message.heading if message.HasField("heading") else None,
-        stop=message.stop if message.HasField("stop") else True,
-        strafe=message.strafe,
-        dwell=message.dwell,
-    )
-
-
-def _place(message: common_pb2.Vector3) -> Place:
-    return message.x, message.y, message.z

@@ -1,6 +1,6 @@
 """Motion without a server: a world is stepped as fast as it goes and its frames become a clip."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,9 +13,10 @@ from wayfarer.clips.clip import Clip, join_chunks
 from wayfarer.clips.files import check_target, write_clip
 from wayfarer.clips.planned import plan_clip
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, Goal, MotionChunk
+from wayfarer.runtime.agent import AgentSpec, ChunkFlag, Goal, MotionChunk
 from wayfarer.runtime.beam_settings import HARD, BeamSettings
 from wayfarer.runtime.steering import Steering
+from wayfarer.runtime.walk import walk
 from wayfarer.runtime.world import World
 from wayfarer.spec import BETAS, FPS
 from wayfarer.stage import DEFAULT_MODEL, open_stage
@@ -44,40 +45,16 @@ def generate_clip(
     `clip.meta["goals_reached"]` says how many were. `watch` hears of the seconds done.
     Raises InvalidArgument on a bad spec or goal.
     """
-    frames = round(seconds * FPS)
-    if frames < 1:
-        raise InvalidArgument(f"seconds is {seconds:g}; at least one frame is needed", "seconds")
-    session = world.create_session(None, now=0.0).session_id
-    agent = world.create_agents(session, [spec], now=0.0)[0].agent_id
-    waiting = iter(goals)
-    if goals:
-        world.set_goal(agent, next(waiting), now=0.0)
-
     chunks: list[MotionChunk] = []
-    count = reached = 0
-    arrived = False
-    for chunk in _motion(world, agent):
+    frames = reached = 0
+    for published in walk(world, spec, goals, seconds, until_arrival=False):
+        [chunk] = published.chunks
         chunks.append(chunk)
-        count += len(chunk.translation)
-        watch(min(count, frames) / FPS)
-        if count >= frames:
-            break
-        arrived |= bool(chunk.flags & ChunkFlag.ARRIVED)
+        frames += len(chunk.translation)
         reached += bool(chunk.flags & ChunkFlag.ARRIVED)
-        if arrived and chunk.state == AgentState.STANDING:
-            if (goal := next(waiting, None)) is not None:
-                world.set_goal(agent, goal, now=chunk.scheduled_at)
-            arrived = False
-    world.delete_session(session)
+        watch(frames / FPS)
     visited = tuple(goal.position for goal in goals)
-    clip = join_chunks(chunks, spec, goals=visited, meta={"goals_reached": str(reached)})
-    return clip[:frames]
-
-
-def _motion(world: World, agent: str) -> Iterator[MotionChunk]:
-    """The agent's chunks, for as long as they are asked for."""
-    while (event := world.next_event()) is not None:
-        yield from (chunk for chunk in world.tick(event) if chunk.agent_id == agent)
+    return join_chunks(chunks, spec, goals=visited, meta={"goals_reached": str(reached)})
 
 
 def generate(

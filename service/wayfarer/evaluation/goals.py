@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from wayfarer.body.model import BodyModel
 from wayfarer.evaluation.tracks import Track, skin_track
-from wayfarer.runtime.agent import AgentInfo, AgentSpec, AgentState, Goal, MotionChunk
+from wayfarer.runtime.agent import AgentInfo, AgentSpec, AgentState, Goal, MotionChunk, SessionSpec
 from wayfarer.runtime.heading import facing_of
 from wayfarer.runtime.slots import Motion
 from wayfarer.runtime.world import World
@@ -125,7 +125,7 @@ def run_errands(
 
     That comes after 2 s of standing; with `seeds`, at once: agents then begin in these motions.
     """
-    session = world.create_session(None, 0.0).session_id
+    session = world.create_session(SessionSpec(), 0.0).session_id
     agents = [
         a.agent_id
         for a in world.create_agents(session, [errand.spec for errand in errands], 0.0, seeds)

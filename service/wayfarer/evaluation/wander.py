@@ -15,7 +15,7 @@ from wayfarer.evaluation.goals import Watch
 from wayfarer.evaluation.health import SPIN_RANGE, Health
 from wayfarer.evaluation.posture import Trunk
 from wayfarer.evaluation.tracks import Track, skin_track
-from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, Goal, MotionChunk
+from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, Goal, MotionChunk, SessionSpec
 from wayfarer.runtime.world import World
 from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
 from wayfarer.stage import Bodies
@@ -64,7 +64,7 @@ def wander(
     watch: Watch = lambda done, total: None,
 ) -> Wandering:
     """Send agents from goal to goal, 3 … 8 m apart, for `seconds` of motion."""
-    session = world.create_session(None, 0.0).session_id
+    session = world.create_session(SessionSpec(), 0.0).session_id
     agents = [a.agent_id for a in world.create_agents(session, specs, 0.0)]
     spec_of = dict(zip(agents, specs, strict=True))
     health = {a: _healthy(bodies, spec) for a, spec in spec_of.items()}

@@ -73,8 +73,8 @@ class AgentInfo:
     goal: Goal | None  # the present one of its path
     goal_revision: int  # 0 before the first goal
     created_at: float  # Unix seconds
-    waypoint: int = 0  # place of `goal` in its path
-    waypoints: int = 0  # goals of its path
+    waypoint: int = 0  # place of `goal` in its path, from 0; goals that are added go on counting
+    waypoints: int = 0  # goals of its path so far, those passed included
     model: str = ""  # the motion model that moves it
 
 
@@ -127,6 +127,7 @@ class Publication:
     position: int  # 1, 2, 3 … per session
     chunks: tuple[MotionChunk, ...]  # that fell due together, at most one per agent
     events: tuple[Event, ...] = ()  # after the chunks
+    added: tuple[AgentInfo, ...] = ()  # of clips and replays: those whose first chunk this is
 
     @property
     def scheduled_at(self) -> float:
@@ -156,7 +157,8 @@ class StreamWish:
 
     agent_ids: tuple[str, ...] = ()  # none: all of the session, later ones too
     slow_reader: SlowReader = SlowReader.DROP_OLDEST
-    resume: Resume | None = None
+    resume: Resume | None = None  # of an earlier subscription to the same agents
+    hold_s: float = 30.0  # HOLD: agents wait at most so long; the session's lease
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,6 +201,18 @@ class AgentChange:
 
 
 @dataclass(frozen=True, slots=True)
+class ModelInfo:
+    """A loaded motion model."""
+
+    name: str
+    genders: tuple[str, ...]  # that it can drive
+    seed_frames: int
+    primitive_frames: int
+    sha256: tuple[str, ...]  # of each graph, in the order of `genders`
+    in_use: bool  # new agents are moved by it
+
+
+@dataclass(frozen=True, slots=True)
 class LoopStats:
     """Health of the loop over the last few seconds."""
 
@@ -216,3 +230,11 @@ class LoopStats:
     rebased: int = 0  # how often the schedule was moved because the loop was > 1 s behind
     dropped_batches: int = 0  # lost by the present subscribers, who were too slow
     reduced_steps: int = 0  # agent steps with fewer candidates than wished, since start
+    held_sessions: int = 0  # whose agents wait for a subscriber now
+    states: Mapping[AgentState, int] = field(default_factory=dict)  # agents in each
+    capacity: int = 0  # agents that fit, by the measured cost of a step; 0: not known yet
+    load: float = 0.0  # share of the last seconds for which the motion thread was busy, 0 to 1
+    rung: int = 0  # of the overload ladder: 0 is its top, where all is as wished
+    held_steps: int = 0  # agent steps left out because time was short and they idle, since start
+    refused_agents: int = 0  # not created, because they could not be stepped in time, since start
+    journal_failing: bool = False  # nothing that changes now would survive the process

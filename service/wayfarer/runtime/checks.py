@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Final
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.agent import AgentSpec, Goal
+from wayfarer.runtime.agent import AgentChange, AgentSpec, Goal, SessionSpec, Wander
 from wayfarer.runtime.settings import Limits
 from wayfarer.spec import BETAS, GENDERS, MAX_COORDINATE
 
@@ -15,17 +15,26 @@ SPEED: Final = (0.2, 4.0)
 MAX_DWELL: Final = 3600.0
 MAX_HEADING: Final = 100.0
 MAX_BETA: Final = 5.0
-MAX_NAME: Final = 200
-SESSION_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
+MAX_NAME: Final = 64
+MIN_AREA: Final = 0.5
+ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
 
 def check_session_id(session_id: str) -> None:
     """Raises InvalidArgument."""
-    if not SESSION_ID.fullmatch(session_id):
-        raise InvalidArgument(
-            "session_id must be 1 to 64 of A-Z a-z 0-9 . _ -, beginning with a letter or digit",
-            "session_id",
-        )
+    _check_id(session_id, "session_id", "session_id")
+
+
+def check_session(spec: SessionSpec) -> None:
+    """Raises InvalidArgument."""
+    if spec.session_id is not None:
+        check_session_id(spec.session_id)
+    _check_seed(spec.seed, "seed")
+
+
+def check_agent_id(agent_id: str, where: str) -> None:
+    """Raises InvalidArgument."""
+    _check_id(agent_id, "agent_id", where)
 
 
 def check_spec(spec: AgentSpec, where: str) -> None:
@@ -41,10 +50,14 @@ def check_spec(spec: AgentSpec, where: str) -> None:
         raise InvalidArgument("position must be x, y on the floor", f"{where}.position")
     _check_range(spec.position, -MAX_COORDINATE, MAX_COORDINATE, f"{where}.position")
     _check_range([spec.heading], -MAX_COORDINATE, MAX_COORDINATE, f"{where}.heading")
-    if not 0 <= spec.noise_seed < 2**64:
-        raise InvalidArgument("noise_seed must lie in [0, 2^64)", f"{where}.noise_seed")
-    if len(spec.name) > MAX_NAME:
-        raise InvalidArgument(f"name is longer than {MAX_NAME} characters", f"{where}.name")
+    _check_seed(spec.noise_seed, f"{where}.noise_seed")
+    _check_name(spec.name, f"{where}.name")
+
+
+def check_change(change: AgentChange) -> None:
+    """Raises InvalidArgument."""
+    if change.name is not None:
+        _check_name(change.name, "name")
 
 
 def check_goal(
@@ -81,16 +94,71 @@ def check_goal(
         )
 
 
-def check_path(goals: Sequence[Goal], start: tuple[float, float, float], limits: Limits) -> None:
-    """Goals to visit in turn from `start`. Raises InvalidArgument that names the one at fault."""
+def check_path(
+    goals: Sequence[Goal],
+    start: tuple[float, float, float],
+    limits: Limits,
+    ahead: int = 0,
+    whence: str = "the agent",
+) -> None:
+    """Goals to visit in turn from `start`, after `ahead` that the agent has already.
+
+    Raises InvalidArgument that names the one at fault.
+    """
     if not 1 <= len(goals) <= limits.path_goals:
         raise InvalidArgument(
             f"a path has {len(goals)} goals; allowed: 1 to {limits.path_goals}", "goals"
         )
-    whence = "the agent"
+    if ahead + len(goals) > limits.path_goals:
+        raise InvalidArgument(
+            f"{ahead} goals are still ahead and {len(goals)} were added; "
+            f"allowed: {limits.path_goals} in all",
+            "goals",
+        )
     for number, goal in enumerate(goals):
         check_goal(goal, start, limits, f"goals[{number}]", whence)
         start, whence = goal.position, "the goal before it"
+
+
+def check_area(area: Wander, start: tuple[float, ...], limits: Limits, where: str = "area") -> None:
+    """An area for an agent at `start` to walk about in. Raises InvalidArgument."""
+    if len(area.center) != 2:
+        raise InvalidArgument("center must be x, y on the floor", f"{where}.center")
+    _check_range(area.center, -MAX_COORDINATE, MAX_COORDINATE, f"{where}.center")
+    _check_range([area.radius], MIN_AREA, limits.goal_distance, f"{where}.radius")
+    _check_range([area.speed], *SPEED, f"{where}.speed")
+    _check_range([area.dwell], 0, MAX_DWELL, f"{where}.dwell")
+    farthest = math.dist(area.center, start[:2]) + area.radius
+    if farthest > limits.goal_distance:
+        raise InvalidArgument(
+            f"the area reaches as far as {farthest:.0f} m from the agent; "
+            f"allowed: at most {limits.goal_distance:g} m",
+            f"{where}.center",
+        )
+    reach = max(map(abs, area.center)) + area.radius
+    if reach > MAX_COORDINATE:
+        raise InvalidArgument(
+            f"the area reaches as far as {reach:.0f} m along an axis; "
+            f"allowed: {MAX_COORDINATE:g} m",
+            f"{where}.center",
+        )
+
+
+def _check_id(value: str, name: str, field: str) -> None:
+    if not ID.fullmatch(value):
+        raise InvalidArgument(
+            f"{name} must be 1 to 64 of A-Z a-z 0-9 . _ -, beginning with a letter or digit", field
+        )
+
+
+def _check_seed(seed: int, field: str) -> None:
+    if not 0 <= seed < 2**64:
+        raise InvalidArgument(f"{field} must lie in [0, 2^64)", field)
+
+
+def _check_name(name: str, field: str) -> None:
+    if len(name) > MAX_NAME:
+        raise InvalidArgument(f"name is longer than {MAX_NAME} characters", field)
 
 
 def _check_range(values: Iterable[float], low: float, high: float, field: str) -> None:

@@ -15,8 +15,9 @@ from wayfarer.runtime.slots import Slots
 def clean_feet(slots: Slots, sent: Sent) -> None:
     """Lock the feet, in the chunks of `sent`, of those agents that want it.
 
-    A pose that begins or jumps begins its lock anew.
+    A pose that begins or jumps begins its lock anew, and so does a lock that is switched on.
     """
+    slots.feet_begun[sent.slots] &= slots.foot_lock[sent.slots]
     wanted = np.flatnonzero(slots.foot_lock[sent.slots])
     if not len(wanted):
         return
@@ -24,9 +25,10 @@ def clean_feet(slots: Slots, sent: Sent) -> None:
     translation, rotations = chunks.translation[wanted], chunks.rotations[wanted]
     legs, feet = slots.legs.take(rows), slots.feet.take(rows)
     jumps = (chunks.flags[wanted] & ChunkFlag.FIRST) > 0
-    if len(new := np.flatnonzero(jumps | (sent.seq[wanted] == 0))):
+    if len(new := np.flatnonzero(jumps | ~slots.feet_begun[rows])):
         feet.put(new, begin(legs.take(new), translation[new, 0], rotations[new, 0]))
     locked = lock_feet(feet, legs, translation, rotations)
     slots.feet.put(rows, locked.state)
+    slots.feet_begun[rows] = True
     chunks.rotations[wanted] = locked.rotations
     chunks.contacts[wanted] = locked.contacts

@@ -44,10 +44,15 @@ class StepOutputs:
 
 
 class Engine(Protocol):
-    """Steps agents of one body. Pure: the same inputs give the same outputs."""
+    """Steps agents of one body. Pure: the same inputs give the same outputs, bit for bit."""
 
+    name: str  # of its model
+    graphs: tuple[str, ...]  # SHA-256 of what it runs for each gender, hexadecimal
     term_names: tuple[str, ...]
 
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
-        """Step all rows, which are agents of one gender. Row results are independent."""
+        """Step all rows, which are agents of one gender.
+
+        A row's result depends on that row alone, bit for bit, whatever the others are.
+        """
         ...

@@ -5,10 +5,11 @@ import contextlib
 import queue
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from threading import Lock
 from typing import Any, TypeVar
 
-from wayfarer.errors import Unavailable
+from wayfarer.errors import Unavailable, WayfarerError
 
 T = TypeVar("T")
 
@@ -54,15 +55,17 @@ class Inbox:
     def __init__(self, size: int) -> None:
         self._queue: queue.Queue[Command | None] = queue.Queue(size)
         self._gate = Lock()  # so that nothing enters after the last drain
-        self._closed: str | None = "the motion loop has not been started"
+        self._refusal: Callable[[], WayfarerError] | None = partial(
+            Unavailable, "the motion loop has not been started"
+        )
 
     async def ask(self, call: Callable[[], T]) -> T:
         """Run `call` on the motion thread. Raises Unavailable, or what `call` raises."""
         loop = asyncio.get_running_loop()
         command = Command(call, loop, loop.create_future())
         with self._gate:
-            if self._closed is not None:
-                raise Unavailable(self._closed)
+            if self._refusal is not None:
+                raise self._refusal()
             try:
                 self._queue.put_nowait(command)
             except queue.Full:
@@ -75,15 +78,15 @@ class Inbox:
     def open(self) -> None:
         """Let commands in."""
         with self._gate:
-            self._closed = None
+            self._refusal = None
 
-    def close(self, reason: str) -> None:
-        """Refuse commands from now on, and those that wait, with Unavailable(reason)."""
+    def close(self, reason: str, error: type[WayfarerError] = Unavailable) -> None:
+        """Refuse commands from now on, and those that wait, with `error(reason)`."""
         with self._gate:
-            self._closed = reason
+            self._refusal = partial(error, reason)
             waiting = self._drain()
         for command in waiting:
-            command.fail(Unavailable(reason))
+            command.fail(error(reason))
 
     def wake(self) -> None:
         """End a `serve` that waits."""

@@ -7,7 +7,7 @@ from dataclasses import fields
 import numpy as np
 import onnxruntime
 
-from wayfarer.artifacts import ModelFolder, open_session
+from wayfarer.artifacts import ModelFolder, open_session, sha256_of
 from wayfarer.errors import ArtifactError
 from wayfarer.runtime.engine import StepInputs, StepOutputs
 from wayfarer.spec import BETAS, GENDERS, LATENT, MARKERS, POSED_JOINTS, SEED_FRAMES
@@ -24,6 +24,8 @@ class OnnxEngine:
 
     def __init__(self, models: ModelFolder, threads: int = 0) -> None:
         """`threads` per call; 0: one per core. Raises ArtifactError."""
+        self.name = models.path.resolve().name
+        self.graphs = tuple(sha256_of(models.graph("step", g, SEED_FRAMES)) for g in GENDERS)
         self._sessions = {g: self._open(models, g, threads) for g in GENDERS}
 
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:

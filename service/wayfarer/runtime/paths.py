@@ -1,7 +1,9 @@
-"""The goals that agents have ahead of them: for each slot a block of rows, in order.
+"""The goals that agents have ahead of them: for each slot a ring of rows, in order.
 
-Which of them an agent is on the way to is in its gait (`waypoint`), so it is thrown away with the
-frames that were planned for it.
+Goals of a path are numbered from 0 as they were given, and go on being numbered so when more are
+added to its end: *waypoint* n of a path stays waypoint n, and lies at row n modulo the ring. Those
+that the agent has passed are overwritten. Which one it is on the way to is in its gait, so it is
+thrown away with the frames that were planned for it.
 """
 
 from collections.abc import Sequence
@@ -11,32 +13,45 @@ import numpy as np
 from wayfarer.runtime.agent import Goal
 from wayfarer.runtime.heading import angle_between, facing_at
 from wayfarer.runtime.rows import Index
-from wayfarer.runtime.slots import Goals, Slots
+from wayfarer.runtime.slots import Flags, Goals, Slots
 
 
 class Paths:
     """The paths of all slots of a table."""
 
     def __init__(self, slots: Slots, limit: int) -> None:
-        """At most `limit` goals per slot."""
+        """At most `limit` goals per slot are known at a time."""
         self._slots = slots
-        self._limit = limit
+        self.limit = limit
         self._goals = Goals.empty(len(slots.active) * limit)
 
-    def put(self, slot: int, goals: Sequence[Goal], start: tuple[float, float]) -> None:
-        """Replace a slot's path, walked from `start`; no goals: it has none."""
+    def put(
+        self, slot: int, goals: Sequence[Goal], start: tuple[float, float], first: int = 0
+    ) -> None:
+        """Replace a slot's path by one whose goal `first` is walked to from `start`, and so on.
+
+        No goals: it has none.
+        """
         self._reserve()
-        first = slot * self._limit
-        rows = np.arange(first, first + max(len(goals), 1))
-        self._goals.put(rows, goal_columns(goals, start) if goals else Goals.empty(1))
+        waypoints = first + np.arange(max(len(goals), 1))
+        columns = goal_columns(goals, start) if goals else Goals.empty(1)
+        self._goals.put(self._place(np.array([slot]), waypoints), columns)
 
     def at(self, slots: Index, waypoints: Index) -> Goals:
         """The goals of some slots at these places of their paths."""
         self._reserve()
-        return self._goals.take(slots * self._limit + waypoints)
+        return self._goals.take(self._place(slots, waypoints))
+
+    def is_last(self, slots: Index, waypoints: Index) -> Flags:
+        """Whether no goal follows after these."""
+        self._reserve()
+        return ~self._goals.more[self._place(slots, waypoints)]
+
+    def _place(self, slots: Index, waypoints: Index) -> Index:
+        return slots * self.limit + waypoints % self.limit
 
     def _reserve(self) -> None:
-        rows = len(self._slots.active) * self._limit
+        rows = len(self._slots.active) * self.limit
         if rows > len(self._goals.given):
             self._goals.grow(rows)
 

@@ -125,6 +125,14 @@ class Playback:
         )
         slots.planned.put(row, end)
 
+    def hold(self, rows: Index, until: float) -> None:
+        """Let nothing of some slots be shown before world frame `until`; nothing is lost.
+
+        They wait for whole primitives, so that they stay in their phase.
+        """
+        short = np.ceil((until - self._send_frame(rows)) / NEW_FRAMES).astype(np.int64)
+        self._slots.start_frame[rows] += NEW_FRAMES * np.maximum(short, 0)
+
     def _plan_frame(self, rows: Index) -> Index:
         return self._show_frame(rows, self._slots.planned_chunks[rows] - self.lead)
 

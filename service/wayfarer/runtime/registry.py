@@ -4,7 +4,7 @@ import secrets
 from dataclasses import dataclass, field
 
 from wayfarer.errors import AlreadyExists, NotFound, ResourceExhausted
-from wayfarer.runtime.agent import AgentSpec, Goal
+from wayfarer.runtime.agent import AgentSpec, Goal, SessionInfo, SessionSpec, Wander
 from wayfarer.runtime.settings import Limits
 
 
@@ -18,7 +18,10 @@ class Agent:
     spec: AgentSpec
     slot: int
     created_at: float
-    path: tuple[Goal, ...] = ()
+    path: tuple[Goal, ...] = ()  # without the goals that are forgotten
+    passed: int = 0  # place of the first of them in the path, as it was given
+    path_start: tuple[float, float] = (0.0, 0.0)  # where the way to the first of them begins
+    wander: Wander | None = None
 
 
 @dataclass(slots=True)
@@ -27,8 +30,13 @@ class Session:
 
     session_id: str
     created_at: float
+    spec: SessionSpec
     agents: dict[str, Agent] = field(default_factory=dict)
     last_alias: int = 0
+
+    def info(self) -> SessionInfo:
+        """What is told of it."""
+        return SessionInfo(self.session_id, tuple(self.agents), self.created_at, self.spec)
 
 
 class Registry:
@@ -54,16 +62,16 @@ class Registry:
         except KeyError:
             raise NotFound(f"no agent {agent_id!r}") from None
 
-    def add_session(self, session_id: str | None, now: float) -> Session:
+    def add_session(self, spec: SessionSpec, now: float) -> Session:
         """Raises AlreadyExists, ResourceExhausted."""
-        session_id = session_id or f"session-{secrets.token_hex(6)}"
+        session_id = spec.session_id or f"session-{secrets.token_hex(6)}"
         if session_id in self.sessions:
             raise AlreadyExists(f"session {session_id!r} exists already")
         if len(self.sessions) >= self._limits.sessions:
             raise ResourceExhausted(
                 f"all {self._limits.sessions} sessions are open; delete one first"
             )
-        self.sessions[session_id] = session = Session(session_id, now)
+        self.sessions[session_id] = session = Session(session_id, now, spec)
         return session
 
     def check_room(self, session: Session, agents: int) -> None:
@@ -81,11 +89,17 @@ class Registry:
             )
 
     def add_agent(self, session: Session, spec: AgentSpec, slot: int, now: float) -> Agent:
-        """Enter an agent whose slot has been taken."""
+        """Enter a new agent whose slot has been taken."""
         session.last_alias += 1
         agent_id = f"agent-{secrets.token_hex(6)}"
-        agent = Agent(agent_id, session.last_alias, session.session_id, spec, slot, now)
-        self.agents[agent_id] = session.agents[agent_id] = self.by_slot[slot] = agent
+        return self.enter(Agent(agent_id, session.last_alias, session.session_id, spec, slot, now))
+
+    def enter(self, agent: Agent) -> Agent:
+        """Enter an agent who has an id. Raises AlreadyExists."""
+        agent_id, session = agent.agent_id, self.sessions[agent.session_id]
+        if agent_id in self.agents:
+            raise AlreadyExists(f"agent {agent_id!r} exists already")
+        self.agents[agent_id] = session.agents[agent_id] = self.by_slot[agent.slot] = agent
         return agent
 
     def remove_agent(self, agent: Agent) -> None:

@@ -8,9 +8,9 @@ The annotations declare the columns:
         history: OtherRows                                      # columns within columns
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
-from typing import Annotated, Any, Self, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, Self, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,14 @@ class Shape:
 
     def __init__(self, *sizes: int) -> None:
         object.__setattr__(self, "sizes", sizes)
+
+
+class Column(NamedTuple):
+    """One array of a column set."""
+
+    path: str  # "gait.speed"
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...]  # of one row
 
 
 @dataclass(slots=True)
@@ -81,6 +89,15 @@ class Rows:
             else:
                 more = np.zeros((rows - len(values), *values.shape[1:]), values.dtype)
                 setattr(self, column.name, np.concatenate([values, more]))
+
+
+def flat_columns(rows: type[Rows], path: str = "") -> Iterator[Column]:
+    """The arrays of a class, those of columns within columns included, in order."""
+    for name, kind, shape in _columns(rows):
+        if isinstance(kind, type) and issubclass(kind, Rows):
+            yield from flat_columns(kind, f"{path}{name}.")
+        else:
+            yield Column(path + name, np.dtype(kind), shape)
 
 
 def _columns(rows: type) -> list[tuple[str, Any, tuple[int, ...]]]:

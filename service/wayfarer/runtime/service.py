@@ -1,10 +1,10 @@
 """The one door of the runtime: what every transport calls.
 
-`MotionLoop` (loop.py) implements it. All methods may be awaited from the event loop; none
+`Runtime` (runtime.py) implements it. All methods may be awaited from the event loop; none
 blocks it. Errors are those of `wayfarer.errors`.
 """
 
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Mapping, Sequence
 from typing import Protocol
 
 from wayfarer.runtime.agent import (
@@ -13,6 +13,7 @@ from wayfarer.runtime.agent import (
     AgentSpec,
     Goal,
     LoopStats,
+    ModelInfo,
     Publication,
     SessionInfo,
     SessionSpec,
@@ -41,7 +42,7 @@ class Subscription(Protocol):
     def ack(self, position: int, playhead: float) -> None:
         """The reader has received all up to `position` and shows the moment `playhead` (Unix s).
 
-        From the first call on, nothing is yielded that begins more than the lead after the playhead.
+        From the first call on, nothing is yielded that begins later than the lead after it.
         """
         ...
 
@@ -131,15 +132,20 @@ class MotionService(Protocol):
         ...
 
     async def step_session(self, session_id: str, steps: int) -> list[Publication]:
-        """Let so many primitives pass in a lock-step session. Raises NotFound, FailedPrecondition."""
+        """Let primitives pass in a lock-step session. Raises NotFound, FailedPrecondition."""
         ...
 
     async def export_session(self, session_id: str) -> bytes:
         """Its state as of the last frames sent. Raises NotFound."""
         ...
 
-    async def import_session(self, snapshot: bytes) -> SessionInfo:
-        """Go on with an exported session. Raises InvalidArgument, FailedPrecondition, …"""
+    async def import_session(
+        self, snapshot: bytes, attributes: Mapping[str, str] | None = None
+    ) -> SessionInfo:
+        """Go on with an exported session; `attributes` go before those of the snapshot.
+
+        Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted.
+        """
         ...
 
     async def export_log(self, session_id: str) -> bytes:
@@ -156,8 +162,12 @@ class MotionService(Protocol):
         """Make a clip, off the real-time path. Raises InvalidArgument, ResourceExhausted."""
         ...
 
+    async def list_models(self) -> list[ModelInfo]:
+        """Those loaded, in order of loading."""
+        ...
+
     async def load_model(self, name: str) -> None:
-        """Load and warm a model beside the others. Raises NotFound, AlreadyExists, ArtifactError."""
+        """Load and warm a model beside others. Raises NotFound, AlreadyExists, ArtifactError."""
         ...
 
     async def use_model(self, name: str, move_agents: bool) -> int:

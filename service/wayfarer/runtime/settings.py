@@ -36,12 +36,25 @@ class Limits:
 
 
 @dataclass(frozen=True, slots=True)
+class AdmissionRules:
+    """When new agents are refused."""
+
+    most_load: float = 0.8  # share of the time for which the motion thread may be busy
+    retry_after: float = 5.0  # seconds until a refused caller may try again
+
+    def __post_init__(self) -> None:
+        if not 0 < self.most_load <= 1:
+            raise InvalidArgument(f"most_load is {self.most_load}; allowed: (0, 1]", "most_load")
+
+
+@dataclass(frozen=True, slots=True)
 class WorldSettings:
     """How a world is stepped."""
 
     limits: Limits = field(default_factory=Limits)
     steering: Steering = field(default_factory=Steering)
-    budget: BudgetRules | None = None  # try fewer candidates when time is short; None: never
+    budget: BudgetRules | None = None  # what gives way when time is short; None: nothing
+    admission: AdmissionRules = field(default_factory=AdmissionRules)  # once there are measures
     lead: int = 1  # chunks that are planned ahead of their time
     phases: int = 8  # agents' steps are spread over so many moments of the 0.2 s
     replan_margin: float = 0.04  # s: a chunk that falls due within this is not replanned

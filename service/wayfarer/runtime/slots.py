@@ -91,18 +91,23 @@ class Slots(Rows):
 
     active: Flags
     gender: NDArray[np.int8]  # index into spec.GENDERS
+    model: Int  # number of the model that moves it; see models.py
     noise_seed: NDArray[np.uint64]
     betas: Annotated[Float, Shape(BETAS)]
-    goal_revision: Int  # counts the goals and paths set and cleared
+    goal_revision: Int  # counts the changes of its goals
+    revised_chunk: Int  # seq of the first chunk that its present path counts for
+    wanders: Flags  # its path is fed by itself
     committed: Motion
     planned: Motion
     start_frame: Int  # world frame of the agent's frame 0
     planned_chunks: Int  # = seq of the next chunk to plan
     sent_chunks: Int  # = seq of the next chunk to send
     replanned: Flags  # the next chunk replaces one that was thrown away
+    held: Flags  # the last chunk planned was held
     foot_lock: Flags  # the agent wants its feet locked in what is sent
     legs: Legs
     feet: LockState  # after the frames already sent
+    feet_begun: Flags  # `feet` means something
 
 
 class SlotTable:

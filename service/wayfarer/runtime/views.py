@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 
 from wayfarer.runtime.agent import AgentInfo, AgentState, ChunkFlag, MotionChunk
 from wayfarer.runtime.heading import heading_of
+from wayfarer.runtime.models import Models
 from wayfarer.runtime.playback import Sent
 from wayfarer.runtime.registry import Agent
 from wayfarer.runtime.slots import Mode, Slots
@@ -12,7 +13,7 @@ from wayfarer.spec import NEW_FRAMES
 STATES: tuple[AgentState, ...] = tuple(mode.state for mode in Mode)
 
 
-def agent_info(agent: Agent, slots: Slots) -> AgentInfo:
+def agent_info(agent: Agent, slots: Slots, models: Models) -> AgentInfo:
     """A snapshot: the motion as far as it has been sent, the path as far as it is planned."""
     slot = agent.slot
     seed, waypoint = slots.committed.seed, int(slots.planned.gait.waypoint[slot])
@@ -25,18 +26,22 @@ def agent_info(agent: Agent, slots: Slots) -> AgentInfo:
         state=STATES[slots.committed.gait.mode[slot]],
         position=(x, y, z),
         heading=heading_of(seed.rotations[slot, -1, 0]),
-        goal=agent.path[waypoint] if agent.path else None,
+        goal=agent.path[waypoint - agent.passed] if agent.path else None,
         goal_revision=int(slots.goal_revision[slot]),
         created_at=agent.created_at,
         waypoint=waypoint,
-        waypoints=len(agent.path),
+        waypoints=agent.passed + len(agent.path) if agent.path else 0,
+        model=models.numbered(int(slots.model[slot])).name,
     )
 
 
 def motion_chunks(
     sent: Sent, by_slot: dict[int, Agent], time: Callable[[int], float]
 ) -> Iterator[MotionChunk]:
-    """One message for each row; `time` gives the moment at which a world frame is shown."""
+    """One message for each row; `time` gives the moment at which a world frame is shown.
+
+    Arrays are copies: a chunk that somebody keeps must not keep those of all the others.
+    """
     chunks = sent.chunks
     for row, (slot, seq, frame) in enumerate(
         zip(sent.slots.tolist(), sent.seq.tolist(), sent.frame.tolist(), strict=True)
@@ -51,9 +56,9 @@ def motion_chunks(
             goal_revision=int(chunks.goal_revision[row]),
             flags=ChunkFlag(int(chunks.flags[row])),
             state=STATES[chunks.end.gait.mode[row]],
-            translation=chunks.translation[row],
-            rotations=chunks.rotations[row],
-            contacts=chunks.contacts[row],
+            translation=chunks.translation[row].copy(),
+            rotations=chunks.rotations[row].copy(),
+            contacts=chunks.contacts[row].copy(),
             waypoint=int(chunks.end.gait.waypoint[row]),
             candidates=int(chunks.candidates[row]),
         )

@@ -38,6 +38,7 @@ from wayfarer.training.dataset import marker_body
 from wayfarer.training.graph import Graph
 from wayfarer.training.onnx_files import WeightStore, externalise
 from wayfarer.training.pose_graphs import pose_decoder_graph, pose_encoder_graph
+from wayfarer.training.row_independence import check_rows, make_rows_independent
 from wayfarer.training.run import Network, load_weights, read_run_config
 
 TOLERANCE = 1e-3
@@ -201,7 +202,7 @@ def parity(
 
 def save_graph(graph: Graph, path: Path, store: WeightStore, contract: str) -> None:
     """Write one graph; its weights go to the store, its contract (JSON) into the metadata."""
-    model = externalise(to_onnx(graph), store)
+    model = externalise(make_rows_independent(to_onnx(graph)), store)
     for node in model.graph.node:
         del node.metadata_props[:]  # stack traces of the exporter: a megabyte of them
         node.doc_string = ""
@@ -294,7 +295,10 @@ def write_models(
 
 
 def check_graph(path: Path, graph: Graph) -> float:
-    """Parity on the example inputs and, for steps, over batch sizes, candidates and real bodies."""
+    """Parity on the example inputs and, for steps, over batch sizes, candidates and real bodies.
+
+    Rows of a step must not depend on their batch.
+    """
     worst = parity(graph.module, path, graph.inputs, graph.outputs)
     if isinstance(graph.module, PrimitiveStep):
         generator = torch.Generator().manual_seed(1)
@@ -303,6 +307,8 @@ def check_graph(path: Path, graph: Graph) -> float:
             worst = max(worst, parity(graph.module, path, inputs, graph.outputs))
             inputs |= body_inputs(graph.module, agents, generator)
             worst = max(worst, parity(graph.module, path, inputs, graph.outputs))
+            if agents < 64:  # smaller batches of all rows take their time
+                check_rows(path, {name: values.numpy() for name, values in inputs.items()})
     return worst
 
 

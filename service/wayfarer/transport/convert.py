@@ -1,19 +1,12 @@
-"""Wire ↔ values ↔ runtime. Nothing else converts.
+"""Schema ↔ runtime: values in a session's basis ↔ messages in world space, and back."""
 
-Two steps: `parse`/`message` turn any protobuf message into its twin of schema.py and back by
-field name; the others turn those twins, in a session's basis, into the runtime's world-space
-messages and back.
-"""
-
-import secrets
 from dataclasses import asdict
 from functools import lru_cache
-from typing import Any, TypeVar
+from hashlib import sha256
+from typing import Any
 
 import numpy as np
-from google.protobuf.message import Message as ProtoMessage
 from numpy.typing import NDArray
-from pydantic import BaseModel, ValidationError
 
 from wayfarer.body.skeleton import load_skeleton, parents
 from wayfarer.errors import InvalidArgument
@@ -22,83 +15,7 @@ from wayfarer.spec import BETAS, POSED_JOINTS
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Axes, Basis
 from wayfarer.transport.bodies import BodyLibrary
-from wayfarer.transport.errors import invalid_request
-
-Twin = TypeVar("Twin", bound=BaseModel)
-Proto = TypeVar("Proto", bound=ProtoMessage)
-
-
-# protobuf ↔ schema
-
-
-def parse(twin: type[Twin], message: ProtoMessage, field: str = "") -> Twin:
-    """The schema twin of a protobuf message, itself the `field` of a request.
-
-    Raises InvalidRequest.
-    """
-    try:
-        return twin.model_validate(_values(message))
-    except ValidationError as error:
-        raise invalid_request(error, field) from None
-
-
-def message(kind: type[Proto], twin: BaseModel) -> Proto:
-    """The protobuf message of a schema twin."""
-    return kind(**_arguments(kind.DESCRIPTOR, twin.model_dump()))
-
-
-def _values(message: ProtoMessage) -> dict[str, Any]:
-    """Fields by name. Absent ones and unspecified enums are left to the twin's defaults."""
-    values: dict[str, Any] = {}
-    for field in message.DESCRIPTOR.fields:
-        value = getattr(message, field.name)
-        if field.is_repeated:
-            values[field.name] = [_value(field, item) for item in value]
-        elif (
-            message.HasField(field.name) if field.has_presence else field.enum_type is None or value
-        ):
-            values[field.name] = _value(field, value)
-    return values
-
-
-def _value(field: Any, value: Any) -> Any:
-    if field.enum_type is not None:
-        return _enum_name(field, value)
-    return value if field.message_type is None else _values(value)
-
-
-def _arguments(descriptor: Any, values: dict[str, Any]) -> dict[str, Any]:
-    """Constructor arguments of a protobuf message; None stands for an absent field."""
-    arguments: dict[str, Any] = {}
-    for name, value in values.items():
-        field = descriptor.fields_by_name[name]
-        if field.is_repeated:
-            arguments[name] = [_argument(field, item) for item in value]
-        elif value is not None:
-            arguments[name] = _argument(field, value)
-    return arguments
-
-
-def _argument(field: Any, value: Any) -> Any:
-    if field.enum_type is not None:
-        return f"{_prefix(field.enum_type)}{value.upper()}"
-    return value if field.message_type is None else _arguments(field.message_type, value)
-
-
-def _enum_name(field: Any, number: int) -> str:
-    value = field.enum_type.values_by_number.get(number)
-    if value is None:
-        known = [v.name for v in field.enum_type.values[1:]]
-        raise InvalidArgument(f"{number} is none of {', '.join(known)}", field.name)
-    return str(value.name).removeprefix(_prefix(field.enum_type)).lower()
-
-
-def _prefix(enum: Any) -> str:
-    """Enum values carry their enum's name, as buf's STANDARD rules want: "GENDER_"."""
-    return str(enum.values[0].name).removesuffix("UNSPECIFIED")
-
-
-# schema ↔ runtime
+from wayfarer.transport.codec import PoseFormat
 
 
 def basis_info(basis: Basis) -> schema.BasisInfo:
@@ -113,20 +30,13 @@ def basis_info(basis: Basis) -> schema.BasisInfo:
     )
 
 
-def session(info: runtime.SessionInfo, basis: Basis) -> schema.Session:
-    """A session as its client sees it."""
-    return schema.Session(
-        session_id=info.session_id,
-        basis=basis_info(basis),
-        agent_ids=info.agent_ids,
-        created_at_us=microseconds(info.created_at),
-    )
-
-
 def agent_spec(
-    spec: schema.AgentSpec, basis: Basis, bodies: BodyLibrary, field: str
+    spec: schema.AgentSpec, basis: Basis, bodies: BodyLibrary, seed: int, field: str
 ) -> runtime.AgentSpec:
-    """What the runtime shall create. Raises InvalidArgument that names the field below `field`."""
+    """What the runtime shall create; `seed` where the client has named none.
+
+    Raises InvalidArgument that names the field below `field`.
+    """
     axes = basis.axes
     betas: NDArray[np.floating[Any]] = np.array(spec.betas or (0.0,) * BETAS)
     if spec.phenotype is not None:
@@ -142,7 +52,7 @@ def agent_spec(
         betas=tuple(float(beta) for beta in betas),
         position=(x, y),
         heading=axes.heading_to_core(spec.heading),
-        noise_seed=secrets.randbits(32) if spec.seed is None else spec.seed,
+        noise_seed=seed if spec.seed is None else spec.seed,
         name=spec.name,
         foot_lock=spec.foot_lock,
     )
@@ -169,7 +79,15 @@ def agent(info: runtime.AgentInfo, basis: Basis, bodies: BodyLibrary) -> schema.
         rest_offsets=rest_offsets(bodies, spec.gender, spec.betas, basis),
         waypoint=info.waypoint,
         waypoints=info.waypoints,
+        foot_lock=spec.foot_lock,
+        model=info.model,
     )
+
+
+def drawn_seed(session_seed: int, number: int) -> int:
+    """The seed of the `number`-th agent of a session, from 0, that was created without one."""
+    drawn = sha256(f"{session_seed}/{number}".encode()).digest()
+    return int.from_bytes(drawn[:4], "little")
 
 
 def goal(wish: schema.Goal, basis: Basis) -> runtime.Goal:
@@ -184,6 +102,31 @@ def goal(wish: schema.Goal, basis: Basis) -> runtime.Goal:
         if name in given:
             given[name] = to_core(given[name])
     return runtime.Goal(_place(wish.position, axes), **given)
+
+
+def wander(wish: schema.Wander, basis: Basis) -> runtime.Wander:
+    """The area in world space; what is absent takes the runtime's default."""
+    axes = basis.axes
+    given = wish.model_dump(exclude_none=True, exclude={"area"})
+    if "speed" in given:
+        given["speed"] = axes.length_to_core(given["speed"])
+    x, y, _ = _place(wish.area.center, axes)
+    return runtime.Wander((x, y), axes.length_to_core(wish.area.radius), **given)
+
+
+def agent_change(wish: schema.AgentUpdate) -> runtime.AgentChange:
+    """Field by field."""
+    return runtime.AgentChange(**wish.model_dump())
+
+
+def pose_format(wish: schema.PoseFormat, field: str = "format") -> PoseFormat:
+    """The checked choice. Raises InvalidArgument that names the part at fault below `field`."""
+    return PoseFormat.choose(wish.encoding, wish.profile, wish.bones, wish.fps, field)
+
+
+def model(info: runtime.ModelInfo) -> schema.Model:
+    """A catalogue entry."""
+    return schema.Model(**asdict(info))
 
 
 def skeleton() -> schema.Skeleton:

@@ -1,5 +1,6 @@
 """The one table that turns errors into gRPC statuses and HTTP problems."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from http import HTTPStatus
@@ -8,7 +9,13 @@ from typing import Any, Final
 import grpc
 from google.protobuf.any_pb2 import Any as AnyMessage
 from google.protobuf.duration_pb2 import Duration
-from google.rpc.error_details_pb2 import BadRequest, ErrorInfo, RetryInfo
+from google.rpc.error_details_pb2 import (
+    BadRequest,
+    ErrorInfo,
+    QuotaFailure,
+    ResourceInfo,
+    RetryInfo,
+)
 from google.rpc.status_pb2 import Status
 from grpc_status import rpc_status
 from pydantic import ValidationError
@@ -60,6 +67,11 @@ TABLE: Final[dict[type[errors.WayfarerError], Code]] = {
 }
 INTERNAL: Final = Code(grpc.StatusCode.INTERNAL, HTTPStatus.INTERNAL_SERVER_ERROR, "Internal error")
 """All others: their text stays in the server's log."""
+
+TOO_LARGE: Final = Code(
+    grpc.StatusCode.RESOURCE_EXHAUSTED, HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "Request too large"
+)
+"""Told by the servers themselves, before a request is read; gRPC does so without details."""
 
 
 class InvalidRequest(errors.InvalidArgument):
@@ -120,6 +132,12 @@ def to_grpc(error: BaseException) -> grpc.Status:
     if violations := violations_of(error):
         fields = [BadRequest.FieldViolation(field=f, description=d) for f, d in violations]
         details.append(BadRequest(field_violations=fields))
+    if isinstance(error, errors.ResourceExhausted):
+        details.append(QuotaFailure(violations=[{"subject": DOMAIN, "description": str(error)}]))
+    if isinstance(error, errors.NotFound) and error.kind:
+        details.append(
+            ResourceInfo(resource_type=error.kind, resource_name=error.name, description=str(error))
+        )
     if seconds := retry_after(error):
         delay = Duration()
         delay.FromMilliseconds(round(seconds * 1000))
@@ -130,6 +148,16 @@ def to_grpc(error: BaseException) -> grpc.Status:
         packed.Pack(detail)
         status.details.append(packed)
     return rpc_status.to_status(status)
+
+
+def headers_of(error: BaseException) -> dict[str, str]:
+    """HTTP headers that belong to the answer."""
+    headers = {}
+    if seconds := retry_after(error):
+        headers["retry-after"] = str(max(1, math.ceil(seconds)))
+    if isinstance(error, errors.Unauthenticated):
+        headers["www-authenticate"] = f'Bearer realm="{DOMAIN}"'
+    return headers
 
 
 def to_problem(error: BaseException) -> dict[str, Any]:

@@ -15,17 +15,23 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from wayfarer.errors import WayfarerError
-from wayfarer.transport import errors, schema
+from wayfarer.transport import errors
 
 log = structlog.get_logger(__name__)
 
-PROBLEMS: Final[dict[int | str, dict[str, Any]]] = {
-    int(code.http): {
-        "description": code.title,
-        "content": {errors.PROBLEM_JSON: {"schema": schema.Problem.model_json_schema()}},
+
+def _described(*codes: errors.Code) -> dict[int | str, dict[str, Any]]:
+    titles: dict[int, list[str]] = {}
+    for code in codes:
+        titles.setdefault(int(code.http), []).append(code.title)
+    problem = {errors.PROBLEM_JSON: {"schema": {"$ref": "#/components/schemas/Problem"}}}
+    return {
+        status: {"description": " or ".join(found), "content": problem}
+        for status, found in titles.items()
     }
-    for code in errors.TABLE.values()
-}
+
+
+PROBLEMS: Final = _described(*errors.TABLE.values(), errors.TOO_LARGE, errors.INTERNAL)
 """OpenAPI's description of every error answer."""
 
 # The machine's own table may lack these, or have them wrong.
@@ -47,7 +53,7 @@ class Edge:
             return
         left = self._most
         too_large = HTTPException(
-            HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a request has {self._most} bytes at most"
+            errors.TOO_LARGE.http, f"a request has {self._most} bytes at most"
         )
 
         async def bounded_receive() -> Message:
@@ -108,10 +114,8 @@ def add_problem_handlers(app: FastAPI) -> None:
 
 def problem_response(error: BaseException) -> Response:
     """The answer to a request that raised."""
-    problem = errors.to_problem(error)
-    response = _problem(problem)
-    if seconds := errors.retry_after(error):
-        response.headers["retry-after"] = str(max(1, round(seconds)))
+    response = _problem(errors.to_problem(error))
+    response.headers.update(errors.headers_of(error))
     return response
 
 

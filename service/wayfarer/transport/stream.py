@@ -1,163 +1,143 @@
-"""One subscriber's stream: chunks of the runtime as wire messages."""
+"""One reader's stream: publications of the runtime as wire messages, with events and heartbeats."""
 
 import asyncio
-from collections.abc import AsyncGenerator, AsyncIterator, Callable, Sequence
+from collections.abc import AsyncGenerator, Callable, Sequence
 from contextlib import aclosing
-from typing import Any, Final, TypeVar
+from typing import Final
 
-from wayfarer import __version__
 from wayfarer.errors import NotFound, Unavailable
-from wayfarer.runtime.agent import AgentState, MotionChunk
-from wayfarer.runtime.service import MotionService
-from wayfarer.spec import FPS
-from wayfarer.transport import convert, schema
-from wayfarer.transport.basis import Basis
-from wayfarer.transport.bodies import BodyLibrary
-from wayfarer.transport.codec import PoseEncoder
-from wayfarer.v1 import agent_pb2, catalog_pb2, common_pb2, motion_pb2
+from wayfarer.runtime.agent import AgentInfo, Event, EventKind, MotionChunk, Publication
+from wayfarer.runtime.service import MotionService, Subscription
+from wayfarer.transport import convert
+from wayfarer.transport.batches import BatchWriter, event_message
+from wayfarer.transport.merge import paced
+from wayfarer.transport.resume import Progress
+from wayfarer.v1 import motion_pb2
 
 HEARTBEAT_S: Final = 1.0
-
-_STATES: Final = {state: f"AGENT_STATE_{state.name}" for state in AgentState}
-Item = TypeVar("Item")
+SHUTDOWN: Final = "the server is shutting down"
 
 
 class MotionStream:
-    """Turns chunks into messages and introduces each agent before its first chunk."""
+    """Turns publications into messages and introduces each agent before its first chunk."""
 
     def __init__(
         self,
         service: MotionService,
         session_id: str,
-        basis: Basis,
-        bodies: BodyLibrary,
-        skeleton: schema.Skeleton,
-        encoder: PoseEncoder,
+        subscription: Subscription,
         clock: Callable[[], float],
+        stop: asyncio.Event,
+        since: Progress | None = None,
     ) -> None:
+        """`stop` ends it; `since`: how far the reader's earlier stream had come."""
         self._service = service
         self._session_id = session_id
-        self._basis = basis
-        self._bodies = bodies
-        self._skeleton = skeleton
-        self._encoder = encoder
+        self._subscription = subscription
         self._clock = clock
+        self._stop = stop
+        self._since = since
+        self._token = ""  # of what has been sent
         self._known: set[int] = set()  # aliases introduced
         self._gone: set[int] = set()  # aliases deleted: late chunks of theirs are dropped
         self._removed: list[int] = []  # deleted and not yet told
 
     def remove(self, alias: int) -> None:
-        """Tell the client, with the next message, that an agent was deleted."""
+        """Tell the reader, with the next message, that an agent was deleted."""
         self._gone.add(alias)
         if alias in self._known:
             self._removed.append(alias)
 
-    async def messages(
-        self, agent_ids: Sequence[str], stop: asyncio.Event
-    ) -> AsyncGenerator[motion_pb2.StreamMotionResponse]:
-        """Header, then batches and heartbeats until the session ends.
+    def ack(self, token: str, playhead: float) -> None:
+        """The reader has received all up to `token` and shows the moment `playhead` (Unix s).
 
-        Raises NotFound at the start; Unavailable once `stop` is set. Close it with `aclose`.
+        Raises InvalidArgument.
         """
-        subscription = await self._service.subscribe(self._session_id, agent_ids)
-        try:
-            yield self._response(header=self._header())
-            async with aclosing(paced(aiter(subscription), HEARTBEAT_S, stop)) as batches:
-                async for chunks in batches:
-                    batch = await self._batch(chunks or ())
-                    if batch.chunks or batch.removed:
-                        yield self._response(batch=batch)
-                    elif chunks is None:
-                        yield self._response(heartbeat=motion_pb2.Heartbeat())
-        finally:
-            await subscription.close()
+        progress = Progress.read(token)
+        if progress is not None and progress.epoch == self._subscription.epoch:
+            self._subscription.ack(progress.position, playhead)
+
+    async def messages(
+        self, writer: BatchWriter, resume_s: float
+    ) -> AsyncGenerator[motion_pb2.StreamMotionResponse]:
+        """Header, then batches, events and heartbeats until the session ends.
+
+        Raises Unavailable once it is stopped, after an event that says so. Close it with `aclose`.
+        """
+        header = writer.header(self._session_id, resume_s, self._subscription.resumed)
+        yield self._response(header=header)
+        async with aclosing(self._publications()) as publications:
+            async for published in publications:
+                chunks, events = self._fresh(published) if published else ((), [])
+                shown, added = await self._introduce(chunks)
+                if published:
+                    self._token = Progress(
+                        self._subscription.epoch, published.position, 0 if events else None
+                    ).token()
+                if shown or self._removed:
+                    removed, self._removed = self._removed, []
+                    yield self._response(batch=writer.batch(shown, added, removed, self._token))
+                elif not events:
+                    yield self._response(heartbeat=motion_pb2.Heartbeat())
+                for token, event in events:
+                    yield self._response(event=event_message(event))
+                    self._token = token
+        if self._stop.is_set():
+            yield self._response(event=event_message(self._draining()))
+            raise Unavailable(SHUTDOWN)
+
+    async def events(self) -> AsyncGenerator[tuple[str, Event] | None]:
+        """Events alone, each with its resume token; None at once, and when nothing else happens.
+
+        Raises Unavailable once it is stopped, after an event that says so. Close it with `aclose`.
+        """
+        yield None
+        async with aclosing(self._publications()) as publications:
+            async for published in publications:
+                if published is None:
+                    yield None
+                    continue
+                for token, event in self._fresh(published)[1]:
+                    yield token, event
+        if self._stop.is_set():
+            yield "", self._draining()
+            raise Unavailable(SHUTDOWN)
+
+    def _publications(self) -> AsyncGenerator[Publication | None]:
+        return paced(aiter(self._subscription), HEARTBEAT_S, self._stop)
 
     def _response(self, **payload: object) -> motion_pb2.StreamMotionResponse:
         now = convert.microseconds(self._clock())
         return motion_pb2.StreamMotionResponse(sent_at_us=now, **payload)  # type: ignore[arg-type]
 
-    def _header(self) -> motion_pb2.StreamHeader:
-        return motion_pb2.StreamHeader(
-            server_version=__version__,
-            session_id=self._session_id,
-            fps=FPS,
-            basis=convert.message(common_pb2.BasisInfo, convert.basis_info(self._basis)),
-            skeleton=convert.message(catalog_pb2.Skeleton, self._skeleton),
-            pose_encoding=motion_pb2.POSE_ENCODING_F32_LE,
-        )
+    def _draining(self) -> Event:
+        return Event(EventKind.DRAINING, self._clock(), detail=SHUTDOWN)
 
-    async def _batch(self, chunks: Sequence[MotionChunk]) -> motion_pb2.MotionBatch:
-        added = await self._introduce(chunks)
-        present = self._known - self._gone
-        shown = [chunk for chunk in chunks if chunk.alias in present]
-        removed, self._removed = self._removed, []
-        return motion_pb2.MotionBatch(
-            added=added,
-            removed=removed,
-            chunks=[
-                motion_pb2.MotionChunk(
-                    alias=chunk.alias,
-                    seq=chunk.seq,
-                    first_frame=chunk.first_frame,
-                    scheduled_at_us=convert.microseconds(chunk.scheduled_at),
-                    goal_revision=chunk.goal_revision,
-                    state=_STATES[chunk.state],
-                    flags=int(chunk.flags),
-                    poses=packed.poses,
-                    contacts=packed.contacts,
-                    waypoint=chunk.waypoint,
-                    candidates=chunk.candidates,
-                )
-                for chunk, packed in zip(
-                    shown, self._encoder.encode(shown, self._basis), strict=True
-                )
-            ],
-        )
-
-    async def _introduce(self, chunks: Sequence[MotionChunk]) -> list[agent_pb2.Agent]:
-        """Descriptions of the agents seen for the first time."""
-        new = {c.alias for c in chunks} - self._known - self._gone
-        if not new:
-            return []
-        try:
-            infos = await self._service.list_agents(self._session_id)
-        except NotFound:  # the session has ended since the chunks were made
-            return []
-        added = [info for info in infos if info.alias in new - self._gone]
-        self._known.update(info.alias for info in added)
-        return [
-            convert.message(agent_pb2.Agent, convert.agent(info, self._basis, self._bodies))
-            for info in added
+    def _fresh(
+        self, published: Publication
+    ) -> tuple[Sequence[MotionChunk], list[tuple[str, Event]]]:
+        """What the reader has not yet had of a publication; each event with its resume token."""
+        epoch, last = self._subscription.epoch, len(published.events)
+        events = [
+            (Progress(epoch, published.position, None if i == last else i).token(), event)
+            for i, event in enumerate(published.events, start=1)
         ]
+        since = self._since
+        if since and since.epoch == epoch and since.position == published.position:
+            self._since = None  # news of a loss may come with the same position later
+            return (), events[since.events :]
+        return published.chunks, events
 
-
-async def paced(
-    source: AsyncIterator[Item], interval: float, stop: asyncio.Event
-) -> AsyncGenerator[Item | None]:
-    """Items of `source`; None after each `interval` seconds without one.
-
-    Raises Unavailable once `stop` is set.
-    """
-    stopped: asyncio.Future[Any] = asyncio.ensure_future(stop.wait())
-    upcoming: asyncio.Future[Item] = asyncio.ensure_future(anext(source))
-    try:
-        while True:
-            await asyncio.wait(
-                {stopped, upcoming}, timeout=interval, return_when=asyncio.FIRST_COMPLETED
-            )
-            if stopped.done():
-                raise Unavailable("the server is shutting down")
-            if not upcoming.done():
-                yield None
-                continue
+    async def _introduce(
+        self, chunks: Sequence[MotionChunk]
+    ) -> tuple[list[MotionChunk], list[AgentInfo]]:
+        """The chunks to show, and descriptions of the agents seen for the first time."""
+        added = []
+        if new := {c.alias for c in chunks} - self._known - self._gone:
             try:
-                item = upcoming.result()
-            except StopAsyncIteration:
-                return
-            upcoming = asyncio.ensure_future(anext(source))
-            yield item
-    finally:
-        stopped.cancel()
-        upcoming.cancel()
-        # their outcomes are taken, so that none is reported as forgotten
-        await asyncio.gather(stopped, upcoming, return_exceptions=True)
+                infos = await self._service.list_agents(self._session_id)
+            except NotFound:  # the session has ended since the chunks were made
+                infos = []
+            added = [info for info in infos if info.alias in new - self._gone]
+            self._known.update(info.alias for info in added)
+        return [c for c in chunks if c.alias in self._known - self._gone], added

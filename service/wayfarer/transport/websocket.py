@@ -1,75 +1,105 @@
-"""`WS /v1/stream`: the messages of StreamMotion, one protobuf per binary frame.
+"""`WS /v1/stream` and `WS /v1/control`: messages of StreamMotion and Control in binary frames.
 
-Closed with 1000 when the session ends, 1008 when the origin is foreign, else with 4000 + the HTTP
-status of the error and its text as the reason (errors.py).
+Closed with 1000 when the session ends, else with 4000 + the HTTP status of the error and its text
+as the reason (errors.py).
 """
 
 import asyncio
+import contextlib
+from collections.abc import AsyncGenerator
 from contextlib import aclosing
-from ipaddress import ip_address
-from typing import Annotated, Final
-from urllib.parse import urlsplit
+from typing import Any, Final
 
 import structlog
-from fastapi import FastAPI, Query, WebSocket, WebSocketDisconnect
+from fastapi import FastAPI, WebSocket, WebSocketDisconnect
+from google.protobuf.message import DecodeError
+from google.protobuf.message import Message as ProtoMessage
+from pydantic import ValidationError
+from starlette.datastructures import QueryParams
 
-from wayfarer.transport import errors
-from wayfarer.transport.gateway import ID_LENGTH, Gateway
+from wayfarer.errors import InvalidArgument
+from wayfarer.transport import errors, schema
+from wayfarer.transport.control import control
+from wayfarer.transport.gateway import Gateway
+from wayfarer.v1 import control_pb2
 
 log = structlog.get_logger(__name__)
 
-SEND_TIMEOUT_S: Final = 2.0
-POLICY_VIOLATION: Final = 1008
+STALL_S: Final = 30.0
+"""A reader that takes nothing for so long is left. It may resume."""
+
 REASON_BYTES: Final = 123
 """RFC 6455, 5.5: a control frame has 125 bytes, two of them the code."""
 
-Id = Annotated[str, Query(max_length=ID_LENGTH)]
+PARAMETERS: Final = (
+    *("session", "agent", "encoding", "profile", "bones", "fps", "slow_reader", "resume_token"),
+)
 
 
-def add_stream(app: FastAPI, gateway: Gateway) -> None:
-    """Add the route."""
+def add_sockets(app: FastAPI, gateway: Gateway) -> None:
+    """Add the routes."""
 
     @app.websocket("/v1/stream")
-    async def stream(
-        socket: WebSocket, session: Id, agent: Annotated[list[Id] | None, Query()] = None
-    ) -> None:
-        if not is_allowed_origin(socket.headers.get("origin"), socket.headers.get("host", "")):
-            await socket.close(POLICY_VIOLATION)
-            return
+    async def stream(socket: WebSocket) -> None:
         await socket.accept()
-        sending = asyncio.create_task(_send(socket, gateway, session, agent or []))
+        sending = asyncio.create_task(_send_stream(socket, gateway))
         leaving = asyncio.create_task(_until_gone(socket))
         try:
             await asyncio.wait({sending, leaving}, return_when=asyncio.FIRST_COMPLETED)
             if sending.done():
-                await _close(socket, sending)
+                await _close(socket, sending.exception())
         finally:
             sending.cancel()
             leaving.cancel()
             await asyncio.wait({sending, leaving})
 
+    @app.websocket("/v1/control")
+    async def controlled(socket: WebSocket) -> None:
+        await socket.accept()
+        requests = _requests(socket)
+        try:
+            async with aclosing(requests):
+                await _send(socket, control(gateway, requests))
+        except Exception as error:
+            await _close(socket, error)
+        else:
+            await _close(socket, None)
 
-def is_allowed_origin(origin: str | None, host: str) -> bool:
-    """Whether a page of `origin` may read the stream: our own pages, and those of this machine.
 
-    Other programs send no origin and are not a browser's to protect.
+def wish_of(query: QueryParams) -> schema.StreamWish:
+    """What the query asks for; names as in StreamMotionRequest, lists by repetition.
+
+    Raises InvalidArgument.
     """
-    if origin is None:
-        return True
+    if unknown := [name[:32] for name in query if name not in PARAMETERS]:
+        raise InvalidArgument(f"unknown; there are {', '.join(PARAMETERS)}", unknown[0])
+    packed: dict[str, Any] = {k: query[k] for k in ("encoding", "profile") if k in query}
+    packed["bones"] = query.getlist("bones")
+    fps = query.get("fps", "0")
+    if not (fps.isascii() and fps.isdigit() and len(fps) < 4):
+        raise InvalidArgument("must be 40, 20 or 10", "fps")
+    packed["fps"] = int(fps)
+    wish = {k: query[k] for k in ("slow_reader", "resume_token") if k in query}
     try:
-        parts = urlsplit(origin)
-        if parts.netloc == host or parts.hostname == "localhost":
-            return True
-        return ip_address(parts.hostname or "").is_loopback
-    except ValueError:  # neither a URL nor an address
-        return False
+        return schema.StreamWish(
+            session_id=query.get("session", ""),
+            agent_ids=tuple(query.getlist("agent")),
+            format=schema.PoseFormat(**packed),
+            **wish,  # type: ignore[arg-type]
+        )
+    except ValidationError as error:
+        raise errors.invalid_request(error) from None
 
 
-async def _send(socket: WebSocket, gateway: Gateway, session: str, agents: list[str]) -> None:
-    """Send messages until the session ends. A reader that takes none for 2 s is left."""
-    async with aclosing(gateway.stream(session, agents)) as messages:
+async def _send_stream(socket: WebSocket, gateway: Gateway) -> None:
+    await _send(socket, gateway.motion.stream(wish_of(socket.query_params)))
+
+
+async def _send(socket: WebSocket, messages: AsyncGenerator[ProtoMessage]) -> None:
+    """Send until there are no more. Raises TimeoutError when the reader takes none."""
+    async with aclosing(messages):
         async for message in messages:
-            async with asyncio.timeout(SEND_TIMEOUT_S):
+            async with asyncio.timeout(STALL_S):
                 await socket.send_bytes(message.SerializeToString())
 
 
@@ -79,15 +109,27 @@ async def _until_gone(socket: WebSocket) -> None:
         pass
 
 
-async def _close(socket: WebSocket, sending: asyncio.Task[None]) -> None:
+async def _requests(socket: WebSocket) -> AsyncGenerator[control_pb2.ControlRequest]:
+    """What the client sends. Raises InvalidArgument, WebSocketDisconnect."""
+    while True:
+        message = await socket.receive()
+        if message["type"] == "websocket.disconnect":
+            raise WebSocketDisconnect(message.get("code", 1006))
+        try:
+            yield control_pb2.ControlRequest.FromString(message.get("bytes") or b"")
+        except DecodeError:
+            raise InvalidArgument("a frame must be binary and hold one ControlRequest") from None
+
+
+async def _close(socket: WebSocket, error: BaseException | None) -> None:
     """Tell the client why the stream is over."""
-    error = sending.exception()
     if isinstance(error, WebSocketDisconnect | TimeoutError):
         log.info("stream reader gone or stalled", error=type(error).__name__)
         return
-    if error is None:
-        await socket.close(1000, "the session has ended")
-        return
-    errors.log_unexpected(log, error, "/v1/stream")
-    reason = errors.message_of(error).encode()[:REASON_BYTES].decode(errors="ignore")
-    await socket.close(errors.close_code(error), reason)
+    code, reason = 1000, "the session has ended"
+    if error is not None:
+        errors.log_unexpected(log, error, socket.url.path)
+        code = errors.close_code(error)
+        reason = errors.message_of(error).encode()[:REASON_BYTES].decode(errors="ignore")
+    with contextlib.suppress(WebSocketDisconnect):  # it has left at the same moment
+        await socket.close(code, reason)

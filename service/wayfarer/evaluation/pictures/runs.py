@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from wayfarer.clips.clip import Clip, join_chunks
-from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, Goal, MotionChunk
+from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, Goal, MotionChunk, SessionSpec
 from wayfarer.runtime.world import World
 from wayfarer.spec import BETAS, FPS, GENDERS, NEW_FRAMES, STEP_SECONDS
 
@@ -57,7 +57,7 @@ def random_runs(
     """
     frames = round(seconds * FPS)
     runners = [_runner(number, seed) for number in range(count)]
-    session = world.create_session(None, 0.0).session_id
+    session = world.create_session(SessionSpec(), 0.0).session_id
     agents = world.create_agents(session, [runner.spec for runner in runners], 0.0)
     by_id = {agent.agent_id: runner for agent, runner in zip(agents, runners, strict=True)}
     running = set(by_id)

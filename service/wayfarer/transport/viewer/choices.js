@@ -64,11 +64,6 @@ export function recipients(mode, people, selected, point) {
   return mode === "nearest" ? byDistance.slice(0, 1) : [];
 }
 
-/** A path with a goal added; what ended it is now passed through, unless a heading is faced there. */
-export function extended(path, goal) {
-  return [...path.map((old) => ("heading" in old ? old : { ...old, stop: false })), goal];
-}
-
 /** Heading of a drag over the floor (0: +Z, positive towards +X), or null when it is too short. */
 export function dragHeading(from, to) {
   return distance(from, to) < 0.25 ? null : Math.atan2(to.x - from.x, to.z - from.z);
@@ -85,15 +80,16 @@ export function pick(people, ray) {
   return best;
 }
 
-/** A random goal 2.5 to 6 m from where someone is, within 9 m of the origin. */
-export function wanderGoal({ x, z }, random = Math.random) {
-  for (let tries = 0; tries < 50; tries += 1) {
-    const angle = random() * 2 * Math.PI;
-    const way = 2.5 + 3.5 * random();
-    const goal = { x: x + way * Math.cos(angle), z: z + way * Math.sin(angle) };
-    if (Math.hypot(goal.x, goal.z) < 9) return goal;
-  }
-  return { x: 0, z: 0 }; // far outside: come back
+/** What to tell of an event, or "" when the picture tells it; `name` is the agent's. */
+export function eventText({ kind, waypoint, detail }, name, goals) {
+  const place = goals > 1 ? `goal ${waypoint + 1}` : "the goal";
+  return {
+    goal_reached: `${name} has reached ${place}`,
+    path_done: "",
+    gap: detail ? `motion was lost: ${detail}` : "motion was lost on the way",
+    draining: "the server is about to stop",
+    model_changed: name ? `${name}: ${detail || "another motion model"}` : detail,
+  }[kind] ?? detail;
 }
 
 function axisGap(origin, direction, { x, z, height }) {

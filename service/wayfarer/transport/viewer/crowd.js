@@ -4,17 +4,21 @@ import { FLAG } from "./messages.js";
 import { PlayoutClock, PoseTrack } from "./jitter.js";
 import { Person } from "./people.js";
 
+const PRESSURE_SECONDS = 3; // for which reduced and held motion counts as present
+
 /** Follows `MotionStream` events; `changed()` is called when somebody comes or goes. */
 export class Crowd {
-  constructor(stage, meshUrl, changed, failed) {
+  constructor(stage, mesh, changed, failed) {
     this.stage = stage;
-    this.meshUrl = meshUrl; // agent → URL of its GLB
+    this.mesh = mesh; // agent → [URL of its GLB, headers to ask for it with]
     this.changed = changed;
     this.failed = failed;
     this.clock = new PlayoutClock();
     this.members = new Map(); // alias → { person, track, frame, state }
     this.boneNames = [];
     this.marks = { trails: false, labels: false };
+    this.caughtUpAt = -Infinity; // server time at which the stream was resumed
+    this.strained = { reduced: -Infinity, held: -Infinity }; // local time of the last such chunk
   }
 
   get people() {
@@ -33,20 +37,29 @@ export class Crowd {
 
   /** A new agent, or one that is known already, when a stream begins again. */
   add(agent) {
-    if (this.members.has(agent.alias)) return;
+    const known = this.members.get(agent.alias);
+    if (known?.person.agent.id === agent.id) return;
+    if (known) this.remove(agent.alias);
     const person = new Person(agent, this.boneNames);
     const frame = new Float32Array(3 + 4 * this.boneNames.length);
     this.members.set(agent.alias, { person, track: new PoseTrack(), frame, state: "standing" });
     this.stage.add(person.group);
     person.trail.line.visible = this.marks.trails;
     person.label.visible = this.marks.labels;
-    person.load(this.meshUrl(agent)).catch((error) => this.failed(`body not loaded: ${error.message}`));
+    person.load(...this.mesh(agent)).catch((error) => this.failed(`body not loaded: ${error.message}`));
     this.changed();
   }
 
   remove(alias) {
     this.members.get(alias)?.person.dispose();
     if (this.members.delete(alias)) this.changed();
+  }
+
+  /** Remove those that are no more, which nobody has told while the connection was lost. */
+  keepOnly(agentIds) {
+    for (const [alias, { person }] of [...this.members]) {
+      if (!agentIds.has(person.agent.id)) this.remove(alias);
+    }
   }
 
   clear() {
@@ -83,10 +96,19 @@ export class Crowd {
     };
   }
 
+  /** "full", "reduced" or "held": how well the server has kept up of late. */
+  pressure(now) {
+    if (now - this.strained.held < PRESSURE_SECONDS) return "held";
+    return now - this.strained.reduced < PRESSURE_SECONDS ? "reduced" : "full";
+  }
+
   #chunk(chunk, frames, fps, now) {
+    if (chunk.flags & FLAG.REDUCED) this.strained.reduced = now;
+    if (chunk.flags & FLAG.HELD) this.strained.held = now;
     const member = this.members.get(chunk.alias);
     if (!member) return; // removed here, its last chunks still on the way
-    this.clock.observeChunk(now, chunk.scheduledAt);
+    // what was missed while the connection was lost is late for once, and says nothing of the next
+    if (chunk.scheduledAt >= this.caughtUpAt) this.clock.observeChunk(now, chunk.scheduledAt);
     member.track.push(chunk.scheduledAt, fps, frames);
     member.state = chunk.state;
     if (chunk.flags & FLAG.ARRIVED) member.person.reach(chunk.goalRevision, chunk.waypoint);

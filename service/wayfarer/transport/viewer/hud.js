@@ -1,6 +1,8 @@
 // Buttons, figures and messages: everything on the page that is not the stage.
 
 const MESSAGE_SECONDS = 6;
+const NEWS_SECONDS = 5;
+const NEWS_LINES = 4;
 const FIGURE_SECONDS = 0.5;
 
 export const byId = (id) => document.getElementById(id);
@@ -14,6 +16,31 @@ export function tell(text, note = false) {
   if (note) line.className = "note";
   box.append(line);
   setTimeout(() => line.remove(), MESSAGE_SECONDS * 1000);
+}
+
+/** Something that happened: a quiet line that goes by itself. */
+export function mention(text) {
+  const box = byId("news");
+  const line = document.createElement("p");
+  line.textContent = text;
+  box.append(line);
+  while (box.children.length > NEWS_LINES) box.firstChild.remove();
+  setTimeout(() => line.remove(), NEWS_SECONDS * 1000);
+}
+
+/** Let the user type the key or token that the server asks for. */
+export function askToken(reason) {
+  const dialog = byId("access");
+  byId("access-reason").textContent = reason;
+  byId("access-token").value = "";
+  dialog.showModal();
+  return new Promise((resolve) => {
+    dialog.onclose = () => {
+      const token = byId("access-token").value.trim();
+      if (token) resolve(token);
+      else dialog.showModal(); // without one there is nothing to show
+    };
+  });
 }
 
 export function showConnection(state, text) {
@@ -46,12 +73,15 @@ export class Readout {
     const fps = this.#frames / (now - this.#since);
     this.#frames = 0;
     this.#since = now;
-    const { people, delay, buffered, holds } = figures();
+    const { people, delay, buffered, holds, pressure } = figures();
     byId("figure-people").textContent = people;
     byId("figure-fps").textContent = fps.toFixed(0);
     byId("figure-delay").textContent = delay === null ? "–" : milliseconds(delay);
     byId("figure-buffer").textContent = Number.isFinite(buffered) ? milliseconds(Math.max(0, buffered)) : "–";
     byId("figure-holds").textContent = holds;
+    const quality = byId("figure-quality");
+    quality.textContent = pressure;
+    quality.dataset.state = pressure;
     return fps;
   }
 

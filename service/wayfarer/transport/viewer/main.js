@@ -1,11 +1,11 @@
 // Puts the page together: session, stream, stage, controls.
 
+import { Access } from "./access.js";
 import { Api } from "./api.js";
-import {
-  dragHeading, extended, formation, pick, randomAgents, recipients, wanderGoal,
-} from "./choices.js";
+import { dragHeading, eventText, formation, pick, randomAgents, recipients } from "./choices.js";
 import { Crowd } from "./crowd.js";
-import { Readout, byId, listPeople, showConnection, tell } from "./hud.js";
+import { Readout, askToken, byId, listPeople, mention, showConnection, tell } from "./hud.js";
+import { keepAlive } from "./lease.js";
 import { floorRing } from "./people.js";
 import { Stage } from "./scene.js";
 import { MotionStream } from "./stream.js";
@@ -13,12 +13,16 @@ import { MotionStream } from "./stream.js";
 const DETAILED = 24; // so many people get the fine mesh; later ones the light one
 const STATS_SECONDS = 1;
 const WANDER_SECONDS = 1;
+const WANDER_RADIUS = 9; // metres around the middle
+const LEASE_SECONDS = 60;
 const CLICK_PIXELS = 5; // a pointer that moved more was a drag
 
-const api = new Api();
+const access = new Access(askToken);
+const api = new Api("", access);
 const stage = new Stage(byId("view"));
 const readout = new Readout();
 const page = new URLSearchParams(location.search);
+const wish = Object.fromEntries(["encoding", "fps"].filter((key) => page.has(key)).map((key) => [key, page.get(key)]));
 const clock = () => performance.now() / 1000;
 const cursor = floorRing(0.1, 0.14, "#b02a37");
 cursor.visible = false;
@@ -29,8 +33,10 @@ let bodies = new Map(); // gender → body
 let selected = null;
 let wandering = false;
 let lastSent = []; // those whose path a further waypoint belongs to
+let stream = null;
+let stopRenewing = () => {};
 
-const crowd = new Crowd(stage, meshUrl, refresh, tell);
+const crowd = new Crowd(stage, mesh, refresh, tell);
 start();
 
 async function start() {
@@ -45,11 +51,27 @@ async function start() {
 
 async function openSession() {
   crowd.clear();
-  session = (await api.createSession()).session_id;
-  new MotionStream(api.streamUrl(session), {
+  stopRenewing();
+  session = (await api.createSession(LEASE_SECONDS)).session_id;
+  stopRenewing = keepAlive(api, session, LEASE_SECONDS);
+  stream = new MotionStream((resumeToken) => api.streamAddress(session, wish, resumeToken), {
     ...crowd.handlers(clock),
-    header: ({ bones, posedBones }) => {
-      crowd.boneNames = bones.slice(0, posedBones).map(({ name }) => name);
+    header: ({ bones, skeleton }, again, sentAt) => {
+      crowd.boneNames = bones.map((bone) => skeleton[bone].name);
+      if (!again) return;
+      crowd.caughtUpAt = sentAt;
+      catchUp();
+    },
+    event: (event) => {
+      const person = crowd.members.get(event.alias)?.person;
+      if (person?.wanders && event.kind === "goal_reached") return; // on and on
+      const goals = person ? person.passed + person.ahead.length : 0;
+      const text = eventText(event, person?.agent.name || "somebody", goals);
+      if (text) mention(text);
+    },
+    refused: async (reason) => {
+      await access.renew(access.token, reason);
+      stream.open();
     },
     status: (state, detail) => {
       const text = { connecting: "connecting", open: "connected", lost: "connection lost, reconnecting" };
@@ -63,14 +85,23 @@ async function openSession() {
   });
 }
 
+/** Who has gone while the connection was lost. */
+async function catchUp() {
+  try {
+    crowd.keepOnly(new Set((await api.agents(session)).map((agent) => agent.agent_id)));
+  } catch (error) {
+    if (error.status !== 404) tell(error.message); // the stream tells of the session's end
+  }
+}
+
 addEventListener("pagehide", () => session && api.abandonSession(session));
 
-function meshUrl(agent) {
+function mesh(agent) {
   const url = new URL(bodies.get(agent.gender).glb_path, location.href);
   url.searchParams.set("betas", agent.betas.map((beta) => beta.toFixed(4)).join(","));
   url.searchParams.set("style", agent.alias);
   url.searchParams.set("detail", page.get("detail") ?? (crowd.members.size > DETAILED ? "low" : "high"));
-  return url.href;
+  return [url.href, access.headers];
 }
 
 function refresh() {
@@ -112,7 +143,11 @@ const remove = attempt(async () => {
 
 const stop = attempt(async () => {
   const stopped = selected ? [selected] : crowd.people;
-  for (const person of stopped) person.showPath([]);
+  if (!selected && wandering) toggleWander();
+  for (const person of stopped) {
+    person.wanders = false;
+    person.showPath([]);
+  }
   await Promise.all(stopped.map((person) => api.clearGoal(person.agent.id)));
 });
 
@@ -127,26 +162,41 @@ const sendTo = attempt(async (point, how = {}, further = false) => {
   const places = formation(point, lastSent.length);
   await Promise.all(lastSent.map((person, k) => {
     const goal = { ...places[k], ...how, speed: Number(byId("speed").value) };
-    return walk(person, onward ? extended(person.ahead, goal) : [goal]);
+    return onward && person.ahead.length ? walkOn(person, goal) : walk(person, goal);
   }));
 });
 
-async function walk(person, path) {
-  person.showPath(path);
-  person.revision = (await api.setPath(person.agent.id, path)).revision;
+async function walk(person, goal) {
+  person.wanders = false;
+  person.showPath([goal]);
+  person.revision = (await api.setPath(person.agent.id, [goal])).revision;
+}
+
+/** One goal more; without a heading to face there it is passed through. */
+async function walkOn(person, goal) {
+  const further = "heading" in goal ? goal : { ...goal, stop: false };
+  person.extendPath([further]);
+  await api.appendGoals(person.agent.id, [further]);
 }
 
 const wander = attempt(async () => {
   if (!wandering) return;
-  const idle = crowd.people.filter((person) => !person.ahead.length && crowd.stateOf(person) === "standing");
+  const idle = crowd.people.filter((person) => !person.wanders && !person.ahead.length);
   const speed = Number(byId("speed").value);
-  await Promise.all(idle.map((person) => walk(person, [{ ...wanderGoal(person), speed }])));
+  for (const person of idle) person.wanders = true;
+  await Promise.all(idle.map((person) => api.wander(person.agent.id, { x: 0, z: 0 }, WANDER_RADIUS, { speed })));
+});
+
+const stand = attempt(async (people) => {
+  for (const person of people) person.wanders = false;
+  await Promise.all(people.map((person) => api.clearGoal(person.agent.id)));
 });
 
 function toggleWander() {
   wandering = !wandering;
   byId("wander").setAttribute("aria-pressed", String(wandering));
-  wander();
+  if (wandering) wander();
+  else stand(crowd.people.filter((person) => person.wanders));
 }
 
 // ---- controls
@@ -225,6 +275,7 @@ stage.renderer.setAnimationLoop(() => {
   const fps = readout.frame(now, () => ({
     people: crowd.members.size,
     delay: crowd.members.size ? crowd.clock.delay(now) : null,
+    pressure: crowd.members.size ? crowd.pressure(now) : "–",
     ...crowd.health(moment),
   }));
   if (fps !== null) stage.keepUp(fps);
@@ -244,4 +295,4 @@ setInterval(() => {
 }, STATS_SECONDS * 1000);
 setInterval(wander, WANDER_SECONDS * 1000);
 
-globalThis.wayfarer = { crowd, stage }; // for the browser's console, and the tests
+globalThis.wayfarer = { crowd, stage, api, get session() { return session; }, get stream() { return stream; } }; // for the browser's console, and the tests

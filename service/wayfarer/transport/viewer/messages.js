@@ -4,11 +4,11 @@ import { ProtoReader } from "./protobuf.js";
 
 const STATES = ["unknown", "standing", "walking", "stopping", "turning"];
 const GENDERS = ["female", "female", "male"];
-const FLOATS_PER_BONE = 4;
+const EVENTS = ["unknown", "goal_reached", "path_done", "gap", "draining", "model_changed"];
 
-export const FLAG = Object.freeze({ FIRST: 1, REPLANNED: 2, ARRIVED: 4, GAP: 8, REDUCED: 16 });
+export const FLAG = Object.freeze({ FIRST: 1, REPLANNED: 2, ARRIVED: 4, GAP: 8, REDUCED: 16, HELD: 32 });
 
-/** Decode one message: { sentAt, header | batch | heartbeat }, times in seconds since 1970. */
+/** Decode one message: { sentAt, header | batch | heartbeat | event }, times in seconds since 1970. */
 export function decodeStreamMessage(bytes) {
   const reader = new ProtoReader(bytes);
   const message = { sentAt: 0 };
@@ -17,19 +17,27 @@ export function decodeStreamMessage(bytes) {
     else if (field === 2) message.header = decodeHeader(reader.message());
     else if (field === 3) message.batch = decodeBatch(reader.message());
     else if (field === 4) message.heartbeat = reader.block().length >= 0;
+    else if (field === 5) message.event = decodeEvent(reader.message());
     else reader.skip();
   }
   return message;
 }
 
 function decodeHeader(reader) {
-  const header = { serverVersion: "", sessionId: "", fps: 0, bones: [], posedBones: 0, encoding: 0 };
+  const header = {
+    serverVersion: "", sessionId: "", fps: 0, sentFps: 0, skeleton: [], bones: [], encoding: 0,
+    frameBytes: 0, resumed: false,
+  };
   for (let field = reader.next(); field; field = reader.next()) {
     if (field === 1) header.serverVersion = reader.string();
     else if (field === 2) header.sessionId = reader.string();
     else if (field === 3) header.fps = reader.varint();
     else if (field === 5) decodeSkeleton(reader.message(), header);
     else if (field === 6) header.encoding = reader.varint();
+    else if (field === 7) header.sentFps = reader.varint();
+    else if (field === 8) reader.varints(header.bones);
+    else if (field === 9) header.frameBytes = reader.varint();
+    else if (field === 11) header.resumed = reader.varint() !== 0;
     else reader.skip();
   }
   return header;
@@ -37,8 +45,7 @@ function decodeHeader(reader) {
 
 function decodeSkeleton(reader, header) {
   for (let field = reader.next(); field; field = reader.next()) {
-    if (field === 1) header.bones.push(decodeBone(reader.message()));
-    else if (field === 2) header.posedBones = reader.varint();
+    if (field === 1) header.skeleton.push(decodeBone(reader.message()));
     else reader.skip();
   }
 }
@@ -54,11 +61,12 @@ function decodeBone(reader) {
 }
 
 function decodeBatch(reader) {
-  const batch = { added: [], chunks: [], removed: [] };
+  const batch = { added: [], chunks: [], removed: [], resumeToken: "" };
   for (let field = reader.next(); field; field = reader.next()) {
     if (field === 1) batch.added.push(decodeAgent(reader.message()));
     else if (field === 2) batch.chunks.push(decodeChunk(reader.message()));
     else if (field === 3) reader.varints(batch.removed);
+    else if (field === 4) batch.resumeToken = reader.string();
     else reader.skip();
   }
   return batch;
@@ -101,21 +109,17 @@ function decodeChunk(reader) {
   return chunk;
 }
 
-/**
- * Frames of a chunk: an array of Float32Array, each hips x, y, z and then x, y, z, w per bone
- * (POSE_ENCODING_F32_LE). Throws when the length is not a whole number of frames.
- */
-export function unpackPoses(bytes, posedBones) {
-  const floats = 3 + FLOATS_PER_BONE * posedBones;
-  if (bytes.length % (4 * floats)) {
-    throw new Error(`poses of ${bytes.length} bytes are not whole frames of ${4 * floats} bytes`);
+function decodeEvent(reader) {
+  const event = { kind: "unknown", agentId: "", alias: 0, at: 0, goalRevision: 0, waypoint: 0, detail: "" };
+  for (let field = reader.next(); field; field = reader.next()) {
+    if (field === 1) event.kind = EVENTS[reader.varint()] ?? "unknown";
+    else if (field === 2) event.agentId = reader.string();
+    else if (field === 3) event.alias = reader.varint();
+    else if (field === 4) event.at = reader.varint() / 1e6;
+    else if (field === 5) event.goalRevision = reader.varint();
+    else if (field === 6) event.waypoint = reader.varint();
+    else if (field === 7) event.detail = reader.string();
+    else reader.skip();
   }
-  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
-  const frames = [];
-  for (let start = 0; start < bytes.length; start += 4 * floats) {
-    const frame = new Float32Array(floats);
-    for (let k = 0; k < floats; k += 1) frame[k] = view.getFloat32(start + 4 * k, true);
-    frames.push(frame);
-  }
-  return frames;
+  return event;
 }

@@ -8,7 +8,6 @@ import {
 const TRAIL_POINTS = 200;
 const TRAIL_STEP = 0.12; // metres between two points
 const ACCENT = "#0b7285";
-const loader = new GLTFLoader();
 
 /** A flat ring on the floor, or the arc of it around a heading. */
 export function floorRing(inner, outer, colour, opacity = 0.9, { heading = 0, width = 2 * Math.PI } = {}) {
@@ -38,6 +37,7 @@ export class Person {
     this.ahead = []; // { x, z, heading? … }
     this.passed = 0; // goals of its path that are behind it
     this.revision = 0; // of its path, as far as the server has told
+    this.wanders = false; // where to, only the server knows
     this.trail = new Trail(colourOf(agent.alias));
     this.label = label(agent.name);
     this.label.visible = false;
@@ -45,7 +45,8 @@ export class Person {
   }
 
   /** Load the mesh; the person appears with its first pose. */
-  async load(url) {
+  async load(url, headers = {}) {
+    const loader = new GLTFLoader().setRequestHeader(headers);
     const { scene } = await loader.loadAsync(url);
     scene.traverse((node) => {
       if (!node.isSkinnedMesh) return;
@@ -88,10 +89,16 @@ export class Person {
     this.path.add(...goals.map((goal) => goalMark(goal, colourOf(this.agent.alias))));
   }
 
+  /** Show goals that were added to the end of the path. */
+  extendPath(goals) {
+    this.ahead = [...this.ahead, ...goals];
+    this.path.add(...goals.map((goal) => goalMark(goal, colourOf(this.agent.alias))));
+  }
+
   /** Goal `waypoint` of the path of a revision was reached. */
   reach(revision, waypoint) {
-    if (revision < this.revision) return; // of a path before this one
     const count = waypoint + 1 - this.passed;
+    if (this.wanders || revision < this.revision || count <= 0) return; // of a path before this one
     this.passed = waypoint + 1;
     this.ahead = this.ahead.slice(count);
     discard(this.path.children.slice(0, count));

@@ -1,0 +1,23 @@
+// One person walks to a goal; prints where she is. node examples/first-stream.js [address]
+
+import { EventKind, connect, follow, unpackPoses } from "../src/index.js";
+
+const client = connect(process.argv[2] ?? "localhost:50051");
+const { session } = await client.sessions.createSession();
+const { sessionId } = session;
+const { agents: [ada] } = await client.agents.createAgents({ sessionId, agents: [{ name: "Ada" }] });
+await client.goals.setGoal({ agentId: ada.agentId, goal: { position: { x: 2, z: 3 } } });
+
+let header;
+for await (const { payload } of follow(client, { sessionId })) {
+  if (payload.case === "header") header = payload.value;
+  if (payload.case === "batch") {
+    for (const chunk of payload.value.chunks) {
+      const [x, , z] = unpackPoses(chunk.poses, header).at(-1).translation;
+      console.log(`frame ${chunk.firstFrame}: (${x.toFixed(2)}, ${z.toFixed(2)})`);
+    }
+  }
+  if (payload.case === "event" && payload.value.kind === EventKind.PATH_DONE) break;
+}
+await client.sessions.deleteSession({ sessionId });
+client.close();

@@ -1,0 +1,78 @@
+// The services of a server as objects: calls are promises, streams are async iterables.
+
+import { create, fromBinary, toBinary } from "@bufbuild/protobuf";
+import { Metadata, credentials, makeGenericClientConstructor } from "@grpc/grpc-js";
+import { AdminService } from "./gen/wayfarer/v1/admin_pb.js";
+import { AgentService } from "./gen/wayfarer/v1/agent_pb.js";
+import { CatalogService } from "./gen/wayfarer/v1/catalog_pb.js";
+import { ControlService } from "./gen/wayfarer/v1/control_pb.js";
+import { GoalService } from "./gen/wayfarer/v1/goal_pb.js";
+import { MotionService } from "./gen/wayfarer/v1/motion_pb.js";
+import { SessionService } from "./gen/wayfarer/v1/session_pb.js";
+import { SnapshotService } from "./gen/wayfarer/v1/snapshot_pb.js";
+
+const TIMEOUT_MS = 10_000;
+const SERVICES = {
+  sessions: SessionService,
+  agents: AgentService,
+  goals: GoalService,
+  motion: MotionService,
+  control: ControlService,
+  snapshots: SnapshotService,
+  catalog: CatalogService,
+  admin: AdminService,
+};
+
+/**
+ * Connect to a server, as "localhost:50051". `apiKey` or `token` (a JWT) shows who calls; `tls` are
+ * credentials of grpc-js (`credentials.createSsl(…)`), none by default. Unary calls fail after
+ * `timeoutMs`. A failed call throws grpc-js's ServiceError: `code`, `details`.
+ *
+ *     const { session } = await client.sessions.createSession({ basis: Basis.UNITY });
+ *     for await (const message of client.motion.streamMotion({ sessionId: session.sessionId })) …
+ */
+export function connect(address, { apiKey, token, tls, timeoutMs = TIMEOUT_MS } = {}) {
+  const metadata = new Metadata();
+  if (apiKey) metadata.set("x-api-key", apiKey);
+  if (token) metadata.set("authorization", `Bearer ${token}`);
+  const stubs = [];
+  const client = { close: () => stubs.forEach((stub) => stub.close()) };
+  for (const [name, service] of Object.entries(SERVICES)) {
+    const Stub = makeGenericClientConstructor(definition(service), service.typeName);
+    const stub = new Stub(address, tls ?? credentials.createInsecure());
+    stubs.push(stub);
+    client[name] = Object.fromEntries(
+      service.methods.map((method) => [method.localName, caller(stub, method, metadata, timeoutMs)]),
+    );
+  }
+  return client;
+}
+
+function caller(stub, { localName, methodKind }, metadata, timeoutMs) {
+  if (methodKind === "bidi_streaming") return () => stub[localName](metadata);
+  if (methodKind === "server_streaming") return (request = {}) => stub[localName](request, metadata);
+  return (request = {}) =>
+    new Promise((resolve, reject) => {
+      const limit = { deadline: Date.now() + timeoutMs };
+      stub[localName](request, metadata, limit, (error, reply) => (error ? reject(error) : resolve(reply)));
+    });
+}
+
+/** What grpc-js needs to know of a generated service. */
+function definition(service) {
+  const streams = (kind, ...kinds) => kinds.includes(kind);
+  return Object.fromEntries(
+    service.methods.map(({ name, localName, methodKind, input, output }) => [
+      localName,
+      {
+        path: `/${service.typeName}/${name}`,
+        requestStream: streams(methodKind, "client_streaming", "bidi_streaming"),
+        responseStream: streams(methodKind, "server_streaming", "bidi_streaming"),
+        requestSerialize: (message) => Buffer.from(toBinary(input, create(input, message))),
+        requestDeserialize: (bytes) => fromBinary(input, bytes),
+        responseSerialize: (message) => Buffer.from(toBinary(output, create(output, message))),
+        responseDeserialize: (bytes) => fromBinary(output, bytes),
+      },
+    ]),
+  );
+}

@@ -1,0 +1,40 @@
+// The vectors that every client decodes: tests/golden/README.md.
+
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { test } from "node:test";
+import { PoseEncoding, unpackContacts, unpackPoses } from "../src/index.js";
+
+const folder = new URL("../../../tests/golden/", import.meta.url);
+const { core, bases, vectors, tolerance_deg: tolerances } = JSON.parse(readFileSync(new URL("vectors.json", folder)));
+const IDENTITY = [0, 0, 0, 1];
+
+for (const vector of vectors) {
+  test(vector.name, () => {
+    const header = { poseEncoding: PoseEncoding[vector.encoding.toUpperCase()], bones: vector.bones };
+    const frames = unpackPoses(readFileSync(new URL(vector.poses, folder)), header);
+    const feet = unpackContacts(Buffer.from(vector.contacts, "hex"));
+    assert.equal(frames.length, vector.frames.length);
+    vector.frames.forEach((number, k) => {
+      assert.deepEqual(frames[k].translation, bases[vector.basis].translation[number]);
+      assert.deepEqual([feet[k].left, feet[k].right], core.contacts[number].map(Boolean));
+      vector.bones.forEach((bone, b) => {
+        const wanted = bases[vector.basis].rotations[number][bone] ?? IDENTITY;
+        const off = degreesBetween(frames[k].rotations[b], wanted);
+        assert.ok(off <= tolerances[vector.encoding], `bone ${bone} of frame ${number}: ${off} degrees`);
+      });
+    });
+  });
+}
+
+test("what cannot be read is told", () => {
+  const header = { poseEncoding: PoseEncoding.F32_LE, bones: [0] };
+  assert.throws(() => unpackPoses(Buffer.alloc(29), header), /29 bytes of poses are not whole frames of 28/);
+  assert.throws(() => unpackPoses(Buffer.alloc(0), { poseEncoding: 9, bones: [] }), /encoding 9 is not known/);
+});
+
+/** Between two rotations; q and -q are the same one. */
+function degreesBetween(a, b) {
+  const distance = (sign) => Math.hypot(...a.map((value, k) => value - sign * b[k]));
+  return (4 * Math.asin(Math.min(distance(1), distance(-1)) / 2) * 180) / Math.PI;
+}

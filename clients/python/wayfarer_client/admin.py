@@ -1,0 +1,40 @@
+"""Administration; every call needs the scope `admin`."""
+
+from typing import Final
+
+from wayfarer_client.connection import Connection
+from wayfarer_client.v1 import admin_pb2, catalog_pb2
+
+LOAD_TIMEOUT_S: Final = 300.0
+"""A model is checked, loaded and warmed before the call returns."""
+
+
+class Admin:
+    """Models and the end of a server. `Client.admin` is one."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    async def load_model(self, name: str) -> catalog_pb2.Model:
+        """Load a model beside the others."""
+        request = admin_pb2.LoadModelRequest(name=name)
+        method = self._connection.admin.LoadModel
+        reply: admin_pb2.LoadModelResponse = await self._connection.call(
+            method, request, LOAD_TIMEOUT_S
+        )
+        return reply.model
+
+    async def use_model(self, name: str, move_agents: bool = False) -> int:
+        """Let new agents be moved by it, and those present if wished; return how many change."""
+        request = admin_pb2.UseModelRequest(name=name, move_agents=move_agents)
+        reply = await self._connection.call(self._connection.admin.UseModel, request)
+        return int(reply.moved)
+
+    async def unload_model(self, name: str) -> None:
+        """Unload a model that moves nobody."""
+        request = admin_pb2.UnloadModelRequest(name=name)
+        await self._connection.call(self._connection.admin.UnloadModel, request)
+
+    async def drain(self) -> None:
+        """Let the server end its streams and stop."""
+        await self._connection.call(self._connection.admin.Drain, admin_pb2.DrainRequest())

@@ -1,0 +1,182 @@
+"""The channel to a server: how it is opened, who calls, how failures become errors."""
+
+import asyncio
+import random
+import uuid
+from collections.abc import AsyncGenerator, Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import grpc
+
+from wayfarer_client.errors import InvalidArgument, Unavailable, from_grpc
+from wayfarer_client.v1 import (
+    admin_pb2_grpc,
+    agent_pb2_grpc,
+    catalog_pb2_grpc,
+    control_pb2_grpc,
+    goal_pb2_grpc,
+    motion_pb2_grpc,
+    session_pb2_grpc,
+    snapshot_pb2_grpc,
+)
+
+BACKOFF_S: Final = (0.1, 2.0)
+"""First and longest pause between attempts; doubled in between."""
+
+OPTIONS: Final = [
+    ("grpc.keepalive_time_ms", 20_000),
+    ("grpc.keepalive_timeout_ms", 10_000),
+    ("grpc.initial_reconnect_backoff_ms", 100),
+    ("grpc.max_reconnect_backoff_ms", 2_000),
+    # Let a reader that is too slow be seen by the server, which then drops old frames, instead
+    # of piling up minutes of motion in this process.
+    ("grpc.http2.lookahead_bytes", 64 * 1024),
+    ("grpc.max_receive_message_length", 64 * 1024 * 1024),
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Tls:
+    """Encryption. Without fields, the server is checked against the system's authorities."""
+
+    ca: Path | None = None  # PEM file of the authority that signed the server's certificate
+    certificate: Path | None = None  # PEM file of this client's certificate chain (mTLS)
+    key: Path | None = None  # PEM file of its private key
+    server_name: str = ""  # name in the server's certificate, where it is not that of the address
+
+    def credentials(self) -> grpc.ChannelCredentials:
+        """Raises InvalidArgument when a file cannot be read."""
+        if bool(self.certificate) != bool(self.key):
+            raise InvalidArgument("tls: certificate and key belong together: give both, or neither")
+        try:
+            ca, certificate, key = (
+                None if path is None else Path(path).read_bytes()
+                for path in (self.ca, self.certificate, self.key)
+            )
+        except OSError as error:
+            raise InvalidArgument(f"tls: {error.filename}: {error.strerror}") from None
+        return grpc.ssl_channel_credentials(ca, key, certificate)
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """What shows the server who calls. None of it is logged or shown."""
+
+    api_key: str = field(default="", repr=False)
+    token: str | Callable[[], str] = field(default="", repr=False)  # a JWT, or what gives a new one
+
+    def metadata(self) -> tuple[tuple[str, str], ...]:
+        """Headers of a call."""
+        found: list[tuple[str, str]] = []
+        if self.api_key:
+            found.append(("x-api-key", self.api_key))
+        if token := self.token() if callable(self.token) else self.token:
+            found.append(("authorization", f"Bearer {token}"))
+        return tuple(found)
+
+
+class Connection:
+    """A channel and its stubs."""
+
+    def __init__(self, address: str, timeout: float, access: Access, tls: Tls | None) -> None:
+        """`timeout`: seconds for connecting and for each call."""
+        self.address = address
+        self.timeout = timeout
+        self._access = access
+        self._channel = _channel(address, tls)
+        # The generated stubs are typed for the synchronous API only.
+        self.sessions: Any = session_pb2_grpc.SessionServiceStub(self._channel)
+        self.agents: Any = agent_pb2_grpc.AgentServiceStub(self._channel)
+        self.goals: Any = goal_pb2_grpc.GoalServiceStub(self._channel)
+        self.motion: Any = motion_pb2_grpc.MotionServiceStub(self._channel)
+        self.control: Any = control_pb2_grpc.ControlServiceStub(self._channel)
+        self.snapshots: Any = snapshot_pb2_grpc.SnapshotServiceStub(self._channel)
+        self.catalog: Any = catalog_pb2_grpc.CatalogServiceStub(self._channel)
+        self.admin: Any = admin_pb2_grpc.AdminServiceStub(self._channel)
+
+    async def ready(self) -> None:
+        """Wait until the server answers. Raises Unavailable."""
+        try:
+            async with asyncio.timeout(self.timeout):
+                await self._channel.channel_ready()
+        except TimeoutError:
+            await self.close()
+            raise Unavailable(f"no server at {self.address} within {self.timeout:g} s") from None
+
+    async def close(self) -> None:
+        """Close the channel."""
+        await self._channel.close(None)
+
+    async def call(self, method: Any, request: Any, timeout: float | None = None) -> Any:
+        """The reply to a request. Raises WayfarerError."""
+        limit = self.timeout if timeout is None else timeout
+        try:
+            return await method(request, timeout=limit, metadata=self._access.metadata())
+        except grpc.aio.AioRpcError as error:
+            raise from_grpc(error) from None
+
+    async def create(self, method: Any, request: Any) -> Any:
+        """As `call`, again and again for `timeout` seconds while the server is unavailable.
+
+        The request carries an id, so that it takes effect once whatever gets lost on the way.
+        """
+        request.request_id = request.request_id or str(uuid.uuid4())
+        backoff = Backoff(self.timeout)
+        while True:
+            try:
+                return await self.call(method, request)
+            except Unavailable:
+                if not await backoff.pause():
+                    raise
+
+    def open(self, method: Any, *request: Any) -> Any:
+        """A stream of messages, without a time limit."""
+        return method(*request, metadata=self._access.metadata())
+
+    async def messages(self, method: Any, request: Any) -> AsyncGenerator[Any]:
+        """All messages of a stream that is read once. Raises WayfarerError."""
+        call = self.open(method, request)
+        try:
+            async for message in call:
+                yield message
+        except grpc.aio.AioRpcError as error:
+            raise from_grpc(error) from None
+        finally:
+            call.cancel()
+
+
+class Backoff:
+    """Pauses between attempts, longer each time, for `deadline` seconds since the last success."""
+
+    def __init__(self, deadline: float) -> None:
+        self.deadline = deadline
+        self.succeeded()
+
+    def succeeded(self) -> None:
+        """Begin anew."""
+        self._pause = BACKOFF_S[0]
+        self._ends_at = _now() + self.deadline
+
+    async def pause(self, at_least: float = 0.0) -> bool:
+        """Wait before the next attempt; False, at once, when the time is over."""
+        left = self._ends_at - _now()
+        if left <= 0:
+            return False
+        # by chance: clients that a server has lost together must not come back together
+        pause = max(at_least, self._pause * random.uniform(0.5, 1.0))
+        self._pause = min(2 * self._pause, BACKOFF_S[1])
+        await asyncio.sleep(min(pause, left))
+        return True
+
+
+def _now() -> float:
+    return asyncio.get_running_loop().time()
+
+
+def _channel(address: str, tls: Tls | None) -> grpc.aio.Channel:
+    if tls is None:
+        return grpc.aio.insecure_channel(address, options=OPTIONS)
+    named = [("grpc.ssl_target_name_override", tls.server_name)] if tls.server_name else []
+    return grpc.aio.secure_channel(address, tls.credentials(), options=[*OPTIONS, *named])

@@ -1,0 +1,246 @@
+"""Goals and motion over one connection, with acknowledgements."""
+
+import asyncio
+from collections.abc import AsyncGenerator, Iterable
+from dataclasses import replace
+from types import TracebackType
+from typing import Any, Final, Self
+
+from wayfarer_client import goals as requests
+from wayfarer_client.connection import Backoff, Connection
+from wayfarer_client.errors import ResourceExhausted, Unavailable, WayfarerError, from_problem
+from wayfarer_client.messages import Agent, Batch, Event, Goal, Place, StreamInfo
+from wayfarer_client.stream import heard, read
+from wayfarer_client.v1 import control_pb2, motion_pb2
+from wayfarer_client.wire import BatchReader
+
+QUEUE: Final = 64
+"""Batches that wait for this program to read them; then the oldest are lost."""
+
+
+class Control:
+    """As `async with`: iterate over its batches, and give commands, at the same time.
+
+    Each batch that is taken is acknowledged, with the playhead: from the first on, the server runs
+    ahead of it by Limits.lead_s at most, however slowly this program takes them. A lost connection
+    is made again as `MotionStream` does; commands under way then raise Unavailable, and may or may
+    not have been heard.
+    """
+
+    def __init__(
+        self, connection: Connection, request: motion_pb2.StreamMotionRequest, deadline: float
+    ) -> None:
+        self._connection = connection
+        self._request = request
+        self._deadline = deadline
+        self._reader = BatchReader()
+        self._call: Any = None
+        self._replies: dict[int, asyncio.Future[int]] = {}
+        self._number = 0
+        self._opened = asyncio.Event()
+        self._ended: WayfarerError | None = None
+        self._batches: asyncio.Queue[Batch | WayfarerError | None] = asyncio.Queue()
+        self._following: asyncio.Task[None] | None = None
+        self.reconnections = 0
+
+    async def __aenter__(self) -> Self:
+        self._following = asyncio.create_task(self._follow(), name="wayfarer control")
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._following is not None:
+            self._following.cancel()
+            await asyncio.wait({self._following})
+
+    @property
+    def info(self) -> StreamInfo | None:
+        """What the header of the present connection says; None before the first batch."""
+        return self._reader.info
+
+    @property
+    def resume_token(self) -> str:
+        """Of the last batch that was received."""
+        return self._request.resume_token
+
+    def __aiter__(self) -> Self:
+        return self
+
+    async def __anext__(self) -> Batch:
+        item = await self._batches.get()
+        if isinstance(item, Batch):
+            await self._acknowledge(item)
+            return item
+        self._batches.put_nowait(item)  # for whoever asks again
+        if item is None:
+            raise StopAsyncIteration
+        raise item
+
+    async def ack(self, playhead: float, resume_token: str = "") -> None:
+        """Say what is on the screen now: Unix seconds of the server's clock.
+
+        Taking a batch does so by itself, with the time of its first frame; a program that plays
+        with a delay of its own says it better.
+        """
+        if self._call is None:
+            return
+        message = control_pb2.Ack(
+            resume_token=resume_token or self.resume_token, playhead_us=round(playhead * 1e6)
+        )
+        await self._write(control_pb2.ControlRequest(ack=message))
+
+    # commands; each returns the revision that it makes, and raises WayfarerError
+
+    async def set_goal(
+        self, agent: Agent | str, goal: Goal | Place, expected: int | None = None
+    ) -> int:
+        """As `Session.set_goal`."""
+        wanted = goal if isinstance(goal, Goal) else Goal(goal)
+        return await self._command(set_goal=requests.set_goal(agent, wanted, expected))
+
+    async def set_path(
+        self, agent: Agent | str, goals: Iterable[Goal], expected: int | None = None
+    ) -> int:
+        """As `Session.set_path`."""
+        return await self._command(set_path=requests.set_path(agent, goals, expected))
+
+    async def append_goals(
+        self, agent: Agent | str, goals: Iterable[Goal], expected: int | None = None
+    ) -> int:
+        """As `Session.append_goals`."""
+        return await self._command(append_goals=requests.append_goals(agent, goals, expected))
+
+    async def wander(
+        self,
+        agent: Agent | str,
+        center: Place,
+        radius: float,
+        speed: float | None = None,
+        dwell: float | None = None,
+        expected: int | None = None,
+    ) -> int:
+        """As `Session.wander`."""
+        area = requests.wander(agent, center, radius, speed, dwell, expected)
+        return await self._command(wander=area)
+
+    async def clear_goal(self, agent: Agent | str, expected: int | None = None) -> int:
+        """As `Session.clear_goal`."""
+        return await self._command(clear_goal=requests.clear_goal(agent, expected))
+
+    async def _command(self, **payload: Any) -> int:
+        if self._ended is not None:
+            raise self._ended
+        try:
+            async with asyncio.timeout(self._connection.timeout):
+                await self._opened.wait()
+                return await self._ask(payload)
+        except TimeoutError:
+            raise Unavailable(f"no reply within {self._connection.timeout:g} s") from None
+
+    async def _ask(self, payload: dict[str, Any]) -> int:
+        if self._ended is not None:
+            raise self._ended
+        self._number += 1
+        number = self._number
+        reply: asyncio.Future[int] = asyncio.get_running_loop().create_future()
+        self._replies[number] = reply
+        try:
+            await self._write(control_pb2.ControlRequest(command_id=number, **payload))
+            return await reply
+        finally:
+            del self._replies[number]
+
+    async def _write(self, request: control_pb2.ControlRequest) -> None:
+        try:
+            await self._call.write(request)
+        except Exception as error:  # what grpc.aio raises on a call that is over differs by moment
+            raise Unavailable(f"the connection is lost: {error}") from None
+
+    async def _acknowledge(self, batch: Batch) -> None:
+        if batch.frames and batch.resume_token:
+            try:
+                await self.ack(float(batch.frames[0].times[0]), batch.resume_token)
+            except Unavailable:
+                return  # the next connection resumes from the last batch received
+
+    # the connection
+
+    async def _follow(self) -> None:
+        end: WayfarerError | None = None
+        try:
+            async for batch in self._received():
+                self._keep(batch)
+        except WayfarerError as error:
+            end = error
+        finally:
+            self._ended = end or Unavailable("the control stream has ended")
+            self._hang_up(self._ended)
+            self._opened.set()  # whoever waits for a connection learns that there will be none
+            self._batches.put_nowait(end)
+
+    async def _received(self) -> AsyncGenerator[Batch]:
+        backoff = Backoff(self._deadline)
+        while True:
+            try:
+                async for batch in self._once(backoff):
+                    yield batch
+                return
+            except (Unavailable, ResourceExhausted) as error:
+                if isinstance(error, ResourceExhausted) and self.info is None:
+                    raise
+                self._hang_up(Unavailable(f"the connection was lost: {error}"))
+                if not await backoff.pause(error.retry_after):
+                    raise Unavailable(f"no stream for {self._deadline:g} s: {error}") from None
+                self.reconnections += 1
+
+    async def _once(self, backoff: Backoff) -> AsyncGenerator[Batch]:
+        self._call = self._connection.open(self._connection.control.Control)
+        try:
+            await self._write(control_pb2.ControlRequest(open=self._request))
+            while (message := await heard(self._call)) is not None:
+                backoff.succeeded()
+                if message.HasField("reply"):
+                    self._answer(message.reply)
+                    continue
+                batch = read(message.motion, self._reader)
+                self._opened.set()
+                if batch is None:
+                    await self._keep_up(message.motion)
+                    continue
+                if batch.resume_token:
+                    self._request.resume_token = batch.resume_token
+                yield batch
+        finally:
+            self._call.cancel()
+
+    async def _keep_up(self, message: motion_pb2.StreamMotionResponse) -> None:
+        """Let the playhead go on while nothing moves: motion may begin again at any later time."""
+        if message.HasField("heartbeat") and self._batches.empty():
+            await self.ack(message.sent_at_us / 1e6)
+
+    def _answer(self, reply: control_pb2.CommandReply) -> None:
+        waiting = self._replies.get(reply.command_id)
+        if waiting is None or waiting.done():
+            return
+        if reply.HasField("problem"):
+            waiting.set_exception(from_problem(reply.problem))
+        else:
+            waiting.set_result(reply.revision)
+
+    def _hang_up(self, error: WayfarerError) -> None:
+        self._opened.clear()
+        for waiting in self._replies.values():
+            if not waiting.done():
+                waiting.set_exception(error)
+
+    def _keep(self, batch: Batch) -> None:
+        """For the program to take; one that does not is told what it has lost."""
+        if self._batches.qsize() >= QUEUE:
+            self._batches.get_nowait()
+            lost = Event("gap", batch.sent_at, None, 0, 0, "this program did not read in time")
+            batch = replace(batch, events=(lost, *batch.events))
+        self._batches.put_nowait(batch)

@@ -1,0 +1,63 @@
+"""Requests for goals, the same over GoalService and Control."""
+
+from collections.abc import Iterable
+
+from wayfarer_client.messages import Agent, Goal, Place, vector
+from wayfarer_client.v1 import goal_pb2
+
+
+def id_of(agent: Agent | str) -> str:
+    """Of an agent or of its id."""
+    return agent if isinstance(agent, str) else agent.agent_id
+
+
+def set_goal(agent: Agent | str, goal: Goal, expected: int | None) -> goal_pb2.SetGoalRequest:
+    """`expected`: the agent's revision that this is meant for; any when None. So for all below."""
+    return goal_pb2.SetGoalRequest(
+        agent_id=id_of(agent), goal=goal.to_wire(), expected_revision=expected
+    )
+
+
+def set_path(
+    agent: Agent | str, goals: Iterable[Goal], expected: int | None
+) -> goal_pb2.SetPathRequest:
+    """Goals to visit in turn."""
+    return goal_pb2.SetPathRequest(
+        agent_id=id_of(agent),
+        goals=[goal.to_wire() for goal in goals],
+        expected_revision=expected,
+    )
+
+
+def append_goals(
+    agent: Agent | str, goals: Iterable[Goal], expected: int | None
+) -> goal_pb2.AppendGoalsRequest:
+    """More goals."""
+    return goal_pb2.AppendGoalsRequest(
+        agent_id=id_of(agent),
+        goals=[goal.to_wire() for goal in goals],
+        expected_revision=expected,
+    )
+
+
+def wander(
+    agent: Agent | str,
+    center: Place,
+    radius: float,
+    speed: float | None,
+    dwell: float | None,
+    expected: int | None,
+) -> goal_pb2.WanderRequest:
+    """Walk about in a disc."""
+    return goal_pb2.WanderRequest(
+        agent_id=id_of(agent),
+        area=goal_pb2.Area(center=vector(center), radius=radius),
+        speed=speed,
+        dwell=dwell,
+        expected_revision=expected,
+    )
+
+
+def clear_goal(agent: Agent | str, expected: int | None) -> goal_pb2.ClearGoalRequest:
+    """Stop."""
+    return goal_pb2.ClearGoalRequest(agent_id=id_of(agent), expected_revision=expected)

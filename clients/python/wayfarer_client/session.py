@@ -1,0 +1,268 @@
+"""A session: agents, goals, motion."""
+
+import asyncio
+import contextlib
+from collections.abc import Iterable
+from types import TracebackType
+from typing import TYPE_CHECKING, Final, Self
+
+from wayfarer_client import goals as requests
+from wayfarer_client.control import Control
+from wayfarer_client.errors import NotFound, Unavailable
+from wayfarer_client.goals import id_of
+from wayfarer_client.messages import (
+    Agent,
+    AgentSpec,
+    Batch,
+    Goal,
+    Place,
+    PoseFormat,
+    enum_label,
+)
+from wayfarer_client.poses import PoseLayout
+from wayfarer_client.stream import MotionStream
+from wayfarer_client.v1 import (
+    agent_pb2,
+    common_pb2,
+    motion_pb2,
+    session_pb2,
+    snapshot_pb2,
+)
+from wayfarer_client.wire import BatchReader, agent_from_wire
+
+if TYPE_CHECKING:
+    from wayfarer_client.client import Client
+
+RENEWALS_PER_LEASE: Final = 3
+STEP_TIMEOUT_S: Final = 120.0
+
+
+class Session:
+    """A set of agents. As `async with`, its lease is renewed meanwhile.
+
+    At the end of that, a session that this client has created is deleted; one that it has only
+    joined lives on.
+    """
+
+    def __init__(self, client: "Client", message: session_pb2.Session, owned: bool) -> None:
+        self.client = client
+        self.session_id = message.session_id
+        self.basis: common_pb2.BasisInfo = message.basis
+        self.seed = message.seed
+        self.lease_s = message.lease_s
+        self.owned = owned
+        self._connection = client.connection
+        self._renewing: asyncio.Task[None] | None = None
+        self._known: dict[int, Agent] = {}  # of lock-step, by alias
+
+    async def __aenter__(self) -> Self:
+        if self.lease_s > 0:
+            self._renewing = asyncio.create_task(self._keep_alive(), name="wayfarer lease")
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._renewing is not None:
+            self._renewing.cancel()
+            await asyncio.wait({self._renewing})
+        if not self.owned:
+            return
+        try:
+            await self.delete()
+        except (NotFound, Unavailable):
+            if error is None:
+                raise
+
+    async def _keep_alive(self) -> None:
+        """Renew the lease until the session is no more, which whoever uses it will be told."""
+        with contextlib.suppress(NotFound):
+            while True:
+                await asyncio.sleep(self.lease_s / RENEWALS_PER_LEASE)
+                with contextlib.suppress(Unavailable):
+                    await self.renew()
+
+    # life
+
+    async def renew(self) -> float:
+        """Begin the lease anew; return when it ends (Unix seconds, server's clock)."""
+        request = session_pb2.RenewSessionRequest(session_id=self.session_id)
+        reply = await self._connection.call(self._connection.sessions.RenewSession, request)
+        return float(reply.expires_at_us / 1e6)
+
+    async def delete(self) -> None:
+        """End the session, its agents and its streams."""
+        request = session_pb2.DeleteSessionRequest(session_id=self.session_id)
+        await self._connection.call(self._connection.sessions.DeleteSession, request)
+
+    async def export(self) -> bytes:
+        """Its state, for `Client.import_session`. It goes on living here until it is deleted."""
+        request = snapshot_pb2.ExportSessionRequest(session_id=self.session_id)
+        reply = await self._connection.call(self._connection.snapshots.ExportSession, request)
+        return bytes(reply.snapshot)
+
+    async def export_log(self) -> bytes:
+        """What was done in a session made with `record`, for `Client.replay`."""
+        request = snapshot_pb2.ExportLogRequest(session_id=self.session_id)
+        reply = await self._connection.call(self._connection.snapshots.ExportLog, request)
+        return bytes(reply.log)
+
+    # agents
+
+    async def create_agents(self, *specs: AgentSpec) -> list[Agent]:
+        """Create agents, all or none. ResourceExhausted.retry_after says when there may be room."""
+        request = agent_pb2.CreateAgentsRequest(
+            session_id=self.session_id, agents=[spec.to_wire() for spec in specs]
+        )
+        reply = await self._connection.create(self._connection.agents.CreateAgents, request)
+        return [agent_from_wire(agent) for agent in reply.agents]
+
+    async def agents(self) -> list[Agent]:
+        """All agents of the session as they are now."""
+        request = agent_pb2.ListAgentsRequest(session_id=self.session_id)
+        reply = await self._connection.call(self._connection.agents.ListAgents, request)
+        return [agent_from_wire(agent) for agent in reply.agents]
+
+    async def agent(self, agent: Agent | str) -> Agent:
+        """One agent as it is now."""
+        request = agent_pb2.GetAgentRequest(agent_id=id_of(agent))
+        reply = await self._connection.call(self._connection.agents.GetAgent, request)
+        return agent_from_wire(reply.agent)
+
+    async def update_agent(
+        self, agent: Agent | str, name: str | None = None, foot_lock: bool | None = None
+    ) -> Agent:
+        """Change what is given; return the agent as it is then."""
+        request = agent_pb2.UpdateAgentRequest(
+            agent_id=id_of(agent), name=name, foot_lock=foot_lock
+        )
+        reply = await self._connection.call(self._connection.agents.UpdateAgent, request)
+        return agent_from_wire(reply.agent)
+
+    async def delete_agent(self, agent: Agent | str) -> None:
+        """Remove an agent."""
+        request = agent_pb2.DeleteAgentRequest(agent_id=id_of(agent))
+        await self._connection.call(self._connection.agents.DeleteAgent, request)
+
+    # goals; each returns the revision that it makes
+
+    async def set_goal(
+        self,
+        agent: Agent | str,
+        position: Place,
+        radius: float | None = None,
+        speed: float | None = None,
+        heading: float | None = None,
+        stop: bool = True,
+        strafe: bool = False,
+        expected: int | None = None,
+    ) -> int:
+        """Send an agent somewhere, see `Goal`.
+
+        Aborted when `expected` is given and is not the agent's present revision; so for all below.
+        """
+        goal = Goal(position, radius, speed, heading, stop, strafe)
+        request = requests.set_goal(agent, goal, expected)
+        reply = await self._connection.call(self._connection.goals.SetGoal, request)
+        return int(reply.revision)
+
+    async def set_path(
+        self, agent: Agent | str, goals: Iterable[Goal], expected: int | None = None
+    ) -> int:
+        """Send an agent to goals in turn, in place of what it had."""
+        request = requests.set_path(agent, goals, expected)
+        reply = await self._connection.call(self._connection.goals.SetPath, request)
+        return int(reply.revision)
+
+    async def append_goals(
+        self, agent: Agent | str, goals: Iterable[Goal], expected: int | None = None
+    ) -> int:
+        """Add goals to the end of an agent's path; what it does now it goes on doing."""
+        request = requests.append_goals(agent, goals, expected)
+        reply = await self._connection.call(self._connection.goals.AppendGoals, request)
+        return int(reply.revision)
+
+    async def wander(
+        self,
+        agent: Agent | str,
+        center: Place,
+        radius: float,
+        speed: float | None = None,
+        dwell: float | None = None,
+        expected: int | None = None,
+    ) -> int:
+        """Let an agent walk about in a disc until it is told otherwise."""
+        request = requests.wander(agent, center, radius, speed, dwell, expected)
+        reply = await self._connection.call(self._connection.goals.Wander, request)
+        return int(reply.revision)
+
+    async def clear_goal(self, agent: Agent | str, expected: int | None = None) -> int:
+        """Stop an agent where it is."""
+        request = requests.clear_goal(agent, expected)
+        reply = await self._connection.call(self._connection.goals.ClearGoal, request)
+        return int(reply.revision)
+
+    # motion
+
+    def stream(
+        self,
+        agents: Iterable[Agent | str] = (),
+        deadline: float = 30.0,
+        format: PoseFormat | None = None,
+        slow_reader: str = "drop_oldest",
+        resume_token: str = "",
+    ) -> MotionStream:
+        """Follow the agents named, or all of the session. `deadline`: see MotionStream.
+
+        `slow_reader`: "drop_oldest"; "hold": the agents wait for this reader; "disconnect": the
+        stream is cut, and resumed by itself.
+        """
+        wish = self._wish(agents, format, slow_reader, resume_token)
+        return MotionStream(self._connection, wish, deadline)
+
+    def control(
+        self,
+        agents: Iterable[Agent | str] = (),
+        deadline: float = 30.0,
+        format: PoseFormat | None = None,
+        slow_reader: str = "drop_oldest",
+        resume_token: str = "",
+    ) -> Control:
+        """Goals and motion over one connection, as `async with`; arguments as of `stream`."""
+        wish = self._wish(agents, format, slow_reader, resume_token)
+        return Control(self._connection, wish, deadline)
+
+    async def step(self, steps: int = 1, format: PoseFormat | None = None) -> list[Batch]:
+        """Let `steps` primitives of 0.2 s pass in a session made with `lock_step`."""
+        wanted = format or PoseFormat()
+        layout = PoseLayout.of(wanted, await self.client.skeleton())
+        request = motion_pb2.StepAgentsRequest(
+            session_id=self.session_id, steps=steps, format=wanted.to_wire()
+        )
+        reply = await self._connection.call(
+            self._connection.motion.StepAgents, request, STEP_TIMEOUT_S
+        )
+        reader = BatchReader(layout)
+        reader.agents = self._known
+        batches = [reader.batch(batch) for batch in reply.batches]
+        if reply.events:
+            batches.append(Batch(0.0, (), events=tuple(map(reader.event, reply.events))))
+        return batches
+
+    def _wish(
+        self,
+        agents: Iterable[Agent | str],
+        format: PoseFormat | None,
+        slow_reader: str,
+        resume_token: str,
+    ) -> motion_pb2.StreamMotionRequest:
+        return motion_pb2.StreamMotionRequest(
+            session_id=self.session_id,
+            agent_ids=[id_of(agent) for agent in agents],
+            format=(format or PoseFormat()).to_wire(),
+            slow_reader=enum_label(motion_pb2.SlowReader, slow_reader, "slow_reader"),
+            resume_token=resume_token,
+        )

@@ -1,0 +1,127 @@
+"""A stream that comes back: one that is lost is opened again where it left off."""
+
+import asyncio
+from collections.abc import AsyncGenerator
+from types import TracebackType
+from typing import Any, Final, Self
+
+import grpc
+
+from wayfarer_client.connection import Backoff, Connection
+from wayfarer_client.errors import ResourceExhausted, Unavailable, WayfarerError, from_grpc
+from wayfarer_client.messages import Batch, StreamInfo
+from wayfarer_client.v1 import motion_pb2
+from wayfarer_client.wire import BatchReader
+
+SILENCE_S: Final = 5.0
+"""A stream without even a heartbeat (one per second) for so long is dead."""
+
+
+class MotionStream:
+    """The batches of a session, as an asynchronous iterator. End it with `aclose`, or `async with`.
+
+    A lost connection is made again, for `deadline` seconds from the last sign of life; then
+    Unavailable is raised. The stream goes on without a gap, as far as the server still holds
+    what was missed; otherwise an event of kind "gap" says so, and agents go on with Flag.GAP or
+    Flag.FIRST. The iteration ends when the session does, and raises NotFound when it is no more.
+    """
+
+    def __init__(
+        self,
+        connection: Connection,
+        request: motion_pb2.StreamMotionRequest,
+        deadline: float,
+    ) -> None:
+        self._connection = connection
+        self._request = request
+        self._deadline = deadline
+        self._reader = BatchReader()
+        self._batches = self._run()
+        self.reconnections = 0
+
+    @property
+    def info(self) -> StreamInfo | None:
+        """What the header of the present connection says; None before the first batch."""
+        return self._reader.info
+
+    @property
+    def resume_token(self) -> str:
+        """Of the last batch: hand it to `Session.stream` to go on later, in another program too."""
+        return self._request.resume_token
+
+    def __aiter__(self) -> Self:
+        return self
+
+    async def __anext__(self) -> Batch:
+        return await anext(self._batches)
+
+    async def aclose(self) -> None:
+        """End the stream."""
+        await self._batches.aclose()
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        await self.aclose()
+
+    async def _run(self) -> AsyncGenerator[Batch]:
+        backoff = Backoff(self._deadline)
+        while True:
+            try:
+                async for batch in self._once(backoff):
+                    yield batch
+                return
+            except (Unavailable, ResourceExhausted) as error:
+                # too many streams: the server may not have noticed yet that the last one is lost
+                if isinstance(error, ResourceExhausted) and self.info is None:
+                    raise
+                if not await backoff.pause(error.retry_after):
+                    raise Unavailable(f"no stream for {self._deadline:g} s: {error}") from None
+                self.reconnections += 1
+
+    async def _once(self, backoff: Backoff) -> AsyncGenerator[Batch]:
+        """Batches of one connection."""
+        call = self._connection.open(self._connection.motion.StreamMotion, self._request)
+        try:
+            while (message := await heard(call)) is not None:
+                backoff.succeeded()
+                batch = read(message, self._reader)
+                if batch is None:
+                    continue
+                if batch.resume_token:
+                    self._request.resume_token = batch.resume_token
+                yield batch
+        finally:
+            call.cancel()
+
+
+async def heard(call: Any) -> Any:
+    """The next message of a call; None at its end. Raises WayfarerError, Unavailable in silence."""
+    try:
+        async with asyncio.timeout(SILENCE_S):
+            message = await call.read()
+    except TimeoutError:
+        raise Unavailable(f"nothing heard for {SILENCE_S:g} s") from None
+    except grpc.aio.AioRpcError as error:
+        raise from_grpc(error) from None
+    return None if message is grpc.aio.EOF else message  # type: ignore[attr-defined]
+
+
+def read(message: motion_pb2.StreamMotionResponse, reader: BatchReader) -> Batch | None:
+    """The batch or event of a message; None for other signs of life."""
+    sent_at = message.sent_at_us / 1e6
+    if message.HasField("header"):
+        reader.begin(message.header)
+    elif reader.info is None:
+        raise WayfarerError("the server sent motion before its header")
+    elif message.HasField("batch"):
+        return reader.batch(message.batch, sent_at)
+    elif message.HasField("event"):
+        return Batch(sent_at, (), events=(reader.event(message.event),))
+    return None

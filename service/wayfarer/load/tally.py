@@ -1,0 +1,76 @@
+"""What a load run counts, and the summary that is written."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from hdrh.histogram import HdrHistogram
+
+MOST_S = 60.0
+PERCENTILES = {"p50": 50.0, "p95": 95.0, "p99": 99.0, "p999": 99.9}
+
+
+class Latencies:
+    """Durations from 1 µs to a minute, to three digits; negative ones count as nothing."""
+
+    def __init__(self) -> None:
+        self.histogram = HdrHistogram(1, int(MOST_S * 1e6), 3)
+
+    def add(self, seconds: float) -> None:
+        """Count one."""
+        self.histogram.record_value(int(min(max(seconds, 1e-6), MOST_S) * 1e6))
+
+    @property
+    def count(self) -> int:
+        """How many have been counted."""
+        return int(self.histogram.get_total_count())
+
+    def milliseconds(self) -> dict[str, float] | None:
+        """Percentiles and the greatest; None when there is nothing."""
+        if not self.count:
+            return None
+        found = {n: self.histogram.get_value_at_percentile(p) for n, p in PERCENTILES.items()}
+        return {n: v / 1e3 for n, v in found.items()} | {
+            "max": self.histogram.get_max_value() / 1e3
+        }
+
+
+@dataclass
+class Tally:
+    """Counts of one run, over all its clients."""
+
+    lateness: Latencies = field(default_factory=Latencies)  # arrival - scheduled instant
+    first_chunk: Latencies = field(default_factory=Latencies)  # from the call to the first batch
+    goal_latency: Latencies = field(default_factory=Latencies)  # command to first changed pose
+    refusal: Latencies = field(default_factory=Latencies)  # how long a refused creation took
+    agents: int = 0  # admitted
+    refused: int = 0  # agents that were not
+    chunks: int = 0
+    misses: int = 0  # primitives that never came, or after their last frame's time
+    reduced: int = 0  # chunks made with fewer candidates than wished
+    held: int = 0  # chunks that hold a pose
+    goals: int = 0  # commands that were taken
+    failures: dict[str, int] = field(default_factory=dict)  # calls that failed, by status
+    bytes: int = 0
+
+    def failed(self, status: str) -> None:
+        """Count a call that failed."""
+        self.failures[status] = self.failures.get(status, 0) + 1
+
+    def summary(self, seconds: float) -> dict[str, Any]:
+        """The figures of `seconds` of measuring."""
+        return {
+            "agents": self.agents,
+            "seconds": round(seconds, 3),
+            "chunks": self.chunks,
+            "misses": self.misses,
+            "lateness_ms": self.lateness.milliseconds(),
+            "first_chunk_ms": self.first_chunk.milliseconds(),
+            "goal_latency_ms": self.goal_latency.milliseconds(),
+            "goals": self.goals,
+            "refused": self.refused,
+            "refusal_ms": self.refusal.milliseconds(),
+            "reduced": self.reduced,
+            "held": self.held,
+            "failures": self.failures,
+            "megabytes": round(self.bytes / 1e6, 3),
+        }

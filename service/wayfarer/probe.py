@@ -1,0 +1,48 @@
+"""`wayfarer probe`: is the service on this machine ready? For containers, which have no curl."""
+
+import json
+import ssl
+import urllib.request
+from pathlib import Path
+from typing import Annotated
+from urllib.error import URLError
+
+import typer
+
+from wayfarer import config
+from wayfarer.config import Settings
+from wayfarer.errors import Unavailable
+
+TIMEOUT_S = 2.0
+
+
+def probe(
+    file: Annotated[
+        Path | None,
+        typer.Option("--config", help="The service's settings file; its environment counts, too."),
+    ] = None,
+) -> None:
+    """Exit code 0 when the service with these settings is ready for work, else 2."""
+    # who may call is the service's own business, and may have been said on its command line
+    typer.echo(status(config.load({"insecure_no_auth": True}, file)))
+
+
+def status(settings: Settings) -> str:
+    """What the service says of itself. Raises Unavailable unless that is that it is ready."""
+    scheme = "https" if settings.tls_cert else "http"
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(settings.host, settings.host)
+    host = f"[{host}]" if ":" in host else host
+    url = f"{scheme}://{host}:{settings.http_port}/v1/health/ready"
+    try:
+        with urllib.request.urlopen(url, timeout=TIMEOUT_S, context=_unverified()) as answer:
+            return str(json.load(answer)["status"])
+    except (URLError, TimeoutError, ValueError, KeyError) as error:
+        raise Unavailable(f"{url}: {error}") from None
+
+
+def _unverified() -> ssl.SSLContext:
+    """The certificate is for the service's public name, and this is the machine itself."""
+    context = ssl.create_default_context()
+    context.check_hostname = False
+    context.verify_mode = ssl.CERT_NONE
+    return context

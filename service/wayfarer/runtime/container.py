@@ -1,0 +1,85 @@
+"""What leaves the server as opaque bytes: a JSON header and arrays, compressed, told apart by kind.
+
+    8 bytes  magic and kind        b"WAYFSNAP", b"WAYFCLOG"
+    2 bytes  format version        uint16, little-endian
+    4 bytes  length of the header  uint32, little-endian
+    rest     zlib (with its checksum) of: header, then arrays
+
+A client may send anything here. Nothing is executed (no pickle), and nothing larger than the
+reader's own bound is ever inflated: a header that promises more is refused, and so is a stream
+that holds more.
+"""
+
+import struct
+import zlib
+from enum import Enum
+from typing import Final, NamedTuple
+
+from wayfarer.errors import FailedPrecondition, InvalidArgument
+
+VERSION: Final = 1
+_HEAD: Final = struct.Struct("<8sHI")
+_LEVEL: Final = 1  # poses hardly shrink; the goals and names beside them do at any level
+
+
+class Kind(Enum):
+    """What a container holds."""
+
+    SNAPSHOT = b"WAYFSNAP"
+    LOG = b"WAYFCLOG"
+
+    @property
+    def field(self) -> str:
+        """Name of the request's field that brings it."""
+        return "snapshot" if self is Kind.SNAPSHOT else "log"
+
+
+class Content(NamedTuple):
+    """What was put in."""
+
+    header: bytes
+    arrays: bytes
+
+
+def seal(kind: Kind, header: bytes, arrays: bytes) -> bytes:
+    """The container."""
+    body = zlib.compress(header + arrays, _LEVEL)
+    return _HEAD.pack(kind.value, VERSION, len(header)) + body
+
+
+def unseal(kind: Kind, data: bytes, most: int) -> Content:
+    """What was sealed, if it is no longer than `most` bytes.
+
+    Raises InvalidArgument; FailedPrecondition when it is of another version.
+    """
+    if len(data) < _HEAD.size:
+        raise InvalidArgument(f"{kind.field} is cut short: it has {len(data)} bytes", kind.field)
+    magic, version, header = _HEAD.unpack_from(data)
+    if magic != kind.value:
+        raise InvalidArgument(
+            f"{kind.field} does not begin as one of Wayfarer's: {magic!r}", kind.field
+        )
+    if version != VERSION:
+        raise FailedPrecondition(
+            f"{kind.field} has format {version}; this server reads format {VERSION}"
+        )
+    body = _inflate(kind, memoryview(data)[_HEAD.size :], most)
+    if header > len(body):
+        raise InvalidArgument(f"{kind.field} is cut short within its header", kind.field)
+    return Content(body[:header], body[header:])
+
+
+def _inflate(kind: Kind, data: memoryview, most: int) -> bytes:
+    stream = zlib.decompressobj()
+    try:
+        body = stream.decompress(data, most + 1)
+    except zlib.error as error:
+        raise InvalidArgument(f"{kind.field} is damaged: {error}", kind.field) from None
+    if len(body) > most:
+        raise InvalidArgument(
+            f"{kind.field} holds more than {most} bytes, the most that this server's limits allow",
+            kind.field,
+        )
+    if not stream.eof or stream.unused_data:
+        raise InvalidArgument(f"{kind.field} is cut short or has bytes after its end", kind.field)
+    return body

@@ -1,0 +1,61 @@
+"""In which of the moments of 0.2 s an agent has its steps: a step of all is spread over them."""
+
+from collections.abc import Iterable
+from typing import Self
+
+from wayfarer.spec import GENDERS, NEW_FRAMES
+
+Load = list[list[int]]
+"""Agents by phase and, within it, by gender (index into `spec.GENDERS`)."""
+
+
+class Phases:
+    """How many agents of each gender have their steps in each phase."""
+
+    def __init__(self, count: int, load: Load | None = None) -> None:
+        """`count` divides `spec.NEW_FRAMES`."""
+        self.frames = NEW_FRAMES // count
+        self.load = load or [[0] * len(GENDERS) for _ in range(count)]
+
+    @property
+    def agents(self) -> int:
+        """Agents of all phases."""
+        return sum(map(sum, self.load))
+
+    @property
+    def groups(self) -> list[int]:
+        """Sizes of the groups that are stepped together, where batches are large enough."""
+        return [agents for phase in self.load for agents in phase if agents]
+
+    def enter(self, gender: int) -> int:
+        """Give an agent a phase: one of the emptiest, and there one with many of its gender.
+
+        Agents of one gender share engine calls.
+        """
+        phase = min(range(len(self.load)), key=lambda p: (sum(self.load[p]), -self.load[p][gender]))
+        self.load[phase][gender] += 1
+        return phase
+
+    def leave(self, start_frame: int, gender: int) -> None:
+        """Take out an agent that began at this world frame."""
+        self.load[start_frame % NEW_FRAMES // self.frames][gender] -= 1
+
+    def with_agents(self, genders: Iterable[int]) -> Self:
+        """A copy with more agents."""
+        more = type(self)(len(self.load), [list(phase) for phase in self.load])
+        for gender in genders:
+            more.enter(gender)
+        return more
+
+    def next_frame(self, phase: int, earliest: int) -> int:
+        """The first world frame of a phase that is not before `earliest`."""
+        return earliest + (phase * self.frames - earliest) % NEW_FRAMES
+
+
+def spread(agents: int, phases: int) -> list[int]:
+    """`Phases.groups` of so many agents, of both genders in turn, who enter empty phases."""
+    each, more = divmod(agents, phases)
+    counts = [each + (phase < more) for phase in range(phases)]
+    if phases == 1:
+        counts = [(agents + 1) // 2, agents // 2]
+    return [count for count in counts if count]

@@ -1,0 +1,73 @@
+"""The worlds of a server: one in real time, one for each session in lock-step, and small ones in
+which clips and replays are made. All have the same models, bodies and ways to walk.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.body.model import BodyModel
+from wayfarer.runtime.journal import Journal
+from wayfarer.runtime.kept import KeptWorld
+from wayfarer.runtime.models import Models
+from wayfarer.runtime.settings import WorldSettings
+from wayfarer.runtime.snapshot import BodyStamp
+from wayfarer.runtime.world import World
+
+BATCH_SIZES: Final = tuple(range(1, 65))
+"""Of worlds in which nobody waits for a step and agents are stepped all at once."""
+
+SLACK: Final = 100.0
+"""Metres: in a replay an agent has come as far as is planned when it is given a goal, and not only
+as far as is sent."""
+
+
+@dataclass(frozen=True)
+class Worlds:
+    """What worlds are made of."""
+
+    models: Models
+    body: BodyStamp  # whose bodies they are
+    bodies: Mapping[str, BodyModel]
+    start_poses: NDArray[np.float32]  # [P, 22, 4]
+    settings: WorldSettings  # of the world in real time
+    journal: Journal | None = None
+    log_entries: int = 100_000
+
+    def live(self) -> KeptWorld:
+        """In real time."""
+        return self._kept(self.settings)
+
+    def lock_step(self) -> KeptWorld:
+        """For one session: nothing gives way, and nobody is refused for want of time."""
+        return self._kept(
+            replace(self._patient(), limits=replace(self.settings.limits, sessions=1))
+        )
+
+    def solo(self) -> World:
+        """For one agent who walks again, or for a clip; nothing of it is kept."""
+        limits = replace(
+            self.settings.limits,
+            agents=1,
+            agents_per_session=1,
+            sessions=1,
+            goal_distance=self.settings.limits.goal_distance + SLACK,
+        )
+        settings = replace(self._patient(), limits=limits, batch_sizes=(1,))
+        return World(self.models.copy(), self.bodies, self.start_poses, settings)
+
+    def _patient(self) -> WorldSettings:
+        return replace(self.settings, budget=None, phases=1, lead=1, batch_sizes=BATCH_SIZES)
+
+    def _kept(self, settings: WorldSettings) -> KeptWorld:
+        return KeptWorld(
+            self.models,
+            self.bodies,
+            self.start_poses,
+            settings,
+            self.journal,
+            self.log_entries,
+        )

@@ -1,0 +1,16 @@
+"""Poses ↔ bytes. docs/wire-format.md shows every encoding byte by byte."""
+
+from wayfarer.transport.codec.encoder import PoseEncoder
+from wayfarer.transport.codec.packing import DecodedPoses, Poses, decode, encode
+from wayfarer.transport.codec.pose_format import PoseEncoding, PoseFormat, PoseProfile
+
+__all__ = [
+    "DecodedPoses",
+    "PoseEncoder",
+    "PoseEncoding",
+    "PoseFormat",
+    "PoseProfile",
+    "Poses",
+    "decode",
+    "encode",
+]

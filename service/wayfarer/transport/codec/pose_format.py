@@ -1,0 +1,151 @@
+"""What poses hold and how they are packed: the choices of a stream, clip or lock-step call."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from typing import Any, Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.body.skeleton import load_skeleton
+from wayfarer.errors import InvalidArgument
+from wayfarer.spec import FPS, JOINTS, POSED_JOINTS
+from wayfarer.v1 import motion_pb2
+
+RATES: Final = (FPS, FPS // 2, FPS // 4)
+"""Frames per second that may be asked for; every first, second or fourth frame is sent."""
+
+SHOWN_NAMES: Final = 8
+"""So many of the names at fault are repeated in an error."""
+
+
+class PoseEncoding(StrEnum):
+    """How the numbers of a frame are packed; names as in motion.proto."""
+
+    F32_LE = "f32_le"
+    F16_LE = "f16_le"
+    SMALLEST_THREE = "smallest_three"
+
+    @property
+    def rotation_type(self) -> np.dtype[Any]:
+        """Of one rotation: four floats, or three words of smallest_three.py."""
+        return ROTATION_TYPES[self]
+
+
+ROTATION_TYPES: Final = {
+    PoseEncoding.F32_LE: np.dtype(("<f4", 4)),
+    PoseEncoding.F16_LE: np.dtype(("<f2", 4)),
+    PoseEncoding.SMALLEST_THREE: np.dtype(("<u2", 3)),
+}
+
+
+class PoseProfile(StrEnum):
+    """Which bones have a rotation in every frame."""
+
+    BODY = "body"
+    FULL = "full"
+    BONES = "bones"
+
+
+@dataclass(frozen=True)
+class PoseFormat:
+    """A checked choice of encoding, bones and frame rate. Hashable."""
+
+    encoding: PoseEncoding = PoseEncoding.F32_LE
+    bones: tuple[int, ...] = tuple(range(POSED_JOINTS))  # indices into the skeleton, ascending
+    fps: int = FPS
+
+    @classmethod
+    def choose(
+        cls,
+        encoding: PoseEncoding = PoseEncoding.F32_LE,
+        profile: PoseProfile = PoseProfile.BODY,
+        bones: Sequence[str] = (),
+        fps: int = 0,
+        field: str = "",
+    ) -> Self:
+        """From what a client asks for; `fps` 0 is the full rate.
+
+        Raises InvalidArgument, which names the part at fault below `field`.
+        """
+        path = f"{field}." if field else ""
+        if fps not in (0, *RATES):
+            allowed = ", ".join(map(str, RATES))
+            raise InvalidArgument(f"{fps} is none of {allowed} frames per second", f"{path}fps")
+        return cls(encoding, _indices(profile, bones, f"{path}bones"), fps or FPS)
+
+    @classmethod
+    def from_proto(cls, message: motion_pb2.PoseFormat, field: str = "format") -> Self:
+        """As `choose`; unspecified values take their defaults."""
+        encoding = _named(PoseEncoding, motion_pb2.PoseEncoding, message.encoding, field)
+        profile = _named(PoseProfile, motion_pb2.PoseProfile, message.profile, field)
+        return cls.choose(
+            PoseEncoding(encoding or PoseEncoding.F32_LE),
+            PoseProfile(profile or PoseProfile.BODY),
+            message.bones,
+            message.fps,
+            field,
+        )
+
+    @property
+    def stride(self) -> int:
+        """Every so many-th frame is sent: 1, 2 or 4."""
+        return FPS // self.fps
+
+    @cached_property
+    def frame(self) -> np.dtype[Any]:
+        """One frame as packed bytes: `translation` and `rotations`."""
+        rotations = (self.encoding.rotation_type, (len(self.bones),))
+        return np.dtype([("translation", "<f4", (3,)), ("rotations", *rotations)])
+
+    @property
+    def frame_bytes(self) -> int:
+        """Size of one frame."""
+        return self.frame.itemsize
+
+    @cached_property
+    def posed(self) -> NDArray[np.intp]:
+        """Those of `bones` that move, first: fingers stay at rest."""
+        return np.array([bone for bone in self.bones if bone < POSED_JOINTS], np.intp)
+
+    def header(self) -> dict[str, Any]:
+        """The fields of StreamHeader that say all this."""
+        return {
+            "pose_encoding": f"POSE_ENCODING_{self.encoding.name}",
+            "sent_fps": self.fps,
+            "bones": self.bones,
+            "frame_bytes": self.frame_bytes,
+        }
+
+
+def _named(kind: type[StrEnum], enum: Any, number: int, field: str) -> str:
+    """Value of `kind` for a number of a protobuf enum; empty when unspecified."""
+    prefix = enum.Name(0).removesuffix("UNSPECIFIED")
+    part = f"{field}.{kind.__name__.removeprefix('Pose').lower()}"
+    if number not in enum.values():
+        allowed = ", ".join(enum.keys()[1:])
+        raise InvalidArgument(f"{number} is none of {allowed}", part)
+    return "" if number == 0 else kind[enum.Name(number).removeprefix(prefix)].value
+
+
+def _indices(profile: PoseProfile, names: Sequence[str], field: str) -> tuple[int, ...]:
+    """Bones of a profile. Raises InvalidArgument."""
+    if profile is not PoseProfile.BONES:
+        if names:
+            raise InvalidArgument("bones are named with the profile BONES only", field)
+        return tuple(range(POSED_JOINTS if profile is PoseProfile.BODY else JOINTS))
+    if not names:
+        raise InvalidArgument("the profile BONES needs the name of one bone at least", field)
+    if len(names) > JOINTS:
+        raise InvalidArgument(f"{JOINTS} bones at most, not {len(names)}", field)
+    known = {bone.name: index for index, bone in enumerate(load_skeleton())}
+    if unknown := [name[:32] for name in names if name not in known]:
+        shown = ", ".join(map(repr, unknown[:SHOWN_NAMES]))
+        more = f" and {len(unknown) - SHOWN_NAMES} more" if len(unknown) > SHOWN_NAMES else ""
+        raise InvalidArgument(f"no bones {shown}{more}; the skeleton has {', '.join(known)}", field)
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if list(names).count(name) > 1)
+        raise InvalidArgument(f"{twice!r} is named twice", field)
+    return tuple(sorted(known[name] for name in names))

@@ -1,0 +1,97 @@
+"""Goals and motion over one connection, with acknowledgements: Control and `WS /v1/control`."""
+
+import asyncio
+from collections.abc import AsyncGenerator, AsyncIterator
+from contextlib import aclosing
+from typing import Final
+
+import structlog
+
+from wayfarer.errors import InvalidArgument
+from wayfarer.transport import errors, schema, wire
+from wayfarer.transport.gateway import Gateway
+from wayfarer.transport.gateway.goals import GoalApi
+from wayfarer.transport.goal_requests import carry_out
+from wayfarer.transport.limits import count_call
+from wayfarer.transport.merge import merged
+from wayfarer.transport.stream import MotionStream
+from wayfarer.v1 import common_pb2, control_pb2
+
+log = structlog.get_logger(__name__)
+
+OPEN_TIMEOUT_S: Final = 10.0
+COMMANDS: Final = ("set_goal", "set_path", "append_goals", "wander", "clear_goal")
+
+Requests = AsyncIterator[control_pb2.ControlRequest]
+
+
+async def control(
+    gateway: Gateway, requests: Requests
+) -> AsyncGenerator[control_pb2.ControlResponse]:
+    """Messages of a stream and replies to commands. Close it with `aclose`.
+
+    One request is read at a time, and the next when its reply has been taken: a flood of commands
+    slows itself, and is never stored. When the requests end the stream goes on. Raises as
+    `MotionApi.stream`, and whatever `requests` raises.
+    """
+    wish = await _opening(requests)
+    async with (
+        gateway.motion.follow(wish) as (stream, messages),
+        aclosing(_replies(requests, stream, gateway.goals)) as replies,
+        aclosing(merged(messages, replies)) as both,
+    ):
+        async for item in both:
+            if isinstance(item, control_pb2.CommandReply):
+                yield control_pb2.ControlResponse(reply=item)
+            else:
+                yield control_pb2.ControlResponse(motion=item)
+
+
+async def _opening(requests: Requests) -> schema.StreamWish:
+    """What the first message asks for. Raises InvalidArgument."""
+    wrong = InvalidArgument("the first message must be `open`, with a session_id", "open")
+    try:
+        async with asyncio.timeout(OPEN_TIMEOUT_S):
+            first = await anext(requests)
+    except (TimeoutError, StopAsyncIteration):
+        raise wrong from None
+    if first.WhichOneof("payload") != "open":
+        raise wrong
+    return wire.parse(schema.StreamWish, first.open, "open")
+
+
+async def _replies(
+    requests: Requests, stream: MotionStream, goals: GoalApi
+) -> AsyncGenerator[control_pb2.CommandReply]:
+    """One to each command, in order; none to an acknowledgement, unless it is malformed."""
+    async for request in requests:
+        reply = control_pb2.CommandReply(command_id=request.command_id)
+        try:
+            if request.WhichOneof("payload") == "ack":
+                stream.ack(request.ack.resume_token, request.ack.playhead_us / 1e6)
+                continue
+            count_call()
+            reply.revision = await _carry_out(request, goals)
+        except Exception as error:
+            errors.log_unexpected(log, error, "Control")
+            reply.problem.CopyFrom(_problem(error))
+        yield reply
+
+
+async def _carry_out(request: control_pb2.ControlRequest, goals: GoalApi) -> int:
+    """Do what a command says; the new revision."""
+    payload = request.WhichOneof("payload")
+    if payload not in COMMANDS:
+        raise InvalidArgument(
+            f"after `open` comes one of ack, {', '.join(COMMANDS)}", payload or "payload"
+        )
+    return await carry_out(getattr(request, payload), goals)
+
+
+def _problem(error: Exception) -> common_pb2.Problem:
+    violations = errors.violations_of(error)
+    return common_pb2.Problem(
+        code=errors.code_of(error).grpc.value[0],
+        message=errors.message_of(error),
+        field=violations[0][0] if violations else "",
+    )

@@ -1,0 +1,76 @@
+"""The ASGI application that uvicorn runs: guard, CORS and /metrics around the routes."""
+
+import asyncio
+import contextlib
+from collections.abc import Awaitable, Callable
+
+from prometheus_client import make_asgi_app
+from starlette.middleware.cors import CORSMiddleware
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from wayfarer.errors import WayfarerError
+from wayfarer.runtime.agent import LoopStats
+from wayfarer.transport.caller import Scope as CallerScope
+from wayfarer.transport.caller import present_caller
+from wayfarer.transport.http_edge import problem_response
+from wayfarer.transport.http_guard import HttpGuard
+from wayfarer.transport.metrics import Metrics
+from wayfarer.transport.operation import Operation
+
+STATS_S = 1.0
+"""How long /metrics waits for the motion loop before it does without its figures."""
+
+Stats = Callable[[], Awaitable[LoopStats]]
+
+
+def front(app: ASGIApp, operation: Operation, stats: Stats) -> ASGIApp:
+    """`app` with all that stands before it."""
+    if operation.metrics_access != "off":
+        app = MetricsEndpoint(app, operation.metrics, stats, operation.metrics_access == "guarded")
+    guarded: ASGIApp = HttpGuard(
+        app,
+        operation.guard,
+        operation.origins,
+        operation.metrics,
+        operation.tracing,
+        access_log=operation.access_log,
+        metrics_open=operation.metrics_access != "guarded",
+    )
+    if not operation.origins.listed:
+        return guarded
+    return CORSMiddleware(
+        guarded,
+        allow_origins=sorted(operation.origins.listed),
+        allow_methods=["GET", "POST", "PUT", "PATCH", "DELETE"],
+        allow_headers=["authorization", "x-api-key", "content-type", "x-request-id",
+                       "idempotency-key", "last-event-id", "if-match"],
+        expose_headers=["x-request-id", "retry-after", "www-authenticate"],
+        max_age=600,
+    )  # fmt: skip
+
+
+class MetricsEndpoint:
+    """`GET /metrics` for Prometheus; all else goes to `app`."""
+
+    def __init__(self, app: ASGIApp, metrics: Metrics, stats: Stats, guarded: bool) -> None:
+        self._app = app
+        self._metrics = metrics
+        self._stats = stats
+        self._guarded = guarded
+        self._page = make_asgi_app(metrics.registry)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handle one request."""
+        if scope["type"] != "http" or scope["path"] != "/metrics":
+            await self._app(scope, receive, send)
+            return
+        try:
+            if self._guarded:
+                present_caller().require(CallerScope.READ)
+        except WayfarerError as error:
+            await problem_response(error)(scope, receive, send)
+            return
+        with contextlib.suppress(WayfarerError, TimeoutError):  # a loop that hangs is worth a look
+            async with asyncio.timeout(STATS_S):
+                self._metrics.refresh(await self._stats())
+        await self._page(scope, receive, send)

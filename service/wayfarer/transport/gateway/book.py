@@ -1,0 +1,214 @@
+"""What the transport remembers of each session: whose it is, its basis, its lease."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Final
+
+import structlog
+
+from wayfarer.config import Limits
+from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted
+from wayfarer.runtime.agent import AgentInfo, SessionInfo
+from wayfarer.transport import convert, schema
+from wayfarer.transport.basis import Basis
+from wayfarer.transport.caller import Caller, present_caller
+from wayfarer.transport.stream import MotionStream
+
+ID_LENGTH: Final = schema.ID_LENGTH
+LEASE_S: Final = 60.0
+"""Lease of a session that asks for none."""
+
+
+@dataclass(eq=False)
+class Place:
+    """A stream of a session, counted before it is open."""
+
+    caller: str
+    stream: MotionStream | None = None
+
+
+@dataclass
+class OpenSession:
+    """A session of the runtime, as its clients see it."""
+
+    info: SessionInfo
+    owner: str
+    basis: Basis
+    lease_s: float
+    scene: str
+    expires_at: float  # clock's seconds, without regard to streams
+    created: int = 0  # agents ever created in it
+    aliases: dict[str, int] = field(default_factory=dict)  # by agent id, those that live
+    places: set[Place] = field(default_factory=set)  # its streams
+    holders: int = 0  # streams and long calls that keep it alive
+
+    @property
+    def session_id(self) -> str:
+        """Unique on the server."""
+        return self.info.session_id
+
+    def describe(self, info: SessionInfo) -> schema.Session:
+        """As its clients see it; `info` is its present state in the runtime."""
+        return schema.Session(
+            session_id=info.session_id,
+            basis=convert.basis_info(self.basis),
+            agent_ids=info.agent_ids,
+            created_at_us=convert.microseconds(info.created_at),
+            seed=info.spec.seed,
+            lease_s=self.lease_s,
+            expires_at_us=convert.microseconds(self.expires_at),
+            lock_step=info.spec.lock_step,
+            record=info.spec.record,
+            scene=self.scene,
+        )
+
+
+def attributes(owner: str, basis: Basis, lease_s: float, scene: str) -> dict[str, str]:
+    """What the runtime keeps with a session for the transport."""
+    return {"owner": owner, "basis": basis.value, "lease_s": repr(lease_s), "scene": scene}
+
+
+class Book:
+    """All open sessions, and who may do what with them."""
+
+    def __init__(self, limits: Limits, clock: Callable[[], float]) -> None:
+        self._limits = limits
+        self._clock = clock
+        self._sessions: dict[str, OpenSession] = {}
+        self._by_agent: dict[str, OpenSession] = {}
+
+    def open(self, info: SessionInfo, agents: Sequence[AgentInfo] = ()) -> OpenSession:
+        """Enter a session of the runtime by its attributes, with a fresh lease.
+
+        Raises InvalidArgument where its attributes are not the transport's.
+        """
+        owner, basis, lease_s, scene = read_attributes(info.spec.attributes, self._limits)
+        session = OpenSession(info, owner, basis, lease_s, scene, self._clock() + lease_s)
+        self._sessions[info.session_id] = session
+        self.enter_agents(session, agents)
+        return session
+
+    def close(self, session: OpenSession) -> None:
+        """Forget a session. Safe to call twice."""
+        self._sessions.pop(session.session_id, None)
+        for agent_id in session.aliases:
+            self._by_agent.pop(agent_id, None)
+
+    def enter_agents(self, session: OpenSession, agents: Sequence[AgentInfo]) -> None:
+        """Remember the agents of a session."""
+        for agent in agents:
+            session.aliases[agent.agent_id] = agent.alias
+            session.created = max(session.created, agent.alias)  # aliases count from 1
+            self._by_agent[agent.agent_id] = session
+
+    def remove_agent(self, session: OpenSession, agent_id: str) -> None:
+        """Forget an agent and tell the session's streams. Safe to call twice."""
+        if self._by_agent.pop(agent_id, None) is not None:
+            alias = session.aliases.pop(agent_id)
+            for place in session.places:
+                if place.stream is not None:
+                    place.stream.remove(alias)
+
+    def session(self, session_id: str) -> OpenSession:
+        """A session of the present caller, its lease renewed. Raises NotFound."""
+        found = self._sessions.get(session_id)
+        return self._renewed(found, "session", session_id)
+
+    def session_of(self, agent_id: str) -> OpenSession:
+        """The session, of the present caller, of an agent; its lease renewed. Raises NotFound."""
+        found = self._by_agent.get(agent_id)
+        return self._renewed(found, "agent", agent_id)
+
+    def owned(self, caller: Caller) -> list[OpenSession]:
+        """Oldest first; an admin sees all."""
+        return [s for s in self._sessions.values() if s.owner == caller.name or caller.is_admin]
+
+    def expired(self) -> list[OpenSession]:
+        """Those whose lease has ended; the leases of those with a stream go on."""
+        now = self._clock()
+        for session in self._sessions.values():
+            if session.holders:
+                session.expires_at = now + session.lease_s
+        return [s for s in self._sessions.values() if s.expires_at < now]
+
+    def require_room(self, caller: Caller, agents: int | None = None) -> None:
+        """Whether the caller may have a session more, or so many agents.
+
+        Raises ResourceExhausted.
+        """
+        own = [s for s in self._sessions.values() if s.owner == caller.name]
+        if agents is None:
+            most = caller.quota.sessions
+            most = self._limits.sessions_per_caller if most is None else most
+            if len(own) >= most:
+                raise ResourceExhausted(
+                    f"{caller.name!r} has {len(own)} sessions and may have {most}; delete one first"
+                )
+        elif caller.quota.agents is not None:
+            has = sum(len(s.aliases) for s in own)
+            if has + agents > caller.quota.agents:
+                raise ResourceExhausted(
+                    f"{caller.name!r} has {has} agents and may have {caller.quota.agents}; "
+                    f"{agents} more were asked for"
+                )
+
+    @contextmanager
+    def held(self, session: OpenSession) -> Iterator[None]:
+        """Keep the lease from ending; it begins anew afterwards."""
+        session.holders += 1
+        try:
+            yield
+        finally:
+            session.holders -= 1
+            session.expires_at = self._clock() + session.lease_s
+
+    @contextmanager
+    def place(self, caller: Caller, session: OpenSession) -> Iterator[Place]:
+        """Room for a stream of the session, which holds it. Raises ResourceExhausted."""
+        limits, quota = self._limits, caller.quota.streams
+        if len(session.places) >= limits.streams_per_session:
+            raise ResourceExhausted(
+                f"a session has {limits.streams_per_session} streams at most", 1.0
+            )
+        callers = [place.caller for s in self._sessions.values() for place in s.places]
+        if len(callers) >= limits.streams:
+            raise ResourceExhausted(f"the server has {limits.streams} streams at most", 5.0)
+        if quota is not None and callers.count(caller.name) >= quota:
+            raise ResourceExhausted(f"{caller.name!r} may have {quota} streams at a time", 1.0)
+        place = Place(caller.name)
+        session.places.add(place)
+        try:
+            with self.held(session):
+                yield place
+        finally:
+            session.places.discard(place)
+
+    @property
+    def streams(self) -> int:
+        """Open streams."""
+        return sum(len(session.places) for session in self._sessions.values())
+
+    def _renewed(self, found: OpenSession | None, kind: str, name: str) -> OpenSession:
+        caller, now = present_caller(), self._clock()
+        if (
+            found is None
+            or (found.owner != caller.name and not caller.is_admin)
+            or (found.expires_at < now and not found.holders)
+        ):
+            raise NotFound(f"there is no {kind} {name[:ID_LENGTH]!r}", kind, name[:ID_LENGTH])
+        structlog.contextvars.bind_contextvars(session_id=found.session_id)
+        found.expires_at = now + found.lease_s
+        return found
+
+
+def read_attributes(found: Mapping[str, str], limits: Limits) -> tuple[str, Basis, float, str]:
+    """Owner, basis, lease, scene. Raises InvalidArgument."""
+    try:
+        basis, lease_s = Basis(found["basis"]), float(found["lease_s"])
+        owner, scene = found["owner"], found["scene"]
+    except (KeyError, ValueError):
+        raise InvalidArgument("the session was not opened by this kind of server") from None
+    if not lease_s >= 1 or scene:
+        raise InvalidArgument("the session has a lease or a scene that this server lacks")
+    return owner, basis, min(lease_s, limits.lease_s), scene

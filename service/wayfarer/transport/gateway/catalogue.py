@@ -1,0 +1,49 @@
+"""What the server has and allows."""
+
+from wayfarer import __version__
+from wayfarer.spec import FPS, NEW_FRAMES
+from wayfarer.transport import convert, schema
+from wayfarer.transport.basis import Basis
+from wayfarer.transport.caller import Scope
+from wayfarer.transport.gateway.shared import Shared, needs
+
+
+class CatalogueApi:
+    """CatalogService."""
+
+    def __init__(self, shared: Shared) -> None:
+        self._shared = shared
+
+    @needs(Scope.READ)
+    def skeleton(self) -> schema.Skeleton:
+        """The bones of all agents."""
+        return self._shared.skeleton
+
+    @needs(Scope.READ)
+    def bodies(self) -> schema.Bodies:
+        """The bodies that agents can have."""
+        return schema.Bodies(
+            bodies=tuple(convert.body(self._shared.bodies, gender) for gender in schema.Gender)
+        )
+
+    @needs(Scope.READ)
+    async def models(self) -> schema.Models:
+        """The motion models that are loaded."""
+        infos = await self._shared.service.list_models()
+        return schema.Models(models=tuple(convert.model(info) for info in infos))
+
+    @needs(Scope.READ)
+    def info(self) -> schema.ServerInfo:
+        """Version, frame rate, limits, bases."""
+        return schema.ServerInfo(
+            version=__version__,
+            fps=FPS,
+            frames_per_chunk=NEW_FRAMES,
+            limits=self._shared.limits,
+            bases=tuple(convert.basis_info(basis) for basis in Basis),
+        )
+
+    @needs(Scope.READ)
+    async def stats(self) -> schema.Stats:
+        """Health of the motion loop."""
+        return convert.stats(await self._shared.service.stats())

@@ -1,0 +1,97 @@
+"""The API behind both transports: gRPC and HTTP only translate their own forms into its calls.
+
+Arguments and results are schema/'s, in the basis of the session. Every call is made by the present
+caller (caller.py): its scopes are checked at the method's door (`needs`), its sessions in book.py.
+"""
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+
+import structlog
+
+from wayfarer.config import Limits
+from wayfarer.runtime.agent import LoopStats
+from wayfarer.runtime.service import MotionService
+from wayfarer.transport.bodies import BodyLibrary
+from wayfarer.transport.gateway.admin import AdminApi
+from wayfarer.transport.gateway.agents import AgentApi
+from wayfarer.transport.gateway.catalogue import CatalogueApi
+from wayfarer.transport.gateway.goals import GoalApi
+from wayfarer.transport.gateway.motion import MotionApi
+from wayfarer.transport.gateway.sessions import SessionApi
+from wayfarer.transport.gateway.shared import Shared
+from wayfarer.transport.gateway.snapshots import SnapshotApi
+
+log = structlog.get_logger(__name__)
+
+
+class Gateway:
+    """One per server. `clock` returns Unix seconds and is the runtime's own."""
+
+    def __init__(
+        self,
+        service: MotionService,
+        bodies: BodyLibrary,
+        limits: Limits,
+        clock: Callable[[], float],
+        stop: Callable[[], None],
+    ) -> None:
+        """`stop` begins the shutdown of the server, as SIGTERM does; AdminService calls it."""
+        self._shared = shared = Shared(service, bodies, limits, clock)
+        self.limits = limits
+        self.body_library = bodies
+        self.sessions = SessionApi(shared)
+        self.agents = AgentApi(shared)
+        self.goals = GoalApi(shared)
+        self.motion = MotionApi(shared)
+        self.snapshots = SnapshotApi(shared)
+        self.catalogue = CatalogueApi(shared)
+        self.admin = AdminApi(shared, stop)
+
+    @property
+    def alive(self) -> bool:
+        """The motion loop runs."""
+        return self._shared.service.alive
+
+    @property
+    def runtime_ready(self) -> bool:
+        """The runtime takes work; the gateway does once it has taken over its sessions."""
+        return self._shared.service.ready and self._shared.service.alive
+
+    @property
+    def started(self) -> bool:
+        """The server has been ready; it may not be any more."""
+        return self._shared.taken_over
+
+    @property
+    def ready(self) -> bool:
+        """New work is welcome."""
+        return self._shared.ready
+
+    @property
+    def streams(self) -> int:
+        """Open streams."""
+        return self._shared.book.streams
+
+    async def loop_stats(self) -> LoopStats:
+        """For metrics, whoever reads them."""
+        return await self._shared.service.stats()
+
+    async def take_over(self) -> None:
+        """Begin to take work, once the runtime is ready: first enter the sessions it has kept."""
+        kept = await self.sessions.take_over()
+        if kept:
+            log.info("sessions taken over", sessions=kept)
+
+    async def end_expired_sessions(self) -> list[str]:
+        """End the sessions whose lease is over; their ids. To be called a few times a second."""
+        return await self.sessions.end_expired()
+
+    async def drain(self, grace: float) -> None:
+        """Refuse new work and end all streams with Unavailable; wait for that, `grace` seconds."""
+        self._shared.draining.set()
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(grace):
+                while self.streams:
+                    await asyncio.sleep(0.01)

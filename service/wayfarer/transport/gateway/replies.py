@@ -1,0 +1,101 @@
+"""Idempotency: the same request, sent again under the same id, gets the same reply."""
+
+import asyncio
+from collections import OrderedDict
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass
+from hashlib import sha256
+from typing import Any, Final, TypeVar
+
+from pydantic import BaseModel
+
+from wayfarer.errors import Aborted
+from wayfarer.transport.caller import present_caller
+
+KEPT_S: Final = 600.0
+KEPT: Final = 128
+"""Replies of one caller; the oldest are forgotten first."""
+
+CALLERS: Final = 1024
+"""Callers whose replies are kept; of those that have been silent longest they are forgotten."""
+
+Reply = TypeVar("Reply")
+
+_running: Final[set[asyncio.Task[Any]]] = set()  # asyncio itself holds tasks only weakly
+
+
+async def finish(work: Coroutine[Any, Any, Reply]) -> Reply:
+    """The outcome of `work`, which goes on to its end even where the caller goes away.
+
+    So the runtime never holds a session that the transport has not heard of.
+    """
+    task = asyncio.get_running_loop().create_task(work)
+    _running.add(task)
+    task.add_done_callback(_running.discard)
+    return await asyncio.shield(task)
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    request: bytes  # SHA-256 of the request
+    outcome: asyncio.Task[Any]
+    until: float
+
+
+class Replies:
+    """Those of the last ten minutes, by caller and request id."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self._callers: OrderedDict[str, OrderedDict[str, _Kept]] = OrderedDict()
+
+    async def once(
+        self,
+        request_id: str,
+        request: tuple[str, BaseModel],
+        act: Callable[[], Coroutine[Any, Any, Reply]],
+    ) -> Reply:
+        """The outcome of `act()`, or that of the same request under the same id before.
+
+        `request` is where it was addressed and what it said. A duplicate of a request that is under
+        way waits for it; one that has failed may be tried again. A caller that goes away does not
+        break off what it asked for. Raises Aborted where the id was another request's.
+        """
+        if not request_id:
+            return await finish(act())
+        kept = self._of_caller()
+        where, what = request
+        digest = sha256(f"{where}\n{what.model_dump_json()}".encode()).digest()
+        known = kept.get(request_id)
+        if known is None:
+            outcome = asyncio.get_running_loop().create_task(act())
+            known = kept[request_id] = _Kept(digest, outcome, self._clock() + KEPT_S)
+            outcome.add_done_callback(lambda done: _forget_failed(kept, request_id, done))
+            while len(kept) > KEPT:
+                kept.popitem(last=False)
+        elif known.request != digest:
+            raise Aborted(
+                f"request id {request_id!r} was used for another request; make up a new one"
+            )
+        result: Reply = await asyncio.shield(known.outcome)
+        return result
+
+    def _of_caller(self) -> OrderedDict[str, _Kept]:
+        """Replies of the present caller, without those that are too old."""
+        name, now = present_caller().name, self._clock()
+        kept = self._callers.setdefault(name, OrderedDict())
+        self._callers.move_to_end(name)
+        if len(self._callers) > CALLERS:
+            self._callers.popitem(last=False)
+        while kept and (first := next(iter(kept))) and kept[first].until < now:
+            del kept[first]
+        return kept
+
+
+def _forget_failed(
+    kept: OrderedDict[str, _Kept], request_id: str, outcome: asyncio.Task[Any]
+) -> None:
+    if outcome.cancelled() or outcome.exception() is not None:
+        known = kept.get(request_id)
+        if known is not None and known.outcome is outcome:
+            del kept[request_id]

@@ -1,0 +1,108 @@
+"""Sessions and their leases."""
+
+import contextlib
+import secrets
+
+import structlog
+
+from wayfarer.errors import InvalidArgument, NotFound, Unavailable
+from wayfarer.runtime.agent import SessionInfo, SessionSpec
+from wayfarer.transport import convert, schema
+from wayfarer.transport.caller import Scope, present_caller
+from wayfarer.transport.gateway.book import LEASE_S, OpenSession, attributes
+from wayfarer.transport.gateway.replies import finish
+from wayfarer.transport.gateway.shared import Shared, needs
+
+log = structlog.get_logger(__name__)
+
+
+class SessionApi:
+    """SessionService."""
+
+    def __init__(self, shared: Shared) -> None:
+        self._shared = shared
+
+    @needs(Scope.CONTROL)
+    async def create(self, wish: schema.NewSession) -> schema.Session:
+        """Open a session. Raises InvalidArgument, NotFound, Aborted, ResourceExhausted."""
+        self._shared.require_ready()
+        return await self._shared.replies.once(
+            wish.request_id, ("CreateSession", wish), lambda: self._create(wish)
+        )
+
+    async def _create(self, wish: schema.NewSession) -> schema.Session:
+        caller, limits = present_caller(), self._shared.limits
+        if wish.scene:
+            raise NotFound(
+                f"there is no scene {wish.scene!r}; there is only the flat floor, named ''",
+                "scene",
+                wish.scene,
+            )
+        lease_s = min(LEASE_S, limits.lease_s) if wish.lease_s is None else wish.lease_s
+        if lease_s > limits.lease_s:
+            raise InvalidArgument(f"from 1 to {limits.lease_s:g} s, not {lease_s:g}", "lease_s")
+        self._shared.book.require_room(caller)
+        spec = SessionSpec(
+            seed=secrets.randbits(32) if wish.seed is None else wish.seed,
+            lock_step=wish.lock_step,
+            record=wish.record,
+            attributes=attributes(caller.name, wish.basis, lease_s, wish.scene),
+        )
+        info = await self._shared.service.create_session(spec)
+        return self._shared.book.open(info).describe(info)
+
+    @needs(Scope.READ)
+    async def get(self, session_id: str) -> schema.Session:
+        """Describe a session. Raises NotFound."""
+        session = self._shared.book.session(session_id)
+        return session.describe(await self._shared.service.get_session(session_id))
+
+    @needs(Scope.READ)
+    async def list_own(self) -> schema.Sessions:
+        """The caller's, oldest first; an admin sees all. Renews no lease."""
+        infos = {info.session_id: info for info in await self._shared.service.list_sessions()}
+        owned = self._shared.book.owned(present_caller())
+        return schema.Sessions(
+            sessions=tuple(
+                session.describe(infos[session.session_id])
+                for session in owned
+                if session.session_id in infos
+            )
+        )
+
+    @needs(Scope.CONTROL)
+    async def renew(self, session_id: str) -> schema.Renewal:
+        """Begin the lease anew. Raises NotFound."""
+        session = self._shared.book.session(session_id)
+        return schema.Renewal(expires_at_us=convert.microseconds(session.expires_at))
+
+    @needs(Scope.CONTROL)
+    async def delete(self, session_id: str) -> None:
+        """End a session, its agents and its streams. Raises NotFound."""
+        await self._end(self._shared.book.session(session_id))
+
+    async def end_expired(self) -> list[str]:
+        """End the sessions whose lease has run out; their ids."""
+        expired = self._shared.book.expired()
+        for session in expired:
+            log.info("lease ended", session_id=session.session_id, lease_s=session.lease_s)
+            with contextlib.suppress(NotFound, Unavailable):  # its client or the end was quicker
+                await self._end(session)
+        return [session.session_id for session in expired]
+
+    async def take_over(self) -> int:
+        """Enter the sessions that the runtime has kept over a restart; how many there are."""
+        infos: list[SessionInfo] = await self._shared.service.list_sessions()
+        for info in infos:
+            agents = await self._shared.service.list_agents(info.session_id)
+            try:
+                self._shared.book.open(info, agents)
+            except InvalidArgument as error:
+                log.error("session not taken over", session_id=info.session_id, reason=str(error))
+                await self._shared.service.delete_session(info.session_id)
+        self._shared.taken_over = True
+        return len(infos)
+
+    async def _end(self, session: OpenSession) -> None:
+        self._shared.book.close(session)
+        await finish(self._shared.service.delete_session(session.session_id))

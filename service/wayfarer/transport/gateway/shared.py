@@ -1,0 +1,79 @@
+"""What all parts of the API share."""
+
+import asyncio
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from wayfarer.config import Limits
+from wayfarer.errors import Unavailable
+from wayfarer.runtime.service import MotionService
+from wayfarer.transport import convert, schema
+from wayfarer.transport.basis import Basis
+from wayfarer.transport.batches import BatchWriter
+from wayfarer.transport.bodies import BodyLibrary
+from wayfarer.transport.caller import Scope, present_caller
+from wayfarer.transport.codec import PoseEncoder, PoseFormat
+from wayfarer.transport.gateway.book import Book
+from wayfarer.transport.gateway.replies import Replies
+
+Method = TypeVar("Method", bound=Callable[..., Any])
+
+
+def needs(scope: Scope) -> Callable[[Method], Method]:
+    """Let only callers with the scope call a method of the API. Raises PermissionDenied."""
+
+    def guarded(method: Method) -> Method:
+        @functools.wraps(method)
+        def checked(*args: Any, **kwargs: Any) -> Any:
+            present_caller().require(scope)
+            return method(*args, **kwargs)
+
+        checked.scope = scope  # type: ignore[attr-defined]
+        return checked  # type: ignore[return-value]
+
+    return guarded
+
+
+@dataclass
+class Shared:
+    """One per server. `clock` returns Unix seconds and is the runtime's own."""
+
+    service: MotionService
+    bodies: BodyLibrary
+    limits: Limits
+    clock: Callable[[], float]
+    book: Book = field(init=False)
+    replies: Replies = field(init=False)
+    encoder: PoseEncoder = field(default_factory=PoseEncoder)
+    skeleton: schema.Skeleton = field(default_factory=convert.skeleton)
+    draining: asyncio.Event = field(default_factory=asyncio.Event)
+    taken_over: bool = (
+        False  # the sessions that the runtime has kept over a restart are in the book
+    )
+
+    def __post_init__(self) -> None:
+        self.book = Book(self.limits, self.clock)
+        self.replies = Replies(self.clock)
+
+    @property
+    def ready(self) -> bool:
+        """New work is welcome."""
+        return (
+            self.service.ready
+            and self.service.alive
+            and self.taken_over
+            and not self.draining.is_set()
+        )
+
+    def require_ready(self) -> None:
+        """Raises Unavailable while new work is not welcome."""
+        if self.draining.is_set():
+            raise Unavailable("the server is shutting down")
+        if not self.ready:
+            raise Unavailable("the server is not ready yet")
+
+    def writer(self, basis: Basis, pose_format: PoseFormat) -> BatchWriter:
+        """Writes motion for one reader; all of them share what has been packed."""
+        return BatchWriter(basis, pose_format, self.encoder, self.bodies, self.skeleton)

@@ -1,0 +1,86 @@
+"""Sessions moved from server to server, and recorded ones made again."""
+
+import contextlib
+from collections.abc import AsyncGenerator
+from contextlib import aclosing
+from typing import Final
+
+from wayfarer.errors import InvalidArgument, NotFound
+from wayfarer.transport import convert, schema
+from wayfarer.transport.basis import Basis
+from wayfarer.transport.caller import Scope, present_caller
+from wayfarer.transport.gateway.replies import finish
+from wayfarer.transport.gateway.shared import Shared, needs
+from wayfarer.v1 import snapshot_pb2
+
+MARK: Final = b"wayfarer-log "
+"""A log begins with it and the basis of its session; the runtime's own log follows the line."""
+
+
+class SnapshotApi:
+    """SnapshotService."""
+
+    def __init__(self, shared: Shared) -> None:
+        self._shared = shared
+
+    @needs(Scope.CONTROL)
+    async def export_session(self, session_id: str) -> bytes:
+        """The state of a session. Raises NotFound."""
+        self._shared.book.session(session_id)
+        return await self._shared.service.export_session(session_id)
+
+    @needs(Scope.CONTROL)
+    async def import_session(self, snapshot: bytes) -> schema.Session:
+        """Go on with a session, as one of the caller's.
+
+        Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted.
+        """
+        self._shared.require_ready()
+        return await finish(self._import(snapshot))
+
+    async def _import(self, snapshot: bytes) -> schema.Session:
+        caller, service = present_caller(), self._shared.service
+        self._shared.book.require_room(caller)
+        info = await service.import_session(snapshot, {"owner": caller.name})
+        try:
+            self._shared.book.require_room(caller, len(info.agent_ids))
+            agents = await service.list_agents(info.session_id)
+            return self._shared.book.open(info, agents).describe(info)
+        except BaseException:
+            with contextlib.suppress(NotFound):
+                await service.delete_session(info.session_id)
+            raise
+
+    @needs(Scope.READ)
+    async def export_log(self, session_id: str) -> bytes:
+        """The commands of a recorded session. Raises NotFound, FailedPrecondition."""
+        session = self._shared.book.session(session_id)
+        log = await self._shared.service.export_log(session_id)
+        return MARK + session.basis.value.encode() + b"\n" + log
+
+    @needs(Scope.CONTROL)
+    async def replay(
+        self, log: bytes, wish: schema.PoseFormat
+    ) -> AsyncGenerator[snapshot_pb2.ReplayResponse]:
+        """Make the motion of a log again. Close it with `aclose`.
+
+        Raises InvalidArgument, FailedPrecondition, ResourceExhausted.
+        """
+        self._shared.require_ready()
+        basis, recorded = _opened(log)
+        writer = self._shared.writer(basis, convert.pose_format(wish))
+        made = self._shared.service.replay(recorded)
+        async with aclosing(writer.offline(made)) as parts:
+            async for header, batch in parts:
+                yield snapshot_pb2.ReplayResponse(header=header, batch=batch)
+
+
+def _opened(log: bytes) -> tuple[Basis, bytes]:
+    """Basis of the session, and the runtime's log. Raises InvalidArgument."""
+    line, _, recorded = log.partition(b"\n")
+    try:
+        if line.startswith(MARK):
+            return Basis(line.removeprefix(MARK).decode()), recorded
+    except ValueError:
+        pass
+    raise InvalidArgument("not a log as ExportLog gives it", "log")

@@ -1,0 +1,160 @@
+"""gRPC interceptor: the guard, figures, spans, log lines."""
+
+import asyncio
+import inspect
+import time
+from collections import Counter
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
+from contextlib import aclosing, asynccontextmanager
+from typing import Any, Final
+from urllib.parse import unquote
+
+import grpc
+import structlog
+
+from wayfarer.errors import ResourceExhausted
+from wayfarer.transport import errors
+from wayfarer.transport.auth import Presented
+from wayfarer.transport.guard import Guard, begin
+from wayfarer.transport.http_guard import bearer
+from wayfarer.transport.metrics import Metrics
+from wayfarer.transport.tracing import Tracing
+
+log = structlog.get_logger(__name__)
+
+OURS: Final = "/wayfarer."
+OPEN_STREAMS: Final = 8
+"""Streams of health and reflection, which ask for no credentials, from one address."""
+
+Headers = dict[str, str]
+
+
+class GuardInterceptor(grpc.aio.ServerInterceptor):
+    """Stands inside the interceptor that turns errors into statuses."""
+
+    def __init__(self, guard: Guard, metrics: Metrics, tracing: Tracing, access_log: bool) -> None:
+        self._guard = guard
+        self._metrics = metrics
+        self._tracing = tracing
+        self._access_log = access_log
+        self._open: Counter[str] = Counter()
+
+    async def intercept_service(
+        self,
+        continuation: Callable[[grpc.HandlerCallDetails], Awaitable[Any]],
+        handler_call_details: grpc.HandlerCallDetails,
+    ) -> Any:
+        """Wrap the handler."""
+        handler = await continuation(handler_call_details)
+        method = handler_call_details.method
+        if handler is None:
+            return None
+        if method.startswith(OURS):
+            return around(handler, lambda context: self._call(method, handler, context))
+        return around(handler, self._bounded) if handler.response_streaming else handler
+
+    @asynccontextmanager
+    async def _call(self, method: str, handler: Any, context: Any) -> AsyncIterator[None]:
+        started = time.perf_counter()
+        code = "OK"
+        headers = _headers(context)
+        begin(headers.get("x-request-id", ""))
+        try:
+            with self._tracing.call(method.removeprefix("/"), headers):
+                await self._guard.admit(_presented(headers, context), address(context.peer()))
+                yield
+        except (asyncio.CancelledError, GeneratorExit):
+            code = "CANCELLED"
+            raise
+        except BaseException as error:
+            code = errors.code_of(error).grpc.name
+            raise
+        finally:
+            self._note(method, handler, code, time.perf_counter() - started)
+
+    def _note(self, method: str, handler: Any, code: str, seconds: float) -> None:
+        if handler.request_streaming or handler.response_streaming:
+            self._metrics.stream_ended(method, code)
+        else:
+            self._metrics.rpc(method, code, seconds)
+        if self._access_log:
+            log.info("call", method=method, code=code, ms=round(1e3 * seconds, 2))
+
+    @asynccontextmanager
+    async def _bounded(self, context: Any) -> AsyncIterator[None]:
+        """What is open to everybody is not open to be hoarded."""
+        name = address(context.peer())
+        if self._open[name] >= OPEN_STREAMS:
+            full = ResourceExhausted(f"{OPEN_STREAMS} such streams at a time from one address", 5.0)
+            await context.abort_with_status(errors.to_grpc(full))
+        self._open[name] += 1
+        try:
+            yield
+        finally:
+            self._open[name] -= 1
+            if not self._open[name]:
+                del self._open[name]
+
+
+def around(handler: Any, enter: Callable[[Any], Any]) -> Any:
+    """The handler within an asynchronous context manager made of the call's context."""
+    if handler.response_streaming:
+        inner_stream = handler.stream_stream or handler.unary_stream
+        if inspect.iscoroutinefunction(inner_stream):  # one that writes to the context itself
+
+            async def writer(request: Any, context: Any) -> None:
+                async with enter(context):
+                    await inner_stream(request, context)
+
+            return _streaming(handler, writer)
+
+        async def stream(request: Any, context: Any) -> AsyncGenerator[Any]:
+            async with enter(context), aclosing(inner_stream(request, context)) as messages:
+                async for message in messages:
+                    yield message
+
+        return _streaming(handler, stream)
+    inner = handler.stream_unary or handler.unary_unary
+
+    async def single(request: Any, context: Any) -> Any:
+        async with enter(context):
+            return await inner(request, context)
+
+    if handler.request_streaming:
+        return grpc.stream_unary_rpc_method_handler(single, *_codec(handler))
+    return grpc.unary_unary_rpc_method_handler(single, *_codec(handler))
+
+
+def _streaming(handler: Any, behaviour: Any) -> Any:
+    if handler.request_streaming:
+        return grpc.stream_stream_rpc_method_handler(behaviour, *_codec(handler))
+    return grpc.unary_stream_rpc_method_handler(behaviour, *_codec(handler))
+
+
+def _codec(handler: Any) -> tuple[Any, Any]:
+    return handler.request_deserializer, handler.response_serializer
+
+
+def address(peer: str) -> str:
+    """Of a peer as gRPC names it: without port; "ipv4:10.0.0.1:4711" → "10.0.0.1"."""
+    kind, _, rest = unquote(peer).partition(":")
+    return rest.rpartition(":")[0] if kind in ("ipv4", "ipv6") else rest
+
+
+def _headers(context: Any) -> Headers:
+    """The first value of each text header."""
+    found: Headers = {}
+    for key, value in context.invocation_metadata() or ():
+        if isinstance(value, str):
+            found.setdefault(key, value)
+    return found
+
+
+def _presented(headers: Headers, context: Any) -> Presented:
+    """Raises Unauthenticated."""
+    names = context.auth_context().get("x509_common_name", ())
+    return Presented(
+        bearer=bearer(headers.get("authorization", "")),
+        api_key=headers.get("x-api-key", ""),
+        certificate=next((name.decode("utf-8", "replace") for name in names), ""),
+    )

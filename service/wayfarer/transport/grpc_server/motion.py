@@ -1,0 +1,62 @@
+"""MotionService and ControlService over the gateway.
+
+A cancelled call closes the generator, and so the subscription; CancelledError is never swallowed,
+since grpc.aio leaks such calls (grpc/grpc#43360).
+"""
+
+from collections.abc import AsyncGenerator, AsyncIterator
+from contextlib import aclosing
+
+from grpc.aio import ServicerContext as Context
+
+from wayfarer.transport import schema, wire
+from wayfarer.transport.control import control
+from wayfarer.transport.gateway import Gateway
+from wayfarer.v1 import control_pb2, control_pb2_grpc, motion_pb2, motion_pb2_grpc
+
+
+class MotionService(motion_pb2_grpc.MotionServiceServicer):
+    """See motion.proto."""
+
+    def __init__(self, gateway: Gateway) -> None:
+        self._motion = gateway.motion
+
+    async def StreamMotion(  # noqa: N802
+        self, request: motion_pb2.StreamMotionRequest, context: Context
+    ) -> AsyncGenerator[motion_pb2.StreamMotionResponse]:
+        """Follow the agents of a session."""
+        stream = self._motion.stream(wire.parse(schema.StreamWish, request))
+        async with aclosing(stream) as messages:
+            async for message in messages:
+                yield message
+
+    async def GenerateClip(  # noqa: N802
+        self, request: motion_pb2.GenerateClipRequest, context: Context
+    ) -> AsyncGenerator[motion_pb2.GenerateClipResponse]:
+        """Make a clip."""
+        clip = self._motion.generate_clip(wire.parse(schema.ClipWish, request))
+        async with aclosing(clip) as messages:
+            async for message in messages:
+                yield message
+
+    async def StepAgents(  # noqa: N802
+        self, request: motion_pb2.StepAgentsRequest, context: Context
+    ) -> motion_pb2.StepAgentsResponse:
+        """Let time pass in a lock-step session."""
+        wish = wire.parse(schema.StepWish, request)
+        return await self._motion.step(request.session_id, wish)
+
+
+class ControlService(control_pb2_grpc.ControlServiceServicer):
+    """See control.proto."""
+
+    def __init__(self, gateway: Gateway) -> None:
+        self._gateway = gateway
+
+    async def Control(  # noqa: N802
+        self, request_iterator: AsyncIterator[control_pb2.ControlRequest], context: Context
+    ) -> AsyncGenerator[control_pb2.ControlResponse]:
+        """Goals and motion over one connection."""
+        async with aclosing(control(self._gateway, request_iterator)) as messages:
+            async for message in messages:
+                yield message

@@ -1,0 +1,126 @@
+"""The gRPC server: the services of `proto/wayfarer/v1`, health and reflection, over a Gateway."""
+
+from typing import Final
+
+import grpc
+from grpc_health.v1 import health, health_pb2, health_pb2_grpc
+from grpc_reflection.v1alpha import reflection
+
+from wayfarer.errors import Unavailable
+from wayfarer.transport.gateway import Gateway
+from wayfarer.transport.grpc_server.admin import AdminService
+from wayfarer.transport.grpc_server.agents import AgentService
+from wayfarer.transport.grpc_server.catalogue import CatalogService
+from wayfarer.transport.grpc_server.goals import GoalService
+from wayfarer.transport.grpc_server.interceptors import DecodeInterceptor, ErrorInterceptor
+from wayfarer.transport.grpc_server.motion import ControlService, MotionService
+from wayfarer.transport.grpc_server.sessions import SessionService
+from wayfarer.transport.grpc_server.snapshots import SnapshotService
+from wayfarer.v1 import (
+    admin_pb2,
+    admin_pb2_grpc,
+    agent_pb2,
+    agent_pb2_grpc,
+    catalog_pb2,
+    catalog_pb2_grpc,
+    control_pb2,
+    control_pb2_grpc,
+    goal_pb2,
+    goal_pb2_grpc,
+    motion_pb2,
+    motion_pb2_grpc,
+    session_pb2,
+    session_pb2_grpc,
+    snapshot_pb2,
+    snapshot_pb2_grpc,
+)
+
+FILES: Final = (
+    *(session_pb2, agent_pb2, goal_pb2, motion_pb2, control_pb2, snapshot_pb2, catalog_pb2),
+    admin_pb2,
+)
+SERVICES: Final = tuple(
+    service.full_name for file in FILES for service in file.DESCRIPTOR.services_by_name.values()
+)
+
+CALLS: Final = 256
+"""Calls at a time, beside the streams."""
+
+
+class GrpcServer:
+    """The server with its health service. Create it inside a running event loop."""
+
+    def __init__(
+        self,
+        gateway: Gateway,
+        host: str,
+        port: int,
+        guard: grpc.aio.ServerInterceptor,
+        credentials: grpc.ServerCredentials | None = None,
+    ) -> None:
+        """Bind. `guard` lets calls in. Raises Unavailable when the port cannot be had."""
+        size = gateway.limits.message_bytes
+        self._server = server = grpc.aio.server(
+            interceptors=[ErrorInterceptor(), guard, DecodeInterceptor()],
+            maximum_concurrent_rpcs=CALLS + gateway.limits.streams,
+            options=[
+                ("grpc.max_concurrent_streams", CALLS),  # of one connection
+                ("grpc.max_connection_idle_ms", 600_000),
+                # now and then a client connects anew, and so is balanced; its streams go on
+                ("grpc.max_connection_age_ms", 3_600_000),
+                ("grpc.server_handshake_timeout_ms", 10_000),
+                ("grpc.so_reuseport", 0),  # else two servers would share a port in silence
+                ("grpc.max_receive_message_length", size),
+                ("grpc.max_metadata_size", 16 * 1024),
+                # find clients that vanished without a word
+                ("grpc.keepalive_time_ms", 20_000),
+                ("grpc.keepalive_timeout_ms", 10_000),
+                ("grpc.http2.min_recv_ping_interval_without_data_ms", 10_000),
+                ("grpc.keepalive_permit_without_calls", 1),
+            ],
+        )
+        session_pb2_grpc.add_SessionServiceServicer_to_server(SessionService(gateway), server)
+        agent_pb2_grpc.add_AgentServiceServicer_to_server(AgentService(gateway), server)
+        goal_pb2_grpc.add_GoalServiceServicer_to_server(GoalService(gateway), server)
+        motion_pb2_grpc.add_MotionServiceServicer_to_server(MotionService(gateway), server)
+        control_pb2_grpc.add_ControlServiceServicer_to_server(ControlService(gateway), server)
+        snapshot_pb2_grpc.add_SnapshotServiceServicer_to_server(SnapshotService(gateway), server)
+        catalog_pb2_grpc.add_CatalogServiceServicer_to_server(CatalogService(gateway), server)
+        admin_pb2_grpc.add_AdminServiceServicer_to_server(AdminService(gateway), server)
+        self._health = health.aio.HealthServicer()  # type: ignore[attr-defined]
+        health_pb2_grpc.add_HealthServicer_to_server(self._health, server)
+        names = (*SERVICES, health.SERVICE_NAME, reflection.SERVICE_NAME)
+        reflection.enable_server_reflection(names, server)
+        address = f"{bracketed(host)}:{port}"
+        try:
+            self.port = (
+                server.add_secure_port(address, credentials)
+                if credentials
+                else server.add_insecure_port(address)
+            )
+        except RuntimeError as error:
+            raise Unavailable(f"cannot listen for gRPC on {address}: {error}") from None
+
+    async def start(self) -> None:
+        """Take calls; health is NOT_SERVING until told otherwise."""
+        await self.set_serving(False)
+        await self._server.start()
+
+    async def set_serving(self, serving: bool) -> None:
+        """What grpc.health.v1 reports, of the server and of each service."""
+        status = health_pb2.HealthCheckResponse
+        for name in ("", *SERVICES):
+            await self._health.set(name, status.SERVING if serving else status.NOT_SERVING)
+
+    async def enter_shutdown(self) -> None:
+        """Report NOT_SERVING for good."""
+        await self._health.enter_graceful_shutdown()
+
+    async def stop(self, grace: float) -> None:
+        """Let calls end within `grace` seconds, stop."""
+        await self._server.stop(grace)
+
+
+def bracketed(host: str) -> str:
+    """An IPv6 address as it stands in a URL."""
+    return f"[{host}]" if ":" in host else host

@@ -1,0 +1,55 @@
+"""What every call passes first, on both transports: who makes it, how often, its name in logs."""
+
+import secrets
+from dataclasses import dataclass, field
+from functools import partial
+
+import structlog
+
+from wayfarer.errors import Unauthenticated
+from wayfarer.transport import caller as callers
+from wayfarer.transport import limits
+from wayfarer.transport.auth import Authenticator, Presented
+from wayfarer.transport.caller import Caller
+from wayfarer.transport.limits import CallRates
+
+log = structlog.get_logger(__name__)
+
+REQUEST_ID_LENGTH = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Guard:
+    """One per server."""
+
+    authenticator: Authenticator = field(default_factory=Authenticator)
+    rates: CallRates = field(default_factory=lambda: CallRates(100))
+
+    async def admit(self, shown: Presented, address: str) -> Caller:
+        """Let a call in and handle the rest of this task as its caller's.
+
+        `address`: of the other end, without port. Raises Unauthenticated, ResourceExhausted,
+        Unavailable.
+        """
+        try:
+            caller = await self.authenticator.caller(shown)
+        except Unauthenticated as error:
+            self.rates.failed(address)
+            log.info("call refused", address=address, reason=str(error))
+            raise
+        self.rates.count(caller)
+        callers.enter(caller)
+        limits.count_with(partial(self.rates.count, caller))
+        structlog.contextvars.bind_contextvars(caller=caller.name)
+        return caller
+
+
+def begin(request_id: str) -> str:
+    """Start the log context of a call; returns its id: the client's, if it is one, or a new one."""
+    structlog.contextvars.clear_contextvars()
+    known = 0 < len(request_id) <= REQUEST_ID_LENGTH and all(
+        c.isascii() and (c.isalnum() or c in "-_.") for c in request_id
+    )
+    kept = request_id if known else secrets.token_hex(8)
+    structlog.contextvars.bind_contextvars(request_id=kept)
+    return kept

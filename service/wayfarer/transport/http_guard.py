@@ -1,0 +1,175 @@
+"""ASGI middleware around the HTTP routes and the WebSocket: the guard, figures, log lines."""
+
+import time
+from base64 import urlsafe_b64decode
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import structlog
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from wayfarer.errors import PermissionDenied, Unauthenticated, WayfarerError
+from wayfarer.transport import errors
+from wayfarer.transport.auth import Presented
+from wayfarer.transport.connection import CERTIFICATE
+from wayfarer.transport.guard import Guard, begin
+from wayfarer.transport.http_edge import problem_response
+from wayfarer.transport.metrics import Metrics
+from wayfarer.transport.origins import Origins
+from wayfarer.transport.tracing import Tracing
+
+log = structlog.get_logger(__name__)
+
+SUBPROTOCOL: Final = "wayfarer.v1"
+TOKEN_SUBPROTOCOL: Final = "wayfarer.token."
+"""Followed by the key or token in base64url: the one thing that a page can send with a socket."""
+
+READS: Final = ("GET", "HEAD", "OPTIONS")
+METHODS: Final = (*READS, "POST", "PUT", "PATCH", "DELETE")
+STREAM_TYPES: Final = ("text/event-stream", "application/x-ndjson")
+REASON_BYTES: Final = 123
+"""RFC 6455, 5.5: a control frame has 125 bytes, two of them the code."""
+
+
+@dataclass(frozen=True, slots=True)
+class HttpGuard:
+    """Lets in what `guard` admits; health and the viewer's files are open to everybody."""
+
+    app: ASGIApp
+    guard: Guard
+    origins: Origins
+    metrics: Metrics
+    tracing: Tracing
+    access_log: bool = False
+    metrics_open: bool = False
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handle one request or socket."""
+        if scope["type"] not in ("http", "websocket"):
+            await self.app(scope, receive, send)
+            return
+        headers = Headers(scope=scope)
+        request_id = begin(headers.get("x-request-id", ""))
+        started = time.perf_counter()
+        status, streams = 500, scope["type"] == "websocket"
+
+        async def noted_send(message: Message) -> None:
+            nonlocal status, streams
+            if message["type"] == "http.response.start":
+                status = message["status"]
+                answer = MutableHeaders(scope=message)
+                answer["x-request-id"] = request_id
+                streams = answer.get("content-type", "").startswith(STREAM_TYPES)
+            elif message["type"] == "websocket.accept":
+                if message.get("subprotocol") is None and SUBPROTOCOL in scope["subprotocols"]:
+                    message["subprotocol"] = SUBPROTOCOL
+            elif message["type"] == "websocket.close":
+                status = message.get("code", 1000)
+            await send(message)
+
+        try:
+            try:
+                self._check_origin(scope, headers)
+                shown = presented(scope, headers)
+                if self._is_guarded(scope["path"]):
+                    await self.guard.admit(shown, _address(scope))
+            except WayfarerError as error:
+                await _refuse(error, scope, receive, noted_send)
+                return
+            with self.tracing.call(_method(scope), headers) as rename:
+                await self.app(scope, receive, noted_send)
+                rename(f"{_method(scope)} {_route(scope)}")
+        finally:
+            self._note(scope, status, streams, time.perf_counter() - started)
+
+    def _is_guarded(self, path: str) -> bool:
+        if path == "/metrics":
+            return not self.metrics_open
+        return path.startswith("/v1/") and not path.startswith("/v1/health/")
+
+    def _check_origin(self, scope: Scope, headers: Headers) -> None:
+        """A page elsewhere may neither read a socket nor change anything."""
+        if scope["type"] == "http" and scope["method"] in READS:
+            return  # what it may read is CORS's business
+        origin = headers.get("origin")
+        if not self.origins.allows(origin, headers.get("host", "")):
+            raise PermissionDenied(
+                "web pages of this origin may not call; the setting cors_origins lists which may"
+            )
+
+    def _note(self, scope: Scope, status: int, streams: bool, seconds: float) -> None:
+        if streams:
+            self.metrics.stream_ended(_route(scope), str(status))
+        else:
+            self.metrics.http(_method(scope), _route(scope), status, seconds)
+        if self.access_log:
+            path = scope["path"][:200]
+            ms = round(1e3 * seconds, 2)
+            log.info("call", method=_method(scope), path=path, status=status, ms=ms)
+
+
+def presented(scope: Scope, headers: Mapping[str, str]) -> Presented:
+    """What a request shows; a socket's token is taken out of it. Raises Unauthenticated."""
+    return Presented(
+        bearer=_socket_token(scope) or bearer(headers.get("authorization", "")),
+        api_key=headers.get("x-api-key", ""),
+        certificate=scope.get("state", {}).get(CERTIFICATE, ""),
+    )
+
+
+def bearer(authorization: str) -> str:
+    """The token of an Authorization header. Raises Unauthenticated for another scheme."""
+    if not authorization:
+        return ""
+    scheme, _, token = authorization.partition(" ")
+    if scheme.lower() != "bearer" or not token.strip():
+        raise Unauthenticated("'authorization' must be: Bearer, a space, and the key or token")
+    return token.strip()
+
+
+def _socket_token(scope: Scope) -> str:
+    offered = scope.get("subprotocols", ())
+    tokens = [name for name in offered if name.startswith(TOKEN_SUBPROTOCOL)]
+    if not tokens:
+        return ""
+    scope["subprotocols"] = [name for name in offered if name not in tokens]
+    scope["headers"] = [
+        (name, value) for name, value in scope["headers"] if name != b"sec-websocket-protocol"
+    ]
+    text = tokens[0].removeprefix(TOKEN_SUBPROTOCOL)
+    try:
+        return urlsafe_b64decode(text + "=" * (-len(text) % 4)).decode("ascii")
+    except ValueError:
+        raise Unauthenticated(
+            f"the subprotocol {TOKEN_SUBPROTOCOL}… must end in the key or token in base64url"
+        ) from None
+
+
+def _address(scope: Scope) -> str:
+    client = scope.get("client")
+    return client[0] if client else ""
+
+
+def _method(scope: Scope) -> str:
+    method = scope.get("method", "WS")
+    return method if method in METHODS or method == "WS" else "other"
+
+
+def _route(scope: Scope) -> str:
+    """The template that matched; what a client makes up has no place in metrics."""
+    return getattr(scope.get("route"), "path", "") or "other"
+
+
+async def _refuse(error: WayfarerError, scope: Scope, receive: Receive, send: Send) -> None:
+    if scope["type"] == "http":
+        response = problem_response(error)
+        response.headers["cache-control"] = "no-store"
+        await response(scope, receive, send)
+        return
+    # Accepted first: a page is told the code and the reason of no other closing.
+    await receive()
+    await send({"type": "websocket.accept"})
+    reason = errors.message_of(error).encode()[:REASON_BYTES].decode(errors="ignore")
+    await send({"type": "websocket.close", "code": errors.close_code(error), "reason": reason})

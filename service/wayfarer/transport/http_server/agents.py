@@ -1,0 +1,77 @@
+"""Routes of AgentService and GoalService."""
+
+from fastapi import APIRouter
+
+from wayfarer.transport import schema
+from wayfarer.transport.gateway import Gateway
+from wayfarer.transport.http_server.parameters import AgentId, Expected
+
+
+def agent_routes(gateway: Gateway) -> APIRouter:
+    """`/v1/agents`."""
+    router = APIRouter(prefix="/v1/agents", tags=["agents"])
+
+    @router.get("/{agent_id}", operation_id="getAgent", summary="Describe an agent")
+    async def get_agent(agent_id: AgentId) -> schema.Agent:
+        return await gateway.agents.get(agent_id)
+
+    @router.patch("/{agent_id}", operation_id="updateAgent", summary="Change an agent")
+    async def update_agent(agent_id: AgentId, wish: schema.AgentUpdate) -> schema.Agent:
+        """What is absent stays."""
+        return await gateway.agents.update(agent_id, wish)
+
+    @router.delete(
+        "/{agent_id}", status_code=204, operation_id="deleteAgent", summary="Remove an agent"
+    )
+    async def delete_agent(agent_id: AgentId) -> None:
+        """Its streams are told."""
+        await gateway.agents.delete(agent_id)
+
+    return router
+
+
+def goal_routes(gateway: Gateway) -> APIRouter:
+    """Below `/v1/agents/{agent_id}`."""
+    router = APIRouter(prefix="/v1/agents/{agent_id}", tags=["goals"])
+    goals = gateway.goals
+
+    @router.put("/goal", operation_id="setGoal", summary="Give an agent a goal")
+    async def set_goal(
+        agent_id: AgentId, goal: schema.Goal, expected_revision: Expected = None
+    ) -> schema.GoalRevision:
+        """In place of its present goal or path. Takes effect within one primitive (0.25 s)."""
+        return _revision(await goals.set(agent_id, goal, expected_revision))
+
+    @router.put("/path", operation_id="setPath", summary="Give an agent goals to visit in turn")
+    async def set_path(
+        agent_id: AgentId, path: schema.Goals, expected_revision: Expected = None
+    ) -> schema.GoalRevision:
+        """In place of its present goal or path. One revision for all."""
+        return _revision(await goals.set_path(agent_id, path, expected_revision))
+
+    @router.post("/goals", operation_id="appendGoals", summary="Add goals to the end of the path")
+    async def append_goals(
+        agent_id: AgentId, more: schema.Goals, expected_revision: Expected = None
+    ) -> schema.GoalRevision:
+        """The agent keeps its present goal and what is planned for it."""
+        return _revision(await goals.append(agent_id, more, expected_revision))
+
+    @router.put("/wander", operation_id="wander", summary="Let an agent walk about in an area")
+    async def wander(
+        agent_id: AgentId, wish: schema.Wander, expected_revision: Expected = None
+    ) -> schema.GoalRevision:
+        """Until it is told otherwise: from one place drawn at random to the next."""
+        return _revision(await goals.wander(agent_id, wish, expected_revision))
+
+    @router.delete("/goal", operation_id="clearGoal", summary="Take the goal or path away")
+    async def clear_goal(
+        agent_id: AgentId, expected_revision: Expected = None
+    ) -> schema.GoalRevision:
+        """The agent stops where it is."""
+        return _revision(await goals.clear(agent_id, expected_revision))
+
+    return router
+
+
+def _revision(number: int) -> schema.GoalRevision:
+    return schema.GoalRevision(revision=number)

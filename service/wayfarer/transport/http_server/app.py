@@ -1,0 +1,72 @@
+"""The ASGI application: the API as JSON, body meshes, WebSockets, and the viewer."""
+
+from pathlib import Path
+from typing import Any, Final
+
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+
+from wayfarer import __version__
+from wayfarer.transport import schema
+from wayfarer.transport.gateway import Gateway
+from wayfarer.transport.http_edge import PROBLEMS, Edge, RevalidatedFiles, add_problem_handlers
+from wayfarer.transport.http_server.admin import admin_routes
+from wayfarer.transport.http_server.agents import agent_routes, goal_routes
+from wayfarer.transport.http_server.catalogue import catalogue_routes
+from wayfarer.transport.http_server.clips import clip_routes, snapshot_routes
+from wayfarer.transport.http_server.events import event_routes
+from wayfarer.transport.http_server.health import health_routes
+from wayfarer.transport.http_server.sessions import session_routes
+from wayfarer.transport.websocket import add_sockets
+
+VIEWER: Final = Path(__file__).parent.parent / "viewer"
+DESCRIPTION: Final = """
+Motion of digital humans. Open a session, create agents, give them goals; their poses come over
+`WS /v1/stream`, or `WS /v1/control` with goals and acknowledgements over the same socket (protobuf
+in binary frames: docs/wire-format.md), or over gRPC.
+
+All lengths, places and headings are in the basis of the session. Errors are RFC 9457 problem
+documents (docs/errors.md). Where the server asks for credentials: an API key in `x-api-key`, or an
+API key or JWT in `authorization: Bearer`.
+"""
+SECURITY: Final = {
+    "bearer": {"type": "http", "scheme": "bearer", "description": "an API key or a JWT"},
+    "apiKey": {"type": "apiKey", "in": "header", "name": "x-api-key"},
+}
+ROUTES: Final = (
+    *(session_routes, agent_routes, goal_routes, event_routes, clip_routes, snapshot_routes),
+    *(admin_routes, catalogue_routes),
+)
+
+
+def http_app(gateway: Gateway, viewer: Path = VIEWER) -> FastAPI:
+    """The ASGI application."""
+    app = FastAPI(title="Wayfarer", version=__version__, description=DESCRIPTION)
+    for routes in ROUTES:
+        app.include_router(routes(gateway), responses=PROBLEMS)
+    app.include_router(health_routes(gateway))
+    add_sockets(app, gateway)
+    add_problem_handlers(app)
+    app.add_middleware(Edge, body_bytes=gateway.limits.message_bytes)
+    app.openapi = lambda: _document(app)  # type: ignore[method-assign]
+    if viewer.is_dir():
+        app.mount("/", RevalidatedFiles(directory=viewer, html=True), name="viewer")
+    return app
+
+
+def _document(app: FastAPI) -> dict[str, Any]:
+    """The OpenAPI document, with what FastAPI does not know of."""
+    if app.openapi_schema is None:
+        document = get_openapi(
+            title=app.title, version=app.version, description=app.description, routes=app.routes
+        )
+        components = document["components"]
+        for message in (schema.Problem, schema.FieldProblem):
+            components["schemas"][message.__name__] = message.model_json_schema(
+                mode="serialization", ref_template="#/components/schemas/{model}"
+            )
+        components["schemas"]["Problem"].pop("$defs", None)
+        components["securitySchemes"] = SECURITY
+        document["security"] = [{}, *({name: []} for name in SECURITY)]
+        app.openapi_schema = document
+    return app.openapi_schema

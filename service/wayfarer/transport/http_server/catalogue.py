@@ -1,0 +1,95 @@
+"""Routes of CatalogService, and the body meshes."""
+
+import hashlib
+from functools import lru_cache
+from typing import Annotated
+
+import numpy as np
+from fastapi import APIRouter, Query, Request, Response
+from fastapi import Path as InPath
+from fastapi.concurrency import run_in_threadpool
+
+from wayfarer.body.glb import body_glb
+from wayfarer.body.library import Detail
+from wayfarer.errors import InvalidArgument, NotFound
+from wayfarer.spec import BETAS
+from wayfarer.transport import schema
+from wayfarer.transport.bodies import BodyLibrary
+from wayfarer.transport.gateway import Gateway
+
+
+def catalogue_routes(gateway: Gateway) -> APIRouter:
+    """What the server has and allows."""
+    router = APIRouter(prefix="/v1", tags=["catalogue"])
+    catalogue = gateway.catalogue
+
+    @router.get("/skeleton", operation_id="getSkeleton", summary="The bones of all agents")
+    async def get_skeleton() -> schema.Skeleton:
+        """Their parents, their names in common engines."""
+        return catalogue.skeleton()
+
+    @router.get("/bodies", operation_id="listBodies", summary="Bodies that agents can have")
+    async def list_bodies() -> schema.Bodies:
+        return catalogue.bodies()
+
+    @router.get("/models", operation_id="listModels", summary="Motion models that are loaded")
+    async def list_models() -> schema.Models:
+        return await catalogue.models()
+
+    @router.get("/info", operation_id="getServerInfo", summary="Version, limits, bases")
+    async def get_server_info() -> schema.ServerInfo:
+        return catalogue.info()
+
+    @router.get("/stats", operation_id="getStats", summary="Health of the motion loop")
+    async def get_stats() -> schema.Stats:
+        """Over the last few seconds, or since start."""
+        return await catalogue.stats()
+
+    @router.get(
+        "/bodies/{body}-{gender}.glb",
+        operation_id="getBody",
+        summary="A skinned body in T-pose, glTF binary",
+        response_class=Response,
+        responses={200: {"content": {"model/gltf-binary": {}}}, 304: {"description": "unchanged"}},
+    )
+    async def get_body(
+        request: Request,
+        body: Annotated[str, InPath(max_length=schema.ID_LENGTH)],
+        gender: Annotated[str, InPath(max_length=schema.ID_LENGTH)],
+        betas: Annotated[
+            str, Query(max_length=400, description=f"{BETAS} numbers with commas; none: mean body")
+        ] = "",
+        detail: Annotated[Detail, Query(description="mesh resolution")] = "high",
+        style: Annotated[int, Query(ge=0, lt=1 << 32, description="seed of its colours")] = 0,
+    ) -> Response:
+        """Always in the glTF basis; joint nodes carry the canonical bone names."""
+        bodies = gateway.body_library
+        if body != bodies.name or gender not in list(schema.Gender):
+            known = ", ".join(f"{bodies.name}-{known}" for known in schema.Gender)
+            raise NotFound(f"there is no body {body}-{gender}; there are {known}", "body", body)
+        made = await run_in_threadpool(_glb, bodies, gender, _numbers(betas), detail, style)
+        headers = {"etag": made[0], "cache-control": "public, max-age=3600"}
+        if request.headers.get("if-none-match") == made[0]:
+            return Response(status_code=304, headers=headers)
+        return Response(made[1], media_type="model/gltf-binary", headers=headers)
+
+    return router
+
+
+@lru_cache(maxsize=64)
+def _glb(
+    bodies: BodyLibrary, gender: str, betas: tuple[float, ...], detail: Detail, style: int
+) -> tuple[str, bytes]:
+    """ETag and file."""
+    data = body_glb(bodies.model(gender, detail), np.array(betas), style)
+    return f'"{hashlib.sha256(data).hexdigest()[:32]}"', data
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    """Betas of a query. Raises InvalidArgument."""
+    if not text:
+        return (0.0,) * BETAS
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise InvalidArgument(f"must be {BETAS} numbers with commas between", "betas") from None

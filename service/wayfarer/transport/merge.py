@@ -1,0 +1,71 @@
+"""Async iterators with a pace, and several read as one."""
+
+import asyncio
+from collections.abc import AsyncGenerator, AsyncIterator
+from typing import Any, TypeVar
+
+Item = TypeVar("Item")
+Other = TypeVar("Other")
+
+
+async def paced(
+    source: AsyncIterator[Item], interval: float, stop: asyncio.Event
+) -> AsyncGenerator[Item | None]:
+    """Items of `source`, None after each `interval` seconds without one, until `stop` is set."""
+    stopped: asyncio.Future[Any] = asyncio.ensure_future(stop.wait())
+    upcoming: asyncio.Future[Item] = asyncio.ensure_future(anext(source))
+    try:
+        while True:
+            await asyncio.wait(
+                {stopped, upcoming}, timeout=interval, return_when=asyncio.FIRST_COMPLETED
+            )
+            if stopped.done():
+                return
+            if not upcoming.done():
+                yield None
+                continue
+            try:
+                item = upcoming.result()
+            except StopAsyncIteration:
+                return
+            upcoming = asyncio.ensure_future(anext(source))
+            yield item
+    finally:
+        await _cancel(stopped, upcoming)
+
+
+async def merged(
+    main: AsyncIterator[Item], side: AsyncIterator[Other]
+) -> AsyncGenerator[Item | Other]:
+    """Items of both as they come, each source one item ahead at most; ends with `main`."""
+    sources: dict[asyncio.Future[Any], AsyncIterator[Any]] = {}
+
+    def pull(source: AsyncIterator[Any]) -> asyncio.Future[Any]:
+        upcoming = asyncio.ensure_future(anext(source))
+        sources[upcoming] = source
+        return upcoming
+
+    pull(main)
+    pull(side)
+    try:
+        while True:
+            done, _ = await asyncio.wait(sources, return_when=asyncio.FIRST_COMPLETED)
+            for upcoming in done:
+                source = sources.pop(upcoming)
+                try:
+                    item = upcoming.result()
+                except StopAsyncIteration:
+                    if source is main:
+                        return
+                    continue
+                yield item
+                pull(source)
+    finally:
+        await _cancel(*sources)
+
+
+async def _cancel(*futures: asyncio.Future[Any]) -> None:
+    for future in futures:
+        future.cancel()
+    # their outcomes are taken, so that none is reported as forgotten
+    await asyncio.gather(*futures, return_exceptions=True)

@@ -1,0 +1,211 @@
+"""Prometheus metrics of one server, in a registry of its own. Names: docs/operations.md.
+
+No label has a client's text in it, so their number is bounded.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Final
+
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.gc_collector import GCCollector
+from prometheus_client.platform_collector import PlatformCollector
+from prometheus_client.process_collector import ProcessCollector
+from prometheus_client.registry import Collector
+
+from wayfarer import __version__
+from wayfarer.runtime.agent import AgentState, LoopStats, SlowReader
+from wayfarer.runtime.meter import ResumeResult
+from wayfarer.spec import FPS, NEW_FRAMES
+
+MISSED_S: Final = 1 / FPS
+"""A chunk that leaves later than a frame after its time has missed its deadline."""
+
+PERIOD_S: Final = NEW_FRAMES / FPS
+"""What an agent's step may take: 0.2 s."""
+
+STEP_BUCKETS: Final = (0.002, 0.005, 0.01, 0.02, 0.04, 0.06, 0.08, 0.1, 0.14, PERIOD_S, 0.4, 1.0)
+LATENESS_BUCKETS: Final = (0.0, 0.001, 0.002, 0.005, 0.01, 1 / FPS, 0.05, 0.1, PERIOD_S, 0.5, 1.0)
+QUEUE_BUCKETS: Final = (0.001, 0.005, 0.025, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0)
+CALL_BUCKETS: Final = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 1.0, 2.5, 10.0)
+GOAL_BUCKETS: Final = (0.025, 0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 1.0, 2.0)
+BATCH_BUCKETS: Final = (1, 2, 4, 8, 16, 32, 64, 128, 256)
+
+
+class Metrics:
+    """All metrics. Implements the runtime's `Meter`."""
+
+    def __init__(self, traced: Callable[[int, float], None] | None = None) -> None:
+        """`traced` is told about every engine call, too: agents, seconds."""
+        self.registry = registry = CollectorRegistry()
+        self._traced = traced
+        ProcessCollector(registry=registry)
+        PlatformCollector(registry=registry)
+        GCCollector(registry=registry)
+        build = Gauge("wayfarer_build", "What runs; always 1", ["version"], registry=registry)
+        build.labels(__version__).set(1)
+
+        # the motion loop
+        self._stand = _Stand()
+        registry.register(self._stand)
+        self._steps = _times(registry, "step", "One engine call", STEP_BUCKETS)
+        self._batches = Histogram(
+            "wayfarer_batch_size", "Agents of one engine call", buckets=BATCH_BUCKETS,
+            registry=registry,
+        )  # fmt: skip
+        self._misses = _count(
+            registry, "deadline_misses", "Chunks that left more than a frame late"
+        )
+        self._lateness = _times(
+            registry, "chunk_lateness", "Chunk after its scheduled time", LATENESS_BUCKETS
+        )
+        self._goals = _times(
+            registry, "goal_latency", "From a goal to its first frames", GOAL_BUCKETS
+        )
+        self._rejections = _count(
+            registry, "admission_rejections", "Commands refused for want of room", "reason"
+        )
+
+        # streams
+        self._queues = _times(
+            registry, "stream_queue", "A publication waited for its reader", QUEUE_BUCKETS
+        )
+        self._drops = _count(
+            registry, "stream_drops", "Publications that slow readers lost", "policy"
+        )
+        self._resumes = _count(registry, "resumes", "Streams that came back", "result")
+
+        # the journal
+        self._journal_entries = _count(registry, "journal_entries", "Entries written")
+        self._journal_failures = _count(registry, "journal_failures", "Writes that failed")
+        self._journal_failing = Gauge(
+            "wayfarer_journal_failing", "1: the last write failed", registry=registry
+        )
+
+        # calls
+        self._rpcs = _times(
+            registry, "rpc", "gRPC calls that are no streams", CALL_BUCKETS, "method", "code"
+        )
+        self._http = _times(
+            registry, "http", "HTTP requests that are no streams",
+            CALL_BUCKETS, "method", "route", "status",
+        )  # fmt: skip
+        self._ends = _count(registry, "stream_ends", "Streams that ended", "method", "code")
+
+        # so that a rate can be had from the first one on
+        for policy in SlowReader:
+            self._drops.labels(policy)
+        for result in ResumeResult:
+            self._resumes.labels(result)
+        for command in ("create_session", "create_agents"):
+            self._rejections.labels(command)
+
+    # the runtime's Meter
+
+    def step(self, seconds: float, agents: int) -> None:
+        """See `Meter`, as for all below."""
+        self._steps.observe(seconds)
+        self._batches.observe(agents)
+        if self._traced:
+            self._traced(agents, seconds)
+
+    def chunks(self, lateness: Sequence[float]) -> None:
+        """See `Meter`."""
+        for late in lateness:
+            self._lateness.observe(max(late, 0.0))
+        if missed := sum(late > MISSED_S for late in lateness):
+            self._misses.inc(missed)
+
+    def queue(self, seconds: float) -> None:
+        """See `Meter`."""
+        self._queues.observe(seconds)
+
+    def drops(self, policy: SlowReader, publications: int) -> None:
+        """See `Meter`."""
+        self._drops.labels(policy).inc(publications)
+
+    def resume(self, result: ResumeResult) -> None:
+        """See `Meter`."""
+        self._resumes.labels(result).inc()
+
+    def goal_to_motion(self, seconds: float) -> None:
+        """See `Meter`."""
+        self._goals.observe(seconds)
+
+    def refusal(self, command: str) -> None:
+        """See `Meter`."""
+        self._rejections.labels(command).inc()
+
+    def journal(self, entries: int, failed: bool) -> None:
+        """See `Meter`."""
+        self._journal_entries.inc(entries)
+        self._journal_failures.inc(failed)
+        self._journal_failing.set(failed)
+
+    # how the loop stands
+
+    def refresh(self, now: LoopStats) -> None:
+        """Tell what is a state rather than an event; before it is read."""
+        self._stand.stats = now
+
+    # calls
+
+    def rpc(self, method: str, code: str, seconds: float) -> None:
+        """A gRPC call has ended; `method` is one of ours, `code` as INVALID_ARGUMENT."""
+        self._rpcs.labels(method, code).observe(seconds)
+
+    def http(self, method: str, route: str, status: int, seconds: float) -> None:
+        """An HTTP request was answered; `route` is a template, as /v1/agents/{agent_id}."""
+        self._http.labels(method, route, str(status)).observe(seconds)
+
+    def stream_ended(self, method: str, code: str) -> None:
+        """A stream has ended; `method` of gRPC or a route."""
+        self._ends.labels(method, code).inc()
+
+
+class _Stand(Collector):
+    """What the loop says of itself when it is asked."""
+
+    def __init__(self) -> None:
+        self.stats: LoopStats | None = None
+
+    def collect(self) -> Iterator[Metric]:
+        """Called by the registry."""
+        now = self.stats
+        if now is None:
+            return
+        agents = GaugeMetricFamily("wayfarer_agents", "Agents", labels=["state"])
+        for state in AgentState:
+            agents.add_metric([state], now.states.get(state, 0))
+        yield agents
+        for name, what, value in (
+            ("sessions", "Sessions", now.sessions),
+            ("streams", "Subscriptions to motion", now.subscribers),
+            ("held_sessions", "Sessions whose agents wait for a slow reader", now.held_sessions),
+            ("capacity_agents", "Agents that fit, by the measured cost of a step", now.capacity),
+            ("load", "Share of the time that engine calls take, 0 to 1", now.load),
+            ("overload_rung", "Rung of the overload ladder; 0: all as wished", now.rung),
+        ):
+            yield GaugeMetricFamily(f"wayfarer_{name}", what, value)
+        for name, what, value in (
+            ("agent_steps", "Agents moved by one primitive", now.steps),
+            ("reduced_steps", "Those with fewer candidates than wished", now.reduced_steps),
+            ("held_steps", "Those left out, the agent being idle", now.held_steps),
+            ("refused_agents", "Agents refused for want of time", now.refused_agents),
+            ("agent_resets", "Agents put back to a stand", now.resets),
+            ("loop_failures", "Turns of the loop that raised", now.failures),
+            ("loop_rebases", "Times the schedule was moved", now.rebased),
+        ):
+            yield CounterMetricFamily(f"wayfarer_{name}", what, value)
+
+
+def _times(
+    registry: CollectorRegistry, name: str, what: str, buckets: tuple[float, ...], *labels: str
+) -> Histogram:
+    return Histogram(
+        f"wayfarer_{name}_seconds", f"{what}, seconds", labels, buckets=buckets, registry=registry
+    )
+
+
+def _count(registry: CollectorRegistry, name: str, what: str, *labels: str) -> Counter:
+    return Counter(f"wayfarer_{name}", what, labels, registry=registry)

@@ -1,0 +1,52 @@
+"""How a server is run rather than what it does: guard, origins, TLS, metrics, traces, bounds."""
+
+from dataclasses import dataclass, field
+
+from wayfarer.config import Settings
+from wayfarer.transport.auth import Authenticator
+from wayfarer.transport.guard import Guard
+from wayfarer.transport.limits import CallRates
+from wayfarer.transport.metrics import Metrics
+from wayfarer.transport.origins import Origins
+from wayfarer.transport.tls import Tls
+from wayfarer.transport.tracing import NoTracing, Tracing, tracing
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """One per server; the defaults are those of a server on loopback without auth."""
+
+    guard: Guard = field(default_factory=Guard)
+    origins: Origins = field(default_factory=Origins)
+    metrics: Metrics = field(default_factory=Metrics)
+    metrics_access: str = "guarded"  # as the setting `metrics`
+    tracing: Tracing = field(default_factory=NoTracing)
+    tls: Tls | None = None
+    connections: int = 1024
+    drain_s: float = 2.0
+    access_log: bool = False
+
+    @classmethod
+    def from_settings(cls, settings: Settings) -> "Operation":
+        """Reads keys and certificates. Raises InvalidArgument that names setting and file."""
+        tls = None
+        if settings.tls_cert and settings.tls_key:
+            tls = Tls(settings.tls_cert, settings.tls_key, settings.tls_client_ca)
+            tls.check()
+        traces = tracing(settings.otlp_endpoint)
+        return cls(
+            guard=Guard(
+                Authenticator.from_settings(settings), CallRates(settings.limits.calls_per_second)
+            ),
+            origins=Origins(
+                frozenset(settings.cors_origins),
+                local_only=settings.is_loopback and not settings.has_auth,
+            ),
+            metrics=Metrics(traces.step if settings.otlp_endpoint else None),
+            metrics_access=settings.metrics,
+            tracing=traces,
+            tls=tls,
+            connections=settings.connections,
+            drain_s=settings.drain_s,
+            access_log=settings.access_log,
+        )

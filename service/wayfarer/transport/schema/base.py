@@ -1,0 +1,72 @@
+"""What the other messages are made of."""
+
+from typing import Annotated, Any, Final
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict
+from pydantic_core import PydanticCustomError
+
+from wayfarer.transport.basis import Basis
+
+UINT32: Final = (1 << 32) - 1
+
+
+def _number(value: Any) -> Any:
+    if isinstance(value, str | bytes | bool):
+        raise PydanticCustomError("number", "Input should be a number")
+    return value
+
+
+Float = Annotated[float, BeforeValidator(_number)]
+"""A JSON number; neither "1" nor true."""
+
+Int = Annotated[int, BeforeValidator(_number)]
+"""A JSON number without a fraction."""
+
+Uint32 = Annotated[Int, Field(ge=0, le=UINT32)]
+Bool = Annotated[bool, Strict()]
+
+Text = Annotated[str, Field(max_length=64, pattern=r"^[^\x00-\x1f\x7f]*$")]
+"""A short line: no control characters."""
+
+
+class Message(BaseModel):
+    """Base of all: frozen, finite numbers only, unknown keys refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Vector3(Message):
+    """A point or direction in the basis of the session."""
+
+    x: Float
+    y: Float
+    z: Float
+
+
+class BasisInfo(Message):
+    """What a basis means."""
+
+    basis: Basis
+    metres_per_unit: float = Field(description="length of one unit: 1 or 0.01")
+    right_handed: bool
+    up: Vector3 = Field(description="unit vector that points up")
+    forward: Vector3 = Field(description="unit vector that a body faces at heading 0")
+    quaternion_order: str = "xyzw"
+
+
+class FieldProblem(Message):
+    """One field at fault."""
+
+    field: str = Field(description='path of the field, as in "goals[3].speed"')
+    detail: str
+
+
+class Problem(Message):
+    """RFC 9457 problem document; docs/errors.md lists the types."""
+
+    type: str
+    title: str
+    status: int
+    detail: str = Field(description="what was wrong, where, and what is allowed")
+    errors: tuple[FieldProblem, ...] = Field(default=(), description="all fields at fault")
+    retry_after_s: float | None = Field(default=None, description="when to try again")

@@ -1,0 +1,100 @@
+"""What the server has and allows, how it fares, and its models."""
+
+from pydantic import ConfigDict, Field
+
+from wayfarer.config import Limits
+from wayfarer.transport.schema.agents import Gender
+from wayfarer.transport.schema.base import BasisInfo, Bool, Message
+
+
+class Bone(Message):
+    """One bone, with its name in common engines (empty: it has no such bone)."""
+
+    name: str
+    parent: int = Field(description="index in `bones`; -1 for the root")
+    mixamo: str = ""
+    unity: str = ""
+    vrm: str = ""
+    ue: str = ""
+
+
+class Skeleton(Message):
+    """The bones of an agent; parents come before children."""
+
+    bones: tuple[Bone, ...]
+    posed_bones: int = Field(description="so many, from the first, have a rotation in every frame")
+
+
+class Body(Message):
+    """A body that agents can have."""
+
+    name: str
+    gender: Gender
+    betas: int
+    vertices: int
+    faces: int
+    min_height_m: float
+    max_height_m: float
+    glb_path: str
+
+
+class Bodies(Message):
+    """The bodies that agents can have."""
+
+    bodies: tuple[Body, ...]
+
+
+class Model(Message):
+    """A loaded motion model."""
+
+    name: str
+    genders: tuple[Gender, ...]
+    seed_frames: int
+    primitive_frames: int
+    sha256: tuple[str, ...] = Field(description="of each graph, in the order of `genders`")
+    in_use: bool = Field(description="new agents are moved by it")
+
+
+class Models(Message):
+    """The motion models that are loaded."""
+
+    models: tuple[Model, ...]
+
+
+class NewModel(Message):
+    """Names a model to load."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"name": "gamma-anny52"}]})
+
+    name: str = Field(
+        pattern=r"^[A-Za-z0-9._-]{1,64}$",
+        description="a shipped model, or a folder inside the server's models folder",
+    )
+
+
+class ModelUse(Message):
+    """How to bring a loaded model into use."""
+
+    move_agents: Bool = Field(default=False, description="move the present agents too")
+
+
+class ModelUsed(Message):
+    """The model is in use."""
+
+    moved: int = Field(description="agents that change their model")
+
+
+class ServerInfo(Message):
+    """What the server is."""
+
+    version: str
+    fps: int
+    frames_per_chunk: int
+    limits: Limits
+    bases: tuple[BasisInfo, ...]
+
+
+class Health(Message):
+    """The answer to a probe."""
+
+    status: str

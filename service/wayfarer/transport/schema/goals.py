@@ -1,0 +1,87 @@
+"""Goals, paths, wandering."""
+
+from pydantic import ConfigDict, Field
+
+from wayfarer.transport.schema.base import Bool, Float, Message, Vector3
+
+
+class Goal(Message):
+    """A place to walk to, and how."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"position": {"x": 2, "y": 0, "z": 3}, "speed": 1.4}]}
+    )
+
+    position: Vector3 = Field(description="the component along up is ignored")
+    radius: Float | None = Field(
+        default=None, gt=0, description="arrived when this near; 0.05 to 10 m; 0.3 m"
+    )
+    speed: Float | None = Field(default=None, gt=0, description="on the way; 0.2 to 4 m/s; 1.2 m/s")
+    heading: Float | None = Field(
+        default=None,
+        ge=-100,
+        le=100,
+        description="to face once stopped there: radians about up, 0 faces the basis's forward",
+    )
+    stop: Bool | None = Field(
+        default=None, description="false: pass through without slowing, stop after the last; true"
+    )
+    strafe: Bool | None = Field(
+        default=None, description="face `heading` on the way, too: walk sideways, backwards; false"
+    )
+    dwell: Float | None = Field(
+        default=None,
+        ge=0,
+        le=3600,
+        description="seconds to stand there before the next goal; 0",
+    )
+
+
+class Goals(Message):
+    """Goals to visit in turn."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "goals": [
+                        {"position": {"x": 0, "y": 0, "z": 4}, "stop": False},
+                        {"position": {"x": 3, "y": 0, "z": 4}, "heading": 3.14, "dwell": 2},
+                    ]
+                }
+            ]
+        }
+    )
+
+    goals: tuple[Goal, ...] = Field(
+        min_length=1, max_length=1024, description="at most limits.path_goals"
+    )
+
+
+class Area(Message):
+    """An area to walk about in."""
+
+    center: Vector3 = Field(description="the component along up is ignored")
+    radius: Float = Field(gt=0, description="from 0.5 m to limits.goal_distance_m")
+
+
+class Wander(Message):
+    """Asks an agent to walk about until it is told otherwise."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [{"area": {"center": {"x": 0, "y": 0, "z": 0}, "radius": 5}, "dwell": 2}]
+        }
+    )
+
+    area: Area
+    speed: Float | None = Field(default=None, gt=0, description="on the way; 0.2 to 4 m/s; 1.2 m/s")
+    dwell: Float | None = Field(
+        default=None, ge=0, le=3600, description="seconds to stand at each place; 0"
+    )
+
+
+class GoalRevision(Message):
+    """The change was taken."""
+
+    revision: int = Field(description="of the agent's goal; chunks planned for it carry it")

@@ -1,0 +1,146 @@
+"""Streams, clips, lock-step. Poses stand in JSON as base64 of their bytes (docs/wire-format.md)."""
+
+from pydantic import ConfigDict, Field
+
+from wayfarer.runtime.agent import AgentState, EventKind, SlowReader
+from wayfarer.transport.basis import Basis
+from wayfarer.transport.codec import PoseEncoding, PoseProfile
+from wayfarer.transport.schema.agents import Agent, AgentSpec
+from wayfarer.transport.schema.base import BasisInfo, Bool, Float, Message, Problem, Uint32
+from wayfarer.transport.schema.catalogue import Skeleton
+from wayfarer.transport.schema.goals import Goal
+
+ID_LENGTH = 64
+"""Characters of a session's or agent's id at most."""
+
+
+class PoseFormat(Message):
+    """What poses hold and how they are packed."""
+
+    encoding: PoseEncoding = PoseEncoding.F32_LE
+    profile: PoseProfile = Field(
+        default=PoseProfile.BODY, description="the 22 bones that move, all 52, or those of `bones`"
+    )
+    bones: tuple[str, ...] = Field(
+        default=(), max_length=52, description="with profile `bones`: canonical names, each once"
+    )
+    fps: Uint32 = Field(default=0, description="40, 20 or 10; 0: 40")
+
+
+class StreamWish(Message):
+    """Asks for a stream."""
+
+    session_id: str = Field(max_length=ID_LENGTH, description="the session to follow")
+    agent_ids: tuple[str, ...] = Field(default=(), description="none: all, later ones too")
+    format: PoseFormat = PoseFormat()
+    slow_reader: SlowReader = Field(
+        default=SlowReader.DROP_OLDEST, description="what to do when the reader is too slow"
+    )
+    resume_token: str = Field(default="", description="the last one of an earlier stream")
+
+
+class ClipWish(Message):
+    """Asks for a clip."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "agent": {"gender": "male", "seed": 7},
+                    "goals": [{"position": {"x": 0, "y": 0, "z": 4}}],
+                    "seconds": 8,
+                    "until_arrival": True,
+                }
+            ]
+        }
+    )
+
+    agent: AgentSpec = Field(default=AgentSpec(), description="who walks")
+    goals: tuple[Goal, ...] = Field(
+        default=(), max_length=1024, description="to visit in turn; none: the agent stands"
+    )
+    seconds: Float = Field(gt=0, description="length; at most limits.clip_s")
+    until_arrival: Bool = Field(
+        default=False, description="end once the agent stands at the last goal"
+    )
+    basis: Basis = Field(default=Basis.GLTF, description="basis of the request and of the clip")
+    format: PoseFormat = PoseFormat()
+
+
+class StepWish(Message):
+    """Asks that time pass in a lock-step session."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"steps": 5}]})
+
+    steps: Uint32 = Field(
+        default=0, description="primitives of 0.2 s; 0: one; at most limits.steps_per_call"
+    )
+    format: PoseFormat = PoseFormat()
+
+
+class StreamHeader(Message):
+    """What holds for all that follows."""
+
+    server_version: str
+    session_id: str
+    fps: int
+    basis: BasisInfo
+    skeleton: Skeleton
+    pose_encoding: PoseEncoding
+    sent_fps: int = Field(description="frames per second that are sent")
+    bones: tuple[int, ...] = Field(description="indices of the bones whose rotations are sent")
+    frame_bytes: int = Field(description="bytes of one frame in `poses`")
+    resume_s: float = Field(description="seconds of motion held for a stream that resumes")
+    resumed: bool = Field(description="goes on without a gap where resume_token left off")
+
+
+class MotionChunk(Message):
+    """The new frames of one agent."""
+
+    alias: int
+    seq: int = Field(description="0, 1, 2 … per agent")
+    first_frame: int = Field(description="since the agent was created")
+    scheduled_at_us: int = Field(description="when to show the first frame")
+    goal_revision: int
+    state: AgentState
+    flags: int = Field(description="sum of ChunkFlag values")
+    poses: str = Field(description="base64 of the packed frames")
+    contacts: str = Field(description="base64; one byte per frame: 1 left foot, 2 right foot")
+    waypoint: int
+    candidates: int
+
+
+class MotionBatch(Message):
+    """Chunks that fell due together, and news of agents."""
+
+    added: tuple[Agent, ...] = Field(description="agents whose first chunk is in this batch")
+    chunks: tuple[MotionChunk, ...] = Field(description="at most one per agent")
+    removed: tuple[int, ...] = Field(description="aliases of deleted agents")
+    resume_token: str
+
+
+class Event(Message):
+    """Something that happened to an agent, a stream or the server."""
+
+    kind: EventKind
+    agent_id: str = Field(description="empty for a stream or the server")
+    alias: int
+    at_us: int = Field(description="microseconds since the Unix epoch")
+    goal_revision: int
+    waypoint: int
+    detail: str = Field(description="a sentence for people")
+
+
+class Steps(Message):
+    """What happened meanwhile."""
+
+    batches: tuple[MotionBatch, ...] = Field(description="one for each primitive")
+    events: tuple[Event, ...]
+
+
+class ClipLine(Message):
+    """One line of a clip or replay: a header first, then batches; a problem if it broke off."""
+
+    header: StreamHeader | None = None
+    batch: MotionBatch | None = None
+    problem: Problem | None = None

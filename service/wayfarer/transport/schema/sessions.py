@@ -1,0 +1,61 @@
+"""Sessions."""
+
+from pydantic import ConfigDict, Field
+
+from wayfarer.transport.basis import Basis
+from wayfarer.transport.schema.base import BasisInfo, Bool, Float, Message, Text, Uint32
+
+
+class NewSession(Message):
+    """Asks for a session. All has a default: `{}` will do."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"basis": "gltf", "seed": 7, "lease_s": 120}]}
+    )
+
+    basis: Basis = Field(default=Basis.GLTF, description="basis of all it sends and receives")
+    seed: Uint32 | None = Field(
+        default=None, description="agents without a seed draw theirs from it; server's choice"
+    )
+    lease_s: Float | None = Field(
+        default=None,
+        ge=1,
+        description="seconds it outlives its last call and stream; to limits.lease_s; 60",
+    )
+    scene: Text = Field(default="", description="empty: the endless flat floor, the only one yet")
+    lock_step: Bool = Field(default=False, description="time passes only in StepAgents; no streams")
+    record: Bool = Field(default=False, description="record its commands, for its log")
+    request_id: Text = Field(
+        default="",
+        description="the same request sent again within ten minutes does nothing and gets the "
+        "same reply; the header Idempotency-Key means the same",
+    )
+
+
+class Session(Message):
+    """A client's set of agents."""
+
+    session_id: str
+    basis: BasisInfo
+    agent_ids: tuple[str, ...] = Field(description="in order of creation")
+    created_at_us: int = Field(description="microseconds since the Unix epoch")
+    seed: int = Field(description="agents without a seed draw theirs from it")
+    lease_s: float = Field(description="seconds it outlives its last call and stream")
+    expires_at_us: int = Field(
+        description="when the lease ends unless renewed; moves on while a stream is open"
+    )
+    lock_step: bool
+    record: bool
+    scene: str
+
+
+class Sessions(Message):
+    """The caller's sessions."""
+
+    sessions: tuple[Session, ...] = Field(description="oldest first")
+
+
+class Renewal(Message):
+    """The lease begins anew."""
+
+    expires_at_us: int = Field(description="when it ends now: microseconds since the Unix epoch")

@@ -1,0 +1,34 @@
+"""Figures of the motion loop."""
+
+from pydantic import Field
+
+from wayfarer.transport.schema.base import Message
+
+
+class Stats(Message):
+    """Health of the motion loop over the last few seconds."""
+
+    agents: int
+    sessions: int
+    subscribers: int
+    steps: int = Field(description="agent steps since start")
+    step_ms_mean: float = Field(description="one engine call")
+    step_ms_p95: float
+    late_chunks: int = Field(description="ready after their scheduled time, since start")
+    lateness_ms_p95: float
+    uptime_s: float
+    resets: int = Field(description="agents put back to a stand after a broken step, since start")
+    failures: int = Field(description="turns of the loop that raised, since start")
+    rebased: int = Field(description="how often the schedule was moved, being > 1 s behind")
+    dropped_batches: int = Field(description="lost by the present streams, being too slow")
+    reduced_steps: int = Field(
+        description="agent steps with fewer candidates than usual for want of time, since start"
+    )
+    held_sessions: int = Field(description="whose agents wait for a slow reader now")
+    states: dict[str, int] = Field(description="agents in each state")
+    capacity: int = Field(description="agents that fit, by the measured cost; 0: not known yet")
+    load: float = Field(description="share of the last seconds that engine calls took, 0 to 1")
+    rung: int = Field(description="of the overload ladder; 0: all as wished")
+    held_steps: int = Field(description="agent steps left out, the agent being idle, since start")
+    refused_agents: int = Field(description="not created for want of time, since start")
+    journal_failing: bool = Field(description="what changes now would not survive the process")

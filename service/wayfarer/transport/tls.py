@@ -1,0 +1,92 @@
+"""TLS of both ports, from PEM files that are checked at the start."""
+
+import ssl
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Final
+
+import grpc
+import structlog
+from cryptography import x509
+
+from wayfarer.errors import InvalidArgument
+
+log = structlog.get_logger(__name__)
+
+SOON: Final = timedelta(days=14)
+
+
+@dataclass(frozen=True, slots=True)
+class Tls:
+    """Certificate chain and key of the server; the authority of client certificates, if asked."""
+
+    cert: Path
+    key: Path
+    client_ca: Path | None = None
+
+    def check(self) -> None:
+        """Raises InvalidArgument that names the setting whose file does not do."""
+        _dated("tls_cert", self.cert)
+        if self.client_ca:
+            _dated("tls_client_ca", self.client_ca)
+        self.http()
+
+    def http(self) -> ssl.SSLContext:
+        """For HTTP. A client without a certificate gets as far as what is open to everybody."""
+        context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
+        context.minimum_version = ssl.TLSVersion.TLSv1_2
+        try:
+            context.load_cert_chain(self.cert, self.key, password=_no_password)
+        except ssl.SSLError as error:
+            why = error.reason or str(error)
+            raise InvalidArgument(
+                f"setting tls_key: {self.key} is not the private key, in PEM, of "
+                f"{self.cert}: {why.replace('_', ' ').lower()}",
+                "tls_key",
+            ) from None
+        except OSError as error:
+            raise _unreadable("tls_key", self.key, error) from None
+        if self.client_ca:
+            context.load_verify_locations(self.client_ca)
+            context.verify_mode = ssl.CERT_OPTIONAL
+        return context
+
+    def grpc(self) -> grpc.ServerCredentials:
+        """For gRPC. Where client certificates are asked, there is no connection without one."""
+        return grpc.ssl_server_credentials(
+            [(self.key.read_bytes(), self.cert.read_bytes())],
+            self.client_ca.read_bytes() if self.client_ca else None,
+            require_client_auth=self.client_ca is not None,
+        )
+
+
+def _dated(setting: str, path: Path) -> None:
+    """Refuse what is no certificate or out of date; warn of what soon will be."""
+    try:
+        found = x509.load_pem_x509_certificates(path.read_bytes())
+    except OSError as error:
+        raise _unreadable(setting, path, error) from None
+    except ValueError:
+        raise InvalidArgument(
+            f"setting {setting}: {path} holds no certificate in PEM", setting
+        ) from None
+    now = datetime.now(UTC)
+    ends = min(certificate.not_valid_after_utc for certificate in found)
+    if ends < now:
+        raise InvalidArgument(f"setting {setting}: {path} has expired on {ends:%Y-%m-%d}", setting)
+    if ends < now + SOON:
+        log.warning("certificate expires soon", setting=setting, on=f"{ends:%Y-%m-%d}")
+
+
+def _unreadable(setting: str, path: Path, error: OSError) -> InvalidArgument:
+    return InvalidArgument(f"setting {setting}: {path}: {error.strerror}", setting)
+
+
+def _no_password() -> str:
+    """Rather than to ask for one on a terminal that nobody sits at."""
+    raise InvalidArgument(
+        "setting tls_key: the private key is encrypted; a server needs it in the clear, in a file "
+        "that only its user can read",
+        "tls_key",
+    )

@@ -1,0 +1,108 @@
+"""OpenTelemetry spans, of calls and of engine calls; never of messages. Off unless set up.
+
+The packages come with the extra `otel`, and are imported only where traces are wanted. Sampling,
+headers and the like are OpenTelemetry's own variables (OTEL_TRACES_SAMPLER, …).
+"""
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from typing import Any, Protocol
+
+from wayfarer import __version__
+
+
+class Tracing(Protocol):
+    """Where spans go."""
+
+    def call(
+        self, name: str, headers: Mapping[str, str]
+    ) -> AbstractContextManager[Callable[[str], None]]:
+        """A context manager around a call; `headers` may carry the client's `traceparent`.
+
+        It yields a function that gives the span another name.
+        """
+        ...
+
+    def step(self, agents: int, seconds: float) -> None:
+        """An engine call that has just ended."""
+        ...
+
+    def close(self) -> None:
+        """Send what is left."""
+        ...
+
+
+def _unnamed(name: str) -> None:
+    """There is no span to name."""
+
+
+class NoTracing:
+    """Nothing is traced."""
+
+    @contextmanager
+    def call(self, name: str, headers: Mapping[str, str]) -> Iterator[Callable[[str], None]]:
+        """See `Tracing`, as for all below."""
+        yield _unnamed
+
+    def step(self, agents: int, seconds: float) -> None:
+        """See `Tracing`."""
+
+    def close(self) -> None:
+        """See `Tracing`."""
+
+
+class OtlpTracing:
+    """Spans over OTLP. They are sent in batches by a thread of the library."""
+
+    def __init__(self, endpoint: str, exporter: Any = None) -> None:
+        """Raises ModuleNotFoundError without the extra. `exporter`: another place for spans."""
+        from opentelemetry.exporter.otlp.proto.grpc.trace_exporter import OTLPSpanExporter
+        from opentelemetry.propagate import extract
+        from opentelemetry.sdk.resources import Resource
+        from opentelemetry.sdk.trace import TracerProvider
+        from opentelemetry.sdk.trace.export import BatchSpanProcessor
+        from opentelemetry.trace import SpanKind, StatusCode
+
+        resource = Resource.create({"service.name": "wayfarer", "service.version": __version__})
+        self._provider = TracerProvider(resource=resource, shutdown_on_exit=False)
+        self._provider.add_span_processor(
+            BatchSpanProcessor(exporter or OTLPSpanExporter(endpoint=endpoint))
+        )
+        self._tracer = self._provider.get_tracer("wayfarer", __version__)
+        self._extract = extract
+        self._server = SpanKind.SERVER
+        self._failed = StatusCode.ERROR
+
+    @contextmanager
+    def call(self, name: str, headers: Mapping[str, str]) -> Iterator[Callable[[str], None]]:
+        """See `Tracing`, as for all below."""
+        with self._tracer.start_as_current_span(
+            name,
+            context=self._extract(headers),
+            kind=self._server,
+            record_exception=False,  # its text belongs in the log, where secrets are taken out
+            set_status_on_exception=False,
+        ) as span:
+            try:
+                yield span.update_name
+            except BaseException:
+                span.set_status(self._failed)
+                raise
+
+    def step(self, agents: int, seconds: float) -> None:
+        """See `Tracing`."""
+        end = time.time_ns()
+        span = self._tracer.start_span(
+            "step", start_time=end - round(1e9 * seconds), attributes={"agents": agents}
+        )
+        span.end(end)
+
+    def close(self) -> None:
+        """See `Tracing`."""
+        self._provider.shutdown()
+
+
+def tracing(endpoint: str) -> Tracing:
+    """To an OTLP endpoint; none when that is empty."""
+    return OtlpTracing(endpoint) if endpoint else NoTracing()

@@ -1,0 +1,92 @@
+"""Protobuf ↔ schema, by field name: any message and its twin of schema/.
+
+Among values enums stand as their short lower-case names, bytes as base64 text.
+"""
+
+from base64 import b64decode, b64encode
+from typing import Any, TypeVar
+
+from google.protobuf.message import Message as ProtoMessage
+from pydantic import BaseModel, ValidationError
+
+from wayfarer.errors import InvalidArgument
+from wayfarer.transport.errors import invalid_request
+
+Twin = TypeVar("Twin", bound=BaseModel)
+Proto = TypeVar("Proto", bound=ProtoMessage)
+
+
+def parse(twin: type[Twin], message: ProtoMessage, field: str = "") -> Twin:
+    """The schema twin of a protobuf message, itself the `field` of a request.
+
+    Fields of the message that the twin lacks are left out. Raises InvalidArgument.
+    """
+    found = values(message, field)
+    try:
+        return twin.model_validate({k: v for k, v in found.items() if k in twin.model_fields})
+    except ValidationError as error:
+        raise invalid_request(error, field) from None
+
+
+def message(kind: type[Proto], twin: BaseModel) -> Proto:
+    """The protobuf message of a schema twin."""
+    return kind(**_arguments(kind.DESCRIPTOR, twin.model_dump()))
+
+
+def values(message: ProtoMessage, path: str = "") -> dict[str, Any]:
+    """Fields by name. Absent ones and unspecified enums are left to the twin's defaults.
+
+    Raises InvalidArgument where an enum's number is unknown.
+    """
+    found: dict[str, Any] = {}
+    for field in message.DESCRIPTOR.fields:
+        value = getattr(message, field.name)
+        inner = f"{path}.{field.name}" if path else field.name
+        if field.is_repeated:
+            found[field.name] = [_value(field, v, f"{inner}[{i}]") for i, v in enumerate(value)]
+        elif (
+            message.HasField(field.name) if field.has_presence else field.enum_type is None or value
+        ):
+            found[field.name] = _value(field, value, inner)
+    return found
+
+
+def _value(field: Any, value: Any, path: str) -> Any:
+    if field.enum_type is not None:
+        return _enum_name(field.enum_type, value, path)
+    if field.type == field.TYPE_BYTES:
+        return b64encode(value).decode()
+    return value if field.message_type is None else values(value, path)
+
+
+def _arguments(descriptor: Any, values: dict[str, Any]) -> dict[str, Any]:
+    """Constructor arguments of a protobuf message; None stands for an absent field."""
+    arguments: dict[str, Any] = {}
+    for name, value in values.items():
+        field = descriptor.fields_by_name[name]
+        if field.is_repeated:
+            arguments[name] = [_argument(field, item) for item in value]
+        elif value is not None:
+            arguments[name] = _argument(field, value)
+    return arguments
+
+
+def _argument(field: Any, value: Any) -> Any:
+    if field.enum_type is not None:
+        return f"{_prefix(field.enum_type)}{value.upper()}"
+    if field.type == field.TYPE_BYTES:
+        return b64decode(value)
+    return value if field.message_type is None else _arguments(field.message_type, value)
+
+
+def _enum_name(enum: Any, number: int, path: str) -> str:
+    value = enum.values_by_number.get(number)
+    if value is None or number == 0:
+        known = [v.name for v in enum.values[1:]]
+        raise InvalidArgument(f"{number} is none of {', '.join(known)}", path)
+    return str(value.name).removeprefix(_prefix(enum)).lower()
+
+
+def _prefix(enum: Any) -> str:
+    """Enum values carry their enum's name, as buf's STANDARD rules want: "GENDER_"."""
+    return str(enum.values[0].name).removesuffix("UNSPECIFIED")

@@ -1,0 +1,1 @@
+"""Hostile inputs for a running server: see benchmarks/fuzz.py for the long form."""

@@ -1,0 +1,190 @@
+"""A whole run: all surfaces at once, with a healthy stream beside them."""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+
+import grpc
+import httpx
+
+from tests.fuzz import grpc_calls, http_calls, sockets
+from tests.fuzz.inputs import Inputs
+from tests.fuzz.tally import Quota
+from tests.fuzz.tally import Tally as Answers
+from wayfarer.load.client import SimulatedClient
+from wayfarer.load.plan import Plan
+from wayfarer.load.tally import Tally as StreamTally
+from wayfarer.load.target import Target
+from wayfarer.v1 import agent_pb2, agent_pb2_grpc, session_pb2, session_pb2_grpc
+
+SETTINGS = {
+    "WAYFARER_LIMITS__CALLS_PER_SECOND": "1000000",
+    "WAYFARER_LIMITS__SESSIONS_PER_CALLER": "64",
+    "WAYFARER_CANDIDATES": "1",
+    "WAYFARER_ADMISSION": "false",
+    "WAYFARER_THREADS": "1",
+}
+"""Of the server: with its usual limit of calls most inputs would get no farther."""
+
+MESSAGE_BYTES = 1 << 20
+
+SHARES = {"grpc": 0.6, "socket": 0.2, "http": 0.185, "grpc_port": 0.01, "http_port": 0.005}
+"""Of the inputs."""
+
+WORKERS = {"grpc": 4, "socket": 2, "http": 2, "grpc_port": 1, "http_port": 2}
+
+TEND_SECONDS = 1.0
+WARM_UP = 0.2
+"""Share of the inputs after which memory is first looked at: by then everything has been used."""
+
+
+@dataclass
+class Report:
+    """What a run has found."""
+
+    answers: Answers = field(default_factory=Answers)
+    stream: StreamTally = field(default_factory=StreamTally)  # of the healthy one
+    late_chunks: int = 0  # that left the server late
+    resets: int = 0
+    failed_turns: int = 0  # of the motion thread
+    seconds: float = 0.0
+    megabytes: list[float] = field(default_factory=list)  # after the warm-up, …, at the end
+
+    @property
+    def growth_megabytes(self) -> float:
+        """Memory at the end beyond that after the warm-up."""
+        return self.megabytes[-1] - self.megabytes[0] if self.megabytes else 0.0
+
+
+async def run(target: Target, inputs: int, seed: int, healthy_agents: int = 4) -> Report:
+    """Send so many inputs; the same seed draws the same ones (answers may change their order)."""
+    report = Report()
+    drawn = Inputs(seed, MESSAGE_BYTES)
+    async with (
+        httpx.AsyncClient(base_url=target.http, timeout=20) as http,
+        grpc.aio.insecure_channel(target.grpc) as channel,
+        _healthy(target, report.stream, healthy_agents) as healthy,
+        _tended(channel, drawn, healthy),
+    ):
+        before, began = await _stats(http), time.monotonic()
+        for share in (WARM_UP, 1 - WARM_UP):
+            await _send(target, http, channel, drawn, report.answers, round(share * inputs))
+            await _clean(channel, healthy)
+            if megabytes := target.resident_megabytes():
+                report.megabytes.append(megabytes)
+        after = await _stats(http)
+        report.seconds = time.monotonic() - began
+        report.late_chunks = after["late_chunks"] - before["late_chunks"]
+        report.resets = after["resets"] - before["resets"]
+        report.failed_turns = after["failures"] - before["failures"]
+    return report
+
+
+async def _send(
+    target: Target,
+    http: httpx.AsyncClient,
+    channel: grpc.aio.Channel,
+    inputs: Inputs,
+    answers: Answers,
+    count: int,
+) -> None:
+    quotas = {name: Quota(round(share * count)) for name, share in SHARES.items()}
+    work = {
+        "grpc": lambda quota: grpc_calls.worker(channel, inputs, quota, answers),
+        "socket": lambda quota: sockets.worker(target.http, inputs, quota, answers),
+        "http": lambda quota: http_calls.worker(http, inputs, quota, answers),
+        "grpc_port": lambda quota: grpc_calls.port_worker(target.grpc, inputs, quota, answers),
+        "http_port": lambda quota: http_calls.port_worker(target.http, inputs, quota, answers),
+    }
+    async with asyncio.TaskGroup() as tasks:
+        for name, workers in WORKERS.items():
+            for _ in range(workers):
+                tasks.create_task(work[name](quotas[name]))
+
+
+@asynccontextmanager
+async def _healthy(target: Target, tally: StreamTally, agents: int) -> AsyncIterator[str]:
+    """A client who does all as it should; yields its session."""
+    plan = Plan(sessions=1, agents=agents, goal_rate=0.2)
+    client = SimulatedClient(target, plan, tally, 0)
+    await client.open()
+    assert tally.agents == agents, f"only {tally.agents} of {agents} healthy agents fit"
+    walking = asyncio.create_task(client.run(time.time() + 1.0, time.time() + 1e6))
+    try:
+        yield client.session_id
+    finally:
+        assert not walking.done(), f"the healthy stream has ended: {walking}"
+        walking.cancel()
+        await asyncio.wait({walking})
+        await client.close()
+
+
+@asynccontextmanager
+async def _tended(channel: grpc.aio.Channel, inputs: Inputs, healthy: str) -> AsyncIterator[None]:
+    """Keep sessions there that inputs can name, and what they open from piling up."""
+
+    async def tend() -> None:
+        while True:
+            await _clean(channel, healthy)
+            await _furnish(channel, inputs)
+            await asyncio.sleep(TEND_SECONDS)
+
+    tending = asyncio.create_task(tend())
+    try:
+        yield
+    finally:
+        assert not tending.done(), tending
+        tending.cancel()
+        await asyncio.wait({tending})
+
+
+async def _clean(channel: grpc.aio.Channel, healthy: str) -> None:
+    sessions = session_pb2_grpc.SessionServiceStub(channel)
+    page = await sessions.ListSessions(session_pb2.ListSessionsRequest())
+    for session in page.sessions:
+        if session.session_id != healthy:
+            try:
+                await sessions.DeleteSession(
+                    session_pb2.DeleteSessionRequest(session_id=session.session_id)
+                )
+            except grpc.aio.AioRpcError as error:  # an input may have been quicker
+                if error.code() is not grpc.StatusCode.NOT_FOUND:
+                    raise
+
+
+async def _furnish(channel: grpc.aio.Channel, inputs: Inputs) -> None:
+    sessions = session_pb2_grpc.SessionServiceStub(channel)
+    agents = agent_pb2_grpc.AgentServiceStub(channel)
+    wishes = (
+        session_pb2.CreateSessionRequest(record=True),
+        session_pb2.CreateSessionRequest(lock_step=True),
+    )
+    made = [(await sessions.CreateSession(wish)).session.session_id for wish in wishes]
+    names: list[str] = []
+    for session_id in made:
+        try:
+            people = await agents.CreateAgents(
+                agent_pb2.CreateAgentsRequest(
+                    session_id=session_id,
+                    agents=[agent_pb2.AgentSpec(gender=agent_pb2.GENDER_FEMALE)] * 2,
+                )
+            )
+        except grpc.aio.AioRpcError as error:  # deleted by an input, or no room is left
+            if error.code() not in (
+                grpc.StatusCode.NOT_FOUND,
+                grpc.StatusCode.RESOURCE_EXHAUSTED,
+            ):
+                raise
+        else:
+            names += [agent.agent_id for agent in people.agents]
+    inputs.known.update(
+        session_id=made, agent_id=names, agent_ids=names, name=["gamma-anny52"], model=["none"]
+    )
+
+
+async def _stats(http: httpx.AsyncClient) -> dict:
+    answer = await http.get("/v1/stats")
+    answer.raise_for_status()
+    return answer.json()

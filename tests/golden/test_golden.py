@@ -1,0 +1,77 @@
+"""The files are what the server sends today, and the Python client reads them."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tests.golden import messages, vectors
+from tests.golden.vectors import FILE, FIRST_FRAME, FOLDER, Vector
+from wayfarer.transport.basis import Basis
+from wayfarer.transport.codec import PoseEncoding, PoseProfile
+from wayfarer_client.poses import PoseLayout
+from wayfarer_client.v1 import catalog_pb2, motion_pb2
+
+DOCUMENT = json.loads(FILE.read_text())
+ENTRIES = DOCUMENT["vectors"]
+each = pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry["name"])
+
+
+@pytest.mark.parametrize("made", [vectors.files, messages.files])
+def test_files_are_up_to_date(made):
+    for path, content in made().items():
+        assert path.read_bytes() == content, f"{path.name}: run python -m tests.golden"
+
+
+def test_nothing_is_left_over():
+    listed = {entry["poses"] for entry in ENTRIES}
+    assert {f"poses/{path.name}" for path in (FOLDER / "poses").iterdir()} == listed
+    combinations = {(e["basis"], e["encoding"], e["profile"]) for e in ENTRIES}
+    assert len(combinations) == len(Basis) * len(PoseEncoding) * len(PoseProfile)
+    assert {e["sent_fps"] for e in ENTRIES} == {40, 20, 10}
+
+
+@each
+def test_the_server_sends_these_bytes(entry):
+    """From the motion in the file, so that the file tells all."""
+    vector = Vector(
+        Basis(entry["basis"]),
+        PoseEncoding(entry["encoding"]),
+        PoseProfile(entry["profile"]),
+        entry["sent_fps"],
+    )
+    packed = vector.pack(vectors.motion_of(DOCUMENT["core"]))
+    assert packed.poses == (FOLDER / entry["poses"]).read_bytes()
+    assert packed.contacts.hex() == entry["contacts"]
+    assert FIRST_FRAME + packed.skipped == entry["first_frame"]
+    assert vector.pose_format.bones == tuple(entry["bones"])
+
+
+@each
+def test_the_python_client_reads_them(entry):
+    header = motion_pb2.StreamHeader(
+        fps=40,
+        sent_fps=entry["sent_fps"],
+        bones=entry["bones"],
+        skeleton=catalog_pb2.Skeleton(posed_bones=22),
+        pose_encoding=f"POSE_ENCODING_{entry['encoding'].upper()}",
+    )
+    layout = PoseLayout(header)
+    found = layout.unpack((FOLDER / entry["poses"]).read_bytes())
+    wanted = DOCUMENT["bases"][entry["basis"]]
+    frames = entry["frames"]
+    np.testing.assert_array_equal(
+        found.translation, np.array(wanted["translation"], np.float32)[frames]
+    )
+    rotations = np.concatenate(
+        [np.array(wanted["rotations"], np.float32), np.tile([0, 0, 0, 1], (5, 30, 1))], axis=1
+    )[frames][:, entry["bones"]]
+    assert found.rotations.shape == rotations.shape and found.rotations.dtype == np.float32
+    tolerance = DOCUMENT["tolerance_deg"][entry["encoding"]]
+    if tolerance == 0:
+        np.testing.assert_array_equal(found.rotations, rotations)
+    chord = np.minimum(
+        np.linalg.norm(found.rotations - rotations, axis=-1),
+        np.linalg.norm(found.rotations + rotations, axis=-1),
+    )
+    assert np.degrees(4 * np.arcsin(chord / 2)).max() <= tolerance

@@ -1,0 +1,25 @@
+import pytest
+
+from wayfarer.load.knee import find_knee, in_time
+
+
+def summary(p99=10.0, misses=0, refused=0):
+    return {"lateness_ms": {"p99": p99}, "misses": misses, "refused": refused}
+
+
+@pytest.mark.parametrize("bad", [{"p99": 60.0}, {"misses": 1}, {"refused": 1}])
+def test_late_missed_or_refused_is_not_in_time(bad):
+    assert in_time(summary(), 50.0)
+    assert not in_time(summary(**bad), 50.0)
+    assert not in_time({"lateness_ms": None, "misses": 0, "refused": 0}, 50.0)
+
+
+@pytest.mark.parametrize("limit", [0, 1, 137, 999, 1000, 5000])
+async def test_the_knee_is_found_to_the_tolerance(limit):
+    async def trial(agents):
+        return summary(misses=agents > limit)
+
+    found, trials = await find_knee(trial, 1000, 50.0, tolerance=0.02)
+    assert found <= limit
+    assert found >= min(limit, 1000) - max(1, 0.02 * limit + 1)
+    assert len(trials) < 15

@@ -1,0 +1,63 @@
+"""`wayfarer serve` as a process of its own, for tests that need the real one."""
+
+import json
+import os
+import queue
+import subprocess
+import sys
+import threading
+from types import TracebackType
+from typing import Self
+
+FREE_PORTS = ("--http-port", "0", "--grpc-port", "0")
+LIGHT = {"WAYFARER_CANDIDATES": "2", "WAYFARER_ADMISSION": "false"}  # tests share a small machine
+
+
+class Service:
+    """The shipped model on free ports of this machine; a context manager."""
+
+    def __init__(self, *options: str) -> None:
+        """`options`: further ones of `wayfarer serve`. Raises RuntimeError with what it said."""
+        command = [sys.executable, "-m", "wayfarer.cli", "serve", "--log-format", "json"]
+        self.process = subprocess.Popen(
+            [*command, *FREE_PORTS, *options],
+            env={**os.environ, **LIGHT},
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self.said: list[str] = []
+        ready: queue.Queue[dict[str, str] | None] = queue.Queue()
+        threading.Thread(target=self._listen, args=(ready,), daemon=True).start()
+        found = ready.get(timeout=120)
+        if found is None:
+            raise RuntimeError("the service did not start:\n" + "".join(self.said[-20:]))
+        self.url, self.grpc_address = found["http"], found["grpc"]
+
+    def _listen(self, ready: queue.Queue[dict[str, str] | None]) -> None:
+        """Take what it says, to its end: a full pipe would stop it."""
+        assert self.process.stderr is not None
+        for line in self.process.stderr:
+            self.said.append(line)
+            if line.startswith("{") and json.loads(line).get("event") == "ready":
+                ready.put(json.loads(line))
+        ready.put(None)
+
+    def stop(self) -> None:
+        """As SIGTERM does. Safe to call twice."""
+        self.process.terminate()
+        try:
+            self.process.wait(timeout=20)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()

@@ -1,0 +1,113 @@
+"""Files for Prometheus, Grafana and compose: do they name what there is?"""
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+
+from wayfarer import config
+from wayfarer.runtime.agent import LoopStats
+from wayfarer.transport.metrics import Metrics
+
+ROOT = Path(__file__).parent.parent
+DEPLOY = ROOT / "deploy"
+SUFFIXES = {
+    "counter": ("_total",),
+    "histogram": ("_bucket", "_sum", "_count"),
+    "gauge": ("",),
+    "info": ("_info",),
+}
+TARGET_LABELS = {"le", "job", "instance"}  # of histograms, and of Prometheus itself
+
+
+def exported() -> set[str]:
+    """Names of all series."""
+    metrics = Metrics()
+    metrics.refresh(LoopStats(*([0] * 9)))
+    return {
+        family.name + suffix
+        for family in metrics.registry.collect()
+        for suffix in SUFFIXES[family.type]
+    }
+
+
+def labels() -> set[str]:
+    """Labels that some metric of ours has."""
+    metrics = Metrics()
+    found = {"state"}
+    for collector in set(metrics.registry._collector_to_names):
+        found.update(getattr(collector, "_labelnames", ()))
+    return found
+
+
+def expressions() -> Iterator[str]:
+    dashboard = json.loads((DEPLOY / "grafana/dashboards/wayfarer.json").read_text())
+    for panel in dashboard["panels"]:
+        yield from (target["expr"] for target in panel.get("targets", ()))
+    for group in yaml.safe_load((DEPLOY / "prometheus/alerts.yml").read_text())["groups"]:
+        yield from (rule["expr"] for rule in group["rules"])
+
+
+@pytest.mark.parametrize("expression", list(expressions()))
+def test_every_metric_and_label_in_dashboard_and_alerts_exists(expression):
+    names = set(re.findall(r"\b(?:wayfarer|process|python)_\w+", expression))
+    assert names or "up{" in expression
+    assert names <= exported()
+    grouped = {
+        label.strip() for by in re.findall(r"by \(([^)]*)\)", expression) for label in by.split(",")
+    }
+    assert grouped <= labels() | TARGET_LABELS
+
+
+def test_every_metric_of_ours_is_on_the_dashboard():
+    shown = " ".join(expressions())
+    missing = {
+        name
+        for name in exported()
+        if name.startswith("wayfarer_") and not name.endswith(("_bucket", "_sum", "_count"))
+        if name not in shown
+    }
+    assert missing <= {"wayfarer_build", "wayfarer_agent_steps_total"}
+
+
+def test_every_metric_of_ours_is_documented():
+    page = (ROOT / "docs/operations.md").read_text()
+    families = {re.sub("_(total|bucket|sum|count)$", "", name) for name in exported()}
+    assert [n for n in sorted(families) if n.startswith("wayfarer_") and n not in page] == []
+
+
+def test_every_alert_is_documented():
+    page = (ROOT / "docs/operations.md").read_text()
+    (group,) = yaml.safe_load((DEPLOY / "prometheus/alerts.yml").read_text())["groups"]
+    assert [rule["alert"] for rule in group["rules"] if f"`{rule['alert']}`" not in page] == []
+
+
+def compose() -> dict:
+    return yaml.safe_load((ROOT / "docker-compose.yml").read_text())
+
+
+def test_what_compose_mounts_is_there_and_what_it_scrapes_is_a_service():
+    services = compose()["services"]
+    for service in services.values():
+        for volume in service.get("volumes", ()):
+            source = volume.split(":")[0]
+            assert source in compose()["volumes"] or (ROOT / source).is_dir()
+    scrape = yaml.safe_load((DEPLOY / "prometheus/prometheus.yml").read_text())
+    (target,) = scrape["scrape_configs"][0]["static_configs"][0]["targets"]
+    assert target.split(":")[0] in services
+
+
+def test_compose_sets_what_the_service_knows(monkeypatch):
+    monkeypatch.setenv("WAYFARER_HOST", "0.0.0.0")  # as the image does
+    for name, value in compose()["services"]["wayfarer"]["environment"].items():
+        monkeypatch.setenv(name, value)
+    assert config.load({}).insecure_no_auth
+
+
+def test_monitoring_is_started_only_when_asked_for():
+    services = compose()["services"]
+    asked = {name for name, service in services.items() if service.get("profiles")}
+    assert asked == set(services) - {"wayfarer"}

@@ -1,0 +1,42 @@
+"""Short ways to call a gateway."""
+
+from contextlib import contextmanager
+
+from wayfarer.transport import schema
+from wayfarer.transport.basis import Basis
+from wayfarer.transport.caller import LOCAL, Caller, Quota, Scope, enter
+
+ORIGIN = schema.Vector3(x=0, y=0, z=0)
+GOAL = schema.Goal(position=ORIGIN)
+TWO = schema.NewAgents(agents=[schema.AgentSpec(seed=1), schema.AgentSpec(seed=2, gender="male")])
+
+
+def caller(name: str, *scopes: Scope, quota: Quota = Quota()) -> Caller:
+    return Caller(name, frozenset(scopes or (Scope.READ, Scope.CONTROL)), quota)
+
+
+@contextmanager
+def called_by(who: Caller):
+    """Calls inside are made by `who`."""
+    enter(who)
+    try:
+        yield
+    finally:
+        enter(LOCAL)
+
+
+async def session(api, basis: Basis = Basis.GLTF, **wish: object) -> str:
+    return (await api.sessions.create(schema.NewSession(basis=basis, **wish))).session_id
+
+
+async def session_of_two(api, **wish: object) -> tuple[str, list[schema.Agent]]:
+    session_id = await session(api, **wish)
+    return session_id, list((await api.agents.create(session_id, TWO)).agents)
+
+
+def stream(api, session_id: str, **wish: object):
+    return api.motion.stream(schema.StreamWish(session_id=session_id, **wish))
+
+
+async def take(messages, number: int):
+    return [await anext(messages) for _ in range(number)]

@@ -1,0 +1,101 @@
+"""Idempotency."""
+
+import asyncio
+
+import pytest
+
+from tests.transport.fakes import Clock, FakeService, opened
+from tests.transport.gateway.calls import called_by, caller, session
+from wayfarer.errors import Aborted, ResourceExhausted
+from wayfarer.transport import schema
+from wayfarer.transport.gateway.replies import KEPT, Replies
+
+WISH = schema.NewSession(request_id="a", basis="unity")
+AGENTS = schema.NewAgents(request_id="b", agents=[schema.AgentSpec()])
+
+
+async def test_the_same_request_is_done_once():
+    service = FakeService()
+    api = await opened(service)
+    first = await api.sessions.create(WISH)
+    assert await api.sessions.create(WISH) == first
+    agents = await api.agents.create(first.session_id, AGENTS)
+    assert await api.agents.create(first.session_id, AGENTS) == agents
+    assert service.created == 2
+
+
+async def test_without_an_id_each_is_another():
+    api = await opened()
+    assert await session(api) != await session(api)
+
+
+async def test_an_id_that_was_used_for_another_request_is_refused():
+    api = await opened()
+    one = await api.sessions.create(WISH)
+    other = await session(api)
+    await api.agents.create(one.session_id, AGENTS)
+    for call in (
+        api.sessions.create(WISH.model_copy(update={"seed": 9})),
+        api.agents.create(one.session_id, AGENTS.model_copy(update={"request_id": "a"})),
+        api.agents.create(other, AGENTS),
+    ):
+        with pytest.raises(Aborted, match="request id"):
+            await call
+
+
+async def test_callers_do_not_share_ids():
+    api = await opened()
+    made = set()
+    for name in ("ada", "bob"):
+        with called_by(caller(name)):
+            made.add((await api.sessions.create(WISH)).session_id)
+    assert len(made) == 2
+
+
+async def test_duplicates_wait_for_the_first_even_when_it_has_gone_away():
+    service = FakeService()
+    api = await opened(service)
+    service.slow = asyncio.Event()
+    calls = [asyncio.create_task(api.sessions.create(WISH)) for _ in range(3)]
+    for _ in range(3):
+        await asyncio.sleep(0)
+    calls[0].cancel()
+    service.slow.set()
+    _, second, third = await asyncio.gather(*calls, return_exceptions=True)
+    assert second == third and service.created == 1
+
+
+async def test_a_request_that_failed_may_be_tried_again():
+    service = FakeService()
+    api = await opened(service)
+    session_id = await session(api)
+    service.fail_with = ResourceExhausted("full")
+    with pytest.raises(ResourceExhausted):
+        await api.agents.create(session_id, AGENTS)
+    assert len((await api.agents.create(session_id, AGENTS)).agents) == 1
+
+
+async def test_replies_are_forgotten_after_ten_minutes():
+    clock, service = Clock(), FakeService()
+    api = await opened(service, clock=clock)
+    await api.sessions.create(WISH)
+    clock.now += 599
+    await api.sessions.create(WISH)
+    assert service.created == 1
+    clock.now += 2
+    await api.sessions.create(WISH)
+    assert service.created == 2
+
+
+async def test_replies_of_a_caller_are_bounded():
+    done = []
+
+    async def act() -> int:
+        done.append(None)
+        return len(done)
+
+    replies = Replies(Clock())
+    for number in range(KEPT + 1):
+        await replies.once(f"id-{number}", ("here", WISH), act)
+    assert await replies.once(f"id-{KEPT}", ("here", WISH), act) == KEPT + 1  # remembered
+    assert await replies.once("id-0", ("here", WISH), act) == KEPT + 2  # forgotten

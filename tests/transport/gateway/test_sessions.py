@@ -1,0 +1,280 @@
+import asyncio
+
+import pytest
+
+from tests.transport.fakes import NOW, Clock, FakeService, gateway, opened
+from tests.transport.gateway.calls import (
+    GOAL,
+    TWO,
+    called_by,
+    caller,
+    session,
+    session_of_two,
+    stream,
+)
+from wayfarer.config import Limits
+from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted, Unavailable
+from wayfarer.runtime.agent import SessionSpec
+from wayfarer.transport import schema
+from wayfarer.transport.basis import Basis
+from wayfarer.transport.caller import Quota, Scope
+
+
+async def test_each_session_keeps_its_basis():
+    service = FakeService()
+    api = await opened(service)
+    for basis in Basis:
+        session_id = await session(api, basis)
+        one = basis.axes.points_to_wire(basis.axes.points_to_core(basis.axes.forward))
+        place = schema.Vector3(**dict(zip("xyz", one, strict=True)))
+        wish = schema.NewAgents(agents=[schema.AgentSpec(position=place)])
+        (agent,) = (await api.agents.create(session_id, wish)).agents
+        expected = basis.axes.metres_per_unit  # one unit forward
+        assert service.specs[-1].position == pytest.approx((0.0, expected))
+        assert agent.position.model_dump() == pytest.approx(
+            {**place.model_dump(), "xyz"[list(basis.axes.up).index(1)]: 0.9 / expected}
+        )
+        await api.goals.set(agent.agent_id, schema.Goal(position=place))
+        assert service.goals[-1][1].position == pytest.approx((0.0, expected, 0.0))
+        assert (await api.sessions.get(session_id)).basis.basis == basis
+
+
+async def test_unknown_ids_are_not_found():
+    api = await opened()
+    goals = schema.Goals(goals=[GOAL])
+    area = schema.Wander(area={"center": {"x": 0, "y": 0, "z": 0}, "radius": 3})
+    for call in (
+        api.sessions.get("x"),
+        api.sessions.renew("x"),
+        api.sessions.delete("x"),
+        api.agents.create("x", TWO),
+        api.agents.list_of("x"),
+        api.agents.get("x"),
+        api.agents.update("x", schema.AgentUpdate()),
+        api.agents.delete("x"),
+        api.goals.set("x", GOAL),
+        api.goals.set_path("x", goals),
+        api.goals.append("x", goals),
+        api.goals.wander("x", area),
+        api.goals.clear("x"),
+        api.motion.step("x", schema.StepWish()),
+        api.snapshots.export_session("x"),
+        api.snapshots.export_log("x"),
+        anext(stream(api, "x")),
+    ):
+        with pytest.raises(NotFound, match="'x'") as caught:
+            await call
+        assert (caught.value.kind, caught.value.name) in (("session", "x"), ("agent", "x"))
+
+
+async def test_a_session_says_what_was_asked_for():
+    service, api = FakeService(), None
+    api = await opened(service)
+    wish = schema.NewSession(basis="ros", seed=7, lease_s=5.5, lock_step=True, record=True)
+    made = await api.sessions.create(wish)
+    assert (made.seed, made.lease_s, made.lock_step, made.record) == (7, 5.5, True, True)
+    assert made.scene == "" and made.basis.basis == "ros"
+    assert made.expires_at_us == round((NOW + 5.5) * 1e6)
+    assert await api.sessions.get(made.session_id) == made
+
+
+async def test_what_is_not_asked_for_has_a_default():
+    made = [await (await opened()).sessions.create(schema.NewSession()) for _ in range(2)]
+    assert made[0].lease_s == 60.0 and not made[0].record and not made[0].lock_step
+    assert made[0].seed != made[1].seed  # drawn
+    short = await opened(limits=Limits(lease_s=5))
+    assert (await short.sessions.create(schema.NewSession())).lease_s == 5
+
+
+async def test_a_lease_has_an_upper_limit_and_scenes_are_unknown():
+    api = await opened(limits=Limits(lease_s=100))
+    with pytest.raises(InvalidArgument, match="1 to 100 s, not 101") as caught:
+        await session(api, lease_s=101)
+    assert caught.value.field == "lease_s"
+    with pytest.raises(NotFound, match="'flat'") as missing:
+        await session(api, scene="flat")
+    assert (missing.value.kind, missing.value.name) == ("scene", "flat")
+
+
+async def test_nothing_starts_before_the_runtime_is_ready():
+    service = FakeService()
+    api = await opened(service)
+    session_id = await session(api)
+    service.ready = False
+    assert not api.ready
+    for call in (
+        api.sessions.create(schema.NewSession()),
+        api.agents.create(session_id, TWO),
+        api.snapshots.import_session(b""),
+        anext(stream(api, session_id)),
+    ):
+        with pytest.raises(Unavailable, match="not ready"):
+            await call
+
+
+# leases
+
+
+async def test_a_session_ends_a_lease_after_its_last_call():
+    clock = Clock()
+    api = await opened(clock=clock)
+    idle, called, renewed = [await session(api, lease_s=60) for _ in range(3)]
+    clock.now += 59
+    await api.sessions.get(called)
+    renewal = await api.sessions.renew(renewed)
+    assert renewal.expires_at_us == round((clock.now + 60) * 1e6)
+    clock.now += 2
+    assert await api.end_expired_sessions() == [idle]
+    with pytest.raises(NotFound):
+        await api.sessions.get(idle)
+    assert {s.session_id for s in (await api.sessions.list_own()).sessions} == {called, renewed}
+
+
+async def test_calls_on_an_agent_renew_its_session():
+    clock = Clock()
+    api = await opened(clock=clock)
+    session_id, (agent, _) = await session_of_two(api, lease_s=10)
+    for call in (api.goals.set, lambda a, _: api.agents.get(a)):
+        clock.now += 9
+        await call(agent.agent_id, GOAL)
+    assert (await api.sessions.get(session_id)).expires_at_us == round((clock.now + 10) * 1e6)
+
+
+async def test_listing_renews_nothing():
+    clock = Clock()
+    api = await opened(clock=clock)
+    session_id = await session(api, lease_s=10)
+    clock.now += 9
+    await api.sessions.list_own()
+    clock.now += 2
+    assert await api.end_expired_sessions() == [session_id]
+
+
+async def test_an_ended_lease_cannot_be_renewed_though_nobody_has_looked_yet():
+    clock = Clock()
+    api = await opened(clock=clock)
+    session_id, (agent, _) = await session_of_two(api, lease_s=10)
+    clock.now += 11
+    for call in (api.sessions.renew(session_id), api.agents.get(agent.agent_id)):
+        with pytest.raises(NotFound):
+            await call
+
+
+async def test_a_stream_keeps_its_session_and_its_end_begins_the_lease():
+    clock = Clock()
+    api = await opened(clock=clock)
+    session_id = await session(api, lease_s=10)
+    messages = stream(api, session_id)
+    await anext(messages)
+    clock.now += 1000
+    assert await api.end_expired_sessions() == []
+    (shown,) = (await api.sessions.list_own()).sessions
+    assert shown.expires_at_us == round((clock.now + 10) * 1e6)
+    await messages.aclose()
+    clock.now += 9
+    assert await api.end_expired_sessions() == []
+    clock.now += 2
+    assert await api.end_expired_sessions() == [session_id]
+
+
+# callers
+
+
+async def test_a_session_belongs_to_its_creator():
+    api = await opened()
+    with called_by(caller("ada")):
+        session_id, (agent, _) = await session_of_two(api)
+    with called_by(caller("eve")):
+        for call in (
+            api.sessions.get(session_id),
+            api.sessions.delete(session_id),
+            api.agents.get(agent.agent_id),
+            api.goals.set(agent.agent_id, GOAL),
+            anext(stream(api, session_id)),
+        ):
+            with pytest.raises(NotFound):
+                await call
+        assert (await api.sessions.list_own()).sessions == ()
+    for who in (caller("ada"), caller("root", *Scope)):
+        with called_by(who):
+            assert [s.session_id for s in (await api.sessions.list_own()).sessions] == [session_id]
+            assert (await api.agents.get(agent.agent_id)).agent_id == agent.agent_id
+
+
+async def test_a_caller_has_so_many_sessions_and_no_more():
+    api = await opened(limits=Limits(sessions_per_caller=2))
+    with called_by(caller("ada")):
+        kept = [await session(api) for _ in range(2)]
+        with pytest.raises(ResourceExhausted, match="'ada' has 2 sessions and may have 2"):
+            await session(api)
+        await api.sessions.delete(kept[0])
+        await session(api)
+    with called_by(caller("bob")):
+        await session(api)
+    who = caller("carl", quota=Quota(sessions=0))
+    with called_by(who), pytest.raises(ResourceExhausted, match="may have 0"):
+        await session(api)
+
+
+async def test_quotas_of_agents_and_streams():
+    api = await opened()
+    with called_by(caller("ada", quota=Quota(agents=3, streams=1))):
+        session_id, _ = await session_of_two(api)
+        other = await session(api)
+        with pytest.raises(ResourceExhausted, match="has 2 agents and may have 3; 2 more"):
+            await api.agents.create(other, TWO)
+        messages = stream(api, session_id)
+        await anext(messages)
+        with pytest.raises(ResourceExhausted, match="may have 1 streams"):
+            await anext(stream(api, other))
+        await messages.aclose()
+
+
+# over a restart
+
+
+async def test_sessions_of_the_journal_are_taken_over_with_a_fresh_lease():
+    clock, service = Clock(), FakeService()
+    before = await opened(service, clock=clock)
+    with called_by(caller("ada")):
+        session_id, (agent, _) = await session_of_two(
+            before, basis=Basis.UNREAL, lease_s=30, lock_step=True
+        )
+        then = await before.sessions.get(session_id)
+    clock.now += 1000  # down for longer than the lease
+    after = gateway(service, clock=clock)
+    assert not after.ready
+    await after.take_over()
+    assert after.ready
+    with called_by(caller("ada")):
+        now = await after.sessions.get(session_id)
+        assert now == then.model_copy(update={"expires_at_us": round((clock.now + 30) * 1e6)})
+        await after.goals.set(agent.agent_id, GOAL)
+    with called_by(caller("eve")), pytest.raises(NotFound):
+        await after.agents.get(agent.agent_id)
+
+
+async def test_a_kept_session_that_is_not_the_transports_is_ended():
+    service = FakeService()
+    await service.create_session(SessionSpec(attributes={"basis": "maya"}))
+    api = await opened(service)
+    assert api.ready and await service.list_sessions() == []
+
+
+async def test_a_caller_that_goes_away_leaves_no_session_behind_that_nobody_knows():
+    service = FakeService()
+    api = await opened(service)
+    service.slow = asyncio.Event()
+    call = asyncio.create_task(session(api))
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+    call.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await call
+    service.slow.set()
+    async with asyncio.timeout(5):
+        while not (await api.sessions.list_own()).sessions:
+            await asyncio.sleep(0)
+    (known,) = (await api.sessions.list_own()).sessions
+    await api.sessions.delete(known.session_id)
+    assert await service.list_sessions() == []

@@ -1,0 +1,268 @@
+"""What stands before the HTTP routes, over a small application."""
+
+import base64
+import re
+
+import pytest
+from starlette.applications import Starlette
+from starlette.responses import JSONResponse, PlainTextResponse
+from starlette.routing import Route, WebSocketRoute
+from starlette.testclient import TestClient
+from starlette.websockets import WebSocketDisconnect
+
+from tests.transport.auth.test_keys import FILE, STUDIO
+from wayfarer.errors import Unavailable
+from wayfarer.runtime.agent import AgentState, LoopStats
+from wayfarer.transport.auth import Authenticator
+from wayfarer.transport.auth.keys import KeyFile, new_key
+from wayfarer.transport.caller import present_caller
+from wayfarer.transport.front import front
+from wayfarer.transport.guard import Guard
+from wayfarer.transport.limits import FAILURE_BURST, CallRates
+from wayfarer.transport.operation import Operation
+from wayfarer.transport.origins import Origins
+
+STATS = LoopStats(*([0] * 9), states={AgentState.WALKING: 3})
+ADMIN_ONLY, DIGEST = new_key()
+ADMIN = f'[keys.root]\nsha256 = "{DIGEST}"\nscopes = ["admin"]'
+
+
+async def whoami(request):
+    return JSONResponse({"caller": present_caller().name})
+
+
+async def echo(socket):
+    await socket.accept()
+    await socket.send_json(
+        {"caller": present_caller().name, "offered": socket.scope["subprotocols"]}
+    )
+    await socket.close()
+
+
+async def fail(request):
+    raise RuntimeError("broken")
+
+
+APP = Starlette(
+    routes=[
+        Route("/v1/me/{name}", whoami, methods=["GET", "POST"]),
+        Route("/v1/fail", fail),
+        Route("/v1/health/live", lambda request: PlainTextResponse("live")),
+        Route("/index.html", lambda request: PlainTextResponse("viewer")),
+        WebSocketRoute("/v1/stream", echo),
+    ]
+)
+
+
+def guarded(tmp_path, per_second: int = 1000) -> Guard:
+    path = tmp_path / "keys.toml"
+    path.write_text(
+        FILE.replace("calls_per_second = 5", f"calls_per_second = {per_second}") + ADMIN
+    )
+    return Guard(Authenticator(KeyFile(path)), CallRates(1000))
+
+
+def client(operation: Operation, stats=None, **options) -> TestClient:
+    async def told() -> LoopStats:
+        return STATS
+
+    return TestClient(front(APP, operation, stats or told), **options)
+
+
+@pytest.fixture
+def operation(tmp_path):
+    listed = Origins(frozenset({"https://app.example"}), local_only=False)
+    return Operation(guarded(tmp_path), listed)
+
+
+@pytest.fixture
+def http(operation):
+    return client(operation)
+
+
+KEY = {"x-api-key": STUDIO}
+
+
+@pytest.mark.parametrize("path", ["/v1/health/live", "/index.html"])
+def test_health_and_viewer_are_open(http, path):
+    assert http.get(path).status_code == 200
+
+
+@pytest.mark.parametrize("path", ["/v1/me/x", "/v1/nothing", "/v1/", "/metrics", "/v1%2Fme/x"])
+def test_all_else_asks_who_calls(http, path):
+    answer = http.get(path)
+    assert answer.status_code == 401
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert answer.headers["www-authenticate"].startswith("Bearer")
+    assert "x-api-key" in answer.json()["detail"]
+
+
+@pytest.mark.parametrize(
+    "headers", [KEY, {"authorization": f"Bearer {STUDIO}"}, {"authorization": f"bearer  {STUDIO}"}]
+)
+def test_a_key_opens(http, headers):
+    assert http.get("/v1/me/x", headers=headers).json() == {"caller": "key:studio"}
+
+
+@pytest.mark.parametrize("value", ["Basic YTpi", "Bearer", "Bearer ", STUDIO])
+def test_a_header_of_another_form_is_explained(http, value):
+    answer = http.get("/v1/me/x", headers={"authorization": value})
+    assert answer.status_code == 401
+    assert "Bearer, a space" in answer.json()["detail"]
+
+
+def test_a_caller_of_before_is_forgotten(http):
+    http.get("/v1/me/x", headers=KEY)
+    assert http.get("/v1/me/x").status_code == 401
+
+
+def test_too_many_calls(tmp_path):
+    http = client(Operation(guarded(tmp_path, per_second=2)))
+    answers = [http.get("/v1/me/x", headers=KEY) for _ in range(5)]
+    assert [a.status_code for a in answers] == [200] * 4 + [429]
+    assert answers[-1].headers["retry-after"] == "1"
+    assert answers[-1].json()["retry_after_s"] <= 0.5
+
+
+def test_too_many_wrong_keys_from_one_address_do_not_lock_out_the_right_ones(http):
+    answers = [
+        http.get("/v1/me/x", headers={"x-api-key": "wf_no"}) for _ in range(FAILURE_BURST + 1)
+    ]
+    assert [a.status_code for a in answers] == [401] * FAILURE_BURST + [429]
+    assert http.get("/v1/me/x", headers=KEY).status_code == 200
+
+
+def test_every_answer_has_a_request_id(http):
+    own = http.get("/v1/me/x", headers={**KEY, "x-request-id": "walk-1"})
+    assert own.headers["x-request-id"] == "walk-1"
+    for bad in ("", "a b", "x" * 65, "<script>"):
+        made = http.get("/v1/me/x", headers={"x-request-id": bad}).headers["x-request-id"]
+        assert re.fullmatch("[0-9a-f]{16}", made)
+
+
+# web pages
+
+
+def test_pages_elsewhere_may_not_change_anything(http):
+    page = {**KEY, "origin": "https://evil.example"}
+    assert http.post("/v1/me/x", headers=page).status_code == 403
+    answer = http.get("/v1/me/x", headers=page)
+    assert answer.status_code == 200 and "access-control-allow-origin" not in answer.headers
+
+
+def test_listed_pages_may(http):
+    page = {"origin": "https://app.example"}
+    asked = http.options(
+        "/v1/me/x",
+        headers={
+            **page,
+            "access-control-request-method": "POST",
+            "access-control-request-headers": "authorization, content-type",
+        },
+    )
+    assert asked.status_code == 200
+    assert asked.headers["access-control-allow-origin"] == "https://app.example"
+    answer = http.post("/v1/me/x", headers={**KEY, **page})
+    assert answer.headers["access-control-allow-origin"] == "https://app.example"
+    refused = http.post("/v1/me/x", headers=page)  # so that the page can read why
+    assert refused.status_code == 401 and "access-control-allow-origin" in refused.headers
+
+
+def test_without_a_list_there_is_no_cors():
+    answer = client(Operation()).options(
+        "/v1/me/x",
+        headers={"origin": "https://app.example", "access-control-request-method": "GET"},
+    )
+    assert "access-control-allow-origin" not in answer.headers
+
+
+# sockets
+
+
+def offered(token: str) -> list[str]:
+    text = base64.urlsafe_b64encode(token.encode()).decode().rstrip("=")
+    return ["wayfarer.v1", "wayfarer.token." + text]
+
+
+def closed_with(http: TestClient, **options) -> WebSocketDisconnect:
+    with http.websocket_connect("/v1/stream", **options) as socket:
+        with pytest.raises(WebSocketDisconnect) as caught:
+            socket.receive_json()
+        return caught.value
+
+
+def test_a_page_sends_its_key_as_a_subprotocol(http):
+    with http.websocket_connect("/v1/stream", subprotocols=offered(STUDIO)) as socket:
+        assert socket.accepted_subprotocol == "wayfarer.v1"
+        assert socket.receive_json() == {"caller": "key:studio", "offered": ["wayfarer.v1"]}
+
+
+def test_a_program_sends_a_header(http):
+    with http.websocket_connect("/v1/stream", headers=KEY) as socket:
+        assert socket.accepted_subprotocol is None
+        assert socket.receive_json()["caller"] == "key:studio"
+
+
+@pytest.mark.parametrize(
+    "subprotocols",
+    [[], ["wayfarer.v1"], offered("wf_wrong"), ["wayfarer.token.***"], offered("é")],
+)
+def test_a_socket_without_credentials_is_told_why(http, subprotocols):
+    closed = closed_with(http, subprotocols=subprotocols)
+    assert closed.code == 4401 and closed.reason
+
+
+def test_a_page_elsewhere_gets_no_socket(http):
+    closed = closed_with(http, headers={**KEY, "origin": "https://evil.example"})
+    assert (closed.code, "cors_origins" in closed.reason) == (4403, True)
+
+
+def test_a_listed_page_gets_one(http):
+    headers = {**KEY, "origin": "https://app.example"}
+    with http.websocket_connect("/v1/stream", headers=headers) as socket:
+        assert socket.receive_json()
+
+
+# metrics
+
+
+def test_metrics_need_the_scope_read(http):
+    page = http.get("/metrics", headers=KEY)
+    assert page.status_code == 200
+    assert 'wayfarer_agents{state="walking"} 3.0' in page.text
+    assert http.get("/metrics", headers={"x-api-key": ADMIN_ONLY}).status_code == 403
+
+
+def test_metrics_open_and_off(tmp_path):
+    guard = guarded(tmp_path)
+    assert client(Operation(guard, metrics_access="open")).get("/metrics").status_code == 200
+    assert client(Operation(guard, metrics_access="off")).get("/metrics").status_code == 404
+
+
+def test_metrics_of_a_loop_that_has_ended():
+    async def ended() -> LoopStats:
+        raise Unavailable("ended")
+
+    page = client(Operation(), ended).get("/metrics")
+    assert page.status_code == 200
+    assert "wayfarer_step_seconds" in page.text and "wayfarer_sessions" not in page.text
+
+
+def test_requests_are_counted_by_route_never_by_what_a_client_makes_up():
+    operation = Operation()
+    http = client(operation, raise_server_exceptions=False)
+    http.get("/v1/me/ada")
+    http.get("/v1/me/bob")
+    http.get("/v1/made/up")
+    http.request("BREW", "/v1/me/ada")
+    http.get("/v1/fail")
+    with http.websocket_connect("/v1/stream") as socket:
+        socket.receive_json()
+    page = http.get("/metrics").text
+    assert "ada" not in page and "up" not in re.findall(r'route="([^"]*)"', page)
+    assert "BREW" not in page
+    count = operation.metrics.registry.get_sample_value
+    labels = {"method": "GET", "route": "other", "status": "404"}
+    assert count("wayfarer_http_seconds_count", labels) == 1
+    failed = [line for line in page.splitlines() if 'status="500"' in line and "_count" in line]
+    assert len(failed) == 1 and failed[0].endswith(" 1.0")

@@ -1,0 +1,94 @@
+import threading
+
+import pytest
+
+from wayfarer.runtime.agent import AgentState, LoopStats, SlowReader
+from wayfarer.runtime.meter import Meter, NoMeter, ResumeResult
+from wayfarer.transport.metrics import Metrics
+
+
+@pytest.fixture
+def metrics():
+    return Metrics()
+
+
+def value(metrics: Metrics, name: str, **labels: str) -> float | None:
+    return metrics.registry.get_sample_value("wayfarer_" + name, labels)
+
+
+def test_what_the_loop_tells(metrics):
+    meter: Meter = metrics
+    meter.step(0.01, 12)
+    meter.chunks([-0.02, 0.01, 0.03])
+    meter.queue(0.2)
+    meter.drops(SlowReader.HOLD, 3)
+    meter.resume(ResumeResult.GAP)
+    meter.goal_to_motion(0.1)
+    meter.refusal("create_agents")
+    meter.journal(5, failed=False)
+    assert value(metrics, "step_seconds_sum") == pytest.approx(0.01)
+    assert value(metrics, "batch_size_sum") == 12
+    assert value(metrics, "chunk_lateness_seconds_count") == 3
+    assert value(metrics, "chunk_lateness_seconds_sum") == pytest.approx(0.04)
+    assert value(metrics, "deadline_misses_total") == 1  # more than a frame, 25 ms
+    assert value(metrics, "stream_queue_seconds_count") == 1
+    assert value(metrics, "stream_drops_total", policy="hold") == 3
+    assert value(metrics, "resumes_total", result="gap") == 1
+    assert value(metrics, "goal_latency_seconds_count") == 1
+    assert value(metrics, "admission_rejections_total", reason="create_agents") == 1
+    assert value(metrics, "journal_entries_total") == 5
+
+
+def test_a_journal_that_fails_shows_until_it_is_written_again(metrics):
+    metrics.journal(0, failed=True)
+    assert (value(metrics, "journal_failing"), value(metrics, "journal_failures_total")) == (1, 1)
+    metrics.journal(3, failed=False)
+    assert (value(metrics, "journal_failing"), value(metrics, "journal_failures_total")) == (0, 1)
+
+
+def test_how_the_loop_stands(metrics):
+    assert value(metrics, "sessions") is None  # nobody has asked it yet
+    stats = LoopStats(
+        *(7, 2, 3, 100, 4.0, 5.0, 6, 7.0, 8.0),
+        states={AgentState.WALKING: 4, AgentState.STANDING: 3},
+        capacity=60,
+        load=0.4,
+        rung=1,
+        reduced_steps=9,
+    )
+    metrics.refresh(stats)
+    states = {s: value(metrics, "agents", state=s) for s in AgentState}
+    assert states == {"walking": 4, "standing": 3, "stopping": 0, "turning": 0}
+    names = ("sessions", "streams", "capacity_agents", "load", "overload_rung")
+    assert [value(metrics, name) for name in names] == [2, 3, 60, 0.4, 1]
+    assert value(metrics, "reduced_steps_total") == 9
+
+
+def test_series_are_there_before_anything_happens(metrics):
+    for policy in SlowReader:
+        assert value(metrics, "stream_drops_total", policy=policy) == 0
+    for result in ResumeResult:
+        assert value(metrics, "resumes_total", result=result) == 0
+
+
+def test_threads_at_the_same_time(metrics):
+    def work() -> None:
+        for _ in range(1000):
+            metrics.chunks([0.1])
+
+    threads = [threading.Thread(target=work) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert value(metrics, "deadline_misses_total") == 4000
+
+
+def test_servers_do_not_share(metrics):
+    metrics.chunks([1.0])
+    assert value(Metrics(), "deadline_misses_total") == 0
+
+
+def test_it_is_a_meter_in_full():
+    told = [name for name in vars(NoMeter) if not name.startswith("_")]
+    assert told and all(callable(getattr(Metrics, name)) for name in told)
