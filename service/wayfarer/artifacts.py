@@ -6,6 +6,8 @@
         step_female.onnx
         predictor_{1f,2f}.onnx, policy.onnx, regressor_{male,female}.onnx
                                the parts, for other engines
+    pose_encoder.onnx, pose_decoder.onnx
+                               the pose prior (VPoser's role), for evaluation and other tools
         weights.bin            external data, shared by the graphs
         CARD.md                model card
 
@@ -41,7 +43,7 @@ CARD: Final = "CARD.md"
 class Graph:
     """What a file of the folder is: its kind, gender and seed length."""
 
-    kind: str  # "step", "predictor", "policy", "regressor"
+    kind: str  # "step", "predictor", "policy", "regressor", "pose_encoder", "pose_decoder"
     gender: str = ""  # "" when the graph serves both
     seed_frames: int = 0  # 0 when the graph takes single frames
 
@@ -54,6 +56,8 @@ GRAPHS: Final[Mapping[str, Graph]] = {
     "policy.onnx": Graph("policy", "", spec.SEED_FRAMES),
     "regressor_male.onnx": Graph("regressor", "male"),
     "regressor_female.onnx": Graph("regressor", "female"),
+    "pose_encoder.onnx": Graph("pose_encoder"),
+    "pose_decoder.onnx": Graph("pose_decoder"),
 }
 """Every graph that a folder may hold."""
 
@@ -87,6 +91,7 @@ class Contract:
     body: str
     gender: str
     body_sha256: str
+    floor_origin: bool  # the canonical frame's origin: the floor under the hips, or the hips
     terms: tuple[str, ...]
 
 
@@ -123,7 +128,7 @@ def names_sha256(names: Iterable[str]) -> str:
     return hashlib.sha256("\n".join(names).encode()).hexdigest()
 
 
-def contract_for(file: str, model: str, body: BodyIdentity) -> Contract:
+def contract_for(file: str, model: str, body: BodyIdentity, floor_origin: bool = True) -> Contract:
     """The contract that this version of the project writes and expects for a graph file."""
     graph = GRAPHS[file]
     return Contract(
@@ -140,6 +145,7 @@ def contract_for(file: str, model: str, body: BodyIdentity) -> Contract:
         body=body.body,
         gender=graph.gender,
         body_sha256=body.sha256 if graph.gender else "",
+        floor_origin=floor_origin,
         terms=TERMS if graph.kind == "step" else (),
     )
 
@@ -153,6 +159,10 @@ def contract_from_json(text: str, where: str) -> Contract:
     """Read a contract; `where` opens the error messages. Raises ArtifactError."""
     values = _json_object(text, f"{where}: metadata {METADATA_KEY!r}")
     _same_keys(values, [f.name for f in fields(Contract)], f"{where}: metadata {METADATA_KEY!r}")
+    if not isinstance(values["floor_origin"], bool):
+        raise ArtifactError(
+            f"{where}: floor_origin: found {values['floor_origin']!r}, expected true or false"
+        )
     if not isinstance(values["terms"], list):
         raise ArtifactError(f"{where}: terms: found {values['terms']!r}, expected a list of names")
     return Contract(**{**values, "terms": tuple(values["terms"])})
@@ -252,7 +262,8 @@ def _check_contract(
         raise ArtifactError(f"{path}: gender: found {gender!r}, expected {sorted(bodies)}")
     # A graph for both genders skins no body: any of them names the same markers.
     body = bodies[gender] if gender else next(iter(bodies.values()))
-    for name, expected in asdict(contract_for(path.name, model, body)).items():
+    wanted = contract_for(path.name, model, body, found.floor_origin)
+    for name, expected in asdict(wanted).items():
         _expect(f"{path}: {name}", getattr(found, name), expected)
 
 

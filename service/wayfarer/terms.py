@@ -33,7 +33,7 @@ WALK: Final = {
 }
 """On the way to a goal."""
 
-STRAFE: Final = WALK | {"goal_distance": 2.0, "facing": 1.0, "speed": 0.2}
+STRAFE: Final = WALK | {"goal_distance": 3.0, "facing": 1.0, "speed": 0.3}
 """On the way to a goal while facing elsewhere: sideways or backwards.
 
 `speed` knows no direction: with its weight in WALK the body would walk where it faces.

@@ -7,6 +7,7 @@ from tests.evaluation.recordings import SPEED
 from wayfarer.evaluation.parts import Parts
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.policy import Condition, Gaussian
+from wayfarer.motion.predictor import Posterior
 from wayfarer.spec import BETAS, FPS, GENDERS, LATENT, MARKERS, POSED_JOINTS, PRIMITIVE_FRAMES
 from wayfarer.training.dataset import load_marker_bodies
 
@@ -50,12 +51,21 @@ class Prior(nn.Module):
         return Gaussian(torch.zeros(len(seed), LATENT), torch.zeros(len(seed), LATENT))
 
 
+class UsualNearRest(nn.Module):
+    """A pose prior to which the T-pose is the most usual of all."""
+
+    def encode(self, rotations: Tensor) -> Posterior:
+        turned = (rotations - torch.eye(3)).flatten(-3)
+        return Posterior(turned, torch.zeros_like(turned))
+
+
 def known_parts(**changed: object) -> Parts:
     bodies = load_marker_bodies()
     given = {
         "predictors": {"ro-1f": Glide(1), "ro-2f": Glide(2)},
         "regressors": {gender: Upright(bodies[gender]) for gender in GENDERS},
         "policy": Prior(),
+        "pose_prior": UsualNearRest(),
         "floor_origin": True,
     }
     return Parts(**(given | changed))

@@ -117,5 +117,9 @@ def test_a_row_counts_agents_and_frames() -> None:
 
 def test_a_track_of_nothing_changes_nothing() -> None:
     seen = health()
-    seen.watch(Track(np.zeros((0, 67, 3)), np.zeros((0, 3))), np.zeros((0, 4)), np.zeros(0, bool))
+    seen.watch(
+        Track(np.zeros((0, 67, 3)), np.zeros((0, 3)), np.zeros((0, 22, 4))),
+        np.zeros((0, 4)),
+        np.zeros(0, bool),
+    )
     assert seen.frames == 0 and not any(seen.faults.values())

@@ -10,6 +10,7 @@ import torch
 from wayfarer.errors import ArtifactError
 from wayfarer.evaluation.parts import (
     OnnxPolicy,
+    OnnxPosePrior,
     OnnxPredictor,
     OnnxRegressor,
     Parts,
@@ -17,8 +18,10 @@ from wayfarer.evaluation.parts import (
     load_parts,
 )
 from wayfarer.motion.policy import GoalPolicy
+from wayfarer.motion.pose_prior import PosePrior
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
+from wayfarer.motion.rotation import matrix_from_rotvec
 from wayfarer.stage import DEFAULT_MODEL
 from wayfarer.training.dataset import load_marker_bodies
 from wayfarer.training.export import (
@@ -29,6 +32,7 @@ from wayfarer.training.export import (
     regressor_graph,
     step_inputs,
 )
+from wayfarer.training.pose_graphs import pose_encoder_graph
 
 
 @pytest.fixture(scope="module")
@@ -65,11 +69,12 @@ def test_exported_parts_join_to_the_step_of_the_modules_themselves() -> None:
     predictor, policy = MarkerPredictor(2), GoalPolicy()
     torch.nn.init.normal_(policy.output.weight, std=0.1)  # else it is the prior
     regressor = BodyRegressor(load_marker_bodies()["female"])
-    modules = Parts({"ro-2f": predictor}, {"female": regressor}, policy, True)
+    modules = Parts({"ro-2f": predictor}, {"female": regressor}, policy, None, True)
     exported = Parts(
         {"ro-2f": OnnxPredictor(TorchSession(predictor_graph(predictor)), 2)},
         {"female": OnnxRegressor(TorchSession(regressor_graph(regressor)))},
         OnnxPolicy(TorchSession(policy_graph(policy))),
+        None,
         True,
     )
     variant = Variant("x", "ro-2f", policy=True)
@@ -80,6 +85,16 @@ def test_exported_parts_join_to_the_step_of_the_modules_themselves() -> None:
         expected, made = (step(**given) for step in steps)
     for name, theirs, ours in zip(made._fields, expected, made, strict=True):
         assert torch.allclose(ours, theirs, atol=1e-4), name
+
+
+def test_an_exported_pose_prior_codes_as_the_module() -> None:
+    torch.manual_seed(0)
+    prior = PosePrior()
+    turns = matrix_from_rotvec(0.3 * torch.randn(5, 21, 3))
+    with torch.inference_mode():
+        expected = prior.encode(turns)
+        made = OnnxPosePrior(TorchSession(pose_encoder_graph(prior))).encode(turns)
+    assert torch.allclose(made.mean, expected.mean, atol=1e-6)
 
 
 def test_a_variant_sets_blend_and_grounding(shipped) -> None:

@@ -50,6 +50,7 @@ def test_realism_judges_made_and_recorded_motion_alike(mocap: Motion) -> None:
         assert row["contact_strict"] == pytest.approx(np.exp(-(SPEED - 0.075)), abs=1e-3)
         assert row["heel_skating_75mm_s"] == row["heel_skating_200mm_s"] == 1.0
         assert row["both_feet_skating"] == 1.0
+        assert row["pose_prior"] == pytest.approx(1.0, abs=1e-4), "all are upright T-poses"
         assert row["deformation_head_mm"] == pytest.approx(0.0, abs=0.01)
     assert rows["ro-2f"]["lost"] == 0 and rows["ro-2f"]["motions"] == 4
     assert rows["ro-2f"]["carried_error_mm"] == pytest.approx(0.0, abs=0.01)

@@ -59,7 +59,7 @@ def test_bodies_that_break_are_told_from_sound_ones() -> None:
     markers, hips = np.zeros((3, 8, 67, 3)), np.zeros((3, 8, 3))
     markers[1, 4, 5] = 3.5
     markers[2, 0, 0] = np.nan
-    made = Rollout(markers, hips, np.zeros((3, 1, 2, 67, 3)), 8)
+    made = Rollout(markers, hips, np.zeros((3, 8, 22, 4)), np.zeros((3, 1, 2, 67, 3)), 8)
     assert len(made.sound().tracks()) == 1 and len(made.sound().carried) == 1
 
 

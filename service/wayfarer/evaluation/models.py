@@ -14,7 +14,7 @@ from wayfarer.evaluation import metrics
 from wayfarer.evaluation.gait import Row
 from wayfarer.evaluation.parts import Parts
 from wayfarer.evaluation.tracks import Recorded
-from wayfarer.motion.frame import Frame, canonical_frame, to_local
+from wayfarer.motion.frame import canonical_frame, to_local
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
@@ -50,13 +50,9 @@ class Primitives:
         shape = body.shaped(self.betas)
         return body.skin(shape, self.translation, self.rotations)[0]
 
-    def frame(self) -> Frame:
-        """The canonical frame of each window."""
-        return canonical_frame(self.translation[:, 0], self.rotations[:, 0, 0])
-
-    def canonical(self) -> "Primitives":
-        """The same motion in its canonical frames."""
-        frame = self.frame()
+    def canonical(self, floor_origin: bool = True) -> "Primitives":
+        """The same motion, each window in its canonical frame."""
+        frame = canonical_frame(self.translation[:, 0], self.rotations[:, 0, 0], floor_origin)
         root = frame.rotation.transpose(-1, -2)[:, None] @ self.rotations[:, :, 0]
         rotations = torch.cat([root[:, :, None], self.rotations[:, :, 1:]], 2)
         return Primitives(to_local(frame, self.translation), rotations, self.betas)
@@ -99,7 +95,7 @@ def predictor_rows(
     """
     if not parts.predictors:
         raise InvalidArgument("these models hold no predictor_1f.onnx or predictor_2f.onnx")
-    windows = _windows(recorded, count, seed)
+    windows = _windows(recorded, count, seed, parts.floor_origin)
     noise = np.random.default_rng(seed).standard_normal((len(windows), samples, LATENT))
     latents = torch.from_numpy(noise.astype(np.float32))
     rows: list[Row] = []
@@ -115,7 +111,7 @@ def predictor_rows(
     rows.append(_errors("repeat last frame", still, past, future))
     rows.append(_errors("straight line", line, past, future))
     if memory is not None:
-        known = _windows(memory, MEMORY, seed)
+        known = _windows(memory, MEMORY, seed, parts.floor_origin)
         made = known[_nearest(past, known[:, :2], samples), 2:]
         rows.append(_errors("mocap", made, past, future))
     return rows
@@ -217,11 +213,11 @@ def _mesh_error(body: BodyModel, made: Primitives, truth: Primitives) -> float:
     return float(np.mean(errors))
 
 
-def _windows(recorded: Recorded, count: int, seed: int) -> Array:
+def _windows(recorded: Recorded, count: int, seed: int, floor_origin: bool) -> Array:
     """Flattened markers [W, F, 201] of both genders in canonical frames."""
     parts, bodies = [], load_marker_bodies()
     for gender in sorted({clip.gender for clip in recorded.clips}):
-        poses = primitives(recorded, gender, count, seed).canonical()
+        poses = primitives(recorded, gender, count, seed).canonical(floor_origin)
         parts.append(poses.markers(bodies[gender]).flatten(-2).numpy())
     return np.concatenate(parts)
 

@@ -19,7 +19,8 @@ from wayfarer.artifacts import GRAPHS, open_session
 from wayfarer.body.library import load_body
 from wayfarer.errors import ArtifactError, InvalidArgument
 from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
-from wayfarer.motion.predictor import MarkerPredictor
+from wayfarer.motion.pose_prior import PosePrior
+from wayfarer.motion.predictor import MarkerPredictor, Posterior
 from wayfarer.motion.primitive import BLEND, GROUNDING, PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
@@ -58,6 +59,7 @@ class Parts:
     predictors: Mapping[str, MarkerPredictor]
     regressors: Mapping[str, BodyRegressor]  # by gender
     policy: GoalPolicy | None
+    pose_prior: PosePrior | None
     floor_origin: bool
 
     def step(self, gender: str, variant: Variant) -> PrimitiveStep:
@@ -115,7 +117,10 @@ def _from_models(path: Path, threads: int) -> Parts:
         raise ArtifactError(f"{path}: holds no regressor of {missing}: export the models anew")
     found = session("policy.onnx")
     policy = cast(GoalPolicy, OnnxPolicy(found)) if found else None
-    return Parts(predictors, regressors, policy, floor_origin=True)
+    found = session("pose_encoder.onnx")
+    prior = cast(PosePrior, OnnxPosePrior(found)) if found else None
+    floor_origin = all(contract.floor_origin for contract in folder.contracts.values())
+    return Parts(predictors, regressors, policy, prior, floor_origin)
 
 
 def _with_runs(parts: Parts, runs: Path) -> Parts:
@@ -123,7 +128,7 @@ def _with_runs(parts: Parts, runs: Path) -> Parts:
     bodies = load_marker_bodies()
     predictors = dict(parts.predictors)
     regressors = dict(parts.regressors)
-    policy, floors = parts.policy, set()
+    policy, prior, floors = parts.policy, parts.pose_prior, set()
     for name, folder in TRAINED.items():
         if _finished(runs / folder):
             config = read_run_config(runs / folder)
@@ -135,14 +140,16 @@ def _with_runs(parts: Parts, runs: Path) -> Parts:
             regressors[gender] = load_weights(empty, runs / f"regressor_{gender}")
     if _finished(runs / "policy"):
         policy = load_weights(GoalPolicy(), runs / "policy")
+    if _finished(runs / "pose_prior"):
+        prior = load_weights(PosePrior(), runs / "pose_prior")
     if len(floors) > 1:
         raise ArtifactError(f"{runs}: predictors differ in floor_origin and cannot be compared")
-    names = [*TRAINED.values(), *(f"regressor_{g}" for g in GENDERS), "policy"]
+    names = [*TRAINED.values(), *(f"regressor_{g}" for g in GENDERS), "policy", "pose_prior"]
     if not any(_finished(runs / name) for name in names):
         raise ArtifactError(f"{runs}: holds no checkpoint NAME/last.pt of {names}")
     floor = floors.pop() if floors else parts.floor_origin
     predictors = {name: predictors[name] for name in TRAINED if name in predictors}
-    return Parts(predictors, regressors, policy, floor)
+    return Parts(predictors, regressors, policy, prior, floor)
 
 
 def _finished(run: Path) -> bool:
@@ -194,6 +201,18 @@ class OnnxPolicy(nn.Module):
         """Seed [A, 2, 201], canonical frame → the distribution of latents."""
         given = {"seed": seed, **condition._asdict()}
         return Gaussian(*_run(self.session, Gaussian._fields, given))
+
+
+class OnnxPosePrior(nn.Module):
+    """An exported pose encoder with that part of the interface of `PosePrior`."""
+
+    def __init__(self, session: onnxruntime.InferenceSession) -> None:
+        super().__init__()
+        self.session = session
+
+    def encode(self, rotations: Tensor) -> Posterior:
+        """Local rotations [N, 21, 3, 3] → where in the latent space the poses lie [N, 32]."""
+        return Posterior(*_run(self.session, Posterior._fields, {"rotations": rotations}))
 
 
 def _run(session: Any, outputs: Any, given: Mapping[str, Tensor]) -> list[Tensor]:

@@ -12,7 +12,14 @@ from wayfarer.evaluation.frechet import Reference
 from wayfarer.evaluation.gait import Row, gait_row
 from wayfarer.evaluation.outcome import REACHED, STEP_LIMIT
 from wayfarer.evaluation.parts import Parts, Variant
-from wayfarer.evaluation.realism import Motion, carried_figures, realism_row, skating_row
+from wayfarer.evaluation.realism import (
+    Array,
+    Motion,
+    PoseScore,
+    carried_figures,
+    realism_row,
+    skating_row,
+)
 from wayfarer.evaluation.rollout import Goals, Poses, Rollout, random_goals, roll_out
 from wayfarer.motion.rotation import matrix_from_quaternion
 from wayfarer.spec import BETAS, FPS, NEW_FRAMES
@@ -35,6 +42,21 @@ class Bench:
     body: BodyModel  # of either gender: it only names the markers
     seed: int
     watch: Watch = lambda name: None
+
+    @property
+    def pose_score(self) -> PoseScore | None:
+        """How usual poses are to the pose prior: exp(-|μ|² / 32), as its reward; None without."""
+        prior = self.parts.pose_prior
+        if prior is None:
+            return None
+
+        def score(rotations: Array) -> Array:
+            local = matrix_from_quaternion(torch.from_numpy(np.asarray(rotations, np.float32)))
+            mean = prior.encode(local[:, 1:]).mean
+            found: Array = torch.exp(-(mean * mean).mean(-1)).numpy()
+            return found
+
+        return score
 
     def make(self, variant: Variant, poses: Sequence[Poses], frames: int) -> list[Rollout]:
         """Rollouts of both genders; the same noise and goals for every variant and shape."""
@@ -102,7 +124,7 @@ def realism(
     def judge(name: str, motion: Motion) -> Row:
         windows = motion.windows().at_walking_speed()
         walking.append(gait_row(f"{name}, 0.9-1.4 m/s", windows, body.sole_markers))
-        return realism_row(name, motion, body, reference)
+        return realism_row(name, motion, body, reference, bench.pose_score)
 
     rows = []
     for variant in variants(bench.parts):
@@ -154,7 +176,7 @@ def bodies(
     steered = next((v for v in variants(bench.parts) if v.policy), None)
 
     def judge(name: str, motion: Motion) -> Row:
-        return realism_row(name, motion, bench.body)
+        return realism_row(name, motion, bench.body, pose_score=bench.pose_score)
 
     def row(name: str, turns: torch.Tensor, betas: torch.Tensor) -> Row:
         bench.watch(name)

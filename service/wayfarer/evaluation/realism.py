@@ -1,6 +1,6 @@
 """One row of realism for any motion, made or recorded: contact, smoothness, shape, likeness."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -34,6 +34,10 @@ SKATING: Final = {"heel_skating_75mm_s": 0.075, "heel_skating_200mm_s": 0.005 * 
 """Name of the figure → limit, m/s: 5 mm a frame at MOJO's 15 fps, and at our 40."""
 
 
+PoseScore = Callable[[Array], Array]
+"""Rotations [T, 22, 4] of a motion → how usual each pose is [T], 0…1 (Eq. 8)."""
+
+
 @dataclass(frozen=True)
 class Motion:
     """Tracks to be judged together. A seam lies before each multiple of `seam_every` frames."""
@@ -60,7 +64,11 @@ class Motion:
 
 
 def realism_row(
-    name: str, motion: Motion, body: BodyModel, reference: Reference | None = None
+    name: str,
+    motion: Motion,
+    body: BodyModel,
+    reference: Reference | None = None,
+    pose_score: PoseScore | None = None,
 ) -> Row:
     """All figures of `motion`; both genders have the same markers, so any `body` names them."""
     names, windows = body.marker_names, motion.windows()
@@ -72,6 +80,10 @@ def realism_row(
     row |= heel_skating(motion, names)
     for part, markers in rigid_parts(windows.markers, names).items():
         row[f"deformation_{part}_mm"] = 1000 * float(metrics.deformation(markers).mean())
+    if pose_score is not None:
+        row["pose_prior"] = float(
+            np.concatenate([pose_score(t.rotations) for t in motion.tracks]).mean()
+        )
     if reference is not None:
         values = np.concatenate([features(t.markers, names) for t in motion.tracks])
         row[FRECHET] = reference.distance(values)

@@ -61,6 +61,7 @@ class Rollout:
 
     markers: Array  # [A, T, 67, 3] of the skinned bodies, world
     hips: Array  # [A, T, 3]
+    rotations: Array  # [A, T, 22, 4]
     carried: Array  # [A, P, S, 67, 3] markers of each next seed
     seam_every: int  # frames; a seam lies before frame 0 and before each of its multiples
 
@@ -68,11 +69,18 @@ class Rollout:
         """Only those that stayed bodies: finite, every marker within 3 m of the hips."""
         reach = np.linalg.norm(self.markers - self.hips[:, :, None], axis=-1).max((-2, -1))
         rows = reach < EXTENT  # a NaN fails
-        return Rollout(self.markers[rows], self.hips[rows], self.carried[rows], self.seam_every)
+        return Rollout(
+            self.markers[rows],
+            self.hips[rows],
+            self.rotations[rows],
+            self.carried[rows],
+            self.seam_every,
+        )
 
     def tracks(self) -> list[Track]:
         """Body by body."""
-        return [Track(*body) for body in zip(self.markers, self.hips, strict=True)]
+        motions = zip(self.markers, self.hips, self.rotations, strict=True)
+        return [Track(*body) for body in motions]
 
     def reprojected(self) -> Array:
         """Markers of the bodies at the frames of `carried` [A, P, S, 67, 3]."""
@@ -151,16 +159,18 @@ def roll_out(
     seed = _seed(markers, result)
 
     every = step.predictor.new_frames
-    bodies, hips, carried = [], [], []
+    bodies, hips, turns, carried = [], [], [], []
     for _ in range(-(-frames // every)):
         result = _advance(step, seed, poses, random, goals)
         seed = _seed(result.next_seed_markers, result)
         bodies.append(_skin(step, shape, result))
         hips.append(result.translation)
+        turns.append(result.rotations)
         carried.append(seed.markers)
     return Rollout(
         markers=torch.cat(bodies, 1).numpy(),
         hips=torch.cat(hips, 1).numpy(),
+        rotations=torch.cat(turns, 1).numpy(),
         carried=torch.stack(carried, 1).numpy(),
         seam_every=every,
     )

@@ -27,9 +27,10 @@ class Track:
 
     markers: Array  # [T, M, 3]
     hips: Array  # [T, 3]
+    rotations: Array  # [T, 22, 4] local quaternions, joint 0 world
 
     def __getitem__(self, frames: slice) -> "Track":
-        return Track(self.markers[frames], self.hips[frames])
+        return Track(self.markers[frames], self.hips[frames], self.rotations[frames])
 
     def windows(self) -> Windows:
         """Whole windows of 1 s from its beginning."""
@@ -45,7 +46,7 @@ def skin_track(body: BodyModel, betas: Array, translation: Array, rotations: Arr
         local = matrix_from_quaternion(rotations[frames].astype(np.float64))
         world, places = body.forward_kinematics(translation[frames].astype(np.float64), local, rest)
         markers[frames] = body.markers(betas, world, places)
-    return Track(markers, translation)
+    return Track(markers, translation, rotations)
 
 
 class Recorded:
@@ -78,7 +79,7 @@ class Recorded:
 
     def windows(self, *uses: int) -> Windows:
         """All whole windows of 1 s in which every frame's `use` is one of `uses`."""
-        parts = [Track(np.zeros((0, MARKERS, 3)), np.zeros((0, 3))).windows()]
+        parts = [Windows.cut(np.zeros((0, MARKERS, 3)), np.zeros((0, 3)))]
         for clip in self.clips:
             if runs := self.used(clip, *uses):
                 track = self.track(clip)

@@ -192,6 +192,7 @@ def export(
         predictor_2f=runs / predictor_2f,
         regressor_male=runs / "regressor_male",
         regressor_female=runs / "regressor_female",
+        pose_prior=runs / "pose_prior",
     )
     if goal_cvae:
         regressors = {gender: runs / f"regressor_{gender}" for gender in GENDERS}
