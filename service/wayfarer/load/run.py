@@ -39,17 +39,18 @@ async def run(
 
 
 async def _usage(target: Target, start: float, until: float) -> dict[str, Any]:
-    """Cores that server and generator use while it is measured, and memory at the end."""
+    """Cores that server and generator use while it is measured, and the server's memory."""
     await asyncio.sleep(max(start - time.time(), 0.0))
     began, server, own = time.monotonic(), target.cpu_seconds(), time.process_time()
+    memory = [target.resident_megabytes()]
     await asyncio.sleep(max(until - time.time(), 0.0))
     seconds = time.monotonic() - began
     now = target.cpu_seconds()
     share = None if now is None or server is None else round((now - server) / seconds, 3)
-    memory = target.resident_megabytes()
+    memory.append(target.resident_megabytes())
     return {
         "cpu": {"server": share, "generator": round((time.process_time() - own) / seconds, 3)},
-        "server_rss_mb": None if memory is None else round(memory, 1),
+        "server_rss_mb": dict(zip(("start", "end"), memory, strict=True)),
     }
 
 
