@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from wayfarer.body.library import load_body
-from wayfarer.runtime import batch, scheduler
 from wayfarer.runtime.agent import AgentSpec, Goal, SessionSpec
-from wayfarer.runtime.engine import StepInputs, StepOutputs
-from wayfarer.runtime.playback import Playback
+from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
 from wayfarer.runtime.settings import Limits, WorldSettings
-from wayfarer.runtime.steering import Steering
-from wayfarer.runtime.world import World
+from wayfarer.runtime.stepping import batch, scheduler
+from wayfarer.runtime.stepping.playback import Playback
+from wayfarer.runtime.world.steering import Steering
+from wayfarer.runtime.world.world import World
 from wayfarer.spec import GENDERS, NEW_FRAMES, SEED_FRAMES, STEP_SECONDS
 from wayfarer.terms import TERMS
 

@@ -29,10 +29,10 @@ from wayfarer.evaluation.gait import Windows, gait_row
 from wayfarer.evaluation.goals import random_specs
 from wayfarer.evaluation.tracks import skin_track
 from wayfarer.runtime.agent import AgentSpec, Goal
-from wayfarer.runtime.beam import plan
-from wayfarer.runtime.beam_settings import HARD, BeamSettings
-from wayfarer.runtime.plan import Ending, Plan, Problem
-from wayfarer.runtime.steering import Steering
+from wayfarer.runtime.search.beam import plan
+from wayfarer.runtime.search.beam_settings import HARD, BeamSettings
+from wayfarer.runtime.search.plan import Ending, Plan, Problem
+from wayfarer.runtime.world.steering import Steering
 from wayfarer.stage import DEFAULT_MODEL, Stage, open_stage
 
 LATENTS = {

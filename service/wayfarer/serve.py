@@ -20,19 +20,19 @@ from wayfarer.body.library import body_file, load_body
 from wayfarer.config import Settings
 from wayfarer.config_page import as_toml
 from wayfarer.logs import configure_logging
-from wayfarer.runtime.budget import BudgetRules, rungs
-from wayfarer.runtime.journal import Journal
+from wayfarer.runtime.engines.model_store import ModelStore
+from wayfarer.runtime.engines.models import Models
+from wayfarer.runtime.engines.onnx_engine import OnnxEngine
 from wayfarer.runtime.loop import LoopSettings, steady_clock
 from wayfarer.runtime.meter import Meter
-from wayfarer.runtime.model_store import ModelStore
-from wayfarer.runtime.models import Models
-from wayfarer.runtime.onnx_engine import OnnxEngine
 from wayfarer.runtime.runtime import Runtime
 from wayfarer.runtime.settings import BATCH_SIZES, AdmissionRules, Limits, WorldSettings
-from wayfarer.runtime.snapshot import BodyStamp
-from wayfarer.runtime.spawn import load_start_poses
-from wayfarer.runtime.steering import Steering
-from wayfarer.runtime.world import World
+from wayfarer.runtime.state.journal import Journal
+from wayfarer.runtime.state.snapshot import BodyStamp
+from wayfarer.runtime.stepping.budget import BudgetRules, rungs
+from wayfarer.runtime.world.spawn import load_start_poses
+from wayfarer.runtime.world.steering import Steering
+from wayfarer.runtime.world.world import World
 from wayfarer.runtime.worlds import Worlds
 from wayfarer.spec import GENDERS
 from wayfarer.stage import BODY, DEFAULT_MODEL, START_POSES, load_models

@@ -9,11 +9,11 @@ from typing import Final
 from wayfarer.artifacts import ASSETS, BodyIdentity, ModelFolder, load_model_folder, sha256_of
 from wayfarer.body.library import body_file, load_body
 from wayfarer.body.model import BodyModel
-from wayfarer.runtime.onnx_engine import OnnxEngine
+from wayfarer.runtime.engines.onnx_engine import OnnxEngine
 from wayfarer.runtime.settings import Limits, WorldSettings
-from wayfarer.runtime.spawn import load_start_poses
-from wayfarer.runtime.steering import Steering
-from wayfarer.runtime.world import World
+from wayfarer.runtime.world.spawn import load_start_poses
+from wayfarer.runtime.world.steering import Steering
+from wayfarer.runtime.world.world import World
 from wayfarer.spec import GENDERS
 
 Bodies = dict[str, BodyModel]

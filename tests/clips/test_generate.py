@@ -7,8 +7,8 @@ from wayfarer.clips.files import write_clip
 from wayfarer.clips.generate import SearchKind, generate, generate_clip
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.agent import AgentSpec, Goal
-from wayfarer.runtime.beam_settings import BeamSettings
-from wayfarer.runtime.steering import Steering
+from wayfarer.runtime.search.beam_settings import BeamSettings
+from wayfarer.runtime.world.steering import Steering
 
 GOALS = [Goal((0.0, 2.0, 0.0)), Goal((1.0, 0.0, 0.0))]
 

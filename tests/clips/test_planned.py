@@ -6,8 +6,8 @@ from wayfarer.clips.generate import generate_clip
 from wayfarer.clips.planned import plan_clip
 from wayfarer.errors import FailedPrecondition, InvalidArgument
 from wayfarer.runtime.agent import AgentSpec, Goal
-from wayfarer.runtime.beam_settings import BeamSettings
-from wayfarer.runtime.steering import Steering
+from wayfarer.runtime.search.beam_settings import BeamSettings
+from wayfarer.runtime.world.steering import Steering
 
 GOALS = [Goal((0.0, 2.0, 0.0)), Goal((1.0, 0.0, 0.0))]
 

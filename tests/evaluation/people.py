@@ -11,7 +11,7 @@ from wayfarer.body.model import BodyModel
 from wayfarer.evaluation.goals import Course, Given
 from wayfarer.runtime.agent import AgentSpec, Goal
 from wayfarer.runtime.settings import WorldSettings
-from wayfarer.runtime.world import World
+from wayfarer.runtime.world.world import World
 from wayfarer.spec import POSED_JOINTS
 
 TRUNK = {"LFWT": (-0.1, 1.0), "LBWT": (-0.1, 1.0), "RFWT": (0.1, 1.0), "RBWT": (0.1, 1.0)}

@@ -20,8 +20,8 @@ from wayfarer.evaluation.control import (
 )
 from wayfarer.evaluation.gait import Windows
 from wayfarer.runtime.agent import Goal
-from wayfarer.runtime.beam_settings import BeamSettings
-from wayfarer.runtime.engine import StepInputs, StepOutputs
+from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
+from wayfarer.runtime.search.beam_settings import BeamSettings
 from wayfarer.spec import NEW_FRAMES
 
 BODY = BODIES["male"]

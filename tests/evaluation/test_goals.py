@@ -6,7 +6,7 @@ import pytest
 from tests.evaluation.people import BODIES, make_world
 from wayfarer.evaluation.goals import Course, Errand, Order, random_specs, relative, run_errands
 from wayfarer.runtime.agent import AgentInfo, Goal
-from wayfarer.runtime.slots import Mode
+from wayfarer.runtime.world.slots import Mode
 from wayfarer.spec import FPS, GENDERS
 
 

@@ -11,7 +11,7 @@ from wayfarer.evaluation.gait import gait_row
 from wayfarer.evaluation.goals import random_specs
 from wayfarer.evaluation.seeds import walking_seeds
 from wayfarer.evaluation.tracks import Recorded
-from wayfarer.runtime.slots import Mode
+from wayfarer.runtime.world.slots import Mode
 from wayfarer.spec import FPS
 from wayfarer.training.mocap.selection import Use
 

@@ -9,7 +9,7 @@ from tests.runtime.fakes import FakeEngine
 from wayfarer.evaluation import wander as module
 from wayfarer.evaluation.goals import random_specs
 from wayfarer.evaluation.wander import Wandering, wander
-from wayfarer.runtime.engine import StepInputs, StepOutputs
+from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
 
 
 def seen(engine: FakeEngine, agents: int, seconds: float) -> Wandering:

@@ -5,11 +5,11 @@ import numpy as np
 from wayfarer.body.model import BodyModel
 from wayfarer.runtime.agent import AgentSpec
 from wayfarer.runtime.commands import Recorder
-from wayfarer.runtime.engine import StepInputs, StepOutputs
-from wayfarer.runtime.heading import facing_of
+from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
 from wayfarer.runtime.settings import WorldSettings
-from wayfarer.runtime.spawn import multiply
-from wayfarer.runtime.world import World
+from wayfarer.runtime.world.heading import facing_of
+from wayfarer.runtime.world.spawn import multiply
+from wayfarer.runtime.world.world import World
 from wayfarer.spec import BETAS, GENDERS, JOINTS, MARKERS, NEW_FRAMES, STEP_SECONDS
 from wayfarer.terms import TERMS
 

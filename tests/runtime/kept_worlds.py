@@ -4,12 +4,12 @@ from functools import cache
 from pathlib import Path
 
 from tests.runtime.fakes import BODIES, FakeEngine, start_poses
-from wayfarer.runtime.budget import BudgetRules
-from wayfarer.runtime.journal import Journal
-from wayfarer.runtime.models import Models
+from wayfarer.runtime.engines.models import Models
 from wayfarer.runtime.settings import WorldSettings
-from wayfarer.runtime.snapshot import BodyStamp
-from wayfarer.runtime.spawn import load_start_poses
+from wayfarer.runtime.state.journal import Journal
+from wayfarer.runtime.state.snapshot import BodyStamp
+from wayfarer.runtime.stepping.budget import BudgetRules
+from wayfarer.runtime.world.spawn import load_start_poses
 from wayfarer.runtime.worlds import Worlds
 from wayfarer.spec import GENDERS
 from wayfarer.stage import DEFAULT_MODEL, START_POSES, open_stage

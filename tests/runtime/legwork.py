@@ -7,7 +7,7 @@ import numpy as np
 from wayfarer.body.library import load_body
 from wayfarer.body.model import BodyModel
 from wayfarer.body.rotation import quaternion_from_rotvec
-from wayfarer.runtime.legs import ANKLES, HIPS, KNEES, Legs, measure_legs, pose_legs
+from wayfarer.runtime.feet.legs import ANKLES, HIPS, KNEES, Legs, measure_legs, pose_legs
 from wayfarer.spec import BETAS, FPS, POSED_JOINTS
 
 JOINTS = (HIPS, KNEES, ANKLES)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.runtime.fakes import FakeEngine, make_world, people
-from tests.runtime.streams import KeepingMeter
+from tests.runtime.chunks import KeepingMeter
 from wayfarer.errors import (
     Aborted,
     AlreadyExists,
@@ -390,7 +390,9 @@ async def test_agents_wait_for_a_stalled_holder_and_others_do_not():
         seen = await first(other, 12)  # 1.2 s
         assert (await loop.stats()).held_sessions == 1
         got += await first(holder, 12)
-        assert (await loop.stats()).held_sessions == 0
+        async with asyncio.timeout(10):  # a busy machine may make this reader slow once more
+            while (await loop.stats()).held_sessions:
+                got += await first(holder, 1)
         for stream in (got, seen):
             chunks = [c for p in stream for c in p.chunks]
             for alias in (1, 2):

@@ -8,7 +8,7 @@ import pytest
 
 from tests.runtime.fakes import people
 from tests.runtime.kept_worlds import assert_same_poses, fake_worlds, open_journal
-from tests.runtime.test_lockstep import until_ready
+from tests.runtime.offline.test_lockstep import until_ready
 from wayfarer.errors import (
     AlreadyExists,
     ArtifactError,

@@ -18,7 +18,7 @@ from wayfarer.runtime.agent import (
     LoopStats,
     SlowReader,
 )
-from wayfarer.runtime.heading import facing_at
+from wayfarer.runtime.world.heading import facing_at
 from wayfarer.transport import convert, schema, wire
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.bodies import BodyLibrary

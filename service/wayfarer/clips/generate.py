@@ -14,10 +14,10 @@ from wayfarer.clips.files import check_target, write_clip
 from wayfarer.clips.planned import plan_clip
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.agent import AgentSpec, ChunkFlag, Goal, MotionChunk
-from wayfarer.runtime.beam_settings import HARD, BeamSettings
-from wayfarer.runtime.steering import Steering
-from wayfarer.runtime.walk import walk
-from wayfarer.runtime.world import World
+from wayfarer.runtime.offline.walk import walk
+from wayfarer.runtime.search.beam_settings import HARD, BeamSettings
+from wayfarer.runtime.world.steering import Steering
+from wayfarer.runtime.world.world import World
 from wayfarer.spec import BETAS, FPS
 from wayfarer.stage import DEFAULT_MODEL, open_stage
 

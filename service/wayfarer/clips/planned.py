@@ -10,13 +10,13 @@ from wayfarer.body.model import BodyModel
 from wayfarer.clips.clip import Clip
 from wayfarer.errors import FailedPrecondition, InvalidArgument
 from wayfarer.runtime.agent import AgentSpec, Goal
-from wayfarer.runtime.beam import plan
-from wayfarer.runtime.beam_settings import BeamSettings
-from wayfarer.runtime.engine import Engine
-from wayfarer.runtime.footlock import begin, lock_feet
-from wayfarer.runtime.legs import measure_legs
-from wayfarer.runtime.plan import Ending, Plan, Problem
-from wayfarer.runtime.slots import Flags, Float, Motion
+from wayfarer.runtime.engines.engine import Engine
+from wayfarer.runtime.feet.footlock import begin, lock_feet
+from wayfarer.runtime.feet.legs import measure_legs
+from wayfarer.runtime.search.beam import plan
+from wayfarer.runtime.search.beam_settings import BeamSettings
+from wayfarer.runtime.search.plan import Ending, Plan, Problem
+from wayfarer.runtime.world.slots import Flags, Float, Motion
 from wayfarer.spec import FPS, NEW_FRAMES, STEP_SECONDS
 
 

@@ -21,12 +21,12 @@ from wayfarer.evaluation.outcome import NEAR, REACHED, STEP_LIMIT, judge
 from wayfarer.evaluation.posture import Trunk, lean
 from wayfarer.evaluation.tracks import Track, skin_track
 from wayfarer.runtime.agent import AgentSpec, Goal
-from wayfarer.runtime.beam import grow
-from wayfarer.runtime.beam_settings import BeamSettings
-from wayfarer.runtime.engine import Engine
-from wayfarer.runtime.plan import Level, Problem, Tree
-from wayfarer.runtime.rows import Index
-from wayfarer.runtime.world import World
+from wayfarer.runtime.engines.engine import Engine
+from wayfarer.runtime.search.beam import grow
+from wayfarer.runtime.search.beam_settings import BeamSettings
+from wayfarer.runtime.search.plan import Level, Problem, Tree
+from wayfarer.runtime.world.rows import Index
+from wayfarer.runtime.world.world import World
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.stage import Bodies
 

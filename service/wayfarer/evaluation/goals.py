@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from wayfarer.body.model import BodyModel
 from wayfarer.evaluation.tracks import Track, skin_track
 from wayfarer.runtime.agent import AgentInfo, AgentSpec, AgentState, Goal, MotionChunk, SessionSpec
-from wayfarer.runtime.heading import facing_of
-from wayfarer.runtime.slots import Motion
-from wayfarer.runtime.world import World
+from wayfarer.runtime.world.heading import facing_of
+from wayfarer.runtime.world.slots import Motion
+from wayfarer.runtime.world.world import World
 from wayfarer.spec import BETAS, GENDERS, NEW_FRAMES
 
 Array = NDArray[np.floating[Any]]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from wayfarer.evaluation.gait import Row
 from wayfarer.evaluation.posture import Trunk
 from wayfarer.evaluation.tracks import Track
-from wayfarer.runtime.heading import facing_of
+from wayfarer.runtime.world.heading import facing_of
 from wayfarer.spec import FPS
 
 Array = NDArray[np.floating[Any]]

@@ -26,7 +26,7 @@ from wayfarer.evaluation.gait import Row
 from wayfarer.evaluation.goals import Course
 from wayfarer.evaluation.metrics import travel_speed
 from wayfarer.evaluation.outcome import NEAR, REACHED, STEP_LIMIT
-from wayfarer.runtime.heading import facing_at
+from wayfarer.runtime.world.heading import facing_at
 from wayfarer.spec import FPS, NEW_FRAMES
 
 Array = NDArray[np.floating[Any]]

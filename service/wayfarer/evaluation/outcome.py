@@ -17,7 +17,7 @@ from wayfarer.evaluation.figures import (
 )
 from wayfarer.evaluation.gait import Row
 from wayfarer.evaluation.goals import Course
-from wayfarer.runtime.heading import facing_at
+from wayfarer.runtime.world.heading import facing_at
 from wayfarer.spec import FPS, NEW_FRAMES
 
 REACHED: Final = 0.75

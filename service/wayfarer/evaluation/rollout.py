@@ -21,7 +21,7 @@ from wayfarer.evaluation.tracks import Recorded, Track
 from wayfarer.motion.marker_body import Shaped
 from wayfarer.motion.primitive import PrimitiveStep, StepResult
 from wayfarer.motion.rotation import matrix_from_quaternion
-from wayfarer.runtime.spawn import load_start_poses
+from wayfarer.runtime.world.spawn import load_start_poses
 from wayfarer.spec import BETAS, GENDERS, LATENT
 from wayfarer.stage import START_POSES
 from wayfarer.terms import WALK, weights

@@ -9,7 +9,7 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.evaluation.metrics import WALKING_SPEED
 from wayfarer.evaluation.tracks import Recorded, skin_track
 from wayfarer.runtime.agent import AgentSpec
-from wayfarer.runtime.slots import Gait, Mode, Motion, Seeds
+from wayfarer.runtime.world.slots import Gait, Mode, Motion, Seeds
 from wayfarer.spec import FPS, SEED_FRAMES
 from wayfarer.training.mocap.selection import Use
 

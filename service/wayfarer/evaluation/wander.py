@@ -16,7 +16,7 @@ from wayfarer.evaluation.health import SPIN_RANGE, Health
 from wayfarer.evaluation.posture import Trunk
 from wayfarer.evaluation.tracks import Track, skin_track
 from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, Goal, MotionChunk, SessionSpec
-from wayfarer.runtime.world import World
+from wayfarer.runtime.world.world import World
 from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
 from wayfarer.stage import Bodies
 

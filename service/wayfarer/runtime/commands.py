@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from wayfarer.runtime.agent import AgentChange, AgentSpec, Goal, Wander
-from wayfarer.runtime.handover import AgentRecord
+from wayfarer.runtime.world.handover import AgentRecord
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,14 +23,14 @@ from wayfarer.runtime.agent import (
     StreamWish,
 )
 from wayfarer.runtime.commands import AppendGoals, Order
-from wayfarer.runtime.handover import SessionRecord
+from wayfarer.runtime.engines.models import model_changed
 from wayfarer.runtime.inbox import Inbox
 from wayfarer.runtime.meter import Meter, NoMeter
-from wayfarer.runtime.models import model_changed
 from wayfarer.runtime.motor import Motor
-from wayfarer.runtime.publisher import Publisher
-from wayfarer.runtime.subscription import BoundedSubscription, StreamSettings
-from wayfarer.runtime.world import World
+from wayfarer.runtime.streams.publisher import Publisher
+from wayfarer.runtime.streams.subscription import BoundedSubscription, StreamSettings
+from wayfarer.runtime.world.handover import SessionRecord
+from wayfarer.runtime.world.world import World
 
 T = TypeVar("T")
 

@@ -25,9 +25,9 @@ from wayfarer.errors import Unavailable
 from wayfarer.runtime.agent import LoopStats, MotionChunk
 from wayfarer.runtime.inbox import Inbox
 from wayfarer.runtime.meter import Meter
-from wayfarer.runtime.publisher import Publisher
 from wayfarer.runtime.stats import Window, mean, percentile
-from wayfarer.runtime.world import World
+from wayfarer.runtime.streams.publisher import Publisher
+from wayfarer.runtime.world.world import World
 from wayfarer.spec import FPS
 
 log = structlog.get_logger(__name__)

@@ -23,19 +23,19 @@ from wayfarer.runtime.agent import (
     StreamWish,
     Wander,
 )
-from wayfarer.runtime.archive import Archive
 from wayfarer.runtime.commands import AppendGoals, ClearGoal, Order, SetGoal, SetPath
-from wayfarer.runtime.engine import Engine
-from wayfarer.runtime.handover import SessionRecord
-from wayfarer.runtime.keeper import SAVE_PARTS, Keeper
-from wayfarer.runtime.kept import KeptWorld, kept
-from wayfarer.runtime.lockstep import LockStep, LockSteps
+from wayfarer.runtime.engines.engine import Engine
+from wayfarer.runtime.engines.model_store import ModelDesk, no_model
 from wayfarer.runtime.loop import LoopSettings, MotionLoop, steady_clock
 from wayfarer.runtime.meter import Meter
-from wayfarer.runtime.model_store import ModelDesk, no_model
-from wayfarer.runtime.offline import Offline
-from wayfarer.runtime.subscription import BoundedSubscription
-from wayfarer.runtime.walk import walk
+from wayfarer.runtime.offline.lockstep import LockStep, LockSteps
+from wayfarer.runtime.offline.offline import Offline
+from wayfarer.runtime.offline.walk import walk
+from wayfarer.runtime.state.archive import Archive
+from wayfarer.runtime.state.keeper import SAVE_PARTS, Keeper
+from wayfarer.runtime.state.kept import KeptWorld, kept
+from wayfarer.runtime.streams.subscription import BoundedSubscription
+from wayfarer.runtime.world.handover import SessionRecord
 from wayfarer.runtime.worlds import Worlds
 
 

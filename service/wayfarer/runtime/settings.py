@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field, fields
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.budget import BudgetRules
-from wayfarer.runtime.steering import Steering
+from wayfarer.runtime.stepping.budget import BudgetRules
+from wayfarer.runtime.world.steering import Steering
 from wayfarer.spec import NEW_FRAMES
 
 BATCH_SIZES = (1, 2, 3, 4, 5, 6, 7, 8)

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.body.model import BodyModel
-from wayfarer.runtime.journal import Journal
-from wayfarer.runtime.kept import KeptWorld
-from wayfarer.runtime.models import Models
+from wayfarer.runtime.engines.models import Models
 from wayfarer.runtime.settings import WorldSettings
-from wayfarer.runtime.snapshot import BodyStamp
-from wayfarer.runtime.world import World
+from wayfarer.runtime.state.journal import Journal
+from wayfarer.runtime.state.kept import KeptWorld
+from wayfarer.runtime.state.snapshot import BodyStamp
+from wayfarer.runtime.world.world import World
 
 BATCH_SIZES: Final = tuple(range(1, 65))
 """Of worlds in which nobody waits for a step and agents are stepped all at once."""

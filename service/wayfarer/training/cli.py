@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 from wayfarer.artifacts import ASSETS
 from wayfarer.body.library import load_body
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.spawn import load_start_poses
+from wayfarer.runtime.world.spawn import load_start_poses
 from wayfarer.spec import GENDERS
 from wayfarer.training.analytic import AnalyticConfig, train_analytic
 from wayfarer.training.card import model_card

@@ -12,7 +12,7 @@ from tests.evaluation.recordings import write_recordings
 from tests.runtime.fakes import FakeEngine
 from wayfarer.evaluation import scenarios
 from wayfarer.evaluation.commands import app, arrival, control, long
-from wayfarer.runtime.steering import Steering
+from wayfarer.runtime.world.steering import Steering
 from wayfarer.stage import Stage
 
 

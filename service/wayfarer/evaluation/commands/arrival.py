@@ -27,7 +27,7 @@ from wayfarer.evaluation.scenarios import arrival as arrival_scenario
 from wayfarer.evaluation.scenarios import maneuver_tables
 from wayfarer.evaluation.seeds import walking_seeds
 from wayfarer.evaluation.tracks import Recorded
-from wayfarer.runtime.world import World
+from wayfarer.runtime.world.world import World
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.stage import DEFAULT_MODEL, Bodies, open_world
 from wayfarer.training.mocap.selection import Use

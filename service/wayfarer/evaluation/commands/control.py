@@ -31,8 +31,8 @@ from wayfarer.evaluation.control import (
 )
 from wayfarer.evaluation.outcome import NEAR
 from wayfarer.evaluation.tracks import Recorded
-from wayfarer.runtime.beam_settings import BeamSettings
-from wayfarer.runtime.steering import Steering
+from wayfarer.runtime.search.beam_settings import BeamSettings
+from wayfarer.runtime.world.steering import Steering
 from wayfarer.stage import DEFAULT_MODEL, Stage, open_stage
 from wayfarer.training.mocap.selection import Use
 

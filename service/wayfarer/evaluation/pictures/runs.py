@@ -9,7 +9,7 @@ import numpy as np
 
 from wayfarer.clips.clip import Clip, join_chunks
 from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, Goal, MotionChunk, SessionSpec
-from wayfarer.runtime.world import World
+from wayfarer.runtime.world.world import World
 from wayfarer.spec import BETAS, FPS, GENDERS, NEW_FRAMES, STEP_SECONDS
 
 DISTANCE: Final = (2.0, 6.0)

@@ -1,0 +1,1 @@
+"""What runs the step graph, and which models are loaded."""

@@ -1,0 +1,34 @@
+"""Foot lock of agents: from slots and chunks to `footlock.py` and back.
+
+It works on chunks as they leave. What has been sent is never replaced, so one state per slot is
+enough: replanning throws away only frames that have not come here.
+"""
+
+import numpy as np
+
+from wayfarer.runtime.agent import ChunkFlag
+from wayfarer.runtime.feet.footlock import begin, lock_feet
+from wayfarer.runtime.stepping.playback import Sent
+from wayfarer.runtime.world.slots import Slots
+
+
+def clean_feet(slots: Slots, sent: Sent) -> None:
+    """Lock the feet, in the chunks of `sent`, of those agents that want it.
+
+    A pose that begins or jumps begins its lock anew, and so does a lock that is switched on.
+    """
+    slots.feet_begun[sent.slots] &= slots.foot_lock[sent.slots]
+    wanted = np.flatnonzero(slots.foot_lock[sent.slots])
+    if not len(wanted):
+        return
+    chunks, rows = sent.chunks, sent.slots[wanted]
+    translation, rotations = chunks.translation[wanted], chunks.rotations[wanted]
+    legs, feet = slots.legs.take(rows), slots.feet.take(rows)
+    jumps = (chunks.flags[wanted] & ChunkFlag.FIRST) > 0
+    if len(new := np.flatnonzero(jumps | ~slots.feet_begun[rows])):
+        feet.put(new, begin(legs.take(new), translation[new, 0], rotations[new, 0]))
+    locked = lock_feet(feet, legs, translation, rotations)
+    slots.feet.put(rows, locked.state)
+    slots.feet_begun[rows] = True
+    chunks.rotations[wanted] = locked.rotations
+    chunks.contacts[wanted] = locked.contacts

@@ -1,0 +1,1 @@
+"""Nothing lost: snapshots, the journal, command logs and their replay."""

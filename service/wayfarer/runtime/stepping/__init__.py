@@ -1,0 +1,1 @@
+"""Who is stepped when, in which batch, and whether there is time."""

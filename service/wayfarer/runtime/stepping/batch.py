@@ -1,0 +1,73 @@
+"""From slots to one engine call and back: gather rows, pad, cut, and find broken rows."""
+
+from dataclasses import fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.runtime.engines.engine import Float, StepInputs, StepOutputs
+from wayfarer.runtime.stepping.noise import latents
+from wayfarer.runtime.world.rows import Index
+from wayfarer.runtime.world.slots import Gait, Goals, Seeds, Slots
+from wayfarer.runtime.world.steering import Steering
+
+MAX_STEP_METRES = 3.0
+"""A body that moves farther in one step (15 m/s) has exploded."""
+
+
+def gather(
+    slots: Slots,
+    rows: Index,
+    seed: Seeds,
+    gait: Gait,
+    goals: Goals,
+    candidates: int,
+    steering: Steering,
+) -> StepInputs:
+    """Engine inputs of `rows`; `seed`, the gait to come and the goals are theirs."""
+    noise = latents(slots.noise_seed[rows], slots.planned_chunks[rows], candidates)
+    return assemble(seed, slots.betas[rows], gait, goals, noise, steering)
+
+
+def assemble(
+    seed: Seeds, betas: Float, gait: Gait, goals: Goals, noise: Float, steering: Steering
+) -> StepInputs:
+    """Engine inputs of the step that `gait` is for: betas [A, 10], noise [A, K, 128] ~ N(0, I)."""
+    target = steering.targets(gait, seed, goals)
+    return StepInputs(
+        seed_markers=seed.markers,
+        seed_translation=seed.translation,
+        seed_rotations=seed.rotations,
+        betas=betas,
+        goal=target.place,
+        target_speed=target.speed,
+        facing=target.facing,
+        term_weights=steering.term_weights(gait.mode),
+        policy=steering.policy(gait.mode),
+        noise=steering.scale_noise(gait.mode, noise),
+    )
+
+
+def pad(inputs: StepInputs, sizes: tuple[int, ...]) -> StepInputs:
+    """Repeat the last row up to the next of `sizes` (ascending), which the engine has warmed."""
+    rows = len(inputs.goal)
+    size = next((s for s in sizes if s >= rows), rows)
+    if size == rows:
+        return inputs
+    index = np.minimum(np.arange(size), rows - 1)
+    return StepInputs(**{f.name: getattr(inputs, f.name)[index] for f in fields(StepInputs)})
+
+
+def cut(outputs: StepOutputs, rows: int) -> StepOutputs:
+    """The first `rows` rows: drop the padding."""
+    return StepOutputs(**{f.name: getattr(outputs, f.name)[:rows] for f in fields(StepOutputs)})
+
+
+def broken(start: NDArray[np.float32], outputs: StepOutputs) -> NDArray[np.bool_]:
+    """Rows [A] that cannot be shown: not finite, or with hips far off `start` [A, 3]."""
+    finite = np.ones(len(start), np.bool_)
+    for values in (outputs.translation, outputs.rotations, outputs.next_seed_markers):
+        finite &= np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
+    with np.errstate(invalid="ignore"):
+        way = np.linalg.norm(outputs.translation - start[:, None], axis=-1).max(axis=-1)
+        return ~(finite & (way <= MAX_STEP_METRES))

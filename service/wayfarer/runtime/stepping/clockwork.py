@@ -1,0 +1,210 @@
+"""The half of a world that moves as time passes: slots, scheduler, playback, ladder.
+
+Time is always an argument: seconds, the same line for all calls (Unix time in the service, any
+in offline use). The same calls give the same motion. Not thread-safe.
+"""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.body.model import BodyModel
+from wayfarer.runtime.agent import AgentState, MotionChunk
+from wayfarer.runtime.commands import Recorder
+from wayfarer.runtime.engines.engine import Engine
+from wayfarer.runtime.engines.models import Models
+from wayfarer.runtime.feet.cleanup import clean_feet
+from wayfarer.runtime.settings import WorldSettings
+from wayfarer.runtime.stepping.admission import Admission
+from wayfarer.runtime.stepping.budget import Budget, Rung
+from wayfarer.runtime.stepping.playback import Playback
+from wayfarer.runtime.stepping.scheduler import Scheduler
+from wayfarer.runtime.stepping.timeline import Timeline
+from wayfarer.runtime.world.orders import Orders
+from wayfarer.runtime.world.population import Population
+from wayfarer.runtime.world.registry import Registry
+from wayfarer.runtime.world.rows import Index
+from wayfarer.runtime.world.slots import Mode, SlotTable
+from wayfarer.runtime.world.views import motion_chunks
+from wayfarer.spec import FPS
+
+
+class Clockwork:
+    """Agents in slots, who are stepped and whose chunks leave at their time; see `World`."""
+
+    def __init__(
+        self,
+        engine: Engine | Models,
+        bodies: Mapping[str, BodyModel],
+        start_poses: NDArray[np.float32],
+        settings: WorldSettings | None = None,
+        recorder: Recorder | None = None,
+    ) -> None:
+        """`bodies` by gender; `start_poses` [P, 22, 4] from `spawn.load_start_poses`.
+
+        Worlds that share `Models` have theirs; one of a single engine needs none.
+        """
+        self.settings = settings = settings or WorldSettings()
+        self.models = engine if isinstance(engine, Models) else Models(engine)
+        self._recorder = recorder
+        self._timeline = Timeline()
+        self._registry = Registry(settings.limits)
+        self._table = SlotTable(settings.limits.agents)
+        self._playback = Playback(self._table.rows, settings.lead)
+        self._orders = Orders(self._table.rows, self._playback, self._timeline, settings, recorder)
+        self._population = Population(
+            bodies,
+            start_poses,
+            settings,
+            self._registry,
+            self._table,
+            self._timeline,
+            self._orders,
+            self.models,
+        )
+        self._scheduler = Scheduler(
+            self._table,
+            self._playback,
+            self._orders.paths,
+            self.models,
+            settings.steering,
+            self._population.stand_again,
+            settings.batch_sizes,
+            self._planned,
+            settings.alone,
+        )
+        wished = max(search.candidates for search in settings.steering.searches.values())
+        self._everything = Rung(wished)
+        self._budget = Budget(wished, settings.budget) if settings.budget is not None else None
+        self._admission = Admission(settings)
+
+    def tick(self, now: float) -> list[MotionChunk]:
+        """Step all agents that are due and return the chunks whose time has come."""
+        sent = self.collect(now)
+        while (event := self.next_event()) is not None and event <= now:
+            self.step(now)
+            sent += self.collect(now)
+        return sent
+
+    def step(self, now: float, rung: Rung | None = None) -> int:
+        """One engine call for the agents most urgently due. Returns how many were stepped.
+
+        On the `rung` of the ladder that the budget finds, unless another is given. If it says so,
+        agents who are due and have nothing to do are held before.
+        """
+        frame = self._timeline.frame(now)
+        self._orders.walk_on(self._registry.by_slot)
+        rung = rung or self._rung(now, frame)
+        if rung.hold_idle:
+            self._scheduler.hold(frame)
+        return self._scheduler.tick(frame, rung.candidates)
+
+    def collect(self, until: float) -> list[MotionChunk]:
+        """The planned chunks that are to be shown by `until`, in order of that."""
+        chunks: list[MotionChunk] = []
+        for sent in self._playback.send(self._timeline.frame(until)):
+            clean_feet(self._table.rows, sent)
+            chunks += motion_chunks(sent, self._registry.by_slot, self._timeline.time)
+        return chunks
+
+    def next_event(self) -> float | None:
+        """When the next agent is due or the next chunk is to be sent; None without agents."""
+        frame = self._playback.next_event()
+        return None if frame is None else self._timeline.time(frame)
+
+    def behind(self, now: float) -> float:
+        """Seconds by which the next chunk to be sent is overdue; 0 when none is."""
+        frame = self._playback.next_send()
+        return 0.0 if frame is None else max(now - self._timeline.time(frame), 0.0)
+
+    def advance(self, until: float) -> Iterator[MotionChunk]:
+        """Run from event to event, without waiting, as far as `until`."""
+        while (event := self.next_event()) is not None and event <= until:
+            yield from self.tick(event)
+
+    def rebase(self, seconds: float) -> None:
+        """Move everything not yet sent to `seconds` later, when the clock has run away."""
+        self._timeline.move(seconds)
+
+    # Load
+
+    def measured(self, agents: int, candidates: int, seconds: float) -> None:
+        """An engine call of this size took so long in the warm-up: agents are admitted by it."""
+        self._admission.measured(agents, candidates, seconds)
+
+    def spent(self, now: float, seconds: float) -> None:
+        """Tell ladder and admission that the last step has ended, and how long it took."""
+        if (call := self._scheduler.call) is None:
+            return
+        self._admission.spent(now, call, seconds)
+        if self._budget is not None:
+            self._budget.spent(now, seconds)
+
+    def worked(self, now: float, seconds: float, chunks: int) -> None:
+        """Tell admission what a turn took that published `chunks`, wait and step aside."""
+        self._admission.worked(now, seconds, chunks)
+
+    def load(self, now: float) -> float:
+        """Share of the last seconds for which steps and turns kept the thread busy."""
+        return self._admission.load(now)
+
+    def capacity(self, now: float) -> int:
+        """So many agents fit into the time there is, those here included; 0: not known yet."""
+        return self._admission.capacity(now)
+
+    @property
+    def rung(self) -> Rung:
+        """Where the world stands on the ladder of budget.py."""
+        return self._everything if self._budget is None else self._budget.rung
+
+    @property
+    def rung_number(self) -> int:
+        """The same, counted from the top: 0 is where all is as wished."""
+        return 0 if self._budget is None else self._budget.number
+
+    def states(self) -> dict[AgentState, int]:
+        """How many agents are in each state, as of what has been sent."""
+        slots = self._table.rows
+        counts = np.bincount(slots.committed.gait.mode[slots.active], minlength=len(Mode))
+        states = dict.fromkeys(AgentState, 0)
+        for mode in Mode:
+            states[mode.state] += int(counts[mode])
+        return states
+
+    @property
+    def resets(self) -> int:
+        """How often an agent had to be put back to a stand because its step was broken."""
+        return self._scheduler.resets
+
+    @property
+    def reduced_steps(self) -> int:
+        """Agent steps for which time was too short to try all the candidates wished for."""
+        return self._scheduler.reduced_steps
+
+    @property
+    def held_steps(self) -> int:
+        """Agent steps that were left out because time was short and there was nothing to do."""
+        return self._scheduler.held_steps
+
+    @property
+    def refused_agents(self) -> int:
+        """Agents that were not created for want of time."""
+        return self._admission.refused
+
+    # Within
+
+    def _rung(self, now: float, frame: float) -> Rung:
+        if self._budget is None:
+            return self._everything
+        slack = self._playback.slack(frame) / FPS
+        return self._budget.allow(now, slack, self._scheduler.held_share)
+
+    def _planned(self, slots: Index, seqs: Index, candidates: int) -> None:
+        """Tell the recorder of new chunks; 0 candidates: they are held."""
+        if self._recorder is None:
+            return
+        for slot, seq in zip(slots.tolist(), seqs.tolist(), strict=True):
+            agent_id = self._registry.by_slot[slot].agent_id
+            model = self.models.numbered(int(self._table.rows.model[slot]))
+            self._recorder.planned(agent_id, seq, candidates, model.stamp)

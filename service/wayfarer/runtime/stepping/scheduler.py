@@ -1,0 +1,211 @@
+"""Who is stepped when, or held: the scheduler sees slots and frames, never what tensors mean."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayfarer.runtime.agent import ChunkFlag
+from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
+from wayfarer.runtime.engines.models import Models
+from wayfarer.runtime.stepping.batch import broken, cut, gather, pad
+from wayfarer.runtime.stepping.playback import Chunks, Playback
+from wayfarer.runtime.world.paths import Paths
+from wayfarer.runtime.world.rows import Index
+from wayfarer.runtime.world.slots import Flags, Gait, Goals, Mode, Motion, Seeds, SlotTable
+from wayfarer.runtime.world.steering import Steering, observe
+from wayfarer.spec import GENDERS, NEW_FRAMES, SEED_FRAMES
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Agents of one model and gender that are stepped together."""
+
+    rows: Index
+    model: int  # number
+    gender: str
+    seed: Seeds
+    gait: Gait  # of the step to come
+    goals: Goals
+    inputs: StepInputs
+    candidates: int
+    reduced: Flags  # rows for which steering wished for more candidates
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """One engine call, as far as its duration depends on it."""
+
+    rows: int  # with the padding
+    candidates: int
+
+
+class Scheduler:
+    """Steps due agents, one engine call a tick."""
+
+    def __init__(
+        self,
+        table: SlotTable,
+        playback: Playback,
+        paths: Paths,
+        models: Models,
+        steering: Steering,
+        reset: Callable[[int], Motion],
+        batch_sizes: tuple[int, ...],
+        planned: Callable[[Index, Index, int], None],
+        alone: bool = False,
+    ) -> None:
+        """`reset(slot)` gives the standing motion from which a broken agent goes on.
+
+        `planned(slots, seqs, candidates)` is told of all new chunks, 0 candidates of those held.
+        `alone`: engine calls take no thread but the caller's.
+        """
+        self._table = table
+        self._playback = playback
+        self._paths = paths
+        self._models = models
+        self._steering = steering
+        self._reset = reset
+        self._sizes = batch_sizes
+        self._planned = planned
+        self._alone = alone
+        self.call: Call | None = None  # that the last tick has made
+        self.resets = 0  # broken rows so far
+        self.reduced_steps = 0  # rows stepped with fewer candidates than wished
+        self.held_steps = 0  # rows held in place of a step
+
+    @property
+    def held_share(self) -> float:
+        """Of the agents, those whose last chunk was held."""
+        slots = self._table.rows
+        return float(slots.held[slots.active].mean()) if slots.active.any() else 0.0
+
+    def tick(self, frame: float, most: int | None = None) -> int:
+        """Plan the next chunk of the agents most urgently due by world frame `frame`.
+
+        Tries `most` candidates at most. Returns how many were stepped; 0 when none is due.
+        """
+        self.call = None
+        batch = self.schedule(frame, most)
+        if batch is None:
+            return 0
+        inputs = pad(batch.inputs, self._sizes)
+        engine = self._models.numbered(batch.model).engine
+        outputs = (engine.alone if self._alone else engine).step(batch.gender, inputs)
+        self.call = Call(len(inputs.goal), batch.candidates)
+        self.apply(batch, cut(outputs, len(batch.rows)))
+        return len(batch.rows)
+
+    def schedule(self, frame: float, most: int | None = None) -> Batch | None:
+        """The most urgent agent and, in order of urgency, those that fit into its batch."""
+        slots = self._table.rows
+        rows = self._playback.due(frame)
+        if not len(rows):
+            return None
+        model, gender = slots.model[rows[0]], slots.gender[rows[0]]
+        rows = rows[(slots.model[rows] == model) & (slots.gender[rows] == gender)]
+        seed, gait, goals = self._next(rows)
+        wished = self._steering.candidates(gait.mode)
+        tried = wished if most is None else np.minimum(wished, most)
+        alike = np.flatnonzero(tried == tried[0])[: self._sizes[-1]]
+        rows, seed, gait, goals = rows[alike], seed.take(alike), gait.take(alike), goals.take(alike)
+        count = int(tried[0])
+        return Batch(
+            rows=rows,
+            model=int(model),
+            gender=GENDERS[gender],
+            seed=seed,
+            gait=gait,
+            goals=goals,
+            inputs=gather(slots, rows, seed, gait, goals, count, self._steering),
+            candidates=count,
+            reduced=wished[alike] > count,
+        )
+
+    def hold(self, frame: float) -> int:
+        """Plan the next chunk of all agents due by world frame `frame` who have nothing to do.
+
+        They stand as they stood: the last frame again and again. The motion seed stays as it is,
+        so they go on from it as if no time had passed. Returns how many were held.
+        """
+        slots = self._table.rows
+        rows = self._playback.due(frame)
+        rows = rows[slots.planned.gait.mode[rows] == Mode.STANDING]
+        if not len(rows):
+            return 0
+        seed, gait, goals = self._next(rows)
+        idle = np.flatnonzero((gait.mode == Mode.STANDING) & ~goals.more)
+        rows, seed, gait, goals = rows[idle], seed.take(idle), gait.take(idle), goals.take(idle)
+        start = seed.translation[:, -1]
+        translation = np.repeat(start[:, None], NEW_FRAMES, axis=1)
+        flags = ChunkFlag.HELD | np.where(slots.replanned[rows], ChunkFlag.REPLANNED, 0)
+        chunks = Chunks(
+            translation=translation,
+            rotations=np.repeat(seed.rotations[:, -1:], NEW_FRAMES, axis=1),
+            contacts=np.ones((len(rows), NEW_FRAMES, 2), np.bool_),
+            flags=flags.astype(np.uint8),
+            goal_revision=slots.goal_revision[rows],
+            candidates=np.zeros(len(rows), np.int16),
+            end=Motion(seed, observe(gait, start, translation, goals)),
+        )
+        self._append(rows, chunks, 0)
+        self.held_steps += len(rows)
+        return len(rows)
+
+    def apply(self, batch: Batch, outputs: StepOutputs) -> None:
+        """Put the new frames into playback; their end is where the next step starts."""
+        slots, rows = self._table.rows, batch.rows
+        start = batch.seed.translation[:, -1]
+        is_broken = broken(start, outputs)
+        translation = np.where(is_broken[:, None, None], start[:, None], outputs.translation)
+        gait = observe(batch.gait, start, translation, batch.goals)
+        flags = np.where(slots.replanned[rows], ChunkFlag.REPLANNED, ChunkFlag.NONE)
+        flags |= np.where(gait.arrived & ~batch.gait.arrived, ChunkFlag.ARRIVED, ChunkFlag.NONE)
+        flags |= np.where(batch.reduced, ChunkFlag.REDUCED, ChunkFlag.NONE)
+        seed = Seeds(
+            markers=outputs.next_seed_markers,
+            translation=translation[:, -SEED_FRAMES:],
+            rotations=outputs.rotations[:, -SEED_FRAMES:],
+        )
+        chunks = Chunks(
+            translation=translation,
+            rotations=outputs.rotations,
+            contacts=outputs.contacts > 0.5,
+            flags=flags.astype(np.uint8),
+            goal_revision=slots.goal_revision[rows],
+            candidates=np.full(len(rows), batch.candidates, np.int16),
+            end=Motion(seed, gait),
+        )
+        if is_broken.any():
+            chunks = self._mend(rows, chunks, np.flatnonzero(is_broken))
+        self._append(rows, chunks, batch.candidates)
+        self.reduced_steps += int(batch.reduced.sum())
+
+    def _next(self, rows: Index) -> tuple[Seeds, Gait, Goals]:
+        """Where the next step of some slots starts, their gait during it, and their goals."""
+        planned = self._table.rows.planned
+        seed, gait = planned.seed.take(rows), planned.gait.take(rows)
+        gait = self._steering.advance(gait, self._paths.at(rows, gait.waypoint))
+        goals = self._paths.at(rows, gait.waypoint)
+        return seed, self._steering.decide(gait, seed, goals), goals
+
+    def _append(self, rows: Index, chunks: Chunks, candidates: int) -> None:
+        slots = self._table.rows
+        self._planned(rows, slots.planned_chunks[rows], candidates)
+        self._playback.append(rows, chunks)
+        slots.replanned[rows] = False
+        slots.held[rows] = not candidates
+
+    def _mend(self, rows: Index, chunks: Chunks, broken_rows: Index) -> Chunks:
+        """Let agents that could not be stepped stand where they were; the others are untouched."""
+        mended = chunks.take(np.arange(len(rows)))  # a copy: the arrays are the engine's
+        for row in broken_rows:
+            motion = self._reset(int(rows[row]))
+            mended.translation[row] = motion.seed.translation[0, -1]
+            mended.rotations[row] = motion.seed.rotations[0, -1]
+            mended.contacts[row] = True
+            mended.flags[row] |= ChunkFlag.FIRST  # the pose jumps: do not blend into it
+            motion.gait.waypoint[:] = chunks.end.gait.waypoint[row]
+            mended.end.put(np.array([row]), motion)
+            self.resets += 1
+        return mended

@@ -1,0 +1,1 @@
+"""Publications with positions, held for those who resume; bounded subscriptions; events."""

@@ -1,0 +1,1 @@
+"""Sessions, agents, goals and paths over slots, and how an agent is steered."""

@@ -1,0 +1,296 @@
+"""The synchronous core: sessions, agents and goals, who move as time passes.
+
+Time is always an argument: seconds, the same line for all calls (Unix time in the service, any
+in offline use). The same calls give the same motion. Not thread-safe, `prepare` excepted.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from wayfarer.errors import AlreadyExists, ResourceExhausted, WayfarerError
+from wayfarer.runtime.agent import (
+    AgentChange,
+    AgentInfo,
+    AgentSpec,
+    Goal,
+    SessionInfo,
+    SessionSpec,
+    Wander,
+)
+from wayfarer.runtime.commands import (
+    AppendGoals,
+    ClearGoal,
+    Command,
+    Delete,
+    Order,
+    SetGoal,
+    SetPath,
+)
+from wayfarer.runtime.stepping.clockwork import Clockwork
+from wayfarer.runtime.world.checks import check_change, check_session, check_spec
+from wayfarer.runtime.world.handover import (
+    AgentRecord,
+    SessionRecord,
+    check_agent_record,
+    check_session_record,
+)
+from wayfarer.runtime.world.registry import Agent, Session
+from wayfarer.runtime.world.slots import Motion
+from wayfarer.runtime.world.views import agent_info
+from wayfarer.spec import GENDERS
+
+
+class World(Clockwork):
+    """Sessions of agents who walk. `tick` moves them all."""
+
+    # Sessions
+
+    def create_session(self, spec: SessionSpec, now: float) -> SessionInfo:
+        """Raises InvalidArgument, AlreadyExists, ResourceExhausted."""
+        check_session(spec)
+        return self._registry.add_session(spec, now).info()
+
+    def get_session(self, session_id: str) -> SessionInfo:
+        """Raises NotFound."""
+        return self._registry.session(session_id).info()
+
+    def list_sessions(self) -> list[SessionInfo]:
+        """All, oldest first."""
+        return [session.info() for session in self._registry.sessions.values()]
+
+    def delete_session(self, session_id: str) -> None:
+        """End a session and its agents. Raises NotFound."""
+        for agent_id in self.get_session(session_id).agent_ids:
+            self.delete_agent(agent_id)
+        del self._registry.sessions[session_id]
+
+    def hold(self, session_id: str, until: float) -> None:
+        """Let a session's agents wait: their next frames are shown at `until` or later.
+
+        They are neither planned nor sent before; nothing is lost, and sequence numbers and frames
+        go on. No other session notices. Raises NotFound.
+        """
+        slots = [agent.slot for agent in self._registry.session(session_id).agents.values()]
+        self._playback.hold(np.array(slots, np.int64), self._timeline.frame(until))
+
+    def take_session(self, session_id: str) -> SessionRecord:
+        """The session as of the last chunks sent; it stays here. Raises NotFound."""
+        session = self._registry.session(session_id)
+        return SessionRecord(
+            session_id=session_id,
+            spec=session.spec,
+            created_at=session.created_at,
+            last_alias=session.last_alias,
+            agents=tuple(self._population.take(a) for a in session.agents.values()),
+        )
+
+    def put_session(self, record: SessionRecord, now: float, admit: bool = True) -> SessionInfo:
+        """Let a recorded session go on: the next chunk of each agent follows its last one.
+
+        All or nothing. Not `admit`: whether there is time for its agents is not asked.
+        Raises InvalidArgument, AlreadyExists, ResourceExhausted.
+        """
+        check_session_record(record, self.settings.limits)
+        spec = replace(record.spec, session_id=record.session_id)
+        session = self._registry.add_session(spec, record.created_at)
+        try:
+            for number, agent in enumerate(record.agents):
+                self._check_new(agent, f"agents[{number}]")
+            self._check_room(session, [agent.spec for agent in record.agents], now, admit)
+        except WayfarerError:
+            del self._registry.sessions[record.session_id]
+            raise
+        for agent in record.agents:
+            self._put(session, agent, now)
+        session.last_alias = record.last_alias
+        return session.info()
+
+    # Agents
+
+    def prepare(self, specs: Sequence[AgentSpec]) -> list[Motion]:
+        """Standing seeds for `create_agents`: its costly part, free of state and thread-safe.
+
+        Raises InvalidArgument, ResourceExhausted.
+        """
+        most = self.settings.limits.agents_per_session
+        if len(specs) > most:
+            raise ResourceExhausted(f"{len(specs)} agents at once; allowed per session: {most}")
+        _check_specs(specs)
+        return [self._population.spawner.stand(spec) for spec in specs]
+
+    def check_room(self, session_id: str, specs: Sequence[AgentSpec], now: float) -> None:
+        """Raises what `create_agents` would, before `prepare` is paid."""
+        _check_specs(specs)
+        self._check_room(self._registry.session(session_id), specs, now)
+
+    def create_agents(
+        self,
+        session_id: str,
+        specs: Sequence[AgentSpec],
+        now: float,
+        seeds: Sequence[Motion] | None = None,
+    ) -> list[AgentInfo]:
+        """All or none. `seeds` are what `prepare(specs)` returned, if it has been called.
+
+        Raises NotFound, InvalidArgument, ResourceExhausted.
+        """
+        session = self._registry.session(session_id)
+        seeds = self.prepare(specs) if seeds is None else seeds
+        self._check_room(session, specs, now)
+        made = []
+        for spec, seed in zip(specs, seeds, strict=True):
+            agent = self._population.add(session, spec, seed, now)
+            self._record(agent, spec, 0)
+            made.append(self._info(agent))
+        return made
+
+    def get_agent(self, agent_id: str) -> AgentInfo:
+        """Raises NotFound."""
+        return self._info(self._registry.agent(agent_id))
+
+    def list_agents(self, session_id: str) -> list[AgentInfo]:
+        """In order of creation. Raises NotFound."""
+        return [self._info(agent) for agent in self._registry.session(session_id).agents.values()]
+
+    def session_of(self, agent_id: str) -> str:
+        """Id of an agent's session. Raises NotFound."""
+        return self._registry.agent(agent_id).session_id
+
+    def update_agent(self, agent_id: str, change: AgentChange) -> AgentInfo:
+        """From the next chunk that is sent on. Raises NotFound, InvalidArgument."""
+        agent = self._registry.agent(agent_id)
+        check_change(change)
+        self._population.change(agent, change)
+        self._record(agent, change, self._next_sent(agent))
+        return self._info(agent)
+
+    def delete_agent(self, agent_id: str) -> None:
+        """Its planned frames are thrown away. Raises NotFound."""
+        agent = self._registry.agent(agent_id)
+        self._record(agent, Delete(), self._next_sent(agent))
+        self._population.remove(agent)
+
+    def take_agent(self, agent_id: str) -> AgentRecord:
+        """The agent as of the last chunk sent; it stays here. Raises NotFound."""
+        return self._population.take(self._registry.agent(agent_id))
+
+    def put_agent(self, session_id: str, record: AgentRecord, now: float) -> AgentInfo:
+        """Let a recorded agent go on: its next chunk follows the last one it sent.
+
+        Raises NotFound, InvalidArgument, AlreadyExists, ResourceExhausted.
+        """
+        session = self._registry.session(session_id)
+        check_agent_record(record, self.settings.limits, "agent")
+        self._check_new(record, "agent")
+        if record.alias in {agent.alias for agent in session.agents.values()}:
+            raise AlreadyExists(f"session {session_id!r} has an agent of alias {record.alias}")
+        self._check_room(session, [record.spec], now)
+        return self._info(self._put(session, record, now))
+
+    def use_model(self, name: str) -> list[AgentInfo]:
+        """Let all agents be moved by a loaded model; what is planned stays. Who was not before.
+
+        Raises NotFound.
+        """
+        model, agents = self.models.named(name), self._registry.agents.values()
+        return [self._info(agent) for agent in agents if self._population.move(agent, model)]
+
+    # Goals
+
+    def set_goal(self, agent_id: str, goal: Goal, now: float, expected: int | None = None) -> int:
+        """Replan for a new goal; return its revision, as for all below.
+
+        Every change of goals raises NotFound, InvalidArgument that names the field, and Aborted
+        when the agent's revision is not the `expected` one.
+        """
+        return self.give(agent_id, SetGoal(goal), now, expected)
+
+    def set_path(
+        self, agent_id: str, goals: Sequence[Goal], now: float, expected: int | None = None
+    ) -> int:
+        """Replan for goals to be visited in turn; one revision for all of them.
+
+        A goal to pass through is done with once it is reached, another one after the agent has
+        stood there for its dwell.
+        """
+        return self.give(agent_id, SetPath(tuple(goals)), now, expected)
+
+    def append_goals(
+        self, agent_id: str, goals: Sequence[Goal], now: float, expected: int | None = None
+    ) -> int:
+        """Add goals to the end of the path, whose goals keep their numbers; nothing is replanned.
+
+        Goals that the agent has passed are forgotten, so a path can be fed for ever. An agent
+        without a path begins one; one who wanders goes on with these goals after its present one.
+        """
+        return self.give(agent_id, AppendGoals(tuple(goals)), now, expected)
+
+    def wander(self, agent_id: str, area: Wander, now: float, expected: int | None = None) -> int:
+        """Walk about until another change of goals; one revision for all of it.
+
+        Places are drawn from the agent's seed, its revision and their number in the path.
+        """
+        return self.give(agent_id, area, now, expected)
+
+    def clear_goal(self, agent_id: str, now: float, expected: int | None = None) -> int:
+        """Stop where the agent is. Raises NotFound, Aborted."""
+        return self.give(agent_id, ClearGoal(), now, expected)
+
+    def give(self, agent_id: str, order: Order, now: float, expected: int | None = None) -> int:
+        """Any change of goals, as it was told to a `Recorder`; see above."""
+        agent = self._registry.agent(agent_id)
+        self._orders.check_revision(agent, expected)
+        self._orders.check(agent, order)
+        return self._orders.give(agent, order, now)
+
+    # Counts
+
+    @property
+    def agents(self) -> int:
+        """Agents of all sessions."""
+        return len(self._registry.agents)
+
+    @property
+    def sessions(self) -> int:
+        """Open sessions."""
+        return len(self._registry.sessions)
+
+    # Within
+
+    def _check_room(
+        self, session: Session, specs: Sequence[AgentSpec], now: float, admit: bool = True
+    ) -> None:
+        self._registry.check_room(session, len(specs))
+        if admit:
+            genders = [GENDERS.index(spec.gender) for spec in specs]
+            # the ladder is looked at with each step: without agents it stands where it was left
+            late = self.rung.refuse and self.agents > 0
+            self._admission.check(self._population.phases, genders, now, late)
+
+    def _check_new(self, record: AgentRecord, where: str) -> None:
+        """Raises AlreadyExists, and InvalidArgument when its path is too long for this world."""
+        if record.agent_id in self._registry.agents:
+            raise AlreadyExists(f"agent {record.agent_id!r} exists already")
+        self._orders.check_record(record, where)
+
+    def _put(self, session: Session, record: AgentRecord, now: float) -> Agent:
+        agent = self._population.put(session, record, now)
+        self._record(agent, record, record.seq)
+        return agent
+
+    def _record(self, agent: Agent, command: Command, seq: int) -> None:
+        if self._recorder is not None:
+            self._recorder.command(agent.agent_id, command, seq)
+
+    def _next_sent(self, agent: Agent) -> int:
+        return int(self._table.rows.sent_chunks[agent.slot])
+
+    def _info(self, agent: Agent) -> AgentInfo:
+        return agent_info(agent, self._table.rows, self.models)
+
+
+def _check_specs(specs: Sequence[AgentSpec]) -> None:
+    for number, spec in enumerate(specs):
+        check_spec(spec, f"agents[{number}]")

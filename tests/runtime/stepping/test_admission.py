@@ -1,0 +1,195 @@
+"""Who is let in, by what calls are said to take."""
+
+import pytest
+
+from tests.runtime.fakes import make_world, people
+from wayfarer.errors import InvalidArgument, ResourceExhausted
+from wayfarer.runtime.agent import SessionSpec
+from wayfarer.runtime.settings import AdmissionRules, Limits, WorldSettings
+from wayfarer.runtime.stepping.admission import Admission
+from wayfarer.runtime.stepping.budget import BudgetRules
+from wayfarer.runtime.stepping.phases import Phases, spread
+from wayfarer.runtime.stepping.scheduler import Call
+from wayfarer.spec import GENDERS, STEP_SECONDS
+
+CALL, ROW = 0.002, 0.001  # seconds: of any call, and for each of its rows
+
+
+def measure(target, sizes=range(1, 9), candidates=(1, 4)):
+    for rows in sizes:
+        for count in candidates:
+            target.measured(rows, count, count * (CALL + ROW * rows))
+
+
+def cost(groups):
+    """Busy share by hand: batches of at most 8."""
+    rows = [min(g - done, 8) for g in groups for done in range(0, g, 8)]
+    return sum(CALL + ROW * row for row in rows) / STEP_SECONDS
+
+
+def admission(**settings):
+    made = Admission(WorldSettings(**settings))
+    measure(made)
+    return made
+
+
+def phases(agents):
+    return Phases(8).with_agents(number % 2 for number in range(agents))
+
+
+def fits(found, agents, more=1, now=0.0):
+    try:
+        genders = [number % 2 for number in range(agents, agents + more)]
+        found.check(phases(agents), genders, now, late=False)
+    except ResourceExhausted:
+        return False
+    return True
+
+
+def test_before_anything_is_measured_everybody_is_let_in():
+    found = Admission(WorldSettings())
+    found.check(Phases(8), [0] * 1000, 0.0, late=False)
+    assert found.capacity(0.0) == 0
+
+
+@pytest.mark.parametrize("agents", [0, 1, 7, 8, 30, 100])
+@pytest.mark.parametrize("count", [1, 2, 8])
+def test_spread_is_how_agents_spread(agents, count):
+    entered = Phases(count).with_agents(number % 2 for number in range(agents))
+    assert sorted(entered.groups) == sorted(spread(agents, count))
+
+
+def test_agents_fit_as_long_as_calls_with_one_candidate_leave_time():
+    found = admission()
+    capacity = found.capacity(0.0)
+    assert cost(spread(capacity, 8)) <= 0.8 < cost(spread(capacity + 1, 8))
+    assert fits(found, capacity - 1) and not fits(found, capacity)
+    assert fits(found, 0, 8) and not fits(found, capacity - 4, 8), "all or none"
+
+
+def test_the_refusal_says_how_many_fit_and_what_limits():
+    found = admission(admission=AdmissionRules(most_load=0.5, retry_after=7.0))
+    capacity = found.capacity(0.0)
+    words = f"{capacity} agents exist and {capacity} fit .*; 4 more .* allowed are 50%"
+    with pytest.raises(ResourceExhausted, match=words) as error:
+        found.check(phases(capacity), [0] * 4, 0.0, late=False)
+    assert error.value.retry_after == 7.0 and found.refused == 4
+
+
+def test_steps_that_are_slower_than_warm_ones_leave_room_for_fewer():
+    found = admission()
+    before = found.capacity(0.0)
+    for number in range(20):
+        found.spent(number / 10, Call(8, 4), 3 * 4 * (CALL + ROW * 8))
+        found.spent(number / 10, Call(9, 4), 99.0)  # not measured when warm: tells nothing
+    assert found.capacity(2.0) < before / 2
+    assert found.capacity(60.0) == before, "what was slow a minute ago does not count"
+
+
+def test_the_rest_of_the_loop_takes_time_too():
+    found = admission()
+    before = found.capacity(0.0)
+    for number in range(100):
+        chunks = number % 4
+        found.worked(number / 20, 0.001 + 0.0005 * chunks, chunks)
+    now = 5.0
+    groups = spread(found.capacity(now), 8)
+    calls = sum(-(-group // 8) for group in groups)
+    rest = (calls * 0.001 + sum(groups) * 0.0005) / STEP_SECONDS
+    assert sum(groups) < before
+    assert 0.7 < cost(groups) + rest <= 0.8 + 1e-9
+    assert found.load(now) == pytest.approx(100 * (0.001 + 0.0005 * 1.5) / 10)
+
+
+def test_of_measures_of_one_size_the_shortest_counts():
+    found = admission()
+    before = found.capacity(0.0)
+    for rows in range(1, 9):
+        found.measured(rows, 1, 10.0)
+    assert found.capacity(100.0) == before
+
+
+def test_sizes_between_those_measured_are_padded():
+    found = Admission(WorldSettings(batch_sizes=(4, 16)))
+    found.measured(4, 1, 0.01)
+    found.measured(16, 1, 0.02)
+    # 8 phases: 16 calls of 4 would take 0.08 s, as many of 16 take 0.16 s.
+    assert found.capacity(0.0) == 8 * 16
+
+
+def test_a_world_refuses_at_once_all_or_none_and_makes_room_again():
+    world = make_world(admission=AdmissionRules(most_load=0.2))
+    measure(world)
+    world.create_session(SessionSpec("s"), 0.0)
+    capacity = world.capacity(0.0)
+    made = world.create_agents("s", people(capacity), 0.0)
+    for call in (world.check_room, world.create_agents):
+        with pytest.raises(ResourceExhausted, match=f"{capacity} fit") as error:
+            call("s", people(2), 0.0)
+        assert error.value.retry_after > 0
+    assert world.agents == capacity and world.refused_agents == 4
+    for agent in made[:4]:
+        world.delete_agent(agent.agent_id)
+    world.create_agents("s", people(2), 0.0)
+
+
+def test_the_cap_holds_besides():
+    world = make_world(limits=Limits(agents=3))
+    measure(world)
+    world.create_session(SessionSpec("s"), 0.0)
+    assert world.capacity(0.0) == 3
+    with pytest.raises(ResourceExhausted, match="0 of 3 agents exist"):
+        world.create_agents("s", people(4), 0.0)
+
+
+def test_at_the_end_of_the_ladder_nobody_is_let_in_until_there_is_time_again():
+    world = make_world(budget=BudgetRules(), phases=1)
+    world.create_session(SessionSpec("s"), 0.0)
+    world.create_agents("s", people(2), 0.0)
+    now = 0.0
+    while not world.rung.refuse:
+        now = world.next_event() + 0.25
+        world.tick(now)
+    with pytest.raises(ResourceExhausted, match=r"2 agents exist; 1 more .* late") as error:
+        world.create_agents("s", people(1), now)
+    assert error.value.retry_after > 0
+    list(world.advance(now + 30.0))
+    assert world.rung_number == 0
+    world.create_agents("s", people(1), now + 30.0)
+
+
+def test_a_world_that_everybody_has_left_is_not_late():
+    """The ladder is looked at with each step, and there are none."""
+    world = make_world(budget=BudgetRules(), phases=1)
+    world.create_session(SessionSpec("s"), 0.0)
+    (agent,) = world.create_agents("s", people(1), 0.0)
+    now = 0.0
+    while not world.rung.refuse:
+        now = world.next_event() + 0.25
+        world.tick(now)
+    world.delete_agent(agent.agent_id)
+    world.create_agents("s", people(1), now)
+
+
+def test_who_may_not_be_is_not_counted_for():
+    world = make_world()
+    measure(world)
+    world.create_session(SessionSpec("s"), 0.0)
+    with pytest.raises(InvalidArgument, match="gender"):
+        world.check_room("s", people(1, gender="robot"), 0.0)
+
+
+def test_the_load_must_be_a_share():
+    for wrong in (0.0, 1.1, float("nan")):
+        with pytest.raises(InvalidArgument, match="most_load"):
+            AdmissionRules(most_load=wrong)
+
+
+def test_phases_take_agents_and_give_them_back():
+    taken = Phases(4)
+    starts = [taken.next_frame(taken.enter(GENDERS.index("male")), 17) for _ in range(8)]
+    assert min(starts) >= 17 and max(starts) < 17 + 8
+    assert taken.groups == [2, 2, 2, 2]
+    for start in starts[:4]:
+        taken.leave(start - 8 * 5, GENDERS.index("male"))
+    assert taken.agents == 4 and taken.groups == [1, 1, 1, 1]

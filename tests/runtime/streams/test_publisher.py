@@ -1,0 +1,524 @@
+import asyncio
+import random
+
+import pytest
+
+from tests.runtime.chunks import KeepingMeter, chunk, info
+from wayfarer.errors import InvalidArgument, Unavailable
+from wayfarer.runtime.agent import (
+    AgentSpec,
+    AgentState,
+    ChunkFlag,
+    Event,
+    EventKind,
+    Goal,
+    Resume,
+    SessionSpec,
+    SlowReader,
+    StreamWish,
+)
+from wayfarer.runtime.meter import ResumeResult
+from wayfarer.runtime.streams.publisher import Publisher
+from wayfarer.runtime.streams.subscription import BoundedSubscription, StreamSettings
+from wayfarer.runtime.world.handover import AgentRecord, SessionRecord
+from wayfarer.runtime.world.slots import Mode, Motion
+
+ARRIVED = ChunkFlag.ARRIVED
+HOLD = SlowReader.HOLD
+
+
+class Stage:
+    """A publisher and a clock by hand; the test stands for the motion thread, too."""
+
+    def __init__(self, **settings):
+        self.settings = StreamSettings(**settings)
+        self.meter = KeepingMeter()
+        self.info = info()
+        self.now = 0.0
+        self.publisher = Publisher(self.settings, self.meter, lambda agent_id: self.info)
+        self.seq = 0
+
+    async def subscribe(self, *agent_ids, session="s", resume=None, **wish):
+        made = BoundedSubscription(
+            session,
+            StreamWish(agent_ids, resume=resume, **wish),
+            self.settings,
+            self.meter,
+            lambda: self.now,
+        )
+        self.publisher.subscribe(made, self.now)
+        await asyncio.sleep(0)
+        return made
+
+    async def walk(self, count, *agents, session="s"):
+        """So many chunks of each agent, one publication each, and deliver them."""
+        for _ in range(count):
+            chunks = [chunk(self.seq, agent) for agent in agents or ("a",)]
+            self.now = chunks[0].scheduled_at
+            self.publisher.publish({session: chunks})
+            self.seq += 1
+        self.publisher.flush()
+        await asyncio.sleep(0)
+
+    async def live(self, seconds, **wish):
+        """As the loop does: publish, unless the session waits. Returns how many left."""
+        left = 0
+        for _ in range(round(seconds / 0.2)):
+            self.now += 0.2
+            if self.publisher.waiting_sessions(self.now):
+                continue
+            self.publisher.publish({"s": [chunk(self.seq, at=self.now)]})
+            self.publisher.flush()
+            await asyncio.sleep(0)
+            self.seq += 1
+            left += 1
+        return left
+
+
+async def take(subscription, count):
+    async with asyncio.timeout(1):
+        return [await anext(subscription) for _ in range(count)]
+
+
+def seqs(publications):
+    return [p.chunks[0].seq for p in publications]
+
+
+def kinds(publication):
+    return [event.kind for event in publication.events]
+
+
+# Positions
+
+
+async def test_positions_count_per_session():
+    stage = Stage()
+    one, other = await stage.subscribe(), await stage.subscribe(session="t")
+    await stage.walk(2)
+    await stage.walk(1, session="t")
+    await stage.walk(1)
+    assert [p.position for p in await take(one, 3)] == [1, 2, 3]
+    assert [p.position for p in await take(other, 1)] == [1]
+    assert one.epoch != other.epoch
+
+
+async def test_chunks_that_fall_due_together_are_one_publication_with_each_agent_once():
+    stage = Stage()
+    reader = await stage.subscribe()
+    late = [chunk(0, "a"), chunk(0, "b"), chunk(1, "a"), chunk(1, "b"), chunk(2, "b")]
+    stage.publisher.publish({"s": late})
+    stage.publisher.flush()
+    got = [[(c.agent_id, c.seq) for c in p.chunks] for p in await take(reader, 3)]
+    assert got == [[("a", 0), ("b", 0)], [("a", 1), ("b", 1)], [("b", 2)]]
+
+
+async def test_one_call_reaches_all_subscribers_of_an_event_loop(monkeypatch):
+    stage = Stage()
+    readers = [await stage.subscribe() for _ in range(8)]
+    calls = []
+    monkeypatch.setattr(
+        "wayfarer.runtime.streams.publisher.post", lambda loop, call, *args: calls.append((call, args))
+    )
+    stage.publisher.publish({"s": [chunk(0, "a")], "t": [chunk(0, "b")]})
+    stage.publisher.publish({"s": [chunk(1, "a")]})
+    stage.publisher.flush()
+    [(call, args)] = calls
+    call(*args)
+    assert [seqs(await take(r, 2)) for r in readers] == [[0, 1]] * 8
+
+
+# Resume
+
+
+async def test_resume_goes_on_without_a_gap():
+    stage = Stage()
+    first = await stage.subscribe()
+    await stage.walk(3)
+    got = await take(first, 3)
+    await stage.walk(2)
+    await first.close()
+    await stage.walk(4)
+    again = await stage.subscribe(resume=Resume(first.epoch, got[-1].position))
+    await stage.walk(2)
+    rest = await take(again, 8)
+    assert again.resumed and again.epoch == first.epoch
+    assert seqs(got + rest) == list(range(11))
+    assert [p.position for p in got + rest] == list(range(1, 12))
+    assert {c.flags for p in rest for c in p.chunks} == {ChunkFlag.NONE}
+    assert stage.meter.resumes == {ResumeResult.RESUMED: 1}
+
+
+@pytest.mark.parametrize("position", [0, 4])
+async def test_the_first_and_the_last_position_can_be_resumed_from(position):
+    stage = Stage()
+    first = await stage.subscribe()
+    await stage.walk(4)
+    again = await stage.subscribe(resume=Resume(first.epoch, position))
+    await stage.walk(1)
+    assert again.resumed
+    assert (await take(again, 1))[0].position == position + 1
+
+
+async def test_a_resume_keeps_its_filter():
+    stage = Stage()
+    first = await stage.subscribe("b")
+    await stage.walk(3, "a", "b")
+    again = await stage.subscribe("b", resume=Resume(first.epoch, 1))
+    got = await take(again, 2)
+    assert [[c.agent_id for c in p.chunks] for p in got] == [["b"], ["b"]]
+
+
+async def test_what_is_no_longer_held_is_told():
+    stage = Stage(resume_s=1.0)
+    first = await stage.subscribe()
+    await stage.walk(20)
+    again = await stage.subscribe(resume=Resume(first.epoch, 3))
+    await stage.walk(1)
+    opening, live = await take(again, 2)
+    assert not again.resumed and again.epoch == first.epoch
+    assert kinds(opening) == [EventKind.GAP] and not opening.chunks
+    assert "17 publications were lost" in opening.events[0].detail
+    assert opening.position == 3, "who goes away now has still got no more"
+    assert live.position == 21 and live.chunks[0].flags == ChunkFlag.FIRST
+    assert stage.meter.resumes == {ResumeResult.GAP: 1}
+
+
+async def test_the_ring_is_as_long_as_asked_for_and_no_longer():
+    stage = Stage(resume_s=1.0)
+    first = await stage.subscribe()
+    await stage.walk(500)
+    oldest = 500 - 6  # 1 s: chunks 494 to 499, positions 495 to 500
+    assert (await stage.subscribe(resume=Resume(first.epoch, oldest))).resumed
+    assert not (await stage.subscribe(resume=Resume(first.epoch, oldest - 1))).resumed
+
+
+async def test_who_goes_away_on_news_of_a_loss_gets_what_is_still_held():
+    stage = Stage()
+    first = await stage.subscribe()
+    await stage.walk(1)
+    await take(first, 1)
+    await stage.walk(9)
+    [told] = await take(first, 1)
+    assert kinds(told) == [EventKind.GAP]
+    again = await stage.subscribe(resume=Resume(first.epoch, told.position))
+    assert again.resumed and seqs(await take(again, 9)) == list(range(1, 10))
+
+
+async def test_who_resumes_from_the_start_knows_nobody():
+    stage = Stage()
+    stage.seq = 700  # an agent that was restored
+    first = await stage.subscribe()
+    await stage.walk(2)
+    again = await stage.subscribe(resume=Resume(first.epoch, 0))
+    got = await take(again, 2)
+    assert again.resumed
+    assert [p.chunks[0].flags for p in got] == [ChunkFlag.FIRST, ChunkFlag.NONE]
+
+
+async def test_another_epoch_begins_anew_and_says_so():
+    stage = Stage()
+    first = await stage.subscribe()
+    await stage.walk(3)
+    stage.publisher.end("s")
+    again = await stage.subscribe(resume=Resume(first.epoch, 3))
+    await stage.walk(1)
+    opening, live = await take(again, 2)
+    assert not again.resumed and again.epoch != first.epoch
+    assert kinds(opening) == [EventKind.GAP] and "begun the session anew" in (
+        opening.events[0].detail
+    )
+    assert (opening.position, live.position) == (0, 1)
+    assert live.chunks[0].flags == ChunkFlag.FIRST
+    assert stage.meter.resumes == {ResumeResult.NEW_EPOCH: 1}
+
+
+@pytest.mark.parametrize("position", [-1, 4, 2**63])
+async def test_a_position_that_never_was_is_refused(position):
+    stage = Stage()
+    first = await stage.subscribe()
+    await stage.walk(3)
+    with pytest.raises(InvalidArgument, match=r"allowed: 0 to 3"):
+        await stage.subscribe(resume=Resume(first.epoch, position))
+
+
+async def test_a_stalled_reader_does_not_lengthen_the_ring():
+    stage = Stage(resume_s=1.0)
+    stalled = await stage.subscribe(slow_reader=SlowReader.DROP_OLDEST)
+    await stage.walk(1000)
+    log = stage.publisher._logs["s"]
+    assert len(log._ring) == 6 and len(stalled._waiting) == 3
+    assert stage.meter.dropped[SlowReader.DROP_OLDEST] == 997
+
+
+async def test_a_schedule_that_was_moved_keeps_what_the_ring_holds():
+    stage = Stage()
+    first = await stage.subscribe()
+    await stage.walk(3)
+    stage.publisher.publish({"s": [chunk(3, at=600.0)]})
+    assert (await stage.subscribe(resume=Resume(first.epoch, 1))).resumed
+
+
+@pytest.mark.parametrize("seed", range(25))
+async def test_whatever_readers_do_nothing_is_lost_without_a_word(seed):
+    """A reader reads, stalls, goes and resumes at random; agents come and go."""
+    chance = random.Random(seed)
+    stage = Stage(resume_s=2.0)
+    policy = chance.choice([SlowReader.DROP_OLDEST, HOLD])
+    reader, position, last = await stage.subscribe(slow_reader=policy), 0, {}
+    numbers, names = {"a": 0}, iter(map(chr, range(0x4E00, 0x9000)))
+    for _ in range(300):
+        if chance.random() < 0.1:
+            numbers[next(names)] = 0
+        if chance.random() < 0.1 and len(numbers) > 2:
+            del numbers[chance.choice([name for name in numbers if name != "a"])]
+        stage.now += 0.2
+        stage.publisher.publish({"s": [chunk(n, a, at=stage.now) for a, n in numbers.items()]})
+        stage.publisher.flush()
+        numbers = {name: seq + 1 for name, seq in numbers.items()}
+        await asyncio.sleep(0)
+        if chance.random() < 0.1:
+            await reader.close()
+            resume = Resume(reader.epoch, position)
+            reader = await stage.subscribe(resume=resume, slow_reader=policy)
+        while chance.random() < 0.6 and (reader._waiting or reader._opening or reader._loss):
+            [got] = await take(reader, 1)
+            assert got.position > position or (got.position == position and not got.chunks)
+            position = got.position
+            for each in got.chunks:
+                follows = last.get(each.agent_id) == each.seq - 1
+                marked = bool(each.flags & (ChunkFlag.FIRST | ChunkFlag.GAP))
+                assert follows or marked, "a gap that nobody was told of"
+                assert not (follows and each.flags & ChunkFlag.GAP)
+                last[each.agent_id] = each.seq
+        assert reader._span() <= 2.0 + 0.5 + 0.2
+
+
+# Events
+
+
+def goal_chunk(seq, **values):
+    return chunk(seq, **{"goal_revision": 1, "state": AgentState.WALKING, **values})
+
+
+async def told(stage, *chunks):
+    """Position, kind and waypoint of every event that goes with these chunks."""
+    stage.settings = StreamSettings(queue_s=10.0)
+    reader = await stage.subscribe()
+    for each in chunks:
+        stage.publisher.publish({"s": [each]})
+    stage.publisher.flush()
+    return [
+        (p.position, e.kind, e.waypoint) for p in await take(reader, len(chunks)) for e in p.events
+    ]
+
+
+async def test_a_goal_to_stop_at_is_reached_and_its_path_done_at_the_stand():
+    stopping = {"state": AgentState.STOPPING}
+    standing = {"state": AgentState.STANDING}
+    events = await told(
+        Stage(),
+        goal_chunk(0),
+        goal_chunk(1, flags=ARRIVED),
+        goal_chunk(2, **stopping),
+        goal_chunk(3, **standing),
+        goal_chunk(4, **standing),
+    )
+    assert events == [(2, EventKind.GOAL_REACHED, 0), (4, EventKind.PATH_DONE, 0)]
+
+
+async def test_a_goal_reached_in_a_stand_is_done_at_once():
+    events = await told(Stage(), goal_chunk(0, flags=ARRIVED, state=AgentState.STANDING))
+    assert [kind for _, kind, _ in events] == [EventKind.GOAL_REACHED, EventKind.PATH_DONE]
+
+
+async def test_the_last_goal_passed_ends_the_path_at_once_and_others_do_not():
+    stage = Stage()
+    path = tuple(Goal((x, 0.0, 0.0), stop=False) for x in (1.0, 2.0))
+    stage.info = info(path=path, waypoint=1)
+    events = await told(
+        stage,
+        goal_chunk(0, flags=ARRIVED, waypoint=0),
+        goal_chunk(1, waypoint=1),
+        goal_chunk(2, flags=ARRIVED, waypoint=1),
+        goal_chunk(3, waypoint=1, state=AgentState.STANDING),
+    )
+    reached, done = EventKind.GOAL_REACHED, EventKind.PATH_DONE
+    assert events == [(1, reached, 0), (3, reached, 1), (3, done, 1)]
+
+
+async def test_a_goal_given_before_the_stand_leaves_the_old_path_undone():
+    stage = Stage()
+    reader = await stage.subscribe()
+    stage.publisher.publish({"s": [goal_chunk(0, flags=ARRIVED)]})
+    stage.info = info(revision=2)
+    stage.publisher.publish({"s": [goal_chunk(1, goal_revision=2)]})
+    stage.publisher.publish({"s": [goal_chunk(2, goal_revision=2, state=AgentState.STANDING)]})
+    stage.publisher.flush()
+    assert [kinds(p) for p in await take(reader, 3)] == [[EventKind.GOAL_REACHED], [], []]
+
+
+def record(mode, arrived=True, stop=True):
+    """The record of a session whose one agent, "a", is at its only goal, revision 1."""
+    motion, goal = Motion.empty(1), Goal((1.0, 0.0, 0.0), stop=stop)
+    motion.gait.mode[0], motion.gait.arrived[0] = mode, arrived
+    agent = AgentRecord("a", 1, AgentSpec(), 0.0, 7, motion, None, 1, (goal,), 0, (0.0, 0.0), None)
+    return SessionRecord("s", SessionSpec(), 0.0, 1, (agent,))
+
+
+@pytest.mark.parametrize(
+    ("record", "done"),
+    [
+        (record(Mode.STOPPING), True),
+        (record(Mode.TURNING), True),
+        (record(Mode.STANDING), False),  # told before it came here
+        (record(Mode.WALKING, arrived=False), False),
+        (record(Mode.STOPPING, stop=False), False),
+    ],
+)
+async def test_an_agent_that_came_on_its_last_steps_ends_its_path(record, done):
+    stage = Stage()
+    stage.publisher.adopt(record)
+    events = await told(stage, goal_chunk(7), goal_chunk(8, state=AgentState.STANDING))
+    assert events == [(2, EventKind.PATH_DONE, 0)] * done
+
+
+async def test_events_of_other_origin_have_positions_and_are_resumed():
+    stage = Stage()
+    first = await stage.subscribe()
+    event = Event(EventKind.MODEL_CHANGED, 5.0, "a", detail="moved")
+    stage.publisher.tell("s", [event])
+    await stage.walk(1)
+    alone, walk = await take(first, 2)
+    assert alone.events == (event,) and not alone.chunks and alone.scheduled_at == 5.0
+    assert (alone.position, walk.position) == (1, 2)
+    again = await stage.subscribe(resume=Resume(first.epoch, 0))
+    assert (await take(again, 1))[0].events == (event,)
+
+
+# Holding
+
+
+async def test_agents_wait_for_a_holder_that_has_stalled_and_it_loses_nothing():
+    stage = Stage()
+    reader = await stage.subscribe(slow_reader=HOLD)
+    assert await stage.live(1.0) == 4, "until more than 0.5 s of motion wait"
+    assert await stage.live(10.0) == 0
+    got = await take(reader, 3)
+    assert await stage.live(10.0) == 2
+    got += await take(reader, 3)
+    assert seqs(got) == list(range(6)) and reader.dropped == 0
+    assert {c.flags for p in got[1:] for c in p.chunks} == {ChunkFlag.NONE}
+
+
+async def test_two_holders_hold_only_together():
+    stage = Stage()
+    one, other = await stage.subscribe(slow_reader=HOLD), await stage.subscribe(slow_reader=HOLD)
+    await stage.live(2.0)
+    assert seqs(await take(one, 4)) == seqs(await take(other, 4)) == [0, 1, 2, 3]
+    for seq in range(4, 24):
+        await stage.live(0.2)
+        assert seqs(await take(other, 1)) == [seq]
+    assert one.dropped > 0, "one that reads prevents it, and then the oldest are lost"
+    await stage.live(5.0)
+    assert other.dropped == 0 and seqs(await take(other, 3)) == [24, 25, 26]
+
+
+@pytest.mark.parametrize("policy", [SlowReader.DROP_OLDEST, SlowReader.DISCONNECT])
+async def test_another_policy_prevents_holding(policy):
+    stage = Stage()
+    holder = await stage.subscribe(slow_reader=HOLD)
+    other = await stage.subscribe(slow_reader=policy)
+    for seq in range(20):
+        assert await stage.live(0.2) == 1
+        assert seqs(await take(other, 1)) == [seq]
+    lost = holder.dropped
+    assert lost > 0
+    await other.close()
+    await stage.live(2.0)
+    assert await stage.live(2.0) == 0 and holder.dropped == lost, "alone, it is waited for"
+
+
+async def test_agents_do_not_wait_for_longer_than_agreed():
+    stage = Stage()
+    reader = await stage.subscribe(slow_reader=HOLD, hold_s=3.0)
+    await stage.live(1.0)
+    assert await stage.live(2.0) == 0
+    assert await stage.live(6.0) >= 20, "then the oldest are lost"
+    assert reader.dropped > 0
+    await take(reader, 4)
+    await stage.live(2.0)
+    assert await stage.live(1.0) == 0, "who reads again may hold again"
+
+
+async def test_nobody_waits_for_readers_who_have_gone():
+    stage = Stage()
+    reader = await stage.subscribe(slow_reader=HOLD)
+    await stage.live(2.0)
+    assert await stage.live(1.0) == 0
+    await reader.close()
+    assert await stage.live(1.0) == 5
+    vanishing = await stage.subscribe(slow_reader=HOLD)
+    await stage.live(2.0)
+    del vanishing
+    assert await stage.live(1.0) == 5
+
+
+async def test_a_playhead_that_stands_holds_the_agents():
+    stage = Stage()
+    reader = await stage.subscribe(slow_reader=HOLD)
+    await stage.live(0.2)
+    [got] = await take(reader, 1)
+    reader.ack(got.position, stage.now)
+    await stage.live(2.0)
+    assert await stage.live(2.0) == 0, "a game that pauses lets its people wait"
+    reader.ack(got.position, stage.now)
+    assert seqs(await take(reader, 2)) == [1, 2]
+    assert await stage.live(1.0) > 0
+
+
+# Ends and figures
+
+
+async def test_a_session_that_ends_gives_the_last_and_then_ends_its_readers():
+    stage = Stage()
+    reader = await stage.subscribe()
+    stage.publisher.publish({"s": [chunk(0)]})
+    stage.publisher.end("s")
+    assert seqs([p async for p in reader]) == [0]
+    assert not stage.publisher._logs, "forgotten"
+
+
+async def test_all_readers_are_told_of_a_failure():
+    stage = Stage()
+    readers = [await stage.subscribe(session=name) for name in "st"]
+    stage.publisher.end_all(Unavailable("the loop has failed"))
+    for reader in readers:
+        with pytest.raises(Unavailable, match="has failed"):
+            await take(reader, 1)
+
+
+async def test_closed_and_vanished_readers_are_forgotten():
+    stage = Stage()
+    closed, vanished, open_ = [await stage.subscribe() for _ in range(3)]
+    await closed.close()
+    del vanished
+    assert list(stage.publisher.open()) == [open_]
+
+
+async def test_readers_who_come_and_go_leave_nothing_where_nothing_is_published():
+    stage = Stage()
+    for _ in range(100):
+        await (await stage.subscribe()).close()
+    assert len(stage.publisher._logs["s"]._subscribers) == 1
+
+
+async def test_goal_to_motion_is_measured_to_the_first_chunk_planned_for_it():
+    stage = Stage()
+    stage.publisher.await_goal("s", "a", 2, asked_at=0.1)
+    stage.publisher.await_goal("s", "b", 1, asked_at=0.1)
+    stage.publisher.forget_agent("s", "b")
+    stage.publisher.publish({"s": [chunk(1, goal_revision=1), chunk(1, "b", goal_revision=1)]})
+    assert stage.meter.goals == []
+    stage.publisher.publish({"s": [chunk(2, goal_revision=2)]})
+    stage.publisher.publish({"s": [chunk(3, goal_revision=2)]})
+    assert stage.meter.goals == [pytest.approx(0.3)]
