@@ -2,9 +2,9 @@
 
     python -m benchmarks.streams --seconds 60 --cycles 1000
 
-One reader stalls for `seconds` beside 63 healthy ones (8 sessions, 2 agents each), once over gRPC
-and once over WebSocket; then so many streams are opened and left. Ends with 1 when a healthy reader
-lost a chunk or got one after its time, or when memory grew.
+One reader stalls for `seconds` beside 63 healthy ones (8 sessions, 1 agent each, 4 that of the
+stalled one), once over gRPC and once over WebSocket; then so many streams are opened and left.
+Ends with 1 when a healthy reader lost a chunk or got one after its time, or when memory grew.
 """
 
 import argparse
@@ -18,7 +18,7 @@ from tests.fuzz.server import served
 
 HEALTHY = 63
 SESSIONS = 8
-AGENTS = 2
+AGENTS = 1
 SHOWN_MS = 200.0
 """A chunk that comes later has nothing left to show."""
 

@@ -114,7 +114,7 @@ def runtime(
         limits=limits,
         steering=Steering().with_search(candidates=settings.candidates),
         budget=BudgetRules(),
-        admission=AdmissionRules(settings.most_load),
+        admission=AdmissionRules(settings.most_load, refuse=settings.admission),
     )
     body = BodyStamp(BODY, {gender: sha256_of(body_file(BODY, gender)) for gender in GENDERS})
     engine = OnnxEngine(folder, settings.threads)
@@ -122,7 +122,7 @@ def runtime(
 
     def warm_up(world: World) -> None:
         engine.warm_up(sizes, rungs(settings.candidates))
-        for _ in range(MEASURES if settings.admission else 0):  # what is not measured refuses none
+        for _ in range(MEASURES):
             engine.warm_up(sizes, (1, settings.candidates), world.measured)
 
     worlds = Worlds(

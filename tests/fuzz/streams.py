@@ -86,9 +86,12 @@ async def people(connection: Connection, agents: int) -> str:
 async def stall(
     target: Target, seconds: float, sessions: int, agents: int, healthy: int, kind: str
 ) -> Stall:
-    """One reader of the first session stalls; `healthy` others read it and the other sessions."""
+    """One reader of the first session stalls; `healthy` others read it and the other sessions.
+
+    The first has four times as many agents: what the stalled reader leaves must fill all buffers.
+    """
     connection = Connection(target)
-    names = [await people(connection, agents) for _ in range(sessions)]
+    names = [await people(connection, agents if i else 4 * agents) for i in range(sessions)]
     readings = [Reading() for _ in range(healthy)]
     stalled = await STALLS[kind](target, names[0])
     before = target.resident_megabytes() or 0.0
@@ -118,6 +121,7 @@ async def _stalled_grpc(target: Target, session_id: str) -> Callable[[], Awaitab
         target.grpc, options=[("grpc.http2.lookahead_bytes", RECEIVE_BYTES)]
     )
     request = motion_pb2.StreamMotionRequest(session_id=session_id)
+    request.format.profile = motion_pb2.POSE_PROFILE_FULL
     call = motion_pb2_grpc.MotionServiceStub(channel).StreamMotion(request)
     await call.read()
     return channel.close
@@ -130,7 +134,7 @@ async def _stalled_socket(target: Target, session_id: str) -> Callable[[], Await
     raw.setblocking(False)
     loop = asyncio.get_running_loop()
     await loop.sock_connect(raw, (where.hostname, where.port))
-    await loop.sock_sendall(raw, handshake(where.netloc, session_id))
+    await loop.sock_sendall(raw, handshake(where.netloc, f"{session_id}&profile=full"))
     head = await loop.sock_recv(raw, 200)
     assert b" 101 " in head, head
 
@@ -227,10 +231,10 @@ async def _leave_socket(
         await writer.wait_closed()
 
 
-def handshake(host: str, session_id: str) -> bytes:
-    """What opens `WS /v1/stream`."""
+def handshake(host: str, query: str) -> bytes:
+    """What opens `WS /v1/stream`; `query` begins with the session."""
     return (
-        f"GET /v1/stream?session={session_id} HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\n"
+        f"GET /v1/stream?session={query} HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\n"
         "Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
         "Sec-WebSocket-Version: 13\r\n\r\n"
     ).encode()

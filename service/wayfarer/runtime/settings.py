@@ -41,6 +41,7 @@ class AdmissionRules:
 
     most_load: float = 0.8  # share of the time for which the motion thread may be busy
     retry_after: float = 5.0  # seconds until a refused caller may try again
+    refuse: bool = True  # False: only limits do
 
     def __post_init__(self) -> None:
         if not 0 < self.most_load <= 1:

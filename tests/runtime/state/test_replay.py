@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.runtime.fakes import people
+from tests.runtime.fakes import FakeEngine, people
 from tests.runtime.kept_worlds import assert_same_poses, fake_worlds, shipped_worlds
+from wayfarer.errors import FailedPrecondition
 from wayfarer.runtime.agent import AgentChange, ChunkFlag, Goal, SessionSpec, Wander
 from wayfarer.runtime.state.log_format import Origin, decode_log, encode_log
 from wayfarer.runtime.state.replay import replay
@@ -134,10 +135,11 @@ def test_a_log_may_begin_in_mid_motion():
 
 
 def test_sixty_seconds_of_the_shipped_model_come_out_bit_for_bit():
-    worlds = shipped_worlds()
+    worlds = shipped_worlds(phases=1)  # stepped in one batch, and played again one by one
     world = worlds.live()
     world.create_session(RECORDED, 0.0)
-    ids = [agent.agent_id for agent in world.create_agents("s", people(3), 0.0)]
+    specs = people(3, gender="female")
+    ids = [agent.agent_id for agent in world.create_agents("s", specs, 0.0)]
     rng = np.random.default_rng(5)
     plan = busy_plan(world, ids)[:-1]
     for when in np.arange(7.0, 60.0, 2.3):
@@ -145,6 +147,40 @@ def test_sixty_seconds_of_the_shipped_model_come_out_bit_for_bit():
         plan.append(
             (when, lambda now, who=who, x=x, y=y: world.set_goal(who, Goal((x, y, 0)), now))
         )
-    sent = run(world, 60.0, plan, lambda now: Rung((1, 4, 1, 2, 1)[int(now * 3) % 5]))
+    sent = run(world, 60.0, plan, lambda now: Rung((1, 4, 1, 1, 2, 1, 1)[int(now * 3) % 7]))
     assert len(sent) > 3 * 290
     assert_same(replayed(worlds, world), sent)
+
+
+class Striding(FakeEngine):
+    """Another model: it walks twice as fast as it is asked to."""
+
+    name = "striding"
+    graphs = ("2" * 64, "3" * 64)
+
+    def step(self, gender, inputs):
+        return super().step(gender, replace(inputs, target_speed=2 * inputs.target_speed))
+
+
+def test_a_change_of_model_is_made_again():
+    worlds = fake_worlds()
+    worlds.models.add(Striding())
+    world = worlds.live()
+    world.create_session(RECORDED, 0.0)
+    ids = [agent.agent_id for agent in world.create_agents("s", people(3), 0.0)]
+    sent = run(
+        world,
+        6.0,
+        [
+            (0.3, lambda now: world.set_goal(ids[0], Goal((0.0, 30.0, 0.0)), now)),
+            (1.5, lambda now: world.use_model("striding")),
+            (1.55, lambda now: world.set_goal(ids[1], Goal((0.0, 30.0, 0.0)), now)),
+            (4.0, lambda now: world.use_model("fake")),
+        ],
+    )
+    assert_same(replayed(worlds, world), sent)
+    worlds.models.remove("striding")
+    with pytest.raises(
+        FailedPrecondition, match=r"made with model striding@\w+; loaded here are fake@"
+    ):
+        replayed(worlds, world)

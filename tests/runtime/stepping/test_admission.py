@@ -193,3 +193,12 @@ def test_phases_take_agents_and_give_them_back():
     for start in starts[:4]:
         taken.leave(start - 8 * 5, GENDERS.index("male"))
     assert taken.agents == 4 and taken.groups == [1, 1, 1, 1]
+
+
+def test_without_refusals_only_limits_count():
+    world = make_world(admission=AdmissionRules(0.01, refuse=False), limits=Limits(agents=3))
+    world.measured(1, 1, 1.0)
+    world.create_session(SessionSpec("s"), 0.0)
+    world.create_agents("s", people(3), 0.0)
+    with pytest.raises(ResourceExhausted, match="3 of 3 agents exist"):
+        world.create_agents("s", people(1), 0.0)

@@ -263,7 +263,7 @@ class World(Clockwork):
         self, session: Session, specs: Sequence[AgentSpec], now: float, admit: bool = True
     ) -> None:
         self._registry.check_room(session, len(specs))
-        if admit:
+        if admit and self.settings.admission.refuse:
             genders = [GENDERS.index(spec.gender) for spec in specs]
             # the ladder is looked at with each step: without agents it stands where it was left
             late = self.rung.refuse and self.agents > 0
