@@ -9,8 +9,8 @@ import time
 import numpy as np
 import pytest
 
-from tests.runtime.fakes import FakeEngine, make_world, people
 from tests.runtime.chunks import KeepingMeter
+from tests.runtime.fakes import FakeEngine, make_world, people
 from wayfarer.errors import (
     Aborted,
     AlreadyExists,

@@ -117,7 +117,8 @@ async def test_one_call_reaches_all_subscribers_of_an_event_loop(monkeypatch):
     readers = [await stage.subscribe() for _ in range(8)]
     calls = []
     monkeypatch.setattr(
-        "wayfarer.runtime.streams.publisher.post", lambda loop, call, *args: calls.append((call, args))
+        "wayfarer.runtime.streams.publisher.post",
+        lambda loop, call, *args: calls.append((call, args)),
     )
     stage.publisher.publish({"s": [chunk(0, "a")], "t": [chunk(0, "b")]})
     stage.publisher.publish({"s": [chunk(1, "a")]})

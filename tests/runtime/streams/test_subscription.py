@@ -3,8 +3,8 @@ import math
 
 import pytest
 
-from tests.runtime.fakes import ManualClock
 from tests.runtime.chunks import KeepingMeter, chunk, entry, subscription
+from tests.runtime.fakes import ManualClock
 from wayfarer.errors import (
     FailedPrecondition,
     InvalidArgument,
