@@ -21,7 +21,7 @@ tuning has seen; "mocap" rows are recordings, judged by the same code. The metri
 
 HELDOUT = "--data PREPARED --split heldout"
 COMMANDS = {
-    "control": f"wayfarer eval control --g-cvae GCVAE {HELDOUT} --seed 7",
+    "control": f"wayfarer eval control --g-cvae GCVAE --speed 1.5 {HELDOUT} --seed 7",
     "arrival": f"wayfarer eval arrival {HELDOUT} --seed 7",
     "long": "wayfarer eval long --seed 3",
     "realism": f"wayfarer eval realism {HELDOUT} --seed 7",

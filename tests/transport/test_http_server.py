@@ -299,3 +299,14 @@ async def test_an_item_that_is_wrong_is_named_once(rig):
     goals = {"goals": [{"position": {"x": 0, "y": 0, "z": 0}, "speed": 0}]}
     answer = await rig.http.put("/v1/agents/x/path", json=goals)
     assert [error["field"] for error in answer.json()["errors"]] == ["goals[0].speed"]
+
+
+async def test_a_whole_number_may_be_written_with_a_fraction_of_nothing(rig):
+    for seed, status in ((b"318.0", 201), (b"318.5", 422), (b"1e400", 422), (b'"318"', 422)):
+        made = await rig.http.post(
+            "/v1/sessions",
+            content=b'{"seed": ' + seed + b"}",
+            headers={"content-type": "application/json"},
+        )
+        assert made.status_code == status, made.text
+        assert status == 422 or made.json()["seed"] == 318

@@ -2,7 +2,7 @@
 
 import hashlib
 from functools import lru_cache
-from typing import Annotated
+from typing import Annotated, Final
 
 import numpy as np
 from fastapi import APIRouter, Query, Request, Response
@@ -11,11 +11,14 @@ from fastapi.concurrency import run_in_threadpool
 
 from wayfarer.body.glb import body_glb
 from wayfarer.body.library import Detail
-from wayfarer.errors import InvalidArgument, NotFound
+from wayfarer.errors import NotFound
 from wayfarer.spec import BETAS
 from wayfarer.transport import schema
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
+
+BETA: Final = r"-?[0-9](\.[0-9]{0,20})?(e-[0-9]{1,3})?"
+"""One shape coefficient as text, as JavaScript and Python write it."""
 
 
 def catalogue_routes(gateway: Gateway) -> APIRouter:
@@ -57,7 +60,12 @@ def catalogue_routes(gateway: Gateway) -> APIRouter:
         body: Annotated[str, InPath(max_length=schema.ID_LENGTH)],
         gender: Annotated[str, InPath(max_length=schema.ID_LENGTH)],
         betas: Annotated[
-            str, Query(max_length=400, description=f"{BETAS} numbers with commas; none: mean body")
+            str,
+            Query(
+                max_length=400,
+                pattern=f"^({BETA}(,{BETA}){{{BETAS - 1}}})?$",
+                description=f"{BETAS} numbers between -10 and 10, with commas; none: mean body",
+            ),
         ] = "",
         detail: Annotated[Detail, Query(description="mesh resolution")] = "high",
         style: Annotated[int, Query(ge=0, lt=1 << 32, description="seed of its colours")] = 0,
@@ -86,10 +94,5 @@ def _glb(
 
 
 def _numbers(text: str) -> tuple[float, ...]:
-    """Betas of a query. Raises InvalidArgument."""
-    if not text:
-        return (0.0,) * BETAS
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError:
-        raise InvalidArgument(f"must be {BETAS} numbers with commas between", "betas") from None
+    """Betas of a query."""
+    return tuple(float(part) for part in text.split(",")) if text else (0.0,) * BETAS

@@ -2,18 +2,23 @@
 
 from typing import Annotated, Final
 
-from pydantic import BaseModel, ConfigDict, Field, Strict
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict
 
 from wayfarer.transport.basis import Basis
 
 UINT32: Final = (1 << 32) - 1
 
 
+def _whole(value: object) -> object:
+    """JSON does not tell 7.0 from 7, and some writers of it do not either."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
 Float = Annotated[float, Strict()]
 """A JSON number; neither "1" nor true."""
 
-Int = Annotated[int, Strict()]
-"""A JSON number without a fraction."""
+Int = Annotated[int, Strict(), BeforeValidator(_whole)]
+"""A JSON number without a fraction; 7.0 is one."""
 
 Uint32 = Annotated[Int, Field(ge=0, le=UINT32)]
 Bool = Annotated[bool, Strict()]
