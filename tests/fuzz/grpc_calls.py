@@ -112,7 +112,7 @@ async def port_worker(address: str, inputs: Inputs, quota: Quota, tally: Tally) 
 
 async def _pour(host: str, port: int, data: bytes) -> None:
     with contextlib.suppress(OSError, TimeoutError):
-        async with asyncio.timeout(2):
+        async with asyncio.timeout(0.1):  # it may wait for the rest; others are waiting, too
             reader, writer = await asyncio.open_connection(host, port)
             try:
                 writer.write(data)

@@ -157,7 +157,7 @@ def _request(inputs: Inputs) -> bytes:
 
 async def _converse(host: str, port: int, data: bytes) -> str:
     with contextlib.suppress(OSError, TimeoutError):
-        async with asyncio.timeout(1):
+        async with asyncio.timeout(0.3):
             reader, writer = await asyncio.open_connection(host, port)
             try:
                 writer.write(data)

@@ -269,9 +269,11 @@ def test_a_second_signal_ends_at_once(keys, tmp_path):
     async def hold(service: Process) -> None:
         """A call under way, so that the drain has something to wait for."""
         _, writer = await asyncio.open_connection("127.0.0.1", int(service.http[-5:]))
-        writer.write(b"POST /v1/sessions HTTP/1.1\r\nHost: a\r\nContent-Length: 9\r\n\r\n{")
+        head = "POST /v1/sessions HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n"
+        key = keys.keys["ada"]  # without one it would be answered at once
+        writer.write(f"{head}Content-Type: application/json\r\nX-Api-Key: {key}\r\n\r\n{{".encode())
         await writer.drain()
-        await asyncio.sleep(0.2)
+        await asyncio.sleep(0.5)
         service.process.send_signal(signal.SIGTERM)
         await asyncio.sleep(1.0)
         assert service.process.poll() is None

@@ -195,8 +195,8 @@ def test_events_are_mentioned(page: Page):
 @pytest.mark.skipif("VIEWER_URL" in os.environ, reason="the server is not ours to stop")
 def test_a_lost_connection_is_shown(page: Page, service: Service):
     service.stop()
-    page.wait_for(f"{CONNECTION} === 'lost'", 20)
-    assert "lost" in str(page.evaluate("document.querySelector('#connection').textContent"))
+    # between attempts: it connects again and again
+    page.wait_for("document.querySelector('#connection').textContent.includes('lost')", 20)
 
 
 def test_a_guarded_server_asks_once_for_a_key(tmp_path, tmp_path_factory):

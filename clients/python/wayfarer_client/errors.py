@@ -79,9 +79,15 @@ CLASSES: Final = {
 _BY_NUMBER: Final = {code.value[0]: kind for code, kind in CLASSES.items()}
 
 
+CALL_ENDED: Final = "Internal error from Core"
+"""What grpc.aio says when a call ends beneath a read or a write of it; no server sends it."""
+
+
 def from_grpc(error: grpc.aio.AioRpcError) -> WayfarerError:
     """The client's error for a failed call."""
     text = error.details() or error.code().name
+    if text == CALL_ENDED:
+        return Unavailable("the connection was lost")
     kind = CLASSES.get(error.code())
     if kind is None:
         return WayfarerError(f"{error.code().name}: {text}")
