@@ -196,3 +196,32 @@ async def test_a_busy_session_keeps_nobody_else_waiting():
     await runtime.stop()
     with pytest.raises(Unavailable):
         await runtime.list_agents("tool")
+
+
+async def test_a_session_that_is_being_deleted_does_not_spoil_the_list(runtime):
+    await runtime.create_session(SessionSpec("other"))
+    for _ in range(30):
+        await runtime.create_session(LOCKED)
+        listed, _ = await asyncio.gather(runtime.list_sessions(), runtime.delete_session("tool"))
+        assert {session.session_id for session in listed} - {"tool"} == {"other"}
+
+
+async def test_a_change_of_model_is_told_with_the_next_primitive():
+    class Other(FakeEngine):
+        name, graphs = "other", ("2" * 64, "3" * 64)
+
+    runtime = Runtime(fake_worlds(), open_model=lambda name: Other())
+    runtime.start()
+    await until_ready(runtime)
+    await runtime.create_session(LOCKED)
+    agents = await runtime.create_agents("tool", people(2))
+    await runtime.load_model("other")
+    assert await runtime.use_model("other", move_agents=True) == 2
+    first, second = await runtime.step_session("tool", 2)
+    assert [e.kind for e in first.events] == [EventKind.MODEL_CHANGED] * 2
+    assert [e.agent_id for e in first.events] == [agent.agent_id for agent in agents]
+    assert second.events == ()
+    assert [a.model for a in await runtime.list_agents("tool")] == ["other"] * 2
+    await runtime.unload_model("fake")
+    assert [(m.name, m.in_use) for m in await runtime.list_models()] == [("other", True)]
+    await runtime.stop()

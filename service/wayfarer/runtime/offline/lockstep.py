@@ -214,7 +214,11 @@ class LockSteps:
 
     async def infos(self) -> list[SessionInfo]:
         """All sessions."""
-        return [await home.get_session(name) for name, home in list(self._sessions.items())]
+        found = []
+        for name, home in list(self._sessions.items()):
+            with suppress(NotFound):  # deleted meanwhile
+                found.append(await home.get_session(name))
+        return found
 
     async def use_model(self, name: str) -> int:
         """In all of them; see `LockStep.use_model`."""

@@ -84,7 +84,7 @@ def catalogue_routes(gateway: Gateway) -> APIRouter:
     return router
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
 def _glb(
     bodies: BodyLibrary, gender: str, betas: tuple[float, ...], detail: Detail, style: int
 ) -> tuple[str, bytes]:
