@@ -15,7 +15,6 @@ log.debug("hidden")
 log.info("ready", port=1)
 logging.getLogger("library").warning("from %s", "below")
 logging.getLogger("uvicorn.error").info("chatter")
-logging.getLogger("uvicorn.error").error("Invalid UTF-8 sequence received from client.")
 secret = "password"
 try:
     1 / 0

@@ -28,9 +28,6 @@ _SECRETS: Final = re.compile(
     re.IGNORECASE,
 )
 
-CLIENT_FAULTS: Final = ("Invalid UTF-8 sequence received from client.",)
-"""What uvicorn writes as an error, with a trace, though it is only a client's: not for our log."""
-
 
 def configure_logging(level: str, form: str) -> None:
     """Send everything to stderr. `form`: "text", "json", or "auto": text on a terminal."""
@@ -71,12 +68,6 @@ def configure_logging(level: str, form: str) -> None:
     for chatty in ("asyncio", "grpc"):
         logging.getLogger(chatty).setLevel(max(root.level, logging.WARNING))
     logging.getLogger("uvicorn").setLevel(logging.ERROR)  # it warns of every malformed request
-    logging.getLogger("uvicorn.error").filters[:] = [is_ours]
-
-
-def is_ours(record: logging.LogRecord) -> bool:
-    """Filter: a line that is not about a client's fault."""
-    return record.msg not in CLIENT_FAULTS
 
 
 def hide_fields(logger: Any, method: str, event: dict[str, Any]) -> dict[str, Any]:

@@ -81,6 +81,22 @@ class SocketConnection(WebSocketsSansIOProtocol):
             self.transport.write(UNREADABLE)
             self.transport.close()
 
+    def send_receive_event_to_app(self) -> None:
+        """Hand a message on. A text that is not UTF-8 ends the connection; uvicorn would fail."""
+        if self.curr_msg_data_type == "text" and not _is_text(b"".join(self.frames)):
+            self.frames = []
+            self.transport.abort()
+            return
+        super().send_receive_event_to_app()
+
+
+def _is_text(data: bytes) -> bool:
+    try:
+        data.decode()
+    except UnicodeDecodeError:
+        return False
+    return True
+
 
 def _named(app: Any, transport: asyncio.BaseTransport) -> ASGIApp:
     """The application, told the common name in the client's certificate."""
