@@ -120,7 +120,7 @@ class Runtime:
 
     async def list_sessions(self) -> list[SessionInfo]:
         """See `MotionService`."""
-        sessions = await self._loop.list_sessions() + await self._lock_steps.infos()
+        sessions = await self._loop.list_sessions() + self._lock_steps.infos()
         return sorted(sessions, key=lambda session: session.created_at)
 
     async def delete_session(self, session_id: str) -> None:

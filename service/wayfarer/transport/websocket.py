@@ -99,8 +99,11 @@ async def _send(socket: WebSocket, messages: AsyncGenerator[ProtoMessage]) -> No
     """Send until there are no more. Raises TimeoutError when the reader takes none."""
     async with aclosing(messages):
         async for message in messages:
-            async with asyncio.timeout(STALL_S):
-                await socket.send_bytes(message.SerializeToString())
+            try:
+                async with asyncio.timeout(STALL_S):
+                    await socket.send_bytes(message.SerializeToString())
+            except RuntimeError:  # uvicorn has closed it by itself meanwhile
+                raise WebSocketDisconnect(1006) from None
 
 
 async def _until_gone(socket: WebSocket) -> None:
@@ -131,5 +134,7 @@ async def _close(socket: WebSocket, error: BaseException | None) -> None:
         errors.log_unexpected(log, error, socket.url.path)
         code = errors.close_code(error)
         reason = errors.message_of(error).encode()[:REASON_BYTES].decode(errors="ignore")
-    with contextlib.suppress(WebSocketDisconnect):  # it has left at the same moment
+    # It has left at the same moment; a RuntimeError when uvicorn has answered its close, or broken
+    # frames, by itself.
+    with contextlib.suppress(WebSocketDisconnect, RuntimeError):
         await socket.close(code, reason)

@@ -1,6 +1,7 @@
 """Sessions in which time passes only when it is asked to."""
 
 import asyncio
+import threading
 
 import numpy as np
 import pytest
@@ -163,34 +164,34 @@ async def test_limits_hold(runtime):
 class SlowEngine(FakeEngine):
     """Waits for leave to step."""
 
-    def __init__(self, gate):
+    def __init__(self):
         super().__init__()
-        self.gate = gate
+        self.gate = threading.Event()
+        self.is_waiting = threading.Event()
 
     def step(self, gender, inputs):
+        self.is_waiting.set()
         self.gate.wait(5)
         return super().step(gender, inputs)
 
 
 async def test_a_busy_session_keeps_nobody_else_waiting():
-    import threading
-
-    gate = threading.Event()
-    runtime = Runtime(fake_worlds(engine=SlowEngine(gate)), jobs=1)
+    engine = SlowEngine()
+    runtime = Runtime(fake_worlds(engine=engine), jobs=1)
     runtime.start()
     await until_ready(runtime)
     await runtime.create_session(LOCKED)
     await runtime.create_session(SessionSpec("other", lock_step=True))
     await runtime.create_agents("tool", people(1))
     steps = asyncio.create_task(runtime.step_session("tool", 1))
-    await asyncio.sleep(0.05)
+    assert await asyncio.to_thread(engine.is_waiting.wait, 5)
     await asyncio.wait_for(runtime.list_agents("other"), 1)
     with pytest.raises(ResourceExhausted, match=r"limits\.clips"):
         await runtime.step_session("other", 1)
     waiting = asyncio.create_task(runtime.list_agents("tool"))
     await asyncio.sleep(0.05)
     assert not waiting.done()
-    gate.set()
+    engine.gate.set()
     assert len(await steps) == 1
     assert len(await waiting) == 1
     await runtime.stop()
@@ -204,6 +205,22 @@ async def test_a_session_that_is_being_deleted_does_not_spoil_the_list(runtime):
         await runtime.create_session(LOCKED)
         listed, _ = await asyncio.gather(runtime.list_sessions(), runtime.delete_session("tool"))
         assert {session.session_id for session in listed} - {"tool"} == {"other"}
+
+
+async def test_a_busy_session_does_not_hold_up_the_list():
+    engine = SlowEngine()
+    runtime = Runtime(fake_worlds(engine=engine))
+    runtime.start()
+    await until_ready(runtime)
+    await runtime.create_session(LOCKED)
+    [agent] = await runtime.create_agents("tool", people(1))
+    stepping = asyncio.create_task(runtime.step_session("tool", 1))
+    assert await asyncio.to_thread(engine.is_waiting.wait, 5)
+    [listed] = await runtime.list_sessions()
+    assert listed.agent_ids == (agent.agent_id,) and not stepping.done()
+    engine.gate.set()
+    await stepping
+    await runtime.stop()
 
 
 async def test_a_change_of_model_is_told_with_the_next_primitive():

@@ -212,12 +212,15 @@ class LockSteps:
         self._agents = {name: other for name, other in self._agents.items() if other is not home}
         home.end(f"session {session_id!r} has been deleted", NotFound)
 
-    async def infos(self) -> list[SessionInfo]:
-        """All sessions."""
+    def infos(self) -> list[SessionInfo]:
+        """All sessions, at once: a world that is busy is not asked but looked at.
+
+        What is read are whole values, and no more than the names of who is there.
+        """
         found = []
         for name, home in list(self._sessions.items()):
             with suppress(NotFound):  # deleted meanwhile
-                found.append(await home.get_session(name))
+                found.append(home.world.get_session(name))
         return found
 
     async def use_model(self, name: str) -> int:
