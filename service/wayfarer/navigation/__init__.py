@@ -1,0 +1,1 @@
+"""A scene's geometry → walkable ground → paths and clearance. The door is `scene.py`."""

@@ -1,0 +1,1 @@
+"""Floors, solids and meshes → the ground that can be stood on, in layers, before any radius."""

@@ -1,0 +1,175 @@
+"""The ground of a scene, before any radius: layers of polygons with heights.
+
+A flat scene (level floors of one height, nothing on them low enough to step on) keeps its exact
+outlines. All others go through a grid of cells of 5 cm, larger beyond some 70 x 70 m (35 cm at the
+largest, 500 x 500 m): outlines may be off by a cell, mostly to the safe side; a gap is lost when
+it is less than two cells wider than an agent.
+"""
+
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from wayfarer.errors import InvalidArgument
+from wayfarer.navigation.checks import count_points
+from wayfarer.navigation.grid import Grid
+from wayfarer.navigation.ground.layers import outline, sheets
+from wayfarer.navigation.ground.levels import stands
+from wayfarer.navigation.meshes.read import read_mesh
+from wayfarer.navigation.solids import (
+    at_height,
+    floor_polygon,
+    footprint,
+    solid_triangles,
+    triangulate,
+)
+from wayfarer.navigation.spec import MAX_EXTENT, Ramp, SceneSpec
+
+Array = NDArray[np.floating[Any]]
+
+FINEST_CELL: Final = 0.05
+MAX_CELLS: Final = 2_000_000
+MAX_EXACT_POINTS: Final = 1_500
+MAX_EXACT_CORNERS: Final = 20_000
+"""Flat scenes of more detail go through cells: outlines may cross each other in square of number,
+cells stay cells."""
+MAX_CORNERS: Final = 50_000
+
+
+@dataclass(frozen=True, slots=True)
+class Heights:
+    """Heights of a layer's floor: one number, or sampled (float32 [rows, columns])."""
+
+    level: float
+    grid: Grid | None = None
+    values: NDArray[np.float32] | None = None
+    ledge: float = 0.0
+    """Cells that differ by more are a step, and no slope to interpolate on."""
+
+    def at(self, points: Array) -> Array:
+        """Heights [...] at points [..., 2]; beyond the ground, that of the nearest ground."""
+        if self.grid is None or self.values is None:
+            return np.full(points.shape[:-1], self.level)
+        places = np.clip(
+            self.grid.places(points), 0, (self.grid.columns - 1.001, self.grid.rows - 1.001)
+        )
+        corner = places.astype(int)
+        x, y = np.moveaxis(places - corner, -1, 0)
+        column, row = np.moveaxis(corner, -1, 0)
+        around = np.stack([self.values[row + k, column + j] for k in (0, 1) for j in (0, 1)])
+        weight = np.stack([(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y])
+        smooth = around.max(0) - around.min(0) <= self.ledge
+        nearest = np.take_along_axis(around, weight.argmax(0)[None], 0)[0]
+        return np.where(smooth, (around * weight).sum(0), nearest.astype(np.float64))
+
+
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """Ground that covers a point of the plan at most once.
+
+    `own`: the part that belongs to this layer alone; `ground`: with the surroundings that other
+    layers continue, so that a border between layers is no wall.
+    """
+
+    own: shapely.Geometry
+    ground: shapely.Geometry
+    heights: Heights
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """All layers, lowest first. `cell`: metres that outlines may be off, 0 where they are exact."""
+
+    layers: tuple[Layer, ...]
+    cell: float
+
+
+def find_ground(spec: SceneSpec) -> Ground:
+    """The ground of a checked scene. Raises InvalidArgument."""
+    ground = _flat(spec) if _is_flat(spec) else None
+    if ground is None or _corners(ground) > MAX_EXACT_CORNERS:
+        ground = _sampled(spec)
+    if _corners(ground) > MAX_CORNERS:
+        raise InvalidArgument(
+            f"the ground's outlines have {_corners(ground):,} corners, at most {MAX_CORNERS:,}",
+            "mesh.data" if spec.mesh else "solids",
+        )
+    if all(layer.own.is_empty for layer in ground.layers):
+        raise InvalidArgument(
+            "nobody can stand anywhere in this scene: no ground is flat enough and free up to "
+            f"{spec.walkable.height:g} m (is the up axis right?)",
+            "mesh.data" if spec.mesh else "floors",
+        )
+    return ground
+
+
+def _corners(ground: Ground) -> int:
+    return sum(int(shapely.get_num_coordinates(layer.own)) for layer in ground.layers)
+
+
+def _is_flat(spec: SceneSpec) -> bool:
+    if spec.mesh is not None or len({floor.height for floor in spec.floors}) != 1:
+        return False
+    if count_points(spec) > MAX_EXACT_POINTS:
+        return False
+    level, walkable = spec.floors[0].height, spec.walkable
+    return all(
+        not isinstance(solid, Ramp)
+        and (
+            solid.bottom + solid.height <= level
+            or solid.bottom >= level + walkable.height
+            or solid.bottom + solid.height > level + walkable.step_height
+        )
+        for solid in spec.solids
+    )
+
+
+def _flat(spec: SceneSpec) -> Ground:
+    level = spec.floors[0].height
+    in_the_way = [
+        footprint(solid)
+        for solid in spec.solids
+        if solid.bottom + solid.height > level and solid.bottom < level + spec.walkable.height
+    ]
+    floor = shapely.union_all([floor_polygon(f) for f in spec.floors])
+    _check_extent(floor.bounds)
+    free = shapely.difference(floor, shapely.union_all(in_the_way))
+    return Ground((Layer(free, free, Heights(level)),), 0.0)
+
+
+def _sampled(spec: SceneSpec) -> Ground:
+    corners = np.concatenate(
+        [
+            *([read_mesh(spec.mesh)] if spec.mesh else []),
+            *(at_height(triangulate(floor_polygon(f)), f.height) for f in spec.floors),
+            *(solid_triangles(solid) for solid in spec.solids),
+        ]
+    )
+    low, high = corners.min((0, 1)), corners.max((0, 1))
+    bounds = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+    _check_extent(bounds)
+    cell = max(FINEST_CELL, sqrt((high[0] - low[0]) * (high[1] - low[1]) / MAX_CELLS))
+    grid = Grid.over(bounds, cell, 3 * cell)
+    places = stands(corners, grid, spec.walkable)
+    layers = []
+    for sheet in sheets(places, spec.entries, spec.walkable):
+        own = outline(sheet.own, grid)
+        alone = (sheet.own == sheet.around).all()
+        ground = own if alone else outline(sheet.around, grid)
+        heights = Heights(0.0, grid, sheet.height, ledge=max(0.04, 1.2 * cell))
+        layers.append(Layer(own, ground, heights))
+    return Ground(tuple(layers), cell)
+
+
+def _check_extent(bounds: tuple[float, float, float, float]) -> None:
+    width, depth = bounds[2] - bounds[0], bounds[3] - bounds[1]
+    if max(width, depth) > MAX_EXTENT:
+        raise InvalidArgument(
+            f"the scene is {width:,.0f} x {depth:,.0f} m, at most {MAX_EXTENT:,.0f} m either side "
+            "(is mesh.unit right?)",
+            "mesh.data",
+        )

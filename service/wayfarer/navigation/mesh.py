@@ -1,0 +1,131 @@
+"""The navigation mesh: triangles of ground where an agent's middle may be, and how they connect."""
+
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+Array = NDArray[np.floating[Any]]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+Portal: TypeAlias = tuple[int, float, float, float, float]
+"""(triangle behind it, left x, left y, right x, right y), as seen by who walks out."""
+
+_GRAIN = 1e-5
+"""Metres: corners closer than this are one."""
+_ALONG = 0.94
+"""Cosine: edges of two layers that run along each other."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NavMesh:
+    """corners [T, 3, 2], anticlockwise; layer, island [T]; areas [islands] in m²."""
+
+    corners: Array
+    layer: Ints
+    portals: tuple[tuple[Portal, ...], ...]
+    island: Ints
+    areas: NDArray[Any]
+    tree: shapely.STRtree
+
+    def under(self, point: tuple[float, float]) -> Ints:
+        """Triangles that hold the point, border included: of several layers, or of neighbours."""
+        return self.tree.query(shapely.Point(point), "intersects")
+
+    def touching(self, area: shapely.Geometry) -> Ints:
+        """Triangles that meet an area."""
+        return self.tree.query(area, "intersects")
+
+    def closest(self, point: tuple[float, float], among: Ints) -> tuple[int, tuple[float, float]]:
+        """Of some triangles, none of which holds the point: the nearest, and its nearest point."""
+        a = self.corners[among]
+        d = np.roll(a, -1, 1) - a
+        share = ((point - a) * d).sum(-1) / np.maximum((d * d).sum(-1), 1e-12)
+        spots = a + np.clip(share, 0, 1)[..., None] * d  # [n, 3 edges, 2]
+        which, edge = divmod(int(((spots - point) ** 2).sum(-1).argmin()), 3)
+        x, y = spots[which, edge]
+        return int(among[which]), (float(x), float(y))
+
+
+def build(corners: Array, layer: Ints, slack: float) -> NavMesh:
+    """Connect triangles by the edges they share.
+
+    `slack`: metres by which the borders of two layers may be apart where one continues the other.
+    """
+    links = [_shared(corners, layer)]
+    if layer.max(initial=0) > layer.min(initial=0):
+        links.append(_bordering(corners, layer, links[0], slack))
+    one, other, left, right = (np.concatenate(column) for column in zip(*links, strict=True))
+    graph = coo_array((np.ones(len(one), bool), (one, other)), shape=(len(corners),) * 2)
+    count, island = connected_components(graph, directed=False)
+    portals: list[list[Portal]] = [[] for _ in range(len(corners))]
+    ends = np.concatenate([left, right], -1).tolist()
+    for a, b, (lx, ly, rx, ry) in zip(one.tolist(), other.tolist(), ends, strict=True):
+        portals[a].append((b, lx, ly, rx, ry))
+    polygons = shapely.polygons(corners)
+    return NavMesh(
+        corners,
+        layer,
+        tuple(map(tuple, portals)),
+        island.astype(np.int64),
+        np.bincount(island, weights=shapely.area(polygons), minlength=count),
+        shapely.STRtree(polygons),
+    )
+
+
+Links: TypeAlias = tuple[Ints, Ints, Array, Array]
+"""Triangle, the one behind, left and right end of the portal [n, 2]."""
+
+
+def _shared(corners: Array, layer: Ints) -> Links:
+    """Edges that two triangles of a layer have in common, corner by corner."""
+    flat = np.rint(corners.reshape(-1, 2) / _GRAIN).astype(np.int64)
+    keyed = np.column_stack([np.repeat(layer, 3), flat])
+    names, name = np.unique(keyed, axis=0, return_inverse=True)
+    a = name.reshape(-1, 3)
+    b = np.roll(a, -1, 1)
+    there, back = (a * len(names) + b).reshape(-1), (b * len(names) + a).reshape(-1)
+    order = np.argsort(there)
+    at = np.minimum(np.searchsorted(there[order], back), max(len(order) - 1, 0))
+    edge = np.flatnonzero(there[order][at] == back) if len(order) else np.empty(0, np.int64)
+    return (
+        edge // 3,
+        order[at][edge] // 3,
+        np.roll(corners, -1, 1).reshape(-1, 2)[edge],
+        corners.reshape(-1, 2)[edge],
+    )
+
+
+def _bordering(corners: Array, layer: Ints, shared: Links, slack: float) -> Links:
+    """Stretches where the borders of two layers run along each other."""
+    starts, ends = corners.reshape(-1, 2), np.roll(corners, -1, 1).reshape(-1, 2)
+    inner = {(x, y, t) for t, (x, y) in zip(shared[0].tolist(), shared[3].tolist(), strict=True)}
+    outer = np.array(
+        [(x, y, i // 3) not in inner for i, (x, y) in enumerate(starts.tolist())], bool
+    )
+    edges = np.flatnonzero(outer & (np.linalg.norm(ends - starts, axis=1) > slack / 10))
+    lines = shapely.linestrings(np.stack([starts[edges], ends[edges]], 1))
+    i, j = shapely.STRtree(lines).query(lines, "dwithin", distance=slack)
+    i, j = edges[i], edges[j]
+    along = ends[i] - starts[i]
+    length = np.linalg.norm(along, axis=1)
+    along /= length[:, None]
+    back = starts[j] - ends[j]
+    back /= np.linalg.norm(back, axis=1)[:, None]
+    # the part of edge i that edge j, which runs the other way, covers
+    low = np.clip(((ends[j] - starts[i]) * along).sum(1), 0, length)
+    high = np.clip(((starts[j] - starts[i]) * along).sum(1), 0, length)
+    good = (
+        (layer[i // 3] != layer[j // 3])
+        & ((along * back).sum(1) > _ALONG)
+        & (high - low > slack / 10)
+    )
+    i, j, along, low, high = i[good], j[good], along[good], low[good], high[good]
+    left = starts[i] + high[:, None] * along
+    right = starts[i] + low[:, None] * along
+    return i // 3, j // 3, left, right

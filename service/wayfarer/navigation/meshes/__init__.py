@@ -1,0 +1,1 @@
+"""Mesh files from clients → triangles: strict readers that follow no reference out of the file."""

@@ -1,0 +1,1 @@
+"""Ways over a navigation mesh: search, string pulling, following."""

@@ -1,0 +1,41 @@
+"""The shortest possible way, by a visibility graph: slow, for measuring what `path` finds."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+
+from wayfarer.navigation.scene import Scene
+from wayfarer.navigation.spec import Point2
+
+Array = NDArray[np.floating[Any]]
+
+_SLACK: Final = 1e-6
+"""Metres by which a line may leave the free ground: it runs along its outline."""
+
+
+def shortest_lengths(scene: Scene, pairs: Sequence[tuple[Point2, Point2]]) -> Array:
+    """Metres of the shortest way between each pair of free points; inf where there is none. [n]
+
+    Every corner of the free ground sees every other one that a straight line over free ground leads
+    to: quadratic in the corners. One layer only.
+    """
+    free = shapely.union_all(shapely.polygons(scene.mesh.corners))
+    corners = np.unique(shapely.get_coordinates(free), axis=0)
+    ends = np.array([end[:2] for pair in pairs for end in pair])
+    spots = np.concatenate([ends, corners])
+    room = shapely.buffer(free, _SLACK)
+    shapely.prepare(room)
+    one, other = np.triu_indices(len(spots), 1)
+    sees = shapely.covers(room, shapely.linestrings(np.stack([spots[one], spots[other]], 1)))
+    one, other = one[sees], other[sees]
+    metres = np.maximum(np.linalg.norm(spots[one] - spots[other], axis=1), 1e-12)
+    graph = coo_array((metres, (one, other)), shape=(len(spots), len(spots))).tocsr()
+    starts = np.arange(0, len(ends), 2)
+    every = dijkstra(graph, directed=False, indices=starts)
+    lengths: Array = every[np.arange(len(pairs)), starts + 1]
+    return lengths

@@ -1,0 +1,276 @@
+"""The door: a baked scene, which never changes, and its next version when an obstacle does.
+
+    scene = bake(SceneSpec(floors=(Floor(square),), solids=(Box(...),)))
+    path = scene.path((1.0, 1.0), (18.0, 17.0))  # keeps `walkable.radius` free of walls
+    scene = scene.put("crate 7", Box(...))       # a new Scene; readers of the old one lose nothing
+
+All of it is safe to use from any number of threads. World space: metres, Z up. A point is (x, y) or
+(x, y, z); z says which storey is meant, and without it the lowest one is.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from wayfarer.errors import NotFound, ResourceExhausted, Unreachable
+from wayfarer.navigation import baking
+from wayfarer.navigation.checks import check_obstacle, check_point, check_spec
+from wayfarer.navigation.clearance import REACH, ClearanceField, clearance_field
+from wayfarer.navigation.grid import Grid
+from wayfarer.navigation.ground.ground import Ground, find_ground
+from wayfarer.navigation.locate import Place, nearest_place, place_under
+from wayfarer.navigation.mesh import NavMesh
+from wayfarer.navigation.paths.find import sampled, shortest, widened
+from wayfarer.navigation.paths.path import Ahead, Path
+from wayfarer.navigation.solids import footprint
+from wayfarer.navigation.spec import MAX_OBSTACLES, Obstacle, Point2, Point3, SceneSpec
+
+Array = NDArray[np.floating[Any]]
+
+FIELD_CELL: Final = 0.1
+"""Metres between samples of the clearance field, more in scenes beyond `FIELD_CELLS`."""
+FIELD_CELLS: Final = 2_000_000
+_SHARES: Final = np.array([1.0, 0.75, 0.5, 0.3, 0.15])
+_LINE: Final = np.linspace(0.0, 1.0, 12)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """One version of a scene."""
+
+    spec: SceneSpec
+    content_hash: str
+    """Of the spec: equal specs, equal scenes (at version 0)."""
+    version: int
+    """0 as baked; one more with every `put` and `remove`."""
+    ground: Ground
+    mesh: NavMesh
+    fields: tuple[ClearanceField, ...]
+    """One clearance field per layer of the ground."""
+    obstacles: Mapping[str, Obstacle]
+    open_areas: tuple[shapely.Geometry, ...]
+    """Per layer: where an agent's middle may be without obstacles."""
+
+    @property
+    def area(self) -> float:
+        """Square metres where an agent's middle may be."""
+        return float(self.mesh.areas.sum())
+
+    @property
+    def islands(self) -> int:
+        """Parts of the ground with no way between them."""
+        return len(self.mesh.areas)
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """The ground's extent (x0, y0, x1, y1)."""
+        x0, y0, x1, y1 = shapely.total_bounds([layer.own for layer in self.ground.layers])
+        return float(x0), float(y0), float(x1), float(y1)
+
+    def put(self, name: str, obstacle: Obstacle) -> "Scene":
+        """The next version, in which the obstacle stands; one of the same name is moved.
+
+        Only what is near is baked again. Raises InvalidArgument, ResourceExhausted, and
+        FailedPrecondition when no free ground would be left.
+        """
+        check_obstacle(obstacle, "obstacle")
+        if name not in self.obstacles and len(self.obstacles) >= MAX_OBSTACLES:
+            raise ResourceExhausted(f"a scene holds at most {MAX_OBSTACLES} obstacles")
+        return self._next(self.obstacles.get(name), obstacle, {**self.obstacles, name: obstacle})
+
+    def remove(self, name: str) -> "Scene":
+        """The next version, without the obstacle. Raises NotFound."""
+        if name not in self.obstacles:
+            raise NotFound(f"no obstacle {name!r} in the scene", "obstacle", name)
+        rest = {key: value for key, value in self.obstacles.items() if key != name}
+        return self._next(self.obstacles[name], None, rest)
+
+    def path(self, start: Point2 | Point3, goal: Point2 | Point3) -> Path:
+        """A short way that keeps the radius free, and more around corners where there is room.
+
+        A start or goal off the free ground is moved to the nearest that is (of the goal: that can
+        be reached), and the path says how far. Raises Unreachable when the goal is free ground that
+        no way leads to, InvalidArgument on malformed points.
+        """
+        check_point(start, "start")
+        check_point(goal, "goal")
+        first, last = self._start(start), self._goal(goal)
+        island = self.mesh.island[first.triangle]
+        if last is None or self.mesh.island[last.triangle] != island:
+            reachable = np.flatnonzero(self.mesh.island == island)
+            nearest = nearest_place(self.mesh, self.ground, goal, reachable)
+            if last is not None:
+                raise Unreachable(
+                    f"no way leads from {_text(start)} to {_text(goal)}; the nearest place that "
+                    f"can be reached is {_text(nearest.point)}",
+                    nearest.point,
+                )
+            last = nearest
+        points = shortest(self.mesh, self.ground, first, last)
+        assert points is not None  # one island
+        points = widened(points, self, self.spec.walkable.radius)
+        points[:, 2] = self.floor(points)
+        return Path(points, first.moved, last.moved, self.content_hash, self.version)
+
+    def nearest(self, point: Point2 | Point3) -> Point3:
+        """The nearest free ground, which is the point itself where it is free."""
+        check_point(point, "point")
+        return self._start(point).point
+
+    def is_clear(self, points: Array) -> bool:
+        """Whether the polyline [P, 2 | 3] still keeps the radius free: no need to plan again."""
+        return bool(self._free(sampled(_lift(points))[0]).all())
+
+    def ahead(self, path: Path, position: Array, since: float, distance: float) -> Ahead:
+        """Where an agent at `position` [2 | 3] should head for: `distance` metres along its path.
+
+        Nearer where the straight line there would cut a corner. `since`: the progress of last time.
+        """
+        progress = path.progress(position, since, window=max(2.0, 2 * distance))
+        reach = np.minimum(progress + distance * _SHARES, path.length)
+        targets = path.at(reach)  # [S, 3], farthest first
+        lines = position[:2] + _LINE[:, None] * (targets[:, None, :2] - position[:2])
+        height = np.broadcast_to(targets[:, None, 2:], (*lines.shape[:2], 1))
+        near = self.distance(np.concatenate([lines, height], -1))
+        # whoever stands too near already may go wherever it is no nearer than that
+        floor = min(self._tight, float(near[:, 0].min()))
+        good = np.flatnonzero((near >= floor - 1e-6).all(1))
+        x, y, z = targets[good[0] if len(good) else -1].tolist()
+        return Ahead((x, y, z), progress, path.length - progress)
+
+    def floor(self, points: Array) -> Array:
+        """Height of the floor at points [..., 2 | 3]; off the ground, of the nearest. [...]"""
+        if len(self.fields) == 1:
+            return self.ground.layers[0].heights.at(points[..., :2])
+        heights = self._heights(points)
+        return np.take_along_axis(heights, self._storey(points, heights)[None], 0)[0]
+
+    def distance(self, points: Array) -> Array:
+        """Metres to the nearest wall, edge or obstacle, at points [..., 2 | 3]. [...]
+
+        Negative inside of one and off the ground; cut at ±`REACH`.
+        """
+        if len(self.fields) == 1:
+            return self.fields[0].at(points[..., :2])
+        every = np.stack([field.at(points[..., :2]) for field in self.fields])
+        return np.take_along_axis(every, self._storey(points, self._heights(points))[None], 0)[0]
+
+    def clearance(self, points: Array) -> tuple[Array, Array]:
+        """`distance` [...], and the direction in which it grows [..., 2] (see ClearanceField)."""
+        if len(self.fields) == 1:
+            return self.fields[0].sample(points[..., :2])
+        number = self._storey(points, self._heights(points))
+        distance, away = np.empty(number.shape), np.empty((*number.shape, 2))
+        for k in np.unique(number):
+            mine = number == k
+            distance[mine], away[mine] = self.fields[k].sample(points[mine][..., :2])
+        return distance, away
+
+    @property
+    def _tight(self) -> float:
+        """The clearance of a way that just keeps the radius, as the field may show it.
+
+        In the middle of a passage the field has a ridge, which samples half a cell apart may miss.
+        """
+        return self.spec.walkable.radius - self.fields[0].grid.cell / 2
+
+    def _free(self, points: Array) -> NDArray[np.bool_]:
+        return self.distance(points) >= self._tight
+
+    def _heights(self, points: Array) -> Array:
+        """Height of every layer's floor at the points. [layers, ...]"""
+        return np.stack([layer.heights.at(points[..., :2]) for layer in self.ground.layers])
+
+    def _storey(self, points: Array, heights: Array) -> NDArray[np.int64]:
+        """The layer that each point is on: the nearest in height of those with ground there.
+
+        Where two layers know the same ground, the one that sees farther there owns it.
+        """
+        seen = np.stack([field.at(points[..., :2]) for field in self.fields])
+        wanted = points[..., 2] if points.shape[-1] == 3 else heights.min(0)
+        best: NDArray[np.int64] = (
+            np.abs(heights - wanted) - np.where(seen < 0, seen, 0.1 * seen)
+        ).argmin(0)
+        return best
+
+    def _start(self, point: Point2 | Point3) -> Place:
+        return self._goal(point) or nearest_place(self.mesh, self.ground, point)
+
+    def _goal(self, point: Point2 | Point3) -> Place | None:
+        return place_under(self.mesh, self.ground, point)
+
+    def _next(
+        self, old: Obstacle | None, new: Obstacle | None, obstacles: dict[str, Obstacle]
+    ) -> "Scene":
+        """The version after `old` left and `new` came."""
+        scene = replace(self, version=self.version + 1, obstacles=MappingProxyType(obstacles))
+        for number in range(len(self.ground.layers)):
+            scene = scene._relaid(number, old, new)
+        return scene
+
+    def _relaid(self, number: int, old: Obstacle | None, new: Obstacle | None) -> "Scene":
+        """The same version with one layer's mesh and field repaired around the change."""
+        layer, walkable = self.ground.layers[number], self.spec.walkable
+        left, came = (
+            [footprint(o)] if o is not None and baking.blocks(o, layer, walkable) else []
+            for o in (old, new)
+        )
+        if not left and not came:
+            return self
+        bounds = tuple(shapely.total_bounds([*left, *came]).tolist())
+        near = shapely.box(*bounds).buffer(3 * REACH)
+        standing = [
+            footprint(o) for o in self.obstacles.values() if baking.blocks(o, layer, walkable)
+        ]
+        standing = [shape for shape in standing if near.intersects(shape)]
+        opened, closed, others = (
+            baking.grown(shapely.union_all(shapes), walkable.radius)
+            for shapes in (left, came, standing)
+        )
+        mesh = baking.repair(
+            self.mesh,
+            number,
+            self.open_areas[number],
+            opened,
+            closed,
+            others,
+            baking.slack_of(self.ground),
+        )
+        free = shapely.difference(
+            shapely.clip_by_rect(layer.ground, *near.bounds), shapely.union_all(standing)
+        )
+        fields = list(self.fields)
+        fields[number] = fields[number].changed(free, bounds)
+        return replace(self, mesh=mesh, fields=tuple(fields))
+
+
+def bake(spec: SceneSpec) -> Scene:
+    """Check a scene and bake it. Raises InvalidArgument, which names the field."""
+    check_spec(spec)
+    ground = find_ground(spec)
+    open_areas = tuple(baking.open_ground(layer, spec.walkable.radius) for layer in ground.layers)
+    mesh = baking.bake_mesh(ground, open_areas, spec.entries)
+    open_areas = tuple(baking.within(mesh, k, area) for k, area in enumerate(open_areas))
+    fields = tuple(_field(layer.ground) for layer in ground.layers)
+    return Scene(spec, spec.content_hash, 0, ground, mesh, fields, MappingProxyType({}), open_areas)
+
+
+def _field(ground: shapely.Geometry) -> ClearanceField:
+    x0, y0, x1, y1 = ground.bounds
+    cell = max(FIELD_CELL, ((x1 - x0) * (y1 - y0) / FIELD_CELLS) ** 0.5)
+    return clearance_field(ground, Grid.over((x0, y0, x1, y1), cell, margin=1.0))
+
+
+def _lift(points: Array) -> Array:
+    if points.shape[-1] == 3:
+        return points
+    return np.column_stack([points, np.zeros(len(points))])
+
+
+def _text(point: Point2 | Point3) -> str:
+    return "(" + ", ".join(f"{value:.2f}" for value in point) + ")"
