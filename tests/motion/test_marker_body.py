@@ -3,8 +3,8 @@ import pytest
 import torch
 
 from wayfarer.body.library import load_body
+from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.rotation import matrix_from_rotvec
-from wayfarer.training.dataset import marker_body
 
 
 @pytest.mark.parametrize("gender", ["male", "female"])

@@ -4,9 +4,10 @@ import pytest
 import torch
 
 from wayfarer.body.library import load_body
+from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.policy import GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
-from wayfarer.motion.primitive import PrimitiveStep
+from wayfarer.motion.primitive import PrimitiveStep, _interpolation, _joining, _knots
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.motion.rotation import (
@@ -15,7 +16,6 @@ from wayfarer.motion.rotation import (
     quaternion_from_matrix,
 )
 from wayfarer.terms import TERMS
-from wayfarer.training.dataset import marker_body
 from wayfarer.training.export import body_inputs, step_inputs
 
 AGENTS, CANDIDATES = 4, 3
@@ -142,6 +142,7 @@ def test_pelvis_origin_measures_height_from_the_floor_all_the_same(step, inputs)
     pelvis = PrimitiveStep(
         step.predictor, step.regressor, step.body, step.sites, floor_origin=False
     )
+    inputs["noise"] = inputs["noise"][:, :1]  # so that both have the same candidate
     lifted = inputs | {
         "seed_markers": inputs["seed_markers"] + torch.tensor([0, 0, 0.5]),
         "seed_translation": inputs["seed_translation"] + torch.tensor([0, 0, 0.5]),
@@ -154,9 +155,45 @@ def test_pelvis_origin_measures_height_from_the_floor_all_the_same(step, inputs)
 
 def test_the_floor_draws_bodies_back(step):
     """Of a height error half is gone after each primitive, and it goes without a jump."""
-    markers = torch.zeros(1, 8, 67, 3)
-    markers[..., 2] = 0.1
-    lift = step._ground(markers)[0, :, 2]
+    soles = torch.zeros(1, 8, 8, 3)
+    soles[..., 2] = 0.1
+    lift = step._ground(soles)[0]
     assert lift[-1] == pytest.approx(-0.05)
     assert (lift.diff() < 0).all() and lift[0].abs() < 0.01
-    assert (step._ground(-markers)[..., 2] > 0).all()
+    assert (step._ground(-soles) > 0).all()
+
+
+@pytest.mark.parametrize(("count", "every", "knots"), [
+    (8, 1, [0, 1, 2, 3, 4, 5, 6, 7, 8]), (8, 2, [0, 2, 4, 6, 8]), (9, 2, [0, 2, 4, 6, 8, 9]),
+])  # fmt: skip
+def test_the_first_and_the_last_frame_are_always_regressed(count, every, knots):
+    assert _knots(count, every) == knots
+
+
+@pytest.mark.parametrize("knots", [_knots(8, 1), _knots(8, 2), _knots(9, 2)])
+def test_cubic_motion_is_interpolated_exactly(knots):
+    t = torch.arange(knots[-1] + 1, dtype=torch.float64) / knots[-1]
+    motion = torch.stack([t**3 - t, 2 * t**2, 1 - t], 1)
+    assert torch.allclose(_interpolation(knots) @ motion[knots], motion)
+
+
+@pytest.mark.parametrize("every", [1, 2])
+def test_new_frames_go_on_from_the_last_that_was_shown(every):
+    """What is found a constant off what was shown is drawn to it at the seam, and let go."""
+    knots = _knots(8, every)
+    shown = torch.tensor([[0.0], [1.0]], dtype=torch.float64)  # one unit a frame
+    found = torch.tensor(knots, dtype=torch.float64)[:, None] + 1 + 5
+    joined = (_joining(2, knots, torch.float64) @ torch.cat([shown, found]))[:, 0]
+    assert joined[0] - 1 == pytest.approx(1.0, abs=0.4)
+    assert joined[-1] == pytest.approx(8 + 1 + 5)
+    assert (joined.diff() > 0).all()
+
+
+def test_every_second_frame_suffices(step, inputs):
+    """Between regressed frames the motion is what it would have been, but for its finest."""
+    sparse = PrimitiveStep(
+        step.predictor, step.regressor, step.body, step.sites, step.policy, every=2
+    )
+    whole, half = run(step, inputs), run(sparse.eval(), inputs)
+    assert torch.equal(whole.choice, half.choice)
+    assert (whole.translation - half.translation).abs().max() < 0.01

@@ -5,11 +5,11 @@ import torch
 
 from wayfarer.body.library import load_body
 from wayfarer.errors import InvalidArgument
+from wayfarer.marker_bodies import marker_body
 from wayfarer.motion import quality
 from wayfarer.motion.quality import Candidate, Sites
 from wayfarer.spec import FPS
 from wayfarer.terms import STAND, TERMS, TURN, WALK, weights
-from wayfarer.training.dataset import marker_body
 
 FRAMES = 9
 

@@ -7,12 +7,12 @@ import pytest
 import torch
 
 from wayfarer.body.library import load_body
+from wayfarer.marker_bodies import marker_body
 from wayfarer.motion import reward
 from wayfarer.motion.pose_prior import LATENT
 from wayfarer.motion.quality import Candidate, Sites
 from wayfarer.spec import FPS
 from wayfarer.terms import PAPER_REWARD, REWARD, REWARD_SCALES, REWARDS
-from wayfarer.training.dataset import marker_body
 
 FRAMES = 9
 

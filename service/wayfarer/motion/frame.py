@@ -13,6 +13,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from wayfarer.motion.constants import numbers
+
 
 class Frame(NamedTuple):
     """A canonical frame per row: `world = rotation @ local + origin`."""
@@ -39,7 +41,7 @@ def canonical_frame(hips: Tensor, hips_rotation: Tensor, floor_origin: bool = Tr
         ],
         -2,
     )
-    keep = hips.new_tensor([1.0, 1.0, 0.0 if floor_origin else 1.0])
+    keep = numbers((1.0, 1.0, 0.0 if floor_origin else 1.0), hips)
     return Frame(rotation, hips * keep)
 
 

@@ -54,8 +54,17 @@ class Gru(nn.Module):
 
     def encode(self, frames: Tensor) -> Tensor:
         """Final state [..., H] after frames [..., T, inputs], from a zero state."""
-        gates = self.from_input(frames)
-        state = torch.zeros_like(gates[..., 0, : self.hidden])
-        for t in range(frames.shape[-2]):
-            state = self.step(gates[..., t, :], state)
+        first, *others = frames.unbind(-2)
+        state = self.begin(self.from_input(first))
+        for frame in others:
+            state = self.step(self.from_input(frame), state)
         return state
+
+    def begin(self, gates: Tensor) -> Tensor:
+        """`step` from a zero state, of which nothing need be multiplied."""
+        reset_x, update_x, new_x = gates.chunk(3, -1)
+        reset_h, update_h, new_h = self.from_state.bias.chunk(3)
+        reset = torch.sigmoid(reset_x + reset_h)
+        update = torch.sigmoid(update_x + update_h)
+        new = torch.tanh(new_x + reset * new_h)
+        return new - update * new

@@ -1,9 +1,9 @@
 """Markers and joints of a body from its body parameters, in torch: differentiable, exportable.
 
 Linear blend skinning restricted to the marker vertices and the posed joints: fingers stay at
-rest, so their skinning weight is folded into the wrists. Kinematics run level by level down
-the tree; what depends on the shape alone is worked out once for all frames (`shaped`); blending is
-one matrix product for all, with markers last, since gathers and small products dominate otherwise.
+rest, so their skinning weight is folded into the wrists. Inside, arrays are *poses last* (see
+`posing.py`): kinematics run level by level down the tree in long rows, and blending is one matrix
+product per body, since small products and gathers dominate otherwise.
 """
 
 from collections.abc import Sequence
@@ -13,17 +13,26 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike
 from torch import Tensor, nn
+from torch.nn.functional import linear
 
 from wayfarer.errors import InvalidArgument
+from wayfarer.motion.constants import indices
+from wayfarer.motion.posing import compose, turn
 from wayfarer.spec import POSED_JOINTS
 
 
 class Shaped(NamedTuple):
-    """A body of one shape per row, as `MarkerBody.skin` wants it."""
+    """Bodies of one shape each, as `MarkerBody.blend` wants them."""
 
-    offsets: Tensor  # [..., 22, 3] from parent to joint, rest pose
-    bind_joints: Tensor  # [..., 22, 3]
-    bind_markers: Tensor  # [..., 4, M] x, y, z and 1
+    offsets: Tensor  # [3, 22, 1, A] from parent to joint, rest pose
+    bind: Tensor  # [A, 4 · 22, M] markers in their joints' frames, weighted; and the weights
+
+
+class Placed(NamedTuple):
+    """Joints of poses: what `MarkerBody.place` finds."""
+
+    rotations: Tensor  # [3, 3, 22, F, A] world
+    places: Tensor  # [3, 22, F, A]
 
 
 class MarkerBody(nn.Module):
@@ -31,16 +40,12 @@ class MarkerBody(nn.Module):
 
     offsets: Tensor
     offsets_dirs: Tensor
-    bind_joints: Tensor
-    bind_joints_dirs: Tensor
-    turn: Tensor
-    bind_markers: Tensor
-    bind_markers_dirs: Tensor
-    weights: Tensor
+    bind: Tensor
+    bind_dirs: Tensor
 
     def __init__(
         self,
-        parents: ArrayLike,  # [J]
+        parents: ArrayLike,  # [J], numbered level by level
         bind_joints: ArrayLike,  # [J, 3]
         bind_joints_dirs: ArrayLike,  # [J, 3, B]
         bind_to_rest: ArrayLike,  # [J, 3, 3]
@@ -52,36 +57,33 @@ class MarkerBody(nn.Module):
         super().__init__()
         tree = np.asarray(parents)
         posed = POSED_JOINTS
-        turn = np.asarray(bind_to_rest, dtype=np.float64)
+        turned = np.asarray(bind_to_rest, dtype=np.float64)
         owner = _posed_owner(tree, posed)
-        if np.abs(turn - turn[owner]).max() > 1e-5:
+        if np.abs(turned - turned[owner]).max() > 1e-5:
             raise InvalidArgument(
                 "unposed joints must share the bind_to_rest of the joint they hang from"
             )
+        self.levels = _levels(tree[:posed])
 
-        joints = np.asarray(bind_joints, dtype=np.float64)
-        dirs = np.asarray(bind_joints_dirs, dtype=np.float64)
+        joints = np.asarray(bind_joints, dtype=np.float64)[:posed]
+        joints_dirs = np.asarray(bind_joints_dirs, dtype=np.float64)[:posed]
         parent = np.maximum(tree[:posed], 0)
-        step = turn[parent]  # rest offset = bind_to_rest[parent] @ bind offset
-        offsets = np.einsum("jab,jb->ja", step, joints[:posed] - joints[parent])
-        offsets_dirs = np.einsum("jab,jbk->jak", step, dirs[:posed] - dirs[parent])
+        step = turned[parent]  # rest offset = bind_to_rest[parent] @ bind offset
+        self._keep("offsets", np.einsum("jab,jb->aj", step, joints - joints[parent]))
+        dirs = joints_dirs - joints_dirs[parent]
+        self._keep("offsets_dirs", np.einsum("jab,jbk->kaj", step, dirs))
 
         index, weight = np.asarray(skin_joints), np.asarray(skin_weights, dtype=np.float64)
-        dense = np.zeros((len(index), posed))
-        np.add.at(dense, (np.arange(len(index))[:, None], owner[index]), weight)
-
-        self.levels = _levels(tree[:posed])
-        order = [j for level in self.levels for j in level]
-        self.inverse_order = [order.index(j) for j in range(posed)]
-        self.level_parents = [[int(tree[j]) for j in level] for level in self.levels]
-        self._keep("offsets", offsets)
-        self._keep("offsets_dirs", offsets_dirs)
-        self._keep("bind_joints", joints[:posed])
-        self._keep("bind_joints_dirs", dirs[:posed])
-        self._keep("turn", turn[:posed])
-        self._keep("bind_markers", bind_markers)
-        self._keep("bind_markers_dirs", bind_markers_dirs)
-        self._keep("weights", dense.T)
+        dense = np.zeros((posed, len(index)))
+        np.add.at(dense.T, (np.arange(len(index))[:, None], owner[index]), weight)
+        markers = np.asarray(bind_markers, dtype=np.float64)
+        markers_dirs = np.asarray(bind_markers_dirs, dtype=np.float64)
+        into = turned[:posed]
+        # A marker in the frame of each joint that moves it, times the weight with which it does.
+        held = np.einsum("jab,jmb,jm->ajm", into, markers - joints[:, None], dense)
+        held_dirs = np.einsum("jab,jmbk,jm->kajm", into, markers_dirs - joints_dirs[:, None], dense)
+        self._keep("bind", np.concatenate([held, dense[None]]).reshape(4 * posed, -1))
+        self._keep("bind_dirs", _with_zeros(held_dirs).reshape(len(held_dirs), 4 * posed, -1))
 
     def _keep(self, name: str, array: ArrayLike) -> None:
         """Register as a constant of the module (not a weight: not in its state dict)."""
@@ -89,55 +91,69 @@ class MarkerBody(nn.Module):
         self.register_buffer(name, values, persistent=False)
 
     def shaped(self, betas: Tensor) -> Shaped:
-        """What a shape alone decides: betas [..., B]."""
-        column = betas[..., None, :, None]
-        bind_markers = self.bind_markers + (self.bind_markers_dirs @ column).squeeze(-1)
-        one = torch.ones_like(bind_markers[..., :1])
+        """What a shape alone decides: betas [A, B]."""
+        bind = linear(betas, self.bind_dirs.flatten(1).T, self.bind.flatten())
+        offsets = linear(betas, self.offsets_dirs.flatten(1).T, self.offsets.flatten())
         return Shaped(
-            offsets=self.offsets + (self.offsets_dirs @ column).squeeze(-1),
-            bind_joints=self.bind_joints + (self.bind_joints_dirs @ column).squeeze(-1),
-            bind_markers=torch.cat([bind_markers, one], -1).transpose(-1, -2),
+            offsets.T.unflatten(0, self.offsets.shape)[:, :, None],
+            bind.unflatten(-1, self.bind.shape),
         )
 
-    def kinematics(
-        self, shape: Shaped, translation: Tensor, local: Tensor
-    ) -> tuple[Tensor, Tensor]:
-        """World rotations [..., F, 22, 3, 3] and joint places [..., F, 22, 3].
+    def place(self, shape: Shaped, hips: Tensor, local: Tensor) -> Placed:
+        """Joints in the world: hips [3, F, A] and local rotations [3, 3, 22, F, A]."""
+        rotations, places = [local[:, :, :1]], [hips[:, None]]
+        for level in self.levels[1:]:
+            here, base, start = slice(level.first, level.end), rotations[-1], places[-1]
+            if level.parents is not None:
+                above = indices(level.parents, local)
+                base, start = base[:, :, above], start[:, above]
+            places.append(start + turn(base, shape.offsets[:, here]))
+            rotations.append(compose(base, local[:, :, here]))
+        return Placed(torch.cat(rotations, 2), torch.cat(places, 1))
 
-        translation [..., F, 3], local rotations [..., F, 22, 3, 3] of a shape [...].
-        """
-        offsets = shape.offsets[..., None, :, :]
-        rotations, places = [local[..., :1, :, :]], [translation[..., None, :]]
-        for below, joints in enumerate(self.levels[1:]):
-            above = self.levels[below]
-            rows = [above.index(p) for p in self.level_parents[below + 1]]
-            base = rotations[-1][..., rows, :, :]
-            moved = (base * offsets[..., joints, None, :]).sum(-1)
-            places.append(places[-1][..., rows, :] + moved)
-            rotations.append(base @ local[..., joints, :, :])
-        back = self.inverse_order
-        return torch.cat(rotations, -3)[..., back, :, :], torch.cat(places, -2)[..., back, :]
+    def blend(self, shape: Shaped, joints: Placed) -> Tensor:
+        """Markers [A, F, 3, M]."""
+        # [3, 4 · 22, F, A]: x, y or z; the joints' axes and places
+        axes = torch.cat([joints.rotations, joints.places[:, None]], 1).flatten(1, 2)
+        frames = axes.shape[2]
+        rows = axes.permute(3, 2, 0, 1).flatten(1, 2)  # [A, F · 3, 88]
+        return (rows @ shape.bind).unflatten(1, (frames, 3))
 
     def skin(self, shape: Shaped, translation: Tensor, local: Tensor) -> tuple[Tensor, Tensor]:
-        """Markers [..., F, M, 3] and joint places [..., F, 22, 3]; arguments as in `kinematics`."""
-        rotations, places = self.kinematics(shape, translation, local)
-        turn = rotations @ self.turn
-        shift = places - (turn * shape.bind_joints[..., None, :, None, :]).sum(-1)
-        transform = torch.cat([turn, shift[..., None]], -1)  # [..., F, 22, 3, 4]
-        by_entry = transform.movedim(-3, -1).flatten(-3, -2)  # [..., F, 3 · 4, 22]
-        blended = (by_entry @ self.weights).unflatten(-2, (3, 4))  # [..., F, 3, 4, M]
-        markers = (blended * shape.bind_markers[..., None, None, :, :]).sum(-2)
-        return markers.transpose(-1, -2), places
+        """Markers [A, F, M, 3] and joint places [A, F, 22, 3].
+
+        translation [A, F, 3] and local rotations [A, F, 22, 3, 3] of A shapes.
+        """
+        joints = self.place(shape, translation.permute(2, 1, 0), local.permute(3, 4, 2, 1, 0))
+        markers = self.blend(shape, joints).transpose(-1, -2)
+        return markers, joints.places.permute(3, 2, 1, 0)
 
     def forward(self, translation: Tensor, local: Tensor, betas: Tensor) -> tuple[Tensor, Tensor]:
         """Markers [..., M, 3] and joint places [..., 22, 3] of poses that each have their shape.
 
         translation [..., 3], local rotations [..., 22, 3, 3], betas [..., B].
         """
+        shape, rows = translation.shape[:-1], betas.flatten(0, -2)
         markers, places = self.skin(
-            self.shaped(betas), translation[..., None, :], local[..., None, :, :, :]
+            self.shaped(rows),
+            translation.reshape(-1, 1, 3),
+            local.reshape(-1, 1, *local.shape[-3:]),
         )
-        return markers[..., 0, :, :], places[..., 0, :, :]
+        return markers.view(*shape, -1, 3), places.reshape(*shape, -1, 3)
+
+
+class Level(NamedTuple):
+    """Joints at one depth of the tree: `first` to `end`."""
+
+    first: int
+    end: int
+    parents: list[int] | None
+    """Their parents' places in the level above; None where each has its own or all share one."""
+
+
+def _with_zeros(held: np.ndarray) -> np.ndarray:
+    """[B, 3, J, M] → [B, 4, J, M]: weights do not depend on the shape."""
+    return np.concatenate([held, np.zeros_like(held[:, :1])], 1)
 
 
 def _posed_owner(parents: np.ndarray, posed: int) -> np.ndarray:
@@ -148,9 +164,19 @@ def _posed_owner(parents: np.ndarray, posed: int) -> np.ndarray:
     return owner
 
 
-def _levels(parents: Sequence[int] | np.ndarray) -> list[list[int]]:
-    """Joints grouped by depth in the tree; level 0 is the root."""
+def _levels(parents: Sequence[int] | np.ndarray) -> list[Level]:
+    """Joints by depth in the tree, the root first. Raises InvalidArgument for another order."""
     depth = [0] * len(parents)
     for j, parent in enumerate(parents):
         depth[j] = depth[parent] + 1 if parent >= 0 else 0
-    return [[j for j, d in enumerate(depth) if d == level] for level in range(max(depth) + 1)]
+    if depth != sorted(depth):
+        raise InvalidArgument("the posed joints must be numbered level by level")
+    levels = []
+    for level in range(max(depth) + 1):
+        members = [j for j, d in enumerate(depth) if d == level]
+        above = depth.index(level - 1) if level else 0
+        rows = [int(parents[j]) - above for j in members]
+        alike = len(set(rows)) == 1 == depth.count(level - 1)
+        own = rows == list(range(depth.count(level - 1)))
+        levels.append(Level(members[0], members[-1] + 1, None if alike or own else rows))
+    return levels

@@ -62,14 +62,18 @@ class MarkerPredictor(nn.Module):
         What depends on the seed alone is computed once for all K candidates. Numbers of a seed's
         frame beyond its 201 are a condition (`goal_cvae.py`).
         """
+        agents, candidates = latent.shape[:2]
         hx = self.seed_encoder.encode(seed)
-        condition = self.from_seed(hx)[:, None] + self.from_latent(latent)
-        shape = (*latent.shape[:-1], -1)
-        state = self.first_state(hx)[:, None].expand(shape)
-        frame = seed[:, None, -1, :SIZE].expand(shape)
+
+        def for_all(x: Tensor) -> Tensor:  # [A, N] → [A · K, N]
+            return x[:, None].expand(-1, candidates, -1).flatten(0, 1)
+
+        # Two axes only: exporters make one operator of a product and its bias then.
+        condition = for_all(self.from_seed(hx)) + self.from_latent(latent.flatten(0, 1))
+        state, frame = for_all(self.first_state(hx)), for_all(seed[:, -1, :SIZE])
         frames = []
         for _ in range(self.new_frames):
             state = self.decoder.step(self.decoder.from_input(frame) + condition, state)
             frame = frame + self.output(state)
             frames.append(frame)
-        return torch.stack(frames, -2)
+        return torch.stack(frames, -2).unflatten(0, (agents, candidates))

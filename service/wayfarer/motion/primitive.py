@@ -7,32 +7,36 @@ markers → back to the world. It is exported whole as one graph, so training, s
 run the same code. Noise, goal and shape are inputs: no state, no chance.
 """
 
+from collections.abc import Sequence
+from math import prod
 from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
-from wayfarer.motion.frame import canonical_frame, to_local, to_world
-from wayfarer.motion.marker_body import MarkerBody
+from wayfarer.motion.constants import constant, indices, numbers
+from wayfarer.motion.frame import Frame, canonical_frame, to_local, to_world
+from wayfarer.motion.marker_body import MarkerBody, Placed, Shaped
 from wayfarer.motion.policy import Condition, GoalPolicy
+from wayfarer.motion.posing import compose, from_6d, from_quaternion, to_6d, to_quaternion
 from wayfarer.motion.predictor import MarkerPredictor
-from wayfarer.motion.quality import Candidate, Sites, evaluate, foot_contacts
-from wayfarer.motion.regressor import BodyRegressor
-from wayfarer.motion.rotation import (
-    matrix_from_6d,
-    matrix_from_quaternion,
-    quaternion_from_matrix,
-    sixd_from_matrix,
-)
+from wayfarer.motion.quality import Candidate, Sites, evaluate, foot_contacts, take
+from wayfarer.motion.regressor import BodyRegressor, Pose
 
 BLEND = 0.5
 """Share of reprojected markers in the next seed. With 0, predicted markers part from the body."""
 
-CARRY = 0.4
+CARRY = 0.6
 """Share of the jump of velocity at a seam that is carried on and fades out (not in the paper)."""
 
 GROUNDING = 0.5
 """Share of a primitive's height error that is taken off by its end (not in the paper)."""
+
+EVERY = 2
+"""Every so many-th frame is given to the regressor (not in the paper: there, every one).
+
+What lies between is interpolated: at 40 frames a second that moves markers by less than a
+millimetre, and takes a quarter off the step (docs/models.md)."""
 
 
 class StepResult(NamedTuple):
@@ -59,6 +63,7 @@ class PrimitiveStep(nn.Module):
         floor_origin: bool = True,
         blend: float = BLEND,
         grounding: float = GROUNDING,
+        every: int = EVERY,
     ) -> None:
         """Without a policy, latents come from the prior N(0, I) whatever the step is told."""
         super().__init__()
@@ -70,6 +75,7 @@ class PrimitiveStep(nn.Module):
         self.floor_origin = floor_origin
         self.blend = blend
         self.grounding = grounding
+        self.every = every
 
     def forward(
         self,
@@ -85,9 +91,10 @@ class PrimitiveStep(nn.Module):
         noise: Tensor,  # [A, K, 128]
     ) -> StepResult:
         """Step every row; rows do not influence each other."""
-        seed_local = matrix_from_quaternion(seed_rotations)
-        first_turn = seed_local[:, 0, 0]
-        frame = canonical_frame(seed_translation[:, 0], first_turn, self.floor_origin)
+        known = from_quaternion(seed_rotations.permute(3, 2, 1, 0))  # [3, 3, 22, S, A]
+        frame = canonical_frame(
+            seed_translation[:, 0], known[:, :, 0, 0].permute(2, 0, 1), self.floor_origin
+        )
         seed = to_local(frame, seed_markers.flatten(1, 2)).unflatten(1, seed_markers.shape[1:3])
         asked = Condition(
             goal=to_local(frame, goal[:, None])[:, 0],
@@ -97,34 +104,36 @@ class PrimitiveStep(nn.Module):
         )
 
         futures = self.predict(seed.flatten(2), asked, noise, policy).unflatten(-1, (-1, 3))
-        terms, choice = self._choose(seed, futures, asked, frame.origin)
+        terms, choice = self._choose(frame, seed, futures, asked)
         rows = torch.arange(choice.shape[0], device=choice.device)
         future, terms = futures[rows, choice], terms[rows, choice]
 
-        known_root = frame.rotation.transpose(-1, -2)[:, None] @ seed_local[:, :, 0]
-        known = torch.cat([known_root[:, :, None], seed_local[:, :, 1:]], 2)
-        translation, rotations = self._body(
-            seed, future, betas, to_local(frame, seed_translation), known
+        shape = self.body.shaped(betas)
+        to_frame = frame.rotation.permute(2, 1, 0)[:, :, None, None]  # [3, 3, 1, 1, A], transposed
+        shown = Pose(
+            to_local(frame, seed_translation).permute(2, 1, 0),
+            torch.cat([compose(to_frame, known[:, :, :1]), known[:, :, 1:]], 2),
         )
-        reprojected, _ = self.body.skin(self.body.shaped(betas), translation, rotations)
-        lift = self._ground(reprojected + self._floor(frame.origin)[:, None, None])
-        translation, reprojected = translation + lift, reprojected + lift[:, :, None]
-        future = future + lift[:, :, None]
-        blended = self.blend * reprojected + (1 - self.blend) * future
+        pose = self._body(seed, future, betas, shape, shown)
+        joints = self.body.place(shape, pose.hips, pose.rotations)
+        soles = self._above(frame, self._soles(shape, joints))
+        lift = self._ground(soles)  # [A, F]
+        soles = soles + lift[:, :, None, None] * _up(soles)
+        before = self._above(frame, take(seed[:, -1:], self._feet()))
 
-        soles = torch.cat([seed[:, -1:], reprojected], 1) + self._floor(frame.origin)[:, None, None]
-        feet = torch.stack(
-            [soles[:, :, self.sites.left_sole], soles[:, :, self.sites.right_sole]], 2
-        )
         keep = seed.shape[1]
-        next_seed = to_world(frame, blended[:, -keep:].flatten(1, 2)).unflatten(1, (keep, -1))
-        world_root = frame.rotation[:, None] @ rotations[:, :, 0]
-        world_rotations = torch.cat([world_root[:, :, None], rotations[:, :, 1:]], 2)
+        ends = Placed(joints.rotations[..., -keep:, :], joints.places[..., -keep:, :])
+        reprojected = self.body.blend(shape, ends).transpose(-1, -2)
+        blended = self.blend * reprojected + (1 - self.blend) * future[:, -keep:]
+        blended = blended + lift[:, -keep:, None, None] * _up(lift)
+        hips = pose.hips.permute(2, 1, 0) + lift[..., None] * _up(lift)
+        root = compose(frame.rotation.permute(1, 2, 0)[:, :, None, None], pose.rotations[:, :, :1])
+        turned = to_quaternion(torch.cat([root, pose.rotations[:, :, 1:]], 2))
         return StepResult(
-            translation=to_world(frame, translation),
-            rotations=quaternion_from_matrix(world_rotations),
-            contacts=foot_contacts(feet),
-            next_seed_markers=next_seed,
+            translation=to_world(frame, hips),
+            rotations=turned.permute(3, 2, 1, 0),
+            contacts=foot_contacts(torch.cat([before, soles], 1).unflatten(2, (2, -1))),
+            next_seed_markers=to_world(frame, blended.flatten(1, 2)).unflatten(1, (keep, -1)),
             terms=terms,
             choice=choice,
         )
@@ -136,76 +145,119 @@ class PrimitiveStep(nn.Module):
             latents = self.policy(seed, asked).sample(noise, share)
         return self.predictor.decode(seed, latents)
 
-    def _ground(self, markers: Tensor) -> Tensor:
-        """Shift [A, F, 3] that brings the lowest sole of a primitive [A, F, M, 3] to the floor.
+    def _feet(self) -> list[int]:
+        return self.sites.left_sole + self.sites.right_sole
+
+    def _soles(self, shape: Shaped, joints: Placed) -> Tensor:
+        """Sole markers [A, F, 8, 3] of both feet, the left one's first."""
+        feet = indices(self._feet(), shape.bind)
+        only = shape._replace(bind=shape.bind.index_select(-1, feet))
+        return self.body.blend(only, joints).transpose(-1, -2)
+
+    def _ground(self, soles: Tensor) -> Tensor:
+        """By how much [A, F] to raise frames so that the lowest sole [A, F, 8, 3] meets the floor.
 
         It grows from nothing at the seam, and the next seed carries it on, so nothing jumps; over
         a few primitives a body can neither sink nor float. Within 0.2 s even a runner touches down.
         """
-        soles = markers[:, :, self.sites.left_sole + self.sites.right_sole, 2]
-        ramp = _ease(markers.shape[1], markers)
-        up = markers.new_tensor([0.0, 0.0, 1.0])
-        return -self.grounding * soles.amin((1, 2))[:, None, None] * ramp[:, None] * up
+        lowest = soles[..., 2].amin((1, 2))[:, None]
+        return -self.grounding * lowest * _ease(soles.shape[1], soles)
 
-    def _floor(self, origin: Tensor) -> Tensor:
-        """What to add to local points so that the floor is z = 0 (nothing with a floor origin)."""
-        return origin * origin.new_tensor([0.0, 0.0, 1.0])
+    def _above(self, frame: Frame, points: Tensor) -> Tensor:
+        """Local points [A, ..., 3] with the floor at z = 0, where it is with a floor origin."""
+        if self.floor_origin:
+            return points
+        floor = frame.origin * _up(points)
+        return points + floor.view(-1, *(1,) * (points.dim() - 2), 3)
 
     def _choose(
-        self, seed: Tensor, futures: Tensor, asked: Condition, origin: Tensor
+        self, frame: Frame, seed: Tensor, futures: Tensor, asked: Condition
     ) -> tuple[Tensor, Tensor]:
-        """Terms of all candidates [A, K, T] and the cheapest one's index [A] (Sec. 3.3.2)."""
-        terms = evaluate(candidates_of(seed, futures, asked, self._floor(origin), self.sites))
+        """Terms of all candidates [A, K, T] and the cheapest one's index [A] (Sec. 3.3.2).
+
+        A one-frame seed has no velocity: its body is taken to rest.
+        """
+        last = seed[:, None, -1:].expand(-1, futures.shape[1], -1, -1, -1)
+        candidate = Candidate(
+            markers=self._above(frame, torch.cat([last, futures], 2)),
+            velocity=(seed[:, -1] - seed[:, max(seed.shape[1] - 2, 0)])[:, None],
+            goal=asked.goal[:, None],
+            target_speed=asked.target_speed[:, None],
+            wished_facing=asked.facing[:, None],
+            sites=self.sites,
+        )
+        terms = evaluate(candidate)
         cost = (terms * asked.term_weights[:, None]).sum(-1)
         return terms, cost.argmin(-1)
 
     def _body(
-        self, seed: Tensor, future: Tensor, betas: Tensor, known_place: Tensor, known: Tensor
-    ) -> tuple[Tensor, Tensor]:
-        """Hips [A, F, 3] and rotations [A, F, 22, 3, 3] of the new frames, canonical frame.
+        self, seed: Tensor, future: Tensor, betas: Tensor, shape: Shaped, shown: Pose
+    ) -> Pose:
+        """Body parameters of the new frames, canonical frame. `shown` is the seed's pose.
 
-        Seed place [A, S, 3] and rotations `known` [A, S, 22, 3, 3] are what was shown. The
-        regressor also sees the last seed frame. Its error there is taken off the new frames, fading
-        out over the primitive, so poses do not jump at the seam (the role of GAMMA's
+        The regressor also sees the last seed frame. Its error there is taken off the new frames,
+        fading out over the primitive, so poses do not jump at the seam (the role of GAMMA's
         `_blend_params`); of the jump of velocity that is left, a part is carried on likewise.
         """
-        frames = torch.cat([seed[:, -1:], future], 1)
-        found_place, found = self.regressor(frames, betas)
-        shown = torch.cat([known_place, sixd_from_matrix(known).flatten(2)], -1)
-        states = torch.cat([found_place, sixd_from_matrix(found).flatten(2)], -1)
-        last = shown[:, -1:]
         count = future.shape[1]
-        fade = 1 - _ease(count, seed)[:, None]
-        states = states[:, 1:] + fade * (last - states[:, :1])
-        if shown.shape[1] > 1:
-            jump = (last - shown[:, -2:-1]) - (states[:, :1] - last)
-            t = torch.arange(1, count + 1, dtype=seed.dtype, device=seed.device)[:, None]
-            states = states + CARRY * t * (1 - t / count) ** 2 * jump
-        return states[..., :3], matrix_from_6d(states[..., 3:].unflatten(-1, (-1, 6)))
+        knots = _knots(count, self.every)
+        frames = torch.cat([seed[:, -1:], future[:, [k - 1 for k in knots[1:]]]], 1)
+        found = self.regressor.solve(frames, betas, shape)
+        states = torch.cat([_numbers(shown), _numbers(found)])  # [S + knots, 135, A]
+        joining = constant(states, _joining, shown.hips.shape[1], tuple(knots), states.dtype)
+        # One product for all: with the agents alone as columns, one agent would be multiplied by
+        # another kernel than many, and differ in the last bit.
+        joined = (joining @ states.flatten(1)).unflatten(1, states.shape[1:]).transpose(0, 1)
+        return Pose(joined[:3], from_6d(joined[3:].unflatten(0, (6, -1))))
 
 
-def candidates_of(
-    seed: Tensor, futures: Tensor, asked: Condition, floor: Tensor, sites: Sites
-) -> Candidate:
-    """Candidates [A, K] for the quality terms: seed [A, S, 67, 3], futures [A, K, F, 67, 3].
+def _numbers(pose: Pose) -> Tensor:
+    """[F, 135, A]"""
+    return torch.cat([pose.hips, to_6d(pose.rotations).flatten(0, 1)]).transpose(0, 1)
 
-    `floor` [A, 3] is added to all points so that the floor is z = 0. A one-frame seed has no
-    velocity: its body is taken to rest.
+
+def _knots(count: int, every: int) -> list[int]:
+    """Frames that are regressed: 0 (the last seed frame), every `every`-th, and the last."""
+    return sorted({*range(0, count + 1, every), count})
+
+
+def _joining(seeds: int, knots: Sequence[int], dtype: torch.dtype) -> Tensor:
+    """How new frames 1…F are made of the shown seed frames and the frames found at `knots`.
+
+    [F, seeds + knots]: found + fade · (shown - found at the last seed frame), and `CARRY` of the
+    jump of velocity. What lies between knots is interpolated through the four nearest.
     """
-    count = futures.shape[1]
-    last = seed[:, None, -1:].expand(-1, count, -1, -1, -1)
-    velocity = (seed[:, -1] - seed[:, max(seed.shape[1] - 2, 0)])[:, None]
-    return Candidate(
-        markers=torch.cat([last, futures], 2) + floor[:, None, None, None],
-        velocity=velocity,
-        goal=asked.goal[:, None],
-        target_speed=asked.target_speed[:, None],
-        wished_facing=asked.facing[:, None],
-        sites=sites,
-    )
+    count = knots[-1]
+    t = torch.arange(1, count + 1, dtype=torch.float64)
+    found = torch.cat([torch.zeros(count, seeds), _interpolation(knots)[1:]], 1)
+    start, last = torch.zeros(seeds + len(knots)), torch.zeros(seeds + len(knots))
+    last[seeds - 1], start[seeds] = 1, 1
+    fade = 1 - _ease(count, t)[:, None]
+    joined = found + fade * (last - start)
+    if seeds > 1:
+        before = torch.zeros_like(last)
+        before[seeds - 2] = 1
+        jump = (last - before) - (joined[0] - last)
+        joined = joined + (CARRY * t * (1 - t / count) ** 2)[:, None] * jump
+    return joined.to(dtype)
+
+
+def _interpolation(knots: Sequence[int]) -> Tensor:
+    """Values at frames 0…F from those at the knots: cubic, through the four nearest. [F + 1, K]"""
+    rows = torch.zeros(knots[-1] + 1, len(knots), dtype=torch.float64)
+    for frame in range(knots[-1] + 1):
+        near = sorted(range(len(knots)), key=lambda k: abs(knots[k] - frame))[:4]
+        for k in near:
+            others = [knots[o] for o in near if o != k]
+            rows[frame, k] = prod((frame - o) / (knots[k] - o) for o in others)
+    return rows
 
 
 def _ease(frames: int, like: Tensor) -> Tensor:
     """Rise from 0 (the last seed frame, left out) to 1 (the last new frame), flat at both ends."""
-    t = torch.linspace(0, 1, frames + 1, device=like.device)[1:]
+    t = torch.linspace(0, 1, frames + 1, dtype=like.dtype, device=like.device)[1:]
     return 0.5 - 0.5 * torch.cos(torch.pi * t)
+
+
+def _up(like: Tensor) -> Tensor:
+    return numbers((0.0, 0.0, 1.0), like)

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from wayfarer.errors import InvalidArgument
+from wayfarer.motion.constants import indices
 from wayfarer.spec import FPS
 from wayfarer.terms import TERMS
 
@@ -72,19 +73,18 @@ class Candidate:
     def waist(self, frame: int) -> Tensor:
         """Centre of the waist, which stands for the hips. [..., 3]"""
         both = self.sites.left_waist + self.sites.right_waist
-        return self.markers[..., frame, both, :].mean(-2)
+        return take(self.markers[..., frame, :, :], both).mean(-2)
 
     def facing(self) -> Tensor:
         """Horizontal unit vector the body faces in the last frame. [..., 2]"""
-        last = self.markers[..., -1, :, :]
-        right = last[..., self.sites.right_waist, :2].mean(-2) - last[
-            ..., self.sites.left_waist, :2
-        ].mean(-2)
-        return _unit(torch.stack([-right[..., 1], right[..., 0]], -1))
+        last = self.markers[..., -1, :, :2]
+        across = take(last, self.sites.right_waist).mean(-2)
+        across = across - take(last, self.sites.left_waist).mean(-2)
+        return _unit(torch.stack([-across[..., 1], across[..., 0]], -1))
 
     def soles(self) -> Tensor:
         """Markers under both feet. [..., 1 + F, 8, 3]"""
-        return self.markers[..., self.sites.left_sole + self.sites.right_sole, :]
+        return take(self.markers, self.sites.left_sole + self.sites.right_sole)
 
 
 def goal_distance(c: Candidate) -> Tensor:
@@ -137,8 +137,7 @@ def sliding(c: Candidate) -> Tensor:
     where `skating` is content with one (after the skate measure of DART).
     """
     speeds = []
-    for foot in (c.sites.left_sole, c.sites.right_sole):
-        markers = c.markers[..., foot, :]
+    for markers in c.soles().split(len(c.sites.left_sole), -2):
         speed = _length(markers[..., 1:, :, :2] - markers[..., :-1, :, :2]) * FPS
         height = torch.maximum(markers[..., 1:, :, 2], markers[..., :-1, :, 2])
         speeds.append((speed * (1 - height / FOOT_HEIGHT).clamp(0, 1)).amax(-1))
@@ -147,7 +146,7 @@ def sliding(c: Candidate) -> Tensor:
 
 def upright(c: Candidate) -> Tensor:
     """1 - cos(tilt of the trunk) in the last frame."""
-    chest = c.markers[..., -1, c.sites.chest, :].mean(-2)
+    chest = take(c.markers[..., -1, :, :], c.sites.chest).mean(-2)
     return 1 - _unit(chest - c.waist(-1))[..., 2]
 
 
@@ -203,6 +202,11 @@ def foot_contacts(soles: Tensor, height: float = 0.03, speed_limit: float = 0.25
     step = _length(soles[..., 1:, :, :, :2] - soles[..., :-1, :, :, :2]) * FPS
     touching = (soles[..., 1:, :, :, 2] < height) & (step < speed_limit)
     return touching.any(-1).to(soles.dtype)
+
+
+def take(markers: Tensor, which: Sequence[int]) -> Tensor:
+    """Some of the markers [..., M, 3]: one plain gather, where brackets export as a chain."""
+    return markers.index_select(-2, indices(which, markers))
 
 
 def _length(v: Tensor) -> Tensor:

@@ -11,12 +11,15 @@ orthonormalise; fingers are held at rest, so the hand term of Eq. 2 has nothing 
 default body.
 """
 
+from typing import NamedTuple, cast
+
 import torch
 from torch import Tensor, nn
+from torch.nn.functional import linear
 
 from wayfarer.motion.layers import ResidualBlock
-from wayfarer.motion.marker_body import MarkerBody
-from wayfarer.motion.rotation import matrix_from_6d, sixd_from_matrix
+from wayfarer.motion.marker_body import MarkerBody, Shaped
+from wayfarer.motion.posing import from_6d, to_6d
 from wayfarer.spec import BETAS, MARKERS, POSED_JOINTS
 
 STATE = 3 + POSED_JOINTS * 6
@@ -25,10 +28,19 @@ BLOCKS = 10
 PASSES = 3
 
 
+class Pose(NamedTuple):
+    """Body parameters of F frames of A bodies, poses last."""
+
+    hips: Tensor  # [3, F, A]
+    rotations: Tensor  # [3, 3, 22, F, A] local
+
+
 class BodyRegressor(nn.Module):
     """Finds the hips' place and 22 local rotations of `body`'s poses."""
 
     start: Tensor
+    by_coordinate: Tensor
+    by_number: Tensor
 
     def __init__(self, body: MarkerBody) -> None:
         super().__init__()
@@ -41,37 +53,75 @@ class BodyRegressor(nn.Module):
             *(ResidualBlock(HIDDEN) for _ in range(BLOCKS)),
             output,
         )
-        identity = torch.tensor([1.0, 0, 0, 0, 1, 0]).repeat(POSED_JOINTS)
-        self.register_buffer("start", torch.cat([torch.zeros(3), identity]), persistent=False)
+        identity = torch.tensor([1.0, 0, 0, 0, 1, 0]).repeat_interleave(POSED_JOINTS)
+        self._keep("start", torch.cat([torch.zeros(3), identity]))
+        # The weights are trained in the order of markers and joints; rows are kept by coordinate.
+        coordinates = torch.arange(MARKERS * 3).view(MARKERS, 3).T.flatten()
+        turns = torch.arange(POSED_JOINTS * 6).view(POSED_JOINTS, 6).T.flatten() + 3
+        self._keep("by_coordinate", coordinates)
+        self._keep("by_number", torch.cat([torch.arange(3), turns]))
+
+    def _keep(self, name: str, values: Tensor) -> None:
+        self.register_buffer(name, values, persistent=False)
 
     def forward(
         self, markers: Tensor, betas: Tensor, passes: int = PASSES
     ) -> tuple[Tensor, Tensor]:
-        """Hips [..., F, 3] and rotations [..., F, 22, 3, 3] of markers [..., F, 67, 3].
+        """Hips [A, F, 3] and rotations [A, F, 22, 3, 3] of markers [A, F, 67, 3].
 
-        The bodies' shapes are betas [..., 10], one for all frames of a row. No gradient flows
+        The bodies' shapes are betas [A, 10], one for all frames of a row. No gradient flows
         from pass to pass: each learns to correct whatever it is given.
         """
-        shape = self.body.shaped(betas)
+        found = self.solve(markers, betas, self.body.shaped(betas), passes)
+        return found.hips.permute(2, 1, 0), found.rotations.permute(4, 3, 2, 0, 1)
+
+    def solve(self, markers: Tensor, betas: Tensor, shape: Shaped, passes: int = PASSES) -> Pose:
+        """As `forward`, poses last; `shape` is that of `betas`."""
+        agents, frames = markers.shape[:2]
         centre = markers.mean(-2)
-        centred = (markers - centre[..., None, :]).flatten(-2)
-        shapes = betas[..., None, :].expand(*centred.shape[:-1], BETAS)
-        given = torch.cat([centred, shapes], -1)
-        state = self.start.expand(*betas.shape[:-1], 1, STATE)  # the first estimate is of no frame
+        centred = (markers - centre[..., None, :]).transpose(-1, -2).reshape(agents * frames, -1)
+        known = self.know(centred, betas, frames)
+        state = self.start.expand(agents, STATE)  # the first estimate is of no frame
         for _ in range(passes):
-            place, rotations = _unpack(state.detach())
-            skinned, _ = self.body.skin(shape, place, rotations)
-            state = torch.cat([place, sixd_from_matrix(rotations).flatten(-2)], -1)
-            state = state.expand(*centred.shape[:-1], STATE)
-            error = _squash(centred - skinned.flatten(-2))
-            state = state + self.network(torch.cat([given, error, state], -1))
-        place, rotations = _unpack(state)
-        return centre + place, rotations
+            pose = _unpack(state.detach(), agents)
+            skinned = self.body.blend(shape, self.body.place(shape, pose.hips, pose.rotations))
+            error = _squash(centred - skinned.expand(-1, frames, -1, -1).reshape(centred.shape))
+            rows = _pack(pose).expand(-1, frames, -1).flatten(0, 1)
+            state = rows + self.correct(known, error, rows)
+        pose = _unpack(state, agents)
+        return Pose(centre.permute(2, 1, 0) + pose.hips, pose.rotations)
+
+    def know(self, centred: Tensor, betas: Tensor, frames: int) -> Tensor:
+        """The first layer's share that is the same in all passes [A · F, 128]."""
+        first = cast(nn.Linear, self.network[0])
+        markers = first.weight[:, : MARKERS * 3][:, self.by_coordinate]
+        shapes = first.weight[:, MARKERS * 3 : MARKERS * 3 + BETAS]
+        of_shape = linear(betas, shapes, first.bias)[:, None].expand(-1, frames, -1).flatten(0, 1)
+        return of_shape + linear(centred, markers)
+
+    def correct(self, known: Tensor, error: Tensor, state: Tensor) -> Tensor:
+        """What to add to the estimates [A · F, 135], by number; `error` by coordinate."""
+        layers = list(self.network)
+        first, last = cast(nn.Linear, layers[0]), cast(nn.Linear, layers[-1])
+        begin = MARKERS * 3 + BETAS
+        errors = first.weight[:, begin : begin + MARKERS * 3][:, self.by_coordinate]
+        states = first.weight[:, begin + MARKERS * 3 :][:, self.by_number]
+        x = known + linear(error, errors) + linear(state, states)
+        for block in layers[1:-1]:
+            x = block(x)
+        return linear(x, last.weight[self.by_number], last.bias[self.by_number])
 
 
-def _unpack(state: Tensor) -> tuple[Tensor, Tensor]:
-    """Hips [..., 3] from the markers' centre and rotations [..., 22, 3, 3]."""
-    return state[..., :3], matrix_from_6d(state[..., 3:].unflatten(-1, (POSED_JOINTS, 6)))
+def _unpack(state: Tensor, agents: int) -> Pose:
+    """From rows [A · F, 135]: the hips' place from the markers' centre, then 6D by number."""
+    numbers = state.unflatten(0, (agents, -1)).permute(2, 1, 0)
+    return Pose(numbers[:3], from_6d(numbers[3:].unflatten(0, (6, POSED_JOINTS))))
+
+
+def _pack(pose: Pose) -> Tensor:
+    """Rows [A, F, 135] of estimates, orthonormalised."""
+    numbers = torch.cat([pose.hips, to_6d(pose.rotations).flatten(0, 1)])
+    return numbers.permute(2, 1, 0)
 
 
 def _squash(error: Tensor) -> Tensor:
