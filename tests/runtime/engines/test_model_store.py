@@ -7,7 +7,8 @@ from tests.runtime.graphs import IDENTITIES, write_folder
 from wayfarer.artifacts import ModelFolder, load_model_folder
 from wayfarer.errors import ArtifactError, InvalidArgument, NotFound
 from wayfarer.runtime.engines.model_store import ModelStore
-from wayfarer.runtime.engines.onnx_engine import OnnxEngine, resting_inputs
+from wayfarer.runtime.engines.onnx_engine import OnnxEngine
+from wayfarer.runtime.engines.resting import resting_inputs
 
 
 @pytest.fixture
@@ -26,8 +27,12 @@ def check(path) -> ModelFolder:
     return load_model_folder(path, IDENTITIES)
 
 
+def open_one(models: ModelFolder) -> OnnxEngine:
+    return OnnxEngine(models, threads=1)
+
+
 def store(*folders) -> ModelStore:
-    return ModelStore(folders, check, threads=1, batch_sizes=(1, 2), candidates=(2, 1))
+    return ModelStore(folders, check, open_one, agents=2, candidates=(2, 1))
 
 
 def opened(models: ModelStore, name: str) -> OnnxEngine:

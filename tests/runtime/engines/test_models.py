@@ -59,6 +59,37 @@ def rows(engine: FakeEngine) -> int:
     return sum(call[1] for call in engine.calls)
 
 
+def test_agents_from_elsewhere_are_moved_by_the_model_that_moved_them_there(models, new):
+    world = make_world(models, 2)
+    models.use("new")
+    world.create_agents("s", people(1), 0.0)
+    record = world.take_session("s")
+    assert [agent.model.partition("@")[0] for agent in record.agents] == ["old", "old", "new"]
+
+    def there(found: Models) -> list[str]:
+        other = World(found, BODIES, start_poses())
+        other.put_session(record, 0.0)
+        return moved_by(other)
+
+    assert there(models) == ["old", "old", "new"]
+    changed = named("old")
+    changed.graphs = ("better male", "better female")
+    retrained = Models(new)
+    retrained.add(changed)
+    assert there(retrained) == ["old", "old", "new"], "of the same name, if not the same"
+    assert there(Models(new)) == ["new", "new", "new"], "the one in use, if there is no other"
+
+
+def test_who_has_come_from_elsewhere_is_counted(models):
+    world = make_world(models, 2)
+    record = world.take_session("s")
+    world.delete_session("s")
+    models.use("new")
+    world.put_session(record, 0.0)
+    with pytest.raises(FailedPrecondition, match="moves 2 agents"):
+        models.remove("old")
+
+
 def test_new_agents_are_moved_by_the_model_in_use(models, old, new):
     world = make_world(models, 2)
     models.use("new")

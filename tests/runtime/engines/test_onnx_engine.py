@@ -12,7 +12,8 @@ from tests.runtime.graphs import (
 from wayfarer import artifacts
 from wayfarer.errors import ArtifactError
 from wayfarer.runtime.agent import Goal, SessionSpec
-from wayfarer.runtime.engines.onnx_engine import OnnxEngine, resting_inputs
+from wayfarer.runtime.engines.onnx_engine import OnnxEngine
+from wayfarer.runtime.engines.resting import resting_inputs
 from wayfarer.runtime.world.world import World
 
 

@@ -6,6 +6,7 @@ their parent and relative to the T-pose, whose bones all have identity rotation.
 A = agents, K = candidates, S = seed frames (2), F = new frames (8), T = quality terms.
 """
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -59,5 +60,29 @@ class Engine(Protocol):
         """Step all rows, which are agents of one gender.
 
         A row's result depends on that row alone, bit for bit, whatever the others are.
+        """
+        ...
+
+
+class WarmEngine(Engine, Protocol):
+    """An engine of a server: it says what it is, and can be made ready for sizes of batches."""
+
+    kind: str  # for logs and tables
+    batch_sizes: tuple[int, ...]  # rows at a time that suit it, ascending
+
+    def sizes_for(self, agents: int) -> tuple[int, ...]:
+        """Those of a server of so many agents at most: up to the first that holds them all."""
+        enough = next((s for s in self.batch_sizes if s >= agents), self.batch_sizes[-1])
+        return tuple(size for size in self.batch_sizes if size <= enough)
+
+    def warm_up(
+        self,
+        batch_sizes: Iterable[int],
+        candidates: Iterable[int],
+        done: Callable[[int, int, float], None] = ...,
+    ) -> None:
+        """Run every size once, largest first, so that no later call has to allocate or compile.
+
+        `done(agents, candidates, seconds)` is told of each.
         """
         ...

@@ -1,7 +1,9 @@
 """Motion models by name: found in folders, opened and warmed beside those that serve."""
 
 import asyncio
+import os
 import re
+import sys
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -11,13 +13,14 @@ from typing import Final
 
 from wayfarer.artifacts import MANIFEST, ModelFolder
 from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted
-from wayfarer.runtime.engines.engine import Engine
+from wayfarer.runtime.engines.engine import Engine, WarmEngine
 from wayfarer.runtime.engines.models import Models
-from wayfarer.runtime.engines.onnx_engine import OnnxEngine
-from wayfarer.runtime.offline.offline import give_way
 
 NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 RETRY_AFTER: Final = 5.0
+
+NICENESS: Final = 10
+"""By so much the thread that warms is nicer, where the system knows it of threads (Linux)."""
 
 
 class ModelStore:
@@ -27,17 +30,17 @@ class ModelStore:
         self,
         folders: Sequence[Path],
         check: Callable[[Path], ModelFolder],
-        threads: int,
-        batch_sizes: Sequence[int],
+        open_engine: Callable[[ModelFolder], WarmEngine],
+        agents: int,
         candidates: Sequence[int],
     ) -> None:
         """The first folder that holds a name wins. `check` raises ArtifactError for a model that
-        does not fit; engines have so many `threads` and are warmed for these sizes.
+        does not fit; engines are warmed for a server of so many `agents`.
         """
         self._folders = folders
         self._check = check
-        self._threads = threads
-        self._batch_sizes = batch_sizes
+        self._open_engine = open_engine
+        self._agents = agents
         self._candidates = candidates
 
     def find(self, name: str) -> Path:
@@ -58,15 +61,15 @@ class ModelStore:
         manifests = [file for folder in self._folders for file in folder.glob(f"*/{MANIFEST}")]
         return sorted({m.parent.name for m in manifests if NAME.fullmatch(m.parent.name)})
 
-    def open(self, name: str) -> OnnxEngine:
+    def open(self, name: str) -> WarmEngine:
         """Check, load and warm a model, to be called in a thread of its own, whose priority falls.
 
         Raises InvalidArgument, NotFound, ArtifactError.
         """
-        engine = OnnxEngine(self._check(self.find(name)), self._threads)
+        engine = self._open_engine(self._check(self.find(name)))
         # Only now: the threads that the engine has just made would have inherited it.
-        give_way()
-        engine.warm_up(self._batch_sizes, self._candidates, _pause)
+        _give_way()
+        engine.warm_up(engine.sizes_for(self._agents), self._candidates, _pause)
         return engine
 
 
@@ -117,3 +120,11 @@ def no_model(name: str) -> Engine:
 def _pause(agents: int, candidates: int, seconds: float) -> None:
     """Warming takes no more than half of the engine's threads' time."""
     time.sleep(seconds)
+
+
+def _give_way() -> None:
+    """Lower the priority of the present thread, which runs no Python to speak of."""
+    if sys.platform == "linux":
+        # On Linux a priority belongs to a thread, and 0 stands for the one that calls.
+        niceness = os.getpriority(os.PRIO_PROCESS, 0) + NICENESS
+        os.setpriority(os.PRIO_PROCESS, 0, min(niceness, 19))

@@ -137,11 +137,19 @@ class Models:
             self._rosters.add(roster)
             return roster
 
-    def enter(self, roster: "Roster") -> int:
-        """An agent begins. Returns the number of its model: the one in use."""
+    def enter(self, roster: "Roster", stamp: str = "") -> int:
+        """An agent enters. Returns the number of its model.
+
+        That is the one of the stamp, or one of that name, or the one in use.
+        """
+        name = stamp.partition("@")[0]
         with self._lock:
-            roster.agents[self._in_use.number] += 1
-            return self._in_use.number
+            model = next(
+                (m for m in self._loaded if m.stamp == stamp),
+                next((m for m in self._loaded if m.name == name), self._in_use),
+            )
+            roster.agents[model.number] += 1
+            return model.number
 
     def leave(self, roster: "Roster", number: int) -> None:
         """An agent of this model ends."""

@@ -1,0 +1,51 @@
+"""A batch on several cores: its rows are parted, and every part is computed by one thread.
+
+A step is two thousand small operators. Threads that share each of them meet two thousand times,
+and whoever has lost his core for a moment holds up the others; threads that have rows of their own
+meet once. Rows do not depend on their batch, so the result is the same, bit for bit.
+"""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Final
+
+from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
+from wayfarer.runtime.engines.padding import join, part
+
+LEAST: Final = 8
+"""Rows that are worth a thread: fewer cost each about twice as much."""
+
+
+class Lanes:
+    """So many threads, the caller's included."""
+
+    def __init__(self, threads: int) -> None:
+        """0: one per core that the process may use."""
+        self.count = threads or cores()
+        self._pool = ThreadPoolExecutor(self.count - 1, "engine") if self.count > 1 else None
+
+    def step(
+        self, run: Callable[[StepInputs], StepOutputs], inputs: StepInputs, largest: int = 1 << 30
+    ) -> StepOutputs:
+        """`run` on parts of at most `largest` rows; safe to call from several threads at once."""
+        rows = len(inputs.goal)
+        count = max(min(self.count, rows // LEAST), -(-rows // largest), 1)
+        ends = [rows * (i + 1) // count for i in range(count)]
+        parts = [part(inputs, a, b) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
+        if self._pool is None or count == 1:
+            return join([run(p) for p in parts])
+        others = [self._pool.submit(run, p) for p in parts[1:]]
+        first = run(parts[0])
+        return join([first, *(other.result() for other in others)])
+
+    def sizes(self, of_one: tuple[int, ...]) -> tuple[int, ...]:
+        """Sizes of batches, ascending, where these suit one thread."""
+        return (*of_one, *(of_one[-1] * count for count in range(2, self.count + 1)))
+
+
+def cores() -> int:
+    """Cores that the process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -1,0 +1,98 @@
+"""What OpenVINO computes in bfloat16: hidden layers of the networks, never coordinates.
+
+A metre is known to 4 mm in bfloat16, 20 m to 8 cm. OpenVINO's own hint for bfloat16 is for all of
+a network, and its marks against that are lost in its transformations; so the types are written
+into the network, whose hint stays float32: products with weights, and what works on their rows
+(activations, gates), are in bfloat16. Hidden layers are told from coordinates by their width: a
+multiple of 128, which neither 201 nor 135 is.
+"""
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from openvino import Model, Node, Output
+
+HIDDEN: Final = 128
+"""Widths of hidden layers are multiples of it."""
+
+ON_ROWS: Final = frozenset(
+    (
+        *("Add", "Subtract", "Multiply", "Tanh", "Sigmoid", "Relu", "PRelu", "LeakyRelu"),
+        *("Split", "VariadicSplit"),
+    )
+)
+"""Operators that may work on rows of hidden layers."""
+
+
+def with_hidden_bfloat16(network: "Model") -> "Model":
+    """The same network, changed in place."""
+    for node in network.get_ordered_ops():
+        if is_product(node) or is_hidden(node):
+            _lower(node)
+    network.validate_nodes_and_infer_types()
+    return network
+
+
+def is_product(node: "Node") -> bool:
+    """A matrix product with the weights of a network: one side of these is hidden."""
+    if node.get_type_name() != "MatMul" or not _is_float(node.output(0)):
+        return False
+    weights = node.input_value(1).get_node()
+    while weights.get_type_name() in ("Convert", "Transpose"):
+        weights = weights.input_value(0).get_node()
+    shape = node.input_value(1).get_partial_shape()
+    return weights.get_type_name() == "Constant" and any(
+        size.is_static and size.get_length() % HIDDEN == 0 for size in shape
+    )
+
+
+def is_hidden(node: "Node") -> bool:
+    """What works on rows of a hidden layer."""
+    return node.get_type_name() in ON_ROWS and all(
+        _is_float(value) and _is_row(value) for value in (node.input_value(0), *node.outputs())
+    )
+
+
+def _lower(node: "Node") -> None:
+    """Let a node work in bfloat16, between conversions."""
+    from openvino import Type
+    from openvino import opset13 as ops
+
+    for index, value in enumerate(node.input_values()):
+        node.set_argument(index, _lowered(value))
+    node.validate_and_infer_types()
+    for output in node.outputs():
+        readers = list(output.get_target_inputs())
+        full = ops.convert(output, Type.f32).output(0)
+        for reader in readers:
+            reader.replace_source_output(full)
+
+
+def _lowered(value: "Output") -> "Output":
+    """A value in bfloat16: without the conversion that made it a float32."""
+    from openvino import Type
+    from openvino import opset13 as ops
+
+    if not _is_float(value):
+        return value
+    node = value.get_node()
+    if node.get_type_name() == "Convert" and node.input_value(0).get_element_type() == Type.bf16:
+        return node.input_value(0)
+    return ops.convert(value, Type.bf16).output(0)
+
+
+def _is_float(value: "Output") -> bool:
+    return bool(value.get_element_type().to_dtype() == np.float32)
+
+
+def _is_row(value: "Output") -> bool:
+    shape = value.get_partial_shape()
+    width = shape[len(shape) - 1] if len(shape) else None
+    return (
+        width is not None
+        and len(shape) == 2
+        and width.is_static
+        and (width.get_length() % HIDDEN == 0)
+    )

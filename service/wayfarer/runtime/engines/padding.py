@@ -1,0 +1,39 @@
+"""Rows of a batch: padded to sizes that an engine knows, cut, taken apart and joined."""
+
+from collections.abc import Sequence
+from dataclasses import fields
+
+import numpy as np
+
+from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
+
+
+def pad(inputs: StepInputs, sizes: tuple[int, ...]) -> StepInputs:
+    """Repeat the last row up to the next of `sizes` (ascending), which the engine has warmed."""
+    rows = len(inputs.goal)
+    size = next((s for s in sizes if s >= rows), rows)
+    if size == rows:
+        return inputs
+    index = np.minimum(np.arange(size), rows - 1)
+    return StepInputs(**{f.name: getattr(inputs, f.name)[index] for f in fields(StepInputs)})
+
+
+def cut(outputs: StepOutputs, rows: int) -> StepOutputs:
+    """The first `rows` rows: drop the padding."""
+    return StepOutputs(**{f.name: getattr(outputs, f.name)[:rows] for f in fields(StepOutputs)})
+
+
+def part(inputs: StepInputs, start: int, end: int) -> StepInputs:
+    """Rows from `start` to `end`; all of them are not copied."""
+    if (start, end) == (0, len(inputs.goal)):
+        return inputs
+    return StepInputs(**{f.name: getattr(inputs, f.name)[start:end] for f in fields(StepInputs)})
+
+
+def join(parts: Sequence[StepOutputs]) -> StepOutputs:
+    """One after the other; one alone is not copied."""
+    if len(parts) == 1:
+        return parts[0]
+    return StepOutputs(
+        **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(StepOutputs)}
+    )

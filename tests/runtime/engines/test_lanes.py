@@ -1,0 +1,71 @@
+import threading
+
+import numpy as np
+import pytest
+
+from tests.runtime.fakes import FakeEngine
+from wayfarer.runtime.engines.lanes import LEAST, Lanes, cores
+from wayfarer.runtime.engines.resting import resting_inputs
+
+
+def numbered(rows: int):
+    inputs = resting_inputs(rows, 1)
+    inputs.goal[:, 0] = np.arange(rows)
+    return inputs
+
+
+class Watched:
+    """A fake engine's step, which notes how many rows each thread was given."""
+
+    def __init__(self):
+        self.parts = []
+
+    def __call__(self, inputs):
+        self.parts.append((threading.current_thread().name, len(inputs.goal)))
+        return FakeEngine().step("male", inputs)
+
+
+@pytest.mark.parametrize(
+    ("threads", "rows", "parts"),
+    [
+        (1, 50, [50]),
+        (2, LEAST, [LEAST]),
+        (2, 2 * LEAST, [LEAST, LEAST]),
+        (4, 3 * LEAST + 1, [8, 8, 9]),
+        (2, 65, [32, 33]),
+    ],
+)
+def test_rows_are_parted_where_each_thread_has_enough_to_do(threads, rows, parts):
+    run = Watched()
+    outputs = Lanes(threads).step(run, numbered(rows))
+    assert sorted(count for _, count in run.parts) == sorted(parts)
+    whole = FakeEngine().step("male", numbered(rows))
+    assert np.array_equal(outputs.translation, whole.translation)
+
+
+def test_no_part_is_larger_than_it_may_be():
+    run = Watched()
+    Lanes(1).step(run, numbered(70), largest=32)
+    assert max(count for _, count in run.parts) <= 32
+    assert sum(count for _, count in run.parts) == 70
+
+
+def test_the_caller_works_too():
+    run = Watched()
+    Lanes(2).step(run, numbered(4 * LEAST))
+    assert threading.current_thread().name in {name for name, _ in run.parts}
+
+
+def test_what_a_part_raises_reaches_the_caller():
+    def fail(inputs):
+        if inputs.goal[0, 0] > 0:
+            raise RuntimeError("the second part")
+        return FakeEngine().step("male", inputs)
+
+    with pytest.raises(RuntimeError, match="second part"):
+        Lanes(2).step(fail, numbered(4 * LEAST))
+
+
+def test_no_number_of_threads_means_one_per_core():
+    assert Lanes(0).count == cores() >= 1
+    assert Lanes(3).sizes((1, 64)) == (1, 64, 128, 192)

@@ -1,0 +1,111 @@
+"""OpenVINO runs the shipped model: near onnxruntime, and every row its own."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from tests.runtime.engines.standing import standing_inputs
+from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
+from wayfarer.runtime.engines.onnx_engine import OnnxEngine
+from wayfarer.runtime.engines.openvino_engine import OpenVinoEngine
+from wayfarer.runtime.engines.openvino_precision import ON_ROWS
+from wayfarer.runtime.engines.padding import part
+from wayfarer.stage import DEFAULT_MODEL, load_models
+
+pytest.importorskip("openvino")
+ROWS = 12
+GENDER = "female"
+
+
+@pytest.fixture(scope="module")
+def models():
+    return load_models(DEFAULT_MODEL)
+
+
+@pytest.fixture(scope="module")
+def exact(models):
+    return OpenVinoEngine(models, threads=1, bfloat16=False)
+
+
+@pytest.fixture(scope="module")
+def mixed(models):
+    return OpenVinoEngine(models, threads=1, bfloat16=True)
+
+
+@pytest.fixture(scope="module")
+def inputs():
+    return standing_inputs(GENDER, ROWS)
+
+
+def differences(found: StepOutputs, expected: StepOutputs) -> dict[str, float]:
+    return {
+        f.name: float(np.abs(getattr(found, f.name) - getattr(expected, f.name)).max())
+        for f in fields(StepOutputs)
+    }
+
+
+def test_in_float32_it_gives_what_onnxruntime_gives(models, exact, inputs):
+    off = differences(exact.step(GENDER, inputs), OnnxEngine(models, 1).step(GENDER, inputs))
+    assert max(off.values()) < 1e-4
+
+
+def test_in_bfloat16_it_is_millimetres_off_wherever_in_the_world(models, mixed, inputs):
+    far = {
+        f.name: getattr(inputs, f.name) + (AWAY if f.name in PLACES else np.float32(0))
+        for f in fields(StepInputs)
+    }
+    for given in (inputs, StepInputs(**far)):
+        expected = OnnxEngine(models, 1).step(GENDER, given)
+        found = mixed.step(GENDER, given)
+        off = np.abs(found.next_seed_markers - expected.next_seed_markers)
+        assert 0 < np.median(off) < 0.002
+        assert off.max() < 0.02
+
+
+PLACES = ("seed_markers", "seed_translation", "goal")
+AWAY = np.array([500, -500, 0], np.float32)
+
+
+@pytest.mark.parametrize("rows", [1, 3, 8, 11])
+def test_rows_do_not_depend_on_their_batch(mixed, inputs, rows):
+    whole = mixed.step(GENDER, inputs)
+    some = mixed.step(GENDER, part(inputs, 0, rows))
+    for field in fields(StepOutputs):
+        assert np.array_equal(getattr(whole, field.name)[:rows], getattr(some, field.name))
+
+
+def test_what_it_gave_is_not_written_over(exact, inputs):
+    first = exact.step(GENDER, inputs)
+    kept = first.translation.copy()
+    exact.step(GENDER, standing_inputs(GENDER, ROWS, seed=2))
+    assert np.array_equal(first.translation, kept)
+
+
+def test_more_rows_than_the_largest_size_are_taken_in_turns(exact, inputs, monkeypatch):
+    whole = exact.step(GENDER, inputs)
+    monkeypatch.setattr(exact, "sizes", (8,))
+    turns = exact.step(GENDER, inputs)
+    assert np.array_equal(whole.rotations, turns.rotations)
+
+
+def test_alone_it_is_the_same_engine(mixed, inputs):
+    assert np.array_equal(
+        mixed.alone.step(GENDER, inputs).rotations, mixed.step(GENDER, inputs).rotations
+    )
+    assert mixed.alone.kind == mixed.kind
+
+
+def test_only_hidden_layers_are_in_bfloat16(models, mixed):
+    network = mixed._networks[GENDER]()
+    lowered = [
+        (node.get_type_name(), [size.to_string() for size in node.output(0).get_partial_shape()])
+        for node in network.get_ordered_ops()
+        if node.output(0).get_element_type().get_type_name() == "bf16"
+        and node.get_type_name() not in ("Constant", "Convert")
+    ]
+    kinds = {kind for kind, _ in lowered}
+    assert {"MatMul", "Tanh", "Sigmoid"} <= kinds <= {"MatMul", *ON_ROWS}
+    others = [shape for kind, shape in lowered if kind != "MatMul"]
+    assert all(int(shape[-1]) % 128 == 0 for shape in others)
+    assert len(lowered) > 100
