@@ -20,6 +20,9 @@ from tests.fuzz.campaign import SETTINGS, Report, run
 from tests.fuzz.server import served
 
 SURFACES = ("gRPC", "WebSocket", "HTTP", "gRPC port", "HTTP port")
+SAY_EVERY = 10_000
+"""Inputs."""
+
 GROWTH = 0.05
 """Share of its memory by which the server may grow after the first fifth of the inputs."""
 
@@ -32,6 +35,20 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--agents", type=int, default=8, help="of the client who behaves")
     parser.add_argument("--json", type=Path, help="write the figures there, too")
     return parser.parse_args()
+
+
+class Progress:
+    """A line now and then of a run that takes minutes."""
+
+    def __init__(self) -> None:
+        self._next = SAY_EVERY
+
+    def __call__(self, report: Report) -> None:
+        """Say how far it has come, when it has come far enough since."""
+        if report.answers.inputs >= self._next:
+            self._next += SAY_EVERY
+            answers = report.answers
+            print(f"{answers.inputs} inputs, {answers.failed} answered wrongly", flush=True)
 
 
 def faults(report: Report, errors: list[str]) -> list[str]:
@@ -66,7 +83,7 @@ async def main() -> int:
     asked = arguments()
     with tempfile.TemporaryDirectory() as folder:
         async with served(Path(folder) / "log", settings=SETTINGS) as server:
-            report = await run(server.target, asked.inputs, asked.seed, asked.agents)
+            report = await run(server.target, asked.inputs, asked.seed, asked.agents, Progress())
             found = faults(report, server.errors)
     show(report)
     for fault in found:

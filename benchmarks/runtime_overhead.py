@@ -1,36 +1,67 @@
-"""What the runtime costs beside the engine: CPU time of each part per 0.2 s of real time.
+"""What the service takes beside its engine: CPU time of each part per 0.2 s of real time.
 
-    python benchmarks/runtime_overhead.py [agents ...]
+    python -m benchmarks.runtime_overhead [--agents 1024] [--sessions 8] [--candidates 1]
+        [--batch 256] [--phases 4] [--steps 25] [--json FILE] [--quick]
 
-The engine is replaced by one that returns at once; the agents walk back and forth.
+World, streams and servers are those of the service, with agents who walk; the engine is a stand-in
+that returns at once. Time is driven by hand, 0.2 s of it so many times, so that the figures do not
+depend on whether this machine keeps up. It runs three times: nobody reads, then one reader for each
+session over gRPC, then over WebSocket; the readers are a process of their own and throw away what
+they get. *world* is what the motion thread does: to step, and to send and publish. *transport* is
+all else: the event loop, and gRPC's own threads. Parts are measured around calls, inner ones
+included.
 """
 
+import argparse
+import asyncio
+import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, Final
 
 import numpy as np
+import uvloop
+from benchmarks.bench import Row
 
+from benchmarks import bench
+from wayfarer import config
 from wayfarer.body.library import load_body
-from wayfarer.runtime.agent import AgentSpec, Goal, SessionSpec
+from wayfarer.runtime.agent import (
+    AgentInfo,
+    AgentSpec,
+    Goal,
+    LoopStats,
+    SessionInfo,
+    SessionSpec,
+    StreamWish,
+)
 from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
-from wayfarer.runtime.settings import Limits, WorldSettings
-from wayfarer.runtime.stepping import batch, scheduler
-from wayfarer.runtime.stepping.playback import Playback
+from wayfarer.runtime.settings import AdmissionRules, Limits, WorldSettings
+from wayfarer.runtime.stepping import batch, clockwork, playback, scheduler
+from wayfarer.runtime.streams.publisher import Publisher
+from wayfarer.runtime.streams.subscription import BoundedSubscription, StreamSettings
+from wayfarer.runtime.world.spawn import load_start_poses
 from wayfarer.runtime.world.steering import Steering
 from wayfarer.runtime.world.world import World
 from wayfarer.spec import GENDERS, NEW_FRAMES, SEED_FRAMES, STEP_SECONDS
+from wayfarer.stage import BODY, START_POSES
 from wayfarer.terms import TERMS
-
-STEPS = 25
+from wayfarer.transport import schema
+from wayfarer.transport.batches import BatchWriter
+from wayfarer.transport.bodies import BodyLibrary
+from wayfarer.transport.codec import PoseEncoder
+from wayfarer.transport.gateway import Gateway
+from wayfarer.transport.metrics import Metrics
+from wayfarer.transport.server import Server
 
 
 class InstantEngine:
     """Moves everybody one way without computing anything."""
 
-    name = "fake"
+    name = "instant"
     graphs = ("0" * 64, "1" * 64)
     term_names = TERMS
 
@@ -47,12 +78,79 @@ class InstantEngine:
             choice=np.zeros(agents, np.int64),
         )
 
+    @property
+    def alone(self) -> "InstantEngine":
+        """See `Engine`."""
+        return self
+
+
+PARTS: Final = (
+    (World, "step", "world: step"),
+    (scheduler.Scheduler, "schedule", "  schedule"),
+    (Steering, "decide", "    decide"),
+    (scheduler, "gather", "    gather"),
+    (batch, "latents", "      noise"),
+    (scheduler, "pad", "  pad"),
+    (InstantEngine, "step", "  engine (a stand-in)"),
+    (scheduler.Scheduler, "apply", "  apply"),
+    (World, "send", "world: send"),
+    (playback.Playback, "send", "  take out of playback"),
+    (clockwork, "clean_feet", "  foot lock"),
+    (clockwork, "due_by_session", "  part by session"),
+    (Publisher, "publish", "world: publish"),
+    (World, "next_event", "world: find the next event"),
+    (BoundedSubscription, "put", "transport: queue"),
+    (BoundedSubscription, "_next", "transport: take and mark"),
+    (BatchWriter, "batch", "transport: write"),
+    (PoseEncoder, "encode", "  encode poses"),
+)
+"""Owner, function, and what it is called in the table; indented ones are within the one above."""
+
+FAR: Final = Goal((9_000.0, 0.0, 0.0))
+
+PAUSE: Final = 0.01
+"""Seconds for the event loop to send, after each moment at which something happens."""
+
+GRPC_READER: Final = """
+import asyncio, grpc, sys
+from wayfarer.v1 import motion_pb2
+async def read(session):
+    size = [("grpc.max_receive_message_length", 1 << 28), ("grpc.use_local_subchannel_pool", 1)]
+    async with grpc.aio.insecure_channel(sys.argv[1], options=size) as channel:
+        stream = channel.unary_stream(
+            "/wayfarer.v1.MotionService/StreamMotion",
+            motion_pb2.StreamMotionRequest.SerializeToString,
+        )
+        async for _ in stream(motion_pb2.StreamMotionRequest(session_id=session)):
+            pass
+async def main():
+    await asyncio.gather(*map(read, sys.argv[2:]), return_exceptions=True)
+asyncio.run(main())
+"""
+WEBSOCKET_READER: Final = """
+import asyncio, sys, websockets
+async def read(session):
+    url = f"{sys.argv[1].replace('http', 'ws')}/v1/stream?session={session}"
+    async with websockets.connect(url, max_size=None, compression=None) as socket:
+        async for _ in socket:
+            pass
+async def main():
+    await asyncio.gather(*map(read, sys.argv[2:]), return_exceptions=True)
+asyncio.run(main())
+"""
+
 
 class Clocked:
-    """Sums the CPU time spent in named functions, inner ones included."""
+    """Sums the CPU time of named functions on whichever thread they run."""
 
     def __init__(self) -> None:
         self.seconds: Counter[str] = Counter()
+        self.calls: Counter[str] = Counter()
+
+    def clear(self) -> None:
+        """Begin anew."""
+        self.seconds.clear()
+        self.calls.clear()
 
     def wrap(self, owner: Any, attribute: str, name: str) -> None:
         """Time every call of `owner.attribute` from now on."""
@@ -64,55 +162,172 @@ class Clocked:
                 return call(*args, **kwargs)
             finally:
                 self.seconds[name] += time.thread_time() - started
+                self.calls[name] += 1
 
         setattr(owner, attribute, timed)
 
 
-def run(agents: int, clocked: Clocked) -> float:
-    """Step a crowd for STEPS × 0.2 s; return CPU milliseconds per 0.2 s, all told."""
-    bodies = {gender: load_body("anny52", gender, "low") for gender in GENDERS}
-    poses = np.zeros((1, 22, 4), np.float32)
-    poses[..., 3] = 1
-    limits = Limits(agents=agents, agents_per_session=agents, goal_distance=10_000)
-    world = World(InstantEngine(), bodies, poses, WorldSettings(limits))
-    world.create_session(SessionSpec("s"), 0.0)
-    specs = [AgentSpec(GENDERS[i % 2], noise_seed=i) for i in range(agents)]
-    started = time.thread_time()
-    infos = world.create_agents("s", specs, 0.0)
-    spawn = (time.thread_time() - started) / agents
-    for info in infos:
-        world.set_goal(info.agent_id, Goal((1000.0, 0.0, 0.0)), 0.0)
-    list(world.advance(1.0))
-    clocked.seconds.clear()
-    started = time.thread_time()
-    chunks = sum(1 for _ in world.advance(1.0 + STEPS * STEP_SECONDS))
-    seconds = time.thread_time() - started
-    assert chunks == agents * STEPS, (chunks, agents * STEPS)
-    print(f"{agents} agents: {spawn * 1e3:.2f} ms to make one")
-    return seconds / STEPS * 1e3
+class Driven:
+    """What a gateway needs of a `MotionService` for streams, with a clock by hand."""
+
+    ready = alive = True
+
+    def __init__(self, asked: argparse.Namespace) -> None:
+        sizes = tuple(2**power for power in range(16) if 2**power <= asked.batch)
+        settings = WorldSettings(
+            limits=Limits(asked.agents, asked.agents, asked.sessions, goal_distance=20_000.0),
+            steering=Steering().with_search(candidates=asked.candidates),
+            admission=AdmissionRules(refuse=False),
+            batch_sizes=sizes,
+            phases=asked.phases,
+        )
+        bodies = {gender: load_body(BODY, gender, "low") for gender in GENDERS}
+        self.now = 0.0
+        self._settings = StreamSettings(queue_s=1e6)  # nobody is too slow here
+        self._meter = Metrics()
+        self._world = World(InstantEngine(), bodies, load_start_poses(START_POSES), settings)
+        self._publisher = Publisher(self._settings, self._meter, self._world.get_agent)
+        self.subscriptions: list[BoundedSubscription] = []
+
+    async def create_session(self, spec: SessionSpec) -> SessionInfo:
+        """See `MotionService`, as for all below."""
+        return self._world.create_session(spec, self.now)
+
+    async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
+        """See `MotionService`. They walk away at once."""
+        made = self._world.create_agents(session_id, specs, self.now)
+        for agent in made:
+            self._world.set_goal(agent.agent_id, FAR, self.now)
+        return made
+
+    async def list_agents(self, session_id: str) -> list[AgentInfo]:
+        """See `MotionService`."""
+        return self._world.list_agents(session_id)
+
+    async def list_sessions(self) -> list[SessionInfo]:
+        """See `MotionService`."""
+        return self._world.list_sessions()
+
+    async def subscribe(self, session_id: str, wish: StreamWish) -> BoundedSubscription:
+        """See `MotionService`."""
+        made = BoundedSubscription(session_id, wish, self._settings, self._meter, lambda: self.now)
+        self._publisher.subscribe(made, self.now)
+        self.subscriptions.append(made)
+        return made
+
+    async def stats(self) -> LoopStats:
+        """See `MotionService`."""
+        return LoopStats(0, 0, 0, 0, 0.0, 0.0, 0, 0.0, 0.0)
+
+    async def advance(self, seconds: float) -> float:
+        """Let time pass; the CPU seconds that a motion thread would have taken."""
+        until, spent = self.now + seconds, 0.0
+        while (event := self._world.next_event()) is not None and event <= until:
+            self.now = event
+            started = time.thread_time()
+            sent = self._world.send(event)
+            for session_id, chunks in sent:
+                self._publisher.publish(session_id, chunks)
+            if sent:
+                due = np.concatenate([chunks.scheduled_at for _, chunks in sent])
+                self._meter.chunks(event - due)
+            self._publisher.flush()
+            while self._world.step(event):
+                pass
+            spent += time.thread_time() - started
+            await asyncio.sleep(PAUSE)
+        self.now = until
+        return spent
+
+
+async def measure(asked: argparse.Namespace, reader: str, clocked: Clocked) -> list[Row]:
+    """CPU ms per 0.2 s of every part, while "nobody", "grpc" or "websocket" reads."""
+    service = Driven(asked)
+    limits = config.Limits(
+        agents=asked.agents,
+        agents_per_session=asked.agents,
+        sessions=asked.sessions,
+        lease_s=3600,
+    )
+    gateway = Gateway(service, BodyLibrary(BODY), limits, time.time, lambda: None)  # type: ignore[arg-type]
+    server = Server(gateway, "127.0.0.1", 0, 0)
+    await server.start()
+    await server.until_ready()
+    sessions = [await people(gateway, asked) for _ in range(asked.sessions)]
+    code, address = {
+        "grpc": (GRPC_READER, server.grpc_address),
+        "websocket": (WEBSOCKET_READER, server.http_url),
+        "nobody": ("", ""),
+    }[reader]
+    readers = subprocess.Popen([sys.executable, "-c", code, address, *sessions]) if code else None
+    try:
+        while readers and len(service.subscriptions) < len(sessions):
+            await asyncio.sleep(0.05)
+        await service.advance(5 * STEP_SECONDS)  # everybody is introduced
+        await drained(service)
+        clocked.clear()
+        began = time.process_time()
+        world = await service.advance(asked.steps * STEP_SECONDS)
+        await drained(service)
+        spent = {"world": world, "transport": time.process_time() - began - world}
+    finally:
+        if readers:
+            readers.terminate()
+            readers.wait()
+        await server.stop()
+    row = partial(_row, reader, asked.steps)
+    rows = [row(name, seconds) for name, seconds in spent.items()]
+    names = [name for *_, name in PARTS if clocked.calls[name]]
+    return [*rows, *(row(name, clocked.seconds[name], clocked.calls[name]) for name in names)]
+
+
+async def people(gateway: Gateway, asked: argparse.Namespace) -> str:
+    """A session of as many agents as each has; its id."""
+    session_id = (await gateway.sessions.create(schema.NewSession(lease_s=3600))).session_id
+    each = asked.agents // asked.sessions
+    for start in range(0, each, 64):
+        specs = [schema.AgentSpec(gender=GENDERS[i % 2], seed=i) for i in range(start, start + 64)]
+        new = schema.NewAgents(agents=specs[: each - start])
+        await gateway.agents.create(session_id, new)
+    return session_id
+
+
+async def drained(service: Driven) -> None:
+    """Return when all readers have taken everything."""
+    await asyncio.sleep(0.5)
+    while any(reader._waiting for reader in service.subscriptions):
+        await asyncio.sleep(0.1)
+
+
+def _row(reader: str, steps: int, part: str, seconds: float, calls: int = 0) -> Row:
+    return {
+        "reader": reader,
+        "part": part,
+        "ms": 1e3 * seconds / steps,
+        "calls": calls / steps if calls else None,
+    }
 
 
 def main() -> None:
-    """Print a table for each number of agents."""
+    """Measure, and print."""
+    parser = bench.parser(__doc__)
+    parser.add_argument("--agents", type=int, default=1024)
+    parser.add_argument("--sessions", type=int, default=8)
+    parser.add_argument("--candidates", type=int, default=1)
+    parser.add_argument("--batch", type=int, default=256, help="largest batch, a power of two")
+    parser.add_argument("--phases", type=int, default=WorldSettings().phases)
+    parser.add_argument("--steps", type=int, help="of 0.2 s")
+    parser.add_argument("--readers", nargs="+", default=["nobody", "grpc", "websocket"])
+    asked: argparse.Namespace = parser.parse_args()
+    asked.steps = asked.steps or (10 if asked.quick else 25)
     clocked = Clocked()
-    for owner, attribute, name in (
-        (Steering, "decide", "decide"),
-        (batch, "latents", "noise"),
-        (scheduler, "gather", "gather, noise included"),
-        (scheduler, "pad", "pad"),
-        (InstantEngine, "step", "engine (a stand-in)"),
-        (scheduler.Scheduler, "schedule", "schedule, all the above included"),
-        (scheduler.Scheduler, "apply", "apply"),
-        (Playback, "send", "take out what is due"),
-        (World, "collect", "collect, that included"),
-        (World, "next_event", "find the next event"),
-    ):
-        clocked.wrap(owner, attribute, name)
-    for agents in [int(a) for a in sys.argv[1:]] or [64, 256, 1000]:
-        total = run(agents, clocked)
-        print(f"{'total':36s}{total:8.2f} ms per 0.2 s, {total / agents * 1e3:.0f} µs per agent")
-        for name, seconds in clocked.seconds.items():
-            print(f"  {name:34s}{seconds / STEPS * 1e3:8.2f} ms")
+    for part in PARTS:
+        clocked.wrap(*part)
+    rows = []
+    for reader in asked.readers:
+        with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+            rows += runner.run(measure(asked, reader, clocked))
+    bench.finish(asked, rows, agents=asked.agents, sessions=asked.sessions)
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ class Service:
         self.said: list[str] = []
         ready: queue.Queue[dict[str, str] | None] = queue.Queue()
         threading.Thread(target=self._listen, args=(ready,), daemon=True).start()
-        found = ready.get(timeout=120)
+        found = ready.get(timeout=300)  # on a machine with other work
         if found is None:
             raise RuntimeError("the service did not start:\n" + "".join(self.said[-20:]))
         self.url, self.grpc_address = found["http"], found["grpc"]

@@ -49,6 +49,25 @@ def test_text():
     assert "hidden" not in lines and "chatter" not in lines
 
 
+GONE = """
+import logging
+from wayfarer.logs import GRPC, configure_logging
+configure_logging("info", "json")
+grpcio = logging.getLogger(GRPC)
+grpcio.error("ExecuteBatchError raised in core by servicer method [/wayfarer.v1.M/Stream]")
+grpcio.error("Unexpected [KeyError] raised by servicer method [/wayfarer.v1.M/Stream]")
+logging.getLogger("library").error("ExecuteBatchError raised in core by us")
+"""
+
+
+def test_a_reader_who_leaves_in_the_middle_is_no_error():
+    command = [sys.executable, "-c", GONE]
+    answer = subprocess.run(command, capture_output=True, text=True, check=True)
+    told = [json.loads(line)["event"] for line in answer.stderr.splitlines()]
+    assert [line.split()[0] for line in told] == ["Unexpected", "ExecuteBatchError"]
+    assert "by us" in told[1]
+
+
 KEY = "wf_Zm9vYmFyYmF6cXV4Zm9vYmFyYmF6cXV4"
 TOKEN = "eyJhbGciOiJFUzI1NiIsImtpZCI6Im9uZSJ9.eyJzdWIiOiJhZGEifQ.c2lnbmF0dXJl"
 SECRETS = f"""

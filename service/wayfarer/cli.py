@@ -3,6 +3,7 @@ so `wayfarer --help` and `wayfarer serve` load neither torch nor anything else t
 """
 
 import importlib
+import os
 import sys
 from collections.abc import Callable
 from typing import Any, Final
@@ -29,6 +30,8 @@ EXTRAS: Final = {
 
 def main() -> None:
     """Run the command line. Exit code 2 for errors raised on purpose, 130 for Ctrl-C."""
+    # gRPC, which reads this when it is imported, would complain at every start of a process
+    os.environ.setdefault("GRPC_ENABLE_FORK_SUPPORT", "0")
     try:
         app(prog_name="wayfarer")
     except WayfarerError as error:
@@ -52,12 +55,15 @@ def _group(help_text: str) -> typer.Typer:
     )
 
 
-def _command(parent: typer.Typer, name: str, target: str, help_text: str) -> None:
+def _command(
+    parent: typer.Typer, name: str, target: str, help_text: str, hidden: bool = False
+) -> None:
     """Let `parent name …` run `target`: "module:attribute", a typer app or annotated function."""
 
     @parent.command(
         name,
         help=help_text,
+        hidden=hidden,
         add_help_option=False,  # --help is for the target, which knows its options
         context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
     )
@@ -73,6 +79,7 @@ def _command(parent: typer.Typer, name: str, target: str, help_text: str) -> Non
 
 app = _group("Wayfarer: walking digital humans, streamed to engines and browsers.")
 _command(app, "serve", "wayfarer.serve:serve_command", "Start gRPC and HTTP with the models.")
+_command(app, "worker", "wayfarer.serve:worker_command", "For `serve --workers`.", hidden=True)
 _command(app, "probe", "wayfarer.probe:probe", "Ask the service here whether it is ready.")
 _command(app, "keys", "wayfarer.transport.auth.commands:app", "API keys of the service.")
 _command(app, "config", "wayfarer.config_page:app", "Settings: the JSON schema of their file.")

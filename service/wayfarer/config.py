@@ -171,7 +171,23 @@ class Settings(BaseSettings):
     state_dir: Path | None = Field(
         default=None, description="folder of the journal: what it holds outlives the process"
     )
-    threads: int = Field(default=0, ge=0, le=256, description="threads of the engine; 0: all cores")
+    engine: Literal["auto", "onnxruntime", "openvino", "torch"] = Field(
+        default="auto",
+        description="what runs the model: onnxruntime, openvino (an extra), or the faster of them; "
+        "torch (an extra) on a GPU",
+    )
+    threads: int = Field(
+        default=0,
+        ge=0,
+        le=256,
+        description="threads of the engine; 0: all cores, of each of several workers its share",
+    )
+    workers: int = Field(
+        default=1, ge=1, le=64, description="processes that share the sessions; 1: no more than one"
+    )
+    pin_workers: bool = Field(
+        default=False, description="let each worker run on its share of the cores only"
+    )
     candidates: int = Field(
         default=4, ge=1, le=256, description="candidate primitives tried per step"
     )
@@ -187,7 +203,9 @@ class Settings(BaseSettings):
     )
     limits: Limits = Limits()
     auth: Auth = Auth()
-    connections: int = Field(default=1024, ge=8, description="open HTTP connections")
+    connections: int = Field(
+        default=1024, ge=8, description="open connections of HTTP, and of gRPC"
+    )
     insecure_no_auth: bool = Field(
         default=False, description="let everybody who reaches a host beyond loopback do everything"
     )
@@ -226,6 +244,8 @@ class Settings(BaseSettings):
             raise ValueError(
                 "tls_client_ca needs tls_cert and tls_key: client certificates are TLS"
             )
+        if self.workers > 1:
+            self._check_ports()
         if not (self.is_loopback or self.has_auth or self.insecure_no_auth):
             raise ValueError(
                 f"host {self.host} lets other machines in, and nothing says who may call; either "
@@ -233,6 +253,21 @@ class Settings(BaseSettings):
                 "where something else guards the ports, give --insecure-no-auth"
             )
         return self
+
+    def _check_ports(self) -> None:
+        """The workers' ports follow the server's own."""
+        for name, port in (("grpc_port", self.grpc_port), ("http_port", self.http_port)):
+            if port + self.workers > 65535:
+                raise ValueError(
+                    f"{name} {port} leaves no room for the ports of {self.workers} workers after "
+                    f"it; {65535 - self.workers} at most"
+                )
+        apart = abs(self.grpc_port - self.http_port)
+        if self.grpc_port and self.http_port and apart <= self.workers:
+            raise ValueError(
+                f"grpc_port {self.grpc_port} and http_port {self.http_port} are {apart} apart; "
+                f"{self.workers} workers take as many ports after each: {self.workers + 1} at least"
+            )
 
     @property
     def has_auth(self) -> bool:

@@ -5,6 +5,8 @@
     ├── NotFound             no such session, agent, body or model
     ├── AlreadyExists        the name is taken
     ├── FailedPrecondition   right request, wrong moment
+    │   └── Unreachable      no way leads there; carries the nearest place that one leads to
+    ├── Misdirected          the session lives in another process of this server
     ├── Aborted              somebody else was quicker: a stale revision, a reused request id
     ├── ResourceExhausted    a limit or a quota is reached
     ├── Unauthenticated      no credentials, or none that hold
@@ -45,6 +47,24 @@ class AlreadyExists(WayfarerError):
 
 class FailedPrecondition(WayfarerError):
     """The request is well formed, but the state does not allow it now."""
+
+
+class Unreachable(FailedPrecondition):
+    """No way leads to the goal; `nearest` (x, y, z) is the closest place that can be reached."""
+
+    def __init__(self, message: str, nearest: tuple[float, float, float]) -> None:
+        super().__init__(message)
+        self.nearest = nearest
+
+
+class Misdirected(WayfarerError):
+    """The session or agent lives in another worker of this server, at these ports."""
+
+    def __init__(self, message: str, worker: int, grpc_port: int, http_port: int) -> None:
+        super().__init__(message)
+        self.worker = worker
+        self.grpc_port = grpc_port
+        self.http_port = http_port
 
 
 class Aborted(WayfarerError):

@@ -17,6 +17,9 @@ SECRET_NAMES: Final = re.compile(
 )
 """Fields of a line whose values are never shown."""
 
+GRPC: Final = "grpc._cython.cygrpc"
+"""Logger of grpcio's core."""
+
 _SECRETS: Final = re.compile(
     r"wf_[\w-]{16,}"  # API keys
     r"|eyJ[\w-]{8,}(?:\.[\w-]*){1,4}"  # JWTs
@@ -29,10 +32,14 @@ _SECRETS: Final = re.compile(
 )
 
 
-def configure_logging(level: str, form: str) -> None:
-    """Send everything to stderr. `form`: "text", "json", or "auto": text on a terminal."""
+def configure_logging(level: str, form: str, **fields: Any) -> None:
+    """Send everything to stderr. `form`: "text", "json", or "auto": text on a terminal.
+
+    `fields` stand in every line.
+    """
     as_json = form == "json" or (form == "auto" and not sys.stderr.isatty())
     shared: list[Any] = [
+        lambda logger, method, event: {**fields, **event},
         structlog.contextvars.merge_contextvars,
         structlog.processors.add_log_level,
         structlog.processors.TimeStamper(fmt="iso", utc=True),
@@ -62,12 +69,18 @@ def configure_logging(level: str, form: str) -> None:
     handler.setFormatter(
         structlog.stdlib.ProcessorFormatter(foreign_pre_chain=shared, processors=last)
     )
+    handler.addFilter(is_news)
     root = logging.getLogger()
     root.handlers[:] = [handler]
     root.setLevel(level.upper())
     for chatty in ("asyncio", "grpc"):
         logging.getLogger(chatty).setLevel(max(root.level, logging.WARNING))
     logging.getLogger("uvicorn").setLevel(logging.ERROR)  # it warns of every malformed request
+
+
+def is_news(record: logging.LogRecord) -> bool:
+    """Filter: not the trace that grpcio writes when a reader has left while it was sent to."""
+    return record.name != GRPC or not str(record.msg).startswith("ExecuteBatchError raised in core")
 
 
 def hide_fields(logger: Any, method: str, event: dict[str, Any]) -> dict[str, Any]:

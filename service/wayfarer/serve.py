@@ -4,11 +4,17 @@ One process: an asyncio event loop for both transports, a thread for the motion 
 """
 
 import asyncio
+import gc
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import nullcontext
+from functools import partial
+from importlib.util import find_spec
+from multiprocessing import get_context
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 import structlog
 import typer
@@ -20,13 +26,14 @@ from wayfarer.body.library import body_file, load_body
 from wayfarer.config import Settings
 from wayfarer.config_page import as_toml
 from wayfarer.logs import configure_logging
+from wayfarer.runtime.engines.choice import open_engine
 from wayfarer.runtime.engines.model_store import ModelStore
 from wayfarer.runtime.engines.models import Models
 from wayfarer.runtime.engines.onnx_engine import OnnxEngine
 from wayfarer.runtime.loop import LoopSettings, steady_clock
 from wayfarer.runtime.meter import Meter
 from wayfarer.runtime.runtime import Runtime
-from wayfarer.runtime.settings import BATCH_SIZES, AdmissionRules, Limits, WorldSettings
+from wayfarer.runtime.settings import AdmissionRules, Limits, WorldSettings
 from wayfarer.runtime.state.journal import Journal
 from wayfarer.runtime.state.snapshot import BodyStamp
 from wayfarer.runtime.stepping.budget import BudgetRules, rungs
@@ -34,51 +41,83 @@ from wayfarer.runtime.world.spawn import load_start_poses
 from wayfarer.runtime.world.steering import Steering
 from wayfarer.runtime.world.world import World
 from wayfarer.runtime.worlds import Worlds
+from wayfarer.shard import Shard
 from wayfarer.spec import GENDERS
 from wayfarer.stage import BODY, DEFAULT_MODEL, START_POSES, load_models
 from wayfarer.transport.bodies import BodyLibrary
+from wayfarer.transport.fleet import Fleet
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.operation import Operation
 from wayfarer.transport.server import Server
+from wayfarer.workers.member import bind_to, read_assignment, supervised
+from wayfarer.workers.messages import Assignment
+from wayfarer.workers.plan import check_state, threads_of
 
 log = structlog.get_logger(__name__)
 
-MEASURES: Final = 3
+MEASURES: Final = 2
 """Calls of each size that are measured once all is warm; agents are admitted by the shortest."""
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
 
-async def serve(settings: Settings) -> None:
-    """Run until SIGINT, SIGTERM or AdminService.Drain."""
+async def serve(settings: Settings, worker: Assignment | None = None) -> None:
+    """Run until SIGINT, SIGTERM or AdminService.Drain; as a worker, or else as the whole server."""
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for sign in SIGNALS:
         loop.add_signal_handler(sign, stop.set)
-    if not (settings.is_loopback or settings.has_auth):
-        log.warning("reachable from other machines without authentication", host=settings.host)
-
+    if worker is None:
+        warn_if_open(settings)
     clock = steady_clock()
     operation = Operation.from_settings(settings)
     if hasattr(signal, "SIGHUP"):
         loop.add_signal_handler(signal.SIGHUP, operation.guard.authenticator.reload)
     folder = model_folder(settings)
-    motion = runtime(settings, folder, clock, operation.metrics)
-    gateway = Gateway(motion, BodyLibrary(BODY), settings.limits, clock, stop.set)
-    server = Server(gateway, settings.host, settings.http_port, settings.grpc_port, operation)
+    fleet = worker.fleet if worker else Fleet()
+    motion = runtime(settings, folder, clock, operation.metrics, fleet.shard)
+    gateway = Gateway(motion, BodyLibrary(BODY), settings.limits, clock, stop.set, fleet)
+    server = Server(
+        gateway,
+        settings.host,
+        settings.http_port,
+        settings.grpc_port,
+        operation,
+        worker.inside if worker else None,
+    )
     motion.start()
     try:
         await server.start()
-        await server.until_ready()
-        announce(server, folder)
-        await stop.wait()
-        for sign in SIGNALS:
-            loop.remove_signal_handler(sign)  # one more ends the process at once
-        log.info("draining", streams=gateway.streams)
-        await server.stop()
+        async with supervised(gateway, stop.set) if worker else nullcontext():
+            await server.until_ready()
+            settle()
+            if worker:
+                log.info("worker ready", http=server.http_url, grpc=server.grpc_address)
+            else:
+                announce(settings, server.http_url, server.grpc_address)
+            await stop.wait()
+            for sign in SIGNALS:
+                loop.remove_signal_handler(sign)  # one more ends the process at once
+            log.info("draining", streams=gateway.streams)
+            await server.stop()
     finally:
         await motion.stop()
     log.info("stopped")
+
+
+def warn_if_open(settings: Settings) -> None:
+    """Say so when anybody may call from elsewhere."""
+    if not (settings.is_loopback or settings.has_auth):
+        log.warning("reachable from other machines without authentication", host=settings.host)
+
+
+def settle() -> None:
+    """Leave all that has been loaded out of garbage collection.
+
+    It stays as long as the process, and going over it stops all threads for a tenth of a second.
+    """
+    gc.collect()
+    gc.freeze()
 
 
 def model_store(settings: Settings) -> ModelStore:
@@ -87,8 +126,13 @@ def model_store(settings: Settings) -> ModelStore:
     return ModelStore(
         (shipped,) if settings.models_dir is None else (shipped, settings.models_dir),
         load_models,
-        settings.threads,
-        [size for size in BATCH_SIZES if size <= settings.limits.agents],
+        partial(
+            open_engine,
+            kind=settings.engine,
+            threads=settings.threads,
+            candidates=settings.candidates,
+        ),
+        settings.limits.agents,
         rungs(settings.candidates),
     )
 
@@ -100,7 +144,11 @@ def model_folder(settings: Settings) -> ModelFolder:
 
 
 def runtime(
-    settings: Settings, folder: ModelFolder, clock: Callable[[], float], meter: Meter | None = None
+    settings: Settings,
+    folder: ModelFolder,
+    clock: Callable[[], float],
+    meter: Meter | None = None,
+    shard: Shard = Shard(),
 ) -> Runtime:
     """The runtime over the models; not yet started. Raises ArtifactError."""
     limits = Limits(
@@ -110,18 +158,20 @@ def runtime(
         goal_distance=settings.limits.goal_distance_m,
         path_goals=settings.limits.path_goals,
     )
+    engine = open_engine(folder, settings.engine, settings.threads, settings.candidates)
+    sizes = engine.sizes_for(limits.agents)
     world_settings = WorldSettings(
         limits=limits,
+        batch_sizes=sizes,
         steering=Steering().with_search(candidates=settings.candidates),
         budget=BudgetRules(),
         admission=AdmissionRules(settings.most_load, refuse=settings.admission),
+        shard=shard,
     )
     body = BodyStamp(BODY, {gender: sha256_of(body_file(BODY, gender)) for gender in GENDERS})
-    engine = OnnxEngine(folder, settings.threads)
-    sizes = [size for size in world_settings.batch_sizes if size <= limits.agents]
 
     def warm_up(world: World) -> None:
-        engine.warm_up(sizes, rungs(settings.candidates))
+        engine.warm_up(sizes if engine.compiles else sizes[-1:], rungs(settings.candidates))
         for _ in range(MEASURES):
             engine.warm_up(sizes, (1, settings.candidates), world.measured)
 
@@ -145,16 +195,19 @@ def runtime(
     )
 
 
-def announce(server: Server, folder: ModelFolder) -> None:
+def announce(settings: Settings, http_url: str, grpc_address: str) -> None:
     """Say where the service is: to a person on a terminal, else to the log."""
+    model = Path(settings.model).name
     if not sys.stdout.isatty():
-        log.info("ready", http=server.http_url, grpc=server.grpc_address, model=folder.name)
+        log.info("ready", http=http_url, grpc=grpc_address, model=model, workers=settings.workers)
         return
     console = Console(highlight=False)
-    console.print(f"[bold]Wayfarer {__version__}[/bold] is ready (model {folder.name})")
-    console.print(f"  viewer  [link={server.http_url}]{server.http_url}/[/link]")
-    console.print(f"  HTTP    {server.http_url}/docs")
-    console.print(f"  gRPC    {server.grpc_address}")
+    console.print(f"[bold]Wayfarer {__version__}[/bold] is ready (model {model})")
+    console.print(f"  viewer  [link={http_url}]{http_url}/[/link]")
+    console.print(f"  HTTP    {http_url}/docs")
+    console.print(f"  gRPC    {grpc_address}")
+    if settings.workers > 1:
+        console.print(f"  workers {settings.workers}, on the ports after these")
     console.print("Ctrl-C stops it.")
 
 
@@ -168,8 +221,27 @@ def serve_command(
     model: Annotated[
         str | None, typer.Option(help="A shipped model's name, or a folder. [gamma-anny52]")
     ] = None,
+    engine: Annotated[
+        str | None,
+        typer.Option(
+            help="onnxruntime; openvino, which needs `pip install wayfarer[openvino]`; auto: "
+            "the faster of these; torch, which needs `pip install wayfarer[gpu]` and a GPU. [auto]"
+        ),
+    ] = None,
     threads: Annotated[
-        int | None, typer.Option(help="Threads of the engine; 0: all cores. [0]")
+        int | None,
+        typer.Option(help="Threads of the engine; 0: all cores, or a worker's. [0]"),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            help="Processes that share the sessions, for machines of more cores than one engine "
+            "makes use of; each has ports of its own after these. [1]"
+        ),
+    ] = None,
+    pin_workers: Annotated[
+        bool | None,
+        typer.Option("--pin-workers", help="Let each worker run on its share of the cores only."),
     ] = None,
     candidates: Annotated[
         int | None, typer.Option(help="Candidate primitives tried per step. [4]")
@@ -220,7 +292,50 @@ def serve_command(
         typer.echo(as_toml(settings, config.origins(given, file)))
         Operation.from_settings(settings)
         model_folder(settings)
+        check_state(settings)
         return
+    check_state(settings)
+    if settings.workers == 1:
+        _run(serve(settings))
+        return
+    from wayfarer.workers.server import serve_workers
+
+    model_folder(settings)
+    warn_if_open(settings)
+    settings = with_engine(settings)
+    _run(serve_workers(settings, partial(announce, settings)))
+
+
+def with_engine(settings: Settings) -> Settings:
+    """The engine chosen, once for all workers: a log must replay alike in each of them."""
+    if settings.engine != "auto":
+        return settings
+    kind = "onnxruntime"
+    if find_spec("openvino"):
+        # in a process of its own, whose memory goes with it
+        with ProcessPoolExecutor(1, get_context("spawn")) as apart:
+            kind = apart.submit(_engine_kind, settings.model_dump_json()).result()
+    return settings.model_copy(update={"engine": kind})
+
+
+def _engine_kind(settings: str) -> str:
+    """The setting `engine` for the faster one with a worker's threads."""
+    read = Settings.model_validate_json(settings)
+    configure_logging(read.log_level, read.log_format)
+    engine = open_engine(model_folder(read), "auto", threads_of(read))
+    return "onnxruntime" if isinstance(engine, OnnxEngine) else "openvino"
+
+
+def worker_command() -> None:
+    """One worker of several; its supervisor starts it, and tells it on stdin what it is."""
+    worker = read_assignment()
+    settings = worker.settings
+    configure_logging(settings.log_level, settings.log_format, worker=worker.index)
+    bind_to(worker.cores)
+    _run(serve(settings, worker))
+
+
+def _run(work: Coroutine[Any, Any, None]) -> None:
     try:
         import uvloop
     except ImportError:  # Windows has none
@@ -228,4 +343,4 @@ def serve_command(
     else:
         factory = uvloop.new_event_loop
     with asyncio.Runner(loop_factory=factory) as runner:
-        runner.run(serve(settings))
+        runner.run(work)

@@ -9,7 +9,8 @@ from typing import Final
 from wayfarer.artifacts import ASSETS, BodyIdentity, ModelFolder, load_model_folder, sha256_of
 from wayfarer.body.library import body_file, load_body
 from wayfarer.body.model import BodyModel
-from wayfarer.runtime.engines.onnx_engine import OnnxEngine
+from wayfarer.runtime.engines.choice import EngineKind, open_engine
+from wayfarer.runtime.engines.engine import WarmEngine
 from wayfarer.runtime.settings import Limits, WorldSettings
 from wayfarer.runtime.world.spawn import load_start_poses
 from wayfarer.runtime.world.steering import Steering
@@ -43,7 +44,7 @@ class Stage:
     """A motion model, opened: the engine and bodies of the service."""
 
     models: ModelFolder
-    engine: OnnxEngine
+    engine: WarmEngine
     bodies: Bodies
 
     @property
@@ -65,14 +66,19 @@ class Stage:
         return World(self.engine, self.bodies, load_start_poses(START_POSES), settings)
 
 
-def open_stage(models: Path, threads: int) -> Stage:
-    """Raises ArtifactError when body or models are missing or do not fit together."""
+def open_stage(models: Path, threads: int, engine: EngineKind = "onnxruntime") -> Stage:
+    """Raises ArtifactError when body or models are missing or do not fit together.
+
+    Raises InvalidArgument for an engine that is not installed.
+    """
     bodies = {gender: load_body(BODY, gender, "low") for gender in GENDERS}
     folder = load_models(models)
-    return Stage(folder, OnnxEngine(folder, threads), bodies)
+    return Stage(folder, open_engine(folder, engine, threads), bodies)
 
 
-def open_world(models: Path, agents: int, candidates: int, threads: int) -> tuple[World, Bodies]:
-    """A world with the search of the service. Raises ArtifactError; see `Stage`."""
-    stage = open_stage(models, threads)
+def open_world(
+    models: Path, agents: int, candidates: int, threads: int, engine: EngineKind = "onnxruntime"
+) -> tuple[World, Bodies]:
+    """A world with the search of the service. Raises what `open_stage` does; see `Stage`."""
+    stage = open_stage(models, threads, engine)
     return stage.world(agents, Steering().with_search(candidates=candidates)), stage.bodies

@@ -46,19 +46,23 @@ HEARTBEAT = motion_pb2.StreamMotionResponse(heartbeat=motion_pb2.Heartbeat())
 
 def batch(token: str, seq: int = 0, added: bool = True, flags: int = 0):
     agent = agent_pb2.Agent(agent_id="a-1", alias=1, name="Ada", gender=1, state=1)
-    chunk = motion_pb2.MotionChunk(
-        alias=1,
-        seq=seq,
-        first_frame=8 * seq,
-        scheduled_at_us=200_000 * seq,
-        flags=flags,
+    chunks = motion_pb2.MotionChunks(
+        aliases=[1],
+        seqs=[seq],
+        first_frames=[8 * seq],
+        scheduled_at_us=[200_000 * seq],
+        goal_revisions=[0],
+        states=[0],
+        flags=[flags],
         poses=messages.float_poses(8),
         contacts=bytes(8),
+        waypoints=[0],
+        candidates=[0],
     )
     return motion_pb2.StreamMotionResponse(
         sent_at_us=5,
         batch=motion_pb2.MotionBatch(
-            added=[agent] if added else [], chunks=[chunk], resume_token=token
+            added=[agent] if added else [], chunks=chunks, resume_token=token
         ),
     )
 

@@ -5,11 +5,12 @@ from torch import Tensor, nn
 
 from tests.evaluation.recordings import SPEED
 from wayfarer.evaluation.parts import Parts
-from wayfarer.motion.marker_body import MarkerBody
+from wayfarer.marker_bodies import load_marker_bodies
+from wayfarer.motion.marker_body import MarkerBody, Shaped
 from wayfarer.motion.policy import Condition, Gaussian
 from wayfarer.motion.predictor import Posterior
+from wayfarer.motion.regressor import Pose
 from wayfarer.spec import BETAS, FPS, GENDERS, LATENT, MARKERS, POSED_JOINTS, PRIMITIVE_FRAMES
-from wayfarer.training.dataset import load_marker_bodies
 
 
 class Glide(nn.Module):
@@ -42,6 +43,10 @@ class Upright(nn.Module):
         origin = torch.zeros(*markers.shape[:-2], 3)
         upright, _ = self.body.skin(self.body.shaped(betas), origin, turns)
         return (markers - upright).mean(-2) + self.off, turns
+
+    def solve(self, markers: Tensor, betas: Tensor, shape: Shaped) -> Pose:
+        place, turns = self(markers, betas)
+        return Pose(place.permute(2, 1, 0), turns.permute(3, 4, 2, 1, 0))
 
 
 class Prior(nn.Module):

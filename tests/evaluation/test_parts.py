@@ -17,13 +17,13 @@ from wayfarer.evaluation.parts import (
     Variant,
     load_parts,
 )
+from wayfarer.marker_bodies import load_marker_bodies
 from wayfarer.motion.policy import GoalPolicy
 from wayfarer.motion.pose_prior import PosePrior
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.motion.rotation import matrix_from_rotvec
 from wayfarer.stage import DEFAULT_MODEL
-from wayfarer.training.dataset import load_marker_bodies
 from wayfarer.training.export import (
     Graph,
     body_inputs,

@@ -16,7 +16,7 @@ from wayfarer.load.target import Target
 
 COMMAND = (sys.executable, "-m", "wayfarer.cli", "serve", "--log-format", "json")
 ANY_PORTS = ("--http-port", "0", "--grpc-port", "0")
-START_SECONDS = 90.0
+START_SECONDS = 240.0
 WRONG = ("error", "critical")
 
 

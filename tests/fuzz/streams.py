@@ -55,11 +55,13 @@ class Reading:
     def take(self, message: motion_pb2.StreamMotionResponse) -> None:
         """Count a message's chunks."""
         now = time.time()
-        for chunk in message.batch.chunks:
+        chunks = message.batch.chunks
+        columns = chunks.aliases, chunks.seqs, chunks.scheduled_at_us
+        for alias, seq, at in zip(*columns, strict=True):
             self.chunks += 1
-            self.lost += chunk.seq - self._next.get(chunk.alias, chunk.seq)
-            self._next[chunk.alias] = chunk.seq + 1
-            self.lateness.append(now - 1e-6 * chunk.scheduled_at_us)
+            self.lost += seq - self._next.get(alias, seq)
+            self._next[alias] = seq + 1
+            self.lateness.append(now - 1e-6 * at)
 
 
 @dataclass(frozen=True)

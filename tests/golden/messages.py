@@ -65,28 +65,31 @@ def messages() -> dict[str, motion_pb2.StreamMotionResponse]:
         created_at_us=1_780_000_000_000_000,
         rest_offsets=[0.0, 1.0, 2.0],
     )
-    chunk = motion_pb2.MotionChunk(
-        alias=300,
-        seq=12,
-        first_frame=96,
-        scheduled_at_us=1_780_000_000_123_456,
-        goal_revision=3,
-        state=agent_pb2.AGENT_STATE_WALKING,
-        flags=motion_pb2.CHUNK_FLAG_FIRST | motion_pb2.CHUNK_FLAG_ARRIVED,
-        poses=float_poses(3),
-        contacts=bytes([1, 3, 2]),
-        waypoint=2,
-        candidates=8,
+    chunks = motion_pb2.MotionChunks(
+        aliases=[300, 7],
+        seqs=[12, 0],
+        first_frames=[96, 0],
+        scheduled_at_us=[1_780_000_000_123_456, 1_780_000_000_148_456],
+        goal_revisions=[3, 0],
+        states=[agent_pb2.AGENT_STATE_WALKING, agent_pb2.AGENT_STATE_STANDING],
+        flags=[motion_pb2.CHUNK_FLAG_FIRST | motion_pb2.CHUNK_FLAG_ARRIVED, 0],
+        poses=float_poses(6),
+        contacts=bytes([1, 3, 2, 3, 3, 0]),
+        waypoints=[2, 0],
+        candidates=[8, 1],
     )
-    held = motion_pb2.MotionChunk(
-        alias=300,
-        seq=13,
-        first_frame=104,
-        scheduled_at_us=1_780_000_000_323_456,
-        state=agent_pb2.AGENT_STATE_STANDING,
-        flags=motion_pb2.CHUNK_FLAG_HELD | motion_pb2.CHUNK_FLAG_GAP,
+    held = motion_pb2.MotionChunks(
+        aliases=[300],
+        seqs=[13],
+        first_frames=[104],
+        scheduled_at_us=[1_780_000_000_323_456],
+        goal_revisions=[0],
+        states=[agent_pb2.AGENT_STATE_STANDING],
+        flags=[motion_pb2.CHUNK_FLAG_HELD | motion_pb2.CHUNK_FLAG_GAP],
         poses=small_poses(2),
         contacts=bytes([3, 3]),
+        waypoints=[0],
+        candidates=[0],
     )
     event = motion_pb2.Event(
         kind=motion_pb2.EVENT_KIND_GOAL_REACHED,
@@ -102,11 +105,11 @@ def messages() -> dict[str, motion_pb2.StreamMotionResponse]:
         "header_small": {"header": small},
         "batch": {
             "batch": motion_pb2.MotionBatch(
-                added=[agent], chunks=[chunk], removed=[1, 300], resume_token="r.1.41"
+                added=[agent], chunks=chunks, removed=[1, 300], resume_token="r.1.41"
             )
         },
         "batch_small": {
-            "batch": motion_pb2.MotionBatch(added=[agent], chunks=[held], resume_token="r.1.42")
+            "batch": motion_pb2.MotionBatch(added=[agent], chunks=held, resume_token="r.1.42")
         },
         "event": {"event": event},
         "heartbeat": {"heartbeat": motion_pb2.Heartbeat()},

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from wayfarer.body.skeleton import load_skeleton
-from wayfarer.runtime.agent import AgentState, ChunkFlag, MotionChunk
+from wayfarer.runtime.agent import AgentState, ChunkFlag, MotionChunk, MotionChunks
 from wayfarer.transport import codec
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import PoseEncoding, PoseFormat, PoseProfile
@@ -18,7 +18,7 @@ from wayfarer.transport.codec import PoseEncoding, PoseFormat, PoseProfile
 FOLDER = Path(__file__).parent
 FILE = FOLDER / "vectors.json"
 FRAMES = 5
-FIRST_FRAME = 6  # at 20 fps its frames 6, 8, 10 are sent; at 10 fps frame 8
+FIRST_FRAME = 8  # at 20 fps its frames 8, 10, 12 are sent; at 10 fps 8 and 12
 CHOSEN = ["pelvis", "left_wrist", "head", "left_index1"]
 SPECIAL = [  # rotations in which encodings could go wrong
     (0.0, 0.0, 0.0, 1.0),
@@ -56,12 +56,10 @@ class Vector:
         return PoseFormat.choose(self.encoding, self.profile, names, self.fps)
 
     def pack(self, motion: MotionChunk) -> codec.Poses:
-        (packed,) = codec.encode([motion], self.basis, self.pose_format)
-        return packed
+        return codec.encode(MotionChunks.of([motion]), self.basis, self.pose_format)
 
     def describe(self, packed: codec.Poses) -> dict[str, Any]:
         count = len(packed.contacts)
-        first = FIRST_FRAME + packed.skipped
         return {
             "name": self.name,
             "poses": f"poses/{self.file.name}",
@@ -71,8 +69,8 @@ class Vector:
             "sent_fps": self.fps,
             "bones": self.pose_format.bones,
             "frame_bytes": self.pose_format.frame_bytes,
-            "first_frame": first,
-            "frames": [packed.skipped + k * self.pose_format.stride for k in range(count)],
+            "first_frame": FIRST_FRAME,
+            "frames": [k * self.pose_format.stride for k in range(count)],
             "contacts": packed.contacts.hex(),
         }
 

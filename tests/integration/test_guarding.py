@@ -148,6 +148,47 @@ def test_keys_are_read_again_on_a_signal(keys):
             time.sleep(0.05)
 
 
+def test_streams_end_when_their_key_is_taken_back(keys):
+    with guarded(keys) as service:
+        asyncio.run(_take_back(service, keys))
+        log = everything_logged(service)
+    assert "streams of revoked keys ended" in log
+    assert not any(key in log for key in keys.keys.values())
+
+
+async def _take_back(service: Process, keys: Keys) -> None:
+    async with grpc.aio.insecure_channel(service.grpc) as channel:
+        stub = motion_pb2_grpc.MotionServiceStub(channel)
+
+        async def followed(name: str) -> tuple[str, grpc.aio.UnaryStreamCall]:
+            sessions = session_pb2_grpc.SessionServiceStub(channel)
+            wish, own = session_pb2.CreateSessionRequest(), keys.grpc(name)
+            session_id = (await sessions.CreateSession(wish, metadata=own)).session.session_id
+            wish = motion_pb2.StreamMotionRequest(session_id=session_id)
+            stream = stub.StreamMotion(wish, metadata=own)
+            assert (await stream.read()).HasField("header")
+            return session_id, stream
+
+        session_id, revoked = await followed("ada")
+        _, good = await followed("root")
+        url = f"{service.http.replace('http', 'ws')}/v1/stream?session={session_id}"
+        async with websockets.connect(url, additional_headers=keys.http("ada")) as socket:
+            assert await socket.recv()
+            text = keys.path.read_text()
+            keys.path.write_text(text[text.index("[keys.bob]") :])  # ada's is the first
+            async with asyncio.timeout(20):
+                with pytest.raises(websockets.ConnectionClosed) as closed:
+                    while True:
+                        await socket.recv()
+                with pytest.raises(grpc.aio.AioRpcError) as caught:
+                    while True:
+                        await revoked.read()
+        assert closed.value.rcvd.code == 4401 and "taken back" in closed.value.rcvd.reason
+        assert caught.value.code() == grpc.StatusCode.UNAUTHENTICATED
+        for _ in range(3):
+            assert (await good.read()) is not grpc.aio.EOF
+
+
 def test_tls_and_client_certificates(tmp_path):
     authority = Authority(tmp_path)
     cert, key = authority.issue("server")

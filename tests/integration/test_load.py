@@ -33,4 +33,6 @@ def test_a_run_measures_a_server_of_its_own(tmp_path, monkeypatch, transport):
     assert found["lateness_ms"]["max"] >= found["lateness_ms"]["p50"] >= 0
     assert found["first_chunk_ms"] and found["goal_latency_ms"] and found["goals"] >= 4
     assert found["cpu"]["server"] > 0 and found["cpu"]["generator"] > 0
+    memory = found["server_rss_mb"]
+    assert len(memory["samples"]) > 10 and memory["warm"] > 0 and memory["end"] > 0
     assert path.with_suffix(".png").stat().st_size > 1000

@@ -181,8 +181,9 @@ async def test_websocket_and_grpc_show_the_same_motion(server, client):
             by_socket = {}
             while seen < 6:
                 message = motion_pb2.StreamMotionResponse.FromString(await socket.recv())
-                for chunk in message.batch.chunks:
-                    by_socket[chunk.seq] = chunk
+                if message.batch.HasField("chunks"):
+                    (seq,) = message.batch.chunks.seqs
+                    by_socket[seq] = message.batch.chunks
                     seen += 1
         by_grpc = {f.seq: f for f in await both}
     shared = set(by_grpc) & set(by_socket)

@@ -1,17 +1,20 @@
 import pytest
 
-from wayfarer.load.knee import find_knee, in_time
+from wayfarer.load.knee import FAULTS, find_knee, in_time
 
 
-def summary(p99=10.0, misses=0, refused=0):
-    return {"lateness_ms": {"p99": p99}, "misses": misses, "refused": refused}
+def summary(p99=10.0, **faults):
+    return dict.fromkeys(FAULTS, 0) | {"lateness_ms": {"p99": p99}} | faults
 
 
-@pytest.mark.parametrize("bad", [{"p99": 60.0}, {"misses": 1}, {"refused": 1}])
-def test_late_missed_or_refused_is_not_in_time(bad):
+@pytest.mark.parametrize("bad", [{"p99": 60.0}, *({fault: 1} for fault in FAULTS)])
+def test_late_missed_refused_or_reduced_is_not_in_time(bad):
     assert in_time(summary(), 50.0)
     assert not in_time(summary(**bad), 50.0)
-    assert not in_time({"lateness_ms": None, "misses": 0, "refused": 0}, 50.0)
+
+
+def test_who_got_nothing_was_not_served_in_time():
+    assert not in_time(summary(lateness_ms=None), 50.0)
 
 
 @pytest.mark.parametrize("limit", [0, 1, 137, 999, 1000, 5000])

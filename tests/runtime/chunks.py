@@ -12,6 +12,7 @@ from wayfarer.runtime.agent import (
     ChunkFlag,
     Goal,
     MotionChunk,
+    MotionChunks,
     Publication,
     StreamWish,
 )
@@ -31,7 +32,7 @@ class KeepingMeter:
         self.steps.append((seconds, agents))
 
     def chunks(self, lateness):
-        self.lateness += lateness
+        self.lateness += lateness.tolist()
 
     def queue(self, seconds):
         self.queues.append(seconds)
@@ -64,9 +65,13 @@ def chunk(seq, agent="a", at=None, **values):
     )
 
 
+def together(*chunks):
+    return MotionChunks.of(chunks)
+
+
 def entry(seq, *agents, events=()):
     """Publication number seq + 1: chunk `seq` of each agent ("a" when none is named)."""
-    chunks = tuple(chunk(seq, agent) for agent in agents or ("a",))
+    chunks = together(*(chunk(seq, agent) for agent in agents or ("a",)))
     return Entry(Publication(seq + 1, chunks, tuple(events)), STEP * seq)
 
 

@@ -260,6 +260,37 @@ async def test_stop_ends_streams_and_commands():
             await loop.stats()
 
 
+class HeldEngine(FakeEngine):
+    """Whose calls last until they are let go."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.let_go, self.is_busy = threading.Event(), threading.Event()
+
+    def step(self, gender, inputs):
+        self.is_busy.set()
+        self.let_go.wait(30)
+        return super().step(gender, inputs)
+
+
+async def test_who_has_no_room_is_told_so_whatever_the_motion_thread_is_at():
+    engine = HeldEngine()
+    async with Running(engine, limits=Limits(agents=4)) as loop:
+        await loop.create_session(SessionSpec("s"))
+        await loop.create_agents("s", people(1))
+        await until(engine.is_busy.is_set)
+        try:
+            coming = asyncio.create_task(loop.create_agents("s", people(2)))
+            await asyncio.sleep(0.05)
+            async with asyncio.timeout(10):
+                with pytest.raises(ResourceExhausted, match="3 of 4 agents exist"):
+                    await loop.create_agents("s", people(2))
+            assert not coming.done()
+        finally:
+            engine.let_go.set()
+        assert len(await coming) == 2
+
+
 async def test_a_full_inbox_refuses():
     gate = threading.Event()
     engine = FakeEngine()

@@ -5,11 +5,11 @@ import torch
 
 from tests.training.fakes import gliding_frames
 from wayfarer.body.library import load_body
+from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS
 from wayfarer.training.analytic import AnalyticConfig, AnalyticTrainer, train_analytic
-from wayfarer.training.dataset import marker_body
 
 
 @pytest.fixture

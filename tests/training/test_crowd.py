@@ -5,9 +5,9 @@ import torch
 
 from tests.training.fakes import gliding_frames
 from wayfarer.body.library import load_body
+from wayfarer.marker_bodies import marker_body
 from wayfarer.spec import FPS
 from wayfarer.training.crowd import CrowdSampler
-from wayfarer.training.dataset import marker_body
 
 
 @pytest.fixture(scope="module")

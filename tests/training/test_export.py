@@ -6,12 +6,12 @@ import torch
 from wayfarer.artifacts import contract_for, contract_to_json, read_contract
 from wayfarer.body.library import load_body
 from wayfarer.errors import ArtifactError
+from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.policy import GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer.training.dataset import marker_body
 from wayfarer.training.export import (
     TOLERANCE,
     check_graph,

@@ -5,12 +5,12 @@ import torch
 
 from tests.training.fakes import gliding_frames
 from wayfarer.body.library import load_body
+from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.goal_cvae import GoalCvae
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.runtime.engines.onnx_engine import INPUTS
 from wayfarer.training.cli import read_config
-from wayfarer.training.dataset import marker_body
 from wayfarer.training.goal_cvae import (
     GoalCvaeConfig,
     GoalCvaeTrainer,

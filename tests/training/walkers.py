@@ -4,13 +4,13 @@ import torch
 
 from tests.training.fakes import gliding_frames
 from wayfarer.body.library import load_body
+from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.pose_prior import PosePrior
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS
-from wayfarer.training.dataset import marker_body
 from wayfarer.training.environment import GoalEnvironment, Task
 from wayfarer.training.starts import Starts
 

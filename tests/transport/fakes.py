@@ -20,6 +20,7 @@ from wayfarer.errors import (
     WayfarerError,
 )
 from wayfarer.runtime.agent import (
+    NO_CHUNKS,
     AgentChange,
     AgentInfo,
     AgentSpec,
@@ -30,6 +31,7 @@ from wayfarer.runtime.agent import (
     LoopStats,
     ModelInfo,
     MotionChunk,
+    MotionChunks,
     Publication,
     SessionInfo,
     SessionSpec,
@@ -258,7 +260,7 @@ class FakeService:
         info = agent_info("agent-1", 1, "", spec)
         for seq in range(steps):
             made = chunk("agent-1", 1, seq, info.position)
-            yield Publication(seq + 1, (made,), added=() if seq else (info,))
+            yield Publication(seq + 1, MotionChunks.of([made]), added=() if seq else (info,))
 
     async def list_models(self) -> list[ModelInfo]:
         return list(self.models)
@@ -292,14 +294,12 @@ class FakeService:
         """One chunk of each agent of a session, to every subscription of it."""
         published = self._publish(session_id, events)
         for subscription in self.subscriptions:
-            wanted = tuple(
-                c
-                for c in published.chunks
-                if not subscription.agent_ids or c.agent_id in subscription.agent_ids
-            )
+            names, wanted = published.chunks.agent_id, subscription.agent_ids
+            rows = [i for i, name in enumerate(names) if not wanted or name in wanted]
             if subscription.session_id == session_id and not subscription.closed:
-                subscription.queue.put_nowait(replace(published, chunks=wanted))
-        return published.chunks
+                chunks = published.chunks.take(np.array(rows, np.int64))
+                subscription.queue.put_nowait(replace(published, chunks=chunks))
+        return tuple(published.chunks)
 
     def _publish(self, session_id: str, events: Sequence[Event]) -> Publication:
         chunks = []
@@ -308,7 +308,8 @@ class FakeService:
             self._seq[agent.agent_id] = seq + 1
             chunks.append(chunk(agent.agent_id, agent.alias, seq, agent.position))
         past = self._published[session_id]
-        past.append(Publication(len(past) + 1, tuple(chunks), tuple(events)))
+        columns = MotionChunks.of(chunks) if chunks else NO_CHUNKS
+        past.append(Publication(len(past) + 1, columns, tuple(events)))
         return past[-1]
 
     def break_down(self) -> None:

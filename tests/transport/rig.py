@@ -89,5 +89,5 @@ async def others_are_undisturbed(rig, session_id):
     call = rig.motion.StreamMotion(motion_pb2.StreamMotionRequest(session_id=session_id))
     await call.read()
     rig.service.emit(session_id)
-    assert len((await call.read()).batch.chunks) == 2
+    assert len((await call.read()).batch.chunks.aliases) == 2
     call.cancel()

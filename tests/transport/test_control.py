@@ -35,9 +35,15 @@ class Client:
             yield request
 
 
+async def read(messages):
+    async with aclosing(messages):
+        async for message in messages:
+            yield control_pb2.ControlResponse.FromString(message)
+
+
 async def begun(api, client: Client, session_id: str):
     client.send(open={"session_id": session_id})
-    messages = control(api, client.requests())
+    messages = read(control(api, client.requests()))
     assert (await anext(messages)).motion.HasField("header")
     return messages
 
@@ -76,12 +82,12 @@ async def test_motion_and_replies_share_the_connection():
     client = Client()
     async with aclosing(await begun(api, client, session_id)) as messages:
         service.emit(session_id)
-        assert len((await anext(messages)).motion.batch.chunks) == 2
+        assert len((await anext(messages)).motion.batch.chunks.aliases) == 2
         client.send(command_id=1, clear_goal={"agent_id": agent.agent_id})
         assert (await anext(messages)).reply.revision == 1
         client.leave()  # no more requests: the stream goes on
         service.emit(session_id)
-        assert len((await anext(messages)).motion.batch.chunks) == 2
+        assert len((await anext(messages)).motion.batch.chunks.aliases) == 2
     assert service.subscriptions[0].closed
 
 

@@ -76,7 +76,7 @@ TWINS = [
     (schema.Steps, motion_pb2.StepAgentsResponse),
     (schema.StreamHeader, motion_pb2.StreamHeader),
     (schema.MotionBatch, motion_pb2.MotionBatch),
-    (schema.MotionChunk, motion_pb2.MotionChunk),
+    (schema.MotionChunks, motion_pb2.MotionChunks),
     (schema.Event, motion_pb2.Event),
     (schema.Limits, catalog_pb2.Limits),
     (schema.ServerInfo, catalog_pb2.GetServerInfoResponse),
@@ -217,10 +217,11 @@ def test_drawn_seeds_are_uint32_and_each_of_a_sessions_its_own(seed, number):
 
 
 def test_bytes_stand_as_base64_among_values():
-    sent = motion_pb2.MotionChunk(state="AGENT_STATE_WALKING", poses=b"\x00\xff", contacts=b"\x03")
-    shown = wire.parse(schema.MotionChunk, sent)
-    assert (shown.poses, shown.contacts, shown.state) == ("AP8=", "Aw==", "walking")
-    assert wire.message(motion_pb2.MotionChunk, shown) == sent
+    walking = ["AGENT_STATE_WALKING"]
+    sent = motion_pb2.MotionChunks(states=walking, poses=b"\x00\xff", contacts=b"\x03")
+    shown = wire.parse(schema.MotionChunks, sent)
+    assert (shown.poses, shown.contacts, shown.states) == ("AP8=", "Aw==", ("walking",))
+    assert wire.message(motion_pb2.MotionChunks, shown) == sent
 
 
 @pytest.mark.parametrize("basis", Basis)

@@ -22,6 +22,7 @@ EVERY = {
     raised.NotFound("no agent 'x'"): ("NOT_FOUND", 404),
     raised.AlreadyExists("taken"): ("ALREADY_EXISTS", 409),
     raised.FailedPrecondition("not now"): ("FAILED_PRECONDITION", 409),
+    raised.Misdirected("elsewhere", 1, 50053, 8082): ("MISDIRECTED", 421),
     raised.Aborted("stale"): ("ABORTED", 409),
     raised.Unauthenticated("who?"): ("UNAUTHENTICATED", 401),
     raised.PermissionDenied("no"): ("PERMISSION_DENIED", 403),
@@ -52,7 +53,8 @@ def test_both_transports_say_the_same(error, codes):
     name, http = codes
     status, details = rich(error)
     problem = errors.to_problem(error)
-    assert status.code.name == name == detail(details, ErrorInfo).reason
+    assert status.code.name == {"MISDIRECTED": "FAILED_PRECONDITION"}.get(name, name)
+    assert detail(details, ErrorInfo).reason == name
     assert problem["status"] == http
     assert problem["type"] == f"urn:wayfarer:{name.lower()}"
     assert problem["detail"] == status.details == details.message
@@ -103,9 +105,17 @@ def test_the_documented_table_is_the_table():
     ]
     documented = {row[0]: (row[1], int(row[2]), int(row[3])) for row in rows}
     assert documented == {
-        f"urn:wayfarer:{code.reason.lower()}": (code.reason, code.http, 4000 + code.http)
+        f"urn:wayfarer:{code.reason.lower()}": (code.grpc.name, code.http, 4000 + code.http)
         for code in (*errors.TABLE.values(), errors.INTERNAL)
     }
+
+
+def test_where_the_call_should_have_gone_is_told_on_both():
+    error = raised.Misdirected("elsewhere", worker=1, grpc_port=50053, http_port=8082)
+    told = {"worker": 1, "grpc_port": 50053, "http_port": 8082}
+    assert schema.Problem(**errors.to_problem(error)).endpoint == schema.Endpoint(**told)
+    metadata = detail(rich(error)[1], ErrorInfo).metadata
+    assert dict(metadata) == {key: str(value) for key, value in told.items()}
 
 
 def test_internals_are_not_told():

@@ -10,9 +10,16 @@ from structlog.contextvars import get_contextvars
 
 from tests.transport.auth.test_keys import STUDIO
 from tests.transport.test_http_guard import guarded
+from wayfarer.config import Limits
 from wayfarer.errors import InvalidArgument
 from wayfarer.transport.caller import present_caller
-from wayfarer.transport.grpc_guard import OPEN_STREAMS, GuardInterceptor, address
+from wayfarer.transport.grpc_guard import (
+    OPEN_STREAMS,
+    GuardInterceptor,
+    OpenStreamsInterceptor,
+    address,
+)
+from wayfarer.transport.grpc_server import GrpcServer
 from wayfarer.transport.grpc_server.interceptors import ErrorInterceptor
 from wayfarer.transport.guard import Guard
 from wayfarer.transport.metrics import Metrics
@@ -54,6 +61,7 @@ class Rig:
             "Both": grpc.stream_stream_rpc_method_handler(handlers.both),
         }
         interceptors = [
+            OpenStreamsInterceptor(),
             ErrorInterceptor(),
             GuardInterceptor(guard, self.metrics, NoTracing(), access_log=True),
         ]
@@ -173,3 +181,32 @@ async def test_health_is_open_but_not_to_be_hoarded(rig):
 )
 def test_address(peer, expected):
     assert address(peer) == expected
+
+
+async def test_beyond_the_limit_connections_are_closed_and_room_comes_back():
+    server = GrpcServer(lambda _: None, Limits(), "127.0.0.1", 0, connections=2)
+    await server.start()
+
+    def connect() -> grpc.aio.Channel:
+        own = [("grpc.use_local_subchannel_pool", 1)]  # else channels share a connection
+        return grpc.aio.insecure_channel(f"127.0.0.1:{server.port}", options=own)
+
+    async def answers(channel: grpc.aio.Channel) -> bool:
+        wish = health_pb2.HealthCheckRequest()
+        try:
+            await health_pb2_grpc.HealthStub(channel).Check(wish, timeout=10)
+        except grpc.aio.AioRpcError as error:
+            assert error.code() is grpc.StatusCode.UNAVAILABLE
+            return False
+        return True
+
+    first, second, third = (connect() for _ in range(3))
+    assert [await answers(channel) for channel in (first, second, third)] == [True, True, False]
+    await first.close()
+    async with asyncio.timeout(10):
+        while not await answers(third):
+            await asyncio.sleep(0.1)
+    assert await answers(second)
+    for channel in (second, third):
+        await channel.close()
+    await server.stop(0)

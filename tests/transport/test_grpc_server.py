@@ -61,11 +61,13 @@ async def test_grpc_from_session_to_frames(rig):
     (sent,) = rig.service.emit(session_id)
     batch = (await call.read()).batch
     assert batch.added[0].agent_id == agent.agent_id
-    (chunk,) = batch.chunks
-    assert chunk.flags == motion_pb2.CHUNK_FLAG_FIRST
-    assert (chunk.waypoint, chunk.candidates) == (5, 4)
-    assert chunk.scheduled_at_us == round(sent.scheduled_at * 1e6)
-    translation, rotations, contacts = codec.decode(chunk.poses, chunk.contacts, Basis.ROS)
+    chunks = batch.chunks
+    assert list(chunks.aliases) == [agent.alias]
+    assert list(chunks.flags) == [motion_pb2.CHUNK_FLAG_FIRST]
+    assert (list(chunks.waypoints), list(chunks.candidates)) == ([5], [4])
+    assert list(chunks.states) == [agent_pb2.AGENT_STATE_STANDING]
+    assert list(chunks.scheduled_at_us) == [round(sent.scheduled_at * 1e6)]
+    translation, rotations, contacts = codec.decode(chunks.poses, chunks.contacts, Basis.ROS)
     np.testing.assert_allclose(translation, sent.translation, atol=1e-6)
     np.testing.assert_array_equal(rotations, sent.rotations)
     np.testing.assert_array_equal(contacts, sent.contacts)
@@ -78,7 +80,7 @@ async def test_grpc_from_session_to_frames(rig):
     await rig.agents.DeleteAgent(agent_pb2.DeleteAgentRequest(agent_id=agent.agent_id))
     await rig.sessions.DeleteSession(session_pb2.DeleteSessionRequest(session_id=session_id))
     while (message := await call.read()) is not grpc.aio.EOF:
-        assert not message.batch.chunks
+        assert not message.batch.HasField("chunks")
     assert await call.code() == grpc.StatusCode.OK
 
 
@@ -170,7 +172,7 @@ async def test_grpc_makes_clips_and_lets_time_pass(rig):
     clip = rig.motion.GenerateClip(motion_pb2.GenerateClipRequest(seconds=0.4, agent={"seed": 3}))
     header, *batches = [message async for message in clip]
     assert header.header.frame_bytes == 364
-    assert [b.batch.chunks[0].seq for b in batches] == [0, 1]
+    assert [list(b.batch.chunks.seqs) for b in batches] == [[0], [1]]
     too_long = rig.motion.GenerateClip(motion_pb2.GenerateClipRequest(seconds=1e6))
     assert await code_of(too_long.read()) == grpc.StatusCode.INVALID_ARGUMENT
 
@@ -225,7 +227,7 @@ async def test_control_over_grpc(rig):
     await until(lambda: rig.service.subscriptions[0].acks == [(1, 0.0)])
     await call.done_writing()  # the stream goes on
     rig.service.emit(session_id)
-    assert len((await call.read()).motion.batch.chunks) == 2
+    assert len((await call.read()).motion.batch.chunks.aliases) == 2
     call.cancel()
     await until(lambda: rig.service.subscriptions[0].closed)
     await others_are_undisturbed(rig, session_id)

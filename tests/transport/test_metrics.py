@@ -1,5 +1,6 @@
 import threading
 
+import numpy as np
 import pytest
 
 from wayfarer.runtime.agent import AgentState, LoopStats, SlowReader
@@ -19,7 +20,7 @@ def value(metrics: Metrics, name: str, **labels: str) -> float | None:
 def test_what_the_loop_tells(metrics):
     meter: Meter = metrics
     meter.step(0.01, 12)
-    meter.chunks([-0.02, 0.01, 0.03])
+    meter.chunks(np.array([-0.02, 0.01, 0.03]))
     meter.queue(0.2)
     meter.drops(SlowReader.HOLD, 3)
     meter.resume(ResumeResult.GAP)
@@ -30,6 +31,9 @@ def test_what_the_loop_tells(metrics):
     assert value(metrics, "batch_size_sum") == 12
     assert value(metrics, "chunk_lateness_seconds_count") == 3
     assert value(metrics, "chunk_lateness_seconds_sum") == pytest.approx(0.04)
+    buckets = ("0.0", "0.005", "0.01", "0.025", "0.05", "+Inf")
+    up_to = [value(metrics, "chunk_lateness_seconds_bucket", le=bound) for bound in buckets]
+    assert up_to == [1, 1, 2, 2, 3, 3]
     assert value(metrics, "deadline_misses_total") == 1  # more than a frame, 25 ms
     assert value(metrics, "stream_queue_seconds_count") == 1
     assert value(metrics, "stream_drops_total", policy="hold") == 3
@@ -74,7 +78,7 @@ def test_series_are_there_before_anything_happens(metrics):
 def test_threads_at_the_same_time(metrics):
     def work() -> None:
         for _ in range(1000):
-            metrics.chunks([0.1])
+            metrics.chunks(np.array([0.1]))
 
     threads = [threading.Thread(target=work) for _ in range(4)]
     for thread in threads:
@@ -82,10 +86,11 @@ def test_threads_at_the_same_time(metrics):
     for thread in threads:
         thread.join()
     assert value(metrics, "deadline_misses_total") == 4000
+    assert value(metrics, "chunk_lateness_seconds_count") == 4000
 
 
 def test_servers_do_not_share(metrics):
-    metrics.chunks([1.0])
+    metrics.chunks(np.array([1.0]))
     assert value(Metrics(), "deadline_misses_total") == 0
 
 

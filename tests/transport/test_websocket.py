@@ -56,7 +56,7 @@ async def test_the_query_chooses_the_format_and_resumes(rig):
     resume = f"&resume_token={batch.resume_token}&slow_reader=disconnect"
     async with rig.socket(session_id, resume) as socket:
         assert (await message(socket)).header.resumed
-        assert [c.seq for c in (await message(socket)).batch.chunks] == [1, 1]
+        assert list((await message(socket)).batch.chunks.seqs) == [1, 1]
     assert rig.service.subscriptions[1].wish.slow_reader is SlowReader.DISCONNECT
 
 

@@ -31,7 +31,7 @@ def names(cell: str) -> list[str]:
 def test_every_field_of_header_and_chunk_is_described():
     for message, heading in (
         (motion_pb2.StreamHeader, "| field | meaning |\n|---|---|\n| `server_version`"),
-        (motion_pb2.MotionChunk, "| field | meaning |\n|---|---|\n| `alias`"),
+        (motion_pb2.MotionChunks, "| field | meaning |\n|---|---|\n| `aliases`"),
     ):
         described = [name for first, *_ in rows(heading) for name in names(first)]
         assert sorted(described) == sorted(field.name for field in message.DESCRIPTOR.fields)

@@ -29,7 +29,7 @@ test("a batch gives new agents, chunks and removals", () => {
   }]);
   assert.deepEqual(batch.removed, [1, 300]);
   assert.equal(batch.resumeToken, "r.1.41");
-  const [{ poses, contacts, ...chunk }] = batch.chunks;
+  const [{ poses, contacts, ...chunk }, second] = batch.chunks;
   assert.deepEqual(chunk, {
     alias: 300, seq: 12, firstFrame: 96, scheduledAt: 1_780_000_000.123456, goalRevision: 3,
     state: "walking", flags: FLAG.FIRST | FLAG.ARRIVED, waypoint: 2, candidates: 8,
@@ -38,6 +38,14 @@ test("a batch gives new agents, chunks and removals", () => {
   const frames = unpackPoses(poses, FLOATS);
   assert.equal(frames.length, 3);
   assert.deepEqual([...frames[2]], [2, 2.5, 2.25, 0, 0, 0, 1, 0.5, -0.5, 0.5, -0.5]);
+  assert.deepEqual([second.alias, second.seq, second.state, second.scheduledAt], [7, 0, "standing", 1_780_000_000.148456]);
+  assert.deepEqual([...second.contacts], [3, 3, 0]);
+  assert.equal(unpackPoses(second.poses, FLOATS)[0][0], 3);
+});
+
+test("chunks whose columns differ in length are refused", () => {
+  const batch = [0x1a, 6, 0x12, 4, 0x0a, 2, 1, 2]; // two aliases, and nothing else
+  assert.throws(() => decodeStreamMessage(new Uint8Array(batch)), /malformed message: columns/);
 });
 
 test("smallest-three poses and held motion", () => {

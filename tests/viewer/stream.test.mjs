@@ -12,7 +12,7 @@ function harness() {
   const heard = [];
   const note = (name) => (...given) => heard.push([name, ...given]);
   const on = Object.fromEntries(
-    ["status", "header", "message", "added", "chunk", "removed", "event", "ended", "refused", "failed"].map((name) => [name, note(name)]),
+    ["status", "header", "message", "added", "chunk", "chunk", "removed", "event", "ended", "refused", "failed"].map((name) => [name, note(name)]),
   );
   const newSocket = (url, protocols) => {
     const socket = {
@@ -50,7 +50,7 @@ test("header, agents, chunks and removals arrive in order", () => {
   sockets[0].say("batch");
   sockets[0].say("heartbeat");
   assert.deepEqual(names(), [
-    "status", "header", "status", "message", "message", "added", "chunk", "removed", "removed", "message",
+    "status", "header", "status", "message", "message", "added", "chunk", "chunk", "removed", "removed", "message",
   ]);
   const [, chunk, frames, fps] = heard.find(([name]) => name === "chunk");
   assert.deepEqual([chunk.seq, frames.length, fps], [12, 3, 40]);

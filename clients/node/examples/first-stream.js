@@ -1,6 +1,6 @@
 // One person walks to a goal; prints where she is. node examples/first-stream.js [address]
 
-import { EventKind, connect, follow, unpackPoses } from "../src/index.js";
+import { EventKind, connect, follow, unpackChunks } from "../src/index.js";
 
 const client = connect(process.argv[2] ?? "localhost:50051");
 const { session } = await client.sessions.createSession();
@@ -12,9 +12,9 @@ let header;
 for await (const { payload } of follow(client, { sessionId })) {
   if (payload.case === "header") header = payload.value;
   if (payload.case === "batch") {
-    for (const chunk of payload.value.chunks) {
-      const [x, , z] = unpackPoses(chunk.poses, header).at(-1).translation;
-      console.log(`frame ${chunk.firstFrame}: (${x.toFixed(2)}, ${z.toFixed(2)})`);
+    for (const { firstFrame, frames } of unpackChunks(payload.value.chunks, header)) {
+      const [x, , z] = frames.at(-1).translation;
+      console.log(`frame ${firstFrame}: (${x.toFixed(2)}, ${z.toFixed(2)})`);
     }
   }
   if (payload.case === "event" && payload.value.kind === EventKind.PATH_DONE) break;

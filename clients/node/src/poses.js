@@ -1,10 +1,16 @@
-// MotionChunk.poses to numbers; docs/wire-format.md shows each encoding byte by byte.
+// MotionChunks to numbers; docs/wire-format.md shows each encoding byte by byte.
 
 import { PoseEncoding } from "./gen/wayfarer/v1/motion_pb.js";
 
 const MIDDLE = 16383; // the count that stands for 0
 const STEP = 1 / (MIDDLE * Math.SQRT2);
 const OTHERS = [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]; // by the component left out
+
+const COLUMNS = {
+  alias: "aliases", seq: "seqs", firstFrame: "firstFrames", scheduledAtUs: "scheduledAtUs",
+  goalRevision: "goalRevisions", state: "states", flags: "flags", waypoint: "waypoints",
+  candidates: "candidates",
+};
 
 const READERS = {
   [PoseEncoding.F32_LE]: { size: 16, read: readFloats },
@@ -13,7 +19,30 @@ const READERS = {
 };
 
 /**
- * Frames of a chunk, packed as a stream's header says: [{ translation: [x, y, z], rotations:
+ * The chunks of a batch, `batch.chunks`, one by one: [{ alias, seq, firstFrame, scheduledAtUs,
+ * goalRevision, state, flags, waypoint, candidates, frames, contacts }], with `frames` as of
+ * `unpackPoses` and `contacts` as of `unpackContacts`. None when there are none. Throws as
+ * `unpackPoses`, and when the columns of the message differ in length.
+ */
+export function unpackChunks(chunks, header) {
+  if (!chunks?.aliases.length) return [];
+  const count = chunks.aliases.length;
+  const frames = unpackPoses(chunks.poses, header);
+  const contacts = unpackContacts(chunks.contacts);
+  const each = frames.length / count;
+  const columns = Object.entries(COLUMNS).map(([name, column]) => [name, chunks[column]]);
+  if (!Number.isInteger(each) || contacts.length !== frames.length || columns.some(([, { length }]) => length !== count)) {
+    throw new Error(`the columns of a batch of ${count} chunks are not of one length`);
+  }
+  return chunks.aliases.map((_, row) => ({
+    ...Object.fromEntries(columns.map(([name, values]) => [name, values[row]])),
+    frames: frames.slice(each * row, each * (row + 1)),
+    contacts: contacts.slice(each * row, each * (row + 1)),
+  }));
+}
+
+/**
+ * Frames of one chunk or several, packed as a stream's header says: [{ translation: [x, y, z], rotations:
  * [[x, y, z, w], …] }], one rotation for each of `header.bones`. Throws when the encoding is not
  * known or the bytes are not whole frames.
  */

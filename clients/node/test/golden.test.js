@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
-import { PoseEncoding, unpackContacts, unpackPoses } from "../src/index.js";
+import { PoseEncoding, unpackChunks, unpackContacts, unpackPoses } from "../src/index.js";
 
 const folder = new URL("../../../tests/golden/", import.meta.url);
 const { core, bases, vectors, tolerance_deg: tolerances } = JSON.parse(readFileSync(new URL("vectors.json", folder)));
@@ -26,6 +26,24 @@ for (const vector of vectors) {
     });
   });
 }
+
+test("chunks of a batch come one by one", () => {
+  const header = { poseEncoding: PoseEncoding.F32_LE, bones: [] };
+  const poses = Buffer.alloc(4 * 12);
+  poses.writeFloatLE(2.5, 3 * 12);
+  const ones = [1, 1];
+  const chunks = {
+    aliases: [7, 9], seqs: [1n, 2n], firstFrames: [8n, 16n], scheduledAtUs: [5n, 6n], goalRevisions: ones,
+    states: ones, flags: ones, waypoints: ones, candidates: ones, poses, contacts: Buffer.from([0, 1, 2, 3]),
+  };
+  const [first, second] = unpackChunks(chunks, header);
+  assert.deepEqual([first.alias, first.frames.length, first.contacts[1].left], [7, 2, true]);
+  assert.deepEqual([second.seq, second.firstFrame, second.scheduledAtUs], [2n, 16n, 6n]);
+  assert.equal(second.frames[1].translation[0], 2.5);
+  assert.deepEqual(unpackChunks(undefined, header), []);
+  assert.throws(() => unpackChunks({ ...chunks, seqs: [1n] }, header), /of 2 chunks are not of one length/);
+  assert.throws(() => unpackChunks({ ...chunks, contacts: Buffer.alloc(3) }, header), /not of one length/);
+});
 
 test("what cannot be read is told", () => {
   const header = { poseEncoding: PoseEncoding.F32_LE, bones: [0] };

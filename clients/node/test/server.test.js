@@ -5,7 +5,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { status } from "@grpc/grpc-js";
 import {
-  Basis, ChunkFlag, EventKind, Gender, PoseEncoding, PoseProfile, connect, follow, unpackContacts, unpackPoses,
+  Basis, ChunkFlag, EventKind, Gender, PoseEncoding, PoseProfile, connect, follow, unpackChunks,
 } from "../src/index.js";
 
 const address = process.env.WAYFARER_ADDRESS;
@@ -33,12 +33,13 @@ test("session, agents, goals, stream, goal change, resume", options, async () =>
     if (payload.case === "header") header = payload.value;
     if (payload.case !== "batch") continue;
     token = payload.value.resumeToken;
-    for (const chunk of payload.value.chunks.filter(({ alias }) => alias === ada.alias)) {
+    const chunks = unpackChunks(payload.value.chunks, header);
+    for (const chunk of chunks.filter(({ alias }) => alias === ada.alias)) {
       if (!last) assert.ok(chunk.flags & ChunkFlag.FIRST);
       last = chunk;
-      const frames = unpackPoses(chunk.poses, header);
+      const { frames, contacts } = chunk;
       assert.equal(frames.length, 4); // 8 at 40 fps are 4 at 20
-      assert.equal(unpackContacts(chunk.contacts).length, 4);
+      assert.equal(contacts.length, 4);
       frames.flatMap(({ rotations }) => rotations).forEach((rotation) => assert.ok(Math.abs(Math.hypot(...rotation) - 1) < 1e-5));
       travelled = frames.at(-1).translation[2];
     }
@@ -65,7 +66,8 @@ test("session, agents, goals, stream, goal change, resume", options, async () =>
       if (payload.value.kind === EventKind.PATH_DONE) break;
     }
     if (payload.case !== "batch") continue;
-    for (const chunk of payload.value.chunks.filter(({ alias }) => alias === ada.alias)) {
+    const chunks = unpackChunks(payload.value.chunks, header);
+    for (const chunk of chunks.filter(({ alias }) => alias === ada.alias)) {
       assert.equal(chunk.seq, last.seq + 1n);
       last = chunk;
     }
@@ -95,7 +97,7 @@ test("control: commands are answered, motion comes beside them", options, async 
     if (motion?.payload.case === "batch") {
       batches += 1;
       const { resumeToken, chunks } = motion.payload.value;
-      const playheadUs = chunks[0]?.scheduledAtUs ?? motion.sentAtUs;
+      const playheadUs = chunks?.scheduledAtUs[0] ?? motion.sentAtUs;
       control.write({ payload: { case: "ack", value: { resumeToken, playheadUs } } });
     }
     if (batches >= 5 && replies.size === 2) break;

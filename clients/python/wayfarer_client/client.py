@@ -1,9 +1,10 @@
 """The asynchronous client."""
 
+import asyncio
 from collections.abc import AsyncGenerator, Callable, Iterable
 from contextlib import aclosing
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Final, Self
 
 from wayfarer_client.admin import Admin
 from wayfarer_client.connection import Access, Connection, Tls
@@ -18,6 +19,9 @@ from wayfarer_client.v1 import (
 )
 from wayfarer_client.wire import BatchReader
 
+REACH_S: Final = 1.0
+"""A worker's port that takes no connection within so long is behind a firewall."""
+
 
 class Client:
     """A connection to a server. Use it as `async with`, or call `connect` and `close`."""
@@ -30,14 +34,21 @@ class Client:
         api_key: str = "",
         token: str | Callable[[], str] = "",
         tls: Tls | None = None,
+        direct: bool = True,
     ) -> None:
         """`timeout`: seconds for connecting and for each call.
+
+        `direct`: where the server has several workers, call a session's own on its own port, if it
+        can be reached; the server's port, which relays all, will do in any case.
 
         `token` is a JWT, or a function that gives a fresh one: it is asked at every call. Keys and
         tokens can be read on the way unless `tls` is given.
         """
         self.connection = Connection(address, timeout, Access(api_key, token), tls)
         self.admin = Admin(self.connection)
+        self._direct = direct
+        self._workers: dict[int, Connection] = {}  # by port, as far as they have been called
+        self._reaching = asyncio.Lock()
         self._skeleton: catalog_pb2.Skeleton | None = None
 
     @property
@@ -52,7 +63,20 @@ class Client:
 
     async def close(self) -> None:
         """Close the connection. Sessions live on until they are deleted or their lease ends."""
-        await self.connection.close()
+        for connection in {self.connection, *self._workers.values()}:
+            await connection.close()
+
+    async def connection_of(self, session: session_pb2.Session) -> Connection:
+        """Over which to call a session: to its worker, if that can be, else to the server."""
+        if not self._direct or not session.HasField("endpoint"):
+            return self.connection
+        port = session.endpoint.grpc_port
+        async with self._reaching:
+            if port not in self._workers:
+                worker = self.connection.beside(port)
+                reached = worker is not None and await worker.reached(REACH_S)
+                self._workers[port] = worker if worker and reached else self.connection
+        return self._workers[port]
 
     async def __aenter__(self) -> Self:
         return await self.connect()
@@ -92,25 +116,28 @@ class Client:
             record=record,
         )
         reply = await self.connection.create(self.connection.sessions.CreateSession, request)
-        return Session(self, reply.session, owned=True)
+        return await self._session(reply.session, owned=True)
 
     async def session(self, session_id: str) -> Session:
         """Take part in a session that exists; it is not deleted at the end. Raises NotFound."""
         request = session_pb2.GetSessionRequest(session_id=session_id)
         reply = await self.connection.call(self.connection.sessions.GetSession, request)
-        return Session(self, reply.session, owned=False)
+        return await self._session(reply.session, owned=False)
 
     async def sessions(self) -> list[Session]:
         """Those of this caller, oldest first."""
         request = session_pb2.ListSessionsRequest()
         reply = await self.connection.call(self.connection.sessions.ListSessions, request)
-        return [Session(self, message, owned=False) for message in reply.sessions]
+        return [await self._session(message, owned=False) for message in reply.sessions]
 
     async def import_session(self, snapshot: bytes) -> Session:
         """Go on with a session that `Session.export` has exported, here or on another server."""
         request = snapshot_pb2.ImportSessionRequest(snapshot=snapshot)
         reply = await self.connection.call(self.connection.snapshots.ImportSession, request)
-        return Session(self, reply.session, owned=True)
+        return await self._session(reply.session, owned=True)
+
+    async def _session(self, message: session_pb2.Session, owned: bool) -> Session:
+        return Session(self, await self.connection_of(message), message, owned)
 
     # clips and replays
 

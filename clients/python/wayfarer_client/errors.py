@@ -1,10 +1,10 @@
 """Errors of the client, one per kind of gRPC status that the server sends."""
 
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import grpc
 from google.protobuf.message import DecodeError
-from google.rpc.error_details_pb2 import BadRequest, RetryInfo
+from google.rpc.error_details_pb2 import BadRequest, ErrorInfo, RetryInfo
 from google.rpc.status_pb2 import Status
 
 from wayfarer_client.v1 import common_pb2
@@ -37,6 +37,12 @@ class AlreadyExists(WayfarerError):
 
 class FailedPrecondition(WayfarerError):
     """Right request, wrong moment."""
+
+
+class Misdirected(FailedPrecondition):
+    """The session lives in another worker of the server: at `grpc_port` of the same host."""
+
+    grpc_port = 0
 
 
 class Aborted(WayfarerError):
@@ -91,7 +97,13 @@ def from_grpc(error: grpc.aio.AioRpcError) -> WayfarerError:
     kind = CLASSES.get(error.code())
     if kind is None:
         return WayfarerError(f"{error.code().name}: {text}")
-    return kind(text, *_details(error))
+    found = _details(error)
+    if found.grpc_port:
+        kind = Misdirected
+    made = kind(text, found.field, found.retry_after)
+    if isinstance(made, Misdirected):
+        made.grpc_port = found.grpc_port
+    return made
 
 
 def from_problem(problem: common_pb2.Problem) -> WayfarerError:
@@ -100,9 +112,14 @@ def from_problem(problem: common_pb2.Problem) -> WayfarerError:
     return kind(problem.message, problem.field)
 
 
-def _details(error: grpc.aio.AioRpcError) -> tuple[str, float]:
-    """Field at fault, and seconds to wait."""
-    field, retry_after = "", 0.0
+class _Details(NamedTuple):
+    field: str = ""  # at fault
+    retry_after: float = 0.0  # seconds to wait
+    grpc_port: int = 0  # where the call should have gone
+
+
+def _details(error: grpc.aio.AioRpcError) -> _Details:
+    found = _Details()
     metadata: Any = error.trailing_metadata() or ()
     for key, value in metadata:
         if key != DETAILS or isinstance(value, str):
@@ -112,9 +129,12 @@ def _details(error: grpc.aio.AioRpcError) -> tuple[str, float]:
         except DecodeError:  # a proxy's: the text is all there is
             continue
         for detail in details:
-            bad, retry = BadRequest(), RetryInfo()
+            bad, retry, info = BadRequest(), RetryInfo(), ErrorInfo()
             if detail.Unpack(bad) and bad.field_violations:
-                field = bad.field_violations[0].field
+                found = found._replace(field=bad.field_violations[0].field)
             elif detail.Unpack(retry):
-                retry_after = retry.retry_delay.ToTimedelta().total_seconds()
-    return field, retry_after
+                seconds = retry.retry_delay.ToTimedelta().total_seconds()
+                found = found._replace(retry_after=seconds)
+            elif detail.Unpack(info) and info.metadata.get("grpc_port", "").isdigit():
+                found = found._replace(grpc_port=int(info.metadata["grpc_port"]))
+    return found

@@ -21,7 +21,7 @@ OTHERS: Final = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 
 
 class Unpacked(NamedTuple):
-    """The frames of a chunk."""
+    """Frames of chunks, one chunk after the other."""
 
     translation: NDArray[np.float32]  # [F, 3] hips
     rotations: NDArray[np.float32]  # [F, B, 4] x, y, z, w
@@ -57,7 +57,7 @@ class PoseLayout:
         )
 
     def unpack(self, poses: bytes) -> Unpacked:
-        """`MotionChunk.poses` as arrays. Raises WayfarerError when these are not whole frames."""
+        """`MotionChunks.poses` as arrays. Raises WayfarerError when these are not whole frames."""
         if len(poses) % self._frame.itemsize:
             raise WayfarerError(
                 f"{len(poses)} bytes of poses are not whole frames of {self._frame.itemsize} bytes"

@@ -7,6 +7,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Final, Self
 
 from wayfarer_client import goals as requests
+from wayfarer_client.connection import Connection
 from wayfarer_client.control import Control
 from wayfarer_client.errors import NotFound, Unavailable
 from wayfarer_client.goals import id_of
@@ -44,14 +45,17 @@ class Session:
     joined lives on.
     """
 
-    def __init__(self, client: "Client", message: session_pb2.Session, owned: bool) -> None:
+    def __init__(
+        self, client: "Client", connection: Connection, message: session_pb2.Session, owned: bool
+    ) -> None:
+        """`connection`: over which it is called."""
         self.client = client
         self.session_id = message.session_id
         self.basis: common_pb2.BasisInfo = message.basis
         self.seed = message.seed
         self.lease_s = message.lease_s
         self.owned = owned
-        self._connection = client.connection
+        self._connection = connection
         self._renewing: asyncio.Task[None] | None = None
         self._known: dict[int, Agent] = {}  # of lock-step, by alias
 

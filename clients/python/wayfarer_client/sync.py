@@ -27,8 +27,9 @@ class SyncClient:
         api_key: str = "",
         token: str | Callable[[], str] = "",
         tls: Tls | None = None,
+        direct: bool = True,
     ) -> None:
-        """Raises Unavailable when no server answers within `timeout` seconds."""
+        """As `Client`. Raises Unavailable when no server answers within `timeout` seconds."""
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(
             target=self._loop.run_forever, name="wayfarer-client", daemon=True
@@ -37,7 +38,7 @@ class SyncClient:
 
         async def connected() -> Client:
             # grpc.aio binds a channel to the event loop that it is made in
-            client = Client(address, timeout, api_key=api_key, token=token, tls=tls)
+            client = Client(address, timeout, api_key=api_key, token=token, tls=tls, direct=direct)
             return await client.connect()
 
         try:

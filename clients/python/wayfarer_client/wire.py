@@ -1,10 +1,11 @@
 """Protobuf → the values of messages.py."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 import numpy as np
 
+from wayfarer_client.errors import WayfarerError
 from wayfarer_client.messages import Agent, Batch, Event, Flag, Frames, Goal, Place, StreamInfo
 from wayfarer_client.poses import PoseLayout
 from wayfarer_client.v1 import agent_pb2, common_pb2, goal_pb2, motion_pb2
@@ -20,6 +21,11 @@ STATES: Final = _words(agent_pb2.AgentState)
 GENDERS: Final = _words(agent_pb2.Gender)
 EVENTS: Final = _words(motion_pb2.EventKind)
 ENCODINGS: Final = _words(motion_pb2.PoseEncoding)
+COLUMNS: Final = (
+    *("aliases", "seqs", "first_frames", "scheduled_at_us", "goal_revisions", "states"),
+    *("flags", "waypoints", "candidates"),
+)
+"""Of MotionChunks, those with a number for each chunk."""
 
 
 class BatchReader:
@@ -43,9 +49,7 @@ class BatchReader:
         added = tuple(agent_from_wire(agent) for agent in message.added)
         fresh = tuple(agent for agent in added if agent.alias not in self.agents)
         self.agents.update((agent.alias, agent) for agent in added)
-        frames = tuple(
-            self._frames(chunk) for chunk in message.chunks if chunk.alias in self.agents
-        )
+        frames = tuple(self._frames(message.chunks))
         gone = [self.agents.pop(alias, None) for alias in message.removed]
         removed = tuple(agent for agent in gone if agent is not None)
         return Batch(sent_at, frames, fresh, removed, resume_token=message.resume_token)
@@ -61,24 +65,40 @@ class BatchReader:
             detail=message.detail,
         )
 
-    def _frames(self, chunk: motion_pb2.MotionChunk) -> Frames:
+    def _frames(self, chunks: motion_pb2.MotionChunks) -> Iterator[Frames]:
+        """Of the agents that are known. Raises WayfarerError when the columns do not fit."""
+        if not chunks.aliases:
+            return
         assert self._layout is not None, "the server sent a batch before its header"
-        poses = self._layout.unpack(chunk.poses)
-        contacts = np.frombuffer(chunk.contacts, np.uint8)
-        return Frames(
-            agent=self.agents[chunk.alias],
-            seq=chunk.seq,
-            first_frame=chunk.first_frame,
-            goal_revision=chunk.goal_revision,
-            state=STATES.get(chunk.state, ""),
-            flags=Flag(chunk.flags),
-            times=chunk.scheduled_at_us / 1e6 + np.arange(len(contacts)) / self._layout.fps,
-            translation=poses.translation,
-            rotations=poses.rotations,
-            contacts=(contacts[:, None] & np.array([1, 2])).astype(bool),
-            waypoint=chunk.waypoint,
-            candidates=chunk.candidates,
-        )
+        count = len(chunks.aliases)
+        poses = self._layout.unpack(chunks.poses)
+        contacts = np.frombuffer(chunks.contacts, np.uint8)
+        frames, rest = divmod(len(contacts), count)
+        columns = [getattr(chunks, name) for name in COLUMNS]
+        if rest or len(poses.translation) != len(contacts) or {*map(len, columns)} != {count}:
+            raise WayfarerError(f"the columns of a batch of {count} chunks are not of one length")
+        touching = (contacts[:, None] & np.array([1, 2])).astype(bool)
+        since = np.arange(frames) / self._layout.fps
+        for row, (alias, seq, first, at, revision, state, flags, waypoint, candidates) in enumerate(
+            zip(*columns, strict=True)
+        ):
+            if alias not in self.agents:
+                continue
+            own = slice(row * frames, (row + 1) * frames)
+            yield Frames(
+                agent=self.agents[alias],
+                seq=seq,
+                first_frame=first,
+                goal_revision=revision,
+                state=STATES.get(state, ""),
+                flags=Flag(flags),
+                times=at / 1e6 + since,
+                translation=poses.translation[own],
+                rotations=poses.rotations[own],
+                contacts=touching[own],
+                waypoint=waypoint,
+                candidates=candidates,
+            )
 
 
 def info_from_wire(header: motion_pb2.StreamHeader, layout: PoseLayout) -> StreamInfo:

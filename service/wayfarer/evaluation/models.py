@@ -14,13 +14,13 @@ from wayfarer.evaluation import metrics
 from wayfarer.evaluation.gait import Row
 from wayfarer.evaluation.parts import Parts
 from wayfarer.evaluation.tracks import Recorded
+from wayfarer.marker_bodies import load_marker_bodies
 from wayfarer.motion.frame import canonical_frame, to_local
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.motion.rotation import matrix_from_quaternion
 from wayfarer.spec import BETAS, GENDERS, LATENT, PRIMITIVE_FRAMES
-from wayfarer.training.dataset import load_marker_bodies
 
 Array = NDArray[np.floating[Any]]
 

@@ -18,15 +18,16 @@ from torch import Tensor, nn
 from wayfarer.artifacts import GRAPHS, open_session
 from wayfarer.body.library import load_body
 from wayfarer.errors import ArtifactError, InvalidArgument
+from wayfarer.marker_bodies import load_marker_bodies
+from wayfarer.motion.marker_body import Shaped
 from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
 from wayfarer.motion.pose_prior import PosePrior
 from wayfarer.motion.predictor import MarkerPredictor, Posterior
 from wayfarer.motion.primitive import BLEND, GROUNDING, PrimitiveStep
 from wayfarer.motion.quality import Sites
-from wayfarer.motion.regressor import BodyRegressor
+from wayfarer.motion.regressor import BodyRegressor, Pose
 from wayfarer.spec import GENDERS, PRIMITIVE_FRAMES
 from wayfarer.stage import load_models
-from wayfarer.training.dataset import load_marker_bodies
 from wayfarer.training.run import load_weights, read_run_config
 
 SHIPPED: Final = {"ro-1f": "predictor_1f.onnx", "ro-2f": "predictor_2f.onnx"}
@@ -188,6 +189,11 @@ class OnnxRegressor(nn.Module):
         place, rotations = _run(self.session, ["translation", "rotations"], given)
         lead = flat.shape[:-1]
         return place.reshape(*lead, 3), rotations.reshape(*lead, -1, 3, 3)
+
+    def solve(self, markers: Tensor, betas: Tensor, shape: Shaped) -> Pose:
+        """As `BodyRegressor.solve`; the graph knows its body and works out the shape itself."""
+        place, rotations = self(markers, betas)
+        return Pose(place.permute(2, 1, 0), rotations.permute(3, 4, 2, 1, 0))
 
 
 class OnnxPolicy(nn.Module):

@@ -5,14 +5,17 @@ import contextlib
 import math
 import random
 import time
+from collections.abc import Awaitable, Callable
+from typing import TypeVar
 
 import grpc
 
+from wayfarer.load.goals import GoalWatch
 from wayfarer.load.plan import Plan
-from wayfarer.load.reader import Reader
+from wayfarer.load.reader import LOST_S, Reader
 from wayfarer.load.tally import Tally
 from wayfarer.load.target import Target
-from wayfarer.load.wire import Connection
+from wayfarer.load.wire import Connection, StreamError, followed
 from wayfarer.v1 import agent_pb2, common_pb2, goal_pb2, session_pb2
 
 AT_ONCE = 64
@@ -21,8 +24,10 @@ AT_ONCE = 64
 IN_FLIGHT = 256
 """Goal commands of one client that may wait for their answers; more are counted as failed."""
 
-SLOW_SECONDS = 5.0
-VANISH_SECONDS = 1.0
+RECONNECT_SECONDS = 0.5
+READY_SECONDS = 10.0
+
+Made = TypeVar("Made")
 
 
 class SimulatedClient:
@@ -40,7 +45,9 @@ class SimulatedClient:
         """Create the session and as many agents as the server admits."""
         metadata = self._connection.metadata
         request = session_pb2.CreateSessionRequest(seed=self._chance.getrandbits(32))
-        made = await self._connection.sessions.CreateSession(request, metadata=metadata)
+        made = await self._when_ready(
+            lambda: self._connection.sessions.CreateSession(request, metadata=metadata)
+        )
         self.session_id = made.session.session_id
         wanted = self._plan.agents
         while wanted:
@@ -53,8 +60,10 @@ class SimulatedClient:
         request = agent_pb2.CreateAgentsRequest(session_id=self.session_id, agents=specs)
         began = time.monotonic()
         try:
-            made = await self._connection.agents.CreateAgents(
-                request, metadata=self._connection.metadata
+            made = await self._when_ready(
+                lambda: self._connection.agents.CreateAgents(
+                    request, metadata=self._connection.metadata
+                )
             )
         except grpc.aio.AioRpcError as error:
             if error.code() is not grpc.StatusCode.RESOURCE_EXHAUSTED:
@@ -64,6 +73,17 @@ class SimulatedClient:
             return
         self._agents += made.agents
         self._tally.agents += len(made.agents)
+
+    async def _when_ready(self, call: Callable[[], Awaitable[Made]]) -> Made:
+        """Make the call again while the server says that it is not ready; it may be starved."""
+        until = time.monotonic() + READY_SECONDS
+        while True:
+            try:
+                return await call()
+            except grpc.aio.AioRpcError as error:
+                if error.code() is not grpc.StatusCode.UNAVAILABLE or time.monotonic() > until:
+                    raise
+            await asyncio.sleep(RECONNECT_SECONDS)
 
     def _person(self) -> agent_pb2.AgentSpec:
         return agent_pb2.AgentSpec(
@@ -79,47 +99,63 @@ class SimulatedClient:
         return common_pb2.Vector3(x=reach * math.sin(angle), z=reach * math.cos(angle))
 
     async def run(self, measuring_from: float, until: float) -> None:
-        """Read the stream and give goals until `until` (Unix seconds)."""
+        """Read the stream and give goals until `until` (Unix seconds), and count the end."""
         if not self._agents:
             return
-        reader = Reader(self._tally, measuring_from)
-        async with asyncio.TaskGroup() as tasks:
-            reading = tasks.create_task(self._read(reader))
-            goals = tasks.create_task(self._give_goals(reader))
+        reader = Reader(self._tally, measuring_from, until)
+        reading = asyncio.create_task(self._read(reader))
+        giving = asyncio.create_task(self._give_goals(reader.goals, measuring_from))
+        try:
             await asyncio.sleep(max(until - time.time(), 0.0))
+            giving.cancel()
+            await asyncio.sleep(LOST_S)  # what falls due at the end has so long to come
+        finally:
             reading.cancel()
-            goals.cancel()
+            giving.cancel()
+            ended = await asyncio.gather(reading, giving, return_exceptions=True)
+            reader.finish(len(self._agents), time.time())
+        for error in ended:
+            if isinstance(error, Exception):
+                raise error
 
     async def _read(self, reader: Reader) -> None:
-        began, first = time.monotonic(), True
-        async for message in self._connection.stream(self.session_id, self._plan.transport):
-            reader.take(message, time.time())
-            if first and message.HasField("batch"):
-                self._tally.first_chunk.add(time.monotonic() - began)
-                first = False
+        """Whatever ends the stream, follow the session again: its agents go on meanwhile."""
+        while True:
+            messages = followed(
+                self._connection, self.session_id, self._plan.transport, self._tally.first_chunk
+            )
+            try:
+                async for message in messages:
+                    reader.take(message, time.time())
+            except StreamError as error:
+                self._tally.failed(f"STREAM_{error}")
+            await asyncio.sleep(RECONNECT_SECONDS)
 
-    async def _give_goals(self, reader: Reader) -> None:
-        for agent in self._agents:  # everybody sets out
-            self._command(agent, reader)
+    async def _give_goals(self, goals: GoalWatch, measuring_from: float) -> None:
+        """A goal for everybody, then more of them at random instants that wait for no answer."""
+        for agent in self._agents:
+            self._command(agent, goals, time.time(), measuring_from)
         rate = self._plan.goal_rate * len(self._agents)
-        due = time.monotonic()
+        due = time.time()
         while rate > 0:
             due += self._chance.expovariate(rate)
-            await asyncio.sleep(max(due - time.monotonic(), 0.0))
-            self._command(self._chance.choice(self._agents), reader)
+            await asyncio.sleep(max(due - time.time(), 0.0))
+            self._command(self._chance.choice(self._agents), goals, due, measuring_from)
 
-    def _command(self, agent: agent_pb2.Agent, reader: Reader) -> None:
+    def _command(
+        self, agent: agent_pb2.Agent, goals: GoalWatch, due: float, measuring_from: float
+    ) -> None:
         if len(self._commands) >= max(IN_FLIGHT, len(self._agents)):
             self._tally.failed("NOT_SENT")
             return
-        task = asyncio.create_task(self._set_goal(agent, reader))
+        watch = goals if due >= measuring_from else None
+        task = asyncio.create_task(self._set_goal(agent, watch, due))
         self._commands.add(task)
         task.add_done_callback(self._commands.discard)
 
-    async def _set_goal(self, agent: agent_pb2.Agent, reader: Reader) -> None:
+    async def _set_goal(self, agent: agent_pb2.Agent, goals: GoalWatch | None, due: float) -> None:
         goal = goal_pb2.Goal(position=self._place(), speed=self._chance.uniform(0.8, 1.6))
         request = goal_pb2.SetGoalRequest(agent_id=agent.agent_id, goal=goal)
-        since = time.time()
         try:
             reply = await self._connection.goals.SetGoal(
                 request, metadata=self._connection.metadata
@@ -128,35 +164,8 @@ class SimulatedClient:
             self._tally.failed(error.code().name)
             return
         self._tally.goals += 1
-        if since >= reader.measuring_from:
-            reader.asked(agent.alias, reply.revision, since)
-
-    async def read_slowly(self) -> None:
-        """Another stream of the session, whose reader takes a message every few seconds."""
-        connection = Connection(self._target)
-        try:
-            async for _ in connection.stream(self.session_id, self._plan.transport):
-                await asyncio.sleep(SLOW_SECONDS)
-        except (grpc.aio.AioRpcError, OSError):  # the server may well have had enough of it
-            self._tally.failed("SLOW_READER_ENDED")
-        finally:
-            await connection.close()
-
-    async def vanish(self) -> None:
-        """Streams of the session that are cut off without a word, one after the other."""
-        while True:
-            connection = Connection(self._target)
-            reading = asyncio.create_task(self._glance(connection))
-            try:
-                await asyncio.sleep(VANISH_SECONDS * self._chance.uniform(0.2, 1.8))
-            finally:
-                reading.cancel()
-                await asyncio.gather(reading, return_exceptions=True)
-                await connection.close()
-
-    async def _glance(self, connection: Connection) -> None:
-        async for _ in connection.stream(self.session_id, self._plan.transport):
-            pass
+        if goals is not None:
+            goals.asked(agent.alias, reply.revision, due)
 
     async def close(self) -> None:
         """End the session."""

@@ -2,10 +2,12 @@
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from typing import Any
 
 from wayfarer.load.client import SimulatedClient
+from wayfarer.load.memory import MemoryWatch
+from wayfarer.load.nuisance import Nuisance
 from wayfarer.load.plan import Plan
 from wayfarer.load.tally import Tally
 from wayfarer.load.target import Target
@@ -23,34 +25,47 @@ async def run(
         until = start + plan.seconds
         async with asyncio.TaskGroup() as tasks:
             nuisances = [
-                tasks.create_task(clients[i % len(clients)].read_slowly()) for i in range(plan.slow)
-            ] + [
-                tasks.create_task(clients[i % len(clients)].vanish()) for i in range(plan.vanishing)
+                tasks.create_task(work) for work in _nuisances(target, plan, tally, clients)
             ]
-            watch = tasks.create_task(_watch(tally, start, progress))
+            memory = MemoryWatch(target, start, until)
+            watches = [
+                tasks.create_task(_watch(tally, start, progress)),
+                tasks.create_task(memory.run()),
+            ]
             healthy = [tasks.create_task(client.run(start, until)) for client in clients]
             used = await _usage(target, start, until)
             await asyncio.wait(healthy)
-            for task in (*nuisances, watch):
+            memory.sample()
+            for task in (*nuisances, *watches):
                 task.cancel()
     finally:
         await asyncio.gather(*(client.close() for client in clients), return_exceptions=True)
-    return tally.summary(plan.seconds) | used, tally
+    return tally.summary(plan.seconds) | used | {"server_rss_mb": memory.summary()}, tally
+
+
+def _nuisances(
+    target: Target, plan: Plan, tally: Tally, clients: list[SimulatedClient]
+) -> list[Coroutine[Any, Any, None]]:
+    """What the slow and the vanishing readers do, spread over the sessions."""
+    readers = [
+        Nuisance(target, plan, tally, clients[number % len(clients)].session_id, number)
+        for number in range(plan.slow + plan.vanishing)
+    ]
+    return [reader.read_slowly() for reader in readers[: plan.slow]] + [
+        reader.vanish() for reader in readers[plan.slow :]
+    ]
 
 
 async def _usage(target: Target, start: float, until: float) -> dict[str, Any]:
-    """Cores that server and generator use while it is measured, and the server's memory."""
+    """Cores that server and generator use while it is measured."""
     await asyncio.sleep(max(start - time.time(), 0.0))
     began, server, own = time.monotonic(), target.cpu_seconds(), time.process_time()
-    memory = [target.resident_megabytes()]
     await asyncio.sleep(max(until - time.time(), 0.0))
     seconds = time.monotonic() - began
     now = target.cpu_seconds()
     share = None if now is None or server is None else round((now - server) / seconds, 3)
-    memory.append(target.resident_megabytes())
     return {
         "cpu": {"server": share, "generator": round((time.process_time() - own) / seconds, 3)},
-        "server_rss_mb": dict(zip(("start", "end"), memory, strict=True)),
     }
 
 

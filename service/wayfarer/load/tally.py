@@ -45,12 +45,23 @@ class Tally:
     agents: int = 0  # admitted
     refused: int = 0  # agents that were not
     chunks: int = 0
-    misses: int = 0  # primitives that never came, or after their last frame's time
+    late: int = 0  # chunks that came after their last frame's time
+    lost: int = 0  # primitives that never came
+    silent: int = 0  # agents of whom nothing came at all
+    repeated: int = 0  # chunks that had come before: a fault
+    malformed: int = 0  # of a sample of chunks, those that hold no poses: a fault
+    idle: int = 0  # chunks of agents who stand
     reduced: int = 0  # chunks made with fewer candidates than wished
     held: int = 0  # chunks that hold a pose
     goals: int = 0  # commands that were taken
+    unanswered: int = 0  # goals that never showed
     failures: dict[str, int] = field(default_factory=dict)  # calls that failed, by status
     bytes: int = 0
+
+    @property
+    def misses(self) -> int:
+        """Primitives that nobody could show in time."""
+        return self.late + self.lost
 
     def failed(self, status: str) -> None:
         """Count a call that failed."""
@@ -63,14 +74,20 @@ class Tally:
             "seconds": round(seconds, 3),
             "chunks": self.chunks,
             "misses": self.misses,
+            "miss_rate": self.misses / max(self.chunks + self.lost, 1),
             "lateness_ms": self.lateness.milliseconds(),
             "first_chunk_ms": self.first_chunk.milliseconds(),
             "goal_latency_ms": self.goal_latency.milliseconds(),
             "goals": self.goals,
+            "unanswered": self.unanswered,
             "refused": self.refused,
             "refusal_ms": self.refusal.milliseconds(),
             "reduced": self.reduced,
             "held": self.held,
+            "idle_share": round(self.idle / max(self.chunks, 1), 3),
+            "silent": self.silent,
+            "repeated": self.repeated,
+            "malformed": self.malformed,
             "failures": self.failures,
             "megabytes": round(self.bytes / 1e6, 3),
         }

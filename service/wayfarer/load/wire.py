@@ -1,12 +1,13 @@
 """The few calls that a simulated client makes: plain stubs, so that the generator stays cheap."""
 
+import time
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from urllib.parse import quote
 
 import grpc
 import websockets
 
+from wayfarer.load.tally import Latencies
 from wayfarer.load.target import Target
 from wayfarer.v1 import (
     agent_pb2_grpc,
@@ -17,6 +18,10 @@ from wayfarer.v1 import (
 )
 
 MESSAGE_BYTES = 64 << 20
+
+
+class StreamError(Exception):
+    """By the server or the network; says how."""
 
 
 class Connection:
@@ -41,26 +46,28 @@ class Connection:
         """End all calls."""
         await self._channel.close(None)
 
-    def stream(
+    async def stream(
         self, session_id: str, transport: str
     ) -> AsyncIterator[motion_pb2.StreamMotionResponse]:
-        """The messages of a stream over "grpc" or "websocket"."""
-        if transport == "grpc":
-            request = motion_pb2.StreamMotionRequest(session_id=session_id)
-            messages: AsyncIterator[motion_pb2.StreamMotionResponse] = self._motion.StreamMotion(
-                request, metadata=self.metadata
-            )
-            return messages
-        return self._frames(session_id)
+        """The messages of a stream over "grpc" or "websocket". Raises StreamError, in any case."""
+        messages = self._calls(session_id) if transport == "grpc" else self._frames(session_id)
+        try:
+            async for message in messages:
+                yield message
+        except grpc.aio.AioRpcError as error:
+            raise StreamError(error.code().name) from error
+        except (websockets.WebSocketException, OSError) as error:
+            raise StreamError(type(error).__name__) from error
+        raise StreamError("OK")
+
+    def _calls(self, session_id: str) -> AsyncIterator[motion_pb2.StreamMotionResponse]:
+        request = motion_pb2.StreamMotionRequest(session_id=session_id)
+        messages: AsyncIterator[motion_pb2.StreamMotionResponse] = self._motion.StreamMotion(
+            request, metadata=self.metadata
+        )
+        return messages
 
     async def _frames(self, session_id: str) -> AsyncIterator[motion_pb2.StreamMotionResponse]:
-        async with self._socket(session_id) as socket:
-            async for frame in socket:
-                if isinstance(frame, bytes):
-                    yield motion_pb2.StreamMotionResponse.FromString(frame)
-
-    @asynccontextmanager
-    async def _socket(self, session_id: str) -> AsyncIterator[websockets.ClientConnection]:
         url = self._target.http.replace("http", "ws", 1)
         async with websockets.connect(
             f"{url}/v1/stream?session={quote(session_id)}",
@@ -68,4 +75,18 @@ class Connection:
             compression=None,
             max_size=MESSAGE_BYTES,
         ) as socket:
-            yield socket
+            async for frame in socket:
+                if isinstance(frame, bytes):
+                    yield motion_pb2.StreamMotionResponse.FromString(frame)
+
+
+async def followed(
+    connection: Connection, session_id: str, transport: str, first_chunk: Latencies
+) -> AsyncIterator[motion_pb2.StreamMotionResponse]:
+    """A stream's messages; how long the first poses took is counted. Raises StreamError."""
+    began, waits = time.monotonic(), True
+    async for message in connection.stream(session_id, transport):
+        if waits and message.HasField("batch"):
+            first_chunk.add(time.monotonic() - began)
+            waits = False
+        yield message

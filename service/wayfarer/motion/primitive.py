@@ -201,7 +201,8 @@ class PrimitiveStep(nn.Module):
         """
         count = future.shape[1]
         knots = _knots(count, self.every)
-        frames = torch.cat([seed[:, -1:], future[:, [k - 1 for k in knots[1:]]]], 1)
+        regressed = indices([k - 1 for k in knots[1:]], future)
+        frames = torch.cat([seed[:, -1:], future[:, regressed]], 1)
         found = self.regressor.solve(frames, betas, shape)
         states = torch.cat([_numbers(shown), _numbers(found)])  # [S + knots, 135, A]
         joining = constant(states, _joining, shown.hips.shape[1], tuple(knots), states.dtype)

@@ -3,12 +3,16 @@
 Transports convert their wire types to these and back, and nothing else crosses.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntFlag, StrEnum
+from typing import Annotated, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+from wayfarer.runtime.world.rows import Rows, Shape
+from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +48,10 @@ class AgentState(StrEnum):
     WALKING = "walking"
     STOPPING = "stopping"
     TURNING = "turning"
+
+
+STATES: Final = tuple(AgentState)
+"""As `MotionChunks.state` counts them."""
 
 
 class ChunkFlag(IntFlag):
@@ -97,6 +105,78 @@ class MotionChunk:
     candidates: int = 0  # so many were tried: with it and the seeds the chunk can be made again
 
 
+@dataclass(slots=True, eq=False)
+class MotionChunks(Rows):
+    """Chunks of several agents, each field of `MotionChunk` a column; all have as many frames.
+
+    A sequence of `MotionChunk`, each made when it is asked for.
+    """
+
+    agent_id: NDArray[np.object_]
+    alias: NDArray[np.int64]
+    seq: NDArray[np.int64]
+    first_frame: NDArray[np.int64]
+    scheduled_at: NDArray[np.float64]
+    goal_revision: NDArray[np.int64]
+    flags: NDArray[np.uint8]
+    state: NDArray[np.int8]  # index into STATES
+    translation: Annotated[NDArray[np.float32], Shape(NEW_FRAMES, 3)]
+    rotations: Annotated[NDArray[np.float32], Shape(NEW_FRAMES, POSED_JOINTS, 4)]
+    contacts: Annotated[NDArray[np.bool_], Shape(NEW_FRAMES, 2)]
+    waypoint: NDArray[np.int64]
+    candidates: NDArray[np.int16]
+
+    @classmethod
+    def of(cls, chunks: Sequence[MotionChunk]) -> Self:
+        """Columns of chunks, at least one, of as many frames each."""
+        return cls.join(
+            [
+                cls(
+                    agent_id=np.array([chunk.agent_id], np.object_),
+                    alias=np.array([chunk.alias]),
+                    seq=np.array([chunk.seq]),
+                    first_frame=np.array([chunk.first_frame]),
+                    scheduled_at=np.array([chunk.scheduled_at]),
+                    goal_revision=np.array([chunk.goal_revision]),
+                    flags=np.array([chunk.flags], np.uint8),
+                    state=np.array([STATES.index(chunk.state)], np.int8),
+                    translation=chunk.translation[None],
+                    rotations=chunk.rotations[None],
+                    contacts=chunk.contacts[None],
+                    waypoint=np.array([chunk.waypoint]),
+                    candidates=np.array([chunk.candidates], np.int16),
+                )
+                for chunk in chunks
+            ]
+        )
+
+    def __len__(self) -> int:
+        return len(self.alias)
+
+    def __getitem__(self, row: int) -> MotionChunk:
+        return MotionChunk(
+            agent_id=self.agent_id[row],
+            alias=int(self.alias[row]),
+            seq=int(self.seq[row]),
+            first_frame=int(self.first_frame[row]),
+            scheduled_at=float(self.scheduled_at[row]),
+            goal_revision=int(self.goal_revision[row]),
+            flags=ChunkFlag(int(self.flags[row])),
+            state=STATES[self.state[row]],
+            translation=self.translation[row],
+            rotations=self.rotations[row],
+            contacts=self.contacts[row],
+            waypoint=int(self.waypoint[row]),
+            candidates=int(self.candidates[row]),
+        )
+
+    def __iter__(self) -> Iterator[MotionChunk]:
+        return map(self.__getitem__, range(len(self)))
+
+
+NO_CHUNKS: Final = MotionChunks.empty(0)
+
+
 class EventKind(StrEnum):
     """Kinds of `Event`; names as in motion.proto."""
 
@@ -125,14 +205,14 @@ class Publication:
     """What a session's subscribers are told at one moment."""
 
     position: int  # 1, 2, 3 … per session
-    chunks: tuple[MotionChunk, ...]  # that fell due together, at most one per agent
+    chunks: MotionChunks = NO_CHUNKS  # that fell due together, at most one per agent
     events: tuple[Event, ...] = ()  # after the chunks
     added: tuple[AgentInfo, ...] = ()  # of clips and replays: those whose first chunk this is
 
     @property
     def scheduled_at(self) -> float:
         """Of its first chunk, or event."""
-        return self.chunks[0].scheduled_at if self.chunks else self.events[0].at
+        return float(self.chunks.scheduled_at[0]) if self.chunks else self.events[0].at
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +221,7 @@ class Resume:
 
     epoch: str  # life of the session on a server; see `Subscription.epoch`
     position: int  # of the last publication received
+    same_agents: bool = True  # it followed those that are followed now
 
 
 class SlowReader(StrEnum):

@@ -6,6 +6,7 @@
 import asyncio
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import groupby
@@ -30,9 +31,11 @@ from wayfarer.runtime.motor import Motor
 from wayfarer.runtime.streams.publisher import Publisher
 from wayfarer.runtime.streams.subscription import BoundedSubscription, StreamSettings
 from wayfarer.runtime.world.handover import SessionRecord
+from wayfarer.runtime.world.slots import Motion
 from wayfarer.runtime.world.world import World
 
 T = TypeVar("T")
+U = TypeVar("U")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +68,7 @@ class MotionLoop:
         self._clock = clock or steady_clock()
         self._meter = meter or NoMeter()
         self._inbox = Inbox(self._settings.inbox)
+        self._workshop = ThreadPoolExecutor(1, "newcomers")
         self._publisher = Publisher(self._settings, self._meter, world.get_agent)
         self._motor = Motor(world, self._publisher, self._inbox, warm_up, self._clock, self._meter)
 
@@ -77,6 +81,7 @@ class MotionLoop:
     async def stop(self) -> None:
         """End the thread, every stream and every waiting command; return when that is done."""
         await self._motor.stop()
+        self._workshop.shutdown(wait=False, cancel_futures=True)
 
     @property
     def ready(self) -> bool:
@@ -117,7 +122,8 @@ class MotionLoop:
     async def put_session(self, record: SessionRecord, admit: bool = True) -> SessionInfo:
         """Let a session from elsewhere go on here; see `World.put_session`."""
         with self._counted("import_session"):
-            return await self.ask(lambda _, now: self.adopt(record, now, admit))
+            await self._off_thread(self._world.examine, record)
+            return await self.ask(lambda _, now: self.adopt(record, now, admit, examined=True))
 
     async def delete_session(self, session_id: str) -> None:
         """See `MotionService`."""
@@ -127,13 +133,15 @@ class MotionLoop:
 
     async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
         """See `MotionService`."""
-        with self._counted("create_agents"):
-            # Who has no room is told at once. Skinning start poses takes about a millisecond
-            # each: not on the motion thread.
-            await self.ask(lambda world, now: world.check_room(session_id, specs, now))
-            seeds = await asyncio.to_thread(self._world.prepare, specs)
+        # Who has no room is told at once, whatever the motion thread is at. Skinning start poses
+        # takes about a millisecond each: not on the motion thread.
+        with (
+            self._counted("create_agents"),
+            self._world.reserve(session_id, specs, self._clock()) as room,
+        ):
+            seeds = await self._off_thread(self._prepare, specs)
             return await self.ask(
-                lambda world, now: world.create_agents(session_id, specs, now, seeds)
+                lambda world, now: world.create_agents(session_id, specs, now, seeds, room)
             )
 
     async def get_agent(self, agent_id: str) -> AgentInfo:
@@ -183,6 +191,22 @@ class MotionLoop:
             self._meter.refusal(command)
             raise
 
+    def _prepare(self, specs: Sequence[AgentSpec]) -> list[Motion]:
+        """Seeds for new agents; whoever waits to run Python goes first."""
+        seeds: list[Motion] = []
+        for spec in specs:
+            seeds += self._world.prepare([spec])
+            time.sleep(0)
+        return seeds
+
+    async def _off_thread(self, call: Callable[[U], T], argument: U) -> T:
+        """Call in the one thread for what is costly.
+
+        In several, calls would only keep each other, and the event loops, from running Python.
+        """
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(self._workshop, call, argument)
+
     def _give(
         self, agent_id: str, order: Order, now: float, expected: int | None, asked_at: float
     ) -> int:
@@ -192,9 +216,11 @@ class MotionLoop:
             self._publisher.await_goal(session_id, agent_id, revision, asked_at)
         return revision
 
-    def adopt(self, record: SessionRecord, now: float, admit: bool = True) -> SessionInfo:
+    def adopt(
+        self, record: SessionRecord, now: float, admit: bool = True, examined: bool = False
+    ) -> SessionInfo:
         """`put_session` for callers who are on the motion thread, `warm_up` among them."""
-        session = self._world.put_session(record, now, admit)
+        session = self._world.put_session(record, now, admit, examined)
         self._publisher.adopt(record)
         return session
 

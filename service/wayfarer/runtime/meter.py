@@ -1,10 +1,15 @@
 """Where the loop's figures go; the service counts them for Prometheus, tests and tools do not."""
 
-from collections.abc import Sequence
 from enum import StrEnum
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from wayfarer.runtime.agent import SlowReader
+
+Seconds = NDArray[np.float64]
+"""One for each of several things."""
 
 
 class ResumeResult(StrEnum):
@@ -25,7 +30,7 @@ class Meter(Protocol):
         """One engine call, and for how many agents."""
         ...
 
-    def chunks(self, lateness: Sequence[float]) -> None:
+    def chunks(self, lateness: Seconds) -> None:
         """Chunks left together, each so long after its scheduled time (below 0: before it)."""
         ...
 
@@ -60,7 +65,7 @@ class NoMeter:
     def step(self, seconds: float, agents: int) -> None:
         """See `Meter`, as for all below."""
 
-    def chunks(self, lateness: Sequence[float]) -> None:
+    def chunks(self, lateness: Seconds) -> None:
         """See `Meter`."""
 
     def queue(self, seconds: float) -> None:

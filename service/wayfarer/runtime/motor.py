@@ -13,20 +13,21 @@ turn is tried again; after `FAILURES` in a row the thread ends, and with it ever
 import asyncio
 import threading
 import time
-from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import Final, TypeVar
 
+import numpy as np
 import structlog
 
 from wayfarer.errors import Unavailable
-from wayfarer.runtime.agent import LoopStats, MotionChunk
+from wayfarer.runtime.agent import LoopStats
 from wayfarer.runtime.inbox import Inbox
 from wayfarer.runtime.meter import Meter
 from wayfarer.runtime.stats import Window, mean, percentile
 from wayfarer.runtime.streams.publisher import Publisher
+from wayfarer.runtime.world.views import Due
 from wayfarer.runtime.world.world import World
 from wayfarer.spec import FPS
 
@@ -191,11 +192,10 @@ class Motor:
         # What falls due during the engine call leaves before it, rather than late.
         event = self._world.next_event()
         busy = event is not None and event <= started
-        chunks = self._world.collect(started + (self._reach() if busy else 0.0))
-        self._publish(chunks)
+        published = self._publish(self._world.send(started + (self._reach() if busy else 0.0)))
         self._publisher.flush()
         if busy:
-            self._step(started, len(chunks))
+            self._step(started, published)
 
     def _step(self, started: float, published: int) -> None:
         begun = self._clock()
@@ -224,15 +224,15 @@ class Motor:
         """How long the next engine call may take: the longest of the last seconds, capped."""
         return min(max(self._figures.step_seconds.values(self._clock()), default=0.0), MAX_REACH)
 
-    def _publish(self, chunks: list[MotionChunk]) -> None:
-        if not chunks:
-            return
+    def _publish(self, sent: list[Due]) -> int:
+        """Returns the number of chunks."""
+        if not sent:
+            return 0
         now = self._clock()
-        by_session: dict[str, list[MotionChunk]] = defaultdict(list)
-        for chunk in chunks:
-            by_session[self._world.session_of(chunk.agent_id)].append(chunk)
-        self._publisher.publish(by_session)
-        lateness = [now - chunk.scheduled_at for chunk in chunks]
-        self._figures.lateness.add(now, max(0.0, *lateness))
-        self._figures.late += sum(late > LATE_SECONDS for late in lateness)
+        for session_id, chunks in sent:
+            self._publisher.publish(session_id, chunks)
+        lateness = now - np.concatenate([due.chunks.scheduled_at for due in sent])
+        self._figures.lateness.add(now, max(0.0, float(lateness.max())))
+        self._figures.late += int(np.count_nonzero(lateness > LATE_SECONDS))
         self._meter.chunks(lateness)
+        return len(lateness)

@@ -106,12 +106,12 @@ class Runtime:
 
     async def create_session(self, spec: SessionSpec) -> SessionInfo:
         """See `MotionService`."""
-        async with self._door:
-            await self._refuse_taken(spec.session_id)
-            if spec.lock_step:
-                made = self._lock_steps.create(spec)
-            else:
-                made = await self._loop.create_session(spec)
+        if spec.session_id is None:  # it gets an id of its own: nobody needs to wait at the door
+            made = await self._create_session(spec)
+        else:
+            async with self._door:
+                await self._refuse_taken(spec.session_id)
+                made = await self._create_session(spec)
         return await self._keeper.durable(made)
 
     async def get_session(self, session_id: str) -> SessionInfo:
@@ -272,10 +272,14 @@ class Runtime:
             await self._home_of(agent_id).give(agent_id, order, expected)
         )
 
-    async def _refuse_taken(self, session_id: str | None) -> None:
-        if session_id is not None and (
-            self._lock_steps.session(session_id)
-            or any(s.session_id == session_id for s in await self._loop.list_sessions())
+    async def _create_session(self, spec: SessionSpec) -> SessionInfo:
+        if spec.lock_step:
+            return self._lock_steps.create(spec)
+        return await self._loop.create_session(spec)
+
+    async def _refuse_taken(self, session_id: str) -> None:
+        if self._lock_steps.session(session_id) or any(
+            session.session_id == session_id for session in await self._loop.list_sessions()
         ):
             raise AlreadyExists(f"session {session_id!r} exists already")
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, fields
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.stepping.budget import BudgetRules
 from wayfarer.runtime.world.steering import Steering
+from wayfarer.shard import Shard
 from wayfarer.spec import NEW_FRAMES
 
 BATCH_SIZES = (1, 2, 3, 4, 5, 6, 7, 8)
@@ -57,10 +58,11 @@ class WorldSettings:
     budget: BudgetRules | None = None  # what gives way when time is short; None: nothing
     admission: AdmissionRules = field(default_factory=AdmissionRules)  # once there are measures
     lead: int = 1  # chunks that are planned ahead of their time
-    phases: int = 8  # agents' steps are spread over so many moments of the 0.2 s
+    phases: int = 4  # agents' steps are spread over so many moments of the 0.2 s
     replan_margin: float = 0.04  # s: a chunk that falls due within this is not replanned
     batch_sizes: tuple[int, ...] = BATCH_SIZES
     alone: bool = False  # engine calls take no thread but the caller's
+    shard: Shard = field(default_factory=Shard)  # which of the server's sessions live here
 
     def __post_init__(self) -> None:
         if self.lead < 1:

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict
 from torch import Tensor, nn
 
 from wayfarer.body.library import load_body
+from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
@@ -22,7 +23,7 @@ from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS, LATENT
 from wayfarer.terms import TERMS
 from wayfarer.training.crowd import Crowd, CrowdSampler
-from wayfarer.training.dataset import Frames, marker_body
+from wayfarer.training.dataset import Frames
 from wayfarer.training.run import TrainingRun, cosine_rate, load_weights
 from wayfarer.training.tasks import STANDING, STRAFING, TURNING, WALKING, Tasks, draw_tasks
 
@@ -49,20 +50,6 @@ class AnalyticConfig(BaseModel):
         "standing": 0.2,
     }  # where new agents begin, see dataset.group_of
     seed: int = 0
-
-
-class Unlearned(nn.Module):
-    """A network through which no gradient flows: its output is given."""
-
-    def __init__(self, network: nn.Module) -> None:
-        super().__init__()
-        self.network = network
-
-    def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
-        """As the network's."""
-        with torch.no_grad():
-            found: tuple[Tensor, ...] = self.network(*inputs)
-        return found
 
 
 class Watched(nn.Module):
@@ -108,8 +95,11 @@ class AnalyticTrainer:
         # matrix products in bfloat16; skinning and terms stay in float32
         half = torch.autocast("cpu", dtype=torch.bfloat16)
         predictor.decode = half(predictor.decode)  # type: ignore[method-assign]
-        regressor.network.forward = half(regressor.network.forward)  # type: ignore[method-assign]
-        return PrimitiveStep(predictor, Unlearned(regressor), body, sites, self.watched)  # type: ignore[arg-type]
+        regressor.know = half(regressor.know)  # type: ignore[method-assign]
+        regressor.correct = half(regressor.correct)  # type: ignore[method-assign]
+        # No slope flows through the bodies: the terms are of the predicted markers.
+        regressor.solve = torch.no_grad()(regressor.solve)  # type: ignore[method-assign]
+        return PrimitiveStep(predictor, regressor, body, sites, self.watched)  # type: ignore[arg-type]
 
     def advance(
         self, gender: str, crowd: Crowd, tasks: Tasks

@@ -13,30 +13,14 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from wayfarer.body.library import load_body
-from wayfarer.body.model import BodyModel
 from wayfarer.errors import InvalidArgument
+from wayfarer.marker_bodies import load_marker_bodies
 from wayfarer.motion.frame import canonical_frame, to_local
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.rotation import matrix_from_quaternion
 from wayfarer.spec import BETAS, GENDERS
 from wayfarer.training.mocap.selection import Use
 from wayfarer.training.mocap.store import ClipRange, Dataset, mirror
-
-
-def marker_body(body: BodyModel, vertices: Sequence[int] | None = None) -> MarkerBody:
-    """The torch skinning of a body's markers, or of other vertices of its mesh."""
-    chosen = body.marker_vertices if vertices is None else np.asarray(vertices)
-    return MarkerBody(
-        parents=body.parents,
-        bind_joints=body.bind_joints,
-        bind_joints_dirs=body.bind_joints_dirs,
-        bind_to_rest=body.bind_to_rest,
-        bind_markers=body.bind_vertices[chosen],
-        bind_markers_dirs=body.bind_vertices_dirs[chosen],
-        skin_joints=body.skin_joints[chosen],
-        skin_weights=body.skin_weights[chosen],
-    )
 
 
 @dataclass(frozen=True)
@@ -98,11 +82,6 @@ def skin_frames(
                 local = matrix_from_quaternion(rotations[rows])
                 markers[rows], _ = bodies[name](hips[rows], local, betas[rows])
     return markers
-
-
-def load_marker_bodies(name: str = "anny52") -> dict[str, MarkerBody]:
-    """Torch skinning of both genders."""
-    return {g: marker_body(load_body(name, g)) for g in GENDERS}
 
 
 def random_betas(count: int, scale: float = 1.0) -> Tensor:

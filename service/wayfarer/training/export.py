@@ -25,6 +25,7 @@ from wayfarer.artifacts import (
 )
 from wayfarer.body.library import body_file, load_body
 from wayfarer.errors import ArtifactError
+from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
 from wayfarer.motion.pose_prior import PosePrior
 from wayfarer.motion.predictor import MarkerPredictor
@@ -34,7 +35,6 @@ from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.motion.rotation import matrix_from_rotvec, quaternion_from_matrix
 from wayfarer.spec import BETAS, GENDERS, LATENT, MARKERS, SEED_FRAMES
 from wayfarer.terms import TERMS
-from wayfarer.training.dataset import marker_body
 from wayfarer.training.graph import Graph
 from wayfarer.training.onnx_files import WeightStore, externalise
 from wayfarer.training.pose_graphs import pose_decoder_graph, pose_encoder_graph

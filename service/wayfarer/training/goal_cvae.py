@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from wayfarer.body.library import load_body
+from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.frame import canonical_frame, to_local
 from wayfarer.motion.goal_cvae import GoalCvae, GoalCvaeStep
 from wayfarer.motion.policy import state
@@ -19,7 +20,7 @@ from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import FPS, PRIMITIVE_FRAMES
-from wayfarer.training.dataset import Frames, marker_body
+from wayfarer.training.dataset import Frames
 from wayfarer.training.export import Graph, regressor_graph, round_to_half, step_graph
 from wayfarer.training.predictor import PredictorConfig, PredictorTrainer
 from wayfarer.training.run import TrainingRun, load_weights, read_run_config

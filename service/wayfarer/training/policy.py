@@ -9,6 +9,7 @@ from torch import Tensor
 
 from wayfarer.body.library import load_body
 from wayfarer.errors import InvalidArgument
+from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.policy import GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep
@@ -16,7 +17,7 @@ from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS
 from wayfarer.terms import REWARD, REWARDS
-from wayfarer.training.dataset import Poses, marker_body
+from wayfarer.training.dataset import Poses
 from wayfarer.training.environment import GoalEnvironment, Task
 from wayfarer.training.episode import Episode, samples_of, simulate
 from wayfarer.training.pose_prior import load_pose_prior
@@ -152,7 +153,8 @@ def load_steps(config: PolicyConfig) -> tuple[PrimitiveStep, ...]:
         body = marker_body(model)
         run = Path(getattr(config, f"regressor_{gender}"))
         regressor = load_weights(BodyRegressor(body), run)
-        regressor.network.forward = half(regressor.network.forward)  # type: ignore[method-assign]
+        regressor.know = half(regressor.know)  # type: ignore[method-assign]
+        regressor.correct = half(regressor.correct)  # type: ignore[method-assign]
         sites = Sites.from_names(model.marker_names)
         steps.append(
             PrimitiveStep(predictor, regressor, body, sites, None, trained["floor_origin"])

@@ -7,9 +7,10 @@ from pydantic import BaseModel, ConfigDict
 from torch import Tensor
 
 from wayfarer.body.model import BodyModel
+from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.motion.rotation import matrix_from_quaternion, matrix_from_rotvec, sixd_from_matrix
-from wayfarer.training.dataset import Frames, WindowSampler, marker_body, random_betas
+from wayfarer.training.dataset import Frames, WindowSampler, random_betas
 from wayfarer.training.run import TrainingRun, cosine_rate
 
 PASS_SHARE = (0.25, 0.25, 0.5)
@@ -55,8 +56,9 @@ class RegressorTrainer:
         self.surface = marker_body(body, _spread(len(body.bind_vertices), SURFACE))
         self.model = BodyRegressor(self.body)
         # skinning stays in float32: a bfloat16 metre is known to 4 mm
-        network = self.model.network
-        network.forward = torch.autocast("cpu", dtype=torch.bfloat16)(network.forward)  # type: ignore[method-assign]
+        half = torch.autocast("cpu", dtype=torch.bfloat16)
+        self.model.know = half(self.model.know)  # type: ignore[method-assign]
+        self.model.correct = half(self.model.correct)  # type: ignore[method-assign]
         self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.rate, fused=True)
         self.sampler = WindowSampler(train, 1)
         self.run: TrainingRun | None = None

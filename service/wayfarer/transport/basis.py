@@ -61,6 +61,14 @@ class Axes:
         block[:3, :3] = self.handedness * self.matrix
         return block
 
+    @cached_property
+    def _point_columns(self) -> tuple[tuple[int, float], ...]:
+        return _columns(self.matrix / self.metres_per_unit)
+
+    @cached_property
+    def _quaternion_columns(self) -> tuple[tuple[int, float], ...]:
+        return _columns(self.quaternion_matrix)
+
     @property
     def up(self) -> Array:
         """The core's +Z here [3]."""
@@ -71,17 +79,17 @@ class Axes:
         """The core's +Y here [3]: what a body faces at heading 0."""
         return self.matrix @ (0.0, 1.0, 0.0)
 
-    def points_to_wire(self, points: Array) -> Array:
-        """Core points or offsets [..., 3], metres → this basis and its unit."""
-        return points @ (self.matrix.T / self.metres_per_unit).astype(points.dtype)
+    def points_to_wire(self, points: Array, out: Array | None = None) -> Array:
+        """Core points or offsets [..., 3], metres → this basis and its unit; into `out`."""
+        return _permuted(points, self._point_columns, out)
 
     def points_to_core(self, points: Array) -> Array:
         """The inverse of `points_to_wire`."""
         return points @ (self.matrix * self.metres_per_unit).astype(points.dtype)
 
-    def quaternions_to_wire(self, quaternions: Array) -> Array:
-        """Core quaternions x, y, z, w [..., 4] → the same turns in this basis."""
-        return quaternions @ self.quaternion_matrix.T.astype(quaternions.dtype)
+    def quaternions_to_wire(self, quaternions: Array, out: Array | None = None) -> Array:
+        """Core quaternions x, y, z, w [..., 4] → the same turns in this basis; into `out`."""
+        return _permuted(quaternions, self._quaternion_columns, out)
 
     def quaternions_to_core(self, quaternions: Array) -> Array:
         """The inverse of `quaternions_to_wire`."""
@@ -100,6 +108,23 @@ class Axes:
     def length_to_core(self, length: float) -> float:
         """The inverse of `length_to_wire`."""
         return length * self.metres_per_unit
+
+
+def _columns(matrix: Array) -> tuple[tuple[int, float], ...]:
+    """Column and factor of the one number that is not 0 in each row."""
+    sources = np.abs(matrix).argmax(-1)
+    return tuple((int(k), float(row[k])) for k, row in zip(sources, matrix, strict=True))
+
+
+def _permuted(values: Array, columns: tuple[tuple[int, float], ...], out: Array | None) -> Array:
+    """The product with a matrix of such `columns`, for values [..., N].
+
+    Column by column: exact, and faster than a product of matrices so small.
+    """
+    out = np.empty_like(values) if out is None else out
+    for column, (source, factor) in enumerate(columns):
+        np.multiply(values[..., source], factor, out=out[..., column])
+    return out
 
 
 TABLE: Final = {

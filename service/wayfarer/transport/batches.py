@@ -1,20 +1,27 @@
 """The runtime's publications as wire messages, in one basis and format."""
 
-from collections.abc import AsyncGenerator, Iterable, Sequence
+from collections.abc import AsyncGenerator, Iterable
 from contextlib import aclosing
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from wayfarer import __version__
-from wayfarer.runtime.agent import AgentInfo, AgentState, Event, EventKind, MotionChunk, Publication
+from wayfarer.runtime.agent import STATES, AgentInfo, Event, EventKind, MotionChunks, Publication
 from wayfarer.spec import FPS
 from wayfarer.transport import convert, schema, wire
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.codec import PoseEncoder, PoseFormat
+from wayfarer.transport.framing import Part, field
 from wayfarer.v1 import agent_pb2, catalog_pb2, common_pb2, motion_pb2
 
-STATES: Final = {state: f"AGENT_STATE_{state.name}" for state in AgentState}
+STATE_NUMBERS: Final = np.array(
+    [agent_pb2.AgentState.Value(f"AGENT_STATE_{state.name}") for state in STATES]
+)
+"""On the wire, of each state in the order of STATES."""
+
 KINDS: Final = {kind: f"EVENT_KIND_{kind.name}" for kind in EventKind}
 
 
@@ -45,34 +52,39 @@ class BatchWriter:
 
     def batch(
         self,
-        chunks: Sequence[MotionChunk],
+        chunks: MotionChunks,
         added: Iterable[AgentInfo] = (),
         removed: Iterable[int] = (),
         resume_token: str = "",
-    ) -> motion_pb2.MotionBatch:
-        """Chunks that fell due together; `added` are the agents that the reader sees first here."""
-        packed = self.encoder.encode(chunks, self.basis, self.pose_format)
-        return motion_pb2.MotionBatch(
-            added=[self.agent(info) for info in added],
-            removed=removed,
-            resume_token=resume_token,
-            chunks=[
-                motion_pb2.MotionChunk(
-                    alias=chunk.alias,
-                    seq=chunk.seq,
-                    first_frame=chunk.first_frame + poses.skipped,
-                    scheduled_at_us=convert.microseconds(chunk.scheduled_at + poses.skipped / FPS),
-                    goal_revision=chunk.goal_revision,
-                    state=STATES[chunk.state],
-                    flags=int(chunk.flags),
-                    poses=poses.poses,
-                    contacts=poses.contacts,
-                    waypoint=chunk.waypoint,
-                    candidates=chunk.candidates,
-                )
-                for chunk, poses in zip(chunks, packed, strict=True)
-            ],
+    ) -> list[Part]:
+        """A MotionBatch, encoded; `added` are the agents that the reader sees first here."""
+        news = motion_pb2.MotionBatch(
+            added=[self.agent(info) for info in added], removed=removed, resume_token=resume_token
         )
+        batch: list[Part] = [news.SerializeToString()]
+        if chunks:
+            batch += field(motion_pb2.MotionBatch.CHUNKS_FIELD_NUMBER, self._chunks(chunks))
+        return batch
+
+    def _chunks(self, chunks: MotionChunks) -> list[Part]:
+        """A MotionChunks, encoded."""
+        packed = self.encoder.encode(chunks, self.basis, self.pose_format)
+        columns = motion_pb2.MotionChunks(
+            aliases=chunks.alias.tolist(),
+            seqs=chunks.seq.tolist(),
+            first_frames=chunks.first_frame.tolist(),
+            scheduled_at_us=np.rint(chunks.scheduled_at * 1e6).astype(np.int64).tolist(),
+            goal_revisions=chunks.goal_revision.tolist(),
+            states=STATE_NUMBERS[chunks.state].tolist(),
+            flags=chunks.flags.tolist(),
+            waypoints=chunks.waypoint.tolist(),
+            candidates=chunks.candidates.tolist(),
+        )
+        return [
+            columns.SerializeToString(),
+            *field(motion_pb2.MotionChunks.POSES_FIELD_NUMBER, [packed.poses]),
+            *field(motion_pb2.MotionChunks.CONTACTS_FIELD_NUMBER, [packed.contacts]),
+        ]
 
     async def offline(
         self, made: AsyncGenerator[Publication]
@@ -87,11 +99,16 @@ class BatchWriter:
                 if not headed:
                     yield self.header(), None
                     headed = True
-                yield None, self.batch(published.chunks, published.added)
+                yield None, parsed(self.batch(published.chunks, published.added))
 
     def agent(self, info: AgentInfo) -> agent_pb2.Agent:
         """An agent as the reader sees it."""
         return wire.message(agent_pb2.Agent, convert.agent(info, self.basis, self.bodies))
+
+
+def parsed(batch: Iterable[Part]) -> motion_pb2.MotionBatch:
+    """The message that `BatchWriter.batch` has encoded."""
+    return motion_pb2.MotionBatch.FromString(b"".join(batch))
 
 
 def event_message(event: Event) -> motion_pb2.Event:

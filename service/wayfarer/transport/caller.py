@@ -1,7 +1,7 @@
 """Who calls: made by auth/ from credentials, checked by the gateway once per call."""
 
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Final
 
@@ -33,6 +33,7 @@ class Caller:
     name: str  # owner of the sessions it creates; no secret
     scopes: frozenset[Scope]
     quota: Quota = Quota()
+    key: bytes = field(default=b"", repr=False)  # SHA-256 of its API key, if it showed one
 
     def require(self, scope: Scope) -> None:
         """Raises PermissionDenied."""

@@ -9,6 +9,7 @@ import structlog
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.transport import errors, schema, wire
+from wayfarer.transport.framing import field
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.gateway.goals import GoalApi
 from wayfarer.transport.goal_requests import carry_out
@@ -25,10 +26,9 @@ COMMANDS: Final = ("set_goal", "set_path", "append_goals", "wander", "clear_goal
 Requests = AsyncIterator[control_pb2.ControlRequest]
 
 
-async def control(
-    gateway: Gateway, requests: Requests
-) -> AsyncGenerator[control_pb2.ControlResponse]:
-    """Messages of a stream and replies to commands. Close it with `aclose`.
+async def control(gateway: Gateway, requests: Requests) -> AsyncGenerator[bytes]:
+    """Messages of a stream and replies to commands, each a ControlResponse, encoded. Close it with
+    `aclose`.
 
     One request is read at a time, and the next when its reply has been taken: a flood of commands
     slows itself, and is never stored. When the requests end the stream goes on. Raises as
@@ -42,9 +42,9 @@ async def control(
     ):
         async for item in both:
             if isinstance(item, control_pb2.CommandReply):
-                yield control_pb2.ControlResponse(reply=item)
+                yield control_pb2.ControlResponse(reply=item).SerializeToString()
             else:
-                yield control_pb2.ControlResponse(motion=item)
+                yield b"".join(field(control_pb2.ControlResponse.MOTION_FIELD_NUMBER, [item]))
 
 
 async def _opening(requests: Requests) -> schema.StreamWish:

@@ -33,11 +33,12 @@ class Code:
     grpc: grpc.StatusCode
     http: HTTPStatus
     title: str
+    name: str = ""  # where it is not the status's
 
     @property
     def reason(self) -> str:
         """Upper snake case name, the same on both transports."""
-        return self.grpc.name
+        return self.name or self.grpc.name
 
 
 TABLE: Final[dict[type[errors.WayfarerError], Code]] = {
@@ -50,6 +51,12 @@ TABLE: Final[dict[type[errors.WayfarerError], Code]] = {
     ),
     errors.FailedPrecondition: Code(
         grpc.StatusCode.FAILED_PRECONDITION, HTTPStatus.CONFLICT, "Failed precondition"
+    ),
+    errors.Misdirected: Code(
+        grpc.StatusCode.FAILED_PRECONDITION,
+        HTTPStatus.MISDIRECTED_REQUEST,
+        "Misdirected",
+        "MISDIRECTED",
     ),
     errors.Aborted: Code(grpc.StatusCode.ABORTED, HTTPStatus.CONFLICT, "Aborted"),
     errors.Unauthenticated: Code(
@@ -74,13 +81,21 @@ TOO_LARGE: Final = Code(
 """Told by the servers themselves, before a request is read; gRPC does so without details."""
 
 
+MOST_VIOLATIONS: Final = 16
+"""Told of one request."""
+
+
 class InvalidRequest(errors.InvalidArgument):
     """Several fields of a request are wrong; `violations` are (field, what is wrong)."""
 
     def __init__(self, violations: list[tuple[str, str]]) -> None:
-        text = "; ".join(f"{field}: {what}" if field else what for field, what in violations)
-        super().__init__(text, violations[0][0])
-        self.violations = violations
+        """Of many violations the first are told."""
+        told = violations[:MOST_VIOLATIONS]
+        text = "; ".join(f"{field}: {what}" if field else what for field, what in told)
+        if more := len(violations) - len(told):
+            text += f"; and {more} more"
+        super().__init__(text, told[0][0])
+        self.violations = told
 
 
 def invalid_request(error: ValidationError, field: str = "") -> InvalidRequest:
@@ -94,12 +109,8 @@ def violations(found: Sequence[tuple[tuple[int | str, ...], str]]) -> list[tuple
 
     A list whose items are wrong is then too short as well; that is left out.
     """
-    places = [where for where, _ in found]
-    return [
-        (field_path(where), what)
-        for where, what in found
-        if not any(len(other) > len(where) and other[: len(where)] == where for other in places)
-    ]
+    around = {where[:depth] for where, _ in found for depth in range(len(where))}
+    return [(field_path(where), what) for where, what in found if where not in around]
 
 
 def field_path(parts: Iterable[int | str]) -> str:
@@ -131,6 +142,17 @@ def violations_of(error: BaseException) -> list[tuple[str, str]]:
     return []
 
 
+def endpoint_of(error: BaseException) -> dict[str, int]:
+    """Where the call should have gone; empty for errors of another kind."""
+    if not isinstance(error, errors.Misdirected):
+        return {}
+    return {
+        "worker": error.worker,
+        "grpc_port": error.grpc_port,
+        "http_port": error.http_port,
+    }
+
+
 def retry_after(error: BaseException) -> float:
     """Seconds after which to try again; 0 when that is no use."""
     if isinstance(error, errors.ResourceExhausted):
@@ -141,7 +163,8 @@ def retry_after(error: BaseException) -> float:
 def to_grpc(error: BaseException) -> grpc.Status:
     """The status that ends a call, with google.rpc details."""
     code = code_of(error)
-    details: list[Any] = [ErrorInfo(reason=code.reason, domain=DOMAIN)]
+    where = {key: str(value) for key, value in endpoint_of(error).items()}
+    details: list[Any] = [ErrorInfo(reason=code.reason, domain=DOMAIN, metadata=where)]
     if violations := violations_of(error):
         fields = [BadRequest.FieldViolation(field=f, description=d) for f, d in violations]
         details.append(BadRequest(field_violations=fields))
@@ -186,6 +209,8 @@ def to_problem(error: BaseException) -> dict[str, Any]:
         problem["errors"] = [{"field": f, "detail": d} for f, d in violations]
     if seconds := retry_after(error):
         problem["retry_after_s"] = seconds
+    if endpoint := endpoint_of(error):
+        problem["endpoint"] = endpoint
     return problem
 
 

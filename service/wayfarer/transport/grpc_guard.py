@@ -17,6 +17,7 @@ from wayfarer.transport import errors
 from wayfarer.transport.auth import Presented
 from wayfarer.transport.guard import Guard, begin
 from wayfarer.transport.http_guard import bearer
+from wayfarer.transport.inside import Origin
 from wayfarer.transport.metrics import Metrics
 from wayfarer.transport.tracing import Tracing
 
@@ -29,14 +30,10 @@ OPEN_STREAMS: Final = 8
 Headers = dict[str, str]
 
 
-class GuardInterceptor(grpc.aio.ServerInterceptor):
-    """Stands inside the interceptor that turns errors into statuses."""
+class OpenStreamsInterceptor(grpc.aio.ServerInterceptor):
+    """What is open to everybody is not open to be hoarded."""
 
-    def __init__(self, guard: Guard, metrics: Metrics, tracing: Tracing, access_log: bool) -> None:
-        self._guard = guard
-        self._metrics = metrics
-        self._tracing = tracing
-        self._access_log = access_log
+    def __init__(self) -> None:
         self._open: Counter[str] = Counter()
 
     async def intercept_service(
@@ -46,12 +43,46 @@ class GuardInterceptor(grpc.aio.ServerInterceptor):
     ) -> Any:
         """Wrap the handler."""
         handler = await continuation(handler_call_details)
+        ours = handler_call_details.method.startswith(OURS)
+        if handler is None or ours or not handler.response_streaming:
+            return handler
+        return around(handler, self._bounded)
+
+    @asynccontextmanager
+    async def _bounded(self, context: Any) -> AsyncIterator[None]:
+        name = address(context.peer())
+        if self._open[name] >= OPEN_STREAMS:
+            full = ResourceExhausted(f"{OPEN_STREAMS} such streams at a time from one address", 5.0)
+            await context.abort_with_status(errors.to_grpc(full))
+        self._open[name] += 1
+        try:
+            yield
+        finally:
+            self._open[name] -= 1
+            if not self._open[name]:
+                del self._open[name]
+
+
+class GuardInterceptor(grpc.aio.ServerInterceptor):
+    """Stands inside the interceptor that turns errors into statuses."""
+
+    def __init__(self, guard: Guard, metrics: Metrics, tracing: Tracing, access_log: bool) -> None:
+        self._guard = guard
+        self._metrics = metrics
+        self._tracing = tracing
+        self._access_log = access_log
+
+    async def intercept_service(
+        self,
+        continuation: Callable[[grpc.HandlerCallDetails], Awaitable[Any]],
+        handler_call_details: grpc.HandlerCallDetails,
+    ) -> Any:
+        """Wrap the handler."""
+        handler = await continuation(handler_call_details)
         method = handler_call_details.method
-        if handler is None:
-            return None
-        if method.startswith(OURS):
-            return around(handler, lambda context: self._call(method, handler, context))
-        return around(handler, self._bounded) if handler.response_streaming else handler
+        if handler is None or not method.startswith(OURS):
+            return handler
+        return around(handler, lambda context: self._call(method, handler, context))
 
     @asynccontextmanager
     async def _call(self, method: str, handler: Any, context: Any) -> AsyncIterator[None]:
@@ -61,7 +92,8 @@ class GuardInterceptor(grpc.aio.ServerInterceptor):
         begin(headers.get("x-request-id", ""))
         try:
             with self._tracing.call(method.removeprefix("/"), headers):
-                await self._guard.admit(_presented(headers, context), address(context.peer()))
+                origin = origin_of(headers, context)
+                await self._guard.admit(_presented(headers, origin), origin.address)
                 yield
         except (asyncio.CancelledError, GeneratorExit):
             code = "CANCELLED"
@@ -79,21 +111,6 @@ class GuardInterceptor(grpc.aio.ServerInterceptor):
             self._metrics.rpc(method, code, seconds)
         if self._access_log:
             log.info("call", method=method, code=code, ms=round(1e3 * seconds, 2))
-
-    @asynccontextmanager
-    async def _bounded(self, context: Any) -> AsyncIterator[None]:
-        """What is open to everybody is not open to be hoarded."""
-        name = address(context.peer())
-        if self._open[name] >= OPEN_STREAMS:
-            full = ResourceExhausted(f"{OPEN_STREAMS} such streams at a time from one address", 5.0)
-            await context.abort_with_status(errors.to_grpc(full))
-        self._open[name] += 1
-        try:
-            yield
-        finally:
-            self._open[name] -= 1
-            if not self._open[name]:
-                del self._open[name]
 
 
 def around(handler: Any, enter: Callable[[Any], Any]) -> Any:
@@ -150,11 +167,19 @@ def _headers(context: Any) -> Headers:
     return found
 
 
-def _presented(headers: Headers, context: Any) -> Presented:
-    """Raises Unauthenticated."""
+def origin_of(headers: Headers, context: Any) -> Origin:
+    """Who is at the other end; of a call that the front of the server relays, as it says."""
+    peer = context.peer()
+    if peer.startswith("unix:"):  # bound only where there is a front
+        return Origin.read(headers)
     names = context.auth_context().get("x509_common_name", ())
+    return Origin(address(peer), next((name.decode("utf-8", "replace") for name in names), ""))
+
+
+def _presented(headers: Headers, origin: Origin) -> Presented:
+    """Raises Unauthenticated."""
     return Presented(
         bearer=bearer(headers.get("authorization", "")),
         api_key=headers.get("x-api-key", ""),
-        certificate=next((name.decode("utf-8", "replace") for name in names), ""),
+        certificate=origin.certificate,
     )

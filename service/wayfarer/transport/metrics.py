@@ -3,19 +3,27 @@
 No label has a client's text in it, so their number is bounded.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+import threading
+from collections.abc import Callable, Iterator
 from typing import Final
 
+import numpy as np
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    HistogramMetricFamily,
+    Metric,
+)
 from prometheus_client.gc_collector import GCCollector
 from prometheus_client.platform_collector import PlatformCollector
 from prometheus_client.process_collector import ProcessCollector
 from prometheus_client.registry import Collector
+from prometheus_client.utils import floatToGoString
 
 from wayfarer import __version__
 from wayfarer.runtime.agent import AgentState, LoopStats, SlowReader
-from wayfarer.runtime.meter import ResumeResult
+from wayfarer.runtime.meter import ResumeResult, Seconds
 from wayfarer.spec import FPS, NEW_FRAMES
 
 MISSED_S: Final = 1 / FPS
@@ -56,9 +64,8 @@ class Metrics:
         self._misses = _count(
             registry, "deadline_misses", "Chunks that left more than a frame late"
         )
-        self._lateness = _times(
-            registry, "chunk_lateness", "Chunk after its scheduled time", LATENESS_BUCKETS
-        )
+        self._lateness = _Lateness()
+        registry.register(self._lateness)
         self._goals = _times(
             registry, "goal_latency", "From a goal to its first frames", GOAL_BUCKETS
         )
@@ -109,11 +116,10 @@ class Metrics:
         if self._traced:
             self._traced(agents, seconds)
 
-    def chunks(self, lateness: Sequence[float]) -> None:
+    def chunks(self, lateness: Seconds) -> None:
         """See `Meter`."""
-        for late in lateness:
-            self._lateness.observe(max(late, 0.0))
-        if missed := sum(late > MISSED_S for late in lateness):
+        self._lateness.observe(np.maximum(lateness, 0.0))
+        if missed := int(np.count_nonzero(lateness > MISSED_S)):
             self._misses.inc(missed)
 
     def queue(self, seconds: float) -> None:
@@ -197,6 +203,35 @@ class _Stand(Collector):
             ("loop_rebases", "Times the schedule was moved", now.rebased),
         ):
             yield CounterMetricFamily(f"wayfarer_{name}", what, value)
+
+
+class _Lateness(Collector):
+    """A histogram that takes many values at once, which `Histogram` cannot."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._counts = np.zeros(len(LATENESS_BUCKETS) + 1, np.int64)
+        self._sum = 0.0
+
+    def observe(self, lateness: Seconds) -> None:
+        """Count values."""
+        places = np.searchsorted(LATENESS_BUCKETS, lateness)
+        counts = np.bincount(places, minlength=len(self._counts))
+        with self._lock:
+            self._counts += counts
+            self._sum += float(lateness.sum())
+
+    def collect(self) -> Iterator[Metric]:
+        """Called by the registry."""
+        with self._lock:
+            up_to, total = np.cumsum(self._counts).tolist(), self._sum
+        names = [*map(floatToGoString, LATENESS_BUCKETS), "+Inf"]
+        yield HistogramMetricFamily(
+            "wayfarer_chunk_lateness_seconds",
+            "Chunk after its scheduled time, seconds",
+            buckets=list(zip(names, up_to, strict=True)),
+            sum_value=total,
+        )
 
 
 def _times(

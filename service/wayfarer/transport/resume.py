@@ -1,13 +1,15 @@
 """Resume tokens: how far a stream has come, as opaque text."""
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
+from hashlib import sha256
 from typing import Final
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.agent import Resume
 
-TOKEN: Final = re.compile(r"([A-Za-z0-9-]{1,40})\.(\d{1,18})(?:\.(\d{1,6}))?")
+TOKEN: Final = re.compile(r"([A-Za-z0-9-]{1,40})\.(\d{1,18})(?:\.(\d{1,6}))?(?:~([0-9a-f]{16}))?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,6 +22,7 @@ class Progress:
     epoch: str
     position: int
     events: int | None = None
+    followed: str = ""  # mark of the agents that were followed; empty: all
 
     @classmethod
     def read(cls, token: str) -> "Progress | None":
@@ -32,16 +35,26 @@ class Progress:
                 "not a resume token; send the last one of the earlier stream, or none",
                 "resume_token",
             )
-        epoch, position, events = match.groups()
-        return cls(epoch, int(position), None if events is None else int(events))
+        epoch, position, events, followed = match.groups()
+        return cls(epoch, int(position), None if events is None else int(events), followed or "")
 
     def token(self) -> str:
         """The text that `read` reads."""
         rest = "" if self.events is None else f".{self.events}"
-        return f"{self.epoch}.{self.position}{rest}"
+        followed = f"~{self.followed}" if self.followed else ""
+        return f"{self.epoch}.{self.position}{rest}{followed}"
 
-    @property
-    def resume(self) -> Resume:
-        """Where the runtime shall go on: with this publication again, if it is not complete."""
+    def resume(self, followed: str) -> Resume:
+        """Where the runtime shall go on: with this publication again, if it is not complete.
+
+        `followed`: mark of the agents that are followed now.
+        """
         whole = self.events is None
-        return Resume(self.epoch, self.position if whole else max(self.position - 1, 0))
+        position = self.position if whole else max(self.position - 1, 0)
+        return Resume(self.epoch, position, same_agents=followed == self.followed)
+
+
+def filter_mark(agent_ids: Iterable[str]) -> str:
+    """Tells one choice of agents from another; empty for no choice: all of them."""
+    chosen = sorted(set(agent_ids))
+    return sha256("\n".join(chosen).encode()).hexdigest()[:16] if chosen else ""

@@ -4,19 +4,28 @@ import asyncio
 import contextlib
 import socket
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Final
 
 import structlog
 import uvicorn
+from starlette.types import ASGIApp
 
+from wayfarer.config import Limits
 from wayfarer.errors import Unavailable
 from wayfarer.transport.connection import HttpConnection, SocketConnection
 from wayfarer.transport.front import front
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.grpc_guard import GuardInterceptor
-from wayfarer.transport.grpc_server import GrpcServer, bracketed
+from wayfarer.transport.grpc_server import (
+    GrpcServer,
+    bracketed,
+    gateway_interceptors,
+    gateway_services,
+)
 from wayfarer.transport.guard import Guard
 from wayfarer.transport.http_server import http_app
+from wayfarer.transport.inside import FromFront, Inside
 from wayfarer.transport.limits import CallRates
 from wayfarer.transport.operation import Operation
 
@@ -29,8 +38,33 @@ HEADER_BYTES: Final = 32 * 1024
 """Of the head of an HTTP request."""
 
 
-class _Uvicorn(uvicorn.Server):
-    """Signals are the composition root's business."""
+class HttpServer(uvicorn.Server):
+    """uvicorn, bounded. Signals are the composition root's business."""
+
+    def __init__(
+        self, app: ASGIApp, limits: Limits, operation: Operation, inside: Path | None = None
+    ) -> None:
+        """On the sockets that `serve` is given, or on the one `inside`, which has no TLS."""
+        tls = operation.tls if inside is None else None
+        super().__init__(
+            uvicorn.Config(
+                app,
+                uds=str(inside) if inside else None,
+                http=HttpConnection,
+                ws=SocketConnection,
+                lifespan="off",
+                log_config=None,
+                access_log=False,
+                server_header=False,
+                proxy_headers=False,
+                limit_concurrency=operation.connections,
+                h11_max_incomplete_event_size=HEADER_BYTES,
+                ws_max_size=limits.message_bytes,
+                ws_per_message_deflate=False,
+                timeout_graceful_shutdown=max(1, round(operation.drain_s)),
+                ssl_context_factory=(lambda *_: tls.http()) if tls else None,
+            )
+        )
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -48,44 +82,41 @@ class Server:
         http_port: int,
         grpc_port: int,
         operation: Operation | None = None,
+        inside: Inside | None = None,
     ) -> None:
-        """Ports 0: any free one. Raises Unavailable when one is taken."""
+        """Ports 0: any free one. `inside`: where the front comes in, of a server with workers.
+
+        Raises Unavailable when a port is taken.
+        """
         self._gateway = gateway
         if operation is None:
             rates = CallRates(gateway.limits.calls_per_second)
             operation = Operation(guard=Guard(rates=rates))
         self._operation = operation
         # gRPC binds in C, which cannot say why it failed and writes lines of its own: try first.
-        _listen(host, grpc_port, "gRPC").close()
-        self._socket = _listen(host, http_port, "HTTP")
+        listen(host, grpc_port, "gRPC").close()
+        self._socket = listen(host, http_port, "HTTP")
         tls = operation.tls
+        guard = GuardInterceptor(
+            operation.guard, operation.metrics, operation.tracing, operation.access_log
+        )
+        if inside is not None:
+            inside.clear()
         self._grpc = GrpcServer(
-            gateway,
+            gateway_services(gateway),
+            gateway.limits,
             host,
             grpc_port,
-            GuardInterceptor(
-                operation.guard, operation.metrics, operation.tracing, operation.access_log
-            ),
             tls.grpc() if tls else None,
+            gateway_interceptors(guard),
+            inside.grpc if inside else None,
+            operation.connections,
         )
-        self._uvicorn = _Uvicorn(
-            uvicorn.Config(
-                front(http_app(gateway), operation, gateway.loop_stats),
-                http=HttpConnection,
-                ws=SocketConnection,
-                lifespan="off",
-                log_config=None,
-                access_log=False,
-                server_header=False,
-                proxy_headers=False,
-                limit_concurrency=operation.connections,
-                h11_max_incomplete_event_size=HEADER_BYTES,
-                ws_max_size=gateway.limits.message_bytes,
-                ws_per_message_deflate=False,
-                timeout_graceful_shutdown=max(1, round(operation.drain_s)),
-                ssl_context_factory=(lambda *_: tls.http()) if tls else None,
-            )
-        )
+        app = front(http_app(gateway), operation, gateway.loop_stats)
+        self._http = [HttpServer(app, gateway.limits, operation)]
+        if inside is not None:
+            relayed = FromFront(app)
+            self._http.append(HttpServer(relayed, gateway.limits, operation, inside.http))
         scheme = "https" if tls else "http"
         self.http_url = f"{scheme}://{bracketed(host)}:{self._socket.getsockname()[1]}"
         self.grpc_address = f"{bracketed(host)}:{self._grpc.port}"
@@ -95,13 +126,14 @@ class Server:
         """Take calls. Health says NOT_SERVING until the runtime is ready."""
         await self._grpc.start()
         self._tasks = [
-            asyncio.create_task(self._uvicorn.serve(sockets=[self._socket]), name="http"),
             asyncio.create_task(self._watch(), name="watch"),
+            asyncio.create_task(self._http[0].serve(sockets=[self._socket]), name="http"),
+            *(asyncio.create_task(inner.serve(), name="http inside") for inner in self._http[1:]),
         ]
 
     async def until_ready(self) -> None:
         """Return when the runtime is ready. Raises Unavailable when it will never be."""
-        while not (self._gateway.runtime_ready and self._uvicorn.started):
+        while not (self._gateway.runtime_ready and all(http.started for http in self._http)):
             if not self._gateway.alive:
                 raise Unavailable("the motion loop ended while it was starting; see the log")
             await asyncio.sleep(0.01)
@@ -113,18 +145,20 @@ class Server:
 
         Takes twice `drain_s` at most, and a second.
         """
-        http, watch = self._tasks
+        watch, *serving = self._tasks
         watch.cancel()
         await self._grpc.enter_shutdown()
         await self._gateway.drain(self._operation.drain_s)
-        self._uvicorn.should_exit = True
-        await asyncio.gather(self._grpc.stop(self._operation.drain_s), http)
+        for http in self._http:
+            http.should_exit = True
+        await asyncio.gather(self._grpc.stop(self._operation.drain_s), *serving)
         self._operation.tracing.close()
 
     async def _watch(self) -> None:
-        """Keep grpc.health.v1 in step with the runtime, and end sessions whose lease is over."""
+        """Keep grpc.health.v1 in step with the runtime; end what has no lease or key any more."""
         while True:
             await self._grpc.set_serving(self._gateway.ready)
+            self._gateway.end_streams_of_revoked(self._operation.guard.authenticator.is_good)
             try:
                 await self._gateway.end_expired_sessions()
             except Exception:  # else no lease would ever end again
@@ -132,7 +166,7 @@ class Server:
             await asyncio.sleep(WATCH_S)
 
 
-def _listen(host: str, port: int, what: str) -> socket.socket:
+def listen(host: str, port: int, what: str) -> socket.socket:
     """A listening socket. Raises Unavailable."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:

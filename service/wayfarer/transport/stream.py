@@ -1,15 +1,25 @@
 """One reader's stream: publications of the runtime as wire messages, with events and heartbeats."""
 
 import asyncio
-from collections.abc import AsyncGenerator, Callable, Sequence
+from collections.abc import AsyncGenerator, Callable, Collection
 from contextlib import aclosing
 from typing import Final
 
-from wayfarer.errors import NotFound, Unavailable
-from wayfarer.runtime.agent import AgentInfo, Event, EventKind, MotionChunk, Publication
+import numpy as np
+
+from wayfarer.errors import NotFound, Unavailable, WayfarerError
+from wayfarer.runtime.agent import (
+    NO_CHUNKS,
+    AgentInfo,
+    Event,
+    EventKind,
+    MotionChunks,
+    Publication,
+)
 from wayfarer.runtime.service import MotionService, Subscription
 from wayfarer.transport import convert
 from wayfarer.transport.batches import BatchWriter, event_message
+from wayfarer.transport.framing import Part, field
 from wayfarer.transport.merge import paced
 from wayfarer.transport.resume import Progress
 from wayfarer.v1 import motion_pb2
@@ -27,26 +37,40 @@ class MotionStream:
         session_id: str,
         subscription: Subscription,
         clock: Callable[[], float],
-        stop: asyncio.Event,
+        followed: str = "",
         since: Progress | None = None,
+        gone: Collection[int] = (),
     ) -> None:
-        """`stop` ends it; `since`: how far the reader's earlier stream had come."""
+        """`followed`: see `filter_mark`. `since`: how far the reader's earlier stream had come.
+
+        `gone`: aliases of deleted agents that it may still show.
+        """
         self._service = service
         self._session_id = session_id
         self._subscription = subscription
         self._clock = clock
-        self._stop = stop
+        self._ended = asyncio.Event()
+        self._error: WayfarerError | None = None
+        self._followed = followed
         self._since = since
         self._token = ""  # of what has been sent
         self._known: set[int] = set()  # aliases introduced
-        self._gone: set[int] = set()  # aliases deleted: late chunks of theirs are dropped
-        self._removed: list[int] = []  # deleted and not yet told
+        self._gone = set(gone)  # aliases deleted: late chunks of theirs are dropped
+        self._removed = list(gone)  # deleted and not yet told
 
     def remove(self, alias: int) -> None:
         """Tell the reader, with the next message, that an agent was deleted."""
         self._gone.add(alias)
         if alias in self._known:
             self._removed.append(alias)
+
+    def end(self, error: WayfarerError) -> bool:
+        """Let it end with `error`; False when it had been told to end before."""
+        if self._error is not None:
+            return False
+        self._error = error
+        self._ended.set()
+        return True
 
     def ack(self, token: str, playhead: float) -> None:
         """The reader has received all up to `token` and shows the moment `playhead` (Unix s).
@@ -57,39 +81,39 @@ class MotionStream:
         if progress is not None and progress.epoch == self._subscription.epoch:
             self._subscription.ack(progress.position, playhead)
 
-    async def messages(
-        self, writer: BatchWriter, resume_s: float
-    ) -> AsyncGenerator[motion_pb2.StreamMotionResponse]:
-        """Header, then batches, events and heartbeats until the session ends.
+    async def messages(self, writer: BatchWriter, resume_s: float) -> AsyncGenerator[bytes]:
+        """Header, then batches, events and heartbeats until the session ends: each a
+        StreamMotionResponse, encoded.
 
-        Raises Unavailable once it is stopped, after an event that says so. Close it with `aclose`.
+        Raises what it was ended with; Unavailable after an event that says so. Close it with
+        `aclose`.
         """
         header = writer.header(self._session_id, resume_s, self._subscription.resumed)
         yield self._response(header=header)
         async with aclosing(self._publications()) as publications:
             async for published in publications:
-                chunks, events = self._fresh(published) if published else ((), [])
+                chunks, events = self._fresh(published) if published else (NO_CHUNKS, [])
                 shown, added = await self._introduce(chunks)
                 if published:
-                    self._token = Progress(
-                        self._subscription.epoch, published.position, 0 if events else None
-                    ).token()
+                    self._token = self._progress(published, 0 if events else None)
                 if shown or self._removed:
                     removed, self._removed = self._removed, []
-                    yield self._response(batch=writer.batch(shown, added, removed, self._token))
+                    yield self._batch(writer.batch(shown, added, removed, self._token))
                 elif not events:
                     yield self._response(heartbeat=motion_pb2.Heartbeat())
                 for token, event in events:
                     yield self._response(event=event_message(event))
                     self._token = token
-        if self._stop.is_set():
-            yield self._response(event=event_message(self._draining()))
-            raise Unavailable(SHUTDOWN)
+        if self._error:
+            if isinstance(self._error, Unavailable):
+                yield self._response(event=event_message(self._draining()))
+            raise self._error
 
     async def events(self) -> AsyncGenerator[tuple[str, Event] | None]:
         """Events alone, each with its resume token; None at once, and when nothing else happens.
 
-        Raises Unavailable once it is stopped, after an event that says so. Close it with `aclose`.
+        Raises what it was ended with; Unavailable after an event that says so. Close it with
+        `aclose`.
         """
         yield None
         async with aclosing(self._publications()) as publications:
@@ -99,45 +123,56 @@ class MotionStream:
                     continue
                 for token, event in self._fresh(published)[1]:
                     yield token, event
-        if self._stop.is_set():
-            yield "", self._draining()
-            raise Unavailable(SHUTDOWN)
+        if self._error:
+            if isinstance(self._error, Unavailable):
+                yield "", self._draining()
+            raise self._error
 
     def _publications(self) -> AsyncGenerator[Publication | None]:
-        return paced(aiter(self._subscription), HEARTBEAT_S, self._stop)
+        return paced(aiter(self._subscription), HEARTBEAT_S, self._ended)
 
-    def _response(self, **payload: object) -> motion_pb2.StreamMotionResponse:
+    def _response(self, **payload: object) -> bytes:
         now = convert.microseconds(self._clock())
-        return motion_pb2.StreamMotionResponse(sent_at_us=now, **payload)  # type: ignore[arg-type]
+        message = motion_pb2.StreamMotionResponse(sent_at_us=now, **payload)  # type: ignore[arg-type]
+        return message.SerializeToString()
+
+    def _batch(self, batch: list[Part]) -> bytes:
+        payload = field(motion_pb2.StreamMotionResponse.BATCH_FIELD_NUMBER, batch)
+        return b"".join([self._response(), *payload])
 
     def _draining(self) -> Event:
         return Event(EventKind.DRAINING, self._clock(), detail=SHUTDOWN)
 
-    def _fresh(
-        self, published: Publication
-    ) -> tuple[Sequence[MotionChunk], list[tuple[str, Event]]]:
+    def _progress(self, published: Publication, events: int | None) -> str:
+        """The resume token of a publication of which so many events have been sent; None: all."""
+        position = published.position
+        return Progress(self._subscription.epoch, position, events, self._followed).token()
+
+    def _fresh(self, published: Publication) -> tuple[MotionChunks, list[tuple[str, Event]]]:
         """What the reader has not yet had of a publication; each event with its resume token."""
         epoch, last = self._subscription.epoch, len(published.events)
         events = [
-            (Progress(epoch, published.position, None if i == last else i).token(), event)
+            (self._progress(published, None if i == last else i), event)
             for i, event in enumerate(published.events, start=1)
         ]
         since = self._since
         if since and since.epoch == epoch and since.position == published.position:
             self._since = None  # news of a loss may come with the same position later
-            return (), events[since.events :]
+            return NO_CHUNKS, events[since.events :]
         return published.chunks, events
 
-    async def _introduce(
-        self, chunks: Sequence[MotionChunk]
-    ) -> tuple[list[MotionChunk], list[AgentInfo]]:
+    async def _introduce(self, chunks: MotionChunks) -> tuple[MotionChunks, list[AgentInfo]]:
         """The chunks to show, and descriptions of the agents seen for the first time."""
+        present = set(chunks.alias.tolist())
         added = []
-        if new := {c.alias for c in chunks} - self._known - self._gone:
+        if new := present - self._known - self._gone:
             try:
                 infos = await self._service.list_agents(self._session_id)
             except NotFound:  # the session has ended since the chunks were made
                 infos = []
             added = [info for info in infos if info.alias in new - self._gone]
             self._known.update(info.alias for info in added)
-        return [c for c in chunks if c.alias in self._known - self._gone], added
+        shown = (present & self._known) - self._gone
+        if len(shown) < len(present):
+            chunks = chunks.take(np.flatnonzero(np.isin(chunks.alias, list(shown))))
+        return chunks, added

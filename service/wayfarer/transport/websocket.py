@@ -13,7 +13,6 @@ from typing import Any, Final
 import structlog
 from fastapi import FastAPI, WebSocket, WebSocketDisconnect
 from google.protobuf.message import DecodeError
-from google.protobuf.message import Message as ProtoMessage
 from pydantic import ValidationError
 from starlette.datastructures import QueryParams
 
@@ -95,13 +94,13 @@ async def _send_stream(socket: WebSocket, gateway: Gateway) -> None:
     await _send(socket, gateway.motion.stream(wish_of(socket.query_params)))
 
 
-async def _send(socket: WebSocket, messages: AsyncGenerator[ProtoMessage]) -> None:
+async def _send(socket: WebSocket, messages: AsyncGenerator[bytes]) -> None:
     """Send until there are no more. Raises TimeoutError when the reader takes none."""
     async with aclosing(messages):
         async for message in messages:
             try:
                 async with asyncio.timeout(STALL_S):
-                    await socket.send_bytes(message.SerializeToString())
+                    await socket.send_bytes(message)
             except RuntimeError:  # uvicorn has closed it by itself meanwhile
                 raise WebSocketDisconnect(1006) from None
 

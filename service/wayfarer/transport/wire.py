@@ -4,13 +4,16 @@ Among values enums stand as their short lower-case names, bytes as base64 text.
 """
 
 from base64 import b64decode, b64encode
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from google.protobuf.message import Message as ProtoMessage
 from pydantic import BaseModel, ValidationError
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.transport.errors import invalid_request
+
+MOST_ITEMS: Final = 1024
+"""Of a list in a request; no schema allows more."""
 
 Twin = TypeVar("Twin", bound=BaseModel)
 Proto = TypeVar("Proto", bound=ProtoMessage)
@@ -36,13 +39,15 @@ def message(kind: type[Proto], twin: BaseModel) -> Proto:
 def values(message: ProtoMessage, path: str = "") -> dict[str, Any]:
     """Fields by name. Absent ones and unspecified enums are left to the twin's defaults.
 
-    Raises InvalidArgument where an enum's number is unknown.
+    Raises InvalidArgument where an enum's number is unknown, or a list is too long.
     """
     found: dict[str, Any] = {}
     for field in message.DESCRIPTOR.fields:
         value = getattr(message, field.name)
         inner = f"{path}.{field.name}" if path else field.name
         if field.is_repeated:
+            if len(value) > MOST_ITEMS:
+                raise InvalidArgument(f"has {len(value)} items; allowed: {MOST_ITEMS}", inner)
             found[field.name] = [_value(field, v, f"{inner}[{i}]") for i, v in enumerate(value)]
         elif (
             message.HasField(field.name) if field.has_presence else field.enum_type is None or value

@@ -24,7 +24,7 @@ def stage(path: Path, threads: int) -> Stage:
 
 @pytest.fixture(autouse=True)
 def gliding(monkeypatch: pytest.MonkeyPatch) -> None:
-    def world(models: Path, agents: int, candidates: int, threads: int):
+    def world(models: Path, agents: int, candidates: int, threads: int, engine: str):
         made = stage(models, threads)
         return made.world(agents, Steering().with_search(candidates=candidates)), made.bodies
 

@@ -33,6 +33,10 @@ def test_the_faster_engine_is_chosen_where_it_is_clearly_faster(
     assert isinstance(open_engine(models, "auto", 1), chosen)
 
 
+def test_memory_for_a_network_of_each_number_of_candidates_is_not_taken_unasked(models):
+    assert isinstance(open_engine(models, "auto", 1, candidates=4), OnnxEngine)
+
+
 def test_a_trial_takes_time(models):
     assert choice.trial(OnnxEngine(models, 1)) > 0
 

@@ -97,7 +97,7 @@ async def test_it_moves_as_agents_do_in_real_time(runtime):
 
 async def test_agents_come_and_go_between_primitives(runtime):
     await runtime.create_session(LOCKED)
-    assert [p.chunks for p in await runtime.step_session("tool", 2)] == [(), ()]
+    assert [len(p.chunks) for p in await runtime.step_session("tool", 2)] == [0, 0]
     [a] = await runtime.create_agents("tool", people(1))
     await runtime.step_session("tool", 1)
     [b] = await runtime.create_agents("tool", people(1))

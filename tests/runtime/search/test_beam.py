@@ -9,7 +9,7 @@ from tests.runtime.fakes import HIPS_HEIGHT, FakeEngine, make_world, people
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.agent import AgentState, Goal, SessionSpec
 from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
-from wayfarer.runtime.engines.onnx_engine import resting_inputs
+from wayfarer.runtime.engines.resting import resting_inputs
 from wayfarer.runtime.search.beam import BLOCK, fan_out, grow, plan, select
 from wayfarer.runtime.search.beam_settings import CLONES, HARD, BeamSettings
 from wayfarer.runtime.search.plan import Ending, Level, Plan, Problem

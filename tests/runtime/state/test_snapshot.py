@@ -105,6 +105,12 @@ def test_all_that_is_told_of_agents_stays():
     assert new.alias == 5
 
 
+def test_it_names_the_model_of_each_agent(snapshot):
+    [model] = {agent.model for agent in decode(snapshot).agents}
+    name, stamp = model.split("@")
+    assert name == "fake" and len(stamp) == 16
+
+
 def test_the_snapshot_of_an_untouched_import_is_the_same(snapshot):
     there = fake_worlds(limits=LIMITS).live()
     there.put_session(decode(snapshot), 7000.0)

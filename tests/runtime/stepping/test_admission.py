@@ -14,6 +14,8 @@ from wayfarer.spec import GENDERS, STEP_SECONDS
 
 CALL, ROW = 0.002, 0.001  # seconds: of any call, and for each of its rows
 
+PHASES = WorldSettings().phases
+
 
 def measure(target, sizes=range(1, 9), candidates=(1, 4)):
     for rows in sizes:
@@ -34,7 +36,7 @@ def admission(**settings):
 
 
 def phases(agents):
-    return Phases(8).with_agents(number % 2 for number in range(agents))
+    return Phases(PHASES).with_agents(number % 2 for number in range(agents))
 
 
 def fits(found, agents, more=1, now=0.0):
@@ -48,7 +50,7 @@ def fits(found, agents, more=1, now=0.0):
 
 def test_before_anything_is_measured_everybody_is_let_in():
     found = Admission(WorldSettings())
-    found.check(Phases(8), [0] * 1000, 0.0, late=False)
+    found.check(Phases(PHASES), [0] * 1000, 0.0, late=False)
     assert found.capacity(0.0) == 0
 
 
@@ -62,7 +64,7 @@ def test_spread_is_how_agents_spread(agents, count):
 def test_agents_fit_as_long_as_calls_with_one_candidate_leave_time():
     found = admission()
     capacity = found.capacity(0.0)
-    assert cost(spread(capacity, 8)) <= 0.8 < cost(spread(capacity + 1, 8))
+    assert cost(spread(capacity, PHASES)) <= 0.8 < cost(spread(capacity + 1, PHASES))
     assert fits(found, capacity - 1) and not fits(found, capacity)
     assert fits(found, 0, 8) and not fits(found, capacity - 4, 8), "all or none"
 
@@ -79,11 +81,20 @@ def test_the_refusal_says_how_many_fit_and_what_limits():
 def test_steps_that_are_slower_than_warm_ones_leave_room_for_fewer():
     found = admission()
     before = found.capacity(0.0)
-    for number in range(20):
-        found.spent(number / 10, Call(8, 4), 3 * 4 * (CALL + ROW * 8))
-        found.spent(number / 10, Call(9, 4), 99.0)  # not measured when warm: tells nothing
+    for number in range(60):
+        found.spent(number / 30, Call(8, 4), 3 * 4 * (CALL + ROW * 8))
+        found.spent(number / 30, Call(9, 4), 99.0)  # not measured when warm: tells nothing
     assert found.capacity(2.0) < before / 2
     assert found.capacity(60.0) == before, "what was slow a minute ago does not count"
+
+
+def test_a_few_calls_at_a_bad_moment_say_little():
+    found = admission()
+    before = found.capacity(0.0)
+    for number in range(20):
+        found.spent(number / 100, Call(1, 4), 1.0)
+        found.worked(number / 100, 0.005, number % 2)
+    assert found.capacity(2.0) > before / 2
 
 
 def test_the_rest_of_the_loop_takes_time_too():
@@ -93,7 +104,7 @@ def test_the_rest_of_the_loop_takes_time_too():
         chunks = number % 4
         found.worked(number / 20, 0.001 + 0.0005 * chunks, chunks)
     now = 5.0
-    groups = spread(found.capacity(now), 8)
+    groups = spread(found.capacity(now), PHASES)
     calls = sum(-(-group // 8) for group in groups)
     rest = (calls * 0.001 + sum(groups) * 0.0005) / STEP_SECONDS
     assert sum(groups) < before
@@ -123,14 +134,55 @@ def test_a_world_refuses_at_once_all_or_none_and_makes_room_again():
     world.create_session(SessionSpec("s"), 0.0)
     capacity = world.capacity(0.0)
     made = world.create_agents("s", people(capacity), 0.0)
-    for call in (world.check_room, world.create_agents):
-        with pytest.raises(ResourceExhausted, match=f"{capacity} fit") as error:
-            call("s", people(2), 0.0)
-        assert error.value.retry_after > 0
+    with pytest.raises(ResourceExhausted, match=f"{capacity} fit") as error:
+        world.create_agents("s", people(2), 0.0)
+    assert error.value.retry_after > 0
+    with pytest.raises(ResourceExhausted), world.reserve("s", people(2), 0.0):
+        pass
     assert world.agents == capacity and world.refused_agents == 4
     for agent in made[:4]:
         world.delete_agent(agent.agent_id)
     world.create_agents("s", people(2), 0.0)
+
+
+def test_room_that_is_held_is_taken_for_all_others_until_it_is_given_up():
+    world = make_world(admission=AdmissionRules(most_load=0.2))
+    measure(world)
+    for name in "st":
+        world.create_session(SessionSpec(name), 0.0)
+    capacity = world.capacity(0.0)
+    with world.reserve("s", people(capacity), 0.0):
+        with pytest.raises(ResourceExhausted), world.reserve("t", people(1), 0.0):
+            pass
+        with pytest.raises(ResourceExhausted):
+            world.create_agents("t", people(1), 0.0)
+    assert world.agents == 0 and world.refused_agents == 2
+    with world.reserve("t", people(capacity), 0.0) as room:
+        world.create_agents("t", people(capacity), 0.0, None, room)
+        assert world.agents == capacity
+
+
+def test_held_room_counts_for_the_limits_of_the_session_and_of_the_world():
+    world = make_world(limits=Limits(agents=6, agents_per_session=4))
+    for name in "st":
+        world.create_session(SessionSpec(name), 0.0)
+    with world.reserve("s", people(3), 0.0):
+        with pytest.raises(ResourceExhausted, match="3 agents and may have 4"):
+            world.create_agents("s", people(2), 0.0)
+        with pytest.raises(ResourceExhausted, match="3 of 6 agents exist"):
+            world.create_agents("t", people(4), 0.0)
+        world.create_agents("t", people(3), 0.0)
+
+
+def test_who_has_given_its_room_up_is_asked_again():
+    world = make_world(limits=Limits(agents=2))
+    world.create_session(SessionSpec("s"), 0.0)
+    with world.reserve("s", people(2), 0.0) as room:
+        pass
+    world.create_agents("s", people(1), 0.0)
+    with pytest.raises(ResourceExhausted, match="1 of 2 agents exist"):
+        world.create_agents("s", people(2), 0.0, None, room)
+    assert world.agents == 1
 
 
 def test_the_cap_holds_besides():
@@ -176,7 +228,7 @@ def test_who_may_not_be_is_not_counted_for():
     measure(world)
     world.create_session(SessionSpec("s"), 0.0)
     with pytest.raises(InvalidArgument, match="gender"):
-        world.check_room("s", people(1, gender="robot"), 0.0)
+        world.reserve("s", people(1, gender="robot"), 0.0)
 
 
 def test_the_load_must_be_a_share():

@@ -12,7 +12,7 @@ def playing(lead=1, agents=1):
     table = SlotTable(limit=4, capacity=4)
     playback = Playback(table.rows, lead)
     for number in range(agents):
-        slot = table.acquire()
+        [slot] = table.acquire(1)
         table.rows.start_frame[slot] = 100 + number
     return table.rows, playback
 

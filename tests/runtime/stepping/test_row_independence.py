@@ -10,8 +10,8 @@ import pytest
 
 from wayfarer.runtime.agent import AgentSpec, Goal, MotionChunk, SessionSpec
 from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
+from wayfarer.runtime.engines.padding import pad
 from wayfarer.runtime.settings import WorldSettings
-from wayfarer.runtime.stepping.batch import pad
 from wayfarer.runtime.world.spawn import load_start_poses
 from wayfarer.runtime.world.steering import Steering
 from wayfarer.runtime.world.world import World

@@ -3,7 +3,7 @@ import random
 
 import pytest
 
-from tests.runtime.chunks import KeepingMeter, chunk, info
+from tests.runtime.chunks import KeepingMeter, chunk, info, together
 from wayfarer.errors import InvalidArgument, Unavailable
 from wayfarer.runtime.agent import (
     AgentSpec,
@@ -53,9 +53,9 @@ class Stage:
     async def walk(self, count, *agents, session="s"):
         """So many chunks of each agent, one publication each, and deliver them."""
         for _ in range(count):
-            chunks = [chunk(self.seq, agent) for agent in agents or ("a",)]
+            chunks = together(*(chunk(self.seq, agent) for agent in agents or ("a",)))
             self.now = chunks[0].scheduled_at
-            self.publisher.publish({session: chunks})
+            self.publisher.publish(session, chunks)
             self.seq += 1
         self.publisher.flush()
         await asyncio.sleep(0)
@@ -67,7 +67,7 @@ class Stage:
             self.now += 0.2
             if self.publisher.waiting_sessions(self.now):
                 continue
-            self.publisher.publish({"s": [chunk(self.seq, at=self.now)]})
+            self.publisher.publish("s", together(chunk(self.seq, at=self.now)))
             self.publisher.flush()
             await asyncio.sleep(0)
             self.seq += 1
@@ -102,16 +102,6 @@ async def test_positions_count_per_session():
     assert one.epoch != other.epoch
 
 
-async def test_chunks_that_fall_due_together_are_one_publication_with_each_agent_once():
-    stage = Stage()
-    reader = await stage.subscribe()
-    late = [chunk(0, "a"), chunk(0, "b"), chunk(1, "a"), chunk(1, "b"), chunk(2, "b")]
-    stage.publisher.publish({"s": late})
-    stage.publisher.flush()
-    got = [[(c.agent_id, c.seq) for c in p.chunks] for p in await take(reader, 3)]
-    assert got == [[("a", 0), ("b", 0)], [("a", 1), ("b", 1)], [("b", 2)]]
-
-
 async def test_one_call_reaches_all_subscribers_of_an_event_loop(monkeypatch):
     stage = Stage()
     readers = [await stage.subscribe() for _ in range(8)]
@@ -120,8 +110,9 @@ async def test_one_call_reaches_all_subscribers_of_an_event_loop(monkeypatch):
         "wayfarer.runtime.streams.publisher.post",
         lambda loop, call, *args: calls.append((call, args)),
     )
-    stage.publisher.publish({"s": [chunk(0, "a")], "t": [chunk(0, "b")]})
-    stage.publisher.publish({"s": [chunk(1, "a")]})
+    stage.publisher.publish("s", together(chunk(0, "a")))
+    stage.publisher.publish("t", together(chunk(0, "b")))
+    stage.publisher.publish("s", together(chunk(1, "a")))
     stage.publisher.flush()
     [(call, args)] = calls
     call(*args)
@@ -167,6 +158,18 @@ async def test_a_resume_keeps_its_filter():
     again = await stage.subscribe("b", resume=Resume(first.epoch, 1))
     got = await take(again, 2)
     assert [[c.agent_id for c in p.chunks] for p in got] == [["b"], ["b"]]
+
+
+async def test_who_resumes_with_other_agents_begins_with_each_of_them():
+    stage = Stage()
+    first = await stage.subscribe("b")
+    await stage.walk(3, "a", "b")
+    resume = Resume(first.epoch, 2, same_agents=False)
+    got = await take(await stage.subscribe(resume=resume), 1)
+    assert [(c.agent_id, c.seq, c.flags) for p in got for c in p.chunks] == [
+        ("a", 2, ChunkFlag.FIRST),
+        ("b", 2, ChunkFlag.FIRST),
+    ]
 
 
 async def test_what_is_no_longer_held_is_told():
@@ -255,7 +258,7 @@ async def test_a_schedule_that_was_moved_keeps_what_the_ring_holds():
     stage = Stage()
     first = await stage.subscribe()
     await stage.walk(3)
-    stage.publisher.publish({"s": [chunk(3, at=600.0)]})
+    stage.publisher.publish("s", together(chunk(3, at=600.0)))
     assert (await stage.subscribe(resume=Resume(first.epoch, 1))).resumed
 
 
@@ -273,7 +276,9 @@ async def test_whatever_readers_do_nothing_is_lost_without_a_word(seed):
         if chance.random() < 0.1 and len(numbers) > 2:
             del numbers[chance.choice([name for name in numbers if name != "a"])]
         stage.now += 0.2
-        stage.publisher.publish({"s": [chunk(n, a, at=stage.now) for a, n in numbers.items()]})
+        stage.publisher.publish(
+            "s", together(*(chunk(n, a, at=stage.now) for a, n in numbers.items()))
+        )
         stage.publisher.flush()
         numbers = {name: seq + 1 for name, seq in numbers.items()}
         await asyncio.sleep(0)
@@ -306,7 +311,7 @@ async def told(stage, *chunks):
     stage.settings = StreamSettings(queue_s=10.0)
     reader = await stage.subscribe()
     for each in chunks:
-        stage.publisher.publish({"s": [each]})
+        stage.publisher.publish("s", together(each))
     stage.publisher.flush()
     return [
         (p.position, e.kind, e.waypoint) for p in await take(reader, len(chunks)) for e in p.events
@@ -350,10 +355,12 @@ async def test_the_last_goal_passed_ends_the_path_at_once_and_others_do_not():
 async def test_a_goal_given_before_the_stand_leaves_the_old_path_undone():
     stage = Stage()
     reader = await stage.subscribe()
-    stage.publisher.publish({"s": [goal_chunk(0, flags=ARRIVED)]})
+    stage.publisher.publish("s", together(goal_chunk(0, flags=ARRIVED)))
     stage.info = info(revision=2)
-    stage.publisher.publish({"s": [goal_chunk(1, goal_revision=2)]})
-    stage.publisher.publish({"s": [goal_chunk(2, goal_revision=2, state=AgentState.STANDING)]})
+    stage.publisher.publish("s", together(goal_chunk(1, goal_revision=2)))
+    stage.publisher.publish(
+        "s", together(goal_chunk(2, goal_revision=2, state=AgentState.STANDING))
+    )
     stage.publisher.flush()
     assert [kinds(p) for p in await take(reader, 3)] == [[EventKind.GOAL_REACHED], [], []]
 
@@ -483,7 +490,7 @@ async def test_a_playhead_that_stands_holds_the_agents():
 async def test_a_session_that_ends_gives_the_last_and_then_ends_its_readers():
     stage = Stage()
     reader = await stage.subscribe()
-    stage.publisher.publish({"s": [chunk(0)]})
+    stage.publisher.publish("s", together(chunk(0)))
     stage.publisher.end("s")
     assert seqs([p async for p in reader]) == [0]
     assert not stage.publisher._logs, "forgotten"
@@ -518,8 +525,10 @@ async def test_goal_to_motion_is_measured_to_the_first_chunk_planned_for_it():
     stage.publisher.await_goal("s", "a", 2, asked_at=0.1)
     stage.publisher.await_goal("s", "b", 1, asked_at=0.1)
     stage.publisher.forget_agent("s", "b")
-    stage.publisher.publish({"s": [chunk(1, goal_revision=1), chunk(1, "b", goal_revision=1)]})
+    stage.publisher.publish(
+        "s", together(chunk(1, goal_revision=1), chunk(1, "b", goal_revision=1))
+    )
     assert stage.meter.goals == []
-    stage.publisher.publish({"s": [chunk(2, goal_revision=2)]})
-    stage.publisher.publish({"s": [chunk(3, goal_revision=2)]})
+    stage.publisher.publish("s", together(chunk(2, goal_revision=2)))
+    stage.publisher.publish("s", together(chunk(3, goal_revision=2)))
     assert stage.meter.goals == [pytest.approx(0.3)]

@@ -3,7 +3,7 @@ import math
 
 import pytest
 
-from tests.runtime.chunks import KeepingMeter, chunk, entry, subscription
+from tests.runtime.chunks import KeepingMeter, chunk, entry, subscription, together
 from tests.runtime.fakes import ManualClock
 from wayfarer.errors import (
     FailedPrecondition,
@@ -54,7 +54,7 @@ async def test_first_chunk_of_each_agent_is_marked():
 async def test_marks_are_added_to_those_of_the_chunk():
     queue = subscription()
     arrived = chunk(0, flags=ChunkFlag.ARRIVED)
-    queue.put(Entry(Publication(1, (arrived,)), 0.0), False)
+    queue.put(Entry(Publication(1, together(arrived)), 0.0), False)
     assert flags(await take(queue, 1)) == [[ChunkFlag.FIRST | ChunkFlag.ARRIVED]]
     assert arrived.flags == ChunkFlag.ARRIVED, "others get it unmarked"
 
@@ -95,7 +95,7 @@ async def test_publications_far_apart_are_kept_all_the_same():
 async def test_a_schedule_that_was_moved_drops_nothing():
     queue = subscription()
     moved = [
-        Entry(Publication(i + 1, (chunk(i, at=at),)), 0.2 * i)
+        Entry(Publication(i + 1, together(chunk(i, at=at))), 0.2 * i)
         for i, at in enumerate((0.0, 0.2, 60.4, 60.6))
     ]
     put(queue, moved[:3])
@@ -114,7 +114,7 @@ async def test_the_filter_passes_over_what_does_not_concern_the_reader():
             entry(1, "a", "b", events=[other, own]),
             entry(2),
             entry(3, "b"),
-            Entry(Publication(5, (), (server,)), 0.8),
+            Entry(Publication(5, events=(server,)), 0.8),
         ],
     )
     got = await take(queue, 3)
@@ -147,8 +147,8 @@ async def test_a_resumed_subscription_replays_without_marks():
 
 
 async def test_an_agent_that_began_after_the_resumed_position_is_first():
-    born = Entry(Publication(5, (chunk(4, "a"), chunk(0, "z"))), 0.8)
-    after = Entry(Publication(6, (chunk(5, "a"), chunk(1, "z"))), 1.0)
+    born = Entry(Publication(5, together(chunk(4, "a"), chunk(0, "z"))), 0.8)
+    after = Entry(Publication(6, together(chunk(5, "a"), chunk(1, "z"))), 1.0)
     start = Start("epoch", 3, 0.6, resumed=True, held=(*ring(2, 3), born, after))
     got = await take(subscription(start=start), 3)
     none = ChunkFlag.NONE
@@ -177,7 +177,7 @@ async def test_a_stalled_reader_that_has_resumed_is_bounded_too():
 
 async def test_the_opening_comes_first():
     gap = Event(EventKind.GAP, 0.0, detail="lost")
-    start = Start("new", 7, 1.4, opening=Publication(7, (), (gap,)))
+    start = Start("new", 7, 1.4, opening=Publication(7, events=(gap,)))
     queue = subscription(start=start)
     put(queue, [entry(7)])
     opening, live = await take(queue, 2)

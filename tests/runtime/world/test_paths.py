@@ -39,8 +39,8 @@ def test_a_shorter_path_replaces_a_longer_one_and_none_all():
 def test_grows_with_the_table():
     table = SlotTable(limit=8, capacity=1)
     paths = Paths(table.rows, limit=2)
-    paths.put(table.acquire(), [Goal((1, 0, 0))], HERE)
-    slots = [table.acquire() for _ in range(7)]
+    paths.put(table.acquire(1)[0], [Goal((1, 0, 0))], HERE)
+    slots = [table.acquire(1)[0] for _ in range(7)]
     assert not paths.at(np.array(slots), np.zeros(7, int)).given.any()
     paths.put(slots[-1], [Goal((2, 0, 0))], HERE)
     assert paths.at(row(0), row(0)).position[0, 0] == 1

@@ -18,26 +18,28 @@ def test_put_and_take_reach_nested_columns():
 
 def test_growth_keeps_rows():
     table = SlotTable(limit=5, capacity=2)
-    slots = [table.acquire() for _ in range(5)]
+    slots = table.acquire(1) + table.acquire(4)
     assert sorted(slots) == [0, 1, 2, 3, 4]
     assert table.capacity == 5
     assert table.rows.active.all()
 
 
 def test_limit_is_refused_with_a_message():
-    table = SlotTable(limit=2)
-    table.acquire(), table.acquire()
-    with pytest.raises(ResourceExhausted, match="all 2 agent slots"):
-        table.acquire()
+    table = SlotTable(limit=3)
+    table.acquire(2)
+    with pytest.raises(ResourceExhausted, match="1 of 3 agent slots are free, not 2"):
+        table.acquire(2)
+    assert table.free == 1, "all or none"
+    table.acquire(1)
 
 
 def test_released_slot_comes_back_clean():
     table = SlotTable(limit=1)
-    slot = table.acquire()
+    [slot] = table.acquire(1)
     table.rows.goal_revision[slot] = 3
     table.rows.planned.gait.mode[slot] = Mode.WALKING
     table.release(slot)
     assert not table.rows.active[slot]
-    assert table.acquire() == slot
+    assert table.acquire(1) == [slot]
     assert table.rows.goal_revision[slot] == 0
     assert table.rows.planned.gait.mode[slot] == Mode.STANDING

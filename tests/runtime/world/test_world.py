@@ -577,3 +577,22 @@ def test_settings_are_checked():
         WorldSettings(batch_sizes=(4, 2))
     with pytest.raises(InvalidArgument, match="sessions must be positive"):
         Limits(sessions=0)
+
+
+def test_what_leaves_is_told_by_session_and_has_each_agent_once():
+    world = make_world()
+    for name in ("s", "t"):
+        world.create_session(SessionSpec(name), 0.0)
+        world.create_agents(name, people(4), 0.0)
+    while world.step(1.0):  # two chunks ahead of everybody, and none is sent
+        pass
+    late = world.send(1.0)
+    numbers = {name: [] for name in ("s", "t")}
+    for session_id, chunks in late:
+        aliases = chunks.alias.tolist()
+        assert len(set(aliases)) == len(aliases)
+        assert chunks.scheduled_at.tolist() == sorted(chunks.scheduled_at.tolist())
+        numbers[session_id] += [(chunk.alias, chunk.seq) for chunk in chunks]
+    everybody = {(alias, seq) for alias in (1, 2, 3, 4) for seq in (0, 1)}
+    assert set(numbers["s"]) == set(numbers["t"]) == everybody
+    assert len(numbers["s"]) == len(numbers["t"]) == 8

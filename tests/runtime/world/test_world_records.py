@@ -192,6 +192,7 @@ def spoil(record, path, value):
         (lambda r: change(r, agent_id=""), "agent_id must be"),
         (lambda r: change(r, alias=2), "same alias"),
         (lambda r: change(r, seq=-1), "allowed: 0 to"),
+        (lambda r: change(r, model="m" * 300), "300 characters; allowed"),
         (lambda r: change(r, seq=2**60), "allowed: 0 to"),
         (lambda r: change(r, goal_revision=2**40), "allowed: 0 to"),
         (lambda r: change(r, created_at=float("nan")), "finite"),

@@ -109,3 +109,28 @@ def test_a_missing_file(tmp_path):
 def test_keys_are_new_each_time():
     assert len({new_key()[0] for _ in range(100)}) == 100
     assert len(STUDIO) >= 43 and STUDIO.startswith("wf_")
+
+
+def test_a_caller_is_good_as_long_as_its_key_opens_as_much(path):
+    clock = Clock()
+    keys = KeyFile(path, clock)
+    studio = keys.caller(STUDIO)
+
+    def is_good(content: str) -> bool:
+        path.write_text(content)
+        clock.now += LOOK_S
+        return keys.is_good(studio)
+
+    assert keys.is_good(studio)
+    assert is_good(FILE + ADDED)
+    assert is_good(FILE.replace("agents = 16", "agents = 1")), "what it holds already it may keep"
+    assert is_good(FILE.replace("control", "admin")) is False, "a scope was taken from it"
+    assert is_good(FILE.replace(DIGEST, OTHER_DIGEST)) is False, "another key has its name"
+    assert is_good(FILE)
+    assert is_good("not TOML"), "a bad file changes nothing"
+    assert is_good(ADDED) is False
+
+
+def test_the_key_of_a_caller_is_not_shown(path):
+    assert DIGEST not in repr(KeyFile(path).caller(STUDIO))
+    assert bytes.fromhex(DIGEST) not in repr(KeyFile(path).caller(STUDIO)).encode()

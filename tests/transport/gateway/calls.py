@@ -1,10 +1,11 @@
 """Short ways to call a gateway."""
 
-from contextlib import contextmanager
+from contextlib import aclosing, contextmanager
 
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.caller import LOCAL, Caller, Quota, Scope, enter
+from wayfarer.v1 import motion_pb2
 
 ORIGIN = schema.Vector3(x=0, y=0, z=0)
 GOAL = schema.Goal(position=ORIGIN)
@@ -34,8 +35,11 @@ async def session_of_two(api, **wish: object) -> tuple[str, list[schema.Agent]]:
     return session_id, list((await api.agents.create(session_id, TWO)).agents)
 
 
-def stream(api, session_id: str, **wish: object):
-    return api.motion.stream(schema.StreamWish(session_id=session_id, **wish))
+async def stream(api, session_id: str, **wish: object):
+    sent = api.motion.stream(schema.StreamWish(session_id=session_id, **wish))
+    async with aclosing(sent):
+        async for message in sent:
+            yield motion_pb2.StreamMotionResponse.FromString(message)
 
 
 async def take(messages, number: int):

@@ -40,10 +40,10 @@ async def test_stream_introduces_agents_with_their_first_chunk():
         service.emit(session_id)
         batch = (await anext(messages)).batch
         assert [a.agent_id for a in batch.added] == [first.agent_id, second.agent_id]
-        assert [c.alias for c in batch.chunks] == [a.alias for a in batch.added]
+        assert list(batch.chunks.aliases) == [a.alias for a in batch.added]
         service.emit(session_id)
         batch = (await anext(messages)).batch
-        assert not batch.added and [c.seq for c in batch.chunks] == [1, 1]
+        assert not batch.added and list(batch.chunks.seqs) == [1, 1]
         late = schema.NewAgents(agents=[schema.AgentSpec(name="late")])
         (third,) = (await api.agents.create(session_id, late)).agents
         service.emit(session_id)
@@ -62,7 +62,7 @@ async def test_stream_tells_of_deleted_agents_and_drops_their_late_chunks():
         await api.agents.delete(first.agent_id)
         batch = (await anext(messages)).batch
         assert list(batch.removed) == [first.alias]
-        assert [c.alias for c in batch.chunks] == [second.alias]
+        assert list(batch.chunks.aliases) == [second.alias]
 
 
 async def test_an_agent_deleted_before_its_first_chunk_is_never_shown():
@@ -74,7 +74,7 @@ async def test_an_agent_deleted_before_its_first_chunk_is_never_shown():
         service.emit(session_id)
         await service.delete_agent(first.agent_id)  # behind the gateway's back
         batch = (await anext(messages)).batch
-        assert [a.alias for a in batch.added] == [c.alias for c in batch.chunks] == [second.alias]
+        assert [a.alias for a in batch.added] == list(batch.chunks.aliases) == [second.alias]
 
 
 async def test_chosen_agents_only():
@@ -86,7 +86,7 @@ async def test_chosen_agents_only():
         await anext(messages)
         service.emit(session_id)
         message = await anext(messages)
-        assert [c.alias for c in message.batch.chunks] == [second.alias]
+        assert list(message.batch.chunks.aliases) == [second.alias]
         assert service.subscriptions[0].wish.slow_reader is SlowReader.HOLD
     with pytest.raises(NotFound):
         await anext(stream(api, session_id, agent_ids=["stranger"]))
@@ -103,9 +103,10 @@ async def test_a_format_decides_the_frames():
         assert (header.fps, header.sent_fps, header.frame_bytes) == (40, 10, 12 + 2 * 8)
         assert [header.skeleton.bones[b].name for b in header.bones] == ["pelvis", "head"]
         (sent, _) = service.emit(session_id)
-        (chunk, _) = (await anext(messages)).batch.chunks
-        assert len(chunk.poses) == 2 * header.frame_bytes and len(chunk.contacts) == 2
-        assert (chunk.first_frame, chunk.scheduled_at_us) == (0, round(sent.scheduled_at * 1e6))
+        chunks = (await anext(messages)).batch.chunks  # two agents, two frames each
+        assert len(chunks.poses) == 2 * 2 * header.frame_bytes and len(chunks.contacts) == 2 * 2
+        assert list(chunks.first_frames) == [0, 0]
+        assert list(chunks.scheduled_at_us) == [round(sent.scheduled_at * 1e6)] * 2
     with pytest.raises(InvalidArgument, match="30 is none of 40, 20, 10") as caught:
         await anext(stream(api, session_id, format=schema.PoseFormat(fps=30)))
     assert caught.value.field == "format.fps"
@@ -159,8 +160,55 @@ async def test_a_stream_goes_on_where_its_token_left_off():
         service.emit(session_id)
     header, *batches = await resumed(api, session_id, token, 2)
     assert header.header.resumed
-    assert [c.seq for b in batches for c in b.batch.chunks] == [1, 1, 2, 2]
+    assert [seq for b in batches for seq in b.batch.chunks.seqs] == [1, 1, 2, 2]
     assert len(batches[0].batch.added) == 2  # told again: it is another connection
+
+
+async def test_a_stream_that_resumes_is_told_who_was_deleted_meanwhile():
+    service = FakeService()
+    api = await opened(service)
+    session_id, (first, second) = await session_of_two(api)
+    async with contextlib.aclosing(stream(api, session_id)) as messages:
+        await anext(messages)
+        service.emit(session_id)
+        token = (await anext(messages)).batch.resume_token
+    service.emit(session_id)
+    await api.agents.delete(second.agent_id)
+    _, batch = await resumed(api, session_id, token, 1)
+    assert list(batch.batch.removed) == [second.alias]
+    assert list(batch.batch.chunks.aliases) == [first.alias]
+    assert [agent.agent_id for agent in batch.batch.added] == [first.agent_id]
+    async with contextlib.aclosing(stream(api, session_id)) as messages:  # without a token
+        await anext(messages)
+        service.emit(session_id)
+        assert not (await anext(messages)).batch.removed
+
+
+async def test_a_token_knows_which_agents_were_followed():
+    service = FakeService()
+    api = await opened(service)
+    session_id, (first, second) = await session_of_two(api)
+    ids = (first.agent_id, second.agent_id)
+
+    async def token_of(*agent_ids: str) -> str:
+        chosen = {"agent_ids": agent_ids} if agent_ids else {}
+        async with contextlib.aclosing(stream(api, session_id, **chosen)) as messages:
+            await anext(messages)
+            service.emit(session_id)
+            return (await anext(messages)).batch.resume_token
+
+    async def is_same(token: str, *agent_ids: str) -> bool:
+        wish = schema.StreamWish(session_id=session_id, resume_token=token, agent_ids=agent_ids)
+        async with contextlib.aclosing(api.motion.stream(wish)) as messages:
+            await anext(messages)
+            return service.subscriptions[-1].wish.resume.same_agents
+
+    token = await token_of(ids[0])
+    assert await is_same(token, ids[0])
+    assert not await is_same(token, *ids)
+    assert not await is_same(token)
+    assert await is_same(await token_of(*ids), *reversed(ids))
+    assert await is_same(await token_of())
 
 
 async def test_events_that_did_not_arrive_are_told_again():
@@ -175,7 +223,7 @@ async def test_events_that_did_not_arrive_are_told_again():
     service.emit(session_id)
     _, *rest = await resumed(api, session_id, with_events, 3)
     assert kinds(rest) == ["event", "event", "batch"]
-    assert [c.seq for c in rest[2].batch.chunks] == [1, 1]
+    assert list(rest[2].batch.chunks.seqs) == [1, 1]
 
 
 async def test_events_that_arrived_are_not_told_again():
@@ -194,7 +242,7 @@ async def test_events_that_arrived_are_not_told_again():
         kinds(rest) == ["event", "batch"] and rest[0].event.kind == motion_pb2.EVENT_KIND_PATH_DONE
     )
     _, batch = await resumed(api, session_id, second, 1)
-    assert [c.seq for c in batch.batch.chunks] == [1, 1]
+    assert list(batch.batch.chunks.seqs) == [1, 1]
 
 
 async def test_a_token_of_another_life_does_not_resume():
@@ -317,7 +365,7 @@ async def test_a_clip_is_a_header_and_batches():
     )
     header, *batches = [m async for m in api.motion.generate_clip(wish)]
     assert header.header.sent_fps == 20 and not header.header.basis.right_handed
-    assert [c.seq for b in batches for c in b.batch.chunks] == [0, 1, 2]
+    assert [seq for b in batches for seq in b.batch.chunks.seqs] == [0, 1, 2]
     (agent,) = batches[0].batch.added
     assert (agent.seed, agent.position.z) == (3, 1.0)
     assert service.specs[-1].noise_seed == 3
@@ -346,7 +394,7 @@ async def test_time_passes_step_by_step():
     reply = await api.motion.step(session_id, schema.StepWish())
     assert len(reply.batches) == 1 and len(reply.batches[0].added) == 2
     reply = await api.motion.step(session_id, schema.StepWish(steps=2))
-    assert [c.seq for b in reply.batches for c in b.chunks] == [1, 1, 2, 2]
+    assert [seq for b in reply.batches for seq in b.chunks.seqs] == [1, 1, 2, 2]
     assert not any(b.added for b in reply.batches)
     with pytest.raises(InvalidArgument, match="1 to 2 primitives per call, not 3"):
         await api.motion.step(session_id, schema.StepWish(steps=3))

@@ -59,7 +59,7 @@ async def test_a_log_is_replayed_in_the_basis_of_its_session():
     wish = schema.PoseFormat(profile="full")
     header, *batches = [m async for m in api.snapshots.replay(log, wish)]
     assert header.header.basis.metres_per_unit == 0.01 and len(header.header.bones) == 52
-    assert [c.seq for b in batches for c in b.batch.chunks] == [0, 1]
+    assert [seq for b in batches for seq in b.batch.chunks.seqs] == [0, 1]
     assert len(batches[0].batch.added) == 1
 
 

@@ -12,6 +12,7 @@ from wayfarer.evaluation import report
 from wayfarer.evaluation.commands.options import (
     CandidatesOption,
     DataOption,
+    EngineOption,
     JsonOption,
     ModelsOption,
     SeedOption,
@@ -52,6 +53,7 @@ def arrival(
     data: DataOption = None,
     split: SplitOption = "heldout",
     candidates: CandidatesOption = 4,
+    engine: EngineOption = "onnxruntime",
     threads: ThreadsOption = 0,
     seed: SeedOption = 0,
     json: JsonOption = None,
@@ -63,7 +65,7 @@ def arrival(
     given beside those of the agents; without, they begin after 2 s of walking.
     """
     recorded = Recorded(data, split) if data else None
-    world, bodies = open_world(models, max(goals, agents), candidates, threads)
+    world, bodies = open_world(models, max(goals, agents), candidates, threads, engine)
     random = np.random.default_rng(seed)
     tables = _arrivals(world, bodies, goals, random, recorded)
     if data and recorded:
@@ -79,7 +81,7 @@ def arrival(
             tables[title].append(scenario.row(scenario.name, courses))
     finish(
         json, tables, PLOTS, **origin(models, None, data, split, seed),
-        candidates=candidates, goals=goals, agents=agents,
+        engine=engine, candidates=candidates, goals=goals, agents=agents,
     )  # fmt: skip
 
 

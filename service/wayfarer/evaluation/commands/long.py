@@ -9,6 +9,7 @@ from wayfarer.evaluation import report
 from wayfarer.evaluation.commands.options import (
     CandidatesOption,
     DataOption,
+    EngineOption,
     JsonOption,
     ModelsOption,
     SeedOption,
@@ -39,13 +40,14 @@ def long(
     data: DataOption = None,
     split: SplitOption = "heldout",
     candidates: CandidatesOption = 4,
+    engine: EngineOption = "onnxruntime",
     threads: ThreadsOption = 0,
     seed: SeedOption = 0,
     json: JsonOption = None,
 ) -> None:
     """Let agents go from goal to goal for minutes, and count what goes wrong with their bodies."""
     recorded = Recorded(data, split) if data else None
-    world, bodies = open_world(models, agents, candidates, threads)
+    world, bodies = open_world(models, agents, candidates, threads, engine)
     random = np.random.default_rng(seed)
     specs = random_specs(agents, random)
     with progress(NAME) as watch:
@@ -57,5 +59,5 @@ def long(
         gait += posed_gait_rows(report.MOCAP, recorded.windows(Use.LOCOMOTION), bodies["male"])
     finish(
         json, {"Health": [row], "Gait": gait}, PLOTS, **origin(models, None, data, split, seed),
-        candidates=candidates, agents=agents, minutes=minutes,
+        engine=engine, candidates=candidates, agents=agents, minutes=minutes,
     )  # fmt: skip

@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from wayfarer.runtime.engines.choice import EngineKind
+
 
 def _check_json(path: Path | None) -> Path | None:
     """Refuse what would fail after an evaluation of minutes before it: bad names, no plots."""
@@ -35,5 +37,8 @@ JsonOption = Annotated[
 ]
 SeedOption = Annotated[int, typer.Option(help="The same seed gives the same rows.", min=0)]
 CandidatesOption = Annotated[int, typer.Option(help="Candidates of the search.", min=1)]
+EngineOption = Annotated[
+    EngineKind, typer.Option(help="Engine that steps the agents; auto: the faster one here.")
+]
 ThreadsOption = Annotated[int, typer.Option(help="Threads of the engine; 0: all cores.", min=0)]
 CountOption = Annotated[int, typer.Option(help="Recorded primitives per gender.", min=1)]

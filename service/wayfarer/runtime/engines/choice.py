@@ -28,8 +28,13 @@ GAIN: Final = 0.8
 """Another engine must take less than this share of the default's time: it costs memory, too."""
 
 
-def open_engine(models: ModelFolder, kind: EngineKind, threads: int) -> WarmEngine:
+def open_engine(
+    models: ModelFolder, kind: EngineKind, threads: int, candidates: int = 1
+) -> WarmEngine:
     """`auto` is onnxruntime, unless OpenVINO is installed and clearly faster.
+
+    OpenVINO has a network for every number of candidates up to `candidates` (and every gender and
+    size of batch), each of 200 MB: with more than one candidate, `auto` leaves it alone.
 
     Raises InvalidArgument for an engine that is not installed or cannot run here, ArtifactError.
     """
@@ -38,7 +43,7 @@ def open_engine(models: ModelFolder, kind: EngineKind, threads: int) -> WarmEngi
     if kind == "openvino":
         return OpenVinoEngine(models, threads)
     default = OnnxEngine(models, threads)
-    if kind == "onnxruntime" or find_spec("openvino") is None:
+    if kind == "onnxruntime" or candidates > 1 or find_spec("openvino") is None:
         return default
     other = OpenVinoEngine(models, threads)
     found = {engine.kind: trial(engine) for engine in (default, other)}

@@ -69,6 +69,7 @@ class WarmEngine(Engine, Protocol):
 
     kind: str  # for logs and tables
     batch_sizes: tuple[int, ...]  # rows at a time that suit it, ascending
+    compiles: bool  # the first call of every size takes a second
 
     def sizes_for(self, agents: int) -> tuple[int, ...]:
         """Those of a server of so many agents at most: up to the first that holds them all."""

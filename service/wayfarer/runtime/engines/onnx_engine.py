@@ -30,6 +30,7 @@ class OnnxEngine(WarmEngine):
     """Runs a model folder's step graphs. Implements `WarmEngine`."""
 
     kind = "onnxruntime"
+    compiles = False
     term_names: tuple[str, ...] = TERMS
 
     def __init__(self, models: ModelFolder, threads: int = 0) -> None:

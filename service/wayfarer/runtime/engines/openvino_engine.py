@@ -38,6 +38,7 @@ class OpenVinoEngine(WarmEngine):
     """Runs a model folder's step graphs. Implements `Engine`."""
 
     term_names: tuple[str, ...] = TERMS
+    compiles = True
     sizes: tuple[int, ...] = SIZES
 
     def __init__(self, models: ModelFolder, threads: int = 0, bfloat16: bool | None = None) -> None:

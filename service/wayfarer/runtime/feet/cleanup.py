@@ -17,11 +17,13 @@ def clean_feet(slots: Slots, sent: Sent) -> None:
 
     A pose that begins or jumps begins its lock anew, and so does a lock that is switched on.
     """
-    slots.feet_begun[sent.slots] &= slots.foot_lock[sent.slots]
-    wanted = np.flatnonzero(slots.foot_lock[sent.slots])
-    if not len(wanted):
-        return
+    wishes = slots.foot_lock[sent.slots]
+    slots.feet_begun[sent.slots] &= wishes
+    # A slice, where it will do, spares copies.
+    wanted = slice(None) if wishes.all() else np.flatnonzero(wishes)
     chunks, rows = sent.chunks, sent.slots[wanted]
+    if not len(rows):
+        return
     translation, rotations = chunks.translation[wanted], chunks.rotations[wanted]
     legs, feet = slots.legs.take(rows), slots.feet.take(rows)
     jumps = (chunks.flags[wanted] & ChunkFlag.FIRST) > 0

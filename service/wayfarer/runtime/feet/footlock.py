@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.runtime.feet.legs import SOLES, Legs, pose_legs
-from wayfarer.runtime.feet.quaternion import Array, length
+from wayfarer.runtime.feet.quaternion import Array, bounded, length
 from wayfarer.runtime.feet.twobone import MOVED, move_ankles
 from wayfarer.runtime.world.rows import Rows, Shape
 from wayfarer.spec import FPS
@@ -118,12 +118,13 @@ def lock_feet(before: LockState, legs: Legs, translation: Float, rotations: Floa
     held = np.empty(height.shape, np.bool_)
     for frame in range(height.shape[1]):
         contact = np.where(contact, stays[:, frame], touches[:, frame])
-        hold = np.clip(hold + np.where(contact, RISE, -RISE), 0, 1)
+        hold = bounded(hold + np.where(contact, RISE, -RISE), 0, 1)
         grip = hold * firmness[:, frame] * (1 - _smooth(length(shift[:2]), *LEASH))
         kept = 1 - (1 - grip) * FADE
         level = shift[2] + SETTLE * (hold * lift[:, frame] - shift[2])
-        shift = np.concatenate([kept * shift[:2] - grip * slide[:, :, frame], level[None]])
-        shifts[:, :, frame], held[:, frame] = shift, contact & (grip >= 0.5)
+        moved = shifts[:, :, frame]
+        moved[:2], moved[2] = kept * shift[:2] - grip * slide[:, :, frame], level
+        shift, held[:, frame] = moved, contact & (grip >= 0.5)
 
     cleaned = rotations.astype(np.float32)
     cleaned[:, :, MOVED] = move_ankles(pose, shifts)
@@ -145,5 +146,5 @@ def _bearing(earlier: Float, soles: Array) -> tuple[Array, Array]:
 
 def _smooth(value: Array, low: float, high: float) -> Array:
     """0 below `low`, 1 above `high`, smooth between."""
-    t = np.clip((value - low) / (high - low), 0, 1)
+    t = bounded((value - low) / (high - low), 0, 1)
     return t * t * (3 - 2 * t)

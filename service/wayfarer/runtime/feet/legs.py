@@ -86,7 +86,7 @@ class LegPose:
 
 def pose_legs(legs: Legs, translation: Float, rotations: Float) -> LegPose:
     """Forward kinematics: translation [A, F, 3], rotations [A, F, 22, 4] as in `StepOutputs`."""
-    used = rotations[:, :, [0, *HIPS, *KNEES, *ANKLES, *BALLS]]
+    used = rotations.take([0, *HIPS, *KNEES, *ANKLES, *BALLS], axis=2)
     local = np.ascontiguousarray(used.transpose(3, 2, 1, 0))  # [4, 9, F, A]
     root_turn = local[:, :1]
     hip = rotate(root_turn, _column(legs.hip))

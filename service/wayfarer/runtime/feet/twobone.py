@@ -10,6 +10,7 @@ import numpy as np
 from wayfarer.runtime.feet.legs import ANKLES, HIPS, KNEES, LegPose
 from wayfarer.runtime.feet.quaternion import (
     Array,
+    bounded,
     cross,
     dot,
     inverse,
@@ -82,7 +83,7 @@ def reach(before: Array, wanted: Array, leg: Array) -> Array:
 
 def _knee(upper: Array, lower: Array, distance: Array) -> Array:
     both = np.maximum(2 * upper * lower, 1e-12)
-    return np.arccos(np.clip((upper**2 + lower**2 - distance**2) / both, -1, 1))
+    return np.arccos(bounded((upper**2 + lower**2 - distance**2) / both, -1, 1))
 
 
 def _quaternion(vector: Array, scalar: Array) -> Array:

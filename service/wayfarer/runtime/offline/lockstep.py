@@ -1,22 +1,23 @@
 """Sessions in lock-step: a world of their own each, in which time passes only when it is asked to.
 
-A world has a thread that gives way to all others, and a bounded inbox: whoever lets much time pass
-in one session delays nobody but that session's own callers.
+A world has a thread and a bounded inbox: whoever lets much time pass in one session delays nobody
+but that session's own callers.
 """
 
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from math import floor
 from typing import Final, TypeVar
 
 from wayfarer.errors import NotFound, ResourceExhausted, Unavailable, WayfarerError
 from wayfarer.runtime.agent import (
+    NO_CHUNKS,
     AgentChange,
     AgentInfo,
     AgentSpec,
     Event,
+    MotionChunks,
     Publication,
     SessionInfo,
     SessionSpec,
@@ -24,7 +25,7 @@ from wayfarer.runtime.agent import (
 from wayfarer.runtime.commands import Order
 from wayfarer.runtime.engines.models import model_changed
 from wayfarer.runtime.inbox import Inbox
-from wayfarer.runtime.offline.offline import Offline, give_way
+from wayfarer.runtime.offline.offline import Offline
 from wayfarer.runtime.state.kept import KeptWorld
 from wayfarer.runtime.streams.milestones import Milestones
 from wayfarer.runtime.world.handover import SessionRecord
@@ -137,7 +138,6 @@ class LockStep:
         return len(moved)
 
     def _run(self) -> None:
-        give_way()
         while not self._ended:
             self._inbox.serve(WAIT)
 
@@ -156,8 +156,9 @@ class LockStep:
             pass
         self._steps += 1
         self._position += 1
-        at = self._steps * STEP_SECONDS
-        chunks = tuple(replace(c, scheduled_at=at) for c in self.world.collect(self._next))
+        parts = [due.chunks for due in self.world.send(self._next)]
+        chunks = MotionChunks.join(parts) if parts else NO_CHUNKS
+        chunks.scheduled_at[:] = self._steps * STEP_SECONDS
         events = (*self._milestones.events(chunks), *self._told)
         self._told.clear()
         return Publication(self._position, chunks, events)

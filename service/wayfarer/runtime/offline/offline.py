@@ -1,13 +1,14 @@
-"""Motion off the real-time path: clips and replays, in threads that give way to all others.
+"""Motion off the real-time path: clips and replays, in threads of their own.
 
-A job is a generator, run in a thread of its own as its items are asked for, one ahead of the
-reader: so nothing gathers for a reader who is slow. One who goes away ends the job, and so does one
-who takes nothing for too long.
+A job is a generator, run in a thread as its items are asked for, one ahead of the reader: so
+nothing gathers for a reader who is slow. One who goes away ends the job, and so does one who takes
+nothing for too long.
+
+The threads have the priority of all others. One that had less, and were put off by the system while
+it runs Python, would keep every other thread of the process waiting for its lock.
 """
 
 import asyncio
-import os
-import sys
 import threading
 from collections.abc import AsyncGenerator, Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -17,9 +18,6 @@ from typing import Final, Generic, TypeVar
 from wayfarer.errors import ResourceExhausted
 
 T = TypeVar("T")
-
-NICENESS: Final = 10
-"""By so much the threads are nicer, where the system knows it of threads (Linux)."""
 
 PATIENCE: Final = 30.0
 """Seconds that a job waits for its reader."""
@@ -100,7 +98,7 @@ class _Job(Generic[T]):
         self._make = make
         self._ended = ended
         self._items: Iterator[T] | None = None
-        self._executor = ThreadPoolExecutor(1, "offline", initializer=give_way)
+        self._executor = ThreadPoolExecutor(1, "offline")
         self._ahead: asyncio.Future[T | object] | None = None
         self._closed = False
         self.ended = False
@@ -151,11 +149,3 @@ class _Job(Generic[T]):
 def _forget(ahead: "asyncio.Future[object]") -> None:
     if not ahead.cancelled():
         ahead.exception()  # nobody is left to hear of it
-
-
-def give_way() -> None:
-    """Lower the priority of the present thread, where threads have one of their own."""
-    if sys.platform == "linux":
-        # On Linux a priority belongs to a thread, and 0 stands for the one that calls.
-        niceness = os.getpriority(os.PRIO_PROCESS, 0) + NICENESS
-        os.setpriority(os.PRIO_PROCESS, 0, min(niceness, 19))

@@ -10,6 +10,7 @@ from wayfarer.runtime.agent import (
     ChunkFlag,
     Goal,
     MotionChunk,
+    MotionChunks,
     Publication,
     SessionSpec,
 )
@@ -38,7 +39,7 @@ def walk(
             frames = min(left, len(chunk.translation))
             left -= frames
             added = (info,) if chunk.seq == 0 else ()
-            yield Publication(chunk.seq + 1, (_cut(chunk, frames),), added=added)
+            yield Publication(chunk.seq + 1, MotionChunks.of([_cut(chunk, frames)]), added=added)
             is_last = chunk.waypoint == len(goals) - 1
             has_arrived |= is_last and bool(chunk.flags & ChunkFlag.ARRIVED)
             if not left or (until_arrival and has_arrived and chunk.state is AgentState.STANDING):

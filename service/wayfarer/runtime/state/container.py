@@ -47,11 +47,32 @@ def seal(kind: Kind, header: bytes, arrays: bytes) -> bytes:
     return _HEAD.pack(kind.value, VERSION, len(header)) + body
 
 
+def beginning(kind: Kind, data: bytes, most: int) -> bytes:
+    """The first `most` bytes of what was sealed, or less. What follows is not looked at.
+
+    Raises as `unseal`.
+    """
+    _header_bytes(kind, data)
+    try:
+        return zlib.decompressobj().decompress(memoryview(data)[_HEAD.size :], most)
+    except zlib.error as error:
+        raise InvalidArgument(f"{kind.field} is damaged: {error}", kind.field) from None
+
+
 def unseal(kind: Kind, data: bytes, most: int) -> Content:
     """What was sealed, if it is no longer than `most` bytes.
 
     Raises InvalidArgument; FailedPrecondition when it is of another version.
     """
+    header = _header_bytes(kind, data)
+    body = _inflate(kind, memoryview(data)[_HEAD.size :], most)
+    if header > len(body):
+        raise InvalidArgument(f"{kind.field} is cut short within its header", kind.field)
+    return Content(body[:header], body[header:])
+
+
+def _header_bytes(kind: Kind, data: bytes) -> int:
+    """Length that the header should have. Raises as `unseal`."""
     if len(data) < _HEAD.size:
         raise InvalidArgument(f"{kind.field} is cut short: it has {len(data)} bytes", kind.field)
     magic, version, header = _HEAD.unpack_from(data)
@@ -63,10 +84,7 @@ def unseal(kind: Kind, data: bytes, most: int) -> Content:
         raise FailedPrecondition(
             f"{kind.field} has format {version}; this server reads format {VERSION}"
         )
-    body = _inflate(kind, memoryview(data)[_HEAD.size :], most)
-    if header > len(body):
-        raise InvalidArgument(f"{kind.field} is cut short within its header", kind.field)
-    return Content(body[:header], body[header:])
+    return int(header)
 
 
 def _inflate(kind: Kind, data: memoryview, most: int) -> bytes:

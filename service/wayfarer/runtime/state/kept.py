@@ -11,7 +11,6 @@ from wayfarer.runtime.agent import (
     AgentChange,
     AgentInfo,
     AgentSpec,
-    MotionChunk,
     SessionInfo,
     SessionSpec,
 )
@@ -25,7 +24,9 @@ from wayfarer.runtime.state.record import CommandLog, CommandLogs
 from wayfarer.runtime.state.snapshot import AgentPart, SessionPart, Standing
 from wayfarer.runtime.world.handover import AgentRecord, SessionRecord
 from wayfarer.runtime.world.registry import Agent, Session
+from wayfarer.runtime.world.reservations import Reservation
 from wayfarer.runtime.world.slots import Mode, Motion
+from wayfarer.runtime.world.views import Due
 from wayfarer.runtime.world.world import World
 
 
@@ -67,11 +68,12 @@ class KeptWorld(World):
         if agents:
             self._journal.refresh(self._crowd(agents))
 
-    def collect(self, until: float) -> list[MotionChunk]:
+    def send(self, until: float) -> list[Due]:
         """See `World`, as for all below."""
-        chunks = super().collect(until)
-        self._logs.sent(chunks)
-        return chunks
+        found = super().send(until)
+        for due in found:
+            self._logs.sent(due)
+        return found
 
     def create_session(self, spec: SessionSpec, now: float) -> SessionInfo:
         """See `World`."""
@@ -80,11 +82,13 @@ class KeptWorld(World):
         self._keep(session.session_id)
         return session
 
-    def put_session(self, record: SessionRecord, now: float, admit: bool = True) -> SessionInfo:
+    def put_session(
+        self, record: SessionRecord, now: float, admit: bool = True, examined: bool = False
+    ) -> SessionInfo:
         """See `World`. A log begins with the agents as they are."""
         self._logs.open(record.session_id, record.spec, record.created_at)
         try:
-            session = super().put_session(record, now, admit)
+            session = super().put_session(record, now, admit, examined)
         except Exception:
             self._logs.close(record.session_id)
             raise
@@ -105,9 +109,10 @@ class KeptWorld(World):
         specs: Sequence[AgentSpec],
         now: float,
         seeds: Sequence[Motion] | None = None,
+        reservation: Reservation | None = None,
     ) -> list[AgentInfo]:
         """See `World`."""
-        agents = super().create_agents(session_id, specs, now, seeds)
+        agents = super().create_agents(session_id, specs, now, seeds, reservation)
         self._keep(session_id, [agent.agent_id for agent in agents])
         return agents
 
@@ -167,8 +172,9 @@ class KeptWorld(World):
         gait.arrived[sets_out] = False
         gait.waypoint[sets_out] = 0
         revisions = slots.goal_revision[rows].tolist()
+        models = [self.models.numbered(number).stamp for number in slots.model[rows].tolist()]
         return Crowd(
-            [_member(*pair) for pair in zip(agents, revisions, strict=True)],
+            [_member(*known) for known in zip(agents, revisions, models, strict=True)],
             Standing(seq, motion, slots.feet.take(rows), slots.feet_begun[rows]),
         )
 
@@ -184,7 +190,7 @@ def _session_part(session: Session) -> SessionPart:
     return SessionPart(session.session_id, spec, session.created_at, session.last_alias)
 
 
-def _member(agent: Agent, revision: int) -> Member:
+def _member(agent: Agent, revision: int, model: str) -> Member:
     return Member(
         agent.session_id,
         AgentPart(
@@ -197,5 +203,6 @@ def _member(agent: Agent, revision: int) -> Member:
             passed=agent.passed,
             path_start=agent.path_start,
             wander=agent.wander,
+            model=model,
         ),
     )

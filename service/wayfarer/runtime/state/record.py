@@ -5,14 +5,15 @@ command took effect, and from how many candidates were tried for each chunk. Age
 each other, so each has a track of its own. Chunks are many and alike: they are kept as runs.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Final
 
 from wayfarer.errors import FailedPrecondition
-from wayfarer.runtime.agent import AgentChange, AgentInfo, AgentSpec, MotionChunk, SessionSpec
+from wayfarer.runtime.agent import AgentChange, AgentInfo, AgentSpec, SessionSpec
 from wayfarer.runtime.commands import AppendGoals, Command, Delete, Order, SetPath
 from wayfarer.runtime.world.handover import AgentRecord
+from wayfarer.runtime.world.views import Due
 from wayfarer.spec import STEP_SECONDS
 
 SAME_TIME: Final = 1e-6
@@ -87,13 +88,13 @@ class Track:
             self.runs.append(run)
         return len(self.runs) - before
 
-    def send(self, chunk: MotionChunk) -> int:
-        """A chunk was sent; returns by how many schedules the track has grown."""
-        self.end = chunk.seq + 1
-        kept = self.schedules[-1].time(chunk.seq) if self.schedules else float("inf")
-        if abs(kept - chunk.scheduled_at) <= SAME_TIME:
+    def send(self, seq: int, at: float) -> int:
+        """A chunk was sent, to be shown `at`; returns by how many schedules the track has grown."""
+        self.end = seq + 1
+        kept = self.schedules[-1].time(seq) if self.schedules else float("inf")
+        if abs(kept - at) <= SAME_TIME:
             return 0
-        self.schedules.append(Schedule(chunk.seq, chunk.scheduled_at))
+        self.schedules.append(Schedule(seq, at))
         return 1
 
 
@@ -163,14 +164,17 @@ class CommandLogs:
             log, track = found
             self._grow(log, track.plan(Run(seq, candidates, model)))
 
-    def sent(self, chunks: Sequence[MotionChunk]) -> None:
+    def sent(self, due: Due) -> None:
         """Chunks have left."""
-        if not self._tracks:
+        if due.session_id not in self._logs:
             return
-        for chunk in chunks:
-            if found := self._tracks.get(chunk.agent_id):
+        chunks = due.chunks
+        for agent_id, seq, at in zip(
+            chunks.agent_id, chunks.seq.tolist(), chunks.scheduled_at.tolist(), strict=True
+        ):
+            if found := self._tracks.get(agent_id):
                 log, track = found
-                self._grow(log, track.send(chunk))
+                self._grow(log, track.send(seq, at))
 
     def _begin(self, agent: AgentInfo, start: AgentSpec | AgentRecord, seq: int) -> None:
         log = self._logs.get(agent.session_id)

@@ -19,6 +19,7 @@ from wayfarer.runtime.agent import (
     AgentSpec,
     ChunkFlag,
     MotionChunk,
+    MotionChunks,
     Publication,
     SessionSpec,
 )
@@ -43,7 +44,7 @@ def replay(log: CommandLog, make_world: Callable[[], World]) -> Iterator[Publica
     played = heapq.merge(*tracks, key=lambda both: (both[0].scheduled_at, both[0].alias))
     for position, group in enumerate(_together(played), start=1):
         added = tuple(info for _, info in group if info is not None)
-        yield Publication(position, tuple(chunk for chunk, _ in group), added=added)
+        yield Publication(position, MotionChunks.of([chunk for chunk, _ in group]), added=added)
 
 
 Played = tuple[MotionChunk, AgentInfo | None]

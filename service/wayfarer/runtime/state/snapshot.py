@@ -6,6 +6,7 @@ arrays, because motion must come back bit for bit, and because their length foll
 of agents alone, which `np.savez` would take from the (untrusted) file.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import ClassVar, Final, TypeVar
@@ -13,11 +14,11 @@ from typing import ClassVar, Final, TypeVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from wayfarer.errors import FailedPrecondition, InvalidArgument
+from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
 from wayfarer.runtime.agent import AgentSpec, Goal, SessionSpec, Wander
 from wayfarer.runtime.feet.footlock import LockState
 from wayfarer.runtime.settings import Limits
-from wayfarer.runtime.state.container import Kind, seal, unseal
+from wayfarer.runtime.state.container import Kind, beginning, seal, unseal
 from wayfarer.runtime.state.packing import pack, row_bytes, unpack
 from wayfarer.runtime.world.handover import AgentRecord, SessionRecord, check_session_record
 from wayfarer.runtime.world.rows import Rows
@@ -37,6 +38,11 @@ SESSION_BYTES: Final = 1 << 18
 
 REACH: Final = 3.0
 """Metres: no marker or sole of a body is farther from its hips."""
+
+NAMED_WITHIN: Final = 4096
+"""The session's id stands within so many bytes of the header's beginning."""
+
+_SESSION_ID: Final = re.compile(rb'"session_id":"([\w-]{1,64})"')
 
 MAX_ATTRIBUTES: Final = 64
 MAX_ATTRIBUTE: Final = 2048  # characters
@@ -79,6 +85,7 @@ class AgentPart:
     passed: int
     path_start: tuple[float, float]
     wander: Wander | None
+    model: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +130,18 @@ def decode_session(data: bytes, body: BodyStamp, limits: Limits) -> SessionRecor
     check_origin(header.fps, header.body, body, Kind.SNAPSHOT)
     agents = join_agents(header.agents, content.arrays, limits)
     return join_session(header.session, agents, limits)
+
+
+def named_session(data: bytes) -> str:
+    """Id of the session in a snapshot; empty where it says none.
+
+    Anybody may have made it, and only `decode_session` tells whether it is sound.
+    """
+    try:
+        found = _SESSION_ID.search(beginning(Kind.SNAPSHOT, data, NAMED_WITHIN))
+    except WayfarerError:
+        return ""
+    return found[1].decode() if found else ""
 
 
 # The parts of a record

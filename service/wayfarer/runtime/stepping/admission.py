@@ -12,6 +12,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from math import inf
 from statistics import median
+from threading import Lock
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,10 @@ WINDOW = 10.0
 
 REFRESH = 1.0
 """Seconds until the number of agents that fit is counted anew."""
+
+ENOUGH = 50
+"""Calls, or turns, of the window; as long as there are fewer, those that are missing count as if
+they took what they do in the warm-up. What is measured while agents are created tells little."""
 
 
 class Prices(NamedTuple):
@@ -62,7 +67,7 @@ class Costs:
     def slowness(self, now: float) -> float:
         """Calls take so many times as long as in the warm-up."""
         values = self._slowness.values(now)
-        return median(values) if values else 1.0
+        return median(values + [1.0] * (ENOUGH - len(values)))
 
     def seconds(self, rows: int) -> float:
         """One call for so many agents as in the warm-up, with as few candidates as measured there.
@@ -93,7 +98,9 @@ class Rest:
         spread = chunks - chunks.mean()
         slope = spread @ seconds / (spread @ spread) if spread.any() else 0.0
         per_chunk = float(np.clip(slope, 0.0, seconds.sum() / max(chunks.sum(), 1)))
-        return max(float(seconds.mean() - per_chunk * chunks.mean()), 0.0), per_chunk
+        per_turn = max(float(seconds.mean() - per_chunk * chunks.mean()), 0.0)
+        known = min(len(seconds) / ENOUGH, 1.0)
+        return known * per_turn, known * per_chunk
 
     def total(self, now: float) -> float:
         """Seconds of all turns of the window."""
@@ -101,7 +108,7 @@ class Rest:
 
 
 class Admission:
-    """Decides whether more agents fit into the time there is."""
+    """Decides whether more agents fit into the time there is. Thread-safe."""
 
     def __init__(self, settings: WorldSettings) -> None:
         """Until something is measured, nobody is refused."""
@@ -112,6 +119,7 @@ class Admission:
         self._costs = Costs()
         self._rest = Rest()
         self._steps = Window(WINDOW)
+        self._lock = Lock()  # of the windows and the count
         self._capacity, self._counted_at = self._limit, -inf
         self.refused = 0  # agents so far
 
@@ -121,16 +129,19 @@ class Admission:
 
     def spent(self, now: float, call: Call, seconds: float) -> None:
         """A step with this call has taken so long."""
-        self._costs.spent(now, call, seconds)
-        self._steps.add(now, seconds)
+        with self._lock:
+            self._costs.spent(now, call, seconds)
+            self._steps.add(now, seconds)
 
     def worked(self, now: float, seconds: float, chunks: int) -> None:
         """A turn of the loop took so long, waiting and stepping aside; it published `chunks`."""
-        self._rest.add(now, seconds, chunks)
+        with self._lock:
+            self._rest.add(now, seconds, chunks)
 
     def load(self, now: float) -> float:
         """Share of the last seconds for which the motion thread was busy."""
-        return (sum(self._steps.values(now)) + self._rest.total(now)) / WINDOW
+        with self._lock:
+            return (sum(self._steps.values(now)) + self._rest.total(now)) / WINDOW
 
     def check(self, phases: Phases, genders: Sequence[int], now: float, late: bool) -> None:
         """Agents of these genders are to be added. Raises ResourceExhausted when they do not fit.
@@ -140,7 +151,8 @@ class Admission:
         busy = self._busy(phases.with_agents(genders).groups, self._prices(now))
         if not genders or (not late and busy <= self._rules.most_load):
             return
-        self.refused += len(genders)
+        with self._lock:
+            self.refused += len(genders)
         why = (
             "steps are late with all that could give way"
             if late
@@ -168,7 +180,8 @@ class Admission:
         return self._capacity
 
     def _prices(self, now: float) -> Prices:
-        return Prices(self._costs.slowness(now), *self._rest.line(now))
+        with self._lock:
+            return Prices(self._costs.slowness(now), *self._rest.line(now))
 
     def _busy(self, groups: Sequence[int], prices: Prices) -> float:
         """Share of the time that the motion thread needs for agents in groups of one call each.

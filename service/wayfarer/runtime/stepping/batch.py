@@ -1,6 +1,4 @@
-"""From slots to one engine call and back: gather rows, pad, cut, and find broken rows."""
-
-from dataclasses import fields
+"""From slots to one engine call and back: gather rows, and find broken ones."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,21 +44,6 @@ def assemble(
         policy=steering.policy(gait.mode),
         noise=steering.scale_noise(gait.mode, noise),
     )
-
-
-def pad(inputs: StepInputs, sizes: tuple[int, ...]) -> StepInputs:
-    """Repeat the last row up to the next of `sizes` (ascending), which the engine has warmed."""
-    rows = len(inputs.goal)
-    size = next((s for s in sizes if s >= rows), rows)
-    if size == rows:
-        return inputs
-    index = np.minimum(np.arange(size), rows - 1)
-    return StepInputs(**{f.name: getattr(inputs, f.name)[index] for f in fields(StepInputs)})
-
-
-def cut(outputs: StepOutputs, rows: int) -> StepOutputs:
-    """The first `rows` rows: drop the padding."""
-    return StepOutputs(**{f.name: getattr(outputs, f.name)[:rows] for f in fields(StepOutputs)})
 
 
 def broken(start: NDArray[np.float32], outputs: StepOutputs) -> NDArray[np.bool_]:

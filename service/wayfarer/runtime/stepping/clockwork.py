@@ -24,9 +24,10 @@ from wayfarer.runtime.stepping.timeline import Timeline
 from wayfarer.runtime.world.orders import Orders
 from wayfarer.runtime.world.population import Population
 from wayfarer.runtime.world.registry import Registry
+from wayfarer.runtime.world.reservations import Reservations
 from wayfarer.runtime.world.rows import Index
 from wayfarer.runtime.world.slots import Mode, SlotTable
-from wayfarer.runtime.world.views import motion_chunks
+from wayfarer.runtime.world.views import Due, due_by_session
 from wayfarer.spec import FPS
 
 
@@ -49,7 +50,7 @@ class Clockwork:
         self.models = engine if isinstance(engine, Models) else Models(engine)
         self._recorder = recorder
         self._timeline = Timeline()
-        self._registry = Registry(settings.limits)
+        self._registry = Registry(settings.limits, settings.shard)
         self._table = SlotTable(settings.limits.agents)
         self._playback = Playback(self._table.rows, settings.lead)
         self._orders = Orders(self._table.rows, self._playback, self._timeline, settings, recorder)
@@ -78,6 +79,7 @@ class Clockwork:
         self._everything = Rung(wished)
         self._budget = Budget(wished, settings.budget) if settings.budget is not None else None
         self._admission = Admission(settings)
+        self._reservations = Reservations()
 
     def tick(self, now: float) -> list[MotionChunk]:
         """Step all agents that are due and return the chunks whose time has come."""
@@ -101,12 +103,16 @@ class Clockwork:
         return self._scheduler.tick(frame, rung.candidates)
 
     def collect(self, until: float) -> list[MotionChunk]:
-        """The planned chunks that are to be shown by `until`, in order of that."""
-        chunks: list[MotionChunk] = []
+        """The planned chunks that are to be shown by `until`; each session's in order of that."""
+        return [chunk for due in self.send(until) for chunk in due.chunks]
+
+    def send(self, until: float) -> list[Due]:
+        """As `collect`, by session; a session comes again for an agent's next chunk."""
+        slots, found = self._table.rows, list[Due]()
         for sent in self._playback.send(self._timeline.frame(until)):
-            clean_feet(self._table.rows, sent)
-            chunks += motion_chunks(sent, self._registry.by_slot, self._timeline.time)
-        return chunks
+            clean_feet(slots, sent)
+            found += due_by_session(sent, slots, self._registry.by_slot, self._timeline)
+        return found
 
     def next_event(self) -> float | None:
         """When the next agent is due or the next chunk is to be sent; None without agents."""
@@ -204,7 +210,9 @@ class Clockwork:
         """Tell the recorder of new chunks; 0 candidates: they are held."""
         if self._recorder is None:
             return
-        for slot, seq in zip(slots.tolist(), seqs.tolist(), strict=True):
-            agent_id = self._registry.by_slot[slot].agent_id
-            model = self.models.numbered(int(self._table.rows.model[slot]))
-            self._recorder.planned(agent_id, seq, candidates, model.stamp)
+        rows = self._table.rows
+        stamps = {n: self.models.numbered(n).stamp for n in set(rows.model[slots].tolist())}
+        for agent_id, seq, model in zip(
+            rows.agent_id[slots], seqs.tolist(), rows.model[slots].tolist(), strict=True
+        ):
+            self._recorder.planned(agent_id, seq, candidates, stamps[model])

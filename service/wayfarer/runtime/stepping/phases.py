@@ -1,12 +1,17 @@
 """In which of the moments of 0.2 s an agent has its steps: a step of all is spread over them."""
 
 from collections.abc import Iterable
-from typing import Self
+from typing import Final, Self
 
 from wayfarer.spec import GENDERS, NEW_FRAMES
 
 Load = list[list[int]]
 """Agents by phase and, within it, by gender (index into `spec.GENDERS`)."""
+UNEVEN: Final = 2
+"""A phase may hold so many times as many agents as the emptiest, …"""
+
+MARGIN: Final = 2
+"""… and so many more, if that spares an engine call."""
 
 
 class Phases:
@@ -28,11 +33,17 @@ class Phases:
         return [agents for phase in self.load for agents in phase if agents]
 
     def enter(self, gender: int) -> int:
-        """Give an agent a phase: one of the emptiest, and there one with many of its gender.
-
-        Agents of one gender share engine calls.
+        """Give an agent a phase: of those not much fuller than the emptiest one that asks for no
+        further engine call, since agents of one gender share theirs; of these the emptiest.
         """
-        phase = min(range(len(self.load)), key=lambda p: (sum(self.load[p]), -self.load[p][gender]))
+        sizes = [sum(phase) for phase in self.load]
+        fullest = UNEVEN * min(sizes) + MARGIN
+
+        def key(phase: int) -> tuple[bool, bool, int]:
+            mixes = sizes[phase] > 0 and not self.load[phase][gender]
+            return sizes[phase] > fullest, mixes, sizes[phase]
+
+        phase = min(range(len(self.load)), key=key)
         self.load[phase][gender] += 1
         return phase
 

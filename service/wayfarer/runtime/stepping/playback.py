@@ -6,7 +6,7 @@ chunk carries the motion at its end, so that a replan can go back to any chunk b
 """
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 from wayfarer.runtime.world.rows import Index, Rows, Shape
 from wayfarer.runtime.world.slots import Flags, Float, Int, Motion, Slots
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
+
+ROUNDING: Final = 1e-3
+"""Of a primitive: what is due so shortly before is due at that moment."""
 
 
 @dataclass(slots=True)
@@ -130,7 +133,8 @@ class Playback:
 
         They wait for whole primitives, so that they stay in their phase.
         """
-        short = np.ceil((until - self._send_frame(rows)) / NEW_FRAMES).astype(np.int64)
+        behind = (until - self._send_frame(rows)) / NEW_FRAMES
+        short = np.ceil(behind - ROUNDING).astype(np.int64)
         self._slots.start_frame[rows] += NEW_FRAMES * np.maximum(short, 0)
 
     def _plan_frame(self, rows: Index) -> Index:

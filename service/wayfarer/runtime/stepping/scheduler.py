@@ -8,7 +8,8 @@ import numpy as np
 from wayfarer.runtime.agent import ChunkFlag
 from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
 from wayfarer.runtime.engines.models import Models
-from wayfarer.runtime.stepping.batch import broken, cut, gather, pad
+from wayfarer.runtime.engines.padding import cut, pad
+from wayfarer.runtime.stepping.batch import broken, gather
 from wayfarer.runtime.stepping.playback import Chunks, Playback
 from wayfarer.runtime.world.paths import Paths
 from wayfarer.runtime.world.rows import Index
@@ -103,13 +104,15 @@ class Scheduler:
         if not len(rows):
             return None
         model, gender = slots.model[rows[0]], slots.gender[rows[0]]
-        rows = rows[(slots.model[rows] == model) & (slots.gender[rows] == gender)]
+        alike = (slots.model[rows] == model) & (slots.gender[rows] == gender)
+        rows = rows[alike][: self._sizes[-1]]
         seed, gait, goals = self._next(rows)
         wished = self._steering.candidates(gait.mode)
         tried = wished if most is None else np.minimum(wished, most)
-        alike = np.flatnonzero(tried == tried[0])[: self._sizes[-1]]
-        rows, seed, gait, goals = rows[alike], seed.take(alike), gait.take(alike), goals.take(alike)
         count = int(tried[0])
+        if len(together := np.flatnonzero(tried == count)) < len(rows):
+            rows, wished = rows[together], wished[together]
+            seed, gait, goals = seed.take(together), gait.take(together), goals.take(together)
         return Batch(
             rows=rows,
             model=int(model),
@@ -119,7 +122,7 @@ class Scheduler:
             goals=goals,
             inputs=gather(slots, rows, seed, gait, goals, count, self._steering),
             candidates=count,
-            reduced=wished[alike] > count,
+            reduced=wished > count,
         )
 
     def hold(self, frame: float) -> int:

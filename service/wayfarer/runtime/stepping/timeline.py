@@ -1,5 +1,8 @@
 """Seconds and world frames: 40 frames per second, counted from an epoch that may be moved."""
 
+import numpy as np
+from numpy.typing import NDArray
+
 from wayfarer.spec import FPS
 
 
@@ -16,6 +19,10 @@ class Timeline:
     def time(self, frame: int) -> float:
         """When a world frame is shown."""
         return self._epoch + frame / FPS
+
+    def times(self, frames: NDArray[np.int64]) -> NDArray[np.float64]:
+        """`time` of several world frames."""
+        return self._epoch + frames / FPS
 
     def move(self, seconds: float) -> None:
         """Show every frame `seconds` later."""

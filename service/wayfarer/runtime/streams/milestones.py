@@ -1,6 +1,8 @@
 """What chunks say of goals: reached, and the path done."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
+
+import numpy as np
 
 from wayfarer.runtime.agent import (
     AgentInfo,
@@ -10,6 +12,7 @@ from wayfarer.runtime.agent import (
     EventKind,
     Goal,
     MotionChunk,
+    MotionChunks,
 )
 from wayfarer.runtime.world.handover import AgentRecord
 from wayfarer.runtime.world.slots import Mode
@@ -26,9 +29,13 @@ class Milestones:
         # Agents who have reached the last goal of their path and do not stand there yet.
         self._stopping: dict[str, Place] = {}
 
-    def events(self, chunks: Sequence[MotionChunk]) -> tuple[Event, ...]:
+    def events(self, chunks: MotionChunks) -> tuple[Event, ...]:
         """Of chunks that leave now, in their order."""
-        return tuple(event for chunk in chunks for event in self._of(chunk))
+        arrived = chunks.flags & ChunkFlag.ARRIVED
+        concerned = set(np.flatnonzero(arrived).tolist()) if arrived.any() else set()
+        if self._stopping:
+            concerned |= {row for row, name in enumerate(chunks.agent_id) if name in self._stopping}
+        return tuple(event for row in sorted(concerned) for event in self._of(chunks[row]))
 
     def adopt(self, record: AgentRecord) -> None:
         """An agent comes from elsewhere; it may have reached its goal and not stand there yet."""
@@ -44,14 +51,14 @@ class Milestones:
 
     def _of(self, chunk: MotionChunk) -> Iterator[Event]:
         name = chunk.agent_id
-        if chunk.flags and chunk.flags & ChunkFlag.ARRIVED:
+        if chunk.flags & ChunkFlag.ARRIVED:
             yield _event(EventKind.GOAL_REACHED, chunk, f"goal {chunk.waypoint} was reached")
             last = self._last_goal(chunk)
             if last is not None and last.stop:
                 self._stopping[name] = _place(chunk)
             elif last is not None:
                 yield _event(EventKind.PATH_DONE, chunk, "the last goal was passed")
-        if self._stopping and name in self._stopping:
+        if name in self._stopping:
             if self._stopping[name] != _place(chunk):  # it has been sent elsewhere since
                 del self._stopping[name]
             elif chunk.state is AgentState.STANDING:

@@ -8,15 +8,16 @@ import asyncio
 import secrets
 import weakref
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Final
 
 from wayfarer.errors import InvalidArgument, WayfarerError
 from wayfarer.runtime.agent import (
+    NO_CHUNKS,
     AgentInfo,
     Event,
     EventKind,
-    MotionChunk,
+    MotionChunks,
     Publication,
     Resume,
     SlowReader,
@@ -48,18 +49,16 @@ class Publisher:
         self._holders: set[str] = set()  # sessions that have had subscribers who ask to HOLD
         self._deliveries: dict[asyncio.AbstractEventLoop, list[Delivery]] = defaultdict(list)
 
-    def publish(self, chunks: Mapping[str, Sequence[MotionChunk]]) -> None:
-        """Tell what fell due now, by session; goal events go with it."""
-        for session_id, own in chunks.items():
-            log = self._log(session_id)
-            log.answer(own, self._meter)
-            for together in _one_each(own):
-                self._deliver(log, together, log.milestones.events(together))
+    def publish(self, session_id: str, chunks: MotionChunks) -> None:
+        """Tell what of a session fell due now; goal events go with it."""
+        log = self._log(session_id)
+        log.answer(chunks, self._meter)
+        self._deliver(log, chunks, log.milestones.events(chunks))
 
     def tell(self, session_id: str, events: Sequence[Event]) -> None:
         """Tell a session's subscribers, now and those that resume, of events of other origin."""
         log = self._log(session_id)
-        self._deliver(log, (), tuple(events))
+        self._deliver(log, NO_CHUNKS, tuple(events))
 
     def flush(self) -> None:
         """Send out what has been told since the last time."""
@@ -123,9 +122,7 @@ class Publisher:
             self._logs[session_id] = _Log(self._settings.resume_s, Milestones(self._info))
         return self._logs[session_id]
 
-    def _deliver(
-        self, log: "_Log", chunks: tuple[MotionChunk, ...], events: tuple[Event, ...]
-    ) -> None:
+    def _deliver(self, log: "_Log", chunks: MotionChunks, events: tuple[Event, ...]) -> None:
         readers = [(reader, log.spares(reader, self._settings.queue_s)) for reader in log.open()]
         entry = log.add(chunks, events)
         for reader, spare in readers:
@@ -167,7 +164,7 @@ class _Log:
         self._subscribers: list[weakref.ref[BoundedSubscription]] = []
         self._waiting_since: float | None = None
 
-    def add(self, chunks: tuple[MotionChunk, ...], events: tuple[Event, ...]) -> Entry:
+    def add(self, chunks: MotionChunks, events: tuple[Event, ...]) -> Entry:
         """Enter a publication into the ring."""
         self.position += 1
         publication = Publication(self.position, chunks, events)
@@ -185,21 +182,21 @@ class _Log:
         self._last_at = at
         return LEAST_STEP if last is None else min(max(at - last, LEAST_STEP), STEP_SECONDS)
 
-    def answer(self, chunks: Sequence[MotionChunk], meter: Meter) -> None:
+    def answer(self, chunks: MotionChunks, meter: Meter) -> None:
         """Measure the goals whose first chunks these are."""
         if not self.awaited:
             return
-        for chunk in chunks:
-            revision, asked_at = self.awaited.get(chunk.agent_id, (None, 0.0))
-            if revision is not None and chunk.goal_revision >= revision:
-                del self.awaited[chunk.agent_id]
-                meter.goal_to_motion(chunk.scheduled_at - asked_at)
+        for row, agent_id in enumerate(chunks.agent_id):
+            revision, asked_at = self.awaited.get(agent_id, (None, 0.0))
+            if revision is not None and chunks.goal_revision[row] >= revision:
+                del self.awaited[agent_id]
+                meter.goal_to_motion(float(chunks.scheduled_at[row]) - asked_at)
 
     # Starts
 
     def present(self, position: int, gap: Event) -> Start:
         """Begin with what falls due next, having lost all since a position."""
-        opening = Publication(position, (), (gap,))
+        opening = Publication(position, events=(gap,))
         return Start(self.epoch, self.position, self.motion, opening=opening)
 
     def holds_after(self, position: int) -> bool:
@@ -259,18 +256,6 @@ class _Log:
             reader.wish.hold_s for reader in following
         )
         return self.is_waiting
-
-
-def _one_each(chunks: Sequence[MotionChunk]) -> Iterator[tuple[MotionChunk, ...]]:
-    """Chunks in their order, in groups with at most one of each agent."""
-    group: dict[str, MotionChunk] = {}
-    for chunk in chunks:
-        if chunk.agent_id in group:
-            yield tuple(group.values())
-            group = {}
-        group[chunk.agent_id] = chunk
-    if group:
-        yield tuple(group.values())
 
 
 def _gap(now: float, reason: str) -> Event:

@@ -11,6 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple, Self
 
+import numpy as np
+
 from wayfarer.errors import (
     FailedPrecondition,
     InvalidArgument,
@@ -89,7 +91,7 @@ class _Loss:
         """
         detail = f"{self.count} publications were lost: the reader was too slow"
         gap = Event(EventKind.GAP, self.last.scheduled_at, detail=detail)
-        return Publication(position, (), (gap, *self.events))
+        return Publication(position, events=(gap, *self.events))
 
 
 class BoundedSubscription:
@@ -136,7 +138,9 @@ class BoundedSubscription:
         """Set where it begins. On the reader's event loop, before the first `put`."""
         self.epoch, self.resumed = start.epoch, start.resumed
         self.taken, self._position, self._opening = start.motion, start.position, start.opening
-        self._marks.learn((entry.publication for entry in start.held), start.position)
+        resume = self.wish.resume
+        if resume is None or resume.same_agents:  # else nobody knows who is new to the reader
+            self._marks.learn((entry.publication for entry in start.held), start.position)
         for entry in start.replay:
             self.put(entry, spare=True)
         self._bound += self._span()  # until the reader has caught up
@@ -221,10 +225,11 @@ class BoundedSubscription:
         ids = self.agent_ids
         if not ids:
             return publication
-        chunks = tuple(c for c in publication.chunks if c.agent_id in ids)
+        rows = [row for row, name in enumerate(publication.chunks.agent_id) if name in ids]
         events = tuple(e for e in publication.events if not e.agent_id or e.agent_id in ids)
-        if not chunks and not events:
+        if not rows and not events:
             return None
+        chunks = publication.chunks.take(np.array(rows, np.int64))
         return replace(publication, chunks=chunks, events=events)
 
     def _keep_to_bound(self) -> None:

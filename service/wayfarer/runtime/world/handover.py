@@ -29,6 +29,9 @@ from wayfarer.spec import MAX_COORDINATE
 MAX_COUNT: Final = 2**31
 """Sequence numbers, revisions, aliases and waypoints lie below: 13 years of chunks."""
 
+MAX_MODEL: Final = 256
+"""Characters of a model's name and stamp."""
+
 
 @dataclass(frozen=True, slots=True)
 class AgentRecord:
@@ -46,6 +49,7 @@ class AgentRecord:
     passed: int  # place of the first of them in the path
     path_start: tuple[float, float]  # metres: where the way to the first of them begins
     wander: Wander | None
+    model: str = ""  # stamp of the one that moves it; empty: whichever is in use
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +87,10 @@ def check_agent_record(record: AgentRecord, limits: Limits, where: str) -> None:
     _check_finite(record.created_at, f"{where}.created_at")
     for name in ("alias", "seq", "goal_revision", "passed"):
         _check_count(getattr(record, name), f"{where}.{name}")
+    if len(record.model) > MAX_MODEL:
+        raise InvalidArgument(
+            f"has {len(record.model)} characters; allowed: {MAX_MODEL}", f"{where}.model"
+        )
     _check_path(record, limits, where)
     _check_rows(record.motion, f"{where}.motion")
     if record.feet is not None:

@@ -1,8 +1,10 @@
 """Agents enter slots and leave them: new, as records of themselves, or to stand again."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from math import ceil
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +12,8 @@ from numpy.typing import NDArray
 from wayfarer.body.model import BodyModel
 from wayfarer.runtime.agent import AgentChange, AgentSpec
 from wayfarer.runtime.engines.models import Loaded, Models
-from wayfarer.runtime.feet.legs import measure_legs
+from wayfarer.runtime.feet.footlock import LockState
+from wayfarer.runtime.feet.legs import Legs, measure_legs
 from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.stepping.phases import Phases
 from wayfarer.runtime.stepping.timeline import Timeline
@@ -21,6 +24,9 @@ from wayfarer.runtime.world.registry import Agent, Registry, Session
 from wayfarer.runtime.world.slots import Motion, SlotTable
 from wayfarer.runtime.world.spawn import Spawner
 from wayfarer.spec import GENDERS, NEW_FRAMES
+
+MEASURED: Final = 1024
+"""Shapes whose legs are remembered."""
 
 
 class Population:
@@ -37,7 +43,6 @@ class Population:
         orders: Orders,
         models: Models,
     ) -> None:
-        self._bodies = bodies
         self._lead = settings.lead
         self._registry = registry
         self._table = table
@@ -45,16 +50,31 @@ class Population:
         self._orders = orders
         self._models = models
         self._roster = models.roster()
+        self._legs = lru_cache(MEASURED)(
+            lambda gender, betas: measure_legs(bodies[gender], np.array(betas))
+        )
         self.spawner = Spawner(bodies, start_poses)
         self.phases = Phases(settings.phases)
 
-    def add(self, session: Session, spec: AgentSpec, seed: Motion, now: float) -> Agent:
-        """Let an agent begin. There must be a free slot."""
-        slot = self._enter_slot(spec, seed, 0, now)
-        agent = self._registry.add_agent(session, spec, slot, now)
-        agent.path_start = spec.position
-        self._orders.restore(agent)
-        return agent
+    def measure(self, specs: Iterable[AgentSpec]) -> None:
+        """Measure bodies whose agents are about to enter. Thread-safe, and costly."""
+        for spec in specs:
+            self._legs(spec.gender, spec.betas)
+
+    def add(
+        self, session: Session, specs: Sequence[AgentSpec], seeds: Sequence[Motion], now: float
+    ) -> list[Agent]:
+        """Let agents begin. There must be free slots."""
+        if not specs:
+            return []
+        count = len(specs)
+        slots = self._enter(specs, Motion.join(seeds), [0] * count, [""] * count, now)
+        agents = []
+        for spec, slot in zip(specs, slots, strict=True):
+            agent = self._registry.add_agent(session, spec, slot, now)
+            agent.path_start = spec.position
+            agents.append(self._settle(agent, session))
+        return agents
 
     def remove(self, agent: Agent) -> None:
         """Its planned frames are thrown away."""
@@ -107,17 +127,34 @@ class Population:
             passed=agent.passed,
             path_start=agent.path_start,
             wander=agent.wander,
+            model=self._models.numbered(int(slots.model[agent.slot])).stamp,
         )
 
-    def put(self, session: Session, record: AgentRecord, now: float) -> Agent:
-        """Let a recorded agent go on. There must be a free slot and no agent of its id."""
-        slot = self._enter_slot(record.spec, record.motion, record.seq, now)
+    def put(self, session: Session, records: Sequence[AgentRecord], now: float) -> list[Agent]:
+        """Let recorded agents go on. There must be free slots and no agents of their ids."""
+        if not records:
+            return []
+        entered = self._enter(
+            [record.spec for record in records],
+            Motion.join([record.motion for record in records]),
+            [record.seq for record in records],
+            [record.model for record in records],
+            now,
+        )
         slots = self._table.rows
-        if record.feet is not None:
-            slots.feet.put(np.array([slot]), record.feet)
-            slots.feet_begun[slot] = True
-        slots.goal_revision[slot] = record.goal_revision
-        slots.revised_chunk[slot] = record.seq - 1
+        begun = {s: r.feet for s, r in zip(entered, records, strict=True) if r.feet is not None}
+        if begun:
+            rows = np.array(list(begun))
+            slots.feet.put(rows, LockState.join(list(begun.values())))
+            slots.feet_begun[rows] = True
+        slots.goal_revision[entered] = [record.goal_revision for record in records]
+        slots.revised_chunk[entered] = [record.seq - 1 for record in records]
+        return [
+            self._go_on(session, record, slot)
+            for record, slot in zip(records, entered, strict=True)
+        ]
+
+    def _go_on(self, session: Session, record: AgentRecord, slot: int) -> Agent:
         agent = Agent(
             agent_id=record.agent_id,
             alias=record.alias,
@@ -131,23 +168,42 @@ class Population:
             wander=record.wander,
         )
         session.last_alias = max(session.last_alias, record.alias)
-        self._orders.restore(agent)
-        return self._registry.enter(agent)
+        return self._settle(self._registry.enter(agent), session)
 
-    def _enter_slot(self, spec: AgentSpec, motion: Motion, seq: int, now: float) -> int:
-        """A slot whose next chunk has number `seq` and goes on from `motion`."""
-        slot = self._table.acquire()
-        slots, row = self._table.rows, np.array([slot])
-        slots.gender[slot] = gender = GENDERS.index(spec.gender)
-        slots.model[slot] = self._models.enter(self._roster)
-        slots.noise_seed[slot] = spec.noise_seed
-        slots.betas[slot] = spec.betas
-        slots.foot_lock[slot] = spec.foot_lock
-        slots.legs.put(row, measure_legs(self._bodies[spec.gender], np.array(spec.betas)))
-        slots.committed.put(row, motion)
-        slots.planned.put(row, motion)
-        slots.sent_chunks[slot] = slots.planned_chunks[slot] = seq
+    def _settle(self, agent: Agent, session: Session) -> Agent:
+        """Let the slot know whose it is, and of the path."""
+        slots = self._table.rows
+        slots.agent_id[agent.slot] = agent.agent_id
+        slots.alias[agent.slot] = agent.alias
+        slots.session[agent.slot] = session.number
+        self._orders.restore(agent)
+        return agent
+
+    def _enter(
+        self,
+        specs: Sequence[AgentSpec],
+        motions: Motion,
+        seqs: Sequence[int],
+        models: Sequence[str],
+        now: float,
+    ) -> list[int]:
+        """Slots whose next chunks have the numbers `seqs` and go on from `motions`.
+
+        `models`: stamps of those that shall move them.
+        """
+        entered = self._table.acquire(len(specs))
+        slots, rows = self._table.rows, np.array(entered)
+        genders = [GENDERS.index(spec.gender) for spec in specs]
+        slots.gender[rows] = genders
+        slots.model[rows] = [self._models.enter(self._roster, stamp) for stamp in models]
+        slots.noise_seed[rows] = np.array([spec.noise_seed for spec in specs], np.uint64)
+        slots.betas[rows] = [spec.betas for spec in specs]
+        slots.foot_lock[rows] = [spec.foot_lock for spec in specs]
+        slots.legs.put(rows, Legs.join([self._legs(spec.gender, spec.betas) for spec in specs]))
+        slots.committed.put(rows, motions)
+        slots.planned.put(rows, motions)
+        slots.sent_chunks[rows] = slots.planned_chunks[rows] = seqs
         earliest = ceil(self._timeline.frame(now)) + self._lead * NEW_FRAMES
-        first = self.phases.next_frame(self.phases.enter(gender), earliest)
-        slots.start_frame[slot] = first - seq * NEW_FRAMES
-        return slot
+        first = [self.phases.next_frame(self.phases.enter(g), earliest) for g in genders]
+        slots.start_frame[rows] = np.array(first) - NEW_FRAMES * np.array(seqs)
+        return entered

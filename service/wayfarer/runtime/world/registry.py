@@ -1,11 +1,13 @@
 """Who is there: sessions and their agents by id, by slot, and by alias."""
 
-import secrets
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from wayfarer.errors import AlreadyExists, NotFound, ResourceExhausted
 from wayfarer.runtime.agent import AgentSpec, Goal, SessionInfo, SessionSpec, Wander
 from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.world.reservations import Reservation
+from wayfarer.shard import Shard, agent_id
 
 
 @dataclass(slots=True)
@@ -29,6 +31,7 @@ class Session:
     """A session's agents in order of creation; aliases count from 1, none is used twice."""
 
     session_id: str
+    number: int  # never used twice by a world
     created_at: float
     spec: SessionSpec
     agents: dict[str, Agent] = field(default_factory=dict)
@@ -42,9 +45,11 @@ class Session:
 class Registry:
     """The sessions and agents of a world."""
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: Limits, shard: Shard) -> None:
         self._limits = limits
+        self._shard = shard
         self.sessions: dict[str, Session] = {}
+        self._last_number = 0
         self.agents: dict[str, Agent] = {}
         self.by_slot: dict[int, Agent] = {}
 
@@ -64,42 +69,48 @@ class Registry:
 
     def add_session(self, spec: SessionSpec, now: float) -> Session:
         """Raises AlreadyExists, ResourceExhausted."""
-        session_id = spec.session_id or f"session-{secrets.token_hex(6)}"
+        session_id = spec.session_id or self._shard.session_id()
         if session_id in self.sessions:
             raise AlreadyExists(f"session {session_id!r} exists already")
         if len(self.sessions) >= self._limits.sessions:
             raise ResourceExhausted(
                 f"all {self._limits.sessions} sessions are open; delete one first"
             )
-        self.sessions[session_id] = session = Session(session_id, now, spec)
+        self._last_number += 1
+        self.sessions[session_id] = session = Session(session_id, self._last_number, now, spec)
         return session
 
-    def check_room(self, session: Session, agents: int) -> None:
-        """Raises ResourceExhausted when a session may not have so many agents more."""
+    def check_room(self, wanted: Reservation, held: Sequence[Reservation] = ()) -> None:
+        """Whether so many fit, beside those for whom room is held. Thread-safe.
+
+        Raises NotFound, ResourceExhausted.
+        """
         own, all_ = self._limits.agents_per_session, self._limits.agents
-        if len(session.agents) + agents > own:
+        session, more = self.session(wanted.session_id), len(wanted.genders)
+        coming = sum(len(h.genders) for h in held if h.session_id == session.session_id)
+        if (here := len(session.agents) + coming) + more > own:
             raise ResourceExhausted(
-                f"session {session.session_id!r} has {len(session.agents)} agents and may have "
-                f"{own}; {agents} more were asked for"
+                f"session {session.session_id!r} has {here} agents and may have {own}; "
+                f"{more} more were asked for"
             )
-        if len(self.agents) + agents > all_:
+        if (here := len(self.agents) + sum(len(h.genders) for h in held)) + more > all_:
             raise ResourceExhausted(
-                f"{len(self.agents)} of {all_} agents exist; {agents} more were asked for",
+                f"{here} of {all_} agents exist; {more} more were asked for",
                 retry_after=5.0,
             )
 
     def add_agent(self, session: Session, spec: AgentSpec, slot: int, now: float) -> Agent:
         """Enter a new agent whose slot has been taken."""
         session.last_alias += 1
-        agent_id = f"agent-{secrets.token_hex(6)}"
-        return self.enter(Agent(agent_id, session.last_alias, session.session_id, spec, slot, now))
+        name = agent_id(session.session_id)
+        return self.enter(Agent(name, session.last_alias, session.session_id, spec, slot, now))
 
     def enter(self, agent: Agent) -> Agent:
         """Enter an agent who has an id. Raises AlreadyExists."""
-        agent_id, session = agent.agent_id, self.sessions[agent.session_id]
-        if agent_id in self.agents:
-            raise AlreadyExists(f"agent {agent_id!r} exists already")
-        self.agents[agent_id] = session.agents[agent_id] = self.by_slot[agent.slot] = agent
+        name, session = agent.agent_id, self.sessions[agent.session_id]
+        if name in self.agents:
+            raise AlreadyExists(f"agent {name!r} exists already")
+        self.agents[name] = session.agents[name] = self.by_slot[agent.slot] = agent
         return agent
 
     def remove_agent(self, agent: Agent) -> None:

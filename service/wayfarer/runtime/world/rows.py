@@ -9,7 +9,7 @@ The annotations declare the columns:
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, NamedTuple, Self, get_args, get_origin, get_type_hints
 
@@ -38,7 +38,7 @@ class Column(NamedTuple):
     shape: tuple[int, ...]  # of one row
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class Rows:
     """Base of column sets; sub-classes are dataclasses, too."""
 
@@ -67,29 +67,29 @@ class Rows:
     def take(self, rows: Index) -> Self:
         """A copy of some rows."""
         taken: dict[str, Any] = {}
-        for column in fields(self):
-            values = getattr(self, column.name)
-            taken[column.name] = values.take(rows) if isinstance(values, Rows) else values[rows]
+        for name in _names(type(self)):
+            values = getattr(self, name)
+            taken[name] = values.take(rows) if isinstance(values, Rows) else values.take(rows, 0)
         return type(self)(**taken)
 
     def put(self, rows: Index, source: Self) -> None:
         """Overwrite some rows with `source`, which has as many."""
-        for column in fields(self):
-            values = getattr(self, column.name)
+        for name in _names(type(self)):
+            values = getattr(self, name)
             if isinstance(values, Rows):
-                values.put(rows, getattr(source, column.name))
+                values.put(rows, getattr(source, name))
             else:
-                values[rows] = getattr(source, column.name)
+                values[rows] = getattr(source, name)
 
     def grow(self, rows: int) -> None:
         """Append zeroed rows until there are `rows`."""
-        for column in fields(self):
-            values = getattr(self, column.name)
+        for name in _names(type(self)):
+            values = getattr(self, name)
             if isinstance(values, Rows):
                 values.grow(rows)
             else:
                 more = np.zeros((rows - len(values), *values.shape[1:]), values.dtype)
-                setattr(self, column.name, np.concatenate([values, more]))
+                setattr(self, name, np.concatenate([values, more]))
 
 
 def flat_columns(rows: type[Rows], path: str = "") -> Iterator[Column]:
@@ -99,6 +99,10 @@ def flat_columns(rows: type[Rows], path: str = "") -> Iterator[Column]:
             yield from flat_columns(kind, f"{path}{name}.")
         else:
             yield Column(path + name, np.dtype(kind), shape)
+
+
+def _names(rows: type) -> list[str]:
+    return [name for name, *_ in _columns(rows)]
 
 
 def _columns(rows: type) -> tuple[tuple[str, Any, tuple[int, ...]], ...]:

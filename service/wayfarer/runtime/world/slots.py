@@ -90,6 +90,9 @@ class Slots(Rows):
     """All columns of a slot. Frames count at 40 per second."""
 
     active: Flags
+    agent_id: NDArray[np.object_]
+    alias: Int
+    session: Int  # number; see registry.py
     gender: NDArray[np.int8]  # index into spec.GENDERS
     model: Int  # number of the model that moves it; see models.py
     noise_seed: NDArray[np.uint64]
@@ -129,14 +132,19 @@ class SlotTable:
         """Slots that could still be taken."""
         return self.limit - self.capacity + len(self._free)
 
-    def acquire(self) -> int:
-        """Take a slot; its row is zeroed. Raises ResourceExhausted at the limit."""
-        if not self._free:
+    def acquire(self, count: int) -> list[int]:
+        """Take slots; their rows are zeroed. Raises ResourceExhausted, and takes none."""
+        if count > self.free:
+            raise ResourceExhausted(
+                f"{self.free} of {self.limit} agent slots are free, not {count}"
+            )
+        while len(self._free) < count:
             self._grow()
-        slot = self._free.pop()
-        self.rows.put(np.array([slot]), self._blank)
-        self.rows.active[slot] = True
-        return slot
+        taken = [self._free.pop() for _ in range(count)]
+        rows = np.array(taken, np.int64)
+        self.rows.put(rows, self._blank)
+        self.rows.active[rows] = True
+        return taken
 
     def release(self, slot: int) -> None:
         """Give a slot back."""
@@ -145,7 +153,5 @@ class SlotTable:
 
     def _grow(self) -> None:
         before = self.capacity
-        if before == self.limit:
-            raise ResourceExhausted(f"all {self.limit} agent slots are taken")
         self.rows.grow(min(2 * before, self.limit))
         self._free.extend(range(before, self.capacity)[::-1])

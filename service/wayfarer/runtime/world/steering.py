@@ -13,6 +13,7 @@ tables at the top.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import radians
 from typing import Any, NamedTuple
 
@@ -26,8 +27,6 @@ from wayfarer.spec import STEP_SECONDS
 from wayfarer.terms import STAND, STRAFE, TURN, WALK, weights
 
 Float = NDArray[np.float32]
-
-WALKS = (Mode.WALKING, Mode.STRAFING)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +62,29 @@ class Targets(NamedTuple):
     facing: Float  # [A, 2] unit vector, or zero: the way to the place
 
 
-@dataclass(frozen=True, slots=True)
+class Tables(NamedTuple):
+    """The searches as arrays, by mode."""
+
+    weights: Float  # [M, T] in the order of `terms.TERMS`
+    candidates: Index
+    policy: Float
+    temperature: Float
+    zero_latent: Flags
+
+    @classmethod
+    def of(cls, searches: Mapping[Mode, Search]) -> "Tables":
+        """Raises KeyError on an unknown quality term."""
+        ordered = [searches[mode] for mode in Mode]
+        return cls(
+            weights=np.array([weights(dict(s.weights)) for s in ordered], np.float32),
+            candidates=np.array([s.candidates for s in ordered]),
+            policy=np.array([s.policy for s in ordered], np.float32),
+            temperature=np.array([s.temperature for s in ordered], np.float32),
+            zero_latent=np.array([s.zero_latent for s in ordered]),
+        )
+
+
+@dataclass(frozen=True)
 class Steering:
     """Distances in metres, horizontal; speeds in m/s; times in s; angles in radians."""
 
@@ -122,7 +143,7 @@ class Steering:
         braking = (
             np.minimum(goals.radius / 2, self.braking_margin) + self.braking_seconds * gait.speed
         )
-        walking = np.isin(gait.mode, WALKS)
+        walking = _walks(gait)
         stopping = gait.mode == Mode.STOPPING
         standing = gait.mode == Mode.STANDING
         turning = gait.mode == Mode.TURNING
@@ -183,7 +204,7 @@ class Steering:
     def targets(self, gait: Gait, seed: Seeds, goals: Goals) -> Targets:
         """What the next step, which `gait` is for, aims at."""
         hips = seed.translation[:, -1, :2]
-        walking = np.isin(gait.mode, WALKS)
+        walking = _walks(gait)
         place = goals.position.copy()
         place[:, :2] = _choose([(walking, self._ahead(hips, goals))], gait.stop_place)
         return Targets(
@@ -206,24 +227,25 @@ class Steering:
 
     def term_weights(self, mode: NDArray[np.int8]) -> Float:
         """Weights [A, T] in the order of `terms.TERMS`."""
-        table = np.array([weights(dict(self.searches[m].weights)) for m in Mode], np.float32)
-        return table[mode]
+        return self._tables.weights[mode]
 
     def candidates(self, mode: NDArray[np.int8]) -> Index:
         """Number of candidates K for each agent [A]."""
-        return np.array([self.searches[m].candidates for m in Mode])[mode]
+        return self._tables.candidates[mode]
 
     def policy(self, mode: NDArray[np.int8]) -> Float:
         """Share of the policy [A] in each agent's latents."""
-        return np.array([self.searches[m].policy for m in Mode], np.float32)[mode]
+        return self._tables.policy[mode]
 
     def scale_noise(self, mode: NDArray[np.int8], noise: Float) -> Float:
         """Standard normal `noise` [A, K, 128] at each mode's temperature."""
-        temperature = np.array([self.searches[m].temperature for m in Mode], np.float32)
-        zero = np.array([self.searches[m].zero_latent for m in Mode])
-        scaled = noise * temperature[mode][:, None, None]
-        scaled[zero[mode], 0] = 0.0
+        scaled = noise * self._tables.temperature[mode][:, None, None]
+        scaled[self._tables.zero_latent[mode], 0] = 0.0
         return scaled
+
+    @cached_property
+    def _tables(self) -> Tables:
+        return Tables.of(self.searches)
 
     def _speed(self, hips: Float, gait: Gait, goals: Goals) -> Float:
         """Speed wished for on the way [A]: less at the start, before a stop, and at a corner."""
@@ -239,6 +261,11 @@ class Steering:
         direction = path[:, -1, :2] - path[:, 0, :2]
         length = np.maximum(np.linalg.norm(direction, axis=-1, keepdims=True), 1e-6)
         return path[:, -1, :2] + direction / length * self.coasting_seconds * gait.speed[:, None]
+
+
+def _walks(gait: Gait) -> Flags:
+    walks: Flags = (gait.mode == Mode.WALKING) | (gait.mode == Mode.STRAFING)
+    return walks
 
 
 def _choose(cases: Sequence[tuple[Flags, Float]], default: Float) -> Float:

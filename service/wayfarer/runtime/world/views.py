@@ -1,16 +1,20 @@
 """What is told of slots: rows of arrays as the plain messages of agent.py."""
 
-from collections.abc import Callable, Iterator
+from typing import Final, NamedTuple
 
-from wayfarer.runtime.agent import AgentInfo, AgentState, ChunkFlag, MotionChunk
+import numpy as np
+
+from wayfarer.runtime.agent import STATES, AgentInfo, MotionChunks
 from wayfarer.runtime.engines.models import Models
 from wayfarer.runtime.stepping.playback import Sent
+from wayfarer.runtime.stepping.timeline import Timeline
 from wayfarer.runtime.world.heading import heading_of
 from wayfarer.runtime.world.registry import Agent
 from wayfarer.runtime.world.slots import Mode, Slots
 from wayfarer.spec import NEW_FRAMES
 
-STATES: tuple[AgentState, ...] = tuple(mode.state for mode in Mode)
+STATE_OF_MODE: Final = np.array([STATES.index(mode.state) for mode in Mode], np.int8)
+"""Index into `STATES`."""
 
 
 def agent_info(agent: Agent, slots: Slots, models: Models) -> AgentInfo:
@@ -23,7 +27,7 @@ def agent_info(agent: Agent, slots: Slots, models: Models) -> AgentInfo:
         alias=agent.alias,
         session_id=agent.session_id,
         spec=agent.spec,
-        state=STATES[slots.committed.gait.mode[slot]],
+        state=Mode(int(slots.committed.gait.mode[slot])).state,
         position=(x, y, z),
         heading=heading_of(seed.rotations[slot, -1, 0]),
         goal=agent.path[waypoint - agent.passed] if agent.path else None,
@@ -35,30 +39,43 @@ def agent_info(agent: Agent, slots: Slots, models: Models) -> AgentInfo:
     )
 
 
-def motion_chunks(
-    sent: Sent, by_slot: dict[int, Agent], time: Callable[[int], float]
-) -> Iterator[MotionChunk]:
-    """One message for each row; `time` gives the moment at which a world frame is shown.
+class Due(NamedTuple):
+    """What of a session leaves now."""
 
-    Arrays are copies: a chunk that somebody keeps must not keep those of all the others.
+    session_id: str
+    chunks: MotionChunks  # one of an agent at most
+
+
+def due_by_session(
+    sent: Sent, slots: Slots, by_slot: dict[int, Agent], timeline: Timeline
+) -> list[Due]:
+    """Chunks that have just left, in their order within each session.
+
+    Arrays are of their own: who keeps a session's must not keep those of all the others.
     """
-    chunks = sent.chunks
-    for row, (slot, seq, frame) in enumerate(
-        zip(sent.slots.tolist(), sent.seq.tolist(), sent.frame.tolist(), strict=True)
-    ):
-        agent = by_slot[slot]
-        yield MotionChunk(
-            agent_id=agent.agent_id,
-            alias=agent.alias,
-            seq=seq,
-            first_frame=seq * NEW_FRAMES,
-            scheduled_at=time(frame),
-            goal_revision=int(chunks.goal_revision[row]),
-            flags=ChunkFlag(int(chunks.flags[row])),
-            state=STATES[chunks.end.gait.mode[row]],
-            translation=chunks.translation[row].copy(),
-            rotations=chunks.rotations[row].copy(),
-            contacts=chunks.contacts[row].copy(),
-            waypoint=int(chunks.end.gait.waypoint[row]),
-            candidates=int(chunks.candidates[row]),
-        )
+    session = slots.session[sent.slots]
+    chunks = _columns(sent, slots, timeline)
+    if (session == session[0]).all():
+        return [Due(by_slot[int(sent.slots[0])].session_id, chunks)]
+    order = np.argsort(session, kind="stable")
+    parts = np.split(order, np.flatnonzero(np.diff(session[order])) + 1)
+    return [Due(by_slot[int(sent.slots[part[0]])].session_id, chunks.take(part)) for part in parts]
+
+
+def _columns(sent: Sent, slots: Slots, timeline: Timeline) -> MotionChunks:
+    chunks, gait = sent.chunks, sent.chunks.end.gait
+    return MotionChunks(
+        agent_id=slots.agent_id[sent.slots],
+        alias=slots.alias[sent.slots],
+        seq=sent.seq,
+        first_frame=sent.seq * NEW_FRAMES,
+        scheduled_at=timeline.times(sent.frame),
+        goal_revision=chunks.goal_revision,
+        flags=chunks.flags,
+        state=STATE_OF_MODE[gait.mode],
+        translation=chunks.translation,
+        rotations=chunks.rotations,
+        contacts=chunks.contacts,
+        waypoint=gait.waypoint,
+        candidates=chunks.candidates,
+    )

@@ -1,11 +1,14 @@
 """The synchronous core: sessions, agents and goals, who move as time passes.
 
 Time is always an argument: seconds, the same line for all calls (Unix time in the service, any
-in offline use). The same calls give the same motion. Not thread-safe, `prepare` excepted.
+in offline use). The same calls give the same motion. Not thread-safe, `prepare` and `reserve`
+excepted.
 """
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -37,6 +40,7 @@ from wayfarer.runtime.world.handover import (
     check_session_record,
 )
 from wayfarer.runtime.world.registry import Agent, Session
+from wayfarer.runtime.world.reservations import Reservation
 from wayfarer.runtime.world.slots import Motion
 from wayfarer.runtime.world.views import agent_info
 from wayfarer.spec import GENDERS
@@ -86,24 +90,32 @@ class World(Clockwork):
             agents=tuple(self._population.take(a) for a in session.agents.values()),
         )
 
-    def put_session(self, record: SessionRecord, now: float, admit: bool = True) -> SessionInfo:
+    def examine(self, record: SessionRecord) -> None:
+        """The costly part of `put_session`; thread-safe. Raises InvalidArgument."""
+        check_session_record(record, self.settings.limits)
+        self._population.measure(agent.spec for agent in record.agents)
+
+    def put_session(
+        self, record: SessionRecord, now: float, admit: bool = True, examined: bool = False
+    ) -> SessionInfo:
         """Let a recorded session go on: the next chunk of each agent follows its last one.
 
-        All or nothing. Not `admit`: whether there is time for its agents is not asked.
-        Raises InvalidArgument, AlreadyExists, ResourceExhausted.
+        All or nothing. Not `admit`: whether there is time for its agents is not asked. `examined`:
+        `examine(record)` has been called. Raises InvalidArgument, AlreadyExists, ResourceExhausted.
         """
-        check_session_record(record, self.settings.limits)
+        if not examined:
+            self.examine(record)
         spec = replace(record.spec, session_id=record.session_id)
         session = self._registry.add_session(spec, record.created_at)
         try:
             for number, agent in enumerate(record.agents):
                 self._check_new(agent, f"agents[{number}]")
-            self._check_room(session, [agent.spec for agent in record.agents], now, admit)
+            wanted = _room(record.session_id, [agent.spec for agent in record.agents])
+            self._check_room(wanted, now, self._reservations.all(), admit)
         except WayfarerError:
             del self._registry.sessions[record.session_id]
             raise
-        for agent in record.agents:
-            self._put(session, agent, now)
+        self._put(session, record.agents, now)
         session.last_alias = record.last_alias
         return session.info()
 
@@ -118,12 +130,19 @@ class World(Clockwork):
         if len(specs) > most:
             raise ResourceExhausted(f"{len(specs)} agents at once; allowed per session: {most}")
         _check_specs(specs)
+        self._population.measure(specs)
         return [self._population.spawner.stand(spec) for spec in specs]
 
-    def check_room(self, session_id: str, specs: Sequence[AgentSpec], now: float) -> None:
-        """Raises what `create_agents` would, before `prepare` is paid."""
+    def reserve(
+        self, session_id: str, specs: Sequence[AgentSpec], now: float
+    ) -> AbstractContextManager[Reservation]:
+        """Hold room for `create_agents` while `prepare` is paid. Thread-safe.
+
+        Entering it raises NotFound, InvalidArgument, ResourceExhausted.
+        """
         _check_specs(specs)
-        self._check_room(self._registry.session(session_id), specs, now)
+        wanted = _room(session_id, specs)
+        return self._reservations.held(wanted, partial(self._check_room, wanted, now))
 
     def create_agents(
         self,
@@ -131,19 +150,24 @@ class World(Clockwork):
         specs: Sequence[AgentSpec],
         now: float,
         seeds: Sequence[Motion] | None = None,
+        reservation: Reservation | None = None,
     ) -> list[AgentInfo]:
         """All or none. `seeds` are what `prepare(specs)` returned, if it has been called.
 
-        Raises NotFound, InvalidArgument, ResourceExhausted.
+        Who comes with a reservation of `reserve(session_id, specs, …)` is not asked again whether
+        there is room. Raises NotFound, InvalidArgument, ResourceExhausted.
         """
         session = self._registry.session(session_id)
         seeds = self.prepare(specs) if seeds is None else seeds
-        self._check_room(session, specs, now)
+        held = self._reservations.all()
+        if reservation not in held:  # or no more: its caller has given up
+            self._check_room(_room(session_id, specs), now, held)
         made = []
-        for spec, seed in zip(specs, seeds, strict=True):
-            agent = self._population.add(session, spec, seed, now)
-            self._record(agent, spec, 0)
+        for agent in self._population.add(session, specs, seeds, now):
+            self._record(agent, agent.spec, 0)
             made.append(self._info(agent))
+        if reservation is not None:
+            self._reservations.release(reservation)
         return made
 
     def get_agent(self, agent_id: str) -> AgentInfo:
@@ -186,8 +210,9 @@ class World(Clockwork):
         self._check_new(record, "agent")
         if record.alias in {agent.alias for agent in session.agents.values()}:
             raise AlreadyExists(f"session {session_id!r} has an agent of alias {record.alias}")
-        self._check_room(session, [record.spec], now)
-        return self._info(self._put(session, record, now))
+        self._check_room(_room(session_id, [record.spec]), now, self._reservations.all())
+        [agent] = self._put(session, [record], now)
+        return self._info(agent)
 
     def use_model(self, name: str) -> list[AgentInfo]:
         """Let all agents be moved by a loaded model; what is planned stays. Who was not before.
@@ -260,14 +285,23 @@ class World(Clockwork):
     # Within
 
     def _check_room(
-        self, session: Session, specs: Sequence[AgentSpec], now: float, admit: bool = True
+        self,
+        wanted: Reservation,
+        now: float,
+        held: Sequence[Reservation],
+        admit: bool = True,
     ) -> None:
-        self._registry.check_room(session, len(specs))
+        """Whether they fit beside those who are there and those for whom room is held.
+
+        Thread-safe. Raises NotFound, ResourceExhausted.
+        """
+        self._registry.check_room(wanted, held)
         if admit and self.settings.admission.refuse:
-            genders = [GENDERS.index(spec.gender) for spec in specs]
             # the ladder is looked at with each step: without agents it stands where it was left
             late = self.rung.refuse and self.agents > 0
-            self._admission.check(self._population.phases, genders, now, late)
+            coming = [gender for other in held for gender in other.genders]
+            phases = self._population.phases.with_agents(coming)
+            self._admission.check(phases, wanted.genders, now, late)
 
     def _check_new(self, record: AgentRecord, where: str) -> None:
         """Raises AlreadyExists, and InvalidArgument when its path is too long for this world."""
@@ -275,10 +309,11 @@ class World(Clockwork):
             raise AlreadyExists(f"agent {record.agent_id!r} exists already")
         self._orders.check_record(record, where)
 
-    def _put(self, session: Session, record: AgentRecord, now: float) -> Agent:
-        agent = self._population.put(session, record, now)
-        self._record(agent, record, record.seq)
-        return agent
+    def _put(self, session: Session, records: Sequence[AgentRecord], now: float) -> list[Agent]:
+        agents = self._population.put(session, records, now)
+        for agent, record in zip(agents, records, strict=True):
+            self._record(agent, record, record.seq)
+        return agents
 
     def _record(self, agent: Agent, command: Command, seq: int) -> None:
         if self._recorder is not None:
@@ -289,6 +324,10 @@ class World(Clockwork):
 
     def _info(self, agent: Agent) -> AgentInfo:
         return agent_info(agent, self._table.rows, self.models)
+
+
+def _room(session_id: str, specs: Sequence[AgentSpec]) -> Reservation:
+    return Reservation(session_id, tuple(GENDERS.index(spec.gender) for spec in specs))
 
 
 def _check_specs(specs: Sequence[AgentSpec]) -> None:

@@ -83,6 +83,13 @@ class Authenticator:
             return Caller("certificate:" + shown.certificate, self._certificate_scopes)
         raise Unauthenticated(f"credentials are missing; accepted are {self._accepted()}")
 
+    def is_good(self, caller: Caller) -> bool:
+        """Whether a caller who was let in has not been told off since: its API key is still good.
+
+        Tokens and certificates are good until they expire, and what was begun with them goes on.
+        """
+        return not caller.key or self._keys is None or self._keys.is_good(caller)
+
     def _accepted(self) -> str:
         ways = []
         if self._keys:

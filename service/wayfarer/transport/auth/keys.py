@@ -54,9 +54,6 @@ class _File(BaseModel):
     keys: Annotated[dict[Name, _Entry], Field(max_length=1000)] = {}
 
 
-Known = list[tuple[bytes, Caller]]
-
-
 class KeyFile:
     """The keys of a file. `clock` gives seconds; it need not be the time of day."""
 
@@ -73,12 +70,20 @@ class KeyFile:
         self._look()
         digest = sha256(key.encode()).digest()
         found = None
-        for known, caller in self._known:  # all of them: the time taken tells nothing
-            if hmac.compare_digest(known, digest):
+        for caller in self._known:  # all of them: the time taken tells nothing
+            if hmac.compare_digest(caller.key, digest):
                 found = caller
         if found is None:
             raise Unauthenticated("unknown API key: it was mistyped, or taken out of the keys file")
         return found
+
+    def is_good(self, caller: Caller) -> bool:
+        """Whether the key of a caller of this file still opens as much as it did."""
+        self._look()
+        return any(
+            known.key == caller.key and known.name == caller.name and known.scopes >= caller.scopes
+            for known in self._known
+        )
 
     def reload(self) -> None:
         """Read the file again."""
@@ -98,8 +103,8 @@ class KeyFile:
                 self.reload()
 
 
-def read_keys(path: Path) -> Known:
-    """(SHA-256, caller) of each key. Raises InvalidArgument."""
+def read_keys(path: Path) -> list[Caller]:
+    """The caller of each key. Raises InvalidArgument."""
     where = f"keys file {path}"
     try:
         content = _File.model_validate(tomllib.loads(path.read_text("utf-8")))
@@ -112,9 +117,11 @@ def read_keys(path: Path) -> Known:
         place = ".".join(str(part) for part in first["loc"])
         raise InvalidArgument(f"{where}: {place}: {first['msg']}", "auth.keys_file") from None
     return [
-        (
+        Caller(
+            "key:" + name,
+            frozenset(entry.scopes),
+            Quota(**entry.quota.model_dump()),
             bytes.fromhex(entry.sha256),
-            Caller("key:" + name, frozenset(entry.scopes), Quota(**entry.quota.model_dump())),
         )
         for name, entry in content.keys.items()
     ]

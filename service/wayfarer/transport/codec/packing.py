@@ -1,35 +1,32 @@
 """Chunks of the runtime ↔ packed frames."""
 
-from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.agent import MotionChunk
+from wayfarer.runtime.agent import MotionChunks
 from wayfarer.spec import POSED_JOINTS
-from wayfarer.transport.basis import Basis
+from wayfarer.transport.basis import Axes, Basis
 from wayfarer.transport.codec import smallest_three
 from wayfarer.transport.codec.pose_format import PoseEncoding, PoseFormat
 
-FOOT_BITS: Final = np.array([1, 2])
+FOOT_BITS: Final = np.array([1, 2], np.uint8)
 """Left, right."""
 
 BLOCK: Final = 128
-"""Chunks packed at once: what numpy makes on the way stays in the processor's cache."""
+"""Chunks packed at once: what is read and made on the way stays in the processor's cache."""
 
 AT_REST: Final = np.array([0.0, 0.0, 0.0, 1.0], np.float32)
 """The same in every basis."""
 
 
 class Poses(NamedTuple):
-    """The frames of one chunk as they go on the wire."""
+    """The frames of chunks, one chunk after the other, as they go on the wire."""
 
-    poses: bytes
+    poses: memoryview
     contacts: bytes
-    skipped: int = 0
-    """Frames of the chunk before the first that is sent: `MotionChunk.first_frame` grows by it."""
 
 
 class DecodedPoses(NamedTuple):
@@ -40,44 +37,21 @@ class DecodedPoses(NamedTuple):
     contacts: NDArray[np.bool_]  # [F, 2] left, right
 
 
-def encode(
-    chunks: Sequence[MotionChunk], basis: Basis, pose_format: PoseFormat = PoseFormat()
-) -> list[Poses]:
-    """Pack chunks, all at once, into the basis and the format.
+def encode(chunks: MotionChunks, basis: Basis, pose_format: PoseFormat = PoseFormat()) -> Poses:
+    """Pack chunks into the basis and the format.
 
-    Those frames are sent whose number, counted since the agent began, is a multiple of
-    the stride of the format, so that they stay evenly spaced from chunk to chunk.
+    Each begins with a frame whose number is a multiple of `spec.NEW_FRAMES`, and so of the stride
+    of every format: what is sent stays evenly spaced from chunk to chunk.
     """
-    return [
-        poses
-        for start in range(0, len(chunks), BLOCK)
-        for poses in _encode_block(chunks[start : start + BLOCK], basis, pose_format)
-    ]
-
-
-def _encode_block(
-    chunks: Sequence[MotionChunk], basis: Basis, pose_format: PoseFormat
-) -> list[Poses]:
     stride = pose_format.stride
-    skipped = [-chunk.first_frame % stride for chunk in chunks]
-    starts = list(zip(chunks, skipped, strict=True))
-    translation = np.concatenate([c.translation[k::stride] for c, k in starts])
-    rotations = np.concatenate([c.rotations[k::stride] for c, k in starts])
-    contacts = np.concatenate([c.contacts[k::stride] for c, k in starts])
-    packed = np.empty(len(translation), pose_format.frame)
-    packed["translation"] = basis.axes.points_to_wire(translation)
-    posed = pose_format.posed
-    if len(posed) < POSED_JOINTS:
-        rotations = rotations[:, posed]
-    turned = basis.axes.quaternions_to_wire(rotations)
-    packed["rotations"][:, : len(posed)] = _pack(turned, pose_format.encoding)
-    packed["rotations"][:, len(posed) :] = _pack(AT_REST, pose_format.encoding)  # fingers
-    touching = (contacts @ FOOT_BITS).astype(np.uint8)
-    ends = np.cumsum([len(range(k, len(c.translation), stride)) for c, k in starts])
-    return [
-        Poses(packed[a:b].tobytes(), touching[a:b].tobytes(), k)
-        for a, b, k in zip([0, *ends[:-1]], ends, skipped, strict=True)
-    ]
+    translation, rotations = chunks.translation[:, ::stride], chunks.rotations[:, ::stride]
+    packed = np.empty(translation.shape[:2], pose_format.frame)
+    for start in range(0, len(chunks), BLOCK):
+        block = slice(start, start + BLOCK)
+        basis.axes.points_to_wire(translation[block], out=packed["translation"][block])
+        _pack(rotations[block], basis.axes, pose_format, packed["rotations"][block])
+    contacts = (chunks.contacts[:, ::stride] * FOOT_BITS).sum(-1, dtype=np.uint8)
+    return Poses(packed.reshape(-1).view(np.uint8).data, contacts.tobytes())
 
 
 def decode(
@@ -100,10 +74,20 @@ def decode(
     )
 
 
-def _pack(rotations: NDArray[np.float32], encoding: PoseEncoding) -> NDArray[Any]:
-    if encoding is PoseEncoding.SMALLEST_THREE:
-        return smallest_three.pack(rotations)
-    return rotations  # numpy rounds to the type of the frame
+def _pack(
+    rotations: NDArray[np.float32], axes: Axes, pose_format: PoseFormat, out: NDArray[Any]
+) -> None:
+    """Rotations [A, F, 22, 4] into those of frames [A, F, B, …]."""
+    posed = pose_format.posed
+    if len(posed) < POSED_JOINTS:
+        rotations = rotations[:, :, posed]
+    moving, still = out[:, :, : len(posed)], out[:, :, len(posed) :]
+    if pose_format.encoding is PoseEncoding.SMALLEST_THREE:
+        moving[:] = smallest_three.pack(axes.quaternions_to_wire(rotations))
+        still[:] = smallest_three.pack(AT_REST)
+    else:
+        axes.quaternions_to_wire(rotations, out=moving)
+        still[:] = AT_REST  # fingers
 
 
 def _unpack(rotations: NDArray[Any], encoding: PoseEncoding) -> NDArray[np.float32]:

@@ -8,23 +8,28 @@ from typing import Final
 import structlog
 
 from wayfarer.config import Limits
-from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted
+from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted, WayfarerError
 from wayfarer.runtime.agent import AgentInfo, SessionInfo
 from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.caller import Caller, present_caller
+from wayfarer.transport.fleet import Fleet
 from wayfarer.transport.stream import MotionStream
 
 ID_LENGTH: Final = schema.ID_LENGTH
 LEASE_S: Final = 60.0
 """Lease of a session that asks for none."""
 
+TOLD_GONE: Final = 1024
+"""Of so many agents of a session, the last that were created, a stream that resumes is told which
+have been deleted: it may have missed that."""
+
 
 @dataclass(eq=False)
 class Place:
     """A stream of a session, counted before it is open."""
 
-    caller: str
+    caller: Caller
     stream: MotionStream | None = None
 
 
@@ -39,6 +44,7 @@ class OpenSession:
     scene: str
     expires_at: float  # clock's seconds, without regard to streams
     created: int = 0  # agents ever created in it
+    endpoint: schema.Endpoint | None = None  # where it is called, if not everywhere
     aliases: dict[str, int] = field(default_factory=dict)  # by agent id, those that live
     places: set[Place] = field(default_factory=set)  # its streams
     holders: int = 0  # streams and long calls that keep it alive
@@ -47,6 +53,13 @@ class OpenSession:
     def session_id(self) -> str:
         """Unique on the server."""
         return self.info.session_id
+
+    @property
+    def gone(self) -> list[int]:
+        """Aliases of agents that were deleted, the latest ones."""
+        first = max(self.created - TOLD_GONE, 0) + 1
+        living = set(self.aliases.values())
+        return [alias for alias in range(first, self.created + 1) if alias not in living]
 
     def describe(self, info: SessionInfo) -> schema.Session:
         """As its clients see it; `info` is its present state in the runtime."""
@@ -61,6 +74,7 @@ class OpenSession:
             lock_step=info.spec.lock_step,
             record=info.spec.record,
             scene=self.scene,
+            endpoint=self.endpoint,
         )
 
 
@@ -72,19 +86,26 @@ def attributes(owner: str, basis: Basis, lease_s: float, scene: str) -> dict[str
 class Book:
     """All open sessions, and who may do what with them."""
 
-    def __init__(self, limits: Limits, clock: Callable[[], float]) -> None:
+    def __init__(
+        self, limits: Limits, clock: Callable[[], float], fleet: Fleet | None = None
+    ) -> None:
         self._limits = limits
         self._clock = clock
+        self._fleet = fleet or Fleet()
         self._sessions: dict[str, OpenSession] = {}
         self._by_agent: dict[str, OpenSession] = {}
 
     def open(self, info: SessionInfo, agents: Sequence[AgentInfo] = ()) -> OpenSession:
         """Enter a session of the runtime by its attributes, with a fresh lease.
 
-        Raises InvalidArgument where its attributes are not the transport's.
+        Raises InvalidArgument where its attributes are not the transport's, Misdirected where its
+        calls would go to another worker.
         """
+        self._fleet.require_own(info.session_id)
         owner, basis, lease_s, scene = read_attributes(info.spec.attributes, self._limits)
-        session = OpenSession(info, owner, basis, lease_s, scene, self._clock() + lease_s)
+        session = OpenSession(
+            info, owner, basis, lease_s, scene, self._clock() + lease_s, endpoint=self._fleet.own
+        )
         self._sessions[info.session_id] = session
         self.enter_agents(session, agents)
         return session
@@ -111,12 +132,15 @@ class Book:
                     place.stream.remove(alias)
 
     def session(self, session_id: str) -> OpenSession:
-        """A session of the present caller, its lease renewed. Raises NotFound."""
+        """A session of the present caller, its lease renewed. Raises NotFound, Misdirected."""
         found = self._sessions.get(session_id)
         return self._renewed(found, "session", session_id)
 
     def session_of(self, agent_id: str) -> OpenSession:
-        """The session, of the present caller, of an agent; its lease renewed. Raises NotFound."""
+        """The session, of the present caller, of an agent; its lease renewed.
+
+        Raises NotFound, Misdirected.
+        """
         found = self._by_agent.get(agent_id)
         return self._renewed(found, "agent", agent_id)
 
@@ -171,18 +195,27 @@ class Book:
             raise ResourceExhausted(
                 f"a session has {limits.streams_per_session} streams at most", 1.0
             )
-        callers = [place.caller for s in self._sessions.values() for place in s.places]
+        callers = [place.caller.name for s in self._sessions.values() for place in s.places]
         if len(callers) >= limits.streams:
             raise ResourceExhausted(f"the server has {limits.streams} streams at most", 5.0)
         if quota is not None and callers.count(caller.name) >= quota:
             raise ResourceExhausted(f"{caller.name!r} may have {quota} streams at a time", 1.0)
-        place = Place(caller.name)
+        place = Place(caller)
         session.places.add(place)
         try:
             with self.held(session):
                 yield place
         finally:
             session.places.discard(place)
+
+    def end_streams(self, error: WayfarerError, of: Callable[[Caller], bool]) -> int:
+        """End the streams of some callers; how many had not been told to before."""
+        return sum(
+            place.stream.end(error)
+            for session in self._sessions.values()
+            for place in session.places
+            if place.stream is not None and of(place.caller)
+        )
 
     @property
     def streams(self) -> int:
@@ -191,6 +224,8 @@ class Book:
 
     def _renewed(self, found: OpenSession | None, kind: str, name: str) -> OpenSession:
         caller, now = present_caller(), self._clock()
+        if found is None:
+            self._fleet.require_own(name[:ID_LENGTH])
         if (
             found is None
             or (found.owner != caller.name and not caller.is_admin)

@@ -11,9 +11,12 @@ from collections.abc import Callable
 import structlog
 
 from wayfarer.config import Limits
+from wayfarer.errors import Unauthenticated, Unavailable
 from wayfarer.runtime.agent import LoopStats
 from wayfarer.runtime.service import MotionService
 from wayfarer.transport.bodies import BodyLibrary
+from wayfarer.transport.caller import Caller
+from wayfarer.transport.fleet import Fleet
 from wayfarer.transport.gateway.admin import AdminApi
 from wayfarer.transport.gateway.agents import AgentApi
 from wayfarer.transport.gateway.catalogue import CatalogueApi
@@ -22,6 +25,7 @@ from wayfarer.transport.gateway.motion import MotionApi
 from wayfarer.transport.gateway.sessions import SessionApi
 from wayfarer.transport.gateway.shared import Shared
 from wayfarer.transport.gateway.snapshots import SnapshotApi
+from wayfarer.transport.stream import SHUTDOWN
 
 log = structlog.get_logger(__name__)
 
@@ -36,9 +40,10 @@ class Gateway:
         limits: Limits,
         clock: Callable[[], float],
         stop: Callable[[], None],
+        fleet: Fleet | None = None,
     ) -> None:
         """`stop` begins the shutdown of the server, as SIGTERM does; AdminService calls it."""
-        self._shared = shared = Shared(service, bodies, limits, clock)
+        self._shared = shared = Shared(service, bodies, limits, clock, fleet or Fleet())
         self.limits = limits
         self.body_library = bodies
         self.sessions = SessionApi(shared)
@@ -88,10 +93,17 @@ class Gateway:
         """End the sessions whose lease is over; their ids. To be called a few times a second."""
         return await self.sessions.end_expired()
 
+    def end_streams_of_revoked(self, is_good: Callable[[Caller], bool]) -> None:
+        """End the streams of callers who would not be let in again. To be called now and then."""
+        revoked = Unauthenticated("the API key of this stream has been taken back")
+        if ended := self._shared.book.end_streams(revoked, lambda caller: not is_good(caller)):
+            log.info("streams of revoked keys ended", streams=ended)
+
     async def drain(self, grace: float) -> None:
         """Refuse new work and end all streams with Unavailable; wait for that, `grace` seconds."""
         self._shared.draining.set()
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(grace):
                 while self.streams:
+                    self._shared.book.end_streams(Unavailable(SHUTDOWN), of=lambda _: True)
                     await asyncio.sleep(0.01)

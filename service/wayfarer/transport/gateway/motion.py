@@ -8,11 +8,11 @@ from itertools import chain
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.agent import Event, StreamWish
 from wayfarer.transport import convert, schema
-from wayfarer.transport.batches import event_message
+from wayfarer.transport.batches import event_message, parsed
 from wayfarer.transport.caller import Scope, present_caller
 from wayfarer.transport.gateway.book import OpenSession
 from wayfarer.transport.gateway.shared import Shared, needs
-from wayfarer.transport.resume import Progress
+from wayfarer.transport.resume import Progress, filter_mark
 from wayfarer.transport.stream import MotionStream
 from wayfarer.v1 import motion_pb2
 
@@ -24,10 +24,9 @@ class MotionApi:
         self._shared = shared
 
     @needs(Scope.READ)
-    async def stream(
-        self, wish: schema.StreamWish
-    ) -> AsyncGenerator[motion_pb2.StreamMotionResponse]:
-        """Messages until the session ends. Close it with `aclose`.
+    async def stream(self, wish: schema.StreamWish) -> AsyncGenerator[bytes]:
+        """Messages until the session ends, each a StreamMotionResponse, encoded. Close it with
+        `aclose`.
 
         Raises NotFound, InvalidArgument, ResourceExhausted, FailedPrecondition, Unavailable.
         """
@@ -45,7 +44,7 @@ class MotionApi:
     @asynccontextmanager
     async def follow(
         self, wish: schema.StreamWish
-    ) -> AsyncIterator[tuple[MotionStream, AsyncGenerator[motion_pb2.StreamMotionResponse]]]:
+    ) -> AsyncIterator[tuple[MotionStream, AsyncGenerator[bytes]]]:
         """A stream, for its acknowledgements, and its messages. Raises as `stream`."""
         pose_format = convert.pose_format(wish.format)
         async with self._followed(wish) as (session, stream):
@@ -96,10 +95,10 @@ class MotionApi:
         with shared.book.held(session):
             published = await shared.service.step_session(session_id, steps)
             infos = {info.alias: info for info in await shared.service.list_agents(session_id)}
-        new = [{c.alias for c in p.chunks if c.seq == 0} & infos.keys() for p in published]
+        new = [set(p.chunks.alias[p.chunks.seq == 0].tolist()) & infos.keys() for p in published]
         return motion_pb2.StepAgentsResponse(
             batches=[
-                writer.batch(p.chunks, (infos[alias] for alias in sorted(aliases)))
+                parsed(writer.batch(p.chunks, (infos[alias] for alias in sorted(aliases))))
                 for p, aliases in zip(published, new, strict=True)
             ],
             events=map(event_message, chain.from_iterable(p.events for p in published)),
@@ -116,13 +115,14 @@ class MotionApi:
         if len(wish.agent_ids) > shared.limits.agents_per_session:
             raise InvalidArgument(f"{shared.limits.agents_per_session} agents at most", "agent_ids")
         since = Progress.read(wish.resume_token)
+        followed = filter_mark(wish.agent_ids)
         with shared.book.place(caller, session) as place:
             subscription = await shared.service.subscribe(
                 wish.session_id,
                 StreamWish(
                     wish.agent_ids,
                     wish.slow_reader,
-                    since.resume if since else None,
+                    since.resume(followed) if since else None,
                     hold_s=session.lease_s,
                 ),
             )
@@ -132,8 +132,9 @@ class MotionApi:
                     wish.session_id,
                     subscription,
                     shared.clock,
-                    shared.draining,
+                    followed,
                     since,
+                    session.gone if since else (),
                 )
                 yield session, place.stream
             finally:

@@ -15,6 +15,7 @@ from wayfarer.transport.batches import BatchWriter
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.caller import Scope, present_caller
 from wayfarer.transport.codec import PoseEncoder, PoseFormat
+from wayfarer.transport.fleet import Fleet
 from wayfarer.transport.gateway.book import Book
 from wayfarer.transport.gateway.replies import Replies
 
@@ -44,6 +45,7 @@ class Shared:
     bodies: BodyLibrary
     limits: Limits
     clock: Callable[[], float]
+    fleet: Fleet = field(default_factory=Fleet)
     book: Book = field(init=False)
     replies: Replies = field(init=False)
     encoder: PoseEncoder = field(default_factory=PoseEncoder)
@@ -54,7 +56,7 @@ class Shared:
     )
 
     def __post_init__(self) -> None:
-        self.book = Book(self.limits, self.clock)
+        self.book = Book(self.limits, self.clock, self.fleet)
         self.replies = Replies(self.clock)
 
     @property

@@ -1,5 +1,19 @@
 """gRPC: one file per service, interceptors, the server."""
 
-from wayfarer.transport.grpc_server.server import SERVICES, GrpcServer, bracketed
+from wayfarer.transport.grpc_server.server import (
+    FILES,
+    SERVICES,
+    GrpcServer,
+    bracketed,
+    gateway_interceptors,
+    gateway_services,
+)
 
-__all__ = ["SERVICES", "GrpcServer", "bracketed"]
+__all__ = [
+    "FILES",
+    "SERVICES",
+    "GrpcServer",
+    "bracketed",
+    "gateway_interceptors",
+    "gateway_services",
+]

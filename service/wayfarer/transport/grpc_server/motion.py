@@ -7,15 +7,16 @@ since grpc.aio leaks such calls (grpc/grpc#43360).
 from collections.abc import AsyncGenerator, AsyncIterator
 from contextlib import aclosing
 
+import grpc
 from grpc.aio import ServicerContext as Context
 
 from wayfarer.transport import schema, wire
-from wayfarer.transport.control import control
+from wayfarer.transport.control import control as controlled
 from wayfarer.transport.gateway import Gateway
-from wayfarer.v1 import control_pb2, control_pb2_grpc, motion_pb2, motion_pb2_grpc
+from wayfarer.v1 import control_pb2, motion_pb2
 
 
-class MotionService(motion_pb2_grpc.MotionServiceServicer):
+class MotionService:
     """See motion.proto."""
 
     def __init__(self, gateway: Gateway) -> None:
@@ -23,7 +24,7 @@ class MotionService(motion_pb2_grpc.MotionServiceServicer):
 
     async def StreamMotion(  # noqa: N802
         self, request: motion_pb2.StreamMotionRequest, context: Context
-    ) -> AsyncGenerator[motion_pb2.StreamMotionResponse]:
+    ) -> AsyncGenerator[bytes]:
         """Follow the agents of a session."""
         stream = self._motion.stream(wire.parse(schema.StreamWish, request))
         async with aclosing(stream) as messages:
@@ -47,7 +48,7 @@ class MotionService(motion_pb2_grpc.MotionServiceServicer):
         return await self._motion.step(request.session_id, wish)
 
 
-class ControlService(control_pb2_grpc.ControlServiceServicer):
+class ControlService:
     """See control.proto."""
 
     def __init__(self, gateway: Gateway) -> None:
@@ -55,8 +56,42 @@ class ControlService(control_pb2_grpc.ControlServiceServicer):
 
     async def Control(  # noqa: N802
         self, request_iterator: AsyncIterator[control_pb2.ControlRequest], context: Context
-    ) -> AsyncGenerator[control_pb2.ControlResponse]:
+    ) -> AsyncGenerator[bytes]:
         """Goals and motion over one connection."""
-        async with aclosing(control(self._gateway, request_iterator)) as messages:
+        async with aclosing(controlled(self._gateway, request_iterator)) as messages:
             async for message in messages:
                 yield message
+
+
+def add_motion_services(gateway: Gateway, server: grpc.aio.Server) -> None:
+    """As generated code would, but that the messages of streams are encoded when they come here."""
+    motion, control = MotionService(gateway), ControlService(gateway)
+    services = {
+        "MotionService": {
+            "StreamMotion": grpc.unary_stream_rpc_method_handler(
+                motion.StreamMotion, motion_pb2.StreamMotionRequest.FromString
+            ),
+            "GenerateClip": grpc.unary_stream_rpc_method_handler(
+                motion.GenerateClip,
+                motion_pb2.GenerateClipRequest.FromString,
+                motion_pb2.GenerateClipResponse.SerializeToString,
+            ),
+            "StepAgents": grpc.unary_unary_rpc_method_handler(
+                motion.StepAgents,
+                motion_pb2.StepAgentsRequest.FromString,
+                motion_pb2.StepAgentsResponse.SerializeToString,
+            ),
+        },
+        "ControlService": {
+            "Control": grpc.stream_stream_rpc_method_handler(
+                control.Control, control_pb2.ControlRequest.FromString
+            ),
+        },
+    }
+    package = motion_pb2.DESCRIPTOR.package
+    server.add_generic_rpc_handlers(
+        [
+            grpc.method_handlers_generic_handler(f"{package}.{name}", methods)
+            for name, methods in services.items()
+        ]
+    )

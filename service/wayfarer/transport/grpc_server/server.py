@@ -1,19 +1,23 @@
-"""The gRPC server: the services of `proto/wayfarer/v1`, health and reflection, over a Gateway."""
+"""The gRPC server: health and reflection beside services that are added to it."""
 
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Final
 
 import grpc
 from grpc_health.v1 import health, health_pb2, health_pb2_grpc
 from grpc_reflection.v1alpha import reflection
 
+from wayfarer.config import Limits
 from wayfarer.errors import Unavailable
 from wayfarer.transport.gateway import Gateway
+from wayfarer.transport.grpc_guard import OpenStreamsInterceptor
 from wayfarer.transport.grpc_server.admin import AdminService
 from wayfarer.transport.grpc_server.agents import AgentService
 from wayfarer.transport.grpc_server.catalogue import CatalogService
 from wayfarer.transport.grpc_server.goals import GoalService
 from wayfarer.transport.grpc_server.interceptors import DecodeInterceptor, ErrorInterceptor
-from wayfarer.transport.grpc_server.motion import ControlService, MotionService
+from wayfarer.transport.grpc_server.motion import add_motion_services
 from wayfarer.transport.grpc_server.sessions import SessionService
 from wayfarer.transport.grpc_server.snapshots import SnapshotService
 from wayfarer.v1 import (
@@ -24,11 +28,9 @@ from wayfarer.v1 import (
     catalog_pb2,
     catalog_pb2_grpc,
     control_pb2,
-    control_pb2_grpc,
     goal_pb2,
     goal_pb2_grpc,
     motion_pb2,
-    motion_pb2_grpc,
     session_pb2,
     session_pb2_grpc,
     snapshot_pb2,
@@ -52,19 +54,28 @@ class GrpcServer:
 
     def __init__(
         self,
-        gateway: Gateway,
+        add: Callable[[grpc.aio.Server], None],
+        limits: Limits,
         host: str,
         port: int,
-        guard: grpc.aio.ServerInterceptor,
         credentials: grpc.ServerCredentials | None = None,
+        interceptors: Sequence[grpc.aio.ServerInterceptor] = (),
+        inside: Path | None = None,
+        connections: int = 1024,
     ) -> None:
-        """Bind. `guard` lets calls in. Raises Unavailable when the port cannot be had."""
-        size = gateway.limits.message_bytes
+        """Bind, to the socket `inside` too. `add` brings the services; of each socket so many
+        `connections` may be open, and one more is closed at once.
+
+        Raises Unavailable when the port cannot be had.
+        """
+        size = limits.message_bytes
         self._server = server = grpc.aio.server(
-            interceptors=[ErrorInterceptor(), guard, DecodeInterceptor()],
-            maximum_concurrent_rpcs=CALLS + gateway.limits.streams,
+            interceptors=[OpenStreamsInterceptor(), *interceptors],
+            maximum_concurrent_rpcs=CALLS + limits.streams,
             options=[
-                ("grpc.max_concurrent_streams", CALLS),  # of one connection
+                ("grpc.max_allowed_incoming_connections", connections),
+                # of one connection; that of a front brings everybody's
+                ("grpc.max_concurrent_streams", CALLS + (limits.streams if inside else 0)),
                 ("grpc.max_connection_idle_ms", 600_000),
                 # now and then a client connects anew, and so is balanced; its streams go on
                 ("grpc.max_connection_age_ms", 3_600_000),
@@ -79,14 +90,7 @@ class GrpcServer:
                 ("grpc.keepalive_permit_without_calls", 1),
             ],
         )
-        session_pb2_grpc.add_SessionServiceServicer_to_server(SessionService(gateway), server)
-        agent_pb2_grpc.add_AgentServiceServicer_to_server(AgentService(gateway), server)
-        goal_pb2_grpc.add_GoalServiceServicer_to_server(GoalService(gateway), server)
-        motion_pb2_grpc.add_MotionServiceServicer_to_server(MotionService(gateway), server)
-        control_pb2_grpc.add_ControlServiceServicer_to_server(ControlService(gateway), server)
-        snapshot_pb2_grpc.add_SnapshotServiceServicer_to_server(SnapshotService(gateway), server)
-        catalog_pb2_grpc.add_CatalogServiceServicer_to_server(CatalogService(gateway), server)
-        admin_pb2_grpc.add_AdminServiceServicer_to_server(AdminService(gateway), server)
+        add(server)
         self._health = health.aio.HealthServicer()  # type: ignore[attr-defined]
         health_pb2_grpc.add_HealthServicer_to_server(self._health, server)
         names = (*SERVICES, health.SERVICE_NAME, reflection.SERVICE_NAME)
@@ -98,6 +102,9 @@ class GrpcServer:
                 if credentials
                 else server.add_insecure_port(address)
             )
+            if inside is not None:
+                address = f"unix:{inside}"
+                server.add_insecure_port(address)
         except RuntimeError as error:
             raise Unavailable(f"cannot listen for gRPC on {address}: {error}") from None
 
@@ -119,6 +126,28 @@ class GrpcServer:
     async def stop(self, grace: float) -> None:
         """Let calls end within `grace` seconds, stop."""
         await self._server.stop(grace)
+
+
+def gateway_services(gateway: Gateway) -> Callable[[grpc.aio.Server], None]:
+    """What adds the services of `proto/wayfarer/v1`."""
+
+    def add(server: grpc.aio.Server) -> None:
+        session_pb2_grpc.add_SessionServiceServicer_to_server(SessionService(gateway), server)
+        agent_pb2_grpc.add_AgentServiceServicer_to_server(AgentService(gateway), server)
+        goal_pb2_grpc.add_GoalServiceServicer_to_server(GoalService(gateway), server)
+        add_motion_services(gateway, server)
+        snapshot_pb2_grpc.add_SnapshotServiceServicer_to_server(SnapshotService(gateway), server)
+        catalog_pb2_grpc.add_CatalogServiceServicer_to_server(CatalogService(gateway), server)
+        admin_pb2_grpc.add_AdminServiceServicer_to_server(AdminService(gateway), server)
+
+    return add
+
+
+def gateway_interceptors(
+    guard: grpc.aio.ServerInterceptor,
+) -> list[grpc.aio.ServerInterceptor]:
+    """What stands before them; `guard` lets calls in."""
+    return [ErrorInterceptor(), guard, DecodeInterceptor()]
 
 
 def bracketed(host: str) -> str:

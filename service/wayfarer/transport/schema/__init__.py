@@ -15,7 +15,14 @@ from wayfarer.transport.schema.agents import (
     NewAgents,
     Phenotype,
 )
-from wayfarer.transport.schema.base import BasisInfo, FieldProblem, Message, Problem, Vector3
+from wayfarer.transport.schema.base import (
+    BasisInfo,
+    Endpoint,
+    FieldProblem,
+    Message,
+    Problem,
+    Vector3,
+)
 from wayfarer.transport.schema.catalogue import (
     Bodies,
     Body,
@@ -37,7 +44,7 @@ from wayfarer.transport.schema.motion import (
     ClipWish,
     Event,
     MotionBatch,
-    MotionChunk,
+    MotionChunks,
     PoseFormat,
     Steps,
     StepWish,
@@ -61,6 +68,7 @@ __all__ = [
     "BoneName",
     "ClipLine",
     "ClipWish",
+    "Endpoint",
     "Event",
     "FieldProblem",
     "Gender",
@@ -75,7 +83,7 @@ __all__ = [
     "ModelUsed",
     "Models",
     "MotionBatch",
-    "MotionChunk",
+    "MotionChunks",
     "NewAgents",
     "NewModel",
     "NewSession",

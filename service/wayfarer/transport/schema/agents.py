@@ -7,7 +7,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from wayfarer.runtime.agent import AgentState
 from wayfarer.spec import BETAS, JOINTS
-from wayfarer.transport.schema.base import Bool, Float, Message, Text, Uint32, Vector3
+from wayfarer.transport.schema.base import Bool, Float, Many, Message, Text, Uint32, Vector3
 from wayfarer.transport.schema.goals import Goal
 
 Beta = Annotated[Float, Field(ge=-5, le=5)]
@@ -33,7 +33,7 @@ class AgentSpec(Message):
     """An agent to create. The body comes from `betas` or `phenotype`, not both."""
 
     gender: Gender = Gender.FEMALE
-    betas: tuple[Beta, ...] = Field(
+    betas: Many[Beta] = Field(
         default=(),
         max_length=BETAS,
         description=f"{BETAS} shape coefficients, or none for the mean body",
@@ -76,7 +76,7 @@ class NewAgents(Message):
         }
     )
 
-    agents: tuple[AgentSpec, ...] = Field(
+    agents: Many[AgentSpec] = Field(
         min_length=1, max_length=1024, description="at most limits.agents_per_call"
     )
     request_id: Text = Field(default="", description="see NewSession.request_id")

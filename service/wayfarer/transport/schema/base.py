@@ -1,10 +1,12 @@
 """What the other messages are made of."""
 
-from typing import Annotated, Final
+from typing import Annotated, Final, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict
+from pydantic import BaseModel, BeforeValidator, ConfigDict, FailFast, Field, Strict
 
 from wayfarer.transport.basis import Basis
+
+Item = TypeVar("Item")
 
 UINT32: Final = (1 << 32) - 1
 
@@ -25,6 +27,10 @@ Bool = Annotated[bool, Strict()]
 
 Text = Annotated[str, Field(max_length=64, pattern=r"^[^\x00-\x1f\x7f]*$")]
 """A short line: no control characters."""
+
+Many = Annotated[tuple[Item, ...], FailFast()]
+"""A list in a request. The first item that is wrong is told, and no further one is looked at: in a
+long list, all of them would take seconds."""
 
 
 class Message(BaseModel):
@@ -52,6 +58,14 @@ class BasisInfo(Message):
     quaternion_order: str = "xyzw"
 
 
+class Endpoint(Message):
+    """One worker of a server that has several: a process with ports of its own."""
+
+    worker: int = Field(description="its number, from 0")
+    grpc_port: int = Field(description="on the host at which the server was called")
+    http_port: int = Field(description="likewise, HTTP and WebSocket")
+
+
 class FieldProblem(Message):
     """One field at fault."""
 
@@ -68,3 +82,6 @@ class Problem(Message):
     detail: str = Field(description="what was wrong, where, and what is allowed")
     errors: tuple[FieldProblem, ...] = Field(default=(), description="all fields at fault")
     retry_after_s: float | None = Field(default=None, description="when to try again")
+    endpoint: Endpoint | None = Field(
+        default=None, description="of type misdirected: where the session or agent lives"
+    )

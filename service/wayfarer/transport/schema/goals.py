@@ -2,7 +2,7 @@
 
 from pydantic import ConfigDict, Field
 
-from wayfarer.transport.schema.base import Bool, Float, Message, Vector3
+from wayfarer.transport.schema.base import Bool, Float, Many, Message, Vector3
 
 
 class Goal(Message):
@@ -53,7 +53,7 @@ class Goals(Message):
         }
     )
 
-    goals: tuple[Goal, ...] = Field(
+    goals: Many[Goal] = Field(
         min_length=1, max_length=1024, description="at most limits.path_goals"
     )
 

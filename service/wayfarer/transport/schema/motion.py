@@ -11,7 +11,7 @@ from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import PoseEncoding, PoseProfile
 from wayfarer.transport.codec.pose_format import RATES
 from wayfarer.transport.schema.agents import Agent, AgentSpec
-from wayfarer.transport.schema.base import BasisInfo, Bool, Float, Message, Problem, Uint32
+from wayfarer.transport.schema.base import BasisInfo, Bool, Float, Many, Message, Problem, Uint32
 from wayfarer.transport.schema.catalogue import Skeleton
 from wayfarer.transport.schema.goals import Goal
 
@@ -29,7 +29,7 @@ class PoseFormat(Message):
     profile: PoseProfile = Field(
         default=PoseProfile.BODY, description="the 22 bones that move, all 52, or those of `bones`"
     )
-    bones: tuple[BoneName, ...] = Field(
+    bones: Many[BoneName] = Field(
         default=(),
         max_length=len(BONES),
         description="with profile `bones`, and only then: canonical names, each once",
@@ -69,7 +69,7 @@ class ClipWish(Message):
     )
 
     agent: AgentSpec = Field(default=AgentSpec(), description="who walks")
-    goals: tuple[Goal, ...] = Field(
+    goals: Many[Goal] = Field(
         default=(), max_length=1024, description="to visit in turn; none: the agent stands"
     )
     seconds: Float = Field(ge=1 / FPS, description="length; at most limits.clip_s")
@@ -107,27 +107,27 @@ class StreamHeader(Message):
     resumed: bool = Field(description="goes on without a gap where resume_token left off")
 
 
-class MotionChunk(Message):
-    """The new frames of one agent."""
+class MotionChunks(Message):
+    """Chunks, each the new frames of one agent, as columns: one value of each chunk."""
 
-    alias: int
-    seq: int = Field(description="0, 1, 2 … per agent")
-    first_frame: int = Field(description="since the agent was created")
-    scheduled_at_us: int = Field(description="when to show the first frame")
-    goal_revision: int
-    state: AgentState
-    flags: int = Field(description="sum of ChunkFlag values")
-    poses: str = Field(description="base64 of the packed frames")
+    aliases: tuple[int, ...]
+    seqs: tuple[int, ...] = Field(description="0, 1, 2 … per agent")
+    first_frames: tuple[int, ...] = Field(description="since the agent was created")
+    scheduled_at_us: tuple[int, ...] = Field(description="when to show the first frame")
+    goal_revisions: tuple[int, ...]
+    states: tuple[AgentState, ...]
+    flags: tuple[int, ...] = Field(description="sums of ChunkFlag values")
+    poses: str = Field(description="base64 of the packed frames, chunk after chunk")
     contacts: str = Field(description="base64; one byte per frame: 1 left foot, 2 right foot")
-    waypoint: int
-    candidates: int
+    waypoints: tuple[int, ...]
+    candidates: tuple[int, ...]
 
 
 class MotionBatch(Message):
     """Chunks that fell due together, and news of agents."""
 
     added: tuple[Agent, ...] = Field(description="agents whose first chunk is in this batch")
-    chunks: tuple[MotionChunk, ...] = Field(description="at most one per agent")
+    chunks: MotionChunks | None = Field(default=None, description="one of an agent at most")
     removed: tuple[int, ...] = Field(description="aliases of deleted agents")
     resume_token: str
 

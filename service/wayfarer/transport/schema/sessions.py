@@ -3,7 +3,7 @@
 from pydantic import ConfigDict, Field
 
 from wayfarer.transport.basis import Basis
-from wayfarer.transport.schema.base import BasisInfo, Bool, Float, Message, Text, Uint32
+from wayfarer.transport.schema.base import BasisInfo, Bool, Endpoint, Float, Message, Text, Uint32
 
 
 class NewSession(Message):
@@ -47,6 +47,9 @@ class Session(Message):
     lock_step: bool
     record: bool
     scene: str
+    endpoint: Endpoint | None = Field(
+        default=None, description="the worker it lives in; null on a server without workers"
+    )
 
 
 class Sessions(Message):

@@ -64,7 +64,7 @@ function decodeBatch(reader) {
   const batch = { added: [], chunks: [], removed: [], resumeToken: "" };
   for (let field = reader.next(); field; field = reader.next()) {
     if (field === 1) batch.added.push(decodeAgent(reader.message()));
-    else if (field === 2) batch.chunks.push(decodeChunk(reader.message()));
+    else if (field === 2) batch.chunks = decodeChunks(reader.message());
     else if (field === 3) reader.varints(batch.removed);
     else if (field === 4) batch.resumeToken = reader.string();
     else reader.skip();
@@ -87,26 +87,34 @@ function decodeAgent(reader) {
   return agent;
 }
 
-function decodeChunk(reader) {
-  const chunk = {
-    alias: 0, seq: 0, firstFrame: 0, scheduledAt: 0, goalRevision: 0, state: "unknown", flags: 0,
-    waypoint: 0, candidates: 0, poses: new Uint8Array(0), contacts: new Uint8Array(0),
-  };
+const COLUMNS = { // of MotionChunks, those with a number for each chunk
+  1: "alias", 2: "seq", 3: "firstFrame", 4: "scheduledAt", 5: "goalRevision", 6: "state", 7: "flags",
+  10: "waypoint", 11: "candidates",
+};
+
+/** The chunks, one object each; their poses and contacts are views. */
+function decodeChunks(reader) {
+  const columns = Object.fromEntries(Object.values(COLUMNS).map((name) => [name, []]));
+  let poses = new Uint8Array(0);
+  let contacts = new Uint8Array(0);
   for (let field = reader.next(); field; field = reader.next()) {
-    if (field === 1) chunk.alias = reader.varint();
-    else if (field === 2) chunk.seq = reader.varint();
-    else if (field === 3) chunk.firstFrame = reader.varint();
-    else if (field === 4) chunk.scheduledAt = reader.varint() / 1e6;
-    else if (field === 5) chunk.goalRevision = reader.varint();
-    else if (field === 6) chunk.state = STATES[reader.varint()] ?? "unknown";
-    else if (field === 7) chunk.flags = reader.varint();
-    else if (field === 8) chunk.poses = reader.block();
-    else if (field === 9) chunk.contacts = reader.block();
-    else if (field === 10) chunk.waypoint = reader.varint();
-    else if (field === 11) chunk.candidates = reader.varint();
+    if (field === 8) poses = reader.block();
+    else if (field === 9) contacts = reader.block();
+    else if (COLUMNS[field]) reader.varints(columns[COLUMNS[field]]);
     else reader.skip();
   }
-  return chunk;
+  const count = columns.alias.length;
+  const sizes = [poses.length / (count || 1), contacts.length / (count || 1)];
+  if (Object.values(columns).some(({ length }) => length !== count) || !sizes.every(Number.isInteger)) {
+    throw new Error("malformed message: columns of chunks differ in length");
+  }
+  const part = (bytes, size, row) => bytes.subarray(size * row, size * (row + 1));
+  return columns.alias.map((_, row) => {
+    const chunk = Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, values[row]]));
+    chunk.scheduledAt /= 1e6;
+    chunk.state = STATES[chunk.state] ?? "unknown";
+    return { ...chunk, poses: part(poses, sizes[0], row), contacts: part(contacts, sizes[1], row) };
+  });
 }
 
 function decodeEvent(reader) {

@@ -1,0 +1,14 @@
+"""`wayfarer serve` whose engine computes nothing: for what the service takes beside its step.
+
+python -m benchmarks.instant [options of `wayfarer serve`]
+"""
+
+import typer
+from benchmarks.runtime_overhead import InstantEngine
+
+from wayfarer.runtime.engines.onnx_engine import OnnxEngine
+from wayfarer.serve import serve_command
+
+if __name__ == "__main__":
+    OnnxEngine.step = InstantEngine.step  # type: ignore[assignment,method-assign]
+    typer.run(serve_command)

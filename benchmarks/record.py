@@ -1,0 +1,118 @@
+"""Run all performance benchmarks, and write down what they found with where and when.
+
+    python -m benchmarks.record [--name default] [--only step service] [--quick]
+
+Writes benchmarks/results/performance_NAME.json (machine, date, commit, versions, and each
+benchmark's rows and ratios), then docs/performance.md from all such files. Each benchmark runs in a
+process of its own; one that fails is told with its last words, and the record ends with 1. Leave
+the machine alone meanwhile: about 30 minutes, 10 with `--quick`, which is a first look, no record
+to publish. `--only` runs some, and keeps what the file has of the others.
+
+Against an older record: python -m benchmarks.compare OLD NEW
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from benchmarks.bench import meta
+from benchmarks.models import ENGINES
+
+from benchmarks import performance_page
+
+RESULTS = Path(__file__).parent / "results"
+
+PARTS: dict[str, tuple[str, ...]] = {
+    "step": ("step",),
+    **{
+        f"{name}_{engine}": (name, "--engine", engine)
+        for name in ("paper_s3", "startup", "memory")
+        for engine in ENGINES
+    },
+    "transport": ("transport",),
+    "overhead": ("runtime_overhead",),
+    "gpu": ("gpu",),
+    "navigation": ("navigation",),
+    **{
+        f"service_{engine}_k{candidates}": (
+            *("service", "--engine", engine, "--candidates", str(candidates)),
+            *("--most", str(most)),
+        )
+        for engine in ENGINES
+        for candidates, most in ((1, 2048), (8, 512))
+    },
+}
+"""Name: module and options."""
+
+LONG = ("--seconds", "60")
+LONGEST = ("--seconds", "300")
+SECONDS_LEFT = 1800.0
+"""A benchmark that takes longer hangs."""
+
+
+def command(part: str, quick: bool) -> list[str]:
+    """What runs a part, without where to write."""
+    words = list(PARTS[part])
+    if quick:
+        words.append("--quick")
+    elif part.startswith("service"):
+        words += LONGEST if part.endswith("_k1") else LONG
+    return ["python", "-m", f"benchmarks.{words[0]}", *words[1:]]
+
+
+def measured(part: str, quick: bool) -> dict[str, Any]:
+    """The document of one benchmark, or what it said last when it failed."""
+    words, began = command(part, quick), time.monotonic()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "found.json"
+        try:
+            run = subprocess.run(
+                [sys.executable, *words[1:], "--json", str(path)],
+                stderr=subprocess.PIPE,
+                text=True,
+                timeout=SECONDS_LEFT,
+                check=False,
+            )
+            failure = run.stderr[-2000:] if run.returncode else ""
+        except subprocess.TimeoutExpired:
+            failure = f"it took longer than {SECONDS_LEFT:g} s"
+        found: dict[str, Any] = json.loads(path.read_text()) if path.exists() else {}
+    found.pop("meta", None)
+    told = {"command": " ".join(words), "took_s": round(time.monotonic() - began, 1)}
+    return told | ({"failure": failure} if failure else {}) | found
+
+
+def main() -> int:
+    """Run, write, and draw the page; 1 when a benchmark failed."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--name", default="default", help="of the record: of the machine, say")
+    parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS))
+    parser.add_argument("--quick", action="store_true", help="less of everything: a first look")
+    parser.add_argument("--folder", type=Path, default=RESULTS, help="where to write, if elsewhere")
+    asked = parser.parse_args()
+    path = asked.folder / f"performance_{asked.name}.json"
+    parts = json.loads(path.read_text())["parts"] if path.exists() else {}
+    failed = []
+    for part in asked.only:
+        print(f"── {part}", flush=True)
+        parts[part] = measured(part, asked.quick) | {"meta": meta(quick=asked.quick)}
+        if "failure" in parts[part]:
+            failed.append(part)
+            print(parts[part]["failure"], file=sys.stderr)
+        ordered = {name: parts[name] for name in PARTS if name in parts}
+        path.write_text(json.dumps({"parts": ordered}, indent=1) + "\n")
+    if asked.folder == RESULTS:
+        performance_page.main()
+    print(f"{path}: {len(parts)} parts; failed: {', '.join(failed) or 'none'}")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

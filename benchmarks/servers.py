@@ -1,0 +1,30 @@
+"""A server to be measured: `wayfarer serve` as a process of its own, and what it takes."""
+
+import asyncio
+from collections.abc import Mapping
+from typing import Any
+
+from wayfarer.load.plan import Plan
+from wayfarer.load.run import run
+from wayfarer.load.target import SERVE, own_server, room
+
+Summary = dict[str, Any]
+
+SESSIONS = 8
+
+
+def settings(plan: Plan, **more: object) -> dict[str, str]:
+    """Of a server in whose way no limit stands: what it can do shall show, not what it may."""
+    found = room(plan.sessions * plan.agents, plan) | {"WAYFARER_ADMISSION": "false"}
+    return found | {f"WAYFARER_{name.upper()}": str(value) for name, value in more.items()}
+
+
+def loaded(plan: Plan, environment: Mapping[str, str], command: tuple[str, ...] = SERVE) -> Summary:
+    """A fresh server under one load: the summary of the run. Raises Unavailable."""
+
+    async def whole() -> Summary:
+        async with own_server((), environment, command) as target:
+            summary, _ = await run(target, plan)
+            return summary
+
+    return asyncio.run(whole())

@@ -1,0 +1,144 @@
+"""The whole service: how many agents it drives in real time, streamed to eight clients.
+
+    python -m benchmarks.service [--candidates 1 8] [--engine onnxruntime] [--seconds 300]
+                                 [--transports grpc websocket] [--most 2048] [--agents N]
+                                 [--json FILE] [--quick]
+
+In real time: every agent is stepped every 0.2 s, all with as many candidates as wished; no
+primitive is missed, and p99 of their lateness at the client is within 50 ms. The most agents of
+whom that holds are found by bisection, in short runs over gRPC; then they are held for `--seconds`
+over each transport, by a fresh server, and by 5 % fewer where that fails, thrice at most.
+`--agents` takes a number in place of the search. Server and generator share the machine; *server*
+and *generator* are the cores that they take. *alone* is how many agents the engine could step in
+the same time, if all cores did nothing else.
+"""
+
+import argparse
+import asyncio
+import os
+from dataclasses import replace
+from math import ceil
+from typing import Any
+
+from benchmarks.bench import Row
+from benchmarks.models import add_engine, opened
+from benchmarks.paper_s3 import CALL_SIZES, call_seconds
+from benchmarks.servers import SESSIONS, loaded, settings
+
+from benchmarks import bench
+from wayfarer.load.knee import find_knee, in_time
+from wayfarer.load.plan import TRANSPORTS, Plan
+from wayfarer.load.run import run
+from wayfarer.load.target import SERVE, own_server
+from wayfarer.runtime.engines.engine import Engine
+from wayfarer.spec import STEP_SECONDS
+
+P99_MS = 50.0
+FEWER = 0.95
+TRIES = 3
+
+Summary = dict[str, Any]
+
+
+def alone(engine: Engine, candidates: int, spend: float) -> int:
+    """Agents that the engine steps every 0.2 s in calls of the size that suits it best."""
+    each = min(call_seconds(engine, size, spend, candidates) / size for size in CALL_SIZES)
+    return int(STEP_SECONDS / each)
+
+
+async def search(
+    plan: Plan, most: int, command: tuple[str, ...], environment: dict[str, str]
+) -> int:
+    """The most agents that are served in time in runs as `plan` says."""
+    async with own_server((), environment, command) as target:
+
+        async def trial(each: int) -> Summary:
+            summary, _ = await run(target, replace(plan, agents=each))
+            tell(summary, plan)
+            return summary
+
+        each, _ = await find_knee(trial, ceil(most / plan.sessions), P99_MS)
+    return each * plan.sessions
+
+
+def held(plan: Plan, candidates: int, command: tuple[str, ...]) -> Summary:
+    """A long run with as many agents as `plan` says, or fewer until all are in time."""
+    for _ in range(TRIES):
+        summary = loaded(plan, settings(plan, candidates=candidates), command)
+        tell(summary, plan)
+        if in_time(summary, P99_MS):
+            break
+        plan = replace(plan, agents=max(int(plan.agents * FEWER), 1))
+    return summary
+
+
+def tell(summary: Summary, plan: Plan) -> None:
+    """A line of progress."""
+    late = summary["lateness_ms"]
+    print(
+        f"  {summary['agents']} agents over {plan.transport}, {plan.seconds:g} s: "
+        f"p99 {late['p99'] if late else float('nan'):.1f} ms, {summary['misses']} missed, "
+        f"{summary['reduced']} reduced, {summary['held']} held",
+        flush=True,
+    )
+
+
+def row(engine: str, candidates: int, plan: Plan, engine_alone: int, summary: Summary) -> Row:
+    """What is told of a long run."""
+    late, goals = summary["lateness_ms"], summary["goal_latency_ms"]
+    return {
+        "engine": engine,
+        "candidates": candidates,
+        "transport": plan.transport,
+        "agents": summary["agents"],
+        "in_time": in_time(summary, P99_MS),
+        "seconds": summary["seconds"],
+        "misses": summary["misses"],
+        "reduced": summary["reduced"],
+        "held": summary["held"],
+        "p50_ms": late and late["p50"],
+        "p99_ms": late and late["p99"],
+        "p999_ms": late and late["p999"],
+        "max_ms": late and late["max"],
+        "goal_p95_ms": goals and goals["p95"],
+        "server": summary["cpu"]["server"],
+        "generator": summary["cpu"]["generator"],
+        "rss_mb": summary["server_rss_mb"] and summary["server_rss_mb"]["end"],
+        "alone": engine_alone,
+    }
+
+
+def main() -> None:
+    """Measure, and print."""
+    parser = bench.parser(__doc__)
+    add_engine(parser)
+    parser.add_argument("--candidates", type=int, nargs="+", default=[1, 8])
+    parser.add_argument("--transports", nargs="+", choices=TRANSPORTS, default=TRANSPORTS)
+    parser.add_argument("--most", type=int, default=2048, help="where the search begins")
+    parser.add_argument("--agents", type=int, help="so many, in place of the search")
+    parser.add_argument("--seconds", type=float, help="of the long runs: 300, or 15 when quick")
+    asked: argparse.Namespace = parser.parse_args()
+    seconds = asked.seconds or (15.0 if asked.quick else 300.0)
+    command = (*SERVE, "--engine", asked.engine)
+    cores = len(os.sched_getaffinity(0))
+
+    rows, ratios = [], {}
+    for candidates in asked.candidates:
+        engine = opened(asked.engine, cores)
+        could = alone(engine, candidates, 0.3 if asked.quick else 1.0)
+        del engine
+        short = Plan(SESSIONS, 1, 6.0 if asked.quick else 15.0, warm_up=3.0)
+        room = settings(replace(short, agents=asked.most), candidates=candidates)
+        agents = asked.agents or asyncio.run(search(short, asked.most, command, room))
+        for transport in asked.transports:
+            plan = Plan(SESSIONS, max(agents // SESSIONS, 1), seconds, 5.0, transport)
+            summary = held(plan, candidates, command)
+            rows.append(row(asked.engine, candidates, plan, could, summary))
+            name = f"{asked.engine} K={candidates} over {transport}: agents in time / engine alone"
+            served = summary["agents"] if rows[-1]["in_time"] else 0
+            ratios[name] = bench.ratio(served / max(could, 1), "higher")
+    bench.finish(asked, rows, ratios=ratios)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,53 @@
+"""Room held for agents who have been let in and are still being made ready.
+
+So that of several who ask at once nobody is let in twice, and all others are refused at once.
+Thread-safe.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from threading import Lock
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reservation:
+    """Room for agents of these genders (indices into `spec.GENDERS`) in a session."""
+
+    session_id: str
+    genders: tuple[int, ...]
+
+
+class Reservations:
+    """All that are held in a world."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._held: list[Reservation] = []
+
+    @contextmanager
+    def held(
+        self, wanted: Reservation, check: Callable[[Sequence[Reservation]], None]
+    ) -> Iterator[Reservation]:
+        """Hold room until the agents are there (`release`) or the caller has given up.
+
+        `check(held)` raises when they do not fit beside what is held already.
+        """
+        with self._lock:
+            check(self._held)
+            self._held.append(wanted)
+        try:
+            yield wanted
+        finally:
+            self.release(wanted)
+
+    def release(self, held: Reservation) -> None:
+        """Its agents are in their slots, or will never be. Safe to call twice."""
+        with self._lock:
+            if held in self._held:
+                self._held.remove(held)
+
+    def all(self) -> tuple[Reservation, ...]:
+        """What is held now."""
+        with self._lock:
+            return tuple(self._held)

@@ -1,0 +1,151 @@
+"""The public ports of a server with several workers.
+
+Everything works through them: a call on a session goes to its worker, a new session to the least
+loaded one, what concerns all is asked of all. Who calls, and what he may do, is the workers'
+business: they are told what the caller has shown.
+"""
+
+import asyncio
+from typing import Final
+
+import grpc
+from fastapi import FastAPI
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route, WebSocketRoute
+
+from wayfarer.config import Settings
+from wayfarer.errors import Unavailable
+from wayfarer.transport.grpc_server import GrpcServer, bracketed
+from wayfarer.transport.http_edge import Edge, add_problem_handlers
+from wayfarer.transport.inside import Inside
+from wayfarer.transport.operation import Operation
+from wayfarer.transport.server import HttpServer, listen
+from wayfarer.workers.grpc_relay import GrpcRelay
+from wayfarer.workers.http_relay import HttpRelay
+from wayfarer.workers.metrics import merged_page
+from wayfarer.workers.placement import Placement
+from wayfarer.workers.socket_relay import SocketRelay
+from wayfarer.workers.supervisor import Supervisor
+
+METHODS: Final = ["GET", "HEAD", "OPTIONS", "POST", "PUT", "PATCH", "DELETE"]
+WATCH_S: Final = 0.1
+"""Between looks at the workers' health."""
+
+METRICS_S: Final = 2.0
+"""A worker that is asked for its metrics has so long to tell them."""
+
+
+class Front:
+    """gRPC and HTTP. Binds when created, so a port in use is known at once."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        operation: Operation,
+        doors: list[Inside],
+        placement: Placement,
+        supervisor: Supervisor,
+    ) -> None:
+        """`doors`: of the workers, in order. Create it inside a running event loop.
+
+        Raises Unavailable when a port is taken.
+        """
+        host, tls = settings.host, operation.tls
+        # what each worker may have, all may have here
+        limits = settings.limits.model_copy(
+            update={"streams": settings.limits.streams * len(doors)}
+        )
+        self._supervisor = supervisor
+        listen(host, settings.grpc_port, "gRPC").close()
+        self._socket = listen(host, settings.http_port, "HTTP")
+        self._grpc_relay = GrpcRelay([door.grpc for door in doors], placement)
+        self._grpc = GrpcServer(
+            self._add_relay,
+            limits,
+            host,
+            settings.grpc_port,
+            tls.grpc() if tls else None,
+            connections=operation.connections,
+        )
+        http_sockets = [door.http for door in doors]
+        self._http_relay = HttpRelay(http_sockets, placement, operation.connections)
+        app = self._app(SocketRelay(http_sockets, placement), limits.message_bytes)
+        self._http = HttpServer(app, limits, operation)
+        self._drain_s = operation.drain_s
+        scheme = "https" if tls else "http"
+        self.http_url = f"{scheme}://{bracketed(host)}:{self._socket.getsockname()[1]}"
+        self.grpc_address = f"{bracketed(host)}:{self._grpc.port}"
+        self._tasks: list[asyncio.Task[None]] = []
+
+    async def start(self) -> None:
+        """Take calls; they fail with Unavailable until a worker is ready."""
+        await self._grpc.start()
+        self._tasks = [
+            asyncio.create_task(self._watch(), name="watch"),
+            asyncio.create_task(self._http.serve(sockets=[self._socket]), name="http"),
+        ]
+
+    async def drain(self) -> None:
+        """Say that new work is not welcome; calls under way go on."""
+        self._tasks[0].cancel()
+        await self._grpc.enter_shutdown()
+
+    async def stop(self) -> None:
+        """Stop, once the workers have."""
+        watch, http = self._tasks
+        watch.cancel()
+        self._http.should_exit = True
+        await asyncio.gather(self._grpc.stop(self._drain_s), http)
+        await asyncio.gather(self._grpc_relay.close(), self._http_relay.close())
+
+    def _add_relay(self, server: grpc.aio.Server) -> None:
+        server.add_generic_rpc_handlers((self._grpc_relay,))
+
+    def _app(self, sockets: SocketRelay, body_bytes: int) -> FastAPI:
+        app = FastAPI(openapi_url=None)
+        add_problem_handlers(app)
+        app.add_middleware(Edge, body_bytes=body_bytes)
+        app.router.routes += [
+            WebSocketRoute("/v1/stream", sockets.stream),
+            WebSocketRoute("/v1/control", sockets.control),
+            Route("/v1/health/{probe:str}", self._health, methods=["GET"]),
+            Route("/metrics", self._metrics, methods=["GET"]),
+            Route("/{rest:path}", self._http_relay.handle, methods=METHODS),
+        ]
+        return app
+
+    async def _health(self, request: Request) -> Response:
+        """Live while it answers: the supervisor starts again what is not."""
+        probe, supervisor = request.path_params["probe"], self._supervisor
+        states = {
+            "live": (True, "live", ""),
+            "ready": (supervisor.ready, "ready", "not ready"),
+            "startup": (supervisor.started, "started", "starting"),
+        }
+        if probe not in states:
+            return await self._http_relay.handle(request)
+        good, yes, no = states[probe]
+        workers = [
+            "ready" if w.report.ready else "live" if w.report.alive else "down"
+            for w in supervisor.workers
+        ]
+        document = {"status": yes if good else no, "workers": workers}
+        return JSONResponse(document, 200 if good else 503)
+
+    async def _metrics(self, request: Request) -> Response:
+        running = [w.index for w in self._supervisor.workers if w.report.started]
+        if not running:
+            raise Unavailable("no worker runs; they are starting or stopping")
+        found = await self._http_relay.ask(running, request, read_s=METRICS_S)
+        if isinstance(found, Response):
+            return found
+        pages = dict(zip(running, (page.decode() for page in found), strict=True))
+        page = merged_page(pages, self._supervisor.workers)
+        return Response(page, media_type="text/plain; version=0.0.4; charset=utf-8")
+
+    async def _watch(self) -> None:
+        """Keep grpc.health.v1 in step with the workers."""
+        while True:
+            await self._grpc.set_serving(self._supervisor.ready)
+            await asyncio.sleep(WATCH_S)

@@ -1,0 +1,62 @@
+"""One answer out of those of all workers."""
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any, Final
+
+from google.protobuf.message import Message
+
+from wayfarer.transport import schema
+
+WORST: Final = ("rung",)
+"""Whole numbers of which the greatest counts, not the sum."""
+
+
+def merged_messages(replies: Sequence[Message]) -> Any:
+    """Of gRPC replies of one type: lists are joined, counts added; the first says all else."""
+    first: Any = replies[0]
+    for reply in replies[1:]:
+        for field in first.DESCRIPTOR.fields:
+            found: Any = getattr(reply, field.name)
+            if field.is_repeated:
+                getattr(first, field.name).extend(found)
+            elif field.type == field.TYPE_UINT32:
+                setattr(first, field.name, getattr(first, field.name) + found)
+    if hasattr(first, "sessions"):
+        first.sessions.sort(key=lambda session: session.created_at_us)
+    return first
+
+
+def merged_json(replies: Sequence[Any]) -> Any:
+    """Of HTTP's documents: the same."""
+    first = replies[0]
+    if not isinstance(first, dict):
+        return first
+    joined = dict(first)
+    for key, value in first.items():
+        values = [reply[key] for reply in replies]
+        if isinstance(value, list):
+            joined[key] = [item for found in values for item in found]
+        elif isinstance(value, int) and not isinstance(value, bool):
+            joined[key] = sum(values)
+    if "sessions" in joined:
+        joined["sessions"].sort(key=lambda session: session["created_at_us"])
+    return joined
+
+
+def merged_stats(found: Sequence[schema.Stats]) -> schema.Stats:
+    """Counts are added; of times, shares and rungs the worst is told, of uptimes the shortest."""
+    merged: dict[str, Any] = {}
+    for name in schema.Stats.model_fields:
+        values = [getattr(stats, name) for stats in found]
+        if isinstance(values[0], bool):
+            merged[name] = any(values)
+        elif isinstance(values[0], dict):
+            merged[name] = dict(sum((Counter(value) for value in values), Counter()))
+        elif name == "uptime_s":
+            merged[name] = min(values)
+        elif isinstance(values[0], float) or name in WORST:
+            merged[name] = max(values)
+        else:
+            merged[name] = sum(values)
+    return schema.Stats(**merged)

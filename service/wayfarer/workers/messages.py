@@ -1,0 +1,53 @@
+"""What a supervisor and its workers tell each other: a line of JSON each, over the worker's pipes.
+
+Down, on stdin: one `Assignment`, and then nothing; the end of the pipe is that of the supervisor.
+Up, on stdout: a `Report` several times a second.
+"""
+
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
+
+from wayfarer.config import Settings
+from wayfarer.shard import Shard
+from wayfarer.transport import schema
+from wayfarer.transport.fleet import Fleet
+from wayfarer.transport.inside import Inside
+
+
+class Assignment(BaseModel):
+    """What a worker is to be."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    index: int
+    endpoints: tuple[schema.Endpoint, ...]  # of all workers, in order
+    folder: Path  # of the sockets through which the front comes in
+    cores: tuple[int, ...] = ()  # those it may run on; none: all
+    settings: Settings  # its own ports, state folder and threads are in them
+
+    @property
+    def fleet(self) -> Fleet:
+        """Who else serves."""
+        return Fleet(Shard(self.index, len(self.endpoints)), self.endpoints)
+
+    @property
+    def inside(self) -> Inside:
+        """Where the front comes in."""
+        return Inside(self.folder)
+
+
+class Report(BaseModel):
+    """How a worker is."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    alive: bool = False  # its motion loop runs
+    ready: bool = False  # new work is welcome
+    started: bool = False  # it has been ready
+    agents: int = 0
+    sessions: int = 0
+
+
+DOWN = Report()
+"""Of a worker that does not run."""

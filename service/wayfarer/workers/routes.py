@@ -1,0 +1,140 @@
+"""Where a call goes, by what it is and whom it names: over gRPC and over HTTP alike."""
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import Any, Final
+from urllib.parse import parse_qs
+
+from google.protobuf.message import DecodeError, Message
+from google.protobuf.message_factory import GetMessageClass
+
+from wayfarer.runtime.state.snapshot import named_session
+from wayfarer.transport.grpc_server import FILES
+from wayfarer.workers.placement import Placement
+
+
+class Kind(Enum):
+    """What decides."""
+
+    NEW = auto()  # a session is made: placement chooses
+    NAMED = auto()  # the session or agent that it names
+    IMPORT = auto()  # the session in the snapshot that it brings
+    ALL = auto()  # every worker is asked, and the answers are merged
+    ANY = auto()  # one worker does as well as another
+
+
+ALL: Final = ("ListSessions", "LoadModel", "UseModel", "UnloadModel", "Drain")
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """A gRPC method."""
+
+    path: str  # /package.Service/Method
+    kind: Kind
+    request: type[Message]
+    reply: type[Message]
+
+    def worker(self, data: bytes, placement: Placement) -> int:
+        """For the call that begins with this message. Raises Unavailable.
+
+        What cannot be read goes anywhere, to be refused there.
+        """
+        if self.kind is Kind.ANY:
+            return placement.any()
+        try:
+            message: Any = self.request.FromString(data)
+        except DecodeError:
+            return placement.any()
+        if self.kind is Kind.NEW:
+            return placement.choose(message.request_id)
+        if self.kind is Kind.IMPORT:
+            return placement.find(named_session(message.snapshot))
+        return placement.find(_name_in(message))
+
+
+def _name_in(message: Any) -> str:
+    """The id of the session or agent that a request is about."""
+    fields = message.DESCRIPTOR.fields_by_name
+    if "open" in fields:  # Control
+        message, fields = message.open, message.open.DESCRIPTOR.fields_by_name
+    return str(message.session_id if "session_id" in fields else message.agent_id)
+
+
+def _kind(name: str, request: Any) -> Kind:
+    if name in ALL:
+        return Kind.ALL
+    if name == "CreateSession":
+        return Kind.NEW
+    if name == "ImportSession":
+        return Kind.IMPORT
+    named = {"session_id", "agent_id", "open"} & set(request.fields_by_name)
+    return Kind.NAMED if named else Kind.ANY
+
+
+METHODS: Final[Mapping[str, Method]] = {
+    method.path: method
+    for file in FILES
+    for service in file.DESCRIPTOR.services_by_name.values()
+    for found in service.methods
+    for method in [
+        Method(
+            f"/{service.full_name}/{found.name}",
+            _kind(found.name, found.input_type),
+            GetMessageClass(found.input_type),
+            GetMessageClass(found.output_type),
+        )
+    ]
+}
+"""All of ours, by path."""
+
+
+_NAMED: Final = re.compile(r"/v1/(?:sessions|agents)/([^/]+)")
+_ADMIN: Final = re.compile(r"/v1/admin/[^/]+")
+
+
+def http_kind(method: str, path: str) -> Kind:
+    """Of a request."""
+    if _NAMED.match(path) or path == "/v1/events":
+        return Kind.NAMED
+    if (method, path) == ("POST", "/v1/sessions"):
+        return Kind.NEW
+    if (method, path) == ("POST", "/v1/snapshots"):
+        return Kind.IMPORT
+    if method == "GET" and path in ("/v1/sessions", "/v1/stats"):
+        return Kind.ALL
+    if method in ("POST", "DELETE") and _ADMIN.match(path):
+        return Kind.ALL
+    return Kind.ANY
+
+
+def http_worker(
+    method: str, path: str, query: str, key: str, body: bytes, placement: Placement
+) -> int:
+    """For a request that is not for all; `key`: its Idempotency-Key. Raises Unavailable."""
+    kind = http_kind(method, path)
+    if kind is Kind.NEW:
+        return placement.choose(_request_id(body) or key)
+    if kind is Kind.IMPORT:
+        return placement.find(named_session(body))
+    if kind is Kind.NAMED:
+        found = _NAMED.match(path)
+        return placement.find(found[1] if found else session_of(query))
+    return placement.any()
+
+
+def session_of(query: str) -> str:
+    """The session that a stream's query names; empty for none."""
+    return parse_qs(query).get("session", [""])[0]
+
+
+def _request_id(body: bytes) -> str:
+    try:
+        wish = json.loads(body or b"{}")
+    except ValueError:  # to be refused by the worker
+        return ""
+    found = wish.get("request_id", "") if isinstance(wish, dict) else ""
+    return found if isinstance(found, str) else ""

@@ -1,0 +1,94 @@
+"""What benchmarks make of what they measure, with small engines and hand-made runs."""
+
+import asyncio
+import time
+
+import pytest
+from benchmarks.flops import Product
+
+from benchmarks import gemm, paper_s3, service, step, transport
+from wayfarer.load.knee import FAULTS
+from wayfarer.load.plan import Plan
+from wayfarer.spec import STEP_SECONDS
+
+
+def test_the_ceiling_is_the_best_of_all_libraries():
+    rows = [
+        {"precision": "fp32", "threads": 1, "gflops": 80.0},
+        {"precision": "fp32", "threads": 1, "gflops": 100.0},
+        {"precision": "fp32", "threads": 2, "gflops": 190.0},
+    ]
+    assert gemm.ceilings(rows) == {("fp32", 1): 100.0, ("fp32", 2): 190.0}
+
+
+def test_products_of_both_libraries_are_timed(monkeypatch):
+    monkeypatch.setattr(gemm, "LARGE", (32,))
+    rows = gemm.measure([1], [Product(8, 16, 4, count=3), Product(32, 16, 4)], 0.01)
+    assert {(r["library"], r["precision"]) for r in rows} == {
+        ("torch", "fp32"),
+        ("torch", "bf16"),
+        ("onnxruntime", "fp32"),
+    }
+    assert {r["products"] for r in rows} == {"large 32", "ours"}
+    assert all(r["gflops"] > 0 for r in rows)
+
+
+def test_a_step_is_held_against_its_products_at_the_ceiling(monkeypatch):
+    monkeypatch.setattr(
+        step, "products", lambda graph, agents, candidates: [Product(agents, 500, 1000)]
+    )
+    rows = [step.row("engine", 128, 1, 1, seconds=2e-3)]
+    step.beside_ceiling(rows, {("fp32", 1): 128.0, ("bf16", 1): 256.0}, graph=None)
+    # 128 agents of 1 MFLOP at 128 GFLOP/s: 1 ms
+    assert rows[0]["mflop"] == pytest.approx(1.0)
+    assert rows[0]["of_gemm"] == pytest.approx(2.0)
+    assert rows[0]["of_bf16"] == pytest.approx(4.0)
+    assert rows[0]["real_time"] == 128 * 100
+    (found,) = step.ratios(rows, []).values()
+    assert found == {"value": 2.0, "better": "lower"}
+
+
+class LinearEngine:
+    """Takes so long for each agent, and a while for each call."""
+
+    def __init__(self, per_agent, per_call=0.0):
+        self._per_agent, self._per_call = per_agent, per_call
+
+    def step(self, gender, inputs):
+        until = time.perf_counter() + self._per_call + self._per_agent * len(inputs.goal)
+        while time.perf_counter() < until:
+            pass
+
+
+def test_table_s3_ends_once_a_primitive_takes_longer_than_it_lasts(monkeypatch):
+    monkeypatch.setattr(paper_s3, "CALL_SIZES", (8, 64))
+    monkeypatch.setattr(paper_s3, "PAPER_SECONDS", {64: 0.1, 128: 0.15})
+    rows = paper_s3.table(LinearEngine(STEP_SECONDS / 200), spend=0.0)
+    assert [row["bodies"] for row in rows] == [64, 128, 256]
+    assert [row["in_real_time"] for row in rows] == [True, True, False]
+    assert rows[0]["paper / ours"] > 1
+    assert rows[2]["paper / ours"] is None
+
+
+def summary(agents, misses=0):
+    return dict.fromkeys(FAULTS, 0) | {
+        "agents": agents,
+        "misses": misses,
+        "lateness_ms": {"p99": 10.0},
+    }
+
+
+@pytest.mark.parametrize(("limit", "held"), [(100, 100), (96, 95), (10, 90)])
+def test_a_long_run_is_made_again_with_fewer_until_all_are_in_time(monkeypatch, limit, held):
+    def loaded(plan, environment, command):
+        return summary(plan.agents, misses=max(plan.agents - limit, 0))
+
+    monkeypatch.setattr(service, "loaded", loaded)
+    found = service.held(Plan(sessions=1, agents=100), 1, ("serve",))
+    assert found["agents"] == held
+    assert service.in_time(found, 50.0) == (limit != 10)  # it gives up after a few tries
+
+
+def test_a_bare_socket_brings_all_and_costs_something():
+    cores = asyncio.run(transport.bare_socket(100_000, 0.3))
+    assert 0 < cores < 2

@@ -1,0 +1,51 @@
+import random
+
+import pytest
+
+from wayfarer.runtime.stepping.phases import MARGIN, UNEVEN, Phases
+from wayfarer.spec import NEW_FRAMES
+
+
+def entered(count, genders):
+    phases = Phases(count)
+    for gender in genders:
+        phases.enter(gender)
+    return phases
+
+
+def drawn(agents, seed, males=0.5):
+    chance = random.Random(seed)
+    return [int(chance.random() < males) for _ in range(agents)]
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("males", [0.0, 0.2, 0.5])
+def test_phases_are_filled_alike(seed, males):
+    """At any moment, so that no moment has much more to do than the others."""
+    phases = Phases(8)
+    for gender in drawn(300, seed, males):
+        phases.enter(gender)
+        sizes = [sum(phase) for phase in phases.load]
+        assert max(sizes) <= UNEVEN * min(sizes) + MARGIN + 1
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("agents", [64, 256, 1024])
+def test_genders_keep_to_phases_of_their_own(seed, agents):
+    """A batch is of one gender: of eight phases hardly one needs two."""
+    groups = entered(8, drawn(agents, seed)).groups
+    assert sum(groups) == agents
+    assert len(groups) <= 8 + 2
+
+
+def test_genders_in_turn_share_no_phase():
+    phases = entered(4, [0, 1] * 32)
+    assert phases.groups == [16] * 4
+
+
+def test_who_leaves_makes_room():
+    phases = entered(4, [0] * 8)
+    frame = phases.next_frame(2, 100)
+    assert frame % NEW_FRAMES == 2 * NEW_FRAMES // 4
+    phases.leave(frame, 0)
+    assert phases.enter(0) == 2

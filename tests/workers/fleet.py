@@ -1,0 +1,167 @@
+"""Two workers over fake services and a front before them, all in this process."""
+
+import asyncio
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import grpc
+import httpx
+
+from tests.transport.fakes import FakeService
+from tests.transport.rig import LIMITS
+from wayfarer.config import Settings
+from wayfarer.runtime.agent import AgentInfo, AgentSpec, SessionInfo, SessionSpec
+from wayfarer.shard import Shard, agent_id
+from wayfarer.transport import schema
+from wayfarer.transport.auth import Presented
+from wayfarer.transport.bodies import BodyLibrary
+from wayfarer.transport.caller import LOCAL, Caller
+from wayfarer.transport.fleet import Fleet
+from wayfarer.transport.gateway import Gateway
+from wayfarer.transport.guard import Guard
+from wayfarer.transport.inside import Inside
+from wayfarer.transport.operation import Operation
+from wayfarer.transport.server import Server
+from wayfarer.workers.front import Front
+from wayfarer.workers.messages import DOWN, Report
+from wayfarer.workers.placement import LeastLoaded
+from wayfarer.workers.plan import _ports
+
+
+class ShardedService(FakeService):
+    """Its ids say where they live."""
+
+    def __init__(self, shard: Shard) -> None:
+        super().__init__()
+        self._shard = shard
+
+    async def create_session(self, spec: SessionSpec) -> SessionInfo:
+        return await super().create_session(replace(spec, session_id=self._shard.session_id()))
+
+    async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
+        await super().create_agents(session_id, specs)
+        agents = self._sessions[session_id]
+        agents[-len(specs) :] = [
+            replace(agent, agent_id=agent_id(session_id)) for agent in agents[-len(specs) :]
+        ]
+        return agents[-len(specs) :]
+
+
+@dataclass(frozen=True, slots=True)
+class SeeingGuard(Guard):
+    """Lets everybody in, and notes who came."""
+
+    seen: list[tuple[Presented, str]] = field(default_factory=list)
+
+    async def admit(self, shown: Presented, address: str) -> Caller:
+        self.seen.append((shown, address))
+        return LOCAL
+
+
+UP = Report(alive=True, ready=True, started=True)
+
+
+@dataclass
+class FakeWorker:
+    """What the front sees of a worker's process."""
+
+    index: int
+    report: Report = UP
+    restarts: int = 0
+
+
+@dataclass
+class FakeSupervisor:
+    workers: list[FakeWorker]
+
+    @property
+    def ready(self) -> bool:
+        return all(worker.report.ready for worker in self.workers)
+
+    @property
+    def started(self) -> bool:
+        return all(worker.report.started for worker in self.workers)
+
+
+class Rig:
+    """A running front and its workers."""
+
+    def __init__(self, folder: Path, count: int = 2, keys: Path | None = None) -> None:
+        self.folder, self.count, self.keys = folder, count, keys
+
+    async def __aenter__(self) -> "Rig":
+        settings = Settings(http_port=0, grpc_port=0, limits=LIMITS, drain_s=0.2)
+        grpc_ports, http_ports = (_ports(settings, 0, self.count) for _ in range(2))
+        endpoints = [
+            schema.Endpoint(worker=i, grpc_port=grpc_ports[i], http_port=http_ports[i])
+            for i in range(self.count)
+        ]
+        self.services, self.servers, self.gateways, doors = [], [], [], []
+        self.guard = SeeingGuard()
+        for i, endpoint in enumerate(endpoints):
+            doors.append(Inside(self.folder / str(i)))
+            doors[i].folder.mkdir()
+            self.services.append(ShardedService(Shard(i, self.count)))
+            self.gateways.append(
+                Gateway(
+                    self.services[i],
+                    BodyLibrary("anny52"),
+                    LIMITS,
+                    asyncio.get_running_loop().time,
+                    lambda: None,
+                    Fleet(Shard(i, self.count), endpoints),
+                )
+            )
+            self.servers.append(
+                Server(
+                    self.gateways[i],
+                    "127.0.0.1",
+                    endpoint.http_port,
+                    endpoint.grpc_port,
+                    Operation(guard=self.guard, metrics_access="open", drain_s=0.2),
+                    doors[i],
+                )
+            )
+        for server in self.servers:
+            await server.start()
+            await server.until_ready()
+        self.workers = [FakeWorker(i) for i in range(self.count)]
+        self.front = Front(
+            settings,
+            Operation(drain_s=0.2),
+            doors,
+            LeastLoaded(self.workers, lambda: 0.0),
+            FakeSupervisor(self.workers),  # type: ignore[arg-type]
+        )
+        await self.front.start()
+        self.http = httpx.AsyncClient(base_url=self.front.http_url, timeout=20)
+        self.channel = grpc.aio.insecure_channel(self.front.grpc_address)
+        self.stopped: set[int] = set()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.http.aclose()
+        await self.channel.close()
+        for index in set(range(self.count)) - self.stopped:
+            await self.stop_worker(index)
+        await self.front.stop()
+
+    async def stop_worker(self, index: int) -> None:
+        self.stopped.add(index)
+        await self.servers[index].stop()
+        self.workers[index].report = DOWN
+
+    @property
+    def ws_url(self) -> str:
+        return self.front.http_url.replace("http", "ws")
+
+    async def session(self, agents: int = 2) -> tuple[dict, list[dict]]:
+        session = (await self.http.post("/v1/sessions", json={})).json()
+        specs = {"agents": [{"seed": i} for i in range(agents)]}
+        made = await self.http.post(f"/v1/sessions/{session['session_id']}/agents", json=specs)
+        assert made.status_code == 201, made.text
+        return session, made.json()["agents"]
+
+    def service(self, session: dict) -> ShardedService:
+        return self.services[session["endpoint"]["worker"]]

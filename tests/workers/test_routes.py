@@ -1,0 +1,122 @@
+import pytest
+
+from wayfarer.runtime.state.container import Kind as Container
+from wayfarer.runtime.state.container import seal
+from wayfarer.shard import Shard, agent_id
+from wayfarer.v1 import admin_pb2, control_pb2, goal_pb2, motion_pb2, session_pb2, snapshot_pb2
+from wayfarer.workers.routes import METHODS, Kind, http_kind, http_worker
+
+SESSION = Shard(2, 5).session_id()
+AGENT = agent_id(SESSION)
+SNAPSHOT = seal(
+    Container.SNAPSHOT, b'{"fps":40,"session":{"session_id":"%s"}}' % SESSION.encode(), b""
+)
+
+
+class Fixed:
+    def __init__(self) -> None:
+        self.requests: list[str] = []
+
+    def choose(self, request_id: str = "") -> int:
+        self.requests.append(request_id)
+        return 4
+
+    def any(self) -> int:
+        return 3
+
+    def find(self, name: str) -> int:
+        return {SESSION: 2, AGENT: 2}.get(name, 0)
+
+
+def kinds() -> dict[str, Kind]:
+    return {path.rpartition("/")[2]: method.kind for path, method in METHODS.items()}
+
+
+def test_every_method_goes_somewhere_sensible():
+    found = kinds()
+    assert {n for n, k in found.items() if k is Kind.NEW} == {"CreateSession"}
+    assert {n for n, k in found.items() if k is Kind.IMPORT} == {"ImportSession"}
+    everywhere = {"ListSessions", "LoadModel", "UseModel", "UnloadModel", "Drain"}
+    assert {n for n, k in found.items() if k is Kind.ALL} == everywhere
+    anywhere = {
+        "GetSkeleton",
+        "ListBodies",
+        "ListModels",
+        "GetServerInfo",
+        "GenerateClip",
+        "Replay",
+    }
+    assert {n for n, k in found.items() if k is Kind.ANY} == anywhere
+    assert len([k for k in found.values() if k is Kind.NAMED]) == len(found) - 13
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        session_pb2.GetSessionRequest(session_id=SESSION),
+        goal_pb2.SetGoalRequest(agent_id=AGENT),
+        motion_pb2.StreamMotionRequest(session_id=SESSION),
+        control_pb2.ControlRequest(open={"session_id": SESSION}),
+        snapshot_pb2.ImportSessionRequest(snapshot=SNAPSHOT),
+    ],
+    ids=lambda message: type(message).__name__,
+)
+def test_grpc_calls_go_to_the_worker_of_whom_they_name(request_):
+    (method,) = (m for m in METHODS.values() if m.request.DESCRIPTOR == request_.DESCRIPTOR)
+    assert method.worker(request_.SerializeToString(), Fixed()) == 2
+
+
+def test_a_new_session_is_placed_by_its_request_id():
+    placement = Fixed()
+    method = METHODS["/wayfarer.v1.SessionService/CreateSession"]
+    data = session_pb2.CreateSessionRequest(request_id="r").SerializeToString()
+    assert method.worker(data, placement) == 4
+    assert http_worker("POST", "/v1/sessions", "", "", b'{"request_id": "s"}', placement) == 4
+    assert http_worker("POST", "/v1/sessions", "", "key", b"", placement) == 4
+    assert http_worker("POST", "/v1/sessions", "", "key", b"[not json", placement) == 4
+    assert http_worker("POST", "/v1/sessions", "", "key", b'{"request_id": [1]}', placement) == 4
+    assert placement.requests == ["r", "s", "key", "key", "key"]
+
+
+def test_what_cannot_be_read_goes_somewhere_to_be_refused():
+    assert METHODS["/wayfarer.v1.SessionService/GetSession"].worker(b"\xff", Fixed()) == 3
+    damaged = snapshot_pb2.ImportSessionRequest(snapshot=SNAPSHOT[:20]).SerializeToString()
+    assert METHODS["/wayfarer.v1.SnapshotService/ImportSession"].worker(damaged, Fixed()) == 0
+    assert METHODS["/wayfarer.v1.AdminService/Drain"].request is admin_pb2.DrainRequest
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "query", "worker"),
+    [
+        ("GET", f"/v1/sessions/{SESSION}", "", 2),
+        ("POST", f"/v1/sessions/{SESSION}/agents", "", 2),
+        ("PUT", f"/v1/agents/{AGENT}/goal", "expected_revision=1", 2),
+        ("GET", "/v1/events", f"agent=x&session={SESSION}", 2),
+        ("GET", "/v1/events", "", 0),
+        ("POST", "/v1/clips", "", 3),
+        ("GET", "/v1/info", "", 3),
+        ("GET", "/people.js", "", 3),
+        ("OPTIONS", "/v1/sessions", "", 3),
+    ],
+)
+def test_http_requests_go_where_they_belong(method, path, query, worker):
+    assert http_worker(method, path, query, "", b"", Fixed()) == worker
+
+
+def test_an_imported_session_goes_where_its_id_says():
+    assert http_worker("POST", "/v1/snapshots", "", "", SNAPSHOT, Fixed()) == 2
+
+
+@pytest.mark.parametrize(
+    ("method", "path"),
+    [
+        ("GET", "/v1/sessions"),
+        ("GET", "/v1/stats"),
+        ("POST", "/v1/admin/models"),
+        ("POST", "/v1/admin/models/v2/use"),
+        ("DELETE", "/v1/admin/models/v2"),
+        ("POST", "/v1/admin/drain"),
+    ],
+)
+def test_what_concerns_all_is_asked_of_all(method, path):
+    assert http_kind(method, path) is Kind.ALL
