@@ -6,6 +6,7 @@ from tests.runtime.fakes import make_world, people
 from wayfarer.errors import InvalidArgument, ResourceExhausted
 from wayfarer.runtime.agent import SessionSpec
 from wayfarer.runtime.settings import AdmissionRules, Limits, WorldSettings
+from wayfarer.runtime.stepping import admission as module
 from wayfarer.runtime.stepping.admission import Admission
 from wayfarer.runtime.stepping.budget import BudgetRules
 from wayfarer.runtime.stepping.phases import Phases, spread
@@ -61,6 +62,14 @@ def test_spread_is_how_agents_spread(agents, count):
     assert sorted(entered.groups) == sorted(spread(agents, count))
 
 
+@pytest.fixture
+def free(monkeypatch):
+    """Nothing but engine calls takes time."""
+    monkeypatch.setattr(module, "FIRST_TURN", 0.0)
+    monkeypatch.setattr(module, "FIRST_CHUNK", 0.0)
+
+
+@pytest.mark.usefixtures("free")
 def test_agents_fit_as_long_as_calls_with_one_candidate_leave_time():
     found = admission()
     capacity = found.capacity(0.0)
@@ -120,6 +129,15 @@ def test_of_measures_of_one_size_the_shortest_counts():
     assert found.capacity(100.0) == before
 
 
+def test_what_the_loop_does_beside_counts_before_it_is_measured():
+    rest = module.Rest()
+    assert rest.line(0.0) == (module.FIRST_TURN, module.FIRST_CHUNK)
+    for turn in range(module.ENOUGH):
+        rest.add(turn / 100, 0.001 + 1e-5 * (turn % 5), turn % 5)
+    assert rest.line(0.5) == pytest.approx((0.001, 1e-5))
+
+
+@pytest.mark.usefixtures("free")
 def test_sizes_between_those_measured_are_padded():
     found = Admission(WorldSettings(batch_sizes=(4, 16)))
     found.measured(4, 1, 0.01)

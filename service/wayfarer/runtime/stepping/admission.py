@@ -35,6 +35,11 @@ ENOUGH = 50
 they took what they do in the warm-up. What is measured while agents are created tells little."""
 
 
+FIRST_TURN, FIRST_CHUNK = 3e-4, 4e-5
+"""Seconds of a turn and of a chunk until there are enough measured: what they take on a server's
+processor of 2.6 GHz, by `python -m benchmarks.runtime_overhead`."""
+
+
 class Prices(NamedTuple):
     """What things take at present."""
 
@@ -94,13 +99,16 @@ class Rest:
         """Seconds for each turn, and for each chunk; neither is negative."""
         seconds, chunks = np.array(self._seconds.values(now)), np.array(self._chunks.values(now))
         if not len(seconds):
-            return 0.0, 0.0
+            return FIRST_TURN, FIRST_CHUNK
         spread = chunks - chunks.mean()
         slope = spread @ seconds / (spread @ spread) if spread.any() else 0.0
         per_chunk = float(np.clip(slope, 0.0, seconds.sum() / max(chunks.sum(), 1)))
         per_turn = max(float(seconds.mean() - per_chunk * chunks.mean()), 0.0)
         known = min(len(seconds) / ENOUGH, 1.0)
-        return known * per_turn, known * per_chunk
+        return (
+            known * per_turn + (1 - known) * FIRST_TURN,
+            known * per_chunk + (1 - known) * FIRST_CHUNK,
+        )
 
     def total(self, now: float) -> float:
         """Seconds of all turns of the window."""
