@@ -19,7 +19,7 @@ from wayfarer.gpu.batch import Batch
 from wayfarer.gpu.lane import Lane, chosen_device
 from wayfarer.gpu.precision import MixedStep, Precision
 from wayfarer.gpu.weights import load_step
-from wayfarer.runtime.engines.engine import StepInputs, StepOutputs, WarmEngine
+from wayfarer.runtime.engines.engine import StepInputs, StepOutputs, WarmEngine, variant
 from wayfarer.runtime.engines.padding import join, part
 from wayfarer.runtime.engines.resting import resting_inputs
 from wayfarer.spec import GENDERS, SEED_FRAMES
@@ -82,8 +82,8 @@ class TorchEngine(WarmEngine):
     ) -> None:
         """`batch_sizes` ascend; in the `background`, other engines' work on the GPU goes first."""
         self.name = networks.name
-        self.graphs = networks.graphs
         self.kind = f"torch{SUFFIX[networks.precision]}"
+        self.graphs = tuple(variant(self.kind, graph) for graph in networks.graphs)
         self.batch_sizes = batch_sizes
         self.networks = networks
         self._lane = Lane(networks.device, background)

@@ -109,3 +109,8 @@ def test_only_hidden_layers_are_in_bfloat16(models, mixed):
     others = [shape for kind, shape in lowered if kind != "MatMul"]
     assert all(int(shape[-1]) % 128 == 0 for shape in others)
     assert len(lowered) > 100
+
+
+def test_its_logs_are_not_replayed_by_another_engine(models, exact, mixed):
+    stamps = {engine.graphs for engine in (OnnxEngine(models, 1), exact, mixed)}
+    assert len(stamps) == 3

@@ -8,6 +8,7 @@ A = agents, K = candidates, S = seed frames (2), F = new frames (8), T = quality
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from hashlib import sha256
 from typing import Protocol
 
 import numpy as np
@@ -62,6 +63,14 @@ class Engine(Protocol):
         A row's result depends on that row alone, bit for bit, whatever the others are.
         """
         ...
+
+
+def variant(kind: str, graph: str) -> str:
+    """The SHA-256 of a graph as an engine runs it that gives other last bits than onnxruntime.
+
+    Logs name what they were made with, and are replayed with nothing else.
+    """
+    return sha256(f"{kind} {graph}".encode()).hexdigest()
 
 
 class WarmEngine(Engine, Protocol):

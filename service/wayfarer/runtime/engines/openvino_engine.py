@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, cast
 
 from wayfarer.artifacts import ModelFolder, sha256_of
 from wayfarer.errors import ArtifactError, InvalidArgument
-from wayfarer.runtime.engines.engine import StepInputs, StepOutputs, WarmEngine
+from wayfarer.runtime.engines.engine import StepInputs, StepOutputs, WarmEngine, variant
 from wayfarer.runtime.engines.lanes import Lanes
 from wayfarer.runtime.engines.openvino_precision import with_hidden_bfloat16
 from wayfarer.runtime.engines.padding import pad
@@ -51,7 +51,9 @@ class OpenVinoEngine(WarmEngine):
         self.bfloat16 = capable if bfloat16 is None else bfloat16
         self.kind = "openvino-bf16" if self.bfloat16 else "openvino"
         self.name = models.path.resolve().name
-        self.graphs = tuple(sha256_of(models.graph("step", g, SEED_FRAMES)) for g in GENDERS)
+        self.graphs = tuple(
+            variant(self.kind, sha256_of(models.graph("step", g, SEED_FRAMES))) for g in GENDERS
+        )
         self._networks = {g: self._read(models, g) for g in GENDERS}
         self._compiled: dict[tuple[str, int, int], openvino.CompiledModel] = {}
         self._compiling = threading.Lock()
