@@ -40,6 +40,9 @@ JOINTS: Final = 52
 GENDERS: Final = ("male", "female")
 """Bodies and regressors come per gender (paper Sec. 3.2.1); a graph serves one."""
 
+OBSTACLES: Final = 8
+"""Obstacles near an agent that a step may be told of."""
+
 ROLLOUT_PRIMITIVES: Final = 8
 """Primitives of one training rollout (paper Sec. 3.2.2)."""
 

@@ -9,9 +9,10 @@ from typing import Final
 from wayfarer.artifacts import ASSETS, BodyIdentity, ModelFolder, load_model_folder, sha256_of
 from wayfarer.body.library import body_file, load_body
 from wayfarer.body.model import BodyModel
-from wayfarer.runtime.engines.choice import EngineKind, open_engine
-from wayfarer.runtime.engines.engine import WarmEngine
-from wayfarer.runtime.settings import Limits, WorldSettings
+from wayfarer.runtime.engines.choice import open_engine
+from wayfarer.runtime.engines.engine import EngineKind
+from wayfarer.runtime.engines.warm import WarmEngine
+from wayfarer.runtime.settings import ANY_SIZE, Limits, WorldSettings
 from wayfarer.runtime.world.spawn import load_start_poses
 from wayfarer.runtime.world.steering import Steering
 from wayfarer.runtime.world.world import World
@@ -22,10 +23,6 @@ Bodies = dict[str, BodyModel]
 BODY: Final = "anny52"
 START_POSES: Final = ASSETS / "start_poses.npz"
 DEFAULT_MODEL: Final = ASSETS / "models" / "gamma-anny52"
-
-BATCH_SIZES: Final = tuple(range(1, 65))
-"""Batches of a world without a server, where none has to be warmed and nobody waits: a row costs
-a sixth less in one of 64 than in one of 8 (one thread)."""
 
 
 def load_models(path: Path) -> ModelFolder:
@@ -61,7 +58,7 @@ class Stage:
             limits=Limits(agents=agents, agents_per_session=agents),
             steering=steering,
             phases=1,
-            batch_sizes=BATCH_SIZES,
+            batch_sizes=ANY_SIZE,
         )
         return World(self.engine, self.bodies, load_start_poses(START_POSES), settings)
 

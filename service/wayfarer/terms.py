@@ -18,7 +18,14 @@ TERMS: Final = (
     "stillness",  # m/s, mean speed of all markers
     "feet_apart",  # m, horizontal distance of the ankles along the facing direction, last frame
     "seam",  # m/s, mean change of the markers' velocity from the seed to the first new frame
+    "clearance",  # m, how far the body comes into the margin around obstacles and other people
 )
+
+TOLD: Final = TERMS[:-1]
+"""Those whose weights the policy is told: what is near an agent it does not see."""
+
+CLEARANCE: Final = 10.0
+"""The weight of "clearance", whatever an agent is doing."""
 
 WALK: Final = {
     "goal_distance": 1.0,
@@ -30,6 +37,7 @@ WALK: Final = {
     "sliding": 0.5,
     "upright": 3.0,
     "seam": 1.0,
+    "clearance": CLEARANCE,
 }
 """On the way to a goal."""
 
@@ -50,6 +58,7 @@ STAND: Final = {
     "stillness": 2.0,
     "feet_apart": 0.8,
     "seam": 0.6,
+    "clearance": CLEARANCE,
 }
 """Stopping and standing."""
 
@@ -63,6 +72,7 @@ TURN: Final = {
     "upright": 3.0,
     "stillness": 0.2,
     "seam": 0.6,
+    "clearance": CLEARANCE,
 }
 """Turning on the spot to a wished facing."""
 

@@ -68,6 +68,15 @@ def test_turning_and_moving_the_world_turns_and_moves_the_result(step, inputs):
         "seed_rotations": turned,
         "goal": move(inputs["goal"]),
         "facing": inputs["facing"] @ turn[:2, :2].T,
+        "obstacles": torch.cat(
+            [
+                inputs["obstacles"][..., 0:2] @ turn[:2, :2].T + shift[:2],
+                inputs["obstacles"][..., 2:4] @ turn[:2, :2].T + shift[:2],
+                inputs["obstacles"][..., 4:6] @ turn[:2, :2].T,
+                inputs["obstacles"][..., 6:],
+            ],
+            -1,
+        ),
     }
     here, there = run(step, inputs), run(step, moved)
     assert torch.equal(here.choice, there.choice)
@@ -76,6 +85,7 @@ def test_turning_and_moving_the_world_turns_and_moves_the_result(step, inputs):
     a = turn @ matrix_from_quaternion(here.rotations[:, :, 0])
     assert torch.allclose(a, matrix_from_quaternion(there.rotations[:, :, 0]), atol=1e-4)
     assert torch.allclose(here.terms, there.terms, atol=1e-4)
+    assert (here.terms[:, TERMS.index("clearance")] > 0.01).any()
 
 
 def test_a_rows_result_does_not_depend_on_its_batch(step, inputs):

@@ -7,6 +7,7 @@ from wayfarer.body.library import load_body
 from wayfarer.errors import InvalidArgument
 from wayfarer.marker_bodies import marker_body
 from wayfarer.motion import quality
+from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.quality import Candidate, Sites
 from wayfarer.spec import FPS
 from wayfarer.terms import STAND, TERMS, TURN, WALK, weights
@@ -29,12 +30,21 @@ def standing(body):
     return (markers - torch.tensor([0.0, 0.0, float(soles)]))[:, None].expand(1, FRAMES, -1, -1)
 
 
-def candidate(body, markers, goal=(0.0, 10.0, 0.0), speed=0.0, facing=(0.0, 0.0), before=None):
+def candidate(
+    body,
+    markers,
+    goal=(0.0, 10.0, 0.0),
+    speed=0.0,
+    facing=(0.0, 0.0),
+    before=None,
+    obstacles=None,
+):
     """`before` is the velocity in m/s with which the seed came; resting, if not told."""
     sites = Sites.from_names(body.marker_names)
     velocity = torch.tensor(before or [0.0, 0.0, 0.0]).expand(1, 67, 3) / FPS
     asked = torch.tensor([goal]), torch.tensor([speed]), torch.tensor([facing])
-    return Candidate(markers, velocity, *asked, sites)
+    near = no_obstacles(1) if obstacles is None else torch.tensor([obstacles])
+    return Candidate(markers, velocity, *asked, near, sites)
 
 
 def moving(markers, velocity):

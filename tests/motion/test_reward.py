@@ -9,6 +9,7 @@ import torch
 from wayfarer.body.library import load_body
 from wayfarer.marker_bodies import marker_body
 from wayfarer.motion import reward
+from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.pose_prior import LATENT
 from wayfarer.motion.quality import Candidate, Sites
 from wayfarer.spec import FPS
@@ -28,6 +29,7 @@ def standing():
         markers=(markers - floor)[:, None].expand(1, FRAMES, -1, -1),
         velocity=torch.zeros(1, len(body.marker_names), 3),
         goal=torch.tensor([[0.0, 10.0, 0.0]]),
+        obstacles=no_obstacles(1),
         target_speed=torch.zeros(1),
         wished_facing=torch.zeros(1, 2),
         sites=Sites.from_names(body.marker_names),

@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from tests.training.walkers import environment
+from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.quality import Candidate
 from wayfarer.motion.reward import Outcome
 from wayfarer.motion.rotation import (
@@ -137,7 +138,9 @@ def test_who_lies_has_fallen(world, tilt, fallen):
     hips = torch.tensor([0.0, 0.0, 1.0]).expand(1, 9, 3)
     markers, _ = step.body.skin(step.body.shaped(torch.zeros(1, 10)), hips, pose)
     goal, zero = torch.tensor([[0.0, 5.0, 0.0]]), torch.zeros(1, 67, 3)
-    body = Candidate(markers, zero, goal, torch.ones(1), torch.zeros(1, 2), step.sites)
+    body = Candidate(
+        markers, zero, goal, torch.ones(1), torch.zeros(1, 2), no_obstacles(1), step.sites
+    )
     feedback = judge(Outcome(body, hips, torch.zeros(1, 8, 32)))
     assert feedback.broken.item() is fallen
     assert feedback.distance.item() == pytest.approx(5)

@@ -19,6 +19,7 @@ from wayfarer.evaluation.outcome import REACHED
 from wayfarer.evaluation.parts import Parts, Variant
 from wayfarer.evaluation.tracks import Recorded, Track
 from wayfarer.motion.marker_body import Shaped
+from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.primitive import PrimitiveStep, StepResult
 from wayfarer.motion.rotation import matrix_from_quaternion
 from wayfarer.runtime.world.spawn import load_start_poses
@@ -211,6 +212,7 @@ def _advance(
         term_weights=torch.tensor(weights(WALK)).expand(count, -1),
         policy=torch.ones(count),  # counts only where the step has one
         noise=torch.randn(count, 1, LATENT, generator=random),
+        obstacles=no_obstacles(count),
     )
     return result
 

@@ -6,8 +6,7 @@ were exported from, with the weights of those graphs (`weights.py`), in the prec
 """
 
 import threading
-import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -19,9 +18,9 @@ from wayfarer.gpu.batch import Batch
 from wayfarer.gpu.lane import Lane, chosen_device
 from wayfarer.gpu.precision import MixedStep, Precision
 from wayfarer.gpu.weights import load_step
-from wayfarer.runtime.engines.engine import StepInputs, StepOutputs, WarmEngine, variant
+from wayfarer.runtime.engines.engine import EngineKind, StepInputs, StepOutputs, variant
 from wayfarer.runtime.engines.padding import join, part
-from wayfarer.runtime.engines.resting import resting_inputs
+from wayfarer.runtime.engines.warm import WarmEngine
 from wayfarer.spec import GENDERS, SEED_FRAMES
 from wayfarer.terms import TERMS
 
@@ -71,6 +70,7 @@ class TorchEngine(WarmEngine):
     On a CPU it runs without graphs, on as many threads as torch is told to use, for tests.
     """
 
+    setting: EngineKind = "torch"
     compiles = True
     term_names: tuple[str, ...] = TERMS
 
@@ -103,7 +103,7 @@ class TorchEngine(WarmEngine):
                 self._step(gender, part(inputs, start, min(start + largest, rows)))
                 for start in range(0, rows, largest)
             ]
-        return parts[0] if len(parts) == 1 else join(parts)
+        return join(parts)
 
     def _step(self, gender: str, inputs: StepInputs) -> StepOutputs:
         rows, candidates = inputs.noise.shape[:2]
@@ -113,23 +113,6 @@ class TorchEngine(WarmEngine):
             step = self.networks.steps[gender]
             self._batches[key] = Batch(step, self._lane, size, candidates)
         return self._batches[key].step(inputs)
-
-    def warm_up(
-        self,
-        batch_sizes: Iterable[int],
-        candidates: Iterable[int],
-        done: Callable[[int, int, float], None] = lambda agents, candidates, seconds: None,
-    ) -> None:
-        """Record and run every size, largest first; `done(agents, candidates, seconds)` hears."""
-        for count in sorted(set(candidates), reverse=True):
-            for size in sorted(set(batch_sizes), reverse=True):
-                inputs = resting_inputs(size, count)
-                for gender in GENDERS:
-                    self.step(gender, inputs)  # if it is new, this takes longer
-                started = time.perf_counter()
-                for gender in GENDERS:
-                    self.step(gender, inputs)
-                done(size, count, (time.perf_counter() - started) / len(GENDERS))
 
 
 def open_gpu_engine(models: ModelFolder) -> TorchEngine:

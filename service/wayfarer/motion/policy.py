@@ -15,7 +15,7 @@ from torch import Tensor, nn
 
 from wayfarer.motion.layers import Gru
 from wayfarer.spec import LATENT, MARKERS
-from wayfarer.terms import TERMS
+from wayfarer.terms import TOLD
 
 HIDDEN = 512
 BLOCKS = 2
@@ -87,7 +87,7 @@ class GoalPolicy(nn.Module):
     def __init__(self) -> None:
         super().__init__()
         self.encoder = Gru(2 * MARKERS * 3, HIDDEN)
-        self.condition = nn.Linear(1 + 2 + 1 + 2 + len(TERMS), HIDDEN)
+        self.condition = nn.Linear(1 + 2 + 1 + 2 + len(TOLD), HIDDEN)
         self.actor = nn.Sequential(*(LeakyBlock(HIDDEN) for _ in range(BLOCKS)))
         self.output = nn.Linear(HIDDEN, 2 * LATENT)
         self.critic = nn.Sequential(
@@ -124,6 +124,6 @@ class GoalPolicy(nn.Module):
             way / (distance + 0.3),  # fades where a direction means nothing
             condition.target_speed[:, None],
             condition.facing,
-            condition.term_weights,
+            condition.term_weights[:, : len(TOLD)],
         ]
         return torch.tanh(encoded + self.condition(torch.cat(asked, -1)))

@@ -17,6 +17,7 @@ from torch import Tensor, nn
 from wayfarer.motion.constants import constant, indices, numbers
 from wayfarer.motion.frame import Frame, canonical_frame, to_local, to_world
 from wayfarer.motion.marker_body import MarkerBody, Placed, Shaped
+from wayfarer.motion.obstacles import localised
 from wayfarer.motion.policy import Condition, GoalPolicy
 from wayfarer.motion.posing import compose, from_6d, from_quaternion, to_6d, to_quaternion
 from wayfarer.motion.predictor import MarkerPredictor
@@ -89,6 +90,7 @@ class PrimitiveStep(nn.Module):
         term_weights: Tensor,  # [A, T]
         policy: Tensor,  # [A]
         noise: Tensor,  # [A, K, 128]
+        obstacles: Tensor,  # [A, O, 7]
     ) -> StepResult:
         """Step every row; rows do not influence each other."""
         known = from_quaternion(seed_rotations.permute(3, 2, 1, 0))  # [3, 3, 22, S, A]
@@ -104,7 +106,7 @@ class PrimitiveStep(nn.Module):
         )
 
         futures = self.predict(seed.flatten(2), asked, noise, policy).unflatten(-1, (-1, 3))
-        terms, choice = self._choose(frame, seed, futures, asked)
+        terms, choice = self._choose(frame, seed, futures, asked, localised(frame, obstacles))
         rows = torch.arange(choice.shape[0], device=choice.device)
         future, terms = futures[rows, choice], terms[rows, choice]
 
@@ -171,7 +173,7 @@ class PrimitiveStep(nn.Module):
         return points + floor.view(-1, *(1,) * (points.dim() - 2), 3)
 
     def _choose(
-        self, frame: Frame, seed: Tensor, futures: Tensor, asked: Condition
+        self, frame: Frame, seed: Tensor, futures: Tensor, asked: Condition, obstacles: Tensor
     ) -> tuple[Tensor, Tensor]:
         """Terms of all candidates [A, K, T] and the cheapest one's index [A] (Sec. 3.3.2).
 
@@ -184,6 +186,7 @@ class PrimitiveStep(nn.Module):
             goal=asked.goal[:, None],
             target_speed=asked.target_speed[:, None],
             wished_facing=asked.facing[:, None],
+            obstacles=obstacles[:, None],
             sites=self.sites,
         )
         terms = evaluate(candidate)

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.motion.constants import indices
+from wayfarer.motion.obstacles import intrusion
 from wayfarer.spec import FPS
 from wayfarer.terms import TERMS
 
@@ -36,6 +37,8 @@ class Sites:
     right_sole: list[int]
     left_ankle: int
     right_ankle: int
+    outline: list[int]
+    """How far the body reaches, seen from above."""
 
     @classmethod
     def from_names(cls, names: Sequence[str]) -> "Sites":
@@ -47,6 +50,7 @@ class Sites:
                 raise InvalidArgument(f"the body lacks markers {missing}; it has {list(names)}")
             return [list(names).index(w) for w in wanted]
 
+        reaching = ("SHO", "ELB", "FIN", "HIP", "KNE", "HEE", "TOE")
         sole = ("SOLE_HEEL", "SOLE_MT1", "SOLE_MT5", "SOLE_TOE")
         return cls(
             left_waist=find("LFWT", "LBWT"),
@@ -56,6 +60,7 @@ class Sites:
             right_sole=find(*("R" + s for s in sole)),
             left_ankle=find("LANK")[0],
             right_ankle=find("RANK")[0],
+            outline=find("T10", "STRN", *(side + name for side in "LR" for name in reaching)),
         )
 
 
@@ -68,6 +73,7 @@ class Candidate:
     goal: Tensor  # [..., 3]
     target_speed: Tensor  # [...]
     wished_facing: Tensor  # [..., 2] horizontal unit vector, or zero: the way to the goal
+    obstacles: Tensor  # [..., O, 7], see `obstacles.py`
     sites: Sites
 
     def waist(self, frame: int) -> Tensor:
@@ -168,6 +174,11 @@ def seam(c: Candidate) -> Tensor:
     return (_length(first - c.velocity) * FPS).mean(-1)
 
 
+def clearance(c: Candidate) -> Tensor:
+    """Metres by which the body comes too near to obstacles, mean over frames."""
+    return intrusion(take(c.markers, c.sites.outline), c.obstacles)
+
+
 FUNCTIONS: dict[str, Callable[[Candidate], Tensor]] = {
     f.__name__: f
     for f in (
@@ -182,6 +193,7 @@ FUNCTIONS: dict[str, Callable[[Candidate], Tensor]] = {
         stillness,
         feet_apart,
         seam,
+        clearance,
     )
 }
 if tuple(FUNCTIONS) != TERMS:

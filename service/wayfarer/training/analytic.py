@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from wayfarer.body.library import load_body
 from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.marker_body import MarkerBody
+from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep
@@ -117,6 +118,7 @@ class AnalyticTrainer:
             weight,
             torch.ones(count),
             torch.randn(count, 1, LATENT),
+            no_obstacles(count),
         )
         assert self.watched.last is not None
         cost = (result.terms * weight).sum(-1)

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from wayfarer.motion import reward
 from wayfarer.motion.frame import canonical_frame, to_local
+from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.policy import Condition
 from wayfarer.motion.pose_prior import PosePrior
 from wayfarer.motion.primitive import PrimitiveStep
@@ -181,6 +182,7 @@ class GoalEnvironment:
             term_weights=agents.term_weights,
             policy=torch.zeros(len(latents)),  # with one candidate, the latent is the noise itself
             noise=latents[:, None],
+            obstacles=no_obstacles(len(latents)),
         )
         keep = agents.markers.shape[1]
         after = agents._replace(
@@ -205,6 +207,7 @@ class GoalEnvironment:
             goal=agents.goal,
             target_speed=agents.target_speed,
             wished_facing=agents.facing,
+            obstacles=no_obstacles(len(hips)),
             sites=step.sites,
         )
         pose = self.prior.encode(local[:, keep:, 1:]).mean

@@ -33,7 +33,7 @@ from wayfarer.motion.primitive import PrimitiveStep, StepResult
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.motion.rotation import matrix_from_rotvec, quaternion_from_matrix
-from wayfarer.spec import BETAS, GENDERS, LATENT, MARKERS, SEED_FRAMES
+from wayfarer.spec import BETAS, GENDERS, LATENT, MARKERS, OBSTACLES, SEED_FRAMES
 from wayfarer.terms import TERMS
 from wayfarer.training.graph import Graph
 from wayfarer.training.onnx_files import WeightStore, externalise
@@ -93,7 +93,15 @@ def step_inputs(agents: int, candidates: int, generator: torch.Generator) -> dic
         "term_weights": torch.rand(agents, len(TERMS), generator=generator),
         "policy": torch.rand(agents, generator=generator),
         "noise": normal(agents, candidates, LATENT),
+        "obstacles": _obstacles(offset[:, 0, :, :2], generator),
     }
+
+
+def _obstacles(places: Tensor, generator: torch.Generator) -> Tensor:
+    """Moving lines [A, O, 7] near places [A, 1, 2]; half of them, of negative radius, are none."""
+    numbers = torch.randn(len(places), OBSTACLES, 7, generator=generator) * 0.4
+    numbers[..., :4] += places.repeat(1, 1, 2)
+    return numbers
 
 
 def step_graph(step: PrimitiveStep) -> Graph:
@@ -333,6 +341,7 @@ def body_inputs(step: PrimitiveStep, agents: int, generator: torch.Generator) ->
         "seed_translation": place.contiguous(),
         "seed_rotations": quaternion_from_matrix(local).contiguous(),
         "betas": betas,
+        "obstacles": _obstacles(place[:, :1, :2], generator),
     }
 
 

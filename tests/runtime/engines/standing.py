@@ -4,7 +4,7 @@ import numpy as np
 
 from wayfarer.body.library import load_body
 from wayfarer.runtime.agent import AgentSpec
-from wayfarer.runtime.engines.engine import StepInputs
+from wayfarer.runtime.engines.engine import StepInputs, no_obstacles
 from wayfarer.runtime.world.spawn import Spawner, load_start_poses
 from wayfarer.spec import BETAS, GENDERS, LATENT
 from wayfarer.stage import BODY, START_POSES
@@ -41,4 +41,5 @@ def standing_inputs(gender: str, agents: int, candidates: int = 1, seed: int = 1
         term_weights=np.tile(np.array(weights(WALK), floats), (agents, 1)),
         policy=np.ones(agents, floats),
         noise=random.normal(size=(agents, candidates, LATENT)).astype(floats),
+        obstacles=no_obstacles(agents),
     )

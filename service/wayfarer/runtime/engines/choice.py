@@ -2,21 +2,20 @@
 
 import time
 from importlib.util import find_spec
-from typing import Final, Literal
+from typing import Final
 
 import structlog
 
 from wayfarer.artifacts import ModelFolder
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.engines.engine import WarmEngine
+from wayfarer.runtime.engines.engine import EngineKind
 from wayfarer.runtime.engines.onnx_engine import OnnxEngine
 from wayfarer.runtime.engines.openvino_engine import OpenVinoEngine
 from wayfarer.runtime.engines.resting import resting_inputs
+from wayfarer.runtime.engines.warm import WarmEngine
 from wayfarer.spec import GENDERS
 
 log = structlog.get_logger(__name__)
-
-EngineKind = Literal["auto", "onnxruntime", "openvino", "torch"]
 
 TRIAL: Final = 64
 """Agents of the batch that is timed."""

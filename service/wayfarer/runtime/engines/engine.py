@@ -6,15 +6,19 @@ their parent and relative to the T-pose, whose bones all have identity rotation.
 A = agents, K = candidates, S = seed frames (2), F = new frames (8), T = quality terms.
 """
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from hashlib import sha256
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfarer.spec import OBSTACLES
+
 Float = NDArray[np.float32]
+
+EngineKind = Literal["auto", "onnxruntime", "openvino", "torch"]
+"""Which engine to open; "auto": the faster of the first two on this machine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +35,9 @@ class StepInputs:
     term_weights: Float  # [A, T] cost = sum of weight * term; lower is better
     policy: Float  # [A] 0 … 1, share of the policy in the latents: 0 is the prior N(0, I)
     noise: Float  # [A, K, 128] standard normal, already scaled by temperature
+    # [A, O, 7] what is near, seen from above: a line from a to b with a radius, moving evenly:
+    # ax, ay, bx, by, vx, vy, radius (metres, m/s); a radius below 0 is none
+    obstacles: Float
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +52,13 @@ class StepOutputs:
     choice: NDArray[np.int64]  # [A]
 
 
+def no_obstacles(agents: int) -> Float:
+    """`StepInputs.obstacles` of agents with nothing near them."""
+    nothing = np.zeros((agents, OBSTACLES, 7), np.float32)
+    nothing[..., -1] = -1
+    return nothing
+
+
 class Engine(Protocol):
     """Steps agents of one body. Pure: the same inputs give the same outputs, bit for bit."""
 
@@ -54,7 +68,7 @@ class Engine(Protocol):
 
     @property
     def alone(self) -> "Engine":
-        """The same engine on the calling thread only, whose priority then counts for all of it."""
+        """The same engine on the calling thread only: it leaves the other cores alone."""
         ...
 
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
@@ -71,28 +85,3 @@ def variant(kind: str, graph: str) -> str:
     Logs name what they were made with, and are replayed with nothing else.
     """
     return sha256(f"{kind} {graph}".encode()).hexdigest()
-
-
-class WarmEngine(Engine, Protocol):
-    """An engine of a server: it says what it is, and can be made ready for sizes of batches."""
-
-    kind: str  # for logs and tables
-    batch_sizes: tuple[int, ...]  # rows at a time that suit it, ascending
-    compiles: bool  # the first call of every size takes a second
-
-    def sizes_for(self, agents: int) -> tuple[int, ...]:
-        """Those of a server of so many agents at most: up to the first that holds them all."""
-        enough = next((s for s in self.batch_sizes if s >= agents), self.batch_sizes[-1])
-        return tuple(size for size in self.batch_sizes if size <= enough)
-
-    def warm_up(
-        self,
-        batch_sizes: Iterable[int],
-        candidates: Iterable[int],
-        done: Callable[[int, int, float], None] = ...,
-    ) -> None:
-        """Run every size once, largest first, so that no later call has to allocate or compile.
-
-        `done(agents, candidates, seconds)` is told of each.
-        """
-        ...

@@ -13,8 +13,9 @@ from typing import Final
 
 from wayfarer.artifacts import MANIFEST, ModelFolder
 from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted
-from wayfarer.runtime.engines.engine import Engine, WarmEngine
+from wayfarer.runtime.engines.engine import Engine
 from wayfarer.runtime.engines.models import Models
+from wayfarer.runtime.engines.warm import WarmEngine
 
 NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 RETRY_AFTER: Final = 5.0

@@ -1,7 +1,5 @@
 """The engine on onnxruntime: one session per gender, on the CPU."""
 
-import time
-from collections.abc import Callable, Iterable
 from copy import copy
 from dataclasses import fields
 from functools import cached_property
@@ -11,15 +9,14 @@ import onnxruntime
 
 from wayfarer.artifacts import ModelFolder, open_session, sha256_of
 from wayfarer.errors import ArtifactError
-from wayfarer.runtime.engines.engine import StepInputs, StepOutputs, WarmEngine
+from wayfarer.runtime.engines.engine import EngineKind, StepInputs, StepOutputs
 from wayfarer.runtime.engines.lanes import Lanes
-from wayfarer.runtime.engines.resting import resting_inputs
+from wayfarer.runtime.engines.warm import WarmEngine
 from wayfarer.spec import GENDERS, SEED_FRAMES
 from wayfarer.terms import TERMS
 
 INPUTS = tuple(f.name for f in fields(StepInputs))
 OUTPUTS = tuple(f.name for f in fields(StepOutputs))
-
 
 SIZES: Final = (1, 2, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 """Rows for one thread. A row costs half as much in a batch of 64 as in one of 8; beyond, nothing is
@@ -29,6 +26,7 @@ gained, and larger ones would keep the others waiting. Few sizes: memory is allo
 class OnnxEngine(WarmEngine):
     """Runs a model folder's step graphs. Implements `WarmEngine`."""
 
+    setting: EngineKind = "onnxruntime"
     kind = "onnxruntime"
     compiles = False
     term_names: tuple[str, ...] = TERMS
@@ -57,23 +55,6 @@ class OnnxEngine(WarmEngine):
             return StepOutputs(*session.run(OUTPUTS, {n: getattr(rows, n) for n in INPUTS}))
 
         return self._lanes.step(run, inputs)
-
-    def warm_up(
-        self,
-        batch_sizes: Iterable[int],
-        candidates: Iterable[int],
-        done: Callable[[int, int, float], None] = lambda agents, candidates, seconds: None,
-    ) -> None:
-        """Run every size once, largest first, so that no later call has to allocate.
-
-        `done(agents, candidates, seconds)` is told of each.
-        """
-        for count in sorted(set(candidates), reverse=True):
-            for size in sorted(set(batch_sizes), reverse=True):
-                started = time.perf_counter()
-                for gender in GENDERS:
-                    self.step(gender, resting_inputs(size, count))
-                done(size, count, (time.perf_counter() - started) / len(GENDERS))
 
     @staticmethod
     def _open(models: ModelFolder, gender: str) -> onnxruntime.InferenceSession:

@@ -6,8 +6,7 @@ bfloat16.
 """
 
 import threading
-import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from copy import copy
 from dataclasses import fields
 from functools import cached_property, partial
@@ -15,11 +14,11 @@ from typing import TYPE_CHECKING, Any, Final, cast
 
 from wayfarer.artifacts import ModelFolder, sha256_of
 from wayfarer.errors import ArtifactError, InvalidArgument
-from wayfarer.runtime.engines.engine import StepInputs, StepOutputs, WarmEngine, variant
+from wayfarer.runtime.engines.engine import EngineKind, StepInputs, StepOutputs, variant
 from wayfarer.runtime.engines.lanes import Lanes
 from wayfarer.runtime.engines.openvino_precision import with_hidden_bfloat16
 from wayfarer.runtime.engines.padding import pad
-from wayfarer.runtime.engines.resting import resting_inputs
+from wayfarer.runtime.engines.warm import WarmEngine
 from wayfarer.spec import GENDERS, SEED_FRAMES
 from wayfarer.terms import TERMS
 
@@ -35,8 +34,9 @@ SIZES: Final = (16, 64)
 
 
 class OpenVinoEngine(WarmEngine):
-    """Runs a model folder's step graphs. Implements `Engine`."""
+    """Runs a model folder's step graphs. Implements `WarmEngine`."""
 
+    setting: EngineKind = "openvino"
     term_names: tuple[str, ...] = TERMS
     compiles = True
     sizes: tuple[int, ...] = SIZES
@@ -95,20 +95,6 @@ class OpenVinoEngine(WarmEngine):
                     self._compiled[key] = self._compile(*key)
             requests[name] = self._compiled[key].create_infer_request()
         return cast("openvino.InferRequest", requests[name])
-
-    def warm_up(
-        self,
-        batch_sizes: Iterable[int],
-        candidates: Iterable[int],
-        done: Callable[[int, int, float], None] = lambda agents, candidates, seconds: None,
-    ) -> None:
-        """Compile and run every size, largest first; `done(agents, candidates, seconds)` hears."""
-        for count in sorted(set(candidates), reverse=True):
-            for size in sorted(set(batch_sizes), reverse=True):
-                started = time.perf_counter()
-                for gender in GENDERS:
-                    self.step(gender, resting_inputs(size, count))
-                done(size, count, (time.perf_counter() - started) / len(GENDERS))
 
     def _read(self, models: ModelFolder, gender: str) -> Callable[[], "openvino.Model"]:
         """Gives a fresh copy of a step graph, whose batch may be fixed."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wayfarer.runtime.engines.engine import StepInputs
+from wayfarer.runtime.engines.engine import StepInputs, no_obstacles
 from wayfarer.spec import BETAS, LATENT, MARKERS, POSED_JOINTS, SEED_FRAMES
 from wayfarer.terms import TERMS
 
@@ -22,4 +22,5 @@ def resting_inputs(agents: int, candidates: int) -> StepInputs:
         term_weights=np.zeros((agents, len(TERMS)), np.float32),
         policy=np.zeros(agents, np.float32),
         noise=np.zeros((agents, candidates, LATENT), np.float32),
+        obstacles=no_obstacles(agents),
     )

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.runtime.engines.engine import Float, StepInputs, StepOutputs
+from wayfarer.runtime.engines.engine import Float, StepInputs, StepOutputs, no_obstacles
 from wayfarer.runtime.stepping.noise import latents
 from wayfarer.runtime.world.rows import Index
 from wayfarer.runtime.world.slots import Gait, Goals, Seeds, Slots
@@ -43,6 +43,7 @@ def assemble(
         term_weights=steering.term_weights(gait.mode),
         policy=steering.policy(gait.mode),
         noise=steering.scale_noise(gait.mode, noise),
+        obstacles=no_obstacles(len(betas)),
     )
 
 

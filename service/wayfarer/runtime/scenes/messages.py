@@ -1,0 +1,76 @@
+"""What the runtime is told of scenes and what it tells: plain frozen messages, world space."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from wayfarer.navigation.spec import Obstacle, Point3, Ring, SceneSpec
+
+
+@dataclass(frozen=True, slots=True)
+class SceneWish:
+    """A scene to create."""
+
+    spec: SceneSpec
+    name: str = ""  # shown by clients; need not be unique
+    attributes: Mapping[str, str] = field(default_factory=dict)  # the transport's: kept, not read
+
+
+@dataclass(frozen=True, slots=True)
+class SceneInfo:
+    """A scene as it is now."""
+
+    scene_id: str
+    name: str
+    content_hash: str  # of its spec: equal specs share one bake
+    version: int  # counts the changes of its obstacles
+    area: float  # square metres where the middle of an agent may be
+    islands: int
+    bounds: tuple[float, float, float, float]  # x0, y0, x1, y1 of the ground
+    obstacles: Mapping[str, Obstacle]
+    sessions: int  # that are in it
+    created_at: float  # Unix seconds
+    bake_s: float  # seconds that its bake took
+    attributes: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Something that stands there, to be drawn: the outline of its top, and where its foot is."""
+
+    top: tuple[Point3, ...]  # level, but for a ramp's
+    bottom: float
+
+
+@dataclass(frozen=True, slots=True)
+class Outlines:
+    """A scene to be drawn: what agents' middles may be on, and what stands there."""
+
+    walkable: tuple[tuple[Ring, ...], ...]  # polygons: the outline, then its holes
+    vertices: tuple[Point3, ...]  # of the walkable ground's triangles, on the floor
+    triangles: tuple[tuple[int, int, int], ...]
+    solids: tuple[Block, ...]  # static ones; of a mesh there are none
+    obstacles: Mapping[str, Block]
+    version: int
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A path that was asked for."""
+
+    points: tuple[Point3, ...]  # from start to goal, on the floor
+    length: float  # metres, in plan
+    start_moved: float  # metres to the nearest free ground; 0: it was free
+    goal_moved: float
+    version: int  # of the scene
+
+
+@dataclass(frozen=True, slots=True)
+class Crowd:
+    """People who come to a session's scene, walk about all over it, and leave again."""
+
+    count: int  # that shall be there at a time
+    seed: int = 0  # genders, shapes, places and goals follow from it
+    speed: tuple[float, float] = (0.9, 1.4)  # m/s, drawn from this range
+    dwell: tuple[float, float] = (0.0, 4.0)  # seconds to stand at each place
+    spawn_rate: float = 0.0  # people a second; 0: as many as there is room for, at once
+    stay: float = 0.0  # mean seconds until one leaves and another comes; 0: they stay
