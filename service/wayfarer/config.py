@@ -34,6 +34,8 @@ from pydantic_settings import (
 )
 
 from wayfarer.errors import InvalidArgument
+from wayfarer.navigation.spec import MAX_MESH_BYTES
+from wayfarer.runtime.engines.engine import EngineKind
 
 PREFIX: Final = "WAYFARER_"
 FILE_VARIABLE: Final = PREFIX + "CONFIG"
@@ -101,6 +103,11 @@ class Limits(BaseModel):
     sessions_per_caller: int = Field(default=32, ge=1, description="sessions of one caller")
     calls_per_second: int = Field(
         default=100, ge=1, description="calls of one caller per second; bursts of twice as many"
+    )
+    scenes: int = Field(default=64, ge=1, description="scenes on the server")
+    scenes_per_caller: int = Field(default=16, ge=1, description="scenes of one caller")
+    mesh_bytes: int = Field(
+        default=16 << 20, ge=1024, le=MAX_MESH_BYTES, description="bytes of the mesh of a scene"
     )
 
 
@@ -171,7 +178,7 @@ class Settings(BaseSettings):
     state_dir: Path | None = Field(
         default=None, description="folder of the journal: what it holds outlives the process"
     )
-    engine: Literal["auto", "onnxruntime", "openvino", "torch"] = Field(
+    engine: EngineKind = Field(
         default="auto",
         description="what runs the model: onnxruntime, openvino (an extra), or the faster of them; "
         "torch (an extra) on a GPU",

@@ -7,12 +7,9 @@ import asyncio
 import gc
 import signal
 import sys
-from collections.abc import Callable, Coroutine
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Coroutine
 from contextlib import nullcontext
 from functools import partial
-from importlib.util import find_spec
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -21,29 +18,12 @@ import typer
 from rich.console import Console
 
 from wayfarer import __version__, config
-from wayfarer.artifacts import ModelFolder, sha256_of
-from wayfarer.body.library import body_file, load_body
+from wayfarer.assembly import model_folder, runtime, with_engine
 from wayfarer.config import Settings
 from wayfarer.config_page import as_toml
 from wayfarer.logs import configure_logging
-from wayfarer.runtime.engines.choice import open_engine
-from wayfarer.runtime.engines.model_store import ModelStore
-from wayfarer.runtime.engines.models import Models
-from wayfarer.runtime.engines.onnx_engine import OnnxEngine
-from wayfarer.runtime.loop import LoopSettings, steady_clock
-from wayfarer.runtime.meter import Meter
-from wayfarer.runtime.runtime import Runtime
-from wayfarer.runtime.settings import AdmissionRules, Limits, WorldSettings
-from wayfarer.runtime.state.journal import Journal
-from wayfarer.runtime.state.snapshot import BodyStamp
-from wayfarer.runtime.stepping.budget import BudgetRules, rungs
-from wayfarer.runtime.world.spawn import load_start_poses
-from wayfarer.runtime.world.steering import Steering
-from wayfarer.runtime.world.world import World
-from wayfarer.runtime.worlds import Worlds
-from wayfarer.shard import Shard
-from wayfarer.spec import GENDERS
-from wayfarer.stage import BODY, DEFAULT_MODEL, START_POSES, load_models
+from wayfarer.runtime.loop import steady_clock
+from wayfarer.stage import BODY
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.fleet import Fleet
 from wayfarer.transport.gateway import Gateway
@@ -51,12 +31,9 @@ from wayfarer.transport.operation import Operation
 from wayfarer.transport.server import Server
 from wayfarer.workers.member import bind_to, read_assignment, supervised
 from wayfarer.workers.messages import Assignment
-from wayfarer.workers.plan import check_state, threads_of
+from wayfarer.workers.plan import check_state
 
 log = structlog.get_logger(__name__)
-
-MEASURES: Final = 2
-"""Calls of each size that are measured once all is warm; agents are admitted by the shortest."""
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
@@ -118,81 +95,6 @@ def settle() -> None:
     """
     gc.collect()
     gc.freeze()
-
-
-def model_store(settings: Settings) -> ModelStore:
-    """The models that can be loaded by name: those shipped, then those of `models_dir`."""
-    shipped = DEFAULT_MODEL.parent
-    return ModelStore(
-        (shipped,) if settings.models_dir is None else (shipped, settings.models_dir),
-        load_models,
-        partial(
-            open_engine,
-            kind=settings.engine,
-            threads=settings.threads,
-            candidates=settings.candidates,
-        ),
-        settings.limits.agents,
-        rungs(settings.candidates),
-    )
-
-
-def model_folder(settings: Settings) -> ModelFolder:
-    """The model to start with. Raises InvalidArgument, NotFound, ArtifactError."""
-    name = settings.model
-    return load_models(Path(name) if "/" in name else model_store(settings).find(name))
-
-
-def runtime(
-    settings: Settings,
-    folder: ModelFolder,
-    clock: Callable[[], float],
-    meter: Meter | None = None,
-    shard: Shard = Shard(),
-) -> Runtime:
-    """The runtime over the models; not yet started. Raises ArtifactError."""
-    limits = Limits(
-        agents=settings.limits.agents,
-        agents_per_session=settings.limits.agents_per_session,
-        sessions=settings.limits.sessions,
-        goal_distance=settings.limits.goal_distance_m,
-        path_goals=settings.limits.path_goals,
-    )
-    engine = open_engine(folder, settings.engine, settings.threads, settings.candidates)
-    sizes = engine.sizes_for(limits.agents)
-    world_settings = WorldSettings(
-        limits=limits,
-        batch_sizes=sizes,
-        steering=Steering().with_search(candidates=settings.candidates),
-        budget=BudgetRules(),
-        admission=AdmissionRules(settings.most_load, refuse=settings.admission),
-        shard=shard,
-    )
-    body = BodyStamp(BODY, {gender: sha256_of(body_file(BODY, gender)) for gender in GENDERS})
-
-    def warm_up(world: World) -> None:
-        engine.warm_up(sizes if engine.compiles else sizes[-1:], rungs(settings.candidates))
-        for _ in range(MEASURES):
-            engine.warm_up(sizes, (1, settings.candidates), world.measured)
-
-    worlds = Worlds(
-        models=Models(engine),
-        body=body,
-        bodies={gender: load_body(BODY, gender, "low") for gender in GENDERS},
-        start_poses=load_start_poses(START_POSES),
-        settings=world_settings,
-        journal=Journal(settings.state_dir, body, meter) if settings.state_dir else None,
-        log_entries=settings.limits.log_entries,
-    )
-    queues = LoopSettings(
-        queue_s=settings.limits.queue_s,
-        resume_s=settings.limits.resume_s,
-        lead_s=settings.limits.lead_s,
-    )
-    store = model_store(settings)
-    return Runtime(
-        worlds, settings.limits.clips, warm_up, queues, clock, meter, open_model=store.open
-    )
 
 
 def announce(settings: Settings, http_url: str, grpc_address: str) -> None:
@@ -304,26 +206,6 @@ def serve_command(
     warn_if_open(settings)
     settings = with_engine(settings)
     _run(serve_workers(settings, partial(announce, settings)))
-
-
-def with_engine(settings: Settings) -> Settings:
-    """The engine chosen, once for all workers: a log must replay alike in each of them."""
-    if settings.engine != "auto":
-        return settings
-    kind = "onnxruntime"
-    if find_spec("openvino"):
-        # in a process of its own, whose memory goes with it
-        with ProcessPoolExecutor(1, get_context("spawn")) as apart:
-            kind = apart.submit(_engine_kind, settings.model_dump_json()).result()
-    return settings.model_copy(update={"engine": kind})
-
-
-def _engine_kind(settings: str) -> str:
-    """The setting `engine` for the faster one with a worker's threads."""
-    read = Settings.model_validate_json(settings)
-    configure_logging(read.log_level, read.log_format)
-    engine = open_engine(model_folder(read), "auto", threads_of(read))
-    return "onnxruntime" if isinstance(engine, OnnxEngine) else "openvino"
 
 
 def worker_command() -> None:

@@ -8,13 +8,9 @@ from wayfarer.runtime.world.steering import Steering
 from wayfarer.shard import Shard
 from wayfarer.spec import NEW_FRAMES
 
-BATCH_SIZES = (1, 2, 3, 4, 5, 6, 7, 8)
-"""Batches are padded to these sizes, which the engine has warmed.
-
-For a CPU: there a row costs the same in any batch of more than a few, so padding is waste and a
-large batch only keeps the others waiting. Engines that compile per shape, and GPUs, want few and
-large sizes.
-"""
+ANY_SIZE = tuple(range(1, 65))
+"""Batch sizes of worlds in which nobody waits for a step: no size has to be warmed, and none is
+padded."""
 
 PHASES = tuple(p for p in range(1, NEW_FRAMES + 1) if NEW_FRAMES % p == 0)
 """A step can be spread over so many moments, each on a frame."""
@@ -34,6 +30,22 @@ class Limits:
         for limit in fields(self):
             if not getattr(self, limit.name) > 0:
                 raise InvalidArgument(f"{limit.name} must be positive", f"limits.{limit.name}")
+
+
+@dataclass(frozen=True, slots=True)
+class SceneLimits:
+    """Quotas of the scenes of a server."""
+
+    scenes: int = 64
+    bakes: int = 1  # at a time; they take a core each
+    waiting: int = 4  # for one to end
+    bake_seconds: float = 20.0  # until a bake is given up
+    bake_bytes: int = 2 << 30  # of memory that a bake may take
+
+    def __post_init__(self) -> None:
+        for limit in fields(self):
+            if not getattr(self, limit.name) > 0:
+                raise InvalidArgument(f"{limit.name} must be positive", f"scenes.{limit.name}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +72,7 @@ class WorldSettings:
     lead: int = 1  # chunks that are planned ahead of their time
     phases: int = 4  # agents' steps are spread over so many moments of the 0.2 s
     replan_margin: float = 0.04  # s: a chunk that falls due within this is not replanned
-    batch_sizes: tuple[int, ...] = BATCH_SIZES
+    batch_sizes: tuple[int, ...] = ANY_SIZE  # to which batches are padded; a server's are warmed
     alone: bool = False  # engine calls take no thread but the caller's
     shard: Shard = field(default_factory=Shard)  # which of the server's sessions live here
 

@@ -11,14 +11,11 @@ from numpy.typing import NDArray
 
 from wayfarer.body.model import BodyModel
 from wayfarer.runtime.engines.models import Models
-from wayfarer.runtime.settings import WorldSettings
+from wayfarer.runtime.settings import ANY_SIZE, WorldSettings
 from wayfarer.runtime.state.journal import Journal
 from wayfarer.runtime.state.kept import KeptWorld
 from wayfarer.runtime.state.snapshot import BodyStamp
 from wayfarer.runtime.world.world import World
-
-BATCH_SIZES: Final = tuple(range(1, 65))
-"""Of worlds in which nobody waits for a step and agents are stepped all at once."""
 
 SLACK: Final = 100.0
 """Metres: in a replay an agent has come as far as is planned when it is given a goal, and not only
@@ -61,7 +58,7 @@ class Worlds:
 
     def _patient(self) -> WorldSettings:
         return replace(
-            self.settings, budget=None, phases=1, lead=1, batch_sizes=BATCH_SIZES, alone=True
+            self.settings, budget=None, phases=1, lead=1, batch_sizes=ANY_SIZE, alone=True
         )
 
     def _kept(self, settings: WorldSettings) -> KeptWorld:

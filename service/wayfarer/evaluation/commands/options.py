@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from wayfarer.runtime.engines.choice import EngineKind
+from wayfarer.runtime.engines.engine import EngineKind
 
 
 def _check_json(path: Path | None) -> Path | None:
