@@ -27,6 +27,7 @@ import onnxruntime
 
 from wayfarer import spec
 from wayfarer.errors import ArtifactError
+from wayfarer.onnx_metadata import read_metadata
 from wayfarer.terms import TERMS
 
 ASSETS: Final = Path(__file__).parent / "assets"
@@ -217,12 +218,10 @@ def load_model_folder(
 
 def read_contract(path: Path) -> Contract:
     """The contract inside a graph file. Raises ArtifactError."""
-    options = onnxruntime.SessionOptions()
-    # Only the metadata is wanted: leave the graph as it is, which is much the quickest.
-    options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL
-    options.intra_op_num_threads = 1
-    session = open_session(path, options)
-    metadata = session.get_modelmeta().custom_metadata_map
+    try:
+        metadata = read_metadata(path)
+    except (OSError, ValueError) as error:
+        raise ArtifactError(f"{path}: cannot be read: {error}") from error
     if METADATA_KEY not in metadata:
         raise ArtifactError(
             f"{path}: metadata: found keys {sorted(metadata)}, expected {METADATA_KEY!r}"

@@ -17,7 +17,7 @@ from torch.nn.functional import linear
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.motion.constants import indices
-from wayfarer.motion.posing import compose, turn
+from wayfarer.motion.posing import compose, to_columns, to_rows, turn
 from wayfarer.spec import POSED_JOINTS
 
 
@@ -90,13 +90,17 @@ class MarkerBody(nn.Module):
         values = torch.from_numpy(np.array(array, dtype=np.float32))
         self.register_buffer(name, values, persistent=False)
 
-    def shaped(self, betas: Tensor) -> Shaped:
-        """What a shape alone decides: betas [A, B]."""
-        bind = linear(betas, self.bind_dirs.flatten(1).T, self.bind.flatten())
+    def shaped(self, betas: Tensor, markers: Sequence[int] | None = None) -> Shaped:
+        """What a shape alone decides, for these markers or all: betas [A, B]."""
+        mean, dirs = self.bind, self.bind_dirs
+        if markers is not None:
+            some = indices(markers, betas)
+            mean, dirs = mean.index_select(-1, some), dirs.index_select(-1, some)
+        bind = linear(betas, dirs.flatten(1).T, mean.flatten())
         offsets = linear(betas, self.offsets_dirs.flatten(1).T, self.offsets.flatten())
         return Shaped(
             offsets.T.unflatten(0, self.offsets.shape)[:, :, None],
-            bind.unflatten(-1, self.bind.shape),
+            bind.unflatten(-1, mean.shape),
         )
 
     def place(self, shape: Shaped, hips: Tensor, local: Tensor) -> Placed:
@@ -116,7 +120,7 @@ class MarkerBody(nn.Module):
         # [3, 4 · 22, F, A]: x, y or z; the joints' axes and places
         axes = torch.cat([joints.rotations, joints.places[:, None]], 1).flatten(1, 2)
         frames = axes.shape[2]
-        rows = axes.permute(3, 2, 0, 1).flatten(1, 2)  # [A, F · 3, 88]
+        rows = to_rows(axes.permute(2, 0, 1, 3)).flatten(1, 2)  # [A, F · 3, 88]
         return (rows @ shape.bind).unflatten(1, (frames, 3))
 
     def skin(self, shape: Shaped, translation: Tensor, local: Tensor) -> tuple[Tensor, Tensor]:
@@ -124,9 +128,10 @@ class MarkerBody(nn.Module):
 
         translation [A, F, 3] and local rotations [A, F, 22, 3, 3] of A shapes.
         """
-        joints = self.place(shape, translation.permute(2, 1, 0), local.permute(3, 4, 2, 1, 0))
+        hips, turns = to_columns(translation), to_columns(local)
+        joints = self.place(shape, hips.transpose(0, 1), turns.permute(2, 3, 1, 0, 4))
         markers = self.blend(shape, joints).transpose(-1, -2)
-        return markers, joints.places.permute(3, 2, 1, 0)
+        return markers, to_rows(joints.places.permute(2, 1, 0, 3))
 
     def forward(self, translation: Tensor, local: Tensor, betas: Tensor) -> tuple[Tensor, Tensor]:
         """Markers [..., M, 3] and joint places [..., 22, 3] of poses that each have their shape.

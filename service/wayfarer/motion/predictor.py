@@ -70,10 +70,11 @@ class MarkerPredictor(nn.Module):
 
         # Two axes only: exporters make one operator of a product and its bias then.
         condition = for_all(self.from_seed(hx)) + self.from_latent(latent.flatten(0, 1))
+        fixed = self.decoder.fixed(condition)
         state, frame = for_all(self.first_state(hx)), for_all(seed[:, -1, :SIZE])
         frames = []
         for _ in range(self.new_frames):
-            state = self.decoder.step(self.decoder.from_input(frame) + condition, state)
+            state = self.decoder.step(frame, fixed, state)
             frame = frame + self.output(state)
             frames.append(frame)
         return torch.stack(frames, -2).unflatten(0, (agents, candidates))

@@ -19,7 +19,15 @@ from wayfarer.motion.frame import Frame, canonical_frame, to_local, to_world
 from wayfarer.motion.marker_body import MarkerBody, Placed, Shaped
 from wayfarer.motion.obstacles import localised
 from wayfarer.motion.policy import Condition, GoalPolicy
-from wayfarer.motion.posing import compose, from_6d, from_quaternion, to_6d, to_quaternion
+from wayfarer.motion.posing import (
+    compose,
+    from_6d,
+    from_quaternion,
+    to_6d,
+    to_columns,
+    to_quaternion,
+    to_rows,
+)
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.quality import Candidate, Sites, evaluate, foot_contacts, take
 from wayfarer.motion.regressor import BodyRegressor, Pose
@@ -36,8 +44,7 @@ GROUNDING = 0.5
 EVERY = 2
 """Every so many-th frame is given to the regressor (not in the paper: there, every one).
 
-What lies between is interpolated: at 40 frames a second that moves markers by less than a
-millimetre, and takes a quarter off the step (docs/models.md)."""
+What lies between is interpolated, which takes a quarter off the step."""
 
 
 class StepResult(NamedTuple):
@@ -93,7 +100,8 @@ class PrimitiveStep(nn.Module):
         obstacles: Tensor,  # [A, O, 7]
     ) -> StepResult:
         """Step every row; rows do not influence each other."""
-        known = from_quaternion(seed_rotations.permute(3, 2, 1, 0))  # [3, 3, 22, S, A]
+        turns = to_columns(seed_rotations).permute(2, 1, 0, 3)  # [4, 22, S, A]
+        known = from_quaternion(turns)  # [3, 3, 22, S, A]
         frame = canonical_frame(
             seed_translation[:, 0], known[:, :, 0, 0].permute(2, 0, 1), self.floor_origin
         )
@@ -113,12 +121,14 @@ class PrimitiveStep(nn.Module):
         shape = self.body.shaped(betas)
         to_frame = frame.rotation.permute(2, 1, 0)[:, :, None, None]  # [3, 3, 1, 1, A], transposed
         shown = Pose(
-            to_local(frame, seed_translation).permute(2, 1, 0),
+            to_columns(to_local(frame, seed_translation)).transpose(0, 1),
             torch.cat([compose(to_frame, known[:, :, :1]), known[:, :, 1:]], 2),
         )
         pose = self._body(seed, future, betas, shape, shown)
         joints = self.body.place(shape, pose.hips, pose.rotations)
-        soles = self._above(frame, self._soles(shape, joints))
+        feet = self.body.shaped(betas, self._feet())
+        # [A, F, 8, 3], the left foot first
+        soles = self._above(frame, self.body.blend(feet, joints).transpose(-1, -2))
         lift = self._ground(soles)  # [A, F]
         soles = soles + lift[:, :, None, None] * _up(soles)
         before = self._above(frame, take(seed[:, -1:], self._feet()))
@@ -128,12 +138,12 @@ class PrimitiveStep(nn.Module):
         reprojected = self.body.blend(shape, ends).transpose(-1, -2)
         blended = self.blend * reprojected + (1 - self.blend) * future[:, -keep:]
         blended = blended + lift[:, -keep:, None, None] * _up(lift)
-        hips = pose.hips.permute(2, 1, 0) + lift[..., None] * _up(lift)
+        hips = to_rows(pose.hips.transpose(0, 1)) + lift[..., None] * _up(lift)
         root = compose(frame.rotation.permute(1, 2, 0)[:, :, None, None], pose.rotations[:, :, :1])
         turned = to_quaternion(torch.cat([root, pose.rotations[:, :, 1:]], 2))
         return StepResult(
             translation=to_world(frame, hips),
-            rotations=turned.permute(3, 2, 1, 0),
+            rotations=to_rows(turned.permute(2, 1, 0, 3)),
             contacts=foot_contacts(torch.cat([before, soles], 1).unflatten(2, (2, -1))),
             next_seed_markers=to_world(frame, blended.flatten(1, 2)).unflatten(1, (keep, -1)),
             terms=terms,
@@ -149,12 +159,6 @@ class PrimitiveStep(nn.Module):
 
     def _feet(self) -> list[int]:
         return self.sites.left_sole + self.sites.right_sole
-
-    def _soles(self, shape: Shaped, joints: Placed) -> Tensor:
-        """Sole markers [A, F, 8, 3] of both feet, the left one's first."""
-        feet = indices(self._feet(), shape.bind)
-        only = shape._replace(bind=shape.bind.index_select(-1, feet))
-        return self.body.blend(only, joints).transpose(-1, -2)
 
     def _ground(self, soles: Tensor) -> Tensor:
         """By how much [A, F] to raise frames so that the lowest sole [A, F, 8, 3] meets the floor.

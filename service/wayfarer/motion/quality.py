@@ -50,7 +50,7 @@ class Sites:
                 raise InvalidArgument(f"the body lacks markers {missing}; it has {list(names)}")
             return [list(names).index(w) for w in wanted]
 
-        reaching = ("SHO", "ELB", "FIN", "HIP", "KNE", "HEE", "TOE")
+        reaching = ("SHO", "ELB", "FIN", "HIP", "KNE", "TOE")
         sole = ("SOLE_HEEL", "SOLE_MT1", "SOLE_MT5", "SOLE_TOE")
         return cls(
             left_waist=find("LFWT", "LBWT"),
@@ -60,7 +60,7 @@ class Sites:
             right_sole=find(*("R" + s for s in sole)),
             left_ankle=find("LANK")[0],
             right_ankle=find("RANK")[0],
-            outline=find("T10", "STRN", *(side + name for side in "LR" for name in reaching)),
+            outline=find(*(side + name for side in "LR" for name in reaching)),
         )
 
 

@@ -19,7 +19,7 @@ from torch.nn.functional import linear
 
 from wayfarer.motion.layers import ResidualBlock
 from wayfarer.motion.marker_body import MarkerBody, Shaped
-from wayfarer.motion.posing import from_6d, to_6d
+from wayfarer.motion.posing import from_6d, to_6d, to_columns, to_rows
 from wayfarer.spec import BETAS, MARKERS, POSED_JOINTS
 
 STATE = 3 + POSED_JOINTS * 6
@@ -73,13 +73,14 @@ class BodyRegressor(nn.Module):
         from pass to pass: each learns to correct whatever it is given.
         """
         found = self.solve(markers, betas, self.body.shaped(betas), passes)
-        return found.hips.permute(2, 1, 0), found.rotations.permute(4, 3, 2, 0, 1)
+        return to_rows(found.hips.transpose(0, 1)), to_rows(found.rotations.permute(3, 2, 0, 1, 4))
 
     def solve(self, markers: Tensor, betas: Tensor, shape: Shaped, passes: int = PASSES) -> Pose:
         """As `forward`, poses last; `shape` is that of `betas`."""
         agents, frames = markers.shape[:2]
-        centre = markers.mean(-2)
-        centred = (markers - centre[..., None, :]).transpose(-1, -2).reshape(agents * frames, -1)
+        axes = markers.transpose(-1, -2)
+        centre = axes.mean(-1)
+        centred = (axes - centre[..., None]).reshape(agents * frames, -1)
         known = self.know(centred, betas, frames)
         state = self.start.expand(agents, STATE)  # the first estimate is of no frame
         for _ in range(passes):
@@ -89,7 +90,7 @@ class BodyRegressor(nn.Module):
             rows = _pack(pose).expand(-1, frames, -1).flatten(0, 1)
             state = rows + self.correct(known, error, rows)
         pose = _unpack(state, agents)
-        return Pose(centre.permute(2, 1, 0) + pose.hips, pose.rotations)
+        return Pose(to_columns(centre).transpose(0, 1) + pose.hips, pose.rotations)
 
     def know(self, centred: Tensor, betas: Tensor, frames: int) -> Tensor:
         """The first layer's share that is the same in all passes [A · F, 128]."""
@@ -114,14 +115,14 @@ class BodyRegressor(nn.Module):
 
 def _unpack(state: Tensor, agents: int) -> Pose:
     """From rows [A · F, 135]: the hips' place from the markers' centre, then 6D by number."""
-    numbers = state.unflatten(0, (agents, -1)).permute(2, 1, 0)
+    numbers = to_columns(state.unflatten(0, (agents, -1))).transpose(0, 1)
     return Pose(numbers[:3], from_6d(numbers[3:].unflatten(0, (6, POSED_JOINTS))))
 
 
 def _pack(pose: Pose) -> Tensor:
     """Rows [A, F, 135] of estimates, orthonormalised."""
     numbers = torch.cat([pose.hips, to_6d(pose.rotations).flatten(0, 1)])
-    return numbers.permute(2, 1, 0)
+    return to_rows(numbers.transpose(0, 1))
 
 
 def _squash(error: Tensor) -> Tensor:
