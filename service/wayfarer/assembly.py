@@ -17,7 +17,7 @@ from wayfarer.runtime.engines.models import Models
 from wayfarer.runtime.loop import LoopSettings
 from wayfarer.runtime.meter import Meter
 from wayfarer.runtime.runtime import Runtime
-from wayfarer.runtime.settings import AdmissionRules, Limits, WorldSettings
+from wayfarer.runtime.settings import AdmissionRules, Limits, SceneLimits, WorldSettings
 from wayfarer.runtime.state.journal import Journal
 from wayfarer.runtime.state.snapshot import BodyStamp
 from wayfarer.runtime.stepping.budget import BudgetRules, rungs
@@ -31,7 +31,10 @@ from wayfarer.stage import BODY, DEFAULT_MODEL, START_POSES, load_models
 from wayfarer.workers.plan import threads_of
 
 MEASURES: Final = 2
-"""Calls of each size that are measured once all is warm; agents are admitted by the shortest."""
+"""Calls of a size that are measured; agents are admitted by the shortest."""
+
+MEASURE_EVERY: Final = 3
+"""Of the sizes of batches, from the largest down: what lies between is reckoned."""
 
 
 def model_store(settings: Settings) -> ModelStore:
@@ -83,13 +86,18 @@ def runtime(
         budget=BudgetRules(),
         admission=AdmissionRules(settings.most_load, refuse=settings.admission),
         shard=shard,
+        scenes=SceneLimits(scenes=settings.limits.scenes),
     )
     body = BodyStamp(BODY, {gender: sha256_of(body_file(BODY, gender)) for gender in GENDERS})
 
     def warm_up(world: World) -> None:
-        engine.warm_up(sizes if engine.compiles else sizes[-1:], rungs(settings.candidates))
+        tried = rungs(settings.candidates)
+        measured = (tried[0], tried[-1])
+        # memory is allocated for the largest batch; what has to be compiled, for each
+        engine.warm_up(sizes if engine.compiles else sizes[-1:], set(tried) - set(measured))
+        spread_out = sizes if engine.compiles else sizes[::-MEASURE_EVERY]
         for _ in range(MEASURES):
-            engine.warm_up(sizes, (1, settings.candidates), world.measured)
+            engine.warm_up(spread_out, measured, world.measured)
 
     worlds = Worlds(
         models=Models(engine),

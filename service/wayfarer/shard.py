@@ -1,7 +1,7 @@
 """Ids that say where their session lives, when several processes serve together.
 
-An id is `session-` or `agent-` and hexadecimal digits. The first four are the key of the session,
-which its agents' ids share, on every server: the key modulo the number of processes is the one that
+An id is `session-`, `scene-` or `agent-` and hexadecimal digits. The first four are the key of the
+session, which its agents' ids share, on every server: the key modulo the number of processes is the one that
 has it. So whoever holds an id finds the process, and no table has to be kept, made again or agreed
 upon; and a session that comes from another server has its place, too.
 """
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Final
 
 KEYS: Final = 1 << 16
-_KEY: Final = re.compile(r"(?:session|agent)-([0-9a-f]{4})")
+_KEY: Final = re.compile(r"(?:session|scene|agent)-([0-9a-f]{4})")
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,12 +24,19 @@ class Shard:
 
     def session_id(self) -> str:
         """A new one, of a session that lives here."""
-        key = secrets.randbelow(KEYS // self.count) * self.count + self.index
-        return f"session-{key:04x}{secrets.token_hex(6)}"
+        return self._id("session")
+
+    def scene_id(self) -> str:
+        """A new one, of a scene that lives here, and so do the sessions that are in it."""
+        return self._id("scene")
 
     def holds(self, name: str) -> bool:
-        """Whether the session or agent of this id lives here, if anywhere."""
+        """Whether the session, scene or agent of this id lives here, if anywhere."""
         return shard_of(name, self.count) == self.index
+
+    def _id(self, kind: str) -> str:
+        key = secrets.randbelow(KEYS // self.count) * self.count + self.index
+        return f"{kind}-{key:04x}{secrets.token_hex(6)}"
 
 
 def agent_id(session_id: str) -> str:
@@ -39,6 +46,6 @@ def agent_id(session_id: str) -> str:
 
 
 def shard_of(name: str, count: int) -> int:
-    """Index of the shard, of `count`, in which a session or agent lives; 0 for what is no id."""
+    """Index of the shard, of `count`, in which a session, scene or agent lives; 0 for what is no id."""
     found = _KEY.match(name)
     return int(found[1], 16) % count if found else 0

@@ -12,6 +12,7 @@ from wayfarer.body.model import BodyModel
 from wayfarer.runtime.engines.choice import open_engine
 from wayfarer.runtime.engines.engine import EngineKind
 from wayfarer.runtime.engines.warm import WarmEngine
+from wayfarer.runtime.scenes.book import Book
 from wayfarer.runtime.settings import ANY_SIZE, Limits, WorldSettings
 from wayfarer.runtime.world.spawn import load_start_poses
 from wayfarer.runtime.world.steering import Steering
@@ -49,10 +50,11 @@ class Stage:
         """Whether latents can come from a policy; else they come from N(0, I) in any case."""
         return "policy.onnx" in self.models.contracts
 
-    def world(self, agents: int, steering: Steering) -> World:
+    def world(self, agents: int, steering: Steering, scenes: Book | None = None) -> World:
         """A world for so many agents, who are all stepped at the same moments: in one batch.
 
-        Raises ArtifactError when the start poses are missing or unfit.
+        `scenes` are those that its sessions may be in. Raises ArtifactError when the start poses
+        are missing or unfit.
         """
         settings = WorldSettings(
             limits=Limits(agents=agents, agents_per_session=agents),
@@ -60,7 +62,8 @@ class Stage:
             phases=1,
             batch_sizes=ANY_SIZE,
         )
-        return World(self.engine, self.bodies, load_start_poses(START_POSES), settings)
+        start_poses = load_start_poses(START_POSES)
+        return World(self.engine, self.bodies, start_poses, settings, scenes=scenes)
 
 
 def open_stage(models: Path, threads: int, engine: EngineKind = "onnxruntime") -> Stage:

@@ -50,7 +50,7 @@ BAD = {
     "solids": replace(GOOD, solids=GOOD.solids * (MAX_SOLIDS + 1)),
     "entries[0][2]": replace(GOOD, entries=((0.0, 0.0, nan),)),
     "mesh.format": replace(GOOD, mesh=MeshFile(b"", "fbx")),  # type: ignore[arg-type]
-    "mesh.up": replace(GOOD, mesh=MeshFile(b"", "obj", up="X")),  # type: ignore[arg-type]
+    "mesh.axes": replace(GOOD, mesh=MeshFile(b"", "obj", axes=((1.0, 0, 0),) * 3)),
     "mesh.unit": replace(GOOD, mesh=MeshFile(b"", "obj", unit=0.0)),
     "mesh.data": replace(GOOD, mesh=MeshFile(bytes(MAX_MESH_BYTES + 1), "obj")),
     "walkable.radius": walkable(radius=0.0),

@@ -260,6 +260,32 @@ async def test_stop_ends_streams_and_commands():
             await loop.stats()
 
 
+async def occupied(loop):
+    """Keep the motion thread busy; returns what lets it go."""
+    is_busy, let_go = threading.Event(), threading.Event()
+    held = asyncio.create_task(loop.ask(lambda *_: (is_busy.set(), let_go.wait(30))))
+    await until(is_busy.is_set)
+    return held, let_go
+
+
+async def test_who_has_no_room_is_told_so_whatever_the_motion_thread_is_at():
+    async with Running(limits=Limits(agents=4)) as loop:
+        await loop.create_session(SessionSpec("s"))
+        await loop.create_agents("s", people(1))
+        held, let_go = await occupied(loop)
+        try:
+            coming = asyncio.create_task(loop.create_agents("s", people(2)))
+            await asyncio.sleep(0.05)
+            async with asyncio.timeout(10):
+                with pytest.raises(ResourceExhausted, match="3 of 4 agents exist"):
+                    await loop.create_agents("s", people(2))
+            assert not coming.done()
+        finally:
+            let_go.set()
+        await held
+        assert len(await coming) == 2
+
+
 class HeldEngine(FakeEngine):
     """Whose calls last until they are let go."""
 
@@ -273,38 +299,38 @@ class HeldEngine(FakeEngine):
         return super().step(gender, inputs)
 
 
-async def test_who_has_no_room_is_told_so_whatever_the_motion_thread_is_at():
+async def test_commands_are_answered_while_the_engine_is_at_work():
     engine = HeldEngine()
-    async with Running(engine, limits=Limits(agents=4)) as loop:
+    async with Running(engine) as loop:
         await loop.create_session(SessionSpec("s"))
-        await loop.create_agents("s", people(1))
+        leaver, walker = await loop.create_agents("s", people(2))
+        stream = await loop.subscribe("s", ALL)
         await until(engine.is_busy.is_set)
         try:
-            coming = asyncio.create_task(loop.create_agents("s", people(2)))
-            await asyncio.sleep(0.05)
             async with asyncio.timeout(10):
-                with pytest.raises(ResourceExhausted, match="3 of 4 agents exist"):
-                    await loop.create_agents("s", people(2))
-            assert not coming.done()
+                await loop.delete_agent(leaver.agent_id)
+                [newcomer] = await loop.create_agents("s", people(1))  # into the slot that is free
+                revision = await loop.give(walker.agent_id, SetGoal(Goal((0.0, 3.0, 0.0))))
         finally:
             engine.let_go.set()
-        assert len(await coming) == 2
+        chunks = [c for b in await first(stream, 6) for c in b.chunks]
+    by_agent = {a: [c for c in chunks if c.agent_id == a] for a in {c.agent_id for c in chunks}}
+    assert set(by_agent) == {walker.agent_id, newcomer.agent_id}
+    assert {c.goal_revision for c in by_agent[walker.agent_id]} == {revision}
+    for own in by_agent.values():
+        assert [c.seq for c in own] == list(range(len(own)))
 
 
 async def test_a_full_inbox_refuses():
-    gate = threading.Event()
-    engine = FakeEngine()
-    step = engine.step
-    engine.step = lambda *a: (gate.wait(5), step(*a))[1]
-    async with Running(engine, inbox=2) as loop:
+    async with Running(inbox=2) as loop:
         await loop.create_session(SessionSpec("s"))
-        await loop.create_agents("s", people(1))
-        await asyncio.sleep(0.3)  # the thread is now within the engine
+        held, let_go = await occupied(loop)
         waiting = [asyncio.ensure_future(loop.get_session("s")) for _ in range(2)]
         await asyncio.sleep(0)
         with pytest.raises(Unavailable, match="2 commands are waiting"):
             await loop.get_session("s")
-        gate.set()
+        let_go.set()
+        await held
         assert [s.session_id for s in await asyncio.gather(*waiting)] == ["s", "s"]
 
 

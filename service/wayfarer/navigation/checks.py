@@ -6,6 +6,7 @@ Errors name the field as the spec spells it: `solids[3].size[0]`, `floors[0].out
 from collections.abc import Sequence
 from math import isfinite, isinf
 
+import numpy as np
 import shapely
 
 from wayfarer.errors import InvalidArgument
@@ -139,8 +140,11 @@ def _check_mesh(mesh: MeshFile) -> None:
         raise InvalidArgument(
             f"mesh.format is {mesh.format!r}; known are glb, obj and ply", "mesh.format"
         )
-    if mesh.up not in ("Y", "Z"):
-        raise InvalidArgument(f"mesh.up is {mesh.up!r}; it is Y or Z", "mesh.up")
+    axes = np.array(mesh.axes)
+    if axes.shape != (3, 3) or not np.array_equal(axes @ axes.T, np.eye(3)):
+        raise InvalidArgument(
+            f"mesh.axes is {mesh.axes}; it is three unit vectors at right angles", "mesh.axes"
+        )
     _within(mesh.unit, 1e-4, 1e3, "mesh.unit")
     if len(mesh.data) > MAX_MESH_BYTES:
         raise InvalidArgument(

@@ -97,25 +97,16 @@ class Scene:
         be reached), and the path says how far. Raises Unreachable when the goal is free ground that
         no way leads to, InvalidArgument on malformed points.
         """
-        check_point(start, "start")
-        check_point(goal, "goal")
-        first, last = self._start(start), self._goal(goal)
-        island = self.mesh.island[first.triangle]
-        if last is None or self.mesh.island[last.triangle] != island:
-            reachable = np.flatnonzero(self.mesh.island == island)
-            nearest = nearest_place(self.mesh, self.ground, goal, reachable)
-            if last is not None:
-                raise Unreachable(
-                    f"no way leads from {_text(start)} to {_text(goal)}; the nearest place that "
-                    f"can be reached is {_text(nearest.point)}",
-                    nearest.point,
-                )
-            last = nearest
+        first, last = self._ends(start, goal)
         points = shortest(self.mesh, self.ground, first, last)
         assert points is not None  # one island
         points = widened(points, self, self.spec.walkable.radius)
         points[:, 2] = self.floor(points)
         return Path(points, first.moved, last.moved, self.content_hash, self.version)
+
+    def reach(self, start: Point2 | Point3, goal: Point2 | Point3) -> Point3:
+        """Where `path` would end, without looking for the way. Raises as it does."""
+        return self._ends(start, goal)[1].point
 
     def nearest(self, point: Point2 | Point3) -> Point3:
         """The nearest free ground, which is the point itself where it is free."""
@@ -138,7 +129,7 @@ class Scene:
         height = np.broadcast_to(targets[:, None, 2:], (*lines.shape[:2], 1))
         near = self.distance(np.concatenate([lines, height], -1))
         # whoever stands too near already may go wherever it is no nearer than that
-        floor = min(self._tight, float(near[:, 0].min()))
+        floor = min(self.tight, float(near[:, 0].min()))
         good = np.flatnonzero((near >= floor - 1e-6).all(1))
         x, y, z = targets[good[0] if len(good) else -1].tolist()
         return Ahead((x, y, z), progress, path.length - progress)
@@ -172,7 +163,7 @@ class Scene:
         return distance, away
 
     @property
-    def _tight(self) -> float:
+    def tight(self) -> float:
         """The clearance of a way that just keeps the radius, as the field may show it.
 
         In the middle of a passage the field has a ridge, which samples half a cell apart may miss.
@@ -180,7 +171,7 @@ class Scene:
         return self.spec.walkable.radius - self.fields[0].grid.cell / 2
 
     def _free(self, points: Array) -> NDArray[np.bool_]:
-        return self.distance(points) >= self._tight
+        return self.distance(points) >= self.tight
 
     def _heights(self, points: Array) -> Array:
         """Height of every layer's floor at the points. [layers, ...]"""
@@ -197,6 +188,23 @@ class Scene:
             np.abs(heights - wanted) - np.where(seen < 0, seen, 0.1 * seen)
         ).argmin(0)
         return best
+
+    def _ends(self, start: Point2 | Point3, goal: Point2 | Point3) -> tuple[Place, Place]:
+        check_point(start, "start")
+        check_point(goal, "goal")
+        first, last = self._start(start), self._goal(goal)
+        island = self.mesh.island[first.triangle]
+        if last is not None and self.mesh.island[last.triangle] == island:
+            return first, last
+        reachable = np.flatnonzero(self.mesh.island == island)
+        nearest = nearest_place(self.mesh, self.ground, goal, reachable)
+        if last is not None:
+            raise Unreachable(
+                f"no way leads from {_text(start)} to {_text(goal)}; the nearest place that "
+                f"can be reached is {_text(nearest.point)}",
+                nearest.point,
+            )
+        return first, nearest
 
     def _start(self, point: Point2 | Point3) -> Place:
         return self._goal(point) or nearest_place(self.mesh, self.ground, point)

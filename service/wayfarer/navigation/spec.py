@@ -15,7 +15,6 @@ Point2: TypeAlias = tuple[float, float]
 Point3: TypeAlias = tuple[float, float, float]
 Ring: TypeAlias = tuple[Point2, ...]
 MeshFormat: TypeAlias = Literal["glb", "obj", "ply"]
-UpAxis: TypeAlias = Literal["Y", "Z"]
 
 MAX_SOLIDS: Final = 2_000
 MAX_FLOORS: Final = 64
@@ -89,16 +88,24 @@ Obstacle: TypeAlias = Box | Cylinder | Prism
 """Comes and goes (doors, crates): never walked on."""
 
 
+MeshAxes: TypeAlias = tuple[Point3, Point3, Point3]
+Y_UP: Final[MeshAxes] = ((-1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0))
+"""glTF's: its front, +Z, is the world's +Y."""
+Z_UP: Final[MeshAxes] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""The world's own."""
+
+
 @dataclass(frozen=True, slots=True)
 class MeshFile:
-    """A level as a client sends it. `unit`: metres per unit of the file. `up`: its up axis.
+    """A level as a client sends it. `unit`: metres per unit of the file.
 
-    GLB is always Y up and in metres by its standard; other values are taken as they are given.
+    `axes`: the world's axes in those of the file. GLB is always `Y_UP` and in metres by its
+    standard; other values are taken as they are given.
     """
 
     data: bytes
     format: MeshFormat
-    up: UpAxis = "Y"
+    axes: MeshAxes = Y_UP
     unit: float = 1.0
 
 

@@ -6,7 +6,7 @@ Transports convert their wire types to these and back, and nothing else crosses.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntFlag, StrEnum
-from typing import Annotated, Final, Self
+from typing import Annotated, Final, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ class AgentSpec:
     noise_seed: int = 0  # the agent's motion is reproducible from it
     name: str = ""  # shown by clients; need not be unique
     foot_lock: bool = True  # feet on the floor are kept from sliding in the frames that are sent
+    floor: float = 0.0  # in a scene: of several storeys the one whose height is nearest to this
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,6 +186,10 @@ class EventKind(StrEnum):
     GAP = "gap"
     DRAINING = "draining"
     MODEL_CHANGED = "model_changed"
+    GOAL_MOVED = "goal_moved"  # off free ground: the nearest that can be reached was taken
+    UNREACHABLE = "unreachable"  # no way leads to the goal: the agent waits where it is
+    BLOCKED = "blocked"  # an obstacle closes the way: the agent waits until it opens
+    BEHAVIOUR_ENDED = "behaviour_ended"  # the agent that it followed, or fled, has been deleted
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,6 +255,8 @@ class SessionSpec:
     seed: int = 0  # from which agents without a seed draw theirs
     lock_step: bool = False  # time passes only in `step_session`
     record: bool = False  # commands are kept for `export_log`
+    scene: str = ""  # id of the scene that it is in; empty: a flat floor without end
+    avoid: bool = True  # in a scene, its agents avoid each other
     attributes: Mapping[str, str] = field(default_factory=dict)  # the transport's: kept, not read
 
 
@@ -265,12 +272,13 @@ class SessionInfo:
 
 @dataclass(frozen=True, slots=True)
 class Wander:
-    """Walking about in a disc, from one place drawn at random to the next."""
+    """Walking about in a disc, or all over the scene, from one place drawn at random to the next."""
 
-    center: tuple[float, float]  # metres, world
-    radius: float  # metres
+    center: tuple[float, float] | None  # metres, world; None: wherever the agent's scene is free
+    radius: float = 0.0  # metres; of no account without a centre
     speed: float = 1.2  # m/s
     dwell: float = 0.0  # seconds to stand at each place
+    kind: Literal["wander"] = "wander"
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,8 @@ chunk, on how many candidates there was time for.
 from dataclasses import dataclass
 from typing import Protocol
 
-from wayfarer.runtime.agent import AgentChange, AgentSpec, Goal, Wander
+from wayfarer.runtime.agent import AgentChange, AgentSpec, Goal
+from wayfarer.runtime.behaviours import Behaviour, Routine
 from wayfarer.runtime.world.handover import AgentRecord
 
 
@@ -37,8 +38,8 @@ class ClearGoal:
     """Stop."""
 
 
-Order = SetGoal | SetPath | AppendGoals | Wander | ClearGoal
-"""A change of goals; each makes a revision."""
+Order = SetGoal | SetPath | AppendGoals | ClearGoal | Behaviour | Routine
+"""A change of what the agent does; each makes a revision."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from itertools import groupby
 from operator import attrgetter
 from typing import TypeVar
@@ -139,9 +140,11 @@ class MotionLoop:
             self._counted("create_agents"),
             self._world.reserve(session_id, specs, self._clock()) as room,
         ):
-            seeds = await self._off_thread(self._prepare, specs)
+            place = partial(self._world.placed, session_id)
+            placed = await self._off_thread(place, specs)
+            seeds = await self._off_thread(self._prepare, placed)
             return await self.ask(
-                lambda world, now: world.create_agents(session_id, specs, now, seeds, room)
+                lambda world, now: world.create_agents(session_id, placed, now, seeds, room)
             )
 
     async def get_agent(self, agent_id: str) -> AgentInfo:

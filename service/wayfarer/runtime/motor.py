@@ -1,7 +1,8 @@
 """The only thread: take commands, step agents, publish chunks.
 
-A turn: serve the inbox → publish what falls due → one engine call → again, or wait for the next
-event or command. Frames keep their schedule, so a late turn is followed by bigger batches, not by
+A turn: serve the inbox → take in what the engine has made → set it going for whoever is due →
+publish what falls due → again, or wait for the next event or command. The engine works beside the
+thread (`crew.py`). Frames keep their schedule, so a late turn is followed by bigger batches, not by
 later ones. Only when the thread is more than a second behind (an overloaded or suspended machine)
 the whole schedule is moved back, and `rebased` in the statistics says so.
 
@@ -16,6 +17,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum, auto
+from functools import partial
 from typing import Final, TypeVar
 
 import numpy as np
@@ -23,9 +25,11 @@ import structlog
 
 from wayfarer.errors import Unavailable
 from wayfarer.runtime.agent import LoopStats
+from wayfarer.runtime.crew import Crew
 from wayfarer.runtime.inbox import Inbox
 from wayfarer.runtime.meter import Meter
 from wayfarer.runtime.stats import Window, mean, percentile
+from wayfarer.runtime.stepping.scheduler import Flight
 from wayfarer.runtime.streams.publisher import Publisher
 from wayfarer.runtime.world.views import Due
 from wayfarer.runtime.world.world import World
@@ -39,7 +43,6 @@ ALIVE_SECONDS: Final = 1.0  # without a turn for so long the thread counts as hu
 HEARTBEAT: Final = 0.25  # the longest wait, so that an idle thread is seen to be alive
 BEHIND_SECONDS: Final = 1.0  # beyond this the schedule is moved
 LATE_SECONDS: Final = 1 / FPS  # a chunk that leaves later than one frame after its time is late
-MAX_REACH: Final = 0.05  # chunks leave no earlier than this: they can no longer be replanned then
 HOLD_SECONDS: Final = 0.5  # agents that wait are put off by this, turn by turn
 FAILURES: Final = 10  # failed turns in a row that end the thread
 RETRY_SECONDS: Final = 0.05  # pause after a failed turn
@@ -63,6 +66,8 @@ class Figures:
     failures: int = 0  # turns
     rebased: int = 0
     held: int = 0  # sessions whose agents wait now
+    worked: float = 0.0  # seconds of the thread's own since the last engine call was taken in
+    published: int = 0  # chunks, since then
     step_seconds: Window = field(default_factory=Window)
     lateness: Window = field(default_factory=Window)  # of the latest chunk of each turn
 
@@ -88,6 +93,7 @@ class Motor:
         self._meter = meter
         self._phase = Phase.NEW
         self._stopping = False
+        self._crew = Crew(clock, inbox.wake)
         self._thread = threading.Thread(target=self._run, name="motion-loop", daemon=True)
         self._started_at = self._beat = clock()
         self._failures_in_a_row = 0
@@ -112,10 +118,12 @@ class Motor:
 
     @property
     def alive(self) -> bool:
-        """Warming up, or a turn was made within the last second."""
+        """Warming up, or a turn, and what the engine was at, were done within the last second."""
         if self._phase is Phase.WARMING:
             return self._thread.is_alive()
-        return self._phase is Phase.RUNNING and self._clock() - self._beat < ALIVE_SECONDS
+        now = self._clock()
+        hung = now - self._beat >= ALIVE_SECONDS or self._crew.age(now) >= ALIVE_SECONDS
+        return self._phase is Phase.RUNNING and not hung
 
     def stats(self) -> LoopStats:
         """To be called on the thread."""
@@ -160,6 +168,7 @@ class Motor:
         except Exception as error:
             reason = f"the motion loop has failed: {error}"
             log.exception("motion loop ended")
+        self._crew.close()
         self._phase = Phase.ENDED
         self._inbox.close(reason)
         self._publisher.end_all(None if self._stopping else Unavailable(reason))
@@ -167,7 +176,6 @@ class Motor:
     def _try_turn(self) -> None:
         try:
             self._turn()
-            self._failures_in_a_row = 0
         except Exception as error:
             self._figures.failures += 1
             self._failures_in_a_row += 1
@@ -184,29 +192,45 @@ class Motor:
     def _turn(self) -> None:
         self._beat = self._clock()
         self._keep_schedule(self._beat)
-        event = self._world.next_event()
-        wait = HEARTBEAT if event is None else min(max(event - self._clock(), 0.0), HEARTBEAT)
-        self._inbox.serve(wait)
-
+        self._inbox.serve(self._rest())
         started = self._clock()
-        # What falls due during the engine call leaves before it, rather than late.
-        event = self._world.next_event()
-        busy = event is not None and event <= started
-        published = self._publish(self._world.send(started + (self._reach() if busy else 0.0)))
+        for session_id, agent_id in self._world.tend(started):
+            self._publisher.forget_agent(session_id, agent_id)
+        landed = False
+        for flight, seconds in self._crew.landed():
+            self._take_in(flight, seconds)
+            landed = True
+        while self._crew.has_room and self._is_due(started):
+            if not self._crew.send_off(partial(self._world.begin, started)):
+                break
+        self._publish(self._world.send(self._clock()))
+        for session_id, met in self._world.take_events():
+            self._publisher.tell(session_id, [met])
         self._publisher.flush()
-        if busy:
-            self._step(started, published)
+        self._figures.worked += self._clock() - started
+        if landed:
+            self._world.worked(started, self._figures.worked, self._figures.published)
+            self._figures.worked, self._figures.published = 0.0, 0
+        if landed or not self._crew.age(started):
+            self._failures_in_a_row = 0
 
-    def _step(self, started: float, published: int) -> None:
-        begun = self._clock()
-        self._world.worked(begun, begun - started, published)
-        stepped = self._world.step(begun)
-        if stepped:
-            done = self._clock()
-            self._figures.steps += stepped
-            self._figures.step_seconds.add(done, done - begun)
-            self._world.spent(done, done - begun)
-            self._meter.step(done - begun, stepped)
+    def _rest(self) -> float:
+        """Seconds until there is something to do, commands aside."""
+        if self._crew.has_landed:
+            return 0.0
+        event = self._world.next_event(planning=self._crew.has_room)
+        return HEARTBEAT if event is None else min(max(event - self._clock(), 0.0), HEARTBEAT)
+
+    def _is_due(self, now: float) -> bool:
+        event = self._world.next_event()
+        return event is not None and event <= now
+
+    def _take_in(self, flight: Flight, seconds: float) -> None:
+        stepped, now = self._world.finish(flight), self._clock()
+        self._world.spent(now, flight.call, seconds)
+        self._figures.steps += stepped
+        self._figures.step_seconds.add(now, seconds)
+        self._meter.step(seconds, stepped)
 
     def _keep_schedule(self, now: float) -> None:
         """Move what cannot be kept, or what nobody reads who asked for all."""
@@ -215,19 +239,15 @@ class Motor:
         for session_id in waiting:
             self._world.hold(session_id, now + HOLD_SECONDS)
         behind = self._world.behind(now)
-        if behind > BEHIND_SECONDS:
+        # while the engine hangs, nobody knows yet how far
+        if behind > BEHIND_SECONDS > self._crew.age(now):
             self._world.rebase(behind)
             self._figures.rebased += 1
             log.warning("the motion loop is behind; schedule moved", seconds=round(behind, 3))
 
-    def _reach(self) -> float:
-        """How long the next engine call may take: the longest of the last seconds, capped."""
-        return min(max(self._figures.step_seconds.values(self._clock()), default=0.0), MAX_REACH)
-
-    def _publish(self, sent: list[Due]) -> int:
-        """Returns the number of chunks."""
+    def _publish(self, sent: list[Due]) -> None:
         if not sent:
-            return 0
+            return
         now = self._clock()
         for session_id, chunks in sent:
             self._publisher.publish(session_id, chunks)
@@ -235,4 +255,4 @@ class Motor:
         self._figures.lateness.add(now, max(0.0, float(lateness.max())))
         self._figures.late += int(np.count_nonzero(lateness > LATE_SECONDS))
         self._meter.chunks(lateness)
-        return len(lateness)
+        self._figures.published += len(lateness)

@@ -10,6 +10,7 @@ from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
 from dataclasses import replace
 
 from wayfarer.errors import AlreadyExists, FailedPrecondition
+from wayfarer.navigation.spec import Obstacle, Point2, Point3
 from wayfarer.runtime.agent import (
     AgentChange,
     AgentInfo,
@@ -21,8 +22,8 @@ from wayfarer.runtime.agent import (
     SessionInfo,
     SessionSpec,
     StreamWish,
-    Wander,
 )
+from wayfarer.runtime.behaviours import Behaviour, Routine
 from wayfarer.runtime.commands import AppendGoals, ClearGoal, Order, SetGoal, SetPath
 from wayfarer.runtime.engines.engine import Engine
 from wayfarer.runtime.engines.model_store import ModelDesk, no_model
@@ -31,6 +32,8 @@ from wayfarer.runtime.meter import Meter
 from wayfarer.runtime.offline.lockstep import LockStep, LockSteps
 from wayfarer.runtime.offline.offline import Offline
 from wayfarer.runtime.offline.walk import walk
+from wayfarer.runtime.scenes.desk import SceneDesk
+from wayfarer.runtime.scenes.messages import Crowd, Outlines, SceneInfo, SceneWish, Way
 from wayfarer.runtime.state.archive import Archive
 from wayfarer.runtime.state.keeper import SAVE_PARTS, Keeper
 from wayfarer.runtime.state.kept import KeptWorld, kept
@@ -40,7 +43,7 @@ from wayfarer.runtime.worlds import Worlds
 
 
 class Runtime:
-    """Implements `MotionService`."""
+    """Implements `MotionService` and `SceneService`."""
 
     def __init__(
         self,
@@ -65,6 +68,7 @@ class Runtime:
         self._clock = clock or steady_clock()
         self._offline = Offline(jobs)
         self._desk = ModelDesk(worlds.models, open_model)
+        self._scenes = SceneDesk(worlds.scenes, self._clock)
         self._lock_steps = LockSteps(worlds, self._offline, self._clock)
         self._door = asyncio.Lock()  # two sessions of one id must not enter different worlds
         self._world = worlds.live()
@@ -84,6 +88,7 @@ class Runtime:
         reason = "the server has been stopped"
         self._keeper.pause()
         await self._loop.stop()
+        self._scenes.stop()
         await asyncio.to_thread(self._lock_steps.stop, reason)
         self._world.save()
         await self._keeper.stop()
@@ -174,9 +179,11 @@ class Runtime:
         """See `MotionService`."""
         return await self._give(agent_id, AppendGoals(tuple(goals)), expected)
 
-    async def wander(self, agent_id: str, area: Wander, expected: int | None = None) -> int:
+    async def behave(
+        self, agent_id: str, behaviour: Behaviour | Routine, expected: int | None = None
+    ) -> int:
         """See `MotionService`."""
-        return await self._give(agent_id, area, expected)
+        return await self._give(agent_id, behaviour, expected)
 
     async def clear_goal(self, agent_id: str, expected: int | None = None) -> int:
         """See `MotionService`."""
@@ -214,6 +221,55 @@ class Runtime:
     def replay(self, log: bytes) -> AsyncGenerator[Publication]:
         """See `MotionService`."""
         return self._offline.run(lambda: self._archive.replay(log))
+
+    # Scenes
+
+    async def create_scene(self, wish: SceneWish) -> SceneInfo:
+        """See `SceneService`, as for all below."""
+        return await self._keeper.durable(await self._scenes.create_scene(wish))
+
+    async def get_scene(self, scene_id: str) -> SceneInfo:
+        """See `SceneService`."""
+        return await self._scenes.get_scene(scene_id)
+
+    async def list_scenes(self) -> list[SceneInfo]:
+        """See `SceneService`."""
+        return await self._scenes.list_scenes()
+
+    async def delete_scene(self, scene_id: str) -> None:
+        """See `SceneService`."""
+        await self._scenes.delete_scene(scene_id)
+        await self._keeper.durable(None)
+
+    async def put_obstacle(self, scene_id: str, name: str, obstacle: Obstacle) -> SceneInfo:
+        """See `SceneService`."""
+        made = await self._scenes.put_obstacle(scene_id, name, obstacle)
+        return await self._keeper.durable(made)
+
+    async def remove_obstacle(self, scene_id: str, name: str) -> SceneInfo:
+        """See `SceneService`."""
+        return await self._keeper.durable(await self._scenes.remove_obstacle(scene_id, name))
+
+    async def query_path(self, scene_id: str, start: Point2 | Point3, goal: Point2 | Point3) -> Way:
+        """See `SceneService`."""
+        return await self._scenes.query_path(scene_id, start, goal)
+
+    async def scene_outlines(self, scene_id: str) -> Outlines:
+        """See `SceneService`."""
+        return await self._scenes.scene_outlines(scene_id)
+
+    async def scene_picture(self, scene_id: str) -> bytes:
+        """See `SceneService`."""
+        return await self._scenes.scene_picture(scene_id)
+
+    async def populate(self, session_id: str, crowd: Crowd) -> int:
+        """See `SceneService`."""
+        if self._lock_steps.session(session_id):
+            raise FailedPrecondition(
+                f"session {session_id!r} is in lock-step: people come and go as time passes; "
+                "create agents in it instead, and let them wander"
+            )
+        return await self._loop.ask(lambda world, now: world.populate(session_id, crowd, now))
 
     # Models
 
@@ -286,6 +342,7 @@ class Runtime:
     def _wake(self, warm_up: Callable[[KeptWorld], None]) -> None:
         """On the motion thread, before its first turn: warm up, then go on with what was kept."""
         warm_up(self._world)
+        self._keeper.restore_scenes(self._worlds.scenes)
         self._keeper.restore(self._adopt)
 
     def _adopt(self, record: SessionRecord) -> SessionInfo:

@@ -18,8 +18,9 @@ from wayfarer.runtime.agent import (
     SessionInfo,
     SessionSpec,
     StreamWish,
-    Wander,
 )
+from wayfarer.runtime.behaviours import Behaviour, Routine
+from wayfarer.runtime.scenes.service import SceneService
 
 
 class Subscription(Protocol):
@@ -51,8 +52,8 @@ class Subscription(Protocol):
         ...
 
 
-class MotionService(Protocol):
-    """Sessions, agents, goals, streams.
+class MotionService(SceneService, Protocol):
+    """Sessions, agents, goals, streams, scenes.
 
     Where an `expected` revision is given and is not the agent's present one, Aborted is raised.
     """
@@ -119,8 +120,14 @@ class MotionService(Protocol):
         """More goals at the end of the path; what is planned stays. Raises as `set_goal`."""
         ...
 
-    async def wander(self, agent_id: str, area: Wander, expected: int | None = None) -> int:
-        """Walk about until told otherwise; one revision for all of it. Raises as `set_goal`."""
+    async def behave(
+        self, agent_id: str, behaviour: Behaviour | Routine, expected: int | None = None
+    ) -> int:
+        """Do this until told otherwise; one revision for all of it. Raises as `set_goal`.
+
+        Besides FailedPrecondition: in a recorded session for what depends on other agents, and on
+        a floor without end for walking all over it.
+        """
         ...
 
     async def clear_goal(self, agent_id: str, expected: int | None = None) -> int:

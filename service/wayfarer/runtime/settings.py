@@ -39,8 +39,6 @@ class SceneLimits:
     scenes: int = 64
     bakes: int = 1  # at a time; they take a core each
     waiting: int = 4  # for one to end
-    bake_seconds: float = 20.0  # until a bake is given up
-    bake_bytes: int = 2 << 30  # of memory that a bake may take
 
     def __post_init__(self) -> None:
         for limit in fields(self):
@@ -68,12 +66,14 @@ class WorldSettings:
     limits: Limits = field(default_factory=Limits)
     steering: Steering = field(default_factory=Steering)
     budget: BudgetRules | None = None  # what gives way when time is short; None: nothing
+    scenes: SceneLimits = field(default_factory=SceneLimits)
     admission: AdmissionRules = field(default_factory=AdmissionRules)  # once there are measures
     lead: int = 1  # chunks that are planned ahead of their time
     phases: int = 4  # agents' steps are spread over so many moments of the 0.2 s
     replan_margin: float = 0.04  # s: a chunk that falls due within this is not replanned
     batch_sizes: tuple[int, ...] = ANY_SIZE  # to which batches are padded; a server's are warmed
     alone: bool = False  # engine calls take no thread but the caller's
+    ways: int = 4  # through scenes, that are looked for before one engine call at most
     shard: Shard = field(default_factory=Shard)  # which of the server's sessions live here
 
     def __post_init__(self) -> None:

@@ -4,6 +4,7 @@ which clips and replays are made. All have the same models, bodies and ways to w
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from wayfarer.body.model import BodyModel
 from wayfarer.runtime.engines.models import Models
+from wayfarer.runtime.scenes.book import Book
 from wayfarer.runtime.settings import ANY_SIZE, WorldSettings
 from wayfarer.runtime.state.journal import Journal
 from wayfarer.runtime.state.kept import KeptWorld
@@ -33,6 +35,11 @@ class Worlds:
     settings: WorldSettings  # of the world in real time
     journal: Journal | None = None
     log_entries: int = 100_000
+
+    @cached_property
+    def scenes(self) -> Book:
+        """That their sessions may be in."""
+        return Book(self.settings.scenes, self.settings.shard, diary=self.journal)
 
     def live(self) -> KeptWorld:
         """In real time."""
@@ -58,7 +65,8 @@ class Worlds:
 
     def _patient(self) -> WorldSettings:
         return replace(
-            self.settings, budget=None, phases=1, lead=1, batch_sizes=ANY_SIZE, alone=True
+            self.settings, budget=None, phases=1, lead=1, batch_sizes=ANY_SIZE, alone=True,
+            ways=ANY_SIZE[-1],
         )
 
     def _kept(self, settings: WorldSettings) -> KeptWorld:
@@ -69,4 +77,5 @@ class Worlds:
             settings,
             self.journal,
             self.log_entries,
+            self.scenes,
         )

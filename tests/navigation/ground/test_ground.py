@@ -13,6 +13,8 @@ from wayfarer.navigation.ground import ground, layers, raster
 from wayfarer.navigation.ground.ground import find_ground
 from wayfarer.navigation.solids import footprint
 from wayfarer.navigation.spec import (
+    Y_UP,
+    Z_UP,
     Box,
     Cylinder,
     Floor,
@@ -48,7 +50,7 @@ def as_mesh(spec: SceneSpec, subdivide: int = 0) -> SceneSpec:
     for _ in range(subdivide):
         mesh = mesh.subdivide()
     data = mesh.export(file_type="ply")
-    return replace(spec, floors=(), solids=(), mesh=MeshFile(data, "ply", up="Z"))
+    return replace(spec, floors=(), solids=(), mesh=MeshFile(data, "ply", axes=Z_UP))
 
 
 def test_a_flat_scene_keeps_its_exact_outlines() -> None:
@@ -132,19 +134,19 @@ def test_meshes_with_flipped_or_missing_faces_still_have_ground() -> None:
     mesh.faces[::2] = mesh.faces[::2, ::-1]
     mesh.update_faces(np.arange(len(mesh.faces)) != 5)
     data = mesh.export(file_type="ply")
-    torn = find_ground(replace(spec, mesh=MeshFile(data, "ply", up="Z")))
+    torn = find_ground(replace(spec, mesh=MeshFile(data, "ply", axes=Z_UP)))
     assert torn.layers[0].own.area == pytest.approx(find_ground(spec).layers[0].own.area, abs=0.5)
 
 
 def test_a_scene_on_its_side_says_so() -> None:
     flat = as_mesh(SceneSpec((FLOOR,)))
     assert flat.mesh is not None
-    walls = replace(flat, mesh=replace(flat.mesh, up="Y"))
+    walls = replace(flat, mesh=replace(flat.mesh, axes=Y_UP))
     # the floor stands upright now: its edge, 20 cm wide, is all that is level
     assert find_ground(walls).layers[0].own.area < 2.5
     triangle = b"v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\n"
     with pytest.raises(InvalidArgument, match="up axis"):
-        find_ground(SceneSpec(mesh=MeshFile(triangle, "obj", up="Z")))
+        find_ground(SceneSpec(mesh=MeshFile(triangle, "obj", axes=Z_UP)))
 
 
 def test_scenes_larger_than_the_limit_are_refused() -> None:

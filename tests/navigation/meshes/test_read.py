@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from wayfarer.body.rotation import GLTF_FROM_CORE
 from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.meshes.read import READERS, read_mesh
-from wayfarer.navigation.spec import MeshFile, MeshFormat
+from wayfarer.navigation.spec import Y_UP, Z_UP, MeshFile, MeshFormat
 
 FORMATS: tuple[MeshFormat, ...] = ("glb", "obj", "ply")
 
@@ -32,7 +32,7 @@ def area(corners: np.ndarray) -> float:
 @pytest.mark.parametrize("form", FORMATS)
 def test_what_another_library_writes_is_read(form: MeshFormat) -> None:
     mesh = trimesh.creation.icosphere(subdivisions=2, radius=1.5)
-    corners = read_mesh(MeshFile(written(mesh, form), form, up="Z"))
+    corners = read_mesh(MeshFile(written(mesh, form), form, axes=Z_UP))
     np.testing.assert_allclose(corners, mesh.triangles, atol=1e-6)
 
 
@@ -67,9 +67,9 @@ def test_nodes_of_a_glb_place_and_share_meshes() -> None:
 
 def test_up_axis_and_unit_are_applied() -> None:
     data = b"v 0 0 0\nv 100 0 0\nv 0 100 300\nf 1 2 3\n"
-    flat = read_mesh(MeshFile(data, "obj", up="Z", unit=0.01))
+    flat = read_mesh(MeshFile(data, "obj", axes=Z_UP, unit=0.01))
     np.testing.assert_allclose(flat[0], [[0, 0, 0], [1, 0, 0], [0, 1, 3]])
-    turned = read_mesh(MeshFile(data, "obj", up="Y", unit=0.01))
+    turned = read_mesh(MeshFile(data, "obj", axes=Y_UP, unit=0.01))
     np.testing.assert_allclose(turned @ GLTF_FROM_CORE.T, flat, atol=1e-12)
 
 

@@ -1,4 +1,6 @@
 import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -50,10 +52,30 @@ def test_no_part_is_larger_than_it_may_be():
     assert sum(count for _, count in run.parts) == 70
 
 
-def test_the_caller_works_too():
+def test_a_single_thread_is_the_callers_own():
     run = Watched()
-    Lanes(2).step(run, numbered(4 * LEAST))
-    assert threading.current_thread().name in {name for name, _ in run.parts}
+    Lanes(1).step(run, numbered(4 * LEAST))
+    assert {name for name, _ in run.parts} == {threading.current_thread().name}
+
+
+def test_parts_of_two_calls_share_the_threads_in_order():
+    lanes, first_may_end, order = Lanes(2), threading.Event(), []
+
+    def step(inputs):
+        order.append(int(inputs.goal[0, 0]))
+        assert first_may_end.wait(10)
+        return FakeEngine().step("male", inputs)
+
+    with ThreadPoolExecutor(2) as callers:
+        one = callers.submit(lanes.step, step, numbered(4 * LEAST))
+        while len(order) < 2:
+            time.sleep(0.001)
+        other = callers.submit(lanes.step, step, numbered(2 * LEAST))
+        time.sleep(0.02)
+        assert len(order) == 2  # the other waits for a thread
+        first_may_end.set()
+        assert len(one.result(10).translation) == 4 * LEAST
+        assert len(other.result(10).translation) == 2 * LEAST
 
 
 def test_what_a_part_raises_reaches_the_caller():

@@ -148,7 +148,7 @@ def play(worlds, data, most=None):
         ("tracks.0.entries.0.seq", 2**40),
         ("tracks.0.entries.0", {"seq": 0}),
         ("tracks.0.entries.0", {"seq": 0, "clear_goal": True, "change": {}}),
-        ("tracks.0.entries.0.wander", {"center": [0, 0], "radius": -1}),
+        ("tracks.0.entries.0.behaviour", {"center": [0, 0], "radius": -1}),
         ("tracks.1.entries.0.set_path.0.position", [1e30, 0, 0]),
         ("tracks.1.entries.0.set_path", []),
         ("tracks.0.spec", None),

@@ -195,8 +195,8 @@ def put(path, value):
         ("agents.0.spec.noise_seed", 2**64),
         ("agents.0.spec.name", "x" * 1000),
         ("agents.0.path_start", [float("inf"), 0.0]),
-        ("agents.0.wander.radius", -1.0),
-        ("agents.0.wander.center", [1e9, 0.0]),
+        ("agents.0.behaviour.radius", -1.0),
+        ("agents.0.behaviour.center", [1e9, 0.0]),
         ("agents.1.passed", -1),
         ("agents.1.passed", 2**40),
         ("agents.1.path", []),
@@ -297,6 +297,7 @@ def test_the_header_names_every_part_of_a_record():
         "seq",
         "motion",
         "feet",
+        "footing",
     }
     assert {f.name for f in fields(SessionRecord)} == {f.name for f in fields(SessionPart)} | {
         "agents"

@@ -31,7 +31,7 @@ def cost(groups):
 
 
 def admission(**settings):
-    made = Admission(WorldSettings(**settings))
+    made = Admission(WorldSettings(batch_sizes=tuple(range(1, 9)), **settings))
     measure(made)
     return made
 

@@ -201,7 +201,7 @@ def spoil(record, path, value):
         (lambda r: change(r, path=(GOAL,) * 500), "500 goals; allowed"),
         (lambda r: change(r, path_start=(float("inf"), 0.0)), "finite"),
         (lambda r: change(r, passed=3), "waypoint is 0; allowed: 3 to 3"),
-        (lambda r: change(r, wander=Wander((0.0, 0.0), -1.0)), "radius"),
+        (lambda r: change(r, behaviour=Wander((0.0, 0.0), -1.0)), "radius"),
         (lambda r: spoil(r, "seed.translation", np.nan), "seed.translation holds numbers"),
         (lambda r: spoil(r, "seed.markers", 1e9), "seed.markers holds numbers"),
         (lambda r: spoil(r, "seed.rotations", 0.0), "unit quaternions"),

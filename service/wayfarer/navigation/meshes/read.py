@@ -10,17 +10,13 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.meshes.glb import read_glb
 from wayfarer.navigation.meshes.obj import read_obj
 from wayfarer.navigation.meshes.ply import read_ply
-from wayfarer.navigation.spec import MAX_TRIANGLES, MeshFile, MeshFormat, UpAxis
+from wayfarer.navigation.spec import MAX_TRIANGLES, MeshFile, MeshFormat
 from wayfarer.spec import MAX_COORDINATE
 
 READERS: Final[dict[MeshFormat, Callable[[bytes], NDArray[np.float64]]]] = {
     "glb": read_glb,
     "obj": read_obj,
     "ply": read_ply,
-}
-_WORLD_FROM: Final[dict[UpAxis, NDArray[np.float64]]] = {
-    "Y": np.array([[-1.0, 0, 0], [0, 0, 1], [0, 1, 0]]),  # glTF's front, +Z, is our +Y
-    "Z": np.eye(3),
 }
 
 
@@ -30,7 +26,7 @@ def read_mesh(mesh: MeshFile) -> NDArray[np.float64]:
     Triangles without an area are left out. Meshes need not be closed, oriented or manifold.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is caught below
-        corners = READERS[mesh.format](mesh.data) @ (_WORLD_FROM[mesh.up].T * mesh.unit)
+        corners = READERS[mesh.format](mesh.data) @ (np.array(mesh.axes).T * mesh.unit)
     if len(corners) > MAX_TRIANGLES:
         raise InvalidArgument(
             f"the mesh has {len(corners):,} triangles, at most {MAX_TRIANGLES:,}", "mesh.data"

@@ -18,12 +18,12 @@ LEAST: Final = 8
 
 
 class Lanes:
-    """So many threads, the caller's included."""
+    """So many threads; a single one is the caller's own."""
 
     def __init__(self, threads: int) -> None:
         """0: one per core that the process may use."""
         self.count = threads or cores()
-        self._pool = ThreadPoolExecutor(self.count - 1, "engine") if self.count > 1 else None
+        self._pool = ThreadPoolExecutor(self.count, "engine") if self.count > 1 else None
 
     def step(
         self, run: Callable[[StepInputs], StepOutputs], inputs: StepInputs, largest: int = 1 << 30
@@ -35,9 +35,8 @@ class Lanes:
         parts = [part(inputs, a, b) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
         if self._pool is None or count == 1:
             return join([run(p) for p in parts])
-        others = [self._pool.submit(run, p) for p in parts[1:]]
-        first = run(parts[0])
-        return join([first, *(other.result() for other in others)])
+        # In order of the calls: the parts of a second one begin as threads come free of the first.
+        return join(list(self._pool.map(run, parts)))
 
     def sizes(self, of_one: tuple[int, ...]) -> tuple[int, ...]:
         """Sizes of batches, ascending, where these suit one thread."""

@@ -1,8 +1,9 @@
 """The engine on onnxruntime: one session per gender, on the CPU."""
 
+from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import fields
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Final
 
 import onnxruntime
@@ -35,7 +36,9 @@ class OnnxEngine(WarmEngine):
         """`threads` per call; 0: one per core. Raises ArtifactError."""
         self.name = models.path.resolve().name
         self.graphs = tuple(sha256_of(models.graph("step", g, SEED_FRAMES)) for g in GENDERS)
-        self._sessions = {g: self._open(models, g) for g in GENDERS}
+        with ThreadPoolExecutor(len(GENDERS)) as pool:
+            opened = pool.map(partial(self._open, models), GENDERS)
+            self._sessions = dict(zip(GENDERS, opened, strict=True))
         self._lanes = Lanes(threads)
         self.batch_sizes = self._lanes.sizes(SIZES)
 

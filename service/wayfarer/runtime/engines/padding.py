@@ -2,10 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import fields
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
+
+Columns = TypeVar("Columns", StepInputs, StepOutputs)
 
 
 def pad(inputs: StepInputs, sizes: tuple[int, ...]) -> StepInputs:
@@ -14,8 +18,12 @@ def pad(inputs: StepInputs, sizes: tuple[int, ...]) -> StepInputs:
     size = next((s for s in sizes if s >= rows), rows)
     if size == rows:
         return inputs
-    index = np.minimum(np.arange(size), rows - 1)
-    return StepInputs(**{f.name: getattr(inputs, f.name)[index] for f in fields(StepInputs)})
+    return pick(inputs, np.minimum(np.arange(size), rows - 1))
+
+
+def pick(columns: Columns, rows: NDArray[np.int64]) -> Columns:
+    """Some rows, copied."""
+    return type(columns)(**{f.name: getattr(columns, f.name)[rows] for f in fields(columns)})
 
 
 def cut(outputs: StepOutputs, rows: int) -> StepOutputs:

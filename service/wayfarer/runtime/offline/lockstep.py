@@ -7,6 +7,7 @@ but that session's own callers.
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from math import floor
 from typing import Final, TypeVar
 
@@ -159,7 +160,8 @@ class LockStep:
         parts = [due.chunks for due in self.world.send(self._next)]
         chunks = MotionChunks.join(parts) if parts else NO_CHUNKS
         chunks.scheduled_at[:] = self._steps * STEP_SECONDS
-        events = (*self._milestones.events(chunks), *self._told)
+        met = [replace(e, at=self._steps * STEP_SECONDS) for _, e in self.world.take_events()]
+        events = (*self._milestones.events(chunks), *met, *self._told)
         self._told.clear()
         return Publication(self._position, chunks, events)
 

@@ -44,9 +44,7 @@ class SceneService(Protocol):
         """Raises NotFound."""
         ...
 
-    async def query_path(
-        self, scene_id: str, start: Point2 | Point3, goal: Point2 | Point3
-    ) -> Way:
+    async def query_path(self, scene_id: str, start: Point2 | Point3, goal: Point2 | Point3) -> Way:
         """The way an agent would take. Raises NotFound, InvalidArgument, Unreachable."""
         ...
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.runtime.engines.engine import Engine, Float, StepInputs, StepOutputs
+from wayfarer.runtime.engines.padding import pick
 from wayfarer.runtime.search.beam_settings import BeamSettings
 from wayfarer.runtime.search.plan import Ending, Level, Plan, Problem, Starts, Tree
 from wayfarer.runtime.stepping.batch import assemble, broken
@@ -239,7 +240,7 @@ def fan_out(inputs: StepInputs) -> StepInputs:
     """Rows with K candidates [A, K, 128] as A·K rows with one candidate each [A·K, 1, 128]."""
     rows, count, size = inputs.noise.shape
     one = replace(inputs, noise=inputs.noise[:, :1])
-    many = _take(one, np.repeat(np.arange(rows), count))
+    many = pick(one, np.repeat(np.arange(rows), count))
     return replace(many, noise=inputs.noise.reshape(rows * count, 1, size))
 
 
@@ -250,7 +251,7 @@ def _step(engine: Engine, gender: NDArray[np.int8], inputs: StepInputs) -> StepO
         rows = np.flatnonzero(gender == number)
         for first in range(0, len(rows), BLOCK):
             block = rows[first : first + BLOCK]
-            done.append(engine.step(name, _take(inputs, block)))
+            done.append(engine.step(name, pick(inputs, block)))
             order.append(block)
     back = np.argsort(np.concatenate(order))
     return StepOutputs(
@@ -259,10 +260,6 @@ def _step(engine: Engine, gender: NDArray[np.int8], inputs: StepInputs) -> StepO
             for column in fields(StepOutputs)
         }
     )
-
-
-def _take(inputs: StepInputs, rows: Index) -> StepInputs:
-    return StepInputs(**{f.name: getattr(inputs, f.name)[rows] for f in fields(StepInputs)})
 
 
 def _row(table: Mapping[str, float], missing: float) -> Float:

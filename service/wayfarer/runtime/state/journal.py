@@ -19,6 +19,7 @@ import structlog
 from wayfarer.errors import ArtifactError
 from wayfarer.runtime.inbox import post
 from wayfarer.runtime.meter import Meter, NoMeter
+from wayfarer.runtime.scenes.book import Kept
 from wayfarer.runtime.settings import Limits
 from wayfarer.runtime.state.journal_entries import (
     Crowd,
@@ -30,6 +31,12 @@ from wayfarer.runtime.state.journal_entries import (
     encode,
 )
 from wayfarer.runtime.state.journal_file import Entries, JournalFile, Key, Kind
+from wayfarer.runtime.state.scene_entries import (
+    SceneRecord,
+    decode_scenes,
+    obstacles_part,
+    scene_part,
+)
 from wayfarer.runtime.state.snapshot import BodyStamp, SessionPart
 from wayfarer.runtime.world.handover import SessionRecord
 
@@ -71,6 +78,10 @@ class Journal:
         """What the file held when it was opened, oldest first; what is unsound is told and lost."""
         return decode(self._entries, limits)
 
+    def restore_scenes(self) -> list[SceneRecord]:
+        """The scenes that the file held, oldest first."""
+        return decode_scenes(self._entries)
+
     def start(self) -> None:
         """Start the writer, once."""
         self._entries = Entries()  # they have been restored
@@ -94,6 +105,20 @@ class Journal:
             waiter = _Waiter(self._noted, loop, loop.create_future())
             self._waiting.append(waiter)
         await waiter.future
+
+    # From any thread
+
+    def put_scene(self, kept: Kept) -> None:
+        """A scene is new."""
+        self._put({(Kind.SCENE, kept.scene_id): scene_part(kept)})
+
+    def put_obstacles(self, kept: Kept) -> None:
+        """Something has come, gone or been moved in a scene."""
+        self._put({(Kind.OBSTACLES, kept.scene_id): obstacles_part(kept)})
+
+    def drop_scene(self, scene_id: str) -> None:
+        """A scene is gone."""
+        self._put({(kind, scene_id): None for kind in (Kind.SCENE, Kind.OBSTACLES)})
 
     # From the motion thread
 

@@ -15,6 +15,7 @@ from wayfarer.errors import ArtifactError, InvalidArgument
 from wayfarer.runtime.settings import Limits
 from wayfarer.runtime.state.journal_file import Entries, Key, Kind
 from wayfarer.runtime.state.packing import pack, unpack
+from wayfarer.runtime.state.scene_entries import OBSTACLES, SCENE, ObstaclesPart, ScenePart
 from wayfarer.runtime.state.snapshot import (
     AgentPart,
     BodyStamp,
@@ -64,7 +65,7 @@ class Row:
     number: int
 
 
-Value = BodyStamp | SessionPart | Member | Row | None
+Value = BodyStamp | SessionPart | Member | Row | ScenePart | ObstaclesPart | None
 """What an entry shall hold; None: it is gone."""
 
 
@@ -91,6 +92,10 @@ def _bytes(value: Value) -> bytes | None:
             return _MEMBER.dump_json(value)
         case BodyStamp():
             return _BODY.dump_json(value)
+        case ScenePart():
+            return SCENE.dump_json(value)
+        case ObstaclesPart():
+            return OBSTACLES.dump_json(value)
 
 
 # What a file held

@@ -40,6 +40,8 @@ class Kind(IntEnum):
     SESSION = 1
     AGENT = 2
     MOTION = 3
+    SCENE = 4
+    OBSTACLES = 5
 
 
 Key = tuple[Kind, str]

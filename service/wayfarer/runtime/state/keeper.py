@@ -7,6 +7,7 @@ from typing import Final, TypeVar
 import structlog
 
 from wayfarer.errors import ArtifactError, Unavailable, WayfarerError
+from wayfarer.runtime.scenes.book import Book
 from wayfarer.runtime.settings import Limits
 from wayfarer.runtime.state.journal import Journal
 from wayfarer.runtime.world.handover import SessionRecord
@@ -28,6 +29,7 @@ class Keeper:
         self._journal = journal
         self._saving: asyncio.Task[None] | None = None
         self._records = journal.restore(limits) if journal is not None else []
+        self._scenes = journal.restore_scenes() if journal is not None else []
         for lock_step in (False, True):
             _check_room([r for r in self._records if r.spec.lock_step is lock_step], limits)
 
@@ -41,6 +43,25 @@ class Keeper:
         if self._journal is not None:
             self._journal.start()
             self._saving = asyncio.create_task(_repeat(save))
+
+    def restore_scenes(self, book: Book) -> None:
+        """Let every scene that was read be there again; bakes them, which takes time."""
+        for record in self._scenes:
+            try:
+                book.restore(
+                    record.scene_id,
+                    record.wish,
+                    record.created_at,
+                    record.version,
+                    record.obstacles,
+                )
+            except WayfarerError as error:
+                log.error(
+                    "a scene of the journal cannot be here; it is left in the journal",
+                    scene=record.scene_id,
+                    why=str(error),
+                )
+        self._scenes = []
 
     def restore(self, put: Callable[[SessionRecord], object]) -> None:
         """Let every session that was read go on, by `put`; what does not fit stays on disk."""

@@ -17,6 +17,7 @@ from wayfarer.runtime.agent import (
 from wayfarer.runtime.commands import Order
 from wayfarer.runtime.engines.engine import Engine
 from wayfarer.runtime.engines.models import Models
+from wayfarer.runtime.scenes.book import Book
 from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.state.journal import Journal
 from wayfarer.runtime.state.journal_entries import Crowd, Member
@@ -41,10 +42,11 @@ class KeptWorld(World):
         settings: WorldSettings | None = None,
         journal: Journal | None = None,
         log_entries: int = 100_000,
+        scenes: Book | None = None,
     ) -> None:
         """As `World`; a log has up to `log_entries`."""
         self._logs = CommandLogs(log_entries, self.get_agent)
-        super().__init__(engine, bodies, start_poses, settings, self._logs)
+        super().__init__(engine, bodies, start_poses, settings, self._logs, scenes)
         self._journal = journal
         self._saved = 0
         self._orders_at: dict[str, int] = {}  # first chunk that an agent's last order counts for
@@ -175,7 +177,13 @@ class KeptWorld(World):
         models = [self.models.numbered(number).stamp for number in slots.model[rows].tolist()]
         return Crowd(
             [_member(*known) for known in zip(agents, revisions, models, strict=True)],
-            Standing(seq, motion, slots.feet.take(rows), slots.feet_begun[rows]),
+            Standing(
+                seq,
+                motion,
+                slots.feet.take(rows),
+                slots.feet_begun[rows],
+                slots.footing.take(rows),
+            ),
         )
 
 
@@ -202,7 +210,9 @@ def _member(agent: Agent, revision: int, model: str) -> Member:
             path=agent.path,
             passed=agent.passed,
             path_start=agent.path_start,
-            wander=agent.wander,
+            behaviour=agent.behaviour,
+            part=agent.part,
+            begun=agent.begun,
             model=model,
         ),
     )

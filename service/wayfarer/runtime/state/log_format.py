@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict
 
 from wayfarer.errors import FailedPrecondition, InvalidArgument
 from wayfarer.runtime.agent import AgentChange, AgentSpec, Goal, SessionSpec, Wander
+from wayfarer.runtime.behaviours import Behaviour, Follow, KeepAway, Patrol, Queue, Routine
 from wayfarer.runtime.commands import AppendGoals, ClearGoal, SetGoal, SetPath
 from wayfarer.runtime.settings import Limits
 from wayfarer.runtime.state.container import Kind, seal, unseal
@@ -65,7 +66,7 @@ class EntryPart:
     set_goal: Goal | None = None
     set_path: tuple[Goal, ...] | None = None
     append_goals: tuple[Goal, ...] | None = None
-    wander: Wander | None = None
+    behaviour: Behaviour | Routine | None = None
     clear_goal: bool | None = None
     change: AgentChange | None = None
 
@@ -172,8 +173,8 @@ def _entry_part(entry: Entry) -> EntryPart:
             return EntryPart(entry.seq, set_path=goals)
         case AppendGoals(goals):
             return EntryPart(entry.seq, append_goals=goals)
-        case Wander() as area:
-            return EntryPart(entry.seq, wander=area)
+        case Wander() | Patrol() | Routine() | Follow() | KeepAway() | Queue() as behaviour:
+            return EntryPart(entry.seq, behaviour=behaviour)
         case ClearGoal():
             return EntryPart(entry.seq, clear_goal=True)
         case AgentChange() as change:
@@ -247,7 +248,7 @@ def _entry(part: EntryPart, where: str) -> Entry:
         given.append(AppendGoals(part.append_goals))
     if part.clear_goal:
         given.append(ClearGoal())
-    given += [told for told in (part.wander, part.change) if told is not None]
+    given += [told for told in (part.behaviour, part.change) if told is not None]
     if len(given) != 1:
         raise InvalidArgument(f"an entry holds {len(given)} commands; allowed: 1", where)
     return Entry(part.seq, given[0])

@@ -11,6 +11,7 @@ from typing import Final
 
 from wayfarer.errors import FailedPrecondition
 from wayfarer.runtime.agent import AgentChange, AgentInfo, AgentSpec, SessionSpec
+from wayfarer.runtime.behaviours import Patrol, Routine, Visit
 from wayfarer.runtime.commands import AppendGoals, Command, Delete, Order, SetPath
 from wayfarer.runtime.world.handover import AgentRecord
 from wayfarer.runtime.world.views import Due
@@ -196,4 +197,11 @@ class CommandLogs:
 
 def cost(command: Told) -> int:
     """How many entries a command counts for: as many as it has goals."""
-    return len(command.goals) if isinstance(command, SetPath | AppendGoals) else 1
+    match command:
+        case SetPath(goals) | AppendGoals(goals) | Patrol(goals):
+            return len(goals)
+        case Routine(parts):
+            goals_of = [p.does.goals for p in parts if isinstance(p.does, Visit | Patrol)]
+            return len(parts) + sum(map(len, goals_of))
+        case _:
+            return 1

@@ -15,8 +15,10 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
-from wayfarer.runtime.agent import AgentSpec, Goal, SessionSpec, Wander
+from wayfarer.runtime.agent import AgentSpec, Goal, SessionSpec
+from wayfarer.runtime.behaviours import Behaviour, Routine, Stand
 from wayfarer.runtime.feet.footlock import LockState
+from wayfarer.runtime.feet.ground import Footing
 from wayfarer.runtime.settings import Limits
 from wayfarer.runtime.state.container import Kind, beginning, seal, unseal
 from wayfarer.runtime.state.packing import pack, row_bytes, unpack
@@ -68,6 +70,7 @@ class Standing(Rows):
     motion: Motion
     feet: LockState
     feet_begun: Flags  # False: the feet have not been locked yet, and `feet` means nothing
+    footing: Footing
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +87,9 @@ class AgentPart:
     path: tuple[Goal, ...]
     passed: int
     path_start: tuple[float, float]
-    wander: Wander | None
+    behaviour: Behaviour | Routine | Stand | None
+    part: int = 0
+    begun: int = 0
     model: str = ""
 
 
@@ -160,6 +165,7 @@ def standing(record: AgentRecord) -> Standing:
         motion=record.motion,
         feet=LockState.empty(1) if record.feet is None else record.feet,
         feet_begun=np.array([begun]),
+        footing=record.footing,
     )
 
 
@@ -189,6 +195,7 @@ def join_agent(part: AgentPart, row: Standing) -> AgentRecord:
         seq=int(row.seq[0]),
         motion=row.motion,
         feet=row.feet if row.feet_begun[0] else None,
+        footing=row.footing,
     )
 
 

@@ -10,7 +10,7 @@ such turn, a little for each chunk.
 
 from bisect import bisect_right
 from collections.abc import Sequence
-from math import inf
+from math import inf, isfinite
 from statistics import median
 from threading import Lock
 from typing import NamedTuple
@@ -52,7 +52,7 @@ class Costs:
     """What calls of the engine take: as in the warm-up, times how much slower they run now."""
 
     def __init__(self) -> None:
-        self._warm: dict[Call, float] = {}
+        self._warm: dict[int, dict[int, float]] = {}  # candidates → rows → seconds
         self._slowness = Window(WINDOW)
 
     @property
@@ -62,12 +62,13 @@ class Costs:
 
     def measured(self, call: Call, seconds: float) -> None:
         """A call of this kind took so long in the warm-up; the shortest counts."""
-        self._warm[call] = min(seconds, self._warm.get(call, inf))
+        by_rows = self._warm.setdefault(call.candidates, {})
+        by_rows[call.rows] = min(seconds, by_rows.get(call.rows, inf))
 
     def spent(self, now: float, call: Call, seconds: float) -> None:
-        """A call of this kind, with all that a step does around it, took so long just now."""
-        if call in self._warm:
-            self._slowness.add(now, seconds / self._warm[call])
+        """A call of this kind took so long just now."""
+        if isfinite(expected := self._expected(call)):
+            self._slowness.add(now, seconds / expected)
 
     def slowness(self, now: float) -> float:
         """Calls take so many times as long as in the warm-up."""
@@ -77,11 +78,16 @@ class Costs:
     def seconds(self, rows: int) -> float:
         """One call for so many agents as in the warm-up, with as few candidates as measured there.
 
-        It is padded to the next size that was measured; beyond all of them the cost is unbounded.
+        Beyond all sizes that were measured the cost is unbounded.
         """
-        fits = [call for call in self._warm if call.rows >= rows]
-        least = min(fits, key=lambda call: (call.rows, call.candidates), default=None)
-        return inf if least is None else self._warm[least]
+        return self._expected(Call(rows, min(self._warm, default=0)))
+
+    def _expected(self, call: Call) -> float:
+        """In the warm-up; between sizes measured there, in proportion. Infinite where unknown."""
+        by_rows = sorted(self._warm.get(call.candidates, {}).items())
+        if not by_rows or call.rows > by_rows[-1][0]:
+            return inf
+        return float(np.interp(call.rows, *zip(*by_rows, strict=True)))
 
 
 class Rest:

@@ -21,14 +21,21 @@ def gather(
     goals: Goals,
     candidates: int,
     steering: Steering,
+    obstacles: Float,
 ) -> StepInputs:
     """Engine inputs of `rows`; `seed`, the gait to come and the goals are theirs."""
     noise = latents(slots.noise_seed[rows], slots.planned_chunks[rows], candidates)
-    return assemble(seed, slots.betas[rows], gait, goals, noise, steering)
+    return assemble(seed, slots.betas[rows], gait, goals, noise, steering, obstacles)
 
 
 def assemble(
-    seed: Seeds, betas: Float, gait: Gait, goals: Goals, noise: Float, steering: Steering
+    seed: Seeds,
+    betas: Float,
+    gait: Gait,
+    goals: Goals,
+    noise: Float,
+    steering: Steering,
+    obstacles: Float | None = None,
 ) -> StepInputs:
     """Engine inputs of the step that `gait` is for: betas [A, 10], noise [A, K, 128] ~ N(0, I)."""
     target = steering.targets(gait, seed, goals)
@@ -43,7 +50,7 @@ def assemble(
         term_weights=steering.term_weights(gait.mode),
         policy=steering.policy(gait.mode),
         noise=steering.scale_noise(gait.mode, noise),
-        obstacles=no_obstacles(len(betas)),
+        obstacles=no_obstacles(len(betas)) if obstacles is None else obstacles,
     )
 
 

@@ -70,14 +70,16 @@ class Budget:
         """An engine call that took so long has ended."""
         self._calls.add(now, seconds)
 
-    def allow(self, now: float, slack: float, held: float = 0.0) -> Rung:
+    def allow(self, now: float, slack: float, held: float = 0.0, ahead: int = 0) -> Rung:
         """The rung for a call that begins now, `slack` seconds before its deadline.
 
-        `held` is the share of the agents, below 1, who are held at present.
+        `held` is the share of the agents, below 1, who are held at present; so many calls `ahead`
+        of it are under way.
         """
         rules, since = self._rules, now - self._changed_at
         calls = self._calls.values(now)
         call, busy = (median(calls), sum(calls)) if calls else (0.0, 0.0)
+        slack -= ahead * call
         is_crowded = since >= WINDOW and call * len(calls) > rules.too_busy * WINDOW
         if slack < call + rules.margin or is_crowded:
             if since >= rules.settle and self.number < len(self._rungs) - 1:

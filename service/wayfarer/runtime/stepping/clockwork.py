@@ -15,13 +15,17 @@ from wayfarer.runtime.commands import Recorder
 from wayfarer.runtime.engines.engine import Engine
 from wayfarer.runtime.engines.models import Models
 from wayfarer.runtime.feet.cleanup import clean_feet
+from wayfarer.runtime.scenes.book import Book
+from wayfarer.runtime.scenes.grounding import ground
+from wayfarer.runtime.scenes.stage import Stage
 from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.stepping.admission import Admission
 from wayfarer.runtime.stepping.budget import Budget, Rung
 from wayfarer.runtime.stepping.playback import Playback
-from wayfarer.runtime.stepping.scheduler import Scheduler
+from wayfarer.runtime.stepping.scheduler import Call, Flight, Launch, Scheduler, at_once
 from wayfarer.runtime.stepping.timeline import Timeline
 from wayfarer.runtime.world.orders import Orders
+from wayfarer.runtime.world.paths import Paths
 from wayfarer.runtime.world.population import Population
 from wayfarer.runtime.world.registry import Registry
 from wayfarer.runtime.world.reservations import Reservations
@@ -41,10 +45,12 @@ class Clockwork:
         start_poses: NDArray[np.float32],
         settings: WorldSettings | None = None,
         recorder: Recorder | None = None,
+        scenes: Book | None = None,
     ) -> None:
         """`bodies` by gender; `start_poses` [P, 22, 4] from `spawn.load_start_poses`.
 
-        Worlds that share `Models` have theirs; one of a single engine needs none.
+        Worlds that share `Models` have theirs; one of a single engine needs none. `scenes` are
+        those that sessions may be in; worlds may share them, too.
         """
         self.settings = settings = settings or WorldSettings()
         self.models = engine if isinstance(engine, Models) else Models(engine)
@@ -53,7 +59,20 @@ class Clockwork:
         self._registry = Registry(settings.limits, settings.shard)
         self._table = SlotTable(settings.limits.agents)
         self._playback = Playback(self._table.rows, settings.lead)
-        self._orders = Orders(self._table.rows, self._playback, self._timeline, settings, recorder)
+        # What is planned may be a goal ahead of what is sent for each chunk of it; who wanders has
+        # one more.
+        paths = Paths(self._table.rows, settings.limits.path_goals + settings.lead + 2)
+        self._stage = Stage(scenes or Book(), self._table.rows, paths, self._timeline, settings)
+        self._orders = Orders(
+            self._table.rows,
+            paths,
+            self._playback,
+            self._timeline,
+            settings,
+            self._registry,
+            self._stage,
+            recorder,
+        )
         self._population = Population(
             bodies,
             start_poses,
@@ -63,16 +82,18 @@ class Clockwork:
             self._timeline,
             self._orders,
             self.models,
+            self._stage.scenery,
         )
         self._scheduler = Scheduler(
             self._table,
             self._playback,
-            self._orders.paths,
+            paths,
             self.models,
             settings.steering,
             self._population.stand_again,
             settings.batch_sizes,
             self._planned,
+            self._stage.guide,
             settings.alone,
         )
         wished = max(search.candidates for search in settings.steering.searches.values())
@@ -90,17 +111,29 @@ class Clockwork:
         return sent
 
     def step(self, now: float, rung: Rung | None = None) -> int:
-        """One engine call for the agents most urgently due. Returns how many were stepped.
+        """One engine call for the agents most urgently due. Returns how many were stepped."""
+        flight = self.begin(now, rung=rung)
+        return 0 if flight is None else self.finish(flight)
+
+    def begin(
+        self, now: float, launch: Launch = at_once, rung: Rung | None = None
+    ) -> Flight | None:
+        """Set that call going; see `Scheduler.begin` for what may be done until `finish`.
 
         On the `rung` of the ladder that the budget finds, unless another is given. If it says so,
         agents who are due and have nothing to do are held before.
         """
         frame = self._timeline.frame(now)
-        self._orders.walk_on(self._registry.by_slot)
+        self._stage.refresh()
+        self._orders.walk_on(frame)
         rung = rung or self._rung(now, frame)
         if rung.hold_idle:
             self._scheduler.hold(frame)
-        return self._scheduler.tick(frame, rung.candidates)
+        return self._scheduler.begin(frame, rung.candidates, launch)
+
+    def finish(self, flight: Flight) -> int:
+        """Plan the chunks of a call that has begun; returns how many agents it has stepped."""
+        return self._scheduler.finish(flight)
 
     def collect(self, until: float) -> list[MotionChunk]:
         """The planned chunks that are to be shown by `until`; each session's in order of that."""
@@ -111,12 +144,13 @@ class Clockwork:
         slots, found = self._table.rows, list[Due]()
         for sent in self._playback.send(self._timeline.frame(until)):
             clean_feet(slots, sent)
+            ground(slots, self._stage.scenery, sent)
             found += due_by_session(sent, slots, self._registry.by_slot, self._timeline)
         return found
 
-    def next_event(self) -> float | None:
-        """When the next agent is due or the next chunk is to be sent; None without agents."""
-        frame = self._playback.next_event()
+    def next_event(self, planning: bool = True) -> float | None:
+        """When the next chunk is to be sent or, unless not asked for, planned; None without any."""
+        frame = self._playback.next_event(planning)
         return None if frame is None else self._timeline.time(frame)
 
     def behind(self, now: float) -> float:
@@ -139,10 +173,8 @@ class Clockwork:
         """An engine call of this size took so long in the warm-up: agents are admitted by it."""
         self._admission.measured(agents, candidates, seconds)
 
-    def spent(self, now: float, seconds: float) -> None:
-        """Tell ladder and admission that the last step has ended, and how long it took."""
-        if (call := self._scheduler.call) is None:
-            return
+    def spent(self, now: float, call: Call, seconds: float) -> None:
+        """Tell ladder and admission that an engine call has ended, and how long it took."""
         self._admission.spent(now, call, seconds)
         if self._budget is not None:
             self._budget.spent(now, seconds)
@@ -204,7 +236,7 @@ class Clockwork:
         if self._budget is None:
             return self._everything
         slack = self._playback.slack(frame) / FPS
-        return self._budget.allow(now, slack, self._scheduler.held_share)
+        return self._budget.allow(now, slack, self._scheduler.held_share, self._scheduler.under_way)
 
     def _planned(self, slots: Index, seqs: Index, candidates: int) -> None:
         """Tell the recorder of new chunks; 0 candidates: they are held."""

@@ -1,22 +1,29 @@
-"""How a scene and the people in it enter a step: everything that an agent's own goal does not say."""
+"""How a scene and the people in it enter a step: all that an agent's own goal does not say."""
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from wayfarer.runtime.engines.engine import Float
 from wayfarer.runtime.world.rows import Index
 from wayfarer.runtime.world.slots import Gait, Goals, Seeds
 
 
+class Course(NamedTuple):
+    """What some rows do next."""
+
+    ahead: Goals
+    """The goals as steering shall see them: for whoever is in a scene, the next stretch. A row that
+    is not `given` waits: it stops, and walks on when it is given again."""
+
+    judged: Goals
+    """The goals as is judged whether they have been reached: one that is near as the crow flies and
+    far to walk has a radius below 0."""
+
+
 class Guide(Protocol):
     """Asked by the scheduler before every step, for the rows about to be stepped together."""
 
-    def course(self, rows: Index, seed: Seeds, gait: Gait, goals: Goals) -> Goals:
-        """The goals as steering shall see them: for whoever is in a scene, the next stretch.
-
-        Whether a goal has been reached is judged by the goals themselves. A row that is not
-        `given` waits: it stops, and walks on when it is given again. The arguments are not
-        changed.
-        """
+    def course(self, rows: Index, seed: Seeds, gait: Gait, goals: Goals) -> Course:
+        """Where the way of these rows leads for now. The arguments are not changed."""
         ...
 
     def obstacles(self, rows: Index, seed: Seeds) -> Float:

@@ -57,24 +57,26 @@ class Playback:
         """Slots whose next chunk is to be planned by world frame `frame`, most urgent first."""
         slots = self._slots
         rows = np.flatnonzero(
-            slots.active & (slots.planned_chunks - slots.sent_chunks < self._depth)
+            self._grounded & (slots.planned_chunks - slots.sent_chunks < self._depth)
         )
         when = self._plan_frame(rows)
         order = np.argsort(when, kind="stable")
         return rows[order][when[order] <= frame]
 
-    def next_event(self) -> int | None:
-        """World frame of the next planning or sending; None when there are no agents."""
-        rows = np.flatnonzero(self._slots.active)
-        if not len(rows):
-            return None
-        waiting = self._slots.planned_chunks[rows] > self._slots.sent_chunks[rows]
-        send = self._send_frame(rows)[waiting]
-        return int(np.concatenate([self._plan_frame(rows), send]).min())
+    def next_event(self, planning: bool = True) -> int | None:
+        """World frame of the next sending or, unless not asked for, planning; None without any."""
+        slots = self._slots
+        events = self._send_frame(
+            np.flatnonzero(slots.active & (slots.planned_chunks > slots.sent_chunks))
+        )
+        if planning:
+            plans = self._plan_frame(np.flatnonzero(self._grounded))
+            events = np.concatenate([events, plans])
+        return int(events.min()) if len(events) else None
 
     def slack(self, frame: float) -> float:
         """Frames from world frame `frame` until the next chunk to be planned is to be shown."""
-        rows = np.flatnonzero(self._slots.active)
+        rows = np.flatnonzero(self._grounded)
         show = self._show_frame(rows, self._slots.planned_chunks[rows])
         return float(show.min(initial=np.iinfo(np.int64).max) - frame)
 
@@ -110,8 +112,12 @@ class Playback:
             sent.append(Sent(rows, seq, show, chunks))
 
     def replan(self, slot: int, keep_until: float) -> None:
-        """Throw away planned chunks of a slot that are shown after world frame `keep_until`."""
+        """Throw away planned chunks of a slot that are shown after world frame `keep_until`.
+
+        And the one that is being made.
+        """
         slots = self._slots
+        slots.flight[slot] = 0
         row = np.array([slot])
         first, planned = int(slots.sent_chunks[slot]), int(slots.planned_chunks[slot])
         kept = first
@@ -136,6 +142,12 @@ class Playback:
         behind = (until - self._send_frame(rows)) / NEW_FRAMES
         short = np.ceil(behind - ROUNDING).astype(np.int64)
         self._slots.start_frame[rows] += NEW_FRAMES * np.maximum(short, 0)
+
+    @property
+    def _grounded(self) -> Flags:
+        """Slots whose next chunk is not being made."""
+        grounded: Flags = self._slots.active & (self._slots.flight == 0)
+        return grounded
 
     def _plan_frame(self, rows: Index) -> Index:
         return self._show_frame(rows, self._slots.planned_chunks[rows] - self.lead)

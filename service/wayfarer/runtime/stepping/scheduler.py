@@ -1,15 +1,17 @@
 """Who is stepped when, or held: the scheduler sees slots and frames, never what tensors mean."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from wayfarer.runtime.agent import ChunkFlag
 from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
 from wayfarer.runtime.engines.models import Models
-from wayfarer.runtime.engines.padding import cut, pad
+from wayfarer.runtime.engines.padding import cut, pad, pick
 from wayfarer.runtime.stepping.batch import broken, gather
+from wayfarer.runtime.stepping.guide import Course, Guide
 from wayfarer.runtime.stepping.playback import Chunks, Playback
 from wayfarer.runtime.world.paths import Paths
 from wayfarer.runtime.world.rows import Index
@@ -27,10 +29,22 @@ class Batch:
     gender: str
     seed: Seeds
     gait: Gait  # of the step to come
-    goals: Goals
+    goals: Goals  # as their being reached is judged
     inputs: StepInputs
     candidates: int
     reduced: Flags  # rows for which steering wished for more candidates
+
+    def take(self, which: Index) -> "Batch":
+        """Some of its rows."""
+        return replace(
+            self,
+            rows=self.rows[which],
+            seed=self.seed.take(which),
+            gait=self.gait.take(which),
+            goals=self.goals.take(which),
+            inputs=pick(self.inputs, which),
+            reduced=self.reduced[which],
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +53,26 @@ class Call:
 
     rows: int  # with the padding
     candidates: int
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """An engine call that is under way."""
+
+    number: int
+    batch: Batch
+    call: Call
+    outputs: Callable[[], StepOutputs]  # waits for them; of all rows, the padding included
+
+
+Outputs = Callable[[], StepOutputs]
+Launch = Callable[[Outputs], Outputs]
+"""Sets a call going, and gives another one that waits for its result."""
+
+
+def at_once(call: Outputs) -> Outputs:
+    """The call is made by whoever wants its result."""
+    return call
 
 
 class Scheduler:
@@ -54,6 +88,7 @@ class Scheduler:
         reset: Callable[[int], Motion],
         batch_sizes: tuple[int, ...],
         planned: Callable[[Index, Index, int], None],
+        guide: Guide,
         alone: bool = False,
     ) -> None:
         """`reset(slot)` gives the standing motion from which a broken agent goes on.
@@ -69,8 +104,10 @@ class Scheduler:
         self._reset = reset
         self._sizes = batch_sizes
         self._planned = planned
+        self._guide = guide
         self._alone = alone
-        self.call: Call | None = None  # that the last tick has made
+        self._flights = 0  # begun so far
+        self.under_way = 0  # of them, those that are not finished
         self.resets = 0  # broken rows so far
         self.reduced_steps = 0  # rows stepped with fewer candidates than wished
         self.held_steps = 0  # rows held in place of a step
@@ -81,21 +118,40 @@ class Scheduler:
         slots = self._table.rows
         return float(slots.held[slots.active].mean()) if slots.active.any() else 0.0
 
-    def tick(self, frame: float, most: int | None = None) -> int:
-        """Plan the next chunk of the agents most urgently due by world frame `frame`.
+    def begin(
+        self, frame: float, most: int | None = None, launch: Launch = at_once
+    ) -> Flight | None:
+        """Set an engine call going for the agents most urgently due by world frame `frame`.
 
-        Tries `most` candidates at most. Returns how many were stepped; 0 when none is due.
+        Tries `most` candidates at most. None when nobody is due. Until `finish`, whoever is under
+        way is not due; what is planned for an agent that is replanned or leaves is lost.
         """
-        self.call = None
         batch = self.schedule(frame, most)
         if batch is None:
-            return 0
+            return None
         inputs = pad(batch.inputs, self._sizes)
         engine = self._models.numbered(batch.model).engine
-        outputs = (engine.alone if self._alone else engine).step(batch.gender, inputs)
-        self.call = Call(len(inputs.goal), batch.candidates)
-        self.apply(batch, cut(outputs, len(batch.rows)))
-        return len(batch.rows)
+        step = (engine.alone if self._alone else engine).step
+        self._flights += 1
+        self.under_way += 1
+        self._table.rows.flight[batch.rows] = self._flights
+        call = Call(len(inputs.goal), batch.candidates)
+        outputs = launch(partial(step, batch.gender, inputs))
+        return Flight(self._flights, batch, call, outputs)
+
+    def finish(self, flight: Flight) -> int:
+        """Plan the next chunk of the agents that are under way. Returns how many there were."""
+        slots, rows = self._table.rows, flight.batch.rows
+        still = slots.flight[rows] == flight.number
+        slots.flight[rows[still]] = 0
+        self.under_way -= 1
+        outputs = cut(flight.outputs(), len(rows))
+        kept = np.flatnonzero(still)
+        if len(kept) == len(rows):
+            self.apply(flight.batch, outputs)
+        elif len(kept):
+            self.apply(flight.batch.take(kept), pick(outputs, kept))
+        return len(rows)
 
     def schedule(self, frame: float, most: int | None = None) -> Batch | None:
         """The most urgent agent and, in order of urgency, those that fit into its batch."""
@@ -106,21 +162,23 @@ class Scheduler:
         model, gender = slots.model[rows[0]], slots.gender[rows[0]]
         alike = (slots.model[rows] == model) & (slots.gender[rows] == gender)
         rows = rows[alike][: self._sizes[-1]]
-        seed, gait, goals = self._next(rows)
+        seed, gait, course = self._next(rows)
         wished = self._steering.candidates(gait.mode)
         tried = wished if most is None else np.minimum(wished, most)
         count = int(tried[0])
         if len(together := np.flatnonzero(tried == count)) < len(rows):
             rows, wished = rows[together], wished[together]
-            seed, gait, goals = seed.take(together), gait.take(together), goals.take(together)
+            seed, gait = seed.take(together), gait.take(together)
+            course = Course(course.ahead.take(together), course.judged.take(together))
+        obstacles = self._guide.obstacles(rows, seed)
         return Batch(
             rows=rows,
             model=int(model),
             gender=GENDERS[gender],
             seed=seed,
             gait=gait,
-            goals=goals,
-            inputs=gather(slots, rows, seed, gait, goals, count, self._steering),
+            goals=course.judged,
+            inputs=gather(slots, rows, seed, gait, course.ahead, count, self._steering, obstacles),
             candidates=count,
             reduced=wished > count,
         )
@@ -136,7 +194,7 @@ class Scheduler:
         rows = rows[slots.planned.gait.mode[rows] == Mode.STANDING]
         if not len(rows):
             return 0
-        seed, gait, goals = self._next(rows)
+        seed, gait, (_, goals) = self._next(rows)
         idle = np.flatnonzero((gait.mode == Mode.STANDING) & ~goals.more)
         rows, seed, gait, goals = rows[idle], seed.take(idle), gait.take(idle), goals.take(idle)
         start = seed.translation[:, -1]
@@ -184,13 +242,14 @@ class Scheduler:
         self._append(rows, chunks, batch.candidates)
         self.reduced_steps += int(batch.reduced.sum())
 
-    def _next(self, rows: Index) -> tuple[Seeds, Gait, Goals]:
-        """Where the next step of some slots starts, their gait during it, and their goals."""
+    def _next(self, rows: Index) -> tuple[Seeds, Gait, Course]:
+        """Where the next step of some slots starts, their gait during it, and where it leads."""
         planned = self._table.rows.planned
         seed, gait = planned.seed.take(rows), planned.gait.take(rows)
         gait = self._steering.advance(gait, self._paths.at(rows, gait.waypoint))
         goals = self._paths.at(rows, gait.waypoint)
-        return seed, self._steering.decide(gait, seed, goals), goals
+        course = self._guide.course(rows, seed, gait, goals)
+        return seed, self._steering.decide(gait, seed, course.ahead), course
 
     def _append(self, rows: Index, chunks: Chunks, candidates: int) -> None:
         slots = self._table.rows

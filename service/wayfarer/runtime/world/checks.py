@@ -45,19 +45,19 @@ def check_spec(spec: AgentSpec, where: str) -> None:
         )
     if len(spec.betas) != BETAS:
         raise InvalidArgument(f"needs {BETAS} betas, got {len(spec.betas)}", f"{where}.betas")
-    _check_range(spec.betas, -MAX_BETA, MAX_BETA, f"{where}.betas")
+    check_range(spec.betas, -MAX_BETA, MAX_BETA, f"{where}.betas")
     if len(spec.position) != 2:
         raise InvalidArgument("position must be x, y on the floor", f"{where}.position")
-    _check_range(spec.position, -MAX_COORDINATE, MAX_COORDINATE, f"{where}.position")
-    _check_range([spec.heading], -MAX_COORDINATE, MAX_COORDINATE, f"{where}.heading")
+    check_range(spec.position, -MAX_COORDINATE, MAX_COORDINATE, f"{where}.position")
+    check_range([spec.heading], -MAX_COORDINATE, MAX_COORDINATE, f"{where}.heading")
     _check_seed(spec.noise_seed, f"{where}.noise_seed")
-    _check_name(spec.name, f"{where}.name")
+    check_name(spec.name, f"{where}.name")
 
 
 def check_change(change: AgentChange) -> None:
     """Raises InvalidArgument."""
     if change.name is not None:
-        _check_name(change.name, "name")
+        check_name(change.name, "name")
 
 
 def check_goal(
@@ -70,14 +70,14 @@ def check_goal(
     """A goal for an agent at `start`. `where` names it in messages. Raises InvalidArgument."""
     if len(goal.position) != 3:
         raise InvalidArgument("position must be x, y, z", f"{where}.position")
-    _check_range(goal.position, -MAX_COORDINATE, MAX_COORDINATE, f"{where}.position")
-    _check_range([goal.radius], *RADIUS, f"{where}.radius")
-    _check_range([goal.speed], *SPEED, f"{where}.speed")
-    _check_range([goal.dwell], 0, MAX_DWELL, f"{where}.dwell")
+    check_range(goal.position, -MAX_COORDINATE, MAX_COORDINATE, f"{where}.position")
+    check_range([goal.radius], *RADIUS, f"{where}.radius")
+    check_range([goal.speed], *SPEED, f"{where}.speed")
+    check_range([goal.dwell], 0, MAX_DWELL, f"{where}.dwell")
     if goal.dwell and not goal.stop:
         raise InvalidArgument("an agent does not dwell where it does not stop", f"{where}.dwell")
     if goal.heading is not None:
-        _check_range([goal.heading], -MAX_HEADING, MAX_HEADING, f"{where}.heading")
+        check_range([goal.heading], -MAX_HEADING, MAX_HEADING, f"{where}.heading")
         if not (goal.stop or goal.strafe):
             raise InvalidArgument(
                 "a heading is faced when the agent stops, or with strafe on the way; "
@@ -100,6 +100,7 @@ def check_path(
     limits: Limits,
     ahead: int = 0,
     whence: str = "the agent",
+    field: str = "goals",
 ) -> None:
     """Goals to visit in turn from `start`, after `ahead` that the agent has already.
 
@@ -107,27 +108,26 @@ def check_path(
     """
     if not 1 <= len(goals) <= limits.path_goals:
         raise InvalidArgument(
-            f"a path has {len(goals)} goals; allowed: 1 to {limits.path_goals}", "goals"
+            f"a path has {len(goals)} goals; allowed: 1 to {limits.path_goals}", field
         )
     if ahead + len(goals) > limits.path_goals:
         raise InvalidArgument(
             f"{ahead} goals are still ahead and {len(goals)} were added; "
             f"allowed: {limits.path_goals} in all",
-            "goals",
+            field,
         )
     for number, goal in enumerate(goals):
-        check_goal(goal, start, limits, f"goals[{number}]", whence)
+        check_goal(goal, start, limits, f"{field}[{number}]", whence)
         start, whence = goal.position, "the goal before it"
 
 
 def check_area(area: Wander, start: tuple[float, ...], limits: Limits, where: str = "area") -> None:
-    """An area for an agent at `start` to walk about in. Raises InvalidArgument."""
-    if len(area.center) != 2:
-        raise InvalidArgument("center must be x, y on the floor", f"{where}.center")
-    _check_range(area.center, -MAX_COORDINATE, MAX_COORDINATE, f"{where}.center")
-    _check_range([area.radius], MIN_AREA, limits.goal_distance, f"{where}.radius")
-    _check_range([area.speed], *SPEED, f"{where}.speed")
-    _check_range([area.dwell], 0, MAX_DWELL, f"{where}.dwell")
+    """An area with a centre for an agent at `start` to walk about in. Raises InvalidArgument."""
+    assert area.center is not None
+    check_place(area.center, f"{where}.center")
+    check_range([area.radius], MIN_AREA, limits.goal_distance, f"{where}.radius")
+    check_range([area.speed], *SPEED, f"{where}.speed")
+    check_range([area.dwell], 0, MAX_DWELL, f"{where}.dwell")
     farthest = math.dist(area.center, start[:2]) + area.radius
     if farthest > limits.goal_distance:
         raise InvalidArgument(
@@ -156,12 +156,23 @@ def _check_seed(seed: int, field: str) -> None:
         raise InvalidArgument(f"{field} must lie in [0, 2^64)", field)
 
 
-def _check_name(name: str, field: str) -> None:
-    if len(name) > MAX_NAME:
-        raise InvalidArgument(f"name is longer than {MAX_NAME} characters", field)
+def check_name(name: str, field: str, least: int = 0) -> None:
+    """Raises InvalidArgument."""
+    if not least <= len(name) <= MAX_NAME:
+        raise InvalidArgument(
+            f"name has {len(name)} characters; allowed: {least} to {MAX_NAME}", field
+        )
 
 
-def _check_range(values: Iterable[float], low: float, high: float, field: str) -> None:
+def check_place(place: tuple[float, ...], field: str) -> None:
+    """A place on the floor. Raises InvalidArgument."""
+    if len(place) != 2:
+        raise InvalidArgument("must be x, y on the floor", field)
+    check_range(place, -MAX_COORDINATE, MAX_COORDINATE, field)
+
+
+def check_range(values: Iterable[float], low: float, high: float, field: str) -> None:
+    """Finite numbers within these limits. Raises InvalidArgument."""
     for value in values:
         if not low <= value <= high:  # a NaN fails too
             raise InvalidArgument(

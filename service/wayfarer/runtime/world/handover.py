@@ -12,12 +12,14 @@ from typing import Final
 import numpy as np
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.agent import AgentSpec, Goal, SessionSpec, Wander
+from wayfarer.runtime.agent import AgentSpec, Goal, SessionSpec
+from wayfarer.runtime.behaviours import Behaviour, Routine, Stand
 from wayfarer.runtime.feet.footlock import LockState
+from wayfarer.runtime.feet.ground import Footing
 from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.world.behaviour_checks import check_behaviour
 from wayfarer.runtime.world.checks import (
     check_agent_id,
-    check_area,
     check_goal,
     check_session_id,
     check_spec,
@@ -44,11 +46,14 @@ class AgentRecord:
     seq: int  # of the next chunk
     motion: Motion  # one row: where the last sent frame left it
     feet: LockState | None  # one row; None: its feet have not been locked yet
+    footing: Footing  # one row
     goal_revision: int
     path: tuple[Goal, ...]  # goals that are not yet forgotten
     passed: int  # place of the first of them in the path
     path_start: tuple[float, float]  # metres: where the way to the first of them begins
-    wander: Wander | None
+    behaviour: Behaviour | Routine | Stand | None
+    part: int = 0  # of a routine
+    begun: int = 0  # place in the path where the behaviour, or the part, began
     model: str = ""  # stamp of the one that moves it; empty: whichever is in use
 
 
@@ -95,8 +100,8 @@ def check_agent_record(record: AgentRecord, limits: Limits, where: str) -> None:
     _check_rows(record.motion, f"{where}.motion")
     if record.feet is not None:
         _check_rows(record.feet, f"{where}.feet")
-    if record.wander is not None:
-        check_area(record.wander, record.wander.center, limits, f"{where}.wander")
+    _check_rows(record.footing, f"{where}.footing")
+    _check_behaviour(record, limits, f"{where}.behaviour")
     gait, seed = record.motion.gait, record.motion.seed
     if not (0 <= gait.mode[0] < len(Mode)):
         raise InvalidArgument("holds an unknown mode", f"{where}.motion.gait.mode")
@@ -117,6 +122,16 @@ def _check_path(record: AgentRecord, limits: Limits, where: str) -> None:
         check_goal(goal, goal.position, limits, f"{where}.path[{number}]")
     for value in record.path_start:
         _check_finite(value, f"{where}.path_start")
+
+
+def _check_behaviour(record: AgentRecord, limits: Limits, where: str) -> None:
+    behaviour = record.behaviour
+    if behaviour is None or isinstance(behaviour, Stand):
+        return
+    check_behaviour(behaviour, None, limits, where)
+    _check_count(record.begun, f"{where}.begun")
+    if not 0 <= record.part <= (len(behaviour.parts) if isinstance(behaviour, Routine) else 0):
+        raise InvalidArgument(f"part is {record.part}; there is none", f"{where}.part")
 
 
 def _check_rows(rows: Rows, where: str) -> None:

@@ -1,7 +1,7 @@
-"""Agents are given goals: replan, write the path, count the revision.
+"""Agents are given orders: replan, write the path, count the revision.
 
 A path is fed for ever: goals that the agent has passed are forgotten when more are added, and the
-numbers of the others stay (see paths.py). Wandering is a path that feeds itself.
+numbers of the others stay (see paths.py). Behaviours are paths that feed themselves (behaving.py).
 """
 
 from collections.abc import Sequence
@@ -9,45 +9,55 @@ from typing import assert_never
 
 import numpy as np
 
-from wayfarer.errors import Aborted, InvalidArgument
+from wayfarer.errors import Aborted, FailedPrecondition, InvalidArgument
 from wayfarer.runtime.agent import Goal, Wander
+from wayfarer.runtime.behaviours import DEPENDENT, Follow, KeepAway, Patrol, Queue, Routine, Visit
 from wayfarer.runtime.commands import AppendGoals, ClearGoal, Order, Recorder, SetGoal, SetPath
 from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.stepping.playback import Playback
 from wayfarer.runtime.stepping.timeline import Timeline
+from wayfarer.runtime.world.behaving import Behaving, Surroundings, parts_of
+from wayfarer.runtime.world.behaviour_checks import check_behaviour, others_of
 from wayfarer.runtime.world.checks import check_area, check_goal, check_path
 from wayfarer.runtime.world.handover import AgentRecord
 from wayfarer.runtime.world.paths import Paths
-from wayfarer.runtime.world.registry import Agent
-from wayfarer.runtime.world.slots import Gait, Mode, Motion, Slots
-from wayfarer.runtime.world.wandering import wander_goal
+from wayfarer.runtime.world.registry import Agent, Registry
+from wayfarer.runtime.world.slots import Feeding, Motion, Slots
+from wayfarer.runtime.world.trail import Trails, set_out
 
 
 class Orders:
-    """Changes of the goals of a world's agents."""
+    """Changes of what a world's agents do."""
 
     def __init__(
         self,
         slots: Slots,
+        paths: Paths,
         playback: Playback,
         timeline: Timeline,
         settings: WorldSettings,
+        registry: Registry,
+        around: Surroundings,
         recorder: Recorder | None,
     ) -> None:
         self._slots = slots
+        self._paths = paths
         self._playback = playback
         self._timeline = timeline
         self._settings = settings
+        self._registry = registry
+        self._around = around
         self._recorder = recorder
-        # What is planned may be a goal ahead of what is sent for each chunk of it; a wanderer has
-        # one more.
-        self.paths = Paths(slots, settings.limits.path_goals + settings.lead + 2)
+        self._trails = Trails(slots, paths)
+        self._behaving = Behaving(
+            slots, paths, self._trails, registry, around, settings.steering.slow_seconds
+        )
 
     def check_record(self, record: AgentRecord, where: str) -> None:
         """A path that can be put into this world. Raises InvalidArgument."""
-        if len(record.path) > self.paths.limit:
+        if len(record.path) > self._paths.limit:
             raise InvalidArgument(
-                f"has {len(record.path)} goals; allowed: {self.paths.limit}", f"{where}.path"
+                f"has {len(record.path)} goals; allowed: {self._paths.limit}", f"{where}.path"
             )
 
     def check_revision(self, agent: Agent, expected: int | None) -> None:
@@ -60,19 +70,22 @@ class Orders:
             )
 
     def check(self, agent: Agent, order: Order) -> None:
-        """Raises InvalidArgument that names the field at fault."""
+        """Raises InvalidArgument that names the field at fault, FailedPrecondition."""
         limits, slot = self._settings.limits, agent.slot
         x, y, z = (float(v) for v in self._slots.committed.seed.translation[slot, -1])
         match order:
             case SetGoal(goal):
                 check_goal(goal, (x, y, z), limits)
-            case AppendGoals(goals) if agent.path and agent.wander is None:
+            case AppendGoals(goals) if agent.path and agent.behaviour is None:
                 last = agent.path[-1].position
                 check_path(goals, last, limits, self._ahead(agent), "the goal before it")
             case SetPath(goals) | AppendGoals(goals):
                 check_path(goals, (x, y, z), limits)
-            case Wander():
+            case Wander(center=center) if center is not None:
                 check_area(order, (x, y), limits)
+            case Wander() | Patrol() | Follow() | KeepAway() | Queue() | Routine():
+                check_behaviour(order, (x, y, z), limits)
+                self._check_company(agent, order)
             case ClearGoal():
                 pass
             case _:
@@ -80,7 +93,9 @@ class Orders:
 
     def give(self, agent: Agent, order: Order, now: float) -> int:
         """Carry out an order that has been checked; returns the new revision."""
-        if isinstance(order, AppendGoals) and agent.path:
+        # A goal that its behaviour moves is not one to be reached before others.
+        has_goals = agent.path and self._slots.feeding[agent.slot] != Feeding.EACH_STEP
+        if isinstance(order, AppendGoals) and has_goals:
             self._append(agent, order.goals)
         else:
             self._replace(agent, order, now)
@@ -89,21 +104,15 @@ class Orders:
             self._recorder.command(agent.agent_id, order, int(self._slots.planned_chunks[slot]))
         return int(self._slots.goal_revision[slot])
 
-    def walk_on(self, by_slot: dict[int, Agent]) -> None:
-        """Give a next place to those wanderers who are on the way to their last one."""
-        slots = self._slots
-        rows = np.flatnonzero(slots.active & slots.wanders)
-        if not len(rows):
-            return
-        waypoints = slots.planned.gait.waypoint[rows]
-        for slot in rows[self.paths.is_last(rows, waypoints)].tolist():
-            agent = by_slot[slot]
-            self._write(agent, (*self._kept(agent), self._next_place(agent)))
+    def walk_on(self, frame: float) -> None:
+        """Let those who are due by world frame `frame` know what their behaviours want of them."""
+        if self._slots.feeding.any():
+            self._behaving.feed(self._playback.due(frame))
 
     def restore(self, agent: Agent) -> None:
         """Write the path of an agent who has been put into the world with it, or with none."""
-        self._slots.wanders[agent.slot] = agent.wander is not None
-        self.paths.put(agent.slot, agent.path, agent.path_start, agent.passed)
+        self._paths.put(agent.slot, agent.path, agent.path_start, agent.passed)
+        self._behaving.resume(agent)
 
     def at_rest(self, agent: Agent) -> Motion:
         """The agent's motion after the last chunk sent, one row, on its present path.
@@ -111,10 +120,10 @@ class Orders:
         Goals before are forgotten.
         """
         slots, slot = self._slots, agent.slot
-        self._kept(agent)
+        self._trails.kept(agent)
         motion = slots.committed.take(np.array([slot]))
-        if self._is_ahead_of_sent(slot):
-            _set_out(motion.gait, 0, walks=bool(agent.path))
+        if self._trails.is_ahead_of_sent(slot):
+            set_out(motion.gait, 0, 0, walks=bool(agent.path))
         return motion
 
     def _replace(self, agent: Agent, order: Order, now: float) -> None:
@@ -126,10 +135,10 @@ class Orders:
         slots.revised_chunk[slot] = slots.planned_chunks[slot]
         x, y = slots.planned.seed.translation[slot, -1, :2].tolist()
         agent.path, agent.passed, agent.path_start = (), 0, (x, y)
-        agent.wander = order if isinstance(order, Wander) else None
-        slots.wanders[slot] = agent.wander is not None
-        self._write(agent, self._first_goals(agent, order))
-        _set_out(slots.planned.gait, slot, walks=bool(agent.path))
+        self._behaving.leave(agent)
+        self._trails.write(agent, self._first_goals(agent, order))
+        walks = bool(agent.path) and self._sets_out(agent)
+        set_out(slots.planned.gait, slot, 0, walks)
 
     def _first_goals(self, agent: Agent, order: Order) -> tuple[Goal, ...]:
         match order:
@@ -137,42 +146,25 @@ class Orders:
                 return (goal,)
             case SetPath(goals) | AppendGoals(goals):
                 return goals
-            case Wander():
-                return (self._next_place(agent),)
+            case Wander() | Patrol() | Follow() | KeepAway() | Queue() | Routine():
+                agent.behaviour = order
+                return self._behaving.begin(agent)
             case ClearGoal():
                 return ()
             case _:
                 assert_never(order)
 
+    def _sets_out(self, agent: Agent) -> bool:
+        """Whether its first goal is one to walk to, not one that its behaviour has yet to tell."""
+        return isinstance(self._behaving.doing(agent), Visit | Wander | Patrol | None)
+
     def _append(self, agent: Agent, goals: Sequence[Goal]) -> None:
-        slots, slot = self._slots, agent.slot
-        kept = self._kept(agent)
-        if agent.wander is not None:  # what it has drawn beyond its present place was not asked for
-            kept = kept[: int(slots.planned.gait.waypoint[slot]) - agent.passed + 1]
-        agent.wander, slots.wanders[slot] = None, False
-        slots.goal_revision[slot] += 1
-        self._write(agent, (*kept, *goals))
-
-    def _kept(self, agent: Agent) -> tuple[Goal, ...]:
-        """Forget the goals that even a replan cannot go back to; return the others."""
-        slot = agent.slot
-        oldest = 0 if self._is_ahead_of_sent(slot) else int(self._sent_waypoint(slot))
-        done = oldest - agent.passed
-        if done > 0:
-            x, y, _ = agent.path[done - 1].position
-            agent.path, agent.passed, agent.path_start = agent.path[done:], oldest, (x, y)
-        return agent.path
-
-    def _write(self, agent: Agent, goals: tuple[Goal, ...]) -> None:
-        agent.path = goals
-        self.paths.put(agent.slot, goals, agent.path_start, agent.passed)
-
-    def _next_place(self, agent: Agent) -> Goal:
-        assert agent.wander is not None
-        start = agent.path[-1].position[:2] if agent.path else agent.path_start
-        revision = int(self._slots.goal_revision[agent.slot])
-        waypoint = agent.passed + len(agent.path)
-        return wander_goal(agent.wander, agent.spec.noise_seed, revision, waypoint, start)
+        behaves = agent.behaviour is not None
+        self._behaving.leave(agent)
+        self._slots.goal_revision[agent.slot] += 1
+        # What it has drawn beyond its present place was not asked for.
+        kept = self._trails.so_far(agent) if behaves else self._trails.kept(agent)
+        self._trails.write(agent, (*kept, *goals))
 
     def _ahead(self, agent: Agent) -> int:
         """Goals of its path that the agent has not reached."""
@@ -180,17 +172,42 @@ class Orders:
         reached = int(gait.waypoint[slot]) + int(gait.arrived[slot])
         return agent.passed + len(agent.path) - reached
 
-    def _is_ahead_of_sent(self, slot: int) -> bool:
-        """Nothing has been sent yet that was planned for the present path."""
-        return bool(self._slots.sent_chunks[slot] <= self._slots.revised_chunk[slot])
+    def _check_company(
+        self, agent: Agent, order: Wander | Patrol | Follow | KeepAway | Queue | Routine
+    ) -> None:
+        """What a behaviour needs: others, a scene, a session that is not recorded."""
+        session = self._registry.sessions[agent.session_id]
+        does = [part.does for part in parts_of(order)]
+        if session.spec.record and any(isinstance(one, DEPENDENT) for one in does):
+            raise FailedPrecondition(
+                "in a recorded session every agent's motion follows from its own orders: "
+                "following, keeping away and queueing look at others"
+            )
+        if self._around.scene_of(agent.slot) is None and any(
+            isinstance(one, Wander) and one.center is None for one in does
+        ):
+            raise FailedPrecondition(
+                "only in a scene can an agent walk about all over it: give the area a centre, or "
+                "create the session in a scene"
+            )
+        for other, field in others_of(order):
+            if other == agent.agent_id:
+                raise InvalidArgument("is the agent itself", f"behaviour.{field}")
+            if other not in session.agents:
+                raise InvalidArgument(
+                    f"there is no agent {other!r} in session {session.session_id!r}",
+                    f"behaviour.{field}",
+                )
+        if isinstance(order, Follow):
+            self._check_circle(agent, order)
 
-    def _sent_waypoint(self, slot: int) -> int:
-        return int(self._slots.committed.gait.waypoint[slot])
-
-
-def _set_out(gait: Gait, row: int, walks: bool) -> None:
-    """Let an agent begin its path; without one it goes on as it was, until steering stops it."""
-    if walks:
-        gait.mode[row] = Mode.WALKING
-    gait.arrived[row] = False
-    gait.waypoint[row] = 0
+    def _check_circle(self, agent: Agent, order: Follow) -> None:
+        other, passed = self._registry.agents.get(order.agent_id), list[Agent]()
+        while other is not None and other not in passed:
+            passed.append(other)
+            wish = self._behaving.doing(other)
+            other = self._registry.agents.get(wish.agent_id) if isinstance(wish, Follow) else None
+        if any(one.agent_id == agent.agent_id for one in passed):
+            raise InvalidArgument(
+                "agents would follow each other in a circle", "behaviour.agent_id"
+            )

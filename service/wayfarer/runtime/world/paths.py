@@ -7,8 +7,10 @@ thrown away with the frames that were planned for it.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wayfarer.runtime.agent import Goal
 from wayfarer.runtime.world.heading import angle_between, facing_at
@@ -41,6 +43,15 @@ class Paths:
         """The goals of some slots at these places of their paths."""
         self._reserve()
         return self._goals.take(self._place(slots, waypoints))
+
+    def move(self, slot: int, waypoint: int, place: NDArray[np.floating[Any]]) -> None:
+        """Put a goal of a slot's path elsewhere, place [3]."""
+        self._goals.position[slot * self.limit + waypoint % self.limit] = place
+
+    def rewrite(self, slot: int, waypoint: int, row: Goals) -> None:
+        """Put another goal, one row, in the place of one of a slot's path."""
+        self._reserve()
+        self._goals.put(self._place(np.array([slot]), np.array([waypoint])), row)
 
     def is_last(self, slots: Index, waypoints: Index) -> Flags:
         """Whether no goal follows after these."""

@@ -13,7 +13,9 @@ from wayfarer.body.model import BodyModel
 from wayfarer.runtime.agent import AgentChange, AgentSpec
 from wayfarer.runtime.engines.models import Loaded, Models
 from wayfarer.runtime.feet.footlock import LockState
+from wayfarer.runtime.feet.ground import Footing, standing
 from wayfarer.runtime.feet.legs import Legs, measure_legs
+from wayfarer.runtime.scenes.scenery import Scenery
 from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.stepping.phases import Phases
 from wayfarer.runtime.stepping.timeline import Timeline
@@ -42,7 +44,9 @@ class Population:
         timeline: Timeline,
         orders: Orders,
         models: Models,
+        scenery: Scenery,
     ) -> None:
+        self._scenery = scenery
         self._lead = settings.lead
         self._registry = registry
         self._table = table
@@ -69,6 +73,7 @@ class Population:
             return []
         count = len(specs)
         slots = self._enter(specs, Motion.join(seeds), [0] * count, [""] * count, now)
+        self._table.rows.footing.put(np.array(slots), standing([spec.floor for spec in specs]))
         agents = []
         for spec, slot in zip(specs, slots, strict=True):
             agent = self._registry.add_agent(session, spec, slot, now)
@@ -122,11 +127,14 @@ class Population:
             seq=int(slots.sent_chunks[agent.slot]),
             motion=motion,
             feet=slots.feet.take(row) if slots.feet_begun[agent.slot] else None,
+            footing=slots.footing.take(row),
             goal_revision=int(slots.goal_revision[agent.slot]),
             path=agent.path,
             passed=agent.passed,
             path_start=agent.path_start,
-            wander=agent.wander,
+            behaviour=agent.behaviour,
+            part=agent.part,
+            begun=agent.begun,
             model=self._models.numbered(int(slots.model[agent.slot])).stamp,
         )
 
@@ -147,6 +155,7 @@ class Population:
             rows = np.array(list(begun))
             slots.feet.put(rows, LockState.join(list(begun.values())))
             slots.feet_begun[rows] = True
+        slots.footing.put(np.array(entered), Footing.join([record.footing for record in records]))
         slots.goal_revision[entered] = [record.goal_revision for record in records]
         slots.revised_chunk[entered] = [record.seq - 1 for record in records]
         return [
@@ -165,7 +174,9 @@ class Population:
             path=record.path,
             passed=record.passed,
             path_start=record.path_start,
-            wander=record.wander,
+            behaviour=record.behaviour,
+            part=record.part,
+            begun=record.begun,
         )
         session.last_alias = max(session.last_alias, record.alias)
         return self._settle(self._registry.enter(agent), session)
@@ -176,6 +187,8 @@ class Population:
         slots.agent_id[agent.slot] = agent.agent_id
         slots.alias[agent.slot] = agent.alias
         slots.session[agent.slot] = session.number
+        slots.scene[agent.slot] = self._scenery.number(session.spec.scene)
+        slots.avoids[agent.slot] = bool(session.spec.scene) and session.spec.avoid
         self._orders.restore(agent)
         return agent
 

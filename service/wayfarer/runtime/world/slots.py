@@ -13,8 +13,11 @@ from numpy.typing import NDArray
 
 from wayfarer.errors import ResourceExhausted
 from wayfarer.runtime.agent import AgentState
+from wayfarer.runtime.crowd.people import Memory
 from wayfarer.runtime.feet.footlock import LockState
+from wayfarer.runtime.feet.ground import Footing
 from wayfarer.runtime.feet.legs import Legs
+from wayfarer.runtime.scenes.route import Route
 from wayfarer.runtime.world.rows import Rows, Shape
 from wayfarer.spec import BETAS, MARKERS, POSED_JOINTS, SEED_FRAMES
 
@@ -36,6 +39,14 @@ class Mode(IntEnum):
     def state(self) -> AgentState:
         """The public name."""
         return AgentState.WALKING if self is Mode.STRAFING else AgentState[self.name]
+
+
+class Feeding(IntEnum):
+    """When an agent's behaviour is asked for goals; see behaving.py."""
+
+    NONE = 0
+    AT_END = 1  # when it is on the way to the last one of its path
+    EACH_STEP = 2
 
 
 @dataclass(slots=True)
@@ -99,18 +110,25 @@ class Slots(Rows):
     betas: Annotated[Float, Shape(BETAS)]
     goal_revision: Int  # counts the changes of its goals
     revised_chunk: Int  # seq of the first chunk that its present path counts for
-    wanders: Flags  # its path is fed by itself
+    feeding: NDArray[np.int8]  # Feeding
+    group: Int  # those of one session and group walk together; 0: it walks alone
     committed: Motion
     planned: Motion
     start_frame: Int  # world frame of the agent's frame 0
     planned_chunks: Int  # = seq of the next chunk to plan
     sent_chunks: Int  # = seq of the next chunk to send
+    flight: Int  # number of the engine call that makes its next chunk; 0: none
     replanned: Flags  # the next chunk replaces one that was thrown away
     held: Flags  # the last chunk planned was held
     foot_lock: Flags  # the agent wants its feet locked in what is sent
     legs: Legs
     feet: LockState  # after the frames already sent
     feet_begun: Flags  # `feet` means something
+    scene: Int  # number of the scene that it is in; 0: none
+    avoids: Flags  # the others of its session; only in a scene
+    route: Route
+    memory: Memory  # of avoiding others
+    footing: Footing  # after the frames already sent
 
 
 class SlotTable:
@@ -149,6 +167,7 @@ class SlotTable:
     def release(self, slot: int) -> None:
         """Give a slot back."""
         self.rows.active[slot] = False
+        self.rows.flight[slot] = 0
         self._free.append(slot)
 
     def _grow(self) -> None:

@@ -28,7 +28,7 @@ def agent_info(agent: Agent, slots: Slots, models: Models) -> AgentInfo:
         session_id=agent.session_id,
         spec=agent.spec,
         state=Mode(int(slots.committed.gait.mode[slot])).state,
-        position=(x, y, z),
+        position=(x, y, z + float(slots.footing.hips[slot])),
         heading=heading_of(seed.rotations[slot, -1, 0]),
         goal=agent.path[waypoint - agent.passed] if agent.path else None,
         goal_revision=int(slots.goal_revision[slot]),

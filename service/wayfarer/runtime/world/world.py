@@ -8,20 +8,24 @@ excepted.
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
 from wayfarer.errors import AlreadyExists, ResourceExhausted, WayfarerError
+from wayfarer.navigation.scene import Scene
 from wayfarer.runtime.agent import (
     AgentChange,
     AgentInfo,
     AgentSpec,
+    Event,
     Goal,
+    MotionChunk,
     SessionInfo,
     SessionSpec,
     Wander,
 )
+from wayfarer.runtime.behaviours import Behaviour, Routine
 from wayfarer.runtime.commands import (
     AppendGoals,
     ClearGoal,
@@ -31,6 +35,9 @@ from wayfarer.runtime.commands import (
     SetGoal,
     SetPath,
 )
+from wayfarer.runtime.scenes.book import Book
+from wayfarer.runtime.scenes.messages import Crowd
+from wayfarer.runtime.scenes.populate import Crowds, Whereabouts
 from wayfarer.runtime.stepping.clockwork import Clockwork
 from wayfarer.runtime.world.checks import check_change, check_session, check_spec
 from wayfarer.runtime.world.handover import (
@@ -41,7 +48,7 @@ from wayfarer.runtime.world.handover import (
 )
 from wayfarer.runtime.world.registry import Agent, Session
 from wayfarer.runtime.world.reservations import Reservation
-from wayfarer.runtime.world.slots import Motion
+from wayfarer.runtime.world.slots import Mode, Motion
 from wayfarer.runtime.world.views import agent_info
 from wayfarer.spec import GENDERS
 
@@ -52,9 +59,11 @@ class World(Clockwork):
     # Sessions
 
     def create_session(self, spec: SessionSpec, now: float) -> SessionInfo:
-        """Raises InvalidArgument, AlreadyExists, ResourceExhausted."""
+        """Raises InvalidArgument, AlreadyExists, ResourceExhausted, and FailedPrecondition when its
+        scene is not here.
+        """
         check_session(spec)
-        return self._registry.add_session(spec, now).info()
+        return self._open(spec, now).info()
 
     def get_session(self, session_id: str) -> SessionInfo:
         """Raises NotFound."""
@@ -68,7 +77,7 @@ class World(Clockwork):
         """End a session and its agents. Raises NotFound."""
         for agent_id in self.get_session(session_id).agent_ids:
             self.delete_agent(agent_id)
-        del self._registry.sessions[session_id]
+        self._close(self._registry.session(session_id))
 
     def hold(self, session_id: str, until: float) -> None:
         """Let a session's agents wait: their next frames are shown at `until` or later.
@@ -101,25 +110,34 @@ class World(Clockwork):
         """Let a recorded session go on: the next chunk of each agent follows its last one.
 
         All or nothing. Not `admit`: whether there is time for its agents is not asked. `examined`:
-        `examine(record)` has been called. Raises InvalidArgument, AlreadyExists, ResourceExhausted.
+        `examine(record)` has been called. Raises InvalidArgument, AlreadyExists, ResourceExhausted,
+        and FailedPrecondition when its scene is not here.
         """
         if not examined:
             self.examine(record)
         spec = replace(record.spec, session_id=record.session_id)
-        session = self._registry.add_session(spec, record.created_at)
+        session = self._open(spec, record.created_at)
         try:
             for number, agent in enumerate(record.agents):
                 self._check_new(agent, f"agents[{number}]")
             wanted = _room(record.session_id, [agent.spec for agent in record.agents])
             self._check_room(wanted, now, self._reservations.all(), admit)
         except WayfarerError:
-            del self._registry.sessions[record.session_id]
+            self._close(session)
             raise
         self._put(session, record.agents, now)
         session.last_alias = record.last_alias
         return session.info()
 
     # Agents
+
+    def placed(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentSpec]:
+        """New agents where they will stand: in a scene, on the nearest free ground. Thread-safe.
+
+        Raises NotFound, InvalidArgument.
+        """
+        _check_specs(specs)
+        return self._stage.scenery.placed(self._registry.session(session_id).spec, specs)
 
     def prepare(self, specs: Sequence[AgentSpec]) -> list[Motion]:
         """Standing seeds for `create_agents`: its costly part, free of state and thread-safe.
@@ -152,13 +170,16 @@ class World(Clockwork):
         seeds: Sequence[Motion] | None = None,
         reservation: Reservation | None = None,
     ) -> list[AgentInfo]:
-        """All or none. `seeds` are what `prepare(specs)` returned, if it has been called.
+        """All or none. `seeds` are what `prepare(specs)` returned, if it has been called; then
+        `specs` are what `placed` made of them.
 
         Who comes with a reservation of `reserve(session_id, specs, …)` is not asked again whether
         there is room. Raises NotFound, InvalidArgument, ResourceExhausted.
         """
         session = self._registry.session(session_id)
-        seeds = self.prepare(specs) if seeds is None else seeds
+        if seeds is None:
+            specs = self.placed(session_id, specs)
+            seeds = self.prepare(specs)
         held = self._reservations.all()
         if reservation not in held:  # or no more: its caller has given up
             self._check_room(_room(session_id, specs), now, held)
@@ -259,16 +280,84 @@ class World(Clockwork):
         """
         return self.give(agent_id, area, now, expected)
 
+    def behave(
+        self,
+        agent_id: str,
+        behaviour: Behaviour | Routine,
+        now: float,
+        expected: int | None = None,
+    ) -> int:
+        """Do this until another change of goals; one revision for all of it.
+
+        Besides, raises FailedPrecondition: in a recorded session for what depends on others, and
+        on a floor without end for walking all over it.
+        """
+        return self.give(agent_id, behaviour, now, expected)
+
     def clear_goal(self, agent_id: str, now: float, expected: int | None = None) -> int:
         """Stop where the agent is. Raises NotFound, Aborted."""
         return self.give(agent_id, ClearGoal(), now, expected)
 
     def give(self, agent_id: str, order: Order, now: float, expected: int | None = None) -> int:
-        """Any change of goals, as it was told to a `Recorder`; see above."""
+        """Any change of goals, as it was told to a `Recorder`; see above.
+
+        In a scene, goals off free ground are moved to the nearest that can be reached. Raises
+        Unreachable when no way leads to one.
+        """
         agent = self._registry.agent(agent_id)
         self._orders.check_revision(agent, expected)
         self._orders.check(agent, order)
-        return self._orders.give(agent, order, now)
+        fitted, moves = self._stage.fitted(agent.slot, order)
+        revision = self._orders.give(agent, fitted, now)
+        self._stage.tell_moves(agent.slot, moves, agent.passed + len(agent.path))
+        return revision
+
+    # Scenes
+
+    @property
+    def scenes(self) -> Book:
+        """Those that sessions may be in."""
+        return self._stage.scenery.book
+
+    def take_events(self) -> list[tuple[str, Event]]:
+        """What agents have met with on their ways since the last time, by session."""
+        agents = self._registry.agents
+        events = self._stage.take_events()
+        return [(agents[e.agent_id].session_id, e) for e in events if e.agent_id in agents]
+
+    def populate(self, session_id: str, crowd: Crowd, now: float) -> int:
+        """Let people come and go from now on, in place of an earlier crowd; see `Crowds.set`."""
+        return self._crowds.set(session_id, crowd, now)
+
+    def tend(self, now: float) -> list[tuple[str, str]]:
+        """Let those people come and go, again and again. Who has gone: session and agent."""
+        return self._crowds.tend(now)
+
+    def tick(self, now: float) -> list[MotionChunk]:
+        """Tend crowds, step all agents that are due, return the chunks whose time has come."""
+        self.tend(now)
+        return super().tick(now)
+
+    def scene_of_session(self, session_id: str) -> Scene | None:
+        """Its scene as the present step sees it; None: it is in none, or has ended."""
+        session = self._registry.sessions.get(session_id)
+        if session is None or not session.spec.scene:
+            return None
+        scenery = self._stage.scenery
+        return scenery.scene(scenery.number(session.spec.scene))
+
+    def whereabouts(self, session_id: str) -> Whereabouts:
+        """Where a session's agents are, and who stands, as of what was sent. Raises NotFound."""
+        agents = self._registry.session(session_id).agents
+        rows = np.array([agent.slot for agent in agents.values()], np.int64)
+        sent = self._table.rows.committed
+        stands = sent.gait.mode[rows] == Mode.STANDING
+        return Whereabouts(tuple(agents), sent.seed.translation[rows, -1, :2], stands)
+
+    def room_for(self, session_id: str, genders: Sequence[str], now: float) -> None:
+        """Raises NotFound, ResourceExhausted when so many more could not be stepped in time."""
+        wanted = Reservation(session_id, tuple(GENDERS.index(gender) for gender in genders))
+        self._check_room(wanted, now, self._reservations.all())
 
     # Counts
 
@@ -283,6 +372,22 @@ class World(Clockwork):
         return len(self._registry.sessions)
 
     # Within
+
+    @cached_property
+    def _crowds(self) -> Crowds:
+        return Crowds(self)
+
+    def _open(self, spec: SessionSpec, created_at: float) -> Session:
+        self._stage.scenery.enter(spec)
+        try:
+            return self._registry.add_session(spec, created_at)
+        except WayfarerError:
+            self._stage.scenery.leave(spec)
+            raise
+
+    def _close(self, session: Session) -> None:
+        del self._registry.sessions[session.session_id]
+        self._stage.scenery.leave(session.spec)
 
     def _check_room(
         self,

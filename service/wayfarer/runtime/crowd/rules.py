@@ -1,0 +1,47 @@
+"""Everything about avoidance that is tuned: metres, seconds, m/s."""
+
+from dataclasses import dataclass
+from math import cos, radians, sin
+from typing import Final
+
+import numpy as np
+
+TURNS: Final = (0, 12, -12, 25, -25, 40, -40, 60, -60, 85, -85, 120, -120, 160)
+"""Degrees from the preferred direction that are tried, anticlockwise."""
+SPEEDS: Final = (1.0, 0.75, 0.5)
+"""Shares of the preferred speed that are tried."""
+
+FAN: Final = np.array(
+    [(s * cos(radians(a)), s * sin(radians(a))) for s in SPEEDS for a in TURNS], np.float32
+)
+"""The candidates [F, 2], in a frame in which the preferred velocity is (1, 0)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """How people avoid each other."""
+
+    neighbours: int = 10  # of whom a person takes notice at most
+    sight: float = 8.0  # farther away nobody is noticed
+    horizon: float = 3.5  # seconds that are looked ahead
+    soon: float = 0.3  # what happens before cannot be helped
+    close: float = 2.0  # nearer nobody relies on others; twice as far, on half of the task
+    comfort: float = 0.35  # room wished for between two, beside their radii
+    reaction: float = 0.25  # seconds until a body walks as it is told
+    slowest: float = 0.5  # m/s: nobody walks well more slowly
+    wall_room: float = 0.1  # wished for between a person's radius and a wall
+    wall_times: tuple[float, ...] = (0.3, 0.7, 1.2)  # at which a way is looked at for walls
+
+    deviation: float = 2.0  # costs, of 1 m/s: not to go where one would
+    change: float = 0.7  # to go elsewhere than last time
+    collision: float = 2.2  # to collide (at once: ten times that)
+    side: float = 0.5  # to pass somebody who comes towards one on one's left
+    wall: float = 15.0  # to touch a wall
+
+    patience: float = 1.2  # seconds of waiting until a person makes way for those before it
+    yielding: float = 1.6  # seconds for which it does
+    yield_speed: float = 0.6
+    push: float = 4.0  # seconds of waiting until a person wishes for half of that room
+
+
+RULES: Final = Rules()

@@ -1,0 +1,224 @@
+"""The guide of a world with scenes: ways around walls, and around each other."""
+
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.runtime.crowd.avoid import avoid
+from wayfarer.runtime.engines.engine import Float, no_obstacles
+from wayfarer.runtime.scenes.near import nearest_people, nearest_walls
+from wayfarer.runtime.scenes.people import Others, moving, people_of
+from wayfarer.runtime.scenes.planner import Planner
+from wayfarer.runtime.scenes.route import Passage
+from wayfarer.runtime.scenes.routes import Routes
+from wayfarer.runtime.scenes.scenery import NOWHERE, Scenery
+from wayfarer.runtime.stepping.guide import Course
+from wayfarer.runtime.world.heading import angle_between
+from wayfarer.runtime.world.rows import Index
+from wayfarer.runtime.world.slots import Flags, Gait, Goals, Seeds, Slots
+from wayfarer.spec import STEP_SECONDS
+
+Array = NDArray[np.floating[Any]]
+
+REACH: Final = 1.0
+"""Metres along its way that an agent heads for …"""
+
+SHARES: Final = np.array([1.0, 0.75, 0.5, 0.3, 0.15])
+"""… or such a share of them, where the straight line there would cut a corner."""
+
+LINE: Final = np.linspace(0.0, 1.0, 8)
+"""Points of that line that are looked at."""
+
+PASSED: Final = 0.3
+"""Metres: radius of a point to pass through."""
+
+STRAYED: Final = 1.0
+"""Metres outside the radius of a goal, once reached, from which an agent walks back to it."""
+
+DETOUR: Final = 1.0
+"""Metres outside the radius of a goal, along the way, from which it cannot have been reached."""
+
+CURVE: Final = (0.4, 1.6)
+"""Metres ahead between which the bend of a way is taken."""
+
+BENDS: Final = np.radians([25.0, 80.0])
+CORNER_SPEED: Final = (1.5, 0.75)
+"""m/s at these bends and, in between, in proportion: nobody turns sharply at full speed."""
+
+TURNED: Final = 0.1
+"""Radians that avoidance may turn an agent away from its way without its leaving it."""
+
+
+class SceneGuide:
+    """Implements `Guide`."""
+
+    def __init__(self, slots: Slots, routes: Routes, scenery: Scenery, planner: Planner) -> None:
+        self._slots = slots
+        self._routes = routes
+        self._scenery = scenery
+        self._planner = planner
+        self._seen: dict[int, Others] = {}
+
+    def course(self, rows: Index, seed: Seeds, gait: Gait, goals: Goals) -> Course:
+        """See `Guide`."""
+        self._seen.clear()
+        inside = np.flatnonzero(self._slots.scene[rows] != NOWHERE)
+        if not len(inside):
+            return Course(goals, goals)
+        hips = seed.translation[:, -1, :2]
+        if len(inside) == len(rows):
+            return self._led(rows, hips, gait, goals)
+        led = self._led(rows[inside], hips[inside], gait.take(inside), goals.take(inside))
+        ahead = goals.take(np.arange(len(rows)))
+        ahead.put(inside, led.ahead)
+        radius = goals.radius.copy()
+        radius[inside] = led.judged.radius
+        return Course(ahead, replace(goals, radius=radius))
+
+    def obstacles(self, rows: Index, seed: Seeds) -> Float:
+        """See `Guide`."""
+        found = no_obstacles(len(rows))
+        scenes = self._slots.scene[rows]
+        if not scenes.any():
+            return found
+        hips = seed.translation[:, -1, :2]
+        velocity = moving(seed.translation, self._slots.planned.gait.speed[rows])
+        floors = self._slots.footing.hips[rows]
+        half = found.shape[1] // 2
+        for number in np.unique(scenes[scenes != NOWHERE]).tolist():
+            mine = np.flatnonzero(scenes == number)
+            scene = self._scenery.scene(number)
+            found[mine, :half] = nearest_walls(
+                scene, hips[mine], velocity[mine], floors[mine], half
+            )
+        avoiding = np.flatnonzero(self._slots.avoids[rows])
+        for number in np.unique(self._slots.session[rows[avoiding]]).tolist():
+            mine = avoiding[self._slots.session[rows[avoiding]] == number]
+            others = self._others(number, rows[mine])
+            near = nearest_people(others.people, others.rows(rows[mine]), half)
+            found[mine, half:] = near
+        return found
+
+    # Within
+
+    def _led(self, rows: Index, hips: Array, gait: Gait, goals: Goals) -> Course:
+        """The same for rows that are all in scenes."""
+        route = self._slots.route
+        away = np.linalg.norm(goals.position[:, :2] - hips, axis=-1)
+        back = ~goals.through & (away > goals.radius + STRAYED)
+        wanted = goals.given & (~gait.arrived | back)
+        self._planner.update(rows, hips, gait, goals, wanted)
+        known = (route.revision[rows] == self._slots.goal_revision[rows]) & (
+            route.waypoint[rows] == gait.waypoint
+        )
+        open_ = known & (route.passage[rows] == Passage.OPEN)
+        ahead, radius = goals.take(np.arange(len(rows))), goals.radius.copy()
+        ahead.position[:, 2] = 0.0
+        ahead.given &= open_ | ~wanted
+        left = np.where(open_, route.length[rows] - route.progress[rows], np.inf)
+        radius[wanted & (left > goals.radius + DETOUR)] = -1.0
+        led = np.flatnonzero(wanted & open_)
+        if len(led):
+            self._lead(rows[led], hips[led], led, ahead)
+            self._give_way(rows[led], hips[led], led, ahead)
+        return Course(ahead, replace(goals, radius=radius))
+
+    def _lead(self, rows: Index, hips: Array, led: Index, ahead: Goals) -> None:
+        """Write into rows `led` of `ahead` the points of their ways to head for."""
+        route = self._slots.route
+        progress, length = route.progress[rows][:, None], route.length[rows][:, None]
+        metres = np.minimum(progress + REACH * SHARES, length)
+        curve = np.minimum(progress + CURVE, length)
+        points = self._routes.at(rows, np.concatenate([metres, curve], 1))
+        best = self._visible(rows, hips, points[:, : len(SHARES)])
+        pick = np.arange(len(rows)), best
+        target = points[pick][:, :2]
+        ends = metres[pick] >= length[:, 0] - 1e-6
+        passing, on = led[~ends], target[~ends] - hips[~ends]
+        ahead.position[passing, :2] = target[~ends]
+        self._pass(ahead, passing, on)
+        into, out = points[:, -2, :2] - hips, points[:, -1, :2] - points[:, -2, :2]
+        bend = np.where(np.linalg.norm(out, axis=-1) > 0.1, angle_between_ways(into, out), 0.0)
+        ahead.speed[led] = np.minimum(ahead.speed[led], np.interp(bend, BENDS, CORNER_SPEED))
+
+    def _pass(self, ahead: Goals, rows: Index, way: Array) -> None:
+        """Let positions of some rows be passed through, the way there [R, 2] being straight on."""
+        ahead.through[rows] = True
+        ahead.radius[rows] = PASSED
+        ahead.heading[rows] *= ahead.strafe[rows, None]
+        ahead.bend[rows] = 0.0
+        ahead.onward[rows] = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
+
+    def _visible(self, rows: Index, hips: Array, targets: Array) -> Index:
+        """Of targets [A, S, 3], farthest first: the first that a straight line leads to [A]."""
+        lines = np.empty((*targets.shape[:2], len(LINE), 3))
+        lines[..., :2] = hips[:, None, None] + LINE[:, None] * (
+            targets[:, :, None, :2] - hips[:, None, None]
+        )
+        lines[..., 2] = targets[:, :, None, 2]
+        numbers, good = self._slots.scene[rows], np.empty(targets.shape[:2], np.bool_)
+        for number in np.unique(numbers).tolist():
+            mine = np.flatnonzero(numbers == number)
+            scene = self._scenery.scene(number)
+            near = scene.distance(lines[mine])
+            # Whoever stands too near already may go wherever it is no nearer than that.
+            floor = np.minimum(scene.tight, near[:, 0, 0])
+            good[mine] = (near >= floor[:, None, None] - 1e-6).all(-1)
+        good[:, -1] |= ~good.any(1)
+        return good.argmax(1)
+
+    def _give_way(self, rows: Index, hips: Array, led: Index, ahead: Goals) -> None:
+        """Let rows `led` of `ahead` walk around others, or wait for them."""
+        slots = self._slots
+        avoiding: Flags = slots.avoids[rows]
+        for number in np.unique(slots.session[rows[avoiding]]).tolist():
+            mine = np.flatnonzero(avoiding & (slots.session[rows] == number))
+            others = self._others(number, rows[mine])
+            if len(others.slots) < 2:
+                continue
+            way = ahead.position[led[mine], :2] - hips[mine]
+            distance = np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
+            preferred = (way / distance * ahead.speed[led[mine], None]).astype(np.float32)
+            clear = self._clearance(rows[mine])
+            places = others.rows(rows[mine])
+            course = avoid(others.people, places, preferred, clear, STEP_SECONDS)
+            slots.memory.put(rows[mine], course.memory)
+            self._turn(ahead, led[mine], hips[mine], preferred, course.velocity, course.waits)
+
+    def _others(self, session: int, rows: Index) -> Others:
+        """The people of a session, once for the course and the obstacles of a step."""
+        if session not in self._seen:
+            self._seen[session] = people_of(self._slots, session, rows)
+        return self._seen[session]
+
+    def _turn(
+        self, ahead: Goals, led: Index, hips: Array, preferred: Array, chosen: Array, waits: Flags
+    ) -> None:
+        speed = np.linalg.norm(chosen, axis=-1)
+        ahead.given[led[waits]] = False
+        ahead.speed[led[~waits]] = speed[~waits]
+        turned = np.flatnonzero(~waits & (angle_between_ways(preferred, chosen) > TURNED))
+        way = chosen[turned] / np.maximum(speed[turned], 1e-6)[:, None]
+        ahead.position[led[turned], :2] = hips[turned] + REACH * way
+        self._pass(ahead, led[turned], way)
+
+    def _clearance(self, rows: Index) -> Any:
+        """Metres to the nearest wall at points [A, N, 2] of these rows, of one session."""
+        slots = self._slots
+        scene = self._scenery.scene(int(slots.scene[rows[0]]))
+        floors = slots.footing.hips[rows]
+
+        def clear(points: Float) -> Float:
+            heights = np.broadcast_to(floors[:, None, None], (*points.shape[:2], 1))
+            found: Float = scene.distance(np.concatenate([points, heights], -1))
+            return found
+
+        return clear
+
+
+def angle_between_ways(a: Array, b: Array) -> Array:
+    """Angle [A] between vectors [A, 2] of any length."""
+    long = [v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-6) for v in (a, b)]
+    return angle_between(long[0], long[1])

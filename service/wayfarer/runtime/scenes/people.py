@@ -1,0 +1,69 @@
+"""Agents of a session as avoidance sees them: all at one moment."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from wayfarer.runtime.crowd.people import Float, People
+from wayfarer.runtime.scenes.route import Passage
+from wayfarer.runtime.world.rows import Index
+from wayfarer.runtime.world.slots import Mode, Slots
+from wayfarer.spec import FPS, NEW_FRAMES
+
+RADIUS: Final = 0.25
+"""Metres: of a person among others."""
+
+FORESIGHT: Final = 0.4
+"""Seconds by which a place is carried on at most."""
+
+SLOW: Final = 0.15
+"""m/s: below, hips only sway."""
+
+
+def moving(hips: Float, speed: Float) -> Float:
+    """Velocities [A, 2] of agents from their last frames, hips [A, S, 3], and the `speed` [A] of
+    their gait.
+    """
+    way = hips[:, -1, :2] - hips[:, 0, :2]
+    length = np.maximum(np.linalg.norm(way, axis=-1), 1e-6)
+    steady = np.where(speed < SLOW, 0.0, speed)
+    found: Float = (way * (steady / length)[:, None]).astype(np.float32)
+    return found
+
+
+class Others(NamedTuple):
+    """Everybody of a session."""
+
+    people: People
+    slots: Index  # ascending
+
+    def rows(self, slots: Index) -> Index:
+        """Where some of them stand in `people`."""
+        return np.searchsorted(self.slots, slots)
+
+
+def people_of(slots: Slots, session: int, rows: Index) -> Others:
+    """Everybody of a session when `rows` of it are about to be stepped.
+
+    Agents are planned to different moments; they are carried on to that of `rows`.
+    """
+    members = np.flatnonzero(slots.active & (slots.session == session))
+    planned, route = slots.planned, slots.route
+    seed, gait = planned.seed, planned.gait
+    frames = slots.start_frame + NEW_FRAMES * slots.planned_chunks
+    velocity = moving(seed.translation[members], gait.speed[members])
+    ahead = (frames[rows].max() - frames[members]) / FPS
+    ahead = np.minimum(np.maximum(ahead, -FORESIGHT), FORESIGHT)
+    mode = gait.mode[members]
+    on_way = (route.passage[members] == Passage.OPEN) & ~gait.arrived[members]
+    walks = on_way & (route.revision[members] == slots.goal_revision[members])
+    people = People(
+        number=slots.alias[members],
+        group=slots.group[members],
+        position=(seed.translation[members, -1, :2] + velocity * ahead[:, None]).astype(np.float32),
+        velocity=velocity,
+        walks=walks | (mode == Mode.WALKING),
+        radius=np.full(len(members), RADIUS, np.float32),
+        memory=slots.memory.take(members),
+    )
+    return Others(people, members)

@@ -1,0 +1,49 @@
+"""Places in a scene: drawn at random, and moved to free ground."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.navigation.locate import nearest_place
+from wayfarer.navigation.scene import Scene
+from wayfarer.navigation.spec import Point2, Point3
+
+Array = NDArray[np.floating[Any]]
+
+
+def largest_island(scene: Scene) -> int:
+    """The one with most room."""
+    return int(scene.mesh.areas.argmax())
+
+
+def island_at(scene: Scene, point: Point2 | Point3) -> int:
+    """The one that the free ground nearest to a point belongs to."""
+    return int(scene.mesh.island[nearest_place(scene.mesh, scene.ground, point).triangle])
+
+
+def drawn_places(scene: Scene, island: int, draws: Array) -> Array:
+    """Places [N, 3] spread evenly over an island, from uniform numbers [N, 3] in [0, 1)."""
+    mesh = scene.mesh
+    triangles = np.flatnonzero(mesh.island == island)
+    corners = mesh.corners[triangles]
+    (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+    upto = np.cumsum(np.abs(ax * by - ay * bx))
+    which = np.searchsorted(upto, draws[:, 0] * upto[-1], side="right")
+    which = np.minimum(which, len(triangles) - 1)
+    root = np.sqrt(draws[:, 1:2])
+    a, b, c = corners[which].swapaxes(0, 1)
+    spots = (1 - root) * a + root * (1 - draws[:, 2:]) * b + root * draws[:, 2:] * c
+    heights = np.empty(len(spots))
+    layers = mesh.layer[triangles[which]]
+    for number in np.unique(layers).tolist():
+        mine = layers == number
+        heights[mine] = scene.ground.layers[number].heights.at(spots[mine])
+    return np.column_stack([spots, heights])
+
+
+def free_place(scene: Scene | None, place: Point3) -> Point3:
+    """The place, or the free ground nearest to it."""
+    if scene is None or scene.distance(np.array([place]))[0] >= scene.spec.walkable.radius:
+        return place
+    return scene.nearest(place)
