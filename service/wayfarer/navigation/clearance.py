@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy import ndimage
 
+from wayfarer.navigation.algorithms import nearest_cell
 from wayfarer.navigation.grid import Grid, Window, bilinear, edges_of, expand
 
 Array = NDArray[np.floating[Any]]
@@ -83,10 +83,7 @@ def _distances(ground: shapely.Geometry, grid: Grid) -> NDArray[np.float32]:
     owner = _owners(starts, ends, grid)
     if (owner >= 0).sum() == 0:
         return np.where(free, REACH, -REACH).astype(np.float32)
-    row, column = ndimage.distance_transform_edt(
-        owner < 0, return_distances=False, return_indices=True
-    )
-    nearest = owner[row, column]
+    nearest = owner[nearest_cell(owner >= 0)]
     x, y = np.meshgrid(*grid.middles())
     best = _to_edges(x, y, starts, ends, nearest)
     for axis, shift in ((0, 1), (0, -1), (1, 1), (1, -1)):

@@ -6,8 +6,8 @@ from typing import Any, TypeAlias
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+
+from wayfarer.navigation.algorithms import components, links
 
 Array = NDArray[np.floating[Any]]
 Ints = NDArray[np.int64]
@@ -57,12 +57,11 @@ def build(corners: Array, layer: Ints, slack: float) -> NavMesh:
 
     `slack`: metres by which the borders of two layers may be apart where one continues the other.
     """
-    links = [_shared(corners, layer)]
+    shared = [_shared(corners, layer)]
     if layer.max(initial=0) > layer.min(initial=0):
-        links.append(_bordering(corners, layer, links[0], slack))
-    one, other, left, right = (np.concatenate(column) for column in zip(*links, strict=True))
-    graph = coo_array((np.ones(len(one), bool), (one, other)), shape=(len(corners),) * 2)
-    count, island = connected_components(graph, directed=False)
+        shared.append(_bordering(corners, layer, shared[0], slack))
+    one, other, left, right = (np.concatenate(column) for column in zip(*shared, strict=True))
+    count, island = components(links(len(corners), one, other))
     portals: list[list[Portal]] = [[] for _ in range(len(corners))]
     ends = np.concatenate([left, right], -1).tolist()
     for a, b, (lx, ly, rx, ry) in zip(one.tolist(), other.tolist(), ends, strict=True):
@@ -72,7 +71,7 @@ def build(corners: Array, layer: Ints, slack: float) -> NavMesh:
         corners,
         layer,
         tuple(map(tuple, portals)),
-        island.astype(np.int64),
+        island,
         np.bincount(island, weights=shapely.area(polygons), minlength=count),
         shapely.STRtree(polygons),
     )

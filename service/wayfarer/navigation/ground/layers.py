@@ -14,9 +14,9 @@ import numpy as np
 import shapely
 from contourpy import FillType, contour_generator
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from wayfarer.errors import InvalidArgument
+from wayfarer.navigation.algorithms import count_pieces, nearest_cell
 from wayfarer.navigation.grid import Grid
 from wayfarer.navigation.ground.levels import Stands, without_edges
 from wayfarer.navigation.spec import Point3, Walkable
@@ -61,7 +61,7 @@ def outline(mask: Mask, grid: Grid) -> shapely.Geometry:
 
     Raises InvalidArgument when there are too many of them.
     """
-    pieces_and_holes = ndimage.label(mask)[1] + ndimage.label(~mask)[1]
+    pieces_and_holes = count_pieces(mask) + count_pieces(~mask)
     if pieces_and_holes > MAX_PIECES:
         raise InvalidArgument(
             f"the ground has {pieces_and_holes:,} pieces and holes, at most {MAX_PIECES:,}",
@@ -169,7 +169,4 @@ def _filled(places: Stands) -> NDArray[np.float32]:
     height = np.full(places.grid.rows * places.grid.columns, np.nan, np.float32)
     height[places.cell] = places.z
     height = height.reshape(places.grid.shape)
-    row, column = ndimage.distance_transform_edt(
-        np.isnan(height), return_distances=False, return_indices=True
-    )
-    return height[row, column]
+    return height[nearest_cell(~np.isnan(height))]

@@ -2,16 +2,18 @@
 
 from dataclasses import dataclass
 from math import cos, radians
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import connected_components
 
+from wayfarer.navigation.algorithms import components, links
 from wayfarer.navigation.grid import Grid, expand
 from wayfarer.navigation.ground.raster import Spans, covered, touched
 from wayfarer.navigation.spec import Walkable
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 Array = NDArray[np.floating[Any]]
 Ints = NDArray[np.int64]
@@ -28,7 +30,7 @@ class Stands:
     grid: Grid
     cell: Ints
     z: Array
-    links: csr_array
+    links: "csr_array"
 
     def pick(self, which: Mask | Ints) -> "Stands":
         """Some of them."""
@@ -36,7 +38,7 @@ class Stands:
 
     def components(self) -> Ints:
         """The number of the connected component of each. [n]"""
-        return connected_components(self.links, directed=False)[1].astype(np.int64)
+        return components(self.links)[1]
 
 
 def stands(corners: Array, grid: Grid, walkable: Walkable) -> Stands:
@@ -75,7 +77,7 @@ def _hit(cell: Ints, z: Array, walls: Spans, walkable: Walkable) -> Mask:
     return hit
 
 
-def _links(cell: Ints, z: Array, grid: Grid, step: float) -> csr_array:
+def _links(cell: Ints, z: Array, grid: Grid, step: float) -> "csr_array":
     """Pairs of places in neighbouring cells that one step leads over."""
     pairs = []
     for offset in (1, grid.columns):
@@ -86,8 +88,7 @@ def _links(cell: Ints, z: Array, grid: Grid, step: float) -> csr_array:
         near = np.abs(z[one] - z[other]) <= step
         pairs.append((one[near].astype(np.int32), other[near].astype(np.int32)))
     one, other = (np.concatenate(side) for side in zip(*pairs, strict=True))
-    there = np.concatenate([one, other]), np.concatenate([other, one])
-    return coo_array((np.ones(len(there[0]), bool), there), shape=(len(z), len(z))).tocsr()
+    return links(len(z), np.concatenate([one, other]), np.concatenate([other, one]))
 
 
 def without_edges(places: Stands, step: float) -> Mask:
