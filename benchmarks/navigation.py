@@ -15,14 +15,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks import bench
-from wayfarer.errors import Unreachable
+from wayfarer.evaluation.scenes.pairs import random_pairs
 from wayfarer.navigation.examples import EXAMPLES, cubes_field
 from wayfarer.navigation.paths.optimum import shortest_lengths
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.solids import solid_triangles
-from wayfarer.navigation.spec import Box, MeshFile, Point2, SceneSpec
-
-Pair = tuple[Point2, Point2]
+from wayfarer.navigation.spec import Box, MeshFile, SceneSpec
 
 
 def seconds(work: Callable[[], Any]) -> float:
@@ -35,21 +33,6 @@ def seconds(work: Callable[[], Any]) -> float:
 def best(work: Callable[[], Any], times: int) -> float:
     """The least CPU milliseconds of several calls."""
     return 1e3 * min(seconds(work) for _ in range(times))
-
-
-def random_pairs(scene: Scene, count: int, random: np.random.Generator) -> list[Pair]:
-    """Free points with a way between them."""
-    x0, y0, x1, y1 = scene.bounds
-    pairs: list[Pair] = []
-    while len(pairs) < count:
-        a, b = (tuple(p) for p in random.uniform((x0, y0), (x1, y1), (2, 2)).tolist())
-        try:
-            path = scene.path(a, b)
-        except Unreachable:
-            continue
-        if path.start_moved == path.goal_moved == 0 and path.length > 1.0:
-            pairs.append((a, b))
-    return pairs
 
 
 def level(triangles: int) -> SceneSpec:

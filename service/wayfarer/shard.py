@@ -1,9 +1,9 @@
 """Ids that say where their session lives, when several processes serve together.
 
 An id is `session-`, `scene-` or `agent-` and hexadecimal digits. The first four are the key of the
-session, which its agents' ids share, on every server: the key modulo the number of processes is the one that
-has it. So whoever holds an id finds the process, and no table has to be kept, made again or agreed
-upon; and a session that comes from another server has its place, too.
+session, which its agents' ids share, on every server: the key modulo the number of processes is the
+one that has it. So whoever holds an id finds the process, and no table has to be kept, made again or
+agreed upon; and a session that comes from another server has its place, too.
 """
 
 import re
@@ -46,6 +46,6 @@ def agent_id(session_id: str) -> str:
 
 
 def shard_of(name: str, count: int) -> int:
-    """Index of the shard, of `count`, in which a session, scene or agent lives; 0 for what is no id."""
+    """Index of the shard, of `count`, in which what has this id lives; 0 for what is no id."""
     found = _KEY.match(name)
     return int(found[1], 16) % count if found else 0

@@ -10,6 +10,7 @@ import pytest
 
 import wayfarer_client as wf
 from wayfarer_client.admin import Admin
+from wayfarer_client.scenes import Scenes
 
 CLIENT = Path(__file__).parents[2] / "clients" / "python"
 README = (CLIENT / "README.md").read_text()
@@ -54,8 +55,15 @@ def test_lock_step(real_server, tmp_path):
         np.testing.assert_array_equal(one["rotations"], two["rotations"])
 
 
+def test_populate_square(real_server):
+    said = example("populate_square.py", real_server.grpc_address, "3").splitlines()
+    assert said[1:3] == ["3 people have come", "version 1 of the square"]
+    assert any(line.startswith("path_done") for line in said)
+
+
 def test_the_readme_names_what_there_is():
-    owners = {"client": wf.Client, "session": wf.Session, "client.admin": Admin}
+    owners = {"client": wf.Client, "session": wf.Session}
+    owners |= {"client.admin": Admin, "client.scenes": Scenes}
     table = README[README.index("| call |") : README.index("`SyncClient` and")]
     for row in filter(None, table.splitlines()[2:]):
         calls = re.findall(r"`([^`]+)`", row.split("|")[1])

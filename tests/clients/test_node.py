@@ -37,3 +37,8 @@ def test_the_example_walks_to_its_goal(real_server):
     *_, last = node("examples/first-stream.js", real_server.grpc_address).splitlines()
     x, z = map(float, last.partition(": (")[2].rstrip(")").split(", "))
     assert abs(x - 2) < 0.5 and abs(z - 3) < 0.5
+
+
+def test_the_example_finds_its_way_in_a_scene(real_server):
+    said = node("examples/scene.js", real_server.grpc_address).splitlines()
+    assert "version 1" in said and any(line.startswith("PATH_DONE") for line in said)

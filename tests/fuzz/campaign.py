@@ -17,11 +17,19 @@ from wayfarer.load.client import SimulatedClient
 from wayfarer.load.plan import Plan
 from wayfarer.load.tally import Tally as StreamTally
 from wayfarer.load.target import Target
-from wayfarer.v1 import agent_pb2, agent_pb2_grpc, session_pb2, session_pb2_grpc
+from wayfarer.v1 import (
+    agent_pb2,
+    agent_pb2_grpc,
+    scene_pb2,
+    scene_pb2_grpc,
+    session_pb2,
+    session_pb2_grpc,
+)
 
 SETTINGS = {
     "WAYFARER_LIMITS__CALLS_PER_SECOND": "1000000",
     "WAYFARER_LIMITS__SESSIONS_PER_CALLER": "64",
+    "WAYFARER_LIMITS__SCENES_PER_CALLER": "64",
     "WAYFARER_CANDIDATES": "1",
     "WAYFARER_ADMISSION": "false",
     "WAYFARER_THREADS": "1",
@@ -145,8 +153,12 @@ async def _tended(
                 await _clean(channel, healthy)
                 await _furnish(channel, inputs)
             except grpc.aio.AioRpcError as error:
-                # a machine that gives the server no time; inputs that are answered so count
-                if error.code() is not grpc.StatusCode.UNAVAILABLE:
+                # a machine that gives the server no time; inputs that are answered so count, as
+                # those do that take all room for scenes for a moment
+                if error.code() not in (
+                    grpc.StatusCode.UNAVAILABLE,
+                    grpc.StatusCode.RESOURCE_EXHAUSTED,
+                ):
                     raise
             tell()
             await asyncio.sleep(TEND_SECONDS)
@@ -172,13 +184,25 @@ async def _clean(channel: grpc.aio.Channel, healthy: str) -> None:
             except grpc.aio.AioRpcError as error:  # an input may have been quicker
                 if error.code() is not grpc.StatusCode.NOT_FOUND:
                     raise
+    scenes = scene_pb2_grpc.SceneServiceStub(channel)
+    for scene in (await scenes.ListScenes(scene_pb2.ListScenesRequest())).scenes:
+        try:
+            await scenes.DeleteScene(scene_pb2.DeleteSceneRequest(scene_id=scene.scene_id))
+        except grpc.aio.AioRpcError as error:  # gone, or an input has made a session in it
+            if error.code() not in (
+                grpc.StatusCode.NOT_FOUND,
+                grpc.StatusCode.FAILED_PRECONDITION,
+            ):
+                raise
 
 
 async def _furnish(channel: grpc.aio.Channel, inputs: Inputs) -> None:
     sessions = session_pb2_grpc.SessionServiceStub(channel)
     agents = agent_pb2_grpc.AgentServiceStub(channel)
+    scene_id = await _scene(channel)
     wishes = (
         session_pb2.CreateSessionRequest(record=True),
+        session_pb2.CreateSessionRequest(scene=scene_id, lock_step=True),
         session_pb2.CreateSessionRequest(lock_step=True),
     )
     made = [(await sessions.CreateSession(wish)).session.session_id for wish in wishes]
@@ -200,8 +224,21 @@ async def _furnish(channel: grpc.aio.Channel, inputs: Inputs) -> None:
         else:
             names += [agent.agent_id for agent in people.agents]
     inputs.known.update(
-        session_id=made, agent_id=names, agent_ids=names, name=["gamma-anny52"], model=["none"]
+        session_id=made,
+        agent_id=names,
+        agent_ids=names,
+        scene_id=[scene_id],
+        scene=[scene_id],
+        name=["gamma-anny52", "corridor", "door south 1"],
+        model=["none"],
     )
+
+
+async def _scene(channel: grpc.aio.Channel) -> str:
+    """A scene; what inputs put into it, another one is made without."""
+    scenes = scene_pb2_grpc.SceneServiceStub(channel)
+    request = scene_pb2.CreateExampleSceneRequest(name="corridor")
+    return str((await scenes.CreateExampleScene(request)).scene.scene_id)
 
 
 async def _stats(http: httpx.AsyncClient) -> dict:

@@ -71,7 +71,9 @@ async def _call(channel: grpc.aio.Channel, method: Method, pieces: list[bytes]) 
     """Name and text of the status; OK also when a stream was let go."""
     incoming, outgoing = method.descriptor.client_streaming, method.descriptor.server_streaming
     try:
-        if not outgoing:
+        if incoming and not outgoing:
+            await channel.stream_unary(method.path)(_each(pieces), timeout=SECONDS)
+        elif not outgoing:
             await channel.unary_unary(method.path)(pieces[0], timeout=SECONDS)
         elif incoming:
             await _read(channel.stream_stream(method.path)(_each(pieces), timeout=SECONDS))

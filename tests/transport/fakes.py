@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from tests.transport.fake_scenes import FakeScenes
 from wayfarer.config import Limits
 from wayfarer.errors import (
     Aborted,
@@ -36,8 +37,8 @@ from wayfarer.runtime.agent import (
     SessionInfo,
     SessionSpec,
     StreamWish,
-    Wander,
 )
+from wayfarer.runtime.behaviours import Behaviour, Routine
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
@@ -76,14 +77,15 @@ class FakeSubscription:
         self.closed = True
 
 
-class FakeService:
+class FakeService(FakeScenes):
     """Agents stand where they were put; `emit` sends a chunk of each."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.ready = True
         self.alive = True
         self.specs: list[AgentSpec] = []
-        self.goals: list[tuple[str, Goal | Wander | None]] = []
+        self.goals: list[tuple[str, Goal | Behaviour | Routine | None]] = []
         self.expected: list[int | None] = []
         self.subscriptions: list[FakeSubscription] = []
         self.models = [MODEL]
@@ -118,6 +120,8 @@ class FakeService:
             await self.slow.wait()
         session_id = spec.session_id or f"session-{next(self._number)}"
         self._infos[session_id] = SessionInfo(session_id, (), NOW, spec)
+        if spec.scene:
+            self.guests[session_id] = spec.scene
         self._sessions[session_id] = []
         self._published[session_id] = []
         return await self.get_session(session_id)
@@ -132,6 +136,7 @@ class FakeService:
     async def delete_session(self, session_id: str) -> None:
         self._session(session_id)
         del self._sessions[session_id]
+        self.guests.pop(session_id, None)
         for subscription in self.subscriptions:
             if subscription.session_id == session_id:
                 subscription.queue.put_nowait(None)
@@ -191,8 +196,10 @@ class FakeService:
     ) -> int:
         return self._changed(agent_id, goals, expected)
 
-    async def wander(self, agent_id: str, area: Wander, expected: int | None = None) -> int:
-        return self._changed(agent_id, [area], expected)
+    async def behave(
+        self, agent_id: str, behaviour: Behaviour | Routine, expected: int | None = None
+    ) -> int:
+        return self._changed(agent_id, [behaviour], expected)
 
     async def clear_goal(self, agent_id: str, expected: int | None = None) -> int:
         return self._changed(agent_id, [None], expected)

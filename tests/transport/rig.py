@@ -18,11 +18,12 @@ from wayfarer.v1 import (
     goal_pb2_grpc,
     motion_pb2,
     motion_pb2_grpc,
+    scene_pb2_grpc,
     session_pb2_grpc,
     snapshot_pb2_grpc,
 )
 
-LIMITS = Limits(message_bytes=8192, streams_per_session=2)
+LIMITS = Limits(message_bytes=8192, mesh_bytes=32_768, streams_per_session=2)
 
 
 class Rig:
@@ -38,6 +39,7 @@ class Rig:
         await self.server.until_ready()
         self.http = httpx.AsyncClient(base_url=self.server.http_url, timeout=10)
         self.channel = grpc.aio.insecure_channel(self.server.grpc_address)
+        self.scenes = scene_pb2_grpc.SceneServiceStub(self.channel)
         self.sessions = session_pb2_grpc.SessionServiceStub(self.channel)
         self.agents = agent_pb2_grpc.AgentServiceStub(self.channel)
         self.goals = goal_pb2_grpc.GoalServiceStub(self.channel)

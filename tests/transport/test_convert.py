@@ -30,6 +30,7 @@ from wayfarer.v1 import (
     common_pb2,
     goal_pb2,
     motion_pb2,
+    scene_pb2,
     session_pb2,
 )
 
@@ -79,11 +80,38 @@ TWINS = [
     (schema.MotionChunks, motion_pb2.MotionChunks),
     (schema.Event, motion_pb2.Event),
     (schema.Limits, catalog_pb2.Limits),
+    (schema.Floor, scene_pb2.Floor),
+    (schema.Box, scene_pb2.Box),
+    (schema.Cylinder, scene_pb2.Cylinder),
+    (schema.Prism, scene_pb2.Prism),
+    (schema.Ramp, scene_pb2.Ramp),
+    (schema.Solid, scene_pb2.Solid),
+    (schema.Obstacle, scene_pb2.Obstacle),
+    (schema.Walkable, scene_pb2.Walkable),
+    (schema.NewScene, scene_pb2.CreateSceneRequest),
+    (schema.Mesh, scene_pb2.Mesh),
+    (schema.MeshScene, scene_pb2.MeshScene),
+    (schema.NewExampleScene, scene_pb2.CreateExampleSceneRequest),
+    (schema.Scene, scene_pb2.Scene),
+    (schema.SceneVersion, scene_pb2.SceneVersion),
+    (schema.PathQuery, scene_pb2.QueryPathRequest),
+    (schema.ScenePath, scene_pb2.QueryPathResponse),
+    (schema.SceneOutlines, scene_pb2.GetSceneOutlinesResponse),
+    (schema.Crowd, scene_pb2.PopulateSessionRequest),
+    (schema.CrowdCame, scene_pb2.PopulateSessionResponse),
+    (schema.Wander, goal_pb2.Wander),
+    (schema.Patrol, goal_pb2.Patrol),
+    (schema.Follow, goal_pb2.Follow),
+    (schema.KeepAway, goal_pb2.KeepAway),
+    (schema.Queue, goal_pb2.Queue),
+    (schema.Part, goal_pb2.Part),
+    (schema.Routine, goal_pb2.Routine),
+    (schema.Behaviour, goal_pb2.Behaviour),
     (schema.ServerInfo, catalog_pb2.GetServerInfoResponse),
 ]
 
 
-ADDRESSES = {"session_id", "agent_id", "name"}
+ADDRESSES = {"session_id", "scene_id", "agent_id", "name"}
 """What a twin may leave to the call: the object of a request, and its expected revision."""
 
 
@@ -108,6 +136,7 @@ def test_twins_have_the_same_fields(twin, proto):
         (AgentState, agent_pb2.AgentState),
         (EventKind, motion_pb2.EventKind),
         (SlowReader, motion_pb2.SlowReader),
+        (schema.MeshFormat, scene_pb2.MeshFormat),
         (PoseEncoding, motion_pb2.PoseEncoding),
         (PoseProfile, motion_pb2.PoseProfile),
     ],

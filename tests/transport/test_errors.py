@@ -22,6 +22,7 @@ EVERY = {
     raised.NotFound("no agent 'x'"): ("NOT_FOUND", 404),
     raised.AlreadyExists("taken"): ("ALREADY_EXISTS", 409),
     raised.FailedPrecondition("not now"): ("FAILED_PRECONDITION", 409),
+    raised.Unreachable("no way", (1.0, 2.0, 3.0)): ("UNREACHABLE", 409),
     raised.Misdirected("elsewhere", 1, 50053, 8082): ("MISDIRECTED", 421),
     raised.Aborted("stale"): ("ABORTED", 409),
     raised.Unauthenticated("who?"): ("UNAUTHENTICATED", 401),
@@ -31,6 +32,9 @@ EVERY = {
     raised.ArtifactError("secret path"): ("INTERNAL", 500),
     ZeroDivisionError("secret"): ("INTERNAL", 500),
 }
+
+
+TWICE = dict.fromkeys(("MISDIRECTED", "UNREACHABLE"), "FAILED_PRECONDITION")
 
 
 def rich(error) -> tuple[grpc.Status, Status]:
@@ -53,7 +57,7 @@ def test_both_transports_say_the_same(error, codes):
     name, http = codes
     status, details = rich(error)
     problem = errors.to_problem(error)
-    assert status.code.name == {"MISDIRECTED": "FAILED_PRECONDITION"}.get(name, name)
+    assert status.code.name == TWICE.get(name, name)
     assert detail(details, ErrorInfo).reason == name
     assert problem["status"] == http
     assert problem["type"] == f"urn:wayfarer:{name.lower()}"
@@ -130,3 +134,11 @@ def test_all_wrong_fields_are_named_and_values_not_echoed():
     fields = [field for field, _ in error.violations]
     assert fields == ["agents[3].betas[0]", "agents[3].heading", "agents[3].name"]
     assert "nan" not in str(errors.to_problem(error)).lower()
+
+
+def test_the_nearest_place_that_can_be_reached_is_told():
+    error = raised.Unreachable("no way", (1.0, -2.5, 3.0))
+    _, details = rich(error)
+    assert detail(details, ErrorInfo).metadata == {"x": "1.0", "y": "-2.5", "z": "3.0"}
+    assert errors.to_problem(error)["nearest"] == {"x": 1.0, "y": -2.5, "z": 3.0}
+    assert "nearest" not in errors.to_problem(raised.FailedPrecondition("not now"))

@@ -164,7 +164,7 @@ async def test_grpc_keeps_sessions_and_changes_agents(rig):
     assert await code_of(rig.goals.AppendGoals(goals)) == grpc.StatusCode.ABORTED
     area = goal_pb2.WanderRequest(**of, area={"center": {"x": 1}, "radius": 3}, dwell=2)
     assert (await rig.goals.Wander(area)).revision == 2
-    nowhere = goal_pb2.WanderRequest(**of)
+    nowhere = goal_pb2.WanderRequest(**of, area={"radius": 3})
     assert await code_of(rig.goals.Wander(nowhere)) == grpc.StatusCode.INVALID_ARGUMENT
 
 

@@ -35,6 +35,10 @@ WHOLE_BODY = {
     ("Replay", "log"),
     ("SetGoal", "goal"),  # its fields are the body
     ("Replay", "format"),  # its fields are in the query
+    ("PutObstacle", "obstacle"),
+    ("Behave", "behaviour"),
+    ("CreateMeshScene", "header"),  # likewise
+    ("CreateMeshScene", "data"),
 }
 
 

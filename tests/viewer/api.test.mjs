@@ -42,6 +42,45 @@ test("calls have the method, path and body of the API", async () => {
   ]);
 });
 
+test("calls on scenes have the method, path and body of the API", async () => {
+  const { api: client, asked } = api(200, '{"examples": [1], "scenes": [2], "came": 3}');
+  await client.createSession(60, "scene-1");
+  assert.deepEqual(await client.exampleScenes(), [1]);
+  assert.deepEqual(await client.scenes(), [2]);
+  await client.createExampleScene("town_square");
+  await client.putObstacle("scene-1", "a/b", { prism: {} });
+  await client.removeObstacle("scene-1", "a/b");
+  await client.queryPath("scene-1", { x: 0, y: 0, z: 0 }, { x: 1, y: 3, z: 1 });
+  await client.populate("s", 40);
+  await client.roam("a", { speed: 1 });
+  await client.behave("a", { follow: { agent_id: "b" } });
+  await client.setPath("a", [{ x: 1, y: 3, z: 2 }]);
+  assert.deepEqual(asked, [
+    ["POST", "/v1/sessions", { basis: "gltf", lease_s: 60, scene: "scene-1" }],
+    ["GET", "/v1/scenes/examples", undefined],
+    ["GET", "/v1/scenes", undefined],
+    ["POST", "/v1/scenes/examples/town_square", {}],
+    ["PUT", "/v1/scenes/scene-1/obstacles/a%2Fb", { prism: {} }],
+    ["DELETE", "/v1/scenes/scene-1/obstacles/a%2Fb", undefined],
+    ["POST", "/v1/scenes/scene-1/path", { start: { x: 0, y: 0, z: 0 }, goal: { x: 1, y: 3, z: 1 } }],
+    ["POST", "/v1/sessions/s/crowd", { count: 40 }],
+    ["PUT", "/v1/agents/a/wander", { speed: 1 }],
+    ["PUT", "/v1/agents/a/behaviour", { follow: { agent_id: "b" } }],
+    ["PUT", "/v1/agents/a/path", { goals: [{ position: { x: 1, y: 3, z: 2 } }] }],
+  ]);
+});
+
+test("a mesh is sent as it is", async () => {
+  let sent;
+  const client = new Api("", undefined, async (url, request) => {
+    sent = [url, request.headers["content-type"], request.body];
+    return new Response('{"scene_id": "scene-1"}');
+  });
+  const bytes = new ArrayBuffer(8);
+  await client.createMeshScene(bytes, "glb", "my level.glb");
+  assert.deepEqual(sent, ["/v1/scenes/mesh?format=glb&name=my+level.glb", "application/octet-stream", bytes]);
+});
+
 test("an answer without content is null", async () => {
   assert.equal(await api(204, "").api.deleteAgent("a"), null);
 });
@@ -52,6 +91,7 @@ test("a refusal says what the problem document says", async () => {
     assert.ok(error instanceof ApiError);
     assert.equal(error.status, 422);
     assert.equal(error.message, "position: too far");
+    assert.equal(error.problem.title, "Invalid argument");
     return true;
   });
   await assert.rejects(api(404, '{"detail": "no agent a"}').api.clearGoal("a"), /no agent a/);

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import {
-  dragHeading, eventText, formation, freePlace, pick, randomAgents, recipients,
+  dragHeading, escort, eventText, formation, freePlace, othersThan, pick, randomAgents, recipients,
 } from "../../service/wayfarer/transport/viewer/choices.js";
 
 const HEIGHTS = { female: [1.5, 1.8], male: [1.55, 1.9] };
@@ -13,7 +13,7 @@ function chance(seed) {
 
 test("random agents differ, fit the bodies and keep their distance", () => {
   const taken = [{ x: 0, z: 0 }];
-  const agents = randomAgents(60, HEIGHTS, taken, chance(3));
+  const agents = randomAgents(60, HEIGHTS, taken, { random: chance(3) });
   assert.equal(agents.length, 60);
   assert.equal(new Set(agents.map(({ gender }) => gender)).size, 2);
   for (const { gender, phenotype, heading, name } of agents) {
@@ -33,7 +33,7 @@ test("random agents differ, fit the bodies and keep their distance", () => {
 test("a free place is found however full the middle is", () => {
   const taken = [];
   for (let x = -5; x <= 5; x += 1) for (let z = -5; z <= 5; z += 1) taken.push({ x, z });
-  const { x, z } = freePlace(taken, chance(1));
+  const { x, z } = freePlace(taken, { random: chance(1) });
   assert.ok(taken.every((other) => Math.hypot(other.x - x, other.z - z) >= 1));
 });
 
@@ -85,4 +85,44 @@ test("events are told in a sentence, or not where the picture tells", () => {
   assert.match(eventText({ kind: "gap", detail: "3 s" }, "", 0), /lost: 3 s/);
   assert.match(eventText({ kind: "draining", detail: "" }, "", 0), /about to stop/);
   assert.equal(eventText({ kind: "unknown", detail: "of a later version" }, "", 0), "of a later version");
+});
+
+test("people start on free ground near what is looked at, at its height", () => {
+  const heightAt = (x) => (x > 10 ? 1.2 : null);
+  const agents = randomAgents(8, HEIGHTS, [], { middle: { x: 10, z: 4 }, heightAt, random: chance(5) });
+  for (const { position } of agents) {
+    assert.ok(position.x > 10 && Math.hypot(position.x - 10, position.z - 4) < 20);
+    assert.equal(position.y, 1.2);
+  }
+});
+
+test("where there is no ground at all, a place is found all the same", () => {
+  assert.ok(freePlace([], { heightAt: () => null, random: chance(2) }));
+});
+
+test("nobody is told to follow himself", () => {
+  const [a, b, c] = [{ x: 0, z: 0 }, { x: 1, z: 0 }, { x: 2, z: 0 }];
+  assert.deepEqual(othersThan(a, "all", [a, b, c], null), [b, c]);
+  assert.deepEqual(othersThan(a, "selected", [a, b, c], a), []);
+  assert.deepEqual(othersThan(a, "selected", [a, b, c], c), [c]);
+  assert.deepEqual(othersThan(a, "nearest", [a, c, b], null), [b]);
+});
+
+test("followers have places of their own, within what the API allows", () => {
+  const places = Array.from({ length: 45 }, (_, k) => escort(k));
+  assert.equal(new Set(places.map(({ behind, right }) => `${behind} ${right}`)).size, 45);
+  for (const { behind, right } of places) assert.ok(behind >= 1 && behind <= 10 && Math.abs(right) <= 2);
+});
+
+test("events of a scene are told in words", () => {
+  for (const kind of ["unreachable", "blocked", "goal_moved", "behaviour_ended"]) {
+    assert.match(eventText({ kind, waypoint: 0, detail: "" }, "Ada", 1), /^Ada \w+/);
+  }
+});
+
+test("a person on a platform is picked up there", () => {
+  const person = { x: 0, y: 3, z: -5, height: 1.7 };
+  const level = { x: 0, y: 0, z: -1 };
+  assert.equal(pick([person], { origin: { x: 0, y: 4, z: 0 }, direction: level }), person);
+  assert.equal(pick([person], { origin: { x: 0, y: 1, z: 0 }, direction: level }), null);
 });

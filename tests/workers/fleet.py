@@ -39,6 +39,9 @@ class ShardedService(FakeService):
     async def create_session(self, spec: SessionSpec) -> SessionInfo:
         return await super().create_session(replace(spec, session_id=self._shard.session_id()))
 
+    def new_scene_id(self) -> str:
+        return self._shard.scene_id()
+
     async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
         await super().create_agents(session_id, specs)
         agents = self._sessions[session_id]

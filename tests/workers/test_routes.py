@@ -3,10 +3,19 @@ import pytest
 from wayfarer.runtime.state.container import Kind as Container
 from wayfarer.runtime.state.container import seal
 from wayfarer.shard import Shard, agent_id
-from wayfarer.v1 import admin_pb2, control_pb2, goal_pb2, motion_pb2, session_pb2, snapshot_pb2
+from wayfarer.v1 import (
+    admin_pb2,
+    control_pb2,
+    goal_pb2,
+    motion_pb2,
+    scene_pb2,
+    session_pb2,
+    snapshot_pb2,
+)
 from wayfarer.workers.routes import METHODS, Kind, http_kind, http_worker
 
 SESSION = Shard(2, 5).session_id()
+SCENE = Shard(2, 5).scene_id()
 AGENT = agent_id(SESSION)
 SNAPSHOT = seal(
     Container.SNAPSHOT, b'{"fps":40,"session":{"session_id":"%s"}}' % SESSION.encode(), b""
@@ -25,7 +34,7 @@ class Fixed:
         return 3
 
     def find(self, name: str) -> int:
-        return {SESSION: 2, AGENT: 2}.get(name, 0)
+        return {SESSION: 2, AGENT: 2, SCENE: 2}.get(name, 0)
 
 
 def kinds() -> dict[str, Kind]:
@@ -34,12 +43,18 @@ def kinds() -> dict[str, Kind]:
 
 def test_every_method_goes_somewhere_sensible():
     found = kinds()
-    assert {n for n, k in found.items() if k is Kind.NEW} == {"CreateSession"}
+    assert {n for n, k in found.items() if k is Kind.NEW} == {
+        "CreateSession",
+        "CreateScene",
+        "CreateMeshScene",
+        "CreateExampleScene",
+    }
     assert {n for n, k in found.items() if k is Kind.IMPORT} == {"ImportSession"}
-    everywhere = {"ListSessions", "LoadModel", "UseModel", "UnloadModel", "Drain"}
+    everywhere = {"ListSessions", "ListScenes", "LoadModel", "UseModel", "UnloadModel", "Drain"}
     assert {n for n, k in found.items() if k is Kind.ALL} == everywhere
     anywhere = {
         "GetSkeleton",
+        "ListExampleScenes",
         "ListBodies",
         "ListModels",
         "GetServerInfo",
@@ -47,7 +62,7 @@ def test_every_method_goes_somewhere_sensible():
         "Replay",
     }
     assert {n for n, k in found.items() if k is Kind.ANY} == anywhere
-    assert len([k for k in found.values() if k is Kind.NAMED]) == len(found) - 13
+    assert len([k for k in found.values() if k is Kind.NAMED]) == len(found) - 18
 
 
 @pytest.mark.parametrize(
@@ -55,6 +70,9 @@ def test_every_method_goes_somewhere_sensible():
     [
         session_pb2.GetSessionRequest(session_id=SESSION),
         goal_pb2.SetGoalRequest(agent_id=AGENT),
+        session_pb2.CreateSessionRequest(scene=SCENE, request_id="r"),
+        scene_pb2.QueryPathRequest(scene_id=SCENE),
+        scene_pb2.PopulateSessionRequest(session_id=SESSION),
         motion_pb2.StreamMotionRequest(session_id=SESSION),
         control_pb2.ControlRequest(open={"session_id": SESSION}),
         snapshot_pb2.ImportSessionRequest(snapshot=SNAPSHOT),
@@ -78,6 +96,19 @@ def test_a_new_session_is_placed_by_its_request_id():
     assert placement.requests == ["r", "s", "key", "key", "key"]
 
 
+def test_a_session_goes_where_its_scene_is_and_a_mesh_by_its_request_id():
+    placement = Fixed()
+    body = b'{"scene": "%s", "request_id": "r"}' % SCENE.encode()
+    assert http_worker("POST", "/v1/sessions", "", "", body, placement) == 2
+    assert placement.requests == []
+    http_worker("POST", "/v1/scenes/mesh", "format=obj&request_id=m", "", b"", placement)
+    http_worker("POST", "/v1/scenes/mesh", "", "key", b"", placement)
+    header = scene_pb2.CreateMeshSceneRequest(header={"scene": {"request_id": "n"}})
+    method = METHODS["/wayfarer.v1.SceneService/CreateMeshScene"]
+    assert method.worker(header.SerializeToString(), placement) == 4
+    assert placement.requests == ["m", "key", "n"]
+
+
 def test_what_cannot_be_read_goes_somewhere_to_be_refused():
     assert METHODS["/wayfarer.v1.SessionService/GetSession"].worker(b"\xff", Fixed()) == 3
     damaged = snapshot_pb2.ImportSessionRequest(snapshot=SNAPSHOT[:20]).SerializeToString()
@@ -91,6 +122,13 @@ def test_what_cannot_be_read_goes_somewhere_to_be_refused():
         ("GET", f"/v1/sessions/{SESSION}", "", 2),
         ("POST", f"/v1/sessions/{SESSION}/agents", "", 2),
         ("PUT", f"/v1/agents/{AGENT}/goal", "expected_revision=1", 2),
+        ("GET", f"/v1/scenes/{SCENE}", "", 2),
+        ("PUT", f"/v1/scenes/{SCENE}/obstacles/mesh", "", 2),
+        ("POST", f"/v1/scenes/{SCENE}/path", "", 2),
+        ("GET", "/v1/scenes/examples", "", 3),
+        ("POST", "/v1/scenes", "", 4),
+        ("POST", "/v1/scenes/mesh", "", 4),
+        ("POST", "/v1/scenes/examples/corridor", "", 4),
         ("GET", "/v1/events", f"agent=x&session={SESSION}", 2),
         ("GET", "/v1/events", "", 0),
         ("POST", "/v1/clips", "", 3),
@@ -111,6 +149,7 @@ def test_an_imported_session_goes_where_its_id_says():
     ("method", "path"),
     [
         ("GET", "/v1/sessions"),
+        ("GET", "/v1/scenes"),
         ("GET", "/v1/stats"),
         ("POST", "/v1/admin/models"),
         ("POST", "/v1/admin/models/v2/use"),

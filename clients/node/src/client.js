@@ -1,5 +1,6 @@
 // The services of a server as objects: calls are promises, streams are async iterables.
 
+import { Readable } from "node:stream";
 import { create, fromBinary, toBinary } from "@bufbuild/protobuf";
 import { Metadata, credentials, makeGenericClientConstructor } from "@grpc/grpc-js";
 import { AdminService } from "./gen/wayfarer/v1/admin_pb.js";
@@ -8,11 +9,13 @@ import { CatalogService } from "./gen/wayfarer/v1/catalog_pb.js";
 import { ControlService } from "./gen/wayfarer/v1/control_pb.js";
 import { GoalService } from "./gen/wayfarer/v1/goal_pb.js";
 import { MotionService } from "./gen/wayfarer/v1/motion_pb.js";
+import { SceneService } from "./gen/wayfarer/v1/scene_pb.js";
 import { SessionService } from "./gen/wayfarer/v1/session_pb.js";
 import { SnapshotService } from "./gen/wayfarer/v1/snapshot_pb.js";
 
 const TIMEOUT_MS = 10_000;
 const SERVICES = {
+  scenes: SceneService,
   sessions: SessionService,
   agents: AgentService,
   goals: GoalService,
@@ -26,7 +29,7 @@ const SERVICES = {
 /**
  * Connect to a server, as "localhost:50051". `apiKey` or `token` (a JWT) shows who calls; `tls` are
  * credentials of grpc-js (`credentials.createSsl(…)`), none by default. Unary calls fail after
- * `timeoutMs`. A failed call throws grpc-js's ServiceError: `code`, `details`.
+ * `timeoutMs`. A call that sends a stream takes an iterable of requests. A failed call throws grpc-js's ServiceError: `code`, `details`.
  *
  *     const { session } = await client.sessions.createSession({ basis: Basis.UNITY });
  *     for await (const message of client.motion.streamMotion({ sessionId: session.sessionId })) …
@@ -51,11 +54,16 @@ export function connect(address, { apiKey, token, tls, timeoutMs = TIMEOUT_MS } 
 function caller(stub, { localName, methodKind }, metadata, timeoutMs) {
   if (methodKind === "bidi_streaming") return () => stub[localName](metadata);
   if (methodKind === "server_streaming") return (request = {}) => stub[localName](request, metadata);
+  const limit = () => ({ deadline: Date.now() + timeoutMs });
+  const settle = (resolve, reject) => (error, reply) => (error ? reject(error) : resolve(reply));
+  if (methodKind === "client_streaming")
+    return (requests) =>
+      new Promise((resolve, reject) => {
+        const call = stub[localName](metadata, limit(), settle(resolve, reject));
+        Readable.from(requests).pipe(call);
+      });
   return (request = {}) =>
-    new Promise((resolve, reject) => {
-      const limit = { deadline: Date.now() + timeoutMs };
-      stub[localName](request, metadata, limit, (error, reply) => (error ? reject(error) : resolve(reply)));
-    });
+    new Promise((resolve, reject) => stub[localName](request, metadata, limit(), settle(resolve, reject)));
 }
 
 /** What grpc-js needs to know of a generated service. */

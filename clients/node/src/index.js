@@ -6,3 +6,4 @@ export { unpackChunks, unpackContacts, unpackPoses } from "./poses.js";
 export { AgentState, Gender } from "./gen/wayfarer/v1/agent_pb.js";
 export { Basis } from "./gen/wayfarer/v1/common_pb.js";
 export { ChunkFlag, EventKind, PoseEncoding, PoseProfile, SlowReader } from "./gen/wayfarer/v1/motion_pb.js";
+export { MeshFormat } from "./gen/wayfarer/v1/scene_pb.js";

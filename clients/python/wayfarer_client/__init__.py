@@ -3,6 +3,18 @@
 `Client` is asynchronous, `SyncClient` is the same for programs without an event loop.
 """
 
+from wayfarer_client.behaviours import (
+    Behaviour,
+    Follow,
+    KeepAway,
+    Part,
+    Patrol,
+    Queue,
+    Routine,
+    Stand,
+    Visit,
+    Wander,
+)
 from wayfarer_client.client import Client
 from wayfarer_client.connection import Tls
 from wayfarer_client.control import Control
@@ -18,6 +30,7 @@ from wayfarer_client.errors import (
     ResourceExhausted,
     Unauthenticated,
     Unavailable,
+    Unreachable,
     WayfarerError,
 )
 from wayfarer_client.jitter import JitterBuffer, Pose
@@ -33,9 +46,21 @@ from wayfarer_client.messages import (
     PoseFormat,
     StreamInfo,
 )
+from wayfarer_client.scenes import Scene, Scenes, Way
 from wayfarer_client.session import Session
+from wayfarer_client.shapes import (
+    Box,
+    Cylinder,
+    Floor,
+    Obstacle,
+    Prism,
+    Ramp,
+    Solid,
+    Walkable,
+)
 from wayfarer_client.stream import MotionStream
 from wayfarer_client.sync import SyncClient, SyncSession
+from wayfarer_client.sync_scenes import SyncScene, SyncScenes
 from wayfarer_client.tracks import Track, tracks
 
 __all__ = [
@@ -44,32 +69,56 @@ __all__ = [
     "AgentSpec",
     "AlreadyExists",
     "Batch",
+    "Behaviour",
+    "Box",
     "Client",
     "Control",
+    "Cylinder",
     "Event",
     "FailedPrecondition",
     "Flag",
+    "Floor",
+    "Follow",
     "Frames",
     "Goal",
     "InternalError",
     "InvalidArgument",
     "JitterBuffer",
+    "KeepAway",
     "Misdirected",
     "MotionStream",
     "NotFound",
+    "Obstacle",
+    "Part",
+    "Patrol",
     "PermissionDenied",
     "Phenotype",
     "Pose",
     "PoseFormat",
+    "Prism",
+    "Queue",
+    "Ramp",
     "ResourceExhausted",
+    "Routine",
+    "Scene",
+    "Scenes",
     "Session",
+    "Solid",
+    "Stand",
     "StreamInfo",
     "SyncClient",
+    "SyncScene",
+    "SyncScenes",
     "SyncSession",
     "Tls",
     "Track",
     "Unauthenticated",
     "Unavailable",
+    "Unreachable",
+    "Visit",
+    "Walkable",
+    "Wander",
+    "Way",
     "WayfarerError",
     "tracks",
 ]

@@ -9,6 +9,7 @@ from typing import Any, Final, Self
 from wayfarer_client.admin import Admin
 from wayfarer_client.connection import Access, Connection, Tls
 from wayfarer_client.messages import AgentSpec, Batch, Goal, PoseFormat, enum_label
+from wayfarer_client.scenes import Scene, Scenes
 from wayfarer_client.session import Session
 from wayfarer_client.v1 import (
     catalog_pb2,
@@ -46,6 +47,7 @@ class Client:
         """
         self.connection = Connection(address, timeout, Access(api_key, token), tls)
         self.admin = Admin(self.connection)
+        self.scenes = Scenes(self.connection)
         self._direct = direct
         self._workers: dict[int, Connection] = {}  # by port, as far as they have been called
         self._reaching = asyncio.Lock()
@@ -99,19 +101,22 @@ class Client:
         lease: float | None = None,
         lock_step: bool = False,
         record: bool = False,
-        scene: str = "",
+        scene: Scene | str = "",
+        avoid: bool = True,
     ) -> Session:
         """Open a session; basis: gltf, unity, unreal, unreal_mannequin, blender or ros.
 
         `seed`: from which agents without one of their own draw theirs. `lease`: seconds that it
         outlives its last call and stream. `lock_step`: time passes in `Session.step` only.
-        `record`: keep its commands for `Session.export_log`.
+        `record`: keep its commands for `Session.export_log`. `scene`: where its agents walk; empty:
+        the endless flat floor. `avoid`: in a scene, they keep out of each other's way.
         """
         request = session_pb2.CreateSessionRequest(
             basis=enum_label(common_pb2.Basis, basis, "basis"),
             seed=seed,
             lease_s=lease,
-            scene=scene,
+            scene=scene if isinstance(scene, str) else scene.scene_id,
+            avoid=avoid,
             lock_step=lock_step,
             record=record,
         )

@@ -18,6 +18,7 @@ from wayfarer_client.v1 import (
     control_pb2_grpc,
     goal_pb2_grpc,
     motion_pb2_grpc,
+    scene_pb2_grpc,
     session_pb2_grpc,
     snapshot_pb2_grpc,
 )
@@ -90,6 +91,7 @@ class Connection:
         self._tls = tls
         self._channel = _channel(address, tls)
         # The generated stubs are typed for the synchronous API only.
+        self.scenes: Any = scene_pb2_grpc.SceneServiceStub(self._channel)
         self.sessions: Any = session_pb2_grpc.SessionServiceStub(self._channel)
         self.agents: Any = agent_pb2_grpc.AgentServiceStub(self._channel)
         self.goals: Any = goal_pb2_grpc.GoalServiceStub(self._channel)

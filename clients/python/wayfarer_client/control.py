@@ -7,6 +7,7 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from wayfarer_client import goals as requests
+from wayfarer_client.behaviours import Behaviour
 from wayfarer_client.connection import Backoff, Connection
 from wayfarer_client.errors import ResourceExhausted, Unavailable, WayfarerError, from_problem
 from wayfarer_client.messages import Agent, Batch, Event, Goal, Place, StreamInfo
@@ -126,6 +127,12 @@ class Control:
         """As `Session.wander`."""
         area = requests.wander(agent, center, radius, speed, dwell, expected)
         return await self._command(wander=area)
+
+    async def behave(
+        self, agent: Agent | str, behaviour: Behaviour, expected: int | None = None
+    ) -> int:
+        """As `Session.behave`."""
+        return await self._command(behave=requests.behave(agent, behaviour, expected))
 
     async def clear_goal(self, agent: Agent | str, expected: int | None = None) -> int:
         """As `Session.clear_goal`."""

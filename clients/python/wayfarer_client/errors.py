@@ -1,5 +1,6 @@
 """Errors of the client, one per kind of gRPC status that the server sends."""
 
+from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 import grpc
@@ -37,6 +38,12 @@ class AlreadyExists(WayfarerError):
 
 class FailedPrecondition(WayfarerError):
     """Right request, wrong moment."""
+
+
+class Unreachable(FailedPrecondition):
+    """No way leads to the goal; `nearest` (x, y, z) is the closest place that can be reached."""
+
+    nearest = (0.0, 0.0, 0.0)
 
 
 class Misdirected(FailedPrecondition):
@@ -100,7 +107,11 @@ def from_grpc(error: grpc.aio.AioRpcError) -> WayfarerError:
     found = _details(error)
     if found.grpc_port:
         kind = Misdirected
+    if found.nearest is not None:
+        kind = Unreachable
     made = kind(text, found.field, found.retry_after)
+    if isinstance(made, Unreachable) and found.nearest is not None:
+        made.nearest = found.nearest
     if isinstance(made, Misdirected):
         made.grpc_port = found.grpc_port
     return made
@@ -108,6 +119,10 @@ def from_grpc(error: grpc.aio.AioRpcError) -> WayfarerError:
 
 def from_problem(problem: common_pb2.Problem) -> WayfarerError:
     """The client's error for a command that failed on a stream that goes on."""
+    if problem.HasField("nearest"):
+        unreachable = Unreachable(problem.message, problem.field)
+        unreachable.nearest = (problem.nearest.x, problem.nearest.y, problem.nearest.z)
+        return unreachable
     kind = _BY_NUMBER.get(problem.code, WayfarerError)
     return kind(problem.message, problem.field)
 
@@ -116,6 +131,7 @@ class _Details(NamedTuple):
     field: str = ""  # at fault
     retry_after: float = 0.0  # seconds to wait
     grpc_port: int = 0  # where the call should have gone
+    nearest: tuple[float, float, float] | None = None  # that can be reached
 
 
 def _details(error: grpc.aio.AioRpcError) -> _Details:
@@ -137,4 +153,13 @@ def _details(error: grpc.aio.AioRpcError) -> _Details:
                 found = found._replace(retry_after=seconds)
             elif detail.Unpack(info) and info.metadata.get("grpc_port", "").isdigit():
                 found = found._replace(grpc_port=int(info.metadata["grpc_port"]))
+            elif detail.Unpack(info) and info.reason == "UNREACHABLE":
+                found = found._replace(nearest=_place(info.metadata))
     return found
+
+
+def _place(metadata: Mapping[str, str]) -> tuple[float, float, float] | None:
+    try:
+        return float(metadata["x"]), float(metadata["y"]), float(metadata["z"])
+    except (KeyError, ValueError):  # no server of ours
+        return None

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 
+from wayfarer_client.behaviours import Behaviour, behaviour_to_wire
 from wayfarer_client.messages import Agent, Goal, Place, vector
 from wayfarer_client.v1 import goal_pb2
 
@@ -54,6 +55,17 @@ def wander(
         area=goal_pb2.Area(center=vector(center), radius=radius),
         speed=speed,
         dwell=dwell,
+        expected_revision=expected,
+    )
+
+
+def behave(
+    agent: Agent | str, behaviour: Behaviour, expected: int | None
+) -> goal_pb2.BehaveRequest:
+    """Do something of itself."""
+    return goal_pb2.BehaveRequest(
+        agent_id=id_of(agent),
+        behaviour=behaviour_to_wire(behaviour),
         expected_revision=expected,
     )
 

@@ -150,7 +150,7 @@ class StreamInfo:
 class Event:
     """Something that happened to an agent, the stream or the server."""
 
-    kind: str  # "goal_reached", "path_done", "gap", "draining", "model_changed"; "" if unknown
+    kind: str  # "goal_reached", "path_done", "blocked" …: docs/wire-format.md; "" if unknown
     at: float  # of a goal: the scheduled time of its chunk
     agent: Agent | None  # None: the stream or the server
     goal_revision: int

@@ -7,6 +7,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Final, Self
 
 from wayfarer_client import goals as requests
+from wayfarer_client.behaviours import Behaviour
 from wayfarer_client.connection import Connection
 from wayfarer_client.control import Control
 from wayfarer_client.errors import NotFound, Unavailable
@@ -26,6 +27,7 @@ from wayfarer_client.v1 import (
     agent_pb2,
     common_pb2,
     motion_pb2,
+    scene_pb2,
     session_pb2,
     snapshot_pb2,
 )
@@ -203,11 +205,54 @@ class Session:
         reply = await self._connection.call(self._connection.goals.Wander, request)
         return int(reply.revision)
 
+    async def behave(
+        self, agent: Agent | str, behaviour: Behaviour, expected: int | None = None
+    ) -> int:
+        """Let an agent do something of itself until it is told otherwise."""
+        request = requests.behave(agent, behaviour, expected)
+        reply = await self._connection.call(self._connection.goals.Behave, request)
+        return int(reply.revision)
+
     async def clear_goal(self, agent: Agent | str, expected: int | None = None) -> int:
         """Stop an agent where it is."""
         request = requests.clear_goal(agent, expected)
         reply = await self._connection.call(self._connection.goals.ClearGoal, request)
         return int(reply.revision)
+
+    # a crowd
+
+    async def populate(
+        self,
+        count: int,
+        *,
+        seed: int | None = None,
+        speed: tuple[float, float] | None = None,
+        dwell: tuple[float, float] | None = None,
+        spawn_rate: float = 0.0,
+        stay: float = 0.0,
+    ) -> int:
+        """Let so many people walk about all over the session's scene; how many came at once.
+
+        In place of those of an earlier call; with 0 they leave. `speed`: of the slowest and the
+        fastest; `dwell`: seconds to stand at each place, from and to; `spawn_rate`: people a
+        second, 0: all at once; `stay`: mean seconds until one leaves and another comes, 0: for
+        ever.
+        """
+        slowest, fastest = speed or (None, None)
+        shortest, longest = dwell or (None, None)
+        request = scene_pb2.PopulateSessionRequest(
+            session_id=self.session_id,
+            count=count,
+            seed=seed,
+            min_speed=slowest,
+            max_speed=fastest,
+            min_dwell=shortest,
+            max_dwell=longest,
+            spawn_rate=spawn_rate,
+            stay=stay,
+        )
+        reply = await self._connection.call(self._connection.scenes.PopulateSession, request)
+        return int(reply.came)
 
     # motion
 

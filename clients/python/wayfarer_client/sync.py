@@ -6,11 +6,13 @@ from collections.abc import AsyncGenerator, Callable, Coroutine, Iterable, Itera
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
+from wayfarer_client.behaviours import Behaviour
 from wayfarer_client.client import Client
 from wayfarer_client.connection import Tls
 from wayfarer_client.messages import Agent, AgentSpec, Batch, Goal, Place, PoseFormat
 from wayfarer_client.session import Session
 from wayfarer_client.stream import MotionStream
+from wayfarer_client.sync_scenes import SyncScene, SyncScenes
 from wayfarer_client.v1 import catalog_pb2
 
 T = TypeVar("T")
@@ -47,6 +49,11 @@ class SyncClient:
             self._end()
             raise
 
+    @property
+    def scenes(self) -> SyncScenes:
+        """See `Client.scenes`."""
+        return SyncScenes(self._client.scenes, self._run)
+
     def close(self) -> None:
         """Close the connection and end the thread."""
         self._run(self._client.close())
@@ -71,11 +78,18 @@ class SyncClient:
         lease: float | None = None,
         lock_step: bool = False,
         record: bool = False,
-        scene: str = "",
+        scene: "SyncScene | str" = "",
+        avoid: bool = True,
     ) -> "SyncSession":
         """See `Client.create_session`, as for all below."""
         session = self._client.create_session(
-            basis, seed=seed, lease=lease, lock_step=lock_step, record=record, scene=scene
+            basis,
+            seed=seed,
+            lease=lease,
+            lock_step=lock_step,
+            record=record,
+            scene=scene if isinstance(scene, str) else scene.scene_id,
+            avoid=avoid,
         )
         return SyncSession(self, self._run(session))
 
@@ -246,6 +260,14 @@ class SyncSession:
         """See `Session.wander`."""
         walk = self._session.wander(agent, center, radius, speed, dwell, expected)
         return self._client._run(walk)
+
+    def behave(self, agent: Agent | str, behaviour: Behaviour, expected: int | None = None) -> int:
+        """See `Session.behave`."""
+        return self._client._run(self._session.behave(agent, behaviour, expected))
+
+    def populate(self, count: int, **how: Any) -> int:
+        """See `Session.populate`."""
+        return self._client._run(self._session.populate(count, **how))
 
     def clear_goal(self, agent: Agent | str, expected: int | None = None) -> int:
         """See `Session.clear_goal`."""

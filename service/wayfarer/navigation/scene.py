@@ -129,7 +129,7 @@ class Scene:
         height = np.broadcast_to(targets[:, None, 2:], (*lines.shape[:2], 1))
         near = self.distance(np.concatenate([lines, height], -1))
         # whoever stands too near already may go wherever it is no nearer than that
-        floor = min(self.tight, float(near[:, 0].min()))
+        floor = min(self._tight, float(near[:, 0].min()))
         good = np.flatnonzero((near >= floor - 1e-6).all(1))
         x, y, z = targets[good[0] if len(good) else -1].tolist()
         return Ahead((x, y, z), progress, path.length - progress)
@@ -163,7 +163,7 @@ class Scene:
         return distance, away
 
     @property
-    def tight(self) -> float:
+    def _tight(self) -> float:
         """The clearance of a way that just keeps the radius, as the field may show it.
 
         In the middle of a passage the field has a ridge, which samples half a cell apart may miss.
@@ -171,7 +171,7 @@ class Scene:
         return self.spec.walkable.radius - self.fields[0].grid.cell / 2
 
     def _free(self, points: Array) -> NDArray[np.bool_]:
-        return self.distance(points) >= self.tight
+        return self.distance(points) >= self._tight
 
     def _heights(self, points: Array) -> Array:
         """Height of every layer's floor at the points. [layers, ...]"""

@@ -189,7 +189,8 @@ class EventKind(StrEnum):
     GOAL_MOVED = "goal_moved"  # off free ground: the nearest that can be reached was taken
     UNREACHABLE = "unreachable"  # no way leads to the goal: the agent waits where it is
     BLOCKED = "blocked"  # an obstacle closes the way: the agent waits until it opens
-    BEHAVIOUR_ENDED = "behaviour_ended"  # the agent that it followed, or fled, has been deleted
+    AGENT_LEFT = "agent_left"  # one of a crowd is no more, without a call
+    BEHAVIOUR_ENDED = "behaviour_ended"  # whom the agent followed, or fled, has been deleted
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,7 +273,7 @@ class SessionInfo:
 
 @dataclass(frozen=True, slots=True)
 class Wander:
-    """Walking about in a disc, or all over the scene, from one place drawn at random to the next."""
+    """Walking about in a disc, or all over the scene, from one place drawn at random to another."""
 
     center: tuple[float, float] | None  # metres, world; None: wherever the agent's scene is free
     radius: float = 0.0  # metres; of no account without a centre

@@ -24,7 +24,7 @@ import numpy as np
 import structlog
 
 from wayfarer.errors import Unavailable
-from wayfarer.runtime.agent import LoopStats
+from wayfarer.runtime.agent import Event, EventKind, LoopStats
 from wayfarer.runtime.crew import Crew
 from wayfarer.runtime.inbox import Inbox
 from wayfarer.runtime.meter import Meter
@@ -196,6 +196,7 @@ class Motor:
         started = self._clock()
         for session_id, agent_id in self._world.tend(started):
             self._publisher.forget_agent(session_id, agent_id)
+            self._publisher.tell(session_id, [Event(EventKind.AGENT_LEFT, started, agent_id)])
         landed = False
         for flight, seconds in self._crew.landed():
             self._take_in(flight, seconds)

@@ -65,7 +65,12 @@ class Worlds:
 
     def _patient(self) -> WorldSettings:
         return replace(
-            self.settings, budget=None, phases=1, lead=1, batch_sizes=ANY_SIZE, alone=True,
+            self.settings,
+            budget=None,
+            phases=1,
+            lead=1,
+            batch_sizes=ANY_SIZE,
+            alone=True,
             ways=ANY_SIZE[-1],
         )
 

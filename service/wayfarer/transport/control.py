@@ -21,7 +21,7 @@ from wayfarer.v1 import common_pb2, control_pb2
 log = structlog.get_logger(__name__)
 
 OPEN_TIMEOUT_S: Final = 10.0
-COMMANDS: Final = ("set_goal", "set_path", "append_goals", "wander", "clear_goal")
+COMMANDS: Final = ("set_goal", "set_path", "append_goals", "wander", "behave", "clear_goal")
 
 Requests = AsyncIterator[control_pb2.ControlRequest]
 
@@ -94,4 +94,5 @@ def _problem(error: Exception) -> common_pb2.Problem:
         code=errors.code_of(error).grpc.value[0],
         message=errors.message_of(error),
         field=violations[0][0] if violations else "",
+        nearest=errors.nearest_of(error) or None,
     )

@@ -44,9 +44,9 @@ def agent_spec(
             betas = bodies.betas(spec.gender, spec.phenotype.model_dump(exclude_none=True))
         except InvalidArgument as error:
             raise InvalidArgument(str(error), f"{field}.phenotype.{error.field}") from None
-    x = y = 0.0
+    x = y = floor = 0.0
     if spec.position is not None:
-        x, y, _ = _place(spec.position, axes)
+        x, y, floor = place(spec.position, axes)
     return runtime.AgentSpec(
         gender=spec.gender,
         betas=tuple(float(beta) for beta in betas),
@@ -55,6 +55,7 @@ def agent_spec(
         noise_seed=seed if spec.seed is None else spec.seed,
         name=spec.name,
         foot_lock=spec.foot_lock,
+        floor=floor,
     )
 
 
@@ -101,17 +102,7 @@ def goal(wish: schema.Goal, basis: Basis) -> runtime.Goal:
     ):
         if name in given:
             given[name] = to_core(given[name])
-    return runtime.Goal(_place(wish.position, axes), **given)
-
-
-def wander(wish: schema.Wander, basis: Basis) -> runtime.Wander:
-    """The area in world space; what is absent takes the runtime's default."""
-    axes = basis.axes
-    given = wish.model_dump(exclude_none=True, exclude={"area"})
-    if "speed" in given:
-        given["speed"] = axes.length_to_core(given["speed"])
-    x, y, _ = _place(wish.area.center, axes)
-    return runtime.Wander((x, y), axes.length_to_core(wish.area.radius), **given)
+    return runtime.Goal(place(wish.position, axes), **given)
 
 
 def agent_change(wish: schema.AgentUpdate) -> runtime.AgentChange:
@@ -194,7 +185,7 @@ def _vector(values: NDArray[np.floating[Any]]) -> schema.Vector3:
     return schema.Vector3(x=x, y=y, z=z)
 
 
-def _place(point: schema.Vector3, axes: Axes) -> tuple[float, float, float]:
+def place(point: schema.Vector3, axes: Axes) -> tuple[float, float, float]:
     """A point of the world in metres."""
     x, y, z = (float(v) for v in axes.points_to_core(np.array([point.x, point.y, point.z])))
     return x, y, z

@@ -52,6 +52,9 @@ TABLE: Final[dict[type[errors.WayfarerError], Code]] = {
     errors.FailedPrecondition: Code(
         grpc.StatusCode.FAILED_PRECONDITION, HTTPStatus.CONFLICT, "Failed precondition"
     ),
+    errors.Unreachable: Code(
+        grpc.StatusCode.FAILED_PRECONDITION, HTTPStatus.CONFLICT, "Unreachable", "UNREACHABLE"
+    ),
     errors.Misdirected: Code(
         grpc.StatusCode.FAILED_PRECONDITION,
         HTTPStatus.MISDIRECTED_REQUEST,
@@ -153,6 +156,13 @@ def endpoint_of(error: BaseException) -> dict[str, int]:
     }
 
 
+def nearest_of(error: BaseException) -> dict[str, float]:
+    """The nearest place that can be reached; empty for errors of another kind."""
+    if not isinstance(error, errors.Unreachable):
+        return {}
+    return dict(zip("xyz", error.nearest, strict=True))
+
+
 def retry_after(error: BaseException) -> float:
     """Seconds after which to try again; 0 when that is no use."""
     if isinstance(error, errors.ResourceExhausted):
@@ -163,7 +173,8 @@ def retry_after(error: BaseException) -> float:
 def to_grpc(error: BaseException) -> grpc.Status:
     """The status that ends a call, with google.rpc details."""
     code = code_of(error)
-    where = {key: str(value) for key, value in endpoint_of(error).items()}
+    places = {**endpoint_of(error), **nearest_of(error)}
+    where = {key: str(value) for key, value in places.items()}
     details: list[Any] = [ErrorInfo(reason=code.reason, domain=DOMAIN, metadata=where)]
     if violations := violations_of(error):
         fields = [BadRequest.FieldViolation(field=f, description=d) for f, d in violations]
@@ -211,6 +222,8 @@ def to_problem(error: BaseException) -> dict[str, Any]:
         problem["retry_after_s"] = seconds
     if endpoint := endpoint_of(error):
         problem["endpoint"] = endpoint
+    if nearest := nearest_of(error):
+        problem["nearest"] = nearest
     return problem
 
 

@@ -9,6 +9,7 @@ GoalRequest = (
     | goal_pb2.SetPathRequest
     | goal_pb2.AppendGoalsRequest
     | goal_pb2.WanderRequest
+    | goal_pb2.BehaveRequest
     | goal_pb2.ClearGoalRequest
 )
 
@@ -27,5 +28,8 @@ async def carry_out(request: GoalRequest, goals: GoalApi) -> int:
             return await goals.append(agent_id, wire.parse(schema.Goals, request), expected)
         case goal_pb2.WanderRequest():
             return await goals.wander(agent_id, wire.parse(schema.Wander, request), expected)
+        case goal_pb2.BehaveRequest():
+            wish = wire.parse(schema.Behaviour, request.behaviour, "behaviour")
+            return await goals.behave(agent_id, wish, expected)
         case goal_pb2.ClearGoalRequest():
             return await goals.clear(agent_id, expected)

@@ -39,22 +39,25 @@ for suffix, kind in ((".js", "text/javascript"), (".glb", "model/gltf-binary")):
     mimetypes.add_type(kind, suffix)
 
 
+MESHES: Final = "/v1/scenes/mesh"
+"""Where files come that may be larger than other requests."""
+
+
 class Edge:
     """ASGI middleware: bounds request bodies and sets headers that hold for every answer."""
 
-    def __init__(self, app: ASGIApp, body_bytes: int) -> None:
+    def __init__(self, app: ASGIApp, body_bytes: int, mesh_bytes: int) -> None:
         self._app = app
-        self._most = body_bytes
+        self._body_bytes = body_bytes
+        self._mesh_bytes = mesh_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Refuse a body that is, or turns out to be, too large."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        left = self._most
-        too_large = HTTPException(
-            errors.TOO_LARGE.http, f"a request has {self._most} bytes at most"
-        )
+        most = left = self._mesh_bytes if scope["path"] == MESHES else self._body_bytes
+        too_large = HTTPException(errors.TOO_LARGE.http, f"a request has {most} bytes at most")
 
         async def bounded_receive() -> Message:
             nonlocal left
@@ -72,7 +75,7 @@ class Edge:
             await send(message)
 
         length = dict(scope["headers"]).get(b"content-length", b"0")
-        if length.isdigit() and int(length) > self._most:
+        if length.isdigit() and int(length) > most:
             await _http_problem(too_large)(scope, receive, headed_send)
             return
         await self._app(scope, bounded_receive, headed_send)

@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import AsyncGenerator, Callable, Collection
 from contextlib import aclosing
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -54,7 +55,7 @@ class MotionStream:
         self._followed = followed
         self._since = since
         self._token = ""  # of what has been sent
-        self._known: set[int] = set()  # aliases introduced
+        self._known: dict[int, str] = {}  # agents introduced, by alias
         self._gone = set(gone)  # aliases deleted: late chunks of theirs are dropped
         self._removed = list(gone)  # deleted and not yet told
 
@@ -102,8 +103,10 @@ class MotionStream:
                 elif not events:
                     yield self._response(heartbeat=motion_pb2.Heartbeat())
                 for token, event in events:
-                    yield self._response(event=event_message(event))
+                    yield self._response(event=event_message(self._aliased(event)))
                     self._token = token
+                    if event.kind is EventKind.AGENT_LEFT:
+                        self._leave(event.agent_id)
         if self._error:
             if isinstance(self._error, Unavailable):
                 yield self._response(event=event_message(self._draining()))
@@ -127,6 +130,20 @@ class MotionStream:
             if isinstance(self._error, Unavailable):
                 yield "", self._draining()
             raise self._error
+
+    def _aliased(self, event: Event) -> Event:
+        """Of someone who has left by himself the runtime knows no more than the id."""
+        if event.kind is not EventKind.AGENT_LEFT:
+            return event
+        return replace(event, alias=self._alias(event.agent_id))
+
+    def _leave(self, agent_id: str) -> None:
+        if alias := self._alias(agent_id):
+            self.remove(alias)
+
+    def _alias(self, agent_id: str) -> int:
+        """Of an agent that has been introduced, and else 0."""
+        return next((alias for alias, name in self._known.items() if name == agent_id), 0)
 
     def _publications(self) -> AsyncGenerator[Publication | None]:
         return paced(aiter(self._subscription), HEARTBEAT_S, self._ended)
@@ -165,14 +182,14 @@ class MotionStream:
         """The chunks to show, and descriptions of the agents seen for the first time."""
         present = set(chunks.alias.tolist())
         added = []
-        if new := present - self._known - self._gone:
+        if new := present - self._known.keys() - self._gone:
             try:
                 infos = await self._service.list_agents(self._session_id)
             except NotFound:  # the session has ended since the chunks were made
                 infos = []
             added = [info for info in infos if info.alias in new - self._gone]
-            self._known.update(info.alias for info in added)
-        shown = (present & self._known) - self._gone
+            self._known.update((info.alias, info.agent_id) for info in added)
+        shown = (present & self._known.keys()) - self._gone
         if len(shown) < len(present):
             chunks = chunks.take(np.flatnonzero(np.isin(chunks.alias, list(shown))))
         return chunks, added

@@ -11,9 +11,12 @@ from pydantic import BaseModel, ValidationError
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.transport.errors import invalid_request
+from wayfarer.v1 import common_pb2
 
-MOST_ITEMS: Final = 1024
+MOST_ITEMS: Final = 2048
 """Of a list in a request; no schema allows more."""
+
+VECTOR: Final = common_pb2.Vector3.DESCRIPTOR
 
 Twin = TypeVar("Twin", bound=BaseModel)
 Proto = TypeVar("Proto", bound=ProtoMessage)
@@ -61,6 +64,8 @@ def _value(field: Any, value: Any, path: str) -> Any:
         return _enum_name(field.enum_type, value, path)
     if field.type == field.TYPE_BYTES:
         return b64encode(value).decode()
+    if field.message_type is VECTOR:  # there may be thousands
+        return {"x": value.x, "y": value.y, "z": value.z}
     return value if field.message_type is None else values(value, path)
 
 

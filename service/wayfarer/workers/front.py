@@ -14,7 +14,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
 
-from wayfarer.config import Settings
+from wayfarer.config import Limits, Settings
 from wayfarer.errors import Unavailable
 from wayfarer.transport.grpc_server import GrpcServer, bracketed
 from wayfarer.transport.http_edge import Edge, add_problem_handlers
@@ -70,7 +70,7 @@ class Front:
         )
         http_sockets = [door.http for door in doors]
         self._http_relay = HttpRelay(http_sockets, placement, operation.connections)
-        app = self._app(SocketRelay(http_sockets, placement), limits.message_bytes)
+        app = self._app(SocketRelay(http_sockets, placement), limits)
         self._http = HttpServer(app, limits, operation)
         self._drain_s = operation.drain_s
         scheme = "https" if tls else "http"
@@ -102,10 +102,10 @@ class Front:
     def _add_relay(self, server: grpc.aio.Server) -> None:
         server.add_generic_rpc_handlers((self._grpc_relay,))
 
-    def _app(self, sockets: SocketRelay, body_bytes: int) -> FastAPI:
+    def _app(self, sockets: SocketRelay, limits: Limits) -> FastAPI:
         app = FastAPI(openapi_url=None)
         add_problem_handlers(app)
-        app.add_middleware(Edge, body_bytes=body_bytes)
+        app.add_middleware(Edge, body_bytes=limits.message_bytes, mesh_bytes=limits.mesh_bytes)
         app.router.routes += [
             WebSocketRoute("/v1/stream", sockets.stream),
             WebSocketRoute("/v1/control", sockets.control),

@@ -16,6 +16,7 @@ from starlette.types import Send
 from wayfarer.errors import Unavailable
 from wayfarer.transport import schema
 from wayfarer.transport.connection import CERTIFICATE
+from wayfarer.transport.http_edge import MESHES
 from wayfarer.transport.http_server.streamed import Pieces
 from wayfarer.transport.inside import PREFIX, Origin
 from wayfarer.workers.merged import merged_json, merged_stats
@@ -33,6 +34,7 @@ HOP: Final = frozenset(
 """Headers of one connection, which are not handed on."""
 
 Headers = list[tuple[bytes, bytes]]
+Body = bytes | AsyncIterator[bytes]
 
 
 class HttpRelay:
@@ -51,12 +53,15 @@ class HttpRelay:
 
     async def handle(self, request: Request) -> Response:
         """The answer. Raises Unavailable."""
-        path, body = request.scope["path"], await request.body()
+        path = request.scope["path"]
+        # a mesh goes on as it comes; the worker has room for few at a time
+        body = request.stream() if path == MESHES else await request.body()
         if http_kind(request.method, path) is Kind.ALL:
-            return await self._ask_all(request, body)
+            return await self._ask_all(request, await request.body())
         key = request.headers.get("idempotency-key", "")
         query = request.url.query
-        worker = http_worker(request.method, path, query, key, body, self._placement)
+        told = body if isinstance(body, bytes) else b""
+        worker = http_worker(request.method, path, query, key, told, self._placement)
         return Relayed(await self._send(worker, request, body))
 
     async def ask(
@@ -98,7 +103,7 @@ class HttpRelay:
             await answer.aclose()
 
     async def _send(
-        self, worker: int, request: Request, body: bytes, read_s: float = 0.0
+        self, worker: int, request: Request, body: Body, read_s: float = 0.0
     ) -> httpx.Response:
         """The beginning of an answer. Raises Unavailable."""
         query = request.scope["query_string"]

@@ -12,6 +12,10 @@ WORST: Final = ("rung",)
 """Whole numbers of which the greatest counts, not the sum."""
 
 
+LISTED: Final = ("sessions", "scenes")
+"""Lists that are in order of creation."""
+
+
 def merged_messages(replies: Sequence[Message]) -> Any:
     """Of gRPC replies of one type: lists are joined, counts added; the first says all else."""
     first: Any = replies[0]
@@ -22,8 +26,9 @@ def merged_messages(replies: Sequence[Message]) -> Any:
                 getattr(first, field.name).extend(found)
             elif field.type == field.TYPE_UINT32:
                 setattr(first, field.name, getattr(first, field.name) + found)
-    if hasattr(first, "sessions"):
-        first.sessions.sort(key=lambda session: session.created_at_us)
+    for name in LISTED:
+        if hasattr(first, name):
+            getattr(first, name).sort(key=lambda item: item.created_at_us)
     return first
 
 
@@ -39,8 +44,9 @@ def merged_json(replies: Sequence[Any]) -> Any:
             joined[key] = [item for found in values for item in found]
         elif isinstance(value, int) and not isinstance(value, bool):
             joined[key] = sum(values)
-    if "sessions" in joined:
-        joined["sessions"].sort(key=lambda session: session["created_at_us"])
+    for name in LISTED:
+        if name in joined:
+            joined[name].sort(key=lambda item: item["created_at_us"])
     return joined
 
 

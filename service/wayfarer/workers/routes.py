@@ -13,20 +13,24 @@ from google.protobuf.message_factory import GetMessageClass
 
 from wayfarer.runtime.state.snapshot import named_session
 from wayfarer.transport.grpc_server import FILES
+from wayfarer.transport.http_edge import MESHES
 from wayfarer.workers.placement import Placement
+
+NAMES: Final = ("scene_id", "session_id", "agent_id")
 
 
 class Kind(Enum):
     """What decides."""
 
-    NEW = auto()  # a session is made: placement chooses
-    NAMED = auto()  # the session or agent that it names
+    NEW = auto()  # a scene or a session is made: placement chooses, unless a scene is named
+    NAMED = auto()  # the scene, session or agent that it names
     IMPORT = auto()  # the session in the snapshot that it brings
     ALL = auto()  # every worker is asked, and the answers are merged
     ANY = auto()  # one worker does as well as another
 
 
-ALL: Final = ("ListSessions", "LoadModel", "UseModel", "UnloadModel", "Drain")
+ALL: Final = ("ListSessions", "ListScenes", "LoadModel", "UseModel", "UnloadModel", "Drain")
+NEW: Final = ("CreateSession", "CreateScene", "CreateMeshScene", "CreateExampleScene")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,28 +54,40 @@ class Method:
         except DecodeError:
             return placement.any()
         if self.kind is Kind.NEW:
-            return placement.choose(message.request_id)
+            if scene := _scene_in(message):
+                return placement.find(scene)
+            return placement.choose(_request_id_in(message))
         if self.kind is Kind.IMPORT:
             return placement.find(named_session(message.snapshot))
         return placement.find(_name_in(message))
 
 
 def _name_in(message: Any) -> str:
-    """The id of the session or agent that a request is about."""
+    """The id of the scene, session or agent that a request is about."""
     fields = message.DESCRIPTOR.fields_by_name
     if "open" in fields:  # Control
         message, fields = message.open, message.open.DESCRIPTOR.fields_by_name
-    return str(message.session_id if "session_id" in fields else message.agent_id)
+    return next(str(getattr(message, name)) for name in NAMES if name in fields)
+
+
+def _scene_in(message: Any) -> str:
+    """The scene in which a session is to be."""
+    return str(message.scene) if message.DESCRIPTOR.name == "CreateSessionRequest" else ""
+
+
+def _request_id_in(message: Any) -> str:
+    fields = message.DESCRIPTOR.fields_by_name
+    return str(message.request_id if "request_id" in fields else message.header.scene.request_id)
 
 
 def _kind(name: str, request: Any) -> Kind:
     if name in ALL:
         return Kind.ALL
-    if name == "CreateSession":
+    if name in NEW:
         return Kind.NEW
     if name == "ImportSession":
         return Kind.IMPORT
-    named = {"session_id", "agent_id", "open"} & set(request.fields_by_name)
+    named = {*NAMES, "open"} & set(request.fields_by_name)
     return Kind.NAMED if named else Kind.ANY
 
 
@@ -92,19 +108,23 @@ METHODS: Final[Mapping[str, Method]] = {
 """All of ours, by path."""
 
 
-_NAMED: Final = re.compile(r"/v1/(?:sessions|agents)/([^/]+)")
+_NAMED: Final = re.compile(r"/v1/(?:sessions|agents|scenes)/([^/]+)")
+_MADE: Final = re.compile(r"/v1/(?:sessions|scenes|scenes/mesh|scenes/examples/[^/]+)")
+"""Where a session or a scene is made."""
 _ADMIN: Final = re.compile(r"/v1/admin/[^/]+")
 
 
 def http_kind(method: str, path: str) -> Kind:
     """Of a request."""
+    if method == "POST" and _MADE.fullmatch(path):
+        return Kind.NEW
+    if path.startswith("/v1/scenes/examples"):
+        return Kind.ANY
     if _NAMED.match(path) or path == "/v1/events":
         return Kind.NAMED
-    if (method, path) == ("POST", "/v1/sessions"):
-        return Kind.NEW
     if (method, path) == ("POST", "/v1/snapshots"):
         return Kind.IMPORT
-    if method == "GET" and path in ("/v1/sessions", "/v1/stats"):
+    if method == "GET" and path in ("/v1/sessions", "/v1/scenes", "/v1/stats"):
         return Kind.ALL
     if method in ("POST", "DELETE") and _ADMIN.match(path):
         return Kind.ALL
@@ -117,7 +137,12 @@ def http_worker(
     """For a request that is not for all; `key`: its Idempotency-Key. Raises Unavailable."""
     kind = http_kind(method, path)
     if kind is Kind.NEW:
-        return placement.choose(_request_id(body) or key)
+        if path == MESHES:
+            return placement.choose(parse_qs(query).get("request_id", [""])[0] or key)
+        wish = _wish(body)
+        if path == "/v1/sessions" and (scene := _text(wish, "scene")):
+            return placement.find(scene)
+        return placement.choose(_text(wish, "request_id") or key)
     if kind is Kind.IMPORT:
         return placement.find(named_session(body))
     if kind is Kind.NAMED:
@@ -131,10 +156,13 @@ def session_of(query: str) -> str:
     return parse_qs(query).get("session", [""])[0]
 
 
-def _request_id(body: bytes) -> str:
+def _wish(body: bytes) -> Any:
     try:
-        wish = json.loads(body or b"{}")
+        return json.loads(body or b"{}")
     except ValueError:  # to be refused by the worker
-        return ""
-    found = wish.get("request_id", "") if isinstance(wish, dict) else ""
+        return {}
+
+
+def _text(wish: Any, name: str) -> str:
+    found = wish.get(name, "") if isinstance(wish, dict) else ""
     return found if isinstance(found, str) else ""

@@ -8,6 +8,7 @@ import pytest
 from tests.runtime.fakes import HIPS_HEIGHT
 from tests.runtime.scenes.grounds import BOX, WALL, enter, field, islands, world_in
 from wayfarer.errors import AlreadyExists, FailedPrecondition, Unreachable
+from wayfarer.navigation.examples import two_storeys
 from wayfarer.navigation.scene import bake
 from wayfarer.navigation.spec import Box, Floor, SceneSpec
 from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, EventKind, Goal, SessionSpec
@@ -304,3 +305,17 @@ def test_goals_that_move_are_followed_on_new_ways():
     tracks, _ = walked(world, 20.0)
     assert math.dist(tracks[follower.agent_id][-1, :2], NORTH) < 3.0
     assert field(BOX).distance(tracks[follower.agent_id]).min() > CLEAR
+
+
+def test_a_storey_is_named_by_its_height():
+    both = bake(two_storeys())
+    world, _, _ = world_in(both)
+    [below] = enter(world, (10.0, 5.0))
+    [above] = enter(world, (10.0, 5.0), floor=3.0)
+    assert below.position[2] == pytest.approx(HIPS_HEIGHT, abs=0.02)
+    assert above.position[2] == pytest.approx(3.0 + HIPS_HEIGHT, abs=0.02)
+    world.set_goal(below.agent_id, goal(10.0, 6.0, 3.0), 0.0)
+    tracks, arrived = walked(world, 40.0)
+    assert arrived == {below.agent_id}  # by the stairs, though the goal is right above
+    assert length(tracks[below.agent_id]) > 15.0
+    assert world.get_agent(below.agent_id).position[2] == pytest.approx(3.0 + HIPS_HEIGHT, abs=0.1)

@@ -66,7 +66,8 @@ def assert_same_record(found, expected):
     assert found.session_id == expected.session_id
     assert (found.created_at, found.last_alias) == (expected.created_at, expected.last_alias)
     for a, b in zip(found.agents, expected.agents, strict=True):
-        for name in ("agent_id", "alias", "spec", "created_at", "seq", "goal_revision", "behaviour"):
+        names = ("agent_id", "alias", "spec", "created_at", "seq", "goal_revision", "behaviour")
+        for name in names:
             assert getattr(a, name) == getattr(b, name), name
         assert a.path[-1:] == b.path[-1:]
         for part in ("seed", "gait"):

@@ -10,6 +10,7 @@ from tests.runtime.fakes import FakeEngine, people
 from tests.runtime.kept_worlds import assert_same_poses, fake_worlds, shipped_worlds
 from wayfarer.errors import FailedPrecondition
 from wayfarer.runtime.agent import AgentChange, ChunkFlag, Goal, SessionSpec, Wander
+from wayfarer.runtime.behaviours import Part, Patrol, Routine, Stand, Visit
 from wayfarer.runtime.state.log_format import Origin, decode_log, encode_log
 from wayfarer.runtime.state.replay import replay
 from wayfarer.runtime.stepping.budget import Rung
@@ -62,7 +63,10 @@ def busy_plan(world, ids):
     """All that agents can be told, some of it at awkward moments."""
     a, b, c = ids[:3]
     through = Goal((3.0, 3.0, 0.0), stop=False)
+    beats = Patrol((through, Goal((1.0, 1.0, 0.0)), Goal((4.0, 0.0, 0.0))), to_and_fro=True)
+    routine = Routine((Part(Visit((through,))), Part(Stand(), 1.0), Part(beats, 2.0)), repeat=True)
     return [
+        (0.2, lambda now: world.behave(ids[-1], routine, now)),
         (0.3, lambda now: world.set_goal(a, Goal((0.0, 9.0, 0.0)), now)),
         (0.31, lambda now: world.wander(b, Wander((2.0, 0.0), 4.0), now)),
         (0.5, lambda now: world.set_path(c, [through, Goal((5.0, 1.0, 0.0))], now)),

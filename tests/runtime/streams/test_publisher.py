@@ -17,6 +17,7 @@ from wayfarer.runtime.agent import (
     SlowReader,
     StreamWish,
 )
+from wayfarer.runtime.feet.ground import Footing
 from wayfarer.runtime.meter import ResumeResult
 from wayfarer.runtime.streams.publisher import Publisher
 from wayfarer.runtime.streams.subscription import BoundedSubscription, StreamSettings
@@ -369,7 +370,21 @@ def record(mode, arrived=True, stop=True):
     """The record of a session whose one agent, "a", is at its only goal, revision 1."""
     motion, goal = Motion.empty(1), Goal((1.0, 0.0, 0.0), stop=stop)
     motion.gait.mode[0], motion.gait.arrived[0] = mode, arrived
-    agent = AgentRecord("a", 1, AgentSpec(), 0.0, 7, motion, None, 1, (goal,), 0, (0.0, 0.0), None)
+    agent = AgentRecord(
+        agent_id="a",
+        alias=1,
+        spec=AgentSpec(),
+        created_at=0.0,
+        seq=7,
+        motion=motion,
+        feet=None,
+        footing=Footing.empty(1),
+        goal_revision=1,
+        path=(goal,),
+        passed=0,
+        path_start=(0.0, 0.0),
+        behaviour=None,
+    )
     return SessionRecord("s", SessionSpec(), 0.0, 1, (agent,))
 
 

@@ -13,11 +13,14 @@ INNER = {
     # called by the server, not by callers
     ("sessions", "end_expired"),
     ("sessions", "take_over"),
+    ("scenes", "end_expired"),
+    ("scenes", "take_over"),
     # the scope is checked by the calls that use it
     ("motion", "follow"),
 }
-PARTS = ("sessions", "agents", "goals", "motion", "snapshots", "catalogue", "admin")
+PARTS = ("scenes", "sessions", "agents", "goals", "motion", "snapshots", "catalogue", "admin")
 CHANGES = {"create", "update", "delete", "set", "clear", "append", "wander", "import"}
+CHANGES |= {"behave", "put", "remove", "populate"}
 
 
 async def test_every_public_method_has_a_scope():

@@ -2,8 +2,16 @@
 
 import typer
 
-from wayfarer.evaluation.commands import arrival, control, everything, long, recorded, rollouts
+from wayfarer.evaluation.commands import (
+    arrival,
+    control,
+    everything,
+    long,
+    recorded,
+    rollouts,
+    scenes,
+)
 
 app = typer.Typer(help="Measure motion and models.", no_args_is_help=True)
-for part in (rollouts, recorded, control, arrival, long, everything):
+for part in (rollouts, recorded, control, arrival, long, scenes, everything):
     app.add_typer(part.app)  # without a name: its commands stand beside those of the others

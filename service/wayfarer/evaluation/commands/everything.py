@@ -19,6 +19,7 @@ from wayfarer.evaluation.commands.options import (
 )
 from wayfarer.evaluation.commands.recorded import mocap, predictor, regressor
 from wayfarer.evaluation.commands.rollouts import bodies, realism, skating
+from wayfarer.evaluation.commands.scenes import scenes
 from wayfarer.evaluation.report import console
 from wayfarer.stage import DEFAULT_MODEL
 
@@ -33,11 +34,15 @@ TABLES: Final[dict[str, Callable[..., None]]] = {
     "control": control,
     "arrival": arrival,
     "long": long,
+    "scenes": scenes,
 }
 """In the order in which they are made: the long ones last."""
 
 PARTS: Final = ("realism", "skating", "bodies", "predictor", "regressor")
 """Tables of networks that may come from training runs; the others judge the served graph."""
+
+SERVED: Final = ("scenes",)
+"""Tables of nothing but the served graph: recordings have no scenes."""
 
 QUICK: Final[dict[str, dict[str, Any]]] = {
     "realism": {"poses": 20},
@@ -48,6 +53,7 @@ QUICK: Final[dict[str, dict[str, Any]]] = {
     "control": {"pairs": 10},
     "arrival": {"goals": 10, "agents": 8},
     "long": {"agents": 16, "minutes": 1.0},
+    "scenes": {"scale": 0.1, "minutes": 1.0},
 }
 
 
@@ -70,8 +76,8 @@ def everything(
     for name, table in TABLES.items():
         console.rule(name)
         table(
-            models=models, data=data, split=split, threads=threads, seed=seed,
-            json=out / f"{name}.json",
+            models=models, threads=threads, seed=seed, json=out / f"{name}.json",
+            **({} if name in SERVED else {"data": data, "split": split}),
             **({"runs": runs} if name in PARTS else {}),
             **(QUICK[name] if quick else {}),
         )  # fmt: skip

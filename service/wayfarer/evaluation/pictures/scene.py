@@ -92,13 +92,37 @@ class Actor:
         return self.body.skin(np.asarray(self.clip.betas), rotations[frame], places[frame])
 
 
+@dataclass(frozen=True)
+class Prop:
+    """Something that stands on the floor, of one colour and with sharp edges."""
+
+    corners: Array  # [F, 3, 3] of its triangles, counter-clockwise as seen from outside
+    paint: str  # "#rrggbb"
+
+    @cached_property
+    def normals(self) -> Array:
+        """Unit normal of each triangle. [F, 3]"""
+        a, b, c = np.moveaxis(self.corners, 1, 0)
+        out = np.cross(b - a, c - a)
+        return out / np.maximum(np.linalg.norm(out, axis=-1, keepdims=True), 1e-12)
+
+
 def picture(
-    camera: Camera, poses: Sequence[tuple[Actor, int]], marks: Sequence[Mark] = ()
+    camera: Camera,
+    poses: Sequence[tuple[Actor, int]],
+    marks: Sequence[Mark] = (),
+    props: Sequence[Prop] = (),
 ) -> Image.Image:
-    """Actors, each in a frame of its clip, on a floor with marks."""
+    """Actors, each in a frame of its clip, among props on a floor with marks."""
     sun = to_sun(camera.view.azimuth)
     canvas = Canvas(camera.view.size)
     shadows = []
+    for prop in props:
+        corners = prop.corners.reshape(-1, 3)
+        faces = np.arange(len(corners)).reshape(-1, 3)
+        light = shine(colour(prop.paint), prop.normals, sun)
+        canvas.draw(camera.project(corners), faces, np.repeat(light, 3, 0))
+        shadows.append(cast(corners, faces, sun))
     for actor, frame in poses:
         vertices, dress = actor.vertices(frame), actor.dress
         normals = vertex_normals(vertices, actor.body.faces)[dress.source]

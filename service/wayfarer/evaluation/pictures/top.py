@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
@@ -43,6 +44,14 @@ class Plan:
         """A line [N, 2], so many pixels wide."""
         points = [tuple(point) for point in self.at(way) * SMOOTH]
         self._draw.line(points, ink, max(round(width * SMOOTH), 1), joint="curve")
+
+    def area(self, area: shapely.Geometry, ink: str, holes: str | None = None) -> None:
+        """Filled polygons, their holes in the colour `holes`; without one the holes are filled."""
+        for polygon in shapely.get_parts(area):
+            rings = [polygon.exterior, *(polygon.interiors if holes else ())]
+            for ring, paint in zip(rings, [ink, *[holes] * len(rings)], strict=False):
+                spots = self.at(shapely.get_coordinates(ring)) * SMOOTH
+                self._draw.polygon([tuple(spot) for spot in spots.tolist()], fill=paint)
 
     def disc(self, place: Array, radius: float, ink: str, width: float | None = None) -> None:
         """A disc of so many pixels, or with a width a ring."""

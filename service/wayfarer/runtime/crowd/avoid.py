@@ -91,6 +91,9 @@ def _make_way(
     memory: Memory, people: People, rows: Index, near: Neighbours, rules: Rules
 ) -> Memory:
     """Those who have waited too long before others of lower numbers begin to make way for them."""
+    impatient = (memory.waited > rules.patience) & (memory.yields <= 0)
+    if not impatient.any():
+        return memory
     theirs = people.memory.preferred[near.index]
     distance = np.maximum(near.distance, 1e-6)
     speed = np.maximum(np.sqrt((theirs * theirs).sum(-1)), 1e-6)
@@ -104,7 +107,7 @@ def _make_way(
         & (towards > FACING)
         & slow
     )
-    begins = (memory.waited > rules.patience) & (memory.yields <= 0) & before.any(1)
+    begins = impatient & before.any(1)
     first = before.argmax(1)
     pick = np.arange(len(rows)), first
     ahead = theirs[pick] / speed[pick][:, None]

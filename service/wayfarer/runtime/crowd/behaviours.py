@@ -122,10 +122,18 @@ def keep_away(
     return Aim((x, y), speed=wish.speed, onward=way)
 
 
-def queue_place(wish: Queue, number: int) -> Vector:
-    """Where number 0, 1, 2 … of a queue stands."""
+def queue_place(wish: Queue, number: float) -> Vector:
+    """Where number 0, 1, 2 … of a queue stands, or somebody between them."""
     back = number * wish.spacing
     return wish.head[0] + back * sin(wish.heading), wish.head[1] - back * cos(wish.heading)
+
+
+def patrolled(step: int, count: int, to_and_fro: bool) -> int:
+    """Which of `count` goals is number `step` of a patrol."""
+    if not to_and_fro or count == 1:
+        return step % count
+    turn = step % (2 * count - 2)
+    return min(turn, 2 * count - 2 - turn)
 
 
 def _beside(wish: Follow, place: Vector, way: Vector) -> Vector:

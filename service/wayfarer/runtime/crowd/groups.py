@@ -1,14 +1,18 @@
 """People who walk together: one slows down for those who lag behind."""
 
+from typing import Final
+
 import numpy as np
 
 from wayfarer.runtime.crowd.people import Float, People
 from wayfarer.runtime.world.rows import Index
 
-NEAR = 6.0
+NEAR: Final = 6.0
 """Metres: farther away a companion is not waited for."""
-SLOWEST, FASTEST = 0.6, 1.15
-"""Shares of its own speed to which a person adapts."""
+LEAD: Final = 1.0
+"""Metres before the middle of its group from which a person slows down …"""
+SLOWEST: Final = 0.6
+"""… to this share of its speed."""
 
 
 def keep_together(people: People, rows: Index, preferred: Float) -> Float:
@@ -24,5 +28,5 @@ def keep_together(people: People, rows: Index, preferred: Float) -> Float:
     middle = (apart * with_me[..., None]).sum(1) / with_me.sum(1, keepdims=True)
     ahead = (middle * unit).sum(-1)  # metres before the middle of those near
     adapted = preferred.copy()
-    adapted[grouped] = way * np.clip(1 - 0.5 * ahead, SLOWEST, FASTEST)[:, None]
+    adapted[grouped] = way * np.clip(1 - 0.5 * (ahead - LEAD), SLOWEST, 1.0)[:, None]
     return adapted.astype(np.float32)

@@ -8,7 +8,7 @@ import numpy as np
 
 TURNS: Final = (0, 12, -12, 25, -25, 40, -40, 60, -60, 85, -85, 120, -120, 160)
 """Degrees from the preferred direction that are tried, anticlockwise."""
-SPEEDS: Final = (1.0, 0.75, 0.5)
+SPEEDS: Final = (1.0, 0.6)
 """Shares of the preferred speed that are tried."""
 
 FAN: Final = np.array(
@@ -25,7 +25,7 @@ class Rules:
     sight: float = 8.0  # farther away nobody is noticed
     horizon: float = 3.5  # seconds that are looked ahead
     soon: float = 0.3  # what happens before cannot be helped
-    close: float = 2.0  # nearer nobody relies on others; twice as far, on half of the task
+    close: float = 1.5  # nearer nobody relies on others; twice as far, on half of the task
     comfort: float = 0.35  # room wished for between two, beside their radii
     reaction: float = 0.25  # seconds until a body walks as it is told
     slowest: float = 0.5  # m/s: nobody walks well more slowly

@@ -31,6 +31,19 @@ SHARES: Final = np.array([1.0, 0.75, 0.5, 0.3, 0.15])
 LINE: Final = np.linspace(0.0, 1.0, 8)
 """Points of that line that are looked at."""
 
+ROOM: Final = 0.2
+"""Metres beyond the radius that this line keeps from walls, where the way itself does."""
+
+SLACK: Final = 0.01
+"""Metres by which it may come nearer."""
+
+ELBOW: Final = 0.18
+"""Metres beyond the radius that the hips keep from walls where they can: arms swing."""
+
+PUSH: Final = (2.5, 0.25)
+"""Metres aside, away from a wall, that is headed for, for each metre that lacks; and how many
+metres count."""
+
 PASSED: Final = 0.3
 """Metres: radius of a point to pass through."""
 
@@ -46,6 +59,10 @@ CURVE: Final = (0.4, 1.6)
 BENDS: Final = np.radians([25.0, 80.0])
 CORNER_SPEED: Final = (1.5, 0.75)
 """m/s at these bends and, in between, in proportion: nobody turns sharply at full speed."""
+
+NARROW: Final = (0.02, 0.15)
+NARROW_SPEED: Final = (0.8, 1.5)
+"""m/s where the way leaves so much room beside the radius: nobody squeezes through at a run."""
 
 TURNED: Final = 0.1
 """Radians that avoidance may turn an agent away from its way without its leaving it."""
@@ -132,16 +149,19 @@ class SceneGuide:
         metres = np.minimum(progress + REACH * SHARES, length)
         curve = np.minimum(progress + CURVE, length)
         points = self._routes.at(rows, np.concatenate([metres, curve], 1))
-        best = self._visible(rows, hips, points[:, : len(SHARES)])
+        best, room = self._visible(rows, hips, points[:, : len(SHARES)])
         pick = np.arange(len(rows)), best
-        target = points[pick][:, :2]
+        target = points[pick][:, :2] + self._pushed(rows, hips)
         ends = metres[pick] >= length[:, 0] - 1e-6
         passing, on = led[~ends], target[~ends] - hips[~ends]
         ahead.position[passing, :2] = target[~ends]
         self._pass(ahead, passing, on)
         into, out = points[:, -2, :2] - hips, points[:, -1, :2] - points[:, -2, :2]
         bend = np.where(np.linalg.norm(out, axis=-1) > 0.1, angle_between_ways(into, out), 0.0)
-        ahead.speed[led] = np.minimum(ahead.speed[led], np.interp(bend, BENDS, CORNER_SPEED))
+        most = np.minimum(
+            np.interp(bend, BENDS, CORNER_SPEED), np.interp(room, NARROW, NARROW_SPEED)
+        )
+        ahead.speed[led] = np.minimum(ahead.speed[led], most)
 
     def _pass(self, ahead: Goals, rows: Index, way: Array) -> None:
         """Let positions of some rows be passed through, the way there [R, 2] being straight on."""
@@ -151,23 +171,42 @@ class SceneGuide:
         ahead.bend[rows] = 0.0
         ahead.onward[rows] = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
 
-    def _visible(self, rows: Index, hips: Array, targets: Array) -> Index:
-        """Of targets [A, S, 3], farthest first: the first that a straight line leads to [A]."""
+    def _visible(self, rows: Index, hips: Array, targets: Array) -> tuple[Index, Array]:
+        """Of targets [A, S, 3], farthest first: the first that a straight line leads to [A].
+
+        And the room that the way leaves up to the farthest: metres beyond the radius [A].
+        """
         lines = np.empty((*targets.shape[:2], len(LINE), 3))
         lines[..., :2] = hips[:, None, None] + LINE[:, None] * (
             targets[:, :, None, :2] - hips[:, None, None]
         )
         lines[..., 2] = targets[:, :, None, 2]
         numbers, good = self._slots.scene[rows], np.empty(targets.shape[:2], np.bool_)
+        room = np.empty(len(rows))
         for number in np.unique(numbers).tolist():
             mine = np.flatnonzero(numbers == number)
             scene = self._scenery.scene(number)
             near = scene.distance(lines[mine])
+            # What the way itself keeps up to each target.
+            own = np.minimum.accumulate(near[:, ::-1, -1], 1)[:, ::-1]
             # Whoever stands too near already may go wherever it is no nearer than that.
-            floor = np.minimum(scene.tight, near[:, 0, 0])
-            good[mine] = (near >= floor[:, None, None] - 1e-6).all(-1)
+            floor = np.minimum(np.minimum(scene.spec.walkable.radius + ROOM, own), near[:, :1, 0])
+            good[mine] = near.min(-1) >= floor - SLACK
+            room[mine] = own[:, 0] - scene.spec.walkable.radius
         good[:, -1] |= ~good.any(1)
-        return good.argmax(1)
+        return good.argmax(1), room
+
+    def _pushed(self, rows: Index, hips: Array) -> Array:
+        """Metres [A, 2] to head aside, away from walls that are too near."""
+        slots, found = self._slots, np.zeros(hips.shape)
+        numbers, floors = slots.scene[rows], slots.footing.hips[rows]
+        for number in np.unique(numbers).tolist():
+            mine = np.flatnonzero(numbers == number)
+            scene = self._scenery.scene(number)
+            distance, away = scene.clearance(np.column_stack([hips[mine], floors[mine]]))
+            lacks = np.clip(scene.spec.walkable.radius + ELBOW - distance, 0.0, PUSH[1])
+            found[mine] = PUSH[0] * lacks[:, None] * away
+        return found
 
     def _give_way(self, rows: Index, hips: Array, led: Index, ahead: Goals) -> None:
         """Let rows `led` of `ahead` walk around others, or wait for them."""

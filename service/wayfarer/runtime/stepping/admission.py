@@ -87,7 +87,8 @@ class Costs:
         by_rows = sorted(self._warm.get(call.candidates, {}).items())
         if not by_rows or call.rows > by_rows[-1][0]:
             return inf
-        return float(np.interp(call.rows, *zip(*by_rows, strict=True)))
+        rows, seconds = zip(*by_rows, strict=True)
+        return float(np.interp(call.rows, rows, seconds))
 
 
 class Rest:

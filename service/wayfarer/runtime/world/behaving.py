@@ -22,7 +22,7 @@ from wayfarer.runtime.behaviours import (
     Stand,
     Visit,
 )
-from wayfarer.runtime.crowd.behaviours import Aim, follow, keep_away, queue_place
+from wayfarer.runtime.crowd.behaviours import Aim, follow, keep_away, patrolled
 from wayfarer.runtime.scenes.places import free_place
 from wayfarer.runtime.world.aims import Aims
 from wayfarer.runtime.world.paths import Paths
@@ -35,7 +35,10 @@ from wayfarer.runtime.world.wandering import wander_goal
 from wayfarer.spec import STEP_SECONDS
 
 GIVE_UP = 4.0
-"""Seconds for which a wanderer is kept from its place until it goes to another one."""
+"""Seconds for which others keep an agent from a place until it goes to the next one instead …"""
+
+NEAR = 1.5
+"""… waiting for them, or within so many metres of it."""
 
 Doing = Visit | Stand | Behaviour
 
@@ -109,8 +112,33 @@ class Behaving:
         needs = (slots.feeding[rows] == Feeding.EACH_STEP) | self._paths.is_last(rows, waypoints)
         for slot in rows[needs].tolist():
             self._feed(self._registry.by_slot[slot])
+        for slot in self._kept_away(due).tolist():
+            self._give_up(self._registry.by_slot[slot])
 
     # Within
+
+    def _kept_away(self, due: Index) -> Index:
+        """Of those who go from place to place: the slots whom others keep from the present one."""
+        slots = self._slots
+        rows = due[slots.avoids[due] & (slots.feeding[due] == Feeding.AT_END)]
+        gait, chunks = slots.planned.gait, slots.planned_chunks[rows]
+        way = (
+            self._paths.places(rows, gait.waypoint[rows]) - slots.planned.seed.translation[rows, -1]
+        )
+        near = (np.hypot(way[:, 0], way[:, 1]) < NEAR) & ~gait.arrived[rows]
+        since = np.where(slots.near_since[rows] > 0, slots.near_since[rows], np.maximum(chunks, 1))
+        slots.near_since[rows] = np.where(near, since, 0)
+        lingers = near & ((chunks - since) * STEP_SECONDS > GIVE_UP)
+        found: Index = rows[lingers | (slots.memory.waited[rows] > GIVE_UP)]
+        return found
+
+    def _give_up(self, agent: Agent) -> None:
+        """Let it go to another place."""
+        wish, slot = self.doing(agent), agent.slot
+        assert isinstance(wish, Wander | Patrol)
+        self._slots.memory.waited[slot], self._slots.near_since[slot] = 0, 0
+        following = agent.passed + len(self._trails.so_far(agent))
+        self._trails.turn_to(agent, (self._next_goal(agent, wish, following),))
 
     def _feed(self, agent: Agent) -> None:
         if isinstance(agent.behaviour, Routine) and self._is_over(agent, agent.behaviour):
@@ -137,12 +165,8 @@ class Behaving:
                 assert_never(never)
 
     def _walk_on(self, agent: Agent, wish: Wander | Patrol) -> None:
-        slot = agent.slot
-        if self._is_last(slot):
+        if self._is_last(agent.slot):
             self._trails.write(agent, (*self._trails.kept(agent), self._next_goal(agent, wish)))
-        if isinstance(wish, Wander) and self._slots.memory.waited[slot] > GIVE_UP:
-            self._slots.memory.waited[slot] = 0
-            self._trails.turn_to(agent, (self._next_goal(agent, wish),))
 
     def _other(self, agent: Agent, other_id: str) -> int | None:
         """Slot of the agent that one minds; when it is there no more, that ends."""
@@ -183,9 +207,9 @@ class Behaving:
         self._aim(agent, keep_away(wish, me, threat, flees, room))
 
     def _line_up(self, agent: Agent, wish: Queue) -> None:
-        first, number = self._queues.place_of(agent, wish)
+        first, place = self._queues.place_of(agent, wish)
         facing = -np.sin(first.heading), np.cos(first.heading)
-        self._aim(agent, Aim(queue_place(first, number), wish.speed, facing=facing))
+        self._aim(agent, Aim(place, wish.speed, facing=facing))
 
     def _aim(self, agent: Agent, aim: Aim, near: int | None = None) -> None:
         """`near`: slot of somebody on whose storey the place is."""
@@ -266,14 +290,6 @@ class Behaving:
 
     def _height(self, slot: int) -> float:
         return float(self._slots.footing.hips[slot]) if self._slots.scene[slot] else 0.0
-
-
-def patrolled(step: int, count: int, to_and_fro: bool) -> int:
-    """Which of `count` goals is number `step` of a patrol."""
-    if not to_and_fro or count == 1:
-        return step % count
-    turn = step % (2 * count - 2)
-    return min(turn, 2 * count - 2 - turn)
 
 
 def parts_of(behaviour: Behaviour | Routine) -> tuple[Part, ...]:

@@ -50,6 +50,7 @@ def check_spec(spec: AgentSpec, where: str) -> None:
         raise InvalidArgument("position must be x, y on the floor", f"{where}.position")
     check_range(spec.position, -MAX_COORDINATE, MAX_COORDINATE, f"{where}.position")
     check_range([spec.heading], -MAX_COORDINATE, MAX_COORDINATE, f"{where}.heading")
+    check_range([spec.floor], -MAX_COORDINATE, MAX_COORDINATE, f"{where}.floor")
     _check_seed(spec.noise_seed, f"{where}.noise_seed")
     check_name(spec.name, f"{where}.name")
 
@@ -160,7 +161,7 @@ def check_name(name: str, field: str, least: int = 0) -> None:
     """Raises InvalidArgument."""
     if not least <= len(name) <= MAX_NAME:
         raise InvalidArgument(
-            f"name has {len(name)} characters; allowed: {least} to {MAX_NAME}", field
+            f"name has {len(name)} characters; allowed: {least} to {MAX_NAME} characters", field
         )
 
 

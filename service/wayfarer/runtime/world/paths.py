@@ -44,6 +44,11 @@ class Paths:
         self._reserve()
         return self._goals.take(self._place(slots, waypoints))
 
+    def places(self, slots: Index, waypoints: Index) -> NDArray[np.float32]:
+        """Where the goals of some slots at these places of their paths are [A, 3]."""
+        self._reserve()
+        return self._goals.position[self._place(slots, waypoints)]
+
     def move(self, slot: int, waypoint: int, place: NDArray[np.floating[Any]]) -> None:
         """Put a goal of a slot's path elsewhere, place [3]."""
         self._goals.position[slot * self.limit + waypoint % self.limit] = place

@@ -1,7 +1,7 @@
 """Lines of agents who queue."""
 
 from collections.abc import Callable, Iterator
-from math import dist
+from math import cos, dist, sin
 from typing import Final
 
 from wayfarer.runtime.behaviours import Queue
@@ -27,8 +27,8 @@ class Queues:
         self._place = place
         self._lines: dict[tuple[str, str], list[str]] = {}
 
-    def place_of(self, agent: Agent, wish: Queue) -> tuple[Queue, int]:
-        """The queue, as its first agent wishes for it, and an agent's number in it.
+    def place_of(self, agent: Agent, wish: Queue) -> tuple[Queue, Vector]:
+        """The queue, as its first agent wishes for it, and an agent's place in it.
 
         Who is not part of the line yet is on the way to its end.
         """
@@ -36,12 +36,22 @@ class Queues:
         first = self._wish(line[0]) if line else wish
         assert first is not None  # `_present` has looked
         if agent.agent_id in line:
-            return first, line.index(agent.agent_id)
-        end = len(line)
-        if self._comes_next(agent, wish.name, queue_place(first, end)):
+            return first, self._behind(line, line.index(agent.agent_id), first)
+        end = self._behind(line, len(line), first)
+        if self._comes_next(agent, wish.name, end):
             line.append(agent.agent_id)
             self._lines[agent.session_id, wish.name] = line
         return first, end
+
+    def _behind(self, line: list[str], number: int, first: Queue) -> Vector:
+        """Place `number`, farther back by as much as the one before it stands behind its own."""
+        if number == 0:
+            return queue_place(first, 0.0)
+        x, y = self._place(self._registry.agents[line[number - 1]])
+        ahead_x, ahead_y = queue_place(first, 0.0)
+        back = (x - ahead_x) * sin(first.heading) - (y - ahead_y) * cos(first.heading)
+        late = back / first.spacing - (number - 1)
+        return queue_place(first, number + (late if abs(late) < 1 else 0.0))
 
     def _comes_next(self, agent: Agent, name: str, end: Vector) -> bool:
         """Whether it is at the end of the line, and of those who are not in it the nearest."""

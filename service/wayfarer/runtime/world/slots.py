@@ -111,6 +111,7 @@ class Slots(Rows):
     goal_revision: Int  # counts the changes of its goals
     revised_chunk: Int  # seq of the first chunk that its present path counts for
     feeding: NDArray[np.int8]  # Feeding
+    near_since: Int  # planned chunks when it came near the goal it wanders to; 0: it is not near
     group: Int  # those of one session and group walk together; 0: it walks alone
     committed: Motion
     planned: Motion

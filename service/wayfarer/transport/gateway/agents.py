@@ -60,7 +60,7 @@ class AgentApi:
     @needs(Scope.READ)
     async def get(self, agent_id: str) -> schema.Agent:
         """Describe one agent. Raises NotFound."""
-        session = self._shared.book.session_of(agent_id)
+        session = await self._shared.session_of(agent_id)
         info = await self._shared.service.get_agent(agent_id)
         return convert.agent(info, session.basis, self._shared.bodies)
 
@@ -74,14 +74,14 @@ class AgentApi:
     @needs(Scope.CONTROL)
     async def update(self, agent_id: str, wish: schema.AgentUpdate) -> schema.Agent:
         """Change its name, its foot lock. Raises NotFound, InvalidArgument."""
-        session = self._shared.book.session_of(agent_id)
+        session = await self._shared.session_of(agent_id)
         info = await self._shared.service.update_agent(agent_id, convert.agent_change(wish))
         return convert.agent(info, session.basis, self._shared.bodies)
 
     @needs(Scope.CONTROL)
     async def delete(self, agent_id: str) -> None:
         """Remove an agent; the session's streams are told. Raises NotFound."""
-        session = self._shared.book.session_of(agent_id)
+        session = await self._shared.session_of(agent_id)
         await self._shared.service.delete_agent(agent_id)
         self._shared.book.remove_agent(session, agent_id)
 

@@ -41,7 +41,6 @@ class OpenSession:
     owner: str
     basis: Basis
     lease_s: float
-    scene: str
     expires_at: float  # clock's seconds, without regard to streams
     created: int = 0  # agents ever created in it
     endpoint: schema.Endpoint | None = None  # where it is called, if not everywhere
@@ -53,6 +52,11 @@ class OpenSession:
     def session_id(self) -> str:
         """Unique on the server."""
         return self.info.session_id
+
+    @property
+    def scene(self) -> str:
+        """Id of the scene that it is in; empty for the flat floor."""
+        return self.info.spec.scene
 
     @property
     def gone(self) -> list[int]:
@@ -74,13 +78,14 @@ class OpenSession:
             lock_step=info.spec.lock_step,
             record=info.spec.record,
             scene=self.scene,
+            avoid=info.spec.avoid,
             endpoint=self.endpoint,
         )
 
 
-def attributes(owner: str, basis: Basis, lease_s: float, scene: str) -> dict[str, str]:
+def attributes(owner: str, basis: Basis, lease_s: float) -> dict[str, str]:
     """What the runtime keeps with a session for the transport."""
-    return {"owner": owner, "basis": basis.value, "lease_s": repr(lease_s), "scene": scene}
+    return {"owner": owner, "basis": basis.value, "lease_s": repr(lease_s)}
 
 
 class Book:
@@ -102,9 +107,9 @@ class Book:
         calls would go to another worker.
         """
         self._fleet.require_own(info.session_id)
-        owner, basis, lease_s, scene = read_attributes(info.spec.attributes, self._limits)
+        owner, basis, lease_s = read_attributes(info.spec.attributes, self._limits)
         session = OpenSession(
-            info, owner, basis, lease_s, scene, self._clock() + lease_s, endpoint=self._fleet.own
+            info, owner, basis, lease_s, self._clock() + lease_s, endpoint=self._fleet.own
         )
         self._sessions[info.session_id] = session
         self.enter_agents(session, agents)
@@ -122,6 +127,13 @@ class Book:
             session.aliases[agent.agent_id] = agent.alias
             session.created = max(session.created, agent.alias)  # aliases count from 1
             self._by_agent[agent.agent_id] = session
+
+    def know_agents(self, session: OpenSession, agents: Sequence[AgentInfo]) -> None:
+        """Remember these agents of a session and no others: crowds come and go without a call."""
+        for agent_id in session.aliases.keys() - {agent.agent_id for agent in agents}:
+            self._by_agent.pop(agent_id, None)
+            del session.aliases[agent_id]
+        self.enter_agents(session, agents)
 
     def remove_agent(self, session: OpenSession, agent_id: str) -> None:
         """Forget an agent and tell the session's streams. Safe to call twice."""
@@ -237,13 +249,12 @@ class Book:
         return found
 
 
-def read_attributes(found: Mapping[str, str], limits: Limits) -> tuple[str, Basis, float, str]:
-    """Owner, basis, lease, scene. Raises InvalidArgument."""
+def read_attributes(found: Mapping[str, str], limits: Limits) -> tuple[str, Basis, float]:
+    """Owner, basis, lease. Raises InvalidArgument."""
     try:
-        basis, lease_s = Basis(found["basis"]), float(found["lease_s"])
-        owner, scene = found["owner"], found["scene"]
+        owner, basis, lease_s = found["owner"], Basis(found["basis"]), float(found["lease_s"])
     except (KeyError, ValueError):
         raise InvalidArgument("the session was not opened by this kind of server") from None
-    if not lease_s >= 1 or scene:
-        raise InvalidArgument("the session has a lease or a scene that this server lacks")
-    return owner, basis, min(lease_s, limits.lease_s), scene
+    if not lease_s >= 1:
+        raise InvalidArgument("the session has a lease that this server lacks")
+    return owner, basis, min(lease_s, limits.lease_s)

@@ -22,6 +22,7 @@ from wayfarer.transport.gateway.agents import AgentApi
 from wayfarer.transport.gateway.catalogue import CatalogueApi
 from wayfarer.transport.gateway.goals import GoalApi
 from wayfarer.transport.gateway.motion import MotionApi
+from wayfarer.transport.gateway.scenes import SceneApi
 from wayfarer.transport.gateway.sessions import SessionApi
 from wayfarer.transport.gateway.shared import Shared
 from wayfarer.transport.gateway.snapshots import SnapshotApi
@@ -46,6 +47,7 @@ class Gateway:
         self._shared = shared = Shared(service, bodies, limits, clock, fleet or Fleet())
         self.limits = limits
         self.body_library = bodies
+        self.scenes = SceneApi(shared)
         self.sessions = SessionApi(shared)
         self.agents = AgentApi(shared)
         self.goals = GoalApi(shared)
@@ -84,14 +86,20 @@ class Gateway:
         return await self._shared.service.stats()
 
     async def take_over(self) -> None:
-        """Begin to take work, once the runtime is ready: first enter the sessions it has kept."""
+        """Begin to take work, once the runtime is ready: first enter what it has kept."""
+        await self.scenes.take_over()
         kept = await self.sessions.take_over()
         if kept:
             log.info("sessions taken over", sessions=kept)
 
     async def end_expired_sessions(self) -> list[str]:
-        """End the sessions whose lease is over; their ids. To be called a few times a second."""
-        return await self.sessions.end_expired()
+        """End the sessions whose lease is over; their ids. To be called a few times a second.
+
+        Scenes whose lease is over go with them.
+        """
+        ended = await self.sessions.end_expired()
+        await self.scenes.end_expired()
+        return ended
 
     def end_streams_of_revoked(self, is_good: Callable[[Caller], bool]) -> None:
         """End the streams of callers who would not be let in again. To be called now and then."""

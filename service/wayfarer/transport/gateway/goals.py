@@ -5,14 +5,15 @@
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.agent import Goal
-from wayfarer.transport import convert, schema
+from wayfarer.transport import behaviour_convert, convert, schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.caller import Scope
 from wayfarer.transport.gateway.shared import Shared, needs
+from wayfarer.transport.scene_convert import in_basis
 
 
 class GoalApi:
-    """GoalService. All methods raise NotFound, InvalidArgument, Aborted."""
+    """GoalService. All methods raise NotFound, InvalidArgument, Aborted; in a scene Unreachable."""
 
     def __init__(self, shared: Shared) -> None:
         self._shared = shared
@@ -20,38 +21,53 @@ class GoalApi:
     @needs(Scope.CONTROL)
     async def set(self, agent_id: str, wish: schema.Goal, expected: int | None = None) -> int:
         """A goal in place of the present one, or of the path."""
-        goal = convert.goal(wish, self._basis(agent_id))
-        return await self._shared.service.set_goal(agent_id, goal, expected)
+        basis = await self._basis(agent_id)
+        with in_basis(basis.axes):
+            goal = convert.goal(wish, basis)
+            return await self._shared.service.set_goal(agent_id, goal, expected)
 
     @needs(Scope.CONTROL)
     async def set_path(self, agent_id: str, wish: schema.Goals, expected: int | None = None) -> int:
         """Goals to visit in turn, in place of the present one or the path."""
-        goals = self._goals(agent_id, wish)
-        return await self._shared.service.set_path(agent_id, goals, expected)
+        basis = await self._basis(agent_id)
+        with in_basis(basis.axes):
+            goals = self._goals(wish, basis)
+            return await self._shared.service.set_path(agent_id, goals, expected)
 
     @needs(Scope.CONTROL)
     async def append(self, agent_id: str, wish: schema.Goals, expected: int | None = None) -> int:
         """More goals at the end of the path."""
-        goals = self._goals(agent_id, wish)
-        return await self._shared.service.append_goals(agent_id, goals, expected)
+        basis = await self._basis(agent_id)
+        with in_basis(basis.axes):
+            goals = self._goals(wish, basis)
+            return await self._shared.service.append_goals(agent_id, goals, expected)
 
     @needs(Scope.CONTROL)
     async def wander(self, agent_id: str, wish: schema.Wander, expected: int | None = None) -> int:
-        """Walk about in an area until told otherwise."""
-        area = convert.wander(wish, self._basis(agent_id))
-        return await self._shared.service.wander(agent_id, area, expected)
+        """Walk about until told otherwise."""
+        return await self.behave(agent_id, schema.Behaviour(wander=wish), expected)
+
+    @needs(Scope.CONTROL)
+    async def behave(
+        self, agent_id: str, wish: schema.Behaviour, expected: int | None = None
+    ) -> int:
+        """Do something of itself until told otherwise. Raises FailedPrecondition, too."""
+        basis = await self._basis(agent_id)
+        made = behaviour_convert.behaviour(wish, basis)
+        with behaviour_convert.fields_named(wish), in_basis(basis.axes):
+            return await self._shared.service.behave(agent_id, made, expected)
 
     @needs(Scope.CONTROL)
     async def clear(self, agent_id: str, expected: int | None = None) -> int:
         """Stop where the agent is."""
-        self._basis(agent_id)
+        await self._basis(agent_id)
         return await self._shared.service.clear_goal(agent_id, expected)
 
-    def _basis(self, agent_id: str) -> Basis:
-        return self._shared.book.session_of(agent_id).basis
+    async def _basis(self, agent_id: str) -> Basis:
+        return (await self._shared.session_of(agent_id)).basis
 
-    def _goals(self, agent_id: str, wish: schema.Goals) -> list[Goal]:
-        basis, most = self._basis(agent_id), self._shared.limits.path_goals
+    def _goals(self, wish: schema.Goals, basis: Basis) -> list[Goal]:
+        most = self._shared.limits.path_goals
         if len(wish.goals) > most:
             raise InvalidArgument(
                 f"a path has {most} goals at most, not {len(wish.goals)}", "goals"

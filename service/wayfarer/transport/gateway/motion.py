@@ -116,6 +116,9 @@ class MotionApi:
             raise InvalidArgument(f"{shared.limits.agents_per_session} agents at most", "agent_ids")
         since = Progress.read(wish.resume_token)
         followed = filter_mark(wish.agent_ids)
+        if since and session.scene:
+            agents = await shared.service.list_agents(wish.session_id)
+            shared.book.know_agents(session, agents)
         with shared.book.place(caller, session) as place:
             subscription = await shared.service.subscribe(
                 wish.session_id,

@@ -33,11 +33,7 @@ class SessionApi:
     async def _create(self, wish: schema.NewSession) -> schema.Session:
         caller, limits = present_caller(), self._shared.limits
         if wish.scene:
-            raise NotFound(
-                f"there is no scene {wish.scene!r}; there is only the flat floor, named ''",
-                "scene",
-                wish.scene,
-            )
+            self._shared.scenes.scene(wish.scene)
         lease_s = min(LEASE_S, limits.lease_s) if wish.lease_s is None else wish.lease_s
         if lease_s > limits.lease_s:
             raise InvalidArgument(f"from 1 to {limits.lease_s:g} s, not {lease_s:g}", "lease_s")
@@ -46,7 +42,9 @@ class SessionApi:
             seed=secrets.randbits(32) if wish.seed is None else wish.seed,
             lock_step=wish.lock_step,
             record=wish.record,
-            attributes=attributes(caller.name, wish.basis, lease_s, wish.scene),
+            scene=wish.scene,
+            avoid=wish.avoid,
+            attributes=attributes(caller.name, wish.basis, lease_s),
         )
         info = await self._shared.service.create_session(spec)
         return self._shared.book.open(info).describe(info)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from wayfarer.config import Limits
-from wayfarer.errors import Unavailable
+from wayfarer.errors import NotFound, Unavailable
 from wayfarer.runtime.service import MotionService
 from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Basis
@@ -16,8 +16,9 @@ from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.caller import Scope, present_caller
 from wayfarer.transport.codec import PoseEncoder, PoseFormat
 from wayfarer.transport.fleet import Fleet
-from wayfarer.transport.gateway.book import Book
+from wayfarer.transport.gateway.book import Book, OpenSession
 from wayfarer.transport.gateway.replies import Replies
+from wayfarer.transport.gateway.scene_book import SceneBook
 
 Method = TypeVar("Method", bound=Callable[..., Any])
 
@@ -47,6 +48,7 @@ class Shared:
     clock: Callable[[], float]
     fleet: Fleet = field(default_factory=Fleet)
     book: Book = field(init=False)
+    scenes: SceneBook = field(init=False)
     replies: Replies = field(init=False)
     encoder: PoseEncoder = field(default_factory=PoseEncoder)
     skeleton: schema.Skeleton = field(default_factory=convert.skeleton)
@@ -57,6 +59,7 @@ class Shared:
 
     def __post_init__(self) -> None:
         self.book = Book(self.limits, self.clock, self.fleet)
+        self.scenes = SceneBook(self.limits, self.clock, self.fleet)
         self.replies = Replies(self.clock)
 
     @property
@@ -75,6 +78,19 @@ class Shared:
             raise Unavailable("the server is shutting down")
         if not self.ready:
             raise Unavailable("the server is not ready yet")
+
+    async def session_of(self, agent_id: str) -> OpenSession:
+        """As the book's; people of a crowd, who come without a call, are entered on the way."""
+        try:
+            return self.book.session_of(agent_id)
+        except NotFound as error:
+            try:
+                info = await self.service.get_agent(agent_id)
+                session = self.book.session(info.session_id)
+            except NotFound:
+                raise error from None
+            self.book.enter_agents(session, [info])
+            return session
 
     def writer(self, basis: Basis, pose_format: PoseFormat) -> BatchWriter:
         """Writes motion for one reader; all of them share what has been packed."""

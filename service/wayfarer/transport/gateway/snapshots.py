@@ -43,6 +43,8 @@ class SnapshotApi:
         self._shared.book.require_room(caller)
         info = await service.import_session(snapshot, {"owner": caller.name})
         try:
+            if info.spec.scene:
+                self._shared.scenes.scene(info.spec.scene)
             self._shared.book.require_room(caller, len(info.agent_ids))
             agents = await service.list_agents(info.session_id)
             return self._shared.book.open(info, agents).describe(info)

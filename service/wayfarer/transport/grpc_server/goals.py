@@ -37,6 +37,12 @@ class GoalService(goal_pb2_grpc.GoalServiceServicer):
         """Walk about in an area."""
         return goal_pb2.WanderResponse(revision=await carry_out(request, self._goals))
 
+    async def Behave(  # noqa: N802
+        self, request: goal_pb2.BehaveRequest, context: Context
+    ) -> goal_pb2.BehaveResponse:
+        """Do something of itself."""
+        return goal_pb2.BehaveResponse(revision=await carry_out(request, self._goals))
+
     async def ClearGoal(  # noqa: N802
         self, request: goal_pb2.ClearGoalRequest, context: Context
     ) -> goal_pb2.ClearGoalResponse:

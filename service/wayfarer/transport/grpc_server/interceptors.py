@@ -80,6 +80,10 @@ def _decoding(handler: Any) -> Any:
         return grpc.stream_stream_rpc_method_handler(
             lambda pieces, context: handler.stream_stream(read_all(pieces), context), None, write
         )
+    if handler.stream_unary:
+        return grpc.stream_unary_rpc_method_handler(
+            lambda pieces, context: handler.stream_unary(read_all(pieces), context), None, write
+        )
     if handler.unary_stream:
         # read when the stream is, not when it is asked for: so that the others see what it raises
         async def stream(data: bytes, context: Any) -> AsyncIterator[Any]:

@@ -18,6 +18,7 @@ from wayfarer.transport.grpc_server.catalogue import CatalogService
 from wayfarer.transport.grpc_server.goals import GoalService
 from wayfarer.transport.grpc_server.interceptors import DecodeInterceptor, ErrorInterceptor
 from wayfarer.transport.grpc_server.motion import add_motion_services
+from wayfarer.transport.grpc_server.scenes import SceneService
 from wayfarer.transport.grpc_server.sessions import SessionService
 from wayfarer.transport.grpc_server.snapshots import SnapshotService
 from wayfarer.v1 import (
@@ -31,6 +32,8 @@ from wayfarer.v1 import (
     goal_pb2,
     goal_pb2_grpc,
     motion_pb2,
+    scene_pb2,
+    scene_pb2_grpc,
     session_pb2,
     session_pb2_grpc,
     snapshot_pb2,
@@ -38,8 +41,8 @@ from wayfarer.v1 import (
 )
 
 FILES: Final = (
-    *(session_pb2, agent_pb2, goal_pb2, motion_pb2, control_pb2, snapshot_pb2, catalog_pb2),
-    admin_pb2,
+    *(scene_pb2, session_pb2, agent_pb2, goal_pb2, motion_pb2, control_pb2, snapshot_pb2),
+    *(catalog_pb2, admin_pb2),
 )
 SERVICES: Final = tuple(
     service.full_name for file in FILES for service in file.DESCRIPTOR.services_by_name.values()
@@ -132,6 +135,7 @@ def gateway_services(gateway: Gateway) -> Callable[[grpc.aio.Server], None]:
     """What adds the services of `proto/wayfarer/v1`."""
 
     def add(server: grpc.aio.Server) -> None:
+        scene_pb2_grpc.add_SceneServiceServicer_to_server(SceneService(gateway), server)
         session_pb2_grpc.add_SessionServiceServicer_to_server(SessionService(gateway), server)
         agent_pb2_grpc.add_AgentServiceServicer_to_server(AgentService(gateway), server)
         goal_pb2_grpc.add_GoalServiceServicer_to_server(GoalService(gateway), server)

@@ -56,12 +56,19 @@ def goal_routes(gateway: Gateway) -> APIRouter:
         """The agent keeps its present goal and what is planned for it."""
         return _revision(await goals.append(agent_id, more, expected_revision))
 
-    @router.put("/wander", operation_id="wander", summary="Let an agent walk about in an area")
+    @router.put("/wander", operation_id="wander", summary="Let an agent walk about")
     async def wander(
         agent_id: AgentId, wish: schema.Wander, expected_revision: Expected = None
     ) -> schema.GoalRevision:
-        """Until it is told otherwise: from one place drawn at random to the next."""
+        """In an area, or all over its scene, from one place drawn at random to the next."""
         return _revision(await goals.wander(agent_id, wish, expected_revision))
+
+    @router.put("/behaviour", operation_id="behave", summary="Let an agent do something of itself")
+    async def behave(
+        agent_id: AgentId, wish: schema.Behaviour, expected_revision: Expected = None
+    ) -> schema.GoalRevision:
+        """Until it is told otherwise: patrol, follow another, keep away, queue, or a routine."""
+        return _revision(await goals.behave(agent_id, wish, expected_revision))
 
     @router.delete("/goal", operation_id="clearGoal", summary="Take the goal or path away")
     async def clear_goal(

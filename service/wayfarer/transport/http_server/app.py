@@ -18,6 +18,7 @@ from wayfarer.transport.http_server.clips import clip_routes, snapshot_routes
 from wayfarer.transport.http_server.elsewhere import Elsewhere
 from wayfarer.transport.http_server.events import event_routes
 from wayfarer.transport.http_server.health import health_routes
+from wayfarer.transport.http_server.scenes import crowd_routes, scene_routes
 from wayfarer.transport.http_server.sessions import session_routes
 from wayfarer.transport.websocket import add_sockets
 
@@ -37,7 +38,7 @@ SECURITY: Final = {
 }
 ROUTES: Final = (
     *(session_routes, agent_routes, goal_routes, event_routes, clip_routes, snapshot_routes),
-    *(admin_routes, catalogue_routes),
+    *(scene_routes, crowd_routes, admin_routes, catalogue_routes),
 )
 
 
@@ -49,7 +50,8 @@ def http_app(gateway: Gateway, viewer: Path = VIEWER) -> FastAPI:
     app.include_router(health_routes(gateway))
     add_sockets(app, gateway)
     add_problem_handlers(app)
-    app.add_middleware(Edge, body_bytes=gateway.limits.message_bytes)
+    limits = gateway.limits
+    app.add_middleware(Edge, body_bytes=limits.message_bytes, mesh_bytes=limits.mesh_bytes)
     app.openapi = lambda: _document(app)  # type: ignore[method-assign]
     app.router.routes.append(Route("/v1/{rest:path}", Elsewhere(app.openapi)))
     if viewer.is_dir():

@@ -1,8 +1,19 @@
 """What the other messages are made of."""
 
-from typing import Annotated, Final, TypeVar
+from typing import Annotated, ClassVar, Final, Self, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, FailFast, Field, Strict
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    FailFast,
+    Field,
+    GetJsonSchemaHandler,
+    Strict,
+    model_validator,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from wayfarer.transport.basis import Basis
 
@@ -37,6 +48,45 @@ class Message(BaseModel):
     """Base of all: frozen, finite numbers only, unknown keys refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class OneOf(Message):
+    """One of its fields is given, as of a `oneof`, and not null; the others are `BESIDE` it."""
+
+    BESIDE: ClassVar[frozenset[str]] = frozenset()
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """In a request that one, and not null."""
+        made = handler(core_schema)
+        if handler.mode == "serialization":
+            return made
+        schema = handler.resolve_ref_schema(made)
+        names = [name for name in schema["properties"] if name not in cls.BESIDE]
+        for name in names:
+            choice = schema["properties"][name]
+            del choice["default"]
+            (choice["$ref"],) = (kind["$ref"] for kind in choice.pop("anyOf") if "$ref" in kind)
+        schema["oneOf"] = [{"required": [name]} for name in names]
+        return made
+
+    @property
+    def given(self) -> tuple[str, Message]:
+        """The one that is given, and its name."""
+        return next(
+            (name, value) for name, value in self if value is not None and name not in self.BESIDE
+        )
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        names = [name for name in type(self).model_fields if name not in self.BESIDE]
+        given = [name for name in names if getattr(self, name) is not None]
+        if len(given) != 1:
+            found = " and ".join(given) or "none"
+            raise ValueError(f"{found} of {', '.join(names)} is given; exactly one has to be")
+        return self
 
 
 class Vector3(Message):
@@ -84,4 +134,7 @@ class Problem(Message):
     retry_after_s: float | None = Field(default=None, description="when to try again")
     endpoint: Endpoint | None = Field(
         default=None, description="of type misdirected: where the session or agent lives"
+    )
+    nearest: Vector3 | None = Field(
+        default=None, description="of type unreachable: the nearest place that can be reached"
     )

@@ -12,7 +12,9 @@ class Goal(Message):
         json_schema_extra={"examples": [{"position": {"x": 2, "y": 0, "z": 3}, "speed": 1.4}]}
     )
 
-    position: Vector3 = Field(description="the component along up is ignored")
+    position: Vector3 = Field(
+        description="in a scene the component along up says on which storey; else it is ignored"
+    )
     radius: Float | None = Field(
         default=None, gt=0, description="arrived when this near; 0.05 to 10 m; 0.3 m"
     )
@@ -74,7 +76,7 @@ class Wander(Message):
         }
     )
 
-    area: Area
+    area: Area | None = Field(default=None, description="none: all over the scene")
     speed: Float | None = Field(default=None, gt=0, description="on the way; 0.2 to 4 m/s; 1.2 m/s")
     dwell: Float | None = Field(
         default=None, ge=0, le=3600, description="seconds to stand at each place; 0"

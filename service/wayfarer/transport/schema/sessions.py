@@ -22,7 +22,9 @@ class NewSession(Message):
         ge=1,
         description="seconds it outlives its last call and stream; to limits.lease_s; 60",
     )
-    scene: Text = Field(default="", description="empty: the endless flat floor, the only one yet")
+    scene: Text = Field(
+        default="", description="id of a scene, see createScene; empty: the endless flat floor"
+    )
     lock_step: Bool = Field(default=False, description="time passes only in StepAgents; no streams")
     record: Bool = Field(default=False, description="record its commands, for its log")
     request_id: Text = Field(
@@ -30,6 +32,7 @@ class NewSession(Message):
         description="the same request sent again within ten minutes does nothing and gets the "
         "same reply; the header Idempotency-Key means the same",
     )
+    avoid: Bool = Field(default=True, description="in a scene: agents keep out of each other's way")
 
 
 class Session(Message):
@@ -46,10 +49,11 @@ class Session(Message):
     )
     lock_step: bool
     record: bool
-    scene: str
+    scene: str = Field(description="id of its scene; empty: the endless flat floor")
     endpoint: Endpoint | None = Field(
         default=None, description="the worker it lives in; null on a server without workers"
     )
+    avoid: bool = Field(description="in a scene: agents keep out of each other's way")
 
 
 class Sessions(Message):

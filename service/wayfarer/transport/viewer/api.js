@@ -1,14 +1,17 @@
 // The HTTP API as functions. See /docs for its reference.
 
 const ANSWER_SECONDS = 10;
+const BAKE_SECONDS = 60; // for what may take the server longer
 const NOBODY = { token: "", headers: {}, protocols: [] };
 
 /** A refusal of the server, or no answer at all (status 0). */
 export class ApiError extends Error {
-  constructor(message, status) {
+  /** `problem`: the whole problem document (RFC 9457), as far as there is one. */
+  constructor(message, status, problem = {}) {
     super(message);
     this.name = "ApiError";
     this.status = status;
+    this.problem = problem;
   }
 }
 
@@ -23,8 +26,9 @@ export class Api {
     this.fetcher = fetcher;
   }
 
-  createSession(leaseSeconds) {
-    return this.#call("POST", "/v1/sessions", { basis: "gltf", lease_s: leaseSeconds });
+  /** A session in a scene, or with "" on a floor without end. */
+  createSession(leaseSeconds, scene = "") {
+    return this.#call("POST", "/v1/sessions", { basis: "gltf", lease_s: leaseSeconds, ...(scene && { scene }) });
   }
 
   renewSession(sessionId) {
@@ -38,6 +42,11 @@ export class Api {
       headers: this.access.headers,
       keepalive: true,
     }).catch(() => {}); // nobody is left to be told
+  }
+
+  /** The server's version, limits, bases. */
+  info() {
+    return this.#call("GET", "/v1/info");
   }
 
   async bodies() {
@@ -73,8 +82,65 @@ export class Api {
     return this.#call("PUT", `${agentPath(agentId)}/wander`, { area, ...how });
   }
 
+  /** Let an agent walk about all over its scene. */
+  roam(agentId, how) {
+    return this.#call("PUT", `${agentPath(agentId)}/wander`, how);
+  }
+
+  /** Let an agent do something of itself: { patrol } or { follow }, { keep_away }, { queue } … */
+  behave(agentId, behaviour) {
+    return this.#call("PUT", `${agentPath(agentId)}/behaviour`, behaviour);
+  }
+
   clearGoal(agentId) {
     return this.#call("DELETE", `${agentPath(agentId)}/goal`);
+  }
+
+  /** Scenes that come with the server: [{ name, summary }]. */
+  async exampleScenes() {
+    return (await this.#call("GET", "/v1/scenes/examples")).examples;
+  }
+
+  createExampleScene(name) {
+    return this.#call("POST", `/v1/scenes/examples/${encodeURIComponent(name)}`, {}, BAKE_SECONDS);
+  }
+
+  /** A scene of a mesh file (its bytes): `format` is "glb", "obj" or "ply". */
+  createMeshScene(bytes, format, name) {
+    const query = new URLSearchParams({ format, name });
+    return this.#call("POST", `/v1/scenes/mesh?${query}`, bytes, BAKE_SECONDS);
+  }
+
+  async scenes() {
+    return (await this.#call("GET", "/v1/scenes")).scenes;
+  }
+
+  scene(sceneId) {
+    return this.#call("GET", scenePath(sceneId));
+  }
+
+  /** What is needed to draw it: see `outlinesOf` in scenes.js. */
+  sceneOutlines(sceneId) {
+    return this.#call("GET", `${scenePath(sceneId)}/outlines`);
+  }
+
+  /** Let an obstacle stand there, or move there: { box } … */
+  putObstacle(sceneId, name, obstacle) {
+    return this.#call("PUT", `${scenePath(sceneId)}/obstacles/${encodeURIComponent(name)}`, obstacle);
+  }
+
+  removeObstacle(sceneId, name) {
+    return this.#call("DELETE", `${scenePath(sceneId)}/obstacles/${encodeURIComponent(name)}`);
+  }
+
+  /** The way an agent would take between two points { x, y, z }. */
+  queryPath(sceneId, start, goal) {
+    return this.#call("POST", `${scenePath(sceneId)}/path`, { start, goal });
+  }
+
+  /** Let so many people come and walk about in the session's scene. */
+  populate(sessionId, count) {
+    return this.#call("POST", `/v1/sessions/${encodeURIComponent(sessionId)}/crowd`, { count }, BAKE_SECONDS);
   }
 
   stats() {
@@ -91,24 +157,27 @@ export class Api {
     return { url: url.href, protocols: this.access.protocols };
   }
 
-  async #call(method, path, body) {
+  async #call(method, path, body, seconds = ANSWER_SECONDS) {
     const { token } = this.access;
     try {
-      return await this.#ask(method, path, body);
+      return await this.#ask(method, path, body, seconds);
     } catch (error) {
       if (error.status !== 401 || !this.access.renew) throw error;
       await this.access.renew(token, error.message);
-      return this.#call(method, path, body);
+      return this.#call(method, path, body, seconds);
     }
   }
 
-  async #ask(method, path, body) {
+  async #ask(method, path, body, seconds) {
     const request = {
       method,
       headers: { accept: "application/json", ...this.access.headers },
-      signal: AbortSignal.timeout(ANSWER_SECONDS * 1000),
+      signal: AbortSignal.timeout(seconds * 1000),
     };
-    if (body !== undefined) {
+    if (body instanceof ArrayBuffer) {
+      request.headers["content-type"] = "application/octet-stream";
+      request.body = body;
+    } else if (body !== undefined) {
       request.headers["content-type"] = "application/json";
       request.body = JSON.stringify(body);
     }
@@ -119,7 +188,7 @@ export class Api {
       throw new ApiError(`the server does not answer (${error.message})`, 0);
     }
     const text = await response.text();
-    if (!response.ok) throw new ApiError(reason(text, response.status), response.status);
+    if (!response.ok) throw refusal(text, response.status);
     return text ? JSON.parse(text) : null;
   }
 }
@@ -128,17 +197,24 @@ function agentPath(agentId) {
   return `/v1/agents/${encodeURIComponent(agentId)}`;
 }
 
-function onFloor({ x, z, ...how }) {
-  return { position: { x, y: 0, z }, ...how };
+function scenePath(sceneId) {
+  return `/v1/scenes/${encodeURIComponent(sceneId)}`;
+}
+
+/** A goal { x, y, z, speed … } as the API has it. `y` says which storey is meant, in a scene. */
+export function onFloor({ x, y = 0, z, ...how }) {
+  return { position: { x, y, z }, ...how };
 }
 
 /** What an RFC 9457 problem document says, fields named; or the bare status. */
-function reason(text, status) {
+function refusal(text, status) {
+  let problem;
   try {
-    const problem = JSON.parse(text);
-    const fields = (problem.errors ?? []).map(({ field, detail }) => `${field}: ${detail}`);
-    return fields.length ? fields.join("; ") : (problem.detail ?? problem.title ?? `HTTP ${status}`);
+    problem = JSON.parse(text);
   } catch {
-    return `HTTP ${status}`; // not JSON: a proxy's page
+    return new ApiError(`HTTP ${status}`, status); // not JSON: a proxy's page
   }
+  const fields = (problem.errors ?? []).map(({ field, detail }) => `${field}: ${detail}`);
+  const said = fields.length ? fields.join("; ") : (problem.detail ?? problem.title ?? `HTTP ${status}`);
+  return new ApiError(said, status, problem);
 }

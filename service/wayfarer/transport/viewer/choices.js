@@ -6,12 +6,14 @@ const NAMES = [
 ];
 const HEIGHT = { female: [1.65, 0.07], male: [1.78, 0.075] }; // mean and deviation, metres
 const APART = 1.0; // metres between two people at the start
+const FARTHEST = 500; // metres, the largest scene
 
 /**
- * `count` agents of random gender and shape on free places around the origin (glTF basis).
- * `heights[gender]` is [least, most] of the body; `taken` are places { x, z }.
+ * `count` agents of random gender and shape on free places around `middle` (glTF basis).
+ * `heights[gender]` is [least, most] of the body; `taken` are places { x, z }; `heightAt(x, z)` is the
+ * ground's height, or null where nobody can stand.
  */
-export function randomAgents(count, heights, taken, random = Math.random) {
+export function randomAgents(count, heights, taken, { middle, heightAt = () => 0, random = Math.random } = {}) {
   const places = taken.map(({ x, z }) => ({ x, z }));
   const agents = [];
   for (let k = 0; k < count; k += 1) {
@@ -19,7 +21,7 @@ export function randomAgents(count, heights, taken, random = Math.random) {
     const [mean, deviation] = HEIGHT[gender];
     const [least, most] = heights[gender];
     const wished = mean + deviation * normal(random);
-    const place = freePlace(places, random);
+    const place = freePlace(places, { middle, heightAt, random });
     places.push(place);
     agents.push({
       gender,
@@ -29,7 +31,7 @@ export function randomAgents(count, heights, taken, random = Math.random) {
         muscle: clamp(0.5 + 0.18 * normal(random)),
         age: 20 + 45 * random(), // years
       },
-      position: { x: place.x, y: 0, z: place.z },
+      position: { x: place.x, y: heightAt(place.x, place.z) ?? 0, z: place.z },
       heading: (random() * 2 - 1) * Math.PI,
       name: NAMES[Math.floor(random() * NAMES.length)],
     });
@@ -37,13 +39,15 @@ export function randomAgents(count, heights, taken, random = Math.random) {
   return agents;
 }
 
-/** A place at least `APART` from the others, as near to the origin as chance allows. */
-export function freePlace(taken, random = Math.random) {
+/** A place at least `APART` from the others, as near to `middle` as chance allows. */
+export function freePlace(taken, { middle = { x: 0, z: 0 }, heightAt = () => 0, random = Math.random } = {}) {
   for (let radius = 1.5; ; radius *= 1.08) {
     const angle = random() * 2 * Math.PI;
     const distance = radius * Math.sqrt(random());
-    const place = { x: distance * Math.cos(angle), z: distance * Math.sin(angle) };
-    if (taken.every(({ x, z }) => Math.hypot(x - place.x, z - place.z) >= APART)) return place;
+    const place = { x: middle.x + distance * Math.cos(angle), z: middle.z + distance * Math.sin(angle) };
+    const apart = taken.every(({ x, z }) => Math.hypot(x - place.x, z - place.z) >= APART);
+    // where there is no ground at all, the server finds a place
+    if (apart && (heightAt(place.x, place.z) !== null || radius > FARTHEST)) return place;
   }
 }
 
@@ -64,12 +68,23 @@ export function recipients(mode, people, selected, point) {
   return mode === "nearest" ? byDistance.slice(0, 1) : [];
 }
 
+/** Where the follower number `k` walks, relative to the one followed: rows of five. */
+export function escort(k) {
+  return { behind: Math.min(10, 1.2 + 0.9 * Math.floor(k / 5)), right: 0.8 * [0, 1, -1, 2, -2][k % 5] };
+}
+
+/** Who does something about `other`, who does not: as `recipients`. */
+export function othersThan(other, mode, people, selected) {
+  const rest = people.filter((person) => person !== other);
+  return recipients(mode, rest, selected === other ? null : selected, other);
+}
+
 /** Heading of a drag over the floor (0: +Z, positive towards +X), or null when it is too short. */
 export function dragHeading(from, to) {
   return distance(from, to) < 0.25 ? null : Math.atan2(to.x - from.x, to.z - from.z);
 }
 
-/** The person whose upright axis (floor to `height`) a ray passes nearest, within 0.35 m. */
+/** The person whose upright axis (from `y`, `height` high) a ray passes nearest, within 0.35 m. */
 export function pick(people, ray) {
   let best = null;
   let nearest = 0.35;
@@ -88,17 +103,21 @@ export function eventText({ kind, waypoint, detail }, name, goals) {
     path_done: "",
     gap: detail ? `motion was lost: ${detail}` : "motion was lost on the way",
     draining: "the server is about to stop",
+    unreachable: `${name} waits: no way leads to ${place}`,
+    blocked: `${name} waits: the way to ${place} is closed`,
+    goal_moved: `${name} goes as near to ${place} as there is room`,
+    behaviour_ended: `${name} stands: ${detail || "whom it looked to has gone"}`,
     model_changed: name ? `${name}: ${detail || "another motion model"}` : detail,
   }[kind] ?? detail;
 }
 
-function axisGap(origin, direction, { x, z, height }) {
+function axisGap(origin, direction, { x, y: floor = 0, z, height }) {
   // the ray's point nearest to the vertical line through (x, z); then clamp the line to the body
   const across = direction.x ** 2 + direction.z ** 2;
   if (across < 1e-9) return Math.hypot(origin.x - x, origin.z - z);
   const along = ((x - origin.x) * direction.x + (z - origin.z) * direction.z) / across;
   if (along < 0) return Infinity;
-  const y = origin.y + along * direction.y;
+  const y = origin.y + along * direction.y - floor;
   const above = Math.max(0, y - height, -y);
   const side = Math.hypot(origin.x + along * direction.x - x, origin.z + along * direction.z - z);
   return Math.hypot(side, above);

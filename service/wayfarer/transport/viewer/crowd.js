@@ -2,14 +2,22 @@
 
 import { FLAG } from "./messages.js";
 import { PlayoutClock, PoseTrack } from "./jitter.js";
+import { Bodies } from "./bodies.js";
 import { Person } from "./people.js";
+import { Trails } from "./trails.js";
 
 const PRESSURE_SECONDS = 3; // for which reduced and held motion counts as present
 
 /** Follows `MotionStream` events; `changed()` is called when somebody comes or goes. */
 export class Crowd {
-  constructor(stage, mesh, changed, failed) {
+  /** `heightAt(x, z, y)`: of the ground at a place. */
+  constructor(stage, heightAt, mesh, changed, failed) {
     this.stage = stage;
+    this.bodies = new Bodies();
+    this.trails = new Trails();
+    this.heightAt = heightAt;
+    stage.add(this.bodies.group);
+    stage.add(this.trails.lines);
     this.mesh = mesh; // agent → [URL of its GLB, headers to ask for it with]
     this.changed = changed;
     this.failed = failed;
@@ -40,13 +48,12 @@ export class Crowd {
     const known = this.members.get(agent.alias);
     if (known?.person.agent.id === agent.id) return;
     if (known) this.remove(agent.alias);
-    const person = new Person(agent, this.boneNames);
+    const person = new Person(agent, this);
     const frame = new Float32Array(3 + 4 * this.boneNames.length);
     this.members.set(agent.alias, { person, track: new PoseTrack(), frame, state: "standing" });
     this.stage.add(person.group);
-    person.trail.line.visible = this.marks.trails;
-    person.label.visible = this.marks.labels;
-    person.load(...this.mesh(agent)).catch((error) => this.failed(`body not loaded: ${error.message}`));
+    person.showLabel(this.marks.labels);
+    person.load(...this.mesh(agent), this.boneNames).catch((error) => this.failed(`body not loaded: ${error.message}`));
     this.changed();
   }
 
@@ -69,9 +76,8 @@ export class Crowd {
 
   mark(name, visible) {
     this.marks[name] = visible;
-    for (const person of this.people) {
-      (name === "trails" ? person.trail.line : person.label).visible = visible;
-    }
+    if (name === "trails") this.trails.show(visible);
+    else for (const person of this.people) person.showLabel(visible);
   }
 
   stateOf(person) {
@@ -84,6 +90,7 @@ export class Crowd {
     for (const { person, track, frame } of this.members.values()) {
       if (track.sample(moment, frame)) person.pose(frame);
     }
+    this.bodies.update(now);
     return moment;
   }
 

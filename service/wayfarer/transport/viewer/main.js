@@ -1,100 +1,81 @@
-// Puts the page together: session, stream, stage, controls.
+// Puts the page together: session, scene, stage, controls.
 
 import { Access } from "./access.js";
 import { Api } from "./api.js";
-import { dragHeading, eventText, formation, pick, randomAgents, recipients } from "./choices.js";
+import { Chase } from "./chase.js";
+import { eventText, randomAgents } from "./choices.js";
 import { Crowd } from "./crowd.js";
-import { Readout, askToken, byId, listPeople, mention, showConnection, tell } from "./hud.js";
-import { keepAlive } from "./lease.js";
+import { Errands } from "./errands.js";
+import { askToken, byId, listPeople, mention, Readout, showConnection, tell } from "./hud.js";
+import { ScenePanel } from "./panel.js";
 import { floorRing } from "./people.js";
+import { watchPointer } from "./pointer.js";
 import { Stage } from "./scene.js";
-import { MotionStream } from "./stream.js";
+import { PageSession } from "./session.js";
+import { Tools } from "./tools.js";
 
 const DETAILED = 24; // so many people get the fine mesh; later ones the light one
 const STATS_SECONDS = 1;
 const WANDER_SECONDS = 1;
-const WANDER_RADIUS = 9; // metres around the middle
-const LEASE_SECONDS = 60;
-const CLICK_PIXELS = 5; // a pointer that moved more was a drag
+
+const clock = () => performance.now() / 1000;
+const attempt = (action) => (...given) => (
+  Promise.resolve().then(() => action(...given)).catch((error) => tell(error.message))
+);
+const page = new URLSearchParams(location.search);
+const wish = Object.fromEntries(["encoding", "fps"].filter((key) => page.has(key)).map((key) => [key, page.get(key)]));
+const view = byId("view");
 
 const access = new Access(askToken);
 const api = new Api("", access);
-const stage = new Stage(byId("view"));
+const stage = new Stage(view);
 const readout = new Readout();
-const page = new URLSearchParams(location.search);
-const wish = Object.fromEntries(["encoding", "fps"].filter((key) => page.has(key)).map((key) => [key, page.get(key)]));
-const clock = () => performance.now() / 1000;
+const place = new ScenePanel(api, stage, { enter, changed: attempt(() => errands.replan()), attempt });
+const { level, book } = place;
+const crowd = new Crowd(stage, (x, z, y) => level.heightAt(x, z, y), mesh, refresh, tell);
+const session = new PageSession(api, access, crowd, wish, clock, { event: onEvent, ended: () => setTimeout(start, 1000) });
+const errands = new Errands(api, crowd, {
+  ask: () => ({ mode: sendMode(), selected, speed: Number(byId("speed").value) }),
+  heightAt: (x, z, y) => level.heightAt(x, z, y),
+  scene: () => session.scene,
+});
+const tools = new Tools({ stage, level, book, crowd, errands, select, attempt });
+const chase = new Chase();
 const cursor = floorRing(0.1, 0.14, "#b02a37");
 cursor.visible = false;
 stage.add(cursor);
 
-let session = null;
 let bodies = new Map(); // gender → body
 let selected = null;
-let wandering = false;
-let lastSent = []; // those whose path a further waypoint belongs to
-let stream = null;
-let stopRenewing = () => {};
-
-const crowd = new Crowd(stage, mesh, refresh, tell);
 start();
 
 async function start() {
   try {
-    bodies = new Map((await api.bodies()).map((body) => [body.gender, body]));
-    await openSession();
+    const [{ limits }, all] = await Promise.all([api.info(), api.bodies()]);
+    bodies = new Map(all.map((body) => [body.gender, body]));
+    byId("count").max = Math.min(200, limits.agents_per_session);
+    byId("count").oninput({ target: byId("count") }); // what it stands for may be less now
+    await place.begin(place.value ?? page.get("scene") ?? "");
   } catch (error) {
     showConnection("lost", `${error.message}; trying again`);
     setTimeout(start, 2000);
   }
 }
 
-async function openSession() {
-  crowd.clear();
-  stopRenewing();
-  session = (await api.createSession(LEASE_SECONDS)).session_id;
-  stopRenewing = keepAlive(api, session, LEASE_SECONDS);
-  stream = new MotionStream((resumeToken) => api.streamAddress(session, wish, resumeToken), {
-    ...crowd.handlers(clock),
-    header: ({ bones, skeleton }, again, sentAt) => {
-      crowd.boneNames = bones.map((bone) => skeleton[bone].name);
-      if (!again) return;
-      crowd.caughtUpAt = sentAt;
-      catchUp();
-    },
-    event: (event) => {
-      const person = crowd.members.get(event.alias)?.person;
-      if (person?.wanders && event.kind === "goal_reached") return; // on and on
-      const goals = person ? person.passed + person.ahead.length : 0;
-      const text = eventText(event, person?.agent.name || "somebody", goals);
-      if (text) mention(text);
-    },
-    refused: async (reason) => {
-      await access.renew(access.token, reason);
-      stream.open();
-    },
-    status: (state, detail) => {
-      const text = { connecting: "connecting", open: "connected", lost: "connection lost, reconnecting" };
-      showConnection(state, detail ? `${text[state]} (${detail})` : text[state]);
-    },
-    failed: (reason) => tell(`${reason}. Reload the page to begin anew.`),
-    ended: (reason) => {
-      tell(`The session is no more (${reason}). A new one begins.`);
-      setTimeout(start, 1000);
-    },
-  });
+/** Begin a session in a scene, or with "" in none. */
+async function enter(scene) {
+  if (errands.wandering) toggleWander();
+  tools.use("send");
+  await session.open(scene);
 }
 
-/** Who has gone while the connection was lost. */
-async function catchUp() {
-  try {
-    crowd.keepOnly(new Set((await api.agents(session)).map((agent) => agent.agent_id)));
-  } catch (error) {
-    if (error.status !== 404) tell(error.message); // the stream tells of the session's end
-  }
+function onEvent(event) {
+  const person = crowd.members.get(event.alias)?.person;
+  const goals = person ? person.passed + person.ahead.length : 0;
+  if (event.kind === "goal_reached" && (person?.wanders || !goals)) return; // on and on
+  const text = eventText(event, person?.agent.name || "somebody", goals);
+  if (text) mention(text);
 }
-
-addEventListener("pagehide", () => session && api.abandonSession(session));
 
 function mesh(agent) {
   const url = new URL(bodies.get(agent.gender).glb_path, location.href);
@@ -111,6 +92,8 @@ function refresh() {
 
 function select(person) {
   selected = person;
+  chase.reset();
+  stage.controls.enabled = true; // a camera that walked behind somebody is the user's again
   const mode = sendMode();
   if (person && mode === "nearest") setSendMode("selected");
   if (!person && mode === "selected") setSendMode("nearest");
@@ -118,85 +101,57 @@ function select(person) {
   refresh();
 }
 
-const sendMode = () => document.querySelector("input[name=send]:checked").value;
-const setSendMode = (mode) => {
+function sendMode() {
+  return document.querySelector("input[name=send]:checked").value;
+}
+
+function setSendMode(mode) {
   document.querySelector(`input[name=send][value=${mode}]`).checked = true;
-};
+}
 
 // ---- what the user asks for; every refusal is shown
 
-const attempt = (action) => (...given) => {
-  Promise.resolve(action(...given)).catch((error) => tell(error.message));
-};
-
 const add = attempt(async (count) => {
-  if (!session) throw new Error("not connected yet");
+  await place.settled;
+  if (!session.id) throw new Error("not connected yet");
   const heights = Object.fromEntries(
     [...bodies].map(([gender, body]) => [gender, [body.min_height_m, body.max_height_m]]),
   );
-  await api.createAgents(session, randomAgents(count, heights, crowd.people));
+  const where = level.ground
+    ? { middle: stage.controls.target, heightAt: (x, z) => level.ground.heightAt(x, z, stage.controls.target.y) }
+    : {};
+  await api.createAgents(session.id, randomAgents(count, heights, crowd.people, where));
 });
 
 const remove = attempt(async () => {
+  if (tools.name === "crate" && tools.deleteChosen()) return;
   if (selected) await api.deleteAgent(selected.agent.id);
 });
 
 const stop = attempt(async () => {
-  const stopped = selected ? [selected] : crowd.people;
-  if (!selected && wandering) toggleWander();
-  for (const person of stopped) {
-    person.wanders = false;
-    person.showPath([]);
-  }
-  await Promise.all(stopped.map((person) => api.clearGoal(person.agent.id)));
+  if (!selected && errands.wandering) toggleWander();
+  await errands.stop(selected ? [selected] : crowd.people);
 });
 
-/** Send people to a point; with `further`, when they have been where they were sent before. */
-const sendTo = attempt(async (point, how = {}, further = false) => {
-  const present = lastSent.filter((person) => crowd.people.includes(person));
-  const onward = further && present.length > 0;
-  lastSent = onward ? present : recipients(sendMode(), crowd.people, selected, point);
-  if (!lastSent.length) {
-    tell(crowd.people.length ? "Select a person first, or send the nearest or all" : "Add people first", true);
-  }
-  const places = formation(point, lastSent.length);
-  await Promise.all(lastSent.map((person, k) => {
-    const goal = { ...places[k], ...how, speed: Number(byId("speed").value) };
-    return onward && person.ahead.length ? walkOn(person, goal) : walk(person, goal);
-  }));
+const populate = attempt(async () => {
+  const came = (await api.populate(session.id, Number(byId("count").value))).came;
+  mention(came ? `${came} people come` : "they leave");
 });
 
-async function walk(person, goal) {
-  person.wanders = false;
-  person.showPath([goal]);
-  person.revision = (await api.setPath(person.agent.id, [goal])).revision;
-}
-
-/** One goal more; without a heading to face there it is passed through. */
-async function walkOn(person, goal) {
-  const further = "heading" in goal ? goal : { ...goal, stop: false };
-  person.extendPath([further]);
-  await api.appendGoals(person.agent.id, [further]);
-}
-
-const wander = attempt(async () => {
-  if (!wandering) return;
-  const idle = crowd.people.filter((person) => !person.wanders && !person.ahead.length);
-  const speed = Number(byId("speed").value);
-  for (const person of idle) person.wanders = true;
-  await Promise.all(idle.map((person) => api.wander(person.agent.id, { x: 0, z: 0 }, WANDER_RADIUS, { speed })));
-});
-
-const stand = attempt(async (people) => {
-  for (const person of people) person.wanders = false;
-  await Promise.all(people.map((person) => api.clearGoal(person.agent.id)));
-});
+const wander = attempt(() => errands.wander());
+const endWandering = attempt(() => errands.endWandering());
 
 function toggleWander() {
-  wandering = !wandering;
-  byId("wander").setAttribute("aria-pressed", String(wandering));
-  if (wandering) wander();
-  else stand(crowd.people.filter((person) => person.wanders));
+  errands.wandering = !errands.wandering;
+  byId("wander").setAttribute("aria-pressed", String(errands.wandering));
+  if (errands.wandering) wander();
+  else endWandering();
+}
+
+function follow(on) {
+  byId("follow").checked = on;
+  chase.reset();
+  stage.controls.enabled = true;
 }
 
 // ---- controls
@@ -206,61 +161,53 @@ byId("add-many").onclick = () => add(16);
 byId("remove").onclick = remove;
 byId("stop").onclick = stop;
 byId("wander").onclick = toggleWander;
-byId("speed").oninput = (event) => {
-  byId("speed-shown").textContent = `${Number(event.target.value).toFixed(1)} m/s`;
+byId("populate").onclick = populate;
+byId("count").oninput = ({ target }) => {
+  byId("count-shown").textContent = target.value;
 };
-byId("trails").onchange = (event) => crowd.mark("trails", event.target.checked);
-byId("labels").onchange = (event) => crowd.mark("labels", event.target.checked);
-byId("selected").onchange = (event) => {
-  select(crowd.members.get(Number(event.target.value))?.person ?? null);
+byId("speed").oninput = ({ target }) => {
+  byId("speed-shown").textContent = `${Number(target.value).toFixed(1)} m/s`;
 };
-
-let pressed = null;
-const view = byId("view");
-view.addEventListener("pointerdown", (event) => {
-  pressed = { x: event.clientX, y: event.clientY, point: stage.floorPoint(stage.ray(event)) };
-  stage.controls.enabled = !event.shiftKey; // with Shift a drag is a heading, not a turn of the camera
-}, { capture: true });
-view.addEventListener("pointerup", (event) => {
-  stage.controls.enabled = true;
-  if (!pressed || event.button !== 0) return;
-  const ray = stage.ray(event);
-  if (event.shiftKey) {
-    const end = stage.floorPoint(ray);
-    const heading = pressed.point && end && dragHeading(pressed.point, end);
-    if (pressed.point) sendTo(pressed.point, heading === null ? {} : { heading }, true);
-    return;
-  }
-  if (Math.hypot(event.clientX - pressed.x, event.clientY - pressed.y) > CLICK_PIXELS) return;
-  const person = pick(crowd.people, ray);
-  if (person) {
-    select(person);
-    return;
-  }
-  const point = stage.floorPoint(ray);
-  if (point) sendTo(point);
+byId("follow").onchange = ({ target }) => follow(target.checked);
+byId("trails").onchange = ({ target }) => crowd.mark("trails", target.checked);
+byId("labels").onchange = ({ target }) => crowd.mark("labels", target.checked);
+byId("selected").onchange = ({ target }) => {
+  select(crowd.members.get(Number(target.value))?.person ?? null);
+};
+watchPointer(view, stage.controls, {
+  press: (event) => tools.press(event),
+  click: (event) => tools.click(event),
 });
 
 const ARROWS = { ArrowUp: [0, -1], ArrowDown: [0, 1], ArrowLeft: [-1, 0], ArrowRight: [1, 0] };
 view.addEventListener("keydown", (event) => {
   if (event.key in ARROWS) {
-    const [x, z] = ARROWS[event.key];
+    const { x, y, z } = cursor.position;
+    const [dx, dz] = ARROWS[event.key];
     cursor.visible = true;
-    cursor.position.x += 0.25 * x;
-    cursor.position.z += 0.25 * z;
+    cursor.position.set(x + 0.25 * dx, level.heightAt(x + 0.25 * dx, z + 0.25 * dz, y) + 0.014, z + 0.25 * dz);
     event.preventDefault();
-  } else if (event.key === "Enter" && cursor.visible) {
-    sendTo(cursor.position);
+  } else if (event.key === "Enter") {
+    if (tools.name === "patrol" && tools.points.length > 1) tools.use("patrol");
+    else if (cursor.visible) tools.act({ x: cursor.position.x, y: cursor.position.y, z: cursor.position.z });
   }
 });
 
+/** One thing at a time: the tool, the camera, the selection. */
+function escape() {
+  if (tools.name !== "send") tools.use("send");
+  else if (byId("follow").checked) follow(false);
+  else select(null);
+}
+
 const press = (id) => () => byId(id).click();
 const KEYS = {
-  a: press("add-one"), s: press("add-many"), delete: press("remove"), w: press("wander"), x: press("stop"),
-  f: press("follow"), t: press("trails"), l: press("labels"), escape: () => select(null),
+  a: press("add-one"), s: press("add-many"), delete: remove, w: press("wander"), x: press("stop"),
+  f: press("follow"), t: press("trails"), l: press("labels"), p: press("populate"), escape,
+  g: () => tools.use("send"), c: () => tools.use("crate"),
 };
 addEventListener("keydown", (event) => {
-  const typing = event.target instanceof HTMLSelectElement;
+  const typing = event.target.matches?.("select, input[type=password]");
   if (!typing && !event.ctrlKey && !event.metaKey && !event.altKey) KEYS[event.key.toLowerCase()]?.();
 });
 
@@ -270,7 +217,8 @@ let last = clock();
 stage.renderer.setAnimationLoop(() => {
   const now = clock();
   const moment = crowd.play(now);
-  if (byId("follow").checked) followPeople(now - last);
+  moveCamera(now - last);
+  level.reveal(stage.camera.position, stage.controls.target);
   stage.render();
   const fps = readout.frame(now, () => ({
     people: crowd.members.size,
@@ -282,11 +230,17 @@ stage.renderer.setAnimationLoop(() => {
   last = now;
 });
 
-function followPeople(seconds) {
-  const people = selected ? [selected] : crowd.people;
-  if (!people.length) return;
-  const middle = (axis) => people.reduce((sum, person) => sum + person[axis], 0) / people.length;
-  stage.follow(middle("x"), middle("z"), seconds);
+/** Behind the selected person, or with the middle of all. */
+function moveCamera(seconds) {
+  if (!byId("follow").checked || !crowd.people.length) return;
+  if (selected?.shown) {
+    stage.controls.enabled = false;
+    const { eye, target, share } = chase.advance(selected, seconds, (ray) => level.freeAlong(ray));
+    stage.glide(eye, target, share);
+    return;
+  }
+  const mean = (axis) => crowd.people.reduce((sum, person) => sum + person[axis], 0) / crowd.people.length;
+  stage.follow({ x: mean("x"), y: mean("y"), z: mean("z") }, seconds);
 }
 
 setInterval(() => {
@@ -295,4 +249,9 @@ setInterval(() => {
 }, STATS_SECONDS * 1000);
 setInterval(wander, WANDER_SECONDS * 1000);
 
-globalThis.wayfarer = { crowd, stage, api, get session() { return session; }, get stream() { return stream; } }; // for the browser's console, and the tests
+// for the browser's console, and the tests
+globalThis.wayfarer = {
+  crowd, stage, api, level, book, tools,
+  get session() { return session.id; },
+  get stream() { return session.stream; },
+};

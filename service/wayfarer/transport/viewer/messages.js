@@ -4,7 +4,10 @@ import { ProtoReader } from "./protobuf.js";
 
 const STATES = ["unknown", "standing", "walking", "stopping", "turning"];
 const GENDERS = ["female", "female", "male"];
-const EVENTS = ["unknown", "goal_reached", "path_done", "gap", "draining", "model_changed"];
+const EVENTS = [
+  "unknown", "goal_reached", "path_done", "gap", "draining", "model_changed", "unreachable", "blocked", "goal_moved",
+  "behaviour_ended",
+];
 
 export const FLAG = Object.freeze({ FIRST: 1, REPLANNED: 2, ARRIVED: 4, GAP: 8, REDUCED: 16, HELD: 32 });
 

@@ -1,88 +1,91 @@
-// People on the stage: a skinned body, its marks on the floor, its trail and name.
+// People on the stage: a body, its marks on the ground, its trail and name.
 
 import {
-  BufferAttribute, BufferGeometry, CanvasTexture, DynamicDrawUsage, GLTFLoader, Group, Line,
-  LineBasicMaterial, Mesh, MeshBasicMaterial, RingGeometry, SRGBColorSpace, Sprite, SpriteMaterial,
+  BufferAttribute, BufferGeometry, CanvasTexture, Group, Line, LineBasicMaterial, Mesh, MeshBasicMaterial,
+  RingGeometry, SRGBColorSpace, Sprite, SpriteMaterial,
 } from "./vendor/three.min.js";
+import { headingOf } from "./rig.js";
 
-const TRAIL_POINTS = 200;
-const TRAIL_STEP = 0.12; // metres between two points
 const ACCENT = "#0b7285";
+const RING_LIFT = 0.014; // metres over the ground
+const WAY_LIFT = 0.025;
 
 /** A flat ring on the floor, or the arc of it around a heading. */
 export function floorRing(inner, outer, colour, opacity = 0.9, { heading = 0, width = 2 * Math.PI } = {}) {
   const material = new MeshBasicMaterial({
     color: colour, transparent: true, opacity, depthWrite: false,
-    polygonOffset: true, polygonOffsetFactor: -2,
+    polygonOffset: true, polygonOffsetFactor: -4, polygonOffsetUnits: -4,
   });
   const ring = new Mesh(new RingGeometry(inner, outer, 48, 1, heading - (Math.PI + width) / 2, width), material);
   ring.rotation.x = -Math.PI / 2;
-  ring.position.y = 0.006;
+  ring.position.y = RING_LIFT;
   return ring;
 }
 
-/** What is seen of one agent. `boneNames` gives the order of the rotations in a frame. */
+/** What is seen of one agent. */
 export class Person {
-  constructor(agent, boneNames) {
+  /** `bodies`, `trails`: all people's; `heightAt(x, z, y)`: of the ground there. */
+  constructor(agent, { bodies, trails, heightAt }) {
     this.agent = agent;
-    this.boneNames = boneNames;
+    this.bodies = bodies;
+    this.heightAt = heightAt;
     this.x = 0;
+    this.y = 0; // of the ground
     this.z = 0;
+    this.heading = 0;
     this.height = 1.75; // metres, of the name above the head; set from the mesh
-    this.bones = null;
+    this.body = null;
+    this.shown = false; // has a body, and a pose
+    this.gone = false;
     this.group = new Group();
     this.marker = floorRing(0.36, 0.42, ACCENT);
     this.marker.visible = false;
     this.path = new Group(); // a mark for each goal ahead
+    this.way = null; // the line to the next one
     this.ahead = []; // { x, z, heading? … }
     this.passed = 0; // goals of its path that are behind it
     this.revision = 0; // of its path, as far as the server has told
     this.wanders = false; // where to, only the server knows
-    this.trail = new Trail(colourOf(agent.alias));
-    this.label = label(agent.name);
-    this.label.visible = false;
-    this.group.add(this.marker, this.path, this.trail.line, this.label);
+    this.trail = trails.begin(colourOf(agent.alias));
+    this.label = null; // made when it is first asked for
+    this.group.add(this.marker, this.path);
   }
 
-  /** Load the mesh; the person appears with its first pose. */
-  async load(url, headers = {}) {
-    const loader = new GLTFLoader().setRequestHeader(headers);
-    const { scene } = await loader.loadAsync(url);
-    scene.traverse((node) => {
-      if (!node.isSkinnedMesh) return;
-      node.castShadow = true;
-      node.frustumCulled = false; // its bounds are those of the bind pose, at the origin
-      node.geometry.computeBoundingBox();
-      const { min, max } = node.geometry.boundingBox;
-      this.height = max.y - min.y;
-    });
-    const bones = this.boneNames.map((name) => scene.getObjectByName(name));
-    const missing = this.boneNames.filter((_, index) => !bones[index]);
-    if (missing.length) throw new Error(`the body has no bone ${missing.join(", ")}`);
-    scene.visible = false;
-    this.body = scene;
-    this.bones = bones;
-    this.group.add(scene);
+  /** Load the body (`bodies.load`); the person appears with its first pose. */
+  async load(url, headers, boneNames) {
+    const body = await this.bodies.load(url, headers, boneNames);
+    if (this.gone) {
+      body.remove();
+      return;
+    }
+    this.body = body;
+    this.height = body.height;
   }
 
-  /** Show a frame: hips x, y, z, then x, y, z, w per bone. */
+  showLabel(visible) {
+    if (visible && !this.label) {
+      this.label = label(this.agent.name);
+      this.group.add(this.label);
+    }
+    if (this.label) this.label.visible = visible;
+  }
+
+  /** Show a frame: hips x, y, z, then x, y, z, w per bone, the hips' turn first. */
   pose(frame) {
     [this.x, , this.z] = frame;
-    this.marker.position.x = this.label.position.x = this.x;
-    this.marker.position.z = this.label.position.z = this.z;
-    this.label.position.y = this.height + 0.22;
-    this.trail.add(this.x, this.z);
-    if (!this.bones) return;
-    this.body.visible = true;
-    this.bones[0].position.set(frame[0], frame[1], frame[2]);
-    for (let bone = 0; bone < this.bones.length; bone += 1) {
-      this.bones[bone].quaternion.fromArray(frame, 3 + 4 * bone);
-    }
+    this.y = this.heightAt(this.x, this.z, frame[1] - 0.5);
+    this.heading = headingOf(frame, 3);
+    this.marker.position.set(this.x, this.y + RING_LIFT, this.z);
+    this.label?.position.set(this.x, this.y + this.height + 0.22, this.z);
+    this.trail.add(this.x, this.y, this.z);
+    this.body?.pose(frame);
+    this.shown = this.body !== null;
   }
 
   /** Show goals ahead; what is reached counts again once their `revision` is known. */
   showPath(goals) {
     discard(this.path.children);
+    this.showWay([]);
     this.ahead = goals;
     this.passed = 0;
     this.revision = Infinity;
@@ -95,13 +98,21 @@ export class Person {
     this.#mark(goals);
   }
 
+  /** Show the way to the next goal: a line through these points, or none. */
+  showWay(points) {
+    if (this.way) discard([this.way]);
+    this.way = points.length > 1 ? wayLine(points, colourOf(this.agent.alias)) : null;
+    if (this.way) this.group.add(this.way);
+  }
+
   /** Goal `waypoint` of the path of a revision was reached. */
   reach(revision, waypoint) {
-    const count = waypoint + 1 - this.passed;
+    const count = Math.min(waypoint + 1 - this.passed, this.ahead.length);
     if (this.wanders || revision < this.revision || count <= 0) return; // of a path before this one
-    this.passed = waypoint + 1;
+    this.passed += count;
     this.ahead = this.ahead.slice(count);
     discard(this.path.children.slice(0, count));
+    this.showWay([]);
   }
 
   #mark(goals) {
@@ -109,6 +120,9 @@ export class Person {
   }
 
   dispose() {
+    this.gone = true;
+    this.body?.remove();
+    this.trail.end();
     discard([this.group]);
   }
 }
@@ -118,46 +132,26 @@ function discard(objects) {
     object.removeFromParent();
     object.traverse((node) => {
       node.geometry?.dispose();
-      node.skeleton?.dispose();
       node.material?.map?.dispose();
       node.material?.dispose();
     });
   }
 }
 
+function wayLine(points, colour) {
+  const geometry = new BufferGeometry();
+  const places = Float32Array.from(points.flatMap(({ x, y, z }) => [x, y + WAY_LIFT, z]));
+  geometry.setAttribute("position", new BufferAttribute(places, 3));
+  return new Line(geometry, new LineBasicMaterial({ color: colour }));
+}
+
 /** A ring, with an arc before it where a heading is to be faced. */
-function goalMark({ x, z, heading }, colour) {
+function goalMark({ x, y = 0, z, heading }, colour) {
   const mark = new Group();
-  mark.position.set(x, 0, z);
+  mark.position.set(x, y, z);
   mark.add(floorRing(0.24, 0.3, colour));
   if (heading !== undefined) mark.add(floorRing(0.36, 0.46, colour, 0.9, { heading, width: 0.8 }));
   return mark;
-}
-
-class Trail {
-  constructor(colour) {
-    this.points = new Float32Array(3 * TRAIL_POINTS);
-    this.count = 0;
-    this.geometry = new BufferGeometry();
-    this.attribute = new BufferAttribute(this.points, 3).setUsage(DynamicDrawUsage);
-    this.geometry.setAttribute("position", this.attribute);
-    this.line = new Line(this.geometry, new LineBasicMaterial({ color: colour }));
-    this.line.frustumCulled = false;
-    this.line.visible = false;
-  }
-
-  add(x, z) {
-    const last = 3 * (this.count - 1);
-    if (this.count && Math.hypot(x - this.points[last], z - this.points[last + 2]) < TRAIL_STEP) return;
-    if (this.count === TRAIL_POINTS) {
-      this.points.copyWithin(0, 3);
-      this.count -= 1;
-    }
-    this.points.set([x, 0.012, z], 3 * this.count);
-    this.count += 1;
-    this.attribute.needsUpdate = true;
-    this.geometry.setDrawRange(0, this.count);
-  }
 }
 
 /** Well spread hues: steps of the golden angle. */

@@ -2,12 +2,13 @@
 
 import {
   CanvasTexture, Color, DirectionalLight, Fog, HemisphereLight, Mesh, MeshStandardMaterial,
-  OrbitControls, PCFShadowMap, PerspectiveCamera, Plane, PlaneGeometry, Raycaster, RepeatWrapping,
+  OrbitControls, PCFShadowMap, PerspectiveCamera, PlaneGeometry, Raycaster, RepeatWrapping,
   SRGBColorSpace, Scene, Vector2, Vector3, WebGLRenderer,
 } from "./vendor/three.min.js";
 
 const SKY = new Color("#dfe6ea");
-const FLOOR_SIZE = 240; // metres
+const FLOOR_SIZE = 1000; // metres
+const HOME = [5.5, 3.6, 8.5]; // of the camera, where there is no scene
 const SUN = new Vector3(5, 11, 6);
 const LOOKS = [
   { pixels: 2, shadows: true },
@@ -16,7 +17,9 @@ const LOOKS = [
 ]; // from the best to what a machine without a graphics card can do
 const SLOW_FPS = 20;
 const PATIENCE = 4; // slow readings in a row before the look is made lighter
-const SHADED = 14; // metres around the point looked at that have shadows
+const SHADED = [14, 48]; // metres around the point looked at that have shadows: from near, from afar
+const FAR = [45, 160]; // metres: where fog begins and ends, seen from near; farther off, farther
+const LEANING = 0.72; // of a view of all: how steep, 0 level, 1 straight down
 
 export class Stage {
   constructor(canvas) {
@@ -26,14 +29,13 @@ export class Stage {
     this.renderer.shadowMap.type = PCFShadowMap;
     this.scene = new Scene();
     this.scene.background = SKY;
-    this.scene.fog = new Fog(SKY, 25, 90);
-    this.camera = new PerspectiveCamera(42, 1, 0.1, 200);
-    this.camera.position.set(5.5, 3.6, 8.5);
+    this.scene.fog = new Fog(SKY, ...FAR);
+    this.camera = new PerspectiveCamera(42, 1, 0.15, 600);
     this.controls = new OrbitControls(this.camera, canvas);
-    this.controls.target.set(0, 0.9, 0);
+    this.overlook(null);
     this.controls.enableDamping = true;
     this.controls.minDistance = 1.5;
-    this.controls.maxDistance = 60;
+    this.controls.maxDistance = 150;
     this.controls.maxPolarAngle = Math.PI / 2 - 0.03;
     this.#addLight();
     this.#addFloor();
@@ -45,6 +47,10 @@ export class Stage {
 
   add(object) {
     this.scene.add(object);
+  }
+
+  remove(object) {
+    this.scene.remove(object);
   }
 
   resize() {
@@ -65,21 +71,64 @@ export class Stage {
     this.resize();
   }
 
-  /** Let the camera travel with a point of the floor, keeping its angle. */
-  follow(x, z, seconds) {
+  /** Let the camera travel with a point of the ground, keeping its angle. */
+  follow({ x, y, z }, seconds) {
     const share = 1 - Math.exp(-4 * seconds);
-    const move = new Vector3(x, 0.9, z).sub(this.controls.target).multiplyScalar(share);
+    const move = new Vector3(x, y + 0.9, z).sub(this.controls.target).multiplyScalar(share);
     this.controls.target.add(move);
     this.camera.position.add(move);
   }
 
+  /** Look at a place { x, z, size } as a whole; without one, at the middle of the floor. */
+  overlook(place) {
+    const target = new Vector3(place?.x ?? 0, 0.9, place?.z ?? 0);
+    const eye = new Vector3(...HOME);
+    if (place) {
+      const away = Math.max(8, (0.62 * place.size) / Math.tan((this.camera.fov * Math.PI) / 360));
+      eye.set(0.35, LEANING, 1 - LEANING / 2).normalize().multiplyScalar(away).add(target);
+    }
+    this.#move(eye, target, 1);
+  }
+
+  /** Let the camera come nearer to a place and what it looks at. */
+  glide(eye, target, share) {
+    this.#move(new Vector3(eye.x, eye.y, eye.z), new Vector3(target.x, target.y, target.z), share);
+    this.camera.lookAt(this.controls.target);
+  }
+
+  /** The height of the endless floor. */
+  lower(height) {
+    this.floor.position.y = height;
+  }
+
   render() {
-    this.controls.update();
-    // the shadow map covers what is looked at; whole metres, so that its texels do not swim
-    const { x, z } = this.controls.target;
-    this.sun.target.position.set(Math.round(x), 0, Math.round(z));
-    this.sun.position.copy(this.sun.target.position).add(SUN);
+    if (this.controls.enabled) this.controls.update();
+    this.#cover();
     this.renderer.render(this.scene, this.camera);
+  }
+
+  #move(eye, target, share) {
+    this.camera.position.lerp(eye, share);
+    this.controls.target.lerp(target, share);
+  }
+
+  /** Shadows where it is looked at, fog behind; in whole metres, so that texels do not swim. */
+  #cover() {
+    const { target } = this.controls;
+    const away = this.camera.position.distanceTo(target);
+    this.scene.fog.near = Math.max(FAR[0], 1.6 * away);
+    this.scene.fog.far = Math.max(FAR[1], 5 * away);
+    const reach = Math.min(SHADED[1], Math.max(SHADED[0], 4 * Math.ceil(away / 4)));
+    if (reach !== this.shaded) {
+      this.shaded = reach;
+      Object.assign(this.sun.shadow.camera, {
+        left: -reach, right: reach, top: reach, bottom: -reach, near: 1, far: 4 * reach + 40,
+      });
+      this.sun.shadow.camera.updateProjectionMatrix();
+      this.sun.shadow.normalBias = 0.0015 * reach;
+    }
+    this.sun.target.position.set(Math.round(target.x), 0, Math.round(target.z));
+    this.sun.position.copy(SUN).multiplyScalar(1 + reach / 6).add(this.sun.target.position);
   }
 
   /** Ray through a pointer event. */
@@ -92,22 +141,12 @@ export class Stage {
     return caster.ray;
   }
 
-  /** Where a ray meets the floor, or null (sky, or too far). */
-  floorPoint(ray) {
-    const point = ray.intersectPlane(new Plane(new Vector3(0, 1, 0), 0), new Vector3());
-    return point && point.distanceTo(this.camera.position) < 100 ? point : null;
-  }
-
   #addLight() {
     this.scene.add(new HemisphereLight("#ffffff", "#c9bda8", 1.5));
     this.sun = new DirectionalLight("#fff3e0", 2.2);
     this.sun.castShadow = true;
     this.sun.shadow.mapSize.set(2048, 2048);
     this.sun.shadow.radius = 3;
-    this.sun.shadow.normalBias = 0.02;
-    Object.assign(this.sun.shadow.camera, {
-      left: -SHADED, right: SHADED, top: SHADED, bottom: -SHADED, near: 1, far: 40,
-    });
     this.scene.add(this.sun, this.sun.target);
   }
 
@@ -115,10 +154,10 @@ export class Stage {
     const material = new MeshStandardMaterial({ map: floorTexture(), roughness: 1 });
     material.map.repeat.set(FLOOR_SIZE / 5, FLOOR_SIZE / 5);
     material.map.anisotropy = this.renderer.capabilities.getMaxAnisotropy();
-    const floor = new Mesh(new PlaneGeometry(FLOOR_SIZE, FLOOR_SIZE), material);
-    floor.rotation.x = -Math.PI / 2;
-    floor.receiveShadow = true;
-    this.scene.add(floor);
+    this.floor = new Mesh(new PlaneGeometry(FLOOR_SIZE, FLOOR_SIZE), material);
+    this.floor.rotation.x = -Math.PI / 2;
+    this.floor.receiveShadow = true;
+    this.scene.add(this.floor);
   }
 }
 

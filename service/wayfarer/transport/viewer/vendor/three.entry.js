@@ -1,9 +1,8 @@
 export {
-  ACESFilmicToneMapping, AmbientLight, BufferAttribute, BufferGeometry, CanvasTexture, CircleGeometry,
-  Color, DirectionalLight, DynamicDrawUsage, Fog, Group, HemisphereLight, Line, LineBasicMaterial,
-  Mesh, MeshBasicMaterial, MeshStandardMaterial, PCFShadowMap, PerspectiveCamera, Plane, PlaneGeometry,
-  Raycaster, RepeatWrapping, RingGeometry, SRGBColorSpace, Scene, Sprite, SpriteMaterial, Timer, Vector2,
-  Vector3, WebGLRenderer,
+  BufferAttribute, BufferGeometry, CanvasTexture, Color, DirectionalLight, DynamicDrawUsage, Fog, Group,
+  HemisphereLight, Line, LineBasicMaterial, LineSegments, Mesh, MeshBasicMaterial, MeshStandardMaterial,
+  PCFShadowMap, PerspectiveCamera, PlaneGeometry, Raycaster, RepeatWrapping, RingGeometry, SRGBColorSpace,
+  Scene, ShapeUtils, Skeleton, SkinnedMesh, Sphere, Sprite, SpriteMaterial, Vector2, Vector3, WebGLRenderer,
 } from "three";
 export { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 export { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";

@@ -1,0 +1,120 @@
+"""What the transport remembers of each scene: whose it is, its basis, its lease."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Final
+
+from wayfarer.config import Limits
+from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted
+from wayfarer.runtime.scenes.messages import SceneInfo
+from wayfarer.transport import scene_convert, schema
+from wayfarer.transport.basis import Axes, Basis
+from wayfarer.transport.caller import Caller, present_caller
+from wayfarer.transport.fleet import Fleet
+
+SCENE_LEASE_S: Final = 3600.0
+"""Lease of a scene that asks for none."""
+
+ID_LENGTH: Final = schema.ID_LENGTH
+
+
+@dataclass
+class OpenScene:
+    """A scene of the runtime, as its clients see it."""
+
+    scene_id: str
+    owner: str
+    basis: Basis
+    lease_s: float
+    expires_at: float  # clock's seconds, without regard to sessions
+    endpoint: schema.Endpoint | None = None
+
+    @property
+    def axes(self) -> Axes:
+        """Of its basis."""
+        return self.basis.axes
+
+    def describe(self, info: SceneInfo) -> schema.Scene:
+        """As its clients see it; `info` is its present state in the runtime."""
+        return scene_convert.scene(info, self.basis, self.lease_s, self.endpoint)
+
+
+def scene_attributes(owner: str, basis: Basis, lease_s: float) -> dict[str, str]:
+    """What the runtime keeps with a scene for the transport."""
+    return {"owner": owner, "basis": basis.value, "lease_s": repr(lease_s)}
+
+
+class SceneBook:
+    """All scenes, and who may do what with them."""
+
+    def __init__(self, limits: Limits, clock: Callable[[], float], fleet: Fleet) -> None:
+        self._limits = limits
+        self._clock = clock
+        self._fleet = fleet
+        self._scenes: dict[str, OpenScene] = {}
+        self._coming: Counter[str] = Counter()  # scenes being made, by owner
+
+    def open(self, info: SceneInfo) -> OpenScene:
+        """Enter a scene of the runtime by its attributes, with a fresh lease.
+
+        Raises InvalidArgument where its attributes are not the transport's.
+        """
+        owner, basis, lease_s = _read(info.attributes, self._limits)
+        expires_at = self._clock() + lease_s
+        scene = OpenScene(info.scene_id, owner, basis, lease_s, expires_at, self._fleet.own)
+        self._scenes[info.scene_id] = scene
+        return scene
+
+    def close(self, scene: OpenScene) -> None:
+        """Forget a scene. Safe to call twice."""
+        self._scenes.pop(scene.scene_id, None)
+
+    def scene(self, scene_id: str) -> OpenScene:
+        """A scene of the present caller, its lease renewed. Raises NotFound, Misdirected."""
+        found, caller = self._scenes.get(scene_id), present_caller()
+        if found is None:
+            self._fleet.require_own(scene_id[:ID_LENGTH])
+        if found is None or (found.owner != caller.name and not caller.is_admin):
+            name = scene_id[:ID_LENGTH]
+            raise NotFound(f"there is no scene {name!r}", "scene", name)
+        self.renew(found)
+        return found
+
+    def renew(self, scene: OpenScene) -> None:
+        """Let its lease begin anew."""
+        scene.expires_at = self._clock() + scene.lease_s
+
+    def owned(self, caller: Caller) -> list[OpenScene]:
+        """Oldest first; an admin sees all."""
+        return [s for s in self._scenes.values() if s.owner == caller.name or caller.is_admin]
+
+    def expired(self) -> list[OpenScene]:
+        """Those whose lease has ended, unless sessions are in them."""
+        now = self._clock()
+        return [scene for scene in self._scenes.values() if scene.expires_at < now]
+
+    @contextmanager
+    def room(self, caller: Caller) -> Iterator[None]:
+        """Room for a scene that is being made. Raises ResourceExhausted."""
+        own = sum(scene.owner == caller.name for scene in self._scenes.values())
+        most = self._limits.scenes_per_caller
+        if own + self._coming[caller.name] >= most:
+            raise ResourceExhausted(
+                f"{caller.name!r} has {own} scenes and may have {most}; delete one first"
+            )
+        self._coming[caller.name] += 1
+        try:
+            yield
+        finally:
+            self._coming -= Counter([caller.name])  # keeps none that are 0
+
+
+def _read(found: Mapping[str, str], limits: Limits) -> tuple[str, Basis, float]:
+    """Owner, basis, lease. Raises InvalidArgument."""
+    try:
+        owner, basis, lease_s = found["owner"], Basis(found["basis"]), float(found["lease_s"])
+    except (KeyError, ValueError):
+        raise InvalidArgument("the scene was not made by this kind of server") from None
+    return owner, basis, min(lease_s, limits.lease_s)

@@ -1,0 +1,215 @@
+"""Scenes, their obstacles, ways through them, and the people who live there."""
+
+import asyncio
+import contextlib
+import secrets
+from collections.abc import AsyncIterator, Callable
+from hashlib import sha256
+from typing import Final
+
+import structlog
+
+from wayfarer.errors import (
+    FailedPrecondition,
+    InvalidArgument,
+    NotFound,
+    Unavailable,
+)
+from wayfarer.navigation.examples import EXAMPLES
+from wayfarer.navigation.spec import MeshFile, SceneSpec
+from wayfarer.runtime.scenes.messages import SceneWish
+from wayfarer.transport import convert, scene_convert, schema
+from wayfarer.transport.caller import Scope, present_caller
+from wayfarer.transport.gateway.scene_book import SCENE_LEASE_S, scene_attributes
+from wayfarer.transport.gateway.shared import Shared, needs
+from wayfarer.transport.gateway.uploads import Uploads
+
+log = structlog.get_logger(__name__)
+
+DATA: Final = "data"
+"""The field that holds a mesh, in errors."""
+
+NewScene = schema.NewScene | schema.NewExampleScene
+
+
+class SceneApi:
+    """SceneService."""
+
+    def __init__(self, shared: Shared) -> None:
+        self._shared = shared
+        self._uploads = Uploads(shared.limits.mesh_bytes)
+
+    @needs(Scope.CONTROL)
+    async def create(self, wish: schema.NewScene) -> schema.Scene:
+        """Make a scene. Raises InvalidArgument, Aborted, ResourceExhausted, Unavailable."""
+        self._shared.require_ready()
+
+        async def make() -> schema.Scene:
+            with scene_convert.fields_named(wish.solids):
+                return await self._create(wish, wish.name, lambda: scene_convert.scene_spec(wish))
+
+        return await self._shared.replies.once(wish.request_id, ("CreateScene", wish), make)
+
+    @needs(Scope.CONTROL)
+    async def create_from_mesh(
+        self, wish: schema.MeshScene, pieces: AsyncIterator[bytes]
+    ) -> schema.Scene:
+        """Make a scene from a file that comes in pieces. Raises as `create`."""
+        self._shared.require_ready()
+        scene = wish.scene
+        async with self._uploads.received(pieces, DATA) as data:
+            # so that the same id with another file is another request
+            digest = await asyncio.to_thread(lambda: sha256(data).hexdigest())
+
+            def mesh() -> MeshFile:
+                return scene_convert.mesh_file(wish.mesh, scene.basis, data)
+
+            async def make() -> schema.Scene:
+                with scene_convert.fields_named(scene.solids):
+                    return await self._create(
+                        scene, scene.name, lambda: scene_convert.scene_spec(scene, mesh())
+                    )
+
+            where = f"CreateMeshScene {digest}"
+            return await self._shared.replies.once(scene.request_id, (where, wish), make)
+
+    @needs(Scope.READ)
+    def examples(self) -> schema.ExampleScenes:
+        """The scenes that come with the server."""
+        return schema.ExampleScenes(
+            examples=tuple(
+                schema.ExampleScene(name=name, summary=(make.__doc__ or "").strip())
+                for name, make in EXAMPLES.items()
+            )
+        )
+
+    @needs(Scope.CONTROL)
+    async def create_example(self, name: str, wish: schema.NewExampleScene) -> schema.Scene:
+        """Make one of them. Raises NotFound, otherwise as `create`."""
+        self._shared.require_ready()
+        if name not in EXAMPLES:
+            known, short = ", ".join(EXAMPLES), name[: schema.ID_LENGTH]
+            raise NotFound(f"there is no example {short!r}; there are {known}", "example", short)
+        return await self._shared.replies.once(
+            wish.request_id,
+            (f"CreateExampleScene {name}", wish),
+            lambda: self._create(wish, name, EXAMPLES[name]),
+        )
+
+    async def _create(
+        self, wish: NewScene, name: str, spec: Callable[[], SceneSpec]
+    ) -> schema.Scene:
+        caller, limits, service = present_caller(), self._shared.limits, self._shared.service
+        lease_s = min(SCENE_LEASE_S, limits.lease_s) if wish.lease_s is None else wish.lease_s
+        if lease_s > limits.lease_s:
+            raise InvalidArgument(f"from 1 to {limits.lease_s:g} s, not {lease_s:g}", "lease_s")
+        with self._shared.scenes.room(caller):
+            attributes = scene_attributes(caller.name, wish.basis, lease_s)
+            made = SceneWish(await asyncio.to_thread(spec), name, attributes)
+            info = await service.create_scene(made)
+            return self._shared.scenes.open(info).describe(info)
+
+    @needs(Scope.READ)
+    async def get(self, scene_id: str) -> schema.Scene:
+        """Describe a scene. Raises NotFound."""
+        scene = self._shared.scenes.scene(scene_id)
+        return scene.describe(await self._shared.service.get_scene(scene_id))
+
+    @needs(Scope.READ)
+    async def list_own(self) -> schema.Scenes:
+        """The caller's, oldest first; an admin sees all. Renews no lease."""
+        infos = {info.scene_id: info for info in await self._shared.service.list_scenes()}
+        owned = self._shared.scenes.owned(present_caller())
+        return schema.Scenes(
+            scenes=tuple(s.describe(infos[s.scene_id]) for s in owned if s.scene_id in infos)
+        )
+
+    @needs(Scope.CONTROL)
+    async def delete(self, scene_id: str) -> None:
+        """Remove a scene. Raises NotFound, FailedPrecondition."""
+        scene = self._shared.scenes.scene(scene_id)
+        await self._shared.service.delete_scene(scene_id)
+        self._shared.scenes.close(scene)
+
+    @needs(Scope.CONTROL)
+    async def put_obstacle(
+        self, scene_id: str, name: str, wish: schema.Obstacle
+    ) -> schema.SceneVersion:
+        """Let it stand there, or move there.
+
+        Raises NotFound, InvalidArgument, ResourceExhausted, FailedPrecondition.
+        """
+        scene = self._shared.scenes.scene(scene_id)
+        with scene_convert.fields_named(obstacle=wish):
+            made = scene_convert.obstacle(wish, scene.axes)
+            info = await self._shared.service.put_obstacle(scene_id, name, made)
+        return scene_convert.scene_version(info)
+
+    @needs(Scope.CONTROL)
+    async def remove_obstacle(self, scene_id: str, name: str) -> schema.SceneVersion:
+        """Take it away. Raises NotFound."""
+        self._shared.scenes.scene(scene_id)
+        info = await self._shared.service.remove_obstacle(scene_id, name)
+        return scene_convert.scene_version(info)
+
+    @needs(Scope.READ)
+    async def query_path(self, scene_id: str, wish: schema.PathQuery) -> schema.ScenePath:
+        """The way that an agent would take. Raises NotFound, InvalidArgument, Unreachable."""
+        scene = self._shared.scenes.scene(scene_id)
+        start, goal = (convert.place(p, scene.axes) for p in (wish.start, wish.goal))
+        with scene_convert.in_basis(scene.axes), scene_convert.fields_named():
+            way = await self._shared.service.query_path(scene_id, start, goal)
+        return scene_convert.scene_path(way, scene.axes)
+
+    @needs(Scope.READ)
+    async def outlines(self, scene_id: str) -> schema.SceneOutlines:
+        """To draw it. Raises NotFound."""
+        scene = self._shared.scenes.scene(scene_id)
+        found = await self._shared.service.scene_outlines(scene_id)
+        return await asyncio.to_thread(scene_convert.outlines, found, scene.axes)
+
+    @needs(Scope.READ)
+    async def picture(self, scene_id: str) -> bytes:
+        """From above, PNG. Raises NotFound."""
+        self._shared.scenes.scene(scene_id)
+        return await self._shared.service.scene_picture(scene_id)
+
+    @needs(Scope.CONTROL)
+    async def populate(self, session_id: str, wish: schema.Crowd) -> schema.CrowdCame:
+        """Let people come and go. Raises NotFound, FailedPrecondition, ResourceExhausted, …"""
+        self._shared.require_ready()
+        session = self._shared.book.session(session_id)
+        if not session.scene:
+            raise FailedPrecondition(
+                "the session is in no scene; name one when you create it, as `scene`"
+            )
+        most = self._shared.limits.agents_per_session
+        if wish.count > most:
+            raise InvalidArgument(f"is {wish.count}; allowed: {most}", "count")
+        self._shared.book.require_room(present_caller(), wish.count)
+        crowd = scene_convert.crowd(wish, session.basis, secrets.randbits(32))
+        came = await self._shared.service.populate(session_id, crowd)
+        return schema.CrowdCame(came=came)
+
+    async def take_over(self) -> None:
+        """Enter the scenes that the runtime has kept over a restart."""
+        for info in await self._shared.service.list_scenes():
+            try:
+                self._shared.scenes.open(info)
+            except InvalidArgument as error:
+                log.error("scene not taken over", scene_id=info.scene_id, reason=str(error))
+                with contextlib.suppress(FailedPrecondition):
+                    await self._shared.service.delete_scene(info.scene_id)
+
+    async def end_expired(self) -> None:
+        """Remove the scenes whose lease has run out and that no session is in."""
+        for scene in self._shared.scenes.expired():
+            try:
+                await self._shared.service.delete_scene(scene.scene_id)
+            except FailedPrecondition:  # sessions are in it
+                self._shared.scenes.renew(scene)
+                continue
+            except (NotFound, Unavailable):  # its client or the end was quicker
+                pass
+            log.info("lease ended", scene_id=scene.scene_id, lease_s=scene.lease_s)
+            self._shared.scenes.close(scene)

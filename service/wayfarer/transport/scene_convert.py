@@ -1,0 +1,273 @@
+"""Schema ↔ runtime for scenes: values in the basis of a scene ↔ messages in world space."""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.errors import InvalidArgument, Unreachable
+from wayfarer.navigation import spec as world
+from wayfarer.runtime.scenes import messages as runtime
+from wayfarer.transport import convert, schema
+from wayfarer.transport.basis import Axes, Basis
+
+DECIMALS = 4
+"""Of the numbers that are there to be drawn."""
+
+Array = NDArray[np.floating[Any]]
+Shape = schema.Box | schema.Cylinder | schema.Prism | schema.Ramp
+
+
+def scene_spec(wish: schema.NewScene, mesh: world.MeshFile | None = None) -> world.SceneSpec:
+    """What is baked. Takes some time for a large scene."""
+    axes = wish.basis.axes
+    return world.SceneSpec(
+        floors=tuple(_floor(floor, axes) for floor in wish.floors),
+        solids=tuple(_solid(shape_of(solid), axes) for solid in wish.solids),
+        mesh=mesh,
+        walkable=_walkable(wish.walkable, axes),
+        entries=tuple(convert.place(entry, axes) for entry in wish.entries),
+    )
+
+
+def mesh_file(wish: schema.Mesh, basis: Basis, data: bytes) -> world.MeshFile:
+    """A file whose coordinates are in the basis it declares, by default that of the scene."""
+    usual = Basis.GLTF if wish.format is schema.MeshFormat.GLB else basis
+    axes = (wish.basis or usual).axes
+    x, y, z = ((float(a), float(b), float(c)) for a, b, c in axes.matrix.T)
+    unit = axes.metres_per_unit if wish.unit is None else wish.unit
+    return world.MeshFile(data, wish.format.value, (x, y, z), unit)
+
+
+def obstacle(wish: schema.Obstacle, axes: Axes) -> world.Obstacle:
+    """What is put into the scene."""
+    made = _solid(shape_of(wish), axes)
+    assert not isinstance(made, world.Ramp)
+    return made
+
+
+def shape_of(wish: schema.Solid | schema.Obstacle) -> Shape:
+    """The one shape that is given."""
+    _, shape = wish.given
+    assert isinstance(shape, Shape)
+    return shape
+
+
+def crowd(wish: schema.Crowd, basis: Basis, seed: int) -> runtime.Crowd:
+    """The crowd in world space; `seed` where the client has named none. Raises InvalidArgument."""
+    usual = runtime.Crowd(wish.count)
+    axes = basis.axes
+    speeds = [
+        default if given is None else axes.length_to_core(given)
+        for given, default in zip((wish.min_speed, wish.max_speed), usual.speed, strict=True)
+    ]
+    dwells = [
+        default if given is None else given
+        for given, default in zip((wish.min_dwell, wish.max_dwell), usual.dwell, strict=True)
+    ]
+    for name, (least, most) in (("speed", speeds), ("dwell", dwells)):
+        if least > most:
+            raise InvalidArgument(
+                f"min_{name} is {least:g} and max_{name} {most:g}: the least is not above the most",
+                f"min_{name}",
+            )
+    return runtime.Crowd(
+        count=wish.count,
+        seed=seed if wish.seed is None else wish.seed,
+        speed=(speeds[0], speeds[1]),
+        dwell=(dwells[0], dwells[1]),
+        spawn_rate=wish.spawn_rate,
+        stay=wish.stay,
+    )
+
+
+def scene(
+    info: runtime.SceneInfo, basis: Basis, lease_s: float, endpoint: schema.Endpoint | None
+) -> schema.Scene:
+    """A scene as its client sees it."""
+    axes = basis.axes
+    x0, y0, x1, y1 = info.bounds
+    corners = axes.points_to_wire(np.array([[x0, y0, 0.0], [x1, y1, 0.0]]))
+    return schema.Scene(
+        scene_id=info.scene_id,
+        name=info.name,
+        basis=convert.basis_info(basis),
+        content_hash=info.content_hash,
+        version=info.version,
+        area_m2=info.area,
+        islands=info.islands,
+        min=_vector(corners.min(0)),
+        max=_vector(corners.max(0)),
+        obstacles=tuple(
+            schema.NamedObstacle(name=name, obstacle=_obstacle_to_wire(found, axes))
+            for name, found in info.obstacles.items()
+        ),
+        sessions=info.sessions,
+        created_at_us=convert.microseconds(info.created_at),
+        bake_s=info.bake_s,
+        lease_s=lease_s,
+        endpoint=endpoint,
+    )
+
+
+def scene_version(info: runtime.SceneInfo) -> schema.SceneVersion:
+    """What a change has made of it."""
+    return schema.SceneVersion(version=info.version, area_m2=info.area, islands=info.islands)
+
+
+def scene_path(way: runtime.Way, axes: Axes) -> schema.ScenePath:
+    """A way as its client sees it."""
+    return schema.ScenePath(
+        points=tuple(_vector(p) for p in axes.points_to_wire(np.array(way.points))),
+        length=axes.length_to_wire(way.length),
+        start_moved=axes.length_to_wire(way.start_moved),
+        goal_moved=axes.length_to_wire(way.goal_moved),
+        version=way.version,
+    )
+
+
+def outlines(found: runtime.Outlines, axes: Axes) -> schema.SceneOutlines:
+    """A scene to be drawn. Takes some time for a large one."""
+    return schema.SceneOutlines(
+        walkable=tuple(
+            schema.Polygon(
+                outline=_flat(rings[0], axes),
+                holes=tuple(schema.Ring(points=_flat(ring, axes)) for ring in rings[1:]),
+            )
+            for rings in found.walkable
+        ),
+        vertices=_flat(found.vertices, axes),
+        triangles=tuple(index for triangle in found.triangles for index in triangle),
+        solids=tuple(_block(block, axes) for block in found.solids),
+        obstacles=tuple(_block(block, axes, name) for name, block in found.obstacles.items()),
+        version=found.version,
+    )
+
+
+@contextmanager
+def in_basis(axes: Axes) -> Iterator[None]:
+    """Tell of places that cannot be reached in this basis."""
+    try:
+        yield
+    except Unreachable as error:
+        nearest = _vector(axes.points_to_wire(np.array(error.nearest)))
+        raise Unreachable(
+            "no way leads to the goal; the nearest place that can be reached is "
+            f"({nearest.x:.2f}, {nearest.y:.2f}, {nearest.z:.2f})",
+            (nearest.x, nearest.y, nearest.z),
+        ) from None
+
+
+@contextmanager
+def fields_named(
+    solids: Sequence[schema.Solid] = (), obstacle: schema.Obstacle | None = None
+) -> Iterator[None]:
+    """Name fields as the client has them: the runtime knows `center`, `yaw` and world axes."""
+    try:
+        yield
+    except InvalidArgument as error:
+        field = _client_field(error.field, solids, obstacle)
+        text = str(error).replace(error.field, field) if error.field else str(error)
+        raise InvalidArgument(text, field) from None
+
+
+_SOLID = re.compile(r"(solids\[(\d+)\]|obstacle)\.(\w+)(\[\d+\])?.*")
+_RENAMED: Mapping[type, Mapping[str, str]] = {
+    schema.Box: {"center": "position", "bottom": "position", "height": "size", "yaw": "heading"},
+    schema.Ramp: {"center": "position", "bottom": "position", "height": "size", "yaw": "heading"},
+    schema.Cylinder: {"center": "position", "bottom": "position"},
+    schema.Prism: {},
+}
+
+
+def _client_field(
+    field: str, solids: Sequence[schema.Solid], obstacle: schema.Obstacle | None
+) -> str:
+    """`solids[3].yaw` → `solids[3].box.heading`; `entries[0][1]` → `entries[0]`; …"""
+    if field == "mesh.data":
+        return "data"
+    found = _SOLID.fullmatch(field)
+    if found is None:
+        field = re.sub(r"(\.holes\[\d+\])", r"\1.points", field)
+        return re.sub(r"(\]|start|goal)\[\d+\]$", r"\1", field)
+    wish = obstacle if found[1] == "obstacle" else solids[int(found[2])]
+    if wish is None:
+        return field
+    kind, shape = wish.given
+    name = _RENAMED[type(shape)].get(found[3], found[3])
+    place = found[4] if name == "outline" and found[4] else ""
+    return f"{found[1]}.{kind}.{name}{place}"
+
+
+def _floor(wish: schema.Floor, axes: Axes) -> world.Floor:
+    return world.Floor(
+        outline=_ring(wish.outline, axes),
+        holes=tuple(_ring(hole.points, axes) for hole in wish.holes),
+        height=axes.length_to_core(wish.height),
+    )
+
+
+def _ring(points: Iterable[schema.Vector3], axes: Axes) -> world.Ring:
+    found = axes.points_to_core(np.array([(p.x, p.y, p.z) for p in points]))
+    return tuple((x, y) for x, y, _ in found.tolist())
+
+
+def _solid(wish: Shape, axes: Axes) -> world.Solid:
+    if isinstance(wish, schema.Prism):
+        height, bottom = axes.length_to_core(wish.height), axes.length_to_core(wish.bottom)
+        return world.Prism(_ring(wish.outline, axes), height, bottom)
+    x, y, bottom = convert.place(wish.position, axes)
+    if isinstance(wish, schema.Cylinder):
+        radius, height = axes.length_to_core(wish.radius), axes.length_to_core(wish.height)
+        return world.Cylinder((x, y), radius, height, bottom)
+    size = np.array([wish.size.x, wish.size.y, wish.size.z])
+    width, depth, height = (float(v) for v in np.abs(axes.points_to_core(size)))
+    kind = world.Box if isinstance(wish, schema.Box) else world.Ramp
+    return kind((x, y), (width, depth), height, axes.heading_to_core(wish.heading), bottom)
+
+
+def _walkable(wish: schema.Walkable, axes: Axes) -> world.Walkable:
+    given = wish.model_dump(exclude_none=True)
+    lengths = {"radius", "step_height", "height"} & given.keys()
+    return world.Walkable(**{**given, **{k: axes.length_to_core(given[k]) for k in lengths}})
+
+
+def _obstacle_to_wire(found: world.Obstacle, axes: Axes) -> schema.Obstacle:
+    height, bottom = axes.length_to_wire(found.height), found.bottom
+    if isinstance(found, world.Prism):
+        ring = axes.points_to_wire(np.array([(x, y, bottom) for x, y in found.outline]))
+        outline, foot = tuple(_vector(p) for p in ring), axes.length_to_wire(bottom)
+        return schema.Obstacle(prism=schema.Prism(outline=outline, bottom=foot, height=height))
+    position = _vector(axes.points_to_wire(np.array([*found.center, bottom])))
+    if isinstance(found, world.Cylinder):
+        radius = axes.length_to_wire(found.radius)
+        made = schema.Cylinder(position=position, radius=radius, height=height)
+        return schema.Obstacle(cylinder=made)
+    x, y, z = (float(v) for v in np.abs(axes.points_to_wire(np.array([*found.size, found.height]))))
+    heading = axes.heading_to_wire(found.yaw)
+    size = schema.Extents(x=x, y=y, z=z)
+    return schema.Obstacle(box=schema.Box(position=position, size=size, heading=heading))
+
+
+def _block(block: runtime.Block, axes: Axes, name: str = "") -> schema.Block:
+    return schema.Block(
+        top=_flat(block.top, axes), bottom=axes.length_to_wire(block.bottom), name=name
+    )
+
+
+def _flat(points: Sequence[Sequence[float]], axes: Axes) -> tuple[float, ...]:
+    """Points of two or three coordinates, as numbers one after the other, three of each."""
+    if not points:
+        return ()
+    found = np.array(points, dtype=float)
+    found = np.pad(found, ((0, 0), (0, 3 - found.shape[1])))
+    wire = np.round(axes.points_to_wire(found), DECIMALS) + 0.0  # + 0.0: no negative zero
+    return tuple(wire.ravel().tolist())
+
+
+def _vector(values: Array) -> schema.Vector3:
+    x, y, z = (float(value) + 0.0 for value in values)
+    return schema.Vector3(x=x, y=y, z=z)

@@ -1,0 +1,127 @@
+"""Shapes of which scenes are made. Points and lengths are in the basis of the scene."""
+
+from typing import Annotated, Final
+
+from pydantic import ConfigDict, Field, JsonValue
+
+from wayfarer.navigation.spec import MAX_OBSTACLE_RING, MAX_RING, MAX_SOLIDS
+from wayfarer.transport.schema.base import Float, Many, Message, OneOf, Vector3
+
+Corners = Annotated[
+    Many[Vector3],
+    Field(
+        min_length=3,
+        max_length=MAX_RING,
+        description="corners in order, either way round; the component along up is ignored",
+    ),
+]
+Heading = Annotated[
+    Float,
+    Field(
+        ge=-100,
+        le=100,
+        description="by how much it is turned: radians about up, as an agent's heading",
+    ),
+]
+Base = Annotated[Vector3, Field(description="the middle of its base")]
+
+
+class Extents(Message):
+    """Lengths along the axes of the basis."""
+
+    x: Float = Field(gt=0)
+    y: Float = Field(gt=0)
+    z: Float = Field(gt=0)
+
+
+Size = Annotated[
+    Extents,
+    Field(description="extents along the axes of the basis, before it is turned; 0.01 to 500 m"),
+]
+Height = Annotated[Float, Field(description="extent along up; 0.01 to 500 m")]
+
+CRATE: Final[JsonValue] = {
+    "box": {"position": {"x": 0, "y": 0, "z": 3}, "size": {"x": 2, "y": 1, "z": 1}}
+}
+
+
+class Outline(Message):
+    """A closed line seen from above."""
+
+    points: Corners
+
+
+class Floor(Message):
+    """A level piece of ground."""
+
+    outline: Corners
+    holes: Many[Outline] = Field(default=(), max_length=MAX_SOLIDS, description="inside of it")
+    height: Float = Field(default=0.0, description="its component along up")
+
+
+class Box(Message):
+    """A box, standing upright."""
+
+    position: Base
+    size: Size
+    heading: Heading = 0.0
+
+
+class Cylinder(Message):
+    """A cylinder, standing upright."""
+
+    position: Base
+    radius: Float = Field(description="0.005 to 500 m")
+    height: Height
+
+
+class Prism(Message):
+    """An outline raised along up."""
+
+    outline: Corners
+    bottom: Float = Field(default=0.0, description="height of its base")
+    height: Height
+
+
+class Ramp(Message):
+    """A wedge that can be walked up: it rises along the basis's forward before it is turned."""
+
+    position: Base
+    size: Size
+    heading: Heading = 0.0
+
+
+class Solid(OneOf):
+    """Something that stands in a scene for good: ground where it can be stepped on."""
+
+    box: Box | None = None
+    cylinder: Cylinder | None = None
+    prism: Prism | None = None
+    ramp: Ramp | None = None
+
+
+class Obstacle(OneOf):
+    """Something that comes and goes: always in the way."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [CRATE]})
+
+    box: Box | None = None
+    cylinder: Cylinder | None = None
+    prism: Prism | None = Field(default=None, description=f"of at most {MAX_OBSTACLE_RING} points")
+
+
+class Walkable(Message):
+    """Who walks in a scene. What is absent takes its default."""
+
+    radius: Float | None = Field(
+        default=None, description="from the middle of an agent to walls and edges; to 5 m; 0.3 m"
+    )
+    step_height: Float | None = Field(
+        default=None, description="up or down in one step; to 1 m; 0.25 m"
+    )
+    slope_deg: Float | None = Field(
+        default=None, description="steeper ground is a wall; degrees, to 60; 40"
+    )
+    height: Float | None = Field(
+        default=None, description="free above the ground; 0.5 to 5 m; 1.9 m"
+    )

@@ -1,0 +1,174 @@
+// What people are told to do: where to go, whom to follow. Throws what the server refuses.
+
+import { onFloor } from "./api.js";
+import { dragHeading, escort, formation, othersThan, recipients } from "./choices.js";
+import { mention, tell } from "./hud.js";
+
+const WANDER_RADIUS = 9; // metres around the middle, where there is no scene
+const WAYS = 8; // people at most whose ways are asked for and drawn at a time
+const NEAR = 0.05; // metres that a goal may be moved without a word
+
+export class Errands {
+  /**
+   * `ask()` gives { mode, selected, speed }: who is meant by a click, and how fast they go;
+   * `heightAt(x, z, y)` is the ground's height; `scene()` the scene's id, or "".
+   */
+  constructor(api, crowd, { ask, heightAt, scene }) {
+    Object.assign(this, { api, crowd, ask, heightAt, scene });
+    this.wandering = false;
+    this.roaming = new Set(); // who walks about because of it
+    this.lastSent = []; // those whose path a further waypoint belongs to
+  }
+
+  /** Send people to a point; with `further`, when they have been where they were sent before. */
+  async send(point, how = {}, further = false) {
+    const { speed } = this.ask();
+    const present = this.lastSent.filter((person) => this.crowd.people.includes(person));
+    const onward = further && present.length > 0;
+    this.lastSent = onward ? present : this.#meant(point);
+    const places = formation(point, this.lastSent.length);
+    await Promise.all(this.lastSent.map((person, k) => {
+      const y = this.heightAt(places[k].x, places[k].z, point.y ?? 0);
+      const goal = { ...places[k], y, ...how, speed };
+      return onward && person.ahead.length ? this.#walkOn(person, goal) : this.#walk(person, goal);
+    }));
+    await this.showWays(this.lastSent);
+  }
+
+  async stop(people) {
+    for (const person of people) {
+      person.wanders = false;
+      person.showPath([]);
+    }
+    await Promise.all(people.map((person) => this.api.clearGoal(person.agent.id)));
+  }
+
+  /** Everybody without a goal walks about: call it now and then while it is so. */
+  async wander() {
+    if (!this.wandering) return;
+    const idle = this.crowd.people.filter((person) => !person.wanders && !person.ahead.length);
+    const how = { speed: this.ask().speed };
+    for (const person of idle) {
+      person.wanders = true;
+      this.roaming.add(person);
+    }
+    await Promise.all(idle.map(({ agent }) => (
+      this.scene() ? this.api.roam(agent.id, how) : this.api.wander(agent.id, { x: 0, z: 0 }, WANDER_RADIUS, how)
+    )));
+  }
+
+  async endWandering() {
+    this.wandering = false;
+    const roaming = this.crowd.people.filter((person) => person.wanders && this.roaming.has(person));
+    this.roaming.clear();
+    await this.stop(roaming);
+  }
+
+  /** To and fro between points. */
+  async patrol(points) {
+    const { speed } = this.ask();
+    const people = this.#meant(points[0]);
+    const goals = points.map((point) => onFloor({ ...point, speed }));
+    await this.#busy(people, "patrol", () => ({ patrol: { goals, to_and_fro: true } }));
+  }
+
+  async follow(leader) {
+    const followers = this.#others(leader);
+    const said = followers.length > 1 ? "follow" : "follows";
+    await this.#busy(followers, `${said} ${leader.agent.name}`, (k) => ({ follow: { agent_id: leader.agent.id, ...escort(k) } }));
+  }
+
+  async keepAway(from) {
+    const shy = this.#others(from);
+    const said = shy.length > 1 ? "keep" : "keeps";
+    await this.#busy(shy, `${said} away from ${from.agent.name}`, () => ({ keep_away: { agent_id: from.agent.id } }));
+  }
+
+  /** One behind the other, the first at a point, facing it from where they are. */
+  async queue(point) {
+    const { speed } = this.ask();
+    const people = this.#meant(point);
+    const mean = (axis) => people.reduce((sum, person) => sum + person[axis], 0) / people.length;
+    const heading = dragHeading({ x: mean("x"), z: mean("z") }, point) ?? 0;
+    const name = `at ${point.x.toFixed(1)}, ${point.z.toFixed(1)}`;
+    await this.#busy(people, "queue up", () => ({ queue: { name, head: point, heading, speed } }));
+  }
+
+  /** Draw again what has changed with the scene. */
+  replan() {
+    return this.showWays(this.lastSent.filter((person) => this.crowd.people.includes(person)));
+  }
+
+  /** Draw the ways of people to their next goals, and say where a goal could not be reached. */
+  async showWays(people) {
+    const scene = this.scene();
+    if (!scene) return;
+    await Promise.all(people.filter(({ ahead }) => ahead.length).slice(0, WAYS).map(async (person) => {
+      const [goal] = person.ahead;
+      try {
+        const { x, y, z } = person;
+        const way = await this.api.queryPath(scene, { x, y, z }, { x: goal.x, y: goal.y ?? 0, z: goal.z });
+        if (person.ahead[0] !== goal) return; // sent elsewhere meanwhile
+        person.showWay(way.points);
+        if (way.goal_moved > NEAR && !goal.moved) {
+          goal.moved = true;
+          mention(`${person.agent.name} goes to the nearest free place, ${way.goal_moved.toFixed(1)} m from there`);
+        }
+      } catch (error) {
+        person.showWay([]);
+        if (!isUnreachable(error)) throw error; // an event tells of it, and the agent waits
+      }
+    }));
+  }
+
+  async #walk(person, goal) {
+    person.wanders = false;
+    person.showPath([goal]);
+    try {
+      person.revision = (await this.api.setPath(person.agent.id, [goal])).revision;
+    } catch (error) {
+      person.showPath([]);
+      if (!isUnreachable(error)) throw error;
+      tell(`${person.agent.name} stays: no way leads there`, true);
+    }
+  }
+
+  /** One goal more; without a heading to face there it is passed through. */
+  async #walkOn(person, goal) {
+    const further = "heading" in goal ? goal : { ...goal, stop: false };
+    person.extendPath([further]);
+    await this.api.appendGoals(person.agent.id, [further]);
+  }
+
+  /** Tell people something that goes on by itself: person `k` does `behaviour(k)`. */
+  async #busy(people, said, behaviour) {
+    for (const person of people) {
+      person.showPath([]);
+      person.wanders = true;
+      this.roaming.delete(person);
+    }
+    this.lastSent = [];
+    await Promise.all(people.map(({ agent }, k) => this.api.behave(agent.id, behaviour(k))));
+    if (people.length) mention(`${people.length > 1 ? `${people.length} people` : people[0].agent.name} ${said}`);
+  }
+
+  #meant(point) {
+    const { mode, selected } = this.ask();
+    return this.#some(recipients(mode, this.crowd.people, selected, point), "Select a person first, or send the nearest or all");
+  }
+
+  #others(person) {
+    const { mode, selected } = this.ask();
+    return this.#some(othersThan(person, mode, this.crowd.people, selected), "Nobody else is meant: select somebody first, or choose all");
+  }
+
+  #some(people, hint) {
+    if (!people.length) tell(this.crowd.people.length ? hint : "Add people first", true);
+    return people;
+  }
+}
+
+/** Whether the server refused because no way leads there. */
+export function isUnreachable(error) {
+  return error.problem?.type === "urn:wayfarer:unreachable";
+}

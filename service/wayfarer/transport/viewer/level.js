@@ -1,0 +1,209 @@
+// A scene on the stage: its walkable ground, what stands there for good, and what has been put there.
+
+import {
+  BufferAttribute, BufferGeometry, Color, GLTFLoader, Group, LineBasicMaterial, LineSegments, Mesh,
+  MeshStandardMaterial, ShapeUtils, Vector2,
+} from "./vendor/three.min.js";
+import { blockMeets, Ground, planePoint, pointOn } from "./ground.js";
+import { blockMesh, extentOf, outlineOf } from "./shapes.js";
+
+const GROUND = "#dde2da";
+const RIM = "#8fa89b";
+const EDGE = "#5f5a52";
+const STONE = ["#d8cdbd", "#cfc6ba", "#dcd2c6", "#c9c1b4", "#d5c7b4"]; // what stands there for good
+const WOOD = "#b98a5a";
+const CHOSEN = "#0b7285";
+const SIGHT = 300; // metres: what is farther off is not meant
+const SEE_THROUGH = 0.12; // opacity of what hides the place looked at
+const HEADROOM = 1.4; // metres over the place looked at: what is lower does not hide it
+const MODEL_SINK = 0.03; // metres that the floor lies under a level that has a floor of its own
+
+/** Shows `Outlines` (scenes.js), one at a time. */
+export class Level {
+  constructor() {
+    this.group = new Group();
+    this.ground = null;
+    this.extent = null;
+    this.obstacles = new Map(); // name → block
+    this.solids = [];
+    this.model = null;
+    this.chosen = null; // name of an obstacle
+    this.floor = new Mesh(new BufferGeometry(), new MeshStandardMaterial({
+      color: GROUND, roughness: 1, polygonOffset: true, polygonOffsetFactor: -1, polygonOffsetUnits: -1,
+    }));
+    this.floor.receiveShadow = true;
+    this.rim = new LineSegments(new BufferGeometry(), new LineBasicMaterial({ color: RIM }));
+    this.fixed = new Blocks();
+    this.loose = new Blocks();
+    this.group.add(this.floor, this.rim, this.fixed.group, this.loose.group);
+    this.clear();
+  }
+
+  clear() {
+    this.show({ vertices: [], triangles: [], solids: [], obstacles: new Map() });
+    this.#setModel(null);
+    this.ground = null;
+    this.extent = null;
+    this.group.visible = false;
+  }
+
+  show({ vertices, triangles, solids, obstacles }) {
+    this.group.visible = true;
+    this.ground = new Ground(vertices, triangles);
+    this.extent = extentOf(vertices);
+    this.#drawGround(vertices, triangles);
+    if (!same(solids, this.solids)) {
+      this.solids = solids;
+      this.fixed.show(solids, (_, k) => STONE[k % STONE.length]);
+    }
+    this.showObstacles(obstacles);
+  }
+
+  /** Obstacles as they are to be, before the server has told the ground without them. */
+  showObstacles(obstacles) {
+    this.obstacles = obstacles;
+    if (!obstacles.has(this.chosen)) this.chosen = null;
+    const names = [...obstacles.keys()];
+    this.loose.show([...obstacles.values()], (_, k) => (names[k] === this.chosen ? CHOSEN : WOOD));
+  }
+
+  choose(name) {
+    this.chosen = name;
+    this.showObstacles(this.obstacles);
+  }
+
+  showWalkable(visible) {
+    this.floor.visible = this.rim.visible = visible;
+  }
+
+  /** Draw the file that the scene was made of (GLB bytes), too. */
+  async showModel(bytes) {
+    const { scene } = await new GLTFLoader().parseAsync(bytes, "");
+    scene.traverse((node) => {
+      if (node.isMesh) node.castShadow = node.receiveShadow = true;
+    });
+    this.#setModel(scene);
+  }
+
+  /** Height at which the stage's endless floor should lie. */
+  get base() {
+    if (!this.extent || !Number.isFinite(this.extent.low)) return 0;
+    return Math.min(this.extent.low, ...this.solids.map(({ bottom }) => bottom)) - (this.model ? MODEL_SINK : 0);
+  }
+
+  /** What a ray meets first: { at, point: of the ground there, obstacle: its name, if any }; or null. */
+  meets(ray) {
+    let best = { along: Infinity };
+    const consider = (along, found) => {
+      if (along < best.along) best = { along, ...found };
+    };
+    for (const block of this.solids) consider(blockMeets(ray, block), {});
+    for (const [obstacle, block] of this.obstacles) consider(blockMeets(ray, block), { obstacle });
+    const ground = this.ground?.meets(ray) ?? planePoint(ray, this.base);
+    if (ground) consider(distance(ray.origin, ground), {});
+    if (best.along > SIGHT) return null;
+    const at = pointOn(ray, best.along);
+    return { at, point: { ...at, y: this.heightAt(at.x, at.z, at.y) }, obstacle: best.obstacle };
+  }
+
+  heightAt(x, z, y) {
+    return this.ground?.heightAt(x, z, y) ?? this.base;
+  }
+
+  /** A block moved over the ground. */
+  shifted({ top, bottom }, dx, dz) {
+    const mean = (axis) => top.reduce((sum, point) => sum + point[axis], 0) / top.length;
+    const dy = this.heightAt(mean("x") + dx, mean("z") + dz, bottom) - bottom;
+    return { top: top.map(({ x, y, z }) => ({ x: x + dx, y: y + dy, z: z + dz })), bottom: bottom + dy };
+  }
+
+  /** Metres along a ray that are free of what stands there. */
+  freeAlong(ray) {
+    return Math.min(Infinity, ...this.solids.map((block) => blockMeets(ray, block)));
+  }
+
+  /** Let walls between the eye and a point be seen through. */
+  reveal(eye, point) {
+    if (!this.solids.length) return;
+    const reach = distance(eye, point);
+    const direction = {
+      x: (point.x - eye.x) / reach, y: (point.y - eye.y) / reach, z: (point.z - eye.z) / reach,
+    };
+    const hides = (block) => (
+      block.top[0].y > point.y + HEADROOM && blockMeets({ origin: eye, direction }, block) < reach
+    );
+    this.fixed.fade(new Set(this.solids.flatMap((block, k) => (hides(block) ? [k] : []))));
+  }
+
+  #drawGround(vertices, triangles) {
+    const corners = Float32Array.from(triangles.flat().flatMap((k) => [vertices[k].x, vertices[k].y + 0.003, vertices[k].z]));
+    replace(this.floor, corners);
+    this.floor.geometry.computeVertexNormals();
+    replace(this.rim, outlineOf(vertices, triangles).map((value, k) => (k % 3 === 1 ? value + 0.008 : value)));
+  }
+
+  #setModel(model) {
+    if (this.model) this.group.remove(this.model);
+    this.model?.traverse((node) => {
+      node.geometry?.dispose();
+      for (const material of [node.material ?? []].flat()) material.dispose();
+    });
+    this.model = model;
+    if (model) this.group.add(model);
+  }
+}
+
+/** Many blocks in one mesh, with lines along their edges. */
+class Blocks {
+  constructor() {
+    this.group = new Group();
+    this.mesh = new Mesh(new BufferGeometry(), new MeshStandardMaterial({
+      vertexColors: true, roughness: 0.95, alphaHash: true,
+    }));
+    this.mesh.castShadow = this.mesh.receiveShadow = true;
+    this.edges = new LineSegments(new BufferGeometry(), new LineBasicMaterial({ color: EDGE, transparent: true, opacity: 0.35 }));
+    this.group.add(this.mesh, this.edges);
+    this.starts = [0];
+    this.faded = new Set();
+  }
+
+  show(blocks, colourOf) {
+    const { corners, normals, lines, starts } = blockMesh(blocks, triangulate);
+    this.starts = starts;
+    this.faded = new Set();
+    const colours = new Float32Array(4 * (corners.length / 3)).fill(1);
+    blocks.forEach((block, k) => {
+      const { r, g, b } = new Color(colourOf(block, k));
+      for (let vertex = starts[k]; vertex < starts[k + 1]; vertex += 1) colours.set([r, g, b], 4 * vertex);
+    });
+    replace(this.mesh, corners);
+    this.mesh.geometry.setAttribute("normal", new BufferAttribute(normals, 3));
+    this.mesh.geometry.setAttribute("color", new BufferAttribute(colours, 4));
+    replace(this.edges, lines);
+    this.group.visible = blocks.length > 0;
+  }
+
+  /** Let blocks of these numbers be seen through, all others not. */
+  fade(numbers) {
+    if (numbers.size === this.faded.size && [...numbers].every((k) => this.faded.has(k))) return;
+    const colours = this.mesh.geometry.getAttribute("color");
+    for (const k of new Set([...this.faded, ...numbers])) {
+      for (let vertex = this.starts[k]; vertex < this.starts[k + 1]; vertex += 1) {
+        colours.setW(vertex, numbers.has(k) ? SEE_THROUGH : 1);
+      }
+    }
+    colours.needsUpdate = true;
+    this.faded = numbers;
+  }
+}
+
+/** Another geometry of these points. */
+function replace(object, points) {
+  object.geometry.dispose();
+  object.geometry = new BufferGeometry();
+  object.geometry.setAttribute("position", new BufferAttribute(points, 3));
+}
+
+const triangulate = (ring) => ShapeUtils.triangulateShape(ring.map(({ x, z }) => new Vector2(x, z)), []);
+const distance = (a, b) => Math.hypot(a.x - b.x, a.y - b.y, a.z - b.z);
+const same = (a, b) => a.length === b.length && JSON.stringify(a) === JSON.stringify(b);

@@ -1,0 +1,139 @@
+// The scene panel: choose a scene, make one of a file, see what it is.
+
+import { byId, tell } from "./hud.js";
+import { Level } from "./level.js";
+import { choicesOf, meshFormat, SceneBook } from "./scenes.js";
+
+const POLL_SECONDS = 1.5;
+
+export class ScenePanel {
+  /**
+   * `enter(sceneId)` begins a session there; `changed()` is called when its ground or obstacles have
+   * changed; `attempt(action)` wraps what may be refused.
+   */
+  constructor(api, stage, { enter, changed, attempt }) {
+    Object.assign(this, { api, stage, enter, changed });
+    this.level = new Level();
+    this.book = new SceneBook(api, {
+      changed: (outlines) => this.#show(outlines),
+      moved: (obstacles) => this.level.showObstacles(obstacles),
+      gone: () => tell("The scene is no more; its session ends with it."),
+      failed: (error) => tell(error.message),
+    });
+    this.choices = [];
+    this.value = null; // of the choice that was entered
+    this.fresh = false; // the next outlines are the first of this scene
+    stage.add(this.level.group);
+    this.settled = Promise.resolve(); // until then a scene is being opened
+    this.choose = attempt((value) => this.#while(this.#choose(value)));
+    this.take = attempt((file) => this.#while(this.#take(file)));
+    byId("scene").onchange = ({ target }) => this.choose(target.value);
+    byId("walkable").onchange = ({ target }) => this.level.showWalkable(target.checked);
+    byId("level-file").onchange = ({ target }) => target.files[0] && this.take(target.files[0]);
+    this.#watchDrops();
+    setInterval(() => document.hidden || this.book.poll(), POLL_SECONDS * 1000);
+  }
+
+  /** At the start: list what there is, and begin in the scene of this name or id, or in none. */
+  async begin(wanted) {
+    await this.#list();
+    const known = this.choices.some(({ value }) => value === wanted);
+    if (wanted && !known) tell(`There is no scene ${wanted}; the list has those there are.`);
+    await this.#while(this.#choose(known ? wanted : ""));
+  }
+
+  #while(opening) {
+    this.settled = opening.catch(() => {}); // whoever asked is told
+    return opening;
+  }
+
+  async #list(chosen = "") {
+    const [examples, scenes] = await Promise.all([this.api.exampleScenes(), this.api.scenes()]);
+    this.choices = choicesOf(examples, scenes);
+    byId("scene").replaceChildren(new Option("no scene", ""), ...this.choices.map(({ value, text, summary }) => {
+      const option = new Option(text, value, false, value === chosen);
+      option.title = summary ?? "";
+      return option;
+    }));
+  }
+
+  async #choose(value) {
+    const previous = this.book.id;
+    const choice = this.choices.find((known) => known.value === value);
+    byId("scene").value = value;
+    try {
+      const id = choice ? await this.#present(choice) : "";
+      await this.#open(id);
+      this.value = value;
+    } catch (error) {
+      byId("scene").value = this.choices.find(({ scene }) => scene === previous)?.value ?? "";
+      throw error;
+    }
+  }
+
+  /** The id of a scene that is there; an example that is not yet is made. */
+  async #present(choice) {
+    if (choice.example) {
+      const there = (await this.api.scenes()).find(({ name }) => name === choice.example);
+      choice.scene = (there ?? await this.api.createExampleScene(choice.example)).scene_id;
+    }
+    return choice.scene;
+  }
+
+  async #take(file) {
+    const format = meshFormat(file.name);
+    if (!format) throw new Error(`${file.name}: a level is a GLB, OBJ or PLY file`);
+    const bytes = await file.arrayBuffer();
+    const { scene_id: id } = await this.api.createMeshScene(bytes, format, file.name.slice(0, 64));
+    await this.#list(id);
+    await this.#open(id);
+    this.value = id;
+    if (format === "glb") {
+      await this.level.showModel(bytes);
+      this.stage.lower(this.level.base);
+    }
+  }
+
+  async #open(id) {
+    await this.enter(id);
+    this.level.clear();
+    this.fresh = true;
+    await this.book.open(id);
+    if (!id) {
+      this.stage.lower(0);
+      this.stage.overlook(null);
+      byId("scene-facts").textContent = "";
+    }
+    byId("populate").disabled = !id;
+  }
+
+  #show(outlines) {
+    this.level.show(outlines);
+    this.stage.lower(this.level.base);
+    if (this.fresh) this.stage.overlook(this.level.extent);
+    this.fresh = false;
+    this.changed();
+    this.api.scene(this.book.id).then(
+      ({ area_m2: area, islands }) => {
+        byId("scene-facts").textContent = `${Math.round(area).toLocaleString("en")} m² to walk on${islands > 1 ? `, ${islands} parts` : ""}`;
+      },
+      () => {}, // the next poll tells
+    );
+  }
+
+  #watchDrops() {
+    const holdsFile = (event) => event.dataTransfer?.types.includes("Files");
+    addEventListener("dragover", (event) => {
+      if (!holdsFile(event)) return;
+      event.preventDefault();
+      document.body.classList.add("dropping");
+    });
+    addEventListener("dragleave", (event) => event.relatedTarget ?? document.body.classList.remove("dropping"));
+    addEventListener("drop", (event) => {
+      if (!holdsFile(event)) return;
+      event.preventDefault();
+      document.body.classList.remove("dropping");
+      if (event.dataTransfer.files[0]) this.take(event.dataTransfer.files[0]);
+    });
+  }
+}

@@ -1,0 +1,90 @@
+// A body's bones as numbers: a pose to the matrices that move its skin. No DOM, no three.js.
+
+/** The joints of one body. */
+export class Rig {
+  /**
+   * `joints`: { name, parent (index, -1 for the root), offset [x, y, z] to the parent at rest, inverse
+   * (inverse bind matrix, 16 numbers by columns) }, parents before children. `boneNames`: whose
+   * rotations a frame holds, in its order. Throws when the body has not all of them.
+   */
+  constructor(joints, boneNames) {
+    const index = new Map(joints.map(({ name }, joint) => [name, joint]));
+    const missing = boneNames.filter((name) => !index.has(name));
+    if (missing.length) throw new Error(`the body has no bone ${missing.join(", ")}`);
+    this.count = joints.length;
+    this.parents = Int16Array.from(joints, ({ parent }) => parent);
+    this.offsets = Float32Array.from(joints.flatMap(({ offset }) => offset));
+    this.inverses = Float32Array.from(joints.flatMap(({ inverse }) => [...inverse]));
+    this.source = new Int16Array(this.count).fill(-1); // which rotation of a frame; -1: at rest
+    boneNames.forEach((name, bone) => {
+      this.source[index.get(name)] = bone;
+    });
+    this.turns = new Float32Array(4 * this.count); // in the world, x, y, z, w
+    this.places = new Float32Array(3 * this.count);
+  }
+
+  /** Matrices of a frame (hips x, y, z, then x, y, z, w per bone) into `out`, 16 numbers a joint. */
+  matrices(frame, out, at = 0) {
+    for (let joint = 0; joint < this.count; joint += 1) {
+      this.#place(joint, frame);
+      this.#matrix(joint, out, at + 16 * joint);
+    }
+  }
+
+  #place(joint, frame) {
+    const { turns, places, offsets } = this;
+    const parent = this.parents[joint];
+    const source = this.source[joint];
+    if (parent < 0) {
+      places.set([frame[0], frame[1], frame[2]], 3 * joint);
+    } else {
+      rotate(turns, 4 * parent, offsets, 3 * joint, places, 3 * joint);
+      for (let axis = 0; axis < 3; axis += 1) places[3 * joint + axis] += places[3 * parent + axis];
+    }
+    if (source < 0) turns.set(parent < 0 ? [0, 0, 0, 1] : turns.subarray(4 * parent, 4 * parent + 4), 4 * joint);
+    else if (parent < 0) turns.set(frame.subarray(3 + 4 * source, 7 + 4 * source), 4 * joint);
+    else multiply(turns, 4 * parent, frame, 3 + 4 * source, turns, 4 * joint);
+  }
+
+  /** out = [turn | place] · inverse bind. */
+  #matrix(joint, out, at) {
+    const { turns, places, inverses } = this;
+    const x = turns[4 * joint], y = turns[4 * joint + 1], z = turns[4 * joint + 2], w = turns[4 * joint + 3];
+    const xx = 1 - 2 * (y * y + z * z), yx = 2 * (x * y + w * z), zx = 2 * (x * z - w * y);
+    const xy = 2 * (x * y - w * z), yy = 1 - 2 * (x * x + z * z), zy = 2 * (y * z + w * x);
+    const xz = 2 * (x * z + w * y), yz = 2 * (y * z - w * x), zz = 1 - 2 * (x * x + y * y);
+    for (let column = 0; column < 4; column += 1) {
+      const from = 16 * joint + 4 * column, to = at + 4 * column;
+      const a = inverses[from], b = inverses[from + 1], c = inverses[from + 2];
+      const moved = column === 3 ? 1 : 0;
+      out[to] = xx * a + xy * b + xz * c + moved * places[3 * joint];
+      out[to + 1] = yx * a + yy * b + yz * c + moved * places[3 * joint + 1];
+      out[to + 2] = zx * a + zy * b + zz * c + moved * places[3 * joint + 2];
+      out[to + 3] = moved;
+    }
+  }
+}
+
+/** Which way a turn (x, y, z, w at `at`) makes a body face: 0 is +Z, positive towards +X. */
+export function headingOf(turns, at = 0) {
+  const [x, y, z, w] = turns.subarray(at, at + 4);
+  return Math.atan2(2 * (x * z + w * y), 1 - 2 * (x * x + y * y));
+}
+
+function rotate(q, i, v, j, out, k) {
+  const x = q[i], y = q[i + 1], z = q[i + 2], w = q[i + 3];
+  const a = v[j], b = v[j + 1], c = v[j + 2];
+  const tx = 2 * (y * c - z * b), ty = 2 * (z * a - x * c), tz = 2 * (x * b - y * a);
+  out[k] = a + w * tx + y * tz - z * ty;
+  out[k + 1] = b + w * ty + z * tx - x * tz;
+  out[k + 2] = c + w * tz + x * ty - y * tx;
+}
+
+function multiply(p, i, q, j, out, k) {
+  const ax = p[i], ay = p[i + 1], az = p[i + 2], aw = p[i + 3];
+  const bx = q[j], by = q[j + 1], bz = q[j + 2], bw = q[j + 3];
+  out[k] = aw * bx + ax * bw + ay * bz - az * by;
+  out[k + 1] = aw * by - ax * bz + ay * bw + az * bx;
+  out[k + 2] = aw * bz + ax * by - ay * bx + az * bw;
+  out[k + 3] = aw * bw - ax * bx - ay * by - az * bz;
+}

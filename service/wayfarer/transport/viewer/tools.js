@@ -1,0 +1,148 @@
+// What a click on the stage does: sends people, puts crates, says whom to follow.
+
+import { byId, tell } from "./hud.js";
+import { dragHeading, pick } from "./choices.js";
+import { planePoint } from "./ground.js";
+import { floorRing } from "./people.js";
+
+const HINTS = {
+  send: "Click the ground to send people there · Shift-click adds a waypoint, Shift-drag one with a heading · click a person to select · drag to orbit",
+  crate: "Click puts a crate there · drag a crate to move it · Delete takes the chosen one away · Esc ends",
+  patrol: "Click two or more places, then Patrol again or Enter to start · Esc ends",
+  follow: "Click the person to be followed · Esc ends",
+  avoid: "Click the person to keep away from · Esc ends",
+  queue: "Click where the queue begins · Esc ends",
+};
+
+export class Tools {
+  /** `attempt(action)` wraps what may be refused; `select(person | null)`. */
+  constructor({ stage, level, book, crowd, errands, select, attempt }) {
+    Object.assign(this, { stage, level, book, crowd, errands, select });
+    this.name = "send";
+    this.points = []; // of a patrol to be
+    this.marks = [];
+    for (const act of ["send", "addCrate", "patrol", "follow", "keepAway", "queue", "removeCrate"]) {
+      this[act] = attempt(this[act].bind(this));
+    }
+    for (const button of document.querySelectorAll("[data-tool]")) {
+      button.onclick = () => this.use(button.dataset.tool);
+    }
+  }
+
+  /** Take up a tool; the same one again ends it. */
+  use(name) {
+    if (name === "patrol" && this.name === "patrol" && this.points.length > 1) this.patrol(this.points);
+    this.points = [];
+    for (const mark of this.marks.splice(0)) this.stage.remove(mark);
+    this.name = name === this.name ? "send" : name;
+    if (this.name !== "crate") this.level.choose(null);
+    byId("hint").textContent = HINTS[this.name];
+    for (const button of document.querySelectorAll("[data-tool]")) {
+      button.setAttribute("aria-pressed", String(button.dataset.tool === this.name));
+    }
+    this.stage.canvas.style.cursor = this.name === "send" ? "" : "crosshair";
+  }
+
+  /** What a drag from here moves; null: the camera. */
+  press(event) {
+    const hit = this.level.meets(this.stage.ray(event));
+    if (this.name === "crate" && hit?.obstacle) return this.#dragCrate(hit.obstacle, hit.at);
+    return event.shiftKey && this.name === "send" && hit ? this.#dragHeading(hit.point) : null;
+  }
+
+  click(event) {
+    const ray = this.stage.ray(event);
+    const person = pick(this.crowd.people, ray);
+    const hit = this.level.meets(ray);
+    if (person && this.name === "follow") this.follow(person);
+    else if (person && this.name === "avoid") this.keepAway(person);
+    else if (person && this.name === "send") this.select(person);
+    else if (hit) this.act(hit.point, hit.obstacle);
+  }
+
+  /** What a click on the ground does. */
+  act(point, obstacle = null) {
+    if (this.name === "send") this.send(point);
+    else if (this.name === "crate") this.#crate(point, obstacle);
+    else if (this.name === "patrol") this.#addPoint(point);
+    else if (this.name === "queue") this.queue(point);
+    else tell("Click a person", true);
+  }
+
+  /** Delete: the chosen crate, if there is one. */
+  deleteChosen() {
+    const { chosen } = this.level;
+    if (chosen !== null) this.removeCrate(chosen);
+    return chosen !== null;
+  }
+
+  send(point, how, further) {
+    return this.errands.send(point, how, further);
+  }
+
+  async addCrate(point) {
+    const name = await this.book.addCrate(point);
+    this.level.choose(name);
+  }
+
+  removeCrate(name) {
+    return this.book.remove(name);
+  }
+
+  patrol(points) {
+    return this.errands.patrol(points);
+  }
+
+  async follow(person) {
+    await this.errands.follow(person);
+    this.use("send");
+  }
+
+  async keepAway(person) {
+    await this.errands.keepAway(person);
+    this.use("send");
+  }
+
+  async queue(point) {
+    await this.errands.queue(point);
+    this.use("send");
+  }
+
+  #crate(point, obstacle) {
+    if (obstacle) this.level.choose(obstacle);
+    else if (this.book.id) this.addCrate(point);
+    else tell("Choose a scene first: there is nothing to put a crate into", true);
+  }
+
+  #addPoint(point) {
+    this.points.push(point);
+    const mark = floorRing(0.12, 0.2, "#b02a37");
+    mark.position.set(point.x, point.y + mark.position.y, point.z);
+    this.marks.push(mark);
+    this.stage.add(mark);
+  }
+
+  /** Along the level plane through the point where it was seized. */
+  #dragCrate(name, seized) {
+    this.level.choose(name);
+    const block = this.book.obstacles.get(name);
+    return {
+      move: (event) => {
+        const to = planePoint(this.stage.ray(event), seized.y);
+        if (to) this.book.move(name, this.level.shifted(block, to.x - seized.x, to.z - seized.z));
+      },
+      drop: () => {}, // it stands where it was last moved to
+    };
+  }
+
+  #dragHeading(from) {
+    return {
+      always: true, // without a move it is a waypoint
+      drop: (event) => {
+        const end = this.level.meets(this.stage.ray(event))?.point;
+        const heading = end ? dragHeading(from, end) : null;
+        this.send(from, heading === null ? {} : { heading }, true);
+      },
+    };
+  }
+}

@@ -1,0 +1,87 @@
+"""The shipped model in scenes: around a box, around what is put in the way, up a slope and down
+steps.
+"""
+
+import numpy as np
+import pytest
+
+from tests.runtime.kept_worlds import shipped_stage
+from tests.runtime.scenes.grounds import BOX, field
+from wayfarer.navigation.examples import slope_with_steps
+from wayfarer.navigation.scene import bake
+from wayfarer.runtime.agent import AgentSpec, ChunkFlag, Goal, SessionSpec
+from wayfarer.runtime.feet.legs import pose_legs
+from wayfarer.runtime.scenes.book import Book
+from wayfarer.runtime.settings import WorldSettings
+from wayfarer.runtime.world.spawn import load_start_poses
+from wayfarer.runtime.world.world import World
+from wayfarer.spec import FPS
+from wayfarer.stage import START_POSES
+
+SOUTH, NORTH = (6.0, 2.0), Goal((6.0, 10.0, 0.0))
+BODY = 0.2
+"""Metres that hips keep from walls at least."""
+
+
+def walker(scene, place):
+    """A world, its scenes, the scene's id, and an agent at a place."""
+    stage, book = shipped_stage(), Book()
+    scene_id = book.add(scene).scene_id
+    poses = load_start_poses(START_POSES)
+    world = World(stage.engine, stage.bodies, poses, WorldSettings(), scenes=book)
+    world.create_session(SessionSpec("s", scene=scene_id), 0.0)
+    [agent] = world.create_agents("s", [AgentSpec(position=place)], 0.0)
+    return world, book, scene_id, agent.agent_id
+
+
+def walked(world, until):
+    """Chunks until the goal is reached, or for so long."""
+    chunks = []
+    for chunk in world.advance(until):
+        chunks.append(chunk)
+        if chunk.flags & ChunkFlag.ARRIVED:
+            break
+    return chunks
+
+
+def hips(chunks):
+    return np.concatenate([chunk.translation for chunk in chunks])
+
+
+def test_walks_around_a_box():
+    world, _, _, agent = walker(field(BOX), SOUTH)
+    world.set_goal(agent, NORTH, 0.0)
+    chunks = walked(world, 20.0)
+    assert chunks[-1].flags & ChunkFlag.ARRIVED
+    assert field(BOX).distance(hips(chunks)).min() > BODY
+
+
+def test_walks_around_what_is_put_in_its_way():
+    world, book, scene_id, agent = walker(field(), SOUTH)
+    world.set_goal(agent, NORTH, 0.0)
+    walked(world, 1.5)
+    book.put(scene_id, "crate", BOX)
+    chunks = walked(world, 20.0)
+    assert chunks[-1].flags & ChunkFlag.ARRIVED
+    assert book.scene(scene_id).distance(hips(chunks)).min() > BODY
+
+
+def test_feet_are_on_a_slope_and_on_steps():
+    scene = bake(slope_with_steps())
+    world, _, _, agent = walker(scene, (10.0, 2.0))
+    world.set_goal(agent, Goal((10.0, 17.0, 0.0)), 0.0)
+    chunks = walked(world, 30.0)
+    assert chunks[-1].flags & ChunkFlag.ARRIVED
+    translation = hips(chunks)
+    assert translation[:, 2].max() > 2.0  # on the platform
+    slot = np.array([world._registry.agent(agent).slot])
+    rotations = np.concatenate([chunk.rotations for chunk in chunks])
+    pose = pose_legs(world._table.rows.legs.take(slot), translation[None], rotations[None])
+    soles = np.moveaxis(pose.soles[..., 0], 0, -1)  # [P, 2, F, 3]
+    gaps = (soles[..., 2] - scene.floor(soles)).min(0).T
+    contacts = np.concatenate([chunk.contacts for chunk in chunks])
+    assert np.abs(gaps[contacts]).mean() < 0.02
+    assert (gaps < -0.05).mean() < 0.01
+    rise = FPS * np.diff(translation[:, 2])
+    assert np.abs(rise).max() < 2.0  # m/s: nothing jumps
+    assert world.get_agent(agent).position[2] == pytest.approx(translation[-1, 2], abs=1e-4)

@@ -1,0 +1,240 @@
+"""SceneService by gRPC and by HTTP, spoken to by real clients; nothing of it disturbs a stream."""
+
+import json
+import struct
+
+import grpc
+import pytest
+from google.rpc.error_details_pb2 import BadRequest, ErrorInfo
+from grpc_status import rpc_status
+
+from tests.transport.rig import LIMITS, others_are_undisturbed
+from wayfarer.errors import InvalidArgument
+from wayfarer.transport.grpc_server.scenes import _check_points
+from wayfarer.v1 import goal_pb2, scene_pb2, session_pb2
+
+SQUARE = [{"x": x, "z": z} for x, z in ((-5, -5), (5, -5), (5, 5), (-5, 5))]
+YARD = {"floors": [{"outline": [{"y": 0.0, **corner} for corner in SQUARE]}]}
+CRATE = {"box": {"position": {"x": 0, "y": 0, "z": 0}, "size": {"x": 9.6, "y": 1, "z": 0.5}}}
+OBJ = b"v -5 0 -5\nv 5 0 -5\nv 5 0 5\nv -5 0 5\nf 1 2 3 4\n"
+
+
+def bad_field(error: grpc.aio.AioRpcError) -> str:
+    for packed in rpc_status.from_call(error).details:
+        found = BadRequest()
+        if packed.Unpack(found):
+            return found.field_violations[0].field
+    return ""
+
+
+async def pieces(*sent: object):
+    for piece in sent:
+        yield scene_pb2.CreateMeshSceneRequest(**piece)
+
+
+async def test_grpc_from_scene_to_crowd(rig):
+    request = scene_pb2.CreateSceneRequest(name="yard", floors=[{"outline": SQUARE}])
+    scene = (await rig.scenes.CreateScene(request)).scene
+    assert scene.basis.basis == 1 and scene.area_m2 == pytest.approx(9.4**2, rel=0.01)
+    put = scene_pb2.PutObstacleRequest(scene_id=scene.scene_id, name="crate", obstacle=CRATE)
+    assert (await rig.scenes.PutObstacle(put)).scene.version == 1
+    found = (await rig.scenes.GetScene(scene_pb2.GetSceneRequest(scene_id=scene.scene_id))).scene
+    assert found.obstacles[0].obstacle.box.size.x == pytest.approx(9.6)
+    query = scene_pb2.QueryPathRequest(scene_id=scene.scene_id, start={"z": -3}, goal={"z": 3})
+    with pytest.raises(grpc.aio.AioRpcError) as caught:
+        await rig.scenes.QueryPath(query)
+    assert caught.value.code() is grpc.StatusCode.FAILED_PRECONDITION
+    info = ErrorInfo()
+    assert rpc_status.from_call(caught.value).details[0].Unpack(info)
+    assert info.reason == "UNREACHABLE" and float(info.metadata["z"]) < 0
+    remove = scene_pb2.RemoveObstacleRequest(scene_id=scene.scene_id, name="crate")
+    assert (await rig.scenes.RemoveObstacle(remove)).scene.version == 2
+    assert (await rig.scenes.QueryPath(query)).length == pytest.approx(6)
+    drawn = await rig.scenes.GetSceneOutlines(
+        scene_pb2.GetSceneOutlinesRequest(scene_id=scene.scene_id)
+    )
+    assert len(drawn.vertices) == 3 and list(drawn.triangles) == [0, 1, 2]
+    wish = session_pb2.CreateSessionRequest(scene=scene.scene_id)
+    session = (await rig.sessions.CreateSession(wish)).session
+    assert session.scene == scene.scene_id and session.avoid
+    crowd = scene_pb2.PopulateSessionRequest(session_id=session.session_id, count=7)
+    assert (await rig.scenes.PopulateSession(crowd)).came == 7
+    listed = await rig.scenes.ListScenes(scene_pb2.ListScenesRequest())
+    assert [one.sessions for one in listed.scenes] == [1]
+
+
+async def test_http_from_scene_to_crowd(rig):
+    http = rig.http
+    made = await http.post("/v1/scenes", json=YARD)
+    assert made.status_code == 201, made.text
+    path = f"/v1/scenes/{made.json()['scene_id']}"
+    put = await http.put(f"{path}/obstacles/crate", json=CRATE)
+    assert put.json()["version"] == 1
+    ends = {"start": {"x": 0, "y": 0, "z": -3}, "goal": {"x": 0, "y": 0, "z": 3}}
+    refused = await http.post(f"{path}/path", json=ends)
+    assert refused.status_code == 409
+    problem = refused.json()
+    assert problem["type"] == "urn:wayfarer:unreachable" and problem["nearest"]["z"] < 0
+    assert (await http.delete(f"{path}/obstacles/crate")).json()["version"] == 2
+    assert (await http.post(f"{path}/path", json=ends)).json()["length"] == pytest.approx(6)
+    assert (await http.get(f"{path}/outlines")).json()["triangles"] == [0, 1, 2]
+    picture = await http.get(f"{path}/picture")
+    assert picture.headers["content-type"] == "image/png"
+    assert picture.content.startswith(b"\x89PNG")
+    session = (await http.post("/v1/sessions", json={"scene": made.json()["scene_id"]})).json()
+    crowd = await http.post(f"/v1/sessions/{session['session_id']}/crowd", json={"count": 3})
+    assert crowd.json() == {"came": 3}
+    assert (await http.delete(path)).status_code == 409
+    assert (await http.delete(f"/v1/sessions/{session['session_id']}")).status_code == 204
+    assert (await http.delete(path)).status_code == 204
+    assert (await http.get("/v1/scenes")).json() == {"scenes": []}
+
+
+async def test_examples_over_http(rig):
+    names = [e["name"] for e in (await rig.http.get("/v1/scenes/examples")).json()["examples"]]
+    made = await rig.http.post(f"/v1/scenes/examples/{names[-1]}", json={"basis": "unreal"})
+    assert made.json()["basis"]["metres_per_unit"] == 0.01
+    assert (await rig.http.post("/v1/scenes/examples/moon")).status_code == 404
+
+
+async def test_meshes_by_both_transports(rig):
+    query = "format=obj&name=hall&radius=0.5&entry=1,0,2&request_id=r"
+    made = await rig.http.post(f"/v1/scenes/mesh?{query}", content=OBJ)
+    assert made.status_code == 201, made.text
+    assert made.json()["area_m2"] == pytest.approx(81, rel=0.05)
+    again = await rig.http.post(f"/v1/scenes/mesh?{query}", content=OBJ)
+    assert again.json()["scene_id"] == made.json()["scene_id"]
+    header = {"header": {"scene": {"walkable": {"radius": 0.5}}, "mesh": {"format": 2}}}
+    reply = await rig.scenes.CreateMeshScene(pieces(header, {"data": OBJ[:20]}, {"data": OBJ[20:]}))
+    assert reply.scene.area_m2 == pytest.approx(81, rel=0.05)
+    assert reply.scene.content_hash != made.json()["content_hash"], "it has an entry"
+
+
+@pytest.mark.parametrize(
+    ("sent", "field"),
+    [
+        ([], "header"),
+        ([{"data": OBJ}], "header"),
+        ([{"header": {}}, {"header": {}}], "data"),
+        ([{"header": {"mesh": {"format": 2}}}, {"data": b"v nan 0 0"}], "data"),
+        ([{"header": {"mesh": {"format": 9}}}], "header.mesh.format"),
+        ([{"header": {"mesh": {"unit": -1.0, "format": 2}}}, {"data": OBJ}], "mesh.unit"),
+        ([{"header": {}}, *[{"data": bytes(8000)}] * 5], "data"),
+    ],
+)
+async def test_a_mesh_that_is_none_is_refused(rig, sent, field):
+    session_id, _ = await rig.session()
+    with pytest.raises(grpc.aio.AioRpcError) as caught:
+        await rig.scenes.CreateMeshScene(pieces(*sent))
+    assert caught.value.code() is grpc.StatusCode.INVALID_ARGUMENT
+    assert bad_field(caught.value) == field
+    await others_are_undisturbed(rig, session_id)
+
+
+def glb(document: dict, binary: bytes = b"", claimed: int | None = None) -> bytes:
+    """A GLB file that may claim another length than it has."""
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    body = struct.pack("<I4s", len(text), b"JSON") + text
+    if binary:
+        body += struct.pack("<I4s", len(binary), b"BIN\0") + binary
+    total = 12 + len(body) if claimed is None else claimed
+    return struct.pack("<4sII", b"glTF", 2, total) + body
+
+
+GREEDY = {
+    "asset": {"version": "2.0"},
+    "buffers": [{"byteLength": 1 << 34}],
+    "bufferViews": [{"buffer": 0, "byteLength": 1 << 34}],
+    "accessors": [{"bufferView": 0, "componentType": 5126, "count": 1 << 30, "type": "VEC3"}],
+    "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+    "nodes": [{"mesh": 0}],
+    "scenes": [{"nodes": [0]}],
+}
+
+
+@pytest.mark.parametrize(
+    "data",
+    [b"", b"glTF", bytes(500), glb({}), glb(GREEDY, bytes(64)), glb(GREEDY, claimed=0xFFFFFFFF)],
+    ids=["empty", "cut off", "zeros", "nothing in it", "claims gigabytes", "claims a length"],
+)
+async def test_hostile_glb_is_refused_and_nobody_is_disturbed(rig, data):
+    session_id, _ = await rig.session()
+    answer = await rig.http.post("/v1/scenes/mesh", content=data)
+    assert answer.status_code == 422, answer.text
+    assert answer.json()["errors"][0]["field"] == "data"
+    await others_are_undisturbed(rig, session_id)
+
+
+async def test_a_mesh_that_is_too_large_is_refused_before_it_is_read(rig):
+    most = LIMITS.mesh_bytes
+    assert (await rig.http.post("/v1/scenes/mesh", content=bytes(most + 1))).status_code == 413
+
+    async def endless():
+        for _ in range(most // 1000 + 2):
+            yield bytes(1000)
+
+    assert (await rig.http.post("/v1/scenes/mesh", content=endless())).status_code == 413
+    assert most > LIMITS.message_bytes
+    fits = await rig.http.post("/v1/scenes/mesh?format=obj", content=OBJ + b"#" * 20_000)
+    assert fits.status_code == 201
+
+
+@pytest.mark.parametrize(
+    ("body", "field"),
+    [
+        ({}, "floors"),
+        ({"floors": [{"outline": []}]}, "floors[0].outline"),
+        ({"floors": [{"outline": YARD["floors"][0]["outline"][:2]}]}, "floors[0].outline"),
+        ({**YARD, "solids": [{}]}, "solids[0]"),
+        ({**YARD, "solids": [{**CRATE, "ramp": CRATE["box"]}]}, "solids[0]"),
+        ({**YARD, "solids": [CRATE, {"box": {**CRATE["box"], "size": 1}}]}, "solids[1].box.size"),
+        ({**YARD, "walkable": {"radius": 7}}, "walkable.radius"),
+        ({**YARD, "walkable": {"radius": 5}}, "walkable.radius"),
+        ({**YARD, "entries": [{"x": 1e9, "y": 0, "z": 0}]}, "entries[0]"),
+        ({**YARD, "basis": "mars"}, "basis"),
+        ({**YARD, "name": "x" * 65}, "name"),
+        ({**YARD, "lease_s": 0}, "lease_s"),
+    ],
+)
+async def test_malformed_scenes_are_told_where_they_are_wrong(rig, body, field):
+    answer = await rig.http.post("/v1/scenes", json=body)
+    assert answer.status_code == 422, answer.text
+    problem = answer.json()
+    found = problem["errors"][0]["field"] if "errors" in problem else ""
+    assert found == field, problem
+
+
+async def test_numbers_that_are_none_are_refused(rig):
+    text = json.dumps(YARD).replace("-5", "NaN", 1)
+    answer = await rig.http.post("/v1/scenes", content=text)
+    assert answer.status_code == 422
+    floor = {"outline": [*SQUARE[:3], {"x": float("nan")}]}
+    with pytest.raises(grpc.aio.AioRpcError) as caught:
+        await rig.scenes.CreateScene(scene_pb2.CreateSceneRequest(floors=[floor]))
+    assert bad_field(caught.value) == "floors[0].outline[3].x"
+
+
+async def test_behaviours_by_both_transports(rig):
+    _, (one, other) = await rig.session("unreal")
+    agent, leader = one["agent_id"], other["agent_id"]
+    body = {"follow": {"agent_id": leader, "behind": 150}}
+    answer = await rig.http.put(f"/v1/agents/{agent}/behaviour", json=body)
+    assert answer.json() == {"revision": 1}
+    request = goal_pb2.BehaveRequest(agent_id=agent, behaviour={"keep_away": {"place": {"x": 200}}})
+    assert (await rig.goals.Behave(request)).revision == 2
+    (_, follow), (_, away) = rig.service.goals
+    assert (follow.agent_id, follow.behind, follow.right) == (leader, 1.5, 0.0)
+    assert away.place == pytest.approx((0.0, 2.0)) and away.distance == 4.0
+    for wrong in ({}, {"follow": {"agent_id": "a"}, "wander": {}}, {"routine": {"parts": []}}):
+        answer = await rig.http.put(f"/v1/agents/{agent}/behaviour", json=wrong)
+        assert answer.status_code == 422
+
+
+def test_points_too_many_to_be_read_are_only_counted():
+    empty = [{}] * 2000
+    floor = {"outline": empty, "holes": [{"points": empty}] * 30}
+    request = scene_pb2.CreateSceneRequest(floors=[floor])
+    with pytest.raises(InvalidArgument, match="62000 points; allowed: 50000") as caught:
+        _check_points(request)
+    assert caught.value.field == "floors"
