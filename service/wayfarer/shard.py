@@ -2,8 +2,8 @@
 
 An id is `session-`, `scene-` or `agent-` and hexadecimal digits. The first four are the key of the
 session, which its agents' ids share, on every server: the key modulo the number of processes is the
-one that has it. So whoever holds an id finds the process, and no table has to be kept, made again or
-agreed upon; and a session that comes from another server has its place, too.
+one that has it. So whoever holds an id finds the process, and no table has to be kept, made again
+or agreed upon; and a session that comes from another server has its place, too.
 """
 
 import re

@@ -79,7 +79,7 @@ async def test_a_session_moves_to_another_server_in_mid_walk(servers):
     here, there = await servers.start(), await servers.start()
     agents = await walking(here)
     await asyncio.sleep(0.5)
-    await here.wander(agents[2].agent_id, Wander((4.0, 0.0), 5.0))
+    await here.behave(agents[2].agent_id, Wander((4.0, 0.0), 5.0))
     last = asyncio.create_task(chunks_of(here, 1.2))
     await asyncio.sleep(0.7)
     await here.set_goal(agents[1].agent_id, Goal((2.0, -9.0, 0.0)))

@@ -111,8 +111,8 @@ def test_agents_made_together_are_stepped_in_turns():
     list(world.advance(3.0))
     engine.calls.clear()
     list(world.advance(4.0))
-    assert {rows for _, rows, _ in engine.calls} == {8}  # 64 agents in 8 phases
-    assert len(engine.calls) == 5 * 8, "a phase holds one gender while it can"
+    assert {rows for _, rows, _ in engine.calls} == {16}  # 64 agents in 4 phases
+    assert len(engine.calls) == 5 * 4, "a phase holds one gender while it can"
 
 
 def test_batches_are_padded_to_warmed_sizes():
