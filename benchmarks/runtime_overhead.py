@@ -18,71 +18,30 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
-import numpy as np
 import uvloop
 from benchmarks.bench import Row
+from benchmarks.driven import Driven, InstantEngine
 
 from benchmarks import bench
 from wayfarer import config
-from wayfarer.body.library import load_body
-from wayfarer.runtime.agent import (
-    AgentInfo,
-    AgentSpec,
-    Goal,
-    LoopStats,
-    SessionInfo,
-    SessionSpec,
-    StreamWish,
-)
-from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
-from wayfarer.runtime.settings import AdmissionRules, Limits, WorldSettings
+from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.stepping import batch, clockwork, playback, scheduler
 from wayfarer.runtime.streams.publisher import Publisher
-from wayfarer.runtime.streams.subscription import BoundedSubscription, StreamSettings
-from wayfarer.runtime.world.spawn import load_start_poses
+from wayfarer.runtime.streams.subscription import BoundedSubscription
 from wayfarer.runtime.world.steering import Steering
 from wayfarer.runtime.world.world import World
-from wayfarer.spec import GENDERS, NEW_FRAMES, SEED_FRAMES, STEP_SECONDS
-from wayfarer.stage import BODY, START_POSES
-from wayfarer.terms import TERMS
+from wayfarer.spec import GENDERS, STEP_SECONDS
+from wayfarer.stage import BODY
 from wayfarer.transport import schema
 from wayfarer.transport.batches import BatchWriter
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.codec import PoseEncoder
 from wayfarer.transport.gateway import Gateway
-from wayfarer.transport.metrics import Metrics
 from wayfarer.transport.server import Server
-
-
-class InstantEngine:
-    """Moves everybody one way without computing anything."""
-
-    name = "instant"
-    graphs = ("0" * 64, "1" * 64)
-    term_names = TERMS
-
-    def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
-        """See `Engine`."""
-        agents = len(inputs.goal)
-        move = np.linspace(0, 0.2, NEW_FRAMES + 1, dtype=np.float32)[None, 1:, None]
-        return StepOutputs(
-            translation=inputs.seed_translation[:, -1:] + move,
-            rotations=np.repeat(inputs.seed_rotations[:, -1:], NEW_FRAMES, axis=1),
-            contacts=np.ones((agents, NEW_FRAMES, 2), np.float32),
-            next_seed_markers=inputs.seed_markers + move[:, -SEED_FRAMES:, None],
-            terms=np.zeros((agents, len(TERMS)), np.float32),
-            choice=np.zeros(agents, np.int64),
-        )
-
-    @property
-    def alone(self) -> "InstantEngine":
-        """See `Engine`."""
-        return self
-
 
 PARTS: Final = (
     (World, "step", "world: step"),
@@ -106,10 +65,6 @@ PARTS: Final = (
 )
 """Owner, function, and what it is called in the table; indented ones are within the one above."""
 
-FAR: Final = Goal((9_000.0, 0.0, 0.0))
-
-PAUSE: Final = 0.01
-"""Seconds for the event loop to send, after each moment at which something happens."""
 
 GRPC_READER: Final = """
 import asyncio, grpc, sys
@@ -165,79 +120,6 @@ class Clocked:
                 self.calls[name] += 1
 
         setattr(owner, attribute, timed)
-
-
-class Driven:
-    """What a gateway needs of a `MotionService` for streams, with a clock by hand."""
-
-    ready = alive = True
-
-    def __init__(self, asked: argparse.Namespace) -> None:
-        sizes = tuple(2**power for power in range(16) if 2**power <= asked.batch)
-        settings = WorldSettings(
-            limits=Limits(asked.agents, asked.agents, asked.sessions, goal_distance=20_000.0),
-            steering=Steering().with_search(candidates=asked.candidates),
-            admission=AdmissionRules(refuse=False),
-            batch_sizes=sizes,
-            phases=asked.phases,
-        )
-        bodies = {gender: load_body(BODY, gender, "low") for gender in GENDERS}
-        self.now = 0.0
-        self._settings = StreamSettings(queue_s=1e6)  # nobody is too slow here
-        self._meter = Metrics()
-        self._world = World(InstantEngine(), bodies, load_start_poses(START_POSES), settings)
-        self._publisher = Publisher(self._settings, self._meter, self._world.get_agent)
-        self.subscriptions: list[BoundedSubscription] = []
-
-    async def create_session(self, spec: SessionSpec) -> SessionInfo:
-        """See `MotionService`, as for all below."""
-        return self._world.create_session(spec, self.now)
-
-    async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
-        """See `MotionService`. They walk away at once."""
-        made = self._world.create_agents(session_id, specs, self.now)
-        for agent in made:
-            self._world.set_goal(agent.agent_id, FAR, self.now)
-        return made
-
-    async def list_agents(self, session_id: str) -> list[AgentInfo]:
-        """See `MotionService`."""
-        return self._world.list_agents(session_id)
-
-    async def list_sessions(self) -> list[SessionInfo]:
-        """See `MotionService`."""
-        return self._world.list_sessions()
-
-    async def subscribe(self, session_id: str, wish: StreamWish) -> BoundedSubscription:
-        """See `MotionService`."""
-        made = BoundedSubscription(session_id, wish, self._settings, self._meter, lambda: self.now)
-        self._publisher.subscribe(made, self.now)
-        self.subscriptions.append(made)
-        return made
-
-    async def stats(self) -> LoopStats:
-        """See `MotionService`."""
-        return LoopStats(0, 0, 0, 0, 0.0, 0.0, 0, 0.0, 0.0)
-
-    async def advance(self, seconds: float) -> float:
-        """Let time pass; the CPU seconds that a motion thread would have taken."""
-        until, spent = self.now + seconds, 0.0
-        while (event := self._world.next_event()) is not None and event <= until:
-            self.now = event
-            started = time.thread_time()
-            sent = self._world.send(event)
-            for session_id, chunks in sent:
-                self._publisher.publish(session_id, chunks)
-            if sent:
-                due = np.concatenate([chunks.scheduled_at for _, chunks in sent])
-                self._meter.chunks(event - due)
-            self._publisher.flush()
-            while self._world.step(event):
-                pass
-            spent += time.thread_time() - started
-            await asyncio.sleep(PAUSE)
-        self.now = until
-        return spent
 
 
 async def measure(asked: argparse.Namespace, reader: str, clocked: Clocked) -> list[Row]:

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from wayfarer import config
+from wayfarer import config, config_sources
 from wayfarer.config_page import app, as_markdown, as_toml
 from wayfarer.errors import InvalidArgument
 
@@ -25,7 +25,7 @@ def write(folder: Path, text: str) -> Path:
 
 
 def test_defaults():
-    settings = config.load({})
+    settings = config_sources.load({})
     assert (settings.host, settings.http_port, settings.grpc_port) == ("127.0.0.1", 8080, 50051)
     assert settings.is_loopback
 
@@ -38,37 +38,37 @@ def test_first_wins_command_line_environment_file(tmp_path, monkeypatch):
     monkeypatch.setenv("WAYFARER_HTTP_PORT", "11")
     monkeypatch.setenv("WAYFARER_GRPC_PORT", "12")
     monkeypatch.setenv("WAYFARER_LIMITS__AGENTS", "14")
-    settings = config.load({"http_port": 21}, file)
+    settings = config_sources.load({"http_port": 21}, file)
     assert (settings.http_port, settings.grpc_port, settings.threads) == (21, 12, 3)
     assert (settings.limits.agents, settings.limits.streams) == (14, 5)
 
 
 def test_file_from_the_environment(tmp_path, monkeypatch):
     monkeypatch.setenv("WAYFARER_CONFIG", str(write(tmp_path, "threads = 3")))
-    assert config.load({}).threads == 3
+    assert config_sources.load({}).threads == 3
 
 
 def test_frozen():
     with pytest.raises(ValueError, match="frozen"):
-        config.load({}).threads = 3
+        config_sources.load({}).threads = 3
 
 
 @pytest.mark.parametrize("text", ["htp_port = 1", "[limits]\nagnts = 4"])
 def test_unknown_keys_in_the_file(tmp_path, text):
     with pytest.raises(InvalidArgument, match=r"unknown; known are .*limits\.agents,"):
-        config.load({}, write(tmp_path, text))
+        config_sources.load({}, write(tmp_path, text))
 
 
 def test_unknown_variables(monkeypatch):
     monkeypatch.setenv("WAYFARER_HTP_PORT", "1")
     with pytest.raises(InvalidArgument, match=r"WAYFARER_HTP_PORT.*WAYFARER_HTTP_PORT"):
-        config.load({})
+        config_sources.load({})
 
 
 def test_what_kubernetes_puts_beside_a_service_is_no_setting(monkeypatch):
     for name in ("SERVICE_HOST", "SERVICE_PORT", "SERVICE_PORT_HTTP", "PORT", "PORT_8080_TCP_ADDR"):
         monkeypatch.setenv(f"WAYFARER_{name}", "10.0.0.1")
-    config.load({})
+    config_sources.load({})
 
 
 @pytest.mark.parametrize(
@@ -85,14 +85,14 @@ def test_values_out_of_range_are_named(monkeypatch, name, value):
     monkeypatch.setenv("WAYFARER_" + name, value)
     key = name.lower().replace("__", ".")
     with pytest.raises(InvalidArgument, match=f"setting {key}: .*got"):
-        config.load({})
+        config_sources.load({})
 
 
 def test_a_file_that_is_not_there_or_not_toml(tmp_path):
     with pytest.raises(InvalidArgument, match=r"no settings file .*nowhere\.toml"):
-        config.load({}, tmp_path / "nowhere.toml")
+        config_sources.load({}, tmp_path / "nowhere.toml")
     with pytest.raises(InvalidArgument, match="is not TOML"):
-        config.load({}, write(tmp_path, "threads ="))
+        config_sources.load({}, write(tmp_path, "threads ="))
 
 
 @pytest.mark.parametrize(
@@ -109,13 +109,13 @@ def test_a_file_that_is_not_there_or_not_toml(tmp_path):
     ],
 )
 def test_loopback(host, loopback):
-    assert config.load({"host": host, "insecure_no_auth": True}).is_loopback == loopback
+    assert config_sources.load({"host": host, "insecure_no_auth": True}).is_loopback == loopback
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.168.1.4", "example.org"])
 def test_beyond_loopback_one_must_say_who_may_call(host):
     with pytest.raises(InvalidArgument) as caught:
-        config.load({"host": host})
+        config_sources.load({"host": host})
     said = str(caught.value)
     assert host in said and "auth.keys_file" in said and "--insecure-no-auth" in said
 
@@ -135,7 +135,7 @@ def test_beyond_loopback_one_must_say_who_may_call(host):
     ],
 )
 def test_ways_beyond_loopback(given):
-    settings = config.load({"host": "0.0.0.0", **given})
+    settings = config_sources.load({"host": "0.0.0.0", **given})
     assert settings.has_auth != settings.insecure_no_auth
 
 
@@ -159,13 +159,13 @@ def test_ways_beyond_loopback(given):
 )
 def test_settings_that_do_not_fit_together(given, what):
     with pytest.raises(InvalidArgument, match=what):
-        config.load(given)
+        config_sources.load(given)
 
 
 def test_lists_in_the_environment(monkeypatch):
     monkeypatch.setenv("WAYFARER_CORS_ORIGINS", "https://a.example, http://b.example:8080")
     monkeypatch.setenv("WAYFARER_AUTH__JWT_ALGORITHMS", "EdDSA")
-    settings = config.load({})
+    settings = config_sources.load({})
     assert settings.cors_origins == ("https://a.example", "http://b.example:8080")
     assert settings.auth.jwt_algorithms == ("EdDSA",)
 
@@ -173,7 +173,7 @@ def test_lists_in_the_environment(monkeypatch):
 def test_a_group_comes_together_from_all_sources(tmp_path, monkeypatch):
     file = write(tmp_path, "[auth]\njwt_issuer = 'i'\njwt_keys = 'k.json'")
     monkeypatch.setenv("WAYFARER_AUTH__JWT_AUDIENCE", "games")
-    auth = config.load({"auth": {"keys_file": "keys.toml"}}, file).auth
+    auth = config_sources.load({"auth": {"keys_file": "keys.toml"}}, file).auth
     assert (auth.jwt_issuer, auth.jwt_audience, auth.keys_file) == ("i", "games", Path("keys.toml"))
 
 
@@ -181,7 +181,7 @@ def test_where_each_setting_comes_from(tmp_path, monkeypatch):
     file = write(tmp_path, "threads = 3\ngrpc_port = 2\n[limits]\nagents = 4")
     monkeypatch.setenv("WAYFARER_GRPC_PORT", "12")
     monkeypatch.setenv("WAYFARER_LIMITS__STREAMS", "14")
-    found = config.origins({"http_port": 21}, file)
+    found = config_sources.origins({"http_port": 21}, file)
     expected = {
         "http_port": "command line",
         "grpc_port": "environment",
@@ -191,16 +191,16 @@ def test_where_each_setting_comes_from(tmp_path, monkeypatch):
         "host": "default",
     }
     assert {key: found[key] for key in expected} == expected
-    assert set(found) == set(config.keys())
+    assert set(found) == set(config_sources.keys())
 
 
 def test_what_is_printed_is_a_settings_file(tmp_path):
     keys = {"auth": {"keys_file": "keys.toml"}, "otlp_endpoint": "http://ada:sesame@collector:4317"}
-    settings = config.load(keys)
-    page = as_toml(settings, config.origins(keys))
+    settings = config_sources.load(keys)
+    page = as_toml(settings, config_sources.origins(keys))
     assert "sesame" not in page
     assert "# command line" in page and "# tls_cert is not set" in page
-    again = config.load({}, write(tmp_path, page.replace("[hidden]", "ada:sesame")))
+    again = config_sources.load({}, write(tmp_path, page.replace("[hidden]", "ada:sesame")))
     assert again.model_dump() == settings.model_dump()
 
 

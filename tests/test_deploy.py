@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from wayfarer import config
-from wayfarer.runtime.agent import LoopStats
+from wayfarer import config_sources
+from wayfarer.runtime.stats import LoopStats
 from wayfarer.transport.metrics import Metrics
 
 ROOT = Path(__file__).parent.parent
@@ -104,7 +104,7 @@ def test_compose_sets_what_the_service_knows(monkeypatch):
     monkeypatch.setenv("WAYFARER_HOST", "0.0.0.0")  # as the image does
     for name, value in compose()["services"]["wayfarer"]["environment"].items():
         monkeypatch.setenv(name, value)
-    assert config.load({}).insecure_no_auth
+    assert config_sources.load({}).insecure_no_auth
 
 
 def test_monitoring_is_started_only_when_asked_for():

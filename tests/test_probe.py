@@ -4,7 +4,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 import pytest
 
 from tests.certificates import Authority
-from wayfarer import config
+from wayfarer import config, config_sources
 from wayfarer.errors import Unavailable
 from wayfarer.probe import status
 from wayfarer.transport.tls import Tls
@@ -32,7 +32,7 @@ def server():
 
 
 def settings(server: HTTPServer, **given: object) -> config.Settings:
-    return config.load({"http_port": server.server_port, **given})
+    return config_sources.load({"http_port": server.server_port, **given})
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "0.0.0.0"])
@@ -55,4 +55,4 @@ def test_not_ready(server, code, body):
 
 def test_nobody_there(server):
     with pytest.raises(Unavailable):
-        status(config.load({"http_port": 1}))
+        status(config_sources.load({"http_port": 1}))

@@ -17,6 +17,7 @@ from wayfarer.runtime.engines.models import Models
 from wayfarer.runtime.loop import LoopSettings
 from wayfarer.runtime.meter import Meter
 from wayfarer.runtime.runtime import Runtime
+from wayfarer.runtime.scenes.bakery import Bakery
 from wayfarer.runtime.settings import AdmissionRules, Limits, SceneLimits, WorldSettings
 from wayfarer.runtime.state.journal import Journal
 from wayfarer.runtime.state.snapshot import BodyStamp
@@ -86,7 +87,11 @@ def runtime(
         budget=BudgetRules(),
         admission=AdmissionRules(settings.most_load, refuse=settings.admission),
         shard=shard,
-        scenes=SceneLimits(scenes=settings.limits.scenes),
+        scenes=SceneLimits(
+            scenes=settings.limits.scenes,
+            bake_s=settings.limits.bake_s,
+            bake_mb=settings.limits.bake_mb,
+        ),
     )
     body = BodyStamp(BODY, {gender: sha256_of(body_file(BODY, gender)) for gender in GENDERS})
 
@@ -107,6 +112,7 @@ def runtime(
         settings=world_settings,
         journal=Journal(settings.state_dir, body, meter) if settings.state_dir else None,
         log_entries=settings.limits.log_entries,
+        bakery=Bakery(world_settings.scenes),
     )
     queues = LoopSettings(
         queue_s=settings.limits.queue_s,

@@ -6,7 +6,8 @@ from typing import Any
 
 import typer
 
-from wayfarer.config import Settings, field_of, keys
+from wayfarer.config import Settings
+from wayfarer.config_sources import field_of, keys
 from wayfarer.logs import hidden
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)

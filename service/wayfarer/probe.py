@@ -9,7 +9,7 @@ from urllib.error import URLError
 
 import typer
 
-from wayfarer import config
+from wayfarer import config_sources
 from wayfarer.config import Settings
 from wayfarer.errors import Unavailable
 
@@ -24,7 +24,7 @@ def probe(
 ) -> None:
     """Exit code 0 when the service with these settings is ready for work, else 2."""
     # who may call is the service's own business, and may have been said on its command line
-    typer.echo(status(config.load({"insecure_no_auth": True}, file)))
+    typer.echo(status(config_sources.load({"insecure_no_auth": True}, file)))
 
 
 def status(settings: Settings) -> str:

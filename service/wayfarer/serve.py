@@ -17,7 +17,7 @@ import structlog
 import typer
 from rich.console import Console
 
-from wayfarer import __version__, config
+from wayfarer import __version__, config_sources
 from wayfarer.assembly import model_folder, runtime, with_engine
 from wayfarer.config import Settings
 from wayfarer.config_page import as_toml
@@ -35,11 +35,17 @@ from wayfarer.workers.plan import check_state
 
 log = structlog.get_logger(__name__)
 
+SWITCH_SECONDS: Final = 2e-4
+"""So long at most a thread that comes back from the engine waits for another, which runs Python. A
+call passes through three threads: with the usual 5 ms it would take longer to hand over than to
+compute."""
+
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
 
 async def serve(settings: Settings, worker: Assignment | None = None) -> None:
     """Run until SIGINT, SIGTERM or AdminService.Drain; as a worker, or else as the whole server."""
+    sys.setswitchinterval(SWITCH_SECONDS)
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for sign in SIGNALS:
@@ -188,10 +194,10 @@ def serve_command(
     file, check_config = given.pop("file", None), given.pop("check_config")
     if "keys_file" in given:
         given["auth"] = {"keys_file": given.pop("keys_file")}
-    settings = config.load(given, file)
+    settings = config_sources.load(given, file)
     configure_logging(settings.log_level, settings.log_format)
     if check_config:
-        typer.echo(as_toml(settings, config.origins(given, file)))
+        typer.echo(as_toml(settings, config_sources.origins(given, file)))
         Operation.from_settings(settings)
         model_folder(settings)
         check_state(settings)

@@ -1,5 +1,8 @@
 import pytest
 
+import wayfarer_client as wf
+from tests.clients.fake_server import FakeServer
+from tests.clients.replies import new_session
 from tests.serving import Service
 
 
@@ -8,3 +11,16 @@ def real_server():
     """The shipped model; one server for all clients."""
     with Service() as running:
         yield running
+
+
+@pytest.fixture
+async def server():
+    async with FakeServer() as running:
+        running.answers["CreateSession"] = new_session
+        yield running
+
+
+@pytest.fixture
+async def client(server):
+    async with wf.Client(server.address) as connected:
+        yield connected

@@ -24,15 +24,10 @@ from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.motion.rotation import matrix_from_rotvec
 from wayfarer.stage import DEFAULT_MODEL
-from wayfarer.training.export import (
-    Graph,
-    body_inputs,
-    policy_graph,
-    predictor_graph,
-    regressor_graph,
-    step_inputs,
-)
+from wayfarer.training.graph import Graph
+from wayfarer.training.network_graphs import policy_graph, predictor_graph, regressor_graph
 from wayfarer.training.pose_graphs import pose_encoder_graph
+from wayfarer.training.step_graph import body_inputs, step_inputs
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 
 import httpx
+import psutil
 import pytest
 
 import wayfarer_client as wf
@@ -98,6 +99,26 @@ def test_starts_serves_and_stops(sign):
         assert service.stop(sign) == 0
         assert service.log[-1]["event"] == "stopped"
         assert not [line for line in service.log if line["level"] in ("warning", "error")]
+
+
+def bakeries(service: Process) -> list[psutil.Process]:
+    """The processes that bake scenes: of a worker of several, its child."""
+    below = psutil.Process(service.process.pid).children(recursive=True)
+    return [one for one in below if "wayfarer.runtime.scenes.oven" in one.cmdline()]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("sign", [signal.SIGTERM, signal.SIGKILL])
+def test_the_process_that_bakes_scenes_ends_with_the_server(sign, workers):
+    with serve(*ANY_PORTS, "--workers", str(workers)) as service:
+        assert not bakeries(service)
+        for _ in range(2):
+            made = httpx.post(f"{service.http}/v1/scenes/examples/town_square", timeout=60)
+            assert made.is_success, made.text
+        found = bakeries(service)
+        assert 1 <= len(found) <= workers
+        service.stop(sign)
+        assert not psutil.wait_procs(found, timeout=15)[1]
 
 
 def test_streams_end_with_a_reason_when_the_service_stops():

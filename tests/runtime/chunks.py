@@ -13,9 +13,8 @@ from wayfarer.runtime.agent import (
     Goal,
     MotionChunk,
     MotionChunks,
-    Publication,
-    StreamWish,
 )
+from wayfarer.runtime.publications import Publication, StreamWish
 from wayfarer.runtime.streams.subscription import BoundedSubscription, Entry, Start, StreamSettings
 
 STEP = 0.2

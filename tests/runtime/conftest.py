@@ -1,6 +1,8 @@
 import pytest
 import structlog
 
+from tests.runtime.servers import Servers
+
 
 @pytest.fixture(scope="package", autouse=True)
 def plain_logs():
@@ -11,3 +13,11 @@ def plain_logs():
     )
     yield
     structlog.configure(**before)
+
+
+@pytest.fixture
+async def servers():
+    made = Servers()
+    yield made
+    for runtime in list(made.running):
+        await made.stop(runtime)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from wayfarer.body.model import BodyModel
-from wayfarer.runtime.agent import AgentSpec
+from wayfarer.runtime.agent import AgentSpec, Goal, SessionSpec
 from wayfarer.runtime.commands import Recorder
 from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
 from wayfarer.runtime.settings import WorldSettings
@@ -14,6 +14,7 @@ from wayfarer.spec import BETAS, GENDERS, JOINTS, MARKERS, NEW_FRAMES, STEP_SECO
 from wayfarer.terms import TERMS
 
 HIPS_HEIGHT = 0.9
+GOAL = Goal((0.0, 5.0, 0.0))
 TURN = 0.4  # radians
 
 
@@ -152,3 +153,12 @@ class ManualClock:
 
     def __call__(self) -> float:
         return self.now
+
+
+def populated(
+    count: int = 1, engine: FakeEngine | None = None, **settings: object
+) -> tuple[World, list[str]]:
+    """A world with so many agents in a session; their ids."""
+    world = make_world(engine, **settings)
+    world.create_session(SessionSpec("s"), 0.0)
+    return world, [a.agent_id for a in world.create_agents("s", people(count), 0.0)]

@@ -8,7 +8,6 @@ import pytest
 
 from tests.runtime.fakes import people
 from tests.runtime.kept_worlds import assert_same_poses, fake_worlds, open_journal
-from tests.runtime.offline.test_lockstep import until_ready
 from wayfarer.errors import (
     AlreadyExists,
     ArtifactError,
@@ -16,38 +15,13 @@ from wayfarer.errors import (
     InvalidArgument,
     NotFound,
 )
-from wayfarer.runtime.agent import Goal, SessionSpec, StreamWish, Wander
+from wayfarer.runtime.agent import Goal, SessionSpec, Wander
+from wayfarer.runtime.publications import StreamWish
 from wayfarer.runtime.runtime import Runtime
 from wayfarer.runtime.settings import Limits
 
 RECORDED = SessionSpec("s", record=True, attributes={"basis": "unity", "owner": "ada"})
 FAR = Goal((0.0, 90.0, 0.0))
-
-
-class Servers:
-    """Several at a time, stopped at the end."""
-
-    def __init__(self):
-        self.running = []
-
-    async def start(self, journal=None, **settings):
-        runtime = Runtime(fake_worlds(journal, **settings))
-        runtime.start()
-        self.running.append(runtime)
-        await until_ready(runtime)
-        return runtime
-
-    async def stop(self, runtime):
-        self.running.remove(runtime)
-        await runtime.stop()
-
-
-@pytest.fixture
-async def servers():
-    made = Servers()
-    yield made
-    for runtime in list(made.running):
-        await made.stop(runtime)
 
 
 async def chunks_of(runtime, seconds, session="s"):

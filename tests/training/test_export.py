@@ -12,15 +12,9 @@ from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer.training.export import (
-    TOLERANCE,
-    check_graph,
-    identity,
-    round_to_half,
-    save_graph,
-    step_graph,
-)
+from wayfarer.training.export import TOLERANCE, check_graph, identity, round_to_half, save_graph
 from wayfarer.training.onnx_files import WeightStore
+from wayfarer.training.step_graph import step_graph
 
 
 def small_step(seed: int) -> PrimitiveStep:

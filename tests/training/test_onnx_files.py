@@ -3,7 +3,8 @@ import onnxruntime as ort
 import torch
 from torch import nn
 
-from wayfarer.training.export import Graph, parity, round_to_half, save_graph
+from wayfarer.training.export import parity, round_to_half, save_graph
+from wayfarer.training.graph import Graph
 from wayfarer.training.onnx_files import WEIGHTS_FILE, WeightStore
 
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from tests.transport.fakes import chunk
+from tests.transport.samples import chunk
 from wayfarer.body.skeleton import load_skeleton
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.agent import NO_CHUNKS, ChunkFlag, MotionChunks

@@ -6,18 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.transport.fakes import NOW
+from tests.transport.samples import NOW
 from wayfarer.body.phenotype import height_of
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.agent import (
-    AgentInfo,
-    AgentSpec,
-    AgentState,
-    EventKind,
-    Goal,
-    LoopStats,
-    SlowReader,
-)
+from wayfarer.runtime.agent import AgentInfo, AgentSpec, AgentState, Goal
+from wayfarer.runtime.publications import EventKind, SlowReader
+from wayfarer.runtime.stats import LoopStats
 from wayfarer.runtime.world.heading import facing_at
 from wayfarer.transport import convert, schema, wire
 from wayfarer.transport.basis import Basis

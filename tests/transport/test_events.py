@@ -3,9 +3,9 @@
 import json
 from contextlib import asynccontextmanager
 
-from tests.transport.fakes import NOW
 from tests.transport.rig import until
-from wayfarer.runtime.agent import Event, EventKind
+from tests.transport.samples import NOW
+from wayfarer.runtime.publications import Event, EventKind
 
 REACHED = Event(EventKind.GOAL_REACHED, NOW, "agent-2", 1, 3, 4, "there")
 DONE = Event(EventKind.PATH_DONE, NOW, "agent-2", 1, 3, 4)

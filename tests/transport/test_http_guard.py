@@ -12,7 +12,8 @@ from starlette.websockets import WebSocketDisconnect
 
 from tests.transport.auth.test_keys import FILE, STUDIO
 from wayfarer.errors import Unavailable
-from wayfarer.runtime.agent import AgentState, LoopStats
+from wayfarer.runtime.agent import AgentState
+from wayfarer.runtime.stats import LoopStats
 from wayfarer.transport.auth import Authenticator
 from wayfarer.transport.auth.keys import KeyFile, new_key
 from wayfarer.transport.caller import present_caller

@@ -3,8 +3,10 @@ import threading
 import numpy as np
 import pytest
 
-from wayfarer.runtime.agent import AgentState, LoopStats, SlowReader
+from wayfarer.runtime.agent import AgentState
 from wayfarer.runtime.meter import Meter, NoMeter, ResumeResult
+from wayfarer.runtime.publications import SlowReader
+from wayfarer.runtime.stats import LoopStats
 from wayfarer.transport.metrics import Metrics
 
 

@@ -6,7 +6,7 @@ from starlette.datastructures import QueryParams
 
 from tests.transport.rig import others_are_undisturbed, until
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.agent import SlowReader
+from wayfarer.runtime.publications import SlowReader
 from wayfarer.transport.websocket import wish_of
 from wayfarer.v1 import control_pb2, motion_pb2
 

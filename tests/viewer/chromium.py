@@ -10,6 +10,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from urllib.request import urlopen
 
+import pytest
 from websockets.sync.client import connect
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
@@ -31,6 +32,13 @@ FLAGS = (
 def find_chromium() -> str | None:
     """Path of a browser, or None."""
     return next((path for name in NAMES if (path := shutil.which(name))), None)
+
+
+needs_chromium = pytest.mark.skipif(
+    find_chromium() is None, reason="no Chromium on this machine: apt-get install chromium"
+)
+
+CONNECTION = "document.querySelector('#connection').dataset.state"
 
 
 class Page:

@@ -16,16 +16,13 @@ import numpy as np
 import pytest
 
 from tests.serving import Service
-from tests.viewer.chromium import Page, find_chromium
+from tests.viewer.chromium import CONNECTION, Page, find_chromium, needs_chromium
 
 Image = pytest.importorskip("PIL.Image", reason="pillow is missing: pip install 'wayfarer[train]'")
 
-pytestmark = pytest.mark.skipif(
-    find_chromium() is None, reason="no Chromium on this machine: apt-get install chromium"
-)
+pytestmark = needs_chromium
 
 CROWD = "globalThis.wayfarer.crowd"
-CONNECTION = "document.querySelector('#connection').dataset.state"
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,5 @@
-from wayfarer.runtime.agent import AgentState, LoopStats
+from wayfarer.runtime.agent import AgentState
+from wayfarer.runtime.stats import LoopStats
 from wayfarer.transport import convert
 from wayfarer.v1 import admin_pb2, session_pb2
 from wayfarer.workers.merged import merged_json, merged_messages, merged_stats

@@ -1,6 +1,6 @@
 import pytest
 
-from wayfarer import config
+from wayfarer import config_sources
 from wayfarer.config import Settings
 from wayfarer.errors import InvalidArgument
 from wayfarer.workers.messages import Assignment
@@ -73,5 +73,5 @@ def test_one_process_and_several_do_not_share_a_state_folder(tmp_path):
 )
 def test_ports_that_leave_no_room_for_the_workers_are_refused(ports, says):
     with pytest.raises(InvalidArgument, match=says):
-        config.load({"workers": 2, **ports})
-    assert config.load({**ports}).workers == 1
+        config_sources.load({"workers": 2, **ports})
+    assert config_sources.load({**ports}).workers == 1

@@ -56,6 +56,12 @@ class Scene:
     open_areas: tuple[shapely.Geometry, ...]
     """Per layer: where an agent's middle may be without obstacles."""
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "obstacles": dict(self.obstacles)}  # a view cannot be pickled
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state, obstacles=MappingProxyType(state["obstacles"]))
+
     @property
     def area(self) -> float:
         """Square metres where an agent's middle may be."""

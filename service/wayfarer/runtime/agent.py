@@ -178,76 +178,6 @@ class MotionChunks(Rows):
 NO_CHUNKS: Final = MotionChunks.empty(0)
 
 
-class EventKind(StrEnum):
-    """Kinds of `Event`; names as in motion.proto."""
-
-    GOAL_REACHED = "goal_reached"
-    PATH_DONE = "path_done"
-    GAP = "gap"
-    DRAINING = "draining"
-    MODEL_CHANGED = "model_changed"
-    GOAL_MOVED = "goal_moved"  # off free ground: the nearest that can be reached was taken
-    UNREACHABLE = "unreachable"  # no way leads to the goal: the agent waits where it is
-    BLOCKED = "blocked"  # an obstacle closes the way: the agent waits until it opens
-    AGENT_LEFT = "agent_left"  # one of a crowd is no more, without a call
-    BEHAVIOUR_ENDED = "behaviour_ended"  # whom the agent followed, or fled, has been deleted
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """Something that happened to an agent, a stream or the server."""
-
-    kind: EventKind
-    at: float  # Unix seconds; of a goal the scheduled time of its chunk
-    agent_id: str = ""
-    alias: int = 0
-    goal_revision: int = 0
-    waypoint: int = 0
-    detail: str = ""  # a sentence for people
-
-
-@dataclass(frozen=True, slots=True)
-class Publication:
-    """What a session's subscribers are told at one moment."""
-
-    position: int  # 1, 2, 3 … per session
-    chunks: MotionChunks = NO_CHUNKS  # that fell due together, at most one per agent
-    events: tuple[Event, ...] = ()  # after the chunks
-    added: tuple[AgentInfo, ...] = ()  # of clips and replays: those whose first chunk this is
-
-    @property
-    def scheduled_at(self) -> float:
-        """Of its first chunk, or event."""
-        return float(self.chunks.scheduled_at[0]) if self.chunks else self.events[0].at
-
-
-@dataclass(frozen=True, slots=True)
-class Resume:
-    """How far an earlier subscription of the session has come."""
-
-    epoch: str  # life of the session on a server; see `Subscription.epoch`
-    position: int  # of the last publication received
-    same_agents: bool = True  # it followed those that are followed now
-
-
-class SlowReader(StrEnum):
-    """What to do with chunks that wait too long for a subscriber."""
-
-    DROP_OLDEST = "drop_oldest"
-    HOLD = "hold"  # let the session's agents wait, while no other subscriber reads
-    DISCONNECT = "disconnect"  # end with ResourceExhausted
-
-
-@dataclass(frozen=True, slots=True)
-class StreamWish:
-    """What a subscriber asks for."""
-
-    agent_ids: tuple[str, ...] = ()  # none: all of the session, later ones too
-    slow_reader: SlowReader = SlowReader.DROP_OLDEST
-    resume: Resume | None = None  # of an earlier subscription to the same agents
-    hold_s: float = 30.0  # HOLD: agents wait at most so long; the session's lease
-
-
 @dataclass(frozen=True, slots=True)
 class SessionSpec:
     """A session to open."""
@@ -300,31 +230,3 @@ class ModelInfo:
     primitive_frames: int
     sha256: tuple[str, ...]  # of each graph, in the order of `genders`
     in_use: bool  # new agents are moved by it
-
-
-@dataclass(frozen=True, slots=True)
-class LoopStats:
-    """Health of the loop over the last few seconds."""
-
-    agents: int
-    sessions: int
-    subscribers: int
-    steps: int  # agent steps since start
-    step_ms_mean: float  # one engine call
-    step_ms_p95: float
-    late_chunks: int  # chunks ready after their scheduled time, since start
-    lateness_ms_p95: float
-    uptime_s: float
-    resets: int = 0  # agents put back to a stand because their step was broken, since start
-    failures: int = 0  # turns of the loop that raised, since start
-    rebased: int = 0  # how often the schedule was moved because the loop was > 1 s behind
-    dropped_batches: int = 0  # lost by the present subscribers, who were too slow
-    reduced_steps: int = 0  # agent steps with fewer candidates than wished, since start
-    held_sessions: int = 0  # whose agents wait for a subscriber now
-    states: Mapping[AgentState, int] = field(default_factory=dict)  # agents in each
-    capacity: int = 0  # agents that fit, by the measured cost of a step; 0: not known yet
-    load: float = 0.0  # share of the last seconds for which the motion thread was busy, 0 to 1
-    rung: int = 0  # of the overload ladder: 0 is its top, where all is as wished
-    held_steps: int = 0  # agent steps left out because time was short and they idle, since start
-    refused_agents: int = 0  # not created, because they could not be stepped in time, since start
-    journal_failing: bool = False  # nothing that changes now would survive the process

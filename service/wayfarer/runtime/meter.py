@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.runtime.agent import SlowReader
+from wayfarer.runtime.publications import SlowReader
 
 Seconds = NDArray[np.float64]
 """One for each of several things."""

@@ -24,11 +24,11 @@ import numpy as np
 import structlog
 
 from wayfarer.errors import Unavailable
-from wayfarer.runtime.agent import Event, EventKind, LoopStats
 from wayfarer.runtime.crew import Crew
 from wayfarer.runtime.inbox import Inbox
 from wayfarer.runtime.meter import Meter
-from wayfarer.runtime.stats import Window, mean, percentile
+from wayfarer.runtime.publications import Event, EventKind
+from wayfarer.runtime.stats import LoopStats, Window, mean, percentile
 from wayfarer.runtime.stepping.scheduler import Flight
 from wayfarer.runtime.streams.publisher import Publisher
 from wayfarer.runtime.world.views import Due
@@ -43,6 +43,7 @@ ALIVE_SECONDS: Final = 1.0  # without a turn for so long the thread counts as hu
 HEARTBEAT: Final = 0.25  # the longest wait, so that an idle thread is seen to be alive
 BEHIND_SECONDS: Final = 1.0  # beyond this the schedule is moved
 LATE_SECONDS: Final = 1 / FPS  # a chunk that leaves later than one frame after its time is late
+EARLY_SECONDS: Final = 1 / FPS  # chunks leave so long before their time, rather than late
 HOLD_SECONDS: Final = 0.5  # agents that wait are put off by this, turn by turn
 FAILURES: Final = 10  # failed turns in a row that end the thread
 RETRY_SECONDS: Final = 0.05  # pause after a failed turn
@@ -204,7 +205,7 @@ class Motor:
         while self._crew.has_room and self._is_due(started):
             if not self._crew.send_off(partial(self._world.begin, started)):
                 break
-        self._publish(self._world.send(self._clock()))
+        self._publish(self._world.send(self._clock() + EARLY_SECONDS))
         for session_id, met in self._world.take_events():
             self._publisher.tell(session_id, [met])
         self._publisher.flush()
@@ -219,7 +220,7 @@ class Motor:
         """Seconds until there is something to do, commands aside."""
         if self._crew.has_landed:
             return 0.0
-        event = self._world.next_event(planning=self._crew.has_room)
+        event = self._world.next_event(self._crew.has_room, EARLY_SECONDS)
         return HEARTBEAT if event is None else min(max(event - self._clock(), 0.0), HEARTBEAT)
 
     def _is_due(self, now: float) -> bool:

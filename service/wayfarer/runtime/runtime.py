@@ -10,18 +10,14 @@ from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
 from dataclasses import replace
 
 from wayfarer.errors import AlreadyExists, FailedPrecondition
-from wayfarer.navigation.spec import Obstacle, Point2, Point3
 from wayfarer.runtime.agent import (
     AgentChange,
     AgentInfo,
     AgentSpec,
     Goal,
-    LoopStats,
     ModelInfo,
-    Publication,
     SessionInfo,
     SessionSpec,
-    StreamWish,
 )
 from wayfarer.runtime.behaviours import Behaviour, Routine
 from wayfarer.runtime.commands import AppendGoals, ClearGoal, Order, SetGoal, SetPath
@@ -32,17 +28,19 @@ from wayfarer.runtime.meter import Meter
 from wayfarer.runtime.offline.lockstep import LockStep, LockSteps
 from wayfarer.runtime.offline.offline import Offline
 from wayfarer.runtime.offline.walk import walk
+from wayfarer.runtime.publications import Publication, StreamWish
+from wayfarer.runtime.scene_calls import SceneCalls
 from wayfarer.runtime.scenes.desk import SceneDesk
-from wayfarer.runtime.scenes.messages import Crowd, Outlines, SceneInfo, SceneWish, Way
 from wayfarer.runtime.state.archive import Archive
 from wayfarer.runtime.state.keeper import SAVE_PARTS, Keeper
 from wayfarer.runtime.state.kept import KeptWorld, kept
+from wayfarer.runtime.stats import LoopStats
 from wayfarer.runtime.streams.subscription import BoundedSubscription
 from wayfarer.runtime.world.handover import SessionRecord
 from wayfarer.runtime.worlds import Worlds
 
 
-class Runtime:
+class Runtime(SceneCalls):
     """Implements `MotionService` and `SceneService`."""
 
     def __init__(
@@ -64,16 +62,17 @@ class Runtime:
         """
         self._worlds = worlds
         self._archive = Archive(worlds)
-        self._keeper = Keeper(worlds.journal, worlds.settings.limits)
+        keeper = Keeper(worlds.journal, worlds.settings.limits)
         self._clock = clock or steady_clock()
         self._offline = Offline(jobs)
         self._desk = ModelDesk(worlds.models, open_model)
-        self._scenes = SceneDesk(worlds.scenes, self._clock)
-        self._lock_steps = LockSteps(worlds, self._offline, self._clock)
         self._door = asyncio.Lock()  # two sessions of one id must not enter different worlds
         self._world = worlds.live()
-        self._loop = MotionLoop(
-            self._world, lambda: self._wake(warm_up), settings, self._clock, meter
+        super().__init__(
+            SceneDesk(worlds.scenes, self._clock),
+            keeper,
+            MotionLoop(self._world, lambda: self._wake(warm_up), settings, self._clock, meter),
+            LockSteps(worlds, self._offline, self._clock),
         )
 
     # Life
@@ -85,11 +84,11 @@ class Runtime:
 
     async def stop(self) -> None:
         """End every thread, stream and waiting command; where all stand is saved."""
-        reason = "the server has been stopped"
         self._keeper.pause()
+        await asyncio.to_thread(self._worlds.stop)
         await self._loop.stop()
         self._scenes.stop()
-        await asyncio.to_thread(self._lock_steps.stop, reason)
+        await asyncio.to_thread(self._lock_steps.stop, "the server has been stopped")
         self._world.save()
         await self._keeper.stop()
 
@@ -151,9 +150,8 @@ class Runtime:
 
     async def update_agent(self, agent_id: str, change: AgentChange) -> AgentInfo:
         """See `MotionService`."""
-        return await self._keeper.durable(
-            await self._home_of(agent_id).update_agent(agent_id, change)
-        )
+        changed = await self._home_of(agent_id).update_agent(agent_id, change)
+        return await self._keeper.durable(changed)
 
     async def delete_agent(self, agent_id: str) -> None:
         """See `MotionService`."""
@@ -221,55 +219,6 @@ class Runtime:
     def replay(self, log: bytes) -> AsyncGenerator[Publication]:
         """See `MotionService`."""
         return self._offline.run(lambda: self._archive.replay(log))
-
-    # Scenes
-
-    async def create_scene(self, wish: SceneWish) -> SceneInfo:
-        """See `SceneService`, as for all below."""
-        return await self._keeper.durable(await self._scenes.create_scene(wish))
-
-    async def get_scene(self, scene_id: str) -> SceneInfo:
-        """See `SceneService`."""
-        return await self._scenes.get_scene(scene_id)
-
-    async def list_scenes(self) -> list[SceneInfo]:
-        """See `SceneService`."""
-        return await self._scenes.list_scenes()
-
-    async def delete_scene(self, scene_id: str) -> None:
-        """See `SceneService`."""
-        await self._scenes.delete_scene(scene_id)
-        await self._keeper.durable(None)
-
-    async def put_obstacle(self, scene_id: str, name: str, obstacle: Obstacle) -> SceneInfo:
-        """See `SceneService`."""
-        made = await self._scenes.put_obstacle(scene_id, name, obstacle)
-        return await self._keeper.durable(made)
-
-    async def remove_obstacle(self, scene_id: str, name: str) -> SceneInfo:
-        """See `SceneService`."""
-        return await self._keeper.durable(await self._scenes.remove_obstacle(scene_id, name))
-
-    async def query_path(self, scene_id: str, start: Point2 | Point3, goal: Point2 | Point3) -> Way:
-        """See `SceneService`."""
-        return await self._scenes.query_path(scene_id, start, goal)
-
-    async def scene_outlines(self, scene_id: str) -> Outlines:
-        """See `SceneService`."""
-        return await self._scenes.scene_outlines(scene_id)
-
-    async def scene_picture(self, scene_id: str) -> bytes:
-        """See `SceneService`."""
-        return await self._scenes.scene_picture(scene_id)
-
-    async def populate(self, session_id: str, crowd: Crowd) -> int:
-        """See `SceneService`."""
-        if self._lock_steps.session(session_id):
-            raise FailedPrecondition(
-                f"session {session_id!r} is in lock-step: people come and go as time passes; "
-                "create agents in it instead, and let them wander"
-            )
-        return await self._loop.ask(lambda world, now: world.populate(session_id, crowd, now))
 
     # Models
 

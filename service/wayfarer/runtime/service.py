@@ -12,15 +12,14 @@ from wayfarer.runtime.agent import (
     AgentInfo,
     AgentSpec,
     Goal,
-    LoopStats,
     ModelInfo,
-    Publication,
     SessionInfo,
     SessionSpec,
-    StreamWish,
 )
 from wayfarer.runtime.behaviours import Behaviour, Routine
+from wayfarer.runtime.publications import Publication, StreamWish
 from wayfarer.runtime.scenes.service import SceneService
+from wayfarer.runtime.stats import LoopStats
 
 
 class Subscription(Protocol):

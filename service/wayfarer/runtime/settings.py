@@ -39,6 +39,8 @@ class SceneLimits:
     scenes: int = 64
     bakes: int = 1  # at a time; they take a core each
     waiting: int = 4  # for one to end
+    bake_s: float = 20.0  # seconds of a processor that a bake may take
+    bake_mb: int = 1024  # megabytes of memory that it may take
 
     def __post_init__(self) -> None:
         for limit in fields(self):
@@ -69,7 +71,7 @@ class WorldSettings:
     scenes: SceneLimits = field(default_factory=SceneLimits)
     admission: AdmissionRules = field(default_factory=AdmissionRules)  # once there are measures
     lead: int = 1  # chunks that are planned ahead of their time
-    phases: int = 4  # agents' steps are spread over so many moments of the 0.2 s
+    phases: int = 2  # agents' steps are spread over so many moments of the 0.2 s
     replan_margin: float = 0.04  # s: a chunk that falls due within this is not replanned
     batch_sizes: tuple[int, ...] = ANY_SIZE  # to which batches are padded; a server's are warmed
     alone: bool = False  # engine calls take no thread but the caller's

@@ -1,8 +1,40 @@
 """Figures of the loop over the last seconds."""
 
 from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
+
+from wayfarer.runtime.agent import AgentState
+
+
+@dataclass(frozen=True, slots=True)
+class LoopStats:
+    """Health of the loop over the last few seconds."""
+
+    agents: int
+    sessions: int
+    subscribers: int
+    steps: int  # agent steps since start
+    step_ms_mean: float  # one engine call
+    step_ms_p95: float
+    late_chunks: int  # chunks ready after their scheduled time, since start
+    lateness_ms_p95: float
+    uptime_s: float
+    resets: int = 0  # agents put back to a stand because their step was broken, since start
+    failures: int = 0  # turns of the loop that raised, since start
+    rebased: int = 0  # how often the schedule was moved because the loop was > 1 s behind
+    dropped_batches: int = 0  # lost by the present subscribers, who were too slow
+    reduced_steps: int = 0  # agent steps with fewer candidates than wished, since start
+    held_sessions: int = 0  # whose agents wait for a subscriber now
+    states: Mapping[AgentState, int] = field(default_factory=dict)  # agents in each
+    capacity: int = 0  # agents that fit, by the measured cost of a step; 0: not known yet
+    load: float = 0.0  # share of the last seconds for which the motion thread was busy, 0 to 1
+    rung: int = 0  # of the overload ladder: 0 is its top, where all is as wished
+    held_steps: int = 0  # agent steps left out because time was short and they idle, since start
+    refused_agents: int = 0  # not created, because they could not be stepped in time, since start
+    journal_failing: bool = False  # nothing that changes now would survive the process
 
 
 class Window:

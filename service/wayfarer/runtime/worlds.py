@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.body.model import BodyModel
+from wayfarer.navigation.scene import bake
 from wayfarer.runtime.engines.models import Models
+from wayfarer.runtime.scenes.bakery import Bakery
 from wayfarer.runtime.scenes.book import Book
 from wayfarer.runtime.settings import ANY_SIZE, WorldSettings
 from wayfarer.runtime.state.journal import Journal
@@ -35,11 +37,18 @@ class Worlds:
     settings: WorldSettings  # of the world in real time
     journal: Journal | None = None
     log_entries: int = 100_000
+    bakery: Bakery | None = None  # a process that bakes scenes; None: who asks for one bakes it
 
     @cached_property
     def scenes(self) -> Book:
         """That their sessions may be in."""
-        return Book(self.settings.scenes, self.settings.shard, diary=self.journal)
+        bake_there = self.bakery.bake if self.bakery else bake
+        return Book(self.settings.scenes, self.settings.shard, bake_there, self.journal)
+
+    def stop(self) -> None:
+        """No scene is baked from now on."""
+        if self.bakery:
+            self.bakery.stop()
 
     def live(self) -> KeptWorld:
         """In real time."""

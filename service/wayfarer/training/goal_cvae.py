@@ -21,9 +21,12 @@ from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import FPS, PRIMITIVE_FRAMES
 from wayfarer.training.dataset import Frames
-from wayfarer.training.export import Graph, regressor_graph, round_to_half, step_graph
+from wayfarer.training.export import round_to_half
+from wayfarer.training.graph import Graph
+from wayfarer.training.network_graphs import regressor_graph
 from wayfarer.training.predictor import PredictorConfig, PredictorTrainer
 from wayfarer.training.run import TrainingRun, load_weights, read_run_config
+from wayfarer.training.step_graph import step_graph
 
 
 class GoalCvaeConfig(PredictorConfig):

@@ -8,7 +8,8 @@ from typing import Final
 import numpy as np
 
 from wayfarer import __version__
-from wayfarer.runtime.agent import STATES, AgentInfo, Event, EventKind, MotionChunks, Publication
+from wayfarer.runtime.agent import STATES, AgentInfo, MotionChunks
+from wayfarer.runtime.publications import Event, EventKind, Publication
 from wayfarer.spec import FPS
 from wayfarer.transport import convert, schema, wire
 from wayfarer.transport.basis import Basis

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from wayfarer.body.skeleton import load_skeleton, parents
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime import agent as runtime
+from wayfarer.runtime.stats import LoopStats
 from wayfarer.spec import BETAS, POSED_JOINTS
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Axes, Basis
@@ -145,7 +146,7 @@ def body(bodies: BodyLibrary, gender: schema.Gender) -> schema.Body:
     )
 
 
-def stats(figures: runtime.LoopStats) -> schema.Stats:
+def stats(figures: LoopStats) -> schema.Stats:
     """Field by field."""
     return schema.Stats(**asdict(figures))
 

@@ -3,6 +3,7 @@
 import asyncio
 import inspect
 import time
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
 from contextlib import aclosing, asynccontextmanager
@@ -30,11 +31,12 @@ OPEN_STREAMS: Final = 8
 Headers = dict[str, str]
 
 
-class OpenStreamsInterceptor(grpc.aio.ServerInterceptor):
-    """What is open to everybody is not open to be hoarded."""
+Enter = Callable[[Any], Any]
+"""Makes an asynchronous context manager of a call's context."""
 
-    def __init__(self) -> None:
-        self._open: Counter[str] = Counter()
+
+class AroundInterceptor(grpc.aio.ServerInterceptor, ABC):
+    """Stands around the handlers that it chooses."""
 
     async def intercept_service(
         self,
@@ -43,10 +45,23 @@ class OpenStreamsInterceptor(grpc.aio.ServerInterceptor):
     ) -> Any:
         """Wrap the handler."""
         handler = await continuation(handler_call_details)
-        ours = handler_call_details.method.startswith(OURS)
-        if handler is None or ours or not handler.response_streaming:
-            return handler
-        return around(handler, self._bounded)
+        enter = handler and self._enter(handler_call_details.method, handler)
+        return around(handler, enter) if enter else handler
+
+    @abstractmethod
+    def _enter(self, method: str, handler: Any) -> Enter | None:
+        """What a call is made in; None: as it comes."""
+
+
+class OpenStreamsInterceptor(AroundInterceptor):
+    """What is open to everybody is not open to be hoarded."""
+
+    def __init__(self) -> None:
+        self._open: Counter[str] = Counter()
+
+    def _enter(self, method: str, handler: Any) -> Enter | None:
+        is_open = handler.response_streaming and not method.startswith(OURS)
+        return self._bounded if is_open else None
 
     @asynccontextmanager
     async def _bounded(self, context: Any) -> AsyncIterator[None]:
@@ -63,7 +78,7 @@ class OpenStreamsInterceptor(grpc.aio.ServerInterceptor):
                 del self._open[name]
 
 
-class GuardInterceptor(grpc.aio.ServerInterceptor):
+class GuardInterceptor(AroundInterceptor):
     """Stands inside the interceptor that turns errors into statuses."""
 
     def __init__(self, guard: Guard, metrics: Metrics, tracing: Tracing, access_log: bool) -> None:
@@ -72,17 +87,10 @@ class GuardInterceptor(grpc.aio.ServerInterceptor):
         self._tracing = tracing
         self._access_log = access_log
 
-    async def intercept_service(
-        self,
-        continuation: Callable[[grpc.HandlerCallDetails], Awaitable[Any]],
-        handler_call_details: grpc.HandlerCallDetails,
-    ) -> Any:
-        """Wrap the handler."""
-        handler = await continuation(handler_call_details)
-        method = handler_call_details.method
-        if handler is None or not method.startswith(OURS):
-            return handler
-        return around(handler, lambda context: self._call(method, handler, context))
+    def _enter(self, method: str, handler: Any) -> Enter | None:
+        if not method.startswith(OURS):
+            return None
+        return lambda context: self._call(method, handler, context)
 
     @asynccontextmanager
     async def _call(self, method: str, handler: Any, context: Any) -> AsyncIterator[None]:
@@ -113,7 +121,7 @@ class GuardInterceptor(grpc.aio.ServerInterceptor):
             log.info("call", method=method, code=code, ms=round(1e3 * seconds, 2))
 
 
-def around(handler: Any, enter: Callable[[Any], Any]) -> Any:
+def around(handler: Any, enter: Enter) -> Any:
     """The handler within an asynchronous context manager made of the call's context."""
     if handler.response_streaming:
         inner_stream = handler.stream_stream or handler.unary_stream

@@ -22,8 +22,10 @@ from prometheus_client.registry import Collector
 from prometheus_client.utils import floatToGoString
 
 from wayfarer import __version__
-from wayfarer.runtime.agent import AgentState, LoopStats, SlowReader
+from wayfarer.runtime.agent import AgentState
 from wayfarer.runtime.meter import ResumeResult, Seconds
+from wayfarer.runtime.publications import SlowReader
+from wayfarer.runtime.stats import LoopStats
 from wayfarer.spec import FPS, NEW_FRAMES
 
 MISSED_S: Final = 1 / FPS

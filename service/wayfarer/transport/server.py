@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import socket
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
@@ -28,6 +27,7 @@ from wayfarer.transport.http_server import http_app
 from wayfarer.transport.inside import FromFront, Inside
 from wayfarer.transport.limits import CallRates
 from wayfarer.transport.operation import Operation
+from wayfarer.transport.ports import bind, http_url
 
 log = structlog.get_logger(__name__)
 
@@ -93,9 +93,7 @@ class Server:
             rates = CallRates(gateway.limits.calls_per_second)
             operation = Operation(guard=Guard(rates=rates))
         self._operation = operation
-        # gRPC binds in C, which cannot say why it failed and writes lines of its own: try first.
-        listen(host, grpc_port, "gRPC").close()
-        self._socket = listen(host, http_port, "HTTP")
+        self._socket = bind(host, http_port, grpc_port)
         tls = operation.tls
         guard = GuardInterceptor(
             operation.guard, operation.metrics, operation.tracing, operation.access_log
@@ -117,8 +115,7 @@ class Server:
         if inside is not None:
             relayed = FromFront(app)
             self._http.append(HttpServer(relayed, gateway.limits, operation, inside.http))
-        scheme = "https" if tls else "http"
-        self.http_url = f"{scheme}://{bracketed(host)}:{self._socket.getsockname()[1]}"
+        self.http_url = http_url(host, self._socket, bool(tls))
         self.grpc_address = f"{bracketed(host)}:{self._grpc.port}"
         self._tasks: list[asyncio.Task[None]] = []
 
@@ -164,15 +161,3 @@ class Server:
             except Exception:  # else no lease would ever end again
                 log.exception("sessions whose lease is over not ended; tried again")
             await asyncio.sleep(WATCH_S)
-
-
-def listen(host: str, port: int, what: str) -> socket.socket:
-    """A listening socket. Raises Unavailable."""
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    try:
-        return socket.create_server((host, port), family=family, backlog=1024)
-    except OSError as error:
-        raise Unavailable(
-            f"cannot listen for {what} on {bracketed(host)}:{port}: {error.strerror}; "
-            f"choose another with --{what.lower()}-port (0: any)"
-        ) from None

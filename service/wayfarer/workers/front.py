@@ -20,7 +20,8 @@ from wayfarer.transport.grpc_server import GrpcServer, bracketed
 from wayfarer.transport.http_edge import Edge, add_problem_handlers
 from wayfarer.transport.inside import Inside
 from wayfarer.transport.operation import Operation
-from wayfarer.transport.server import HttpServer, listen
+from wayfarer.transport.ports import bind, http_url
+from wayfarer.transport.server import HttpServer
 from wayfarer.workers.grpc_relay import GrpcRelay
 from wayfarer.workers.http_relay import HttpRelay
 from wayfarer.workers.metrics import merged_page
@@ -57,8 +58,7 @@ class Front:
             update={"streams": settings.limits.streams * len(doors)}
         )
         self._supervisor = supervisor
-        listen(host, settings.grpc_port, "gRPC").close()
-        self._socket = listen(host, settings.http_port, "HTTP")
+        self._socket = bind(host, settings.http_port, settings.grpc_port)
         self._grpc_relay = GrpcRelay([door.grpc for door in doors], placement)
         self._grpc = GrpcServer(
             self._add_relay,
@@ -73,8 +73,7 @@ class Front:
         app = self._app(SocketRelay(http_sockets, placement), limits)
         self._http = HttpServer(app, limits, operation)
         self._drain_s = operation.drain_s
-        scheme = "https" if tls else "http"
-        self.http_url = f"{scheme}://{bracketed(host)}:{self._socket.getsockname()[1]}"
+        self.http_url = http_url(host, self._socket, bool(tls))
         self.grpc_address = f"{bracketed(host)}:{self._grpc.port}"
         self._tasks: list[asyncio.Task[None]] = []
 

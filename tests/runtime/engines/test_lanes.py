@@ -45,11 +45,12 @@ def test_rows_are_parted_where_each_thread_has_enough_to_do(threads, rows, parts
     assert np.array_equal(outputs.translation, whole.translation)
 
 
-def test_no_part_is_larger_than_it_may_be():
+def test_parts_may_be_told_by_where_they_end():
     run = Watched()
-    Lanes(1).step(run, numbered(70), largest=32)
-    assert max(count for _, count in run.parts) <= 32
-    assert sum(count for _, count in run.parts) == 70
+    outputs = Lanes(2).parted(run, numbered(70), [32, 64, 70])
+    assert sorted(count for _, count in run.parts) == [6, 32, 32]
+    whole = FakeEngine().step("male", numbered(70))
+    assert np.array_equal(outputs.translation, whole.translation)
 
 
 def test_a_single_thread_is_the_callers_own():

@@ -8,7 +8,7 @@ import pytest
 from tests.runtime.engines.standing import standing_inputs
 from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
 from wayfarer.runtime.engines.onnx_engine import OnnxEngine
-from wayfarer.runtime.engines.openvino_engine import OpenVinoEngine
+from wayfarer.runtime.engines.openvino_engine import OpenVinoEngine, ends
 from wayfarer.runtime.engines.openvino_precision import ON_ROWS
 from wayfarer.runtime.engines.padding import part
 from wayfarer.stage import DEFAULT_MODEL, load_models
@@ -87,6 +87,23 @@ def test_more_rows_than_the_largest_size_are_taken_in_turns(exact, inputs, monke
     monkeypatch.setattr(exact, "sizes", (8,))
     turns = exact.step(GENDER, inputs)
     assert np.array_equal(whole.rotations, turns.rotations)
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        (1, [1]),
+        (16, [16]),
+        (33, [16, 32, 33]),
+        (48, [16, 32, 48]),
+        (49, [49]),  # one of 64, with padding, costs less than four of 16
+        (64, [64]),
+        (100, [64, 80, 96, 100]),
+        (128, [64, 128]),
+    ],
+)
+def test_rows_are_parted_into_the_sizes_there_are(rows, expected):
+    assert ends(rows) == expected
 
 
 def test_alone_it_is_the_same_engine(mixed, inputs):

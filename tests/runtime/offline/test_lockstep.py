@@ -16,14 +16,8 @@ from wayfarer.errors import (
     ResourceExhausted,
     Unavailable,
 )
-from wayfarer.runtime.agent import (
-    AgentChange,
-    ChunkFlag,
-    EventKind,
-    Goal,
-    SessionSpec,
-    StreamWish,
-)
+from wayfarer.runtime.agent import AgentChange, ChunkFlag, Goal, SessionSpec
+from wayfarer.runtime.publications import EventKind, StreamWish
 from wayfarer.runtime.runtime import Runtime
 from wayfarer.runtime.settings import Limits
 from wayfarer.spec import STEP_SECONDS

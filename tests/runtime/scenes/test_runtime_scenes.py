@@ -6,24 +6,16 @@ import pytest
 
 from tests.runtime.kept_worlds import open_journal
 from tests.runtime.scenes.grounds import BOX, FIELD, ISLANDS, WALL
-from tests.runtime.test_runtime import Servers
 from wayfarer.errors import FailedPrecondition, InvalidArgument, NotFound, Unreachable
 from wayfarer.navigation.spec import Cylinder, MeshFile, Prism, Ramp, SceneSpec
-from wayfarer.runtime.agent import AgentSpec, EventKind, Goal, SessionSpec, StreamWish
+from wayfarer.runtime.agent import AgentSpec, Goal, SessionSpec
+from wayfarer.runtime.publications import EventKind, StreamWish
 from wayfarer.runtime.scenes.messages import SceneWish
 
 WISH = SceneWish(SceneSpec((FIELD,), (BOX,)), "field", {"owner": "ada"})
 EMPTY = SceneWish(SceneSpec((FIELD,)))
 SOUTH = AgentSpec(position=(6.0, 2.0))
 NORTH = Goal((6.0, 10.0, 0.0))
-
-
-@pytest.fixture
-async def servers():
-    made = Servers()
-    yield made
-    for runtime in list(made.running):
-        await made.stop(runtime)
 
 
 async def test_scenes_are_created_listed_drawn_and_deleted(servers):

@@ -11,8 +11,9 @@ from wayfarer.errors import AlreadyExists, FailedPrecondition, Unreachable
 from wayfarer.navigation.examples import two_storeys
 from wayfarer.navigation.scene import bake
 from wayfarer.navigation.spec import Box, Floor, SceneSpec
-from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, EventKind, Goal, SessionSpec
+from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, Goal, SessionSpec
 from wayfarer.runtime.behaviours import Follow
+from wayfarer.runtime.publications import EventKind
 from wayfarer.runtime.scenes.book import Book
 
 SOUTH, NORTH = (6.0, 2.0), (6.0, 10.0)

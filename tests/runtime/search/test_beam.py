@@ -1,90 +1,19 @@
 import math
-from collections.abc import Sequence
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 from tests.runtime.fakes import HIPS_HEIGHT, FakeEngine, make_world, people
-from wayfarer.errors import InvalidArgument
+from tests.runtime.search.walkers import TERM, Lanes, Walker, problem, same, standing
 from wayfarer.runtime.agent import AgentState, Goal, SessionSpec
-from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
 from wayfarer.runtime.engines.resting import resting_inputs
-from wayfarer.runtime.search.beam import BLOCK, fan_out, grow, plan, select
-from wayfarer.runtime.search.beam_settings import CLONES, HARD, BeamSettings
-from wayfarer.runtime.search.plan import Ending, Level, Plan, Problem
+from wayfarer.runtime.search.beam import BLOCK, fan_out, grow, plan
+from wayfarer.runtime.search.beam_settings import HARD, BeamSettings
+from wayfarer.runtime.search.plan import Ending, Level, Problem
 from wayfarer.runtime.world.slots import Mode
 from wayfarer.runtime.world.steering import Search, Steering
 from wayfarer.spec import NEW_FRAMES
-from wayfarer.terms import TERMS
-
-TERM = {name: number for number, name in enumerate(TERMS)}
-
-
-class Walker(FakeEngine):
-    """As the fake engine, but chooses: a latent leads astray and has a price of its own."""
-
-    def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
-        shape = inputs.noise.shape[:2]
-        tried = [super(Walker, self).step(gender, self._only(inputs, k)) for k in range(shape[1])]
-        terms = np.zeros((*shape, len(TERMS)), np.float32)
-        for k, outputs in enumerate(tried):
-            latent = inputs.noise[:, k]
-            outputs.translation[..., :2] += 0.05 * latent[:, None, 1:3]
-            outputs.next_seed_markers[..., :2] += 0.05 * latent[:, None, None, 1:3]
-            way = inputs.goal[:, :2] - outputs.translation[:, -1, :2]
-            terms[:, k, TERM["goal_distance"]] = np.linalg.norm(way, axis=-1)
-            terms[:, k, TERM["skating"]] = 0.1 * np.abs(latent[:, 3])
-        choice = (terms * inputs.term_weights[:, None]).sum(-1).argmin(-1)
-        rows = np.arange(shape[0])
-        chosen = {
-            f.name: np.stack([getattr(o, f.name) for o in tried], 1)[rows, choice]
-            for f in fields(StepOutputs)
-        }
-        return StepOutputs(**{**chosen, "terms": terms[rows, choice], "choice": choice})
-
-    def _only(self, inputs: StepInputs, k: int) -> StepInputs:
-        return replace(inputs, noise=inputs.noise[:, k : k + 1])
-
-
-class Lanes(FakeEngine):
-    """A trap: on the left lane the first step is cheap and all others are dear; the right lane is
-    the other way round. The sign of the first latent chooses the lane, once and for all."""
-
-    FIRST, LATER = {-1: 0.1, 1: 0.5}, {-1: 1.0, 1: 0.0}
-
-    def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
-        outputs = super().step(gender, inputs)
-        start = inputs.seed_translation[:, -1]
-        fresh = start[:, 0] == 0
-        lane = np.where(fresh, np.sign(inputs.noise[:, 0, 0]), np.sign(start[:, 0])).astype(int)
-        price = [
-            (self.FIRST if f else self.LATER)[side] for f, side in zip(fresh, lane, strict=True)
-        ]
-        outputs.terms[:, TERM["skating"]] = price
-        outputs.translation[..., 0] = lane[:, None]
-        outputs.translation[..., 1] = start[:, None, 1] + np.linspace(0.05, 0.4, NEW_FRAMES)
-        return outputs
-
-
-def problem(count: int, way=(0.0, 3.0), **values) -> Problem:
-    """Agents of both genders, each with a goal `way` from where it stands."""
-    specs = people(count, **values)
-    paths = [[Goal((s.position[0] + way[0], s.position[1] + way[1], 0.0))] for s in specs]
-    return Problem.of(specs, make_world().prepare(specs), paths)
-
-
-def standing(count: int) -> Problem:
-    specs = people(count)
-    return Problem.of(specs, make_world().prepare(specs), [()] * count)
-
-
-def same(a: Plan, b: Plan) -> bool:
-    return a.steps == b.steps and all(
-        np.array_equal(getattr(a, name), getattr(b, name))
-        for name in ("translation", "rotations", "contacts", "modes", "costs", "rejected")
-    )
-
 
 # Search
 
@@ -245,64 +174,6 @@ def test_all_nodes_of_an_agent_are_ranked_by_the_table_of_its_best():
     assert {float(level.cost[0]) for level in tree.levels} == {1.0, 9.0}
 
 
-# Hard costs
-
-
-def priced(*prices: float) -> FakeEngine:
-    """Children cost these amounts of skating in turn, whatever their latents."""
-
-    class Priced(FakeEngine):
-        def step(self, gender, inputs):
-            outputs = super().step(gender, inputs)
-            outputs.terms[:, TERM["skating"]] = np.resize(prices, len(outputs.terms))
-            outputs.terms[:, TERM["goal_distance"]] = 1 - outputs.terms[:, TERM["skating"]]
-            return outputs
-
-    return Priced()
-
-
-def test_what_a_term_has_below_its_tolerance_is_free():
-    weights = {"skating": 1.0, "goal_distance": 0.01}
-    settings = BeamSettings(3, keep=3, roots=3, depth=1, weights=weights)
-    [strict] = grow(priced(0.04, 0.06, 0.3), standing(1), settings)
-    np.testing.assert_allclose(strict.levels[0].cost, [0.0496, 0.0694, 0.307], atol=1e-5)
-    [lenient] = grow(
-        priced(0.04, 0.06, 0.3), standing(1), replace(settings, tolerances={"skating": 0.075})
-    )
-    np.testing.assert_allclose(lenient.levels[0].cost, [0.0094, 0.0096, 0.232], atol=1e-5)
-
-
-def test_children_over_a_limit_are_rejected_though_they_cost_less():
-    weights = {"goal_distance": 1.0}
-    settings = BeamSettings(4, keep=2, roots=4, depth=1, weights=weights, limits={"skating": 0.25})
-    [tree] = grow(priced(0.1, 0.9, 0.2, 0.8), standing(1), settings)
-    np.testing.assert_allclose(tree.levels[0].cost, [0.8, 0.9], atol=1e-6)
-    assert not tree.plan().rejected.any()
-    [soft] = grow(priced(0.1, 0.9, 0.2, 0.8), standing(1), replace(settings, limits={}))
-    np.testing.assert_allclose(soft.levels[0].cost, [0.1, 0.2], atol=1e-6)
-
-
-def test_when_all_are_rejected_the_best_by_soft_cost_goes_on_alone_and_is_marked():
-    weights = {"goal_distance": 1.0}
-    settings = BeamSettings(4, keep=3, roots=4, depth=2, weights=weights, limits=HARD)
-    [tree] = grow(priced(0.6, 0.9, 0.7, 0.8), standing(1), settings)
-    assert [len(level.parent) for level in tree.levels] == [1, 1]
-    assert tree.plan().rejected.tolist() == [True, True]
-    np.testing.assert_allclose(tree.plan().costs, [0.1, 0.1], atol=1e-6)
-
-
-def test_a_term_that_is_not_a_number_is_over_every_limit():
-    kept, rank = select(np.zeros(3, int), np.array([np.inf, 2.0, 1.0]), np.array([1, 0, 1]) > 0, 3)
-    assert (kept.tolist(), rank.tolist()) == ([1], [0])
-
-
-def test_select_ranks_each_agent_for_itself_and_ties_keep_their_order():
-    agent = np.array([0, 0, 0, 1, 1, 3])
-    cost = np.array([1.0, 0.5, 1.0, 9.0, 8.0, np.inf])
-    kept, rank = select(agent, cost, np.zeros(6, bool), 2)
-    assert (kept.tolist(), rank.tolist()) == ([1, 0, 4, 3], [0, 1, 0, 1])
-
-
 # Ends
 
 
@@ -419,78 +290,3 @@ def test_fanned_out_rows_hold_one_candidate_each_in_order():
     many = fan_out(inputs)
     assert many.goal[:, 0].tolist() == [0, 0, 1, 1, 2, 2]
     assert many.noise.shape[:2] == (6, 1) and many.noise[:, 0, 0].tolist() == [0, 1, 2, 3, 4, 5]
-
-
-# Settings
-
-
-@pytest.mark.parametrize(
-    ("field", "values"),
-    [
-        ("children", {"children": 0}),
-        ("keep", {"keep": 0}),
-        ("depth", {"depth": -1}),
-        ("roots", {"roots": 0}),
-        ("children", {"children": 5000}),
-        ("children", {"roots": 5000}),
-        ("keep", {"children": 1, "keep": 4, "roots": 3}),
-        ("until", {"until": "sunset"}),
-        ("reach", {"reach": 0.0}),
-        ("reach", {"reach": math.nan}),
-        ("memory", {"memory": 1.5}),
-        ("policy", {"policy": -0.1}),
-        ("temperature", {"temperature": -1.0}),
-        ("weights.grace", {"weights": {"grace": 1.0}}),
-        ("weights.skating", {"weights": {"skating": -1.0}}),
-        ("tolerances.grace", {"tolerances": {"grace": 1.0}}),
-        ("limits.grace", {"limits": {"grace": 1.0}}),
-        ("limits.skating", {"limits": {"skating": math.nan}}),
-    ],
-)
-def test_silly_settings_are_refused_by_name(field, values):
-    with pytest.raises(InvalidArgument, match=field.split(".")[-1]) as refused:
-        BeamSettings(**values)
-    assert refused.value.field == field
-
-
-def test_the_papers_rows_try_32_primitives_at_every_level():
-    for top, kept in ((0, CLONES), (1, 1), (4, 4)):
-        engine = FakeEngine()
-        [tree] = grow(engine, standing(1), BeamSettings.paper(top, depth=3))
-        assert [rows for _, rows, _ in engine.calls] == [CLONES] * 3
-        assert [len(level.parent) for level in tree.levels] == [kept] * 3
-    with pytest.raises(InvalidArgument, match="divisor of 32"):
-        BeamSettings.paper(5)
-    assert BeamSettings.paper(4, policy=0.0).policy == 0.0
-
-
-def test_without_search_the_papers_motions_go_side_by_side():
-    """None is thrown away for another, and each is drawn at random at every step."""
-    drawn: list[np.ndarray] = []
-
-    class Listener(Walker):
-        def step(self, gender, inputs):
-            drawn.append(inputs.noise)
-            return super().step(gender, inputs)
-
-    [tree] = grow(Listener(), standing(1), BeamSettings.paper(depth=4))
-    assert len({tree.plan(leaf).translation[0].tobytes() for leaf in range(CLONES)}) == CLONES
-    noise = np.concatenate(drawn)[:, 0]
-    assert len(np.unique(noise, axis=0)) == 4 * CLONES and noise.any(-1).all()
-
-
-@pytest.mark.parametrize(
-    ("specs", "motions", "paths"), [(2, 1, 2), (2, 2, 1), (1, 2, 2), (0, 0, 0)]
-)
-def test_lists_of_unequal_length_are_refused(specs, motions, paths):
-    made = people(2)
-    prepared = make_world().prepare(made)
-    goals: Sequence[Sequence[Goal]] = [[Goal((0.0, 1.0, 0.0))]] * 2
-    with pytest.raises(InvalidArgument, match="one of each"):
-        Problem.of(made[:specs], prepared[:motions], goals[:paths])
-
-
-def test_a_bad_goal_is_refused():
-    specs = people(1)
-    with pytest.raises(InvalidArgument, match=r"goals\[0\]\.radius"):
-        Problem.of(specs, make_world().prepare(specs), [[Goal((0.0, 1.0, 0.0), radius=-1.0)]])

@@ -103,7 +103,7 @@ def test_nor_when_the_longer_call_would_end_too_late():
     budget = Budget(8, RULES)
     assert candidates(budget, 0.0, 0.0) == 4
     budget.spent(9.5, 0.1)
-    assert candidates(budget, 10.0, 0.2) == 4
+    assert candidates(budget, 10.0, 0.18) == 4
     budget = Budget(8, RULES)
     assert candidates(budget, 0.0, 0.0) == 4
     budget.spent(9.5, 0.05)

@@ -3,21 +3,14 @@
 import numpy as np
 import pytest
 
-from tests.runtime.fakes import FakeEngine, make_world, people
+from tests.runtime.fakes import GOAL, FakeEngine, make_world, people, populated
 from wayfarer.errors import NotFound
 from wayfarer.runtime.agent import AgentState, ChunkFlag, Goal, SessionSpec, Wander
 from wayfarer.runtime.stepping.budget import BudgetRules, Rung
 from wayfarer.runtime.world.steering import Steering
 from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
 
-GOAL = Goal((0.0, 5.0, 0.0))
 HOLD = Rung(1, hold_idle=True)
-
-
-def populated(count=1, engine=None, **settings):
-    world = make_world(engine, **settings)
-    world.create_session(SessionSpec("s"), 0.0)
-    return world, [a.agent_id for a in world.create_agents("s", people(count), 0.0)]
 
 
 def run(world, until, rung=None):

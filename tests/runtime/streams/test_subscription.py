@@ -11,7 +11,8 @@ from wayfarer.errors import (
     ResourceExhausted,
     Unavailable,
 )
-from wayfarer.runtime.agent import ChunkFlag, Event, EventKind, Publication, SlowReader
+from wayfarer.runtime.agent import ChunkFlag
+from wayfarer.runtime.publications import Event, EventKind, Publication, SlowReader
 from wayfarer.runtime.streams.marks import SILENCE
 from wayfarer.runtime.streams.subscription import MAX_EVENTS, Entry, Start
 

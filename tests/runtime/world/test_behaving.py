@@ -8,7 +8,7 @@ import pytest
 
 from tests.runtime.fakes import make_world, people
 from wayfarer.errors import FailedPrecondition, InvalidArgument
-from wayfarer.runtime.agent import AgentState, EventKind, Goal, SessionSpec, Wander
+from wayfarer.runtime.agent import AgentState, Goal, SessionSpec, Wander
 from wayfarer.runtime.behaviours import (
     Follow,
     KeepAway,
@@ -20,6 +20,7 @@ from wayfarer.runtime.behaviours import (
     Visit,
 )
 from wayfarer.runtime.crowd.behaviours import patrolled
+from wayfarer.runtime.publications import EventKind
 from wayfarer.runtime.settings import Limits
 
 STOPS = tuple(Goal((x, y, 0.0), speed=1.5) for x, y in ((2.0, 0.0), (2.0, 2.0), (0.0, 2.0)))

@@ -1,4 +1,5 @@
-"""What callers may ask for; goals and agents are checked through the world in test_world."""
+"""What callers may ask for; goals and agents are checked through the world in
+test_world_refusals."""
 
 import math
 

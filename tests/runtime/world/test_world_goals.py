@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tests.runtime.fakes import make_world, people
+from tests.runtime.fakes import make_world, people, populated
 from wayfarer.errors import Aborted, InvalidArgument, NotFound
 from wayfarer.runtime.agent import (
     AgentChange,
@@ -35,12 +35,6 @@ class Notes:
 
     def planned(self, agent_id, seq, candidates, model):
         self.chunks.append((agent_id, seq, candidates))
-
-
-def populated(count=1, recorder=None, **settings):
-    world = make_world(recorder=recorder, **settings)
-    world.create_session(SessionSpec("s"), 0.0)
-    return world, [a.agent_id for a in world.create_agents("s", people(count), 0.0)]
 
 
 def passing(*ys):

@@ -2,6 +2,8 @@
 
 from contextlib import aclosing, contextmanager
 
+from tests.transport.samples import NOW
+from wayfarer.runtime.publications import Event, EventKind
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.caller import LOCAL, Caller, Quota, Scope, enter
@@ -9,6 +11,8 @@ from wayfarer.v1 import motion_pb2
 
 ORIGIN = schema.Vector3(x=0, y=0, z=0)
 GOAL = schema.Goal(position=ORIGIN)
+REACHED = Event(EventKind.GOAL_REACHED, NOW, "agent-2", 1, 3, 4, "there")
+DONE = Event(EventKind.PATH_DONE, NOW, "agent-2", 1, 3, 4)
 TWO = schema.NewAgents(agents=[schema.AgentSpec(seed=1), schema.AgentSpec(seed=2, gender="male")])
 
 
@@ -44,3 +48,7 @@ async def stream(api, session_id: str, **wish: object):
 
 async def take(messages, number: int):
     return [await anext(messages) for _ in range(number)]
+
+
+def kinds(messages) -> list[str]:
+    return [message.WhichOneof("payload") for message in messages]

@@ -2,8 +2,9 @@ import asyncio
 
 import pytest
 
-from tests.transport.fakes import NOW, Clock, FakeService, opened
+from tests.transport.fakes import Clock, FakeService, opened
 from tests.transport.gateway.calls import called_by, caller, session, stream, take
+from tests.transport.samples import NOW
 from wayfarer.config import Limits
 from wayfarer.errors import (
     Aborted,
@@ -13,7 +14,8 @@ from wayfarer.errors import (
     ResourceExhausted,
     Unreachable,
 )
-from wayfarer.runtime.agent import AgentSpec, Event, EventKind
+from wayfarer.runtime.agent import AgentSpec
+from wayfarer.runtime.publications import Event, EventKind
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.gateway import Gateway, uploads

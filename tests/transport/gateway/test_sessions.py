@@ -2,7 +2,7 @@ import asyncio
 
 import pytest
 
-from tests.transport.fakes import NOW, Clock, FakeService, gateway, opened
+from tests.transport.fakes import Clock, FakeService, gateway, opened
 from tests.transport.gateway.calls import (
     GOAL,
     TWO,
@@ -12,6 +12,7 @@ from tests.transport.gateway.calls import (
     session_of_two,
     stream,
 )
+from tests.transport.samples import NOW
 from wayfarer.config import Limits
 from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted, Unavailable
 from wayfarer.runtime.agent import SessionSpec

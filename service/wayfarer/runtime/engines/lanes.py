@@ -6,7 +6,7 @@ meet once. Rows do not depend on their batch, so the result is the same, bit for
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
@@ -25,15 +25,18 @@ class Lanes:
         self.count = threads or cores()
         self._pool = ThreadPoolExecutor(self.count, "engine") if self.count > 1 else None
 
-    def step(
-        self, run: Callable[[StepInputs], StepOutputs], inputs: StepInputs, largest: int = 1 << 30
-    ) -> StepOutputs:
-        """`run` on parts of at most `largest` rows; safe to call from several threads at once."""
+    def step(self, run: Callable[[StepInputs], StepOutputs], inputs: StepInputs) -> StepOutputs:
+        """`run` on a part for each thread; safe to call from several threads at once."""
         rows = len(inputs.goal)
-        count = max(min(self.count, rows // LEAST), -(-rows // largest), 1)
-        ends = [rows * (i + 1) // count for i in range(count)]
+        count = max(min(self.count, rows // LEAST), 1)
+        return self.parted(run, inputs, [rows * (i + 1) // count for i in range(count)])
+
+    def parted(
+        self, run: Callable[[StepInputs], StepOutputs], inputs: StepInputs, ends: Sequence[int]
+    ) -> StepOutputs:
+        """`run` on parts that end at these rows, as threads come free."""
         parts = [part(inputs, a, b) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
-        if self._pool is None or count == 1:
+        if self._pool is None or len(parts) == 1:
             return join([run(p) for p in parts])
         # In order of the calls: the parts of a second one begin as threads come free of the first.
         return join(list(self._pool.map(run, parts)))

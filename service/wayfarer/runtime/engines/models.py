@@ -12,8 +12,9 @@ from typing import Final
 from weakref import WeakSet
 
 from wayfarer.errors import AlreadyExists, FailedPrecondition, NotFound, ResourceExhausted
-from wayfarer.runtime.agent import AgentInfo, Event, EventKind, ModelInfo
+from wayfarer.runtime.agent import AgentInfo, ModelInfo
 from wayfarer.runtime.engines.engine import Engine
+from wayfarer.runtime.publications import Event, EventKind
 from wayfarer.spec import GENDERS, PRIMITIVE_FRAMES, SEED_FRAMES
 
 MOST: Final = 4

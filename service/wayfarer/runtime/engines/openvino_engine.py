@@ -32,6 +32,12 @@ DEVICE: Final = "CPU"
 SIZES: Final = (16, 64)
 """Rows for one thread. Each size is a network of its own: a second to compile, and 200 MB."""
 
+BATCHES: Final = (16, 32, 48, 64)
+"""Rows of a batch for one thread, made of these."""
+
+MOST: Final = 48
+"""Rows that are computed 16 at a time: for more, 64 cost less, though some of them be padding."""
+
 
 class OpenVinoEngine(WarmEngine):
     """Runs a model folder's step graphs. Implements `WarmEngine`."""
@@ -59,14 +65,14 @@ class OpenVinoEngine(WarmEngine):
         self._compiling = threading.Lock()
         self._requests = threading.local()
         self._lanes = Lanes(threads)
-        self.batch_sizes = self._lanes.sizes(SIZES)
+        self.batch_sizes = self._lanes.sizes(BATCHES)
 
     @cached_property
     def alone(self) -> "OpenVinoEngine":
         """See `Engine`."""
         other = copy(self)
         other._lanes = Lanes(1)
-        other.batch_sizes = SIZES
+        other.batch_sizes = BATCHES
         return other
 
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
@@ -75,7 +81,7 @@ class OpenVinoEngine(WarmEngine):
         Rows are padded to `sizes`: networks of these give the same bits, that of a single row, or
         of any number of rows, does not.
         """
-        return self._lanes.step(partial(self._run, gender), inputs, self.sizes[-1])
+        return self._lanes.parted(partial(self._run, gender), inputs, ends(len(inputs.goal)))
 
     def _run(self, gender: str, inputs: StepInputs) -> StepOutputs:
         rows, candidates = inputs.noise.shape[:2]
@@ -124,6 +130,16 @@ class OpenVinoEngine(WarmEngine):
             "ENABLE_CPU_PINNING": False,  # the event loop needs the cores, too
         }
         return self._core.compile_model(network, DEVICE, options)
+
+
+def ends(rows: int) -> list[int]:
+    """Where the parts of so many rows end: of 64, as long as that pays, and of 16."""
+    small, large = SIZES
+    found = list(range(large, rows + 1, large))
+    rest = rows - (found[-1] if found else 0)
+    if rest > MOST:
+        return [*found, rows]
+    return [*found, *(min(rows - rest + end, rows) for end in range(small, rest + small, small))]
 
 
 def open_core() -> "openvino.Core":

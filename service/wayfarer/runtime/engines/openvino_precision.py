@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 HIDDEN: Final = 128
 """Widths of hidden layers are multiples of it."""
 
+THROUGH: Final = frozenset(("Convert", "Transpose", "Split", "VariadicSplit"))
+"""May lie between weights as they are kept and the product: a gate is cut out of its unit."""
+
 ON_ROWS: Final = frozenset(
     (
         *("Add", "Subtract", "Multiply", "Tanh", "Sigmoid", "Relu", "PRelu", "LeakyRelu"),
@@ -40,7 +43,7 @@ def is_product(node: "Node") -> bool:
     if node.get_type_name() != "MatMul" or not _is_float(node.output(0)):
         return False
     weights = node.input_value(1).get_node()
-    while weights.get_type_name() in ("Convert", "Transpose"):
+    while weights.get_type_name() in THROUGH:
         weights = weights.input_value(0).get_node()
     shape = node.input_value(1).get_partial_shape()
     return weights.get_type_name() == "Constant" and any(

@@ -17,9 +17,7 @@ from wayfarer.runtime.agent import (
     AgentChange,
     AgentInfo,
     AgentSpec,
-    Event,
     MotionChunks,
-    Publication,
     SessionInfo,
     SessionSpec,
 )
@@ -27,6 +25,7 @@ from wayfarer.runtime.commands import Order
 from wayfarer.runtime.engines.models import model_changed
 from wayfarer.runtime.inbox import Inbox
 from wayfarer.runtime.offline.offline import Offline
+from wayfarer.runtime.publications import Event, Publication
 from wayfarer.runtime.state.kept import KeptWorld
 from wayfarer.runtime.streams.milestones import Milestones
 from wayfarer.runtime.world.handover import SessionRecord

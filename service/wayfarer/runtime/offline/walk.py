@@ -11,9 +11,9 @@ from wayfarer.runtime.agent import (
     Goal,
     MotionChunk,
     MotionChunks,
-    Publication,
     SessionSpec,
 )
+from wayfarer.runtime.publications import Publication
 from wayfarer.runtime.world.world import World
 from wayfarer.spec import FPS, STEP_SECONDS
 

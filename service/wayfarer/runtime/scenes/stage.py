@@ -6,8 +6,9 @@ from typing import Final, NamedTuple
 
 from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.spec import Point3
-from wayfarer.runtime.agent import Event, EventKind, Goal
+from wayfarer.runtime.agent import Goal
 from wayfarer.runtime.commands import AppendGoals, Order, SetGoal, SetPath
+from wayfarer.runtime.publications import Event, EventKind
 from wayfarer.runtime.scenes.book import Book
 from wayfarer.runtime.scenes.guide import SceneGuide
 from wayfarer.runtime.scenes.planner import MOVED, Planner, moved_text

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Final, Protocol, TypeVar
 
-from wayfarer.runtime.agent import Publication
+from wayfarer.runtime.publications import Publication
 from wayfarer.runtime.state.kept import kept
 from wayfarer.runtime.state.log_format import Origin, decode_log, encode_log
 from wayfarer.runtime.state.replay import replay

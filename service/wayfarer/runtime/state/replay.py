@@ -20,10 +20,10 @@ from wayfarer.runtime.agent import (
     ChunkFlag,
     MotionChunk,
     MotionChunks,
-    Publication,
     SessionSpec,
 )
 from wayfarer.runtime.commands import Order
+from wayfarer.runtime.publications import Publication
 from wayfarer.runtime.state.record import CommandLog, Entry, Run, Track
 from wayfarer.runtime.stepping.budget import Rung
 from wayfarer.runtime.world.world import World

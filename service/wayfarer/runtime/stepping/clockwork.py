@@ -4,7 +4,7 @@ Time is always an argument: seconds, the same line for all calls (Unix time in t
 in offline use). The same calls give the same motion. Not thread-safe.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ from wayfarer.runtime.world.orders import Orders
 from wayfarer.runtime.world.paths import Paths
 from wayfarer.runtime.world.population import Population
 from wayfarer.runtime.world.registry import Registry
-from wayfarer.runtime.world.reservations import Reservations
+from wayfarer.runtime.world.reservations import Reservation, Reservations
 from wayfarer.runtime.world.rows import Index
 from wayfarer.runtime.world.slots import Mode, SlotTable
 from wayfarer.runtime.world.views import Due, due_by_session
@@ -148,9 +148,12 @@ class Clockwork:
             found += due_by_session(sent, slots, self._registry.by_slot, self._timeline)
         return found
 
-    def next_event(self, planning: bool = True) -> float | None:
-        """When the next chunk is to be sent or, unless not asked for, planned; None without any."""
-        frame = self._playback.next_event(planning)
+    def next_event(self, planning: bool = True, early: float = 0.0) -> float | None:
+        """When the next chunk is to be sent or, unless not asked for, planned; None without any.
+
+        Chunks are sent so many seconds `early`.
+        """
+        frame = self._playback.next_event(planning, early * FPS)
         return None if frame is None else self._timeline.time(frame)
 
     def behind(self, now: float) -> float:
@@ -201,6 +204,20 @@ class Clockwork:
         """The same, counted from the top: 0 is where all is as wished."""
         return 0 if self._budget is None else self._budget.number
 
+    def room_for(self, session_id: str, genders: Sequence[str], now: float) -> None:
+        """Raises NotFound, ResourceExhausted when so many more could not be stepped in time."""
+        self._check_room(Reservation.of(session_id, genders), now, self._reservations.all())
+
+    @property
+    def agents(self) -> int:
+        """Agents of all sessions."""
+        return len(self._registry.agents)
+
+    @property
+    def sessions(self) -> int:
+        """Open sessions."""
+        return len(self._registry.sessions)
+
     def states(self) -> dict[AgentState, int]:
         """How many agents are in each state, as of what has been sent."""
         slots = self._table.rows
@@ -231,6 +248,25 @@ class Clockwork:
         return self._admission.refused
 
     # Within
+
+    def _check_room(
+        self,
+        wanted: Reservation,
+        now: float,
+        held: Sequence[Reservation],
+        admit: bool = True,
+    ) -> None:
+        """Whether they fit beside those who are there and those for whom room is held.
+
+        Thread-safe. Raises NotFound, ResourceExhausted.
+        """
+        self._registry.check_room(wanted, held)
+        if admit and self.settings.admission.refuse:
+            # the ladder is looked at with each step: without agents it stands where it was left
+            late = self.rung.refuse and self.agents > 0
+            coming = [gender for other in held for gender in other.genders]
+            phases = self._population.phases.with_agents(coming)
+            self._admission.check(phases, wanted.genders, now, late)
 
     def _rung(self, now: float, frame: float) -> Rung:
         if self._budget is None:

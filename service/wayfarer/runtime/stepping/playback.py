@@ -63,20 +63,27 @@ class Playback:
         order = np.argsort(when, kind="stable")
         return rows[order][when[order] <= frame]
 
-    def next_event(self, planning: bool = True) -> int | None:
-        """World frame of the next sending or, unless not asked for, planning; None without any."""
+    def next_event(self, planning: bool = True, early: float = 0.0) -> float | None:
+        """World frame of the next sending or, unless not asked for, planning; None without any.
+
+        Chunks are sent so many frames `early`.
+        """
         slots = self._slots
-        events = self._send_frame(
-            np.flatnonzero(slots.active & (slots.planned_chunks > slots.sent_chunks))
-        )
+        waits = slots.active & (slots.planned_chunks > slots.sent_chunks)
+        events = self._send_frame(np.flatnonzero(waits)) - early
         if planning:
             plans = self._plan_frame(np.flatnonzero(self._grounded))
             events = np.concatenate([events, plans])
-        return int(events.min()) if len(events) else None
+        return float(events.min()) if len(events) else None
 
     def slack(self, frame: float) -> float:
-        """Frames from world frame `frame` until the next chunk to be planned is to be shown."""
-        rows = np.flatnonzero(self._grounded)
+        """Frames from world frame `frame` until the next chunk to be planned is to be shown.
+
+        Those who are new or have just been given another goal are in a hurry however little there
+        is to do: they do not count.
+        """
+        slots = self._slots
+        rows = np.flatnonzero(self._grounded & ~slots.replanned & (slots.planned_chunks > 0))
         show = self._show_frame(rows, self._slots.planned_chunks[rows])
         return float(show.min(initial=np.iinfo(np.int64).max) - frame)
 

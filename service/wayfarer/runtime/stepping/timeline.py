@@ -16,7 +16,7 @@ class Timeline:
         """World frame shown at `time`; the small term absorbs rounding of Unix seconds."""
         return (time - self._epoch) * FPS + 1e-3
 
-    def time(self, frame: int) -> float:
+    def time(self, frame: float) -> float:
         """When a world frame is shown."""
         return self._epoch + frame / FPS
 

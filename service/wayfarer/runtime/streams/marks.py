@@ -4,7 +4,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Final
 
-from wayfarer.runtime.agent import ChunkFlag, MotionChunks, Publication
+from wayfarer.runtime.agent import ChunkFlag, MotionChunks
+from wayfarer.runtime.publications import Publication
 
 SILENCE: Final = 10.0
 """An agent without a chunk for so many seconds of motion is forgotten, deleted ones with it."""

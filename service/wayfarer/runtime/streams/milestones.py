@@ -4,16 +4,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from wayfarer.runtime.agent import (
-    AgentInfo,
-    AgentState,
-    ChunkFlag,
-    Event,
-    EventKind,
-    Goal,
-    MotionChunk,
-    MotionChunks,
-)
+from wayfarer.runtime.agent import AgentInfo, AgentState, ChunkFlag, Goal, MotionChunk, MotionChunks
+from wayfarer.runtime.publications import Event, EventKind
 from wayfarer.runtime.world.handover import AgentRecord
 from wayfarer.runtime.world.slots import Mode
 

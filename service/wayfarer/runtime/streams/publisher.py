@@ -12,18 +12,10 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Final
 
 from wayfarer.errors import InvalidArgument, WayfarerError
-from wayfarer.runtime.agent import (
-    NO_CHUNKS,
-    AgentInfo,
-    Event,
-    EventKind,
-    MotionChunks,
-    Publication,
-    Resume,
-    SlowReader,
-)
+from wayfarer.runtime.agent import NO_CHUNKS, AgentInfo, MotionChunks
 from wayfarer.runtime.inbox import post
 from wayfarer.runtime.meter import Meter, ResumeResult
+from wayfarer.runtime.publications import Event, EventKind, Publication, Resume, SlowReader
 from wayfarer.runtime.streams.milestones import Milestones
 from wayfarer.runtime.streams.subscription import BoundedSubscription, Entry, Start, StreamSettings
 from wayfarer.runtime.world.handover import SessionRecord

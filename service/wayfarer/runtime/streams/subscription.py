@@ -19,14 +19,8 @@ from wayfarer.errors import (
     ResourceExhausted,
     WayfarerError,
 )
-from wayfarer.runtime.agent import (
-    Event,
-    EventKind,
-    Publication,
-    SlowReader,
-    StreamWish,
-)
 from wayfarer.runtime.meter import Meter
+from wayfarer.runtime.publications import Event, EventKind, Publication, SlowReader, StreamWish
 from wayfarer.runtime.streams.marks import Marks
 
 MIN_WAITING: Final = 3

@@ -10,7 +10,7 @@ import numpy as np
 
 from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.spec import Point3
-from wayfarer.runtime.agent import EventKind, Goal, Wander
+from wayfarer.runtime.agent import Goal, Wander
 from wayfarer.runtime.behaviours import (
     Behaviour,
     Follow,
@@ -23,6 +23,7 @@ from wayfarer.runtime.behaviours import (
     Visit,
 )
 from wayfarer.runtime.crowd.behaviours import Aim, follow, keep_away, patrolled
+from wayfarer.runtime.publications import EventKind
 from wayfarer.runtime.scenes.places import free_place
 from wayfarer.runtime.world.aims import Aims
 from wayfarer.runtime.world.paths import Paths

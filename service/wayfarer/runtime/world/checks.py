@@ -55,6 +55,12 @@ def check_spec(spec: AgentSpec, where: str) -> None:
     check_name(spec.name, f"{where}.name")
 
 
+def check_specs(specs: Sequence[AgentSpec]) -> None:
+    """Of agents to be created together. Raises InvalidArgument."""
+    for number, spec in enumerate(specs):
+        check_spec(spec, f"agents[{number}]")
+
+
 def check_change(change: AgentChange) -> None:
     """Raises InvalidArgument."""
     if change.name is not None:

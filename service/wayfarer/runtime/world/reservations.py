@@ -4,10 +4,13 @@ So that of several who ask at once nobody is let in twice, and all others are re
 Thread-safe.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Lock
+from typing import Self
+
+from wayfarer.spec import GENDERS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -16,6 +19,11 @@ class Reservation:
 
     session_id: str
     genders: tuple[int, ...]
+
+    @classmethod
+    def of(cls, session_id: str, genders: Iterable[str]) -> Self:
+        """The same, of genders by name."""
+        return cls(session_id, tuple(GENDERS.index(gender) for gender in genders))
 
 
 class Reservations:

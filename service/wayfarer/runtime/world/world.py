@@ -13,33 +13,19 @@ from functools import cached_property, partial
 import numpy as np
 
 from wayfarer.errors import AlreadyExists, ResourceExhausted, WayfarerError
-from wayfarer.navigation.scene import Scene
 from wayfarer.runtime.agent import (
     AgentChange,
     AgentInfo,
     AgentSpec,
-    Event,
-    Goal,
     MotionChunk,
     SessionInfo,
     SessionSpec,
-    Wander,
 )
-from wayfarer.runtime.behaviours import Behaviour, Routine
-from wayfarer.runtime.commands import (
-    AppendGoals,
-    ClearGoal,
-    Command,
-    Delete,
-    Order,
-    SetGoal,
-    SetPath,
-)
-from wayfarer.runtime.scenes.book import Book
+from wayfarer.runtime.commands import Command, Delete
 from wayfarer.runtime.scenes.messages import Crowd
-from wayfarer.runtime.scenes.populate import Crowds, Whereabouts
-from wayfarer.runtime.stepping.clockwork import Clockwork
-from wayfarer.runtime.world.checks import check_change, check_session, check_spec
+from wayfarer.runtime.scenes.populate import Crowds
+from wayfarer.runtime.world.checks import check_change, check_session, check_specs
+from wayfarer.runtime.world.directed import Directed
 from wayfarer.runtime.world.handover import (
     AgentRecord,
     SessionRecord,
@@ -48,12 +34,11 @@ from wayfarer.runtime.world.handover import (
 )
 from wayfarer.runtime.world.registry import Agent, Session
 from wayfarer.runtime.world.reservations import Reservation
-from wayfarer.runtime.world.slots import Mode, Motion
+from wayfarer.runtime.world.slots import Motion
 from wayfarer.runtime.world.views import agent_info
-from wayfarer.spec import GENDERS
 
 
-class World(Clockwork):
+class World(Directed):
     """Sessions of agents who walk. `tick` moves them all."""
 
     # Sessions
@@ -120,7 +105,9 @@ class World(Clockwork):
         try:
             for number, agent in enumerate(record.agents):
                 self._check_new(agent, f"agents[{number}]")
-            wanted = _room(record.session_id, [agent.spec for agent in record.agents])
+            wanted = Reservation.of(
+                record.session_id, [agent.spec.gender for agent in record.agents]
+            )
             self._check_room(wanted, now, self._reservations.all(), admit)
         except WayfarerError:
             self._close(session)
@@ -136,7 +123,7 @@ class World(Clockwork):
 
         Raises NotFound, InvalidArgument.
         """
-        _check_specs(specs)
+        check_specs(specs)
         return self._stage.scenery.placed(self._registry.session(session_id).spec, specs)
 
     def prepare(self, specs: Sequence[AgentSpec]) -> list[Motion]:
@@ -147,7 +134,7 @@ class World(Clockwork):
         most = self.settings.limits.agents_per_session
         if len(specs) > most:
             raise ResourceExhausted(f"{len(specs)} agents at once; allowed per session: {most}")
-        _check_specs(specs)
+        check_specs(specs)
         self._population.measure(specs)
         return [self._population.spawner.stand(spec) for spec in specs]
 
@@ -158,8 +145,8 @@ class World(Clockwork):
 
         Entering it raises NotFound, InvalidArgument, ResourceExhausted.
         """
-        _check_specs(specs)
-        wanted = _room(session_id, specs)
+        check_specs(specs)
+        wanted = Reservation.of(session_id, [spec.gender for spec in specs])
         return self._reservations.held(wanted, partial(self._check_room, wanted, now))
 
     def create_agents(
@@ -182,7 +169,8 @@ class World(Clockwork):
             seeds = self.prepare(specs)
         held = self._reservations.all()
         if reservation not in held:  # or no more: its caller has given up
-            self._check_room(_room(session_id, specs), now, held)
+            wanted = Reservation.of(session_id, [spec.gender for spec in specs])
+            self._check_room(wanted, now, held)
         made = []
         for agent in self._population.add(session, specs, seeds, now):
             self._record(agent, agent.spec, 0)
@@ -231,7 +219,8 @@ class World(Clockwork):
         self._check_new(record, "agent")
         if record.alias in {agent.alias for agent in session.agents.values()}:
             raise AlreadyExists(f"session {session_id!r} has an agent of alias {record.alias}")
-        self._check_room(_room(session_id, [record.spec]), now, self._reservations.all())
+        wanted = Reservation.of(session_id, [record.spec.gender])
+        self._check_room(wanted, now, self._reservations.all())
         [agent] = self._put(session, [record], now)
         return self._info(agent)
 
@@ -243,87 +232,7 @@ class World(Clockwork):
         model, agents = self.models.named(name), self._registry.agents.values()
         return [self._info(agent) for agent in agents if self._population.move(agent, model)]
 
-    # Goals
-
-    def set_goal(self, agent_id: str, goal: Goal, now: float, expected: int | None = None) -> int:
-        """Replan for a new goal; return its revision, as for all below.
-
-        Every change of goals raises NotFound, InvalidArgument that names the field, and Aborted
-        when the agent's revision is not the `expected` one.
-        """
-        return self.give(agent_id, SetGoal(goal), now, expected)
-
-    def set_path(
-        self, agent_id: str, goals: Sequence[Goal], now: float, expected: int | None = None
-    ) -> int:
-        """Replan for goals to be visited in turn; one revision for all of them.
-
-        A goal to pass through is done with once it is reached, another one after the agent has
-        stood there for its dwell.
-        """
-        return self.give(agent_id, SetPath(tuple(goals)), now, expected)
-
-    def append_goals(
-        self, agent_id: str, goals: Sequence[Goal], now: float, expected: int | None = None
-    ) -> int:
-        """Add goals to the end of the path, whose goals keep their numbers; nothing is replanned.
-
-        Goals that the agent has passed are forgotten, so a path can be fed for ever. An agent
-        without a path begins one; one who wanders goes on with these goals after its present one.
-        """
-        return self.give(agent_id, AppendGoals(tuple(goals)), now, expected)
-
-    def wander(self, agent_id: str, area: Wander, now: float, expected: int | None = None) -> int:
-        """Walk about until another change of goals; one revision for all of it.
-
-        Places are drawn from the agent's seed, its revision and their number in the path.
-        """
-        return self.give(agent_id, area, now, expected)
-
-    def behave(
-        self,
-        agent_id: str,
-        behaviour: Behaviour | Routine,
-        now: float,
-        expected: int | None = None,
-    ) -> int:
-        """Do this until another change of goals; one revision for all of it.
-
-        Besides, raises FailedPrecondition: in a recorded session for what depends on others, and
-        on a floor without end for walking all over it.
-        """
-        return self.give(agent_id, behaviour, now, expected)
-
-    def clear_goal(self, agent_id: str, now: float, expected: int | None = None) -> int:
-        """Stop where the agent is. Raises NotFound, Aborted."""
-        return self.give(agent_id, ClearGoal(), now, expected)
-
-    def give(self, agent_id: str, order: Order, now: float, expected: int | None = None) -> int:
-        """Any change of goals, as it was told to a `Recorder`; see above.
-
-        In a scene, goals off free ground are moved to the nearest that can be reached. Raises
-        Unreachable when no way leads to one.
-        """
-        agent = self._registry.agent(agent_id)
-        self._orders.check_revision(agent, expected)
-        self._orders.check(agent, order)
-        fitted, moves = self._stage.fitted(agent.slot, order)
-        revision = self._orders.give(agent, fitted, now)
-        self._stage.tell_moves(agent.slot, moves, agent.passed + len(agent.path))
-        return revision
-
-    # Scenes
-
-    @property
-    def scenes(self) -> Book:
-        """Those that sessions may be in."""
-        return self._stage.scenery.book
-
-    def take_events(self) -> list[tuple[str, Event]]:
-        """What agents have met with on their ways since the last time, by session."""
-        agents = self._registry.agents
-        events = self._stage.take_events()
-        return [(agents[e.agent_id].session_id, e) for e in events if e.agent_id in agents]
+    # Crowds
 
     def populate(self, session_id: str, crowd: Crowd, now: float) -> int:
         """Let people come and go from now on, in place of an earlier crowd; see `Crowds.set`."""
@@ -337,39 +246,6 @@ class World(Clockwork):
         """Tend crowds, step all agents that are due, return the chunks whose time has come."""
         self.tend(now)
         return super().tick(now)
-
-    def scene_of_session(self, session_id: str) -> Scene | None:
-        """Its scene as the present step sees it; None: it is in none, or has ended."""
-        session = self._registry.sessions.get(session_id)
-        if session is None or not session.spec.scene:
-            return None
-        scenery = self._stage.scenery
-        return scenery.scene(scenery.number(session.spec.scene))
-
-    def whereabouts(self, session_id: str) -> Whereabouts:
-        """Where a session's agents are, and who stands, as of what was sent. Raises NotFound."""
-        agents = self._registry.session(session_id).agents
-        rows = np.array([agent.slot for agent in agents.values()], np.int64)
-        sent = self._table.rows.committed
-        stands = sent.gait.mode[rows] == Mode.STANDING
-        return Whereabouts(tuple(agents), sent.seed.translation[rows, -1, :2], stands)
-
-    def room_for(self, session_id: str, genders: Sequence[str], now: float) -> None:
-        """Raises NotFound, ResourceExhausted when so many more could not be stepped in time."""
-        wanted = Reservation(session_id, tuple(GENDERS.index(gender) for gender in genders))
-        self._check_room(wanted, now, self._reservations.all())
-
-    # Counts
-
-    @property
-    def agents(self) -> int:
-        """Agents of all sessions."""
-        return len(self._registry.agents)
-
-    @property
-    def sessions(self) -> int:
-        """Open sessions."""
-        return len(self._registry.sessions)
 
     # Within
 
@@ -388,25 +264,6 @@ class World(Clockwork):
     def _close(self, session: Session) -> None:
         del self._registry.sessions[session.session_id]
         self._stage.scenery.leave(session.spec)
-
-    def _check_room(
-        self,
-        wanted: Reservation,
-        now: float,
-        held: Sequence[Reservation],
-        admit: bool = True,
-    ) -> None:
-        """Whether they fit beside those who are there and those for whom room is held.
-
-        Thread-safe. Raises NotFound, ResourceExhausted.
-        """
-        self._registry.check_room(wanted, held)
-        if admit and self.settings.admission.refuse:
-            # the ladder is looked at with each step: without agents it stands where it was left
-            late = self.rung.refuse and self.agents > 0
-            coming = [gender for other in held for gender in other.genders]
-            phases = self._population.phases.with_agents(coming)
-            self._admission.check(phases, wanted.genders, now, late)
 
     def _check_new(self, record: AgentRecord, where: str) -> None:
         """Raises AlreadyExists, and InvalidArgument when its path is too long for this world."""
@@ -429,12 +286,3 @@ class World(Clockwork):
 
     def _info(self, agent: Agent) -> AgentInfo:
         return agent_info(agent, self._table.rows, self.models)
-
-
-def _room(session_id: str, specs: Sequence[AgentSpec]) -> Reservation:
-    return Reservation(session_id, tuple(GENDERS.index(spec.gender) for spec in specs))
-
-
-def _check_specs(specs: Sequence[AgentSpec]) -> None:
-    for number, spec in enumerate(specs):
-        check_spec(spec, f"agents[{number}]")

@@ -6,7 +6,7 @@ from contextlib import aclosing, asynccontextmanager
 from itertools import chain
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.agent import Event, StreamWish
+from wayfarer.runtime.publications import Event, StreamWish
 from wayfarer.transport import convert, schema
 from wayfarer.transport.batches import event_message, parsed
 from wayfarer.transport.caller import Scope, present_caller

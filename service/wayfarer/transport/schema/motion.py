@@ -5,7 +5,8 @@ from typing import Annotated
 from pydantic import ConfigDict, Field
 
 from wayfarer.body.skeleton import load_skeleton
-from wayfarer.runtime.agent import AgentState, EventKind, SlowReader
+from wayfarer.runtime.agent import AgentState
+from wayfarer.runtime.publications import EventKind, SlowReader
 from wayfarer.spec import FPS
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import PoseEncoding, PoseProfile

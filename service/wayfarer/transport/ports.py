@@ -1,0 +1,30 @@
+"""The public ports of a server: bound as one, so that one in use is known at once."""
+
+import socket
+
+from wayfarer.errors import Unavailable
+from wayfarer.transport.grpc_server import bracketed
+
+
+def bind(host: str, http_port: int, grpc_port: int) -> socket.socket:
+    """HTTP's listening socket, once gRPC's port is known to be free. Raises Unavailable."""
+    # gRPC binds in C, which cannot say why it failed and writes lines of its own: try first.
+    listen(host, grpc_port, "gRPC").close()
+    return listen(host, http_port, "HTTP")
+
+
+def http_url(host: str, bound: socket.socket, secure: bool) -> str:
+    """Where HTTP is found."""
+    return f"{'https' if secure else 'http'}://{bracketed(host)}:{bound.getsockname()[1]}"
+
+
+def listen(host: str, port: int, what: str) -> socket.socket:
+    """A listening socket. Raises Unavailable."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        return socket.create_server((host, port), family=family, backlog=1024)
+    except OSError as error:
+        raise Unavailable(
+            f"cannot listen for {what} on {bracketed(host)}:{port}: {error.strerror}; "
+            f"choose another with --{what.lower()}-port (0: any)"
+        ) from None

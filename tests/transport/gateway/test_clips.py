@@ -1,0 +1,60 @@
+"""Clips and lock-step: motion at its caller's pace."""
+
+import pytest
+
+from tests.transport.fakes import FakeService, opened
+from tests.transport.gateway.calls import TWO, session, session_of_two
+from wayfarer.config import Limits
+from wayfarer.errors import FailedPrecondition, InvalidArgument
+from wayfarer.transport import schema
+
+
+async def test_a_clip_is_a_header_and_batches():
+    service = FakeService()
+    api = await opened(service)
+    wish = schema.ClipWish(
+        agent=schema.AgentSpec(seed=3, position=schema.Vector3(x=0, y=0, z=1)),
+        goals=[schema.Goal(position=schema.Vector3(x=0, y=0, z=4))],
+        seconds=0.6,
+        basis="unity",
+        format=schema.PoseFormat(fps=20),
+    )
+    header, *batches = [m async for m in api.motion.generate_clip(wish)]
+    assert header.header.sent_fps == 20 and not header.header.basis.right_handed
+    assert [seq for b in batches for seq in b.batch.chunks.seqs] == [0, 1, 2]
+    (agent,) = batches[0].batch.added
+    assert (agent.seed, agent.position.z) == (3, 1.0)
+    assert service.specs[-1].noise_seed == 3
+
+
+@pytest.mark.parametrize(
+    ("wish", "field"),
+    [
+        ({"seconds": 121}, "seconds"),
+        ({"seconds": 1, "format": {"fps": 7}}, "format.fps"),
+        ({"seconds": 1, "agent": {"phenotype": {"height_m": 9}}}, "agent.phenotype.height_m"),
+        ({"seconds": 1, "goals": [{"position": {"x": 0, "y": 0, "z": 0}}] * 257}, "goals"),
+    ],
+)
+async def test_a_clip_that_cannot_be_made_names_the_field(wish, field):
+    api = await opened()
+    with pytest.raises(InvalidArgument) as caught:
+        await anext(api.motion.generate_clip(schema.ClipWish.model_validate(wish)))
+    assert caught.value.field == field
+
+
+async def test_time_passes_step_by_step():
+    service = FakeService()
+    api = await opened(service, Limits(steps_per_call=2))
+    session_id, _ = await session_of_two(api, lock_step=True)
+    reply = await api.motion.step(session_id, schema.StepWish())
+    assert len(reply.batches) == 1 and len(reply.batches[0].added) == 2
+    reply = await api.motion.step(session_id, schema.StepWish(steps=2))
+    assert [seq for b in reply.batches for seq in b.chunks.seqs] == [1, 1, 2, 2]
+    assert not any(b.added for b in reply.batches)
+    with pytest.raises(InvalidArgument, match="1 to 2 primitives per call, not 3"):
+        await api.motion.step(session_id, schema.StepWish(steps=3))
+    with pytest.raises(FailedPrecondition, match="lock-step"):
+        await api.motion.step(await session(api), schema.StepWish())
+    await api.agents.create(session_id, TWO)
+    assert len((await api.motion.step(session_id, schema.StepWish())).batches[0].added) == 2

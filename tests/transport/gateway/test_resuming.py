@@ -1,0 +1,134 @@
+"""Streams that go on where another one was cut off."""
+
+import contextlib
+
+import pytest
+
+from tests.transport.fakes import FakeService, opened
+from tests.transport.gateway.calls import (
+    DONE,
+    REACHED,
+    kinds,
+    session,
+    session_of_two,
+    stream,
+    take,
+)
+from wayfarer.errors import InvalidArgument
+from wayfarer.runtime.publications import Resume
+from wayfarer.transport import schema
+from wayfarer.v1 import motion_pb2
+
+
+async def token_of(api, service, session_id: str, *events, **wish: object) -> str:
+    """Of the first batch of a stream, whose events are lost."""
+    async with contextlib.aclosing(stream(api, session_id, **wish)) as messages:
+        await anext(messages)
+        service.emit(session_id, *events)
+        return (await anext(messages)).batch.resume_token
+
+
+async def resumed(api, session_id: str, token: str, number: int):
+    async with contextlib.aclosing(stream(api, session_id, resume_token=token)) as messages:
+        return await take(messages, 1 + number)
+
+
+async def test_a_stream_goes_on_where_its_token_left_off():
+    service = FakeService()
+    api = await opened(service)
+    session_id, _ = await session_of_two(api)
+    token = await token_of(api, service, session_id)
+    for _ in range(2):
+        service.emit(session_id)
+    header, *batches = await resumed(api, session_id, token, 2)
+    assert header.header.resumed
+    assert [seq for b in batches for seq in b.batch.chunks.seqs] == [1, 1, 2, 2]
+    assert len(batches[0].batch.added) == 2  # told again: it is another connection
+
+
+async def test_a_stream_that_resumes_is_told_who_was_deleted_meanwhile():
+    service = FakeService()
+    api = await opened(service)
+    session_id, (first, second) = await session_of_two(api)
+    token = await token_of(api, service, session_id)
+    service.emit(session_id)
+    await api.agents.delete(second.agent_id)
+    _, batch = await resumed(api, session_id, token, 1)
+    assert list(batch.batch.removed) == [second.alias]
+    assert list(batch.batch.chunks.aliases) == [first.alias]
+    assert [agent.agent_id for agent in batch.batch.added] == [first.agent_id]
+    async with contextlib.aclosing(stream(api, session_id)) as messages:  # without a token
+        await anext(messages)
+        service.emit(session_id)
+        assert not (await anext(messages)).batch.removed
+
+
+async def test_a_token_knows_which_agents_were_followed():
+    service = FakeService()
+    api = await opened(service)
+    session_id, (first, second) = await session_of_two(api)
+    ids = (first.agent_id, second.agent_id)
+
+    async def following(*agent_ids: str) -> str:
+        return await token_of(api, service, session_id, agent_ids=agent_ids)
+
+    async def is_same(token: str, *agent_ids: str) -> bool:
+        wish = schema.StreamWish(session_id=session_id, resume_token=token, agent_ids=agent_ids)
+        async with contextlib.aclosing(api.motion.stream(wish)) as messages:
+            await anext(messages)
+            return service.subscriptions[-1].wish.resume.same_agents
+
+    token = await following(ids[0])
+    assert await is_same(token, ids[0])
+    assert not await is_same(token, *ids)
+    assert not await is_same(token)
+    assert await is_same(await following(*ids), *reversed(ids))
+    assert await is_same(await following())
+
+
+async def test_events_that_did_not_arrive_are_told_again():
+    """The client went away between a batch and the second of its events."""
+    service = FakeService()
+    api = await opened(service)
+    session_id, _ = await session_of_two(api)
+    with_events = await token_of(api, service, session_id, REACHED, DONE)
+    service.emit(session_id)
+    _, *rest = await resumed(api, session_id, with_events, 3)
+    assert kinds(rest) == ["event", "event", "batch"]
+    assert list(rest[2].batch.chunks.seqs) == [1, 1]
+
+
+async def test_events_that_arrived_are_not_told_again():
+    service = FakeService()
+    api = await opened(service)
+    session_id, _ = await session_of_two(api)
+    events = api.motion.events(schema.StreamWish(session_id=session_id))
+    async with contextlib.aclosing(events):
+        assert await anext(events) is None  # a sign of life at once
+        service.emit(session_id, REACHED, DONE)
+        (first, one), (second, two) = await take(events, 2)
+    assert (one, two) == (REACHED, DONE)
+    service.emit(session_id)
+    _, *rest = await resumed(api, session_id, first, 2)
+    assert (
+        kinds(rest) == ["event", "batch"] and rest[0].event.kind == motion_pb2.EVENT_KIND_PATH_DONE
+    )
+    _, batch = await resumed(api, session_id, second, 1)
+    assert list(batch.batch.chunks.seqs) == [1, 1]
+
+
+async def test_a_token_of_another_life_does_not_resume():
+    service = FakeService()
+    api = await opened(service)
+    session_id, _ = await session_of_two(api)
+    (header,) = await resumed(api, session_id, "before-restart.7", 0)
+    assert not header.header.resumed
+    assert service.subscriptions[0].wish.resume == Resume("before-restart", 7)
+
+
+@pytest.mark.parametrize("token", ["x", "1", ".", "a.b", "a.-1", "a.1.", "a.1.2.3", "a.1 ", "é.1"])
+async def test_a_malformed_token_is_refused(token):
+    api = await opened()
+    with pytest.raises(InvalidArgument, match="not a resume token") as caught:
+        await anext(stream(api, await session(api), resume_token=token))
+    assert caught.value.field == "resume_token"
