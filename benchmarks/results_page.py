@@ -28,8 +28,17 @@ COMMANDS = {
     "skating": f"wayfarer eval skating {HELDOUT} --seed 7",
     "bodies": f"wayfarer eval bodies {HELDOUT} --seed 7",
     "predictor": f"wayfarer eval predictor {HELDOUT} --seed 7",
-    "regressor": f"wayfarer eval regressor {HELDOUT}",
+    "regressor": f"wayfarer eval regressor {HELDOUT} --seed 7",
+    "scenes": "wayfarer eval scenes --seed 0",
 }
+SEEDS = """## control, three trainings of the policy
+
+`wayfarer train policy-analytic --config CONFIG` with `steps = 600` and `seed` 0, 1 and 2; of each
+`wayfarer export` and `wayfarer eval control --models MODELS --speed 1.5 {HELDOUT} --seed 7`
+{when}
+"""
+OF_SEEDS = ("policy(10) & top1", "search K=8 π", "search K=8 N(0, I)")
+WORTH = ("name", "success", "success_03m", "steps", "avg_dist", "contact", "walk_slide_cm_s")
 Row = dict[str, Any]
 
 
@@ -59,6 +68,26 @@ def markdown(rows: list[Row]) -> str:
     return "\n".join(lines)
 
 
+def of_seeds() -> list[str]:
+    """The section that compares trainings which differ in their seed alone."""
+    results = [json.loads(path.read_text()) for path in sorted(RESULTS.glob("control_seed_*.json"))]
+    rows = [
+        {key: f"{row['name']}, seed {seed}" if key == "name" else row[key] for key in WORTH}
+        for name in OF_SEEDS
+        for seed, result in enumerate(results)
+        for row in result["rows"]
+        if row["name"] == name and "success" in row
+    ]
+    heading = SEEDS.format(HELDOUT=HELDOUT, when=made(results[0]["meta"]))
+    return [heading, markdown(rows) + "\n"]
+
+
+def made(meta: dict[str, Any]) -> str:
+    """When, where and of what a result was made."""
+    where = f"{meta['machine']['cpu']}, {meta['machine']['cores']} cores"
+    return f"{meta['date'][:10]}, {where}, commit {meta['commit'][:7]}"
+
+
 def main() -> None:
     """Write the page."""
     parts = [INTRO]
@@ -67,11 +96,10 @@ def main() -> None:
         if not path.exists():
             continue
         result = json.loads(path.read_text())
-        meta = result["meta"]
-        where = f"{meta['machine']['cpu']}, {meta['machine']['cores']} cores"
-        when = f"{meta['date'][:10]}, {where}, commit {meta['commit'][:7]}"
-        parts.append(f"## {name}\n\n`{command}`  \n{when}\n")
+        parts.append(f"## {name}\n\n`{command}`  \n{made(result['meta'])}\n")
         parts += [markdown(rows) + "\n" for rows in tables(result["rows"])]
+        if name == "control":
+            parts += of_seeds()
     PAGE.write_text("\n".join(parts))
 
 
