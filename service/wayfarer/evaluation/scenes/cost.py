@@ -38,11 +38,11 @@ class Cost:
 
     def watch(self, world: World) -> None:
         """Count what scene and crowd take of a world's steps from now on."""
-        guide = world._stage.guide
+        guide = world.guide
         for owner, method, part in (
             (guide, "course", GUIDE),
             (guide, "obstacles", GUIDE),
-            (guide, "_give_way", CROWD),
+            (guide.yielding, "bend", CROWD),
         ):
             setattr(owner, method, self.timed(getattr(owner, method), part))
 

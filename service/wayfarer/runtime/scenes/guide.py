@@ -6,19 +6,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.runtime.crowd.avoid import avoid
 from wayfarer.runtime.engines.engine import Float, no_obstacles
 from wayfarer.runtime.scenes.near import nearest_people, nearest_walls
-from wayfarer.runtime.scenes.people import Others, moving, people_of
+from wayfarer.runtime.scenes.people import moving
 from wayfarer.runtime.scenes.planner import Planner
 from wayfarer.runtime.scenes.route import Passage
 from wayfarer.runtime.scenes.routes import Routes
 from wayfarer.runtime.scenes.scenery import NOWHERE, Scenery
+from wayfarer.runtime.scenes.yielding import Yielding, angle_between_ways, pass_through
 from wayfarer.runtime.stepping.guide import Course
-from wayfarer.runtime.world.heading import angle_between
 from wayfarer.runtime.world.rows import Index
-from wayfarer.runtime.world.slots import Flags, Gait, Goals, Seeds, Slots
-from wayfarer.spec import STEP_SECONDS
+from wayfarer.runtime.world.slots import Gait, Goals, Seeds, Slots
 
 Array = NDArray[np.floating[Any]]
 
@@ -44,9 +42,6 @@ PUSH: Final = (2.5, 0.25)
 """Metres aside, away from a wall, that is headed for, for each metre that lacks; and how many
 metres count."""
 
-PASSED: Final = 0.3
-"""Metres: radius of a point to pass through."""
-
 STRAYED: Final = 1.0
 """Metres outside the radius of a goal, once reached, from which an agent walks back to it."""
 
@@ -64,9 +59,6 @@ NARROW: Final = (0.02, 0.15)
 NARROW_SPEED: Final = (0.8, 1.5)
 """m/s where the way leaves so much room beside the radius: nobody squeezes through at a run."""
 
-TURNED: Final = 0.1
-"""Radians that avoidance may turn an agent away from its way without its leaving it."""
-
 
 class SceneGuide:
     """Implements `Guide`."""
@@ -76,11 +68,11 @@ class SceneGuide:
         self._routes = routes
         self._scenery = scenery
         self._planner = planner
-        self._seen: dict[int, Others] = {}
+        self.yielding = Yielding(slots, scenery)
 
     def course(self, rows: Index, seed: Seeds, gait: Gait, goals: Goals) -> Course:
         """See `Guide`."""
-        self._seen.clear()
+        self.yielding.forget()
         inside = np.flatnonzero(self._slots.scene[rows] != NOWHERE)
         if not len(inside):
             return Course(goals, goals)
@@ -113,7 +105,7 @@ class SceneGuide:
         avoiding = np.flatnonzero(self._slots.avoids[rows])
         for number in np.unique(self._slots.session[rows[avoiding]]).tolist():
             mine = avoiding[self._slots.session[rows[avoiding]] == number]
-            others = self._others(number, rows[mine])
+            others = self.yielding.others(number, rows[mine])
             near = nearest_people(others.people, others.rows(rows[mine]), half)
             found[mine, half:] = near
         return found
@@ -139,7 +131,7 @@ class SceneGuide:
         led = np.flatnonzero(wanted & open_)
         if len(led):
             self._lead(rows[led], hips[led], led, ahead)
-            self._give_way(rows[led], hips[led], led, ahead)
+            self.yielding.bend(rows[led], hips[led], led, ahead)
         return Course(ahead, replace(goals, radius=radius))
 
     def _lead(self, rows: Index, hips: Array, led: Index, ahead: Goals) -> None:
@@ -155,21 +147,13 @@ class SceneGuide:
         ends = metres[pick] >= length[:, 0] - 1e-6
         passing, on = led[~ends], target[~ends] - hips[~ends]
         ahead.position[passing, :2] = target[~ends]
-        self._pass(ahead, passing, on)
+        pass_through(ahead, passing, on)
         into, out = points[:, -2, :2] - hips, points[:, -1, :2] - points[:, -2, :2]
         bend = np.where(np.linalg.norm(out, axis=-1) > 0.1, angle_between_ways(into, out), 0.0)
         most = np.minimum(
             np.interp(bend, BENDS, CORNER_SPEED), np.interp(room, NARROW, NARROW_SPEED)
         )
         ahead.speed[led] = np.minimum(ahead.speed[led], most)
-
-    def _pass(self, ahead: Goals, rows: Index, way: Array) -> None:
-        """Let positions of some rows be passed through, the way there [R, 2] being straight on."""
-        ahead.through[rows] = True
-        ahead.radius[rows] = PASSED
-        ahead.heading[rows] *= ahead.strafe[rows, None]
-        ahead.bend[rows] = 0.0
-        ahead.onward[rows] = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
 
     def _visible(self, rows: Index, hips: Array, targets: Array) -> tuple[Index, Array]:
         """Of targets [A, S, 3], farthest first: the first that a straight line leads to [A].
@@ -207,57 +191,3 @@ class SceneGuide:
             lacks = np.clip(scene.spec.walkable.radius + ELBOW - distance, 0.0, PUSH[1])
             found[mine] = PUSH[0] * lacks[:, None] * away
         return found
-
-    def _give_way(self, rows: Index, hips: Array, led: Index, ahead: Goals) -> None:
-        """Let rows `led` of `ahead` walk around others, or wait for them."""
-        slots = self._slots
-        avoiding: Flags = slots.avoids[rows]
-        for number in np.unique(slots.session[rows[avoiding]]).tolist():
-            mine = np.flatnonzero(avoiding & (slots.session[rows] == number))
-            others = self._others(number, rows[mine])
-            if len(others.slots) < 2:
-                continue
-            way = ahead.position[led[mine], :2] - hips[mine]
-            distance = np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
-            preferred = (way / distance * ahead.speed[led[mine], None]).astype(np.float32)
-            clear = self._clearance(rows[mine])
-            places = others.rows(rows[mine])
-            course = avoid(others.people, places, preferred, clear, STEP_SECONDS)
-            slots.memory.put(rows[mine], course.memory)
-            self._turn(ahead, led[mine], hips[mine], preferred, course.velocity, course.waits)
-
-    def _others(self, session: int, rows: Index) -> Others:
-        """The people of a session, once for the course and the obstacles of a step."""
-        if session not in self._seen:
-            self._seen[session] = people_of(self._slots, session, rows)
-        return self._seen[session]
-
-    def _turn(
-        self, ahead: Goals, led: Index, hips: Array, preferred: Array, chosen: Array, waits: Flags
-    ) -> None:
-        speed = np.linalg.norm(chosen, axis=-1)
-        ahead.given[led[waits]] = False
-        ahead.speed[led[~waits]] = speed[~waits]
-        turned = np.flatnonzero(~waits & (angle_between_ways(preferred, chosen) > TURNED))
-        way = chosen[turned] / np.maximum(speed[turned], 1e-6)[:, None]
-        ahead.position[led[turned], :2] = hips[turned] + REACH * way
-        self._pass(ahead, led[turned], way)
-
-    def _clearance(self, rows: Index) -> Any:
-        """Metres to the nearest wall at points [A, N, 2] of these rows, of one session."""
-        slots = self._slots
-        scene = self._scenery.scene(int(slots.scene[rows[0]]))
-        floors = slots.footing.hips[rows]
-
-        def clear(points: Float) -> Float:
-            heights = np.broadcast_to(floors[:, None, None], (*points.shape[:2], 1))
-            found: Float = scene.distance(np.concatenate([points, heights], -1))
-            return found
-
-        return clear
-
-
-def angle_between_ways(a: Array, b: Array) -> Array:
-    """Angle [A] between vectors [A, 2] of any length."""
-    long = [v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-6) for v in (a, b)]
-    return angle_between(long[0], long[1])

@@ -17,6 +17,7 @@ from wayfarer.runtime.engines.models import Models
 from wayfarer.runtime.feet.cleanup import clean_feet
 from wayfarer.runtime.scenes.book import Book
 from wayfarer.runtime.scenes.grounding import ground
+from wayfarer.runtime.scenes.guide import SceneGuide
 from wayfarer.runtime.scenes.stage import Stage
 from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.stepping.admission import Admission
@@ -101,6 +102,11 @@ class Clockwork:
         self._budget = Budget(wished, settings.budget) if settings.budget is not None else None
         self._admission = Admission(settings)
         self._reservations = Reservations()
+
+    @property
+    def guide(self) -> SceneGuide:
+        """What leads its agents through scenes."""
+        return self._stage.guide
 
     def tick(self, now: float) -> list[MotionChunk]:
         """Step all agents that are due and return the chunks whose time has come."""
