@@ -29,7 +29,8 @@ COMMANDS = {
     "bodies": f"wayfarer eval bodies {HELDOUT} --seed 7",
     "predictor": f"wayfarer eval predictor {HELDOUT} --seed 7",
     "regressor": f"wayfarer eval regressor {HELDOUT} --seed 7",
-    "scenes": "wayfarer eval scenes --seed 0",
+    "scenes": "wayfarer eval scenes --only cubes,corridor,slope,storeys,doors,crates --seed 0",
+    "scenes_square": "wayfarer eval scenes --only square --seed 0",
 }
 SEEDS = """## control, three trainings of the policy
 
