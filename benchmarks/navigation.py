@@ -20,7 +20,7 @@ from wayfarer.navigation.examples import EXAMPLES, cubes_field
 from wayfarer.navigation.paths.optimum import shortest_lengths
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.solids import solid_triangles
-from wayfarer.navigation.spec import Box, MeshFile, SceneSpec
+from wayfarer.navigation.spec import Z_UP, Box, MeshFile, SceneSpec
 
 
 def seconds(work: Callable[[], Any]) -> float:
@@ -47,7 +47,7 @@ def level(triangles: int) -> SceneSpec:
         corners = np.concatenate([corners[split:], *(np.stack(part, 1) for part in parts)])
     lines = [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in corners.reshape(-1, 3)]
     lines += [f"f {3 * k + 1} {3 * k + 2} {3 * k + 3}" for k in range(len(corners))]
-    return SceneSpec(mesh=MeshFile("\n".join(lines).encode(), "obj", up="Z"))
+    return SceneSpec(mesh=MeshFile("\n".join(lines).encode(), "obj", Z_UP))
 
 
 def _floor(side: float) -> np.ndarray:
