@@ -8,7 +8,7 @@ import pytest
 from tests.runtime.engines.standing import standing_inputs
 from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
 from wayfarer.runtime.engines.onnx_engine import OnnxEngine
-from wayfarer.runtime.engines.openvino_engine import OpenVinoEngine, ends
+from wayfarer.runtime.engines.openvino_engine import SIZES, OpenVinoEngine, ends
 from wayfarer.runtime.engines.openvino_precision import ON_ROWS
 from wayfarer.runtime.engines.padding import part
 from wayfarer.stage import DEFAULT_MODEL, load_models
@@ -82,11 +82,12 @@ def test_what_it_gave_is_not_written_over(exact, inputs):
     assert np.array_equal(first.translation, kept)
 
 
-def test_more_rows_than_the_largest_size_are_taken_in_turns(exact, inputs, monkeypatch):
-    whole = exact.step(GENDER, inputs)
-    monkeypatch.setattr(exact, "sizes", (8,))
-    turns = exact.step(GENDER, inputs)
-    assert np.array_equal(whole.rotations, turns.rotations)
+def test_more_rows_than_the_largest_size_are_taken_in_parts(exact):
+    many = standing_inputs(GENDER, SIZES[-1] + 5)
+    whole = exact.step(GENDER, many)
+    for start, end in ((0, 16), (SIZES[-1], SIZES[-1] + 5)):
+        some = exact.step(GENDER, part(many, start, end))
+        assert np.array_equal(whole.rotations[start:end], some.rotations)
 
 
 @pytest.mark.parametrize(

@@ -45,7 +45,6 @@ class OpenVinoEngine(WarmEngine):
     setting: EngineKind = "openvino"
     term_names: tuple[str, ...] = TERMS
     compiles = True
-    sizes: tuple[int, ...] = SIZES
 
     def __init__(self, models: ModelFolder, threads: int = 0, bfloat16: bool | None = None) -> None:
         """`threads` per call; 0: one per core. `bfloat16` None: where the CPU computes in it.
@@ -78,14 +77,14 @@ class OpenVinoEngine(WarmEngine):
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
         """Step all rows; see `Engine`. A size that has not been warmed is compiled first (1 s).
 
-        Rows are padded to `sizes`: networks of these give the same bits, that of a single row, or
+        Rows are padded to `SIZES`: networks of these give the same bits, that of a single row, or
         of any number of rows, does not.
         """
         return self._lanes.parted(partial(self._run, gender), inputs, ends(len(inputs.goal)))
 
     def _run(self, gender: str, inputs: StepInputs) -> StepOutputs:
         rows, candidates = inputs.noise.shape[:2]
-        padded = pad(inputs, self.sizes)
+        padded = pad(inputs, SIZES)
         request = self._request(gender, len(padded.goal), candidates)
         request.infer({name: getattr(padded, name) for name in INPUTS}, share_inputs=True)
         # Copies: the next call writes into the same arrays.

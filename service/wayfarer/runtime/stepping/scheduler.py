@@ -76,7 +76,7 @@ def at_once(call: Outputs) -> Outputs:
 
 
 class Scheduler:
-    """Steps due agents, one engine call a tick."""
+    """Steps due agents, those of one model and gender at a time."""
 
     def __init__(
         self,
