@@ -27,7 +27,7 @@ from wayfarer.runtime.world.steering import Steering
 from wayfarer.runtime.world.world import World
 from wayfarer.runtime.worlds import Worlds
 from wayfarer.shard import Shard
-from wayfarer.spec import GENDERS
+from wayfarer.spec import GENDERS, STEP_SECONDS
 from wayfarer.stage import BODY, DEFAULT_MODEL, START_POSES, load_models
 from wayfarer.workers.plan import threads_of
 
@@ -36,6 +36,9 @@ MEASURES: Final = 2
 
 MEASURE_EVERY: Final = 3
 """Of the sizes of batches, from the largest down: what lies between is reckoned."""
+
+COMPANY: Final = STEP_SECONDS / WorldSettings().phases
+"""Seconds: a batch is filled from the phase after, since large ones cost less for each agent."""
 
 
 def model_store(settings: Settings) -> ModelStore:
@@ -83,6 +86,8 @@ def runtime(
     world_settings = WorldSettings(
         limits=limits,
         batch_sizes=sizes,
+        company=COMPANY,
+        full_batch=engine.full,
         steering=Steering().with_search(candidates=settings.candidates),
         budget=BudgetRules(),
         admission=AdmissionRules(settings.most_load, refuse=settings.admission),
@@ -98,9 +103,9 @@ def runtime(
     def warm_up(world: World) -> None:
         tried = rungs(settings.candidates)
         measured = (tried[0], tried[-1])
-        # memory is allocated for the largest batch; what has to be compiled, for each
-        engine.warm_up(sizes if engine.compiles else sizes[-1:], set(tried) - set(measured))
-        spread_out = sizes if engine.compiles else sizes[::-MEASURE_EVERY]
+        # memory is allocated for the largest batch
+        engine.warm_up((*engine.to_compile, sizes[-1]), set(tried) - set(measured))
+        spread_out = (*engine.to_compile, *sizes[::-MEASURE_EVERY])
         for _ in range(MEASURES):
             engine.warm_up(spread_out, measured, world.measured)
 

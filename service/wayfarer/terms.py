@@ -14,7 +14,7 @@ TERMS: Final = (
     "sinking",  # m, mean depth of the lowest sole marker below the floor
     "skating",  # m/s, mean horizontal speed of the lowest sole marker (sole on the floor)
     "sliding",  # m/s, mean over feet of the speed of the lowest marker, less the higher it is
-    "upright",  # 1 - cos(tilt of the trunk from vertical), last frame
+    "upright",  # 1 - cos(tilt of the trunk from vertical), more beyond 15 degrees, last frame
     "stillness",  # m/s, mean speed of all markers
     "feet_apart",  # m, horizontal distance of the ankles along the facing direction, last frame
     "seam",  # m/s, mean change of the markers' velocity from the seed to the first new frame

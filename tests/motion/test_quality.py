@@ -1,5 +1,7 @@
 """Each term measures what its name says, on bodies moved by hand."""
 
+import math
+
 import pytest
 import torch
 
@@ -59,6 +61,19 @@ def test_standing_still_costs_nothing_but_the_distance(body, standing):
         assert values[name] == pytest.approx(0, abs=1e-3), name
     assert values["upright"] < 0.02
     assert values["floating"] < 1e-3
+
+
+@pytest.mark.parametrize("degrees", [5, 12, 25])
+def test_leaning_far_costs_far_more_than_leaning(body, standing, degrees):
+    angle = math.radians(degrees)
+    cos, sin = math.cos(angle), math.sin(angle)
+    forward = torch.tensor([[1.0, 0, 0], [0, cos, sin], [0, -sin, cos]])
+    at_rest = candidate(body, standing).tilt().item()
+    leaning = candidate(body, standing @ forward.T)
+    assert at_rest < 0.02
+    assert leaning.tilt().item() == pytest.approx(1 - math.cos(angle), abs=0.05)
+    beyond = max(leaning.tilt().item() - quality.LEANING, 0)
+    assert quality.upright(leaning).item() == pytest.approx(leaning.tilt().item() + 9 * beyond)
 
 
 def test_a_glide_is_skating_at_its_speed(body, standing):

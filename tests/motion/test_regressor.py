@@ -2,7 +2,7 @@ import torch
 
 from wayfarer.body.library import load_body
 from wayfarer.marker_bodies import marker_body
-from wayfarer.motion.regressor import BodyRegressor
+from wayfarer.motion.regressor import BodyRegressor, _squash
 from wayfarer.motion.rotation import matrix_from_rotvec
 
 
@@ -67,10 +67,18 @@ def test_rows_by_coordinate_give_what_the_trained_order_gives():
     expected = model.network(torch.cat(trained, -1))
     by_coordinate = [points.transpose(1, 2).flatten(1) for points in (markers, error)]
     by_number = torch.cat([hips, state.transpose(1, 2).flatten(1)], -1)
-    known = model.know(by_coordinate[0], betas, 1)
+    known = model.know(by_coordinate[0][:, None], betas)
     found = model.correct(known, by_coordinate[1], by_number)
     turns = found[:, 3:].unflatten(1, (6, 22)).transpose(1, 2).flatten(1)
     assert torch.allclose(torch.cat([found[:, :3], turns], -1), expected, atol=1e-5)
+
+
+def test_errors_are_squashed_by_half_an_arsinh():
+    error = torch.linspace(-3, 3, 10_001, dtype=torch.float64)
+    expected = torch.asinh(100 * error) / 2
+    found = _squash(error)
+    assert (found - expected).abs().max() < 4e-4
+    assert ((found - expected) / expected.abs().clamp(min=1e-9)).abs().max() < 2e-4
 
 
 def test_no_gradient_flows_between_passes(monkeypatch):

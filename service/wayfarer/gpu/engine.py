@@ -71,7 +71,6 @@ class TorchEngine(WarmEngine):
     """
 
     setting: EngineKind = "torch"
-    compiles = True
     term_names: tuple[str, ...] = TERMS
 
     def __init__(
@@ -84,7 +83,8 @@ class TorchEngine(WarmEngine):
         self.name = networks.name
         self.kind = f"torch{SUFFIX[networks.precision]}"
         self.graphs = tuple(variant(self.kind, graph) for graph in networks.graphs)
-        self.batch_sizes = batch_sizes
+        self.batch_sizes = self.to_compile = batch_sizes
+        self.full = batch_sizes[-1]
         self.networks = networks
         self._lane = Lane(networks.device, background)
         self._turn = threading.Lock()

@@ -57,10 +57,10 @@ class MixedRegressor(BodyRegressor):
         super().__init__(body)
         self.precision = precision
 
-    def know(self, centred: Tensor, betas: Tensor, frames: int) -> Tensor:
+    def know(self, centred: Tensor, betas: Tensor) -> Tensor:
         """See `BodyRegressor`."""
         with networks_in(self.precision, centred.device):
-            return super().know(centred, betas, frames)
+            return super().know(centred, betas)
 
     def correct(self, known: Tensor, error: Tensor, state: Tensor) -> Tensor:
         """See `BodyRegressor`."""

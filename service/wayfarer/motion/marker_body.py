@@ -110,7 +110,7 @@ class MarkerBody(nn.Module):
             here, base, start = slice(level.first, level.end), rotations[-1], places[-1]
             if level.parents is not None:
                 above = indices(level.parents, local)
-                base, start = base[:, :, above], start[:, above]
+                base, start = base.index_select(2, above), start.index_select(1, above)
             places.append(start + turn(base, shape.offsets[:, here]))
             rotations.append(compose(base, local[:, :, here]))
         return Placed(torch.cat(rotations, 2), torch.cat(places, 1))

@@ -115,8 +115,7 @@ class PrimitiveStep(nn.Module):
 
         futures = self.predict(seed.flatten(2), asked, noise, policy).unflatten(-1, (-1, 3))
         terms, choice = self._choose(frame, seed, futures, asked, localised(frame, obstacles))
-        rows = torch.arange(choice.shape[0], device=choice.device)
-        future, terms = futures[rows, choice], terms[rows, choice]
+        future, terms = _chosen(futures, choice), _chosen(terms, choice)
 
         shape = self.body.shaped(betas)
         to_frame = frame.rotation.permute(2, 1, 0)[:, :, None, None]  # [3, 3, 1, 1, A], transposed
@@ -208,8 +207,8 @@ class PrimitiveStep(nn.Module):
         """
         count = future.shape[1]
         knots = _knots(count, self.every)
-        regressed = indices([k - 1 for k in knots[1:]], future)
-        frames = torch.cat([seed[:, -1:], future[:, regressed]], 1)
+        regressed = future.index_select(1, indices([k - 1 for k in knots[1:]], future))
+        frames = torch.cat([seed[:, -1:], regressed], 1)
         found = self.regressor.solve(frames, betas, shape)
         states = torch.cat([_numbers(shown), _numbers(found)])  # [S + knots, 135, A]
         joining = constant(states, _joining, shown.hips.shape[1], tuple(knots), states.dtype)
@@ -217,6 +216,13 @@ class PrimitiveStep(nn.Module):
         # another kernel than many, and differ in the last bit.
         joined = (joining @ states.flatten(1)).unflatten(1, states.shape[1:]).transpose(0, 1)
         return Pose(joined[:3], from_6d(joined[3:].unflatten(0, (6, -1))))
+
+
+def _chosen(candidates: Tensor, choice: Tensor) -> Tensor:
+    """Of candidates [A, K, ...] each row's choice: one plain gather."""
+    agents, count = candidates.shape[:2]
+    rows = torch.arange(agents, device=choice.device) * count + choice
+    return candidates.flatten(0, 1).index_select(0, rows)
 
 
 def _numbers(pose: Pose) -> Tensor:

@@ -22,6 +22,9 @@ NEAR_GOAL = 0.25
 FOOT_HEIGHT = 0.03
 """Metres: a sole marker below it may bear weight."""
 
+LEANING = 0.034
+"""1 - cos(15°): recordings of walks stay below it."""
+
 SAFE = 1e-9
 """Keeps square roots differentiable and normalisation finite at zero."""
 
@@ -88,6 +91,11 @@ class Candidate:
         across = across - take(last, self.sites.left_waist).mean(-2)
         return _unit(torch.stack([-across[..., 1], across[..., 0]], -1))
 
+    def tilt(self) -> Tensor:
+        """1 - cos(tilt of the trunk) in the last frame. [...]"""
+        chest = take(self.markers[..., -1, :, :], self.sites.chest).mean(-2)
+        return 1 - _unit(chest - self.waist(-1))[..., 2]
+
     def soles(self) -> Tensor:
         """Markers under both feet. [..., 1 + F, 8, 3]"""
         return take(self.markers, self.sites.left_sole + self.sites.right_sole)
@@ -151,9 +159,12 @@ def sliding(c: Candidate) -> Tensor:
 
 
 def upright(c: Candidate) -> Tensor:
-    """1 - cos(tilt of the trunk) in the last frame."""
-    chest = take(c.markers[..., -1, :, :], c.sites.chest).mean(-2)
-    return 1 - _unit(chest - c.waist(-1))[..., 2]
+    """`Candidate.tilt`, what is beyond `LEANING` ten times over.
+
+    A walk leans by a few degrees, which should cost little; someone who turns fast may lean far.
+    """
+    leaning = c.tilt()
+    return leaning + 9 * (leaning - LEANING).clamp(min=0)
 
 
 def stillness(c: Candidate) -> Tensor:

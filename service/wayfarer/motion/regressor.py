@@ -27,6 +27,9 @@ HIDDEN = 128
 BLOCKS = 10
 PASSES = 3
 
+CUBIC, FIFTH, SEVENTH = 1.3576, 0.5392, 1.3424
+"""Coefficients of 4 atanh(x) = 4 x + …, fitted for the least error up to x = 2 / 3."""
+
 
 class Pose(NamedTuple):
     """Body parameters of F frames of A bodies, poses last."""
@@ -80,25 +83,25 @@ class BodyRegressor(nn.Module):
         agents, frames = markers.shape[:2]
         axes = markers.transpose(-1, -2)
         centre = axes.mean(-1)
-        centred = (axes - centre[..., None]).reshape(agents * frames, -1)
-        known = self.know(centred, betas, frames)
+        centred = axes - centre[..., None]  # [A, F, 3, 67]
+        known = self.know(centred.flatten(2), betas)
         state = self.start.expand(agents, STATE)  # the first estimate is of no frame
         for _ in range(passes):
             pose = _unpack(state.detach(), agents)
             skinned = self.body.blend(shape, self.body.place(shape, pose.hips, pose.rotations))
-            error = _squash(centred - skinned.expand(-1, frames, -1, -1).reshape(centred.shape))
+            error = _squash((centred - skinned).flatten(2).flatten(0, 1))
             rows = _pack(pose).expand(-1, frames, -1).flatten(0, 1)
             state = rows + self.correct(known, error, rows)
         pose = _unpack(state, agents)
         return Pose(to_columns(centre).transpose(0, 1) + pose.hips, pose.rotations)
 
-    def know(self, centred: Tensor, betas: Tensor, frames: int) -> Tensor:
-        """The first layer's share that is the same in all passes [A · F, 128]."""
+    def know(self, centred: Tensor, betas: Tensor) -> Tensor:
+        """The first layer's share that is the same in all passes [A · F, 128]; of [A, F, 201]."""
         first = cast(nn.Linear, self.network[0])
         markers = first.weight[:, : MARKERS * 3][:, self.by_coordinate]
         shapes = first.weight[:, MARKERS * 3 : MARKERS * 3 + BETAS]
-        of_shape = linear(betas, shapes, first.bias)[:, None].expand(-1, frames, -1).flatten(0, 1)
-        return of_shape + linear(centred, markers)
+        of_markers = linear(centred.flatten(0, 1), markers).unflatten(0, centred.shape[:2])
+        return (linear(betas, shapes, first.bias)[:, None] + of_markers).flatten(0, 1)
 
     def correct(self, known: Tensor, error: Tensor, state: Tensor) -> Tensor:
         """What to add to the estimates [A · F, 135], by number; `error` by coordinate."""
@@ -126,7 +129,15 @@ def _pack(pose: Pose) -> Tensor:
 
 
 def _squash(error: Tensor) -> Tensor:
-    """Metres, logarithmic: millimetres count, and half a metre does not drown the rest."""
-    far = 100 * error
-    # asinh(far) / 2, whose own operator is slow
-    return 0.5 * torch.sign(far) * torch.log(far.abs() + torch.sqrt(far * far + 1))
+    """asinh(100 · error) / 2 of metres: millimetres count, half a metre does not drown the rest.
+
+    Engines are slow at logarithms. So the argument is halved three times (2 sinh(x / 2) =
+    2 sinh x / sqrt(2 + 2 cosh x), and 2 cosh(x / 2) is that root), until a short series will do:
+    within .0003, or .02 % of the value, up to 3 m.
+    """
+    sinh = 200 * error  # twice
+    half = torch.sqrt(torch.sqrt(sinh * sinh + 4) + 2)  # twice the cosine of the half, and so on
+    fourth = torch.sqrt(half + 2)
+    tanh = sinh / (half * fourth * (fourth + 2))  # of the eighth
+    square = tanh * tanh
+    return tanh * (4 + square * (CUBIC + square * (FIFTH + square * SEVENTH)))

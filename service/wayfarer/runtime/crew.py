@@ -43,6 +43,11 @@ class Crew:
         return 0.0 if since is None else now - since
 
     @property
+    def is_idle(self) -> bool:
+        """No call is under way."""
+        return not self._trips
+
+    @property
     def has_room(self) -> bool:
         """One more call can be begun."""
         return len(self._trips) < FLIGHTS

@@ -202,7 +202,8 @@ class Motor:
         for flight, seconds in self._crew.landed():
             self._take_in(flight, seconds)
             landed = True
-        while self._crew.has_room and self._is_due(started):
+        # the engine need not wait for those who are due soon
+        while (landed and self._crew.is_idle) or (self._crew.has_room and self._is_due(started)):
             if not self._crew.send_off(partial(self._world.begin, started)):
                 break
         self._publish(self._world.send(self._clock() + EARLY_SECONDS))

@@ -76,6 +76,8 @@ class Worlds:
         return replace(
             self.settings,
             budget=None,
+            company=0.0,
+            full_batch=1,
             phases=1,
             lead=1,
             batch_sizes=ANY_SIZE,

@@ -18,7 +18,7 @@ from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.policy import Condition
 from wayfarer.motion.pose_prior import PosePrior
 from wayfarer.motion.primitive import PrimitiveStep
-from wayfarer.motion.quality import Candidate, upright
+from wayfarer.motion.quality import Candidate
 from wayfarer.motion.rotation import matrix_from_quaternion, quaternion_from_matrix
 from wayfarer.motion.vposer import VPoser
 from wayfarer.terms import TERMS, WALK, weights
@@ -28,7 +28,7 @@ from wayfarer.training.starts import Start, Starts, about_z
 HIPS_HEIGHT = (0.45, 1.4)
 """Metres: lower, the body lies or has sunk; higher, it flies."""
 MAX_TILT = 1 - math.cos(math.radians(60))
-"""`upright` of a trunk that has fallen over."""
+"""`Candidate.tilt` of a trunk that has fallen over."""
 
 
 class Agents(NamedTuple):
@@ -220,7 +220,7 @@ def judge(outcome: reward.Outcome) -> Feedback:
     hips = outcome.hips[:, -1]
     low, high = HIPS_HEIGHT
     # a comparison with NaN is false, so what is not finite is not sound either
-    sound = (hips[:, 2] > low) & (hips[:, 2] < high) & (upright(outcome.body) < MAX_TILT)
+    sound = (hips[:, 2] > low) & (hips[:, 2] < high) & (outcome.body.tilt() < MAX_TILT)
     sound &= torch.isfinite(rewards).all(-1) & torch.isfinite(hips).all(-1)
     distance = (outcome.body.goal[:, :2] - hips[:, :2]).norm(dim=-1)
     return Feedback(torch.where(sound[:, None], rewards, 0.0), distance, ~sound, hips)

@@ -1,3 +1,5 @@
+import os
+import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -6,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.runtime.fakes import FakeEngine
-from wayfarer.runtime.engines.lanes import LEAST, Lanes, cores
+from wayfarer.runtime.engines.lanes import LEAST, NICENESS, Lanes, cores, give_way
 from wayfarer.runtime.engines.resting import resting_inputs
 
 
@@ -92,3 +94,19 @@ def test_what_a_part_raises_reaches_the_caller():
 def test_no_number_of_threads_means_one_per_core():
     assert Lanes(0).count == cores() >= 1
     assert Lanes(3).sizes((1, 64)) == (1, 64, 128, 192)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="threads have priorities of their own on Linux")
+def test_threads_that_give_way_make_threads_that_do():
+    def niceness():
+        return os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
+
+    def inherited():
+        with ThreadPoolExecutor(1) as pool:
+            return pool.submit(niceness).result()
+
+    before = niceness()
+    with ThreadPoolExecutor(1, initializer=give_way) as pool:
+        found = pool.submit(lambda: (niceness(), inherited())).result()
+    assert found == (min(before + NICENESS, 19),) * 2
+    assert niceness() == before

@@ -97,10 +97,10 @@ def test_more_rows_than_the_largest_size_are_taken_in_parts(exact):
         (16, [16]),
         (33, [16, 32, 33]),
         (48, [16, 32, 48]),
-        (49, [49]),  # one of 64, with padding, costs less than four of 16
-        (64, [64]),
-        (100, [64, 80, 96, 100]),
-        (128, [64, 128]),
+        (49, [49]),  # one of 128, with padding, costs less than four of 16
+        (128, [128]),
+        (150, [128, 144, 150]),
+        (256, [128, 256]),
     ],
 )
 def test_rows_are_parted_into_the_sizes_there_are(rows, expected):

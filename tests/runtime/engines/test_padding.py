@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tests.runtime.fakes import FakeEngine
-from wayfarer.runtime.engines.padding import cut, join, pad, part
+from wayfarer.runtime.engines.padding import cut, join, pad, part, whole
 from wayfarer.runtime.engines.resting import resting_inputs
 
 
@@ -15,6 +15,34 @@ def test_padding_repeats_the_last_row_up_to_the_next_size(rows, padded):
     assert full.noise.shape[:2] == (padded, 2)
     outputs = cut(FakeEngine().step("male", full), rows)
     assert len(outputs.translation) == len(outputs.choice) == rows
+
+
+SIZES = (1, 4, 8, 16, 32)
+
+
+@pytest.mark.parametrize(
+    ("due", "there", "taken"),
+    [
+        (1, 1, 1),
+        (3, 3, 3),  # with one row of padding
+        (3, 6, 4),  # or another in its place
+        (3, 9, 8),  # a multiple of 8 costs least
+        (3, 31, 24),
+        (16, 40, 32),
+        (33, 40, 32),  # no batch is larger
+        (17, 17, 16),  # one is left, rather than that half of it is padding
+        (14, 14, 14),  # but two rows of padding are little
+        (14, 15, 15),
+    ],
+)
+def test_a_batch_is_filled_with_those_who_are_due_soon(due, there, taken):
+    assert whole(due, there, SIZES, full=8) == taken
+
+
+def test_without_a_best_size_all_are_taken_that_fit():
+    sizes = tuple(range(1, 65))
+    assert [whole(n, n, sizes, full=1) for n in (1, 5, 64, 70)] == [1, 5, 64, 64]
+    assert whole(5, 5, (1,), full=1) == 1
 
 
 def test_parts_joined_are_the_whole():

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from wayfarer.runtime.stepping.playback import Chunks, Playback
+from wayfarer.runtime.stepping.playback import REPLAN_FRAMES, Chunks, Playback
 from wayfarer.runtime.world.slots import SlotTable
 from wayfarer.spec import NEW_FRAMES
 
@@ -52,6 +52,17 @@ def test_replan_goes_back_to_the_end_of_what_is_kept():
     playback.replan(0, keep_until=0)
     assert slots.planned_chunks[0] == 0
     assert slots.planned.seed.translation[0, 0, 0] == slots.committed.seed.translation[0, 0, 0]
+
+
+def test_what_is_planned_anew_is_due_shortly_before_its_time():
+    slots, playback = playing()
+    playback.append(ROW, chunk(0))
+    playback.replan(0, keep_until=0)
+    assert slots.replanned[0]
+    when = 100 - REPLAN_FRAMES
+    assert playback.next_event() == when
+    assert not len(playback.due(when - 1)) and playback.due(when).tolist() == [0]
+    assert playback.is_due(ROW, when).all() and not playback.is_due(ROW, when - 1).any()
 
 
 def test_what_is_held_is_shown_later_by_whole_chunks_and_planned_later_too():

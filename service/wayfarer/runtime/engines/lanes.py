@@ -6,12 +6,17 @@ meet once. Rows do not depend on their batch, so the result is the same, bit for
 """
 
 import os
+import sys
+import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
 from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
 from wayfarer.runtime.engines.padding import join, part
+
+NICENESS: Final = 5
+"""Above that of the process, for threads that compute."""
 
 LEAST: Final = 8
 """Rows that are worth a thread: fewer cost each about twice as much."""
@@ -44,6 +49,18 @@ class Lanes:
     def sizes(self, of_one: tuple[int, ...]) -> tuple[int, ...]:
         """Sizes of batches, ascending, where these suit one thread."""
         return (*of_one, *(of_one[-1] * count for count in range(2, self.count + 1)))
+
+
+def give_way() -> None:
+    """Let the calling thread, and those that it makes, run after the others of the process.
+
+    A thread that holds Python's lock and waits for a core holds up all others that need the lock:
+    what computes for long without it comes last.
+    """
+    if sys.platform == "linux":  # elsewhere it would be the whole process
+        thread = threading.get_native_id()
+        niceness = os.getpriority(os.PRIO_PROCESS, thread) + NICENESS
+        os.setpriority(os.PRIO_PROCESS, thread, min(niceness, 19))
 
 
 def cores() -> int:

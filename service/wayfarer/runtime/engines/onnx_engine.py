@@ -29,7 +29,8 @@ class OnnxEngine(WarmEngine):
 
     setting: EngineKind = "onnxruntime"
     kind = "onnxruntime"
-    compiles = False
+    full = SIZES[-1]
+    to_compile = ()
     term_names: tuple[str, ...] = TERMS
 
     def __init__(self, models: ModelFolder, threads: int = 0) -> None:

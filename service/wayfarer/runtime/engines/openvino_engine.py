@@ -7,6 +7,7 @@ bfloat16.
 
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import fields
 from functools import cached_property, partial
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, cast
 from wayfarer.artifacts import ModelFolder, sha256_of
 from wayfarer.errors import ArtifactError, InvalidArgument
 from wayfarer.runtime.engines.engine import EngineKind, StepInputs, StepOutputs, variant
-from wayfarer.runtime.engines.lanes import Lanes
+from wayfarer.runtime.engines.lanes import Lanes, give_way
 from wayfarer.runtime.engines.openvino_precision import with_hidden_bfloat16
 from wayfarer.runtime.engines.padding import pad
 from wayfarer.runtime.engines.warm import WarmEngine
@@ -29,22 +30,20 @@ INPUTS: Final = tuple(f.name for f in fields(StepInputs))
 OUTPUTS: Final = tuple(f.name for f in fields(StepOutputs))
 DEVICE: Final = "CPU"
 
-SIZES: Final = (16, 64)
+SIZES: Final = (16, 128)
 """Rows for one thread. Each size is a network of its own: a second to compile, and 200 MB."""
 
-BATCHES: Final = (16, 32, 48, 64)
-"""Rows of a batch for one thread, made of these."""
-
 MOST: Final = 48
-"""Rows that are computed 16 at a time: for more, 64 cost less, though some of them be padding."""
+"""Rows that are computed 16 at a time: for more, 128 cost less, though some of them be padding."""
 
 
 class OpenVinoEngine(WarmEngine):
     """Runs a model folder's step graphs. Implements `WarmEngine`."""
 
     setting: EngineKind = "openvino"
+    full = SIZES[-1]
+    to_compile = (sum(SIZES),)
     term_names: tuple[str, ...] = TERMS
-    compiles = True
 
     def __init__(self, models: ModelFolder, threads: int = 0, bfloat16: bool | None = None) -> None:
         """`threads` per call; 0: one per core. `bfloat16` None: where the CPU computes in it.
@@ -64,14 +63,14 @@ class OpenVinoEngine(WarmEngine):
         self._compiling = threading.Lock()
         self._requests = threading.local()
         self._lanes = Lanes(threads)
-        self.batch_sizes = self._lanes.sizes(BATCHES)
+        self.batch_sizes = batch_sizes(self._lanes.count)
 
     @cached_property
     def alone(self) -> "OpenVinoEngine":
         """See `Engine`."""
         other = copy(self)
         other._lanes = Lanes(1)
-        other.batch_sizes = BATCHES
+        other.batch_sizes = batch_sizes(1)
         return other
 
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
@@ -128,11 +127,24 @@ class OpenVinoEngine(WarmEngine):
             "INFERENCE_NUM_THREADS": self._lanes.count,
             "ENABLE_CPU_PINNING": False,  # the event loop needs the cores, too
         }
-        return self._core.compile_model(network, DEVICE, options)
+        # Threads have the priority of those that make them.
+        with ThreadPoolExecutor(1, initializer=give_way) as pool:
+            return pool.submit(self._core.compile_model, network, DEVICE, options).result()
+
+
+def batch_sizes(threads: int) -> tuple[int, ...]:
+    """Rows of a batch: 128 for each thread, and a few 16 more, so that nobody is left behind."""
+    small, large = SIZES
+    return tuple(
+        large * many + few
+        for many in range(threads + 1)
+        for few in range(0, MOST + 1, small)
+        if many + few
+    )
 
 
 def ends(rows: int) -> list[int]:
-    """Where the parts of so many rows end: of 64, as long as that pays, and of 16."""
+    """Where the parts of so many rows end: of 128, as long as that pays, and of 16."""
     small, large = SIZES
     found = list(range(large, rows + 1, large))
     rest = rows - (found[-1] if found else 0)

@@ -12,6 +12,23 @@ from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
 Columns = TypeVar("Columns", StepInputs, StepOutputs)
 
 
+def whole(least: int, most: int, sizes: tuple[int, ...], full: int) -> int:
+    """How many of `most` rows to take if `least` of them are due; `sizes` of batches ascend.
+
+    A multiple of `full`, where a row costs least. If more are due than that, those who are, and
+    others in place of padding; but few more are left for the next batch, if the padding would be
+    many.
+    """
+    filled = min(most, sizes[-1]) // full * full
+    if least > sizes[-1]:
+        return filled or sizes[-1]
+    if filled >= least:
+        return filled
+    room = next(size for size in sizes if size >= least)
+    is_waste = room - least > max(full // 2, least - filled)
+    return filled if filled and is_waste else min(room, most)
+
+
 def pad(inputs: StepInputs, sizes: tuple[int, ...]) -> StepInputs:
     """Repeat the last row up to the next of `sizes` (ascending), which the engine has warmed."""
     rows = len(inputs.goal)

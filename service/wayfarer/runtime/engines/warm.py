@@ -15,7 +15,8 @@ class WarmEngine(Engine, Protocol):
     setting: EngineKind  # what to ask `open_engine` for to get one like it
     kind: str  # the same in more detail, for logs and tables
     batch_sizes: tuple[int, ...]  # rows at a time that suit it, ascending
-    compiles: bool  # the first call of every size takes a second
+    full: int  # rows of a batch, or a multiple, where each costs least
+    to_compile: tuple[int, ...]  # sizes with all that takes a second before its first call
 
     def sizes_for(self, agents: int) -> tuple[int, ...]:
         """Those of a server of so many agents at most: up to the first that holds them all."""
@@ -35,7 +36,7 @@ class WarmEngine(Engine, Protocol):
         for count in sorted(set(candidates), reverse=True):
             for size in sorted(set(batch_sizes), reverse=True):
                 inputs = resting_inputs(size, count)
-                if self.compiles:
+                if size in self.to_compile:
                     self._both(inputs)
                 started = time.perf_counter()
                 self._both(inputs)

@@ -10,7 +10,6 @@ One goes down a rung at a time, and up again after a calm while. Time is an argu
 """
 
 from dataclasses import dataclass
-from statistics import median
 
 from wayfarer.runtime.stats import Window
 
@@ -43,22 +42,29 @@ def ladder(most: int) -> tuple[Rung, ...]:
 class BudgetRules:
     """When to go down the ladder, and when up again. Seconds."""
 
-    margin: float = 0.03  # an engine call has to be over so long before its deadline
+    late: float = 0.02  # an engine call may be over so long after its deadline
     settle: float = 0.2  # after a change, so long before the next one down …
-    patience: float = 3.0  # … or up
+    patience: float = 3.0  # … or up; twice as long after each climb that was a mistake, …
+    most_patience: float = 60.0  # … as far as this. Whoever stays up so long may err anew
     headroom: float = 1.6  # a call with the candidates of the next rung takes so much longer …
-    most_busy: float = 0.8  # … and the engine must then be idle for the rest of the time
-    too_busy: float = 0.9  # share of the time for calls at which something gives way in any case
+    most_busy: float = 1.25  # … and may then take this share of the time: more is not worth trying
 
 
 class Budget:
-    """The ladder that one world stands on."""
+    """The ladder that one world stands on.
+
+    A busy engine is no reason to go down: it works beside all else, and while every call is over
+    in time all is well. Whether there is room one rung up is known only by trying.
+    """
 
     def __init__(self, most: int, rules: BudgetRules) -> None:
         self._rungs = ladder(most)
         self._rules = rules
         self.number = 0  # of the rung, from the top
         self._changed_at = float("-inf")
+        self._climbed_at = float("-inf")
+        self._is_trial = False  # it has not gone down since
+        self._patience = rules.patience
         self._calls = Window(WINDOW)
 
     @property
@@ -77,18 +83,19 @@ class Budget:
         of it are under way.
         """
         rules, since = self._rules, now - self._changed_at
-        calls = self._calls.values(now)
-        call, busy = (median(calls), sum(calls)) if calls else (0.0, 0.0)
-        slack -= ahead * call
-        is_crowded = since >= WINDOW and call * len(calls) > rules.too_busy * WINDOW
-        if slack < call + rules.margin or is_crowded:
+        calls = sorted(self._calls.values(now))
+        # of few rows and of many: three in four take no longer
+        call, busy = (calls[len(calls) * 3 // 4], sum(calls)) if calls else (0.0, 0.0)
+        slack -= max(ahead - 0.5, 0.0) * call  # the first of them is half done
+        if slack < call - rules.late:
             if since >= rules.settle and self.number < len(self._rungs) - 1:
-                self._move(now, 1)
-        elif self.number > 0 and since >= rules.patience:
+                self._fall(now)
+        elif self.number > 0 and since >= self._patience:
             longer, more = self._growth(held)
-            fits = slack >= call * longer + rules.margin
+            fits = slack >= call * longer - rules.late
             if fits and busy * longer * more <= rules.most_busy * WINDOW:
-                self._move(now, -1)
+                self.number, self._changed_at = self.number - 1, now
+                self._climbed_at, self._is_trial = now, True
         return self.rung
 
     def _growth(self, held: float) -> tuple[float, float]:
@@ -99,5 +106,12 @@ class Budget:
         releases = self.rung.hold_idle and not above.hold_idle
         return 1.0, 1 / (1 - min(held, 0.99)) if releases else 1.0
 
-    def _move(self, now: float, by: int) -> None:
-        self.number, self._changed_at = self.number + by, now
+    def _fall(self, now: float) -> None:
+        rules, since = self._rules, now - self._climbed_at
+        # a second fall that follows the first one tells nothing new of that climb
+        if since >= rules.most_patience:
+            self._patience = rules.patience
+        elif self._is_trial:
+            self._patience = min(2 * self._patience, rules.most_patience)
+        self._is_trial = False
+        self.number, self._changed_at = self.number + 1, now

@@ -96,6 +96,8 @@ class Clockwork:
             self._planned,
             self._stage.guide,
             settings.alone,
+            settings.company * FPS,
+            settings.full_batch,
         )
         wished = max(search.candidates for search in settings.steering.searches.values())
         self._everything = Rung(wished)
@@ -131,7 +133,7 @@ class Clockwork:
         """
         frame = self._timeline.frame(now)
         self._stage.refresh()
-        self._orders.walk_on(frame)
+        self._orders.walk_on(frame + self.settings.company * FPS)
         rung = rung or self._rung(now, frame)
         if rung.hold_idle:
             self._scheduler.hold(frame)

@@ -18,6 +18,10 @@ from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
 ROUNDING: Final = 1e-3
 """Of a primitive: what is due so shortly before is due at that moment."""
 
+REPLAN_FRAMES: Final = 3
+"""What is planned anew is so many frames ahead of its time. Earlier, it would not be seen sooner,
+and goals that come one by one would each have an engine call of their own."""
+
 
 @dataclass(slots=True)
 class Chunks(Rows):
@@ -62,6 +66,11 @@ class Playback:
         when = self._plan_frame(rows)
         order = np.argsort(when, kind="stable")
         return rows[order][when[order] <= frame]
+
+    def is_due(self, rows: Index, frame: float) -> Flags:
+        """Of slots that may be planned, those whose next chunk is to be by world frame `frame`."""
+        due: Flags = self._plan_frame(rows) <= frame
+        return due
 
     def next_event(self, planning: bool = True, early: float = 0.0) -> float | None:
         """World frame of the next sending or, unless not asked for, planning; None without any.
@@ -157,7 +166,9 @@ class Playback:
         return grounded
 
     def _plan_frame(self, rows: Index) -> Index:
-        return self._show_frame(rows, self._slots.planned_chunks[rows] - self.lead)
+        slots, ahead = self._slots, NEW_FRAMES * self.lead
+        show = self._show_frame(rows, slots.planned_chunks[rows])
+        return show - np.where(slots.replanned[rows], min(REPLAN_FRAMES, ahead), ahead)
 
     def _send_frame(self, rows: Index) -> Index:
         return self._show_frame(rows, self._slots.sent_chunks[rows])

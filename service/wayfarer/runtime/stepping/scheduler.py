@@ -9,7 +9,7 @@ import numpy as np
 from wayfarer.runtime.agent import ChunkFlag
 from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
 from wayfarer.runtime.engines.models import Models
-from wayfarer.runtime.engines.padding import cut, pad, pick
+from wayfarer.runtime.engines.padding import cut, pad, pick, whole
 from wayfarer.runtime.stepping.batch import broken, gather
 from wayfarer.runtime.stepping.guide import Course, Guide
 from wayfarer.runtime.stepping.playback import Chunks, Playback
@@ -90,11 +90,14 @@ class Scheduler:
         planned: Callable[[Index, Index, int], None],
         guide: Guide,
         alone: bool = False,
+        company: float = 0.0,
+        full: int = 1,
     ) -> None:
         """`reset(slot)` gives the standing motion from which a broken agent goes on.
 
         `planned(slots, seqs, candidates)` is told of all new chunks, 0 candidates of those held.
-        `alone`: engine calls take no thread but the caller's.
+        `alone`: engine calls take no thread but the caller's. A batch is filled with those who are
+        due within `company` frames, to a multiple of `full`.
         """
         self._table = table
         self._playback = playback
@@ -106,6 +109,8 @@ class Scheduler:
         self._planned = planned
         self._guide = guide
         self._alone = alone
+        self._company = company
+        self._full = full
         self._flights = 0  # begun so far
         self.under_way = 0  # of them, those that are not finished
         self.resets = 0  # broken rows so far
@@ -154,14 +159,21 @@ class Scheduler:
         return len(rows)
 
     def schedule(self, frame: float, most: int | None = None) -> Batch | None:
-        """The most urgent agent and, in order of urgency, those that fit into its batch."""
+        """The most urgent agent and, in order of urgency, those that fit into its batch.
+
+        While nothing is under way a full batch of those who are due soon need not wait for it.
+        """
         slots = self._table.rows
-        rows = self._playback.due(frame)
-        if not len(rows):
+        rows = self._playback.due(frame + self._company)
+        is_due = self._playback.is_due(rows, frame)
+        if not is_due.any() and (self.under_way or len(rows) < self._full):
             return None
         model, gender = slots.model[rows[0]], slots.gender[rows[0]]
         alike = (slots.model[rows] == model) & (slots.gender[rows] == gender)
-        rows = rows[alike][: self._sizes[-1]]
+        rows, due = rows[alike], int(is_due[alike].sum())
+        rows = rows[: whole(due, len(rows), self._sizes, self._full)]
+        if not len(rows):
+            return None
         seed, gait, course = self._next(rows)
         wished = self._steering.candidates(gait.mode)
         tried = wished if most is None else np.minimum(wished, most)
