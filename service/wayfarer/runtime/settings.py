@@ -72,7 +72,7 @@ class WorldSettings:
     admission: AdmissionRules = field(default_factory=AdmissionRules)  # once there are measures
     lead: int = 1  # chunks that are planned ahead of their time
     phases: int = 2  # agents' steps are spread over so many moments of the 0.2 s
-    replan_margin: float = 0.06  # s: a chunk that falls due within this is not replanned
+    replan_margin: float = 0.05  # s: a chunk that falls due within this is not replanned
     company: float = 0.0  # s: who is due so soon may be stepped with those who are now
     full_batch: int = 1  # rows, or a multiple, where each costs least
     batch_sizes: tuple[int, ...] = ANY_SIZE  # to which batches are padded; a server's are warmed
