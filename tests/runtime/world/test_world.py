@@ -191,7 +191,7 @@ def test_when_time_is_short_fewer_candidates_are_tried_and_it_is_told():
     in_time = list(world.advance(1.0))
     assert {c.candidates for c in in_time} == {wished}
     assert not any(c.flags & ChunkFlag.REDUCED for c in in_time)
-    late = [c for _ in range(4) for c in world.tick(world.next_event() + 0.23)]
+    late = [c for _ in range(3) for c in world.tick(world.next_event() + 0.23)]
     assert {c.candidates for c in late} & {2, 1}
     assert all(bool(c.flags & ChunkFlag.REDUCED) == (c.candidates < wished) for c in late)
     assert world.reduced_steps == sum(rows for _, rows, k in engine.calls if k < wished) > 0
