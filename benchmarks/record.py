@@ -6,7 +6,8 @@ Writes benchmarks/results/performance_NAME.json (machine, date, commit, versions
 benchmark's rows and ratios), then docs/performance.md from all such files. Each benchmark runs in a
 process of its own; one that fails is told with its last words, and the record ends with 1. Leave
 the machine alone meanwhile: about 30 minutes, 10 with `--quick`, which is a first look, no record
-to publish. `--only` runs some, and keeps what the file has of the others.
+to publish. `--only` runs some, and keeps what the file has of the others; with `--agents` the whole
+service is held at so many, in place of a search for the most, which takes half an hour each.
 
 Against an older record: python -m benchmarks.compare OLD NEW
 """
@@ -55,9 +56,11 @@ SECONDS_LEFT = 1800.0
 """A benchmark that takes longer hangs."""
 
 
-def command(part: str, quick: bool) -> list[str]:
+def command(part: str, quick: bool, agents: int | None = None) -> list[str]:
     """What runs a part, without where to write."""
     words = list(PARTS[part])
+    if part.startswith("service") and agents:
+        words += ("--agents", str(agents), "--transports", "grpc")
     if quick:
         words.append("--quick")
     elif part.startswith("service"):
@@ -65,9 +68,9 @@ def command(part: str, quick: bool) -> list[str]:
     return ["python", "-m", f"benchmarks.{words[0]}", *words[1:]]
 
 
-def measured(part: str, quick: bool) -> dict[str, Any]:
+def measured(part: str, quick: bool, agents: int | None = None) -> dict[str, Any]:
     """The document of one benchmark, or what it said last when it failed."""
-    words, began = command(part, quick), time.monotonic()
+    words, began = command(part, quick, agents), time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "found.json"
         try:
@@ -94,6 +97,9 @@ def main() -> int:
     )
     parser.add_argument("--name", default="default", help="of the record: of the machine, say")
     parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS))
+    parser.add_argument(
+        "--agents", type=int, help="in the service parts, over gRPC, in place of a search"
+    )
     parser.add_argument("--quick", action="store_true", help="less of everything: a first look")
     parser.add_argument("--folder", type=Path, default=RESULTS, help="where to write, if elsewhere")
     asked = parser.parse_args()
@@ -102,7 +108,7 @@ def main() -> int:
     failed = []
     for part in asked.only:
         print(f"── {part}", flush=True)
-        parts[part] = measured(part, asked.quick) | {"meta": meta(quick=asked.quick)}
+        parts[part] = measured(part, asked.quick, asked.agents) | {"meta": meta(quick=asked.quick)}
         if "failure" in parts[part]:
             failed.append(part)
             print(parts[part]["failure"], file=sys.stderr)

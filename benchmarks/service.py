@@ -36,6 +36,8 @@ from wayfarer.spec import STEP_SECONDS
 P99_MS = 50.0
 FEWER = 0.95
 TRIES = 3
+WARM_UP = 20.0
+"""Seconds: all agents come at once, and then all stand up and walk."""
 
 Summary = dict[str, Any]
 
@@ -131,7 +133,7 @@ def main() -> None:
         room = settings(replace(short, agents=asked.most), candidates=candidates)
         agents = asked.agents or asyncio.run(search(short, asked.most, command, room))
         for transport in asked.transports:
-            plan = Plan(SESSIONS, max(agents // SESSIONS, 1), seconds, 5.0, transport)
+            plan = Plan(SESSIONS, max(agents // SESSIONS, 1), seconds, WARM_UP, transport)
             summary = held(plan, candidates, command)
             rows.append(row(asked.engine, candidates, plan, could, summary))
             name = f"{asked.engine} K={candidates} over {transport}: agents in time / engine alone"

@@ -24,6 +24,9 @@ AT_ONCE = 64
 IN_FLIGHT = 256
 """Goal commands of one client that may wait for their answers; more are counted as failed."""
 
+FIRST_GOALS = 2.0
+"""Seconds over which everybody gets a first goal: a server takes only so many calls at once."""
+
 RECONNECT_SECONDS = 0.5
 READY_SECONDS = 10.0
 
@@ -135,6 +138,7 @@ class SimulatedClient:
         """A goal for everybody, then more of them at random instants that wait for no answer."""
         for agent in self._agents:
             self._command(agent, goals, time.time(), measuring_from)
+            await asyncio.sleep(FIRST_GOALS / len(self._agents))
         rate = self._plan.goal_rate * len(self._agents)
         due = time.time()
         while rate > 0:

@@ -65,6 +65,8 @@ class OnnxEngine(WarmEngine):
         path = models.graph("step", gender, SEED_FRAMES)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = 1  # see lanes.py
+        # each session's own would keep the most that any call has taken: 40 MB, and no faster
+        options.enable_cpu_mem_arena = False
         session = open_session(path, options)
         for kind, found, expected in (
             ("inputs", [i.name for i in session.get_inputs()], INPUTS),

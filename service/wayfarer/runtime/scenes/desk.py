@@ -5,7 +5,6 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-from wayfarer.navigation.picture import top_view
 from wayfarer.navigation.spec import Obstacle, Point2, Point3
 from wayfarer.runtime.scenes.book import Book
 from wayfarer.runtime.scenes.messages import Outlines, SceneInfo, SceneWish, Way
@@ -71,6 +70,9 @@ class SceneDesk:
 
     async def scene_picture(self, scene_id: str) -> bytes:
         """See `SceneService`."""
+        # with a library for images, which comes when somebody wants one
+        from wayfarer.navigation.picture import top_view
+
         scene = self._book.scene(scene_id)
         return await self._work(lambda: top_view(scene))
 

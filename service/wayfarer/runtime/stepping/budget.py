@@ -42,7 +42,7 @@ def ladder(most: int) -> tuple[Rung, ...]:
 class BudgetRules:
     """When to go down the ladder, and when up again. Seconds."""
 
-    late: float = 0.02  # an engine call may be over so long after its deadline
+    late: float = 0.03  # an engine call may be over so long after its deadline
     settle: float = 0.2  # after a change, so long before the next one down …
     patience: float = 3.0  # … or up; twice as long after each climb that was a mistake, …
     most_patience: float = 60.0  # … as far as this. Whoever stays up so long may err anew

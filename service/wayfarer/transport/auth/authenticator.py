@@ -1,12 +1,15 @@
 """The one place that decides who a caller is."""
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from wayfarer.config import Settings
 from wayfarer.errors import Unauthenticated
 from wayfarer.transport.auth.keys import KEY_PREFIX, KeyFile
-from wayfarer.transport.auth.tokens import IssuerKeys, TokenCheck
 from wayfarer.transport.caller import LOCAL, Caller, Scope
+
+if TYPE_CHECKING:
+    from wayfarer.transport.auth.tokens import TokenCheck
 
 MOST_BYTES = 8192
 """Of a key or token; longer ones are not looked at."""
@@ -27,7 +30,7 @@ class Authenticator:
     def __init__(
         self,
         keys: KeyFile | None = None,
-        tokens: TokenCheck | None = None,
+        tokens: "TokenCheck | None" = None,
         certificate_scopes: frozenset[Scope] | None = None,
     ) -> None:
         """`certificate_scopes`: None where no client certificates are asked for."""
@@ -41,6 +44,9 @@ class Authenticator:
         auth = settings.auth
         tokens = None
         if auth.jwt_keys:
+            # 10 MB, which a server without tokens does not need
+            from wayfarer.transport.auth.tokens import IssuerKeys, TokenCheck
+
             issuer = IssuerKeys.of(auth.jwt_keys)
             tokens = TokenCheck(
                 issuer, auth.jwt_issuer, auth.jwt_audience, auth.jwt_algorithms, auth.jwt_leeway_s
