@@ -19,7 +19,7 @@ class PoseEncoder:
     motion has it, even where numbers repeat (clips, replays, a session imported again).
     """
 
-    def __init__(self, capacity: int = 8 << 20) -> None:
+    def __init__(self, capacity: int = 4 << 20) -> None:
         """`capacity`: bytes that are remembered, the oldest are forgotten."""
         self._capacity = capacity
         self._bytes = 0
