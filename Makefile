@@ -24,7 +24,7 @@ CHECKED := service tests $(wildcard clients/python benchmarks proto/build_hook.p
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PIP_ROOT_USER_ACTION := ignore
 
-.PHONY: help serve test lint format proto docker clean
+.PHONY: help serve test lint lint-proto format proto docker clean
 
 help: ## show this list
 	@echo "Wayfarer. Usage: make <target>"
@@ -46,8 +46,11 @@ lint: $(VENV)/.dev ## check style, types, the import rules and the protos
 	$(BIN)/ruff format --check $(CHECKED)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory $(BUF) && $(BUF) lint proto; \
+	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory lint-proto; \
 	else echo "skipped: buf lint needs npm (apt-get install npm)" >&2; [ -z "$${CI:-}" ]; fi
+
+lint-proto: $(BUF)
+	@$(BUF) lint proto
 
 format: $(VENV)/.dev ## rewrite the code in the project's style
 	$(BIN)/ruff check --fix $(CHECKED)

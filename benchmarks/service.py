@@ -9,8 +9,8 @@ primitive is missed, and p99 of their lateness at the client is within 50 ms. Th
 whom that holds are found by bisection, in short runs over gRPC; then they are held for `--seconds`
 over each transport, by a fresh server, and by 5 % fewer where that fails, thrice at most.
 `--agents` takes a number in place of the search, and holds it once. Server and generator share the
-machine; *server* and *generator* are the cores that they take. *alone* is how many agents the engine
-could step in the same time, if all cores did nothing else.
+machine; *server* and *generator* are the cores that they take. *alone* is how many agents the
+engine could step in the same time, if all cores did nothing else.
 """
 
 import argparse

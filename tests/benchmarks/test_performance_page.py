@@ -97,7 +97,9 @@ def test_every_part_of_a_record_is_a_benchmark_with_a_title():
 
 def test_a_record_keeps_what_other_benchmarks_found(tmp_path, monkeypatch):
     monkeypatch.setattr(record, "PARTS", {"one": ("startup",), "two": ("startup",)})
-    monkeypatch.setattr(record, "measured", lambda part, quick, agents: {"command": part, "rows": []})
+    monkeypatch.setattr(
+        record, "measured", lambda part, quick, agents: {"command": part, "rows": []}
+    )
     for only in ("two", "one"):
         words = ["record", "--folder", str(tmp_path), "--name", "x", "--only", only]
         monkeypatch.setattr("sys.argv", words)
