@@ -103,9 +103,10 @@ def runtime(
     def warm_up(world: World) -> None:
         tried = rungs(settings.candidates)
         measured = (tried[0], tried[-1])
-        # memory is allocated for the largest batch
-        engine.warm_up((*engine.to_compile, sizes[-1]), set(tried) - set(measured))
-        spread_out = (*engine.to_compile, *sizes[::-MEASURE_EVERY])
+        # memory is allocated for the largest batch; larger ones are never asked for
+        compiled = [size for size in engine.to_compile if size <= sizes[-1]]
+        engine.warm_up((*compiled, sizes[-1]), set(tried) - set(measured))
+        spread_out = (*compiled, *sizes[::-MEASURE_EVERY])
         for _ in range(MEASURES):
             engine.warm_up(spread_out, measured, world.measured)
 

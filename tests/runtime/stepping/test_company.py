@@ -51,3 +51,21 @@ def test_whoever_is_stepped_early_moves_alike():
         assert (chunk.translation == expected.translation).all()
         assert chunk.goal_revision == expected.goal_revision
         assert (chunk.flags & ChunkFlag.REPLANNED) >= (expected.flags & ChunkFlag.REPLANNED)
+
+
+def test_an_idle_engine_does_not_wait_for_a_full_batch():
+    world, _ = eight(HALF + 0.03)
+    list(world.advance(1.0))
+    before = world.next_event() - 0.02
+    early = world.begin(before)
+    assert early is not None and early.call.rows == 8
+    assert world.begin(before) is None, "nobody else is due soon"
+    world.finish(early)
+
+
+def test_nor_does_it_run_ahead_with_a_few():
+    world = make_world(phases=2, company=HALF, full_batch=16)
+    world.create_session(SessionSpec("s"), 0.0)
+    world.create_agents("s", people(8, gender="male"), 0.0)
+    list(world.advance(1.0))
+    assert world.begin(world.next_event() - 0.02) is None

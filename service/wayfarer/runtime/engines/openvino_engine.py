@@ -42,7 +42,7 @@ class OpenVinoEngine(WarmEngine):
 
     setting: EngineKind = "openvino"
     full = SIZES[-1]
-    to_compile = (sum(SIZES),)
+    to_compile = SIZES
     term_names: tuple[str, ...] = TERMS
 
     def __init__(self, models: ModelFolder, threads: int = 0, bfloat16: bool | None = None) -> None:

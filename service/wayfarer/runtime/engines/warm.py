@@ -16,7 +16,7 @@ class WarmEngine(Engine, Protocol):
     kind: str  # the same in more detail, for logs and tables
     batch_sizes: tuple[int, ...]  # rows at a time that suit it, ascending
     full: int  # rows of a batch, or a multiple, where each costs least
-    to_compile: tuple[int, ...]  # sizes with all that takes a second before its first call
+    to_compile: tuple[int, ...]  # sizes whose first call takes a second; others are made of them
 
     def sizes_for(self, agents: int) -> tuple[int, ...]:
         """Those of a server of so many agents at most: up to the first that holds them all."""
