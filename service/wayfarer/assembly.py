@@ -37,8 +37,9 @@ MEASURES: Final = 2
 MEASURE_EVERY: Final = 3
 """Of the sizes of batches, from the largest down: what lies between is reckoned."""
 
-COMPANY: Final = STEP_SECONDS / WorldSettings().phases
-"""Seconds: a batch is filled from the phase after, since large ones cost less for each agent."""
+COMPANY: Final = STEP_SECONDS
+"""A batch is filled with whoever comes next, a whole step ahead at most: large ones cost less for
+each agent, and who has a new goal need not be stepped alone."""
 
 
 def model_store(settings: Settings) -> ModelStore:

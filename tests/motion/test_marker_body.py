@@ -31,3 +31,12 @@ def test_gradients_reach_pose_place_and_shape():
     markers, _ = skin(place, matrix_from_rotvec(turn), betas)
     markers.square().sum().backward()
     assert all(leaf.grad.abs().sum() > 0 for leaf in (place, turn, betas))
+
+
+def test_the_t_pose_needs_no_kinematics():
+    skin = marker_body(load_body("anny52", "male"))
+    torch.manual_seed(0)
+    betas = torch.randn(4, 10)
+    nowhere, unturned = torch.zeros(4, 3), torch.eye(3).expand(4, 22, 3, 3)
+    markers, _ = skin(nowhere, unturned, betas)
+    assert (skin.resting(betas).transpose(1, 2) - markers).abs().max() < 1e-5

@@ -36,6 +36,10 @@ class FakeEngine:
     def alone(self) -> "FakeEngine":
         return self
 
+    @property
+    def scoring(self) -> "FakeEngine":
+        return self
+
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
         agents, candidates = inputs.noise.shape[:2]
         self.calls.append((gender, agents, candidates))

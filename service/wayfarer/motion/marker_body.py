@@ -42,6 +42,8 @@ class MarkerBody(nn.Module):
     offsets_dirs: Tensor
     bind: Tensor
     bind_dirs: Tensor
+    rest: Tensor
+    rest_dirs: Tensor
 
     def __init__(
         self,
@@ -69,9 +71,10 @@ class MarkerBody(nn.Module):
         joints_dirs = np.asarray(bind_joints_dirs, dtype=np.float64)[:posed]
         parent = np.maximum(tree[:posed], 0)
         step = turned[parent]  # rest offset = bind_to_rest[parent] @ bind offset
-        self._keep("offsets", np.einsum("jab,jb->aj", step, joints - joints[parent]))
-        dirs = joints_dirs - joints_dirs[parent]
-        self._keep("offsets_dirs", np.einsum("jab,jbk->kaj", step, dirs))
+        offsets = np.einsum("jab,jb->aj", step, joints - joints[parent])
+        offsets_dirs = np.einsum("jab,jbk->kaj", step, joints_dirs - joints_dirs[parent])
+        self._keep("offsets", offsets)
+        self._keep("offsets_dirs", offsets_dirs)
 
         index, weight = np.asarray(skin_joints), np.asarray(skin_weights, dtype=np.float64)
         dense = np.zeros((posed, len(index)))
@@ -84,6 +87,10 @@ class MarkerBody(nn.Module):
         held_dirs = np.einsum("jab,jmbk,jm->kajm", into, markers_dirs - joints_dirs[:, None], dense)
         self._keep("bind", np.concatenate([held, dense[None]]).reshape(4 * posed, -1))
         self._keep("bind_dirs", _with_zeros(held_dirs).reshape(len(held_dirs), 4 * posed, -1))
+        # In the T-pose a joint lies at the sum of the offsets that lead to it, and turns nothing.
+        moves = _chains(tree[:posed]) @ dense  # [J, M]
+        self._keep("rest", held.sum(1) + offsets @ moves)
+        self._keep("rest_dirs", held_dirs.sum(2) + offsets_dirs @ moves)
 
     def _keep(self, name: str, array: ArrayLike) -> None:
         """Register as a constant of the module (not a weight: not in its state dict)."""
@@ -102,6 +109,11 @@ class MarkerBody(nn.Module):
             offsets.T.unflatten(0, self.offsets.shape)[:, :, None],
             bind.unflatten(-1, mean.shape),
         )
+
+    def resting(self, betas: Tensor) -> Tensor:
+        """Markers [A, 3, M] of the T-pose, the hips at the origin: betas [A, B]."""
+        markers = linear(betas, self.rest_dirs.flatten(1).T, self.rest.flatten())
+        return markers.unflatten(-1, self.rest.shape)
 
     def place(self, shape: Shaped, hips: Tensor, local: Tensor) -> Placed:
         """Joints in the world: hips [3, F, A] and local rotations [3, 3, 22, F, A]."""
@@ -159,6 +171,15 @@ class Level(NamedTuple):
 def _with_zeros(held: np.ndarray) -> np.ndarray:
     """[B, 3, J, M] → [B, 4, J, M]: weights do not depend on the shape."""
     return np.concatenate([held, np.zeros_like(held[:, :1])], 1)
+
+
+def _chains(parents: np.ndarray) -> np.ndarray:
+    """[J, J] 1 where the second joint is the first or hangs from it."""
+    chains = np.eye(len(parents))
+    for j, parent in enumerate(parents):
+        if parent >= 0:
+            chains[:, j] += chains[:, parent]
+    return chains
 
 
 def _posed_owner(parents: np.ndarray, posed: int) -> np.ndarray:

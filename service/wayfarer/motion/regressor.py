@@ -6,7 +6,7 @@ Residual blocks applied three times over, each pass correcting the last (as in H
 Deviations from the paper, and why: every pass also sees where the markers of its estimate lie, as
 their distance from the given ones; so it learns to correct, not to guess again. Markers are centred
 on their mean (the hips' place is found relative to it), so that neither the floor nor the
-travelled way matters; the first estimate is the identity pose rather than zeros, which 6D cannot
+travelled way matters; the first estimate is the T-pose rather than zeros, which 6D cannot
 orthonormalise; fingers are held at rest, so the hand term of Eq. 2 has nothing to act on with the
 default body.
 """
@@ -45,9 +45,11 @@ class BodyRegressor(nn.Module):
     by_coordinate: Tensor
     by_number: Tensor
 
-    def __init__(self, body: MarkerBody) -> None:
+    def __init__(self, body: MarkerBody, passes: int = PASSES) -> None:
+        """`passes` unless asked for otherwise."""
         super().__init__()
         self.body = body
+        self.passes = passes
         output = nn.Linear(HIDDEN, STATE)
         nn.init.normal_(output.weight, std=1e-3)
         nn.init.zeros_(output.bias)
@@ -68,7 +70,7 @@ class BodyRegressor(nn.Module):
         self.register_buffer(name, values, persistent=False)
 
     def forward(
-        self, markers: Tensor, betas: Tensor, passes: int = PASSES
+        self, markers: Tensor, betas: Tensor, passes: int | None = None
     ) -> tuple[Tensor, Tensor]:
         """Hips [A, F, 3] and rotations [A, F, 22, 3, 3] of markers [A, F, 67, 3].
 
@@ -78,19 +80,23 @@ class BodyRegressor(nn.Module):
         found = self.solve(markers, betas, self.body.shaped(betas), passes)
         return to_rows(found.hips.transpose(0, 1)), to_rows(found.rotations.permute(3, 2, 0, 1, 4))
 
-    def solve(self, markers: Tensor, betas: Tensor, shape: Shaped, passes: int = PASSES) -> Pose:
+    def solve(
+        self, markers: Tensor, betas: Tensor, shape: Shaped, passes: int | None = None
+    ) -> Pose:
         """As `forward`, poses last; `shape` is that of `betas`."""
-        agents, frames = markers.shape[:2]
+        agents = markers.shape[0]
         axes = markers.transpose(-1, -2)
         centre = axes.mean(-1)
         centred = axes - centre[..., None]  # [A, F, 3, 67]
         known = self.know(centred.flatten(2), betas)
-        state = self.start.expand(agents, STATE)  # the first estimate is of no frame
-        for _ in range(passes):
-            pose = _unpack(state.detach(), agents)
-            skinned = self.body.blend(shape, self.body.place(shape, pose.hips, pose.rotations))
+        skinned, rows = self.body.resting(betas)[:, None], self.start[None]
+        state = rows
+        for number in range(passes or self.passes):
+            if number:
+                pose = _unpack(state.detach(), agents)
+                skinned = self.body.blend(shape, self.body.place(shape, pose.hips, pose.rotations))
+                rows = _pack(pose)
             error = _squash((centred - skinned).flatten(2).flatten(0, 1))
-            rows = _pack(pose).expand(-1, frames, -1).flatten(0, 1)
             state = rows + self.correct(known, error, rows)
         pose = _unpack(state, agents)
         return Pose(to_columns(centre).transpose(0, 1) + pose.hips, pose.rotations)
@@ -98,22 +104,23 @@ class BodyRegressor(nn.Module):
     def know(self, centred: Tensor, betas: Tensor) -> Tensor:
         """The first layer's share that is the same in all passes [A · F, 128]; of [A, F, 201]."""
         first = cast(nn.Linear, self.network[0])
-        markers = first.weight[:, : MARKERS * 3][:, self.by_coordinate]
+        markers = first.weight[:, : MARKERS * 3].index_select(1, self.by_coordinate)
         shapes = first.weight[:, MARKERS * 3 : MARKERS * 3 + BETAS]
         of_markers = linear(centred.flatten(0, 1), markers).unflatten(0, centred.shape[:2])
         return (linear(betas, shapes, first.bias)[:, None] + of_markers).flatten(0, 1)
 
     def correct(self, known: Tensor, error: Tensor, state: Tensor) -> Tensor:
-        """What to add to the estimates [A · F, 135], by number; `error` by coordinate."""
+        """What to add to the estimates [A · F or 1, 135], by number; `error` by coordinate."""
         layers = list(self.network)
         first, last = cast(nn.Linear, layers[0]), cast(nn.Linear, layers[-1])
         begin = MARKERS * 3 + BETAS
-        errors = first.weight[:, begin : begin + MARKERS * 3][:, self.by_coordinate]
-        states = first.weight[:, begin + MARKERS * 3 :][:, self.by_number]
+        errors = first.weight[:, begin : begin + MARKERS * 3].index_select(1, self.by_coordinate)
+        states = first.weight[:, begin + MARKERS * 3 :].index_select(1, self.by_number)
         x = known + linear(error, errors) + linear(state, states)
         for block in layers[1:-1]:
             x = block(x)
-        return linear(x, last.weight[self.by_number], last.bias[self.by_number])
+        weight, bias = (v.index_select(0, self.by_number) for v in (last.weight, last.bias))
+        return linear(x, weight, bias)
 
 
 def _unpack(state: Tensor, agents: int) -> Pose:
@@ -123,9 +130,9 @@ def _unpack(state: Tensor, agents: int) -> Pose:
 
 
 def _pack(pose: Pose) -> Tensor:
-    """Rows [A, F, 135] of estimates, orthonormalised."""
+    """Rows [A · F, 135] of estimates, orthonormalised."""
     numbers = torch.cat([pose.hips, to_6d(pose.rotations).flatten(0, 1)])
-    return to_rows(numbers.transpose(0, 1))
+    return to_rows(numbers.transpose(0, 1)).flatten(0, 1)
 
 
 def _squash(error: Tensor) -> Tensor:

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 from wayfarer.artifacts import ASSETS
 from wayfarer.body.library import load_body
 from wayfarer.errors import InvalidArgument
+from wayfarer.motion.regressor import PASSES
 from wayfarer.runtime.world.spawn import load_start_poses
 from wayfarer.spec import GENDERS
 from wayfarer.training.analytic import AnalyticConfig, train_analytic
@@ -184,6 +185,9 @@ def export(
     goal_cvae: Annotated[
         str, typer.Option(help="Run of the g-CVAE: write a folder of that baseline instead.")
     ] = "",
+    passes: Annotated[
+        int, typer.Option(min=1, help="Of the regressor: 2 make a lighter model (docs/models.md).")
+    ] = PASSES,
 ) -> None:
     """Write trained networks as the ONNX graphs that serve. Fails unless torch and ONNX agree."""
     sources = Sources(
@@ -200,6 +204,7 @@ def export(
         graphs = load_goal_cvae_graphs(runs / goal_cvae, regressors)
         written = write_models(graphs, out, model_card(out.name, trained, data), out.name)
     else:
-        written = export_models(sources, out, model_card(out.name, asdict(sources), data), out.name)
+        card = model_card(out.name, asdict(sources), data)
+        written = export_models(sources, out, card, out.name, passes=passes)
     for file, difference in written.items():
         typer.echo(f"{file}: torch and ONNX differ by at most {difference:.1e}")

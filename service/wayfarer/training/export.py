@@ -31,7 +31,7 @@ from wayfarer.motion.pose_prior import PosePrior
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
-from wayfarer.motion.regressor import BodyRegressor
+from wayfarer.motion.regressor import PASSES, BodyRegressor
 from wayfarer.spec import GENDERS
 from wayfarer.training.graph import Graph
 from wayfarer.training.network_graphs import policy_graph, predictor_graph, regressor_graph
@@ -138,10 +138,11 @@ class Sources:
     pose_prior: Path
 
 
-def load_graphs(sources: Sources, body: str) -> dict[str, Graph]:
+def load_graphs(sources: Sources, body: str, passes: int = PASSES) -> dict[str, Graph]:
     """Every graph of a model folder by file name, from trained weights (rounded as shipped).
 
-    The step canonicalises as its predictor was trained (`floor_origin` of that run).
+    The step canonicalises as its predictor was trained (`floor_origin` of that run). `passes` of
+    the regressor.
     """
     floor_origin = read_run_config(sources.predictor_2f)["floor_origin"]
     one = round_to_half(load_weights(MarkerPredictor(1), sources.predictor_1f))
@@ -159,7 +160,7 @@ def load_graphs(sources: Sources, body: str) -> dict[str, Graph]:
         model = load_body(body, gender)
         run = getattr(sources, f"regressor_{gender}")
         body_of = marker_body(model)
-        regressor = round_to_half(load_weights(BodyRegressor(body_of), run))
+        regressor = round_to_half(load_weights(BodyRegressor(body_of, passes), run))
         sites = Sites.from_names(model.marker_names)
         step = PrimitiveStep(two, regressor, body_of, sites, policy, floor_origin).eval()
         graphs[f"regressor_{gender}.onnx"] = regressor_graph(regressor)
@@ -168,11 +169,17 @@ def load_graphs(sources: Sources, body: str) -> dict[str, Graph]:
 
 
 def export_models(
-    sources: Sources, out: Path, card: str, name: str = "gamma-anny52", body: str = "anny52"
+    sources: Sources,
+    out: Path,
+    card: str,
+    name: str = "gamma-anny52",
+    body: str = "anny52",
+    passes: int = PASSES,
 ) -> dict[str, float]:
-    """Write a model folder from trained weights; see `write_models`."""
+    """Write a model folder from trained weights; see `load_graphs` and `write_models`."""
     floor_origin = bool(read_run_config(sources.predictor_2f)["floor_origin"])
-    return write_models(load_graphs(sources, body), out, card, name, body, floor_origin)
+    graphs = load_graphs(sources, body, passes)
+    return write_models(graphs, out, card, name, body, floor_origin)
 
 
 def write_models(

@@ -8,7 +8,6 @@ from typing import Final
 
 import grpc
 import structlog
-from cryptography import x509
 
 from wayfarer.errors import InvalidArgument
 
@@ -63,6 +62,9 @@ class Tls:
 
 def _dated(setting: str, path: Path) -> None:
     """Refuse what is no certificate or out of date; warn of what soon will be."""
+    # 9 MB that a server without TLS does not need
+    from cryptography import x509
+
     try:
         found = x509.load_pem_x509_certificates(path.read_bytes())
     except OSError as error:

@@ -12,6 +12,7 @@ from wayfarer.runtime.engines.openvino_engine import SIZES, OpenVinoEngine, ends
 from wayfarer.runtime.engines.openvino_precision import ON_ROWS
 from wayfarer.runtime.engines.padding import part
 from wayfarer.stage import DEFAULT_MODEL, load_models
+from wayfarer.terms import TERMS
 
 pytest.importorskip("openvino")
 ROWS = 12
@@ -46,7 +47,8 @@ def differences(found: StepOutputs, expected: StepOutputs) -> dict[str, float]:
 
 
 def test_in_float32_it_gives_what_onnxruntime_gives(models, exact, inputs):
-    off = differences(exact.step(GENDER, inputs), OnnxEngine(models, 1).step(GENDER, inputs))
+    expected = OnnxEngine(models, 1).step(GENDER, inputs)
+    off = differences(exact.scoring.step(GENDER, inputs), expected)
     assert max(off.values()) < 1e-4
 
 
@@ -73,6 +75,26 @@ def test_rows_do_not_depend_on_their_batch(mixed, inputs, rows):
     some = mixed.step(GENDER, part(inputs, 0, rows))
     for field in fields(StepOutputs):
         assert np.array_equal(getattr(whole, field.name)[:rows], getattr(some, field.name))
+
+
+def test_without_scores_one_candidate_moves_alike(mixed, inputs):
+    told, silent = mixed.scoring.step(GENDER, inputs), mixed.step(GENDER, inputs)
+    assert told.terms.shape == (ROWS, len(TERMS)) and told.terms.any()
+    assert silent.terms.shape == (ROWS, 0)
+    for name in ("translation", "rotations", "contacts", "next_seed_markers", "choice"):
+        assert np.array_equal(getattr(told, name), getattr(silent, name))
+
+
+def test_several_candidates_are_always_scored(exact):
+    found = exact.step(GENDER, standing_inputs(GENDER, 2, 4))
+    assert found.terms.shape == (2, len(TERMS))
+
+
+def test_an_engine_that_scores_may_run_alone_and_the_other_way_round(mixed, inputs):
+    for engine in (mixed.alone.scoring, mixed.scoring.alone):
+        assert engine.batch_sizes == mixed.alone.batch_sizes
+        assert engine.step(GENDER, inputs).terms.any()
+    assert not mixed.alone.step(GENDER, inputs).terms.size
 
 
 def test_what_it_gave_is_not_written_over(exact, inputs):

@@ -48,7 +48,7 @@ class StepOutputs:
     rotations: Float  # [A, F, 22, 4]
     contacts: Float  # [A, F, 2] left, right foot: 1.0 touching and still, else 0.0
     next_seed_markers: Float  # [A, S, 67, 3]; "next": a graph's names must all differ
-    terms: Float  # [A, T] quality terms of the chosen candidate
+    terms: Float  # [A, T] quality terms of the chosen candidate; see `Engine.scoring`
     choice: NDArray[np.int64]  # [A]
 
 
@@ -70,6 +70,14 @@ class Engine(Protocol):
     def alone(self) -> "Engine":
         """The same engine on the calling thread only: it leaves the other cores alone."""
         ...
+
+    @property
+    def scoring(self) -> "Engine":
+        """The same engine, whose `terms` can be relied on.
+
+        Others may leave them out, [A, 0], where there is one candidate: nothing is to be chosen.
+        """
+        return self
 
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
         """Step all rows, which are agents of one gender.

@@ -10,14 +10,18 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import fields
-from functools import cached_property, partial
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final, cast
+
+import numpy as np
+from numpy.typing import NDArray
 
 from wayfarer.artifacts import ModelFolder, sha256_of
 from wayfarer.errors import ArtifactError, InvalidArgument
 from wayfarer.runtime.engines.engine import EngineKind, StepInputs, StepOutputs, variant
 from wayfarer.runtime.engines.lanes import Lanes, give_way
 from wayfarer.runtime.engines.openvino_precision import with_hidden_bfloat16
+from wayfarer.runtime.engines.openvino_single import LEFT_OUT, without_scores
 from wayfarer.runtime.engines.padding import pad
 from wayfarer.runtime.engines.warm import WarmEngine
 from wayfarer.spec import GENDERS, SEED_FRAMES
@@ -59,18 +63,26 @@ class OpenVinoEngine(WarmEngine):
             variant(self.kind, sha256_of(models.graph("step", g, SEED_FRAMES))) for g in GENDERS
         )
         self._networks = {g: self._read(models, g) for g in GENDERS}
-        self._compiled: dict[tuple[str, int, int], openvino.CompiledModel] = {}
+        self._is_scoring = False
+        self._compiled: dict[tuple[str, int, int, bool], openvino.CompiledModel] = {}
         self._compiling = threading.Lock()
         self._requests = threading.local()
         self._lanes = Lanes(threads)
         self.batch_sizes = batch_sizes(self._lanes.count)
 
-    @cached_property
+    @property
     def alone(self) -> "OpenVinoEngine":
         """See `Engine`."""
         other = copy(self)
         other._lanes = Lanes(1)
         other.batch_sizes = batch_sizes(1)
+        return other
+
+    @property
+    def scoring(self) -> "OpenVinoEngine":
+        """See `Engine`. Its networks for one candidate are others: they are compiled when used."""
+        other = copy(self)
+        other._is_scoring = True
         return other
 
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
@@ -84,10 +96,16 @@ class OpenVinoEngine(WarmEngine):
     def _run(self, gender: str, inputs: StepInputs) -> StepOutputs:
         rows, candidates = inputs.noise.shape[:2]
         padded = pad(inputs, SIZES)
-        request = self._request(gender, len(padded.goal), candidates)
+        is_scored = self._is_scoring or candidates > 1
+        request = self._request(gender, len(padded.goal), candidates, is_scored)
         request.infer({name: getattr(padded, name) for name in INPUTS}, share_inputs=True)
         # Copies: the next call writes into the same arrays.
-        return StepOutputs(*(request.get_tensor(name).data[:rows].copy() for name in OUTPUTS))
+        found = {
+            name: request.get_tensor(name).data[:rows].copy()
+            for name in OUTPUTS
+            if is_scored or name not in LEFT_OUT
+        }
+        return StepOutputs(**(found if is_scored else found | unscored(rows)))
 
     def _request(self, *key: Any) -> "openvino.InferRequest":
         """The calling thread's own."""
@@ -111,7 +129,9 @@ class OpenVinoEngine(WarmEngine):
             network = with_hidden_bfloat16(network)
         return network.clone
 
-    def _compile(self, gender: str, rows: int, candidates: int) -> "openvino.CompiledModel":
+    def _compile(
+        self, gender: str, rows: int, candidates: int, is_scored: bool
+    ) -> "openvino.CompiledModel":
         network = self._networks[gender]()
         shapes = {}
         for tensor in network.inputs:
@@ -121,6 +141,8 @@ class OpenVinoEngine(WarmEngine):
                 shape[1] = candidates
             shapes[tensor] = shape
         network.reshape(shapes)
+        if not is_scored:
+            network = without_scores(network, rows)
         options: dict[str, Any] = {
             "INFERENCE_PRECISION_HINT": "f32",  # but for what the network says itself
             "NUM_STREAMS": self._lanes.count,  # each of one thread, see lanes.py
@@ -130,6 +152,11 @@ class OpenVinoEngine(WarmEngine):
         # Threads have the priority of those that make them.
         with ThreadPoolExecutor(1, initializer=give_way) as pool:
             return pool.submit(self._core.compile_model, network, DEVICE, options).result()
+
+
+def unscored(rows: int) -> dict[str, NDArray[Any]]:
+    """What stands for `LEFT_OUT`."""
+    return {"terms": np.zeros((rows, 0), np.float32), "choice": np.zeros(rows, np.int64)}
 
 
 def batch_sizes(threads: int) -> tuple[int, ...]:

@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 HIDDEN: Final = 128
 """Widths of hidden layers are multiples of it."""
 
-THROUGH: Final = frozenset(("Convert", "Transpose", "Split", "VariadicSplit"))
-"""May lie between weights as they are kept and the product: a gate is cut out of its unit."""
+THROUGH: Final = frozenset(("Convert", "Transpose", "Split", "VariadicSplit", "Slice", "Gather"))
+"""May lie between weights as they are kept and the product: a gate is cut out of its unit, and
+columns are put in another order."""
 
 ON_ROWS: Final = frozenset(
     (

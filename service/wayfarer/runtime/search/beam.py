@@ -251,7 +251,7 @@ def _step(engine: Engine, gender: NDArray[np.int8], inputs: StepInputs) -> StepO
         rows = np.flatnonzero(gender == number)
         for first in range(0, len(rows), BLOCK):
             block = rows[first : first + BLOCK]
-            done.append(engine.step(name, pick(inputs, block)))
+            done.append(engine.scoring.step(name, pick(inputs, block)))
             order.append(block)
     back = np.argsort(np.concatenate(order))
     return StepOutputs(
