@@ -32,6 +32,7 @@ server (`wayfarer load --help`).
 
 TITLES = {
     "step": "The step",
+    "quantised": "What int8 would save, and what it would cost in exactness",
     "paper_s3": "Table S3 of the paper",
     "startup": "Start",
     "memory": "Memory",
