@@ -11,6 +11,8 @@ from tests.runtime.fakes import FakeEngine
 from wayfarer.runtime.engines.lanes import LEAST, NICENESS, Lanes, cores, give_way
 from wayfarer.runtime.engines.resting import resting_inputs
 
+MOST = 64
+
 
 def numbered(rows: int):
     inputs = resting_inputs(rows, 1)
@@ -37,11 +39,14 @@ class Watched:
         (2, 2 * LEAST, [LEAST, LEAST]),
         (4, 3 * LEAST + 1, [8, 8, 9]),
         (2, 65, [32, 33]),
+        (1, 72, [36, 36]),
+        (2, 128, [64, 64]),
+        (2, 130, [32, 32, 33, 33]),
     ],
 )
 def test_rows_are_parted_where_each_thread_has_enough_to_do(threads, rows, parts):
     run = Watched()
-    outputs = Lanes(threads).step(run, numbered(rows))
+    outputs = Lanes(threads).step(run, numbered(rows), MOST)
     assert sorted(count for _, count in run.parts) == sorted(parts)
     whole = FakeEngine().step("male", numbered(rows))
     assert np.array_equal(outputs.translation, whole.translation)
@@ -57,7 +62,7 @@ def test_parts_may_be_told_by_where_they_end():
 
 def test_a_single_thread_is_the_callers_own():
     run = Watched()
-    Lanes(1).step(run, numbered(4 * LEAST))
+    Lanes(1).step(run, numbered(4 * LEAST), MOST)
     assert {name for name, _ in run.parts} == {threading.current_thread().name}
 
 
@@ -70,10 +75,10 @@ def test_parts_of_two_calls_share_the_threads_in_order():
         return FakeEngine().step("male", inputs)
 
     with ThreadPoolExecutor(2) as callers:
-        one = callers.submit(lanes.step, step, numbered(4 * LEAST))
+        one = callers.submit(lanes.step, step, numbered(4 * LEAST), MOST)
         while len(order) < 2:
             time.sleep(0.001)
-        other = callers.submit(lanes.step, step, numbered(2 * LEAST))
+        other = callers.submit(lanes.step, step, numbered(2 * LEAST), MOST)
         time.sleep(0.02)
         assert len(order) == 2  # the other waits for a thread
         first_may_end.set()
@@ -88,7 +93,7 @@ def test_what_a_part_raises_reaches_the_caller():
         return FakeEngine().step("male", inputs)
 
     with pytest.raises(RuntimeError, match="second part"):
-        Lanes(2).step(fail, numbered(4 * LEAST))
+        Lanes(2).step(fail, numbered(4 * LEAST), MOST)
 
 
 def test_no_number_of_threads_means_one_per_core():

@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from math import ceil
 from typing import Final
 
 from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
@@ -30,10 +31,16 @@ class Lanes:
         self.count = threads or cores()
         self._pool = ThreadPoolExecutor(self.count, "engine") if self.count > 1 else None
 
-    def step(self, run: Callable[[StepInputs], StepOutputs], inputs: StepInputs) -> StepOutputs:
-        """`run` on a part for each thread; safe to call from several threads at once."""
+    def step(
+        self, run: Callable[[StepInputs], StepOutputs], inputs: StepInputs, most: int
+    ) -> StepOutputs:
+        """`run` on equal parts of `most` rows or fewer, as many for each thread.
+
+        Safe to call from several threads at once.
+        """
         rows = len(inputs.goal)
-        count = max(min(self.count, rows // LEAST), 1)
+        threads = max(min(self.count, rows // LEAST), 1)
+        count = threads * max(ceil(rows / (threads * most)), 1)
         return self.parted(run, inputs, [rows * (i + 1) // count for i in range(count)])
 
     def parted(
