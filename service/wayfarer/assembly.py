@@ -12,6 +12,7 @@ from wayfarer.body.library import body_file, load_body
 from wayfarer.config import Settings
 from wayfarer.logs import configure_logging
 from wayfarer.runtime.engines.choice import open_engine
+from wayfarer.runtime.engines.lanes import cores
 from wayfarer.runtime.engines.model_store import ModelStore
 from wayfarer.runtime.engines.models import Models
 from wayfarer.runtime.loop import LoopSettings
@@ -88,6 +89,7 @@ def runtime(
         limits=limits,
         batch_sizes=sizes,
         company=COMPANY,
+        cores=settings.threads or cores(),
         full_batch=engine.full,
         steering=Steering().with_search(candidates=settings.candidates),
         budget=BudgetRules(),

@@ -197,7 +197,7 @@ class Settings(BaseSettings):
         description="refuse agents for whom there is no time; false: only `limits` refuse",
     )
     most_load: float = Field(
-        default=0.8,
+        default=0.75,
         gt=0,
         le=1,
         description="share of the time that steps may take; agents who would exceed it are refused",

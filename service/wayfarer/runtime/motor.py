@@ -230,7 +230,7 @@ class Motor:
 
     def _take_in(self, flight: Flight, seconds: float) -> None:
         stepped, now = self._world.finish(flight), self._clock()
-        self._world.spent(now, flight.call, seconds)
+        self._world.spent(now, flight, seconds)
         self._figures.steps += stepped
         self._figures.step_seconds.add(now, seconds)
         self._meter.step(seconds, stepped)

@@ -52,7 +52,7 @@ class SceneLimits:
 class AdmissionRules:
     """When new agents are refused."""
 
-    most_load: float = 0.8  # share of the time for which the motion thread may be busy
+    most_load: float = 0.75  # share of the time for which engine or motion thread may be busy
     retry_after: float = 5.0  # seconds until a refused caller may try again
     refuse: bool = True  # False: only limits do
 
@@ -74,6 +74,7 @@ class WorldSettings:
     phases: int = 2  # agents' steps are spread over so many moments of the 0.2 s
     replan_margin: float = 0.05  # s: a chunk that falls due within this is not replanned
     company: float = 0.0  # s: who is due so soon may be stepped with those who are now
+    cores: int = 1  # that the engine takes, beside all else
     full_batch: int = 1  # rows, or a multiple, where each costs least
     batch_sizes: tuple[int, ...] = ANY_SIZE  # to which batches are padded; a server's are warmed
     alone: bool = False  # engine calls take no thread but the caller's

@@ -191,7 +191,7 @@ class _Stand(Collector):
             ("streams", "Subscriptions to motion", now.subscribers),
             ("held_sessions", "Sessions whose agents wait for a slow reader", now.held_sessions),
             ("capacity_agents", "Agents that fit, by the measured cost of a step", now.capacity),
-            ("load", "Share of the time that engine calls take, 0 to 1", now.load),
+            ("load", "Share of the time that the engine, or the loop, is busy", now.load),
             ("overload_rung", "Rung of the overload ladder; 0: all as wished", now.rung),
         ):
             yield GaugeMetricFamily(f"wayfarer_{name}", what, value)

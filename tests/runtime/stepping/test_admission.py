@@ -6,16 +6,18 @@ from tests.runtime.fakes import make_world, people
 from wayfarer.errors import InvalidArgument, ResourceExhausted
 from wayfarer.runtime.agent import SessionSpec
 from wayfarer.runtime.settings import AdmissionRules, Limits, WorldSettings
-from wayfarer.runtime.stepping import admission as module
-from wayfarer.runtime.stepping.admission import Admission
+from wayfarer.runtime.stepping import costs as module
+from wayfarer.runtime.stepping.admission import Admission, in_turn
 from wayfarer.runtime.stepping.budget import BudgetRules
-from wayfarer.runtime.stepping.phases import Phases, spread
+from wayfarer.runtime.stepping.phases import Phases
 from wayfarer.runtime.stepping.scheduler import Call
 from wayfarer.spec import GENDERS, STEP_SECONDS
 
 CALL, ROW = 0.002, 0.001  # seconds: of any call, and for each of its rows
 
-PHASES = WorldSettings().phases
+FULL = 8  # rows of a full batch
+
+MOST = AdmissionRules().most_load
 
 
 def measure(target, sizes=range(1, 9), candidates=(1, 4)):
@@ -24,10 +26,13 @@ def measure(target, sizes=range(1, 9), candidates=(1, 4)):
             target.measured(rows, count, count * (CALL + ROW * rows))
 
 
-def cost(groups):
-    """Busy share by hand: batches of at most 8."""
-    rows = [min(g - done, 8) for g in groups for done in range(0, g, 8)]
-    return sum(CALL + ROW * row for row in rows) / STEP_SECONDS
+def cost(agents, candidates=1):
+    """Busy share of the engine by hand: full batches of each gender."""
+    seconds = 0.0
+    for count in filter(None, in_turn(agents)):
+        rows = min(count, FULL)
+        seconds += count / rows * candidates * (CALL + ROW * rows)
+    return seconds / STEP_SECONDS
 
 
 def admission(**settings):
@@ -36,14 +41,10 @@ def admission(**settings):
     return made
 
 
-def phases(agents):
-    return Phases(PHASES).with_agents(number % 2 for number in range(agents))
-
-
 def fits(found, agents, more=1, now=0.0):
     try:
         genders = [number % 2 for number in range(agents, agents + more)]
-        found.check(phases(agents), genders, now, late=False)
+        found.check(in_turn(agents), genders, now, late=False)
     except ResourceExhausted:
         return False
     return True
@@ -51,29 +52,27 @@ def fits(found, agents, more=1, now=0.0):
 
 def test_before_anything_is_measured_everybody_is_let_in():
     found = Admission(WorldSettings())
-    found.check(Phases(PHASES), [0] * 1000, 0.0, late=False)
+    found.check([0, 0], [0] * 1000, 0.0, late=False)
     assert found.capacity(0.0) == 0
 
 
-@pytest.mark.parametrize("agents", [0, 1, 7, 8, 30, 100])
-@pytest.mark.parametrize("count", [1, 2, 8])
-def test_spread_is_how_agents_spread(agents, count):
-    entered = Phases(count).with_agents(number % 2 for number in range(agents))
-    assert sorted(entered.groups) == sorted(spread(agents, count))
+def test_agents_in_turn_are_of_all_genders():
+    assert in_turn(0) == [0, 0] and in_turn(7) == [4, 3]
 
 
 @pytest.fixture
 def free(monkeypatch):
-    """Nothing but engine calls takes time."""
+    """Until something is measured, nothing but engine calls takes time."""
     monkeypatch.setattr(module, "FIRST_TURN", 0.0)
     monkeypatch.setattr(module, "FIRST_CHUNK", 0.0)
+    monkeypatch.setattr(module, "FIRST_EXCESS", 1.0)
 
 
 @pytest.mark.usefixtures("free")
 def test_agents_fit_as_long_as_calls_with_one_candidate_leave_time():
     found = admission()
     capacity = found.capacity(0.0)
-    assert cost(spread(capacity, PHASES)) <= 0.8 < cost(spread(capacity + 1, PHASES))
+    assert cost(capacity) <= MOST < cost(capacity + 1)
     assert fits(found, capacity - 1) and not fits(found, capacity)
     assert fits(found, 0, 8) and not fits(found, capacity - 4, 8), "all or none"
 
@@ -83,42 +82,96 @@ def test_the_refusal_says_how_many_fit_and_what_limits():
     capacity = found.capacity(0.0)
     words = f"{capacity} agents exist and {capacity} fit .*; 4 more .* allowed are 50%"
     with pytest.raises(ResourceExhausted, match=words) as error:
-        found.check(phases(capacity), [0] * 4, 0.0, late=False)
+        found.check(in_turn(capacity), [0] * 4, 0.0, late=False)
     assert error.value.retry_after == 7.0 and found.refused == 4
 
 
+def run(found, agents, rows, times=1.0, calls=module.ENOUGH):
+    """Calls with four candidates, each of so many rows, for so many agents in five seconds."""
+    for number in range(calls):
+        seconds = times * 4 * (CALL + ROW * rows)
+        found.spent(5.0 * number / calls, Call(rows, 4), rows, seconds, in_turn(agents))
+
+
+@pytest.mark.usefixtures("free")
 def test_steps_that_are_slower_than_warm_ones_leave_room_for_fewer():
     found = admission()
     before = found.capacity(0.0)
-    for number in range(60):
-        found.spent(number / 30, Call(8, 4), 3 * 4 * (CALL + ROW * 8))
-        found.spent(number / 30, Call(9, 4), 99.0)  # not measured when warm: tells nothing
-    assert found.capacity(2.0) < before / 2
+    run(found, 60, 8, times=2.0)
+    found.spent(5.0, Call(9, 4), 9, 99.0, in_turn(60))  # not measured when warm: tells nothing
+    assert found.capacity(5.0) == pytest.approx(before / 2, abs=1)
     assert found.capacity(60.0) == before, "what was slow a minute ago does not count"
+
+
+@pytest.mark.usefixtures("free")
+def test_batches_that_are_not_full_leave_room_for_fewer():
+    found, full = admission(), admission()
+    before = found.capacity(0.0)
+    run(found, 60, 2)
+    run(full, 60, 8)
+    each, in_full = (CALL + ROW * 2) / 2, (CALL + ROW * 8) / 8
+    assert found.capacity(5.0) == pytest.approx(before * in_full / each, abs=1)
+    assert full.capacity(5.0) == pytest.approx(before, abs=1)
+
+
+@pytest.mark.usefixtures("free")
+def test_small_batches_of_a_few_agents_are_as_full_as_can_be():
+    found = admission()
+    before = found.capacity(0.0)
+    run(found, 4, 2)
+    assert found.capacity(5.0) == before
+
+
+def test_agents_who_have_left_meanwhile_tell_nothing():
+    found = admission()
+    before = found.capacity(0.0)
+    run(found, 0, 8, times=3.0)
+    assert found.capacity(5.0) == before
 
 
 def test_a_few_calls_at_a_bad_moment_say_little():
     found = admission()
     before = found.capacity(0.0)
+    run(found, 60, 1, times=300.0, calls=20)
     for number in range(20):
-        found.spent(number / 100, Call(1, 4), 1.0)
-        found.worked(number / 100, 0.005, number % 2)
-    assert found.capacity(2.0) > before / 2
+        found.worked(5.0 + number / 100, 0.005, number % 2)
+    assert found.capacity(6.0) > before / 2
 
 
-def test_the_rest_of_the_loop_takes_time_too():
-    found = admission()
-    before = found.capacity(0.0)
-    for number in range(100):
+@pytest.mark.usefixtures("free")
+def test_what_the_loop_needs_the_engine_lacks():
+    """As much again goes to those who send the chunks."""
+    found, wide = admission(), admission(cores=1000)
+    for target in (found, wide):
+        for number in range(module.ENOUGH):
+            target.worked(number / 30, 0.0005 * (number % 4), number % 4)
+    capacity = found.capacity(5.0)
+    alone = next(n for n in range(1000) if cost(n) > MOST) - 1
+    assert wide.capacity(5.0) == pytest.approx(alone, abs=1), "cores enough for all"
+    thread = capacity * 0.0005 / STEP_SECONDS
+    assert cost(capacity) / (1 - 2 * thread) == pytest.approx(MOST, abs=0.02)
+
+
+@pytest.mark.usefixtures("free")
+def test_what_is_measured_beside_the_loop_holds_its_share_already():
+    """Calls take as long as the engine without the loop says, divided by what the loop leaves."""
+    found, idle = admission(), admission()
+    for target in (found, idle):
+        for number in range(module.ENOUGH):
+            target.worked(number / 30, 0.0005 * (number % 4), number % 4)
+    run(found, 20, 8, times=1 / (1 - 2 * 20 * 0.0005 / STEP_SECONDS))
+    assert found.capacity(5.0) == pytest.approx(idle.capacity(5.0), abs=1)
+    assert found.load(5.0) == pytest.approx(module.ENOUGH * 4 * (CALL + ROW * 8) / 0.9 / 10)
+
+
+def test_a_loop_that_has_more_to_do_than_the_engine_limits():
+    found = admission(cores=1000)
+    for number in range(module.ENOUGH):
         chunks = number % 4
-        found.worked(number / 20, 0.001 + 0.0005 * chunks, chunks)
-    now = 5.0
-    groups = spread(found.capacity(now), PHASES)
-    calls = sum(-(-group // 8) for group in groups)
-    rest = (calls * 0.001 + sum(groups) * 0.0005) / STEP_SECONDS
-    assert sum(groups) < before
-    assert 0.7 < cost(groups) + rest <= 0.8 + 1e-9
-    assert found.load(now) == pytest.approx(100 * (0.001 + 0.0005 * 1.5) / 10)
+        found.worked(number / 30, 0.001 + 0.003 * chunks, chunks)
+    capacity = found.capacity(5.0)
+    assert capacity * (0.001 / FULL + 0.003) / STEP_SECONDS == pytest.approx(MOST, abs=0.02)
+    assert found.load(5.0) == pytest.approx(module.ENOUGH * (0.001 + 0.003 * 1.5) / 10, rel=0.02)
 
 
 def test_of_measures_of_one_size_the_shortest_counts():
@@ -138,12 +191,14 @@ def test_what_the_loop_does_beside_counts_before_it_is_measured():
 
 
 @pytest.mark.usefixtures("free")
-def test_sizes_between_those_measured_are_padded():
-    found = Admission(WorldSettings(batch_sizes=(4, 16)))
-    found.measured(4, 1, 0.01)
-    found.measured(16, 1, 0.02)
-    # 8 phases: 16 calls of 4 would take 0.08 s, as many of 16 take 0.16 s.
-    assert found.capacity(0.0) == 8 * 16
+@pytest.mark.parametrize(("most_load", "fit"), [(0.29, 7 + 6), (0.8, 21 + 21)])
+def test_sizes_between_those_measured_cost_in_proportion(most_load, fit):
+    """7 rows take 0.03 s; 21 agents are a batch of 16 and 5/16 of another: 0.079 s."""
+    settings = WorldSettings(batch_sizes=(4, 16), admission=AdmissionRules(most_load))
+    found = Admission(settings)
+    found.measured(4, 1, 0.02)
+    found.measured(16, 1, 0.06)
+    assert found.capacity(0.0) == fit
 
 
 def test_a_world_refuses_at_once_all_or_none_and_makes_room_again():
@@ -259,10 +314,10 @@ def test_phases_take_agents_and_give_them_back():
     taken = Phases(4)
     starts = [taken.next_frame(taken.enter(GENDERS.index("male")), 17) for _ in range(8)]
     assert min(starts) >= 17 and max(starts) < 17 + 8
-    assert taken.groups == [2, 2, 2, 2]
+    assert taken.load == [[2, 0]] * 4
     for start in starts[:4]:
         taken.leave(start - 8 * 5, GENDERS.index("male"))
-    assert taken.agents == 4 and taken.groups == [1, 1, 1, 1]
+    assert taken.agents == 4 and taken.by_gender == [4, 0]
 
 
 def test_without_refusals_only_limits_count():

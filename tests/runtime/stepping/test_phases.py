@@ -13,6 +13,11 @@ def entered(count, genders):
     return phases
 
 
+def groups(phases):
+    """Sizes of those who are stepped at one moment and share a batch."""
+    return [agents for phase in phases.load for agents in phase if agents]
+
+
 def drawn(agents, seed, males=0.5):
     chance = random.Random(seed)
     return [int(chance.random() < males) for _ in range(agents)]
@@ -33,14 +38,14 @@ def test_phases_are_filled_alike(seed, males):
 @pytest.mark.parametrize("agents", [64, 256, 1024])
 def test_genders_keep_to_phases_of_their_own(seed, agents):
     """A batch is of one gender: of eight phases hardly one needs two."""
-    groups = entered(8, drawn(agents, seed)).groups
-    assert sum(groups) == agents
-    assert len(groups) <= 8 + 2
+    genders = drawn(agents, seed)
+    phases = entered(8, genders)
+    assert phases.by_gender == [genders.count(0), genders.count(1)]
+    assert len(groups(phases)) <= 8 + 2
 
 
 def test_genders_in_turn_share_no_phase():
-    phases = entered(4, [0, 1] * 32)
-    assert phases.groups == [16] * 4
+    assert groups(entered(4, [0, 1] * 32)) == [16] * 4
 
 
 def test_who_leaves_makes_room():

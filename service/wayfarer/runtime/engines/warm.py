@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Protocol
 
-from wayfarer.runtime.engines.engine import Engine, EngineKind, StepInputs
+from wayfarer.runtime.engines.engine import Engine, EngineKind
 from wayfarer.runtime.engines.resting import resting_inputs
 from wayfarer.spec import GENDERS
 
@@ -31,17 +31,14 @@ class WarmEngine(Engine, Protocol):
     ) -> None:
         """Run every size once, largest first, so that no later call has to allocate or compile.
 
-        `done(agents, candidates, seconds)` is told of each; to compile does not count.
+        `done(agents, candidates, seconds)` is told of each call; to compile does not count.
         """
         for count in sorted(set(candidates), reverse=True):
             for size in sorted(set(batch_sizes), reverse=True):
                 inputs = resting_inputs(size, count)
-                if size in self.to_compile:
-                    self._both(inputs)
-                started = time.perf_counter()
-                self._both(inputs)
-                done(size, count, (time.perf_counter() - started) / len(GENDERS))
-
-    def _both(self, inputs: StepInputs) -> None:
-        for gender in GENDERS:
-            self.step(gender, inputs)
+                for gender in GENDERS:
+                    if size in self.to_compile:
+                        self.step(gender, inputs)
+                    started = time.perf_counter()
+                    self.step(gender, inputs)
+                    done(size, count, time.perf_counter() - started)

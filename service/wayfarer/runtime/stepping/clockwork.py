@@ -20,10 +20,10 @@ from wayfarer.runtime.scenes.grounding import ground
 from wayfarer.runtime.scenes.guide import SceneGuide
 from wayfarer.runtime.scenes.stage import Stage
 from wayfarer.runtime.settings import WorldSettings
-from wayfarer.runtime.stepping.admission import Admission
+from wayfarer.runtime.stepping.admission import Admission, with_more
 from wayfarer.runtime.stepping.budget import Budget, Rung
 from wayfarer.runtime.stepping.playback import Playback
-from wayfarer.runtime.stepping.scheduler import Call, Flight, Launch, Scheduler, at_once
+from wayfarer.runtime.stepping.scheduler import Flight, Launch, Scheduler, at_once
 from wayfarer.runtime.stepping.timeline import Timeline
 from wayfarer.runtime.world.orders import Orders
 from wayfarer.runtime.world.paths import Paths
@@ -184,9 +184,10 @@ class Clockwork:
         """An engine call of this size took so long in the warm-up: agents are admitted by it."""
         self._admission.measured(agents, candidates, seconds)
 
-    def spent(self, now: float, call: Call, seconds: float) -> None:
+    def spent(self, now: float, flight: Flight, seconds: float) -> None:
         """Tell ladder and admission that an engine call has ended, and how long it took."""
-        self._admission.spent(now, call, seconds)
+        agents, stepped = self._population.phases.by_gender, len(flight.batch.rows)
+        self._admission.spent(now, flight.call, stepped, seconds, agents)
         if self._budget is not None:
             self._budget.spent(now, seconds)
 
@@ -195,7 +196,7 @@ class Clockwork:
         self._admission.worked(now, seconds, chunks)
 
     def load(self, now: float) -> float:
-        """Share of the last seconds for which steps and turns kept the thread busy."""
+        """Share of the last seconds for which the engine, or if busier the thread, was busy."""
         return self._admission.load(now)
 
     def capacity(self, now: float) -> int:
@@ -273,8 +274,8 @@ class Clockwork:
             # the ladder is looked at with each step: without agents it stands where it was left
             late = self.rung.refuse and self.agents > 0
             coming = [gender for other in held for gender in other.genders]
-            phases = self._population.phases.with_agents(coming)
-            self._admission.check(phases, wanted.genders, now, late)
+            agents = with_more(self._population.phases.by_gender, coming)
+            self._admission.check(agents, wanted.genders, now, late)
 
     def _rung(self, now: float, frame: float) -> Rung:
         if self._budget is None:

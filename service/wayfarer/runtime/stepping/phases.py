@@ -1,7 +1,6 @@
 """In which of the moments of 0.2 s an agent has its steps: a step of all is spread over them."""
 
-from collections.abc import Iterable
-from typing import Final, Self
+from typing import Final
 
 from wayfarer.spec import GENDERS, NEW_FRAMES
 
@@ -28,9 +27,9 @@ class Phases:
         return sum(map(sum, self.load))
 
     @property
-    def groups(self) -> list[int]:
-        """Sizes of the groups that are stepped together, where batches are large enough."""
-        return [agents for phase in self.load for agents in phase if agents]
+    def by_gender(self) -> list[int]:
+        """Agents of all phases, by gender."""
+        return [sum(phase[gender] for phase in self.load) for gender in range(len(GENDERS))]
 
     def enter(self, gender: int) -> int:
         """Give an agent a phase: of those not much fuller than the emptiest one that asks for no
@@ -51,22 +50,6 @@ class Phases:
         """Take out an agent that began at this world frame."""
         self.load[start_frame % NEW_FRAMES // self.frames][gender] -= 1
 
-    def with_agents(self, genders: Iterable[int]) -> Self:
-        """A copy with more agents."""
-        more = type(self)(len(self.load), [list(phase) for phase in self.load])
-        for gender in genders:
-            more.enter(gender)
-        return more
-
     def next_frame(self, phase: int, earliest: int) -> int:
         """The first world frame of a phase that is not before `earliest`."""
         return earliest + (phase * self.frames - earliest) % NEW_FRAMES
-
-
-def spread(agents: int, phases: int) -> list[int]:
-    """`Phases.groups` of so many agents, of both genders in turn, who enter empty phases."""
-    each, more = divmod(agents, phases)
-    counts = [each + (phase < more) for phase in range(phases)]
-    if phases == 1:
-        counts = [(agents + 1) // 2, agents // 2]
-    return [count for count in counts if count]

@@ -27,7 +27,9 @@ class Stats(Message):
     held_sessions: int = Field(description="whose agents wait for a slow reader now")
     states: dict[str, int] = Field(description="agents in each state")
     capacity: int = Field(description="agents that fit, by the measured cost; 0: not known yet")
-    load: float = Field(description="share of the last seconds that engine calls took, 0 to 1")
+    load: float = Field(
+        description="share of the last seconds that the engine, or the loop, was busy"
+    )
     rung: int = Field(description="of the overload ladder; 0: all as wished")
     held_steps: int = Field(description="agent steps left out, the agent being idle, since start")
     refused_agents: int = Field(description="not created for want of time, since start")
