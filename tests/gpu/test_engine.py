@@ -93,7 +93,7 @@ def test_warm_up_tells_of_every_size(networks):
     told = []
     engine = TorchEngine(networks, batch_sizes=(1, 2))
     engine.warm_up((1, 2), (1,), lambda agents, candidates, s: told.append((agents, candidates)))
-    assert told == [(2, 1), (1, 1)]
+    assert told == [(2, 1), (2, 1), (1, 1), (1, 1)], "a call for each gender"
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="a GPU is here")
