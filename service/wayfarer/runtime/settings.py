@@ -74,7 +74,7 @@ class WorldSettings:
     phases: int = 2  # agents' steps are spread over so many moments of the 0.2 s
     replan_margin: float = 0.05  # s: a chunk that falls due within this is not replanned
     company: float = 0.0  # s: who is due so soon may be stepped with those who are now
-    cores: int = 1  # that the engine takes, beside all else
+    cores: int = 1  # that the engine shares with loop and transport
     full_batch: int = 1  # rows, or a multiple, where each costs least
     batch_sizes: tuple[int, ...] = ANY_SIZE  # to which batches are padded; a server's are warmed
     alone: bool = False  # engine calls take no thread but the caller's

@@ -94,7 +94,7 @@ class Admission:
         why = (
             "steps are late with all that could give way"
             if late
-            else f"with them the engine would be busy for {busy:.0%} of the time, "
+            else f"with them steps would take {busy:.0%} of the time, "
             f"allowed are {self._rules.most_load:.0%}"
         )
         fit = f" and {self.capacity(now)} fit on this machine now" if self._warm.known else ""

@@ -14,14 +14,16 @@ WINDOW: Final = 10.0
 
 ENOUGH: Final = 150
 """Calls, or turns, of the window; as long as there are fewer, those that are missing count as if
-they took what was expected. What is measured while agents are created tells little."""
+they took what is said here. What is measured while agents are created tells little."""
 
 FIRST_TURN, FIRST_CHUNK = 3e-4, 1e-4
-"""Seconds of a turn and of a chunk until there are enough measured: what they take on a server's
-processor of 2.6 GHz whose other cores the engine keeps busy."""
+"""Seconds of a turn and of a chunk until there are enough measured. On a processor of 2.6 GHz that
+is idle but for it a chunk takes 4e-5 (`python -m benchmarks.runtime_overhead`); here the engine is
+taken to need the same cores."""
 
 FIRST_EXCESS: Final = 1.2
-"""The same of `Excess`: careful, since who has been let in stays."""
+"""`Excess` until there are enough measured: chosen so as to refuse rather than to be late, since
+who has been let in stays."""
 
 OUTLIER: Final = 3.0
 """Calls are taken to be no more than so many times as long as those of their size usually are."""
