@@ -16,7 +16,8 @@ from wayfarer.runtime.feet.legs import measure_legs
 from wayfarer.runtime.search.beam import plan
 from wayfarer.runtime.search.beam_settings import BeamSettings
 from wayfarer.runtime.search.plan import Ending, Plan, Problem
-from wayfarer.runtime.world.slots import Flags, Float, Motion
+from wayfarer.runtime.world.rows import Flags, Float
+from wayfarer.runtime.world.slots import Motion
 from wayfarer.spec import FPS, NEW_FRAMES, STEP_SECONDS
 
 

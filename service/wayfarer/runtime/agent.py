@@ -11,7 +11,18 @@ from typing import Annotated, Final, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.runtime.world.rows import Rows, Shape
+from wayfarer.runtime.world.rows import (
+    Double,
+    Flags,
+    Float,
+    Int,
+    Int8,
+    Int16,
+    Object,
+    Rows,
+    Shape,
+    UInt8,
+)
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
 
 
@@ -113,19 +124,19 @@ class MotionChunks(Rows):
     A sequence of `MotionChunk`, each made when it is asked for.
     """
 
-    agent_id: NDArray[np.object_]
-    alias: NDArray[np.int64]
-    seq: NDArray[np.int64]
-    first_frame: NDArray[np.int64]
-    scheduled_at: NDArray[np.float64]
-    goal_revision: NDArray[np.int64]
-    flags: NDArray[np.uint8]
-    state: NDArray[np.int8]  # index into STATES
-    translation: Annotated[NDArray[np.float32], Shape(NEW_FRAMES, 3)]
-    rotations: Annotated[NDArray[np.float32], Shape(NEW_FRAMES, POSED_JOINTS, 4)]
-    contacts: Annotated[NDArray[np.bool_], Shape(NEW_FRAMES, 2)]
-    waypoint: NDArray[np.int64]
-    candidates: NDArray[np.int16]
+    agent_id: Object
+    alias: Int
+    seq: Int
+    first_frame: Int
+    scheduled_at: Double
+    goal_revision: Int
+    flags: UInt8
+    state: Int8  # index into STATES
+    translation: Annotated[Float, Shape(NEW_FRAMES, 3)]
+    rotations: Annotated[Float, Shape(NEW_FRAMES, POSED_JOINTS, 4)]
+    contacts: Annotated[Flags, Shape(NEW_FRAMES, 2)]
+    waypoint: Int
+    candidates: Int16
 
     @classmethod
     def of(cls, chunks: Sequence[MotionChunk]) -> Self:

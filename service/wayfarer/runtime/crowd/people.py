@@ -3,12 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
-from numpy.typing import NDArray
-
-from wayfarer.runtime.world.rows import Rows, Shape
-
-Float = NDArray[np.float32]
+from wayfarer.runtime.world.rows import Flags, Float, Int, Rows, Shape
 
 
 @dataclass(slots=True, eq=False)
@@ -26,10 +21,10 @@ class Memory(Rows):
 class People(Rows):
     """Everybody of a session at one moment, on the floor."""
 
-    number: NDArray[np.int64]  # never changes; of two who block each other the lower one goes first
-    group: NDArray[np.int64]  # those of one group walk close together; 0: of none
+    number: Int  # never changes; of two who block each other the lower one goes first
+    group: Int  # those of one group walk close together; 0: of none
     position: Annotated[Float, Shape(2)]  # metres
     velocity: Annotated[Float, Shape(2)]  # m/s
-    walks: NDArray[np.bool_]  # it has a way to go and avoids others, so half of the task is its own
+    walks: Flags  # it has a way to go and avoids others, so half of the task is its own
     radius: Float  # metres
     memory: Memory

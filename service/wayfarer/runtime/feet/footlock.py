@@ -23,16 +23,12 @@ from dataclasses import dataclass
 from typing import Annotated, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.runtime.feet.legs import SOLES, Legs, pose_legs
 from wayfarer.runtime.feet.quaternion import Array, bounded, length
 from wayfarer.runtime.feet.twobone import MOVED, move_ankles
-from wayfarer.runtime.world.rows import Rows, Shape
+from wayfarer.runtime.world.rows import Flags, Float, Rows, Shape
 from wayfarer.spec import FPS
-
-Flags = NDArray[np.bool_]
-Float = NDArray[np.float32]
 
 TOUCH_HEIGHT: Final = 0.03
 """Metres: a lower and slower foot comes into contact."""

@@ -15,15 +15,13 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.runtime.feet.legs import LegPose, Legs, pose_legs
 from wayfarer.runtime.feet.quaternion import Array, multiply, rotate_points, stacked, unit
 from wayfarer.runtime.feet.twobone import MOVED, move_ankles
-from wayfarer.runtime.world.rows import Rows, Shape
+from wayfarer.runtime.world.rows import Flags, Float, Rows, Shape
 from wayfarer.spec import FPS
 
-Float = NDArray[np.float32]
 Floor = Callable[[Array], Array]
 """Height of the floor at points [A, N, 2] of A agents. [A, N]"""
 
@@ -58,7 +56,7 @@ class Footing(Rows):
     feet: Annotated[Float, Shape(2)]  # and the feet, left and right
     slope: Annotated[Float, Shape(2, 2)]  # rise over run along x and y that each foot is turned to
     ankles: Annotated[Float, Shape(2, 2)]  # metres: where they were
-    begun: NDArray[np.bool_]  # `ankles` means something
+    begun: Flags  # `ankles` means something
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,9 +13,7 @@ from wayfarer.body.model import BodyModel
 from wayfarer.body.skeleton import joint_names
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.feet.quaternion import Array, multiply, rotate, rotate_points
-from wayfarer.runtime.world.rows import Rows, Shape
-
-Float = NDArray[np.float32]
+from wayfarer.runtime.world.rows import Float, Rows, Shape
 
 SOLES: Final = 4
 """Sole markers of a foot: heel, both balls, toe."""

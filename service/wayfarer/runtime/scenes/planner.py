@@ -17,8 +17,8 @@ from wayfarer.runtime.publications import EventKind
 from wayfarer.runtime.scenes.route import Passage
 from wayfarer.runtime.scenes.routes import Routes
 from wayfarer.runtime.scenes.scenery import Scenery
-from wayfarer.runtime.world.rows import Index
-from wayfarer.runtime.world.slots import Flags, Gait, Goals, Slots
+from wayfarer.runtime.world.rows import Flags, Index
+from wayfarer.runtime.world.slots import Gait, Goals, Slots
 
 Array = NDArray[np.floating[Any]]
 

@@ -3,14 +3,7 @@
 from dataclasses import dataclass
 from enum import IntEnum
 
-import numpy as np
-from numpy.typing import NDArray
-
-from wayfarer.runtime.world.rows import Rows
-
-Float = NDArray[np.float32]
-Flags = NDArray[np.bool_]
-Int = NDArray[np.int64]
+from wayfarer.runtime.world.rows import Flags, Float, Int, Int8, Rows
 
 
 class Passage(IntEnum):
@@ -25,7 +18,7 @@ class Passage(IntEnum):
 class Route(Rows):
     """The way to one goal of an agent's path; zeroed: none has been looked for."""
 
-    passage: NDArray[np.int8]  # Passage
+    passage: Int8  # Passage
     revision: Int  # of the goals, and …
     waypoint: Int  # … the one that it leads to
     points: Int  # so many

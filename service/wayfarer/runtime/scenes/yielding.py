@@ -10,8 +10,8 @@ from wayfarer.runtime.engines.engine import Float
 from wayfarer.runtime.scenes.people import Others, people_of
 from wayfarer.runtime.scenes.scenery import Scenery
 from wayfarer.runtime.world.heading import angle_between
-from wayfarer.runtime.world.rows import Index
-from wayfarer.runtime.world.slots import Flags, Goals, Slots
+from wayfarer.runtime.world.rows import Flags, Index
+from wayfarer.runtime.world.slots import Goals, Slots
 from wayfarer.spec import STEP_SECONDS
 
 Array = NDArray[np.floating[Any]]

@@ -24,8 +24,8 @@ from wayfarer.runtime.search.beam_settings import BeamSettings
 from wayfarer.runtime.search.plan import Ending, Level, Plan, Problem, Starts, Tree
 from wayfarer.runtime.stepping.batch import assemble, broken
 from wayfarer.runtime.stepping.noise import latents
-from wayfarer.runtime.world.rows import Index, Rows
-from wayfarer.runtime.world.slots import Flags, Gait, Goals, Int, Mode, Motion, Seeds
+from wayfarer.runtime.world.rows import Double, Flags, Index, Int, Rows
+from wayfarer.runtime.world.slots import Gait, Goals, Mode, Motion, Seeds
 from wayfarer.runtime.world.steering import Steering, observe
 from wayfarer.spec import GENDERS, SEED_FRAMES
 from wayfarer.terms import TERMS
@@ -70,7 +70,7 @@ class Nodes(Rows):
     agent: Int  # row of `Problem.starts`
     row: Int  # row of the last `Level`
     rank: Int  # within its agent, 0 is the best
-    cost: NDArray[np.float64]  # of the path, as far as it is remembered
+    cost: Double  # of the path, as far as it is remembered
     done: Flags  # at its goal
     motion: Motion
 

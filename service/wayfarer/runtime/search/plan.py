@@ -10,15 +10,14 @@ from enum import StrEnum
 from typing import Annotated, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.agent import AgentSpec, Goal
 from wayfarer.runtime.settings import Limits
 from wayfarer.runtime.world.checks import check_path
 from wayfarer.runtime.world.paths import goal_columns
-from wayfarer.runtime.world.rows import Index, Rows, Shape
-from wayfarer.runtime.world.slots import Flags, Float, Gait, Goals, Int, Mode, Motion
+from wayfarer.runtime.world.rows import Flags, Float, Index, Int, Int8, Rows, Shape, UInt64
+from wayfarer.runtime.world.slots import Gait, Goals, Mode, Motion
 from wayfarer.spec import BETAS, GENDERS, NEW_FRAMES, POSED_JOINTS
 
 
@@ -26,8 +25,8 @@ from wayfarer.spec import BETAS, GENDERS, NEW_FRAMES, POSED_JOINTS
 class Starts(Rows):
     """Agents before the first primitive."""
 
-    gender: NDArray[np.int8]  # index into spec.GENDERS
-    noise_seed: NDArray[np.uint64]
+    gender: Int8  # index into spec.GENDERS
+    noise_seed: UInt64
     chunk: Int  # number of the first primitive; noise is drawn by it
     betas: Annotated[Float, Shape(BETAS)]
     path: Int  # row of the first of its goals
@@ -104,7 +103,7 @@ class Level(Rows):
     """Kept nodes of one depth, all agents: each a primitive's new frames."""
 
     parent: Int  # row in the level before; in the first, of the problem
-    mode: NDArray[np.int8]  # Mode
+    mode: Int8  # Mode
     cost: Float  # of this primitive alone
     rejected: Flags  # over a hard limit, kept because all of its agent's were
     translation: Annotated[Float, Shape(NEW_FRAMES, 3)]
@@ -119,7 +118,7 @@ class Plan:
     translation: Float = field(repr=False)  # [N, 3] hips joint
     rotations: Float = field(repr=False)  # [N, 22, 4]
     contacts: Flags = field(repr=False)  # [N, 2] left, right
-    modes: NDArray[np.int8] = field(repr=False)  # [L] Mode
+    modes: Int8 = field(repr=False)  # [L] Mode
     costs: Float = field(repr=False)  # [L] of each primitive
     rejected: Flags = field(repr=False)  # [L] over a hard limit: all that were tried were
     ending: Ending

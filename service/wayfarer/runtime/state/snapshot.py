@@ -23,8 +23,8 @@ from wayfarer.runtime.settings import Limits
 from wayfarer.runtime.state.container import Kind, beginning, seal, unseal
 from wayfarer.runtime.state.packing import pack, row_bytes, unpack
 from wayfarer.runtime.world.handover import AgentRecord, SessionRecord, check_session_record
-from wayfarer.runtime.world.rows import Rows
-from wayfarer.runtime.world.slots import Flags, Int, Motion
+from wayfarer.runtime.world.rows import Flags, Int, Rows
+from wayfarer.runtime.world.slots import Motion
 from wayfarer.spec import FPS
 
 M = TypeVar("M", bound=BaseModel)

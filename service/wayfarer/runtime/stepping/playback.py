@@ -9,10 +9,9 @@ from dataclasses import dataclass
 from typing import Annotated, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wayfarer.runtime.world.rows import Index, Rows, Shape
-from wayfarer.runtime.world.slots import Flags, Float, Int, Motion, Slots
+from wayfarer.runtime.world.rows import Flags, Float, Index, Int, Int16, Rows, Shape, UInt8
+from wayfarer.runtime.world.slots import Motion, Slots
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
 
 ROUNDING: Final = 1e-3
@@ -30,9 +29,9 @@ class Chunks(Rows):
     translation: Annotated[Float, Shape(NEW_FRAMES, 3)]
     rotations: Annotated[Float, Shape(NEW_FRAMES, POSED_JOINTS, 4)]
     contacts: Annotated[Flags, Shape(NEW_FRAMES, 2)]
-    flags: NDArray[np.uint8]  # ChunkFlag
+    flags: UInt8  # ChunkFlag
     goal_revision: Int
-    candidates: NDArray[np.int16]
+    candidates: Int16
     end: Motion
 
 

@@ -14,8 +14,8 @@ from wayfarer.runtime.stepping.batch import broken, gather
 from wayfarer.runtime.stepping.guide import Course, Guide
 from wayfarer.runtime.stepping.playback import Chunks, Playback
 from wayfarer.runtime.world.paths import Paths
-from wayfarer.runtime.world.rows import Index
-from wayfarer.runtime.world.slots import Flags, Gait, Goals, Mode, Motion, Seeds, SlotTable
+from wayfarer.runtime.world.rows import Flags, Index
+from wayfarer.runtime.world.slots import Gait, Goals, Mode, Motion, Seeds, SlotTable
 from wayfarer.runtime.world.steering import Steering, observe
 from wayfarer.spec import GENDERS, NEW_FRAMES, SEED_FRAMES
 

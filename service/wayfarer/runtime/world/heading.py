@@ -3,9 +3,8 @@
 from math import cos, sin
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float = NDArray[np.float32]
+from wayfarer.runtime.world.rows import Float
 
 
 def facing_of(hips: Float) -> Float:

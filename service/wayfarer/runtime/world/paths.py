@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from wayfarer.runtime.agent import Goal
 from wayfarer.runtime.world.heading import angle_between, facing_at
-from wayfarer.runtime.world.rows import Index
-from wayfarer.runtime.world.slots import Flags, Goals, Slots
+from wayfarer.runtime.world.rows import Flags, Index
+from wayfarer.runtime.world.slots import Goals, Slots
 
 
 class Paths:

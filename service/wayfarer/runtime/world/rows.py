@@ -1,20 +1,33 @@
 """Struct of arrays: columns of equal length that are read and written by row.
 
-The annotations declare the columns:
+The annotations declare the columns, by the types below:
 
     class Goals(Rows):
-        given: NDArray[np.bool_]                                # [N]
-        position: Annotated[NDArray[np.float32], Shape(3)]      # [N, 3]
-        history: OtherRows                                      # columns within columns
+        given: Flags                            # [N]
+        position: Annotated[Float, Shape(3)]    # [N, 3]
+        history: OtherRows                      # columns within columns
+
+To a type checker a column type is the array's; the dtype stands beside it, since what an `NDArray`
+is made of is numpy's own business and differs between its releases.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, NamedTuple, Self, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, Self, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
+
+Flags = Annotated[NDArray[np.bool_], np.dtype(np.bool_)]
+Float = Annotated[NDArray[np.float32], np.dtype(np.float32)]
+Double = Annotated[NDArray[np.float64], np.dtype(np.float64)]
+Int = Annotated[NDArray[np.int64], np.dtype(np.int64)]
+Int8 = Annotated[NDArray[np.int8], np.dtype(np.int8)]
+Int16 = Annotated[NDArray[np.int16], np.dtype(np.int16)]
+UInt8 = Annotated[NDArray[np.uint8], np.dtype(np.uint8)]
+UInt64 = Annotated[NDArray[np.uint64], np.dtype(np.uint64)]
+Object = Annotated[NDArray[np.object_], np.dtype(np.object_)]
 
 Index = NDArray[np.int64]
 """Row numbers."""
@@ -113,13 +126,18 @@ def _columns(rows: type) -> tuple[tuple[str, Any, tuple[int, ...]], ...]:
 @cache  # reading the hints takes longer than most work on rows
 def _read_columns(rows: type) -> tuple[tuple[str, Any, tuple[int, ...]], ...]:
     hints = get_type_hints(rows, include_extras=True)
-    return tuple((name, *_column(hint)) for name, hint in hints.items())
+    return tuple((name, *_column(rows, name, hint)) for name, hint in hints.items())
 
 
-def _column(hint: Any) -> tuple[Any, tuple[int, ...]]:
-    if get_origin(hint) is Annotated:
-        array, shape = get_args(hint)
-        return _column(array)[0], shape.sizes
-    if isinstance(hint, type):
+def _column(rows: type, name: str, hint: Any) -> tuple[Any, tuple[int, ...]]:
+    if isinstance(hint, type) and issubclass(hint, Rows):
         return hint, ()
-    return get_args(get_args(hint)[1])[0], ()  # NDArray[T] is ndarray[shape, dtype[T]]
+    notes = getattr(hint, "__metadata__", ())  # of `Annotated`; nested ones are flat here
+    kinds = [note for note in notes if isinstance(note, np.dtype)]
+    if len(kinds) != 1:
+        raise TypeError(
+            f"{rows.__name__}.{name} is no column: annotate it with a column type of {__name__}, "
+            f"as in `Float` or `Annotated[Float, Shape(3)]`, or a class of `Rows`; it has {hint}"
+        )
+    shapes = [note.sizes for note in notes if isinstance(note, Shape)]
+    return kinds[0], shapes[0] if shapes else ()

@@ -9,7 +9,6 @@ from enum import IntEnum
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.errors import ResourceExhausted
 from wayfarer.runtime.agent import AgentState
@@ -18,12 +17,8 @@ from wayfarer.runtime.feet.footlock import LockState
 from wayfarer.runtime.feet.ground import Footing
 from wayfarer.runtime.feet.legs import Legs
 from wayfarer.runtime.scenes.route import Route
-from wayfarer.runtime.world.rows import Rows, Shape
+from wayfarer.runtime.world.rows import Flags, Float, Int, Int8, Object, Rows, Shape, UInt64
 from wayfarer.spec import BETAS, MARKERS, POSED_JOINTS, SEED_FRAMES
-
-Flags = NDArray[np.bool_]
-Float = NDArray[np.float32]
-Int = NDArray[np.int64]
 
 
 class Mode(IntEnum):
@@ -62,7 +57,7 @@ class Seeds(Rows):
 class Gait(Rows):
     """What steering remembers of an agent from step to step."""
 
-    mode: NDArray[np.int8]  # Mode
+    mode: Int8  # Mode
     speed: Float  # m/s, horizontal, mean over the last step
     slow_seconds: Float  # how long it has been slow while stopping, and then standing
     stop_place: Annotated[Float, Shape(2)]  # where it stopped, or shall stop
@@ -101,16 +96,16 @@ class Slots(Rows):
     """All columns of a slot. Frames count at 40 per second."""
 
     active: Flags
-    agent_id: NDArray[np.object_]
+    agent_id: Object
     alias: Int
     session: Int  # number; see registry.py
-    gender: NDArray[np.int8]  # index into spec.GENDERS
+    gender: Int8  # index into spec.GENDERS
     model: Int  # number of the model that moves it; see models.py
-    noise_seed: NDArray[np.uint64]
+    noise_seed: UInt64
     betas: Annotated[Float, Shape(BETAS)]
     goal_revision: Int  # counts the changes of its goals
     revised_chunk: Int  # seq of the first chunk that its present path counts for
-    feeding: NDArray[np.int8]  # Feeding
+    feeding: Int8  # Feeding
     near_since: Int  # planned chunks when it came near the goal it wanders to; 0: it is not near
     group: Int  # those of one session and group walk together; 0: it walks alone
     committed: Motion

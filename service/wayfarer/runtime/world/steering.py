@@ -21,12 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.runtime.world.heading import angle_between, facing_of
-from wayfarer.runtime.world.rows import Index
-from wayfarer.runtime.world.slots import Flags, Gait, Goals, Mode, Seeds
+from wayfarer.runtime.world.rows import Flags, Float, Index
+from wayfarer.runtime.world.slots import Gait, Goals, Mode, Seeds
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.terms import STAND, STRAFE, TURN, WALK, weights
-
-Float = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
