@@ -1,5 +1,6 @@
-# The same commands on a developer's machine and in CI. One virtual environment (.venv) with two
-# stamps: .serve holds what the service needs, .dev adds tests, training and the Python client.
+# The same commands on a developer's machine and in CI. One virtual environment (.venv) with three
+# stamps: .serve holds what the service needs, .lab adds training, evaluation and load tools, .dev tests
+# and the Python client.
 #
 # Knobs:  make serve ARGS="--http-port 9000"     options of `wayfarer serve`
 #         make test  ARGS="-k goals -x"          options of pytest
@@ -19,12 +20,12 @@ CLIENT := $(wildcard clients/python/pyproject.toml)
 VIEWER_TESTS := $(wildcard tests/viewer/*.test.mjs)
 NODE := clients/node
 BUF := tests/proto/node_modules/.bin/buf
-CHECKED := service tests $(wildcard clients/python benchmarks proto/build_hook.py)
+CHECKED := service lab tests $(wildcard clients/python benchmarks proto/build_hook.py)
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PIP_ROOT_USER_ACTION := ignore
 
-.PHONY: help serve test lint lint-proto format proto docker clean
+.PHONY: help serve lab test lint lint-proto format proto docker clean
 
 help: ## show this list
 	@echo "Wayfarer. Usage: make <target>"
@@ -32,6 +33,8 @@ help: ## show this list
 
 serve: $(VENV)/.serve ## set up and start gRPC (50051) and HTTP (8080) with the shipped models
 	@exec $(BIN)/wayfarer serve $(ARGS)
+
+lab: $(VENV)/.lab ## set up training, evaluation, data preparation and load tools (torch)
 
 test: $(VENV)/.dev ## set up and run all tests
 	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory $(NODE)/src/gen; \
@@ -66,7 +69,7 @@ clean: ## remove the virtual environment, generated code and caches
 	rm -rf $(VENV) build dist service/wayfarer/v1 clients/python/wayfarer_client/v1
 	rm -rf $(NODE)/node_modules $(NODE)/src/gen
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
-	find service clients tests -name __pycache__ -type d -prune -exec rm -rf {} +
+	find service lab clients tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The node client: its packages, then its code of proto/.
 $(NODE)/src/gen: $(NODE)/package-lock.json $(NODE)/generate.js $(wildcard proto/wayfarer/v1/*.proto)
@@ -94,7 +97,12 @@ $(VENV)/.serve: $(PACKAGE) | $(BIN)/python
 	@$(BIN)/pip install --quiet --editable .
 	@touch $@
 
-$(VENV)/.dev: $(VENV)/.serve $(CLIENT)
-	@echo "installing torch and the test tools into $(VENV) (once)"
-	@$(BIN)/pip install --quiet --editable '.[train,dev]' $(if $(CLIENT),--editable clients/python)
+$(VENV)/.lab: $(VENV)/.serve lab/pyproject.toml
+	@echo "installing torch and the tools of lab/ into $(VENV) (once)"
+	@$(BIN)/pip install --quiet --editable . --editable './lab[train,render,load]'
+	@touch $@
+
+$(VENV)/.dev: $(VENV)/.lab $(CLIENT)
+	@echo "installing the test tools into $(VENV) (once)"
+	@$(BIN)/pip install --quiet --editable '.[dev]' $(if $(CLIENT),--editable clients/python)
 	@touch $@

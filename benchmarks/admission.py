@@ -23,12 +23,12 @@ import grpc
 from tests.fuzz.server import served
 from tests.fuzz.streams import stats_of
 
-from wayfarer.load.plan import Plan
-from wayfarer.load.run import run
-from wayfarer.load.tally import Latencies
-from wayfarer.load.target import Target
-from wayfarer.load.wire import Connection
 from wayfarer.v1 import agent_pb2, session_pb2
+from wayfarer_lab.load.plan import Plan
+from wayfarer_lab.load.run import run
+from wayfarer_lab.load.tally import Latencies
+from wayfarer_lab.load.target import Target
+from wayfarer_lab.load.wire import Connection
 
 REFUSAL_MS = 50.0
 WARM_UP = 3.0

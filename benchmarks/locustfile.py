@@ -1,4 +1,4 @@
-"""HTTP goals under load, with Locust (pip install 'wayfarer[locust]').
+"""HTTP goals under load, with Locust (pip install './lab[locust]').
 
     wayfarer serve
     locust -f benchmarks/locustfile.py --host http://127.0.0.1:8080 --headless -u 20 -r 5 -t 60s

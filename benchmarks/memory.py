@@ -16,8 +16,8 @@ from benchmarks.models import add_engine
 from benchmarks.servers import SESSIONS, loaded, settings
 
 from benchmarks import bench
-from wayfarer.load.plan import Plan
-from wayfarer.load.target import own_server
+from wayfarer_lab.load.plan import Plan
+from wayfarer_lab.load.target import own_server
 
 AGENTS = (0, 64, 256, 1024)
 

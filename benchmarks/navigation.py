@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks import bench
-from wayfarer.evaluation.scenes.pairs import random_pairs
 from wayfarer.navigation.examples import EXAMPLES, cubes_field
 from wayfarer.navigation.paths.optimum import shortest_lengths
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.solids import solid_triangles
 from wayfarer.navigation.spec import Z_UP, Box, MeshFile, SceneSpec
+from wayfarer_lab.evaluation.scenes.pairs import random_pairs
 
 
 def seconds(work: Callable[[], Any]) -> float:

@@ -16,7 +16,7 @@ INTRO = """# Results
 Made by `python benchmarks/results_page.py` from `benchmarks/results/*.json`; nothing is typed in.
 Each section names the command and the machine. `heldout` are people that no training and no
 tuning has seen; "mocap" rows are recordings, judged by the same code. The metrics are defined in
-`service/wayfarer/evaluation/` (docstrings).
+`lab/wayfarer_lab/evaluation/` (docstrings).
 """
 
 HELDOUT = "--data PREPARED --split heldout"

@@ -4,9 +4,9 @@ import asyncio
 from collections.abc import Mapping
 from typing import Any
 
-from wayfarer.load.plan import Plan
-from wayfarer.load.run import run
-from wayfarer.load.target import SERVE, own_server, room
+from wayfarer_lab.load.plan import Plan
+from wayfarer_lab.load.run import run
+from wayfarer_lab.load.target import SERVE, own_server, room
 
 Summary = dict[str, Any]
 

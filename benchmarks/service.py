@@ -26,12 +26,12 @@ from benchmarks.paper_s3 import CALL_SIZES, call_seconds
 from benchmarks.servers import SESSIONS, loaded, settings
 
 from benchmarks import bench
-from wayfarer.load.knee import find_knee, in_time
-from wayfarer.load.plan import TRANSPORTS, Plan
-from wayfarer.load.run import run
-from wayfarer.load.target import SERVE, own_server
 from wayfarer.runtime.engines.engine import Engine
 from wayfarer.spec import STEP_SECONDS
+from wayfarer_lab.load.knee import find_knee, in_time
+from wayfarer_lab.load.plan import TRANSPORTS, Plan
+from wayfarer_lab.load.run import run
+from wayfarer_lab.load.target import SERVE, own_server
 
 P99_MS = 50.0
 FEWER = 0.95

@@ -16,7 +16,7 @@ from statistics import median
 from benchmarks.models import add_engine
 
 from benchmarks import bench
-from wayfarer.load.target import own_server
+from wayfarer_lab.load.target import own_server
 
 LIBRARIES = "import fastapi, grpc, numpy, onnxruntime, pydantic_settings, structlog, typer, uvicorn"
 

@@ -19,13 +19,13 @@ from benchmarks.models import DEFAULT_ENGINE
 from benchmarks.servers import settings
 
 from benchmarks import bench
-from wayfarer.load.client import SimulatedClient
-from wayfarer.load.plan import TRANSPORTS, Plan
-from wayfarer.load.run import run
-from wayfarer.load.tally import Tally
-from wayfarer.load.target import Target, own_server
 from wayfarer.runtime.settings import WorldSettings
 from wayfarer.spec import STEP_SECONDS
+from wayfarer_lab.load.client import SimulatedClient
+from wayfarer_lab.load.plan import TRANSPORTS, Plan
+from wayfarer_lab.load.run import run
+from wayfarer_lab.load.tally import Tally
+from wayfarer_lab.load.target import Target, own_server
 
 INSTANT = ("-m", "benchmarks.instant")
 SETTLE = 3.0

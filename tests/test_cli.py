@@ -86,7 +86,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
     def fail() -> None:
         raise error
 
-    monkeypatch.setattr("wayfarer.evaluation.render.render", fail)
+    monkeypatch.setattr("wayfarer_lab.evaluation.render.render", fail)
 
 
 @pytest.mark.parametrize(
@@ -105,13 +105,22 @@ def test_a_missing_extra_says_what_to_install(
 ) -> None:
     stand_in(monkeypatch, ModuleNotFoundError("No module named 'torch'", name="torch.nn"))
     assert run(monkeypatch, "render") == 2
-    assert "pip install 'wayfarer[train]'" in capsys.readouterr().err
+    assert "pip install './lab[train]'" in capsys.readouterr().err
 
 
-def test_a_module_of_ours_that_is_missing_is_a_bug_and_shown_as_one(
-    monkeypatch: pytest.MonkeyPatch,
+def test_without_the_lab_its_commands_say_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    stand_in(monkeypatch, ModuleNotFoundError("No module named 'wayfarer.x'", name="wayfarer.x"))
+    stand_in(monkeypatch, ModuleNotFoundError("No module named 'wayfarer_lab'", name=cli.LAB))
+    assert run(monkeypatch, "render") == 2
+    assert "pip install ./lab" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("module", ["wayfarer.x", "wayfarer_lab.x"])
+def test_a_module_of_ours_that_is_missing_is_a_bug_and_shown_as_one(
+    module: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stand_in(monkeypatch, ModuleNotFoundError(f"No module named '{module}'", name=module))
     monkeypatch.setattr(sys, "argv", ["wayfarer", "render"])
     with pytest.raises(ModuleNotFoundError):
         cli.main()
@@ -125,12 +134,13 @@ def test_ctrl_c_ends_without_a_traceback(
     assert "Traceback" not in capsys.readouterr().err
 
 
-def test_every_extra_that_a_message_names_exists() -> None:
-    project = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text())[
-        "project"
-    ]
-    offered = project["optional-dependencies"]
-    assert set(cli.EXTRAS.values()) <= set(offered)
+@pytest.mark.parametrize("command", sorted(set(cli.INSTALL.values())))
+def test_what_a_message_tells_to_install_exists(command: str) -> None:
+    """Such as "./lab" or "'./lab[train]'": a folder of the repository, and an extra of it."""
+    folder, _, extra = command.strip("'").partition("[")
+    root = Path(__file__).parent.parent
+    project = tomllib.loads((root / folder / "pyproject.toml").read_text())["project"]
+    assert not extra or extra.rstrip("]") in project["optional-dependencies"]
 
 
 def test_help_and_serving_load_no_torch() -> None:

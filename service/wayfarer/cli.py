@@ -12,20 +12,24 @@ import typer
 
 from wayfarer.errors import WayfarerError
 
-EXTRAS: Final = {
-    "torch": "train",
-    "onnx": "train",
-    "onnxscript": "train",
-    "onnx_ir": "train",
-    "scipy": "train",
-    "tensorboard": "train",
-    "matplotlib": "train",
-    "PIL": "render",
-    "imageio_ffmpeg": "render",
-    "anny": "bake",
-    "opentelemetry": "otel",
+LAB: Final = "wayfarer_lab"
+"""Import package of training, evaluation, data preparation and load tools (`lab/`)."""
+
+INSTALL: Final = {
+    LAB: "./lab",
+    "torch": "'./lab[train]'",
+    "onnx": "'./lab[train]'",
+    "onnxscript": "'./lab[train]'",
+    "onnx_ir": "'./lab[train]'",
+    "tensorboard": "'./lab[train]'",
+    "matplotlib": "'./lab[train]'",
+    "imageio_ffmpeg": "'./lab[render]'",
+    "hdrh": "'./lab[load]'",
+    "psutil": "'./lab[load]'",
+    "anny": "'./lab[bake]'",
+    "opentelemetry": "'.[otel]'",
 }
-"""Package that may be missing → the extra of this package that brings it."""
+"""Package that may be missing → what `pip install`, in the repository's root, brings it."""
 
 
 def main() -> None:
@@ -38,10 +42,10 @@ def main() -> None:
         sys.exit(_fail(str(error)))
     except ModuleNotFoundError as error:
         package = (error.name or "").partition(".")[0]
-        if package not in EXTRAS:
+        if package not in INSTALL or str(error.name).startswith(f"{LAB}."):
             raise
-        extra = EXTRAS[package]
-        sys.exit(_fail(f"this command needs {package}: pip install 'wayfarer[{extra}]'"))
+        command = f"pip install {INSTALL[package]}"
+        sys.exit(_fail(f"this command needs {package}; in the repository's root: {command}"))
 
 
 def _fail(message: str) -> int:
@@ -84,20 +88,18 @@ _command(app, "probe", "wayfarer.probe:probe", "Ask the service here whether it 
 _command(app, "keys", "wayfarer.transport.auth.commands:app", "API keys of the service.")
 _command(app, "config", "wayfarer.config_page:app", "Settings: the JSON schema of their file.")
 _command(app, "generate", "wayfarer.clips.generate:generate", "Write a walk as GLB, BVH or npz.")
-_command(app, "render", "wayfarer.evaluation.render:render", "Draw motion: strips, sheets, films.")
-_command(app, "eval", "wayfarer.evaluation.commands:app", "Measure motion and models, as tables.")
-_command(app, "load", "wayfarer.load.cli:load", "Load a server, and measure how late it is.")
-_command(app, "train", "wayfarer.training.cli:app", "Train the models of the method.")
-_command(app, "export", "wayfarer.training.cli:export", "Write trained models as ONNX graphs.")
+_command(app, "render", f"{LAB}.evaluation.render:render", "Draw motion: strips, sheets, films.")
+_command(app, "eval", f"{LAB}.evaluation.commands:app", "Measure motion and models, as tables.")
+_command(app, "load", f"{LAB}.load.cli:load", "Load a server, and measure how late it is.")
+_command(app, "train", f"{LAB}.training.cli:app", "Train the models of the method.")
+_command(app, "export", f"{LAB}.training.cli:export", "Write trained models as ONNX graphs.")
 
 data = _group("Prepare motion capture for training.")
-_command(
-    data, "prepare", "wayfarer.training.mocap.cli:prepare", "Read, fit and cut BVH or ASF/AMC."
-)
+_command(data, "prepare", f"{LAB}.training.mocap.cli:prepare", "Read, fit and cut BVH or ASF/AMC.")
 app.add_typer(data, name="data")
 
 body = _group("Body models.")
-_command(body, "bake", "wayfarer.body.baking.cli:bake", "Bake the anny52 body from anny.")
+_command(body, "bake", f"{LAB}.baking.cli:bake", "Bake the anny52 body from anny.")
 app.add_typer(body, name="body")
 
 if __name__ == "__main__":

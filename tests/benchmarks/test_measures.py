@@ -7,9 +7,9 @@ import pytest
 from benchmarks.flops import Product
 
 from benchmarks import gemm, paper_s3, service, step, transport
-from wayfarer.load.knee import FAULTS
-from wayfarer.load.plan import Plan
 from wayfarer.spec import STEP_SECONDS
+from wayfarer_lab.load.knee import FAULTS
+from wayfarer_lab.load.plan import Plan
 
 
 def test_the_ceiling_is_the_best_of_all_libraries():

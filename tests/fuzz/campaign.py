@@ -13,10 +13,6 @@ from tests.fuzz import grpc_calls, http_calls, sockets
 from tests.fuzz.inputs import Inputs
 from tests.fuzz.tally import Quota
 from tests.fuzz.tally import Tally as Answers
-from wayfarer.load.client import SimulatedClient
-from wayfarer.load.plan import Plan
-from wayfarer.load.tally import Tally as StreamTally
-from wayfarer.load.target import Target
 from wayfarer.v1 import (
     agent_pb2,
     agent_pb2_grpc,
@@ -25,6 +21,10 @@ from wayfarer.v1 import (
     session_pb2,
     session_pb2_grpc,
 )
+from wayfarer_lab.load.client import SimulatedClient
+from wayfarer_lab.load.plan import Plan
+from wayfarer_lab.load.tally import Tally as StreamTally
+from wayfarer_lab.load.target import Target
 
 SETTINGS = {
     "WAYFARER_LIMITS__CALLS_PER_SECOND": "1000000",

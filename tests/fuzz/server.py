@@ -12,7 +12,7 @@ from pathlib import Path
 
 import psutil
 
-from wayfarer.load.target import Target
+from wayfarer_lab.load.target import Target
 
 COMMAND = (sys.executable, "-m", "wayfarer.cli", "serve", "--log-format", "json")
 ANY_PORTS = ("--http-port", "0", "--grpc-port", "0")

@@ -14,8 +14,6 @@ from urllib.parse import urlsplit
 import grpc
 import httpx
 
-from wayfarer.load.target import Target
-from wayfarer.load.wire import Connection
 from wayfarer.v1 import (
     agent_pb2,
     common_pb2,
@@ -26,6 +24,8 @@ from wayfarer.v1 import (
     motion_pb2_grpc,
     session_pb2,
 )
+from wayfarer_lab.load.target import Target
+from wayfarer_lab.load.wire import Connection
 
 SETTINGS = {
     "WAYFARER_ADMISSION": "false",

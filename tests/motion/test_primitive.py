@@ -16,7 +16,7 @@ from wayfarer.motion.rotation import (
     quaternion_from_matrix,
 )
 from wayfarer.terms import TERMS
-from wayfarer.training.step_graph import body_inputs, step_inputs
+from wayfarer_lab.training.step_graph import body_inputs, step_inputs
 
 AGENTS, CANDIDATES = 4, 3
 

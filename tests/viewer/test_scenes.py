@@ -12,7 +12,7 @@ from tests.serving import Service
 from tests.viewer.chromium import CONNECTION, Page, find_chromium, needs_chromium
 from wayfarer.navigation.examples import EXAMPLES
 
-Image = pytest.importorskip("PIL.Image", reason="pillow is missing: pip install 'wayfarer[train]'")
+Image = pytest.importorskip("PIL.Image", reason="pillow is missing: make lab")
 
 pytestmark = needs_chromium
 

@@ -18,7 +18,7 @@ import pytest
 from tests.serving import Service
 from tests.viewer.chromium import CONNECTION, Page, find_chromium, needs_chromium
 
-Image = pytest.importorskip("PIL.Image", reason="pillow is missing: pip install 'wayfarer[train]'")
+Image = pytest.importorskip("PIL.Image", reason="pillow is missing: make lab")
 
 pytestmark = needs_chromium
 

@@ -1,0 +1,4 @@
+"""Everything around the served package: training, evaluation, data preparation, body baking, load.
+
+`wayfarer` never imports this package (a contract in pyproject.toml says so).
+"""

@@ -1,0 +1,17 @@
+"""`wayfarer eval …`: tables on the screen, and with --json the rows in a file with their origin."""
+
+import typer
+
+from wayfarer_lab.evaluation.commands import (
+    arrival,
+    control,
+    everything,
+    long,
+    recorded,
+    rollouts,
+    scenes,
+)
+
+app = typer.Typer(help="Measure motion and models.", no_args_is_help=True)
+for part in (rollouts, recorded, control, arrival, long, scenes, everything):
+    app.add_typer(part.app)  # without a name: its commands stand beside those of the others

@@ -1,0 +1,146 @@
+"""`wayfarer eval arrival`: how well agents do what goals ask of them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from wayfarer.runtime.world.world import World
+from wayfarer.spec import STEP_SECONDS
+from wayfarer.stage import DEFAULT_MODEL, Bodies, open_world
+from wayfarer_lab.evaluation import report
+from wayfarer_lab.evaluation.commands.options import (
+    CandidatesOption,
+    DataOption,
+    EngineOption,
+    JsonOption,
+    ModelsOption,
+    SeedOption,
+    SplitOption,
+    ThreadsOption,
+)
+from wayfarer_lab.evaluation.commands.shared import finish, origin, progress
+from wayfarer_lab.evaluation.gait import Row, Windows, stillness_row
+from wayfarer_lab.evaluation.goals import Course, run_errands
+from wayfarer_lab.evaluation.outcome import STEP_LIMIT, judge
+from wayfarer_lab.evaluation.posture import posed_gait_rows
+from wayfarer_lab.evaluation.scenarios import arrival as arrival_scenario
+from wayfarer_lab.evaluation.scenarios import maneuver_tables
+from wayfarer_lab.evaluation.seeds import walking_seeds
+from wayfarer_lab.evaluation.tracks import Recorded
+from wayfarer_lab.training.mocap.selection import Use
+
+app = typer.Typer()
+
+PLOTS = (
+    "arrival_error_median_m", "drift_2s_mean_m", "facing_error_median_deg", "speed_error_mps",
+    "slide_cm_s", "marker_speed_cm_s",
+)  # fmt: skip
+
+STANDING = "from standing"
+UNLOCKED = "from standing, no foot lock"
+WALKING = "from walking"
+
+
+@app.command()
+def arrival(
+    models: ModelsOption = DEFAULT_MODEL,
+    goals: Annotated[int, typer.Option(help="Goals 3 to 8 m away, of each kind.", min=1)] = 100,
+    agents: Annotated[int, typer.Option(help="Agents of each manoeuvre.", min=1)] = 24,
+    data: DataOption = None,
+    split: SplitOption = "heldout",
+    candidates: CandidatesOption = 4,
+    engine: EngineOption = "onnxruntime",
+    threads: ThreadsOption = 0,
+    seed: SeedOption = 0,
+    json: JsonOption = None,
+) -> None:
+    """Send agents to goals 3 to 8 m away and watch them walk, stop and stand; then manoeuvres:
+    near goals, speeds, turns on the spot, waypoints, new goals while walking, strafing.
+
+    With --data, runs from walking begin in recorded walking of the split, and its own figures are
+    given beside those of the agents; without, they begin after 2 s of walking.
+    """
+    recorded = Recorded(data, split) if data else None
+    world, bodies = open_world(models, max(goals, agents), candidates, threads, engine)
+    random = np.random.default_rng(seed)
+    tables = _arrivals(world, bodies, goals, random, recorded)
+    if data and recorded:
+        locomotion = recorded.windows(Use.LOCOMOTION)
+        tables["On the way"] += posed_gait_rows(report.MOCAP, locomotion, bodies["male"])
+        tables["Standing"] += _recorded_stillness(data, recorded)
+    for title, group in maneuver_tables().items():
+        tables[title] = []
+        for scenario in group:
+            errands = scenario.errands(agents, random)
+            with progress(f"{title}: {scenario.name}") as watch:
+                courses = run_errands(world, errands, scenario.seconds, watch=watch)
+            tables[title].append(scenario.row(scenario.name, courses))
+    finish(
+        json, tables, PLOTS, **origin(models, None, data, split, seed),
+        engine=engine, candidates=candidates, goals=goals, agents=agents,
+    )  # fmt: skip
+
+
+def _arrivals(
+    world: World,
+    bodies: Bodies,
+    goals: int,
+    random: np.random.Generator,
+    recorded: Recorded | None,
+) -> dict[str, list[Row]]:
+    """Tables of arrival, of the gait on the way and of standing after it."""
+    tables: dict[str, list[Row]] = {"Goals": [], "On the way": [], "Standing": []}
+    for scenario in (
+        arrival_scenario(STANDING),
+        arrival_scenario(WALKING, walking=recorded is None),
+        arrival_scenario("facing asked", facing=True),
+    ):
+        errands, seeds = scenario.errands(goals, random), None
+        if recorded and scenario.name == WALKING:
+            seeds = walking_seeds(recorded, [errand.spec for errand in errands], random)
+        with progress(scenario.name) as watch:
+            courses = run_errands(world, errands, scenario.seconds, seeds=seeds, watch=watch)
+        tables["Goals"].append(scenario.row(scenario.name, courses))
+        tables["On the way"] += _gait(scenario.name, courses, bodies)
+        tables["Standing"] += _stillness(scenario.name, courses, bodies)
+        if scenario.name == STANDING:  # the lock moves legs only: goals and stops are the same
+            raw = [replace(e, spec=replace(e.spec, foot_lock=False)) for e in errands]
+            with progress(UNLOCKED) as watch:
+                courses = run_errands(world, raw, STEP_LIMIT * STEP_SECONDS, watch=watch)
+            tables["On the way"] += _gait(UNLOCKED, courses, bodies)
+    return tables
+
+
+def _gait(name: str, courses: Sequence[Course], bodies: Bodies) -> list[Row]:
+    """Gait on the way to the goal."""
+    parts = [
+        course.latest().track(bodies[course.spec.gender], judge(course).walking()).windows()
+        for course in courses
+    ]
+    return posed_gait_rows(name, Windows.join(parts), bodies["male"])
+
+
+def _stillness(name: str, courses: Sequence[Course], bodies: Bodies) -> list[Row]:
+    """Stillness of those who came to a stand; no row where nobody did."""
+    parts = [
+        course.latest().track(bodies[course.spec.gender], frames).windows()
+        for course in courses
+        if (frames := judge(course).standing())
+    ]
+    return [stillness_row(f"{name}, standing", Windows.join(parts))] if parts else []
+
+
+def _recorded_stillness(data: Path, recorded: Recorded) -> list[Row]:
+    """Stillness of recorded people. Long stands are scarce: where the split has none, those of all
+    splits take their place.
+    """
+    name, motion = report.MOCAP, recorded.windows(Use.STANDING)
+    if not len(motion.markers):
+        name = f"{report.MOCAP} of all splits"
+        splits = {clip.split for clip in recorded.data.clips if clip.augmentation == ""}
+        motion = Windows.join([Recorded(data, s).windows(Use.STANDING) for s in sorted(splits)])
+    return [stillness_row(f"{name}, standing", motion)]

@@ -1,0 +1,141 @@
+"""`wayfarer eval control`: Table 1 of the paper."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from wayfarer.errors import InvalidArgument
+from wayfarer.runtime.search.beam_settings import BeamSettings
+from wayfarer.runtime.world.steering import Steering
+from wayfarer.stage import DEFAULT_MODEL, Stage, open_stage
+from wayfarer_lab.evaluation import report
+from wayfarer_lab.evaluation.commands.options import (
+    DataOption,
+    JsonOption,
+    ModelsOption,
+    SeedOption,
+    SplitOption,
+    ThreadsOption,
+)
+from wayfarer_lab.evaluation.commands.shared import finish, origin
+from wayfarer_lab.evaluation.control import (
+    TOGETHER,
+    Pair,
+    Trial,
+    control_row,
+    mocap_row,
+    offline,
+    online,
+    random_pairs,
+)
+from wayfarer_lab.evaluation.outcome import NEAR
+from wayfarer_lab.evaluation.tracks import Recorded
+from wayfarer_lab.training.mocap.selection import Use
+
+app = typer.Typer()
+
+PLOTS = ("success", "success_03m", "steps", "avg_dist", "contact", "walk_slide_cm_s")
+PRIOR = "N(0, I)"
+Run = Callable[[list[Pair]], Iterator[Trial]]
+
+
+@dataclass(frozen=True)
+class Method:
+    """One row: how pairs become trials."""
+
+    name: str
+    run: Run
+
+
+@app.command()
+def control(
+    models: ModelsOption = DEFAULT_MODEL,
+    policy_1: Annotated[
+        Path | None, typer.Option(help="Models whose policy was trained with KL weight 1.")
+    ] = None,
+    g_cvae: Annotated[
+        Path | None, typer.Option(help="Models of the goal-conditioned CVAE, the baseline.")
+    ] = None,
+    pairs: Annotated[int, typer.Option(help="Random bodies, each with a goal.", min=1)] = 100,
+    speed: Annotated[float, typer.Option(help="Wished on the way, m/s.", min=0.2, max=4.0)] = 1.4,
+    data: DataOption = None,
+    split: SplitOption = "heldout",
+    threads: ThreadsOption = 0,
+    seed: SeedOption = 0,
+    json: JsonOption = None,
+) -> None:
+    """Send random bodies to random goals, by the paper's methods and by the service's (Table 1).
+
+    Offline rows follow the paper (Sec. 4.2): 32 clones of each body and, with "& top k", a tree
+    search that keeps the k best of 32 primitives at every level. The number in parentheses is the
+    weight of the KL term in the policy's training (Eq. 10). "search" rows are single bodies in the
+    world that serves, with K candidates a step. Only the last has the foot lock.
+    """
+    shipped = open_stage(models, threads)
+    methods = list(_methods(shipped, policy_1, g_cvae, pairs, threads, seed))
+    everyone = random_pairs(pairs, speed, np.random.default_rng(seed))
+    body = shipped.bodies["male"]
+    rows = []
+    with report.progress() as bar:
+        for method in methods:
+            task = bar.add_task(f"{method.name} (pairs)", total=pairs)
+            trials = []
+            for trial in method.run(everyone):
+                trials.append(trial)
+                bar.advance(task)
+            rows.append(control_row(method.name, trials, body))
+    if data:
+        recorded = Recorded(data, split).windows(Use.LOCOMOTION)
+        rows.append(mocap_row(report.MOCAP, recorded, body))
+    finish(
+        json, {"Control": rows}, PLOTS, **origin(models, None, data, split, seed),
+        policy_1=str(policy_1), g_cvae=str(g_cvae), pairs=pairs, speed_mps=speed,
+    )  # fmt: skip
+
+
+def _methods(
+    shipped: Stage, policy_1: Path | None, g_cvae: Path | None, pairs: int, threads: int, seed: int
+) -> Iterator[Method]:
+    """Rows in the order of Table 1, then those of the service.
+
+    Raises ArtifactError for a folder that does not fit, InvalidArgument for one without a policy.
+    """
+    tops = {"": 0, " & top1": 1, " & top4": 4}
+    if g_cvae:
+        stage = open_stage(g_cvae, threads)
+        yield Method("g-CVAE", _offline(stage, seed, BeamSettings.paper(policy=0.0, reach=NEAR)))
+    trained = {"policy(10)": shipped} if shipped.has_policy else {}
+    if policy_1:
+        trained["policy(1)"] = open_stage(policy_1, threads)
+        if not trained["policy(1)"].has_policy:
+            raise InvalidArgument(f"{policy_1} holds no policy.onnx", "policy_1")
+    for ending, top in tops.items():
+        for name, stage in trained.items():
+            settings = BeamSettings.paper(top, reach=NEAR)
+            yield Method(name + ending, _offline(stage, seed, settings))
+    prior = BeamSettings.paper(1, policy=0.0, reach=NEAR)
+    yield Method(f"{PRIOR} & top1", _offline(shipped, seed, prior))
+
+    yield Method(f"search K=8 {PRIOR}", _online(shipped, pairs, candidates=8, policy=0.0))
+    for candidates in (8, 4, 1) if shipped.has_policy else ():
+        run = _online(shipped, pairs, candidates=candidates, policy=1.0)
+        yield Method(f"search K={candidates} π", run)
+    if shipped.has_policy:
+        run = _online(shipped, pairs, candidates=8, policy=1.0, foot_lock=True)
+        yield Method("search K=8 π, foot lock", run)
+
+
+def _offline(stage: Stage, seed: int, settings: BeamSettings) -> Run:
+    world, random = stage.world(TOGETHER, Steering()), np.random.default_rng(seed)
+    return lambda pairs: offline(stage.engine, world, stage.bodies, pairs, settings, random)
+
+
+def _online(
+    stage: Stage, agents: int, candidates: int, policy: float, foot_lock: bool = False
+) -> Run:
+    steering = Steering().with_search(candidates=candidates, policy=policy)
+    return lambda pairs: online(stage.world(agents, steering), stage.bodies, pairs, foot_lock)

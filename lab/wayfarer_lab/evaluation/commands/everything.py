@@ -1,0 +1,83 @@
+"""`wayfarer eval all`."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import typer
+
+from wayfarer.stage import DEFAULT_MODEL
+from wayfarer_lab.evaluation.commands.arrival import arrival
+from wayfarer_lab.evaluation.commands.control import control
+from wayfarer_lab.evaluation.commands.long import long
+from wayfarer_lab.evaluation.commands.options import (
+    ModelsOption,
+    RecordedOption,
+    RunsOption,
+    SeedOption,
+    SplitOption,
+    ThreadsOption,
+)
+from wayfarer_lab.evaluation.commands.recorded import mocap, predictor, regressor
+from wayfarer_lab.evaluation.commands.rollouts import bodies, realism, skating
+from wayfarer_lab.evaluation.commands.scenes import scenes
+from wayfarer_lab.evaluation.report import console
+
+app = typer.Typer()
+
+TABLES: Final[dict[str, Callable[..., None]]] = {
+    "realism": realism,
+    "skating": skating,
+    "bodies": bodies,
+    "predictor": predictor,
+    "regressor": regressor,
+    "control": control,
+    "arrival": arrival,
+    "long": long,
+    "scenes": scenes,
+}
+"""In the order in which they are made: the long ones last."""
+
+PARTS: Final = ("realism", "skating", "bodies", "predictor", "regressor")
+"""Tables of networks that may come from training runs; the others judge the served graph."""
+
+SERVED: Final = ("scenes",)
+"""Tables of nothing but the served graph: recordings have no scenes."""
+
+QUICK: Final[dict[str, dict[str, Any]]] = {
+    "realism": {"poses": 20},
+    "skating": {"poses": 100},
+    "bodies": {"futures": 1},
+    "predictor": {"count": 200},
+    "regressor": {"count": 50},
+    "control": {"pairs": 10},
+    "arrival": {"goals": 10, "agents": 8},
+    "long": {"agents": 16, "minutes": 1.0},
+    "scenes": {"scale": 0.1, "minutes": 1.0},
+}
+
+
+@app.command("all")
+def everything(
+    data: RecordedOption,
+    models: ModelsOption = DEFAULT_MODEL,
+    runs: RunsOption = None,
+    out: Annotated[Path, typer.Option(help="Folder for the tables.")] = Path("runs/eval"),
+    quick: Annotated[bool, typer.Option("--quick", help="A tenth of the size: to try.")] = False,
+    split: SplitOption = "heldout",
+    threads: ThreadsOption = 0,
+    seed: SeedOption = 0,
+) -> None:
+    """All tables at their default sizes: NAME.json, .md and .png of each in a folder.
+
+    Each table is written when it is finished, so Ctrl-C leaves those before.
+    """
+    mocap(data, json=out / "mocap.json")
+    for name, table in TABLES.items():
+        console.rule(name)
+        table(
+            models=models, threads=threads, seed=seed, json=out / f"{name}.json",
+            **({} if name in SERVED else {"data": data, "split": split}),
+            **({"runs": runs} if name in PARTS else {}),
+            **(QUICK[name] if quick else {}),
+        )  # fmt: skip

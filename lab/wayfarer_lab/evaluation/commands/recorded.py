@@ -1,0 +1,90 @@
+"""Tables of recorded motion: the recordings themselves, predictors and regressors on them."""
+
+from typing import Annotated
+
+import typer
+
+from wayfarer.stage import DEFAULT_MODEL
+from wayfarer_lab.evaluation.commands.options import (
+    CountOption,
+    JsonOption,
+    ModelsOption,
+    RecordedOption,
+    RunsOption,
+    SeedOption,
+    SplitOption,
+    ThreadsOption,
+)
+from wayfarer_lab.evaluation.commands.shared import (
+    finish,
+    origin,
+    recorded_gait,
+    recorded_stillness,
+)
+from wayfarer_lab.evaluation.gait import Row
+from wayfarer_lab.evaluation.report import MOCAP
+from wayfarer_lab.evaluation.tracks import Recorded
+from wayfarer_lab.training.mocap.store import Dataset
+
+app = typer.Typer()
+
+
+@app.command()
+def mocap(data: RecordedOption, json: JsonOption = None) -> None:
+    """Judge the recordings themselves, by the same code, one row for each split."""
+    gait: list[Row] = []
+    still: list[Row] = []
+    for split in sorted({clip.split for clip in Dataset.load(data).clips}):
+        recorded = Recorded(data, split)
+        gait += recorded_gait(recorded, f"{MOCAP} {split}")
+        still += recorded_stillness(recorded, f"{MOCAP} {split}")
+    finish(json, {"Recorded locomotion": gait, "Recorded standing": still}, data=str(data))
+
+
+@app.command()
+def predictor(
+    data: RecordedOption,
+    models: ModelsOption = DEFAULT_MODEL,
+    runs: RunsOption = None,
+    split: SplitOption = "heldout",
+    samples: Annotated[int, typer.Option(help="Futures per seed.", min=2)] = 10,
+    count: CountOption = 1000,
+    threads: ThreadsOption = 0,
+    seed: SeedOption = 0,
+    json: JsonOption = None,
+) -> None:
+    """Errors and diversity of the predictors (Tab. S1), beside the simplest guesses.
+
+    The row "mocap" guesses the recorded futures of those primitives of the train split whose
+    seeds are nearest.
+    """
+    from wayfarer_lab.evaluation.models import ALIKE_SEEDS, predictor_rows
+    from wayfarer_lab.evaluation.parts import load_parts
+
+    recorded, memory = Recorded(data, split), Recorded(data, "train")
+    parts = load_parts(models, runs, threads)
+    rows = predictor_rows(parts, recorded, samples, count, seed, memory)
+    finish(
+        json, {"Predictors": rows}, ("ade_m", "fde_m", "mmade_m", "mmfde_m", "apd_m"),
+        **origin(models, runs, data, split, seed), alike_seeds_m=ALIKE_SEEDS,
+    )  # fmt: skip
+
+
+@app.command()
+def regressor(
+    data: RecordedOption,
+    models: ModelsOption = DEFAULT_MODEL,
+    runs: RunsOption = None,
+    split: SplitOption = "heldout",
+    count: CountOption = 300,
+    threads: ThreadsOption = 0,
+    seed: SeedOption = 0,
+    json: JsonOption = None,
+) -> None:
+    """Errors of the body regressors (Tab. S2), with the recorded shapes and with random ones."""
+    from wayfarer_lab.evaluation.models import regressor_rows
+    from wayfarer_lab.evaluation.parts import load_parts
+
+    recorded = Recorded(data, split)
+    rows = regressor_rows(load_parts(models, runs, threads), recorded, count, seed)
+    finish(json, {"Regressors": rows}, **origin(models, runs, data, split, seed))

@@ -1,0 +1,154 @@
+"""Tables of open rollouts: bodies that go on from a pose as the models please."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+
+from wayfarer.body.library import load_body
+from wayfarer.stage import BODY, DEFAULT_MODEL
+from wayfarer_lab.evaluation import report
+from wayfarer_lab.evaluation.commands.options import (
+    DataOption,
+    JsonOption,
+    ModelsOption,
+    RunsOption,
+    SeedOption,
+    SplitOption,
+    ThreadsOption,
+)
+from wayfarer_lab.evaluation.commands.shared import finish, origin
+from wayfarer_lab.evaluation.tracks import Recorded
+
+if TYPE_CHECKING:  # these load torch, which `wayfarer eval --help` must not
+    from wayfarer_lab.evaluation.random_motion import Bench
+    from wayfarer_lab.evaluation.rollout import Poses
+
+app = typer.Typer()
+
+PosesOption = Annotated[int, typer.Option(help="Start poses, half of each gender.", min=2)]
+
+
+@app.command()
+def realism(
+    models: ModelsOption = DEFAULT_MODEL,
+    runs: RunsOption = None,
+    poses: PosesOption = 100,
+    seconds: Annotated[float, typer.Option(help="Length of each motion.", min=1.0)] = 10.0,
+    data: DataOption = None,
+    split: SplitOption = "heldout",
+    threads: ThreadsOption = 0,
+    seed: SeedOption = 0,
+    json: JsonOption = None,
+) -> None:
+    """Let bodies move at random and judge how real it is, variant by variant (Fig. 3).
+
+    Latents come from N(0, I), for `ro-policy` from the policy on the way to random goals; there is
+    no search. With --data, start poses are frames of the split; without, the shipped ones, and
+    there is neither a row "mocap" nor a Fréchet distance.
+    """
+    from wayfarer_lab.evaluation.frechet import FRAMES, Reference
+    from wayfarer_lab.evaluation.random_motion import realism as make
+    from wayfarer_lab.evaluation.realism import Motion
+
+    recorded = Recorded(data, split) if data else None
+    reference = mocap = None
+    if data and recorded:
+        train, mocap = Recorded(data, "train"), Motion.recorded(recorded)
+        names = train.bodies["male"].marker_names
+        long = Motion.recorded(train, FRAMES)
+        reference = Reference.of((track.markers for track in long.tracks), names)
+    with _bench(models, runs, threads, seed) as bench:
+        tables = make(bench, _poses(recorded, poses, seed), seconds, mocap, reference)
+    finish(
+        json, tables,
+        ("contact_paper", "contact_strict", "slide_cm_s", "both_feet_skating",
+         "penetration_cm", "jerk_m_s3", "seam_ratio", "frechet_v1"),
+        **origin(models, runs, data, split, seed), poses=poses, seconds=seconds,
+    )  # fmt: skip
+
+
+@app.command()
+def bodies(
+    models: ModelsOption = DEFAULT_MODEL,
+    runs: RunsOption = None,
+    extent: Annotated[
+        float, typer.Option(help="Standard deviations of the outermost shapes.", min=0.1, max=5.0)
+    ] = 2.5,
+    futures: Annotated[int, typer.Option(help="Motions of each pose and gender.", min=1)] = 3,
+    seconds: Annotated[float, typer.Option(help="Length of each motion.", min=1.0)] = 5.0,
+    data: DataOption = None,
+    split: SplitOption = "heldout",
+    threads: ThreadsOption = 0,
+    seed: SeedOption = 0,
+    json: JsonOption = None,
+) -> None:
+    """Ten shapes of body from the same ten start poses, and each pose by itself (Sec. A.2).
+
+    Every row has the same noise. With a policy, rows also tell how many of the bodies reach a goal
+    5 m ahead, and in how many primitives.
+    """
+    from wayfarer_lab.evaluation.random_motion import SHAPES
+    from wayfarer_lab.evaluation.random_motion import bodies as make
+    from wayfarer_lab.evaluation.realism import Motion
+
+    recorded = Recorded(data, split) if data else None
+    mocap = Motion.recorded(recorded) if recorded else None
+    with _bench(models, runs, threads, seed) as bench:
+        tables = make(bench, _poses(recorded, 2 * SHAPES, seed), extent, futures, seconds, mocap)
+    finish(
+        json, tables, ("contact_strict", "slide_cm_s", "both_feet_skating", "speed_mps", "steps"),
+        **origin(models, runs, data, split, seed), extent=extent, futures=futures, seconds=seconds,
+    )  # fmt: skip
+
+
+@app.command()
+def skating(
+    models: ModelsOption = DEFAULT_MODEL,
+    runs: RunsOption = None,
+    poses: PosesOption = 900,
+    primitives: Annotated[int, typer.Option(help="Length of each motion.", min=5)] = 20,
+    data: DataOption = None,
+    split: SplitOption = "heldout",
+    threads: ThreadsOption = 0,
+    seed: SeedOption = 0,
+    json: JsonOption = None,
+) -> None:
+    """MOJO's measure of foot skating over random motion (Sec. A.3), beside stricter ones."""
+    from wayfarer_lab.evaluation.random_motion import skating as make
+    from wayfarer_lab.evaluation.realism import Motion
+
+    recorded = Recorded(data, split) if data else None
+    mocap = Motion.recorded(recorded) if recorded else None
+    with _bench(models, runs, threads, seed) as bench:
+        tables = make(bench, _poses(recorded, poses, seed), primitives, mocap)
+    finish(
+        json, tables, **origin(models, runs, data, split, seed), poses=poses, primitives=primitives
+    )
+
+
+def _poses(recorded: Recorded | None, count: int, seed: int) -> "list[Poses]":
+    """Start poses from the split, or the shipped ones."""
+    from wayfarer_lab.evaluation.rollout import recorded_poses, standing_poses
+
+    random = np.random.default_rng(seed)
+    return recorded_poses(recorded, count, random) if recorded else standing_poses(count, random)
+
+
+@contextmanager
+def _bench(models: Path, runs: Path | None, threads: int, seed: int) -> "Iterator[Bench]":
+    """What the rows of a table share, and a line that says which is being made."""
+    from wayfarer_lab.evaluation.parts import load_parts
+    from wayfarer_lab.evaluation.random_motion import Bench
+
+    parts = load_parts(models, runs, threads)
+    with report.progress() as bar:
+        task = bar.add_task("", total=None)
+
+        def watch(name: str) -> None:
+            bar.update(task, description=f"{name} (rows)", advance=1)
+
+        yield Bench(parts, load_body(BODY, "male", "low"), seed, watch)

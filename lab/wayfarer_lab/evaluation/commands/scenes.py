@@ -1,0 +1,114 @@
+"""`wayfarer eval scenes`: how agents get about in scenes and among each other."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+from rich.progress import Progress, TaskID
+
+from wayfarer.stage import DEFAULT_MODEL, open_stage
+from wayfarer_lab.evaluation.commands.options import (
+    CandidatesOption,
+    EngineOption,
+    JsonOption,
+    ModelsOption,
+    SeedOption,
+    ThreadsOption,
+)
+from wayfarer_lab.evaluation.commands.shared import finish, origin
+from wayfarer_lab.evaluation.goals import Watch
+from wayfarer_lab.evaluation.report import progress
+from wayfarer_lab.evaluation.scenes.pictures import Focus, plan, save, view
+from wayfarer_lab.evaluation.scenes.play import House
+from wayfarer_lab.evaluation.scenes.scenarios.changes import crates, doors
+from wayfarer_lab.evaluation.scenes.scenarios.corridor import corridor
+from wayfarer_lab.evaluation.scenes.scenarios.cubes import cubes
+from wayfarer_lab.evaluation.scenes.scenarios.seen import Seen
+from wayfarer_lab.evaluation.scenes.scenarios.square import square
+from wayfarer_lab.evaluation.scenes.scenarios.uneven import slope, storeys
+
+app = typer.Typer()
+
+Scenario = Callable[[House, int, int, Watch], Seen]
+"""(house, seed, how many people, watch)"""
+
+SCENARIOS: Final[Mapping[str, tuple[Scenario, int]]] = {
+    "cubes": (cubes, 100),
+    "corridor": (corridor, 20),
+    "slope": (slope, 8),
+    "storeys": (storeys, 8),
+    "doors": (doors, 8),
+    "crates": (crates, 16),
+}
+"""What is tried, and with how many people; in the corridor so many at either end."""
+
+SQUARE, PEOPLE = "square", 200
+ALL: Final = (*SCENARIOS, SQUARE)
+CAMERAS: Final = {
+    "cubes": Focus((10.0, 9.0), 13.0),
+    "corridor": Focus((12.0, 0.0), 7.5, elevation=60.0),
+    "slope": Focus((10.0, 11.0), 9.0),
+    "storeys": Focus((4.5, 3.0), 7.5),
+    "doors": Focus((12.0, 0.0), 12.0, elevation=60.0),
+    "crates": Focus((10.0, 9.0), 13.0),
+    SQUARE: Focus((0.0, -3.0), 19.0),
+}
+"""What the pictures show of each."""
+
+PLOTS = ("success", "penetration_frames", "overlap_frames", "walked_ratio", "foot_gap_mean_cm")
+
+
+def _check_only(names: str) -> str:
+    if unknown := set(names.split(",")) - set(ALL):
+        raise typer.BadParameter(f"{', '.join(sorted(unknown))}; there are {', '.join(ALL)}")
+    return names
+
+
+@app.command()
+def scenes(
+    models: ModelsOption = DEFAULT_MODEL,
+    only: Annotated[
+        str, typer.Option(help="Scenarios, with commas between.", callback=_check_only)
+    ] = ",".join(ALL),
+    scale: Annotated[
+        float, typer.Option(help="Share of the usual number of people.", min=0.01, max=4)
+    ] = 1.0,
+    minutes: Annotated[float, typer.Option(help="Minutes in the square.", min=0.05)] = 10.0,
+    pictures: Annotated[
+        Path | None,
+        typer.Option(help="Also write pictures here: everybody's way from above, and a view."),
+    ] = None,
+    candidates: CandidatesOption = 4,
+    engine: EngineOption = "onnxruntime",
+    threads: ThreadsOption = 1,
+    seed: SeedOption = 0,
+    json: JsonOption = None,
+) -> None:
+    """Let people find their way through the example scenes, and see what they touch."""
+    house = House(open_stage(models, threads, engine), candidates)
+    tried: dict[str, tuple[Scenario, int]] = {
+        **SCENARIOS,
+        SQUARE: (partial(square, 60 * minutes), PEOPLE),
+    }
+    rows, worst = [], {}
+    with progress() as bar:
+        for name in only.split(","):
+            scenario, usual = tried[name]
+            task = bar.add_task(name, total=None)
+            people = max(1, round(scale * usual))
+            seen = scenario(house, seed, people, partial(_advance, bar, task))
+            rows.append(seen.row)
+            worst[name] = seen.witness.worst()
+            if pictures:
+                save(pictures / f"{name}.png", plan(seen.scene, seen.witness.trails()))
+                save(pictures / f"{name}_view.png", view(seen.scene, seen.witness, CAMERAS[name]))
+    finish(
+        json, {"Scenes": rows}, PLOTS, **origin(models, None, None, "", seed), engine=engine,
+        candidates=candidates, scale=scale, minutes=minutes, worst=worst,
+    )  # fmt: skip
+
+
+def _advance(bar: Progress, task: TaskID, done: float, total: float) -> None:
+    bar.update(task, completed=int(done), total=int(total))

@@ -1,0 +1,66 @@
+"""What several tables share: rows of gait, the bar over seconds of motion, the end of a command."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from wayfarer.stage import Bodies
+from wayfarer_lab.evaluation import report
+from wayfarer_lab.evaluation.gait import Row, Windows, gait_row, stillness_row
+from wayfarer_lab.evaluation.goals import Watch
+from wayfarer_lab.evaluation.tracks import Recorded
+from wayfarer_lab.training.mocap.selection import Use
+
+
+def gait_rows(name: str, motion: Windows, bodies: Bodies) -> list[Row]:
+    """Rows of all windows and of those at walking speed. Both genders have the same markers."""
+    soles = next(iter(bodies.values())).sole_markers
+    return [
+        gait_row(name, motion, soles),
+        gait_row(f"{name}, 0.9-1.4 m/s", motion.at_walking_speed(), soles),
+    ]
+
+
+def recorded_gait(recorded: Recorded, name: str = report.MOCAP) -> list[Row]:
+    """Gait rows of the recorded locomotion of a split."""
+    return gait_rows(name, recorded.windows(Use.LOCOMOTION), recorded.bodies)
+
+
+def recorded_stillness(recorded: Recorded, name: str = report.MOCAP) -> list[Row]:
+    """The stillness row of the recorded standing of a split."""
+    return [stillness_row(f"{name}, standing", recorded.windows(Use.STANDING))]
+
+
+def origin(
+    models: Path, runs: Path | None, data: Path | None, split: str, seed: int
+) -> dict[str, Any]:
+    """What a table was made from, for its meta part."""
+    return {
+        "seed": seed,
+        "models": str(models),
+        "runs": str(runs) if runs else None,
+        "data": str(data) if data else None,
+        "split": split if data else None,
+    }
+
+
+@contextmanager
+def progress(title: str) -> Iterator[Watch]:
+    """A bar over seconds of motion."""
+    with report.progress() as bar:
+        task = bar.add_task(f"{title} (seconds of motion)", total=None)
+        yield lambda done, total: bar.update(task, completed=int(done), total=int(total))
+
+
+def finish(
+    json: Path | None, tables: dict[str, list[Row]], plots: Sequence[str] = (), **about: Any
+) -> None:
+    """Print the tables, and write them as JSON, Markdown and plots when asked to.
+
+    `plots` names the figures worth a look (see `report.write`).
+    """
+    for title, rows in tables.items():
+        report.show(title, rows)
+    if json is not None:
+        report.write(json, tables, plots, **about)

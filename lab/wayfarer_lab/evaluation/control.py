@@ -1,0 +1,202 @@
+"""Motion control as the paper tests it (Sec. 4.2, Table 1): random bodies, random goals.
+
+A body stands in the centre of an area of 20 × 20 m; its goal lies anywhere in it. *Offline* methods
+grow a tree of primitives for each pair (`runtime.beam`), as the paper does: all nodes of a level
+are the body's clones, and the simulation ends when one of them reaches the goal or after 60
+primitives. *Online* methods are the service's own: one body, which takes no step back.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.body.model import BodyModel
+from wayfarer.runtime.agent import AgentSpec, Goal
+from wayfarer.runtime.engines.engine import Engine
+from wayfarer.runtime.search.beam import grow
+from wayfarer.runtime.search.beam_settings import BeamSettings
+from wayfarer.runtime.search.plan import Level, Problem, Tree
+from wayfarer.runtime.world.rows import Index
+from wayfarer.runtime.world.world import World
+from wayfarer.spec import STEP_SECONDS
+from wayfarer.stage import Bodies
+from wayfarer_lab.evaluation.figures import distances, first, mean, share
+from wayfarer_lab.evaluation.gait import Row, Windows, gait_row
+from wayfarer_lab.evaluation.goals import Errand, Order, Plan, random_specs, run_errands
+from wayfarer_lab.evaluation.outcome import NEAR, REACHED, STEP_LIMIT, judge
+from wayfarer_lab.evaluation.posture import Trunk, lean
+from wayfarer_lab.evaluation.tracks import Track, skin_track
+
+Array = NDArray[np.floating[Any]]
+
+AREA: Final = 10.0
+"""Metres from the centre of the area to its sides (paper Sec. 3.3.1)."""
+
+TOGETHER: Final = 20
+"""Pairs whose trees grow together: bounds memory."""
+
+JUDGED: Final = 4
+"""Clones of a body whose gait is judged, chosen at random: skinning all would take minutes."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A body and its goal."""
+
+    spec: AgentSpec
+    goal: Goal
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What became of one pair, when its first clone reached the goal or after 60 primitives."""
+
+    steps: float  # primitives until then; NaN: not reached
+    near: bool  # a clone came within 0.3 m in 60 primitives
+    distances: Array  # [clones] metres, hips to goal; 0 for those who have reached it
+    tracks: list[Track]  # of the clones that are judged
+
+
+def random_pairs(count: int, speed: float, random: np.random.Generator) -> list[Pair]:
+    """Genders in turn; shape, pose, facing and goal by chance, the goal uniform over the area."""
+    return [Pair(spec, _random_goal(spec, speed, random)) for spec in random_specs(count, random)]
+
+
+def offline(
+    engine: Engine,
+    world: World,
+    bodies: Bodies,
+    pairs: Sequence[Pair],
+    settings: BeamSettings,
+    random: np.random.Generator,
+) -> Iterator[Trial]:
+    """Trials by tree search; `settings.reach` must be the nearer of the two distances, 0.3 m."""
+    for begin in range(0, len(pairs), TOGETHER):
+        some = pairs[begin : begin + TOGETHER]
+        specs, goals = [p.spec for p in some], [[p.goal] for p in some]
+        problem = Problem.of(specs, world.prepare(specs), goals)
+        trees = grow(engine, problem, settings)
+        owners = _owners(trees[0].levels)
+        for row, (pair, tree) in enumerate(zip(some, trees, strict=True)):
+            nodes = [np.flatnonzero(owner == row) for owner in owners[: tree.depth]]
+            yield _tree_trial(tree, nodes, pair, bodies[pair.spec.gender], random)
+
+
+def online(
+    world: World, bodies: Bodies, pairs: Sequence[Pair], foot_lock: bool = False
+) -> Iterator[Trial]:
+    """Trials of single bodies in a world, as served; without the foot lock, as the model makes
+    them, which is how trees are judged, too.
+    """
+    errands = [
+        Errand(replace(p.spec, foot_lock=foot_lock), (Order(0.0, _always([p.goal])),))
+        for p in pairs
+    ]
+    # a goal takes effect a primitive after it is given
+    seconds = (STEP_LIMIT + 2) * STEP_SECONDS
+    for pair, course in zip(pairs, run_errands(world, errands, seconds), strict=True):
+        outcome = judge(course)
+        left = 0.0 if outcome.reached is not None else outcome.final_distance
+        body = bodies[pair.spec.gender]
+        track = course.track(body, outcome.walking())
+        yield Trial(outcome.steps, outcome.near is not None, np.array([left]), [track])
+
+
+def control_row(name: str, trials: Sequence[Trial], body: BodyModel) -> Row:
+    """Table 1's figures and those of the gait; both genders have the same markers.
+
+    `avg_dist` counts bodies within 0.75 m as 0, as GAMMA's code does: only so does the paper's
+    0.04 m go with a success of 0.99. Figures `walk_…` are of windows at 0.9 … 1.4 m/s.
+    """
+    steps = [trial.steps for trial in trials]
+    row: Row = {
+        "name": name,
+        "pairs": len(trials),
+        "success": share([not np.isnan(s) for s in steps]),
+        "success_03m": share([trial.near for trial in trials]),
+        "steps": mean(steps),
+        "avg_dist": float(np.mean([trial.distances.mean() for trial in trials])),
+    }
+    motion = Windows.join([track.windows() for trial in trials for track in trial.tracks])
+    return row | gait_figures(motion, body)
+
+
+def mocap_row(name: str, motion: Windows, body: BodyModel) -> Row:
+    """Recorded locomotion, by the same code: it was sent to no goal."""
+    goal = dict.fromkeys(("success", "success_03m", "steps", "avg_dist"), float("nan"))
+    return {"name": name, "pairs": 0, **goal, **gait_figures(motion, body)}
+
+
+def gait_figures(motion: Windows, body: BodyModel) -> Row:
+    """Gait of all windows, and under `walk_…` of those at walking speed."""
+    trunk = Trunk.of(body)
+    figures: Row = {}
+    for prefix, part in (("", motion), ("walk_", motion.at_walking_speed())):
+        row = lean(gait_row("", part, body.sole_markers), part, trunk)
+        row["contact"] = row.pop("contact_paper", float("nan"))
+        figures |= {prefix + key: value for key, value in row.items() if key != "name"}
+    return figures
+
+
+def _random_goal(spec: AgentSpec, speed: float, random: np.random.Generator) -> Goal:
+    while True:
+        way = random.uniform(-AREA, AREA, 2)
+        if np.linalg.norm(way) > REACHED:  # else it would be reached without a step
+            x, y = (spec.position + way).tolist()
+            return Goal((x, y, 0.0), speed=speed)
+
+
+def _always(path: Sequence[Goal]) -> Plan:
+    return lambda agent: path
+
+
+def _owners(levels: Sequence[Level]) -> list[Index]:
+    """For each level, the pair that each of its nodes belongs to."""
+    owners: list[Index] = []
+    for level in levels:
+        owners.append(owners[-1][level.parent] if owners else level.parent)
+    return owners
+
+
+def _tree_trial(
+    tree: Tree,
+    nodes: Sequence[Index],
+    pair: Pair,
+    body: BodyModel,
+    random: np.random.Generator,
+) -> Trial:
+    """A trial from a tree grown to 0.3 m: it is cut where the first node is within 0.75 m.
+
+    `nodes` are the tree's own rows of each level.
+    """
+    if not tree.depth:  # nothing that could be shown came out of the first step
+        start = distances(np.array(pair.spec.position), pair.goal)
+        return Trial(float("nan"), False, start[None], [])
+    ways = [
+        distances(level.translation[rows], pair.goal)
+        for level, rows in zip(tree.levels, nodes, strict=False)
+    ]
+    reached = first(np.array([(way <= REACHED).any() for way in ways], bool))
+    last = tree.depth - 1 if reached is None else reached
+    left = np.where((ways[last] <= REACHED).any(-1), 0.0, ways[last][:, -1])
+    chosen = random.permutation(nodes[last])[:JUDGED]
+    return Trial(
+        steps=float("nan") if reached is None else reached + 1.0,
+        near=any((way <= NEAR).any() for way in ways),
+        distances=left,
+        tracks=[_track(tree.levels[: last + 1], int(row), pair.spec, body) for row in chosen],
+    )
+
+
+def _track(levels: Sequence[Level], row: int, spec: AgentSpec, body: BodyModel) -> Track:
+    """Skinned path to row `row` of the last of `levels`."""
+    hips, rotations = [], []
+    for level in reversed(levels):
+        hips.append(level.translation[row])
+        rotations.append(level.rotations[row])
+        row = int(level.parent[row])
+    joined = (np.concatenate(part[::-1]) for part in (hips, rotations))
+    return skin_track(body, np.array(spec.betas), *joined)

@@ -1,0 +1,169 @@
+"""Agents on errands, through the world that serves: all at once, on their own clock."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import cos, pi, sin
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.body.model import BodyModel
+from wayfarer.runtime.agent import AgentInfo, AgentSpec, AgentState, Goal, MotionChunk, SessionSpec
+from wayfarer.runtime.world.heading import facing_of
+from wayfarer.runtime.world.slots import Motion
+from wayfarer.runtime.world.world import World
+from wayfarer.spec import BETAS, GENDERS, NEW_FRAMES
+from wayfarer_lab.evaluation.tracks import Track, skin_track
+
+Array = NDArray[np.floating[Any]]
+Watch = Callable[[float, float], None]
+"""Told how many seconds of motion are done, of how many."""
+
+Plan = Callable[[AgentInfo], Sequence[Goal]]
+"""The path that an agent is given, from what it is doing at that moment."""
+
+MAX_BETA: Final = 2.0
+
+LEAD_IN: Final = 2.0
+"""Seconds of standing before the first order."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """A path of one goal or more, and when it is given."""
+
+    at: float  # seconds after the lead-in
+    plan: Plan
+
+
+@dataclass(frozen=True)
+class Errand:
+    """What one agent is to do."""
+
+    spec: AgentSpec
+    orders: tuple[Order, ...]  # in order of time; the first at 0
+
+
+@dataclass(frozen=True)
+class Given:
+    """An order as it was carried out."""
+
+    path: tuple[Goal, ...]
+    frame: int  # the first that was made for it
+
+
+@dataclass(frozen=True)
+class Course:
+    """What an agent did, from the first frame that was made for its first order. World space."""
+
+    spec: AgentSpec
+    given: tuple[Given, ...]
+    hips: Array  # [T, 3]
+    rotations: Array  # [T, 22, 4] x, y, z, w; joint 0 is the hips' world rotation
+    standing: NDArray[np.bool_]  # [T] the agent says it stands
+
+    @cached_property
+    def facing(self) -> Array:
+        """Horizontal unit vector that the body faces. [T, 2]"""
+        return facing_of(self.rotations[:, 0])
+
+    @property
+    def goal(self) -> Goal:
+        """The last goal of the last order."""
+        return self.given[-1].path[-1]
+
+    def latest(self) -> "Course":
+        """The part from the first frame that was made for the last order."""
+        frame = self.given[-1].frame
+        return replace(
+            self,
+            given=(replace(self.given[-1], frame=0),),
+            hips=self.hips[frame:],
+            rotations=self.rotations[frame:],
+            standing=self.standing[frame:],
+        )
+
+    def track(self, body: BodyModel, frames: slice = slice(None)) -> Track:
+        """Skinned markers of some of its frames."""
+        betas = np.array(self.spec.betas)
+        return skin_track(body, betas, self.hips[frames], self.rotations[frames])
+
+
+def random_specs(count: int, random: np.random.Generator) -> list[AgentSpec]:
+    """Agents of both genders in turn, random shapes and headings, 10 m apart."""
+    side = int(np.ceil(np.sqrt(count)))
+    return [
+        AgentSpec(
+            gender=GENDERS[i % len(GENDERS)],
+            betas=tuple(random.uniform(-MAX_BETA, MAX_BETA, BETAS).tolist()),
+            position=(10.0 * (i % side), 10.0 * (i // side)),
+            heading=float(random.uniform(-pi, pi)),
+            noise_seed=int(random.integers(2**63)),
+        )
+        for i in range(count)
+    ]
+
+
+def relative(agent: AgentInfo, ahead: float, left: float) -> tuple[float, float, float]:
+    """The place so many metres ahead of an agent and to its left, on the floor."""
+    x, y, _ = agent.position
+    s, c = sin(agent.heading), cos(agent.heading)
+    return (x - ahead * s - left * c, y + ahead * c - left * s, 0.0)
+
+
+def run_errands(
+    world: World,
+    errands: Sequence[Errand],
+    seconds: float,
+    *,
+    seeds: Sequence[Motion] | None = None,
+    watch: Watch = lambda done, total: None,
+) -> list[Course]:
+    """Let all agents go about their errands for `seconds` from the first order.
+
+    That comes after 2 s of standing; with `seeds`, at once: agents then begin in these motions.
+    """
+    session = world.create_session(SessionSpec(), 0.0).session_id
+    agents = [
+        a.agent_id
+        for a in world.create_agents(session, [errand.spec for errand in errands], 0.0, seeds)
+    ]
+    start = 0.0 if seeds is not None else LEAD_IN
+    chunks: dict[str, list[MotionChunk]] = {agent: [] for agent in agents}
+    given: dict[str, list[tuple[int, tuple[Goal, ...]]]] = {agent: [] for agent in agents}
+
+    def advance(until: float) -> None:
+        for chunk in world.advance(until):
+            if given[chunk.agent_id] and chunk.goal_revision >= given[chunk.agent_id][0][0]:
+                chunks[chunk.agent_id].append(chunk)
+            watch(chunk.scheduled_at, start + seconds)
+
+    for moment in sorted({order.at for errand in errands for order in errand.orders}):
+        advance(start + moment)
+        for agent, errand in zip(agents, errands, strict=True):
+            for order in errand.orders:
+                if order.at == moment:
+                    path = tuple(order.plan(world.get_agent(agent)))
+                    revision = world.set_path(agent, path, start + moment)
+                    given[agent].append((revision, path))
+    advance(start + seconds)
+    world.delete_session(session)
+    return [
+        _course(errand.spec, given[agent], chunks[agent])
+        for agent, errand in zip(agents, errands, strict=True)
+    ]
+
+
+def _course(
+    spec: AgentSpec, given: Sequence[tuple[int, tuple[Goal, ...]]], chunks: Sequence[MotionChunk]
+) -> Course:
+    revisions = np.repeat([c.goal_revision for c in chunks], NEW_FRAMES)
+    return Course(
+        spec=spec,
+        given=tuple(Given(path, int(np.argmax(revisions >= revision))) for revision, path in given),
+        hips=np.concatenate([c.translation for c in chunks]),
+        rotations=np.concatenate([c.rotations for c in chunks]),
+        standing=np.repeat([c.state == AgentState.STANDING for c in chunks], NEW_FRAMES),
+    )

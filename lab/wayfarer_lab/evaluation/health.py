@@ -1,0 +1,144 @@
+"""Is a body still a walking person? Counts what has gone wrong over a long run."""
+
+from dataclasses import dataclass, field
+from math import degrees
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.runtime.world.heading import facing_of
+from wayfarer.spec import FPS
+from wayfarer_lab.evaluation.gait import Row
+from wayfarer_lab.evaluation.posture import Trunk
+from wayfarer_lab.evaluation.tracks import Track
+
+Array = NDArray[np.floating[Any]]
+Flags = NDArray[np.bool_]
+
+FALLEN_HEIGHT: Final = 0.6
+"""Of the hips' height in the T-pose: lower hips have fallen."""
+
+FALLEN_TILT: Final = 60.0
+"""Degrees between the hips' up axis and the vertical: more has fallen."""
+
+TILTED: Final = 25.0
+"""Degrees between the trunk and that of the T-pose (`posture.Trunk`), for a second."""
+
+TILTED_FRAMES: Final = FPS
+
+OFF_FLOOR: Final = 0.08
+"""Metres of the lowest marker above (floating) or below (sunk) the floor, for half a second."""
+
+OFF_FLOOR_FRAMES: Final = FPS // 2
+
+EXTENT: Final = 3.0
+"""Metres from the hips to a marker: more has exploded."""
+
+SPIN_RANGE: Final = 1.5
+"""Metres, horizontal, hips to a goal that has not been reached: turning there may be spinning."""
+
+SPUN: Final = 540.0
+"""Degrees turned within that range, left turns against right ones: more is spinning."""
+
+FAULTS: Final = ("nan", "exploded", "fallen", "tilted", "floating", "sunk", "spinning")
+
+
+@dataclass
+class Streak:
+    """Counts frames of faults that must last: `needed` bad frames in a row, or they are none."""
+
+    needed: int
+    length: int = 0  # bad frames up to now, without a break
+
+    def count(self, bad: Flags) -> int:
+        """Go on with `bad` [T]: the frames in long streaks. A streak's earlier frames count when
+        it gets long.
+        """
+        counted = 0
+        for frame in bad.tolist():
+            self.length = self.length + 1 if frame else 0
+            if self.length == self.needed:
+                counted += self.needed
+            elif self.length > self.needed:
+                counted += 1
+        return counted
+
+
+@dataclass
+class Spin:
+    """How far an agent has turned since it came near a goal that it has not reached."""
+
+    turned: float = 0.0  # degrees, left turns positive
+    heading: float | None = None  # of the frame before; None: it was not near
+
+    def count(self, headings: Array, near: Flags) -> int:
+        """Go on with headings [T] (radians) and `near` [T]: the frames that spin."""
+        counted = 0
+        for heading, is_near in zip(headings.tolist(), near.tolist(), strict=True):
+            if not is_near:
+                self.turned, self.heading = 0.0, None
+                continue
+            if self.heading is not None:
+                self.turned += (degrees(heading - self.heading) + 180) % 360 - 180
+            self.heading = heading
+            counted += abs(self.turned) > SPUN
+        return counted
+
+
+@dataclass
+class Health:
+    """Faults of one agent, frame by frame; fed in any pieces, in order."""
+
+    rest_height: float  # metres, hips in the T-pose
+    trunk: Trunk
+    frames: int = 0
+    faults: dict[str, int] = field(default_factory=lambda: dict.fromkeys(FAULTS, 0))
+    _tilted: Streak = field(default_factory=lambda: Streak(TILTED_FRAMES))
+    _above: Streak = field(default_factory=lambda: Streak(OFF_FLOOR_FRAMES))
+    _below: Streak = field(default_factory=lambda: Streak(OFF_FLOOR_FRAMES))
+    _spin: Spin = field(default_factory=Spin)
+
+    def watch(self, track: Track, hips: Array, near: Flags) -> None:
+        """Count the frames of `track` with a fault.
+
+        hips [T, 4] are the hips' world rotations (x, y, z, w); near [T]: within `SPIN_RANGE` of a
+        goal that has not been reached.
+        """
+        self.frames += len(track.hips)
+        finite = np.isfinite(track.markers).all((-2, -1)) & np.isfinite(track.hips).all(-1)
+        reach = np.linalg.norm(track.markers - track.hips[:, None], axis=-1).max(-1)
+        low = track.hips[:, 2] < FALLEN_HEIGHT * self.rest_height
+        upright = 1 - 2 * (hips[:, 0] ** 2 + hips[:, 1] ** 2)  # cosine of the hips' tilt
+        lying = upright < np.cos(np.radians(FALLEN_TILT))
+        lowest = track.markers[..., 2].min(-1)
+        x, y = np.moveaxis(facing_of(hips), -1, 0)
+        for fault, frames in {
+            "nan": int((~finite).sum()),
+            "exploded": int((reach > EXTENT).sum()),
+            "fallen": int((low | lying).sum()),
+            "tilted": self._tilted.count(self.trunk.tilt(track.markers) > TILTED),
+            "floating": self._above.count(lowest > OFF_FLOOR),
+            "sunk": self._below.count(lowest < -OFF_FLOOR),
+            "spinning": self._spin.count(np.arctan2(-x, y), near),
+        }.items():
+            self.faults[fault] += frames
+
+
+def health_row(name: str, agents: list[Health], resets: int) -> Row:
+    """How many agents ever had each fault, and in what share of frames.
+
+    `resets` are the times that the runtime put a broken agent back on its feet before any
+    frame was sent: NaN and explosions that the stream does not show.
+    """
+    frames = sum(a.frames for a in agents)
+    row: Row = {
+        "name": name,
+        "agents": len(agents),
+        "minutes_each": frames / len(agents) / FPS / 60,
+        "resets": resets,
+    }
+    for fault in FAULTS:
+        row[f"{fault}_agents"] = sum(a.faults[fault] > 0 for a in agents)
+        row[f"{fault}_share"] = sum(a.faults[fault] for a in agents) / frames
+    return row

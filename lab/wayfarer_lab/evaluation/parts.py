@@ -1,0 +1,226 @@
+"""The trained networks one by one, to be joined in ways that the served graph does not offer.
+
+They come from a model folder (the ONNX graphs that other engines run) or from training runs (torch
+weights, base predictors included), with the same interface: that of the modules in `motion`.
+Forward only: an ONNX graph has no gradients.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, cast
+
+import numpy as np
+import onnxruntime
+import torch
+from torch import Tensor, nn
+
+from wayfarer.artifacts import GRAPHS, open_session
+from wayfarer.body.library import load_body
+from wayfarer.errors import ArtifactError, InvalidArgument
+from wayfarer.marker_bodies import load_marker_bodies
+from wayfarer.motion.marker_body import Shaped
+from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
+from wayfarer.motion.pose_prior import PosePrior
+from wayfarer.motion.predictor import MarkerPredictor, Posterior
+from wayfarer.motion.primitive import BLEND, GROUNDING, PrimitiveStep
+from wayfarer.motion.quality import Sites
+from wayfarer.motion.regressor import BodyRegressor, Pose
+from wayfarer.spec import GENDERS, PRIMITIVE_FRAMES
+from wayfarer.stage import load_models
+from wayfarer_lab.training.run import load_weights, read_run_config
+
+SHIPPED: Final = {"ro-1f": "predictor_1f.onnx", "ro-2f": "predictor_2f.onnx"}
+"""Predictors of a model folder by the paper's names: those that ship are trained over rollouts."""
+
+TRAINED: Final = {
+    "1f": "predictor_1f",
+    "2f": "predictor_2f",
+    "ro-1f": "predictor_1f_rollout",
+    "ro-2f": "predictor_2f_rollout",
+}
+"""Run folders of the predictors, in the order of Tab. S1 (the recipe: docs/models.md)."""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way to join the parts; `name` is its row."""
+
+    name: str
+    predictor: str  # "1f", "2f": trained on single primitives; "ro-1f", "ro-2f": over rollouts
+    blend: float = BLEND  # share of reprojected markers in the next seed
+    grounding: float = GROUNDING  # share of the height error taken off in a primitive; 0: none
+    policy: bool = False  # latents from the policy rather than from N(0, I)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Networks by name, and the bodies that they were trained on."""
+
+    predictors: Mapping[str, MarkerPredictor]
+    regressors: Mapping[str, BodyRegressor]  # by gender
+    policy: GoalPolicy | None
+    pose_prior: PosePrior | None
+    floor_origin: bool
+
+    def step(self, gender: str, variant: Variant) -> PrimitiveStep:
+        """The step that `variant` asks for. Raises InvalidArgument when a part is missing."""
+        if variant.predictor not in self.predictors:
+            raise InvalidArgument(
+                f"variant {variant.name!r} needs predictor {variant.predictor!r}; "
+                f"there are {sorted(self.predictors)}"
+            )
+        if variant.policy and self.policy is None:
+            raise InvalidArgument(f"variant {variant.name!r} needs a policy, and there is none")
+        body = load_marker_bodies()[gender]
+        return PrimitiveStep(
+            self.predictors[variant.predictor],
+            self.regressors[gender],
+            body,
+            Sites.from_names(load_body("anny52", gender, "low").marker_names),
+            self.policy if variant.policy else None,
+            self.floor_origin,
+            variant.blend,
+            variant.grounding,
+        ).eval()
+
+
+def load_parts(models: Path, runs: Path | None = None, threads: int = 0) -> Parts:
+    """The parts of a model folder; with `runs`, those that are trained there take their places.
+
+    `threads` go to onnxruntime and to torch; 0: all cores. Raises ArtifactError.
+    """
+    if threads:
+        torch.set_num_threads(threads)
+    parts = _from_models(models, threads)
+    return parts if runs is None else _with_runs(parts, runs)
+
+
+def _from_models(path: Path, threads: int) -> Parts:
+    folder = load_models(path)
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+
+    def session(file: str) -> onnxruntime.InferenceSession | None:
+        return open_session(path / file, options) if file in folder.contracts else None
+
+    predictors = {
+        name: cast(MarkerPredictor, OnnxPredictor(found, GRAPHS[file].seed_frames))
+        for name, file in SHIPPED.items()
+        if (found := session(file))
+    }
+    regressors = {
+        gender: cast(BodyRegressor, OnnxRegressor(found))
+        for gender in GENDERS
+        if (found := session(f"regressor_{gender}.onnx"))
+    }
+    if missing := [g for g in GENDERS if g not in regressors]:
+        raise ArtifactError(f"{path}: holds no regressor of {missing}: export the models anew")
+    found = session("policy.onnx")
+    policy = cast(GoalPolicy, OnnxPolicy(found)) if found else None
+    found = session("pose_encoder.onnx")
+    prior = cast(PosePrior, OnnxPosePrior(found)) if found else None
+    floor_origin = all(contract.floor_origin for contract in folder.contracts.values())
+    return Parts(predictors, regressors, policy, prior, floor_origin)
+
+
+def _with_runs(parts: Parts, runs: Path) -> Parts:
+    """`parts` with those that have a checkpoint under `runs`. Raises ArtifactError for none."""
+    bodies = load_marker_bodies()
+    predictors = dict(parts.predictors)
+    regressors = dict(parts.regressors)
+    policy, prior, floors = parts.policy, parts.pose_prior, set()
+    for name, folder in TRAINED.items():
+        if _finished(runs / folder):
+            config = read_run_config(runs / folder)
+            floors.add(bool(config["floor_origin"]))
+            predictors[name] = load_weights(MarkerPredictor(config["seed_frames"]), runs / folder)
+    for gender in GENDERS:
+        if _finished(runs / f"regressor_{gender}"):
+            empty = BodyRegressor(bodies[gender])
+            regressors[gender] = load_weights(empty, runs / f"regressor_{gender}")
+    if _finished(runs / "policy"):
+        policy = load_weights(GoalPolicy(), runs / "policy")
+    if _finished(runs / "pose_prior"):
+        prior = load_weights(PosePrior(), runs / "pose_prior")
+    if len(floors) > 1:
+        raise ArtifactError(f"{runs}: predictors differ in floor_origin and cannot be compared")
+    names = [*TRAINED.values(), *(f"regressor_{g}" for g in GENDERS), "policy", "pose_prior"]
+    if not any(_finished(runs / name) for name in names):
+        raise ArtifactError(f"{runs}: holds no checkpoint NAME/last.pt of {names}")
+    floor = floors.pop() if floors else parts.floor_origin
+    predictors = {name: predictors[name] for name in TRAINED if name in predictors}
+    return Parts(predictors, regressors, policy, prior, floor)
+
+
+def _finished(run: Path) -> bool:
+    return (run / "last.pt").exists()
+
+
+class OnnxPredictor(nn.Module):
+    """An exported decoder with the interface of `MarkerPredictor`."""
+
+    def __init__(self, session: onnxruntime.InferenceSession, seed_frames: int) -> None:
+        super().__init__()
+        self.session = session
+        self.seed_frames = seed_frames
+        self.new_frames = PRIMITIVE_FRAMES - seed_frames
+
+    def decode(self, seed: Tensor, latent: Tensor) -> Tensor:
+        """Seed [A, S, 201], latent [A, K, 128] → future [A, K, F, 201]."""
+        count = latent.shape[1]
+        rows = seed.repeat_interleave(count, 0)
+        (future,) = _run(self.session, ["future"], {"seed": rows, "latent": latent.flatten(0, 1)})
+        return future.unflatten(0, (-1, count))
+
+
+class OnnxRegressor(nn.Module):
+    """An exported regressor with the interface of `BodyRegressor`."""
+
+    def __init__(self, session: onnxruntime.InferenceSession) -> None:
+        super().__init__()
+        self.session = session
+
+    def forward(self, markers: Tensor, betas: Tensor) -> tuple[Tensor, Tensor]:
+        """Markers [..., F, 67, 3], betas [..., 10] → hips [..., F, 3], turns [..., F, 22, 3, 3]."""
+        flat = markers.flatten(-2)
+        shapes = betas[..., None, :].expand(*flat.shape[:-1], betas.shape[-1])
+        given = {"markers": flat.flatten(0, -2), "betas": shapes.flatten(0, -2)}
+        place, rotations = _run(self.session, ["translation", "rotations"], given)
+        lead = flat.shape[:-1]
+        return place.reshape(*lead, 3), rotations.reshape(*lead, -1, 3, 3)
+
+    def solve(self, markers: Tensor, betas: Tensor, shape: Shaped) -> Pose:
+        """As `BodyRegressor.solve`; the graph knows its body and works out the shape itself."""
+        place, rotations = self(markers, betas)
+        return Pose(place.permute(2, 1, 0), rotations.permute(3, 4, 2, 1, 0))
+
+
+class OnnxPolicy(nn.Module):
+    """An exported actor with the interface of `GoalPolicy`; it takes seeds of 2 frames."""
+
+    def __init__(self, session: onnxruntime.InferenceSession) -> None:
+        super().__init__()
+        self.session = session
+
+    def forward(self, seed: Tensor, condition: Condition) -> Gaussian:
+        """Seed [A, 2, 201], canonical frame → the distribution of latents."""
+        given = {"seed": seed, **condition._asdict()}
+        return Gaussian(*_run(self.session, Gaussian._fields, given))
+
+
+class OnnxPosePrior(nn.Module):
+    """An exported pose encoder with that part of the interface of `PosePrior`."""
+
+    def __init__(self, session: onnxruntime.InferenceSession) -> None:
+        super().__init__()
+        self.session = session
+
+    def encode(self, rotations: Tensor) -> Posterior:
+        """Local rotations [N, 21, 3, 3] → where in the latent space the poses lie [N, 32]."""
+        return Posterior(*_run(self.session, Posterior._fields, {"rotations": rotations}))
+
+
+def _run(session: Any, outputs: Any, given: Mapping[str, Tensor]) -> list[Tensor]:
+    arrays = {name: np.ascontiguousarray(value.numpy()) for name, value in given.items()}
+    return [torch.from_numpy(out) for out in session.run(list(outputs), arrays)]

@@ -1,0 +1,227 @@
+"""The paper's tables of open rollouts: realism (Fig. 3), bodies (Sec. A.2), skating (Sec. A.3)."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import torch
+
+from wayfarer.body.model import BodyModel
+from wayfarer.motion.rotation import matrix_from_quaternion
+from wayfarer.spec import BETAS, FPS, NEW_FRAMES
+from wayfarer_lab.evaluation.frechet import Reference
+from wayfarer_lab.evaluation.gait import Row, gait_row
+from wayfarer_lab.evaluation.outcome import REACHED, STEP_LIMIT
+from wayfarer_lab.evaluation.parts import Parts, Variant
+from wayfarer_lab.evaluation.realism import (
+    Array,
+    Motion,
+    PoseScore,
+    carried_figures,
+    realism_row,
+    skating_row,
+)
+from wayfarer_lab.evaluation.rollout import Goals, Poses, Rollout, random_goals, roll_out
+
+Watch = Callable[[str], None]
+"""Told the name of each row before it is made."""
+
+SHAPES: Final = 10
+"""Bodies between the two ends of the shape space, and start poses (Sec. A.2)."""
+
+TARGET: Final = 5.0
+"""Metres ahead of a start pose."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What all rows of a table share: they differ in nothing else."""
+
+    parts: Parts
+    body: BodyModel  # of either gender: it only names the markers
+    seed: int
+    watch: Watch = lambda name: None
+
+    @property
+    def pose_score(self) -> PoseScore | None:
+        """How usual poses are to the pose prior: exp(-|μ|² / 32), as its reward; None without."""
+        prior = self.parts.pose_prior
+        if prior is None:
+            return None
+
+        def score(rotations: Array) -> Array:
+            local = matrix_from_quaternion(torch.from_numpy(np.asarray(rotations, np.float32)))
+            mean = prior.encode(local[:, 1:]).mean
+            found: Array = torch.exp(-(mean * mean).mean(-1)).numpy()
+            return found
+
+        return score
+
+    def make(self, variant: Variant, poses: Sequence[Poses], frames: int) -> list[Rollout]:
+        """Rollouts of both genders; the same noise and goals for every variant and shape."""
+        made = []
+        for number, group in enumerate(poses):
+            goals: Goals | None = None
+            if variant.policy:
+                count = len(group.betas)
+                goals = random_goals(count, np.random.default_rng([self.seed, number]))
+            made.append(self._roll(variant, group, frames, number, goals))
+        return made
+
+    def reach(self, variant: Variant, poses: Sequence[Poses]) -> Row:
+        """How many of `poses` get to a goal 5 m ahead of them in 60 primitives, and how soon."""
+        steps = []
+        for number, group in enumerate(poses):
+            targets = _ahead(group)
+            made = self._roll(variant, group, STEP_LIMIT * NEW_FRAMES, number, _always(targets))
+            way = made.hips[..., :2] - targets[:, None, :2].numpy()
+            near = np.linalg.norm(way, axis=-1) < REACHED
+            steps += [int(row.argmax()) // NEW_FRAMES + 1 for row in near if row.any()]
+        count = sum(len(group.betas) for group in poses)
+        return {
+            "success_075m": len(steps) / count,
+            "steps": float(np.mean(steps)) if steps else float("nan"),
+        }
+
+    def _roll(
+        self, variant: Variant, poses: Poses, frames: int, number: int, goals: Goals | None
+    ) -> Rollout:
+        random = torch.Generator().manual_seed(2 * self.seed + number)
+        return roll_out(self.parts, variant, poses, frames, random, goals)
+
+
+def variants(parts: Parts) -> list[Variant]:
+    """All that Fig. 3 compares, and some of ours, as far as `parts` has them.
+
+    *ro*: trained over rollouts. *reproj*: only reprojected markers are handed on; *pred*: only
+    predicted ones; neither: their average. *ungrounded*: heights are left as they come.
+    """
+    wanted = [
+        *(Variant(name, name) for name in ("1f", "2f", "ro-1f", "ro-2f")),
+        Variant("reproj-1f", "1f", blend=1),
+        Variant("reproj-2f", "2f", blend=1),
+        Variant("ro-reproj-1f", "ro-1f", blend=1),
+        Variant("ro-reproj-2f", "ro-2f", blend=1),
+        Variant("ro-pred-1f", "ro-1f", blend=0),
+        Variant("ro-pred-2f", "ro-2f", blend=0),
+        Variant("ro-2f-ungrounded", "ro-2f", grounding=0),
+        Variant("ro-policy", "ro-2f", policy=True),
+    ]
+    return [v for v in wanted if v.predictor in parts.predictors and (parts.policy or not v.policy)]
+
+
+def realism(
+    bench: Bench,
+    poses: Sequence[Poses],
+    seconds: float,
+    mocap: Motion | None = None,
+    reference: Reference | None = None,
+) -> dict[str, list[Row]]:
+    """Fig. 3: every variant from the same poses, beside the recordings; and when they walk."""
+    body, walking = bench.body, list[Row]()
+
+    def judge(name: str, motion: Motion) -> Row:
+        windows = motion.windows().at_walking_speed()
+        walking.append(gait_row(f"{name}, 0.9-1.4 m/s", windows, body.sole_markers))
+        return realism_row(name, motion, body, reference, bench.pose_score)
+
+    rows = []
+    for variant in variants(bench.parts):
+        bench.watch(variant.name)
+        made = bench.make(variant, poses, round(seconds * FPS))
+        row = _judged(variant.name, made, judge)
+        rows.append(row | carried_figures([r.sound() for r in made], body.marker_names))
+    if mocap is not None:
+        bench.watch("mocap")
+        rows.append(judge("mocap", mocap))
+    return {"Realism": rows, "At walking speed": walking}
+
+
+def skating(
+    bench: Bench, poses: Sequence[Poses], primitives: int, mocap: Motion | None = None
+) -> dict[str, list[Row]]:
+    """Sec. A.3: MOJO's measure of skating, and stricter ones, for each predictor and the policy."""
+
+    def judge(name: str, motion: Motion) -> Row:
+        return skating_row(name, motion, bench.body)
+
+    rows = []
+    for variant in variants(bench.parts):
+        if variant.name in bench.parts.predictors or variant.policy:
+            bench.watch(variant.name)
+            made = bench.make(variant, poses, primitives * NEW_FRAMES)
+            rows.append(_judged(variant.name, made, judge))
+    if mocap is not None:
+        bench.watch("mocap")
+        rows.append(judge("mocap", mocap))
+    return {"Skating": rows}
+
+
+def bodies(
+    bench: Bench,
+    poses: Sequence[Poses],
+    extent: float,
+    futures: int,
+    seconds: float,
+    mocap: Motion | None = None,
+) -> dict[str, list[Row]]:
+    """Sec. A.2: ten shapes from the same start poses, and each start pose on the mean shape.
+
+    Shapes go from -`extent` to `extent` standard deviations along the first two components. Every
+    row has `futures` rollouts of each of ten poses (or as many of one pose), with the same noise.
+    With a policy, the rows also tell how soon a goal 5 m ahead is reached.
+    """
+    plain = next(v for v in reversed(variants(bench.parts)) if v.name in bench.parts.predictors)
+    steered = next((v for v in variants(bench.parts) if v.policy), None)
+
+    def judge(name: str, motion: Motion) -> Row:
+        return realism_row(name, motion, bench.body, pose_score=bench.pose_score)
+
+    def row(name: str, turns: torch.Tensor, betas: torch.Tensor) -> Row:
+        bench.watch(name)
+        group = [Poses(p.gender, turns, betas.expand(len(turns), -1)) for p in poses]
+        made = _judged(name, bench.make(plain, group, round(seconds * FPS)), judge)
+        return made | bench.reach(steered, group) if steered else made
+
+    turns = poses[0].rotations  # the same poses for both genders
+    every = turns.repeat_interleave(futures, 0)
+    shapes, starts = [], []
+    for size in np.linspace(-extent, extent, SHAPES):
+        betas = torch.zeros(BETAS)
+        betas[:2] = float(size)
+        shapes.append(row(f"shape {size:+.2f}", every, betas))
+    for number, turn in enumerate(turns):
+        same = turn.expand(len(every), -1, -1)
+        starts.append(row(f"pose {number}", same, torch.zeros(BETAS)))
+    spread = [_spread("std of shapes", shapes), _spread("std of poses", starts)]
+    real = [judge("mocap", mocap)] if mocap is not None else []
+    return {"Shapes": shapes + real, "Start poses": starts, "Spread": spread}
+
+
+def _ahead(poses: Poses) -> torch.Tensor:
+    """Points [A, 3] on the floor, 5 m in front of bodies that stand at the origin."""
+    right = matrix_from_quaternion(poses.rotations[:, 0])[:, :2, 0]
+    right = right / right.norm(dim=-1, keepdim=True)
+    return TARGET * torch.stack([-right[:, 1], right[:, 0], torch.zeros(len(right))], -1)
+
+
+def _always(goals: torch.Tensor) -> Goals:
+    return lambda hips: goals
+
+
+def _judged(name: str, made: Sequence[Rollout], judge: Callable[[str, Motion], Row]) -> Row:
+    """The row of a variant: `lost` are those that did not stay bodies; only the others count."""
+    sound = [rollout.sound() for rollout in made]
+    tracks = [track for rollout in sound for track in rollout.tracks()]
+    count = sum(len(rollout.hips) for rollout in made)
+    row: Row = {"name": name, "motions": count, "lost": 1 - len(tracks) / count}
+    return row | judge(name, Motion(tracks, made[0].seam_every)) if tracks else row
+
+
+def _spread(name: str, rows: Sequence[Row]) -> Row:
+    """Standard deviation over rows of every figure that is not a count."""
+    figures = [k for k, v in rows[0].items() if isinstance(v, float) and k != "seconds"]
+    return {"name": name} | {
+        figure: float(np.std([float(r.get(figure, np.nan)) for r in rows])) for figure in figures
+    }

@@ -1,0 +1,241 @@
+"""Open rollouts: primitive after primitive, one latent each, without search (paper Sec. 4.1).
+
+Bodies begin frozen in a pose. As in GAMMA, a 2-frame model gets its first seed from a primitive of
+the 1-frame model, where there is one; that *lead-in* is not measured, for any model.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from wayfarer.errors import InvalidArgument
+from wayfarer.motion.marker_body import Shaped
+from wayfarer.motion.obstacles import no_obstacles
+from wayfarer.motion.primitive import PrimitiveStep, StepResult
+from wayfarer.motion.rotation import matrix_from_quaternion
+from wayfarer.runtime.world.spawn import load_start_poses
+from wayfarer.spec import BETAS, GENDERS, LATENT
+from wayfarer.stage import START_POSES
+from wayfarer.terms import WALK, weights
+from wayfarer_lab.evaluation.health import EXTENT
+from wayfarer_lab.evaluation.outcome import REACHED
+from wayfarer_lab.evaluation.parts import Parts, Variant
+from wayfarer_lab.evaluation.tracks import Recorded, Track
+
+Array = NDArray[np.floating[Any]]
+
+WALKING_SPEED: Final = 1.2
+"""m/s that the policy is asked for."""
+
+AREA: Final = 10.0
+"""Metres from the start on either axis within which random goals lie (20 × 20 m, Sec. 4.2)."""
+
+Goals = Callable[[Tensor], Tensor]
+"""Places of the hips [A, 2] → goals [A, 3]; called before every primitive."""
+
+
+@dataclass(frozen=True)
+class Poses:
+    """A bodies of one gender, each frozen in a pose."""
+
+    gender: str
+    rotations: Tensor  # [A, 22, 4]
+    betas: Tensor  # [A, 10]
+
+
+class Seed(NamedTuple):
+    """S frames that a primitive begins with."""
+
+    markers: Tensor  # [A, S, 67, 3]
+    translation: Tensor  # [A, S, 3]
+    rotations: Tensor  # [A, S, 22, 4]
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """A bodies of one gender over T frames, and what went from primitive to primitive."""
+
+    markers: Array  # [A, T, 67, 3] of the skinned bodies, world
+    hips: Array  # [A, T, 3]
+    rotations: Array  # [A, T, 22, 4]
+    carried: Array  # [A, P, S, 67, 3] markers of each next seed
+    seam_every: int  # frames; a seam lies before frame 0 and before each of its multiples
+
+    def sound(self) -> "Rollout":
+        """Only those that stayed bodies: finite, every marker within 3 m of the hips."""
+        reach = np.linalg.norm(self.markers - self.hips[:, :, None], axis=-1).max((-2, -1))
+        rows = reach < EXTENT  # a NaN fails
+        return Rollout(
+            self.markers[rows],
+            self.hips[rows],
+            self.rotations[rows],
+            self.carried[rows],
+            self.seam_every,
+        )
+
+    def tracks(self) -> list[Track]:
+        """Body by body."""
+        motions = zip(self.markers, self.hips, self.rotations, strict=True)
+        return [Track(*body) for body in motions]
+
+    def reprojected(self) -> Array:
+        """Markers of the bodies at the frames of `carried` [A, P, S, 67, 3]."""
+        bodies, primitives, frames = self.carried.shape[:3]
+        cut = self.markers.reshape(bodies, primitives, self.seam_every, *self.markers.shape[2:])
+        return cut[:, :, -frames:]
+
+
+def recorded_poses(recorded: Recorded, count: int, random: np.random.Generator) -> list[Poses]:
+    """`count` random frames in use, half of them of each gender, in the recorded shapes."""
+    chosen = []
+    for gender, number in _halves(count):
+        clips = [c for c in recorded.clips if c.gender == gender]
+        rows = [c.start + np.flatnonzero(recorded.data.use[c.start : c.stop]) for c in clips]
+        frames = np.concatenate([np.zeros(0, np.int64), *rows])
+        if not len(frames):
+            raise InvalidArgument(f"the split has no frames of {gender} bodies in use")
+        shapes = np.repeat([c.betas for c in clips], [len(r) for r in rows], axis=0)
+        picked = random.choice(len(frames), number, replace=len(frames) < number)
+        turns = recorded.data.rotations[frames[picked]]
+        chosen.append(_poses(gender, turns, shapes[picked]))
+    return chosen
+
+
+def standing_poses(count: int, random: np.random.Generator) -> list[Poses]:
+    """`count` of the shipped start poses, half of each gender, in random shapes (σ 1, ≤ 2.5)."""
+    known = load_start_poses(START_POSES)
+    return [
+        _poses(
+            gender,
+            known[random.integers(len(known), size=number)],
+            random.standard_normal((number, BETAS)).clip(-2.5, 2.5),
+        )
+        for gender, number in _halves(count)
+    ]
+
+
+def random_goals(count: int, random: np.random.Generator) -> Goals:
+    """Each body's goal anywhere in 20 × 20 m; another one when it is reached (0.75 m)."""
+
+    def draw(rows: int) -> Tensor:
+        return torch.from_numpy(random.uniform(-AREA, AREA, (rows, 2)).astype(np.float32))
+
+    places = draw(count)
+
+    def goals(hips: Tensor) -> Tensor:
+        reached = (places - hips).norm(dim=-1) < REACHED
+        places[reached] = draw(int(reached.sum()))
+        return torch.cat([places, torch.zeros(count, 1)], -1)
+
+    return goals
+
+
+@torch.inference_mode()
+def roll_out(
+    parts: Parts,
+    variant: Variant,
+    poses: Poses,
+    frames: int,
+    random: torch.Generator,
+    goals: Goals | None = None,
+) -> Rollout:
+    """Generate whole primitives that cover `frames` frames, after the lead-in.
+
+    `goals` are for variants with a policy; the others draw latents from N(0, I) and know none.
+    """
+    step = parts.step(poses.gender, variant)
+    shape, keep = step.body.shaped(poses.betas), step.predictor.seed_frames
+    lead = _lead(parts, variant, poses.gender) or step
+    still = _frozen(step, poses)
+    seed = Seed(*(part.repeat_interleave(lead.predictor.seed_frames, 1) for part in still))
+    result = _advance(lead, seed, poses, random, goals)
+    markers = result.next_seed_markers
+    if len(markers[0]) != keep:  # a 1-frame primitive hands on one frame only
+        markers = _skin(step, shape, result)[:, -keep:]
+    seed = _seed(markers, result)
+
+    every = step.predictor.new_frames
+    bodies, hips, turns, carried = [], [], [], []
+    for _ in range(-(-frames // every)):
+        result = _advance(step, seed, poses, random, goals)
+        seed = _seed(result.next_seed_markers, result)
+        bodies.append(_skin(step, shape, result))
+        hips.append(result.translation)
+        turns.append(result.rotations)
+        carried.append(seed.markers)
+    return Rollout(
+        markers=torch.cat(bodies, 1).numpy(),
+        hips=torch.cat(hips, 1).numpy(),
+        rotations=torch.cat(turns, 1).numpy(),
+        carried=torch.stack(carried, 1).numpy(),
+        seam_every=every,
+    )
+
+
+def _lead(parts: Parts, variant: Variant, gender: str) -> PrimitiveStep | None:
+    """The 1-frame step of the same training, without a policy; None where there is none."""
+    name = variant.predictor.replace("2f", "1f")
+    if name not in parts.predictors:
+        return None
+    return parts.step(gender, replace(variant, predictor=name, policy=False))
+
+
+def _frozen(step: PrimitiveStep, poses: Poses) -> Seed:
+    """One frame: hips over the origin, the lowest sole marker on the floor."""
+    rotations = poses.rotations[:, None]
+    places = torch.zeros(len(rotations), 1, 3)
+    local = matrix_from_quaternion(rotations)
+    markers, _ = step.body.skin(step.body.shaped(poses.betas), places, local)
+    soles = step.sites.left_sole + step.sites.right_sole
+    lift = -markers[:, :, soles, 2].amin(-1)[..., None] * torch.tensor([0.0, 0.0, 1.0])
+    return Seed(markers + lift[:, :, None], places + lift, rotations)
+
+
+def _advance(
+    step: PrimitiveStep, seed: Seed, poses: Poses, random: torch.Generator, goals: Goals | None
+) -> StepResult:
+    count = len(poses.betas)
+    hips = seed.translation[:, -1, :2]
+    result: StepResult = step(
+        seed_markers=seed.markers,
+        seed_translation=seed.translation,
+        seed_rotations=seed.rotations,
+        betas=poses.betas,
+        goal=torch.zeros(count, 3) if goals is None else goals(hips),
+        target_speed=torch.full((count,), WALKING_SPEED),
+        facing=torch.zeros(count, 2),
+        term_weights=torch.tensor(weights(WALK)).expand(count, -1),
+        policy=torch.ones(count),  # counts only where the step has one
+        noise=torch.randn(count, 1, LATENT, generator=random),
+        obstacles=no_obstacles(count),
+    )
+    return result
+
+
+def _seed(markers: Tensor, result: StepResult) -> Seed:
+    keep = markers.shape[1]
+    return Seed(markers, result.translation[:, -keep:], result.rotations[:, -keep:])
+
+
+def _skin(step: PrimitiveStep, shape: Shaped, result: StepResult) -> Tensor:
+    """Markers [A, F, 67, 3] of the bodies of a step."""
+    local = matrix_from_quaternion(result.rotations)
+    return step.body.skin(shape, result.translation, local)[0]
+
+
+def _poses(gender: str, rotations: Array, betas: Array) -> Poses:
+    return Poses(
+        gender,
+        torch.from_numpy(np.asarray(rotations, np.float32)),
+        torch.from_numpy(np.asarray(betas, np.float32)),
+    )
+
+
+def _halves(count: int) -> list[tuple[str, int]]:
+    """Both genders' shares of `count`; none is empty when `count` is 2 or more."""
+    return [(GENDERS[0], count - count // 2), (GENDERS[1], count // 2)]

@@ -1,0 +1,134 @@
+"""A session in a scene: who is in it, what happens there, and the witness of it."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import atan2
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.navigation.scene import Scene
+from wayfarer.navigation.spec import Obstacle, Point2
+from wayfarer.runtime.agent import AgentSpec, ChunkFlag, MotionChunk, SessionSpec
+from wayfarer.runtime.scenes.book import Book
+from wayfarer.runtime.world.steering import Steering
+from wayfarer.spec import BETAS, GENDERS
+from wayfarer.stage import Stage
+from wayfarer_lab.evaluation.gait import Row
+from wayfarer_lab.evaluation.goals import MAX_BETA
+from wayfarer_lab.evaluation.scenes.cost import WORLD, Cost
+from wayfarer_lab.evaluation.scenes.witness import Witness
+
+Array = NDArray[np.floating[Any]]
+
+
+def person(number: int, random: np.random.Generator, at: Point2, towards: Point2) -> AgentSpec:
+    """Both genders in turn, of random shape, facing a point."""
+    return AgentSpec(
+        gender=GENDERS[number % len(GENDERS)],
+        betas=tuple(random.uniform(-MAX_BETA, MAX_BETA, BETAS).tolist()),
+        position=at,
+        heading=atan2(at[0] - towards[0], towards[1] - at[1]),
+        noise_seed=int(random.integers(2**63)),
+    )
+
+
+@dataclass(frozen=True)
+class House:
+    """What plays are made with: models, bodies, and the search of the service."""
+
+    stage: Stage
+    candidates: int
+
+    def play(
+        self,
+        scene: Scene,
+        agents: int,
+        *,
+        avoid: bool,
+        every: int = 4,
+        witness: Witness | None = None,
+    ) -> "Play":
+        """A world with one session in the scene. `avoid`: agents see and avoid each other.
+
+        Of its frames each `every`-th is judged, unless there is a `witness` who has seen others.
+        """
+        witness = witness or Witness(self.stage.bodies, scene, every, strangers=avoid)
+        return Play(self, scene, agents, avoid, witness)
+
+
+class Play:
+    """One session of a world of its own."""
+
+    def __init__(
+        self, house: House, scene: Scene, agents: int, avoid: bool, witness: Witness
+    ) -> None:
+        self.scene, self.now, self.cost = scene, 0.0, Cost()
+        self.witness = witness
+        witness.change(scene)
+        self._book = Book()
+        self._scene_id = self._book.add(scene).scene_id
+        stage = replace(house.stage, engine=self.cost.engine(house.stage.engine))
+        steering = Steering().with_search(candidates=house.candidates)
+        self.world = stage.world(agents, steering, self._book)
+        self.cost.watch(self.world)
+        spec = SessionSpec(scene=self._scene_id, avoid=avoid)
+        self.session_id = self.world.create_session(spec, 0.0).session_id
+        self.gone: set[str] = set()
+
+    def enter(self, specs: Sequence[AgentSpec]) -> list[str]:
+        """People who come now; their ids."""
+        infos = self.world.create_agents(self.session_id, specs, self.now)
+        for info, spec in zip(infos, specs, strict=True):
+            self.witness.meet(info.agent_id, spec)
+        return [info.agent_id for info in infos]
+
+    def leave(self, agent_id: str) -> None:
+        """Somebody goes; of what he has done nothing is lost."""
+        self.world.delete_agent(agent_id)
+        self.gone.add(agent_id)
+
+    def run(self, until: float) -> Iterator[MotionChunk]:
+        """All chunks up to a time, as they are sent."""
+        chunks = self.world.advance(until)
+        step = self.cost.timed(lambda: next(chunks, None), WORLD)
+        while (chunk := step()) is not None:
+            self.now = max(self.now, chunk.scheduled_at)
+            if chunk.agent_id in self.gone:
+                continue  # it left in the same moment
+            if chunk.agent_id not in self.witness:
+                self.witness.meet(chunk.agent_id, self.world.get_agent(chunk.agent_id).spec)
+            self.witness.see(chunk)
+            yield chunk
+        self.now = until
+
+    def put(self, name: str, obstacle: Obstacle) -> None:
+        """An obstacle comes, or is moved."""
+        self._book.put(self._scene_id, name, obstacle)
+        self._changed()
+
+    def remove(self, name: str) -> None:
+        """An obstacle goes."""
+        self._book.remove(self._scene_id, name)
+        self._changed()
+
+    def figures(self) -> Row:
+        """All that was seen so far, and what it cost."""
+        self.witness.finish()
+        return self.witness.figures() | self.cost.figures(self.now)
+
+    def _changed(self) -> None:
+        self.scene = self._book.scene(self._scene_id)
+        self.witness.change(self.scene)
+
+
+def arrived(chunk: MotionChunk) -> bool:
+    """Whether its goal was reached while it lasted."""
+    return ChunkFlag.ARRIVED in chunk.flags
+
+
+def walked(way: Array, every: int = 3) -> float:
+    """Metres of a way [N, 2 | 3] of chunks, without the sway of the hips: by every third place."""
+    rough = np.concatenate([way[:-1:every], way[-1:]])[:, :2]
+    return float(np.linalg.norm(np.diff(rough, axis=0), axis=-1).sum())

@@ -1,0 +1,58 @@
+"""What all scenarios give, and people who go about their errands in them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.navigation.scene import Scene
+from wayfarer.runtime.agent import AgentSpec, Goal
+from wayfarer.spec import STEP_SECONDS
+from wayfarer_lab.evaluation.gait import Row
+from wayfarer_lab.evaluation.goals import Watch
+from wayfarer_lab.evaluation.scenes.play import Play, arrived
+from wayfarer_lab.evaluation.scenes.witness import Witness
+
+Array = NDArray[np.floating[Any]]
+
+AFTER: Final = 1.0
+"""Seconds that somebody who has arrived is still watched."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The row of a scenario, and what to draw of it."""
+
+    row: Row
+    scene: Scene
+    witness: Witness
+
+
+def errands(
+    play: Play,
+    people: Sequence[AgentSpec],
+    paths: Sequence[Sequence[Goal]],
+    limit: float,
+    watch: Watch,
+) -> Array:
+    """Let people go about their paths; seconds until each has reached its last goal, or NaN. [n]
+
+    They leave a second later: the way counts, and not the standing at its end.
+    """
+    ids = play.enter(people)
+    number = {agent: k for k, agent in enumerate(ids)}
+    for agent, path in zip(ids, paths, strict=True):
+        play.world.set_path(agent, path, play.now)
+    seconds = np.full(len(ids), np.nan)
+    for chunk in play.run(limit):
+        k = number[chunk.agent_id]
+        if np.isnan(seconds[k]) and arrived(chunk) and chunk.waypoint == len(paths[k]) - 1:
+            seconds[k] = chunk.scheduled_at + STEP_SECONDS
+        if chunk.scheduled_at >= seconds[k] + AFTER:
+            play.leave(chunk.agent_id)
+            if len(number) == len(play.gone):
+                break
+        watch(chunk.scheduled_at, limit)
+    return seconds

@@ -1,0 +1,99 @@
+"""The reading side of a simulated client: which primitives came, when, and which never did."""
+
+import math
+from dataclasses import dataclass
+
+from wayfarer.spec import STEP_SECONDS
+from wayfarer.v1 import agent_pb2, motion_pb2
+from wayfarer_lab.load.goals import GoalWatch
+from wayfarer_lab.load.poses import PoseCheck
+from wayfarer_lab.load.tally import Tally
+
+STANDING = agent_pb2.AGENT_STATE_STANDING
+REDUCED, HELD = motion_pb2.CHUNK_FLAG_REDUCED, motion_pb2.CHUNK_FLAG_HELD
+
+LOST_S = STEP_SECONDS
+"""A primitive that comes later than this has nothing left to show: a miss."""
+
+
+@dataclass(slots=True)
+class Latest:
+    """The primitive of an agent that came last."""
+
+    seq: int
+    due: float  # its scheduled instant, Unix seconds
+
+
+class Reader:
+    """Counts one session's stream. Times: Unix seconds, by the clock of the server.
+
+    What counts are the primitives that fall due in [since, until). An agent has one every 0.2 s
+    from its first on: those that are left out, dropped, or taken off its schedule by a server that
+    has fallen behind are misses all the same, and as late as they are when that shows.
+    """
+
+    def __init__(self, tally: Tally, since: float, until: float = math.inf) -> None:
+        self.goals = GoalWatch(tally)
+        self._tally = tally
+        self._since, self._until = since, until
+        self._latest: dict[int, Latest] = {}  # by alias
+        self._check = PoseCheck()
+
+    def take(self, message: motion_pb2.StreamMotionResponse, now: float) -> None:
+        """Count a message that came at `now`."""
+        if message.HasField("header"):
+            self._check = PoseCheck(message.header)
+        if self._since <= now < self._until:
+            self._tally.bytes += message.ByteSize()
+        chunks = message.batch.chunks
+        columns = zip(
+            *(chunks.aliases, chunks.seqs, chunks.scheduled_at_us),
+            *(chunks.goal_revisions, chunks.states, chunks.flags),
+            strict=True,
+        )
+        for row, (alias, seq, at, revision, state, flags) in enumerate(columns):
+            due = 1e-6 * at
+            self._follow(alias, seq, due, now)
+            self.goals.seen(alias, revision, now)
+            if self._since <= due < self._until:
+                self._count(now - due, state, flags)
+                self._tally.malformed += not self._check.passes(chunks, row)
+
+    def _follow(self, alias: int, seq: int, due: float, now: float) -> None:
+        latest = self._latest.get(alias)
+        if latest is None:
+            self._latest[alias] = Latest(seq, due)
+            return
+        self._tally.repeated += seq <= latest.seq
+        self._lose(latest, round((due - latest.due) / STEP_SECONDS) - 1, now)
+        latest.seq, latest.due = seq, due
+
+    def _count(self, late: float, state: int, flags: int) -> None:
+        tally = self._tally
+        tally.chunks += 1
+        tally.lateness.add(late)
+        tally.late += late > LOST_S
+        tally.idle += state == STANDING
+        if flags:
+            tally.reduced += bool(flags & REDUCED)
+            tally.held += bool(flags & HELD)
+
+    def _lose(self, latest: Latest, count: int, now: float) -> None:
+        """So many primitives after the latest have not come by `now`."""
+        for number in range(1, count + 1):
+            due = latest.due + number * STEP_SECONDS
+            if self._since <= due < self._until:
+                self._tally.lost += 1
+                self._tally.lateness.add(now - due)
+
+    def finish(self, agents: int, now: float) -> None:
+        """Nothing more is read: what `agents` agents have not sent in time by `now` is lost."""
+        last = min(now - LOST_S, self._until)
+        for latest in self._latest.values():
+            self._lose(latest, math.ceil((last - latest.due) / STEP_SECONDS) - 1, now)
+        silent = max(agents - len(self._latest), 0)
+        self._tally.silent += silent
+        for _ in range(silent):  # their schedule is not known: as if it began with the measuring
+            begun = Latest(-1, self._since - STEP_SECONDS)
+            self._lose(begun, math.ceil((last - begun.due) / STEP_SECONDS) - 1, now)
+        self.goals.finish(now)

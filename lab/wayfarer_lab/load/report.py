@@ -1,0 +1,129 @@
+"""What a load run shows: a table, a JSON file, a plot."""
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from wayfarer_lab.load.tally import Latencies, Tally
+
+SHOWN = {
+    "lateness_ms": "lateness of primitives, ms",
+    "first_chunk_ms": "first chunk, ms",
+    "goal_latency_ms": "goal to first changed pose, ms",
+    "refusal_ms": "refusal of agents, ms",
+}
+
+
+FAULTS = ("silent", "unanswered", "repeated", "malformed")
+
+MOST_GENERATOR = 0.7
+"""Cores: a generator that takes more of its one may itself be late."""
+
+
+def show(summary: dict[str, Any], console: Console) -> None:
+    """Print the figures."""
+    table = Table("", "p50", "p95", "p99", "p99.9", "max")
+    for key, title in SHOWN.items():
+        if values := summary[key]:
+            table.add_row(title, *(f"{value:.1f}" for value in values.values()))
+    console.print(table)
+    cpu = summary["cpu"]
+    server = "–" if cpu["server"] is None else f"{cpu['server']:.2f}"
+    console.print(
+        f"{summary['agents']} agents ({summary['refused']} refused), {summary['chunks']} chunks, "
+        f"[bold]{summary['misses']} missed[/bold], {summary['reduced']} reduced, "
+        f"{summary['held']} held, {100 * summary['idle_share']:.0f} % of agents standing; "
+        f"CPU in cores: server {server}, generator {cpu['generator']:.2f}"
+    )
+    if cpu["generator"] > MOST_GENERATOR:
+        console.print("[yellow]the generator itself is busy: some of this lateness is its own")
+    if memory := summary["server_rss_mb"]:
+        console.print(
+            f"server memory, MB: {memory['start']:.0f} at first, {memory['warm']:.0f} after the "
+            f"warm-up, {memory['end']:.0f} at the end ({memory['growth']:+.1%})"
+        )
+    if faults := {name: summary[name] for name in FAULTS if summary[name]}:
+        console.print(f"[red]faults: {faults}")
+    if summary["failures"]:
+        console.print(f"failed calls: {summary['failures']}")
+
+
+def write(path: Path, summary: dict[str, Any], meta: dict[str, Any], tally: Tally) -> None:
+    """Write `path` (JSON) and, beside it, a plot of the run's percentiles."""
+    _write_json(path, summary, meta)
+    _plot(path.with_suffix(".png"), tally, summary)
+
+
+def write_knee(
+    path: Path, found: int, trials: list[dict[str, Any]], p99_ms: float, meta: dict[str, Any]
+) -> None:
+    """Write `path` (JSON) and, beside it, a plot of lateness and misses over agents."""
+    _write_json(path, {"knee": found, "p99_ms": p99_ms, "trials": trials}, meta)
+    _plot_knee(path.with_suffix(".png"), found, trials, p99_ms)
+
+
+def _write_json(path: Path, document: dict[str, Any], meta: dict[str, Any]) -> None:
+    stamp = datetime.now(UTC).isoformat(timespec="seconds")
+    path.write_text(json.dumps(document | {"meta": meta | {"date": stamp}}, indent=2) + "\n")
+
+
+def _plot(path: Path, tally: Tally, summary: dict[str, Any]) -> None:
+    from matplotlib.figure import Figure
+
+    memory = summary["server_rss_mb"]
+    figure = Figure(figsize=(7, 7 if memory else 4), layout="constrained")
+    upper, *lower = figure.subplots(2 if memory else 1, squeeze=False).flat
+    _plot_latencies(upper, tally, summary["agents"])
+    for axes in lower:
+        axes.plot(*zip(*memory["samples"], strict=True))
+        axes.set(xlabel="seconds of measuring", ylabel="server memory, MB")
+        axes.set_ylim(bottom=0)
+        axes.grid(alpha=0.3)
+    figure.savefig(path, dpi=120)
+
+
+def _plot_latencies(axes: Any, tally: Tally, agents: int) -> None:
+    for name, latencies in (
+        ("lateness of primitives", tally.lateness),
+        ("goal to first changed pose", tally.goal_latency),
+    ):
+        if latencies.count:
+            axes.plot(*_curve(latencies), label=name)
+    ticks = [0.5, 0.9, 0.99, 0.999, 0.9999]
+    axes.set_xscale("log")
+    axes.set_xticks([1 / (1 - t) for t in ticks], [f"{100 * t:g} %" for t in ticks])
+    axes.set(xlabel="percentile", ylabel="ms", title=f"{agents} agents")
+    axes.grid(alpha=0.3)
+    axes.legend()
+
+
+def _plot_knee(path: Path, found: int, trials: list[dict[str, Any]], p99_ms: float) -> None:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7, 4), layout="constrained")
+    axes = figure.subplots()
+    ordered = sorted((t for t in trials if t["lateness_ms"]), key=lambda trial: trial["agents"])
+    agents = [trial["agents"] for trial in ordered]
+    axes.plot(agents, [trial["lateness_ms"]["p99"] for trial in ordered], "o-", label="p99, ms")
+    axes.axhline(p99_ms, color="gray", linestyle="--", label="p99 that is in time")
+    axes.set_yscale("log")
+    axes.set(xlabel="agents", ylabel="lateness, ms", title=f"in time: {found} agents")
+    if found:
+        axes.axvline(found, color="green", alpha=0.5)
+    rates = axes.twinx()
+    rates.plot(agents, [100 * trial["miss_rate"] for trial in ordered], "rx", label="missed, %")
+    rates.set(ylabel="missed, %", ylim=(0, None))
+    figure.legend(loc="outside lower center", ncols=3)
+    figure.savefig(path, dpi=120)
+
+
+def _curve(latencies: Latencies) -> tuple[list[float], list[float]]:
+    """1 / (1 - share) and milliseconds, as HDR histograms are usually drawn."""
+    shares = [1 - 10 ** (-k / 20) for k in range(6, 101)]
+    known = [s for s in shares if (1 - s) * latencies.count >= 1] or shares[:1]
+    values = [latencies.histogram.get_value_at_percentile(100 * s) / 1e3 for s in known]
+    return [1 / (1 - s) for s in known], values

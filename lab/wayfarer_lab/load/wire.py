@@ -1,0 +1,92 @@
+"""The few calls that a simulated client makes: plain stubs, so that the generator stays cheap."""
+
+import time
+from collections.abc import AsyncIterator
+from urllib.parse import quote
+
+import grpc
+import websockets
+
+from wayfarer.v1 import (
+    agent_pb2_grpc,
+    goal_pb2_grpc,
+    motion_pb2,
+    motion_pb2_grpc,
+    session_pb2_grpc,
+)
+from wayfarer_lab.load.tally import Latencies
+from wayfarer_lab.load.target import Target
+
+MESSAGE_BYTES = 64 << 20
+
+
+class StreamError(Exception):
+    """By the server or the network; says how."""
+
+
+class Connection:
+    """A gRPC channel of its own, as a client on its own machine would have."""
+
+    def __init__(self, target: Target) -> None:
+        self.metadata = target.metadata
+        self._target = target
+        self._channel = grpc.aio.insecure_channel(
+            target.grpc,
+            options=[
+                ("grpc.use_local_subchannel_pool", 1),  # else all channels share a connection
+                ("grpc.max_receive_message_length", MESSAGE_BYTES),
+            ],
+        )
+        self.sessions = session_pb2_grpc.SessionServiceStub(self._channel)
+        self.agents = agent_pb2_grpc.AgentServiceStub(self._channel)
+        self.goals = goal_pb2_grpc.GoalServiceStub(self._channel)
+        self._motion = motion_pb2_grpc.MotionServiceStub(self._channel)
+
+    async def close(self) -> None:
+        """End all calls."""
+        await self._channel.close(None)
+
+    async def stream(
+        self, session_id: str, transport: str
+    ) -> AsyncIterator[motion_pb2.StreamMotionResponse]:
+        """The messages of a stream over "grpc" or "websocket". Raises StreamError, in any case."""
+        messages = self._calls(session_id) if transport == "grpc" else self._frames(session_id)
+        try:
+            async for message in messages:
+                yield message
+        except grpc.aio.AioRpcError as error:
+            raise StreamError(error.code().name) from error
+        except (websockets.WebSocketException, OSError) as error:
+            raise StreamError(type(error).__name__) from error
+        raise StreamError("OK")
+
+    def _calls(self, session_id: str) -> AsyncIterator[motion_pb2.StreamMotionResponse]:
+        request = motion_pb2.StreamMotionRequest(session_id=session_id)
+        messages: AsyncIterator[motion_pb2.StreamMotionResponse] = self._motion.StreamMotion(
+            request, metadata=self.metadata
+        )
+        return messages
+
+    async def _frames(self, session_id: str) -> AsyncIterator[motion_pb2.StreamMotionResponse]:
+        url = self._target.http.replace("http", "ws", 1)
+        async with websockets.connect(
+            f"{url}/v1/stream?session={quote(session_id)}",
+            additional_headers=dict(self.metadata),
+            compression=None,
+            max_size=MESSAGE_BYTES,
+        ) as socket:
+            async for frame in socket:
+                if isinstance(frame, bytes):
+                    yield motion_pb2.StreamMotionResponse.FromString(frame)
+
+
+async def followed(
+    connection: Connection, session_id: str, transport: str, first_chunk: Latencies
+) -> AsyncIterator[motion_pb2.StreamMotionResponse]:
+    """A stream's messages; how long the first poses took is counted. Raises StreamError."""
+    began, waits = time.monotonic(), True
+    async for message in connection.stream(session_id, transport):
+        if waits and message.HasField("batch"):
+            first_chunk.add(time.monotonic() - began)
+            waits = False
+        yield message

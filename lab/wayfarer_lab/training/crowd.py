@@ -1,0 +1,95 @@
+"""Bodies of one gender in training: drawn from recorded motion, stepped, replaced if broken."""
+
+from dataclasses import dataclass, fields
+
+import torch
+from torch import Tensor
+
+from wayfarer.motion.marker_body import MarkerBody
+from wayfarer.motion.primitive import StepResult
+from wayfarer.motion.rotation import matrix_from_quaternion
+from wayfarer.spec import FPS, SEED_FRAMES
+from wayfarer_lab.training.dataset import Frames, WindowSampler, random_betas
+
+LOW_HIPS = 0.5
+"""Metres: lower hips have fallen."""
+
+TILTED = 0.7
+"""Cosine of the angle between the hips' up axis and the vertical below which a body has fallen."""
+
+
+@dataclass
+class Crowd:
+    """Where A agents stand between two steps, world space."""
+
+    markers: Tensor  # [A, S, 67, 3]
+    translation: Tensor  # [A, S, 3]
+    rotations: Tensor  # [A, S, 22, 4]
+    betas: Tensor  # [A, 10]
+
+    @property
+    def place(self) -> Tensor:
+        """Hips on the ground plane, last frame [A, 2]."""
+        return self.translation[:, -1, :2]
+
+    @property
+    def speed(self) -> Tensor:
+        """Horizontal m/s of the hips, last two frames [A]."""
+        return (self.translation[:, -1, :2] - self.translation[:, -2, :2]).norm(dim=-1) * FPS
+
+    @property
+    def facing(self) -> Tensor:
+        """Horizontal unit vector that the hips face, last frame [A, 2]."""
+        forward = matrix_from_quaternion(self.rotations[:, -1, 0])[:, :2, 1]
+        return forward / forward.norm(dim=-1, keepdim=True).clamp(min=1e-6)
+
+    def put(self, rows: Tensor, other: "Crowd") -> None:
+        """Replace some agents."""
+        for column in fields(self):
+            getattr(self, column.name)[rows] = getattr(other, column.name)
+
+    def detached(self) -> "Crowd":
+        """The same, cut off from the graph that made it."""
+        return Crowd(**{c.name: getattr(self, c.name).detach() for c in fields(self)})
+
+    def after(self, result: StepResult) -> "Crowd":
+        """Where a step leaves the agents."""
+        seed = self.markers.shape[1]
+        return Crowd(
+            markers=result.next_seed_markers,
+            translation=result.translation[:, -seed:],
+            rotations=result.rotations[:, -seed:],
+            betas=self.betas,
+        )
+
+    def broken(self) -> Tensor:
+        """Agents [A] that are not finite, have fallen or exploded."""
+        markers, hips = self.markers.detach().flatten(1, 2), self.translation[:, -1].detach()
+        up = matrix_from_quaternion(self.rotations[:, -1, 0].detach())[:, 2, 2]
+        extent = (markers - hips[:, None]).norm(dim=-1).amax(-1)
+        sound = (hips[:, 2] > LOW_HIPS) & (up > TILTED) & (extent < 2.0)
+        return ~(sound & markers.isfinite().all(-1).all(-1))
+
+
+class CrowdSampler:
+    """Draws agents in the midst of recorded motion, on bodies of random shapes."""
+
+    def __init__(self, frames: Frames, body: MarkerBody, seed_frames: int = SEED_FRAMES) -> None:
+        self.frames, self.body, self.seed_frames = frames, body, seed_frames
+        self.sampler = WindowSampler(frames, seed_frames)
+        # the soles decide how high a body of another shape stands
+        self.soles = frames.markers[..., 2].amin(-1)
+
+    @torch.no_grad()
+    def draw(self, count: int) -> Crowd:
+        """`count` agents whose first frame lies over the origin, facing as recorded."""
+        rows = self.sampler.draw(count)[:, None] + torch.arange(self.seed_frames)
+        betas = random_betas(count)
+        hips, rotations = self.frames.hips[rows].clone(), self.frames.rotations[rows]
+        hips[..., :2] -= hips[:, :1, :2].clone()
+        local = matrix_from_quaternion(rotations)
+        markers, _ = self.body.skin(self.body.shaped(betas), hips, local)
+        recorded = self.soles[rows].amin(-1)
+        lift = recorded - markers[..., 2].amin((-1, -2))
+        up = lift[:, None, None] * torch.tensor([0.0, 0.0, 1.0])
+        return Crowd(markers + up[:, None], hips + up, rotations, betas)

@@ -1,0 +1,193 @@
+"""Prepared motion as tensors: frames in the world, windows in their canonical frame.
+
+The predictor learns from windows of markers; the regressor from single poses, which can be
+re-skinned with any body shape.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from wayfarer.errors import InvalidArgument
+from wayfarer.marker_bodies import load_marker_bodies
+from wayfarer.motion.frame import canonical_frame, to_local
+from wayfarer.motion.marker_body import MarkerBody
+from wayfarer.motion.rotation import matrix_from_quaternion
+from wayfarer.spec import BETAS, GENDERS
+from wayfarer_lab.training.mocap.selection import Use
+from wayfarer_lab.training.mocap.store import ClipRange, Dataset, mirror
+
+
+@dataclass(frozen=True)
+class Poses:
+    """All poses of one split, end to end. Clip edges are respected by `starts`."""
+
+    hips: Tensor  # [N, 3] world
+    rotations: Tensor  # [N, 22, 4] local quaternions, joint 0 world
+    run: Tensor  # [N] frames left in the unbroken stretch that begins here, itself included
+    weight: Tensor  # [N] how often a window should start here, relative
+
+    def starts(self, length: int) -> tuple[Tensor, Tensor]:
+        """Frames where a window of `length` may start, and their weights."""
+        index = torch.nonzero((self.run >= length) & (self.weight > 0)).squeeze(-1)
+        if len(index) == 0:
+            raise InvalidArgument(f"the data hold no unbroken stretch of {length} frames")
+        return index, self.weight[index]
+
+
+@dataclass(frozen=True)
+class Frames(Poses):
+    """Poses with the markers of the bodies that took them."""
+
+    markers: Tensor  # [N, 67, 3] world
+    hips_rotation: Tensor  # [N, 3, 3]
+
+    def world(self, starts: Tensor, length: int) -> Tensor:
+        """Windows in the world [B, length, 67, 3]."""
+        return self.markers[starts[:, None] + torch.arange(length)]
+
+    def canonical(self, starts: Tensor, length: int, floor_origin: bool) -> Tensor:
+        """Windows [B, length, 201] in the canonical frame of their first frame."""
+        frame = canonical_frame(self.hips[starts], self.hips_rotation[starts], floor_origin)
+        windows = self.world(starts, length)
+        return to_local(frame, windows.flatten(1, 2)).reshape(len(starts), length, -1)
+
+
+class WindowSampler:
+    """Draws start frames with replacement, in proportion to their weight."""
+
+    def __init__(self, frames: Poses, length: int) -> None:
+        self.index, weight = frames.starts(length)
+        self._upto = torch.cumsum(weight.double(), 0)
+
+    def draw(self, count: int, generator: torch.Generator | None = None) -> Tensor:
+        """`count` start frames."""
+        u = torch.rand(count, dtype=torch.float64, generator=generator) * self._upto[-1]
+        return self.index[torch.searchsorted(self._upto, u).clamp(max=len(self.index) - 1)]
+
+
+def skin_frames(
+    hips: Tensor, rotations: Tensor, betas: Tensor, gender: Tensor, bodies: dict[str, MarkerBody]
+) -> Tensor:
+    """Markers [N, 67, 3] of frames whose body differs: gender [N] indexes `GENDERS`."""
+    markers = torch.empty(len(hips), 67, 3)
+    with torch.no_grad():
+        for g, name in enumerate(GENDERS):
+            for rows in torch.nonzero(gender == g).squeeze(-1).split(4096):
+                local = matrix_from_quaternion(rotations[rows])
+                markers[rows], _ = bodies[name](hips[rows], local, betas[rows])
+    return markers
+
+
+def random_betas(count: int, scale: float = 1.0) -> Tensor:
+    """Shapes drawn from the (unit variance) shape space, within 2.5 standard deviations."""
+    return (torch.randn(count, BETAS) * scale).clamp(-2.5, 2.5)
+
+
+def load_frames(
+    folder: Path, split: str, mix: Mapping[str, float], mirrored: bool = True, body: str = "anny52"
+) -> Frames:
+    """`load_poses` with markers, which takes a minute or two for the shipped data."""
+    poses, betas, gender = _read(folder, split, mix, mirrored)
+    return Frames(
+        hips=poses.hips,
+        rotations=poses.rotations,
+        run=poses.run,
+        weight=poses.weight,
+        markers=skin_frames(poses.hips, poses.rotations, betas, gender, load_marker_bodies(body)),
+        hips_rotation=matrix_from_quaternion(poses.rotations[:, 0]),
+    )
+
+
+def load_poses(folder: Path, split: str, mix: Mapping[str, float], mirrored: bool = True) -> Poses:
+    """One split of a prepared folder, with its mirror image, as tensors.
+
+    `mix` gives each group's share of the draws (`group_of`); within a group a subject's frames
+    weigh less the more there are of them (square root), so nobody's gait dominates.
+    Raises DataError when the folder is not prepared, InvalidArgument when the split is empty.
+    """
+    return _read(folder, split, mix, mirrored)[0]
+
+
+def _read(
+    folder: Path, split: str, mix: Mapping[str, float], mirrored: bool
+) -> tuple[Poses, Tensor, Tensor]:
+    """Poses, and of each the betas [N, 10] and the gender [N] of the body."""
+    data = Dataset.load(folder)
+    chosen = [c for c in data.clips if c.split == split]
+    if not chosen:
+        raise InvalidArgument(f"{folder} holds no clip of split {split!r}", "split")
+    rows = np.concatenate([np.arange(c.start, c.stop) for c in chosen])
+    owner = np.repeat(np.arange(len(chosen)), [c.stop - c.start for c in chosen])
+    use = data.use[rows]
+    run = unbroken(use > 0, owner)
+    groups = [group_of(chosen[o], u) for o, u in zip(owner, use, strict=True)]
+    weight = draw_weights(groups, [chosen[o].subject for o in owner], mix)
+    hips, rotations = data.translation[rows], data.rotations[rows]
+    if mirrored:
+        image = mirror(hips, rotations, data.contacts[rows])
+        hips, rotations = np.concatenate([hips, image[0]]), np.concatenate([rotations, image[1]])
+        owner, run, weight = np.tile(owner, 2), np.tile(run, 2), np.tile(weight, 2)
+    poses = Poses(
+        hips=torch.from_numpy(hips),
+        rotations=torch.from_numpy(rotations),
+        run=torch.from_numpy(run),
+        weight=torch.from_numpy(weight).float(),
+    )
+    betas = torch.tensor([c.betas for c in chosen], dtype=torch.float32)[owner]
+    gender = torch.tensor([GENDERS.index(c.gender) for c in chosen])[owner]
+    return poses, betas, gender
+
+
+GROUPS = ("walk", "run", "start_stop", "turn", "standing", "other")
+"""Kinds of frames that a training's `mix` gives shares to."""
+
+
+def group_of(clip: ClipRange, use: int) -> str:
+    """What a frame teaches, one of `GROUPS`, or "" for nothing."""
+    if use == Use.EXCLUDED:
+        return ""
+    if clip.augmentation.startswith(("start", "stop")):
+        return "start_stop"
+    if clip.augmentation == "stepturn":
+        return "turn"
+    if use == Use.STANDING or clip.augmentation.startswith("stand"):
+        return "standing"
+    if use == Use.OTHER:
+        return "other"
+    return "run" if clip.category.startswith("run") else "walk"
+
+
+def draw_weights(
+    groups: Sequence[str], subjects: Sequence[str], mix: Mapping[str, float]
+) -> NDArray[np.float64]:
+    """Weight per frame so that groups are drawn by `mix` and subjects by the root of their size.
+
+    Raises InvalidArgument when `mix` names a group that does not exist.
+    """
+    unknown = sorted(set(mix) - set(GROUPS))
+    if unknown:
+        raise InvalidArgument(f"unknown groups {unknown}; allowed: {list(GROUPS)}", "mix")
+    names, group = np.unique(np.asarray(groups), return_inverse=True)
+    _, subject = np.unique(np.asarray(subjects), return_inverse=True)
+    pair = group * (subject.max() + 1) + subject
+    weight = 1 / np.sqrt(np.bincount(pair)[pair])
+    total = np.bincount(group, weights=weight)
+    share = np.array([mix.get(str(n), 0.0) for n in names])
+    return weight * (share / total)[group]
+
+
+def unbroken(good: NDArray[np.bool_], owner: NDArray[np.int64]) -> NDArray[np.int64]:
+    """For each frame, how many frames from it on are good and of the same clip."""
+    run = np.zeros(len(good), np.int64)
+    count = 0
+    for i in range(len(good) - 1, -1, -1):
+        same = i + 1 < len(good) and owner[i + 1] == owner[i]
+        count = (count if same else 0) + 1 if good[i] else 0
+        run[i] = count
+    return run

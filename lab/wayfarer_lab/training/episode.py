@@ -1,0 +1,111 @@
+"""One episode of many agents: what they saw, did and got until each reached its goal or broke."""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from wayfarer.motion import reward
+from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
+from wayfarer_lab.training.environment import Agents, GoalEnvironment, State, take
+from wayfarer_lab.training.ppo import Batch, PpoSettings, advantages, look, normalised
+
+
+class Episode(NamedTuple):
+    """T primitives of A agents. Fields [N, …] hold the samples of `alive`, in its order."""
+
+    state: State  # [N, …]
+    latent: Tensor  # [N, 128]
+    policy: Gaussian  # [N, 128] that drew them
+    values: Tensor  # [T, A] of the critic
+    rewards: Tensor  # [T, A, R] in the order of `terms.REWARDS`
+    alive: Tensor  # [T, A] the agent was going when the primitive began
+    future: Tensor  # [A] the critic's value of the end of agents that ran out of time, else 0
+    closest: Tensor  # [A] metres, least distance to the goal at the end of a primitive
+    reached: Tensor  # [A]
+    broken: Tensor  # [A]
+    hips: Tensor  # [1 + T, A, 3] at the start and after each primitive; NaN when no longer going
+
+
+@torch.no_grad()
+def simulate(
+    environment: GoalEnvironment, policy: GoalPolicy, agents: Agents, primitives: int
+) -> Episode:
+    """Let agents go until each has reached its goal, has broken, or `primitives` are over.
+
+    Latents are drawn from the policy.
+    """
+    task, count = environment.task, len(agents.gender)
+    rows = torch.arange(count)
+    values, alive = torch.zeros(primitives, count), torch.zeros(primitives, count, dtype=torch.bool)
+    rewards = torch.zeros(primitives, count, len(reward.FUNCTIONS_OF_A_STEP))
+    hips = torch.full((1 + primitives, count, 3), torch.nan)
+    hips[0] = agents.translation[:, -1]
+    closest = torch.full((count,), torch.inf)
+    reached, broken = torch.zeros(count, dtype=torch.bool), torch.zeros(count, dtype=torch.bool)
+    samples: list[tuple[Tensor, ...]] = []
+    for t in range(primitives):
+        state = environment.observe(agents)
+        distribution, _, value = look(policy, *state)
+        noise = torch.randn_like(distribution.mean)[:, None]
+        latent = distribution.sample(noise, torch.ones(len(rows)))[:, 0]
+        agents, feedback = environment.step(agents, latent)
+        samples.append((state.seed, *state.condition, latent, *distribution))
+        values[t, rows], alive[t, rows], rewards[t, rows] = value, True, feedback.rewards
+        hips[1 + t, rows] = feedback.hips
+        sound = ~feedback.broken
+        closest[rows] = torch.where(
+            sound, torch.minimum(closest[rows], feedback.distance), closest[rows]
+        )
+        there = sound & (feedback.distance <= task.reached)
+        reached[rows], broken[rows] = there, feedback.broken
+        going = sound & ~there
+        agents, rows = take(agents, going), rows[going]
+        if not len(rows):
+            break
+    future = torch.zeros(count)
+    if len(rows):
+        future[rows] = look(policy, *environment.observe(agents))[2]
+    # Eq. 9 counts for all primitives of the episode
+    to_goal = reward.goal(closest, task.area, task.reached).expand(primitives, -1)
+    seed, goal, speed, facing, weights, latent, mean, log_std = (
+        torch.cat(field) for field in zip(*samples, strict=True)
+    )
+    return Episode(
+        state=State(seed, Condition(goal, speed, facing, weights)),
+        latent=latent,
+        policy=Gaussian(mean, log_std),
+        values=values,
+        rewards=torch.cat([rewards, to_goal[..., None]], -1) * alive[..., None],
+        alive=alive,
+        future=future,
+        closest=closest,
+        reached=reached,
+        broken=broken,
+        hips=hips,
+    )
+
+
+def samples_of(episode: Episode, weights: Tensor, arrival: float, settings: PpoSettings) -> Batch:
+    """What PPO learns from. `weights` [R] are those of Eq. 4.
+
+    Rewards are taken as shares of the most there is, and returns as (1 - γ) of their sum: 0…1, so
+    that the critic's values neither depend on γ nor on the weights. What comes after the last
+    primitive: of a broken body nothing, so that falling costs all future reward; of one that ran
+    out of time what the critic expects; of one that arrived `arrival`, the share that it would get
+    for ever. (Every reward is positive: without it, ending early by arriving would be a loss, and
+    agents would learn to dawdle.)
+    """
+    scalar = (episode.rewards @ weights) / weights.sum() * (1 - settings.discount)
+    after = torch.where(episode.reached, arrival, episode.future)
+    advantage, returns = advantages(
+        scalar, episode.values, episode.alive, after, settings.discount, settings.gae
+    )
+    return Batch(
+        seed=episode.state.seed,
+        condition=episode.state.condition,
+        latent=episode.latent,
+        old=episode.policy,
+        advantage=normalised(advantage[episode.alive]),
+        returns=returns[episode.alive],
+    )

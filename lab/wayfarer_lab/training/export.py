@@ -1,0 +1,241 @@
+"""Export trained networks to the ONNX graphs that serve. Fails unless torch and ONNX agree."""
+
+import shutil
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import onnxruntime as ort
+import torch
+from torch import Tensor, nn
+
+from wayfarer.artifacts import (
+    CARD,
+    GRAPHS,
+    METADATA_KEY,
+    BodyIdentity,
+    contract_for,
+    contract_to_json,
+    sha256_of,
+    write_manifest,
+)
+from wayfarer.body.library import body_file, load_body
+from wayfarer.errors import ArtifactError
+from wayfarer.marker_bodies import marker_body
+from wayfarer.motion.policy import GoalPolicy
+from wayfarer.motion.pose_prior import PosePrior
+from wayfarer.motion.predictor import MarkerPredictor
+from wayfarer.motion.primitive import PrimitiveStep
+from wayfarer.motion.quality import Sites
+from wayfarer.motion.regressor import PASSES, BodyRegressor
+from wayfarer.spec import GENDERS
+from wayfarer_lab.training.graph import Graph
+from wayfarer_lab.training.network_graphs import policy_graph, predictor_graph, regressor_graph
+from wayfarer_lab.training.onnx_files import WeightStore, externalise
+from wayfarer_lab.training.pose_graphs import pose_decoder_graph, pose_encoder_graph
+from wayfarer_lab.training.row_independence import check_rows, make_rows_independent
+from wayfarer_lab.training.run import Network, load_weights, read_run_config
+from wayfarer_lab.training.step_graph import body_inputs, step_graph, step_inputs
+
+TOLERANCE = 1e-3
+"""Largest difference allowed between torch and ONNX: metres for places, unitless for rotations."""
+
+
+def round_to_half(module: Network) -> Network:
+    """Round weights to float16 values in place, as they are shipped."""
+    with torch.no_grad():
+        for parameter in module.parameters():
+            parameter.copy_(parameter.half().float())
+    return module.eval()
+
+
+def to_onnx(graph: Graph) -> onnx.ModelProto:
+    """One graph with dynamic leading axes."""
+    axes: dict[str, Any] = {}
+    for names in graph.batch.values():
+        axes |= {n: axes.get(n) or torch.export.Dim(n, min=1, max=1 << 16) for n in names}
+    dynamic = tuple({i: axes[n] for i, n in enumerate(graph.batch[name])} for name in graph.inputs)
+    with warnings.catch_warnings(), torch.no_grad():
+        warnings.simplefilter("ignore")  # the exporter's own deprecations
+        program = torch.onnx.export(
+            graph.module,
+            tuple(graph.inputs.values()),
+            input_names=list(graph.inputs),
+            output_names=list(graph.outputs),
+            dynamic_shapes=dynamic,
+            dynamo=True,
+            verbose=False,
+        )
+    if program is None:
+        raise ArtifactError("torch.onnx.export returned no program")
+    return program.model_proto
+
+
+def parity(
+    module: nn.Module,
+    path: Path,
+    inputs: Mapping[str, Tensor],
+    outputs: Sequence[str],
+    freaks: float = 0.0,
+) -> float:
+    """Largest difference between torch and the graph in `path` over rows that chose alike.
+
+    The share `freaks` of the rows that differ most is left out: where inputs are no bodies, one of
+    them may lie where a rotation can hardly be told, and the last digit decides.
+    Raises ArtifactError above `TOLERANCE`, or when more than one row in a hundred chose
+    another candidate (two candidates may cost the same to the last digit).
+    """
+    session = ort.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+    got = session.run(list(outputs), {n: v.numpy() for n, v in inputs.items()})
+    with torch.no_grad():
+        expected = module(*inputs.values())
+    expected = [e.numpy() for e in (expected if isinstance(expected, tuple) else (expected,))]
+    same = np.ones(len(got[0]), dtype=bool)
+    if "choice" in outputs:
+        at = list(outputs).index("choice")
+        same = got[at] == expected[at]
+        if same.mean() < 0.99:
+            raise ArtifactError(
+                f"{path.name}: torch and ONNX choose alike in only {same.mean():.1%} of rows"
+            )
+    off = np.zeros(int(same.sum()))
+    for name, a, b in zip(outputs, expected, got, strict=True):
+        if not np.isfinite(b).all():
+            raise ArtifactError(f"{path.name}: output {name} holds values that are not finite")
+        off = np.maximum(off, np.abs(a[same] - b[same]).reshape(len(off), -1).max(1))
+    worst = float(np.quantile(off, 1 - freaks, method="lower"))
+    if worst > TOLERANCE:
+        raise ArtifactError(
+            f"{path.name}: torch and ONNX differ by {worst:.2e}, allowed {TOLERANCE:.0e}"
+        )
+    return worst
+
+
+def save_graph(graph: Graph, path: Path, store: WeightStore, contract: str) -> None:
+    """Write one graph; its weights go to the store, its contract (JSON) into the metadata."""
+    model = externalise(make_rows_independent(to_onnx(graph)), store)
+    for node in model.graph.node:
+        del node.metadata_props[:]  # stack traces of the exporter: a megabyte of them
+        node.doc_string = ""
+    del model.metadata_props[:]
+    model.metadata_props.add(key=METADATA_KEY, value=contract)
+    path.write_bytes(model.SerializeToString())
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Run folders that hold the weights of each network."""
+
+    predictor_1f: Path
+    predictor_2f: Path
+    policy: Path
+    regressor_male: Path
+    regressor_female: Path
+    pose_prior: Path
+
+
+def load_graphs(sources: Sources, body: str, passes: int = PASSES) -> dict[str, Graph]:
+    """Every graph of a model folder by file name, from trained weights (rounded as shipped).
+
+    The step canonicalises as its predictor was trained (`floor_origin` of that run). `passes` of
+    the regressor.
+    """
+    floor_origin = read_run_config(sources.predictor_2f)["floor_origin"]
+    one = round_to_half(load_weights(MarkerPredictor(1), sources.predictor_1f))
+    two = round_to_half(load_weights(MarkerPredictor(2), sources.predictor_2f))
+    policy = round_to_half(load_weights(GoalPolicy(), sources.policy))
+    prior = round_to_half(load_weights(PosePrior(), sources.pose_prior))
+    graphs = {
+        "predictor_1f.onnx": predictor_graph(one),
+        "predictor_2f.onnx": predictor_graph(two),
+        "policy.onnx": policy_graph(policy),
+        "pose_encoder.onnx": pose_encoder_graph(prior),
+        "pose_decoder.onnx": pose_decoder_graph(prior),
+    }
+    for gender in GENDERS:
+        model = load_body(body, gender)
+        run = getattr(sources, f"regressor_{gender}")
+        body_of = marker_body(model)
+        regressor = round_to_half(load_weights(BodyRegressor(body_of, passes), run))
+        sites = Sites.from_names(model.marker_names)
+        step = PrimitiveStep(two, regressor, body_of, sites, policy, floor_origin).eval()
+        graphs[f"regressor_{gender}.onnx"] = regressor_graph(regressor)
+        graphs[f"step_{gender}.onnx"] = step_graph(step)
+    return graphs
+
+
+def export_models(
+    sources: Sources,
+    out: Path,
+    card: str,
+    name: str = "gamma-anny52",
+    body: str = "anny52",
+    passes: int = PASSES,
+) -> dict[str, float]:
+    """Write a model folder from trained weights; see `load_graphs` and `write_models`."""
+    floor_origin = bool(read_run_config(sources.predictor_2f)["floor_origin"])
+    graphs = load_graphs(sources, body, passes)
+    return write_models(graphs, out, card, name, body, floor_origin)
+
+
+def write_models(
+    graphs: Mapping[str, Graph],
+    out: Path,
+    card: str,
+    name: str,
+    body: str = "anny52",
+    floor_origin: bool = True,
+) -> dict[str, float]:
+    """Write graphs, by file name, as a model folder; return each one's torch-ONNX difference.
+
+    The folder is written beside its place and moved there only when every graph agrees with torch
+    on random inputs; step graphs also on standing and on moving bodies.
+    """
+    staging = out.with_name(out.name + ".new")
+    shutil.rmtree(staging, ignore_errors=True)
+    staging.mkdir(parents=True)
+    store = WeightStore()
+    for file, graph in graphs.items():
+        gender = GRAPHS[file].gender or GENDERS[0]
+        save_graph(
+            graph,
+            staging / file,
+            store,
+            contract_to_json(contract_for(file, name, identity(body, gender), floor_origin)),
+        )
+    store.write(staging)
+    differences = {file: check_graph(staging / file, graph) for file, graph in graphs.items()}
+    (staging / CARD).write_text(card)
+    write_manifest(staging, name, body)
+    shutil.rmtree(out, ignore_errors=True)
+    staging.rename(out)
+    return differences
+
+
+def check_graph(path: Path, graph: Graph) -> float:
+    """Parity on the example inputs and, for steps, over batch sizes, candidates and real bodies.
+
+    Rows of a step must not depend on their batch.
+    """
+    worst = parity(graph.module, path, graph.inputs, graph.outputs)
+    if isinstance(graph.module, PrimitiveStep):
+        generator = torch.Generator().manual_seed(1)
+        for agents, candidates in ((1, 1), (7, 3), (256, 4)):
+            inputs = step_inputs(agents, candidates, generator)
+            worst = max(worst, parity(graph.module, path, inputs, graph.outputs, freaks=0.01))
+            inputs |= body_inputs(graph.module, agents, generator)
+            worst = max(worst, parity(graph.module, path, inputs, graph.outputs))
+            if agents < 64:  # smaller batches of all rows take their time
+                check_rows(path, {name: values.numpy() for name, values in inputs.items()})
+    return worst
+
+
+def identity(body: str, gender: str) -> BodyIdentity:
+    """What the contract says of a shipped body."""
+    return BodyIdentity(
+        body, sha256_of(body_file(body, gender)), load_body(body, gender).marker_names
+    )

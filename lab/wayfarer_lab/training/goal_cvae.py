@@ -1,0 +1,89 @@
+"""Train and export the paper's baseline of motion control, g-CVAE (Sec. 4.2).
+
+It goes on from a trained marker predictor, by the same loss (Eq. 1) and over rollouts. A goal is
+where the hips of the same recording will be some time later: goals in training can only come from
+the data, which is the weakness that the paper sees in this baseline.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from wayfarer.body.library import load_body
+from wayfarer.marker_bodies import marker_body
+from wayfarer.motion.frame import canonical_frame, to_local
+from wayfarer.motion.goal_cvae import GoalCvae, GoalCvaeStep
+from wayfarer.motion.policy import state
+from wayfarer.motion.predictor import MarkerPredictor
+from wayfarer.motion.quality import Sites
+from wayfarer.motion.regressor import BodyRegressor
+from wayfarer.spec import FPS, PRIMITIVE_FRAMES
+from wayfarer_lab.training.dataset import Frames
+from wayfarer_lab.training.export import round_to_half
+from wayfarer_lab.training.graph import Graph
+from wayfarer_lab.training.network_graphs import regressor_graph
+from wayfarer_lab.training.predictor import PredictorConfig, PredictorTrainer
+from wayfarer_lab.training.run import TrainingRun, load_weights, read_run_config
+from wayfarer_lab.training.step_graph import step_graph
+
+
+class GoalCvaeConfig(PredictorConfig):
+    """As a predictor's; `start_from` is a predictor's run."""
+
+    goal_seconds: float = 8.0  # the farthest that a goal lies in the future
+
+
+class GoalCvaeTrainer(PredictorTrainer):
+    """Trains a predictor that is told the goal."""
+
+    config: GoalCvaeConfig
+
+    def network(self) -> GoalCvae:
+        """The g-CVAE with a predictor's weights, when there is one to start from."""
+        model = GoalCvae(self.config.seed_frames)
+        if self.config.start_from:
+            predictor = MarkerPredictor(self.config.seed_frames)
+            model.start_from(load_weights(predictor, Path(self.config.start_from)))
+        return model
+
+    def condition(self, frames: Frames, at: Tensor, seed: Tensor) -> Tensor:
+        """The state of Eq. 3 [B, S, 402], the goal drawn from the way that the recording takes."""
+        # between the primitive's last frame and `goal_seconds`, as far as the recording goes
+        most = frames.run[at].clamp(max=round(self.config.goal_seconds * FPS)) - PRIMITIVE_FRAMES
+        ahead = PRIMITIVE_FRAMES - 1 + (torch.rand(len(at)) * (most + 1)).long()
+        goal = frames.hips[at + ahead] * torch.tensor([1.0, 1.0, 0.0])
+        frame = canonical_frame(frames.hips[at], frames.hips_rotation[at], self.config.floor_origin)
+        return state(seed, to_local(frame, goal[:, None])[:, 0])
+
+
+def train_goal_cvae(
+    config: GoalCvaeConfig,
+    train: Frames,
+    validation: Frames,
+    folder: Path,
+    minutes: float = float("inf"),
+) -> bool:
+    """Train or resume in `folder`. True when all steps are done."""
+    trainer = GoalCvaeTrainer(config, train, validation)
+    trainer.run = TrainingRun(folder, config, trainer.model, trainer.optimizer)
+    return trainer.run.drive(config.steps, trainer.update, trainer.validate, minutes)
+
+
+def load_goal_cvae_graphs(
+    run: Path, regressors: Mapping[str, Path], body: str = "anny52"
+) -> dict[str, Graph]:
+    """Step and regressor graphs of a model folder; `regressors` are runs by gender."""
+    floor_origin = read_run_config(run)["floor_origin"]
+    predictor = round_to_half(load_weights(GoalCvae(2), run))
+    graphs = {}
+    for gender, trained in regressors.items():
+        model = load_body(body, gender)
+        skin = marker_body(model)
+        regressor = round_to_half(load_weights(BodyRegressor(skin), trained))
+        sites = Sites.from_names(model.marker_names)
+        step = GoalCvaeStep(predictor, regressor, skin, sites, floor_origin=floor_origin).eval()
+        graphs[f"regressor_{gender}.onnx"] = regressor_graph(regressor)
+        graphs[f"step_{gender}.onnx"] = step_graph(step)
+    return graphs

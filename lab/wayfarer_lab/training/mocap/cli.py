@@ -1,0 +1,78 @@
+"""`wayfarer data prepare`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from wayfarer.body.library import load_body
+from wayfarer.spec import GENDERS
+from wayfarer_lab.training.mocap.fit import FitOptions
+from wayfarer_lab.training.mocap.load import ReadOptions
+from wayfarer_lab.training.mocap.prepare import PrepareOptions
+from wayfarer_lab.training.mocap.prepare import prepare as run_prepare
+from wayfarer_lab.training.mocap.report import write_report
+
+app = typer.Typer(help="Prepare motion capture for training.")
+
+_Names = Annotated[str, typer.Option(help="Comma-separated.")]
+
+
+@app.command()
+def prepare(
+    src: Annotated[
+        Path, typer.Argument(help="Folder of BVH or ASF/AMC files, maybe an index.csv.")
+    ],
+    dst: Annotated[
+        Path, typer.Argument(help="Folder for the prepared data; resumes when it exists.")
+    ],
+    index: Annotated[Path | None, typer.Option(help="Index CSV; default SRC/index.csv.")] = None,
+    validation: Annotated[
+        str, typer.Option(help="Train subjects to validate on, comma-separated.")
+    ] = "",
+    shapes: Annotated[int, typer.Option(min=1, help="Shapes per gender and locomotion clip.")] = 2,
+    other_shapes: Annotated[int, typer.Option(min=0, help="Shapes per other clip.")] = 1,
+    augment: Annotated[
+        bool, typer.Option(help="Add curved, warped, starting, stopping and standing motion.")
+    ] = True,
+    clips: Annotated[str, typer.Option(help="Only these clips, comma-separated.")] = "",
+    fps: Annotated[float, typer.Option(help="Rate of AMC files, which do not state it.")] = 120.0,
+    unit: Annotated[
+        float | None, typer.Option(help="Metres per BVH unit; default: from the legs' length.")
+    ] = None,
+    up: Annotated[str, typer.Option(help="Upward axis of the files: y or z.")] = "y",
+    bvh_fix: Annotated[
+        bool, typer.Option(help="Mend CMU's BVH conversion (lost thorax and wrist bones).")
+    ] = True,
+    steps: Annotated[
+        int, typer.Option(min=1, help="Steps of the retargeting fit.")
+    ] = FitOptions.steps,
+    device: Annotated[str, typer.Option(help="Where to fit: cpu or cuda.")] = "cpu",
+    workers: Annotated[int, typer.Option(min=1, help="Processes that fit.")] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of random shapes and augmentations.")] = 0,
+) -> None:
+    """Read, mend, resample, level, retarget and select motion; write data and a report."""
+    if up not in ("y", "z"):
+        raise typer.BadParameter(f"up must be y or z, got '{up}'")
+    bodies = {gender: load_body("anny52", gender) for gender in GENDERS}
+    console = Console(stderr=True)
+    options = PrepareOptions(
+        index=index,
+        read=ReadOptions(fps=fps, unit=unit, up=up, bvh_fix=bvh_fix),
+        fit=FitOptions(steps=steps, device=device),
+        validation=_names(validation),
+        shapes=shapes,
+        other_shapes=other_shapes,
+        augment=augment,
+        clips=_names(clips),
+        seed=seed,
+        workers=workers,
+    )
+    done = run_prepare(src, dst, bodies, options, console)
+    write_report(dst, done.dataset, done.fits, done.skipped, bodies)
+    console.print(f"wrote {dst / 'motion.npz'} and {dst / 'report.md'}", highlight=False)
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(name.strip() for name in text.split(",") if name.strip())

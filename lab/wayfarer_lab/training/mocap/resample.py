@@ -1,0 +1,56 @@
+"""Change of frame rate, before anything is cut."""
+
+import numpy as np
+
+from wayfarer_lab.training.mocap.skeleton import Array
+
+
+def nearest_rotations(matrices: Array) -> Array:
+    """Closest rotation of each 3×3 matrix (polar decomposition). [..., 3, 3]."""
+    u, _, vt = np.linalg.svd(matrices)
+    u[..., 2] *= np.sign(np.linalg.det(u @ vt))[..., None]
+    return u @ vt
+
+
+def _smooth(values: Array, width: int) -> Array:
+    """Triangular average over 2·width - 1 frames: takes away what the lower rate cannot hold."""
+    kernel = np.bartlett(2 * width + 1)[1:-1]
+    padded = np.concatenate([values[:1]] * (width - 1) + [values] + [values[-1:]] * (width - 1))
+    total = sum(
+        (k * padded[i : i + len(values)] for i, k in enumerate(kernel)), np.zeros_like(values)
+    )
+    return total / kernel.sum()
+
+
+def resample(places: Array, rotations: Array, fps: float, target: float) -> tuple[Array, Array]:
+    """Places [N, J, 3] and rotations [N, J, 3, 3] at `target` frames per second.
+
+    A higher rate is smoothed first over the new frame interval (no aliasing); a rate that is
+    no multiple is interpolated, rotations on the shortest arc.
+    """
+    ratio = fps / target
+    whole = round(ratio)
+    if abs(ratio - 1) < 1e-3:
+        return places, rotations
+    if ratio >= 1.5:
+        places, rotations = _smooth(places, whole), _smooth(rotations, whole)
+    if abs(ratio - whole) < 1e-2:
+        return places[::whole], nearest_rotations(rotations[::whole])
+    times = np.arange(0, len(places) - 1 + 1e-9, ratio)
+    first = np.minimum(times.astype(int), len(places) - 2)
+    part = times - first
+    moved = places[first] + (places[first + 1] - places[first]) * part[:, None, None]
+    return moved, slerp(rotations[first], rotations[first + 1], part[:, None])
+
+
+def slerp(a: Array, b: Array, part: Array) -> Array:
+    """Rotation `part` of the way from a to b [..., 3, 3]; part broadcasts to [...]."""
+    # imported here: scipy comes with the `train` extra
+    from scipy.spatial.transform import Rotation
+
+    a, b = nearest_rotations(a), nearest_rotations(b)
+    between = np.swapaxes(a, -1, -2) @ b
+    shape = between.shape[:-2]
+    rotvec = Rotation.from_matrix(between.reshape(-1, 3, 3)).as_rotvec().reshape(*shape, 3)
+    scaled = (rotvec * np.broadcast_to(part, shape)[..., None]).reshape(-1, 3)
+    return a @ Rotation.from_rotvec(scaled).as_matrix().reshape(*shape, 3, 3)

@@ -1,0 +1,208 @@
+"""Natural standing poses out of recordings, and quiet standing made of them."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wayfarer.body.model import BodyModel
+from wayfarer.body.rotation import matrix_from_quaternion
+from wayfarer.spec import FPS
+from wayfarer_lab.training.mocap.fit import FittedClip, matrix_quaternions
+from wayfarer_lab.training.mocap.posed import Posed, average_pose, pose_local, yaw_matrix
+from wayfarer_lab.training.mocap.rig import ClipInfo, J
+from wayfarer_lab.training.mocap.selection import Use
+from wayfarer_lab.training.mocap.shape import Shape
+from wayfarer_lab.training.mocap.skeleton import Array
+from wayfarer_lab.training.mocap.store import atomically, mirror
+
+MAX_POSES = 16  # before mirroring
+PER_SUBJECT = 5
+MAX_UNNATURAL = 36.0  # degrees, see `_unnatural`
+MAX_KNEE = np.deg2rad(8)
+MAX_LEAN = np.deg2rad(3)
+MIN_DIFFERENCE = np.deg2rad(4.0)  # root mean square over joints
+AVERAGED = 5  # frames that make one pose: takes away marker noise
+
+
+@dataclass(frozen=True)
+class StandingPose:
+    """How somebody stood: local rotations [22, 3, 3], heading 0, and from which clip."""
+
+    local: Array
+    source: str
+    subject: str
+
+
+def standing_poses(fits: list[FittedClip]) -> list[StandingPose]:
+    """Up to `MAX_POSES` differing poses out of quiet train frames, then their mirror images."""
+    found: list[tuple[float, StandingPose]] = []
+    seen: dict[str, str] = {}  # the same clip on another gender's body adds nothing
+    for clip in fits:
+        if (
+            clip.info.split != "train"
+            or clip.shape.kind != "own"
+            or seen.setdefault(clip.info.name, clip.shape.gender) != clip.shape.gender
+        ):
+            continue
+        quiet = clip.use == Use.STANDING
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], quiet, [False]]).astype(int)))
+        for a, b in zip(edges[::2], edges[1::2], strict=True):
+            local = matrix_from_quaternion(clip.rotations[a:b].astype(np.float64))
+            middle = _stillest(local)
+            chosen = average_pose(local[max(0, middle - 2) : middle + AVERAGED - 2])
+            chosen[0] = _facing_forward(chosen[0])
+            pose = StandingPose(_straightened(chosen), clip.info.source, clip.info.subject)
+            found.append((_unnatural(chosen), pose))
+    found.sort(key=lambda item: item[0])
+    kept: list[StandingPose] = []
+    for badness, pose in found:
+        same = sum(k.subject == pose.subject for k in kept)
+        room = same < PER_SUBJECT and len(kept) < MAX_POSES
+        new = all(_difference(k.local, pose.local) > MIN_DIFFERENCE for k in kept)
+        if badness < MAX_UNNATURAL and room and new:
+            kept.append(pose)
+    return kept + [_mirrored(p) for p in kept]
+
+
+def _stillest(local: Array) -> int:
+    """Frame in the middle of the calmest stretch."""
+    if len(local) < AVERAGED:
+        return len(local) // 2
+    change = np.linalg.norm(np.diff(local, axis=0), axis=(-1, -2)).mean(-1)
+    calm = np.convolve(change, np.ones(AVERAGED - 1), "valid")
+    return int(np.argmin(calm)) + AVERAGED // 2
+
+
+def _facing_forward(hips: Array) -> Array:
+    forward = hips[:2, 1]
+    return yaw_matrix(np.array(-np.arctan2(-forward[0], forward[1]))) @ hips
+
+
+def _angles(local: Array) -> Array:
+    trace = np.trace(local, axis1=-2, axis2=-1)
+    return np.rad2deg(np.arccos(np.clip((trace - 1) / 2, -1, 1)))
+
+
+def _unnatural(local: Array) -> float:
+    """Largest of: lean of hips, bend of knees, twist of spine, tilt of head; weighted degrees."""
+    lean = _tilt(local[0])
+    angles = _angles(local)
+    knees = angles[[J["left_knee"], J["right_knee"]]].max()
+    spine = angles[[J["spine1"], J["spine2"], J["spine3"]]].sum()
+    head = np.linalg.multi_dot([local[J[n]] for n in TRUNK])
+    elbows = angles[[J["left_elbow"], J["right_elbow"]]].max()
+    return float(max(2 * lean, knees, 1.5 * spine, _angles(head), 0.8 * elbows))
+
+
+TRUNK = ("pelvis", "spine1", "spine2", "spine3", "neck", "head")
+
+
+def _tilt(rotation: Array) -> float:
+    return float(np.rad2deg(np.arccos(np.clip(rotation[2, 2], -1, 1))))
+
+
+def _straightened(local: Array) -> Array:
+    """Knees bent by at most `MAX_KNEE`, hips at most `MAX_LEAN` ahead of the ankles, feet flat.
+
+    Recorded actors wait for their cue crouched forward; people who stand do not. Heading must
+    be 0. Trunk, arms and feet keep their world rotations.
+    """
+    straight = local.copy()
+    for side in ("left", "right"):
+        hip, knee, ankle = (J[f"{side}_{part}"] for part in ("hip", "knee", "ankle"))
+        foot = local[hip] @ local[knee] @ local[ankle]
+        bend = Rotation.from_matrix(local[knee]).as_rotvec()
+        angle = np.linalg.norm(bend)
+        less = max(0.0, angle - MAX_KNEE) / max(angle, 1e-9)
+        straight[hip] = local[hip] @ Rotation.from_rotvec(bend * less / 2).as_matrix()
+        straight[knee] = Rotation.from_rotvec(bend * (1 - less)).as_matrix()
+        thigh = local[0] @ straight[hip]
+        chord = -(thigh[:, 2] + (thigh @ straight[knee])[:, 2])  # hip to ankle; bones alike
+        lean = np.arctan2(-chord[1], -chord[2])
+        back = Rotation.from_euler("x", max(0.0, lean - MAX_LEAN)).as_matrix()
+        straight[hip] = local[0].T @ back @ thigh
+        straight[ankle] = (straight[hip] @ straight[knee]).T @ foot
+    return straight
+
+
+def _difference(a: Array, b: Array) -> float:
+    angles = _angles(np.swapaxes(a, -1, -2) @ b)
+    return float(np.deg2rad(np.sqrt((angles**2).mean())))
+
+
+def _mirrored(pose: StandingPose) -> StandingPose:
+    quaternions = matrix_quaternions(pose.local)
+    _, turned, _ = mirror(np.zeros(3), quaternions, np.zeros(2, bool))
+    return replace(pose, local=matrix_from_quaternion(turned))
+
+
+def save_start_poses(folder: Path, poses: list[StandingPose]) -> None:
+    """Write `start_poses.npz`: rotations [P, 22, 4] (x, y, z, w; heading 0) and sources [P]."""
+    rotations = np.array([matrix_quaternions(p.local) for p in poses]).reshape(-1, 22, 4)
+    atomically(
+        folder / "start_poses.npz",
+        lambda path: np.savez(
+            path,
+            rotations=rotations.astype(np.float32),
+            sources=np.array([p.source for p in poses], dtype=str),
+        ),
+    )
+
+
+def stand(
+    pose: StandingPose,
+    shape: Shape,
+    body: BodyModel,
+    seconds: float,
+    generator: np.random.Generator,
+) -> Posed:
+    """Quiet standing in a pose, swaying as people do, feet planted; hips above the origin.
+
+    Sway is a sum of slow sines: hips shift by millimetres to a centimetre, trunk and arms turn by
+    about a degree. Soles are put on the floor by the fit.
+    """
+    frames = round(seconds * FPS)
+    local = np.broadcast_to(pose.local, (frames, *pose.local.shape)).copy()
+    for joint, degrees in SWAY.items():
+        angles = np.deg2rad(degrees) * _slow(frames, 3, generator)
+        local[:, J[joint]] = local[:, J[joint]] @ Rotation.from_rotvec(angles).as_matrix()
+    info = ClipInfo(
+        name=f"{pose.source}~stand",
+        source=pose.source,
+        subject=pose.subject,
+        category="standing",
+        locomotion=False,
+        augmentation="standing",
+    )
+    touch = np.ones((frames, 2, 2), bool)
+    use = np.full(frames, Use.STANDING, np.uint8)
+    still = pose_local(info, shape, np.zeros((1, 3)), pose.local[None], touch[:1], use[:1], body)
+    motion = pose_local(info, shape, np.zeros((frames, 3)), local, touch, use, body)
+    # legs stay as in the still pose; the hips move over them and the fit bends the legs
+    legs = [J[f"{s}_{p}"] for s in ("left", "right") for p in ("hip", "knee", "ankle", "foot")]
+    places, world = motion.places.copy(), motion.world.copy()
+    world[:, legs] = still.world[:, legs]
+    sway = np.array([0.010, 0.008, 0.0]) * _slow(frames, 3, generator)
+    places += sway[:, None]
+    feet = [J[f"{s}_{p}"] for s in ("left", "right") for p in ("ankle", "foot")]
+    knees = [J["left_knee"], J["right_knee"]]
+    places[:, feet] = still.places[:, feet]
+    places[:, knees] = still.places[:, knees] + sway[:, None] / 2
+    rest = body.rest_joints(shape.betas)
+    floor = (still.places[0, feet, 2] - rest[feet, 2]).mean()
+    places[..., 2] -= floor
+    return replace(motion, places=places, world=world)
+
+
+SWAY = {"spine1": 0.5, "spine3": 0.7, "neck": 1.0, "head": 1.0}
+SWAY |= {f"{s}_{p}": d for s in ("left", "right") for p, d in (("shoulder", 1.0), ("elbow", 1.0))}
+
+
+def _slow(frames: int, width: int, generator: np.random.Generator) -> Array:
+    """Smooth noise [frames, width] of about unit size, 0.15 to 0.5 Hz."""
+    seconds = np.arange(frames)[:, None, None] / FPS
+    rates = generator.uniform(0.15, 0.5, (1, width, 3))
+    phases = generator.uniform(0, 2 * np.pi, (1, width, 3))
+    return np.sin(2 * np.pi * rates * seconds + phases).sum(-1) / 1.7

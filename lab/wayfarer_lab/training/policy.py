@@ -1,0 +1,185 @@
+"""Train the goal policy by PPO in simulation (paper Sec. 3.3.1, Eq. 10, supplementary B.2)."""
+
+import time
+from pathlib import Path
+
+import torch
+from pydantic import BaseModel, ConfigDict
+from torch import Tensor
+
+from wayfarer.body.library import load_body
+from wayfarer.errors import InvalidArgument
+from wayfarer.marker_bodies import marker_body
+from wayfarer.motion.policy import GoalPolicy
+from wayfarer.motion.predictor import MarkerPredictor
+from wayfarer.motion.primitive import PrimitiveStep
+from wayfarer.motion.quality import Sites
+from wayfarer.motion.regressor import BodyRegressor
+from wayfarer.spec import GENDERS
+from wayfarer.terms import REWARD, REWARDS
+from wayfarer_lab.training.dataset import Poses
+from wayfarer_lab.training.environment import GoalEnvironment, Task
+from wayfarer_lab.training.episode import Episode, samples_of, simulate
+from wayfarer_lab.training.pose_prior import load_pose_prior
+from wayfarer_lab.training.ppo import PpoSettings, improve
+from wayfarer_lab.training.run import TrainingRun, load_weights, read_run_config
+from wayfarer_lab.training.snapshot import draw_trails
+from wayfarer_lab.training.starts import Starts
+
+
+class PolicyConfig(BaseModel):
+    """What a policy is trained with."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    seed_frames: int = 2
+    predictor: str = "runs/predictor_2f_rollout"  # run folders of the networks it acts on
+    regressor_male: str = "runs/regressor_male"
+    regressor_female: str = "runs/regressor_female"
+    pose_prior: str = "runs/pose_prior"  # or a VPoser v2 checkpoint of your own
+    start_from: str = ""  # run folder of a policy to begin with
+    epochs: int = 500
+    critic_epochs: int = 0  # first ones in which the actor rests: for a policy without a critic
+    starts: int = 8  # simulations per epoch
+    clones: int = 32  # agents per simulation
+    primitives: int = 60
+    reward: dict[str, float] = REWARD  # β of Eq. 4
+    arrival: float = 1.0  # share of all reward that an agent gets for ever once it has arrived
+    start_kinds: dict[str, float] = {"standing": 0.45, "moving": 0.45, "pose_prior": 0.1}
+    moving_mix: dict[str, float] = {"walk": 0.6, "start_stop": 0.2, "turn": 0.2}
+    task: Task = Task()
+    ppo: PpoSettings = PpoSettings()
+    snapshot_every: int = 10  # epochs
+    seed: int = 0
+
+
+def reward_weights(table: dict[str, float]) -> Tensor:
+    """Weights [R] in the order of `terms.REWARDS`. Raises InvalidArgument."""
+    unknown = sorted(set(table) - set(REWARDS))
+    if unknown:
+        raise InvalidArgument(f"unknown rewards {unknown}; allowed: {list(REWARDS)}", "reward")
+    weights = torch.tensor([table.get(name, 0.0) for name in REWARDS])
+    if (weights < 0).any() or not weights.any():
+        raise InvalidArgument("weights must be 0 or more, and one of them more", "reward")
+    return weights
+
+
+class PolicyTrainer:
+    """One epoch: simulate, then learn from what was seen."""
+
+    def __init__(self, config: PolicyConfig, environment: GoalEnvironment) -> None:
+        torch.manual_seed(config.seed)
+        self.config = config
+        self.environment = environment
+        self.weights = reward_weights(config.reward)
+        self.model = GoalPolicy()
+        if config.start_from:
+            load_weights(self.model, Path(config.start_from)).train()
+        self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.ppo.rate, fused=True)
+        self.run: TrainingRun | None = None
+
+    def update(self) -> dict[str, float]:
+        """One epoch; every curve goes to TensorBoard."""
+        assert self.run is not None
+        config = self.config
+        began = time.perf_counter()
+        agents = self.environment.reset(config.starts, config.clones)
+        episode = simulate(self.environment, self.model, agents, config.primitives)
+        simulated = time.perf_counter()
+        samples = samples_of(episode, self.weights, config.arrival, config.ppo)
+        limit = -1.0 if self.run.step < config.critic_epochs else config.ppo.kl_limit
+        settings = config.ppo.model_copy(update={"kl_limit": limit})
+        learning = improve(self.model, self.optimizer, samples, settings)
+        speed = {
+            "time/agent_steps_per_second": len(samples.latent) / (simulated - began),
+            "time/learning_seconds": time.perf_counter() - simulated,
+        }
+        residual = samples.returns - episode.values[episode.alive]
+        explained = float(1 - residual.var() / samples.returns.var())
+        seen = summary(episode, self.weights)
+        self.run.log(**seen, **learning, **speed, **{"ppo/explained_variance": explained})
+        return {name: seen[name] for name in ("reward", "success")}
+
+    def validate(self) -> dict[str, float]:
+        """The same 16 starts and goals, 4 clones each, every time; a picture of their trails."""
+        assert self.run is not None
+        clones = 4
+        with torch.random.fork_rng():
+            torch.manual_seed(1)
+            agents = self.environment.reset(16, clones)
+            episode = simulate(self.environment, self.model, agents, self.config.primitives)
+        shown = {f"val/{name}": value for name, value in summary(episode, self.weights).items()}
+        draw_trails(
+            self.run.folder / "snapshots" / f"epoch_{self.run.step:05d}.png",
+            episode.hips,
+            agents.goal,
+            clones,
+            f"epoch {self.run.step}: {shown['val/success']:.0%} of {len(agents.goal)} arrive",
+        )
+        return shown
+
+
+def summary(episode: Episode, weights: Tensor) -> dict[str, float]:
+    """Means over agents: share of all reward (Eq. 4 / Σ β), arrivals, …, and each single reward."""
+    mean = episode.rewards[episode.alive].mean(0).tolist()
+    taken = episode.alive.sum(0)
+    arrived = taken[episode.reached].float()
+    return {
+        "reward": float((torch.tensor(mean) @ weights) / weights.sum()),
+        "success": float(episode.reached.float().mean()),
+        "broken": float(episode.broken.float().mean()),
+        "steps": float(arrived.mean()) if len(arrived) else float(len(episode.alive)),
+        "distance": float(episode.closest.clamp(max=100).mean()),
+    } | {f"reward/{name}": value for name, value in zip(REWARDS, mean, strict=True)}
+
+
+def load_steps(config: PolicyConfig) -> tuple[PrimitiveStep, ...]:
+    """The step of each gender, its regressor in bfloat16, which moves markers by 0.1 mm.
+
+    (The predictor in bfloat16 would move them by 1.6 mm and be no faster.)
+    """
+    trained = read_run_config(Path(config.predictor))
+    if trained["seed_frames"] != config.seed_frames:
+        raise InvalidArgument(
+            f"{config.predictor} was trained with {trained['seed_frames']} seed frames, "
+            f"this policy wants {config.seed_frames}",
+            "predictor",
+        )
+    half = torch.autocast("cpu", dtype=torch.bfloat16)
+    predictor = load_weights(MarkerPredictor(config.seed_frames), Path(config.predictor))
+    steps = []
+    for gender in GENDERS:
+        model = load_body("anny52", gender)
+        body = marker_body(model)
+        run = Path(getattr(config, f"regressor_{gender}"))
+        regressor = load_weights(BodyRegressor(body), run)
+        regressor.know = half(regressor.know)  # type: ignore[method-assign]
+        regressor.correct = half(regressor.correct)  # type: ignore[method-assign]
+        sites = Sites.from_names(model.marker_names)
+        steps.append(
+            PrimitiveStep(predictor, regressor, body, sites, None, trained["floor_origin"])
+        )
+    return tuple(step.eval().requires_grad_(False) for step in steps)
+
+
+def load_environment(config: PolicyConfig, moving: Poses, standing: Tensor) -> GoalEnvironment:
+    """The environment of trained networks. `standing` [P, 22, 4]: `assets/start_poses.npz`."""
+    prior = load_pose_prior(Path(config.pose_prior)).requires_grad_(False)
+    starts = Starts(config.seed_frames, config.start_kinds, standing, moving, prior)
+    return GoalEnvironment(load_steps(config), prior, starts, config.task)
+
+
+def train_policy(
+    config: PolicyConfig,
+    environment: GoalEnvironment,
+    folder: Path,
+    minutes: float = float("inf"),
+) -> bool:
+    """Train or resume in `folder`. True when all epochs are done."""
+    trainer = PolicyTrainer(config, environment)
+    trainer.run = TrainingRun(folder, config, trainer.model, trainer.optimizer)
+    if trainer.run.step == 0:
+        trainer.run.log(**trainer.validate())  # what training is to improve on
+    return trainer.run.drive(
+        config.epochs, trainer.update, trainer.validate, minutes, every=config.snapshot_every
+    )

@@ -1,0 +1,98 @@
+"""`wayfarer eval control | arrival | long` on the command line, with an engine that glides."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from typer.testing import CliRunner
+
+from tests.lab.evaluation.people import BODIES
+from tests.lab.evaluation.recordings import write_recordings
+from tests.runtime.fakes import FakeEngine
+from wayfarer.runtime.world.steering import Steering
+from wayfarer.stage import Stage
+from wayfarer_lab.evaluation import scenarios
+from wayfarer_lab.evaluation.commands import app, arrival, control, long
+
+
+def stage(path: Path, threads: int) -> Stage:
+    """Gliding models; those in a folder called `plain` have no policy."""
+    files = () if path.name == "plain" else ("policy.onnx",)
+    return Stage(SimpleNamespace(contracts=files), FakeEngine(), BODIES)
+
+
+@pytest.fixture(autouse=True)
+def gliding(monkeypatch: pytest.MonkeyPatch) -> None:
+    def world(models: Path, agents: int, candidates: int, threads: int, engine: str):
+        made = stage(models, threads)
+        return made.world(agents, Steering().with_search(candidates=candidates)), made.bodies
+
+    monkeypatch.setattr(control, "open_stage", stage)
+    for module in (arrival, long):
+        monkeypatch.setattr(module, "open_world", world)
+
+
+def report(tmp_path: Path, *arguments: str) -> list[dict[str, float | str | None]]:
+    path = tmp_path / "report.json"
+    answer = CliRunner().invoke(app, [*arguments, "--json", str(path)])
+    assert answer.exit_code == 0, answer.output
+    return json.loads(path.read_text())["rows"]
+
+
+def test_control_has_a_row_for_each_method_with_the_papers_figures(tmp_path: Path) -> None:
+    rows = report(
+        tmp_path, "control", "--pairs", "2", "--g-cvae", str(tmp_path / "plain"),
+        "--policy-1", str(tmp_path / "other"), "--data", str(write_recordings(tmp_path)),
+    )  # fmt: skip
+    assert [row["name"] for row in rows] == [
+        "g-CVAE", "policy(10)", "policy(1)", "policy(10) & top1", "policy(1) & top1",
+        "policy(10) & top4", "policy(1) & top4", "N(0, I) & top1",
+        "search K=8 N(0, I)", "search K=8 π", "search K=4 π", "search K=1 π",
+        "search K=8 π, foot lock", "mocap",
+    ]  # fmt: skip
+    for row in rows[:-1]:
+        assert {"success", "steps", "avg_dist", "contact"} <= set(row)
+        assert row["success"] == 1.0 and row["steps"] > 0 and row["avg_dist"] >= 0
+    assert rows[-1]["success"] is None and rows[-1]["walk_slide_cm_s"] > 100, "gliders, too"
+
+
+def test_models_without_a_policy_have_no_rows_of_one(tmp_path: Path) -> None:
+    rows = report(tmp_path, "control", "--pairs", "1", "--models", str(tmp_path / "plain"))
+    assert [row["name"] for row in rows] == ["N(0, I) & top1", "search K=8 N(0, I)"]
+    answer = CliRunner().invoke(app, ["control", "--policy-1", str(tmp_path / "plain")])
+    assert answer.exit_code != 0 and "policy.onnx" in str(answer.exception)
+
+
+def test_arrival_tells_goals_gait_stillness_and_manoeuvres(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(scenarios, "SPEEDS", (0.8,))
+    monkeypatch.setattr(scenarios, "RUNS", ())
+    rows = report(tmp_path, "arrival", "--goals", "2", "--agents", "1")
+    names = [row["name"] for row in rows]
+    assert names[:3] == ["from standing", "from walking", "facing asked"]
+    assert {"from walking, 0.9-1.4 m/s", "facing asked, standing", "behind", "0.8 m/s"} <= set(
+        names
+    )
+    assert {"180°", "bends of 90°", "sideways", "backwards"} <= set(names)
+    assert rows[0]["success"] == 1.0 and rows[0]["facing_error_median_deg"] is None
+    assert rows[2]["facing_error_median_deg"] < 15.0
+
+
+def test_arrivals_from_walking_begin_in_recorded_walking(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(arrival, "maneuver_tables", dict)
+    data = str(write_recordings(tmp_path))
+    rows = report(tmp_path, "arrival", "--goals", "2", "--data", data)
+    assert rows[1]["name"] == "from walking" and rows[1]["success"] == 1.0
+    assert {"mocap", "mocap of all splits, standing"} <= {row["name"] for row in rows}
+
+
+def test_long_counts_faults_and_tells_the_gait(tmp_path: Path) -> None:
+    health, *gait = report(tmp_path, "long", "--agents", "2", "--minutes", "0.5")
+    assert health["agents"] == 2 and health["tilted_agents"] == health["spinning_agents"] == 0
+    assert health["minutes_each"] == pytest.approx(0.5, abs=0.05)
+    assert [row["name"] for row in gait] == ["goal after goal", "goal after goal, 0.9-1.4 m/s"]
+    assert gait[0]["trunk_tilt_deg"] == pytest.approx(0.0, abs=20.0)

@@ -1,0 +1,67 @@
+"""`wayfarer eval realism`, `bodies`, `skating` from the command line, with fakes for networks."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from tests.lab.evaluation.fakes import known_parts
+from tests.lab.evaluation.recordings import SPEED, write_recordings
+from wayfarer.errors import DataError, InvalidArgument
+from wayfarer_lab.evaluation import parts, random_motion
+from wayfarer_lab.evaluation.commands import app
+
+SMALL = {
+    "realism": ["--poses", "4", "--seconds", "1.2"],
+    "bodies": ["--futures", "1", "--seconds", "1.2"],
+    "skating": ["--poses", "4", "--primitives", "6"],
+}
+
+
+@pytest.fixture(autouse=True)
+def fakes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parts, "load_parts", lambda *asked: known_parts(policy=None))
+    monkeypatch.setattr(random_motion, "SHAPES", 2)
+
+
+@pytest.mark.parametrize("table", SMALL)
+def test_a_table_is_written_with_its_row_of_mocap(table: str, tmp_path: Path) -> None:
+    data = write_recordings(tmp_path, "train", "heldout")
+    path = tmp_path / "out" / f"{table}.json"
+    answer = CliRunner().invoke(
+        app, [table, "--data", str(data), "--seed", "3", "--json", str(path), *SMALL[table]]
+    )
+    assert answer.exit_code == 0, answer.output
+    text = json.loads(path.read_text())
+    rows = {row["name"]: row for row in text["rows"]}
+    assert rows["mocap"]["speed_mps"] == pytest.approx(SPEED, abs=1e-3)
+    assert text["meta"]["seed"] == 3 and text["meta"]["split"] == "heldout"
+    assert "| mocap |" in path.with_suffix(".md").read_text()
+    assert path.with_suffix(".png").exists()
+    if table == "realism":
+        assert rows["mocap"]["frechet_v1"] is None, "four windows make no distribution"
+        assert rows["mocap"]["frechet_windows"] == 4
+
+
+def test_without_data_there_is_no_row_of_mocap(tmp_path: Path) -> None:
+    path = tmp_path / "skating.json"
+    answer = CliRunner().invoke(app, ["skating", "--json", str(path), *SMALL["skating"]])
+    assert answer.exit_code == 0, answer.output
+    text = json.loads(path.read_text())
+    assert [row["name"] for row in text["rows"]] == ["ro-1f", "ro-2f"]
+    assert text["meta"]["data"] is None and text["meta"]["split"] is None
+
+
+@pytest.mark.parametrize("table", SMALL)
+def test_unfit_data_are_refused(table: str, tmp_path: Path) -> None:
+    answer = CliRunner().invoke(app, [table, "--data", str(tmp_path)])
+    assert isinstance(answer.exception, DataError)
+    assert "wayfarer data prepare" in str(answer.exception)
+
+
+def test_a_split_that_does_not_exist_is_named_with_those_that_do(tmp_path: Path) -> None:
+    data = write_recordings(tmp_path)
+    answer = CliRunner().invoke(app, ["skating", "--data", str(data), "--split", "hidden"])
+    assert isinstance(answer.exception, InvalidArgument)
+    assert "'hidden'" in str(answer.exception) and "['heldout']" in str(answer.exception)

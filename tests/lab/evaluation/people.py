@@ -1,0 +1,63 @@
+"""Bodies with a trunk, and courses that are known because they were written down."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tests.runtime.fakes import BODIES as STICKS
+from tests.runtime.fakes import FakeEngine, start_poses
+from wayfarer.body.model import BodyModel
+from wayfarer.runtime.agent import AgentSpec, Goal
+from wayfarer.runtime.settings import WorldSettings
+from wayfarer.runtime.world.world import World
+from wayfarer.spec import POSED_JOINTS
+from wayfarer_lab.evaluation.goals import Course, Given
+
+TRUNK = {"LFWT": (-0.1, 1.0), "LBWT": (-0.1, 1.0), "RFWT": (0.1, 1.0), "RBWT": (0.1, 1.0)}
+CHEST = {"C7": (0.0, 1.4), "CLAV": (0.0, 1.4)}
+"""Markers of the trunk: metres to the right, and up."""
+
+
+def with_trunk(body: BodyModel) -> BodyModel:
+    """A body of sticks whose first markers are those of a trunk, straight up."""
+    names, vertices = list(body.marker_names), body.bind_vertices.copy()
+    for row, (name, (right, up)) in enumerate((TRUNK | CHEST).items()):
+        names[row], vertices[row] = name, (right, 0.0, up)
+    return replace(body, marker_names=tuple(names), bind_vertices=vertices)
+
+
+BODIES = {gender: with_trunk(body) for gender, body in STICKS.items()}
+
+
+def make_world(engine: FakeEngine | None = None) -> World:
+    """A world whose agents step at the same moments."""
+    return World(engine or FakeEngine(), BODIES, start_poses(), WorldSettings(phases=1))
+
+
+def course(
+    places: np.ndarray,
+    goals: Goal | Sequence[Goal],
+    headings: float | np.ndarray = 0.0,
+    standing: np.ndarray | None = None,
+    frame: int = 0,
+) -> Course:
+    """Hips at places [T, 2] with headings [T] (radians); `goals` were given at `frame`."""
+    frames = len(places)
+    half = np.broadcast_to(np.asarray(headings, float) / 2, frames)
+    rotations = np.zeros((frames, POSED_JOINTS, 4))
+    rotations[..., 3] = 1.0
+    rotations[:, 0, 2], rotations[:, 0, 3] = np.sin(half), np.cos(half)
+    path = (goals,) if isinstance(goals, Goal) else tuple(goals)
+    return Course(
+        spec=AgentSpec(),
+        given=(Given(path, frame),),
+        hips=np.concatenate([places, np.full((frames, 1), 0.9)], -1),
+        rotations=rotations,
+        standing=np.zeros(frames, bool) if standing is None else standing,
+    )
+
+
+def line(metres: np.ndarray, angle: float = 0.0) -> np.ndarray:
+    """Places [T, 2] so many metres along +Y, or `angle` radians to the left of it."""
+    return np.asarray(metres)[:, None] * np.array([-np.sin(angle), np.cos(angle)])

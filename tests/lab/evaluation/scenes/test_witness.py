@@ -1,0 +1,108 @@
+"""A witness of bodies whose every place is known: T-poses that glide."""
+
+import numpy as np
+import pytest
+
+from wayfarer.body.library import load_body
+from wayfarer.navigation.examples import rectangle
+from wayfarer.navigation.scene import Scene, bake
+from wayfarer.navigation.spec import Box, Floor, SceneSpec
+from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, MotionChunk
+from wayfarer.spec import FPS, GENDERS, NEW_FRAMES, POSED_JOINTS
+from wayfarer_lab.evaluation.scenes.witness import Witness
+
+BODIES = {gender: load_body("anny52", gender, "low") for gender in GENDERS}
+HIPS = float(BODIES["female"].rest_joints(np.zeros(10))[0, 2])
+
+
+def scene(*boxes: Box) -> Scene:
+    return bake(SceneSpec((Floor(rectangle(-10, -10, 10, 10)),), boxes))
+
+
+def chunk(agent: str, number: int, at: tuple[float, float, float]) -> MotionChunk:
+    rotations = np.zeros((NEW_FRAMES, POSED_JOINTS, 4), np.float32)
+    rotations[..., 3] = 1
+    return MotionChunk(
+        agent_id=agent,
+        alias=1,
+        seq=number,
+        first_frame=NEW_FRAMES * number,
+        scheduled_at=NEW_FRAMES * number / FPS,
+        goal_revision=1,
+        flags=ChunkFlag.NONE,
+        state=AgentState.WALKING,
+        translation=np.tile(np.float32(at) + np.float32([0, 0, HIPS]), (NEW_FRAMES, 1)),
+        rotations=rotations,
+        contacts=np.ones((NEW_FRAMES, 2), bool),
+    )
+
+
+def watched(where: Scene, ways: dict[str, list[tuple[float, float, float]]], **options) -> Witness:
+    witness = Witness(BODIES, where, **options)
+    for agent in ways:
+        witness.meet(agent, AgentSpec())
+    for number, places in enumerate(zip(*ways.values(), strict=True)):
+        for agent, at in zip(ways, places, strict=True):
+            witness.see(chunk(agent, number, at))
+    witness.finish()
+    return witness
+
+
+def test_arms_in_a_wall_are_found_and_hands_above_a_low_box_are_free() -> None:
+    tall, low = Box((1.0, 0.0), (1.0, 1.0), 2.0), Box((1.0, 0.0), (1.0, 1.0), 0.4)
+    ways = {"a": [(0.1, 0.0, 0.0)] * 5}  # a T-pose reaches 0.7 m to the side
+    inside = watched(scene(tall), ways).figures()
+    assert inside["penetration_frames"] == 1.0 and inside["penetration_max_cm"] > 5
+    above = watched(scene(low), ways).figures()
+    assert above["penetration_frames"] == 0.0
+    assert above["agent_frames"] == 10, "every fourth of 40"
+
+
+def test_depth_in_a_wall_is_the_hands_own() -> None:
+    away = watched(scene(Box((1.0, 0.0), (0.4, 4.0), 2.0)), {"a": [(0.0, 0.0, 0.0)]})
+    near = watched(scene(Box((0.9, 0.0), (0.4, 4.0), 2.0)), {"a": [(0.0, 0.0, 0.0)]})
+    assert near.walls.deepest == pytest.approx(max(away.walls.deepest, 0) + 0.1, abs=0.11)
+
+
+def test_bodies_in_each_other_count_for_both_when_they_share_a_world() -> None:
+    ways = {"a": [(0.0, 0.0, 0.0)] * 3, "b": [(0.0, 0.1, 0.0)] * 3, "c": [(5.0, 5.0, 0.0)] * 3}
+    figures = watched(scene(), ways).figures()
+    assert figures["overlap_frames"] == pytest.approx(2 / 3)
+    assert "overlap_frames" not in watched(scene(), ways, strangers=False).figures()
+
+
+def test_feet_on_the_floor_above_it_and_below_it() -> None:
+    for lift, expected in ((0.0, 0.0), (0.03, 3.0), (-0.03, 3.0)):
+        figures = watched(scene(), {"a": [(0.0, 0.0, lift)]}).figures()
+        assert figures["foot_gap_mean_cm"] == pytest.approx(expected, abs=0.3)
+        assert "foot_gap_uneven_mean_cm" not in figures, "all of it is level"
+
+
+def test_feet_at_a_ledge_are_on_uneven_ground() -> None:
+    ledge = scene(Box((0.0, 5.0), (4.0, 9.6), 0.2))
+    figures = watched(ledge, {"a": [(0.0, 0.35, 0.2)]}).figures()
+    assert figures["foot_gap_uneven_mean_cm"] == pytest.approx(0.0, abs=0.3)
+    assert figures["penetration_frames"] == 0.0, "standing on it is not being in it"
+
+
+def test_the_edge_of_the_floor_is_no_step() -> None:
+    figures = watched(scene(), {"a": [(0.0, 9.9, 0.0)]}).figures()
+    assert "foot_gap_uneven_mean_cm" not in figures
+
+
+def test_a_change_of_the_scene_counts_from_then_on() -> None:
+    witness = Witness(BODIES, scene(), every=1)
+    witness.meet("a", AgentSpec())
+    witness.see(chunk("a", 0, (0.0, 0.0, 0.0)))
+    witness.change(scene().put("crate", Box((0.5, 0.0), (0.6, 0.6), 2.0)))
+    witness.see(chunk("a", 1, (0.0, 0.0, 0.0)))
+    witness.finish()
+    assert witness.figures()["penetration_frames"] == 0.5
+    assert witness.worst()[0]["at_s"] >= NEW_FRAMES / FPS
+
+
+def test_long_runs_are_judged_as_they_pass_and_lose_nothing() -> None:
+    ways = {"a": [(0.0, 0.0, 0.0)] * 60, "b": [(3.0, 0.0, 0.0)] * 60}
+    witness = watched(scene(), ways)
+    assert witness.figures()["agent_frames"] == 2 * 60 * NEW_FRAMES / 4
+    assert witness.trail(1).shape == (60, 3)

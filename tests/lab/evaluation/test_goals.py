@@ -1,0 +1,87 @@
+"""Errands through the real world, with an engine that glides."""
+
+import numpy as np
+import pytest
+
+from tests.lab.evaluation.people import BODIES, make_world
+from wayfarer.runtime.agent import AgentInfo, Goal
+from wayfarer.runtime.world.slots import Mode
+from wayfarer.spec import FPS, GENDERS
+from wayfarer_lab.evaluation.goals import Course, Errand, Order, random_specs, relative, run_errands
+
+
+def ahead(agent: AgentInfo) -> list[Goal]:
+    return [Goal(relative(agent, 3.0, 0.0))]
+
+
+def behind(agent: AgentInfo) -> list[Goal]:
+    return [Goal(relative(agent, -3.0, 0.0))]
+
+
+def courses(*orders: Order, seconds: float = 6.0, seed: int = 0) -> list[Course]:
+    errands = [Errand(spec, orders) for spec in random_specs(3, np.random.default_rng(seed))]
+    return run_errands(make_world(), errands, seconds)
+
+
+def test_a_course_begins_with_the_first_frame_for_its_order() -> None:
+    for course in courses(Order(0.0, ahead)):
+        assert course.given[0].frame == 0 and len(course.given) == 1
+        start = np.linalg.norm(course.hips[0, :2] - course.spec.position)
+        assert 0 < start < 0.2, "2 s of standing are left out"
+        way = course.hips[-1, :2] - course.spec.position
+        direction = np.array([-np.sin(course.spec.heading), np.cos(course.spec.heading)])
+        assert way @ direction == pytest.approx(3.0, abs=0.3), "the goal is straight ahead"
+        assert course.goal == course.given[0].path[-1]
+        assert course.standing[-1] and not course.standing[0]
+        assert len(course.hips) >= 5.5 * FPS
+
+
+def test_a_later_order_is_given_when_its_time_has_come() -> None:
+    for course in courses(Order(0.0, ahead), Order(1.0, behind)):
+        turn = course.given[1].frame
+        assert turn == pytest.approx(1.0 * FPS, abs=8)
+        latest = course.latest()
+        assert latest.given[0].frame == 0 and latest.goal == course.given[1].path[0]
+        assert len(latest.hips) == len(course.hips) - turn
+        home = np.linalg.norm(course.hips[:, :2] - course.hips[turn, :2], axis=-1)
+        assert home[-1] == pytest.approx(3.0, abs=0.4), "3 m behind where it then was"
+
+
+def test_a_course_is_skinned_on_its_own_body() -> None:
+    course = courses(Order(0.0, ahead))[0]
+    track = course.track(BODIES[course.spec.gender], slice(0, 20))
+    assert track.markers.shape == (20, 67, 3)
+    assert abs(track.markers[..., 2].min()) < 0.01, "spawned on the floor"
+
+
+def test_agents_may_begin_in_motion() -> None:
+    errands = [
+        Errand(spec, (Order(0.0, ahead),)) for spec in random_specs(2, np.random.default_rng(0))
+    ]
+    world = make_world()
+    seeds = world.prepare([errand.spec for errand in errands])
+    for seed in seeds:
+        seed.gait.mode[:] = Mode.WALKING
+    made = run_errands(world, errands, 2.0, seeds=seeds)
+    assert all(len(course.hips) >= 1.5 * FPS for course in made), "without any standing first"
+
+
+def test_the_seed_decides_everything() -> None:
+    first, again, other = (courses(Order(0.0, ahead), seed=seed)[0] for seed in (3, 3, 4))
+    assert np.array_equal(first.hips, again.hips)
+    assert first.spec != other.spec
+
+
+def test_progress_is_told_in_seconds_of_motion() -> None:
+    told: list[tuple[float, float]] = []
+    errands = [Errand(random_specs(1, np.random.default_rng(0))[0], (Order(0.0, ahead),))]
+    run_errands(make_world(), errands, 2.0, watch=lambda done, total: told.append((done, total)))
+    assert {total for _, total in told} == {4.0}
+    assert max(done for done, _ in told) <= 4.0
+
+
+def test_specs_are_of_both_genders_and_many_shapes() -> None:
+    specs = random_specs(10, np.random.default_rng(0))
+    assert [s.gender for s in specs] == list(GENDERS) * 5
+    assert len({s.betas for s in specs}) == len({s.position for s in specs}) == 10
+    assert max(abs(b) for s in specs for b in s.betas) <= 2.0

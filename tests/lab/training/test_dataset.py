@@ -1,0 +1,48 @@
+import pytest
+import torch
+
+from tests.lab.training.fakes import gliding_frames
+from wayfarer.errors import InvalidArgument
+from wayfarer_lab.training.dataset import WindowSampler, draw_weights
+
+
+def test_windows_never_cross_a_clip_edge():
+    frames = gliding_frames(clips=3, length=20)
+    index, _ = frames.starts(10)
+    assert len(index) == 3 * 11
+    assert ((index % 20) <= 10).all()
+
+
+def test_windows_longer_than_any_clip_are_refused():
+    with pytest.raises(InvalidArgument, match="no unbroken stretch of 21"):
+        gliding_frames(clips=3, length=20).starts(21)
+
+
+def test_canonical_windows_begin_above_the_origin():
+    frames = gliding_frames()
+    windows = frames.canonical(torch.tensor([5, 40]), 10, floor_origin=True).unflatten(-1, (-1, 3))
+    moved = windows - windows[:, :1]
+    assert torch.allclose(windows[0, 0], windows[1, 0], atol=1e-5)  # the cloud is rigid
+    assert (moved[:, -1, :, 1] > 0).all() and moved[..., [0, 2]].abs().max() < 1e-5
+
+
+def test_sampler_follows_the_weights():
+    frames = gliding_frames(clips=2, length=20)
+    frames.weight[:20] = 0.0
+    frames.weight[30] = 9.0
+    drawn = WindowSampler(frames, 10).draw(4000, torch.Generator().manual_seed(0))
+    assert drawn.min() >= 20
+    share = (drawn == 30).float().mean()
+    assert 0.4 < share < 0.55  # 9 of 9 + 10
+
+
+def test_groups_are_drawn_by_their_share_whatever_their_size():
+    groups, subjects = ["walk"] * 30 + ["run"] * 10, ["a"] * 40
+    weight = draw_weights(groups, subjects, {"walk": 0.25, "run": 0.75})
+    assert weight[:30].sum() == pytest.approx(0.25)
+    assert weight[30:].sum() == pytest.approx(0.75)
+
+
+def test_a_mistyped_group_is_refused_with_the_allowed_ones():
+    with pytest.raises(InvalidArgument, match=r"wlak.*allowed.*walk"):
+        draw_weights(["walk"], ["a"], {"wlak": 1.0})

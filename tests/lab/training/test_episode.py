@@ -1,0 +1,138 @@
+"""Episodes in a world of points: every figure can be told beforehand."""
+
+import pytest
+import torch
+
+from wayfarer.motion import reward
+from wayfarer.motion.policy import Condition, GoalPolicy
+from wayfarer.spec import LATENT
+from wayfarer.terms import REWARDS, TERMS
+from wayfarer_lab.training.environment import Agents, Feedback, State, Task
+from wayfarer_lab.training.episode import samples_of, simulate
+from wayfarer_lab.training.ppo import PpoSettings
+
+SPEEDS = torch.tensor([1.0, 2.0, 0.0, 1.0])  # metres a primitive, towards +Y
+BREAKS_AT = 3.0
+
+
+class Points:
+    """Agents at the origin slide along Y, goals 4 m ahead; the last one's is far, and it breaks."""
+
+    task = Task(reached=0.5, area=20.0)
+
+    def agents(self) -> Agents:
+        goal = torch.tensor([[0.0, 4.0, 0.0]] * 3 + [[0.0, 50.0, 0.0]])
+        return Agents(
+            markers=torch.zeros(4, 1, 67, 3),
+            translation=torch.zeros(4, 1, 3),
+            rotations=torch.zeros(4, 1, 22, 4),
+            gender=torch.zeros(4, dtype=torch.long),
+            betas=torch.zeros(4, 10),
+            goal=goal,
+            target_speed=SPEEDS,
+            facing=torch.zeros(4, 2),
+            term_weights=torch.zeros(4, len(TERMS)),
+        )
+
+    def observe(self, agents: Agents) -> State:
+        """The seed tells where the agent is, so that samples can be told apart."""
+        seed = torch.zeros(len(agents.goal), 1, 201)
+        seed[:, 0, 1] = agents.translation[:, 0, 1]
+        return State(
+            seed,
+            Condition(agents.goal, agents.target_speed, agents.facing, agents.term_weights),
+        )
+
+    def step(self, agents: Agents, latents: torch.Tensor) -> tuple[Agents, Feedback]:
+        assert latents.shape == (len(agents.goal), LATENT)
+        place = agents.translation.clone()
+        place[:, 0, 1] += agents.target_speed
+        hips = place[:, 0]
+        distance = (agents.goal - hips)[:, :2].norm(dim=-1)
+        broken = (agents.goal[:, 1] > 10) & (hips[:, 1] >= BREAKS_AT)
+        rewards = torch.full((len(hips), len(reward.FUNCTIONS_OF_A_STEP)), 0.5)
+        rewards[:, 0] = hips[:, 1] / 10
+        return agents._replace(translation=place), Feedback(rewards, distance, broken, hips)
+
+
+@pytest.fixture(scope="module")
+def episode():
+    torch.manual_seed(0)
+    world = Points()
+    return simulate(world, GoalPolicy(), world.agents(), primitives=5)
+
+
+def test_agents_go_until_they_arrive_break_or_run_out_of_time(episode):
+    assert episode.alive.sum(0).tolist() == [4, 2, 5, 3]
+    assert episode.reached.tolist() == [True, True, False, False]
+    assert episode.broken.tolist() == [False, False, False, True]
+    assert episode.closest.tolist() == [0.0, 0.0, 4.0, 48.0]
+
+
+def test_trails_end_where_agents_end(episode):
+    assert episode.hips.shape == (6, 4, 3)
+    assert episode.hips[:, 1, 1].tolist()[:3] == [0.0, 2.0, 4.0]
+    assert episode.hips[3:, 1].isnan().all() and episode.hips[:, 2].isfinite().all()
+
+
+def test_the_goal_s_reward_counts_for_every_primitive_of_the_episode(episode):
+    """Eq. 9: 1 when reached, else (L - d) / L of the closest; nothing once the agent has ended."""
+    got = episode.rewards[..., REWARDS.index("goal")]
+    assert got[:4, 0].tolist() == [1.0] * 4 and got[4, 0] == 0
+    assert torch.allclose(got[:, 2], torch.full((5,), 0.8))
+    assert (got[:, 3] == 0).all()  # 48 m away
+
+
+def test_only_who_ran_out_of_time_has_a_future(episode):
+    assert (episode.future != 0).tolist() == [False, False, True, False]
+
+
+def test_samples_are_in_the_order_of_alive(episode):
+    """The row of a sample's advantage and return is the row of its state."""
+    weights = torch.zeros(len(REWARDS))
+    weights[0] = 1.0
+    settings = PpoSettings(discount=0.5, gae=1.0)
+    batch = samples_of(episode, weights, arrival=1.0, settings=settings)
+    count = int(episode.alive.sum())
+    assert len(batch.seed) == len(batch.latent) == len(batch.returns) == count
+    for place, speed, goal, got in zip(
+        batch.seed[:, 0, 1],
+        batch.condition.target_speed,
+        batch.condition.goal[:, 1],
+        batch.returns,
+        strict=True,
+    ):
+        if speed == 0:
+            continue  # depends on the critic
+        # by hand: half of each reward (1 - γ), then what the end is worth
+        at, factor, expected = float(place), 1.0, 0.0
+        while True:
+            at += float(speed)
+            expected += factor * at / 10 * 0.5
+            factor *= 0.5
+            if at >= (4 if goal < 10 else BREAKS_AT):
+                break
+        expected += factor * (1.0 if goal < 10 else 0.0)
+        assert got.item() == pytest.approx(expected, abs=1e-6)
+
+
+def test_returns_are_shares_of_what_there_is(episode):
+    weights = torch.rand(len(REWARDS)) * 5
+    returns = samples_of(episode, weights, 1.0, PpoSettings()).returns
+    sure = episode.reached | episode.broken
+    ended = sure.expand_as(episode.alive)[episode.alive]
+    assert ((returns[ended] >= 0) & (returns[ended] <= 1)).all()
+
+
+def test_arriving_pays_more_than_dawdling(episode):
+    """Rewards are positive: without the arrival's share, the way there would be worth more."""
+    weights = torch.ones(len(REWARDS))
+    settings = PpoSettings(discount=0.9)
+    with_it = samples_of(episode, weights, 1.0, settings).returns
+    without = samples_of(episode, weights, 0.0, settings).returns
+    first = torch.zeros_like(episode.alive)
+    first[0] = True
+    rows = first[episode.alive]
+    slow, fast = with_it[rows][0], with_it[rows][1]
+    assert fast > slow
+    assert without[rows][1] < without[rows][0]

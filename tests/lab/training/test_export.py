@@ -1,0 +1,56 @@
+"""The whole step as a graph: the exported file is run against torch."""
+
+import pytest
+import torch
+
+from wayfarer.artifacts import contract_for, contract_to_json, read_contract
+from wayfarer.body.library import load_body
+from wayfarer.errors import ArtifactError
+from wayfarer.marker_bodies import marker_body
+from wayfarer.motion.policy import GoalPolicy
+from wayfarer.motion.predictor import MarkerPredictor
+from wayfarer.motion.primitive import PrimitiveStep
+from wayfarer.motion.quality import Sites
+from wayfarer.motion.regressor import BodyRegressor
+from wayfarer_lab.training.export import TOLERANCE, check_graph, identity, round_to_half, save_graph
+from wayfarer_lab.training.onnx_files import WeightStore
+from wayfarer_lab.training.step_graph import step_graph
+
+
+def small_step(seed: int) -> PrimitiveStep:
+    torch.manual_seed(seed)
+    body = load_body("anny52", "male")
+    skin = marker_body(body)
+    policy = GoalPolicy()
+    torch.nn.init.normal_(policy.output.weight, std=0.05)  # it begins as the prior
+    predictor, regressor, policy = map(
+        round_to_half, (MarkerPredictor(2), BodyRegressor(skin), policy)
+    )
+    sites = Sites.from_names(body.marker_names)
+    return PrimitiveStep(predictor, regressor, skin, sites, policy).eval()
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("models")
+    graph, store = step_graph(small_step(0)), WeightStore()
+    contract = contract_for("step_male.onnx", "test", identity("anny52", "male"))
+    save_graph(graph, folder / "step_male.onnx", store, contract_to_json(contract))
+    store.write(folder)
+    return graph, folder / "step_male.onnx"
+
+
+def test_torch_and_onnx_agree_over_batches_candidates_and_bodies(exported):
+    graph, path = exported
+    assert check_graph(path, graph) < TOLERANCE
+
+
+def test_the_file_carries_its_contract(exported):
+    _, path = exported
+    assert read_contract(path) == contract_for("step_male.onnx", "test", identity("anny52", "male"))
+
+
+def test_another_networks_file_is_refused(exported):
+    _, path = exported
+    with pytest.raises(ArtifactError, match=r"differ|alike"):
+        check_graph(path, step_graph(small_step(1)))

@@ -1,0 +1,72 @@
+import json
+
+import pytest
+import torch
+
+from tests.lab.training.fakes import gliding_frames
+from wayfarer.errors import InvalidArgument
+from wayfarer_lab.training.cli import CONFIGS, read_config
+from wayfarer_lab.training.predictor import PredictorConfig, PredictorTrainer, train_predictor
+
+SMALL = PredictorConfig(steps=60, batch=64, rate=2e-3)
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs") / "small"
+    assert train_predictor(SMALL, gliding_frames(), gliding_frames(seed=1), folder)
+    return folder
+
+
+def test_a_short_training_learns_to_glide(trained):
+    last = (trained / "log.txt").read_text().splitlines()[-1]
+    fresh = PredictorTrainer(SMALL, gliding_frames(), gliding_frames(seed=1)).validate()
+    error = float(last.split("val/posterior_cm")[1].split()[0])
+    assert error < 0.5 * fresh["val/posterior_cm"]
+
+
+def test_a_finished_run_resumes_to_nothing_and_keeps_its_weights(trained):
+    before = torch.load(trained / "last.pt", weights_only=True)["model"]
+    assert train_predictor(SMALL, gliding_frames(), gliding_frames(seed=1), trained)
+    after = torch.load(trained / "last.pt", weights_only=True)["model"]
+    assert all(torch.equal(before[k], after[k]) for k in before)
+
+
+def test_resuming_with_another_config_is_refused(trained):
+    other = SMALL.model_copy(update={"kl_weight": 1.0})
+    with pytest.raises(InvalidArgument, match="kl_weight"):
+        train_predictor(other, gliding_frames(), gliding_frames(seed=1), trained)
+    assert json.loads((trained / "config.json").read_text())["kl_weight"] == SMALL.kl_weight
+
+
+def test_a_stopped_run_equals_one_that_was_not(tmp_path):
+    """Stopping by the time limit and resuming changes nothing: state and chance are saved."""
+    data, held = gliding_frames(), gliding_frames(seed=1)
+    config = SMALL.model_copy(update={"steps": 4})
+    train_predictor(config, data, held, tmp_path / "whole")
+    while not train_predictor(config, data, held, tmp_path / "parts", minutes=1e-4):
+        pass
+    whole, parts = (
+        torch.load(tmp_path / name / "last.pt", weights_only=True) for name in ("whole", "parts")
+    )
+    assert whole["step"] == parts["step"] == 4
+    assert all(
+        torch.allclose(whole["model"][k], parts["model"][k], atol=1e-6) for k in whole["model"]
+    )
+
+
+def test_rollout_seeds_are_the_models_own_frames_in_the_recorded_frame():
+    config = SMALL.model_copy(update={"rollout": 8})
+    trainer = PredictorTrainer(config, gliding_frames(), gliding_frames(seed=1))
+    starts = torch.tensor([0, 3])
+    terms = list(trainer.losses(trainer.frames, starts, 8))
+    assert len(terms) == 8
+    errors = [float(reconstruction.detach()) for reconstruction, _, _ in terms]
+    assert errors[-1] > errors[0]  # errors of an untrained model add up
+
+
+def test_the_shipped_recipe_starts_only_from_runs_that_it_makes():
+    """Every `start_from` of a config names the run of another shipped config."""
+    made = {f"runs/{path.stem}" for path in CONFIGS.glob("*.toml")}
+    for path in CONFIGS.glob("predictor_*.toml"):
+        assert read_config(PredictorConfig, path.stem).start_from in made | {""}

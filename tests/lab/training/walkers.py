@@ -1,0 +1,34 @@
+"""The environment of policies with untrained networks and few poses: quick, and all of it real."""
+
+import torch
+
+from tests.lab.training.fakes import gliding_frames
+from wayfarer.body.library import load_body
+from wayfarer.marker_bodies import marker_body
+from wayfarer.motion.pose_prior import PosePrior
+from wayfarer.motion.predictor import MarkerPredictor
+from wayfarer.motion.primitive import PrimitiveStep
+from wayfarer.motion.quality import Sites
+from wayfarer.motion.regressor import BodyRegressor
+from wayfarer.spec import GENDERS
+from wayfarer_lab.training.environment import GoalEnvironment, Task
+from wayfarer_lab.training.starts import Starts
+
+STANDING = torch.tensor([0.0, 0, 0, 1]).expand(1, 22, 4)
+
+
+def starts(frames: int, **shares: float) -> Starts:
+    torch.manual_seed(5)
+    return Starts(frames, shares, STANDING, gliding_frames(), PosePrior())
+
+
+def environment(frames: int = 2, task: Task | None = None) -> GoalEnvironment:
+    torch.manual_seed(5)
+    predictor, steps = MarkerPredictor(frames), []
+    for gender in GENDERS:
+        model = load_body("anny52", gender)
+        body = marker_body(model)
+        sites = Sites.from_names(model.marker_names)
+        steps.append(PrimitiveStep(predictor, BodyRegressor(body), body, sites).eval())
+    kinds = starts(frames, standing=0.4, moving=0.4, pose_prior=0.2)
+    return GoalEnvironment(tuple(steps), kinds.prior, kinds, task or Task())
