@@ -21,9 +21,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-from benchmarks import performance_page
 from benchmarks.bench import meta
 from benchmarks.models import ENGINES
+
+from benchmarks import performance_page
 
 RESULTS = Path(__file__).parent / "results"
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.body.model import BodyModel
+from wayfarer.clips.clip import Clip
 from wayfarer.runtime.agent import AgentInfo, AgentSpec, AgentState, Goal, MotionChunk, SessionSpec
 from wayfarer.runtime.world.heading import facing_of
 from wayfarer.runtime.world.slots import Motion
@@ -29,6 +30,12 @@ MAX_BETA: Final = 2.0
 LEAD_IN: Final = 2.0
 """Seconds of standing before the first order."""
 
+EARLY: Final = 1e-3
+"""Seconds by which times of chunks may differ from sums of steps."""
+
+FLOOR: Final = SessionSpec()
+"""A session on a flat floor without end."""
+
 
 @dataclass(frozen=True)
 class Order:
@@ -43,7 +50,7 @@ class Errand:
     """What one agent is to do."""
 
     spec: AgentSpec
-    orders: tuple[Order, ...]  # in order of time; the first at 0
+    orders: tuple[Order, ...]  # in order of time, the first at 0; none: it stands where it is
 
 
 @dataclass(frozen=True)
@@ -56,13 +63,16 @@ class Given:
 
 @dataclass(frozen=True)
 class Course:
-    """What an agent did, from the first frame that was made for its first order. World space."""
+    """What an agent did, as it was sent: from the first frame that was made for its first order
+    or, if it has none, after the lead-in. World space.
+    """
 
     spec: AgentSpec
     given: tuple[Given, ...]
     hips: Array  # [T, 3]
     rotations: Array  # [T, 22, 4] x, y, z, w; joint 0 is the hips' world rotation
     standing: NDArray[np.bool_]  # [T] the agent says it stands
+    contacts: NDArray[np.bool_]  # [T, 2] left, right
 
     @cached_property
     def facing(self) -> Array:
@@ -83,6 +93,18 @@ class Course:
             hips=self.hips[frame:],
             rotations=self.rotations[frame:],
             standing=self.standing[frame:],
+            contacts=self.contacts[frame:],
+        )
+
+    def clip(self) -> Clip:
+        """All of it, with the goals of its orders."""
+        return Clip(
+            self.hips,
+            self.rotations,
+            self.contacts,
+            self.spec.gender,
+            self.spec.betas,
+            goals=tuple(goal.position for given in self.given for goal in given.path),
         )
 
     def track(self, body: BodyModel, frames: slice = slice(None)) -> Track:
@@ -118,25 +140,33 @@ def run_errands(
     errands: Sequence[Errand],
     seconds: float,
     *,
+    session: SessionSpec = FLOOR,
     seeds: Sequence[Motion] | None = None,
     watch: Watch = lambda done, total: None,
 ) -> list[Course]:
-    """Let all agents go about their errands for `seconds` from the first order.
+    """Let all agents go about their errands for `seconds` from the first order, in a session of
+    their own.
 
     That comes after 2 s of standing; with `seeds`, at once: agents then begin in these motions.
     """
-    session = world.create_session(SessionSpec(), 0.0).session_id
+    session_id = world.create_session(session, 0.0).session_id
     agents = [
         a.agent_id
-        for a in world.create_agents(session, [errand.spec for errand in errands], 0.0, seeds)
+        for a in world.create_agents(session_id, [errand.spec for errand in errands], 0.0, seeds)
     ]
     start = 0.0 if seeds is not None else LEAD_IN
     chunks: dict[str, list[MotionChunk]] = {agent: [] for agent in agents}
+    idle = {agent for agent, errand in zip(agents, errands, strict=True) if not errand.orders}
     given: dict[str, list[tuple[int, tuple[Goal, ...]]]] = {agent: [] for agent in agents}
 
     def advance(until: float) -> None:
         for chunk in world.advance(until):
-            if given[chunk.agent_id] and chunk.goal_revision >= given[chunk.agent_id][0][0]:
+            orders = given[chunk.agent_id]
+            if chunk.agent_id in idle:
+                begun = chunk.scheduled_at >= start - EARLY
+            else:
+                begun = bool(orders) and chunk.goal_revision >= orders[0][0]
+            if begun:
                 chunks[chunk.agent_id].append(chunk)
             watch(chunk.scheduled_at, start + seconds)
 
@@ -149,7 +179,7 @@ def run_errands(
                     revision = world.set_path(agent, path, start + moment)
                     given[agent].append((revision, path))
     advance(start + seconds)
-    world.delete_session(session)
+    world.delete_session(session_id)
     return [
         _course(errand.spec, given[agent], chunks[agent])
         for agent, errand in zip(agents, errands, strict=True)
@@ -160,10 +190,13 @@ def _course(
     spec: AgentSpec, given: Sequence[tuple[int, tuple[Goal, ...]]], chunks: Sequence[MotionChunk]
 ) -> Course:
     revisions = np.repeat([c.goal_revision for c in chunks], NEW_FRAMES)
+    # an order that was replaced before anything made for it was sent is not there
+    given = [(revision, path) for revision, path in given if revision <= revisions[-1]]
     return Course(
         spec=spec,
         given=tuple(Given(path, int(np.argmax(revisions >= revision))) for revision, path in given),
         hips=np.concatenate([c.translation for c in chunks]),
         rotations=np.concatenate([c.rotations for c in chunks]),
         standing=np.repeat([c.state == AgentState.STANDING for c in chunks], NEW_FRAMES),
+        contacts=np.concatenate([c.contacts for c in chunks]),
     )

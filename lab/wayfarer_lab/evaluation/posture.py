@@ -63,6 +63,13 @@ class Trunk:
         cosine = self.direction(markers) @ self.rest
         return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
+    def forward(self, markers: Array) -> Array:
+        """Degrees that the trunk of bodies [..., M, 3] leans forward of that of the T-pose;
+        negative: backward. [...]
+        """
+        now, rest = self.direction(markers), self.rest
+        return np.degrees(np.arctan2(now[..., 1], now[..., 2]) - np.arctan2(rest[1], rest[2]))
+
 
 def _find(body: BodyModel, names: tuple[str, ...]) -> list[int]:
     missing = [name for name in names if name not in body.marker_names]

@@ -9,7 +9,7 @@ import numpy as np
 
 from wayfarer.runtime.agent import AgentInfo, Goal
 from wayfarer.spec import STEP_SECONDS
-from wayfarer_lab.evaluation import maneuvers
+from wayfarer_lab.evaluation import goal_rows
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.goals import Course, Errand, Order, Plan, random_specs, relative
 from wayfarer_lab.evaluation.outcome import STAND_SECONDS, STEP_LIMIT, goal_row, judge
@@ -83,13 +83,13 @@ def maneuver_tables() -> dict[str, list[Scenario]]:
 
 def _near(name: str, angle: float) -> Scenario:
     orders = (Order(0.0, _at(angle, NEAR)),)
-    return Scenario(name, 12.0, lambda random: orders, maneuvers.near_row)
+    return Scenario(name, 12.0, lambda random: orders, goal_rows.near_row)
 
 
 def _speed(speed: float) -> Scenario:
     distance = max(12.0, 8.0 * speed)
     orders = (Order(0.0, _at(0.0, distance, speed=speed)),)
-    return Scenario(f"{speed:g} m/s", 12.0, lambda random: orders, maneuvers.speed_row)
+    return Scenario(f"{speed:g} m/s", 12.0, lambda random: orders, goal_rows.speed_row)
 
 
 def _turn(angle: float) -> Scenario:
@@ -97,7 +97,7 @@ def _turn(angle: float) -> Scenario:
         turn = radians(angle) * random.choice([-1, 1])
         return (Order(0.0, lambda agent: [_here(agent, float(agent.heading + turn))]),)
 
-    return Scenario(f"{angle:g}°", 8.0, orders, maneuvers.turn_row)
+    return Scenario(f"{angle:g}°", 8.0, orders, goal_rows.turn_row)
 
 
 def _waypoints(bend: float) -> Scenario:
@@ -105,7 +105,7 @@ def _waypoints(bend: float) -> Scenario:
         side = float(random.choice([-1, 1]))
         return (Order(0.0, lambda agent: _zigzag(agent, radians(bend) * side)),)
 
-    return Scenario(f"bends of {bend:g}°", 18.0, orders, maneuvers.waypoint_row)
+    return Scenario(f"bends of {bend:g}°", 18.0, orders, goal_rows.waypoint_row)
 
 
 def _change(name: str, angle: float) -> Scenario:
@@ -113,7 +113,7 @@ def _change(name: str, angle: float) -> Scenario:
         side = float(random.choice([-1, 1]))
         return Order(0.0, _at(0.0, 12.0)), Order(3.0, _at(angle * side, 4.0))
 
-    return Scenario(name, 15.0, orders, maneuvers.change_row)
+    return Scenario(name, 15.0, orders, goal_rows.change_row)
 
 
 def _strafe(name: str, angle: float) -> Scenario:
@@ -126,7 +126,7 @@ def _strafe(name: str, angle: float) -> Scenario:
 
         return (Order(0.0, plan),)
 
-    return Scenario(name, 12.0, orders, maneuvers.strafe_row)
+    return Scenario(name, 12.0, orders, goal_rows.strafe_row)
 
 
 def _at(angle: float, metres: float, speed: float = 1.2) -> Plan:

@@ -7,7 +7,7 @@ from wayfarer.transport.auth import Authenticator
 from wayfarer.transport.guard import Guard
 from wayfarer.transport.limits import CallRates
 from wayfarer.transport.metrics import Metrics
-from wayfarer.transport.origins import Origins, own_names
+from wayfarer.transport.origins import Origins
 from wayfarer.transport.tls import Tls
 from wayfarer.transport.tracing import NoTracing, Tracing, tracing
 
@@ -40,9 +40,7 @@ class Operation:
             ),
             origins=Origins(
                 frozenset(settings.cors_origins),
-                None
-                if settings.has_auth
-                else own_names() | {settings.host.lower(), *settings.allowed_hosts},
+                local_only=settings.is_loopback and not settings.has_auth,
             ),
             metrics=Metrics(traces.step if settings.otlp_endpoint else None),
             metrics_access=settings.metrics,

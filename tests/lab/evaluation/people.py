@@ -55,6 +55,7 @@ def course(
         hips=np.concatenate([places, np.full((frames, 1), 0.9)], -1),
         rotations=rotations,
         standing=np.zeros(frames, bool) if standing is None else standing,
+        contacts=np.ones((frames, 2), bool),
     )
 
 

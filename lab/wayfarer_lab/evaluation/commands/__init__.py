@@ -7,11 +7,12 @@ from wayfarer_lab.evaluation.commands import (
     control,
     everything,
     long,
+    maneuvers,
     recorded,
     rollouts,
     scenes,
 )
 
 app = typer.Typer(help="Measure motion and models.", no_args_is_help=True)
-for part in (rollouts, recorded, control, arrival, long, scenes, everything):
+for part in (rollouts, recorded, control, arrival, maneuvers, long, scenes, everything):
     app.add_typer(part.app)  # without a name: its commands stand beside those of the others

@@ -1,4 +1,4 @@
-"""Judges of manoeuvres: near goals, speeds, turns, waypoints, changes of mind, strafing.
+"""Rows of `eval arrival`: near goals, speeds, turns, waypoints, changes of mind, strafing.
 
 Each is a pure function of courses (`goals.Course`) and gives one row. Frames count from the first
 that was made for the order at hand; *primitives* are counted as in `outcome`.

@@ -1,0 +1,105 @@
+"""`wayfarer eval maneuvers`: does everything look as a person would do it?"""
+
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+
+from wayfarer.stage import DEFAULT_MODEL, open_stage
+from wayfarer_lab.evaluation import report
+from wayfarer_lab.evaluation.commands.options import (
+    CandidatesOption,
+    DataOption,
+    EngineOption,
+    ModelsOption,
+    SeedOption,
+    ThreadsOption,
+)
+from wayfarer_lab.evaluation.commands.shared import origin, progress
+from wayfarer_lab.evaluation.maneuvers.maneuver import Maneuver
+from wayfarer_lab.evaluation.maneuvers.run import play
+from wayfarer_lab.evaluation.maneuvers.sessions import Players
+from wayfarer_lab.evaluation.maneuvers.stand import STAND
+from wayfarer_lab.evaluation.maneuvers.stop import STOP
+from wayfarer_lab.evaluation.maneuvers.strafe import STRAFE
+from wayfarer_lab.evaluation.maneuvers.table import Results, show, show_verdicts
+from wayfarer_lab.evaluation.maneuvers.turn import TURN
+
+app = typer.Typer()
+
+MANEUVERS: Final[dict[str, Maneuver]] = {m.name: m for m in (STRAFE, STAND, TURN, STOP)}
+
+QUICK: Final = 0.15
+"""Share of the agents with --quick."""
+
+
+def _check_only(names: str) -> str:
+    if unknown := set(names.split(",")) - set(MANEUVERS):
+        raise typer.BadParameter(f"{', '.join(sorted(unknown))}; there are {', '.join(MANEUVERS)}")
+    return names
+
+
+def _check_json(path: Path | None) -> Path | None:
+    if path is not None and path.suffix != ".json":
+        raise typer.BadParameter(f"{path} must end in .json")
+    return path
+
+
+@app.command()
+def maneuvers(
+    models: ModelsOption = DEFAULT_MODEL,
+    only: Annotated[
+        str, typer.Option(help="Manoeuvres, with commas between.", callback=_check_only)
+    ] = ",".join(MANEUVERS),
+    quick: Annotated[
+        bool, typer.Option("--quick", help="A seventh of the agents: to try, not to publish.")
+    ] = False,
+    check: Annotated[
+        bool, typer.Option("--check", help="Exit with 1 when a bar is missed or not judged.")
+    ] = False,
+    data: DataOption = None,
+    candidates: CandidatesOption = 1,
+    engine: EngineOption = "onnxruntime",
+    threads: ThreadsOption = 0,
+    seed: SeedOption = 0,
+    json: Annotated[
+        Path | None,
+        typer.Option(
+            "--json",
+            help="Also write rows, bars and the figures of every take here, as they come.",
+            callback=_check_json,
+        ),
+    ] = None,
+) -> None:
+    """Let agents do everything that goals can ask for, and judge what is sent as a viewer would.
+
+    Of every manoeuvre a table: figures of what is sent, of the same without foot lock ("raw"), and
+    with --data of recorded people; beside them the bar and whether it is met. All bars once more
+    at the end. For example:
+
+    wayfarer eval maneuvers --quick
+
+    wayfarer eval maneuvers --only strafe,turn --models runs/models --seed 7 --json runs/m.json
+
+    wayfarer eval maneuvers --data data/prepared --engine openvino --check
+
+    What the figures mean: docs/evaluation.md. Agents have random shapes of both genders; the same
+    seed gives the same agents whatever else is played.
+    """
+    players = Players(open_stage(models, threads, engine), candidates, seed)
+    results = Results(
+        report.meta(
+            origin(models, None, data, "", seed)
+            | {"engine": engine, "candidates": candidates, "quick": quick}
+        )
+    )
+    chosen = [MANEUVERS[name] for name in only.split(",")]
+    for played in play(players, chosen, QUICK if quick else 1.0, progress):
+        before = len(results.verdicts)
+        results.add(played.maneuver, played.rows, played.each)
+        show(played.maneuver, played.rows, results.verdicts[before:])
+        if json:
+            results.write(json)
+    show_verdicts(results.verdicts)
+    if check and results.missed:
+        raise typer.Exit(1)

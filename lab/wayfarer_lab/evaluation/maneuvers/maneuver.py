@@ -1,0 +1,130 @@
+"""What a manoeuvre is made of: cases to be played, a judge of each take, and bars."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import cos, nan, pi, radians, sin
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.navigation.spec import SceneSpec
+from wayfarer.runtime.agent import AgentInfo, Goal
+from wayfarer_lab.evaluation.figures import mean, quantile
+from wayfarer_lab.evaluation.goals import Errand, Plan, relative
+from wayfarer_lab.evaluation.takes import Take
+
+Array = NDArray[np.floating[Any]]
+Figures = dict[str, float]
+"""Name → value; NaN: could not be measured."""
+
+SENT: Final = "sent"
+RAW: Final = "raw"
+RECORDED: Final = "recorded"
+"""Sources of a row: as served, the same without foot lock, and people."""
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A take, and what was asked for in it; no goal: a recorded one."""
+
+    take: Take
+    goal: Goal | None = None  # the last that was given
+    standing: NDArray[np.bool_] | None = None  # [T] the agent says that it stands
+    asked: float = nan  # m/s or degrees, as the manoeuvre says
+
+
+@dataclass(frozen=True)
+class Case:
+    """One way to do a manoeuvre. Every agent is given such orders after 2 s of standing."""
+
+    name: str
+    seconds: float  # from the first order
+    errands: Callable[[int, np.random.Generator], list[Errand]]  # for so many agents
+    scene: Callable[[], SceneSpec] | None = None  # None: a flat floor without end
+    share: float = 1.0  # of the manoeuvre's agents
+
+
+@dataclass(frozen=True)
+class Bar:
+    """What a figure of the rows `source` has to be. `case` None: in every case."""
+
+    figure: str
+    low: float = -np.inf
+    high: float = np.inf
+    case: str | None = None
+    origin: str = "issue 18"
+
+    def met(self, value: float) -> bool | None:
+        """None: there is no figure to judge."""
+        return None if np.isnan(value) else bool(self.low <= value <= self.high)
+
+    def text(self) -> str:
+        """For a table."""
+        if np.isinf(self.low):
+            return f"≤ {self.high:g}"
+        return f"≥ {self.low:g}" if np.isinf(self.high) else f"{self.low:g} … {self.high:g}"
+
+
+Rows = Mapping[tuple[str, str], Figures]
+"""(case, source) → its row."""
+
+
+def nothing_more(rows: Rows) -> dict[tuple[str, str], Figures]:
+    """No row that needs those of several cases."""
+    return {}
+
+
+@dataclass(frozen=True)
+class Maneuver:
+    """What is played, and who judges it."""
+
+    name: str
+    about: str  # a line
+    agents: int  # of each case
+    cases: tuple[Case, ...]
+    judge: Callable[[Shot], Figures]  # of one take
+    summary: Callable[[Sequence[Shot], Sequence[Figures]], Figures]  # of all takes of a case
+    bars: tuple[Bar, ...]
+    across: Callable[[Rows], dict[tuple[str, str], Figures]] = nothing_more  # rows of several cases
+    worst: str = ""  # the figure whose largest value is drawn first; "-": whose smallest
+    strip: tuple[float, float] = field(default=(0.0, 4.0))  # seconds of a take that are drawn
+
+
+def spread(each: Sequence[Figures], **wanted: str) -> Figures:
+    """Figures of a row from those of its takes: `name="mean of figure"`, or a quantile such as
+    `p95 of`, `max of`, `min of`, `median of`. NaN takes are left out.
+    """
+    row = {}
+    for name, rule in wanted.items():
+        how, _, figure = rule.partition(" of ")
+        values = [figures[figure] for figures in each]
+        row[name] = mean(values) if how == "mean" else quantile(values, QUANTILES[how])
+    return row
+
+
+QUANTILES: Final = {
+    "min": 0.0, "p5": 0.05, "p10": 0.1, "median": 0.5, "p90": 0.9, "p95": 0.95, "max": 1.0,
+}  # fmt: skip
+
+
+def pooled(values: Sequence[Array], at: float) -> float:
+    """Quantile of all values of several arrays; NaN without any."""
+    every = np.concatenate([np.zeros(0), *values])
+    return float(np.quantile(every, at)) if len(every) else nan
+
+
+def way_to(angle: float, metres: float, speed: float = 1.2, **how: Any) -> Plan:
+    """One goal so many metres away, `angle` degrees to the left of straight ahead."""
+
+    def plan(agent: AgentInfo) -> list[Goal]:
+        ahead, left = metres * cos(radians(angle)), metres * sin(radians(angle))
+        return [Goal(relative(agent, ahead, left), speed=speed, **how)]
+
+    return plan
+
+
+def facing(agent: AgentInfo, turn: float) -> Goal:
+    """The agent's own place, faced `turn` degrees further to the left."""
+    x, y, _ = agent.position
+    return Goal((x, y, 0.0), heading=(agent.heading + radians(turn) + pi) % (2 * pi) - pi)

@@ -1,0 +1,94 @@
+"""Plays manoeuvres one after the other and judges each as soon as it is over."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from wayfarer_lab.evaluation.goals import Watch
+from wayfarer_lab.evaluation.maneuvers.maneuver import (
+    RAW,
+    SENT,
+    Case,
+    Figures,
+    Maneuver,
+    Shot,
+)
+
+Progress = Callable[[str], AbstractContextManager[Watch]]
+
+
+class Players(Protocol):
+    """Who plays a case; see `sessions.Players`."""
+
+    def play(self, maneuver: str, case: Case, agents: int, lock: bool, watch: Watch) -> list[Shot]:
+        """What so many agents do."""
+
+
+Recorded = Callable[[Maneuver], Mapping[tuple[str, str], Sequence[Shot]]]
+"""Recorded takes of a manoeuvre by (case, source)."""
+
+
+def no_recordings(maneuver: Maneuver) -> Mapping[tuple[str, str], Sequence[Shot]]:
+    """Where there is no data."""
+    return {}
+
+
+@dataclass
+class Played:
+    """A manoeuvre that is over."""
+
+    maneuver: Maneuver
+    shots: dict[tuple[str, str], Sequence[Shot]] = field(default_factory=dict)
+    rows: dict[tuple[str, str], Figures] = field(default_factory=dict)
+    each: list[dict[str, Any]] = field(default_factory=list)
+
+    def judge(self, case: str, source: str, shots: Sequence[Shot]) -> None:
+        """Make the row of a case, and the figures of each of its takes."""
+        maneuver = self.maneuver
+        each = [
+            {name: float(value) for name, value in maneuver.judge(shot).items()} for shot in shots
+        ]
+        people = {shot.take.person for shot in shots}
+        self.shots[case, source] = shots
+        self.rows[case, source] = {
+            "n": float(len(shots)),
+            "people": float(len(people)),
+            **{name: float(value) for name, value in maneuver.summary(shots, each).items()},
+        }
+        for shot, figures in zip(shots, each, strict=True):
+            self.each.append(
+                {
+                    "maneuver": maneuver.name,
+                    "case": case,
+                    "source": source,
+                    "take": shot.take.name,
+                    "person": shot.take.person,
+                    "gender": shot.take.clip.gender,
+                    **{k: None if v != v else round(v, 4) for k, v in figures.items()},
+                }
+            )
+
+
+def play(
+    players: Players,
+    chosen: Sequence[Maneuver],
+    scale: float,
+    progress: Progress,
+    recorded: Recorded = no_recordings,
+) -> Iterator[Played]:
+    """Each manoeuvre with `scale` of its agents, with and without foot lock, and the recorded
+    takes of it.
+    """
+    for maneuver in chosen:
+        played = Played(maneuver)
+        for case in maneuver.cases:
+            agents = max(2, round(maneuver.agents * case.share * scale))
+            for source in (SENT, RAW):
+                with progress(f"{maneuver.name} {case.name}, {source}") as watch:
+                    shots = players.play(maneuver.name, case, agents, source == SENT, watch)
+                played.judge(case.name, source, shots)
+        for (name, source), takes in recorded(maneuver).items():
+            played.judge(name, source, takes)
+        played.rows |= maneuver.across(played.rows)
+        yield played

@@ -1,0 +1,69 @@
+"""Manoeuvres through the world that serves: the only file here that knows how it is stepped."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.navigation.scene import Scene, bake
+from wayfarer.runtime.agent import SessionSpec
+from wayfarer.runtime.scenes.book import Book
+from wayfarer.runtime.world.steering import Steering
+from wayfarer.stage import Stage
+from wayfarer_lab.evaluation.goals import Course, Watch, run_errands
+from wayfarer_lab.evaluation.maneuvers.maneuver import Case, Shot
+from wayfarer_lab.evaluation.scenes.solids import ground_height, standing
+from wayfarer_lab.evaluation.takes import Take
+
+Array = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True)
+class Players:
+    """A motion model, opened, and how many candidates its search has."""
+
+    stage: Stage
+    candidates: int
+    seed: int
+
+    def play(self, maneuver: str, case: Case, agents: int, lock: bool, watch: Watch) -> list[Shot]:
+        """What so many agents do, in a session of their own; the same whatever else is played.
+
+        `lock`: with the foot lock, as agents have it unless told otherwise.
+        """
+        random = np.random.default_rng([self.seed, crc32(f"{maneuver} {case.name}".encode())])
+        errands = [
+            replace(errand, spec=replace(errand.spec, foot_lock=lock))
+            for errand in case.errands(agents, random)
+        ]
+        scene, session, book = None, SessionSpec(), None
+        if case.scene is not None:
+            book = Book()
+            info = book.add(bake(case.scene()))
+            scene = book.scene(info.scene_id)
+            session = SessionSpec(scene=info.scene_id, avoid=False)
+        steering = Steering().with_search(candidates=self.candidates)
+        world = self.stage.world(agents, steering, book)
+        courses = run_errands(world, errands, case.seconds, session=session, watch=watch)
+        return [self._shot(number, course, scene) for number, course in enumerate(courses)]
+
+    def _shot(self, number: int, course: Course, scene: Scene | None) -> Shot:
+        body = self.stage.bodies[course.spec.gender]
+        take = Take.of(course.clip(), body, f"agent {number}")
+        if scene is not None:
+            take = replace(take, height=_above_ground(take.soles, scene))
+        goal = course.goal if course.given else None
+        return Shot(take, goal, course.standing)
+
+
+def _above_ground(soles: Array, scene: Scene) -> Array:
+    """Of each foot's lowest point, by the ground under each point. [T, 2]"""
+    return (soles[..., 2] - ground_height(scene, standing(scene), soles)).min(-1)
+
+
+def genders(shots: Sequence[Shot]) -> str:
+    """For a row of several bodies."""
+    return "+".join(sorted({shot.take.clip.gender for shot in shots}))

@@ -1,0 +1,101 @@
+"""Standing for a minute: from the beginning, and after a short walk."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from wayfarer.spec import FPS
+from wayfarer_lab.evaluation.goals import Errand, Order, random_specs
+from wayfarer_lab.evaluation.maneuvers.feet_figures import contact_figures
+from wayfarer_lab.evaluation.maneuvers.maneuver import (
+    Bar,
+    Case,
+    Figures,
+    Maneuver,
+    Shot,
+    spread,
+    way_to,
+)
+from wayfarer_lab.evaluation.metrics import feet
+from wayfarer_lab.evaluation.takes import Take
+
+SECONDS: Final = 60.0
+WALK: Final = 10.0
+"""Seconds in which a walk of 3 m has ended: standing is judged after them."""
+
+
+def _at_once(agents: int, random: np.random.Generator) -> list[Errand]:
+    return [Errand(spec, ()) for spec in random_specs(agents, random)]
+
+
+def _after_a_walk(agents: int, random: np.random.Generator) -> list[Errand]:
+    return [
+        Errand(spec, (Order(0.0, way_to(float(random.uniform(0, 360)), 3.0)),))
+        for spec in random_specs(agents, random)
+    ]
+
+
+def the_stand(shot: Shot) -> Take:
+    """The part that is judged."""
+    return shot.take if shot.goal is None else shot.take[round(WALK * FPS) :]
+
+
+def judge(shot: Shot) -> Figures:
+    """`slide_…_cm`: how far a sole came without being lifted, whatever its lifts in between; the
+    larger of both feet. `heading_range_deg` of the hips; `drift_cm`: farthest that these were.
+    """
+    take = the_stand(shot)
+    slides = [100 * slide for slide in feet.slides(take.soles, take.height)]
+    turns = [stance.turn for stance in take.stances]
+    hips = take.hips[:, :2]
+    middle = take.ankles[..., :2].mean(1)
+    sway = np.linalg.norm(np.diff(hips, axis=0), axis=-1).mean() * FPS
+    return {
+        "seconds": len(take) / FPS,
+        "slide_cm": max(slides, default=0.0),
+        "foot_turn_deg": max(turns, default=0.0),
+        "lifts": float(feet.lift_count(take.height)),
+        "heading_range_deg": float(np.ptp(take.heading)),
+        "drift_cm": 100 * float(np.linalg.norm(hips - hips[0], axis=-1).max()),
+        "creep_cm": 100 * float(np.linalg.norm(middle[-1] - middle[0])),
+        "sway_cm_s": 100 * float(sway),
+        "knee_deg": float(take.knees.max(-1).mean()),
+    }
+
+
+def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
+    """The bars are for the 95th percentile of people."""
+    return spread(
+        each,
+        seconds="mean of seconds",
+        slide_cm_p95="p95 of slide_cm",
+        slide_cm_median="median of slide_cm",
+        heading_range_deg_p95="p95 of heading_range_deg",
+        heading_range_deg_mean="mean of heading_range_deg",
+        foot_turn_deg_p95="p95 of foot_turn_deg",
+        lifts="mean of lifts",
+        drift_cm_p95="p95 of drift_cm",
+        drift_cm_mean="mean of drift_cm",
+        sway_cm_s="mean of sway_cm_s",
+        knee_deg="mean of knee_deg",
+    ) | contact_figures([the_stand(shot) for shot in shots])
+
+
+_BARS: Final = [("slide_cm_p95", 1.0), ("heading_range_deg_p95", 8.0)]
+_CASES: Final = ("at once", "after a walk")
+
+STAND = Maneuver(
+    name="stand",
+    about="60 s without an order, from the beginning and after a walk of 3 m",
+    agents=12,
+    cases=(
+        Case("at once", SECONDS, _at_once),
+        Case("after a walk", WALK + SECONDS, _after_a_walk),
+    ),
+    judge=judge,
+    summary=summary,
+    bars=tuple(Bar(name, high=high, case=case) for case in _CASES for name, high in _BARS),
+    worst="slide_cm",
+    strip=(0.0, 60.0),
+)

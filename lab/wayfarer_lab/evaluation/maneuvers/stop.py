@@ -1,0 +1,137 @@
+"""Coming to a stand: walks of 3 to 8 m at 0.6 to 2.0 m/s, and what the body is like after."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from wayfarer.spec import FPS
+from wayfarer_lab.evaluation.figures import distances, first
+from wayfarer_lab.evaluation.goals import Errand, Order, random_specs
+from wayfarer_lab.evaluation.maneuvers.feet_figures import contact_figures
+from wayfarer_lab.evaluation.maneuvers.maneuver import (
+    Bar,
+    Case,
+    Figures,
+    Maneuver,
+    Shot,
+    spread,
+    way_to,
+)
+from wayfarer_lab.evaluation.metrics import feet, joints
+from wayfarer_lab.evaluation.takes import HEAD, Take
+
+SPEEDS: Final = (0.6, 2.0)
+METRES: Final = (3.0, 8.0)
+SECONDS: Final = 20.0
+
+REST_SPEED: Final = 0.08
+"""Metres per second, horizontal: hips and ankles that are all slower rest, …"""
+
+REST_SECONDS: Final = 1.0
+"""… if they do for so long."""
+
+AFTER: Final = 2.0
+"""Seconds after rest begins at which feet and knees are looked at: time for a closing step."""
+
+REACH: Final = 2
+"""Frames on either side over which speeds are taken."""
+
+HEEL_UP: Final = 0.02
+"""Metres: a heel higher than this stands on its ball."""
+
+
+def rest(take: Take) -> int | None:
+    """The first frame from which hips and ankles rest for 1 s; None when they never do."""
+    places = np.concatenate([take.hips[:, None, :2], take.ankles[..., :2]], 1)
+    way = np.linalg.norm(places[2 * REACH :] - places[: -2 * REACH], axis=-1)
+    slow = np.zeros(len(take), bool)
+    slow[REACH:-REACH] = (way * FPS / (2 * REACH) < REST_SPEED).all(-1)
+    needed = round(REST_SECONDS * FPS)
+    long = [run.start for run in feet.runs(slow) if run.stop - run.start >= needed]
+    return long[0] if long else None
+
+
+def _errands(agents: int, random: np.random.Generator) -> list[Errand]:
+    return [
+        Errand(
+            spec,
+            (
+                Order(
+                    0.0,
+                    way_to(0.0, float(random.uniform(*METRES)), float(random.uniform(*SPEEDS))),
+                ),
+            ),
+        )
+        for spec in random_specs(agents, random)
+    ]
+
+
+def _braked(shot: Shot) -> int:
+    """The frame at which hips come within 0.75 m of the goal."""
+    assert shot.goal is not None
+    return first(distances(shot.take.hips, shot.goal) <= 0.75) or 0
+
+
+def judge(shot: Shot) -> Figures:
+    """Two seconds after rest: `apart_cm` from ankle to ankle along the facing, `heel_up`: a heel is
+    more than 2 cm up. `rest_s` from 0.75 m on. Somebody who never rests is judged at the end.
+    """
+    take = shot.take
+    start = 0 if shot.goal is None else _braked(shot)
+    begun = rest(take[start:])
+    moment = len(take) - 1
+    if begun is not None:
+        moment = min(start + begun + round(AFTER * FPS), len(take) - 1)
+    heels = take.soles[moment, :, 0, 2] - take.soles[moment, ..., 2].min()
+    stop = take[start:]
+    moved = 0.0
+    if begun is not None:
+        after = take.ankles[start + begun :, :, :2]
+        moved = float(np.linalg.norm(after[-1] - after[0], axis=-1).max())
+    return {
+        "rests": float(begun is not None),
+        "rest_s": np.nan if begun is None else begun / FPS,
+        "apart_cm": 100 * float(joints.apart_along(take.ankles[moment], take.facing[moment])),
+        "heel_up": float(heels.max() > HEEL_UP),
+        "heel_cm": 100 * float(heels.max()),
+        "knee_deg": float(take.knees[moment].max()),
+        "head_deg": float(joints.head_pitch(take.turns[moment, HEAD])),
+        "tilt_max_deg": float(stop.tilt.max()),
+        "creep_cm": 100 * moved,
+    }
+
+
+def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
+    """Of all stops."""
+    return spread(
+        each,
+        apart_cm_median="median of apart_cm",
+        apart_cm_p90="p90 of apart_cm",
+        heel_up="mean of heel_up",
+        heel_cm_p90="p90 of heel_cm",
+        rests="mean of rests",
+        rest_s_median="median of rest_s",
+        rest_s_p90="p90 of rest_s",
+        knee_deg="median of knee_deg",
+        head_deg="median of head_deg",
+        creep_cm_p90="p90 of creep_cm",
+        tilt_max_deg="mean of tilt_max_deg",
+    ) | contact_figures([shot.take for shot in shots])
+
+
+STOP = Maneuver(
+    name="stop",
+    about="walks of 3 to 8 m at 0.6 to 2.0 m/s that end in a stand, looked at 2 s after rest",
+    agents=96,
+    cases=(Case("at a goal", SECONDS, _errands),),
+    judge=judge,
+    summary=summary,
+    bars=(
+        Bar("apart_cm_median", high=8, case="at a goal"),
+        Bar("apart_cm_p90", high=15, case="at a goal"),
+        Bar("heel_up", high=0.03, case="at a goal"),
+    ),
+    worst="apart_cm",
+    strip=(0.0, 8.0),
+)

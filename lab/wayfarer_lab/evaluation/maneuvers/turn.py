@@ -1,0 +1,117 @@
+"""Turning on the spot by 90° and by 180°, to either side in turn."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from wayfarer_lab.evaluation.goals import Errand, Order, Plan, random_specs
+from wayfarer_lab.evaluation.maneuvers.feet_figures import (
+    all_takes,
+    contact_figures,
+    stance_figures,
+)
+from wayfarer_lab.evaluation.maneuvers.maneuver import (
+    Bar,
+    Case,
+    Figures,
+    Maneuver,
+    Shot,
+    facing,
+    spread,
+)
+from wayfarer_lab.evaluation.metrics import feet, joints
+
+SECONDS: Final = 6.0
+ANGLES: Final = (90.0, 180.0)
+
+
+def _case(angle: float) -> Case:
+    def errands(agents: int, random: np.random.Generator) -> list[Errand]:
+        return [
+            Errand(spec, (Order(0.0, _plan(angle * (-1) ** number)),))
+            for number, spec in enumerate(random_specs(agents, random))
+        ]
+
+    return Case(f"{angle:g}°", SECONDS, errands)
+
+
+def _plan(turn: float) -> Plan:
+    return lambda agent: [facing(agent, turn)]
+
+
+def judge(shot: Shot) -> Figures:
+    """`pivot_deg`: degrees that a foot turned on the ground while it bore, mean of both feet;
+    `peak_deg_s` of the hips' heading over 0.05 s; `turn_s` from 10 % to 90 % of what was turned.
+    """
+    take = shot.take
+    turned = take.heading - take.heading[0]
+    rate = joints.turning_rate(take.heading)
+    lifts = feet.lift_count(take.height)
+    final = float(turned[-1])
+    asked = final if shot.goal is None else _asked(shot)
+    apart = np.linalg.norm(take.hips[:, :2] - take.hips[0, :2], axis=-1)
+    return {
+        "turned_deg": abs(final),
+        "error_deg": abs(final - asked),
+        "lifts": float(lifts),
+        "no_lift": float(lifts == 0),
+        "pivot_deg": feet.pivot(take.stances),
+        "peak_deg_s": float(np.abs(rate).max()),
+        "turn_s": joints.turn_seconds(turned * np.sign(final), abs(final)),
+        "drift_cm": 100 * float(apart.max()),
+        "tilt_max_deg": float(take.tilt.max()),
+        "knee_max_deg": float(take.knees.max()),
+    }
+
+
+def _asked(shot: Shot) -> float:
+    """Degrees from the first heading to the asked one, on the side to which it was turned."""
+    assert shot.goal is not None and shot.goal.heading is not None
+    first, last = shot.take.heading[0], shot.take.heading[-1]
+    asked = float(np.degrees(shot.goal.heading)) - first
+    return asked + 360 * round((last - first - asked) / 360)
+
+
+def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
+    """Means over people, the peak also of the 95th percentile."""
+    return (
+        spread(
+            each,
+            lifts="mean of lifts",
+            no_lift="mean of no_lift",
+            pivot_deg="mean of pivot_deg",
+            peak_deg_s="mean of peak_deg_s",
+            peak_deg_s_p95="p95 of peak_deg_s",
+            turn_s="median of turn_s",
+            turned_deg="mean of turned_deg",
+            error_deg_median="median of error_deg",
+            drift_cm="mean of drift_cm",
+            tilt_max_deg="mean of tilt_max_deg",
+        )
+        | stance_figures(all_takes(shots))
+        | contact_figures(all_takes(shots))
+    )
+
+
+def _bars(case: str, lifts: float) -> list[Bar]:
+    return [
+        Bar("lifts", low=lifts, case=case),
+        Bar("no_lift", high=0, case=case),
+        Bar("pivot_deg", high=25, case=case),
+        Bar("peak_deg_s", high=160, case=case),
+        Bar("airborne_share", high=0.01, case=case, origin="a hop is no step"),
+    ]
+
+
+TURN = Maneuver(
+    name="turn",
+    about="facing 90° or 180° elsewhere on the spot, to the left and to the right in turn",
+    agents=48,
+    cases=tuple(_case(angle) for angle in ANGLES),
+    judge=judge,
+    summary=summary,
+    bars=(*_bars("90°", 2), *_bars("180°", 3)),
+    worst="pivot_deg",
+    strip=(0.0, 3.0),
+)

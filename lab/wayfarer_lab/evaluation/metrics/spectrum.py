@@ -1,0 +1,31 @@
+"""Power of movement by band: a walk without its fast parts is rubbery, with too many it shakes."""
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import welch
+
+from wayfarer.spec import FPS
+
+Array = NDArray[np.floating[Any]]
+
+WINDOW: Final = 64
+"""Frames of a Hann window; they overlap by half. Bins are 0.625 Hz wide."""
+
+BANDS: Final = ((0.4, 3.0), (3.0, 6.0), (6.0, 10.0), (10.0, 20.0))
+"""Hz; a bin belongs to the band in which its middle lies."""
+
+
+def band_power(places: Array) -> Array:
+    """Mean square velocity in each of `BANDS`, (m/s)², of places [T, J, 3]: of all three axes
+    together, mean over J. NaN for less than a window. [4]
+
+    (Welch's method: the mean velocity of each window is taken off.)
+    """
+    if len(places) <= WINDOW:
+        return np.full(len(BANDS), np.nan)
+    velocity = np.diff(places, axis=0) * FPS
+    frequency, density = welch(velocity, FPS, "hann", WINDOW, detrend="constant", axis=0)
+    power = density.sum(-1).mean(-1) * (frequency[1] - frequency[0])
+    return np.array([power[(frequency >= low) & (frequency < high)].sum() for low, high in BANDS])

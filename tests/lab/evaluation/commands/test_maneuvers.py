@@ -1,0 +1,68 @@
+"""`wayfarer eval maneuvers` on the command line, with an engine that glides."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from tests.runtime.fakes import FakeEngine
+from wayfarer.body.library import load_body
+from wayfarer.spec import GENDERS
+from wayfarer.stage import Stage
+from wayfarer_lab.evaluation.commands import app, maneuvers
+
+BODIES = {gender: load_body("anny52", gender, "low") for gender in GENDERS}
+
+
+@pytest.fixture(autouse=True)
+def gliding(monkeypatch: pytest.MonkeyPatch) -> None:
+    stage = Stage(SimpleNamespace(contracts=("policy.onnx",)), FakeEngine(), BODIES)
+    monkeypatch.setattr(maneuvers, "open_stage", lambda models, threads, engine: stage)
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner().invoke(app, ["maneuvers", "--quick", *arguments])
+
+
+def bars_of(path: Path) -> dict[tuple[str, str], str]:
+    bars = json.loads(path.read_text())["bars"]
+    return {(bar["case"], bar["figure"]): bar["verdict"] for bar in bars}
+
+
+def test_who_glides_misses_what_steps_are_for_and_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "strafe.json"
+    assert run("--only", "strafe", "--json", str(path)).exit_code == 0
+    verdicts = bars_of(path)
+    for side in ("left", "right", "back"):
+        assert verdicts[side, "lifts_per_04_m"] == "missed"
+        for kept in ("hips_p5", "lean_p95_deg", "float_share", "contact_up"):
+            assert verdicts[side, kept] == "met", f"{kept}: an upright body on the floor"
+    assert verdicts["left against right", "left_right_points"] == "met"
+
+
+def test_rows_say_whose_they_are_and_every_take_has_its_figures(tmp_path: Path) -> None:
+    path = tmp_path / "stop.json"
+    assert run("--only", "stop", "--json", str(path), "--seed", "5").exit_code == 0
+    made = json.loads(path.read_text())
+    assert [(row["case"], row["source"]) for row in made["rows"]] == [
+        ("at a goal", "sent"), ("at a goal", "raw"),
+    ]  # fmt: skip
+    assert all(row["maneuver"] == "stop" and row["n"] == 14 for row in made["rows"])
+    assert len(made["each"]) == 28
+    assert {"apart_cm", "heel_up", "rest_s"} <= set(made["each"][0])
+    assert {take["gender"] for take in made["each"]} == set(GENDERS)
+    assert made["meta"]["seed"] == 5 and made["meta"]["quick"] is True
+
+
+def test_a_missed_bar_fails_only_with_check() -> None:
+    assert run("--only", "strafe").exit_code == 0
+    assert run("--only", "strafe", "--check").exit_code == 1
+
+
+def test_what_is_not_there_is_refused_before_anything_is_played(tmp_path: Path) -> None:
+    answer = run("--only", "strafe,moonwalk")
+    assert answer.exit_code == 2 and "moonwalk" in answer.output and "stand" in answer.output
+    answer = run("--json", str(tmp_path / "table.csv"))
+    assert answer.exit_code == 2 and ".json" in answer.output
