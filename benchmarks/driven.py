@@ -89,7 +89,7 @@ class Driven:
         """See `MotionService`. They walk away at once."""
         made = self._world.create_agents(session_id, specs, self.now)
         for agent in made:
-            self._world.set_goal(agent.agent_id, FAR, self.now)
+            self._world.give(agent.agent_id, FAR, self.now)
         return made
 
     async def list_agents(self, session_id: str) -> list[AgentInfo]:

@@ -100,7 +100,7 @@ def recorded(models: ModelFolder, seed: int, steps: int, every: int) -> Inputs:
         for agent in crowd:
             if step == 0 or random.random() < NEW_GOALS:
                 x, y = random.uniform(-REACH, REACH, 2).tolist()
-                world.set_goal(agent.agent_id, Goal((x, y, 0.0)), now)
+                world.give(agent.agent_id, Goal((x, y, 0.0)), now)
         for _ in world.advance(now + STEP_SECONDS):
             pass
     return {gender: calls[every::every] for gender, calls in engine.kept.items()}

@@ -11,8 +11,9 @@ from tests.runtime.chunks import KeepingMeter
 from tests.runtime.fakes import GOAL, people
 from tests.runtime.running import ALL, Running, first
 from wayfarer.errors import Aborted, AlreadyExists, InvalidArgument, NotFound, ResourceExhausted
-from wayfarer.runtime.agent import AgentChange, ChunkFlag, Goal, SessionSpec, Wander
-from wayfarer.runtime.commands import AppendGoals, ClearGoal, SetGoal, SetPath
+from wayfarer.runtime.agent import AgentChange, ChunkFlag, Goal, SessionSpec
+from wayfarer.runtime.behaviours import Wander
+from wayfarer.runtime.commands import Append, Path, Stop
 from wayfarer.runtime.loop import steady_clock
 from wayfarer.runtime.publications import EventKind, StreamWish
 from wayfarer.runtime.settings import Limits
@@ -23,7 +24,7 @@ async def test_agents_stream_in_real_time_to_their_goal():
         await loop.create_session(SessionSpec("s"))
         agents = await loop.create_agents("s", people(4))
         stream = await loop.subscribe("s", ALL)
-        assert await loop.give(agents[0].agent_id, SetGoal(GOAL)) == 1
+        assert await loop.give(agents[0].agent_id, GOAL) == 1
         batches = await first(stream, 12)
         chunks = [c for p in batches for c in p.chunks]
         for agent in agents:
@@ -45,10 +46,10 @@ async def test_errors_come_back_to_the_caller_and_disturb_nobody():
         stream = await loop.subscribe("s", ALL)
         for goal in (Goal((math.nan, 0, 0)), Goal((math.inf, 0, 0)), Goal((9_999.0, 0, 0))):
             with pytest.raises(InvalidArgument, match="allowed"):
-                await loop.give(agent.agent_id, SetGoal(goal))
+                await loop.give(agent.agent_id, goal)
         for call in (
-            loop.give("nobody", SetGoal(GOAL)),
-            loop.give("nobody", ClearGoal()),
+            loop.give("nobody", GOAL),
+            loop.give("nobody", Stop()),
             loop.get_session("nowhere"),
             loop.create_agents("nowhere", people(1)),
             loop.list_agents("nowhere"),
@@ -101,11 +102,11 @@ async def test_every_change_of_goals_has_a_revision_and_stale_ones_are_refused()
         await loop.create_session(SessionSpec("s"))
         [agent] = await loop.create_agents("s", people(1))
         orders = (
-            SetGoal(GOAL),
-            AppendGoals((GOAL,)),
-            SetPath((GOAL, GOAL)),
+            GOAL,
+            Append((GOAL,)),
+            Path((GOAL, GOAL)),
             Wander((0.0, 0.0), 3.0),
-            ClearGoal(),
+            Stop(),
         )
         for present, order in enumerate(orders):
             with pytest.raises(Aborted, match=f"revision {present}"):
@@ -129,7 +130,7 @@ async def test_a_session_that_was_taken_out_goes_on_where_it_stood():
         [agent] = await loop.create_agents("s", people(1))
         stream = await loop.subscribe("s", ALL)
         path = (Goal((0.0, 0.6, 0.0), speed=2.0),)
-        await loop.give(agent.agent_id, SetPath(path))
+        await loop.give(agent.agent_id, Path(path))
         got = []
         while not any(EventKind.GOAL_REACHED in [e.kind for e in p.events] for p in got):
             got += await first(stream, 1)
@@ -153,7 +154,7 @@ async def test_the_meter_is_told():
         agent, _ = await loop.create_agents("s", people(2))
         stream = await loop.subscribe("s", ALL)
         await first(stream, 2)
-        await loop.give(agent.agent_id, SetGoal(GOAL))
+        await loop.give(agent.agent_id, GOAL)
         await first(stream, 6)
         assert len(meter.goals) == 1 and 0 < meter.goals[0] < 1
         assert sum(agents for _, agents in meter.steps) >= 8

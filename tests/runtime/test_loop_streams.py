@@ -11,7 +11,7 @@ from tests.runtime.fakes import people
 from tests.runtime.running import ALL, Running, first
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.agent import ChunkFlag, Goal, SessionSpec
-from wayfarer.runtime.commands import SetPath
+from wayfarer.runtime.commands import Path
 from wayfarer.runtime.publications import EventKind, Resume, SlowReader, StreamWish
 
 
@@ -92,7 +92,7 @@ async def test_goals_reached_and_paths_done_are_told():
         [agent] = await loop.create_agents("s", people(1))
         stream = await loop.subscribe("s", ALL)
         path = (Goal((0.0, 0.5, 0.0), stop=False, speed=2.0), Goal((0.0, 1.0, 0.0), speed=2.0))
-        await loop.give(agent.agent_id, SetPath(path))
+        await loop.give(agent.agent_id, Path(path))
         told = []
         async with asyncio.timeout(10):
             while EventKind.PATH_DONE not in [event.kind for event in told]:

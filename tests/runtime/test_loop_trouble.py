@@ -10,7 +10,6 @@ from tests.runtime.fakes import FakeEngine, make_world, people
 from tests.runtime.running import ALL, Running, first, until
 from wayfarer.errors import ResourceExhausted, Unavailable
 from wayfarer.runtime.agent import Goal, SessionSpec
-from wayfarer.runtime.commands import SetGoal
 from wayfarer.runtime.loop import MotionLoop
 from wayfarer.runtime.motor import FAILURES
 from wayfarer.runtime.settings import Limits
@@ -144,7 +143,7 @@ async def test_commands_are_answered_while_the_engine_is_at_work():
             async with asyncio.timeout(10):
                 await loop.delete_agent(leaver.agent_id)
                 [newcomer] = await loop.create_agents("s", people(1))  # into the slot that is free
-                revision = await loop.give(walker.agent_id, SetGoal(Goal((0.0, 3.0, 0.0))))
+                revision = await loop.give(walker.agent_id, Goal((0.0, 3.0, 0.0)))
         finally:
             engine.let_go.set()
         chunks = [c for b in await first(stream, 6) for c in b.chunks]

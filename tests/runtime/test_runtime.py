@@ -15,7 +15,9 @@ from wayfarer.errors import (
     InvalidArgument,
     NotFound,
 )
-from wayfarer.runtime.agent import Goal, SessionSpec, Wander
+from wayfarer.runtime.agent import Goal, SessionSpec
+from wayfarer.runtime.behaviours import Wander
+from wayfarer.runtime.commands import Path
 from wayfarer.runtime.publications import StreamWish
 from wayfarer.runtime.runtime import Runtime
 from wayfarer.runtime.settings import Limits
@@ -45,7 +47,7 @@ async def walking(runtime, spec=RECORDED, count=3):
     agents = await runtime.create_agents("s", people(count))
     for agent in agents:
         x, y = agent.spec.position
-        await runtime.set_goal(agent.agent_id, replace(FAR, position=(x, y + 90.0, 0.0)))
+        await runtime.give(agent.agent_id, replace(FAR, position=(x, y + 90.0, 0.0)))
     return agents
 
 
@@ -53,10 +55,10 @@ async def test_a_session_moves_to_another_server_in_mid_walk(servers):
     here, there = await servers.start(), await servers.start()
     agents = await walking(here)
     await asyncio.sleep(0.5)
-    await here.behave(agents[2].agent_id, Wander((4.0, 0.0), 5.0))
+    await here.give(agents[2].agent_id, Wander((4.0, 0.0), 5.0))
     last = asyncio.create_task(chunks_of(here, 1.2))
     await asyncio.sleep(0.7)
-    await here.set_goal(agents[1].agent_id, Goal((2.0, -9.0, 0.0)))
+    await here.give(agents[1].agent_id, Goal((2.0, -9.0, 0.0)))
     snapshot = await here.export_session("s")
     info = await there.import_session(snapshot, {"owner": "bob"})
     assert info.spec.attributes == {"basis": "unity", "owner": "bob"}
@@ -106,7 +108,7 @@ async def test_a_recorded_session_is_played_again_by_another_server(servers):
     agents = await walking(here)
     reading = asyncio.create_task(chunks_of(here, 1.5))
     await asyncio.sleep(0.6)
-    await here.set_goal(agents[0].agent_id, Goal((3.0, 0.0, 0.0)))
+    await here.give(agents[0].agent_id, Goal((3.0, 0.0, 0.0)))
     sent = await reading
     log = await here.export_log("s")
     played = [p async for p in there.replay(log)]
@@ -134,7 +136,7 @@ async def test_a_clip_is_the_motion_that_a_session_would_have(servers):
     clip = [p async for p in here.generate_clip(spec, [Goal((0.0, 3.0, 0.0))], 4.0, False)]
     await here.create_session(SessionSpec("s", lock_step=True))
     [agent] = await here.create_agents("s", [spec])
-    await here.set_path(agent.agent_id, [Goal((0.0, 3.0, 0.0))])
+    await here.give(agent.agent_id, Path((Goal((0.0, 3.0, 0.0)),)))
     for a, b in zip(clip, await here.step_session("s", 20), strict=True):
         np.testing.assert_array_equal(a.chunks[0].rotations, b.chunks[0].rotations)
         np.testing.assert_array_equal(a.chunks[0].translation, b.chunks[0].translation)
@@ -181,7 +183,7 @@ async def test_a_session_that_does_not_fit_stays_in_the_journal(servers, tmp_pat
     await walking(first)
     path = [Goal((0.0, float(n), 0.0), stop=False) for n in range(1, 60)]
     agents = await first.list_agents("s")
-    await first.set_path(agents[0].agent_id, path)
+    await first.give(agents[0].agent_id, Path(tuple(path)))
     await servers.stop(first)
     second = await servers.start(open_journal(tmp_path), limits=Limits(path_goals=5))
     assert await second.list_sessions() == []

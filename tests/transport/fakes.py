@@ -33,7 +33,7 @@ from wayfarer.runtime.agent import (
     SessionInfo,
     SessionSpec,
 )
-from wayfarer.runtime.behaviours import Behaviour, Routine
+from wayfarer.runtime.commands import GoalCommand
 from wayfarer.runtime.publications import Event, Publication, StreamWish
 from wayfarer.runtime.stats import LoopStats
 from wayfarer.transport.bodies import BodyLibrary
@@ -78,7 +78,7 @@ class FakeService(FakeScenes):
         self.ready = True
         self.alive = True
         self.specs: list[AgentSpec] = []
-        self.goals: list[tuple[str, Goal | Behaviour | Routine | None]] = []
+        self.commands: list[tuple[str, GoalCommand]] = []
         self.expected: list[int | None] = []
         self.subscriptions: list[FakeSubscription] = []
         self.models = [MODEL]
@@ -167,35 +167,14 @@ class FakeService(FakeScenes):
         agent = self._agent(agent_id)
         self._sessions[agent.session_id].remove(agent)
 
-    def _changed(self, agent_id: str, goals: Sequence[Any], expected: int | None) -> int:
-        """The revision is the number of goals ever given."""
+    async def give(self, agent_id: str, command: GoalCommand, expected: int | None = None) -> int:
+        """The revision is the number of commands ever given."""
         self._agent(agent_id)
-        if expected is not None and expected != len(self.goals):
-            raise Aborted(f"revision {expected} is stale; it is {len(self.goals)}")
+        if expected is not None and expected != len(self.commands):
+            raise Aborted(f"revision {expected} is stale; it is {len(self.commands)}")
         self.expected.append(expected)
-        self.goals += [(agent_id, goal) for goal in goals]
-        return len(self.goals)
-
-    async def set_goal(self, agent_id: str, goal: Goal, expected: int | None = None) -> int:
-        return self._changed(agent_id, [goal], expected)
-
-    async def set_path(
-        self, agent_id: str, goals: Sequence[Goal], expected: int | None = None
-    ) -> int:
-        return self._changed(agent_id, goals, expected)
-
-    async def append_goals(
-        self, agent_id: str, goals: Sequence[Goal], expected: int | None = None
-    ) -> int:
-        return self._changed(agent_id, goals, expected)
-
-    async def behave(
-        self, agent_id: str, behaviour: Behaviour | Routine, expected: int | None = None
-    ) -> int:
-        return self._changed(agent_id, [behaviour], expected)
-
-    async def clear_goal(self, agent_id: str, expected: int | None = None) -> int:
-        return self._changed(agent_id, [None], expected)
+        self.commands.append((agent_id, command))
+        return len(self.commands)
 
     async def subscribe(self, session_id: str, wish: StreamWish) -> FakeSubscription:
         known = {agent.agent_id for agent in self._session(session_id)}

@@ -59,8 +59,8 @@ async def test_commands_are_answered_in_order_and_a_bad_one_ends_nothing():
         client.send(command_id=2, set_path={**of, "goals": [{"position": {}}] * 2})
         client.send(command_id=3, append_goals={**of, "goals": [{"position": {}}]})
         client.send(command_id=4, wander={**of, "area": AREA})
-        client.send(command_id=5, clear_goal={**of, "expected_revision": 5})
-        client.send(command_id=6, clear_goal={**of, "expected_revision": 5})
+        client.send(command_id=5, clear_goal={**of, "expected_revision": 4})
+        client.send(command_id=6, clear_goal={**of, "expected_revision": 4})
         client.send(command_id=7, set_goal={**of, "goal": {"position": {"x": float("nan")}}})
         client.send(command_id=8, set_goal={"agent_id": "x", "goal": {"position": {}}})
         client.send(command_id=9, open={"session_id": session_id})
@@ -68,7 +68,7 @@ async def test_commands_are_answered_in_order_and_a_bad_one_ends_nothing():
         client.send(command_id=11, clear_goal=of)
         replies = [(await anext(messages)).reply for _ in range(11)]
     assert [r.command_id for r in replies] == list(range(1, 12))
-    assert [r.revision for r in replies] == [1, 3, 4, 5, 6, 0, 0, 0, 0, 0, 7]
+    assert [r.revision for r in replies] == [1, 2, 3, 4, 5, 0, 0, 0, 0, 0, 6]
     problems = [(r.problem.code, r.problem.field) for r in replies if r.HasField("problem")]
     assert problems == [
         *((10, ""), (3, "goal.position.x"), (5, ""), (3, "open"), (3, "payload")),

@@ -39,8 +39,8 @@ async def test_grpc_from_session_to_frames(rig):
         goal_pb2.SetGoalRequest(agent_id=agent.agent_id, goal={"position": {"y": 3}, "radius": 0.5})
     )
     assert goal.revision == 1
-    assert rig.service.goals[0][1].position == (-3.0, 0.0, 0.0)
-    assert rig.service.goals[0][1].radius == 0.5
+    assert rig.service.commands[0][1].position == (-3.0, 0.0, 0.0)
+    assert rig.service.commands[0][1].radius == 0.5
 
     path = await rig.goals.SetPath(
         goal_pb2.SetPathRequest(
@@ -51,8 +51,8 @@ async def test_grpc_from_session_to_frames(rig):
             ],
         )
     )
-    assert path.revision == 3
-    first, second = (goal for _, goal in rig.service.goals[1:])
+    assert path.revision == 2
+    first, second = rig.service.commands[1][1].goals
     assert first.position == (0.0, 1.0, 0.0) and not first.stop and first.heading is None
     assert (second.heading, second.stop, second.strafe, second.dwell) == (0.5, True, True, 3.0)
 
@@ -102,7 +102,7 @@ async def test_a_goal_of_a_path_that_is_wrong_is_named(rig):
     with pytest.raises(grpc.aio.AioRpcError, match=r"goals\[1\]\.heading") as caught:
         await rig.goals.SetPath(request)
     assert caught.value.code() == grpc.StatusCode.INVALID_ARGUMENT
-    assert rig.service.goals == []
+    assert rig.service.commands == []
 
 
 async def test_a_large_grpc_message_is_refused(rig):

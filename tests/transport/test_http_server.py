@@ -21,7 +21,7 @@ async def test_http_from_session_to_frames(rig):
     goal = {"position": {"x": 250, "y": 0, "z": 0}, "radius": 50, "speed": 100}
     answer = await rig.http.put(path + "/goal", json=goal)
     assert answer.json() == {"revision": 1}
-    given = rig.service.goals[0][1]
+    given = rig.service.commands[0][1]
     assert given.position == pytest.approx((0, 2.5, 0))
     assert (given.radius, given.speed) == pytest.approx((0.5, 1.0))
     assert (await rig.http.delete(path + "/goal")).json() == {"revision": 2}
@@ -30,8 +30,8 @@ async def test_http_from_session_to_frames(rig):
         {"position": {"x": 0, "y": 50, "z": 0}, "heading": 1.5, "dwell": 2},
     ]
     answer = await rig.http.put(path + "/path", json={"goals": goals})
-    assert answer.json() == {"revision": 4}
-    first, second = (goal for _, goal in rig.service.goals[2:])
+    assert answer.json() == {"revision": 3}
+    first, second = rig.service.commands[2][1].goals
     assert first.position == pytest.approx((0, 1, 0)) and first.speed == pytest.approx(1.6)
     assert not first.stop
     assert second.position == pytest.approx((0.5, 0, 0))

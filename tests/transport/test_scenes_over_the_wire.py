@@ -223,7 +223,7 @@ async def test_behaviours_by_both_transports(rig):
     assert answer.json() == {"revision": 1}
     request = goal_pb2.BehaveRequest(agent_id=agent, behaviour={"keep_away": {"place": {"x": 200}}})
     assert (await rig.goals.Behave(request)).revision == 2
-    (_, follow), (_, away) = rig.service.goals
+    (_, follow), (_, away) = rig.service.commands
     assert (follow.agent_id, follow.behind, follow.right) == (leader, 1.5, 0.0)
     assert away.place == pytest.approx((0.0, 2.0)) and away.distance == 4.0
     for wrong in ({}, {"follow": {"agent_id": "a"}, "wander": {}}, {"routine": {"parts": []}}):

@@ -54,7 +54,7 @@ async def test_numbers_that_are_none_are_refused_with_their_field(rig, bad):
         await rig.goals.SetGoal(goal_pb2.SetGoalRequest(agent_id=agent["agent_id"], goal=goal))
     assert caught.value.code() == grpc.StatusCode.INVALID_ARGUMENT
     assert "goal.position.x" in caught.value.details()
-    assert not rig.service.goals
+    assert not rig.service.commands
 
 
 async def test_an_unforeseen_error_stays_inside(rig):

@@ -75,7 +75,7 @@ async def test_calls_find_their_worker_by_the_session_and_by_the_agent(rig):
         request = goal_pb2.SetGoalRequest(agent_id=agent, goal={"position": {"x": 1, "z": 3}})
         reply = await goal_pb2_grpc.GoalServiceStub(rig.channel).SetGoal(request)
         assert reply.revision == 2
-        assert [name for name, _ in rig.service(session).goals] == [agent, agent]
+        assert [name for name, _ in rig.service(session).commands] == [agent, agent]
         assert (await rig.http.delete(path)).status_code == 204
         assert (await rig.http.get(path)).status_code == 404
 

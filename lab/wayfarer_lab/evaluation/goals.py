@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from wayfarer.body.model import BodyModel
 from wayfarer.clips.clip import Clip
 from wayfarer.runtime.agent import AgentInfo, AgentSpec, AgentState, Goal, MotionChunk, SessionSpec
+from wayfarer.runtime.commands import Path
 from wayfarer.runtime.world.heading import facing_of
 from wayfarer.runtime.world.slots import Motion
 from wayfarer.runtime.world.world import World
@@ -176,7 +177,7 @@ def run_errands(
             for order in errand.orders:
                 if order.at == moment:
                     path = tuple(order.plan(world.get_agent(agent)))
-                    revision = world.set_path(agent, path, start + moment)
+                    revision = world.give(agent, Path(tuple(path)), start + moment)
                     given[agent].append((revision, path))
     advance(start + seconds)
     world.delete_session(session_id)

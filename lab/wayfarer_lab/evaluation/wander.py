@@ -92,7 +92,7 @@ def wander(
                 revision[agent], since[agent] = 0, now
         if now - since[agent] >= (PATIENCE if revision[agent] else REST):
             goal = _next_goal(world, agent, random)
-            revision[agent] = world.set_goal(agent, goal, now)
+            revision[agent] = world.give(agent, goal, now)
             since[agent], ahead[agent] = now, goal.position
             given += 1
         watch(now, seconds)

@@ -6,7 +6,7 @@ Transports convert their wire types to these and back, and nothing else crosses.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntFlag, StrEnum
-from typing import Annotated, Final, Literal, Self
+from typing import Annotated, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -210,17 +210,6 @@ class SessionInfo:
     agent_ids: tuple[str, ...]
     created_at: float
     spec: SessionSpec = field(default_factory=SessionSpec)
-
-
-@dataclass(frozen=True, slots=True)
-class Wander:
-    """Walking about in a disc, or all over the scene, from one place drawn at random to another."""
-
-    center: tuple[float, float] | None  # metres, world; None: wherever the agent's scene is free
-    radius: float = 0.0  # metres; of no account without a centre
-    speed: float = 1.2  # m/s
-    dwell: float = 0.0  # seconds to stand at each place
-    kind: Literal["wander"] = "wander"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,13 +1,27 @@
-"""What agents do of themselves until they are told otherwise: plain frozen messages, world space.
+"""Behaviours that an agent follows until its next goal command: plain frozen messages, world space.
 
-Each is an order (commands.py). One revision counts for all of it. Beside these there is `Wander`
-(agent.py). What depends on others works among the agents of one session.
+Each is a `GoalCommand` (commands.py) and makes one revision. A behaviour that depends on other
+agents works among the agents of one session.
 """
 
 from dataclasses import dataclass
 from typing import Literal
 
-from wayfarer.runtime.agent import Goal, Wander
+from wayfarer.runtime.agent import Goal
+
+
+@dataclass(frozen=True, slots=True)
+class Wander:
+    """Walking about in a disc, or all over the scene, from one random place to another.
+
+    Places are drawn from the agent's seed, its revision and their number in the path.
+    """
+
+    center: tuple[float, float] | None  # metres, world; None: wherever the agent's scene is free
+    radius: float = 0.0  # metres; ignored without a centre
+    speed: float = 1.2  # m/s
+    dwell: float = 0.0  # seconds to stand at each place
+    kind: Literal["wander"] = "wander"
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,15 +92,15 @@ class Stand:
     kind: Literal["stand"] = "stand"
 
 
-Behaviour = Wander | Patrol | Follow | KeepAway | Queue
-"""Goes on until another order."""
+Activity = Visit | Stand | Wander | Patrol | Follow | KeepAway | Queue
+"""What an agent does at one time."""
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
     """Of a routine."""
 
-    does: Visit | Stand | Behaviour
+    does: Activity
     seconds: float = 0.0  # then the next part begins; 0: when it is done, as only a visit ever is
 
 
@@ -104,5 +118,8 @@ class Routine:
     kind: Literal["routine"] = "routine"
 
 
+Behaviour = Wander | Patrol | Follow | KeepAway | Queue | Routine
+"""Goes on until the next goal command."""
+
 DEPENDENT = (Follow, KeepAway, Queue)
-"""Kinds that look at other agents, so that one agent's motion does not follow from its orders."""
+"""Kinds that look at other agents, so an agent's motion does not follow from its own commands."""

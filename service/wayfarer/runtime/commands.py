@@ -8,38 +8,40 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from wayfarer.runtime.agent import AgentChange, AgentSpec, Goal
-from wayfarer.runtime.behaviours import Behaviour, Routine
+from wayfarer.runtime.behaviours import Behaviour
 from wayfarer.runtime.world.handover import AgentRecord
 
 
 @dataclass(frozen=True, slots=True)
-class SetGoal:
-    """Go there, in place of all before."""
+class Path:
+    """Visit these goals in turn.
 
-    goal: Goal
-
-
-@dataclass(frozen=True, slots=True)
-class SetPath:
-    """Visit these goals in turn, in place of all before."""
+    A goal to pass through is done once it is reached, any other once the agent has stood there for
+    its dwell.
+    """
 
     goals: tuple[Goal, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class AppendGoals:
-    """Visit these goals, too, after those there are."""
+class Append:
+    """Add these goals to the end of the path; what is planned stays.
+
+    The goals of the path keep their numbers. An agent without a path starts one; an agent that
+    follows a behaviour goes on with these goals after its present one.
+    """
 
     goals: tuple[Goal, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class ClearGoal:
-    """Stop."""
+class Stop:
+    """Stop where the agent is."""
 
 
-Order = SetGoal | SetPath | AppendGoals | ClearGoal | Behaviour | Routine
-"""A change of what the agent does; each makes a revision."""
+GoalCommand = Goal | Path | Append | Behaviour | Stop
+"""What an agent is to do from now on. Each command makes a revision; each but `Append` replaces
+what was there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +49,7 @@ class Delete:
     """The agent is taken out of the world."""
 
 
-Command = AgentSpec | AgentRecord | Order | AgentChange | Delete
+Command = AgentSpec | AgentRecord | GoalCommand | AgentChange | Delete
 """All that agents are told: the first two create one, from nothing or as it was elsewhere."""
 
 
@@ -57,7 +59,7 @@ class Recorder(Protocol):
     def command(self, agent_id: str, command: Command, seq: int) -> None:
         """`seq` is of the first chunk that it counts for.
 
-        Orders count from the planning of that chunk on, `AgentChange` from its sending on.
+        Goal commands count from the planning of that chunk on, `AgentChange` from its sending on.
         """
         ...
 

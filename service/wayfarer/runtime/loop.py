@@ -16,7 +16,7 @@ from typing import TypeVar
 
 from wayfarer.errors import NotFound, ResourceExhausted
 from wayfarer.runtime.agent import AgentChange, AgentInfo, AgentSpec, SessionInfo, SessionSpec
-from wayfarer.runtime.commands import AppendGoals, Order
+from wayfarer.runtime.commands import Append, GoalCommand
 from wayfarer.runtime.engines.models import model_changed
 from wayfarer.runtime.inbox import Inbox
 from wayfarer.runtime.meter import Meter, NoMeter
@@ -163,10 +163,10 @@ class MotionLoop:
 
     # Goals
 
-    async def give(self, agent_id: str, order: Order, expected: int | None = None) -> int:
-        """Any change of goals; see `World.give`. Returns the new revision."""
+    async def give(self, agent_id: str, command: GoalCommand, expected: int | None = None) -> int:
+        """See `MotionService`."""
         asked_at = self._clock()
-        return await self.ask(lambda _, now: self._give(agent_id, order, now, expected, asked_at))
+        return await self.ask(lambda _, now: self._give(agent_id, command, now, expected, asked_at))
 
     # Streams
 
@@ -205,10 +205,10 @@ class MotionLoop:
         return await loop.run_in_executor(self._workshop, call, argument)
 
     def _give(
-        self, agent_id: str, order: Order, now: float, expected: int | None, asked_at: float
+        self, agent_id: str, command: GoalCommand, now: float, expected: int | None, asked_at: float
     ) -> int:
-        revision = self._world.give(agent_id, order, now, expected)
-        if not isinstance(order, AppendGoals):  # those wait for their turn
+        revision = self._world.give(agent_id, command, now, expected)
+        if not isinstance(command, Append):  # appended goals wait for their turn
             session_id = self._world.session_of(agent_id)
             self._publisher.await_goal(session_id, agent_id, revision, asked_at)
         return revision

@@ -19,8 +19,7 @@ from wayfarer.runtime.agent import (
     SessionInfo,
     SessionSpec,
 )
-from wayfarer.runtime.behaviours import Behaviour, Routine
-from wayfarer.runtime.commands import AppendGoals, ClearGoal, Order, SetGoal, SetPath
+from wayfarer.runtime.commands import GoalCommand
 from wayfarer.runtime.engines.engine import Engine
 from wayfarer.runtime.engines.model_store import ModelDesk, no_model
 from wayfarer.runtime.loop import LoopSettings, MotionLoop, steady_clock
@@ -161,31 +160,11 @@ class Runtime(SceneCalls):
 
     # Goals
 
-    async def set_goal(self, agent_id: str, goal: Goal, expected: int | None = None) -> int:
+    async def give(self, agent_id: str, command: GoalCommand, expected: int | None = None) -> int:
         """See `MotionService`."""
-        return await self._give(agent_id, SetGoal(goal), expected)
-
-    async def set_path(
-        self, agent_id: str, goals: Sequence[Goal], expected: int | None = None
-    ) -> int:
-        """See `MotionService`."""
-        return await self._give(agent_id, SetPath(tuple(goals)), expected)
-
-    async def append_goals(
-        self, agent_id: str, goals: Sequence[Goal], expected: int | None = None
-    ) -> int:
-        """See `MotionService`."""
-        return await self._give(agent_id, AppendGoals(tuple(goals)), expected)
-
-    async def behave(
-        self, agent_id: str, behaviour: Behaviour | Routine, expected: int | None = None
-    ) -> int:
-        """See `MotionService`."""
-        return await self._give(agent_id, behaviour, expected)
-
-    async def clear_goal(self, agent_id: str, expected: int | None = None) -> int:
-        """See `MotionService`."""
-        return await self._give(agent_id, ClearGoal(), expected)
+        return await self._keeper.durable(
+            await self._home_of(agent_id).give(agent_id, command, expected)
+        )
 
     # Motion
 
@@ -271,11 +250,6 @@ class Runtime(SceneCalls):
 
     def _home_of(self, agent_id: str) -> MotionLoop | LockStep:
         return self._lock_steps.agent(agent_id) or self._loop
-
-    async def _give(self, agent_id: str, order: Order, expected: int | None) -> int:
-        return await self._keeper.durable(
-            await self._home_of(agent_id).give(agent_id, order, expected)
-        )
 
     async def _create_session(self, spec: SessionSpec) -> SessionInfo:
         if spec.lock_step:

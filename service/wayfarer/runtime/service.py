@@ -16,7 +16,7 @@ from wayfarer.runtime.agent import (
     SessionInfo,
     SessionSpec,
 )
-from wayfarer.runtime.behaviours import Behaviour, Routine
+from wayfarer.runtime.commands import GoalCommand
 from wayfarer.runtime.publications import Publication, StreamWish
 from wayfarer.runtime.scenes.service import SceneService
 from wayfarer.runtime.stats import LoopStats
@@ -52,10 +52,7 @@ class Subscription(Protocol):
 
 
 class MotionService(SceneService, Protocol):
-    """Sessions, agents, goals, streams, scenes.
-
-    Where an `expected` revision is given and is not the agent's present one, Aborted is raised.
-    """
+    """Sessions, agents, goals, streams, scenes."""
 
     @property
     def ready(self) -> bool:
@@ -103,34 +100,14 @@ class MotionService(SceneService, Protocol):
         """Raises NotFound."""
         ...
 
-    async def set_goal(self, agent_id: str, goal: Goal, expected: int | None = None) -> int:
-        """Return the new goal revision. Raises NotFound, InvalidArgument, Aborted."""
-        ...
+    async def give(self, agent_id: str, command: GoalCommand, expected: int | None = None) -> int:
+        """Give an agent a goal command; return the new goal revision.
 
-    async def set_path(
-        self, agent_id: str, goals: Sequence[Goal], expected: int | None = None
-    ) -> int:
-        """Goals to visit in turn; one revision for all. Raises as `set_goal`."""
-        ...
-
-    async def append_goals(
-        self, agent_id: str, goals: Sequence[Goal], expected: int | None = None
-    ) -> int:
-        """More goals at the end of the path; what is planned stays. Raises as `set_goal`."""
-        ...
-
-    async def behave(
-        self, agent_id: str, behaviour: Behaviour | Routine, expected: int | None = None
-    ) -> int:
-        """Do this until told otherwise; one revision for all of it. Raises as `set_goal`.
-
-        Besides FailedPrecondition: in a recorded session for what depends on other agents, and on
-        a floor without end for walking all over it.
+        Raises NotFound, InvalidArgument that names the field, Aborted when the agent's revision is
+        not `expected`; in a scene Unreachable when no way leads to a goal. A behaviour raises
+        FailedPrecondition in a recorded session when it depends on other agents, and on a floor
+        without end when it walks all over a scene.
         """
-        ...
-
-    async def clear_goal(self, agent_id: str, expected: int | None = None) -> int:
-        """Stop where the agent is. Return the new revision. Raises NotFound, Aborted."""
         ...
 
     async def subscribe(self, session_id: str, wish: StreamWish) -> Subscription:

@@ -1,4 +1,4 @@
-"""Schema → runtime for behaviours: values in a session's basis → messages in world space."""
+"""Schema → runtime for goal commands: values in a session's basis → messages in world space."""
 
 import re
 from collections.abc import Iterator
@@ -8,8 +8,9 @@ from typing import Any
 from pydantic import BaseModel
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime import agent as agents
 from wayfarer.runtime import behaviours as runtime
+from wayfarer.runtime.agent import Goal
+from wayfarer.runtime.commands import Append, GoalCommand, Path, Stop
 from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Axes, Basis
 
@@ -17,8 +18,28 @@ LENGTHS = ("speed", "behind", "right", "distance", "spacing")
 """Fields that are lengths, or lengths per second."""
 
 
-def behaviour(wish: schema.Behaviour, basis: Basis) -> runtime.Behaviour | runtime.Routine:
-    """In world space; what is absent takes the runtime's default."""
+Wish = schema.Goal | schema.Goals | schema.Wander | schema.Behaviour | None
+
+
+def goal_command(wish: Wish, basis: Basis, append: bool = False) -> GoalCommand:
+    """The command in world space; None: stop. Absent fields take the runtime's defaults.
+
+    `append`: goals are added to the end of the path instead of replacing it.
+    """
+    match wish:
+        case None:
+            return Stop()
+        case schema.Goal():
+            return convert.goal(wish, basis)
+        case schema.Goals():
+            return (Append if append else Path)(_goals(wish.goals, basis))
+        case schema.Wander():
+            return wander(wish, basis)
+        case schema.Behaviour():
+            return _behaviour(wish, basis)
+
+
+def _behaviour(wish: schema.Behaviour, basis: Basis) -> runtime.Behaviour:
     _, does = wish.given
     if isinstance(does, schema.Routine):
         parts = tuple(runtime.Part(_does(p.given[1], basis), p.seconds) for p in does.parts)
@@ -28,21 +49,23 @@ def behaviour(wish: schema.Behaviour, basis: Basis) -> runtime.Behaviour | runti
     return made
 
 
-def wander(wish: schema.Wander, basis: Basis) -> agents.Wander:
+def wander(wish: schema.Wander, basis: Basis) -> runtime.Wander:
     """In world space; what is absent takes the runtime's default."""
     given = _given(wish, basis.axes, exclude={"area"})
     if wish.area is None:
-        return agents.Wander(None, **given)
+        return runtime.Wander(None, **given)
     radius = basis.axes.length_to_core(wish.area.radius)
-    return agents.Wander(_spot(wish.area.center, basis.axes), radius, **given)
+    return runtime.Wander(_spot(wish.area.center, basis.axes), radius, **given)
 
 
 @contextmanager
-def fields_named(wish: schema.Behaviour) -> Iterator[None]:
-    """Name fields as the client has them, with the kind of each behaviour."""
+def fields_named(wish: Wish) -> Iterator[None]:
+    """Name the field at fault as the client wrote it, with the kind of each behaviour."""
     try:
         yield
     except InvalidArgument as error:
+        if not isinstance(wish, schema.Behaviour):
+            raise
         field = _client_field(error.field, wish)
         text = str(error).replace(error.field, field) if error.field else str(error)
         raise InvalidArgument(text, field) from None
@@ -58,7 +81,7 @@ def _client_field(field: str, wish: schema.Behaviour) -> str:
     return f"{found[0]}.{does.parts[int(found[1])].given[0]}{field[found.end() :]}"
 
 
-def _does(wish: schema.Message, basis: Basis) -> runtime.Visit | runtime.Stand | runtime.Behaviour:
+def _does(wish: schema.Message, basis: Basis) -> runtime.Activity:
     axes = basis.axes
     match wish:
         case schema.Wander():
@@ -79,7 +102,7 @@ def _does(wish: schema.Message, basis: Basis) -> runtime.Visit | runtime.Stand |
     return runtime.Stand()
 
 
-def _goals(wishes: tuple[schema.Goal, ...], basis: Basis) -> tuple[agents.Goal, ...]:
+def _goals(wishes: tuple[schema.Goal, ...], basis: Basis) -> tuple[Goal, ...]:
     return tuple(convert.goal(wish, basis) for wish in wishes)
 
 

@@ -12,7 +12,7 @@ from wayfarer.transport import errors, schema, wire
 from wayfarer.transport.framing import field
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.gateway.goals import GoalApi
-from wayfarer.transport.goal_requests import carry_out
+from wayfarer.transport.goal_requests import give
 from wayfarer.transport.limits import count_call
 from wayfarer.transport.merge import merged
 from wayfarer.transport.stream import MotionStream
@@ -71,21 +71,21 @@ async def _replies(
                 stream.ack(request.ack.resume_token, request.ack.playhead_us / 1e6)
                 continue
             count_call()
-            reply.revision = await _carry_out(request, goals)
+            reply.revision = await _give(request, goals)
         except Exception as error:
             errors.log_unexpected(log, error, "Control")
             reply.problem.CopyFrom(_problem(error))
         yield reply
 
 
-async def _carry_out(request: control_pb2.ControlRequest, goals: GoalApi) -> int:
-    """Do what a command says; the new revision."""
+async def _give(request: control_pb2.ControlRequest, goals: GoalApi) -> int:
+    """Carry out a command; return the new revision."""
     payload = request.WhichOneof("payload")
     if payload not in COMMANDS:
         raise InvalidArgument(
             f"after `open` comes one of ack, {', '.join(COMMANDS)}", payload or "payload"
         )
-    return await carry_out(getattr(request, payload), goals)
+    return await give(getattr(request, payload), goals)
 
 
 def _problem(error: Exception) -> common_pb2.Problem:

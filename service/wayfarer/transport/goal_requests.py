@@ -1,6 +1,7 @@
-"""The requests of GoalService, as they come by gRPC and over Control."""
+"""The requests of GoalService, which arrive by gRPC and over Control."""
 
 from wayfarer.transport import schema, wire
+from wayfarer.transport.behaviour_convert import Wish
 from wayfarer.transport.gateway.goals import GoalApi
 from wayfarer.v1 import goal_pb2
 
@@ -14,22 +15,20 @@ GoalRequest = (
 )
 
 
-async def carry_out(request: GoalRequest, goals: GoalApi) -> int:
-    """Do what it says; the new revision. Raises NotFound, InvalidArgument, Aborted."""
+async def give(request: GoalRequest, goals: GoalApi) -> int:
+    """Carry out a request; return the new revision. Raises NotFound, InvalidArgument, Aborted."""
     expected = request.expected_revision if request.HasField("expected_revision") else None
-    agent_id = request.agent_id
+    wish: Wish
     match request:
         case goal_pb2.SetGoalRequest():
-            goal = wire.parse(schema.Goal, request.goal, "goal")
-            return await goals.set(agent_id, goal, expected)
-        case goal_pb2.SetPathRequest():
-            return await goals.set_path(agent_id, wire.parse(schema.Goals, request), expected)
-        case goal_pb2.AppendGoalsRequest():
-            return await goals.append(agent_id, wire.parse(schema.Goals, request), expected)
+            wish = wire.parse(schema.Goal, request.goal, "goal")
+        case goal_pb2.SetPathRequest() | goal_pb2.AppendGoalsRequest():
+            wish = wire.parse(schema.Goals, request)
         case goal_pb2.WanderRequest():
-            return await goals.wander(agent_id, wire.parse(schema.Wander, request), expected)
+            wish = wire.parse(schema.Wander, request)
         case goal_pb2.BehaveRequest():
             wish = wire.parse(schema.Behaviour, request.behaviour, "behaviour")
-            return await goals.behave(agent_id, wish, expected)
         case goal_pb2.ClearGoalRequest():
-            return await goals.clear(agent_id, expected)
+            wish = None
+    append = isinstance(request, goal_pb2.AppendGoalsRequest)
+    return await goals.give(request.agent_id, wish, expected, append=append)

@@ -104,7 +104,7 @@ def test_agents_go_on_with_another_model_at_their_next_primitive(models, old, ne
     world = make_world(models, 3)
     agents = world.list_agents("s")
     for agent in agents:
-        world.set_goal(agent.agent_id, Goal((20.0, 30.0, 0.0)), 0.0)
+        world.give(agent.agent_id, Goal((20.0, 30.0, 0.0)), 0.0)
     before = [c for c in world.advance(1.0) if c.alias == 1]
     steps = rows(old)
     assert [agent.agent_id for agent in world.use_model("new")] == [a.agent_id for a in agents]

@@ -52,7 +52,7 @@ def test_a_world_runs_on_it(folder):
     world = World(engine(folder), BODIES, start_poses())
     world.create_session(SessionSpec("s"), 0.0)
     agent = world.create_agents("s", people(3), 0.0)[1]
-    world.set_goal(agent.agent_id, Goal((2.0, 3.0, 0.0), speed=1.0), 0.0)
+    world.give(agent.agent_id, Goal((2.0, 3.0, 0.0), speed=1.0), 0.0)
     chunks = [c for c in world.advance(1.05) if c.agent_id == agent.agent_id]
     # The tiny graph walks 0.2 m along Y in a step of 1 m/s, which is not asked for at once.
     np.testing.assert_allclose(

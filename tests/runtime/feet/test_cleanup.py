@@ -45,7 +45,7 @@ def tracks(chunks: list[MotionChunk]) -> dict[str, tuple[np.ndarray, np.ndarray]
 def test_an_agent_may_have_its_feet_locked_or_not():
     world, [with_lock, without] = world_of(AgentSpec(), AgentSpec(foot_lock=False))
     for agent in (with_lock, without):
-        world.set_goal(agent, SLOW, 0.0)
+        world.give(agent, SLOW, 0.0)
     found = tracks(list(world.advance(2.0)))
     (hips, locked), (plain_hips, plain) = found[with_lock], found[without]
     np.testing.assert_array_equal(hips, plain_hips)  # the model goes the same way
@@ -60,9 +60,9 @@ def test_an_agent_may_have_its_feet_locked_or_not():
 
 def test_feet_do_not_jump_at_seams_or_when_a_goal_is_changed():
     world, [agent] = world_of(AgentSpec())
-    world.set_goal(agent, SLOW, 0.0)
+    world.give(agent, SLOW, 0.0)
     chunks = list(world.advance(1.05))
-    world.set_goal(agent, Goal((5.0, 0.0, 0.0), speed=0.2), 1.05)
+    world.give(agent, Goal((5.0, 0.0, 0.0), speed=0.2), 1.05)
     chunks += list(world.advance(3.0))
     assert any(chunk.flags & ChunkFlag.REPLANNED for chunk in chunks)
     hips, rotations = tracks(chunks)[agent]
@@ -73,7 +73,7 @@ def test_feet_do_not_jump_at_seams_or_when_a_goal_is_changed():
 def test_the_lock_begins_anew_where_the_pose_jumps():
     engine = FakeEngine()
     world, [agent] = world_of(AgentSpec(betas=(0.5,) + (0.0,) * 9), engine=engine)
-    world.set_goal(agent, SLOW, 0.0)
+    world.give(agent, SLOW, 0.0)
     before = list(world.advance(1.0))
     engine.nan_for_beta = 0.5
     after = next(c for c in world.advance(2.0) if c.flags & ChunkFlag.FIRST)
@@ -87,11 +87,11 @@ def test_agents_of_one_moment_are_cleaned_together_and_apart_alike():
     specs = [AgentSpec(position=(3.0 * i, 0.0), noise_seed=i, foot_lock=i != 1) for i in range(3)]
     world, agents = world_of(*specs)
     for agent in agents:
-        world.set_goal(agent, SLOW, 0.0)
+        world.give(agent, SLOW, 0.0)
     together = tracks(list(world.advance(2.0)))
     for spec, agent in zip(specs, agents, strict=True):
         alone_world, [alone] = world_of(spec)
-        alone_world.set_goal(alone, SLOW, 0.0)
+        alone_world.give(alone, SLOW, 0.0)
         found = tracks(list(alone_world.advance(2.0)))[alone]
         shared = min(found[0].shape[1], together[agent][0].shape[1])
         np.testing.assert_allclose(together[agent][1][:, :shared], found[1][:, :shared], atol=1e-5)
@@ -99,7 +99,7 @@ def test_agents_of_one_moment_are_cleaned_together_and_apart_alike():
 
 def test_a_lock_that_is_switched_on_begins_where_the_feet_are():
     world, [agent] = world_of(AgentSpec(foot_lock=False))
-    world.set_goal(agent, SLOW, 0.0)
+    world.give(agent, SLOW, 0.0)
     plain = list(world.advance(2.0))
     world.update_agent(agent, AgentChange(foot_lock=True))
     locked = list(world.advance(3.0))

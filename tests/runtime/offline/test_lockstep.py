@@ -58,7 +58,7 @@ async def test_goals_count_from_the_next_primitive_and_nothing_is_thrown_away(ru
     flags, events = ChunkFlag.NONE, []
     for number in range(40):
         if number in (3, 5, 6):
-            revision = await runtime.set_goal(a.agent_id, Goal((0.0, 1.0 + number, 0.0)))
+            revision = await runtime.give(a.agent_id, Goal((0.0, 1.0 + number, 0.0)))
         [published] = await runtime.step_session("tool", 1)
         [chunk] = published.chunks
         flags |= chunk.flags
@@ -75,14 +75,14 @@ async def test_it_moves_as_agents_do_in_real_time(runtime):
     live = worlds.live()
     live.create_session(SessionSpec("s"), 0.0)
     ids = [a.agent_id for a in live.create_agents("s", people(3), 0.0)]
-    live.set_goal(ids[0], Goal((0.0, 5.0, 0.0)), 0.0)
+    live.give(ids[0], Goal((0.0, 5.0, 0.0)), 0.0)
     expected = {}
     for chunk in live.advance(5.0):
         expected[chunk.alias, chunk.seq] = chunk.translation
 
     await runtime.create_session(LOCKED)
     agents = await runtime.create_agents("tool", people(3))
-    await runtime.set_goal(agents[0].agent_id, Goal((0.0, 5.0, 0.0)))
+    await runtime.give(agents[0].agent_id, Goal((0.0, 5.0, 0.0)))
     published = await runtime.step_session("tool", 20)
     for p in published:
         for chunk in p.chunks:

@@ -58,7 +58,7 @@ async def test_subscribers_are_told_of_what_agents_meet(servers):
         await runtime.delete_scene(scene.scene_id)
     [agent] = await runtime.create_agents("s", [SOUTH])
     subscription = await runtime.subscribe("s", StreamWish())
-    await runtime.set_goal(agent.agent_id, NORTH)
+    await runtime.give(agent.agent_id, NORTH)
     publications = aiter(subscription)
 
     async def until(found):
@@ -82,7 +82,7 @@ async def test_lock_step_sessions_are_in_scenes_too(servers):
     scene = await runtime.create_scene(EMPTY)
     await runtime.create_session(SessionSpec("s", scene=scene.scene_id, lock_step=True))
     [agent] = await runtime.create_agents("s", [SOUTH])
-    await runtime.set_goal(agent.agent_id, NORTH)
+    await runtime.give(agent.agent_id, NORTH)
     before = await runtime.step_session("s", 5)
     await runtime.put_obstacle(scene.scene_id, "wall", WALL)
     after = await runtime.step_session("s", 5)
@@ -115,7 +115,7 @@ async def test_scenes_and_who_is_in_them_survive_a_restart(servers, tmp_path):
     scene = await first.remove_obstacle(scene.scene_id, "door")
     await first.create_session(SessionSpec("s", scene=scene.scene_id, avoid=False))
     [agent] = await first.create_agents("s", [SOUTH])
-    await first.set_goal(agent.agent_id, NORTH)
+    await first.give(agent.agent_id, NORTH)
     await first.delete_scene(gone.scene_id)
     await servers.stop(first)
 

@@ -13,6 +13,7 @@ from wayfarer.navigation.scene import bake
 from wayfarer.navigation.spec import Box, Floor, SceneSpec
 from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, Goal, SessionSpec
 from wayfarer.runtime.behaviours import Follow
+from wayfarer.runtime.commands import Append, Path
 from wayfarer.runtime.publications import EventKind
 from wayfarer.runtime.scenes.book import Book
 
@@ -50,7 +51,7 @@ def kinds(world):
 def test_walks_around_a_box_and_arrives():
     world, _, _ = world_in(field(BOX))
     [agent] = enter(world, SOUTH)
-    world.set_goal(agent.agent_id, goal(*NORTH), 0.0)
+    world.give(agent.agent_id, goal(*NORTH), 0.0)
     tracks, arrived = walked(world, 15.0)
     track = tracks[agent.agent_id]
     assert arrived == {agent.agent_id}
@@ -63,7 +64,7 @@ def test_without_a_scene_the_box_is_not_there():
     world, _, _ = world_in(field(BOX))
     world.create_session(SessionSpec("flat"), 0.0)
     [agent] = world.create_agents("flat", [agent_at(SOUTH)], 0.0)
-    world.set_goal(agent.agent_id, goal(*NORTH), 0.0)
+    world.give(agent.agent_id, goal(*NORTH), 0.0)
     tracks, arrived = walked(world, 15.0)
     assert arrived and field(BOX).distance(tracks[agent.agent_id]).min() < 0
 
@@ -72,8 +73,8 @@ def test_visits_a_path_goal_by_goal_around_walls():
     world, _, _ = world_in(field(BOX))
     [agent] = enter(world, SOUTH)
     places = [(6.0, 10.0), (6.0, 4.0), (10.0, 8.0)]
-    world.set_path(agent.agent_id, [goal(*p) for p in places[:2]], 0.0)
-    world.append_goals(agent.agent_id, [goal(*places[2])], 0.0)
+    world.give(agent.agent_id, Path(tuple([goal(*p) for p in places[:2]])), 0.0)
+    world.give(agent.agent_id, Append((goal(*places[2]),)), 0.0)
     tracks, _ = walked(world, 45.0)
     track = tracks[agent.agent_id][:, :2]
     visits = [np.linalg.norm(track - place, axis=1).argmin() for place in places]
@@ -85,7 +86,7 @@ def test_visits_a_path_goal_by_goal_around_walls():
 def test_an_obstacle_in_the_way_is_walked_around_within_half_a_second():
     world, book, scene_id = world_in(field())
     [agent] = enter(world, SOUTH)
-    world.set_goal(agent.agent_id, goal(*NORTH), 0.0)
+    world.give(agent.agent_id, goal(*NORTH), 0.0)
     before, _ = walked(world, 1.5)
     assert np.abs(before[agent.agent_id][:, 0] - 6.0).max() < 0.1  # straight ahead
     book.put(scene_id, "crate", BOX)
@@ -101,7 +102,7 @@ def test_an_obstacle_elsewhere_changes_nothing():
     for put in (False, True):
         world, book, scene_id = world_in(field())
         [agent] = enter(world, SOUTH)
-        world.set_goal(agent.agent_id, goal(*NORTH), 0.0)
+        world.give(agent.agent_id, goal(*NORTH), 0.0)
         before, _ = walked(world, 2.0)
         if put:
             book.put(scene_id, "crate", Box((1.0, 1.0), (1.0, 1.0), 1.0))
@@ -113,7 +114,7 @@ def test_an_obstacle_elsewhere_changes_nothing():
 def test_waits_before_a_way_that_is_closed_and_goes_on_when_it_opens():
     world, book, scene_id = world_in(field())
     [agent] = enter(world, SOUTH)
-    world.set_goal(agent.agent_id, goal(*NORTH), 0.0)
+    world.give(agent.agent_id, goal(*NORTH), 0.0)
     walked(world, 1.0)
     book.put(scene_id, "wall", WALL)
     walked(world, 8.0)
@@ -132,7 +133,7 @@ def test_waits_before_a_way_that_is_closed_and_goes_on_when_it_opens():
 def test_a_goal_off_free_ground_is_moved_to_the_nearest_and_it_is_told():
     world, _, _ = world_in(field(BOX))
     [agent] = enter(world, SOUTH)
-    world.set_goal(agent.agent_id, goal(6.0, 5.9), 0.0)
+    world.give(agent.agent_id, goal(6.0, 5.9), 0.0)
     moved = world.get_agent(agent.agent_id).goal.position
     assert moved == pytest.approx((6.0, 5.2, 0.0), abs=0.02)
     [(_, event)] = world.take_events()
@@ -145,11 +146,11 @@ def test_a_goal_off_free_ground_is_moved_to_the_nearest_and_it_is_told():
 def test_a_goal_that_no_way_leads_to_is_refused_and_changes_nothing():
     world, _, _ = world_in(islands())
     [agent] = enter(world, SOUTH)
-    world.set_goal(agent.agent_id, goal(*NORTH), 0.0)
+    world.give(agent.agent_id, goal(*NORTH), 0.0)
     for give in (
-        lambda: world.set_goal(agent.agent_id, goal(25.0, 6.0), 0.0),
-        lambda: world.set_path(agent.agent_id, [goal(*NORTH), goal(25.0, 6.0)], 0.0),
-        lambda: world.append_goals(agent.agent_id, [goal(25.0, 6.0)], 0.0),
+        lambda: world.give(agent.agent_id, goal(25.0, 6.0), 0.0),
+        lambda: world.give(agent.agent_id, Path((goal(*NORTH), goal(25.0, 6.0))), 0.0),
+        lambda: world.give(agent.agent_id, Append((goal(25.0, 6.0),)), 0.0),
     ):
         with pytest.raises(Unreachable, match="no way leads") as refused:
             give()
@@ -161,7 +162,7 @@ def test_a_goal_that_no_way_leads_to_is_refused_and_changes_nothing():
 def test_a_goal_that_becomes_unreachable_before_its_turn_is_told_and_waited_for():
     world, book, scene_id = world_in(field())
     [agent] = enter(world, SOUTH)
-    world.set_path(agent.agent_id, [goal(6.0, 4.0), goal(*NORTH)], 0.0)
+    world.give(agent.agent_id, Path((goal(6.0, 4.0), goal(*NORTH))), 0.0)
     book.put(scene_id, "wall", WALL)
     walked(world, 8.0)
     events = [event for _, event in world.take_events()]
@@ -175,7 +176,7 @@ def test_a_goal_behind_a_wall_is_not_reached_through_it():
     thin = Box((6.0, 6.0), (8.0, 0.1), 2.0)
     world, _, _ = world_in(field(thin))
     [agent] = enter(world, (6.0, 5.0))
-    world.set_goal(agent.agent_id, goal(6.0, 6.6, radius=1.5), 0.0)
+    world.give(agent.agent_id, goal(6.0, 6.6, radius=1.5), 0.0)
     tracks, arrived = walked(world, 20.0)
     assert arrived
     assert tracks[agent.agent_id][:, 0].max() > 10.0 or tracks[agent.agent_id][:, 0].min() < 2.0
@@ -194,8 +195,8 @@ def test_two_who_meet_make_way_for_each_other_unless_they_shall_not():
     for avoid in (True, False):
         world, _, _ = world_in(field(), avoid)
         one, other = enter(world, SOUTH, NORTH)
-        world.set_goal(one.agent_id, goal(*NORTH), 0.0)
-        world.set_goal(other.agent_id, goal(*SOUTH), 0.0)
+        world.give(one.agent_id, goal(*NORTH), 0.0)
+        world.give(other.agent_id, goal(*SOUTH), 0.0)
         tracks, arrived = walked(world, 20.0)
         assert arrived == {one.agent_id, other.agent_id}
         a, b = (tracks[agent.agent_id][:160, :2] for agent in (one, other))
@@ -208,8 +209,8 @@ def test_agents_of_other_sessions_are_not_seen():
     world.create_session(SessionSpec("other", scene=scene_id), 0.0)
     [one] = enter(world, SOUTH)
     [other] = world.create_agents("other", [agent_at(NORTH)], 0.0)
-    world.set_goal(one.agent_id, goal(*NORTH), 0.0)
-    world.set_goal(other.agent_id, goal(*SOUTH), 0.0)
+    world.give(one.agent_id, goal(*NORTH), 0.0)
+    world.give(other.agent_id, goal(*SOUTH), 0.0)
     tracks, _ = walked(world, 12.0)
     assert np.abs(tracks[one.agent_id][:, 0] - 6.0).max() < 0.1
 
@@ -235,7 +236,7 @@ def test_a_refused_session_holds_no_scene():
 def test_a_session_taken_out_goes_on_in_its_scene_and_not_where_that_is_missing():
     world, _, _ = world_in(field(BOX))
     [agent] = enter(world, SOUTH)
-    world.set_goal(agent.agent_id, goal(*NORTH), 0.0)
+    world.give(agent.agent_id, goal(*NORTH), 0.0)
     walked(world, 3.0)
     record = world.take_session("s")
     elsewhere, _, _ = world_in(field(), book=Book())
@@ -251,11 +252,11 @@ def test_a_session_taken_out_goes_on_in_its_scene_and_not_where_that_is_missing(
 def test_a_slot_that_is_used_again_knows_nothing_of_the_way_before():
     world, _, _ = world_in(field(BOX))
     [first] = enter(world, SOUTH)
-    world.set_goal(first.agent_id, goal(*NORTH), 0.0)
+    world.give(first.agent_id, goal(*NORTH), 0.0)
     walked(world, 3.0)
     world.delete_agent(first.agent_id)
     [second] = world.create_agents("s", [agent_at((2.0, 10.0))], 3.0)
-    world.set_goal(second.agent_id, goal(10.0, 10.0), 3.0)
+    world.give(second.agent_id, goal(10.0, 10.0), 3.0)
     tracks, arrived = walked(world, 15.0)
     assert arrived == {second.agent_id}
     assert np.abs(tracks[second.agent_id][:, 1] - 10.0).max() < 0.2
@@ -266,7 +267,7 @@ def test_many_ways_are_looked_for_a_few_at_a_time():
     agents = enter(world, *[(1.0 + 0.6 * k, 2.0) for k in range(16)])
     for agent in agents:
         x, _, _ = agent.position
-        world.set_goal(agent.agent_id, goal(x, 8.0), 0.0)
+        world.give(agent.agent_id, goal(x, 8.0), 0.0)
     _, arrived = walked(world, 15.0)
     assert len(arrived) == 16
 
@@ -276,7 +277,7 @@ def test_on_a_floor_of_its_height_agents_are_shown_there():
     world, _, _ = world_in(upstairs)
     [agent] = enter(world, SOUTH)
     assert agent.position == pytest.approx((*SOUTH, 3.0 + HIPS_HEIGHT))
-    world.set_goal(agent.agent_id, goal(*NORTH), 0.0)
+    world.give(agent.agent_id, goal(*NORTH), 0.0)
     assert world.get_agent(agent.agent_id).goal.position == (*NORTH, 3.0)
     tracks, arrived = walked(world, 10.0)
     assert arrived
@@ -290,9 +291,9 @@ def test_who_is_in_no_scene_walks_as_if_there_were_none():
         world, _, _ = world_in(field(BOX), phases=1)
         world.create_session(SessionSpec("flat"), 0.0)
         [agent] = world.create_agents("flat", [agent_at(SOUTH)], 0.0)
-        world.set_goal(agent.agent_id, goal(6.0, 5.0), 0.0)
+        world.give(agent.agent_id, goal(6.0, 5.0), 0.0)
         for other in enter(world, *[(2.0 + k, 2.0) for k in range(company)]):
-            world.set_goal(other.agent_id, goal(*NORTH), 0.0)
+            world.give(other.agent_id, goal(*NORTH), 0.0)
         found, _ = walked(world, 6.0)
         tracks.append(found[agent.agent_id])
     assert tracks[0].tobytes() == tracks[1].tobytes()
@@ -301,7 +302,7 @@ def test_who_is_in_no_scene_walks_as_if_there_were_none():
 def test_goals_that_move_are_followed_on_new_ways():
     world, _, _ = world_in(field(BOX), avoid=False)
     leader, follower = enter(world, SOUTH, (5.0, 1.0))
-    world.set_goal(leader.agent_id, goal(*NORTH), 0.0)
+    world.give(leader.agent_id, goal(*NORTH), 0.0)
     world.give(follower.agent_id, Follow(leader.agent_id), 0.0)
     tracks, _ = walked(world, 20.0)
     assert math.dist(tracks[follower.agent_id][-1, :2], NORTH) < 3.0
@@ -315,7 +316,7 @@ def test_a_storey_is_named_by_its_height():
     [above] = enter(world, (10.0, 5.0), floor=3.0)
     assert below.position[2] == pytest.approx(HIPS_HEIGHT, abs=0.02)
     assert above.position[2] == pytest.approx(3.0 + HIPS_HEIGHT, abs=0.02)
-    world.set_goal(below.agent_id, goal(10.0, 6.0, 3.0), 0.0)
+    world.give(below.agent_id, goal(10.0, 6.0, 3.0), 0.0)
     tracks, arrived = walked(world, 40.0)
     assert arrived == {below.agent_id}  # by the stairs, though the goal is right above
     assert length(tracks[below.agent_id]) > 15.0

@@ -73,7 +73,7 @@ def test_keeping_one_is_the_online_search(children):
     session = world.create_session(SessionSpec(), 0.0).session_id
     agents = [a.agent_id for a in world.create_agents(session, specs, 0.0)]
     for agent, goal in zip(agents, goals, strict=True):
-        world.set_goal(agent, goal, 0.0)
+        world.give(agent, goal, 0.0)
     chunks = {agent: [] for agent in agents}
     for chunk in world.advance(12.0):
         chunks[chunk.agent_id].append(chunk)

@@ -17,7 +17,9 @@ import pytest
 from tests.runtime.fakes import people
 from tests.runtime.kept_worlds import STICK, fake_worlds, open_journal
 from wayfarer.errors import ArtifactError
-from wayfarer.runtime.agent import AgentChange, Goal, SessionSpec, Wander
+from wayfarer.runtime.agent import AgentChange, Goal, SessionSpec
+from wayfarer.runtime.behaviours import Wander
+from wayfarer.runtime.commands import Path
 from wayfarer.runtime.settings import Limits
 from wayfarer.runtime.state.journal_file import NAME, VERSION, JournalFile, Kind
 from wayfarer.runtime.state.snapshot import BodyStamp
@@ -79,8 +81,8 @@ def assert_same_record(found, expected):
 def test_a_world_is_read_back_as_it_was_saved(kept):
     world = kept.world
     a, b, c = populate(world)
-    world.wander(a, Wander((0.0, 0.0), 5.0), 0.0)
-    world.set_path(b, [Goal((0.0, 2.0 * n, 0.0), stop=False) for n in range(1, 9)], 0.0)
+    world.give(a, Wander((0.0, 0.0), 5.0), 0.0)
+    world.give(b, Path(tuple(Goal((0.0, 2.0 * n, 0.0), stop=False) for n in range(1, 9))), 0.0)
     list(world.advance(4.0))
     world.update_agent(c, AgentChange(name="Ada", foot_lock=False))
     kept.close()
@@ -89,10 +91,10 @@ def test_a_world_is_read_back_as_it_was_saved(kept):
 
 def test_a_goal_given_after_the_last_frames_counts(kept):
     [a] = populate(kept.world, 1)
-    kept.world.set_path(a, [Goal((0.0, 1.0, 0.0), stop=False), Goal((0.0, 9.0, 0.0))], 0.0)
+    kept.world.give(a, Path((Goal((0.0, 1.0, 0.0), stop=False), Goal((0.0, 9.0, 0.0)))), 0.0)
     list(kept.world.advance(2.0))
     assert kept.world.get_agent(a).waypoint == 1
-    kept.world.set_goal(a, Goal((5.0, 0.0, 0.0)), 2.0)
+    kept.world.give(a, Goal((5.0, 0.0, 0.0)), 2.0)
     kept.close()
     [record] = kept.restored()["s"].agents
     assert record.motion.gait.waypoint[0] == 0 and not record.motion.gait.arrived[0]
@@ -154,7 +156,7 @@ async def main():
         await runtime.create_session(SessionSpec("s", attributes={"basis": "ros"}))
         agents = await runtime.create_agents("s", people(64))
         await asyncio.gather(*(
-            runtime.set_goal(a.agent_id, Goal((a.spec.position[0], 500.0, 0.0))) for a in agents
+            runtime.give(a.agent_id, Goal((a.spec.position[0], 500.0, 0.0))) for a in agents
         ))
     print("acknowledged", flush=True)
     while True:

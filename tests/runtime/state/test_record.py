@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 from tests.runtime.fakes import people
 from tests.runtime.kept_worlds import STICK, fake_worlds
 from wayfarer.errors import FailedPrecondition, InvalidArgument, NotFound, WayfarerError
-from wayfarer.runtime.agent import Goal, SessionSpec, Wander
+from wayfarer.runtime.agent import Goal, SessionSpec
+from wayfarer.runtime.behaviours import Wander
+from wayfarer.runtime.commands import Path, Stop
 from wayfarer.runtime.state.container import Kind, seal, unseal
 from wayfarer.runtime.state.log_format import Origin, decode_log, encode_log
 from wayfarer.runtime.state.record import Run, Track
@@ -27,8 +29,8 @@ def recorded(log_entries=ENTRIES):
     world = worlds.live()
     world.create_session(SPEC, 0.0)
     a, b = (agent.agent_id for agent in world.create_agents("s", people(2), 0.0))
-    world.wander(a, Wander((0.0, 0.0), 5.0), 0.0)
-    world.set_path(b, [Goal((0.0, 3.0, 0.0)), Goal((3.0, 3.0, 0.0))], 0.0)
+    world.give(a, Wander((0.0, 0.0), 5.0), 0.0)
+    world.give(b, Path((Goal((0.0, 3.0, 0.0)), Goal((3.0, 3.0, 0.0)))), 0.0)
     list(world.advance(2.0))
     return worlds, world, b
 
@@ -67,7 +69,7 @@ def test_only_recorded_sessions_have_a_log():
 def test_a_log_that_outgrows_its_limit_is_given_up_and_says_so():
     _, world, b = recorded(log_entries=20)
     for number in range(10):
-        world.set_path(b, [Goal((0.0, 3.0, 0.0)), Goal((3.0, 3.0, 0.0))], 2.0)
+        world.give(b, Path((Goal((0.0, 3.0, 0.0)), Goal((3.0, 3.0, 0.0)))), 2.0)
         if number < 4:
             world.log("s")
     list(world.advance(4.0))
@@ -82,7 +84,7 @@ def test_an_exported_log_does_not_change():
     _, world, b = recorded()
     log = world.log("s")
     before = log.tracks[b].end
-    world.clear_goal(b, 2.0)
+    world.give(b, Stop(), 2.0)
     list(world.advance(5.0))
     assert log.tracks[b].end == before and len(log.tracks[b].entries) == 1
 

@@ -9,8 +9,9 @@ import pytest
 from tests.runtime.fakes import FakeEngine, people
 from tests.runtime.kept_worlds import assert_same_poses, fake_worlds, shipped_worlds
 from wayfarer.errors import FailedPrecondition
-from wayfarer.runtime.agent import AgentChange, ChunkFlag, Goal, SessionSpec, Wander
-from wayfarer.runtime.behaviours import Part, Patrol, Routine, Stand, Visit
+from wayfarer.runtime.agent import AgentChange, ChunkFlag, Goal, SessionSpec
+from wayfarer.runtime.behaviours import Part, Patrol, Routine, Stand, Visit, Wander
+from wayfarer.runtime.commands import Append, Path, Stop
 from wayfarer.runtime.state.log_format import Origin, decode_log, encode_log
 from wayfarer.runtime.state.replay import replay
 from wayfarer.runtime.stepping.budget import Rung
@@ -66,18 +67,18 @@ def busy_plan(world, ids):
     beats = Patrol((through, Goal((1.0, 1.0, 0.0)), Goal((4.0, 0.0, 0.0))), to_and_fro=True)
     routine = Routine((Part(Visit((through,))), Part(Stand(), 1.0), Part(beats, 2.0)), repeat=True)
     return [
-        (0.2, lambda now: world.behave(ids[-1], routine, now)),
-        (0.3, lambda now: world.set_goal(a, Goal((0.0, 9.0, 0.0)), now)),
-        (0.31, lambda now: world.wander(b, Wander((2.0, 0.0), 4.0), now)),
-        (0.5, lambda now: world.set_path(c, [through, Goal((5.0, 1.0, 0.0))], now)),
-        (1.15, lambda now: world.set_goal(a, Goal((0.0, -3.0, 0.0), heading=1.0), now)),
-        (1.16, lambda now: world.append_goals(c, [Goal((-4.0, 2.0, 0.0))], now)),
-        (1.17, lambda now: world.append_goals(a, [Goal((2.0, 2.0, 0.0))], now)),
-        (1.18, lambda now: world.set_goal(a, Goal((0.0, -5.0, 0.0)), now)),
+        (0.2, lambda now: world.give(ids[-1], routine, now)),
+        (0.3, lambda now: world.give(a, Goal((0.0, 9.0, 0.0)), now)),
+        (0.31, lambda now: world.give(b, Wander((2.0, 0.0), 4.0), now)),
+        (0.5, lambda now: world.give(c, Path((through, Goal((5.0, 1.0, 0.0)))), now)),
+        (1.15, lambda now: world.give(a, Goal((0.0, -3.0, 0.0), heading=1.0), now)),
+        (1.16, lambda now: world.give(c, Append((Goal((-4.0, 2.0, 0.0)),)), now)),
+        (1.17, lambda now: world.give(a, Append((Goal((2.0, 2.0, 0.0)),)), now)),
+        (1.18, lambda now: world.give(a, Goal((0.0, -5.0, 0.0)), now)),
         (2.0, lambda now: world.update_agent(a, AgentChange(foot_lock=False))),
         (3.0, lambda now: world.update_agent(a, AgentChange(foot_lock=True, name="Ada"))),
-        (3.3, lambda now: world.clear_goal(b, now)),
-        (4.0, lambda now: world.append_goals(b, [Goal((1.0, 4.0, 0.0))], now)),
+        (3.3, lambda now: world.give(b, Stop(), now)),
+        (4.0, lambda now: world.give(b, Append((Goal((1.0, 4.0, 0.0)),)), now)),
         (4.5, lambda now: world.rebase(0.7)),
         (5.0, lambda now: world.hold("s", now + 0.5)),
         (6.0, lambda now: world.delete_agent(c)),
@@ -128,7 +129,7 @@ def test_a_log_may_begin_in_mid_motion():
     world = worlds.live()
     world.create_session(SessionSpec("s"), 0.0)
     [a] = world.create_agents("s", people(1), 0.0)
-    world.wander(a.agent_id, Wander((2.0, 0.0), 4.0), 0.0)
+    world.give(a.agent_id, Wander((2.0, 0.0), 4.0), 0.0)
     run(world, 3.03, [])
     record = world.take_session("s")
     other = worlds.live()
@@ -148,9 +149,7 @@ def test_sixty_seconds_of_the_shipped_model_come_out_bit_for_bit():
     plan = busy_plan(world, ids)[:-1]
     for when in np.arange(7.0, 60.0, 2.3):
         who, (x, y) = ids[int(rng.integers(3))], rng.uniform(-5, 5, 2)
-        plan.append(
-            (when, lambda now, who=who, x=x, y=y: world.set_goal(who, Goal((x, y, 0)), now))
-        )
+        plan.append((when, lambda now, who=who, x=x, y=y: world.give(who, Goal((x, y, 0)), now)))
     sent = run(world, 60.0, plan, lambda now: Rung((1, 4, 1, 1, 2, 1, 1)[int(now * 3) % 7]))
     assert len(sent) > 3 * 290
     assert_same(replayed(worlds, world), sent)
@@ -176,9 +175,9 @@ def test_a_change_of_model_is_made_again():
         world,
         6.0,
         [
-            (0.3, lambda now: world.set_goal(ids[0], Goal((0.0, 30.0, 0.0)), now)),
+            (0.3, lambda now: world.give(ids[0], Goal((0.0, 30.0, 0.0)), now)),
             (1.5, lambda now: world.use_model("striding")),
-            (1.55, lambda now: world.set_goal(ids[1], Goal((0.0, 30.0, 0.0)), now)),
+            (1.55, lambda now: world.give(ids[1], Goal((0.0, 30.0, 0.0)), now)),
             (4.0, lambda now: world.use_model("fake")),
         ],
     )

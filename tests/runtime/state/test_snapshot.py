@@ -14,7 +14,9 @@ from hypothesis import strategies as st
 from tests.runtime.fakes import people
 from tests.runtime.kept_worlds import STICK, assert_same_poses, fake_worlds
 from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
-from wayfarer.runtime.agent import Goal, SessionSpec, Wander
+from wayfarer.runtime.agent import Goal, SessionSpec
+from wayfarer.runtime.behaviours import Wander
+from wayfarer.runtime.commands import Path
 from wayfarer.runtime.settings import Limits
 from wayfarer.runtime.state.container import Kind, seal, unseal
 from wayfarer.runtime.state.packing import get, pack, unpack
@@ -40,9 +42,9 @@ def walking_world(worlds, seconds=3.02):
     world.create_session(SPEC, 0.0)
     specs = people(3) + people(1, foot_lock=False, position=(9.0, 0.0), noise_seed=2**64 - 1)
     a, b, _, d = (info.agent_id for info in world.create_agents("s", specs, 0.0))
-    world.wander(a, Wander((2.0, 0.0), 4.0), 0.0)
-    world.set_path(b, [Goal((x, 3.0 * (x % 2), 0.0), stop=False) for x in range(6)], 0.0)
-    world.set_goal(d, Goal((9.0, 2.0, 0.0), heading=1.0), 0.0)
+    world.give(a, Wander((2.0, 0.0), 4.0), 0.0)
+    world.give(b, Path(tuple(Goal((x, 3.0 * (x % 2), 0.0), stop=False) for x in range(6))), 0.0)
+    world.give(d, Goal((9.0, 2.0, 0.0), heading=1.0), 0.0)
     sent = list(world.advance(seconds))
     return world, sent
 

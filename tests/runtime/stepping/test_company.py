@@ -39,7 +39,7 @@ def test_whoever_is_stepped_early_moves_alike():
     def chunks(company):
         world, agents = eight(company)
         found = list(world.advance(1.0))
-        world.set_goal(agents[1], GOAL, 1.03)
+        world.give(agents[1], GOAL, 1.03)
         found += world.advance(3.0)
         return {(c.agent_id, c.seq): c for c in found}, agents
 

@@ -62,7 +62,7 @@ def walk(stage, people: list[AgentSpec], settings: WorldSettings) -> dict[int, l
         seed = seeds[agent.agent_id] = agent.spec.noise_seed
         x, y = agent.spec.position
         goal = Goal((x + 2 * np.sin(seed), y + 2.0, 0.0), speed=0.8 + 0.1 * (seed % 7), heading=1.0)
-        world.set_goal(agent.agent_id, goal, 0.0)
+        world.give(agent.agent_id, goal, 0.0)
     chunks: dict[int, list[MotionChunk]] = {}
     for chunk in world.advance(SECONDS):
         chunks.setdefault(seeds[chunk.agent_id], []).append(chunk)

@@ -5,7 +5,9 @@ import pytest
 
 from tests.runtime.fakes import GOAL, FakeEngine, make_world, people, populated
 from wayfarer.errors import NotFound
-from wayfarer.runtime.agent import AgentState, ChunkFlag, Goal, SessionSpec, Wander
+from wayfarer.runtime.agent import AgentState, ChunkFlag, Goal, SessionSpec
+from wayfarer.runtime.behaviours import Wander
+from wayfarer.runtime.commands import Append, Path
 from wayfarer.runtime.stepping.budget import BudgetRules, Rung
 from wayfarer.runtime.world.steering import Steering
 from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
@@ -66,10 +68,10 @@ def test_without_foot_lock_both_feet_of_the_held_are_on_the_ground():
 @pytest.mark.parametrize(
     "order",
     [
-        lambda world, agent: world.set_goal(agent, GOAL, 1.0),
-        lambda world, agent: world.set_goal(agent, Goal((0.0, 0.0, 0.0), heading=1.5), 1.0),
-        lambda world, agent: world.wander(agent, Wander((0.0, 0.0), 3.0), 1.0),
-        lambda world, agent: world.append_goals(agent, [GOAL], 1.0),
+        lambda world, agent: world.give(agent, GOAL, 1.0),
+        lambda world, agent: world.give(agent, Goal((0.0, 0.0, 0.0), heading=1.5), 1.0),
+        lambda world, agent: world.give(agent, Wander((0.0, 0.0), 3.0), 1.0),
+        lambda world, agent: world.give(agent, Append((GOAL,)), 1.0),
     ],
     ids=["walk", "turn", "wander", "append"],
 )
@@ -87,7 +89,7 @@ def test_who_has_something_to_do_is_stepped_and_comes_back_at_once(order):
 
 def test_who_has_arrived_is_held_and_stays_where_it_is():
     world, [agent] = populated()
-    world.set_goal(agent, GOAL, 0.0)
+    world.give(agent, GOAL, 0.0)
     chunks = run(world, 12.0, HOLD)
     flags = [bool(c.flags & ChunkFlag.HELD) for c in chunks]
     first = flags.index(True)
@@ -95,14 +97,14 @@ def test_who_has_arrived_is_held_and_stays_where_it_is():
     assert chunks[first - 1].state is AgentState.STANDING, "it comes to a stand first"
     assert sum(bool(c.flags & ChunkFlag.ARRIVED) for c in chunks) == 1
     assert is_seamless(chunks)
-    world.append_goals(agent, [Goal((0.0, 8.0, 0.0))], 12.0)
+    world.give(agent, Append((Goal((0.0, 8.0, 0.0)),)), 12.0)
     assert any(c.flags & ChunkFlag.ARRIVED for c in run(world, 20.0, HOLD))
 
 
 def test_who_dwells_on_its_path_goes_on_in_time():
     def arrival(rung):
         world, [agent] = populated()
-        world.set_path(agent, [Goal((0.0, 1.0, 0.0), dwell=2.0), Goal((0.0, 3.0, 0.0))], 0.0)
+        world.give(agent, Path((Goal((0.0, 1.0, 0.0), dwell=2.0), Goal((0.0, 3.0, 0.0)))), 0.0)
         chunks = run(world, 12.0, rung)
         return [c.seq for c in chunks if c.flags & ChunkFlag.ARRIVED]
 
@@ -113,7 +115,7 @@ def test_held_agents_leave_the_time_to_others_and_do_not_move_them():
     def walk(rung):
         engine = FakeEngine()
         world, agents = populated(6, engine)
-        world.set_goal(agents[2], GOAL, 0.0)
+        world.give(agents[2], GOAL, 0.0)
         return own(run(world, 3.0, rung), 3), sum(rows for _, rows, _ in engine.calls)
 
     (held, few), (stepped, many) = walk(HOLD), walk(Rung(1))
@@ -125,7 +127,7 @@ def test_held_agents_leave_the_time_to_others_and_do_not_move_them():
 def test_under_pressure_candidates_go_first_then_the_idle_are_held_then_it_comes_back():
     steering = Steering().with_search(candidates=2)
     world, agents = populated(4, budget=BudgetRules(), steering=steering, phases=1)
-    world.set_goal(agents[0], Goal((0.0, 90.0, 0.0)), 0.0)
+    world.give(agents[0], Goal((0.0, 90.0, 0.0)), 0.0)
     chunks, rungs = [], []
     for _ in range(10):
         chunks += world.tick(world.next_event() + 0.23)
@@ -146,7 +148,7 @@ def test_under_pressure_candidates_go_first_then_the_idle_are_held_then_it_comes
 
 def test_states_are_counted():
     world, agents = populated(3)
-    world.set_goal(agents[0], GOAL, 0.0)
+    world.give(agents[0], GOAL, 0.0)
     list(world.advance(1.0))
     counts = {state: count for state, count in world.states().items() if count}
     assert counts == {AgentState.WALKING: 1, AgentState.STANDING: 2}
@@ -162,7 +164,7 @@ def two_sessions(**settings):
         world.create_session(SessionSpec(name), 0.0)
         infos = world.create_agents(name, people(3), 0.0)
         made.append([info.agent_id for info in infos])
-        world.set_goal(made[-1][0], Goal((0.0, 20.0, 0.0)), 0.0)
+        world.give(made[-1][0], Goal((0.0, 20.0, 0.0)), 0.0)
     return world, *made
 
 
@@ -207,7 +209,7 @@ def test_a_goal_given_while_it_waits_counts_when_it_goes_on():
     before = list(world.advance(2.0))
     world.hold("slow", 6.0)
     list(world.advance(3.0))
-    world.set_goal(slow[1], Goal((2.0, 5.0, 0.0)), 3.0)
+    world.give(slow[1], Goal((2.0, 5.0, 0.0)), 3.0)
     after = list(world.advance(8.0))
     [_, track, _] = of([*before, *after], slow)
     assert is_seamless(track)

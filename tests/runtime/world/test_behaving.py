@@ -8,7 +8,7 @@ import pytest
 
 from tests.runtime.fakes import make_world, people
 from wayfarer.errors import FailedPrecondition, InvalidArgument
-from wayfarer.runtime.agent import AgentState, Goal, SessionSpec, Wander
+from wayfarer.runtime.agent import AgentState, Goal, SessionSpec
 from wayfarer.runtime.behaviours import (
     Follow,
     KeepAway,
@@ -18,7 +18,9 @@ from wayfarer.runtime.behaviours import (
     Routine,
     Stand,
     Visit,
+    Wander,
 )
+from wayfarer.runtime.commands import Append
 from wayfarer.runtime.crowd.behaviours import patrolled
 from wayfarer.runtime.publications import EventKind
 from wayfarer.runtime.settings import Limits
@@ -71,7 +73,7 @@ def test_the_order_of_a_patrol(to_and_fro, count, order):
 @pytest.mark.parametrize("to_and_fro", [False, True])
 def test_a_patrol_goes_on_and_keeps_its_revision(to_and_fro):
     world, [agent] = populated()
-    revision = world.behave(agent, Patrol(STOPS, to_and_fro), 0.0)
+    revision = world.give(agent, Patrol(STOPS, to_and_fro), 0.0)
     seen = {}
     for chunk in world.advance(25.0):
         seen.setdefault(chunk.waypoint, world.get_agent(agent).goal.position)
@@ -83,9 +85,9 @@ def test_a_patrol_goes_on_and_keeps_its_revision(to_and_fro):
 
 def test_added_goals_end_a_patrol():
     world, [agent] = populated()
-    world.behave(agent, Patrol(STOPS), 0.0)
+    world.give(agent, Patrol(STOPS), 0.0)
     run(world, 3.0)
-    world.append_goals(agent, [Goal((-3.0, -3.0, 0.0))], 3.0)
+    world.give(agent, Append((Goal((-3.0, -3.0, 0.0)),)), 3.0)
     run(world, 20.0)
     assert np.allclose(place(world, agent), (-3.0, -3.0), atol=0.35)
     assert state(world, agent) is AgentState.STANDING
@@ -95,8 +97,8 @@ def test_added_goals_end_a_patrol():
 def test_a_follower_keeps_its_place_and_stands_when_the_other_stands(wish):
     behind, right = wish
     world, [leader, follower] = populated(2)
-    world.behave(follower, Follow(leader, behind=behind, right=right), 0.0)
-    world.set_goal(leader, Goal((0.0, 14.0, 0.0)), 0.0)
+    world.give(follower, Follow(leader, behind=behind, right=right), 0.0)
+    world.give(leader, Goal((0.0, 14.0, 0.0)), 0.0)
     run(world, 8.0)
     off = place(world, follower) - place(world, leader)  # it walks along +Y: right is +X
     assert np.allclose(off, (right, -behind), atol=0.45)
@@ -111,19 +113,19 @@ def test_a_follower_keeps_its_place_and_stands_when_the_other_stands(wish):
 
 def test_following_is_one_revision_and_ends_with_another_order():
     world, [leader, follower] = populated(2)
-    revision = world.behave(follower, Follow(leader), 0.0)
-    world.set_goal(leader, Goal((0.0, 6.0, 0.0)), 0.0)
+    revision = world.give(follower, Follow(leader), 0.0)
+    world.give(leader, Goal((0.0, 6.0, 0.0)), 0.0)
     chunks = run(world, 4.0)
     assert {c.goal_revision for c in chunks if c.agent_id == follower and c.seq > 2} == {revision}
-    world.append_goals(follower, [Goal((6.0, 0.0, 0.0))], 4.0)
+    world.give(follower, Append((Goal((6.0, 0.0, 0.0)),)), 4.0)
     run(world, 14.0)
     assert np.allclose(place(world, follower), (6.0, 0.0), atol=0.35)
 
 
 def test_when_the_other_is_deleted_the_follower_stops_and_it_is_told():
     world, [leader, follower] = populated(2)
-    world.behave(follower, Follow(leader), 0.0)
-    world.set_goal(leader, Goal((0.0, 30.0, 0.0)), 0.0)
+    world.give(follower, Follow(leader), 0.0)
+    world.give(leader, Goal((0.0, 30.0, 0.0)), 0.0)
     run(world, 5.0)
     world.delete_agent(leader)
     run(world, 9.0)
@@ -136,10 +138,10 @@ def test_when_the_other_is_deleted_the_follower_stops_and_it_is_told():
 def test_followers_of_followers_walk_in_a_row_and_never_in_a_circle():
     world, names = populated(4)
     for a, b in pairwise(names):
-        world.behave(b, Follow(a, behind=1.0), 0.0)
+        world.give(b, Follow(a, behind=1.0), 0.0)
     with pytest.raises(InvalidArgument, match="circle"):
-        world.behave(names[0], Follow(names[3]), 0.0)
-    world.set_goal(names[0], Goal((0.0, 20.0, 0.0)), 0.0)
+        world.give(names[0], Follow(names[3]), 0.0)
+    world.give(names[0], Goal((0.0, 20.0, 0.0)), 0.0)
     run(world, 12.0)
     ys = [place(world, name)[1] for name in names]
     assert all(0.5 < a - b < 1.6 for a, b in pairwise(ys))
@@ -147,11 +149,11 @@ def test_followers_of_followers_walk_in_a_row_and_never_in_a_circle():
 
 def test_keeping_away_from_an_agent():
     world, [threat, shy] = populated(2)
-    world.behave(shy, KeepAway(threat, distance=3.0), 0.0)  # stands at (2, 0), the other at (0, 0)
+    world.give(shy, KeepAway(threat, distance=3.0), 0.0)  # stands at (2, 0), the other at (0, 0)
     run(world, 6.0)
     assert 2.9 < apart(world, threat, shy) < 4.3
     assert state(world, shy) is AgentState.STANDING
-    world.set_goal(threat, Goal((9.0, 0.0, 0.0), speed=1.0), 6.0)
+    world.give(threat, Goal((9.0, 0.0, 0.0), speed=1.0), 6.0)
     run(world, 15.0)
     assert apart(world, threat, shy) > 2.0
     run(world, 25.0)
@@ -161,7 +163,7 @@ def test_keeping_away_from_an_agent():
 def test_keeping_away_from_a_place_and_minding_nothing_far_off():
     world, [near, far] = populated(2)
     for agent in (near, far):
-        world.behave(agent, KeepAway(place=(0.0, 0.5), distance=1.5), 0.0)
+        world.give(agent, KeepAway(place=(0.0, 0.5), distance=1.5), 0.0)
     before = place(world, far)
     run(world, 6.0)
     assert np.linalg.norm(place(world, near) - (0.0, 0.5)) > 1.45
@@ -172,7 +174,7 @@ def test_a_queue_lines_up_and_moves_up():
     world, names = populated(4)  # in a row along X
     queue = Queue("till", (0.0, 5.0), heading=0.0, spacing=0.8)
     for name in names:
-        world.behave(name, queue, 0.0)
+        world.give(name, queue, 0.0)
     run(world, 15.0)
     line = sorted(names, key=lambda name: -place(world, name)[1])
     for number, name in enumerate(line):
@@ -182,7 +184,7 @@ def test_a_queue_lines_up_and_moves_up():
     gaps = [place(world, a)[1] - place(world, b)[1] for a, b in pairwise(line)]
     assert all(0.55 < gap < 1.2 for gap in gaps)
     assert line[0] == names[0]  # was the nearest
-    world.set_goal(line[0], Goal((5.0, 9.0, 0.0)), 15.0)
+    world.give(line[0], Goal((5.0, 9.0, 0.0)), 15.0)
     world.delete_agent(line[2])
     run(world, 25.0)
     assert np.allclose(place(world, line[1]), (0.0, 5.0), atol=0.4)
@@ -199,8 +201,8 @@ def test_a_routine_goes_through_its_parts():
             Part(Visit((Goal((-3.0, 0.0, 0.0)),))),
         )
     )
-    revision = world.behave(agent, routine, 0.0)
-    world.set_goal(other, Goal((2.0, 12.0, 0.0)), 4.0)
+    revision = world.give(agent, routine, 0.0)
+    world.give(other, Goal((2.0, 12.0, 0.0)), 4.0)
     run(world, 5.0)
     assert np.allclose(place(world, agent), (0.0, 2.0), atol=0.35)
     assert state(world, agent) is AgentState.STANDING
@@ -215,7 +217,7 @@ def test_a_routine_goes_through_its_parts():
 def test_a_routine_begins_again():
     world, [agent] = populated()
     parts = (Part(Visit(STOPS[:1])), Part(Stand(), 1.0), Part(Patrol(STOPS[1:]), 5.0))
-    world.behave(agent, Routine(parts, repeat=True), 0.0)
+    world.give(agent, Routine(parts, repeat=True), 0.0)
     passes = 0
     near = False
     for chunk in world.advance(60.0):
@@ -228,7 +230,7 @@ def test_a_routine_begins_again():
 def test_whom_a_routine_follows_may_be_deleted():
     world, [agent, other] = populated(2)
     parts = (Part(Follow(other), 60.0), Part(Visit((Goal((-4.0, 0.0, 0.0)),))))
-    world.behave(agent, Routine(parts), 0.0)
+    world.give(agent, Routine(parts), 0.0)
     run(world, 1.0)
     world.delete_agent(other)
     run(world, 12.0)
@@ -238,8 +240,8 @@ def test_whom_a_routine_follows_may_be_deleted():
 @pytest.mark.parametrize("kind", ["follow", "keep_away", "queue", "routine", "patrol"])
 def test_a_behaviour_goes_on_in_another_world(kind):
     world, [leader, agent] = populated(2)
-    world.behave(agent, wishes(leader)[kind], 0.0)
-    world.set_goal(leader, Goal((0.0, 9.0, 0.0)), 0.0)
+    world.give(agent, wishes(leader)[kind], 0.0)
+    world.give(leader, Goal((0.0, 9.0, 0.0)), 0.0)
     run(world, 3.1)
     record = world.take_session("s")
     twin = make_world()
@@ -268,9 +270,9 @@ def test_the_same_calls_give_the_same_motion():
     tracks = []
     for _ in range(2):
         world, names = populated(3)
-        world.behave(names[1], Follow(names[0], right=1.0), 0.0)
-        world.behave(names[2], KeepAway(names[1]), 0.0)
-        world.wander(names[0], Wander((0.0, 5.0), 6.0), 0.0)
+        world.give(names[1], Follow(names[0], right=1.0), 0.0)
+        world.give(names[2], KeepAway(names[1]), 0.0)
+        world.give(names[0], Wander((0.0, 5.0), 6.0), 0.0)
         tracks.append([c.translation for c in world.advance(10.0) if c.alias > 1])
     assert all((a == b).all() for a, b in zip(*tracks, strict=True))
 
@@ -279,8 +281,8 @@ def test_the_same_calls_give_the_same_motion():
 def test_in_a_recorded_session_nobody_depends_on_others(kind):
     world, [a, b] = populated(2, SessionSpec("s", record=True))
     with pytest.raises(FailedPrecondition, match="recorded"):
-        world.behave(a, wishes(b)[kind], 0.0)
-    world.behave(a, Patrol(STOPS), 0.0)
+        world.give(a, wishes(b)[kind], 0.0)
+    world.give(a, Patrol(STOPS), 0.0)
 
 
 NAN = math.nan
@@ -324,7 +326,7 @@ def test_what_is_refused(behaviour, field):
         values = {name: getattr(behaviour, name) for name in behaviour.__slots__}
         behaviour = type(behaviour)(**{**values, "agent_id": named})
     with pytest.raises(InvalidArgument) as refused:
-        world.behave(agent, behaviour, 0.0)
+        world.give(agent, behaviour, 0.0)
     assert refused.value.field.startswith(field)
     assert world.get_agent(agent).goal_revision == 0
 
@@ -332,4 +334,4 @@ def test_what_is_refused(behaviour, field):
 def test_all_over_a_floor_without_end_nobody_walks():
     world, [agent] = populated()
     with pytest.raises(FailedPrecondition, match="scene"):
-        world.wander(agent, Wander(None), 0.0)
+        world.give(agent, Wander(None), 0.0)

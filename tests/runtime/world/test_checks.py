@@ -6,7 +6,8 @@ import math
 import pytest
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.agent import AgentChange, Goal, SessionSpec, Wander
+from wayfarer.runtime.agent import AgentChange, Goal, SessionSpec
+from wayfarer.runtime.behaviours import Wander
 from wayfarer.runtime.settings import Limits
 from wayfarer.runtime.world.checks import (
     check_agent_id,

@@ -4,7 +4,7 @@ from math import dist
 import numpy as np
 import pytest
 
-from wayfarer.runtime.agent import Wander
+from wayfarer.runtime.behaviours import Wander
 from wayfarer.runtime.world.wandering import APART, wander_goal
 
 AREA = Wander((10.0, -4.0), 6.0, speed=0.8, dwell=3.0)

@@ -8,6 +8,7 @@ import pytest
 
 from tests.runtime.fakes import GOAL, FakeEngine, make_world, people, populated
 from wayfarer.runtime.agent import AgentState, ChunkFlag, Goal, SessionSpec
+from wayfarer.runtime.commands import Stop
 from wayfarer.runtime.settings import Limits
 from wayfarer.runtime.stepping.budget import BudgetRules
 from wayfarer.runtime.world.slots import Mode
@@ -48,7 +49,7 @@ def test_a_chunk_leaves_at_its_time_and_not_before():
 
 def test_walks_to_its_goal_arrives_once_and_stands():
     world, [agent] = populated()
-    world.set_goal(agent, GOAL, 0.0)
+    world.give(agent, GOAL, 0.0)
     chunks = list(world.advance(12.0))
     assert sum(bool(c.flags & ChunkFlag.ARRIVED) for c in chunks) == 1
     assert chunks[0].state is AgentState.WALKING
@@ -62,7 +63,7 @@ def test_walks_to_its_goal_arrives_once_and_stands():
 def test_goes_on_to_the_next_goal_from_where_it_stands():
     world, [agent] = populated()
     for number, place in enumerate([(0.0, 3.0, 0.0), (3.0, 3.0, 0.0), (0.0, 0.0, 0.0)]):
-        assert world.set_goal(agent, Goal(place), 20.0 * number) == number + 1
+        assert world.give(agent, Goal(place), 20.0 * number) == number + 1
         chunks = list(world.advance(20.0 * (number + 1)))
         assert sum(bool(c.flags & ChunkFlag.ARRIVED) for c in chunks) == 1
         assert math.dist(world.get_agent(agent).position[:2], place[:2]) < 0.3
@@ -71,7 +72,7 @@ def test_goes_on_to_the_next_goal_from_where_it_stands():
 def test_the_same_seeds_give_the_same_motion():
     def run(phases):
         world, agents = populated(4, phases=phases)
-        world.set_goal(agents[1], GOAL, 0.0)
+        world.give(agents[1], GOAL, 0.0)
         return by_agent(world.advance(3.0))
 
     one, two, together = run(8), run(8), run(1)
@@ -87,8 +88,8 @@ def test_a_lone_agent_moves_as_it_does_in_a_crowd():
     alone = make_world()
     alone.create_session(SessionSpec("s"), 0.0)
     [info] = alone.create_agents("s", people(9)[6:7], 0.0)
-    crowd.set_goal(crowd_ids[6], GOAL, 0.0)
-    alone.set_goal(info.agent_id, GOAL, 0.0)
+    crowd.give(crowd_ids[6], GOAL, 0.0)
+    alone.give(info.agent_id, GOAL, 0.0)
     expected = by_agent(crowd.advance(3.0))[7]
     found = list(alone.advance(3.0))
     assert len(found) >= 10
@@ -123,10 +124,10 @@ def test_a_batch_is_no_larger_than_the_largest_size():
 
 def test_replan_replaces_only_what_has_not_been_sent():
     world, [agent] = populated()
-    world.set_goal(agent, GOAL, 0.0)
+    world.give(agent, GOAL, 0.0)
     sent = list(world.advance(2.01))
     asked = 2.05
-    assert world.set_goal(agent, Goal((5.0, 0.0, 0.0)), asked) == 2
+    assert world.give(agent, Goal((5.0, 0.0, 0.0)), asked) == 2
     after = list(world.advance(4.0))
     first = after[0]
     assert first.seq == sent[-1].seq + 1, "no number is used twice or left out"
@@ -142,7 +143,7 @@ def test_replan_replaces_only_what_has_not_been_sent():
 def test_a_goal_takes_effect_within_one_primitive_whenever_it_comes(asked):
     world, [agent] = populated()
     list(world.advance(asked))
-    world.set_goal(agent, GOAL, asked)
+    world.give(agent, GOAL, asked)
     chunks = list(world.advance(asked + 1.0))
     changed = next(c for c in chunks if c.goal_revision == 1)
     assert asked <= changed.scheduled_at <= asked + 0.25
@@ -153,7 +154,7 @@ def test_what_falls_due_at_once_is_kept():
     world, [agent] = populated(replan_margin=0.04)
     sent = list(world.advance(2.0))
     due = sent[-1].scheduled_at + STEP_SECONDS
-    world.set_goal(agent, GOAL, due - 0.02)
+    world.give(agent, GOAL, due - 0.02)
     kept, changed = list(world.advance(due + STEP_SECONDS))
     assert (kept.goal_revision, changed.goal_revision) == (0, 1)
     assert not (kept.flags | changed.flags) & ChunkFlag.REPLANNED
@@ -161,9 +162,9 @@ def test_what_falls_due_at_once_is_kept():
 
 def test_replan_with_a_longer_lead_goes_back_to_the_last_sent_frame():
     world, [agent] = populated(lead=3)
-    world.set_goal(agent, GOAL, 0.0)
+    world.give(agent, GOAL, 0.0)
     sent = list(world.advance(2.0))
-    world.set_goal(agent, Goal((5.0, 0.0, 0.0)), 2.05)
+    world.give(agent, Goal((5.0, 0.0, 0.0)), 2.05)
     after = list(world.advance(3.0))
     assert [c.seq for c in after] == list(range(sent[-1].seq + 1, sent[-1].seq + 1 + len(after)))
     assert all(c.goal_revision == 2 for c in after)
@@ -172,9 +173,9 @@ def test_replan_with_a_longer_lead_goes_back_to_the_last_sent_frame():
 
 def test_cleared_goal_brings_the_agent_to_a_stand():
     world, [agent] = populated()
-    world.set_goal(agent, Goal((0.0, 50.0, 0.0)), 0.0)
+    world.give(agent, Goal((0.0, 50.0, 0.0)), 0.0)
     list(world.advance(3.0))
-    assert world.clear_goal(agent, 3.0) == 2
+    assert world.give(agent, Stop(), 3.0) == 2
     before = world.get_agent(agent).position[1]
     chunks = list(world.advance(6.0))
     info = world.get_agent(agent)
@@ -209,7 +210,7 @@ def test_without_a_budget_nothing_depends_on_when_it_is_called():
 
 def test_a_slot_that_is_used_again_starts_afresh():
     world, [first] = populated(limits=Limits(agents=1))
-    world.set_goal(first, GOAL, 0.0)
+    world.give(first, GOAL, 0.0)
     list(world.advance(1.1))  # a chunk is planned and waits
     world.delete_agent(first)
     assert world.collect(9.0) == []
@@ -230,7 +231,7 @@ def test_a_broken_row_stands_where_it_was_and_spoils_no_other():
         specs[1] = people(1, gender="male", betas=(1.5, *[0.0] * 9), position=(2.0, 1.0))[0]
         ids = [a.agent_id for a in world.create_agents("s", specs, 0.0)]
         for agent_id in ids:
-            world.set_goal(agent_id, GOAL, 0.0)
+            world.give(agent_id, GOAL, 0.0)
         chunks = list(world.advance(1.0))
         engine.nan_for_beta = 1.5 if broken else None
         chunks += world.advance(2.0)

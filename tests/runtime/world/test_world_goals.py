@@ -14,9 +14,14 @@ from wayfarer.runtime.agent import (
     ChunkFlag,
     Goal,
     SessionSpec,
-    Wander,
 )
-from wayfarer.runtime.commands import AppendGoals, ClearGoal, Delete, SetGoal, SetPath
+from wayfarer.runtime.behaviours import Wander
+from wayfarer.runtime.commands import (
+    Append,
+    Delete,
+    Path,
+    Stop,
+)
 from wayfarer.runtime.settings import Limits
 from wayfarer.runtime.stepping.budget import Rung
 
@@ -46,18 +51,18 @@ def arrivals(chunks):
 
 
 CHANGES = {
-    "set_goal": lambda w, a, e: w.set_goal(a, GOAL, 1.0, e),
-    "set_path": lambda w, a, e: w.set_path(a, [GOAL], 1.0, e),
-    "append_goals": lambda w, a, e: w.append_goals(a, [GOAL], 1.0, e),
-    "wander": lambda w, a, e: w.wander(a, AREA, 1.0, e),
-    "clear_goal": lambda w, a, e: w.clear_goal(a, 1.0, e),
+    "set_goal": lambda w, a, e: w.give(a, GOAL, 1.0, e),
+    "set_path": lambda w, a, e: w.give(a, Path((GOAL,)), 1.0, e),
+    "append_goals": lambda w, a, e: w.give(a, Append((GOAL,)), 1.0, e),
+    "wander": lambda w, a, e: w.give(a, AREA, 1.0, e),
+    "clear_goal": lambda w, a, e: w.give(a, Stop(), 1.0, e),
 }
 
 
 @pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
 def test_a_change_meant_for_another_revision_is_refused(change):
     world, [agent] = populated()
-    assert world.set_goal(agent, GOAL, 0.0, expected=0) == 1
+    assert world.give(agent, GOAL, 0.0, expected=0) == 1
     list(world.advance(1.0))
     before = world.get_agent(agent)
     with pytest.raises(Aborted, match=r"revision 1; .* for revision 0"):
@@ -74,9 +79,9 @@ def test_a_change_meant_for_another_revision_is_refused(change):
 
 def test_added_goals_keep_what_is_planned_and_go_on_counting():
     world, [agent] = populated()
-    world.set_path(agent, passing(2.0, 4.0), 0.0)
+    world.give(agent, Path(tuple(passing(2.0, 4.0))), 0.0)
     before = list(world.advance(2.0))
-    assert world.append_goals(agent, [*passing(6.0), Goal((0.0, 8.0, 0.0))], 2.05) == 2
+    assert world.give(agent, Append((*passing(6.0), Goal((0.0, 8.0, 0.0)))), 2.05) == 2
     info = world.get_agent(agent)
     assert (info.waypoints, info.goal.position[1]) == (4, 2.0 + 2.0 * info.waypoint)
     after = list(world.advance(20.0))
@@ -96,10 +101,10 @@ def test_a_path_given_in_pieces_is_walked_as_one_given_whole():
     pieces, [other] = populated()
     corners = [(0.0, 2.0), (2.0, 2.0), (2.0, 5.0), (-1.0, 5.0)]
     goals = [Goal((*place, 0.0), stop=False) for place in corners]
-    whole.set_path(one, goals, 0.0)
-    pieces.set_path(other, goals[:1], 0.0)
+    whole.give(one, Path(tuple(goals)), 0.0)
+    pieces.give(other, Path(tuple(goals[:1])), 0.0)
     for goal in goals[1:]:
-        pieces.append_goals(other, [goal], 0.0)
+        pieces.give(other, Append((goal,)), 0.0)
     for a, b in zip(whole.advance(12.0), pieces.advance(12.0), strict=True):
         np.testing.assert_array_equal(a.translation, b.translation)
         assert (a.waypoint, a.state, a.flags) == (b.waypoint, b.state, b.flags)
@@ -110,14 +115,14 @@ def test_a_path_can_be_fed_for_ever(lead):
     """Far more goals than a path may have, always three ahead."""
     world, [agent] = populated(limits=Limits(path_goals=3), lead=lead)
     ways = (Goal((0.0, 1.0 + number, 0.0), stop=False) for number in range(40))
-    world.set_path(agent, [next(ways) for _ in range(3)], 0.0)
+    world.give(agent, Path(tuple(next(ways) for _ in range(3))), 0.0)
     chunks, fed = [], 3
     while fed < 40:
         chunks += world.tick(world.next_event())
         info = world.get_agent(agent)
         if info.waypoints - info.waypoint < 3:
             fed += 1
-            world.append_goals(agent, [next(ways)], chunks[-1].scheduled_at)
+            world.give(agent, Append((next(ways),)), chunks[-1].scheduled_at)
         assert info.goal.position[1] == 1.0 + info.waypoint
     chunks += world.advance(60.0)
     assert arrivals(chunks) == list(range(40))
@@ -128,7 +133,7 @@ def test_a_path_can_be_fed_for_ever(lead):
 
 def test_no_more_goals_lie_ahead_than_a_path_may_have():
     world, [agent] = populated(limits=Limits(path_goals=3, goal_distance=20))
-    world.set_path(agent, passing(2.0, 4.0), 0.0)
+    world.give(agent, Path(tuple(passing(2.0, 4.0))), 0.0)
     for goals, words in (
         (passing(6.0, 8.0), "2 goals are still ahead and 2 were added; allowed: 3"),
         ([], "0 goals; allowed: 1 to 3"),
@@ -136,22 +141,22 @@ def test_no_more_goals_lie_ahead_than_a_path_may_have():
         ([Goal((0.0, 5.0, 0.0), speed=9.0)], r"goals\[0\].speed holds 9"),
     ):
         with pytest.raises(InvalidArgument, match=words):
-            world.append_goals(agent, goals, 0.0)
+            world.give(agent, Append(tuple(goals)), 0.0)
     assert world.get_agent(agent).goal_revision == 1
     list(world.advance(6.0))  # both are reached: nothing is ahead
-    world.append_goals(agent, passing(6.0, 8.0, 10.0), 6.0)
+    world.give(agent, Append(tuple(passing(6.0, 8.0, 10.0))), 6.0)
     assert arrivals(world.advance(20.0)) == [2, 3, 4]
 
 
 def test_goals_added_to_none_begin_a_path():
     world, [agent] = populated()
     list(world.advance(1.0))
-    assert world.append_goals(agent, [GOAL], 1.05) == 1
+    assert world.give(agent, Append((GOAL,)), 1.05) == 1
     first = next(iter(world.advance(2.0)))
     assert first.flags & ChunkFlag.REPLANNED and first.waypoint == 0
     list(world.advance(12.0))
     assert math.dist(world.get_agent(agent).position[:2], GOAL.position[:2]) < GOAL.radius
-    world.append_goals(agent, [Goal((3.0, 5.0, 0.0))], 12.0)
+    world.give(agent, Append((Goal((3.0, 5.0, 0.0)),)), 12.0)
     chunks = list(world.advance(25.0))
     assert arrivals(chunks) == [1], "an agent who has been there goes on, too"
 
@@ -161,7 +166,7 @@ def test_goals_added_to_none_begin_a_path():
 
 def test_wanders_from_place_to_place_until_told_otherwise():
     world, [agent] = populated()
-    assert world.wander(agent, AREA, 0.0) == 1
+    assert world.give(agent, AREA, 0.0) == 1
     chunks, goals = [], {}
     while not chunks or chunks[-1].scheduled_at < 90.0:
         chunks += world.tick(world.next_event())
@@ -173,12 +178,12 @@ def test_wanders_from_place_to_place_until_told_otherwise():
     assert sorted(goals) == list(range(len(goals)))
     assert all(math.dist(place, AREA.center) <= AREA.radius for place in places)
     assert all(math.dist(a, b) >= 1.0 for a, b in pairwise(places))
-    assert world.set_goal(agent, GOAL, 90.0) == 2
+    assert world.give(agent, GOAL, 90.0) == 2
     after = list(world.advance(110.0))
     assert arrivals(after) == [0] and world.get_agent(agent).goal == GOAL
-    world.wander(agent, AREA, 110.0)
+    world.give(agent, AREA, 110.0)
     list(world.advance(111.0))
-    assert world.clear_goal(agent, 111.0) == 4
+    assert world.give(agent, Stop(), 111.0) == 4
     list(world.advance(114.0))
     info = world.get_agent(agent)
     assert info.state is AgentState.STANDING and info.waypoints == 0
@@ -189,7 +194,7 @@ def test_the_same_seed_wanders_the_same_way_and_another_another():
         world = make_world()
         world.create_session(SessionSpec("s"), start)
         [info] = world.create_agents("s", people(1, noise_seed=seed), start)
-        world.wander(info.agent_id, AREA, start)
+        world.give(info.agent_id, AREA, start)
         return np.concatenate([c.translation for c in world.advance(start + 20.0)])
 
     np.testing.assert_array_equal(walk(3), walk(3, start=0.2))
@@ -198,7 +203,7 @@ def test_the_same_seed_wanders_the_same_way_and_another_another():
 
 def test_dwells_where_it_wanders_to():
     world, [agent] = populated()
-    world.wander(agent, Wander((0.0, 0.0), 2.0, dwell=2.0), 0.0)
+    world.give(agent, Wander((0.0, 0.0), 2.0, dwell=2.0), 0.0)
     chunks = list(world.advance(30.0))
     stood = [c for c in chunks if c.state is AgentState.STANDING and c.waypoint == 1]
     assert 2.0 <= 0.2 * len(stood) <= 2.6
@@ -206,10 +211,10 @@ def test_dwells_where_it_wanders_to():
 
 def test_goals_added_to_wandering_end_it_after_the_present_place():
     world, [agent] = populated()
-    world.wander(agent, AREA, 0.0)
+    world.give(agent, AREA, 0.0)
     list(world.advance(4.0))
     info = world.get_agent(agent)
-    world.append_goals(agent, [GOAL], 4.0)
+    world.give(agent, Append((GOAL,)), 4.0)
     assert world.get_agent(agent).waypoints == info.waypoint + 2
     chunks = list(world.advance(40.0))
     assert arrivals(chunks)[-2:] == [info.waypoint, info.waypoint + 1]
@@ -230,14 +235,14 @@ def test_goals_added_to_wandering_end_it_after_the_present_place():
 def test_impossible_areas_are_refused(area, field, words):
     world, [agent] = populated(limits=Limits(goal_distance=50.0))
     with pytest.raises(InvalidArgument, match=words) as error:
-        world.wander(agent, area, 0.0)
+        world.give(agent, area, 0.0)
     assert error.value.field == field
     assert world.get_agent(agent).goal_revision == 0
 
 
 def test_a_slot_that_is_used_again_does_not_wander():
     world, [first] = populated(limits=Limits(agents=1))
-    world.wander(first, AREA, 0.0)
+    world.give(first, AREA, 0.0)
     list(world.advance(1.0))
     world.delete_agent(first)
     world.create_agents("s", people(1), 1.0)
@@ -280,25 +285,25 @@ def test_a_recorder_is_told_of_commands_and_of_the_chunk_they_begin_with():
     notes = Notes()
     world, [agent] = populated(recorder=notes)
     assert notes.commands == [(agent, people(1)[0], 0)]
-    world.set_goal(agent, GOAL, 0.0)
+    world.give(agent, GOAL, 0.0)
     list(world.advance(2.01))
     sent, planned = 9, 10
-    world.set_path(agent, [GOAL], 2.05)  # chunk 9 is thrown away
-    world.append_goals(agent, [GOAL], 2.05)
+    world.give(agent, Path((GOAL,)), 2.05)  # chunk 9 is thrown away
+    world.give(agent, Append((GOAL,)), 2.05)
     list(world.advance(2.39))
-    world.append_goals(agent, [GOAL], 2.39)
-    world.wander(agent, AREA, 2.39)  # the next one would be too late
+    world.give(agent, Append((GOAL,)), 2.39)
+    world.give(agent, AREA, 2.39)  # the next one would be too late
     world.update_agent(agent, AgentChange(foot_lock=False))
-    world.clear_goal(agent, 2.41)
+    world.give(agent, Stop(), 2.41)
     world.delete_agent(agent)
     assert [(command, seq) for _, command, seq in notes.commands[1:]] == [
-        (SetGoal(GOAL), 0),
-        (SetPath((GOAL,)), sent),
-        (AppendGoals((GOAL,)), sent),
-        (AppendGoals((GOAL,)), planned + 1),
+        (GOAL, 0),
+        (Path((GOAL,)), sent),
+        (Append((GOAL,)), sent),
+        (Append((GOAL,)), planned + 1),
         (AREA, planned + 1),
         (AgentChange(foot_lock=False), planned),
-        (ClearGoal(), planned + 1),
+        (Stop(), planned + 1),
         (Delete(), planned),
     ]
     assert notes.chunks == [(agent, seq, 4) for seq in [*range(planned), 9, 10]]
@@ -321,8 +326,8 @@ def test_a_command_that_is_refused_is_not_recorded():
     notes = Notes()
     world, [agent] = populated(recorder=notes)
     for call in (
-        lambda: world.set_goal(agent, GOAL, 0.0, expected=5),
-        lambda: world.set_goal(agent, Goal((math.nan, 0, 0)), 0.0),
+        lambda: world.give(agent, GOAL, 0.0, expected=5),
+        lambda: world.give(agent, Goal((math.nan, 0, 0)), 0.0),
         lambda: world.update_agent(agent, AgentChange(name="x" * 99)),
     ):
         with pytest.raises((Aborted, InvalidArgument)):

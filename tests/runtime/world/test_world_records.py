@@ -7,7 +7,9 @@ import pytest
 
 from tests.runtime.fakes import make_world, people
 from wayfarer.errors import AlreadyExists, InvalidArgument, NotFound, ResourceExhausted
-from wayfarer.runtime.agent import AgentChange, ChunkFlag, Goal, SessionSpec, Wander
+from wayfarer.runtime.agent import AgentChange, ChunkFlag, Goal, SessionSpec
+from wayfarer.runtime.behaviours import Wander
+from wayfarer.runtime.commands import Append, Path, Stop
 from wayfarer.runtime.settings import AdmissionRules, Limits
 
 GOAL = Goal((0.0, 9.0, 0.0))
@@ -15,10 +17,10 @@ PATH = [Goal((0.0, y, 0.0), stop=False) for y in (1.0, 2.0, 3.0)] + [GOAL]
 
 ORDERS = {
     "stand": lambda w, a, now: None,
-    "goal": lambda w, a, now: w.set_goal(a, GOAL, now),
-    "path": lambda w, a, now: w.set_path(a, PATH, now),
-    "wander": lambda w, a, now: w.wander(a, Wander((2.0, 2.0), 3.0), now),
-    "clear": lambda w, a, now: (w.set_goal(a, GOAL, now - 0.5), w.clear_goal(a, now)),
+    "goal": lambda w, a, now: w.give(a, GOAL, now),
+    "path": lambda w, a, now: w.give(a, Path(tuple(PATH)), now),
+    "wander": lambda w, a, now: w.give(a, Wander((2.0, 2.0), 3.0), now),
+    "clear": lambda w, a, now: (w.give(a, GOAL, now - 0.5), w.give(a, Stop(), now)),
 }
 
 
@@ -72,9 +74,9 @@ def test_a_session_goes_on_elsewhere_frame_for_frame(order, settings):
 def test_an_order_that_has_not_shown_yet_goes_along(asked):
     """Whatever is still planned for the path before it is thrown away, and the order is not."""
     world, [agent, _] = populated()
-    world.set_path(agent, PATH, 0.0)
+    world.give(agent, Path(tuple(PATH)), 0.0)
     sent = by_agent(world.advance(asked), agent)
-    world.set_path(agent, [Goal((4.0, 2.0, 0.0)), Goal((4.0, 4.0, 0.0))], asked)
+    world.give(agent, Path((Goal((4.0, 2.0, 0.0)), Goal((4.0, 4.0, 0.0)))), asked)
     there = moved(world, 50.0)
     chunks = by_agent(there.advance(70.0), agent)
     assert chunks[0].seq == sent[-1].seq + 1
@@ -86,13 +88,13 @@ def test_an_order_that_has_not_shown_yet_goes_along(asked):
 
 def test_a_path_that_is_fed_can_be_moved():
     world, [agent, _] = populated(limits=Limits(path_goals=4))
-    world.set_path(agent, PATH[:3], 0.0)
+    world.give(agent, Path(tuple(PATH[:3])), 0.0)
     list(world.advance(2.5))
-    world.append_goals(agent, [Goal((0.0, 5.0, 0.0), stop=False), GOAL], 2.5)
+    world.give(agent, Append((Goal((0.0, 5.0, 0.0), stop=False), GOAL)), 2.5)
     record = world.take_agent(agent)
     assert record.passed > 0 and record.passed + len(record.path) == 5
     there = moved(world, 0.0, limits=Limits(path_goals=4))
-    there.append_goals(agent, [Goal((0.0, 12.0, 0.0))], 0.0)
+    there.give(agent, Append((Goal((0.0, 12.0, 0.0)),)), 0.0)
     arrived = [c.waypoint for c in there.advance(30.0) if c.flags & ChunkFlag.ARRIVED]
     assert arrived[-1] == 5 and arrived == list(range(arrived[0], 6))
 
@@ -101,7 +103,7 @@ def test_taking_leaves_everything_as_it_was():
     world, [agent, _] = populated()
     reference, [same_agent, _] = populated()
     for w, a in ((world, agent), (reference, same_agent)):
-        w.wander(a, Wander((0.0, 0.0), 4.0), 0.0)
+        w.give(a, Wander((0.0, 0.0), 4.0), 0.0)
     found = []
     while (event := world.next_event()) <= 20.0:
         found += by_agent(world.tick(event), agent)

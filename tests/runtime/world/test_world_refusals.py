@@ -7,6 +7,7 @@ import pytest
 from tests.runtime.fakes import GOAL, make_world, people, populated
 from wayfarer.errors import AlreadyExists, InvalidArgument, NotFound, ResourceExhausted
 from wayfarer.runtime.agent import ChunkFlag, Goal, SessionSpec
+from wayfarer.runtime.commands import Path, Stop
 from wayfarer.runtime.settings import Limits, WorldSettings
 
 
@@ -33,10 +34,10 @@ from wayfarer.runtime.settings import Limits, WorldSettings
 )
 def test_impossible_goals_are_refused_and_change_nothing(goal, field, words):
     world, [agent] = populated()
-    world.set_goal(agent, GOAL, 0.0)
+    world.give(agent, GOAL, 0.0)
     list(world.advance(1.0))
     with pytest.raises(InvalidArgument, match=words) as error:
-        world.set_goal(agent, goal, 1.0)
+        world.give(agent, goal, 1.0)
     assert error.value.field == field
     assert world.get_agent(agent).goal == GOAL
     assert not any(c.flags & ChunkFlag.REPLANNED for c in world.advance(2.0))
@@ -55,10 +56,10 @@ def test_impossible_goals_are_refused_and_change_nothing(goal, field, words):
 )
 def test_impossible_paths_are_refused_and_change_nothing(goals, field, words):
     world, [agent] = populated(limits=Limits(path_goals=4, goal_distance=50))
-    world.set_path(agent, [GOAL, Goal((1, 5, 0))], 0.0)
+    world.give(agent, Path((GOAL, Goal((1, 5, 0)))), 0.0)
     list(world.advance(1.0))
     with pytest.raises(InvalidArgument, match=words) as error:
-        world.set_path(agent, goals, 1.0)
+        world.give(agent, Path(tuple(goals)), 1.0)
     assert error.value.field == field
     info = world.get_agent(agent)
     assert (info.goal, info.waypoints, info.goal_revision) == (GOAL, 2, 1)
@@ -96,8 +97,8 @@ def test_what_is_not_there_is_not_found():
         lambda: world.list_agents("x"),
         lambda: world.get_agent("x"),
         lambda: world.delete_agent("x"),
-        lambda: world.set_goal("x", GOAL, 0.0),
-        lambda: world.clear_goal("x", 0.0),
+        lambda: world.give("x", GOAL, 0.0),
+        lambda: world.give("x", Stop(), 0.0),
     ):
         with pytest.raises(NotFound, match="'x'"):
             call()

@@ -7,6 +7,7 @@ import pytest
 
 from tests.runtime.fakes import FakeEngine, people, populated
 from wayfarer.runtime.agent import AgentState, ChunkFlag, Goal
+from wayfarer.runtime.commands import Path, Stop
 from wayfarer.runtime.settings import Limits
 from wayfarer.spec import STEP_SECONDS
 
@@ -21,7 +22,7 @@ def speeds(chunks):
 
 def test_visits_the_goals_of_a_path_in_turn_and_stands_at_each():
     world, [agent] = populated()
-    assert world.set_path(agent, [Goal(place) for place in SQUARE], 0.0) == 1
+    assert world.give(agent, Path(tuple(Goal(place) for place in SQUARE)), 0.0) == 1
     chunks = list(world.advance(40.0))
     arrived = [c for c in chunks if c.flags & ChunkFlag.ARRIVED]
     assert [c.waypoint for c in arrived] == [0, 1, 2, 3]
@@ -37,7 +38,7 @@ def test_visits_the_goals_of_a_path_in_turn_and_stands_at_each():
 def test_waypoints_are_passed_without_stopping_or_slowing():
     world, [agent] = populated()
     line = [Goal((0.0, y, 0.0), stop=False) for y in (2.0, 4.0, 6.0)] + [Goal((0.0, 8.0, 0.0))]
-    world.set_path(agent, line, 0.0)
+    world.give(agent, Path(tuple(line)), 0.0)
     chunks = list(world.advance(20.0))
     passing = [c for c in chunks if c.waypoint < 3]
     assert {c.state for c in passing} == {AgentState.WALKING}
@@ -48,7 +49,7 @@ def test_waypoints_are_passed_without_stopping_or_slowing():
 
 def test_after_a_last_waypoint_to_pass_it_stops_beyond():
     world, [agent] = populated()
-    world.set_goal(agent, Goal((0.0, 3.0, 0.0), stop=False), 0.0)
+    world.give(agent, Goal((0.0, 3.0, 0.0), stop=False), 0.0)
     chunks = list(world.advance(8.0))
     assert sum(bool(c.flags & ChunkFlag.ARRIVED) for c in chunks) == 1
     info = world.get_agent(agent)
@@ -58,7 +59,7 @@ def test_after_a_last_waypoint_to_pass_it_stops_beyond():
 
 def test_dwells_before_it_goes_on():
     world, [agent] = populated()
-    world.set_path(agent, [Goal((0.0, 1.0, 0.0), dwell=3.0), Goal((0.0, 2.0, 0.0))], 0.0)
+    world.give(agent, Path((Goal((0.0, 1.0, 0.0), dwell=3.0), Goal((0.0, 2.0, 0.0)))), 0.0)
     chunks = list(world.advance(12.0))
     stood = [c for c in chunks if c.state is AgentState.STANDING and c.waypoint == 0]
     assert 3.0 <= len(stood) * STEP_SECONDS <= 3.5
@@ -67,10 +68,10 @@ def test_dwells_before_it_goes_on():
 
 def test_a_new_goal_replaces_the_path_and_its_place_in_it():
     world, [agent] = populated()
-    world.set_path(agent, [Goal((0.0, y, 0.0), stop=False) for y in (1.0, 2.0, 9.0)], 0.0)
+    world.give(agent, Path(tuple(Goal((0.0, y, 0.0), stop=False) for y in (1.0, 2.0, 9.0))), 0.0)
     list(world.advance(3.01))
     assert world.get_agent(agent).waypoint == 2
-    assert world.set_goal(agent, Goal((5.0, 3.0, 0.0)), 3.05) == 2
+    assert world.give(agent, Goal((5.0, 3.0, 0.0)), 3.05) == 2
     info = world.get_agent(agent)
     assert (info.waypoint, info.waypoints) == (0, 1)
     after = list(world.advance(12.0))
@@ -82,13 +83,13 @@ def test_a_new_goal_replaces_the_path_and_its_place_in_it():
 def test_a_waypoint_reached_in_frames_that_are_thrown_away_was_not_reached():
     """The place in a path belongs to the motion: with a long lead it is ahead of what is sent."""
     world, [agent] = populated(lead=3)
-    world.set_path(agent, [Goal((0.0, 1.0, 0.0), stop=False), Goal((0.0, 9.0, 0.0))], 0.0)
+    world.give(agent, Path((Goal((0.0, 1.0, 0.0), stop=False), Goal((0.0, 9.0, 0.0)))), 0.0)
     sent = []
     while world.get_agent(agent).waypoint == 0:
         sent += world.tick(world.next_event())
     now = sent[-1].scheduled_at + 0.01
     assert sent[-1].waypoint == 0 and not any(c.flags & ChunkFlag.ARRIVED for c in sent)
-    world.set_path(agent, [Goal((0.0, 1.0, 0.0), stop=False), Goal((9.0, 1.0, 0.0))], now)
+    world.give(agent, Path((Goal((0.0, 1.0, 0.0), stop=False), Goal((9.0, 1.0, 0.0)))), now)
     after = list(world.advance(12.0))
     assert after[0].flags & ChunkFlag.REPLANNED
     assert [c.waypoint for c in after if c.flags & ChunkFlag.ARRIVED] == [0, 1]
@@ -97,7 +98,7 @@ def test_a_waypoint_reached_in_frames_that_are_thrown_away_was_not_reached():
 def test_a_reset_on_the_way_keeps_the_place_in_the_path():
     engine = FakeEngine()
     world, [agent] = populated(engine=engine)
-    world.set_path(agent, [Goal((0.0, 1.0, 0.0), stop=False), Goal((0.0, 4.0, 0.0))], 0.0)
+    world.give(agent, Path((Goal((0.0, 1.0, 0.0), stop=False), Goal((0.0, 4.0, 0.0)))), 0.0)
     list(world.advance(2.0))
     engine.nan_for_beta = 0.0
     list(world.advance(2.5))
@@ -110,7 +111,7 @@ def test_a_reset_on_the_way_keeps_the_place_in_the_path():
 
 def test_a_slot_that_is_used_again_has_no_path():
     world, [first] = populated(limits=Limits(agents=1))
-    world.set_path(first, [Goal(place) for place in SQUARE], 0.0)
+    world.give(first, Path(tuple(Goal(place) for place in SQUARE)), 0.0)
     list(world.advance(1.0))
     world.delete_agent(first)
     world.create_agents("s", people(1), 1.0)
@@ -119,9 +120,9 @@ def test_a_slot_that_is_used_again_has_no_path():
 
 def test_a_cleared_path_is_gone():
     world, [agent] = populated()
-    world.set_path(agent, [Goal(place) for place in SQUARE], 0.0)
+    world.give(agent, Path(tuple(Goal(place) for place in SQUARE)), 0.0)
     list(world.advance(2.0))
-    assert world.clear_goal(agent, 2.0) == 2
+    assert world.give(agent, Stop(), 2.0) == 2
     info = world.get_agent(agent)
     assert (info.goal, info.waypoint, info.waypoints) == (None, 0, 0)
     list(world.advance(6.0))
@@ -130,7 +131,7 @@ def test_a_cleared_path_is_gone():
 
 def test_turns_on_the_spot_to_the_heading_of_its_goal():
     world, [agent] = populated()
-    world.set_goal(agent, Goal((0.0, 0.0, 0.0), heading=math.radians(120)), 0.0)
+    world.give(agent, Goal((0.0, 0.0, 0.0), heading=math.radians(120)), 0.0)
     chunks = list(world.advance(8.0))
     states = [c.state for c in chunks]
     assert states[0] is AgentState.TURNING and states[-1] is AgentState.STANDING
@@ -141,7 +142,7 @@ def test_turns_on_the_spot_to_the_heading_of_its_goal():
 
 def test_strafes_and_faces_its_heading_on_the_way():
     world, [agent] = populated()
-    world.set_goal(agent, Goal((0.0, 5.0, 0.0), heading=math.radians(90), strafe=True), 0.0)
+    world.give(agent, Goal((0.0, 5.0, 0.0), heading=math.radians(90), strafe=True), 0.0)
     assert {c.state for c in world.advance(3.0)} == {AgentState.WALKING}
     info = world.get_agent(agent)
     assert math.degrees(info.heading) == pytest.approx(90, abs=10) and info.position[1] > 2.0

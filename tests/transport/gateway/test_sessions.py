@@ -35,15 +35,13 @@ async def test_each_session_keeps_its_basis():
         assert agent.position.model_dump() == pytest.approx(
             {**place.model_dump(), "xyz"[list(basis.axes.up).index(1)]: 0.9 / expected}
         )
-        await api.goals.set(agent.agent_id, schema.Goal(position=place))
-        assert service.goals[-1][1].position == pytest.approx((0.0, expected, 0.0))
+        await api.goals.give(agent.agent_id, schema.Goal(position=place))
+        assert service.commands[-1][1].position == pytest.approx((0.0, expected, 0.0))
         assert (await api.sessions.get(session_id)).basis.basis == basis
 
 
 async def test_unknown_ids_are_not_found():
     api = await opened()
-    goals = schema.Goals(goals=[GOAL])
-    area = schema.Wander(area={"center": {"x": 0, "y": 0, "z": 0}, "radius": 3})
     for call in (
         api.sessions.get("x"),
         api.sessions.renew("x"),
@@ -53,11 +51,7 @@ async def test_unknown_ids_are_not_found():
         api.agents.get("x"),
         api.agents.update("x", schema.AgentUpdate()),
         api.agents.delete("x"),
-        api.goals.set("x", GOAL),
-        api.goals.set_path("x", goals),
-        api.goals.append("x", goals),
-        api.goals.wander("x", area),
-        api.goals.clear("x"),
+        api.goals.give("x", GOAL),
         api.motion.step("x", schema.StepWish()),
         api.snapshots.export_session("x"),
         api.snapshots.export_log("x"),
@@ -135,7 +129,7 @@ async def test_calls_on_an_agent_renew_its_session():
     clock = Clock()
     api = await opened(clock=clock)
     session_id, (agent, _) = await session_of_two(api, lease_s=10)
-    for call in (api.goals.set, lambda a, _: api.agents.get(a)):
+    for call in (api.goals.give, lambda a, _: api.agents.get(a)):
         clock.now += 9
         await call(agent.agent_id, GOAL)
     assert (await api.sessions.get(session_id)).expires_at_us == round((clock.now + 10) * 1e6)
@@ -190,7 +184,7 @@ async def test_a_session_belongs_to_its_creator():
             api.sessions.get(session_id),
             api.sessions.delete(session_id),
             api.agents.get(agent.agent_id),
-            api.goals.set(agent.agent_id, GOAL),
+            api.goals.give(agent.agent_id, GOAL),
             anext(stream(api, session_id)),
         ):
             with pytest.raises(NotFound):
@@ -250,7 +244,7 @@ async def test_sessions_of_the_journal_are_taken_over_with_a_fresh_lease():
     with called_by(caller("ada")):
         now = await after.sessions.get(session_id)
         assert now == then.model_copy(update={"expires_at_us": round((clock.now + 30) * 1e6)})
-        await after.goals.set(agent.agent_id, GOAL)
+        await after.goals.give(agent.agent_id, GOAL)
     with called_by(caller("eve")), pytest.raises(NotFound):
         await after.agents.get(agent.agent_id)
 

@@ -77,7 +77,7 @@ def random_runs(
             ready = runner.stood >= LINGER
         if ready and len(runner.goals) < stops:
             x, y, _ = chunk.translation[-1].tolist()
-            world.set_goal(chunk.agent_id, runner.next_goal(x, y), chunk.scheduled_at)
+            world.give(chunk.agent_id, runner.next_goal(x, y), chunk.scheduled_at)
         elif ready or done >= frames:
             running.discard(chunk.agent_id)
             if not running:

@@ -21,7 +21,7 @@ from wayfarer.runtime.agent import (
     SessionInfo,
     SessionSpec,
 )
-from wayfarer.runtime.commands import Order
+from wayfarer.runtime.commands import GoalCommand
 from wayfarer.runtime.engines.models import model_changed
 from wayfarer.runtime.inbox import Inbox
 from wayfarer.runtime.offline.offline import Offline
@@ -128,9 +128,9 @@ class LockStep:
         """Let all agents be moved by a loaded model; returns how many were not. Raises NotFound."""
         return await self.ask(lambda *_: self._use_model(name))
 
-    async def give(self, agent_id: str, order: Order, expected: int | None) -> int:
-        """Any change of goals; see `World.give`."""
-        return await self.ask(lambda world, now: world.give(agent_id, order, now, expected))
+    async def give(self, agent_id: str, command: GoalCommand, expected: int | None) -> int:
+        """See `MotionService`."""
+        return await self.ask(lambda world, now: world.give(agent_id, command, now, expected))
 
     def _use_model(self, name: str) -> int:
         moved = self.world.use_model(name)

@@ -13,6 +13,7 @@ from wayfarer.runtime.agent import (
     MotionChunks,
     SessionSpec,
 )
+from wayfarer.runtime.commands import Path
 from wayfarer.runtime.publications import Publication
 from wayfarer.runtime.world.world import World
 from wayfarer.spec import FPS, STEP_SECONDS
@@ -33,7 +34,7 @@ def walk(
     try:
         [info] = world.create_agents(session_id, [spec], now=0.0)
         if goals:
-            world.set_path(info.agent_id, goals, now=0.0)
+            world.give(info.agent_id, Path(tuple(goals)), now=0.0)
         has_arrived = False
         for chunk in _chunks(world, info.agent_id):
             frames = min(left, len(chunk.translation))

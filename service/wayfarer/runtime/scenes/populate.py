@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from wayfarer.errors import FailedPrecondition, InvalidArgument, ResourceExhausted
 from wayfarer.navigation.scene import Scene
-from wayfarer.runtime.agent import AgentInfo, AgentSpec, Wander
-from wayfarer.runtime.commands import Order
+from wayfarer.runtime.agent import AgentInfo, AgentSpec
+from wayfarer.runtime.behaviours import Wander
+from wayfarer.runtime.commands import GoalCommand
 from wayfarer.runtime.scenes.messages import Crowd
 from wayfarer.runtime.scenes.places import drawn_places, largest_island
 from wayfarer.runtime.world.checks import MAX_DWELL, SPEED, check_range
@@ -81,7 +82,7 @@ class CrowdWorld(Protocol):
         """Raises ResourceExhausted."""
         ...
 
-    def give(self, agent_id: str, order: Order, now: float) -> int:
+    def give(self, agent_id: str, command: GoalCommand, now: float) -> int:
         """Tell an agent what to do."""
         ...
 

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.spec import Point3
 from wayfarer.runtime.agent import Goal
-from wayfarer.runtime.commands import AppendGoals, Order, SetGoal, SetPath
+from wayfarer.runtime.commands import Append, GoalCommand, Path
 from wayfarer.runtime.publications import Event, EventKind
 from wayfarer.runtime.scenes.book import Book
 from wayfarer.runtime.scenes.guide import SceneGuide
@@ -55,25 +55,22 @@ class Stage:
         number = int(self._slots.scene[slot])
         return self.scenery.scene(number) if number else None
 
-    def fitted(self, slot: int, order: Order) -> tuple[Order, list[Move]]:
-        """An order whose goals can be reached by the agent of a slot.
+    def fitted(self, slot: int, command: GoalCommand) -> tuple[GoalCommand, list[Move]]:
+        """The command with goals that the agent of a slot can reach, and the goals that were moved.
 
-        Those off free ground are moved to the nearest. Raises Unreachable.
+        Goals off free ground are moved to the nearest that is free. Raises Unreachable.
         """
         if not self._slots.scene[slot]:
-            return order, []
-        match order:
-            case SetGoal(goal):
-                [fitted], moves = self._reached(slot, [goal])
-                return SetGoal(fitted), moves
-            case SetPath(goals):
+            return command, []
+        match command:
+            case Goal():
+                [fitted], moves = self._reached(slot, [command])
+                return fitted, moves
+            case Path(goals) | Append(goals):
                 found, moves = self._reached(slot, goals)
-                return SetPath(found), moves
-            case AppendGoals(goals):
-                found, moves = self._reached(slot, goals)
-                return AppendGoals(found), moves
+                return type(command)(found), moves
             case _:
-                return order, []
+                return command, []
 
     def tell_moves(self, slot: int, moves: Sequence[Move], waypoints: int) -> None:
         """Of the last goals of a path, which has so many now."""

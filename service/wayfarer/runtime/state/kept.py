@@ -14,7 +14,7 @@ from wayfarer.runtime.agent import (
     SessionInfo,
     SessionSpec,
 )
-from wayfarer.runtime.commands import Order
+from wayfarer.runtime.commands import GoalCommand
 from wayfarer.runtime.engines.engine import Engine
 from wayfarer.runtime.engines.models import Models
 from wayfarer.runtime.scenes.book import Book
@@ -137,9 +137,11 @@ class KeptWorld(World):
         if self._journal is not None:
             self._journal.drop_agents([agent_id])
 
-    def give(self, agent_id: str, order: Order, now: float, expected: int | None = None) -> int:
+    def give(
+        self, agent_id: str, command: GoalCommand, now: float, expected: int | None = None
+    ) -> int:
         """See `World`."""
-        revision = super().give(agent_id, order, now, expected)
+        revision = super().give(agent_id, command, now, expected)
         agent = self._registry.agent(agent_id)
         self._orders_at[agent_id] = int(self._table.rows.planned_chunks[agent.slot])
         self._keep(agent.session_id, [agent_id])

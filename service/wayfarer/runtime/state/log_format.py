@@ -8,15 +8,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import isfinite
-from typing import ClassVar, Final, assert_never
+from typing import ClassVar, Final
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from wayfarer.errors import FailedPrecondition, InvalidArgument
-from wayfarer.runtime.agent import AgentChange, AgentSpec, Goal, SessionSpec, Wander
-from wayfarer.runtime.behaviours import Behaviour, Follow, KeepAway, Patrol, Queue, Routine
-from wayfarer.runtime.commands import AppendGoals, ClearGoal, SetGoal, SetPath
+from wayfarer.runtime.agent import AgentChange, AgentSpec, Goal, SessionSpec
+from wayfarer.runtime.behaviours import Behaviour
+from wayfarer.runtime.commands import Append, Path, Stop
 from wayfarer.runtime.settings import Limits
 from wayfarer.runtime.state.container import Kind, seal, unseal
 from wayfarer.runtime.state.packing import unpack
@@ -66,7 +66,7 @@ class EntryPart:
     set_goal: Goal | None = None
     set_path: tuple[Goal, ...] | None = None
     append_goals: tuple[Goal, ...] | None = None
-    behaviour: Behaviour | Routine | None = None
+    behaviour: Behaviour | None = None
     clear_goal: bool | None = None
     change: AgentChange | None = None
 
@@ -167,20 +167,18 @@ def _track_part(track: Track) -> TrackPart:
 
 def _entry_part(entry: Entry) -> EntryPart:
     match entry.command:
-        case SetGoal(goal):
+        case Goal() as goal:
             return EntryPart(entry.seq, set_goal=goal)
-        case SetPath(goals):
+        case Path(goals):
             return EntryPart(entry.seq, set_path=goals)
-        case AppendGoals(goals):
+        case Append(goals):
             return EntryPart(entry.seq, append_goals=goals)
-        case Wander() | Patrol() | Routine() | Follow() | KeepAway() | Queue() as behaviour:
-            return EntryPart(entry.seq, behaviour=behaviour)
-        case ClearGoal():
+        case Stop():
             return EntryPart(entry.seq, clear_goal=True)
         case AgentChange() as change:
             return EntryPart(entry.seq, change=change)
-        case _:
-            assert_never(entry.command)
+        case behaviour:
+            return EntryPart(entry.seq, behaviour=behaviour)
 
 
 # And back
@@ -241,13 +239,13 @@ def _start(
 def _entry(part: EntryPart, where: str) -> Entry:
     given: list[Told] = []
     if part.set_goal is not None:
-        given.append(SetGoal(part.set_goal))
+        given.append(part.set_goal)
     if part.set_path is not None:
-        given.append(SetPath(part.set_path))
+        given.append(Path(part.set_path))
     if part.append_goals is not None:
-        given.append(AppendGoals(part.append_goals))
+        given.append(Append(part.append_goals))
     if part.clear_goal:
-        given.append(ClearGoal())
+        given.append(Stop())
     given += [told for told in (part.behaviour, part.change) if told is not None]
     if len(given) != 1:
         raise InvalidArgument(f"an entry holds {len(given)} commands; allowed: 1", where)

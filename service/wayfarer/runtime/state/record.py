@@ -12,7 +12,7 @@ from typing import Final
 from wayfarer.errors import FailedPrecondition
 from wayfarer.runtime.agent import AgentChange, AgentInfo, AgentSpec, SessionSpec
 from wayfarer.runtime.behaviours import Patrol, Routine, Visit
-from wayfarer.runtime.commands import AppendGoals, Command, Delete, Order, SetPath
+from wayfarer.runtime.commands import Append, Command, Delete, GoalCommand, Path
 from wayfarer.runtime.world.handover import AgentRecord
 from wayfarer.runtime.world.views import Due
 from wayfarer.spec import STEP_SECONDS
@@ -20,7 +20,7 @@ from wayfarer.spec import STEP_SECONDS
 SAME_TIME: Final = 1e-6
 """Seconds: chunks that far from their schedule are on it, but for rounding."""
 
-Told = Order | AgentChange
+Told = GoalCommand | AgentChange
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,7 +198,7 @@ class CommandLogs:
 def cost(command: Told) -> int:
     """How many entries a command counts for: as many as it has goals."""
     match command:
-        case SetPath(goals) | AppendGoals(goals) | Patrol(goals):
+        case Path(goals) | Append(goals) | Patrol(goals):
             return len(goals)
         case Routine(parts):
             goals_of = [p.does.goals for p in parts if isinstance(p.does, Visit | Patrol)]

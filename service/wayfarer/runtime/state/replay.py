@@ -22,7 +22,7 @@ from wayfarer.runtime.agent import (
     MotionChunks,
     SessionSpec,
 )
-from wayfarer.runtime.commands import Order
+from wayfarer.runtime.commands import GoalCommand
 from wayfarer.runtime.publications import Publication
 from wayfarer.runtime.state.record import CommandLog, Entry, Run, Track
 from wayfarer.runtime.stepping.budget import Rung
@@ -105,7 +105,7 @@ def _step(world: World, run: Run, now: float) -> MotionChunk:
     return chunks[0]
 
 
-def _orders(entries: list[Entry]) -> deque[tuple[int, Order]]:
+def _orders(entries: list[Entry]) -> deque[tuple[int, GoalCommand]]:
     """Orders, each with the chunk by which it had been given in any case.
 
     A later order may have thrown away the chunk that an earlier one first counted for.

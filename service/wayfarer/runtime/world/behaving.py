@@ -10,8 +10,9 @@ import numpy as np
 
 from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.spec import Point3
-from wayfarer.runtime.agent import Goal, Wander
+from wayfarer.runtime.agent import Goal
 from wayfarer.runtime.behaviours import (
+    Activity,
     Behaviour,
     Follow,
     KeepAway,
@@ -21,6 +22,7 @@ from wayfarer.runtime.behaviours import (
     Routine,
     Stand,
     Visit,
+    Wander,
 )
 from wayfarer.runtime.crowd.behaviours import Aim, follow, keep_away, patrolled
 from wayfarer.runtime.publications import EventKind
@@ -40,8 +42,6 @@ GIVE_UP = 4.0
 
 NEAR = 1.5
 """… waiting for them, or within so many metres of it."""
-
-Doing = Visit | Stand | Behaviour
 
 
 class Surroundings(Protocol):
@@ -78,7 +78,7 @@ class Behaving:
         self._aims = Aims(slots, paths)
         self._queues = Queues(registry, self.doing, self._aims.place)
 
-    def doing(self, agent: Agent) -> Doing | None:
+    def doing(self, agent: Agent) -> Activity | None:
         """What it does now; None: it goes by its path, and no more."""
         behaviour = agent.behaviour
         if not isinstance(behaviour, Routine):
@@ -293,6 +293,6 @@ class Behaving:
         return float(self._slots.footing.hips[slot]) if self._slots.scene[slot] else 0.0
 
 
-def parts_of(behaviour: Behaviour | Routine) -> tuple[Part, ...]:
+def parts_of(behaviour: Behaviour) -> tuple[Part, ...]:
     """What it consists of."""
     return behaviour.parts if isinstance(behaviour, Routine) else (Part(behaviour),)

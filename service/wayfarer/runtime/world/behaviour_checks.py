@@ -4,8 +4,9 @@ import math
 from typing import Final, assert_never
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.agent import Goal, Wander
+from wayfarer.runtime.agent import Goal
 from wayfarer.runtime.behaviours import (
+    Activity,
     Behaviour,
     Follow,
     KeepAway,
@@ -14,6 +15,7 @@ from wayfarer.runtime.behaviours import (
     Routine,
     Stand,
     Visit,
+    Wander,
 )
 from wayfarer.runtime.settings import Limits
 from wayfarer.runtime.world.checks import (
@@ -42,7 +44,7 @@ Start = tuple[float, float, float] | None
 
 
 def check_behaviour(
-    behaviour: Behaviour | Routine, start: Start, limits: Limits, where: str = "behaviour"
+    behaviour: Behaviour, start: Start, limits: Limits, where: str = "behaviour"
 ) -> None:
     """A behaviour for an agent at `start`; None: wherever it is. Raises InvalidArgument."""
     if isinstance(behaviour, Routine):
@@ -74,7 +76,7 @@ def _check_routine(routine: Routine, start: Start, limits: Limits, where: str) -
             )
 
 
-def _check(does: Visit | Stand | Behaviour, start: Start, limits: Limits, where: str) -> None:
+def _check(does: Activity, start: Start, limits: Limits, where: str) -> None:
     match does:
         case Wander(center=None):
             check_range([does.speed], *SPEED, f"{where}.speed")
@@ -134,7 +136,7 @@ def _check_keep_away(wish: KeepAway, where: str) -> None:
     check_range([wish.speed], *SPEED, f"{where}.speed")
 
 
-def others_of(behaviour: Behaviour | Routine) -> list[tuple[str, str]]:
+def others_of(behaviour: Behaviour) -> list[tuple[str, str]]:
     """Ids of agents that a behaviour names, each with the field that does."""
     if isinstance(behaviour, Routine):
         named = [(_named(part.does), n) for n, part in enumerate(behaviour.parts)]
@@ -143,5 +145,5 @@ def others_of(behaviour: Behaviour | Routine) -> list[tuple[str, str]]:
     return [(agent_id, "agent_id")] if agent_id else []
 
 
-def _named(does: Visit | Stand | Behaviour) -> str:
+def _named(does: Activity) -> str:
     return does.agent_id if isinstance(does, Follow | KeepAway) else ""

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Sequence
 from typing import Final
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.agent import AgentChange, AgentSpec, Goal, SessionSpec, Wander
+from wayfarer.runtime.agent import AgentChange, AgentSpec, Goal, SessionSpec
+from wayfarer.runtime.behaviours import Wander
 from wayfarer.runtime.settings import Limits
 from wayfarer.spec import BETAS, GENDERS, MAX_COORDINATE
 

@@ -51,7 +51,7 @@ class AgentRecord:
     path: tuple[Goal, ...]  # goals that are not yet forgotten
     passed: int  # place of the first of them in the path
     path_start: tuple[float, float]  # metres: where the way to the first of them begins
-    behaviour: Behaviour | Routine | Stand | None
+    behaviour: Behaviour | Stand | None
     part: int = 0  # of a routine
     begun: int = 0  # place in the path where the behaviour, or the part, began
     model: str = ""  # stamp of the one that moves it; empty: whichever is in use

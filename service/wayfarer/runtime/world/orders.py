@@ -5,14 +5,20 @@ numbers of the others stay (see paths.py). Behaviours are paths that feed themse
 """
 
 from collections.abc import Sequence
-from typing import assert_never
 
 import numpy as np
 
 from wayfarer.errors import Aborted, FailedPrecondition, InvalidArgument
-from wayfarer.runtime.agent import Goal, Wander
-from wayfarer.runtime.behaviours import DEPENDENT, Follow, KeepAway, Patrol, Queue, Routine, Visit
-from wayfarer.runtime.commands import AppendGoals, ClearGoal, Order, Recorder, SetGoal, SetPath
+from wayfarer.runtime.agent import Goal
+from wayfarer.runtime.behaviours import (
+    DEPENDENT,
+    Behaviour,
+    Follow,
+    Patrol,
+    Visit,
+    Wander,
+)
+from wayfarer.runtime.commands import Append, GoalCommand, Path, Recorder, Stop
 from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.stepping.playback import Playback
 from wayfarer.runtime.stepping.timeline import Timeline
@@ -69,39 +75,37 @@ class Orders:
                 f"for revision {expected}: look at its goals again"
             )
 
-    def check(self, agent: Agent, order: Order) -> None:
+    def check(self, agent: Agent, command: GoalCommand) -> None:
         """Raises InvalidArgument that names the field at fault, FailedPrecondition."""
         limits, slot = self._settings.limits, agent.slot
         x, y, z = (float(v) for v in self._slots.committed.seed.translation[slot, -1])
-        match order:
-            case SetGoal(goal):
-                check_goal(goal, (x, y, z), limits)
-            case AppendGoals(goals) if agent.path and agent.behaviour is None:
+        match command:
+            case Goal():
+                check_goal(command, (x, y, z), limits)
+            case Append(goals) if agent.path and agent.behaviour is None:
                 last = agent.path[-1].position
                 check_path(goals, last, limits, self._ahead(agent), "the goal before it")
-            case SetPath(goals) | AppendGoals(goals):
+            case Path(goals) | Append(goals):
                 check_path(goals, (x, y, z), limits)
-            case Wander(center=center) if center is not None:
-                check_area(order, (x, y), limits)
-            case Wander() | Patrol() | Follow() | KeepAway() | Queue() | Routine():
-                check_behaviour(order, (x, y, z), limits)
-                self._check_company(agent, order)
-            case ClearGoal():
+            case Stop():
                 pass
-            case _:
-                assert_never(order)
+            case Wander(center=center) if center is not None:
+                check_area(command, (x, y), limits)
+            case behaviour:
+                check_behaviour(behaviour, (x, y, z), limits)
+                self._check_company(agent, behaviour)
 
-    def give(self, agent: Agent, order: Order, now: float) -> int:
-        """Carry out an order that has been checked; returns the new revision."""
+    def give(self, agent: Agent, command: GoalCommand, now: float) -> int:
+        """Carry out a command that has been checked; return the new revision."""
         # A goal that its behaviour moves is not one to be reached before others.
         has_goals = agent.path and self._slots.feeding[agent.slot] != Feeding.EACH_STEP
-        if isinstance(order, AppendGoals) and has_goals:
-            self._append(agent, order.goals)
+        if isinstance(command, Append) and has_goals:
+            self._append(agent, command.goals)
         else:
-            self._replace(agent, order, now)
+            self._replace(agent, command, now)
         slot = agent.slot
         if self._recorder is not None:
-            self._recorder.command(agent.agent_id, order, int(self._slots.planned_chunks[slot]))
+            self._recorder.command(agent.agent_id, command, int(self._slots.planned_chunks[slot]))
         return int(self._slots.goal_revision[slot])
 
     def walk_on(self, frame: float) -> None:
@@ -126,7 +130,7 @@ class Orders:
             set_out(motion.gait, 0, 0, walks=bool(agent.path))
         return motion
 
-    def _replace(self, agent: Agent, order: Order, now: float) -> None:
+    def _replace(self, agent: Agent, command: GoalCommand, now: float) -> None:
         slots, slot = self._slots, agent.slot
         # What falls due within the margin could not be made again in time.
         keep = self._timeline.frame(now + self._settings.replan_margin)
@@ -136,23 +140,21 @@ class Orders:
         x, y = slots.planned.seed.translation[slot, -1, :2].tolist()
         agent.path, agent.passed, agent.path_start = (), 0, (x, y)
         self._behaving.leave(agent)
-        self._trails.write(agent, self._first_goals(agent, order))
+        self._trails.write(agent, self._first_goals(agent, command))
         walks = bool(agent.path) and self._sets_out(agent)
         set_out(slots.planned.gait, slot, 0, walks)
 
-    def _first_goals(self, agent: Agent, order: Order) -> tuple[Goal, ...]:
-        match order:
-            case SetGoal(goal):
-                return (goal,)
-            case SetPath(goals) | AppendGoals(goals):
+    def _first_goals(self, agent: Agent, command: GoalCommand) -> tuple[Goal, ...]:
+        match command:
+            case Goal():
+                return (command,)
+            case Path(goals) | Append(goals):
                 return goals
-            case Wander() | Patrol() | Follow() | KeepAway() | Queue() | Routine():
-                agent.behaviour = order
-                return self._behaving.begin(agent)
-            case ClearGoal():
+            case Stop():
                 return ()
-            case _:
-                assert_never(order)
+            case behaviour:
+                agent.behaviour = behaviour
+                return self._behaving.begin(agent)
 
     def _sets_out(self, agent: Agent) -> bool:
         """Whether its first goal is one to walk to, not one that its behaviour has yet to tell."""
@@ -172,12 +174,10 @@ class Orders:
         reached = int(gait.waypoint[slot]) + int(gait.arrived[slot])
         return agent.passed + len(agent.path) - reached
 
-    def _check_company(
-        self, agent: Agent, order: Wander | Patrol | Follow | KeepAway | Queue | Routine
-    ) -> None:
+    def _check_company(self, agent: Agent, behaviour: Behaviour) -> None:
         """What a behaviour needs: others, a scene, a session that is not recorded."""
         session = self._registry.sessions[agent.session_id]
-        does = [part.does for part in parts_of(order)]
+        does = [part.does for part in parts_of(behaviour)]
         if session.spec.record and any(isinstance(one, DEPENDENT) for one in does):
             raise FailedPrecondition(
                 "in a recorded session every agent's motion follows from its own orders: "
@@ -190,7 +190,7 @@ class Orders:
                 "only in a scene can an agent walk about all over it: give the area a centre, or "
                 "create the session in a scene"
             )
-        for other, field in others_of(order):
+        for other, field in others_of(behaviour):
             if other == agent.agent_id:
                 raise InvalidArgument("is the agent itself", f"behaviour.{field}")
             if other not in session.agents:
@@ -198,11 +198,11 @@ class Orders:
                     f"there is no agent {other!r} in session {session.session_id!r}",
                     f"behaviour.{field}",
                 )
-        if isinstance(order, Follow):
-            self._check_circle(agent, order)
+        if isinstance(behaviour, Follow):
+            self._check_circle(agent, behaviour)
 
-    def _check_circle(self, agent: Agent, order: Follow) -> None:
-        other, passed = self._registry.agents.get(order.agent_id), list[Agent]()
+    def _check_circle(self, agent: Agent, follow: Follow) -> None:
+        other, passed = self._registry.agents.get(follow.agent_id), list[Agent]()
         while other is not None and other not in passed:
             passed.append(other)
             wish = self._behaving.doing(other)

@@ -6,7 +6,8 @@ from typing import Final
 import numpy as np
 
 from wayfarer.navigation.scene import Scene
-from wayfarer.runtime.agent import Goal, Wander
+from wayfarer.runtime.agent import Goal
+from wayfarer.runtime.behaviours import Wander
 from wayfarer.runtime.scenes.places import drawn_places, island_at
 
 APART: Final = 1.0

@@ -15,7 +15,7 @@ from wayfarer.transport.grpc_guard import OpenStreamsInterceptor
 from wayfarer.transport.grpc_server.admin import AdminService
 from wayfarer.transport.grpc_server.agents import AgentService
 from wayfarer.transport.grpc_server.catalogue import CatalogService
-from wayfarer.transport.grpc_server.goals import GoalService
+from wayfarer.transport.grpc_server.goals import goal_service
 from wayfarer.transport.grpc_server.interceptors import DecodeInterceptor, ErrorInterceptor
 from wayfarer.transport.grpc_server.motion import add_motion_services
 from wayfarer.transport.grpc_server.scenes import SceneService
@@ -138,7 +138,7 @@ def gateway_services(gateway: Gateway) -> Callable[[grpc.aio.Server], None]:
         scene_pb2_grpc.add_SceneServiceServicer_to_server(SceneService(gateway), server)
         session_pb2_grpc.add_SessionServiceServicer_to_server(SessionService(gateway), server)
         agent_pb2_grpc.add_AgentServiceServicer_to_server(AgentService(gateway), server)
-        goal_pb2_grpc.add_GoalServiceServicer_to_server(GoalService(gateway), server)
+        goal_pb2_grpc.add_GoalServiceServicer_to_server(goal_service(gateway), server)
         add_motion_services(gateway, server)
         snapshot_pb2_grpc.add_SnapshotServiceServicer_to_server(SnapshotService(gateway), server)
         catalog_pb2_grpc.add_CatalogServiceServicer_to_server(CatalogService(gateway), server)

@@ -40,42 +40,42 @@ def goal_routes(gateway: Gateway) -> APIRouter:
         agent_id: AgentId, goal: schema.Goal, expected_revision: Expected = None
     ) -> schema.GoalRevision:
         """In place of its present goal or path. Takes effect within one primitive (0.25 s)."""
-        return _revision(await goals.set(agent_id, goal, expected_revision))
+        return _revision(await goals.give(agent_id, goal, expected_revision))
 
     @router.put("/path", operation_id="setPath", summary="Give an agent goals to visit in turn")
     async def set_path(
         agent_id: AgentId, path: schema.Goals, expected_revision: Expected = None
     ) -> schema.GoalRevision:
         """In place of its present goal or path. One revision for all."""
-        return _revision(await goals.set_path(agent_id, path, expected_revision))
+        return _revision(await goals.give(agent_id, path, expected_revision))
 
     @router.post("/goals", operation_id="appendGoals", summary="Add goals to the end of the path")
     async def append_goals(
         agent_id: AgentId, more: schema.Goals, expected_revision: Expected = None
     ) -> schema.GoalRevision:
         """The agent keeps its present goal and what is planned for it."""
-        return _revision(await goals.append(agent_id, more, expected_revision))
+        return _revision(await goals.give(agent_id, more, expected_revision, append=True))
 
     @router.put("/wander", operation_id="wander", summary="Let an agent walk about")
     async def wander(
         agent_id: AgentId, wish: schema.Wander, expected_revision: Expected = None
     ) -> schema.GoalRevision:
         """In an area, or all over its scene, from one place drawn at random to the next."""
-        return _revision(await goals.wander(agent_id, wish, expected_revision))
+        return _revision(await goals.give(agent_id, wish, expected_revision))
 
     @router.put("/behaviour", operation_id="behave", summary="Let an agent do something of itself")
     async def behave(
         agent_id: AgentId, wish: schema.Behaviour, expected_revision: Expected = None
     ) -> schema.GoalRevision:
         """Until it is told otherwise: patrol, follow another, keep away, queue, or a routine."""
-        return _revision(await goals.behave(agent_id, wish, expected_revision))
+        return _revision(await goals.give(agent_id, wish, expected_revision))
 
     @router.delete("/goal", operation_id="clearGoal", summary="Take the goal or path away")
     async def clear_goal(
         agent_id: AgentId, expected_revision: Expected = None
     ) -> schema.GoalRevision:
         """The agent stops where it is."""
-        return _revision(await goals.clear(agent_id, expected_revision))
+        return _revision(await goals.give(agent_id, None, expected_revision))
 
     return router
 

@@ -132,7 +132,7 @@ def _walk(
     """Somebody alone in the scene, until he is there or the time is over."""
     play = house.play(scene, 1, avoid=False, every=1, witness=witness)
     [agent] = play.enter([spec])
-    play.world.set_goal(agent, Goal((*goal, 0.0)), 0.0)
+    play.world.give(agent, Goal((*goal, 0.0)), 0.0)
     chunks, there = list[MotionChunk](), False
     for until, change in [*((c.at, c) for c in changes), (limit, None)]:
         for chunk in play.run(until):

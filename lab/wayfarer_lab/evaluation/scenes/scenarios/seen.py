@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from wayfarer.navigation.scene import Scene
 from wayfarer.runtime.agent import AgentSpec, Goal
+from wayfarer.runtime.commands import Path
 from wayfarer.spec import STEP_SECONDS
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.goals import Watch
@@ -44,7 +45,7 @@ def errands(
     ids = play.enter(people)
     number = {agent: k for k, agent in enumerate(ids)}
     for agent, path in zip(ids, paths, strict=True):
-        play.world.set_path(agent, path, play.now)
+        play.world.give(agent, Path(tuple(path)), play.now)
     seconds = np.full(len(ids), np.nan)
     for chunk in play.run(limit):
         k = number[chunk.agent_id]
