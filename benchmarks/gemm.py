@@ -16,11 +16,11 @@ import numpy as np
 import onnx
 import onnxruntime
 import torch
+
+from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.flops import Product, products
 from benchmarks.models import step_graph
-
-from benchmarks import bench
 
 LARGE = (1024, 2048)
 BATCH = 128

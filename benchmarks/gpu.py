@@ -35,13 +35,13 @@ from typing import Final, get_args
 
 import numpy as np
 import torch
+from tests.runtime.engines.standing import standing_inputs
+
+from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.curve import LEAST, Point, curve, ended_by
 from benchmarks.flops import products as products_of
 from benchmarks.models import GENDER, step_graph
-from tests.runtime.engines.standing import standing_inputs
-
-from benchmarks import bench
 from wayfarer.artifacts import ModelFolder
 from wayfarer.gpu.crowd import Crowd
 from wayfarer.gpu.engine import Networks, TorchEngine, load_networks

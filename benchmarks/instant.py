@@ -4,8 +4,8 @@ python -m benchmarks.instant [options of `wayfarer serve`]
 """
 
 import typer
-from benchmarks.driven import InstantEngine
 
+from benchmarks.driven import InstantEngine
 from wayfarer.runtime.engines.onnx_engine import OnnxEngine
 from wayfarer.serve import serve_command
 

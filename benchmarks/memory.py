@@ -11,11 +11,10 @@ the server with none.
 import argparse
 import asyncio
 
+from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.models import add_engine
 from benchmarks.servers import SESSIONS, loaded, settings
-
-from benchmarks import bench
 from wayfarer_lab.load.plan import Plan
 from wayfarer_lab.load.target import own_server
 

@@ -15,10 +15,9 @@ import time
 from math import ceil
 from pathlib import Path
 
+from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.models import GENDER, add_engine, opened
-
-from benchmarks import bench
 from wayfarer.runtime.engines.engine import Engine
 from wayfarer.runtime.engines.resting import resting_inputs
 from wayfarer.spec import STEP_SECONDS

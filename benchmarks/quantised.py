@@ -34,14 +34,14 @@ from typing import Final
 import numpy as np
 import onnx
 import onnxruntime
-from benchmarks.bench import Row
-from benchmarks.flops import PRODUCTS
-from benchmarks.models import ENGINES, GENDER
 from numpy.typing import NDArray
 from onnx import helper
 from onnxruntime.quantization import CalibrationDataReader, QuantType, quantize_static
 
 from benchmarks import bench
+from benchmarks.bench import Row
+from benchmarks.flops import PRODUCTS
+from benchmarks.models import ENGINES, GENDER
 from wayfarer.artifacts import ModelFolder
 from wayfarer.body.library import load_body
 from wayfarer.runtime.agent import AgentSpec, Goal, SessionSpec

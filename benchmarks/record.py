@@ -21,10 +21,9 @@ import time
 from pathlib import Path
 from typing import Any
 
+from benchmarks import performance_page
 from benchmarks.bench import meta
 from benchmarks.models import ENGINES
-
-from benchmarks import performance_page
 
 RESULTS = Path(__file__).parent / "results"
 

@@ -23,10 +23,10 @@ from functools import partial
 from typing import Any, Final
 
 import uvloop
-from benchmarks.bench import Row
-from benchmarks.driven import Driven, InstantEngine
 
 from benchmarks import bench
+from benchmarks.bench import Row
+from benchmarks.driven import Driven, InstantEngine
 from wayfarer import config
 from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.stepping import batch, clockwork, playback, scheduler

@@ -13,9 +13,8 @@ import sys
 import time
 from statistics import median
 
-from benchmarks.models import add_engine
-
 from benchmarks import bench
+from benchmarks.models import add_engine
 from wayfarer_lab.load.target import own_server
 
 LIBRARIES = "import fastapi, grpc, numpy, onnxruntime, pydantic_settings, structlog, typer, uvicorn"

@@ -27,11 +27,11 @@ from itertools import product
 from pathlib import Path
 
 import onnxruntime
+
+from benchmarks import bench, gemm
 from benchmarks.bench import Row
 from benchmarks.flops import products
 from benchmarks.models import ENGINES, GENDER, opened, step_graph
-
-from benchmarks import bench, gemm
 from wayfarer.artifacts import open_session
 from wayfarer.runtime.engines.engine import Engine
 from wayfarer.runtime.engines.onnx_engine import INPUTS

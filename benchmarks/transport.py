@@ -14,11 +14,10 @@ import sys
 import time
 from contextlib import AbstractAsyncContextManager, suppress
 
+from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.models import DEFAULT_ENGINE
 from benchmarks.servers import settings
-
-from benchmarks import bench
 from wayfarer.runtime.settings import WorldSettings
 from wayfarer.spec import STEP_SECONDS
 from wayfarer_lab.load.client import SimulatedClient

@@ -6,6 +6,7 @@ import queue
 import subprocess
 import sys
 import threading
+from collections.abc import Mapping, Sequence
 from types import TracebackType
 from typing import Self
 
@@ -16,18 +17,27 @@ LIGHT = {"WAYFARER_CANDIDATES": "2", "WAYFARER_ADMISSION": "false"}  # tests sha
 class Service:
     """The shipped model on free ports of this machine; a context manager."""
 
-    def __init__(self, *options: str) -> None:
-        """`options`: further ones of `wayfarer serve`. Raises RuntimeError with what it said."""
+    def __init__(
+        self,
+        *options: str,
+        before: Sequence[str] = (),
+        environment: Mapping[str, str] = os.environ,
+    ) -> None:
+        """`options`: further ones of `wayfarer serve`; `before`: a command that runs it.
+
+        Raises RuntimeError with what it said.
+        """
         command = [sys.executable, "-m", "wayfarer.cli", "serve", "--log-format", "json"]
         self.process = subprocess.Popen(
-            [*command, *FREE_PORTS, *options],
-            env={**os.environ, **LIGHT},
+            [*before, *command, *FREE_PORTS, *options],
+            env={**environment, **LIGHT},
             stderr=subprocess.PIPE,
             text=True,
         )
         self.said: list[str] = []
         ready: queue.Queue[dict[str, str] | None] = queue.Queue()
-        threading.Thread(target=self._listen, args=(ready,), daemon=True).start()
+        self._listener = threading.Thread(target=self._listen, args=(ready,), daemon=True)
+        self._listener.start()
         found = ready.get(timeout=300)  # on a machine with other work
         if found is None:
             raise RuntimeError("the service did not start:\n" + "".join(self.said[-20:]))
@@ -50,6 +60,7 @@ class Service:
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
+        self._listener.join(timeout=20)  # its children have ended, too
 
     def __enter__(self) -> Self:
         return self

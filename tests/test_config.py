@@ -155,6 +155,8 @@ def test_ways_beyond_loopback(given):
         ({"auth": {"certificate_scopes": ["write"]}}, "write is no scope"),
         ({"cors_origins": ["*"]}, "is no origin"),
         ({"cors_origins": ["https://a.example/"]}, "with no path"),
+        ({"allowed_hosts": ["a.example:8080"]}, "no scheme and no port"),
+        ({"allowed_hosts": ["https://a.example"]}, "'https://a.example' is no host name"),
     ],
 )
 def test_settings_that_do_not_fit_together(given, what):

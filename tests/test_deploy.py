@@ -11,6 +11,7 @@ import yaml
 from wayfarer import config_sources
 from wayfarer.runtime.stats import LoopStats
 from wayfarer.transport.metrics import Metrics
+from wayfarer.transport.operation import Operation
 
 ROOT = Path(__file__).parent.parent
 DEPLOY = ROOT / "deploy"
@@ -95,16 +96,24 @@ def test_what_compose_mounts_is_there_and_what_it_scrapes_is_a_service():
         for volume in service.get("volumes", ()):
             source = volume.split(":")[0]
             assert source in compose()["volumes"] or (ROOT / source).is_dir()
+    assert scraped().split(":")[0] in services
+
+
+def scraped() -> str:
+    """Host and port."""
     scrape = yaml.safe_load((DEPLOY / "prometheus/prometheus.yml").read_text())
     (target,) = scrape["scrape_configs"][0]["static_configs"][0]["targets"]
-    assert target.split(":")[0] in services
+    return target
 
 
 def test_compose_sets_what_the_service_knows(monkeypatch):
     monkeypatch.setenv("WAYFARER_HOST", "0.0.0.0")  # as the image does
     for name, value in compose()["services"]["wayfarer"]["environment"].items():
         monkeypatch.setenv(name, value)
-    assert config_sources.load({}).insecure_no_auth
+    settings = config_sources.load({})
+    assert settings.insecure_no_auth
+    origins = Operation.from_settings(settings).origins
+    assert origins.is_name(scraped()) and not origins.is_name("evil.example")
 
 
 def test_monitoring_is_started_only_when_asked_for():

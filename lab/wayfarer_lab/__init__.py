@@ -2,3 +2,5 @@
 
 `wayfarer` never imports this package (a contract in pyproject.toml says so).
 """
+
+import wayfarer  # noqa: F401  switches telemetry of the engines off before they are imported

@@ -5,6 +5,7 @@ nested `WAYFARER_LIMITS__AGENTS=128`); a TOML file (`--config` or `WAYFARER_CONF
 Unknown keys are refused wherever they stand. Lists are written with commas in the environment.
 """
 
+import re
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Annotated, Final, Literal
@@ -42,6 +43,12 @@ def _origin(text: str) -> str:
     if parts.scheme not in ("http", "https") or f"{parts.scheme}://{parts.netloc}" != text:
         raise ValueError(f"{text!r} is no origin; write https://example.org, with no path")
     return text
+
+
+def _host(text: str) -> str:
+    if not re.fullmatch(r"\*|[A-Za-z0-9_]([A-Za-z0-9_.-]*[A-Za-z0-9_])?", text):
+        raise ValueError(f"{text!r} is no host name; write example.org, with no scheme and no port")
+    return text.lower()
 
 
 class Limits(BaseModel):
@@ -220,6 +227,13 @@ class Settings(BaseSettings):
     cors_origins: Annotated[
         Texts, AfterValidator(lambda found: tuple(_origin(text) for text in found))
     ] = Field(default=(), description="origins of web pages that may call, as https://example.org")
+    allowed_hosts: Annotated[
+        Texts, AfterValidator(lambda found: tuple(_host(text) for text in found))
+    ] = Field(
+        default=(),
+        description="further names by which the server is called, as wayfarer.example.org; "
+        "*: any; looked at where callers show no credentials",
+    )
     metrics: Literal["guarded", "open", "off"] = Field(
         default="guarded", description="who may read /metrics; guarded: callers with scope read"
     )

@@ -11,6 +11,7 @@ from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
 from tests.transport.auth.test_keys import FILE, STUDIO
+from wayfarer import config_sources
 from wayfarer.errors import Unavailable
 from wayfarer.runtime.agent import AgentState
 from wayfarer.runtime.stats import LoopStats
@@ -60,19 +61,20 @@ def guarded(tmp_path, per_second: int = 1000) -> Guard:
     path.write_text(
         FILE.replace("calls_per_second = 5", f"calls_per_second = {per_second}") + ADMIN
     )
-    return Guard(Authenticator(KeyFile(path)), CallRates(1000))
+    return Guard(Authenticator(KeyFile(path)), CallRates(1000, clock=lambda: 0.0))
 
 
 def client(operation: Operation, stats=None, **options) -> TestClient:
     async def told() -> LoopStats:
         return STATS
 
+    options = {"base_url": "http://localhost", **options}
     return TestClient(front(APP, operation, stats or told), **options)
 
 
 @pytest.fixture
 def operation(tmp_path):
-    listed = Origins(frozenset({"https://app.example"}), local_only=False)
+    listed = Origins(frozenset({"https://app.example"}), names=None)
     return Operation(guarded(tmp_path), listed)
 
 
@@ -177,6 +179,52 @@ def test_without_a_list_there_is_no_cors():
     assert "access-control-allow-origin" not in answer.headers
 
 
+FOREIGN = {"host": "evil.example"}
+
+
+@pytest.mark.parametrize("path", ["/v1/me/x", "/metrics", "/index.html", "/v1/nothing"])
+def test_a_foreign_name_that_points_here_reads_nothing(path):
+    answer = client(Operation()).get(path, headers=FOREIGN)
+    assert answer.status_code == 403
+    assert (
+        "'evil.example'" in answer.json()["detail"] and "allowed_hosts" in answer.json()["detail"]
+    )
+
+
+def test_a_foreign_name_that_points_here_changes_nothing():
+    page = {**FOREIGN, "origin": "http://evil.example"}
+    http = client(Operation())
+    assert http.post("/v1/me/x", headers=page).status_code == 403
+    closed = closed_with(http, headers=page)
+    assert closed.code == 4403 and "allowed_hosts" in closed.reason
+
+
+def test_probes_may_call_by_any_name():
+    assert client(Operation()).get("/v1/health/live", headers=FOREIGN).status_code == 200
+
+
+def test_names_that_are_listed_will_do():
+    settings = config_sources.load({"allowed_hosts": ["Wayfarer"]})
+    http = client(Operation.from_settings(settings))
+    assert http.get("/metrics", headers={"host": "wayfarer:8080"}).status_code == 200
+    assert http.get("/metrics", headers=FOREIGN).status_code == 403
+
+
+def test_where_credentials_are_asked_for_any_name_will_do(http):
+    assert http.get("/v1/me/x", headers={**KEY, **FOREIGN}).status_code == 200
+
+
+@pytest.mark.parametrize("path", ["/v1/health/live", "/index.html", "/v1/me/x"])
+def test_answers_say_what_a_page_may_load_and_who_may_frame_it(http, path):
+    for answer in (http.get(path), client(Operation()).get(path)):
+        policy = answer.headers["content-security-policy"]
+        assert "default-src 'none'" in policy and "script-src 'self';" in policy
+        assert answer.headers["x-frame-options"] == "SAMEORIGIN"
+    assert policy.endswith("frame-ancestors 'self'")
+    listed = http.get(path).headers["content-security-policy"]
+    assert listed.endswith("frame-ancestors 'self' https://app.example")
+
+
 # sockets
 
 
@@ -257,7 +305,7 @@ def test_requests_are_counted_by_route_never_by_what_a_client_makes_up():
     http.get("/v1/made/up")
     http.request("BREW", "/v1/me/ada")
     http.get("/v1/fail")
-    with http.websocket_connect("/v1/stream") as socket:
+    with http.websocket_connect("ws://localhost/v1/stream") as socket:
         socket.receive_json()
     page = http.get("/metrics").text
     assert "ada" not in page and "up" not in re.findall(r'route="([^"]*)"', page)

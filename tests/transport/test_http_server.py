@@ -1,6 +1,7 @@
 """HTTP, spoken to by a real client."""
 
 import base64
+import gzip
 import json
 
 import numpy as np
@@ -96,6 +97,22 @@ async def test_malformed_json_is_refused(rig):
         "/v1/sessions", content="{", headers={"content-type": "application/json"}
     )
     assert answer.status_code == 422
+
+
+@pytest.mark.parametrize("coding", ["gzip", "br", "identity, gzip", "made-up"])
+async def test_a_compressed_body_is_refused(rig, coding):
+    packed = gzip.compress(b"{}")
+    answer = await rig.http.post(
+        "/v1/sessions", content=packed, headers={"content-encoding": coding}
+    )
+    assert answer.status_code == 415 and answer.headers["accept-encoding"] == "identity"
+    assert answer.json()["type"] == "about:blank" and "identity" in answer.json()["detail"]
+
+
+async def test_a_body_that_says_it_is_not_compressed_is_taken(rig):
+    headers = {"content-encoding": "Identity", "content-type": "application/json"}
+    answer = await rig.http.post("/v1/sessions", content=b"{}", headers=headers)
+    assert answer.status_code == 201
 
 
 async def test_a_large_body_of_unknown_length_is_refused(rig):

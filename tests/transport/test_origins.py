@@ -1,6 +1,8 @@
+import socket
+
 import pytest
 
-from wayfarer.transport.origins import Origins
+from wayfarer.transport.origins import Origins, own_names
 
 HOST = "wayfarer.example:8080"
 
@@ -26,13 +28,38 @@ HOST = "wayfarer.example:8080"
     ],
 )
 def test_pages_that_may_call(origin, allowed):
-    rule = Origins(frozenset({"https://app.example"}), local_only=False)
+    rule = Origins(frozenset({"https://app.example"}))
     assert rule.allows(origin, HOST) == allowed
 
 
-@pytest.mark.parametrize("host", ["evil.example:8080", "localhost.evil.example:8080"])
-def test_a_foreign_name_that_points_here_is_not_this_machine(host):
-    rule = Origins(local_only=True)
-    assert not rule.allows(f"http://{host}", host)
-    assert rule.allows("http://localhost:8080", "localhost:8080")
-    assert rule.allows("http://127.0.0.1:8080", "127.0.0.1:8080")
+@pytest.mark.parametrize(
+    ("host", "known"),
+    [
+        ("localhost", True),
+        ("localhost:8080", True),
+        ("LOCALHOST.:8080", True),
+        ("viewer.localhost:8080", True),
+        ("127.0.0.1:8080", True),
+        ("[::1]:8080", True),
+        ("192.168.1.5:8080", True),  # no address can be made to point elsewhere
+        ("[2001:db8::5]", True),
+        ("wayfarer:8080", True),  # listed
+        ("Wayfarer", True),
+        (f"{socket.gethostname()}:8080", True),
+        (f"{socket.gethostname()}.local", True),
+        ("evil.example", False),
+        ("evil.example:8080", False),
+        ("localhost.evil.example", False),
+        ("evil-localhost", False),
+        ("127.0.0.1.evil.example", False),
+        ("wayfarer.evil.example", False),
+        ("evil.example@localhost.evil.example", False),
+        ("", False),
+        ("[::1", False),
+    ],
+)
+def test_names_of_a_server_that_asks_for_no_credentials(host, known):
+    rule = Origins(names=own_names() | {"wayfarer"})
+    assert rule.is_name(host) == known
+    assert Origins(names=None).is_name(host)  # credentials are asked for
+    assert Origins(names=frozenset({"*"})).is_name(host)

@@ -3,6 +3,7 @@
 import pytest
 import websockets
 from starlette.datastructures import QueryParams
+from websockets.frames import Frame, Opcode
 
 from tests.transport.rig import others_are_undisturbed, until
 from wayfarer.errors import InvalidArgument
@@ -110,6 +111,22 @@ async def test_control_says_what_a_frame_must_be(rig, frame):
         with pytest.raises(websockets.ConnectionClosed) as caught:
             await socket.recv()
     assert caught.value.rcvd.code == 4422
+
+
+@pytest.mark.parametrize("parts", [[b"\xff\xfe"], [b"walk \xe2\x82", b"now"]])
+async def test_a_text_that_is_not_utf_8_closes_with_1007(rig, parts):
+    session_id, _ = await rig.session()
+    for path in ("control", f"stream?session={session_id}"):
+        async with websockets.connect(f"{rig.ws_url}/v1/{path}") as socket:
+            for last, data in enumerate(parts, 1):
+                kind = Opcode.TEXT if last == 1 else Opcode.CONT
+                socket.protocol.send_frame(Frame(kind, data, fin=last == len(parts)))
+            socket.transport.write(b"".join(socket.protocol.data_to_send()))
+            with pytest.raises(websockets.ConnectionClosed) as caught:
+                while True:
+                    await socket.recv()
+        assert caught.value.rcvd.code == 1007 and "UTF-8" in caught.value.rcvd.reason
+    await until(lambda: rig.service.subscriptions[0].closed)
 
 
 async def test_a_malformed_frame_ends_control_and_its_subscription(rig):

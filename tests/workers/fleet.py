@@ -14,7 +14,8 @@ from wayfarer.config import Settings
 from wayfarer.runtime.agent import AgentInfo, AgentSpec, SessionInfo, SessionSpec
 from wayfarer.shard import Shard, agent_id
 from wayfarer.transport import schema
-from wayfarer.transport.auth import Presented
+from wayfarer.transport.auth import Authenticator, Presented
+from wayfarer.transport.auth.keys import KeyFile
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.caller import LOCAL, Caller
 from wayfarer.transport.fleet import Fleet
@@ -88,7 +89,7 @@ class FakeSupervisor:
 
 
 class Rig:
-    """A running front and its workers."""
+    """A running front and its workers. `keys`: file of those that the front asks for."""
 
     def __init__(self, folder: Path, count: int = 2, keys: Path | None = None) -> None:
         self.folder, self.count, self.keys = folder, count, keys
@@ -132,7 +133,9 @@ class Rig:
         self.workers = [FakeWorker(i) for i in range(self.count)]
         self.front = Front(
             settings,
-            Operation(drain_s=0.2),
+            Operation(
+                Guard(Authenticator(KeyFile(self.keys))) if self.keys else Guard(), drain_s=0.2
+            ),
             doors,
             LeastLoaded(self.workers, lambda: 0.0),
             FakeSupervisor(self.workers),  # type: ignore[arg-type]

@@ -1,4 +1,5 @@
 import asyncio
+import base64
 import json
 
 import grpc
@@ -8,6 +9,7 @@ from google.rpc.error_details_pb2 import ErrorInfo
 from google.rpc.status_pb2 import Status
 from grpc_health.v1 import health_pb2, health_pb2_grpc
 
+from tests.transport.auth.test_keys import FILE, STUDIO
 from tests.transport.rig import until
 from tests.workers.fleet import Rig
 from wayfarer.v1 import (
@@ -362,3 +364,46 @@ async def test_who_never_says_what_it_wants_is_let_go(rig, monkeypatch):
         with pytest.raises(websockets.ConnectionClosedError) as closed:
             await socket.recv()
         assert closed.value.rcvd.code == 4422
+
+
+async def refused_at_once(address: str, **options) -> websockets.Close:
+    """How a socket is closed on which nothing is sent."""
+    async with asyncio.timeout(10), websockets.connect(address, **options) as socket:
+        with pytest.raises(websockets.ConnectionClosedError) as closed:
+            await socket.recv()
+        return closed.value.rcvd
+
+
+async def test_who_calls_is_asked_at_the_handshake(tmp_path):
+    (tmp_path / "keys.toml").write_text(FILE)
+    async with Rig(tmp_path, keys=tmp_path / "keys.toml") as rig:
+        for path in ("control", "stream?session=session-0000"):
+            address = f"{rig.ws_url}/v1/{path}"
+            assert (await refused_at_once(address)).code == 4401
+            wrong = {"x-api-key": "wf_no"}
+            assert (await refused_at_once(address, additional_headers=wrong)).code == 4401
+            key = {"x-api-key": STUDIO}
+            page = await refused_at_once(
+                address, additional_headers=key, origin="https://evil.example"
+            )
+            assert page.code == 4403 and "cors_origins" in page.reason
+        assert rig.guard.seen == []  # no worker was troubled
+        text = base64.urlsafe_b64encode(STUDIO.encode()).decode().rstrip("=")
+        offered = ["wayfarer.v1", f"wayfarer.token.{text}"]
+        async with websockets.connect(f"{rig.ws_url}/v1/control", subprotocols=offered) as socket:
+            assert socket.subprotocol == "wayfarer.v1"
+            await socket.send(b"\xff")  # the worker is shown the token, too
+            with pytest.raises(websockets.ConnectionClosedError):
+                await socket.recv()
+        assert [shown.bearer for shown, _ in rig.guard.seen] == [STUDIO]
+
+
+async def test_a_foreign_name_that_points_here_reads_nothing(rig):
+    port = rig.front.http_url.rpartition(":")[2]
+    for path in ("/v1/sessions", "/v1/info", "/metrics", "/docs/", "/openapi.json", "/"):
+        answer = await rig.http.get(path, headers={"host": f"evil.example:{port}"})
+        assert answer.status_code == 403, path
+    for path in ("control", "stream?session=session-0000"):
+        address = f"ws://evil.example:{port}/v1/{path}"
+        closed = await refused_at_once(address, host="127.0.0.1", port=int(port))
+        assert closed.code == 4403 and "allowed_hosts" in closed.reason

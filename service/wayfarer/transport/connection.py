@@ -1,8 +1,10 @@
 """HTTP connections as uvicorn sees them, with what it lacks: an end to slow requests, a bound on
-their number, and the name in the client's certificate.
+their number and on their heads, and the name in the client's certificate.
 """
 
 import asyncio
+import json
+from http import HTTPStatus
 from typing import Any, Final
 
 import h11
@@ -13,10 +15,61 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 REQUEST_S: Final = 20.0
 """A whole request must have come in within so long of its first byte, or of the connection."""
 
-UNREADABLE: Final = b"HTTP/1.1 400 Bad Request\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
+HEAD_BYTES: Final = 32 * 1024
+"""Of the head of a request: its first line and its headers."""
+
+NO_TEXT: Final = 1007
+"""WebSocket close code of a text that is not UTF-8 (RFC 6455, 8.1)."""
+
+SEPARATORS: Final = len(b": \r\n")
+"""Of a line of the head, about."""
 
 CERTIFICATE: Final = "certificate"
 """Key of the scope's `state`: common name of the client's verified certificate."""
+
+
+class StrictParser(h11.Connection):
+    """h11's, which bounds only heads that come in pieces, and forgives two lengths of a body."""
+
+    def __init__(self) -> None:
+        super().__init__(h11.SERVER, HEAD_BYTES)
+        self.refusal = refusal(HTTPStatus.BAD_REQUEST, "the request cannot be read")
+
+    def next_event(self) -> Any:
+        """As h11's. `refusal` answers the request when this raises RemoteProtocolError."""
+        try:
+            event = super().next_event()
+            if isinstance(event, h11.Request):
+                _check_head(event)
+        except h11.RemoteProtocolError as error:
+            self.refusal = refusal(error.error_status_hint, str(error))
+            raise
+        return event
+
+
+def _check_head(request: h11.Request) -> None:
+    """Raises RemoteProtocolError."""
+    headers = list(request.headers)
+    size = len(request.method) + len(request.target) + sum(len(n) + len(v) for n, v in headers)
+    if size + SEPARATORS * (len(headers) + 1) > HEAD_BYTES:
+        raise h11.RemoteProtocolError(
+            f"the head of a request has {HEAD_BYTES} bytes at most", error_status_hint=431
+        )
+    if {b"content-length", b"transfer-encoding"} <= {name for name, _ in headers}:
+        # a proxy before this server may go by the other one, and see another request's beginning
+        raise h11.RemoteProtocolError("Content-Length or Transfer-Encoding, not both")
+
+
+def refusal(status: int, detail: str) -> bytes:
+    """The answer to a request that is not read any further."""
+    phrase = HTTPStatus(status).phrase
+    problem = {"type": "about:blank", "title": phrase, "status": int(status), "detail": detail}
+    body = json.dumps(problem).encode()
+    head = (
+        f"HTTP/1.1 {int(status)} {phrase}\r\nConnection: close\r\nContent-Length: {len(body)}\r\n"
+        "Content-Type: application/problem+json\r\nX-Content-Type-Options: nosniff\r\n\r\n"
+    )
+    return head.encode() + body
 
 
 class HttpConnection(H11Protocol):
@@ -26,6 +79,7 @@ class HttpConnection(H11Protocol):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
+        self.conn: StrictParser = StrictParser()
         self._deadline: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
@@ -46,6 +100,12 @@ class HttpConnection(H11Protocol):
         """The next request may be here already, in part."""
         super().on_response_complete()
         self._watch(h11.SEND_BODY)
+
+    def send_400_response(self, msg: str) -> None:
+        """Say what is wrong with a request that is not read any further, and hang up."""
+        if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
+            self.transport.write(self.conn.refusal)
+        self.transport.close()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget the deadline."""
@@ -78,14 +138,18 @@ class SocketConnection(WebSocketsSansIOProtocol):
         """Take a piece. Of a handshake that cannot be read, uvicorn would say nothing for ever."""
         super().data_received(data)
         if self.conn.handshake_exc is not None and not self.handshake_initiated:
-            self.transport.write(UNREADABLE)
+            self.transport.write(
+                refusal(HTTPStatus.BAD_REQUEST, "the WebSocket handshake cannot be read")
+            )
             self.transport.close()
 
     def send_receive_event_to_app(self) -> None:
-        """Hand a message on. A text that is not UTF-8 ends the connection; uvicorn would fail."""
+        """Hand a message on. A text that is not UTF-8 ends the connection."""
         if self.curr_msg_data_type == "text" and not _is_text(b"".join(self.frames)):
             self.frames = []
-            self.transport.abort()
+            if not self.close_sent:
+                self.conn.fail(NO_TEXT, "a text frame must be UTF-8")
+                self.handle_parser_exception()
             return
         super().send_receive_event_to_app()
 

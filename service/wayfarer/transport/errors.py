@@ -83,6 +83,11 @@ TOO_LARGE: Final = Code(
 )
 """Told by the servers themselves, before a request is read; gRPC does so without details."""
 
+COMPRESSED: Final = Code(
+    grpc.StatusCode.UNIMPLEMENTED, HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "Unsupported media type"
+)
+"""Likewise, of a compressed request; gRPC unpacks what it knows, within its bounds."""
+
 
 MOST_VIOLATIONS: Final = 16
 """Told of one request."""

@@ -25,18 +25,24 @@ class Guard:
     authenticator: Authenticator = field(default_factory=Authenticator)
     rates: CallRates = field(default_factory=lambda: CallRates(100))
 
-    async def admit(self, shown: Presented, address: str) -> Caller:
-        """Let a call in and handle the rest of this task as its caller's.
+    async def authenticate(self, shown: Presented, address: str) -> Caller:
+        """Who calls. `address`: of the other end, without port.
 
-        `address`: of the other end, without port. Raises Unauthenticated, ResourceExhausted,
-        Unavailable.
+        Raises Unauthenticated; ResourceExhausted after too many failures; Unavailable.
         """
         try:
-            caller = await self.authenticator.caller(shown)
+            return await self.authenticator.caller(shown)
         except Unauthenticated as error:
             self.rates.failed(address)
             log.info("call refused", address=address, reason=str(error))
             raise
+
+    async def admit(self, shown: Presented, address: str) -> Caller:
+        """Let a call in and handle the rest of this task as its caller's.
+
+        Raises what `authenticate` raises, and ResourceExhausted beyond the caller's rate.
+        """
+        caller = await self.authenticate(shown, address)
         self.rates.count(caller)
         callers.enter(caller)
         limits.count_with(partial(self.rates.count, caller))

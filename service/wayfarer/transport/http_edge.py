@@ -8,7 +8,7 @@ from typing import Any, Final
 import structlog
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from starlette.datastructures import MutableHeaders
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 from starlette.staticfiles import StaticFiles
@@ -31,7 +31,9 @@ def _described(*codes: errors.Code) -> dict[int | str, dict[str, Any]]:
     }
 
 
-PROBLEMS: Final = _described(*errors.TABLE.values(), errors.TOO_LARGE, errors.INTERNAL)
+PROBLEMS: Final = _described(
+    *errors.TABLE.values(), errors.TOO_LARGE, errors.COMPRESSED, errors.INTERNAL
+)
 """OpenAPI's description of every error answer."""
 
 # The machine's own table may lack these, or have them wrong.
@@ -41,6 +43,12 @@ for suffix, kind in ((".js", "text/javascript"), (".glb", "model/gltf-binary")):
 
 MESHES: Final = "/v1/scenes/mesh"
 """Where files come that may be larger than other requests."""
+
+COMPRESSED: Final = HTTPException(
+    errors.COMPRESSED.http,
+    "content-encoding: only identity is taken; send the body uncompressed",
+    {"accept-encoding": "identity"},
+)
 
 
 class Edge:
@@ -52,7 +60,7 @@ class Edge:
         self._mesh_bytes = mesh_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Refuse a body that is, or turns out to be, too large."""
+        """Refuse a body that is, or turns out to be, too large, and one that is compressed."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -74,9 +82,14 @@ class Edge:
                 headers.setdefault("x-content-type-options", "nosniff")
             await send(message)
 
-        length = dict(scope["headers"]).get(b"content-length", b"0")
+        headers = Headers(scope=scope)
+        length = headers.get("content-length", "0")
         if length.isdigit() and int(length) > most:
             await _http_problem(too_large)(scope, receive, headed_send)
+            return
+        codings = ",".join(headers.getlist("content-encoding")).lower().split(",")
+        if {coding.strip() for coding in codings} - {"", "identity"}:
+            await _http_problem(COMPRESSED)(scope, receive, headed_send)
             return
         await self._app(scope, bounded_receive, headed_send)
 

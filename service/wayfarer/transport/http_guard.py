@@ -29,6 +29,16 @@ TOKEN_SUBPROTOCOL: Final = "wayfarer.token."
 READS: Final = ("GET", "HEAD", "OPTIONS")
 METHODS: Final = (*READS, "POST", "PUT", "PATCH", "DELETE")
 STREAM_TYPES: Final = ("text/event-stream", "application/x-ndjson")
+PAGE_POLICY: Final = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "img-src 'self' data: blob:; connect-src 'self' ws: wss: data: blob:; base-uri 'none'; "
+    "form-action 'none'"
+)
+"""Content-Security-Policy of the viewer and of /docs: nothing comes from elsewhere."""
+
+HOST_SHOWN: Final = 64
+"""Characters of a Host header that are told again."""
+
 REASON_BYTES: Final = 123
 """RFC 6455, 5.5: a control frame has 125 bytes, two of them the code."""
 
@@ -61,6 +71,8 @@ class HttpGuard:
                 status = message["status"]
                 answer = MutableHeaders(scope=message)
                 answer["x-request-id"] = request_id
+                answer["content-security-policy"] = page_policy(self.origins)
+                answer["x-frame-options"] = "SAMEORIGIN"  # for what knows no frame-ancestors
                 streams = answer.get("content-type", "").startswith(STREAM_TYPES)
             elif message["type"] == "websocket.accept":
                 if message.get("subprotocol") is None and SUBPROTOCOL in scope["subprotocols"]:
@@ -71,7 +83,7 @@ class HttpGuard:
 
         try:
             try:
-                self._check_origin(scope, headers)
+                check_page(scope, headers, self.origins)
                 shown = presented(scope, headers)
                 if self._is_guarded(scope["path"]):
                     await self.guard.admit(shown, _address(scope))
@@ -87,17 +99,7 @@ class HttpGuard:
     def _is_guarded(self, path: str) -> bool:
         if path == "/metrics":
             return not self.metrics_open
-        return path.startswith("/v1/") and not path.startswith("/v1/health/")
-
-    def _check_origin(self, scope: Scope, headers: Headers) -> None:
-        """A page elsewhere may neither read a socket nor change anything."""
-        if scope["type"] == "http" and scope["method"] in READS:
-            return  # what it may read is CORS's business
-        origin = headers.get("origin")
-        if not self.origins.allows(origin, headers.get("host", "")):
-            raise PermissionDenied(
-                "web pages of this origin may not call; the setting cors_origins lists which may"
-            )
+        return path.startswith("/v1/") and not _is_health(path)
 
     def _note(self, scope: Scope, status: int, streams: bool, seconds: float) -> None:
         if streams:
@@ -108,6 +110,30 @@ class HttpGuard:
             path = scope["path"][:200]
             ms = round(1e3 * seconds, 2)
             log.info("call", method=_method(scope), path=path, status=status, ms=ms)
+
+
+def check_page(scope: Scope, headers: Mapping[str, str], origins: Origins) -> None:
+    """A page elsewhere may neither read a socket nor change anything; what else it may read is
+    CORS's business. Raises PermissionDenied.
+    """
+    host = headers.get("host", "")
+    if not origins.is_name(host) and not _is_health(scope["path"]):
+        raise PermissionDenied(
+            f"{host[:HOST_SHOWN]!r} is no name of this server; the setting allowed_hosts lists "
+            "further ones, and localhost and addresses will do, too"
+        )
+    if scope["type"] == "http" and scope["method"] in READS:
+        return
+    if not origins.allows(headers.get("origin"), host):
+        raise PermissionDenied(
+            "web pages of this origin may not call; the setting cors_origins lists which may"
+        )
+
+
+def page_policy(origins: Origins) -> str:
+    """Content-Security-Policy. Pages of this server may be framed by those that may call."""
+    framing = " ".join(("'self'", *sorted(origins.listed)))
+    return f"{PAGE_POLICY}; frame-ancestors {framing}"
 
 
 def presented(scope: Scope, headers: Mapping[str, str]) -> Presented:
@@ -145,6 +171,11 @@ def _socket_token(scope: Scope) -> str:
         raise Unauthenticated(
             f"the subprotocol {TOKEN_SUBPROTOCOL}… must end in the key or token in base64url"
         ) from None
+
+
+def _is_health(path: str) -> bool:
+    """Probes call by whatever name they have, and are told nothing else."""
+    return path.startswith("/v1/health/")
 
 
 def _address(scope: Scope) -> str:

@@ -7,7 +7,7 @@ from wayfarer.transport.auth import Authenticator
 from wayfarer.transport.guard import Guard
 from wayfarer.transport.limits import CallRates
 from wayfarer.transport.metrics import Metrics
-from wayfarer.transport.origins import Origins
+from wayfarer.transport.origins import Origins, own_names
 from wayfarer.transport.tls import Tls
 from wayfarer.transport.tracing import NoTracing, Tracing, tracing
 
@@ -40,7 +40,9 @@ class Operation:
             ),
             origins=Origins(
                 frozenset(settings.cors_origins),
-                local_only=settings.is_loopback and not settings.has_auth,
+                None
+                if settings.has_auth
+                else own_names() | {settings.host.lower(), *settings.allowed_hosts},
             ),
             metrics=Metrics(traces.step if settings.otlp_endpoint else None),
             metrics_access=settings.metrics,

@@ -1,38 +1,69 @@
-"""Which web pages may call: those of this server, of this machine, and of a list."""
+"""Which web pages may call, and by which names the server may be called."""
 
+import socket
 from dataclasses import dataclass
 from ipaddress import ip_address
+from typing import Final
 from urllib.parse import urlsplit
+
+ANY: Final = "*"
+"""Among `names`: all."""
 
 
 @dataclass(frozen=True, slots=True)
 class Origins:
-    """The rule for the `Origin` header that browsers send.
+    """The rules for the headers `Origin` and `Host` that browsers send."""
 
-    A page of the server itself is one whose host is that of the request. On a server that asks
-    for no credentials and listens on loopback, that host must be this machine's own, too: else a
-    foreign name that is made to point here (DNS rebinding) would do.
-    """
+    listed: frozenset[str] = frozenset()  # origins of pages elsewhere, as https://example.org
+    names: frozenset[str] | None = frozenset()  # of the server, in lower case; None: any will do
 
-    listed: frozenset[str] = frozenset()  # as https://example.org
-    local_only: bool = True
+    def is_name(self, host: str) -> bool:
+        """Whether `host`, a Host header with or without port, is a name of this server.
+
+        On a server that asks nobody for credentials it must be. A page whose own name is made to
+        point here (DNS rebinding) is the server's own to its browser, which lets it read every
+        answer; but that name stands in `Host`. An address cannot be made to point elsewhere, so
+        all addresses are names of this server.
+        """
+        if self.names is None or ANY in self.names:
+            return True
+        try:
+            name = (urlsplit(f"//{host}").hostname or "").removesuffix(".")
+        except ValueError:  # no host
+            return False
+        return name in self.names or _is_address(name) or is_this_machine(name)
 
     def allows(self, origin: str | None, host: str) -> bool:
-        """`host`: the request's Host header. Programs send no origin: none is a browser's."""
+        """Whether a page of `origin` may change something, or open a socket.
+
+        A page of the server itself is one whose host is `host`. Programs send no origin: none is
+        a browser's.
+        """
         if origin is None or origin in self.listed:
             return True
         try:
             parts = urlsplit(origin)
-            if is_this_machine(parts.hostname or ""):
-                return True
+            return is_this_machine(parts.hostname or "") or parts.netloc == host
         except ValueError:  # no URL
             return False
-        return parts.netloc == host and not self.local_only
+
+
+def own_names() -> frozenset[str]:
+    """What this machine calls itself, in its own network and in multicast DNS."""
+    name = socket.gethostname().lower()
+    return frozenset({name, f"{name}.local"})
 
 
 def is_this_machine(host: str) -> bool:
     """Whether a host name or address is loopback's."""
+    if host == "localhost" or host.endswith(".localhost"):
+        return True
+    return _is_address(host) and ip_address(host).is_loopback
+
+
+def _is_address(host: str) -> bool:
     try:
-        return ip_address(host).is_loopback
+        ip_address(host)
     except ValueError:
-        return host == "localhost" or host.endswith(".localhost")
+        return False
+    return True

@@ -34,9 +34,6 @@ log = structlog.get_logger(__name__)
 WATCH_S: Final = 0.25
 """Between looks at the health of the runtime."""
 
-HEADER_BYTES: Final = 32 * 1024
-"""Of the head of an HTTP request."""
-
 
 class HttpServer(uvicorn.Server):
     """uvicorn, bounded. Signals are the composition root's business."""
@@ -58,7 +55,6 @@ class HttpServer(uvicorn.Server):
                 server_header=False,
                 proxy_headers=False,
                 limit_concurrency=operation.connections,
-                h11_max_incomplete_event_size=HEADER_BYTES,
                 ws_max_size=limits.message_bytes,
                 ws_per_message_deflate=False,
                 timeout_graceful_shutdown=max(1, round(operation.drain_s)),

@@ -1,7 +1,7 @@
 """The public ports of a server with several workers.
 
 Everything works through them: a call on a session goes to its worker, a new session to the least
-loaded one, what concerns all is asked of all. Who calls, and what he may do, is the workers'
+loaded one, what concerns all is asked of all. Who calls, and what they may do, is the workers'
 business: they are told what the caller has shown.
 """
 
@@ -70,7 +70,7 @@ class Front:
         )
         http_sockets = [door.http for door in doors]
         self._http_relay = HttpRelay(http_sockets, placement, operation.connections)
-        app = self._app(SocketRelay(http_sockets, placement), limits)
+        app = self._app(SocketRelay(http_sockets, placement, operation), limits)
         self._http = HttpServer(app, limits, operation)
         self._drain_s = operation.drain_s
         self.http_url = http_url(host, self._socket, bool(tls))

@@ -50,7 +50,12 @@ async def serve_workers(
         supervisor = Supervisor(
             [WorkerProcess(a.index, command, a.model_dump_json().encode()) for a in plan]
         )
-        loop.add_signal_handler(signal.SIGHUP, supervisor.reload)
+
+        def reload() -> None:
+            operation.guard.authenticator.reload()
+            supervisor.reload()
+
+        loop.add_signal_handler(signal.SIGHUP, reload)
         doors = [Inside(a.folder) for a in plan]
         front = Front(settings, operation, doors, LeastLoaded(supervisor.workers), supervisor)
         await front.start()

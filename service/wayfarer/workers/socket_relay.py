@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from google.protobuf.message import DecodeError
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from websockets.asyncio.client import ClientConnection, unix_connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Origin as OriginHeader
@@ -15,7 +15,8 @@ from websockets.typing import Subprotocol
 
 from wayfarer.errors import Unavailable, WayfarerError
 from wayfarer.transport import errors
-from wayfarer.transport.http_guard import SUBPROTOCOL
+from wayfarer.transport.http_guard import REASON_BYTES, SUBPROTOCOL, check_page, presented
+from wayfarer.transport.operation import Operation
 from wayfarer.transport.websocket import STALL_S
 from wayfarer.v1 import control_pb2
 from wayfarer.workers.grpc_relay import FIRST_S
@@ -36,29 +37,34 @@ CREDENTIALS: Final = ("authorization", "x-api-key", "x-request-id")
 
 
 class SocketRelay:
-    """One per front."""
+    """One per front.
 
-    def __init__(self, sockets: Sequence[Path], placement: Placement) -> None:
+    Who calls is the workers' business, but a socket may be silent for long before anybody knows
+    which worker that is: so pages and credentials are looked at here, too, at the handshake.
+    """
+
+    def __init__(self, sockets: Sequence[Path], placement: Placement, operation: Operation) -> None:
         """`sockets`: of the workers, in order."""
         self._sockets = sockets
         self._placement = placement
+        self._operation = operation
 
     async def stream(self, socket: WebSocket) -> None:
         """`/v1/stream`: the query names the session."""
-        worker = self._placement.find(session_of(socket.url.query))
         try:
+            await self._check(socket)
+            worker = self._placement.find(session_of(socket.url.query))
             async with await self._open(worker, socket) as upstream:
                 await socket.accept(upstream.subprotocol)
                 await _pump(socket, upstream)
         except WayfarerError as error:
-            if socket.client_state.name == "CONNECTING":
-                await socket.accept(_offered(socket))
-            await _close(socket, errors.close_code(error), str(error))
+            await _refuse(socket, error)
 
     async def control(self, socket: WebSocket) -> None:
         """`/v1/control`: the first frame names the session."""
-        await socket.accept(_offered(socket))
         try:
+            await self._check(socket)
+            await socket.accept(_offered(socket))
             async with asyncio.timeout(FIRST_S):
                 first = await socket.receive()
             if first["type"] == "websocket.disconnect":
@@ -72,7 +78,14 @@ class SocketRelay:
         except TimeoutError:
             await _close(socket, 4422, f"nothing was opened within {FIRST_S:g} s")
         except WayfarerError as error:
-            await _close(socket, errors.close_code(error), str(error))
+            await _refuse(socket, error)
+
+    async def _check(self, socket: WebSocket) -> None:
+        """Raises PermissionDenied, Unauthenticated, ResourceExhausted, Unavailable."""
+        scope = dict(socket.scope)  # what is presented is taken out; the worker shall see it, too
+        check_page(scope, socket.headers, self._operation.origins)
+        address = socket.client.host if socket.client else ""
+        await self._operation.guard.authenticate(presented(scope, socket.headers), address)
 
     async def _open(self, worker: int, socket: WebSocket) -> ClientConnection:
         """Raises Unavailable."""
@@ -140,6 +153,14 @@ async def _up(socket: WebSocket, upstream: ClientConnection) -> None:
     with contextlib.suppress(ConnectionClosed):
         while (message := await socket.receive())["type"] != "websocket.disconnect":
             await upstream.send(message.get("bytes") or message.get("text") or b"")
+
+
+async def _refuse(socket: WebSocket, error: WayfarerError) -> None:
+    """Accepted first: a page is told the code and the reason of no other closing."""
+    if socket.application_state is WebSocketState.CONNECTING:
+        await socket.accept(_offered(socket))
+    reason = str(error).encode()[:REASON_BYTES].decode(errors="ignore")
+    await _close(socket, errors.close_code(error), reason)
 
 
 async def _close(socket: WebSocket, code: int, reason: str) -> None:

@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
+from starlette.responses import RedirectResponse
 from starlette.routing import Route
 
 from wayfarer import __version__
@@ -23,6 +24,9 @@ from wayfarer.transport.http_server.sessions import session_routes
 from wayfarer.transport.websocket import add_sockets
 
 VIEWER: Final = Path(__file__).parent.parent / "viewer"
+REFERENCE: Final = Path(__file__).parent.parent / "reference"
+"""The page /docs."""
+
 DESCRIPTION: Final = """
 Motion of digital humans. Open a session, create agents, give them goals; their poses come over
 `WS /v1/stream`, or `WS /v1/control` with goals and acknowledgements over the same socket (protobuf
@@ -44,7 +48,13 @@ ROUTES: Final = (
 
 def http_app(gateway: Gateway, viewer: Path = VIEWER) -> FastAPI:
     """The ASGI application."""
-    app = FastAPI(title="Wayfarer", version=__version__, description=DESCRIPTION)
+    app = FastAPI(
+        title="Wayfarer",
+        version=__version__,
+        description=DESCRIPTION,
+        docs_url=None,  # FastAPI's own pages run scripts from elsewhere
+        redoc_url=None,
+    )
     for routes in ROUTES:
         app.include_router(routes(gateway), responses=PROBLEMS)
     app.include_router(health_routes(gateway))
@@ -54,6 +64,8 @@ def http_app(gateway: Gateway, viewer: Path = VIEWER) -> FastAPI:
     app.add_middleware(Edge, body_bytes=limits.message_bytes, mesh_bytes=limits.mesh_bytes)
     app.openapi = lambda: _document(app)  # type: ignore[method-assign]
     app.router.routes.append(Route("/v1/{rest:path}", Elsewhere(app.openapi)))
+    app.router.routes.append(Route("/docs", lambda request: RedirectResponse("docs/")))
+    app.mount("/docs", RevalidatedFiles(directory=REFERENCE, html=True), name="docs")
     if viewer.is_dir():
         app.mount("/", RevalidatedFiles(directory=viewer, html=True), name="viewer")
     return app
