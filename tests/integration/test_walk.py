@@ -19,7 +19,7 @@ from wayfarer.runtime.settings import Limits as WorldLimits
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.server import Server
-from wayfarer.v1 import motion_pb2
+from wayfarer.v1 import control_pb2, motion_pb2
 
 
 @pytest.fixture
@@ -192,6 +192,30 @@ async def test_websocket_and_grpc_show_the_same_motion(server, client):
         packed = np.frombuffer(by_socket[seq].poses, "<f4").reshape(8, 91)
         np.testing.assert_array_equal(packed[:, :3], by_grpc[seq].translation)
         np.testing.assert_array_equal(packed[:, 3:].reshape(8, 22, 4), by_grpc[seq].rotations)
+
+
+async def test_a_click_on_a_table_is_walked_to_by_every_way_of_asking(server, client):
+    """Goals at the height of hips, over gRPC, HTTP and WebSocket."""
+    async with await client.create_session("unity") as session:
+        people = await session.create_agents(wf.AgentSpec(), wf.AgentSpec(), wf.AgentSpec())
+        by_grpc, by_http, by_socket = (person.agent_id for person in people)
+        await session.set_goal(by_grpc, (1, 0.9, 1))
+        async with httpx.AsyncClient(base_url=server.http_url) as http:
+            goal = {"position": {"x": 1, "y": 0.9, "z": 1}}
+            answer = await http.put(f"/v1/agents/{by_http}/goal", json=goal)
+            assert answer.is_success
+        url = f"{server.http_url.replace('http', 'ws')}/v1/control"
+        async with websockets.connect(url) as socket, asyncio.timeout(20):
+            ask = control_pb2.ControlRequest(open={"session_id": session.session_id})
+            await socket.send(ask.SerializeToString())
+            ask = control_pb2.ControlRequest(set_goal={"agent_id": by_socket, "goal": goal})
+            await socket.send(ask.SerializeToString())
+            answered = control_pb2.ControlResponse()
+            while not answered.HasField("reply"):
+                answered.ParseFromString(await socket.recv())
+        for person in people:
+            told = (await session.agent(person)).goal
+            assert told is not None and told.position == (1, 0, 1)
 
 
 async def test_jitter_buffer_plays_a_real_stream(client):

@@ -1,3 +1,4 @@
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -182,6 +183,43 @@ def test_storeys_are_told_apart_by_height() -> None:
     assert above.distance(points)[1] < 0
     back = scene.path((11.0, 7.0, 3.0), (1.0, 7.0))
     assert back.length == pytest.approx(over.length, rel=1e-6)
+
+
+TABLE = Box((9.0, 4.0), (1.2, 0.8), 0.75)
+"""On the lower floor, right under the gallery."""
+
+
+@pytest.mark.parametrize(
+    ("z", "ground"),
+    [
+        (-0.5, 0.0),
+        (0.0, 0.0),
+        (0.9, 0.0),
+        (2.0, 0.0),
+        (2.8, 3.0),
+        (3.0, 3.0),
+        (3.9, 3.0),
+        (9.0, 3.0),
+    ],
+)
+def test_a_height_means_the_ground_below_it(z: float, ground: float) -> None:
+    """Of hips, heads, roots of other characters; a point just in the floor is on it."""
+    assert bake(two_storeys()).nearest((9.0, 6.0, z)) == pytest.approx((9.0, 6.0, ground))
+
+
+@pytest.mark.parametrize("z", [0.0, 0.75, 1.5])
+def test_a_click_on_a_table_sends_nobody_upstairs(z: float) -> None:
+    spec = two_storeys()
+    scene = bake(replace(spec, solids=(*spec.solids, TABLE)))
+    start, clicked = (7.0, 1.0, 0.0), (9.0, 4.0, z)
+    for x, y, ground in (scene.nearest(clicked), scene.path(start, clicked).goal):
+        assert ground == 0 and 0.5 < math.dist((x, y), clicked[:2]) < 1.0
+    assert scene.nearest((9.0, 4.0, 3.0)) == pytest.approx((9.0, 4.0, 3.0))
+
+
+def test_ground_far_above_a_point_is_taken_when_there_is_none_below() -> None:
+    scene = bake(SceneSpec((Floor(rectangle(0.0, 0.0, 5.0, 5.0), height=40.0),)))
+    assert scene.nearest((2.0, 2.0, 0.0)) == pytest.approx((2.0, 2.0, 40.0))
 
 
 def test_a_wider_agent_has_less_room() -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from wayfarer.navigation.ground.ground import Ground
 from wayfarer.navigation.mesh import NavMesh
-from wayfarer.navigation.spec import Point2, Point3
+from wayfarer.navigation.spec import Point2, Point3, Walkable
 
 Ints = NDArray[np.int64]
 Array = NDArray[np.floating[Any]]
@@ -30,40 +30,36 @@ class Place:
         return *self.spot, self.height
 
 
-def place_under(mesh: NavMesh, ground: Ground, point: Point2 | Point3) -> Place | None:
-    """The place straight under the point (of several storeys the nearest one); None: no ground."""
-    found = mesh.under(point[:2])
-    if len(found) == 0:
-        return None
-    heights = _heights(mesh, ground, found, point)
-    wanted = point[2] if len(point) == 3 else min(heights)
-    best = min(range(len(found)), key=lambda k: abs(heights[k] - wanted))
-    return Place(int(found[best]), (float(point[0]), float(point[1])), heights[best], 0.0)
-
-
 def nearest_place(
-    mesh: NavMesh, ground: Ground, point: Point2 | Point3, among: Ints | None = None
+    mesh: NavMesh,
+    ground: Ground,
+    point: Point2 | Point3,
+    walkable: Walkable,
+    among: Ints | None = None,
 ) -> Place:
-    """The nearest place of the mesh, or of some of its triangles.
+    """The place under the point, or else the nearest one; of the mesh, or of some triangles.
 
-    With a height, every storey offers its own nearest place, and one metre up counts as one along.
+    A point with a height means the storey below it, even where that is not free: hips and table
+    tops belong to the floor that people and tables stand on. So every storey offers its nearest
+    place, a metre of height counts as one along, and ground more than a step above the point as
+    farther by a body's height. A point without a height means the lowest storey there.
     """
     among = np.arange(len(mesh.corners)) if among is None else among
-    places = []
-    for number in np.unique(mesh.layer[among]):
-        triangles = among[mesh.layer[among] == number]
-        held = np.intersect1d(mesh.under(point[:2]), triangles)
-        triangle, spot = (
-            (int(held[0]), (float(point[0]), float(point[1])))
-            if len(held)
-            else mesh.closest(point[:2], triangles)
-        )
-        height = float(ground.layers[number].heights.at(np.array(spot)))
-        places.append(Place(triangle, spot, height, dist(point[:2], spot)))
-    rise = (lambda p: abs(p.height - point[2])) if len(point) == 3 else (lambda p: 0.0)
-    return min(places, key=lambda place: place.moved + rise(place))
+
+    def away(place: Place) -> float:
+        rise = place.height - point[2] if len(point) == 3 else 0.0
+        return place.moved + abs(rise) + walkable.height * (rise > walkable.step_height)
+
+    x, y = float(point[0]), float(point[1])
+    held = np.intersect1d(mesh.under((x, y)), among)
+    places = [_place(mesh, ground, int(triangle), (x, y), 0.0) for triangle in held]
+    if not any(away(place) <= walkable.step_height for place in places):
+        for number in np.setdiff1d(mesh.layer[among], mesh.layer[held]):
+            triangle, spot = mesh.closest((x, y), among[mesh.layer[among] == number])
+            places.append(_place(mesh, ground, triangle, spot, dist((x, y), spot)))
+    return min(places, key=lambda place: (away(place), place.height))
 
 
-def _heights(mesh: NavMesh, ground: Ground, triangles: Ints, point: Point2 | Point3) -> list[float]:
-    spot = np.array(point[:2])
-    return [float(ground.layers[layer].heights.at(spot)) for layer in mesh.layer[triangles]]
+def _place(mesh: NavMesh, ground: Ground, triangle: int, spot: Point2, moved: float) -> Place:
+    height = float(ground.layers[mesh.layer[triangle]].heights.at(np.array(spot)))
+    return Place(triangle, spot, height, moved)

@@ -5,7 +5,7 @@
     scene = scene.put("crate 7", Box(...))       # a new Scene; readers of the old one lose nothing
 
 All of it is safe to use from any number of threads. World space: metres, Z up. A point is (x, y) or
-(x, y, z); z says which storey is meant, and without it the lowest one is.
+(x, y, z); z means the storey below it (see `nearest_place`), and without it the lowest one is.
 """
 
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ from wayfarer.navigation.checks import check_obstacle, check_point, check_spec
 from wayfarer.navigation.clearance import REACH, ClearanceField, clearance_field
 from wayfarer.navigation.grid import Grid
 from wayfarer.navigation.ground.ground import Ground, find_ground
-from wayfarer.navigation.locate import Place, nearest_place, place_under
+from wayfarer.navigation.locate import Place, nearest_place
 from wayfarer.navigation.mesh import NavMesh
 from wayfarer.navigation.paths.find import sampled, shortest, widened
 from wayfarer.navigation.paths.path import Ahead, Path
@@ -117,7 +117,11 @@ class Scene:
     def nearest(self, point: Point2 | Point3) -> Point3:
         """The nearest free ground, which is the point itself where it is free."""
         check_point(point, "point")
-        return self._start(point).point
+        return self.place(point).point
+
+    def place(self, point: Point2 | Point3) -> Place:
+        """The same on the navigation mesh, of a point that has been checked."""
+        return nearest_place(self.mesh, self.ground, point, self.spec.walkable)
 
     def is_clear(self, points: Array) -> bool:
         """Whether the polyline [P, 2 | 3] still keeps the radius free: no need to plan again."""
@@ -198,25 +202,19 @@ class Scene:
     def _ends(self, start: Point2 | Point3, goal: Point2 | Point3) -> tuple[Place, Place]:
         check_point(start, "start")
         check_point(goal, "goal")
-        first, last = self._start(start), self._goal(goal)
+        first, last = self.place(start), self.place(goal)
         island = self.mesh.island[first.triangle]
-        if last is not None and self.mesh.island[last.triangle] == island:
+        if self.mesh.island[last.triangle] == island:
             return first, last
         reachable = np.flatnonzero(self.mesh.island == island)
-        nearest = nearest_place(self.mesh, self.ground, goal, reachable)
-        if last is not None:
+        nearest = nearest_place(self.mesh, self.ground, goal, self.spec.walkable, reachable)
+        if not last.moved:
             raise Unreachable(
                 f"no way leads from {_text(start)} to {_text(goal)}; the nearest place that "
                 f"can be reached is {_text(nearest.point)}",
                 nearest.point,
             )
         return first, nearest
-
-    def _start(self, point: Point2 | Point3) -> Place:
-        return self._goal(point) or nearest_place(self.mesh, self.ground, point)
-
-    def _goal(self, point: Point2 | Point3) -> Place | None:
-        return place_under(self.mesh, self.ground, point)
 
     def _next(
         self, old: Obstacle | None, new: Obstacle | None, obstacles: dict[str, Obstacle]

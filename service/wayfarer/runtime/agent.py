@@ -37,14 +37,14 @@ class AgentSpec:
     noise_seed: int = 0  # the agent's motion is reproducible from it
     name: str = ""  # shown by clients; need not be unique
     foot_lock: bool = True  # feet on the floor are kept from sliding in the frames that are sent
-    floor: float = 0.0  # in a scene: of several storeys the one whose height is nearest to this
+    floor: float = 0.0  # metres; in a scene of several storeys: the one below this height
 
 
 @dataclass(frozen=True, slots=True)
 class Goal:
     """A place to walk to, and how."""
 
-    position: tuple[float, float, float]  # metres, world
+    position: tuple[float, float, float]  # metres, world; the ground below it is walked to
     radius: float = 0.3  # metres: arrived when the pelvis is this near, horizontally
     speed: float = 1.2  # metres per second, wished for on the way
     heading: float | None = None  # radians about +Z, 0 faces +Y: to face once stopped there

@@ -12,7 +12,7 @@ from wayfarer.navigation.examples import two_storeys
 from wayfarer.navigation.scene import bake
 from wayfarer.navigation.spec import Box, Floor, SceneSpec
 from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, Goal, SessionSpec
-from wayfarer.runtime.behaviours import Follow
+from wayfarer.runtime.behaviours import Follow, Patrol
 from wayfarer.runtime.commands import Append, Path
 from wayfarer.runtime.publications import EventKind
 from wayfarer.runtime.scenes.book import Book
@@ -321,3 +321,31 @@ def test_a_storey_is_named_by_its_height():
     assert arrived == {below.agent_id}  # by the stairs, though the goal is right above
     assert length(tracks[below.agent_id]) > 15.0
     assert world.get_agent(below.agent_id).position[2] == pytest.approx(3.0 + HIPS_HEIGHT, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("floor", "z"),
+    [(0.0, 0.3), (0.0, 0.9), (0.0, 1.5), (0.0, -0.5), (3.0, 0.3), (3.0, 1.5), (3.0, -0.2)],
+)
+def test_a_goal_at_any_height_is_walked_to_on_the_ground_below_it(floor, z):
+    world, _, _ = world_in(bake(two_storeys()))
+    [agent] = enter(world, (8.0, 5.0), floor=floor)
+    world.give(agent.agent_id, goal(10.0, 6.0, floor + z), 0.0)
+    tracks, arrived = walked(world, 8.0)
+    assert arrived == {agent.agent_id} and length(tracks[agent.agent_id]) < 2.5
+    told = world.get_agent(agent.agent_id)
+    assert told.goal is not None
+    assert told.goal.position == pytest.approx((10.0, 6.0, floor), abs=0.02)
+    assert told.position[2] == pytest.approx(floor + HIPS_HEIGHT, abs=0.02)
+
+
+def test_patrolled_places_too():
+    world, _, _ = world_in(bake(two_storeys()))
+    [agent] = enter(world, (8.0, 5.0))
+    places = (goal(10.0, 6.0, 0.9, speed=3.0), goal(8.0, 4.0, 1.6, speed=3.0))
+    world.give(agent.agent_id, Patrol(places), 0.0)
+    tracks, _ = walked(world, 15.0)
+    track = tracks[agent.agent_id]
+    assert np.abs(track[:, 2] - HIPS_HEIGHT).max() < 0.05
+    for place in places:
+        assert np.linalg.norm(track[:, :2] - place.position[:2], axis=1).min() < 0.3

@@ -124,7 +124,6 @@ class SceneGuide:
         )
         open_ = known & (route.passage[rows] == Passage.OPEN)
         ahead, radius = goals.take(np.arange(len(rows))), goals.radius.copy()
-        ahead.position[:, 2] = 0.0
         ahead.given &= open_ | ~wanted
         left = np.where(open_, route.length[rows] - route.progress[rows], np.inf)
         radius[wanted & (left > goals.radius + DETOUR)] = -1.0

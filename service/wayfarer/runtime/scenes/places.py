@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.navigation.locate import nearest_place
 from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.spec import Point2, Point3
 
@@ -19,7 +18,7 @@ def largest_island(scene: Scene) -> int:
 
 def island_at(scene: Scene, point: Point2 | Point3) -> int:
     """The one that the free ground nearest to a point belongs to."""
-    return int(scene.mesh.island[nearest_place(scene.mesh, scene.ground, point).triangle])
+    return int(scene.mesh.island[scene.place(point).triangle])
 
 
 def drawn_places(scene: Scene, island: int, draws: Array) -> Array:

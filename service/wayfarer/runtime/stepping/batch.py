@@ -44,7 +44,7 @@ def assemble(
         seed_translation=seed.translation,
         seed_rotations=seed.rotations,
         betas=betas,
-        goal=target.place,
+        goal=np.pad(target.place, ((0, 0), (0, 1))),  # the floor, as in training: height 0
         target_speed=target.speed,
         facing=target.facing,
         term_weights=steering.term_weights(gait.mode),

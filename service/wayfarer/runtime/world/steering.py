@@ -55,7 +55,7 @@ def default_searches() -> dict[Mode, Search]:
 class Targets(NamedTuple):
     """What the next step aims at."""
 
-    place: Float  # [A, 3] metres
+    place: Float  # [A, 2] metres, in plan: the model walks on a flat floor
     speed: Float  # [A] m/s
     facing: Float  # [A, 2] unit vector, or zero: the way to the place
 
@@ -203,10 +203,8 @@ class Steering:
         """What the next step, which `gait` is for, aims at."""
         hips = seed.translation[:, -1, :2]
         walking = _walks(gait)
-        place = goals.position.copy()
-        place[:, :2] = _choose([(walking, self._ahead(hips, goals))], gait.stop_place)
         return Targets(
-            place=place,
+            place=_choose([(walking, self._ahead(hips, goals))], gait.stop_place),
             speed=np.where(walking, self._speed(hips, gait, goals), 0.0).astype(np.float32),
             facing=_choose(
                 [(~walking, gait.stop_facing), (gait.mode == Mode.STRAFING, goals.heading)],

@@ -1,5 +1,7 @@
 """The path of an agent as messages and as columns, which are kept alike here."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from wayfarer.runtime.agent import Goal
@@ -16,9 +18,10 @@ class Trails:
         self._paths = paths
 
     def write(self, agent: Agent, goals: tuple[Goal, ...]) -> None:
-        """Let these be the goals that are not forgotten."""
-        agent.path = goals
-        self._paths.put(agent.slot, goals, agent.path_start, agent.passed)
+        """Let these be the goals that are not forgotten. On the flat floor they lie at height 0."""
+        in_scene = bool(self._slots.scene[agent.slot])
+        agent.path = goals if in_scene else tuple(map(_on_floor, goals))
+        self._paths.put(agent.slot, agent.path, agent.path_start, agent.passed)
 
     def kept(self, agent: Agent) -> tuple[Goal, ...]:
         """Forget the goals that even a replan cannot go back to; return the others."""
@@ -49,6 +52,11 @@ class Trails:
 
     def _sent_waypoint(self, slot: int) -> int:
         return int(self._slots.committed.gait.waypoint[slot])
+
+
+def _on_floor(goal: Goal) -> Goal:
+    x, y, z = goal.position
+    return replace(goal, position=(x, y, 0.0)) if z else goal
 
 
 def set_out(gait: Gait, row: int, waypoint: int, walks: bool) -> None:

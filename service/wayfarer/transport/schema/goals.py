@@ -13,7 +13,8 @@ class Goal(Message):
     )
 
     position: Vector3 = Field(
-        description="in a scene the component along up says on which storey; else it is ignored"
+        description="the ground below it is walked to: without a scene the component along up is "
+        "ignored, in a scene it says on which storey"
     )
     radius: Float | None = Field(
         default=None, gt=0, description="arrived when this near; 0.05 to 10 m; 0.3 m"
