@@ -20,16 +20,17 @@ CLIENT := $(wildcard clients/python/pyproject.toml)
 VIEWER_TESTS := $(wildcard tests/viewer/*.test.mjs)
 NODE := clients/node
 BUF := tests/proto/node_modules/.bin/buf
+RELEASED := tests/proto/released.binpb
 CHECKED := service lab tests $(wildcard clients/python benchmarks proto/build_hook.py)
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PIP_ROOT_USER_ACTION := ignore
 
-.PHONY: help serve lab test lint lint-proto format proto docker clean
+.PHONY: help serve lab test lint lint-proto release-proto format proto docker clean
 
 help: ## show this list
 	@echo "Wayfarer. Usage: make <target>"
-	@sed -nE 's/^([a-z-]+):.*## (.*)/  \1\t\2/p' Makefile | expand -t 12
+	@sed -nE 's/^([a-z-]+):.*## (.*)/  \1\t\2/p' Makefile | expand -t 16
 
 serve: $(VENV)/.serve ## set up and start gRPC (50051) and HTTP (8080) with the shipped models
 	@exec $(BIN)/wayfarer serve $(ARGS)
@@ -50,10 +51,15 @@ lint: $(VENV)/.dev ## check style, types, the import rules and the protos
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory lint-proto; \
-	else echo "skipped: buf lint needs npm (apt-get install npm)" >&2; [ -z "$${CI:-}" ]; fi
+	else echo "skipped: buf needs npm (apt-get install npm)" >&2; [ -z "$${CI:-}" ]; fi
 
-lint-proto: $(BUF)
+lint-proto: $(BUF) ## check the protos: style, and that nothing of the last release breaks
 	@$(BUF) lint proto
+	@$(BUF) breaking proto --against $(RELEASED) || { echo "proto/ breaks what the last release" \
+	  "promised ($(RELEASED)): see CONTRIBUTING.md" >&2; exit 1; }
+
+release-proto: $(BUF) ## at a release: the present protos are what later ones must not break
+	@$(BUF) build proto --exclude-source-info -o $(RELEASED)
 
 format: $(VENV)/.dev ## rewrite the code in the project's style
 	$(BIN)/ruff check --fix $(CHECKED)

@@ -130,7 +130,7 @@ def runtime(
     )
     store = model_store(settings)
     return Runtime(
-        worlds, settings.limits.clips, warm_up, queues, clock, meter, open_model=store.open
+        worlds, settings.limits.offline_jobs, warm_up, queues, clock, meter, open_model=store.open
     )
 
 

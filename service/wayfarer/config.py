@@ -82,7 +82,9 @@ class Limits(BaseModel):
         default=0.5, ge=0.2, le=60, description="seconds sent ahead of an acknowledged playhead"
     )
     clip_s: float = Field(default=120.0, gt=0, le=3600, description="seconds of one clip")
-    clips: int = Field(default=2, ge=1, le=64, description="clips and replays made at a time")
+    offline_jobs: int = Field(
+        default=2, ge=1, le=64, description="clips, replays and lock-step calls made at a time"
+    )
     steps_per_call: int = Field(
         default=50, ge=1, le=1000, description="primitives of one StepAgents call"
     )

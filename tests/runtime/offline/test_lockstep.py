@@ -180,7 +180,7 @@ async def test_a_busy_session_keeps_nobody_else_waiting():
     steps = asyncio.create_task(runtime.step_session("tool", 1))
     assert await asyncio.to_thread(engine.is_waiting.wait, 5)
     await asyncio.wait_for(runtime.list_agents("other"), 1)
-    with pytest.raises(ResourceExhausted, match=r"limits\.clips"):
+    with pytest.raises(ResourceExhausted, match=r"limits\.offline_jobs"):
         await runtime.step_session("other", 1)
     waiting = asyncio.create_task(runtime.list_agents("tool"))
     await asyncio.sleep(0.05)

@@ -34,7 +34,7 @@ async def test_one_job_more_than_allowed_is_refused_at_once():
     offline = Offline(2)
     jobs = [offline.run(lambda: iter(range(100))) for _ in range(3)]
     assert await anext(jobs[0]) == await anext(jobs[1]) == 0
-    with pytest.raises(ResourceExhausted, match=r"limits\.clips") as caught:
+    with pytest.raises(ResourceExhausted, match=r"limits\.offline_jobs") as caught:
         await anext(jobs[2])
     assert caught.value.retry_after > 0
     with pytest.raises(ResourceExhausted), offline.place():

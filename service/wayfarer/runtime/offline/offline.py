@@ -80,7 +80,7 @@ class Offline:
             if self._running >= self._jobs:
                 raise ResourceExhausted(
                     f"{self._jobs} clips, replays and lock-step calls are being made, as many as "
-                    "limits.clips allows at a time; try again later",
+                    "limits.offline_jobs allows at a time; try again later",
                     RETRY_AFTER,
                 )
             self._running += 1
