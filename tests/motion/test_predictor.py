@@ -33,3 +33,18 @@ def test_kl_is_zero_for_the_prior_and_grows_away_from_it():
     assert torch.allclose(Posterior(zero, zero).kl(), torch.zeros(2))
     assert (Posterior(zero + 1, zero).kl() == 0.5).all()
     assert (Posterior(zero, zero - 2).kl() > 0).all()
+
+
+def test_latents_are_counted_from_the_learned_prior(predictor):
+    """Shifting the prior shifts what a latent stands for; the posterior moves against it."""
+    seed, latent = torch.randn(3, predictor.seed_frames, MARKERS * 3), torch.randn(3, 1, LATENT)
+    future = torch.randn(3, predictor.new_frames, MARKERS * 3)
+    plain, posterior = predictor.decode(seed, latent), predictor.encode(seed, future)
+    with torch.no_grad():
+        predictor.prior[1].bias[:LATENT] = 0.5
+        predictor.prior[1].bias[LATENT:] = torch.log(torch.tensor(2.0))
+    assert torch.allclose(predictor.decode(seed, (latent - 0.5) / 2), plain, atol=1e-5)
+    shifted = predictor.encode(seed, future)
+    assert torch.allclose(shifted.mean, (posterior.mean - 0.5) / 2, atol=1e-5)
+    halved = posterior.log_variance - 2 * torch.log(torch.tensor(2.0))
+    assert torch.allclose(shifted.log_variance, halved, atol=1e-5)

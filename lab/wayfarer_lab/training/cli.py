@@ -24,6 +24,7 @@ from wayfarer_lab.training.policy import PolicyConfig, load_environment, train_p
 from wayfarer_lab.training.pose_prior import PosePriorConfig, train_pose_prior
 from wayfarer_lab.training.predictor import PredictorConfig, train_predictor
 from wayfarer_lab.training.regressor import RegressorConfig, train_regressor
+from wayfarer_lab.training.unpack import unpack_models
 
 app = typer.Typer(
     help="Train networks. Each run lives in a folder and resumes from its checkpoint."
@@ -156,6 +157,19 @@ def goal_cvae(
         load_frames(data, split, settings.mix) for split in ("train", "validation")
     )
     _finished(train_goal_cvae(settings, train, validation, out, minutes), out)
+
+
+@app.command()
+def unpack(
+    runs: Annotated[Path, typer.Argument(help="Folder to write run folders into.")],
+    models: Annotated[Path, typer.Option(help="Model folder.")] = SHIPPED,
+) -> None:
+    """Write run folders with a model folder's weights, to go on from (`start_from`) or to export.
+
+    The predictor's encoder and the policy's critic are not in a model folder: they begin anew.
+    """
+    for name, tensors in unpack_models(models, runs).items():
+        typer.echo(f"{runs / name}: {tensors} tensors")
 
 
 def _threads(count: int) -> None:

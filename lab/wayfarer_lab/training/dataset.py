@@ -18,7 +18,7 @@ from wayfarer.marker_bodies import load_marker_bodies
 from wayfarer.motion.frame import canonical_frame, to_local
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.rotation import matrix_from_quaternion
-from wayfarer.spec import BETAS, GENDERS
+from wayfarer.spec import BETAS, FPS, GENDERS
 from wayfarer_lab.training.mocap.selection import Use
 from wayfarer_lab.training.mocap.store import ClipRange, Dataset, mirror
 
@@ -46,6 +46,8 @@ class Frames(Poses):
 
     markers: Tensor  # [N, 67, 3] world
     hips_rotation: Tensor  # [N, 3, 3]
+    betas: Tensor  # [N, 10]
+    gender: Tensor  # [N] index in `GENDERS`
 
     def world(self, starts: Tensor, length: int) -> Tensor:
         """Windows in the world [B, length, 67, 3]."""
@@ -101,6 +103,8 @@ def load_frames(
         weight=poses.weight,
         markers=skin_frames(poses.hips, poses.rotations, betas, gender, load_marker_bodies(body)),
         hips_rotation=matrix_from_quaternion(poses.rotations[:, 0]),
+        betas=betas,
+        gender=gender,
     )
 
 
@@ -126,7 +130,13 @@ def _read(
     owner = np.repeat(np.arange(len(chosen)), [c.stop - c.start for c in chosen])
     use = data.use[rows]
     run = unbroken(use > 0, owner)
-    groups = [group_of(chosen[o], u) for o, u in zip(owner, use, strict=True)]
+    done = np.concatenate(
+        [
+            label_motion(data.translation[c.start : c.stop], data.rotations[c.start : c.stop, 0])
+            for c in chosen
+        ]
+    )
+    groups = [group_of(chosen[o], u, d) for o, u, d in zip(owner, use, done, strict=True)]
     weight = draw_weights(groups, [chosen[o].subject for o in owner], mix)
     hips, rotations = data.translation[rows], data.rotations[rows]
     if mirrored:
@@ -144,23 +154,73 @@ def _read(
     return poses, betas, gender
 
 
-GROUPS = ("walk", "run", "start_stop", "turn", "standing", "other")
+GROUPS = ("walk", "run", "sideways", "backward", "start_stop", "turn", "standing", "other")
 """Kinds of frames that a training's `mix` gives shares to."""
 
+STILL = 0.2
+"""m/s: hips slower than this stand, or turn on the spot."""
 
-def group_of(clip: ClipRange, use: int) -> str:
-    """What a frame teaches, one of `GROUPS`, or "" for nothing."""
+RUNNING = 2.0
+"""m/s: hips faster than this run."""
+
+TURNING = 0.6
+"""rad/s on the spot that count as a turn."""
+
+SIDE, BACK = np.deg2rad(50.0), np.deg2rad(130.0)
+"""Angle from the way that the hips face to the way that they go: ahead, sideways, backward."""
+
+EDGE = round(0.5 * FPS)
+"""Frames on both sides of setting off and of coming to a stand that are a start or a stop."""
+
+
+def label_motion(hips: NDArray[np.floating], facing: NDArray[np.floating]) -> NDArray[np.str_]:
+    """What is done in each frame, one of `GROUPS`: hips [N, 3], their rotations [N, 4], world.
+
+    By the motion itself (over half a second), whatever a file is called: takes of sideways walking
+    begin and end with forward walks, and hold stops and turns.
+    """
+    if len(hips) < 3:
+        return np.full(len(hips), "walk", dtype="<U10")
+    forward = matrix_from_quaternion(torch.from_numpy(np.asarray(facing, np.float32))).numpy()
+    forward = forward[:, :2, 1]
+    heading = np.unwrap(np.arctan2(-forward[:, 0], forward[:, 1]))
+    velocity = np.stack([_smooth(np.gradient(hips[:, k]) * FPS) for k in range(2)], -1)
+    speed = np.linalg.norm(velocity, axis=-1)
+    ahead = (velocity * forward).sum(-1)
+    across = velocity[:, 0] * forward[:, 1] - velocity[:, 1] * forward[:, 0]
+    angle = np.abs(np.arctan2(across, ahead))
+    found = np.full(len(hips), "walk", dtype="<U10")
+    found[speed > RUNNING] = "run"
+    found[angle > SIDE] = "sideways"
+    found[angle > BACK] = "backward"
+    still = speed < STILL
+    found[still] = "standing"
+    changes = np.flatnonzero(still[1:] != still[:-1])
+    for frame in changes:
+        found[max(0, frame - EDGE) : frame + EDGE] = "start_stop"
+    found[still & (np.abs(_smooth(np.gradient(heading) * FPS)) > TURNING)] = "turn"
+    return found
+
+
+def _smooth(values: NDArray[np.floating], seconds: float = 0.5) -> NDArray[np.floating]:
+    """Moving average over time, edges held."""
+    half = min(round(seconds * FPS / 2), len(values) - 1)
+    padded = np.pad(values, half, mode="edge")
+    return np.convolve(padded, np.ones(2 * half + 1) / (2 * half + 1), "valid")
+
+
+def group_of(clip: ClipRange, use: int, done: str) -> str:
+    """What a frame teaches, one of `GROUPS`, or "" for nothing; `done` is from `label_motion`."""
     if use == Use.EXCLUDED:
         return ""
-    if clip.augmentation.startswith(("start", "stop")):
+    tags = clip.augmentation.split("+")
+    if {"start", "stop"} & set(tags):
         return "start_stop"
-    if clip.augmentation == "stepturn":
+    if "stepturn" in tags:
         return "turn"
-    if use == Use.STANDING or clip.augmentation.startswith("stand"):
+    if use == Use.STANDING or "standing" in tags:
         return "standing"
-    if use == Use.OTHER:
-        return "other"
-    return "run" if clip.category.startswith("run") else "walk"
+    return "other" if use == Use.OTHER else done
 
 
 def draw_weights(

@@ -25,8 +25,10 @@ class PosePriorConfig(BaseModel):
     rate: float = 1e-3
     kl_weight: float = 0.005
     mix: dict[str, float] = {
-        "walk": 0.3,
+        "walk": 0.2,
         "run": 0.1,
+        "sideways": 0.05,
+        "backward": 0.05,
         "start_stop": 0.1,
         "turn": 0.1,
         "standing": 0.15,

@@ -7,9 +7,16 @@ import torch
 from pydantic import BaseModel, ConfigDict
 from torch import Tensor
 
+from wayfarer.body.library import load_body
+from wayfarer.errors import InvalidArgument
+from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.frame import canonical_frame, to_local, to_world
 from wayfarer.motion.predictor import MarkerPredictor
-from wayfarer.spec import PRIMITIVE_FRAMES
+from wayfarer.motion.primitive import PrimitiveStep, Settled
+from wayfarer.motion.quality import Sites
+from wayfarer.motion.regressor import BodyRegressor
+from wayfarer.motion.rotation import matrix_from_quaternion
+from wayfarer.spec import GENDERS, PRIMITIVE_FRAMES
 from wayfarer_lab.training.dataset import Frames, WindowSampler
 from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_weights
 
@@ -27,6 +34,7 @@ class PredictorConfig(BaseModel):
     velocity_weight: float = 3.0  # λ of Eq. 1
     floor_origin: bool = True
     rollout: int = 1  # primitives per window; 8 in the paper's second stage
+    regressors: dict[str, str] = {}  # run folders by gender: seeds of rollouts as they are served
     start_from: str = ""  # run folder whose weights to begin with
     compile: bool = False  # torch.compile the loss: a quarter faster after a minute; needs g++
     mix: dict[str, float] = {
@@ -59,6 +67,50 @@ def primitive_loss(
     return reconstruction, velocity, torch.sqrt(1 + kl * kl) - 1, guess
 
 
+class Serving:
+    """What the service makes of predicted markers, for rows of both genders."""
+
+    def __init__(self, config: PredictorConfig) -> None:
+        missing = sorted(set(GENDERS) - set(config.regressors))
+        if missing:
+            raise InvalidArgument(f"no run of a regressor for {missing}", "regressors")
+        self.steps = [self._step(config, gender) for gender in GENDERS]
+
+    def _step(self, config: PredictorConfig, gender: str) -> PrimitiveStep:
+        model = load_body("anny52", gender)
+        body = marker_body(model)
+        regressor = load_weights(BodyRegressor(body), Path(config.regressors[gender]))
+        half = torch.autocast("cpu", dtype=torch.bfloat16)
+        regressor.know = half(regressor.know)  # type: ignore[method-assign]
+        regressor.correct = half(regressor.correct)  # type: ignore[method-assign]
+        sites = Sites.from_names(model.marker_names)
+        # the predictor is the one in training: only what follows it is asked of this step
+        empty = MarkerPredictor(config.seed_frames)
+        return PrimitiveStep(empty, regressor, body, sites, floor_origin=config.floor_origin)
+
+    @torch.no_grad()
+    def follow(
+        self,
+        frames: Frames,
+        starts: Tensor,  # [B] whose bodies they are
+        seed: Tensor,  # [B, S, 67, 3] world
+        future: Tensor,  # [B, F, 201] in the canonical frame of the seed
+        hips: Tensor,  # [B, S, 3] world
+        rotations: Tensor,  # [B, S, 22, 4]
+    ) -> Settled:
+        """The bodies behind the markers of `future`."""
+        parts, order = [], []
+        for number, step in enumerate(self.steps):
+            rows = torch.nonzero(frames.gender[starts] == number).squeeze(-1)
+            if len(rows):
+                betas = frames.betas[starts[rows]]
+                found = step.follow(seed[rows], hips[rows], rotations[rows], betas, future[rows])
+                parts.append(found)
+                order.append(rows)
+        back = torch.cat(order).argsort()
+        return Settled(*(torch.cat(column)[back] for column in zip(*parts, strict=True)))
+
+
 class PredictorTrainer:
     """One stage of training; `rollout` = 1 is the first."""
 
@@ -75,6 +127,7 @@ class PredictorTrainer:
         self.samplers = {
             n: WindowSampler(train, self.window(n)) for n in sorted(lengths, reverse=True)
         }
+        self.serving = Serving(config) if config.regressors else None
         self.run: TrainingRun | None = None
 
     def network(self) -> MarkerPredictor:
@@ -97,15 +150,25 @@ class PredictorTrainer:
     ) -> Iterator[tuple[Tensor, Tensor, Tensor]]:
         """Terms of each primitive of a rollout; the graph of one is freed before the next.
 
-        Seeds after the first are the model's own last frames, detached; the frame of reference is
-        that of the recorded motion, as in the paper.
+        Seeds after the first are the model's own last frames, detached. In the paper they are what
+        was predicted, in the frame of reference of the recorded motion. With `regressors` they are
+        what the service hands on: half the markers of the regressed body, set on the floor, in that
+        body's own frame.
         """
         s, config = self.config.seed_frames, self.config
         world = frames.world(starts, self.window(primitives))
-        seed_world = world[:, :s]
+        begin = starts[:, None] + torch.arange(s)
+        seed_world, hips, rotations = world[:, :s], frames.hips[begin], frames.rotations[begin]
         for p in range(primitives):
             at = starts + p * self.stride
-            frame = canonical_frame(frames.hips[at], frames.hips_rotation[at], config.floor_origin)
+            if self.serving:
+                frame = canonical_frame(
+                    hips[:, 0], matrix_from_quaternion(rotations[:, 0, 0]), config.floor_origin
+                )
+            else:
+                frame = canonical_frame(
+                    frames.hips[at], frames.hips_rotation[at], config.floor_origin
+                )
             target = world[:, s + p * self.stride : s + (p + 1) * self.stride]
             seed = to_local(frame, seed_world.flatten(1, 2)).reshape(len(starts), s, -1)
             seed = self.condition(frames, at, seed)
@@ -113,8 +176,16 @@ class PredictorTrainer:
             with torch.autocast("cpu", dtype=torch.bfloat16):
                 reconstruction, velocity, kl, guess = self.loss(self.model, seed, future, config)
             yield reconstruction, velocity, kl
-            last = guess.detach()[:, -s:].reshape(len(starts), -1, 3)
-            seed_world = to_world(frame, last).unflatten(1, (s, -1))
+            if p + 1 == primitives:
+                break
+            guess = guess.detach()
+            if self.serving:
+                made = self.serving.follow(frames, starts, seed_world, guess, hips, rotations)
+                seed_world = made.next_seed_markers
+                hips, rotations = made.translation[:, -s:], made.rotations[:, -s:]
+            else:
+                last = guess[:, -s:].reshape(len(starts), -1, 3)
+                seed_world = to_world(frame, last).unflatten(1, (s, -1))
 
     def update(self) -> dict[str, float]:
         """One optimiser step."""

@@ -34,8 +34,10 @@ class RegressorConfig(BaseModel):
     rotation_weight: float = 0.05  # weight of a 6D rotation term; with both 0, Eq. 2 alone
     surface_weight: float = 0.5  # weight of the skin between the markers
     mix: dict[str, float] = {
-        "walk": 0.35,
-        "run": 0.15,
+        "walk": 0.25,
+        "run": 0.1,
+        "sideways": 0.1,
+        "backward": 0.05,
         "start_stop": 0.1,
         "standing": 0.1,
         "other": 0.3,

@@ -135,8 +135,21 @@ def print_line(folder: Path, step: int, values: dict[str, float]) -> None:
         log.write(f"{time.strftime('%H:%M:%S')} step {step} {_note(values)}\n")
 
 
-def cosine_rate(base: float, step: int, steps: int, warmup: int = 200) -> float:
-    """Learning rate: linear warm-up, then a half cosine to zero."""
+WARMUP = 200
+"""Steps of the learning rate's warm-up, in trainings that are long enough for it."""
+
+
+def cosine_rate(base: float, step: int, steps: int, warmup: int | None = None) -> float:
+    """Learning rate: linear warm-up over at most a tenth of the steps, then a half cosine to zero.
+
+    Raises InvalidArgument when a longer `warmup` is asked for: the rate would hardly be reached.
+    """
+    most = steps // 10
+    warmup = min(WARMUP, most) if warmup is None else warmup
+    if warmup > most:
+        raise InvalidArgument(
+            f"a warm-up of {warmup} steps is more than a tenth of {steps} steps", "warmup"
+        )
     if step < warmup:
         return base * (step + 1) / warmup
     return base * 0.5 * (1 + math.cos(math.pi * (step - warmup) / max(1, steps - warmup)))

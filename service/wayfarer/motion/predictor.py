@@ -2,6 +2,11 @@
 
 Condition: the motion seed X (1 or 2 frames). Encoder (training only): q(Z | X, Y). Decoder:
 future frames Y from X and z, frame by frame, each the last one plus a predicted change.
+
+Deviation from the paper: the prior is learned, p(Z | X) = N(μ(X), σ(X)) (as in HuMoR), because a
+posterior that a weak KL term leaves free is not distributed as N(0, I). Latents are counted from
+it: a latent z of this module stands for μ(X) + σ(X) ⊙ z, so that whoever draws z ~ N(0, I) draws
+from the learned prior, and KL(· ‖ N(0, I)) is the divergence from it.
 """
 
 from typing import NamedTuple
@@ -16,8 +21,12 @@ SIZE = MARKERS * 3
 HIDDEN = 256
 
 
+LOG_STD = (-5.0, 3.0)
+"""Limits of log σ of the prior."""
+
+
 class Posterior(NamedTuple):
-    """Diagonal Gaussian q(Z | X, Y); both [..., 128]."""
+    """Diagonal Gaussian q(Z | X, Y), counted from the prior p(Z | X); both [..., 128]."""
 
     mean: Tensor
     log_variance: Tensor
@@ -27,7 +36,7 @@ class Posterior(NamedTuple):
         return self.mean + torch.randn_like(self.mean) * torch.exp(0.5 * self.log_variance)
 
     def kl(self) -> Tensor:
-        """KL(q ‖ N(0, I)) averaged over latent dimensions. [...]"""
+        """KL(q ‖ p) averaged over latent dimensions. [...]"""
         variance = torch.exp(self.log_variance)
         return 0.5 * (variance + self.mean**2 - 1 - self.log_variance).mean(-1)
 
@@ -44,17 +53,31 @@ class MarkerPredictor(nn.Module):
         self.posterior = Mlp([2 * HIDDEN, 512, HIDDEN])
         self.mean = nn.Linear(HIDDEN, LATENT)
         self.log_variance = nn.Linear(HIDDEN, LATENT)
+        expected = nn.Linear(HIDDEN, 2 * LATENT)
+        nn.init.zeros_(expected.weight)  # begins as N(0, I)
+        nn.init.zeros_(expected.bias)
+        self.prior = nn.Sequential(Mlp([HIDDEN, HIDDEN]), expected)
         self.first_state = Mlp([HIDDEN, 512, HIDDEN, HIDDEN])
         self.decoder = Gru(SIZE, HIDDEN)
         self.from_seed = nn.Linear(HIDDEN, 3 * HIDDEN, bias=False)
         self.from_latent = nn.Linear(LATENT, 3 * HIDDEN, bias=False)
         self.output = nn.Sequential(Mlp([HIDDEN, 512, HIDDEN]), nn.Linear(HIDDEN, SIZE))
 
+    def expected(self, hx: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean and log σ [..., 128] of p(Z | X) from an encoded seed [..., 256]."""
+        mean, log_std = self.prior(hx).float().chunk(2, -1)
+        low, high = LOG_STD
+        return mean, log_std.clamp(low, high)
+
     def encode(self, seed: Tensor, future: Tensor) -> Posterior:
         """Seed [..., S, 201 or more], future [..., F, 201] → posterior."""
-        both = torch.cat([self.seed_encoder.encode(seed), self.future_encoder.encode(future)], -1)
-        features = self.posterior(both)
-        return Posterior(self.mean(features), self.log_variance(features))
+        hx = self.seed_encoder.encode(seed)
+        features = self.posterior(torch.cat([hx, self.future_encoder.encode(future)], -1))
+        mean, log_std = self.expected(hx)
+        return Posterior(
+            (self.mean(features).float() - mean) * torch.exp(-log_std),
+            self.log_variance(features).float() - 2 * log_std,
+        )
 
     def decode(self, seed: Tensor, latent: Tensor) -> Tensor:
         """Seed [A, S, 201], latent [A, K, 128] → future [A, K, F, 201].
@@ -64,6 +87,8 @@ class MarkerPredictor(nn.Module):
         """
         agents, candidates = latent.shape[:2]
         hx = self.seed_encoder.encode(seed)
+        mean, log_std = self.expected(hx)
+        latent = mean[:, None] + torch.exp(log_std)[:, None] * latent
 
         def for_all(x: Tensor) -> Tensor:  # [A, N] → [A · K, N]
             return x[:, None].expand(-1, candidates, -1).flatten(0, 1)

@@ -47,6 +47,15 @@ EVERY = 2
 What lies between is interpolated, which takes a quarter off the step."""
 
 
+class Settled(NamedTuple):
+    """A primitive as a body takes it; see `StepResult`."""
+
+    translation: Tensor
+    rotations: Tensor
+    contacts: Tensor
+    next_seed_markers: Tensor
+
+
 class StepResult(NamedTuple):
     """Outputs; see `runtime.engine.StepOutputs` for shapes and units."""
 
@@ -100,11 +109,7 @@ class PrimitiveStep(nn.Module):
         obstacles: Tensor,  # [A, O, 7]
     ) -> StepResult:
         """Step every row; rows do not influence each other."""
-        turns = to_columns(seed_rotations).permute(2, 1, 0, 3)  # [4, 22, S, A]
-        known = from_quaternion(turns)  # [3, 3, 22, S, A]
-        frame = canonical_frame(
-            seed_translation[:, 0], known[:, :, 0, 0].permute(2, 0, 1), self.floor_origin
-        )
+        frame, known = self._begin(seed_translation, seed_rotations)
         seed = to_local(frame, seed_markers.flatten(1, 2)).unflatten(1, seed_markers.shape[1:3])
         asked = Condition(
             goal=to_local(frame, goal[:, None])[:, 0],
@@ -117,6 +122,47 @@ class PrimitiveStep(nn.Module):
         terms, choice = self._choose(frame, seed, futures, asked, localised(frame, obstacles))
         future, terms = _chosen(futures, choice), _chosen(terms, choice)
 
+        settled = self.settle(frame, seed, future, betas, seed_translation, known)
+        return StepResult(*settled, terms=terms, choice=choice)
+
+    def follow(
+        self,
+        seed_markers: Tensor,  # [A, S, 67, 3]
+        seed_translation: Tensor,  # [A, S, 3]
+        seed_rotations: Tensor,  # [A, S, 22, 4]
+        betas: Tensor,  # [A, 10]
+        future: Tensor,  # [A, F, 201] in the canonical frame of the seed
+    ) -> Settled:
+        """`forward` from the moment at which the future markers are known."""
+        frame, known = self._begin(seed_translation, seed_rotations)
+        seed = to_local(frame, seed_markers.flatten(1, 2)).unflatten(1, seed_markers.shape[1:3])
+        markers = future.unflatten(-1, (-1, 3))
+        return self.settle(frame, seed, markers, betas, seed_translation, known)
+
+    def _begin(self, translation: Tensor, rotations: Tensor) -> tuple[Frame, Tensor]:
+        """The canonical frame of a seed, and its rotations as matrices [3, 3, 22, S, A]."""
+        turns = to_columns(rotations).permute(2, 1, 0, 3)  # [4, 22, S, A]
+        known = from_quaternion(turns)
+        root = known[:, :, 0, 0].permute(2, 0, 1)
+        return canonical_frame(translation[:, 0], root, self.floor_origin), known
+
+    def predict(self, seed: Tensor, asked: Condition, noise: Tensor, share: Tensor) -> Tensor:
+        """Candidate futures [A, K, F, 201] of a seed [A, S, 201]; share [A]: of the policy."""
+        latents = noise
+        if self.policy is not None:
+            latents = self.policy(seed, asked).sample(noise, share)
+        return self.predictor.decode(seed, latents)
+
+    def settle(
+        self,
+        frame: Frame,
+        seed: Tensor,  # [A, S, 67, 3] canonical
+        future: Tensor,  # [A, F, 67, 3] canonical
+        betas: Tensor,  # [A, 10]
+        seed_translation: Tensor,  # [A, S, 3] world
+        known: Tensor,  # [3, 3, 22, S, A] the seed's rotations, joint 0 world
+    ) -> Settled:
+        """The body behind predicted markers, joined to the seed, on the floor, in the world."""
         shape = self.body.shaped(betas)
         to_frame = frame.rotation.permute(2, 1, 0)[:, :, None, None]  # [3, 3, 1, 1, A], transposed
         shown = Pose(
@@ -140,21 +186,12 @@ class PrimitiveStep(nn.Module):
         hips = to_rows(pose.hips.transpose(0, 1)) + lift[..., None] * _up(lift)
         root = compose(frame.rotation.permute(1, 2, 0)[:, :, None, None], pose.rotations[:, :, :1])
         turned = to_quaternion(torch.cat([root, pose.rotations[:, :, 1:]], 2))
-        return StepResult(
+        return Settled(
             translation=to_world(frame, hips),
             rotations=to_rows(turned.permute(2, 1, 0, 3)),
             contacts=foot_contacts(torch.cat([before, soles], 1).unflatten(2, (2, -1))),
             next_seed_markers=to_world(frame, blended.flatten(1, 2)).unflatten(1, (keep, -1)),
-            terms=terms,
-            choice=choice,
         )
-
-    def predict(self, seed: Tensor, asked: Condition, noise: Tensor, share: Tensor) -> Tensor:
-        """Candidate futures [A, K, F, 201] of a seed [A, S, 201]; share [A]: of the policy."""
-        latents = noise
-        if self.policy is not None:
-            latents = self.policy(seed, asked).sample(noise, share)
-        return self.predictor.decode(seed, latents)
 
     def _feet(self) -> list[int]:
         return self.sites.left_sole + self.sites.right_sole

@@ -26,4 +26,6 @@ def gliding_frames(clips: int = 4, length: int = 90, seed: int = 0) -> Frames:
         rotations=identity,
         run=torch.cat(run),
         weight=torch.ones(n),
+        betas=torch.zeros(n, 10),
+        gender=torch.arange(n) // length % 2,
     )

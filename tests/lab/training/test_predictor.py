@@ -4,7 +4,11 @@ import pytest
 import torch
 
 from tests.lab.training.fakes import gliding_frames
+from wayfarer.body.library import load_body
 from wayfarer.errors import InvalidArgument
+from wayfarer.marker_bodies import marker_body
+from wayfarer.motion.regressor import BodyRegressor
+from wayfarer.spec import GENDERS
 from wayfarer_lab.training.cli import CONFIGS, read_config
 from wayfarer_lab.training.predictor import PredictorConfig, PredictorTrainer, train_predictor
 
@@ -63,6 +67,49 @@ def test_rollout_seeds_are_the_models_own_frames_in_the_recorded_frame():
     assert len(terms) == 8
     errors = [float(reconstruction.detach()) for reconstruction, _, _ in terms]
     assert errors[-1] > errors[0]  # errors of an untrained model add up
+
+
+@pytest.fixture
+def regressors(tmp_path):
+    """Runs of untrained regressors: a body that hardly leaves its T-pose."""
+    runs = {}
+    for gender in GENDERS:
+        network = BodyRegressor(marker_body(load_body("anny52", gender)))
+        (tmp_path / gender).mkdir()
+        torch.save({"model": network.state_dict()}, tmp_path / gender / "last.pt")
+        runs[gender] = str(tmp_path / gender)
+    return runs
+
+
+def test_rollout_seeds_may_be_those_that_the_service_hands_on(regressors):
+    """Half of a next seed are markers of the regressed body, of whichever gender the row is."""
+    config = SMALL.model_copy(update={"rollout": 2, "regressors": regressors})
+    data = gliding_frames()
+    trainer = PredictorTrainer(config, data, gliding_frames(seed=1))
+    starts = torch.tensor([0, 95, 3])
+    assert data.gender[starts].tolist() == [0, 1, 0]
+    begin = starts[:, None] + torch.arange(2)
+    future = data.canonical(starts, 10, floor_origin=True)[:, 2:]
+    assert trainer.serving is not None
+    made = trainer.serving.follow(
+        data, starts, data.world(starts, 2), future, data.hips[begin], data.rotations[begin]
+    )
+    assert made.translation.shape == (3, 8, 3)
+    predicted = data.world(starts + 8, 2)
+    off = (made.next_seed_markers - predicted).norm(dim=-1).mean((1, 2))
+    assert (off > 0.05).all()  # the cloud of these data is no body
+    alone = trainer.serving.follow(
+        data, starts[1:2], data.world(starts[1:2], 2), future[1:2],
+        data.hips[begin[1:2]], data.rotations[begin[1:2]],
+    )  # fmt: skip
+    assert torch.allclose(alone.next_seed_markers[0], made.next_seed_markers[1], atol=1e-4)
+    assert len(list(trainer.losses(data, starts, 2))) == 2
+
+
+def test_served_seeds_need_a_regressor_of_each_gender(regressors):
+    config = SMALL.model_copy(update={"regressors": {"male": regressors["male"]}})
+    with pytest.raises(InvalidArgument, match="female"):
+        PredictorTrainer(config, gliding_frames(), gliding_frames(seed=1))
 
 
 def test_the_shipped_recipe_starts_only_from_runs_that_it_makes():

@@ -27,12 +27,21 @@ def prepare(
     dst: Annotated[
         Path, typer.Argument(help="Folder for the prepared data; resumes when it exists.")
     ],
-    index: Annotated[Path | None, typer.Option(help="Index CSV; default SRC/index.csv.")] = None,
+    index: Annotated[
+        list[Path] | None,
+        typer.Option(help="Index CSV, more than once for several; default SRC/index.csv."),
+    ] = None,
     validation: Annotated[
-        str, typer.Option(help="Train subjects to validate on, comma-separated.")
+        str, typer.Option(help="Train subjects and clips to validate on, comma-separated.")
     ] = "",
     shapes: Annotated[int, typer.Option(min=1, help="Shapes per gender and locomotion clip.")] = 2,
     other_shapes: Annotated[int, typer.Option(min=0, help="Shapes per other clip.")] = 1,
+    acted: Annotated[
+        str,
+        typer.Option(
+            help="Clips whose acted upper body becomes a plain one, as 'Chicken_*,Drunk_*'."
+        ),
+    ] = "",
     augment: Annotated[
         bool, typer.Option(help="Add curved, warped, starting, stopping and standing motion.")
     ] = True,
@@ -58,12 +67,13 @@ def prepare(
     bodies = {gender: load_body("anny52", gender) for gender in GENDERS}
     console = Console(stderr=True)
     options = PrepareOptions(
-        index=index,
+        index=tuple(index or ()),
         read=ReadOptions(fps=fps, unit=unit, up=up, bvh_fix=bvh_fix),
         fit=FitOptions(steps=steps, device=device),
         validation=_names(validation),
         shapes=shapes,
         other_shapes=other_shapes,
+        acted=_names(acted),
         augment=augment,
         clips=_names(clips),
         seed=seed,

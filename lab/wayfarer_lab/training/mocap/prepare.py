@@ -23,18 +23,20 @@ from wayfarer_lab.training.mocap.shape import own_shape, random_shape
 from wayfarer_lab.training.mocap.sources import find_asf, list_entries
 from wayfarer_lab.training.mocap.standing import save_start_poses, standing_poses
 from wayfarer_lab.training.mocap.store import ClipRange, Dataset
+from wayfarer_lab.training.mocap.upper import plain_uppers
 
 
 @dataclass(frozen=True)
 class PrepareOptions:
     """Everything that decides what is prepared, apart from SRC."""
 
-    index: Path | None = None
+    index: tuple[Path, ...] = ()  # empty: SRC/index.csv, or every file of SRC
     read: ReadOptions = field(default_factory=ReadOptions)
     fit: FitOptions = field(default_factory=FitOptions)
-    validation: tuple[str, ...] = ()  # subjects carved out of train
+    validation: tuple[str, ...] = ()  # subjects and clips carved out of train
     shapes: int = 2  # per gender and locomotion clip: own proportions first, then random adults
     other_shapes: int = 1  # per clip of any other kind; genders take turns
+    acted: tuple[str, ...] = ()  # patterns of clips that get a plain upper body, see `upper.py`
     augment: bool = True  # add curved, faster and slower, starting, stopping, standing motion
     clips: tuple[str, ...] = ()  # only these, by name; empty: all
     seed: int = 0
@@ -79,6 +81,8 @@ def prepare(
 
         pieces = _read_all(src, cache, options, skipped, progress)
         recorded = fit(plan(_level_all(pieces, options), bodies, options), "fitting")
+        uppers = plain_uppers([r.fitted for r in recorded], options.acted)
+        recorded = [replace(r, fitted=f) for r, f in zip(recorded, uppers, strict=True)]
         poses = standing_poses([r.fitted for r in recorded])
         derived = []
         if options.augment:
@@ -117,15 +121,16 @@ def _level_all(pieces: list[Piece], options: PrepareOptions) -> list[tuple[Sourc
     by_subject: dict[str, list[Piece]] = defaultdict(list)
     for piece in pieces:
         by_subject[piece.info.subject].append(piece)
-    unknown = set(options.validation) - set(by_subject)
+    unknown = set(options.validation) - set(by_subject) - {p.info.source for p in pieces}
     if unknown:
-        raise DataError(f"no such validation subject: {', '.join(sorted(unknown))}")
+        raise DataError(f"no such validation subject or clip: {', '.join(sorted(unknown))}")
     ready = []
     for own in by_subject.values():
         clips, subject = level_subject(own)
         for leveled in clips:
             clip = leveled
-            if clip.info.split == "train" and clip.info.subject in options.validation:
+            held = {clip.info.subject, clip.info.source} & set(options.validation)
+            if clip.info.split == "train" and held:
                 clip = replace(clip, info=replace(clip.info, split="validation"))
             stretches = useful_stretches(classify(clip), MIN_FRAMES)
             for number, (first, last) in enumerate(stretches):

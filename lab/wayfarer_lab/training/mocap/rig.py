@@ -19,14 +19,15 @@ J = {name: index for index, name in enumerate(JOINT_NAMES)}
 PARENTS = np.array(parents()[:POSED_JOINTS])
 MIRROR = np.array([J[mirrored(name)] for name in JOINT_NAMES])
 
-# Ours → accepted names, best first: ASF, then BVH as MotionBuilder, Mixamo, LAFAN1 write them.
+# Ours → accepted names, best first: ASF, then BVH as MotionBuilder, Mixamo, LAFAN1 and 100STYLE
+# write them. LeftShoulder is the upper arm where there is a LeftCollar, else the collar.
 _SIDED = {
     "hip": "lfemur LeftUpLeg LeftHip LeftThigh",
     "knee": "ltibia LeftLeg LeftKnee LeftShin",
     "ankle": "lfoot LeftFoot LeftAnkle",
     "foot": "ltoes LeftToeBase LeftToe",
-    "collar": "lclavicle LeftShoulder LeftCollar",
-    "shoulder": "lhumerus LeftArm LeftUpArm",
+    "collar": "lclavicle LeftCollar LeftShoulder",
+    "shoulder": "lhumerus LeftArm LeftUpArm LeftShoulder",
     "elbow": "lradius LeftForeArm LeftElbow LeftLowArm",
     "wrist": "lhand LeftFingerBase LeftHand LeftWrist",
 }
@@ -41,6 +42,7 @@ _SPINES = (
     ("Spine", "Spine1", "Spine2"),
     ("Spine", "Spine1", "Spine1"),
     ("Spine", "Spine", "Spine"),
+    ("Chest", "Chest2", "Chest4"),
     ("Chest", "Chest2", "Chest3"),
     ("Chest", "Chest", "Chest"),
 )
@@ -67,7 +69,7 @@ def joint_map(skeleton: Skeleton) -> list[int]:
         else:
             options = _CENTRAL[name].split()
         match = next((plain[o.lower()] for o in options if o.lower() in plain), None)
-        if match is None:
+        if match is None or (part and match in found):
             raise DataError(f"no joint for {name}: expected one of {', '.join(options)}")
         found.append(match)
     return found

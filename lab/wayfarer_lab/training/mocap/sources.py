@@ -8,7 +8,7 @@ whose name leads outside the folder is refused.
 
 import csv
 import tarfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,20 +34,24 @@ class Entry:
 
 
 def list_entries(
-    src: Path, unpacked: Path, index: Path | None = None, skip: Callable[[str], None] = print
+    src: Path, unpacked: Path, index: Sequence[Path] = (), skip: Callable[[str], None] = print
 ) -> list[Entry]:
     """All motion files of `src`, in a stable order. `skip` is told of rows that lead nowhere.
+
+    `index` names the tables that list them; without one, `src/index.csv` if there is one, else
+    every file counts.
 
     Raises DataError when there is nothing to read or the index is malformed.
     """
     if not src.is_dir():
         raise DataError("no such folder", str(src))
-    index = index or (src / "index.csv" if (src / "index.csv").exists() else None)
-    if index is None:
+    if not index and (src / "index.csv").exists():
+        index = [src / "index.csv"]
+    if not index:
         files = sorted(p for p in src.rglob("*") if p.suffix.lower() in SUFFIXES)
         entries = [Entry(p.stem, p, _subject(p)) for p in files]
     else:
-        entries = _read_index(index, src, unpacked, skip)
+        entries = [e for table in index for e in _read_index(table, src, unpacked, skip)]
     if not entries:
         raise DataError(f"no motion file ({', '.join(SUFFIXES)}) found", str(src))
     return entries

@@ -98,6 +98,6 @@ def test_nothing_usable_and_unknown_subjects_are_errors(src, tmp_path, bodies) -
     with pytest.raises(DataError, match="no usable motion"):
         options = PrepareOptions(**{**vars(OPTIONS), "clips": ("02_02",)})
         prepare(src, tmp_path / "dst", bodies, options, quietly())
-    with pytest.raises(DataError, match="no such validation subject: 99"):
+    with pytest.raises(DataError, match="no such validation subject or clip: 99"):
         options = PrepareOptions(**{**vars(OPTIONS), "validation": ("99",)})
         prepare(src, tmp_path / "dst", bodies, options, quietly())

@@ -45,6 +45,14 @@ def test_an_index_tells_what_files_do_not(tmp_path) -> None:
     assert "3.bvh" in told[0]
 
 
+def test_several_tables_list_what_is_in_one_folder(tmp_path) -> None:
+    for name in ("one", "two"):
+        (tmp_path / f"{name}.bvh").write_text(name)
+        (tmp_path / f"{name}.csv").write_text(f"clip,path\n{name},{name}.bvh\n")
+    tables = [tmp_path / "two.csv", tmp_path / "one.csv"]
+    assert [e.name for e in list_entries(tmp_path, tmp_path / "cache", tables)] == ["two", "one"]
+
+
 def test_a_malformed_index_is_named_with_its_line(tmp_path) -> None:
     (tmp_path / "2.bvh").write_text("two")
     index = tmp_path / "index.csv"
