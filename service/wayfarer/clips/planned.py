@@ -70,5 +70,6 @@ def _locked(body: BodyModel, spec: AgentSpec, found: Plan) -> tuple[Float, Flags
     """Rotations [N, 22, 4] and contacts [N, 2] with the feet locked, as the service does."""
     legs = measure_legs(body, np.array(spec.betas))
     hips, rotations = found.translation[None], found.rotations[None]
-    locked = lock_feet(begin(legs, hips[:, 0], rotations[:, 0]), legs, hips, rotations)
+    state = begin(legs, hips[:, 0], rotations[:, 0])
+    locked = lock_feet(state, legs, hips, rotations, np.zeros(1, np.bool_))
     return locked.rotations[0], locked.contacts[0]

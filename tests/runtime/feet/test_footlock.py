@@ -15,14 +15,24 @@ from wayfarer.spec import BETAS, FPS
 OTHERS = [joint for joint in range(22) if joint not in MOVED]
 
 
-def locked(translation: np.ndarray, rotations: np.ndarray, pieces: tuple[int, ...] = ()) -> Locked:
-    """The motion from its first frame, in one call or cut at the frames `pieces`."""
+def locked(
+    translation: np.ndarray,
+    rotations: np.ndarray,
+    pieces: tuple[int, ...] = (),
+    steps: bool = False,
+) -> Locked:
+    """The motion from its first frame, in one call or cut at the frames `pieces`; `steps`: on the
+    spot.
+    """
+    on_the_spot = np.full(len(translation), steps)
     shape = legs(len(translation))
     state = begin(shape, translation[:, 0], rotations[:, 0])
     parts, contacts = [], []
     cuts = sorted({0, *pieces, translation.shape[1]})
     for start, stop in pairwise(cuts):
-        done = lock_feet(state, shape, translation[:, start:stop], rotations[:, start:stop])
+        done = lock_feet(
+            state, shape, translation[:, start:stop], rotations[:, start:stop], on_the_spot
+        )
         state = done.state
         parts.append(done.rotations)
         contacts.append(done.contacts)
@@ -217,3 +227,89 @@ def test_straight_and_folded_legs_give_no_nan(bend):
     translation, rotations = standing(40, bend)
     made = locked(moved(translation, (0.05, 0.1, 0.1)), rotations).rotations
     np.testing.assert_allclose(np.linalg.norm(made, axis=-1), 1, atol=1e-4)
+
+
+def turntable(degrees: float, frames: int = 60) -> tuple[np.ndarray, np.ndarray]:
+    """Somebody who stands and is turned, feet and all, then stands for another second."""
+    translation, rotations = standing(frames + FPS)
+    angles = np.radians(degrees) * np.minimum(np.arange(frames + FPS) / frames, 1)
+    for frame, angle in enumerate(angles):
+        turn = quaternion_from_rotvec(np.array([0.0, 0.0, angle]))
+        rotations[0, frame, 0] = multiply(turn, rotations[0, frame, 0].astype(np.float64))
+    return translation, rotations
+
+
+def pivots(soles: np.ndarray) -> np.ndarray:
+    """Degrees by which each foot turns while its sole is within 3 mm of the floor [2]."""
+    x, y = np.moveaxis(soles[0, :, :, -1] - soles[0, :, :, 0], -1, 0)[:2]
+    turns = np.abs(np.diff(np.unwrap(np.arctan2(y, x), axis=0), axis=0))
+    return np.degrees((turns * (soles[0, 1:, :, :, 2].min(-1) < 0.003)).sum(0))
+
+
+def lifts(soles: np.ndarray) -> np.ndarray:
+    """How often each foot leaves the floor by more than 1.5 cm [2]."""
+    up = soles[0, :, :, :, 2].min(-1) > 0.015
+    return (up[1:] & ~up[:-1]).sum(0)
+
+
+@pytest.mark.parametrize("degrees", [-90.0, 90.0, 180.0])
+def test_who_is_turned_takes_steps_and_no_foot_pivots_under_load(degrees):
+    translation, rotations = turntable(degrees)
+    raw = soles_of(translation, rotations)
+    made = locked(translation, rotations, steps=True)
+    soles = soles_of(translation, made.rotations)
+    assert (pivots(raw) > 85).all() and not lifts(raw).any()
+    assert (pivots(soles) < 10).all()
+    assert (lifts(soles) >= abs(degrees) / 90).all()
+    both_up = (soles[0, :, :, :, 2].min(-1) > 0.015).all(-1)
+    assert not both_up.any(), "one foot bears while the other steps"
+    assert np.linalg.norm(soles[0, -1] - raw[0, -1], axis=-1).max() < 0.08, "feet follow the body"
+
+
+def test_a_stepping_foot_is_not_told_to_be_in_contact():
+    translation, rotations = turntable(90.0)
+    made = locked(translation, rotations, steps=True)
+    height = soles_of(translation, made.rotations)[0, :, :, :, 2].min(-1)
+    assert (height > 0.03).any()
+    assert not made.contacts[0][height > 0.021].any()
+
+
+def test_the_inner_foot_steps_first():
+    for degrees, inner in ((90.0, 0), (-90.0, 1)):
+        translation, rotations = turntable(degrees)
+        soles = soles_of(translation, locked(translation, rotations, steps=True).rotations)
+        up = soles[0, :, :, :, 2].min(-1) > 0.015
+        assert up[:, inner].argmax() < up[:, 1 - inner].argmax()
+
+
+def test_a_foot_that_is_drawn_aside_steps_there_once():
+    translation, rotations = standing(80)
+    way = 0.15 * np.minimum(np.arange(80) / 24, 1)
+    translation[0, :, 1] += way.astype(np.float32)
+    soles = soles_of(translation, locked(translation, rotations, steps=True).rotations)
+    assert lifts(soles).tolist() in ([2, 2], [2, 1], [1, 2], [1, 1])
+    slide = np.linalg.norm(np.diff(soles[0, :, :, :, :2].mean(2), axis=0), axis=-1)
+    assert (slide * (soles[0, 1:, :, :, 2].min(-1) < 0.003)).sum(0).max() < 0.01
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.integers(1, 99), max_size=8))
+def test_steps_cut_into_pieces_are_the_steps(cuts):
+    motion = turntable(120.0)
+    whole, pieces = (locked(*motion, pieces=tuple(c), steps=True) for c in ((), cuts))
+    np.testing.assert_allclose(pieces.rotations, whole.rotations, atol=1e-6)
+    np.testing.assert_array_equal(pieces.contacts, whole.contacts)
+
+
+def test_feet_keep_their_turn_from_the_spot_until_they_swing():
+    translation, rotations = turntable(30.0, 20)
+    shape = legs(1)
+    state = begin(shape, translation[:, 0], rotations[:, 0])
+    spot, gone = np.array([True]), np.array([False])
+    state = lock_feet(state, shape, translation[:, :12], rotations[:, :12], spot).state
+    assert np.abs(state.turn).max() > np.radians(10)
+    still = np.repeat(rotations[:, 12:13], 24, axis=1)
+    up = lifted(still, 0, 0.5 * np.ones(24))
+    free = lock_feet(state, shape, translation[:, 12:36], up, gone).state
+    assert abs(free.turn[0, 0]) < np.radians(2)
+    assert free.turn[0, 1] == pytest.approx(state.turn[0, 1], abs=1e-6)

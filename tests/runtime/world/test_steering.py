@@ -12,7 +12,12 @@ from wayfarer.terms import STAND, STRAFE, TERMS, TURN, WALK, weights
 
 # Of numbers of its own, so that tuning breaks no test.
 STEERING = Steering(
-    braking_seconds=0.35, braking_margin=0.15, slowing_distance=1.0, slowest=0.5, lookahead=1.0
+    braking_seconds=0.35,
+    braking_margin=0.15,
+    slowing_distance=1.0,
+    slowest=0.5,
+    lookahead=1.0,
+    turn_ahead=radians(180),
 )
 
 
@@ -123,8 +128,33 @@ def test_at_rest_it_turns_to_a_goal_behind_before_it_walks(mode):
     assert next_mode(now, at(0, heading=-30), away) is Mode.WALKING, "its heading is for later"
 
 
-def test_on_the_way_it_walks_a_curve_to_a_goal_behind():
-    assert next_mode(gait(Mode.WALKING, 0.8), at(0, heading=90), goal(3.0)) is Mode.WALKING
+def test_on_the_way_it_comes_to_rest_and_turns_to_a_goal_behind():
+    seed = at(0, before=-0.03, heading=-90)
+    now = STEERING.decide(gait(Mode.WALKING, 1.2), seed, goal(-3.0))
+    assert now.mode[0] == Mode.STOPPING
+    assert 0 < now.stop_place[0, 0] < 1, "it comes to rest ahead, not at the goal"
+    np.testing.assert_allclose(now.stop_facing[0], facing(-90), atol=1e-6)
+    now.speed[:] = 0.4
+    now = STEERING.decide(now, at(0.2, heading=-90), goal(-3.0))
+    assert now.mode[0] == Mode.STOPPING
+    now.speed[:] = 0.1
+    now = STEERING.decide(now, at(0.3, heading=-90), goal(-3.0))
+    assert now.mode[0] == Mode.TURNING, "it does not wait until it stands"
+    assert next_mode(now, at(0.3, heading=60), goal(-3.0)) is Mode.WALKING
+
+
+def test_on_the_way_it_walks_a_curve_to_a_goal_beside():
+    assert next_mode(gait(Mode.WALKING, 0.8), at(0, heading=10), goal(3.0)) is Mode.WALKING
+
+
+def test_a_turn_is_asked_for_by_so_much_at_a_time():
+    steering = replace(STEERING, turn_ahead=radians(40))
+    now = gait(Mode.TURNING, stop_facing=facing(170))
+    asked = [
+        steering.targets(now, at(0, heading=heading), goal()).facing[0]
+        for heading in (0, 150, -100)
+    ]
+    np.testing.assert_allclose(asked, [facing(40), facing(170), facing(-140)], atol=1e-6)
 
 
 def test_to_a_goal_behind_it_strafes_backwards():

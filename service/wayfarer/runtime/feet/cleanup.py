@@ -4,12 +4,18 @@ It works on chunks as they leave. What has been sent is never replaced, so one s
 enough: replanning throws away only frames that have not come here.
 """
 
+from typing import Final
+
 import numpy as np
 
 from wayfarer.runtime.agent import ChunkFlag
 from wayfarer.runtime.feet.footlock import begin, lock_feet
 from wayfarer.runtime.stepping.playback import Sent
-from wayfarer.runtime.world.slots import Slots
+from wayfarer.runtime.world.rows import Flags
+from wayfarer.runtime.world.slots import Gait, Mode, Slots
+
+HALTED: Final = 0.25
+"""m/s: a person who is stopping and slower than this has nothing left of the walk."""
 
 
 def clean_feet(slots: Slots, sent: Sent) -> None:
@@ -29,8 +35,16 @@ def clean_feet(slots: Slots, sent: Sent) -> None:
     jumps = (chunks.flags[wanted] & ChunkFlag.FIRST) > 0
     if len(new := np.flatnonzero(jumps | ~slots.feet_begun[rows])):
         feet.put(new, begin(legs.take(new), translation[new, 0], rotations[new, 0]))
-    locked = lock_feet(feet, legs, translation, rotations)
+    steps = _on_the_spot(chunks.end.gait)[wanted]
+    locked = lock_feet(feet, legs, translation, rotations, steps)
     slots.feet.put(rows, locked.state)
     slots.feet_begun[rows] = True
     chunks.rotations[wanted] = locked.rotations
     chunks.contacts[wanted] = locked.contacts
+
+
+def _on_the_spot(gait: Gait) -> Flags:
+    """Those [A] whose feet step where they would slide: they do not walk."""
+    halted = (gait.mode == Mode.STOPPING) & (gait.speed < HALTED)
+    stays: Flags = (gait.mode == Mode.STANDING) | (gait.mode == Mode.TURNING) | halted
+    return stays

@@ -9,6 +9,10 @@ shift fades away:
               − (1 − grip) · FADE · shift               a free one returns to the model's place
     height    while in contact the lowest sole point settles on the floor, z = 0
 
+An agent that stands or turns on the spot *steps*: the lock keeps the turn of its feet, too, and a
+foot that has come too far from where the model has it is lifted and set down there a moment later,
+one foot after the other. So a body that turns, or is moved, takes its feet along as people do.
+
 The point that bears is the lowest of the sole (a soft minimum over heel, balls and toe), so a foot
 rolls over its ball. Only motion is taken off, never a place set, so nothing jumps when the bearing
 point changes, at contact, or at a seam, over which the state carries the shift. A shift that grows
@@ -20,14 +24,16 @@ the lock cannot disturb the model. Pure functions; world space, metres, 40 frame
 """
 
 from dataclasses import dataclass
+from math import radians
 from typing import Annotated, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wayfarer.runtime.feet.legs import SOLES, Legs, pose_legs
 from wayfarer.runtime.feet.quaternion import Array, bounded, length
-from wayfarer.runtime.feet.twobone import MOVED, move_ankles
-from wayfarer.runtime.world.rows import Flags, Float, Rows, Shape
+from wayfarer.runtime.feet.twobone import MOVED, move_feet
+from wayfarer.runtime.world.rows import Flags, Float, Int8, Rows, Shape
 from wayfarer.spec import FPS
 
 TOUCH_HEIGHT: Final = 0.03
@@ -41,6 +47,9 @@ LIFT_HEIGHT: Final = 0.05
 
 LIFT_SPEED: Final = 0.7
 """And so has one that is faster than this."""
+
+TOLD_HEIGHT: Final = 0.02
+"""Metres: a foot whose lowest point is sent higher than this is not told to be in contact."""
 
 RISE: Final = np.float32(1 / 3)
 """Per frame: over 3 frames a hold rises, and falls."""
@@ -61,6 +70,39 @@ SETTLE: Final = 0.25
 DROP: Final = 0.02
 """Metres: a foot in contact is pulled down less, the higher it is; from here on, not at all."""
 
+STEP_FRAMES: Final = 12
+"""A corrective step takes so long: 0.3 s."""
+
+STEP_HEIGHT: Final = 0.05
+"""Metres that it lifts the foot by."""
+
+FLIGHT: Final = (0.15, 0.85)
+"""Shares of a step between which the foot is high enough to move over the floor."""
+
+STEP_SHIFT: Final = 0.05
+"""Metres from the model's place beyond which a foot steps …"""
+
+STEP_TURN: Final = radians(24)
+"""… and radians from the model's turn."""
+
+STEP_AHEAD: Final = 0.15
+"""Seconds: a foot is set down where the model will have it then, at its speed now."""
+
+AHEAD_SHIFT: Final = 0.04
+"""Metres that this may be at most, …"""
+
+AHEAD_TURN: Final = radians(20)
+"""… and radians."""
+
+TIDY: Final = 0.6
+"""Share of those bounds from which a foot steps when the model has come to rest."""
+
+INNER: Final = 0.25
+"""Share of those bounds by which the inner foot is preferred."""
+
+RESTING: Final = (0.03, radians(12))
+"""Metres and radians per second below which it has."""
+
 SOFTNESS: Final = 0.001
 """Metres above the lowest sole point at which a point bears 1/e of what that one bears."""
 
@@ -72,7 +114,9 @@ class LockState(Rows):
     soles: Annotated[Float, Shape(2, SOLES, 3)]  # where the model had them in the last frame
     contact: Annotated[Flags, Shape(2)]
     hold: Annotated[Float, Shape(2)]  # 0…1, follows `contact`
-    shift: Annotated[Float, Shape(2, 3)]  # how far the ankle is moved
+    shift: Annotated[Float, Shape(2, 3)]  # how far the foot is moved
+    turn: Annotated[Float, Shape(2)]  # radians that it is turned by, about the vertical
+    swing: Annotated[Int8, Shape(2)]  # frames that its corrective step still takes; 0: none
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +124,7 @@ class Locked:
     """Cleaned frames."""
 
     rotations: Float  # [A, F, 22, 4]; hips, knees and ankles of both legs differ from the input
-    contacts: Flags  # [A, F, 2] feet that are held
+    contacts: Flags  # [A, F, 2] feet that are held and on the floor
     state: LockState
 
 
@@ -96,51 +140,128 @@ def begin(legs: Legs, translation: Float, rotations: Float) -> LockState:
     return state
 
 
-def lock_feet(before: LockState, legs: Legs, translation: Float, rotations: Float) -> Locked:
+def lock_feet(
+    before: LockState, legs: Legs, translation: Float, rotations: Float, steps: Flags
+) -> Locked:
     """Clean the next F frames of A agents: translation [A, F, 3], rotations [A, F, 22, 4].
 
-    Many frames at once or in pieces, the result is the same; every agent's is its own.
+    `steps` [A]: those that are on the spot, whose feet step. Many frames at once or in pieces, the
+    result is the same; every agent's is its own.
     """
     pose = pose_legs(legs, translation, rotations)
-    slide, height = _bearing(before.soles, pose.soles)
-    speed = FPS * length(slide)
+    path = np.concatenate([before.soles.T[:, :, :, None], pose.soles], -2)  # [3, P, 2, 1 + F, A]
+    height = pose.soles[2].min(0)
+    bearing, turning = _slide(path, height), _turning(path)
+    slide = np.where(steps, np.diff(path[:2], axis=-2).mean(1), bearing)
+    speed = FPS * length(bearing)
     touches = (height < TOUCH_HEIGHT) & (speed < TOUCH_SPEED)
     stays = (height < LIFT_HEIGHT) & (speed < LIFT_SPEED)
     firmness = 1 - _smooth(speed, *SLIPPING)
-    lift = -height * (1 - _smooth(height, 0, DROP))
+    settling = -height * (1 - _smooth(height, 0, DROP))
 
     contact, hold, shift = before.contact.T, before.hold.T, before.shift.T
+    turn, swing = before.turn.T, before.swing.T
     shifts = np.empty((3, *height.shape), np.float32)
+    turns = np.empty(height.shape, np.float32)
     held = np.empty(height.shape, np.bool_)
+    goals, goal_turns, rests = _landings(slide, turning)
+    turning = turning * steps
     for frame in range(height.shape[1]):
         contact = np.where(contact, stays[:, frame], touches[:, frame])
         hold = bounded(hold + np.where(contact, RISE, -RISE), 0, 1)
-        grip = hold * firmness[:, frame] * (1 - _smooth(length(shift[:2]), *LEASH))
-        kept = 1 - (1 - grip) * FADE
-        level = shift[2] + SETTLE * (hold * lift[:, frame] - shift[2])
-        moved = shifts[:, :, frame]
-        moved[:2], moved[2] = kept * shift[:2] - grip * slide[:, :, frame], level
-        shift, held[:, frame] = moved, contact & (grip >= 0.5)
+        swing = _begun(swing, contact & steps, shift, turn, rests[frame])
+        flies = _FLIES[swing]
+        leashed = firmness[:, frame] * (1 - _smooth(length(shift[:2]), *LEASH))
+        grip = hold * np.where(steps, 1, leashed) * ~flies
+        kept = np.where(flies, _KEPT[swing], 1 - (1 - grip) * FADE)
+        ahead = flies * (1 - kept)
+        swing = np.maximum(swing - 1, 0)
+        level = shift[2] + SETTLE * (hold * settling[:, frame] - shift[2])
+        moved, twist = shifts[:, :, frame], turns[:, frame]
+        moved[:2] = kept * shift[:2] + ahead * goals[:, :, frame] - grip * slide[:, :, frame]
+        moved[2] = level
+        twist[:] = kept * turn + ahead * goal_turns[:, frame] - grip * turning[:, frame]
+        shift, turn = moved.copy(), twist
+        moved[2] += _LIFT[swing]
+        held[:, frame] = contact & (grip >= 0.5) & (height[:, frame] + moved[2] <= TOLD_HEIGHT)
 
     cleaned = rotations.astype(np.float32)
-    cleaned[:, :, MOVED] = move_ankles(pose, shifts)
+    cleaned[:, :, MOVED] = move_feet(pose, translation, shifts, turns)
     after = LockState(
-        soles=pose.soles[:, :, :, -1].T, contact=contact.T, hold=hold.T, shift=shift.T
+        soles=pose.soles[:, :, :, -1].T,
+        contact=contact.T,
+        hold=hold.T,
+        shift=shift.T,
+        turn=turn.T,
+        swing=swing.T,
     )
     return Locked(cleaned, held.T, after)
 
 
-def _bearing(earlier: Float, soles: Array) -> tuple[Array, Array]:
-    """Horizontal way of the bearing point since the last frame [2, 2, F, A], and height of the
-    lowest sole point [2, F, A]; `earlier` [A, 2, P, 3] are the soles before [3, P, 2, F, A].
+def _slide(path: Array, height: Array) -> Array:
+    """Horizontal way of the bearing point since the last frame [2, 2, F, A].
+
+    path [3, P, 2, 1 + F, A] of the sole points; height [2, F, A] of the lowest one.
     """
-    path = np.concatenate([earlier.T[:2, :, :, None], soles[:2]], -2)
-    height = soles[2].min(0)
-    load = np.exp((height - soles[2]) / SOFTNESS)
-    return (load * np.diff(path, axis=-2)).sum(1) / load.sum(0), height
+    load = np.exp((height - path[2, :, :, 1:]) / SOFTNESS)
+    way: Array = (load * np.diff(path[:2], axis=-2)).sum(1) / load.sum(0)
+    return way
+
+
+def _turning(path: Array) -> Array:
+    """Radians by which each foot turns about the vertical in each frame [2, F, A]."""
+    x, y = path[:2, -1] - path[:2, 0]  # from the heel to the toe
+    crossed = x[:, :-1] * y[:, 1:] - y[:, :-1] * x[:, 1:]
+    turning: Array = np.arctan2(crossed, x[:, :-1] * x[:, 1:] + y[:, :-1] * y[:, 1:])
+    return turning
+
+
+def _landings(slide: Array, turning: Array) -> tuple[Array, Array, Flags]:
+    """Where a foot that steps now is to land, ahead of the model: shift [2, 2, F, A] and turn
+    [2, F, A]; and whether the model's feet rest [F, A].
+    """
+    way, speed = STEP_AHEAD * FPS * slide, FPS * length(slide)
+    shift = way * np.minimum(1, AHEAD_SHIFT / np.maximum(STEP_AHEAD * speed, 1e-9))
+    turn = bounded(STEP_AHEAD * FPS * turning, -AHEAD_TURN, AHEAD_TURN)
+    slow, quiet = RESTING
+    rests: Flags = np.all((speed < slow) & (FPS * np.abs(turning) < quiet), axis=0)
+    return shift, turn, rests
+
+
+def _begun(
+    swing: NDArray[np.int8], may: Flags, shift: Array, turn: Array, rests: Flags
+) -> NDArray[np.int8]:
+    """Frames left of each foot's step [2, A]: one foot of those that `may` sets out if it is due.
+
+    The foot that is farther from its place, while both bear; in a turn the inner one goes first.
+    """
+    error = np.maximum(length(shift[:2]) / STEP_SHIFT, np.abs(turn) / STEP_TURN)
+    inner = np.where(turn[0] + turn[1] < 0, INNER, -INNER)  # the left one, turning to the left
+    left_first = error[0] + inner >= error[1]
+    free = may[0] & may[1] & (swing[0] == 0) & (swing[1] == 0)
+    sets_out = free & (error > np.where(rests, TIDY, 1)) & np.stack([left_first, ~left_first])
+    return np.where(sets_out, np.int8(STEP_FRAMES), swing)
 
 
 def _smooth(value: Array, low: float, high: float) -> Array:
     """0 below `low`, 1 above `high`, smooth between."""
     t = bounded((value - low) / (high - low), 0, 1)
     return t * t * (3 - 2 * t)
+
+
+def _step_tables() -> tuple[Flags, Array, Array]:
+    """By the frames that are left of a step: whether the foot flies in the next one, the share of
+    its shift and turn that stays then, and metres that it is raised by.
+
+    It moves and turns in the air: not while it is lifted, nor while it is set down.
+    """
+    frames = np.arange(STEP_FRAMES + 1)
+    left = _smooth(frames / STEP_FRAMES, *FLIGHT)
+    later = np.concatenate([[0.0], left[:-1]])
+    flies = (left > 0) & (later < 1)
+    kept = np.where(flies, later / np.maximum(left, 1e-6), 1.0)
+    lift = STEP_HEIGHT * np.sin(np.pi * frames / STEP_FRAMES) ** 2
+    return flies, kept.astype(np.float32), lift.astype(np.float32)
+
+
+_FLIES, _KEPT, _LIFT = _step_tables()

@@ -17,8 +17,10 @@ from wayfarer.runtime.feet.quaternion import (
     length,
     multiply,
     rotate,
+    stacked,
     unit,
 )
+from wayfarer.runtime.world.rows import Float
 
 MOVED: Final = [*HIPS, *KNEES, *ANKLES]
 """Joints whose rotations change."""
@@ -36,10 +38,24 @@ STRAIGHT: Final = 1e-3
 """Sine of the knee's bend below which its plane is taken from the hip's side axis instead."""
 
 
-def move_ankles(pose: LegPose, shift: Array) -> Array:
+def move_feet(pose: LegPose, translation: Float, shift: Array, turn: Array) -> Array:
+    """As `move_ankles`, with each foot first turned by `turn` radians [2, F, A] about the vertical
+    through the middle of its sole; translation [A, F, 3].
+
+    The knee turns half as far with it.
+    """
+    root = translation.transpose(2, 1, 0)[:, None]
+    arm = (pose.ankle + root)[:2] - pose.soles[:2].mean(1)
+    cos, sin = np.cos(turn) - 1, np.sin(turn)
+    off = stacked(cos * arm[0] - sin * arm[1], sin * arm[0] + cos * arm[1], np.zeros_like(sin))
+    return move_ankles(pose, shift + off, turn)
+
+
+def move_ankles(pose: LegPose, shift: Array, turn: Array | None = None) -> Array:
     """Local rotations [A, F, 6, 4] of the joints `MOVED`, with the ankles `shift` [3, 2, F, A] off.
 
     An ankle that is out of reach goes as far as `reach` lets it, in the direction of its target.
+    Feet keep their turn in the world, unless it is changed by `turn` [2, F, A], radians.
     """
     thigh, shin = pose.knee - pose.hip, pose.ankle - pose.knee
     upper, lower = length(thigh), length(shin)
@@ -58,12 +74,19 @@ def move_ankles(pose: LegPose, shift: Array) -> Array:
     arc = dot(ankle, target) + length(ankle) * length(target) + TINY
     swing = unit(_quaternion(cross(ankle, target), arc))
 
+    foot_turn = pose.ankle_turn
+    if turn is not None:
+        half = turn / 4
+        along = unit(target) * np.where(target[2] < 0, -1, 1)
+        swing = multiply(_quaternion(along * np.sin(half), np.cos(half)), swing)
+        zero = np.zeros_like(turn)
+        foot_turn = multiply(stacked(zero, zero, np.sin(turn / 2), np.cos(turn / 2)), foot_turn)
     hip = multiply(swing, pose.hip_turn)
     knee = multiply(swing, multiply(bend, pose.knee_turn))
     turns = [
         multiply(inverse(pose.root_turn), hip),
         multiply(inverse(hip), knee),
-        multiply(inverse(knee), pose.ankle_turn),
+        multiply(inverse(knee), foot_turn),
     ]
     return np.concatenate(turns, 1).transpose(3, 2, 1, 0)
 

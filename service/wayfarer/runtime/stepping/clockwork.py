@@ -95,6 +95,7 @@ class Clockwork:
             settings.batch_sizes,
             self._planned,
             self._stage.guide,
+            next(iter(bodies.values())).sole_markers.reshape(2, -1),
             settings.alone,
             settings.company * FPS,
             settings.full_batch,

@@ -14,6 +14,7 @@ from wayfarer.runtime.stepping.batch import broken, gather
 from wayfarer.runtime.stepping.guide import Course, Guide
 from wayfarer.runtime.stepping.playback import Chunks, Playback
 from wayfarer.runtime.world.paths import Paths
+from wayfarer.runtime.world.planting import Step, plant
 from wayfarer.runtime.world.rows import Flags, Index
 from wayfarer.runtime.world.slots import Gait, Goals, Mode, Motion, Seeds, SlotTable
 from wayfarer.runtime.world.steering import Steering, observe
@@ -89,6 +90,7 @@ class Scheduler:
         batch_sizes: tuple[int, ...],
         planned: Callable[[Index, Index, int], None],
         guide: Guide,
+        soles: Index,
         alone: bool = False,
         company: float = 0.0,
         full: int = 1,
@@ -96,6 +98,7 @@ class Scheduler:
         """`reset(slot)` gives the standing motion from which a broken agent goes on.
 
         `planned(slots, seqs, candidates)` is told of all new chunks, 0 candidates of those held.
+        `soles` [2, P]: the markers under the left and the right foot.
         `alone`: engine calls take no thread but the caller's. A batch is filled with those who are
         due within `company` frames, to a multiple of `full`.
         """
@@ -108,6 +111,7 @@ class Scheduler:
         self._sizes = batch_sizes
         self._planned = planned
         self._guide = guide
+        self._soles = soles
         self._alone = alone
         self._company = company
         self._full = full
@@ -231,19 +235,23 @@ class Scheduler:
         start = batch.seed.translation[:, -1]
         is_broken = broken(start, outputs)
         translation = np.where(is_broken[:, None, None], start[:, None], outputs.translation)
-        gait = observe(batch.gait, start, translation, batch.goals)
+        step = Step(
+            translation, outputs.rotations, outputs.next_seed_markers, outputs.contacts > 0.5
+        )
+        gait, step = plant(self._soles, batch.gait, batch.seed, step)
+        gait = observe(gait, start, step.translation, batch.goals)
         flags = np.where(slots.replanned[rows], ChunkFlag.REPLANNED, ChunkFlag.NONE)
         flags |= np.where(gait.arrived & ~batch.gait.arrived, ChunkFlag.ARRIVED, ChunkFlag.NONE)
         flags |= np.where(batch.reduced, ChunkFlag.REDUCED, ChunkFlag.NONE)
         seed = Seeds(
-            markers=outputs.next_seed_markers,
-            translation=translation[:, -SEED_FRAMES:],
-            rotations=outputs.rotations[:, -SEED_FRAMES:],
+            markers=step.markers,
+            translation=step.translation[:, -SEED_FRAMES:],
+            rotations=step.rotations[:, -SEED_FRAMES:],
         )
         chunks = Chunks(
-            translation=translation,
-            rotations=outputs.rotations,
-            contacts=outputs.contacts > 0.5,
+            translation=step.translation,
+            rotations=step.rotations,
+            contacts=step.contacts,
             flags=flags.astype(np.uint8),
             goal_revision=slots.goal_revision[rows],
             candidates=np.full(len(rows), batch.candidates, np.int16),

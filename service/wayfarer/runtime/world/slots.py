@@ -15,7 +15,7 @@ from wayfarer.runtime.agent import AgentState
 from wayfarer.runtime.crowd.people import Memory
 from wayfarer.runtime.feet.footlock import LockState
 from wayfarer.runtime.feet.ground import Footing
-from wayfarer.runtime.feet.legs import Legs
+from wayfarer.runtime.feet.legs import SOLES, Legs
 from wayfarer.runtime.scenes.route import Route
 from wayfarer.runtime.world.rows import Flags, Float, Int, Int8, Object, Rows, Shape, UInt64
 from wayfarer.spec import BETAS, MARKERS, POSED_JOINTS, SEED_FRAMES
@@ -64,6 +64,8 @@ class Gait(Rows):
     stop_facing: Annotated[Float, Shape(2)]  # unit vector it faced when it did
     arrived: Flags  # the goal has been reached
     waypoint: Int  # place of that goal in the path
+    planted: Flags  # it stands on both feet, which stay where they are; see planting.py
+    soles: Annotated[Float, Shape(2, SOLES, 2)]  # horizontal places of its sole markers then
 
 
 @dataclass(slots=True)

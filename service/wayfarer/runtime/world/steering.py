@@ -5,7 +5,9 @@
                                                              └─faces its heading─ TURNING
 
 An agent who has come to rest (stopping or standing) and does not face the heading it was given is
-TURNING until it does. Goals that are passed through know no braking.
+TURNING until it does. Goals that are passed through know no braking. An agent whose goal comes to
+lie behind it, at rest or on the way, stops, turns on the spot and walks on: a walk that is bent
+round as far as that leans by 30 degrees and more.
 
 Pure functions of columns, vectorised over agents. Everything that is tuned stands in the two
 tables at the top.
@@ -103,6 +105,7 @@ class Steering:
     abeam: float = radians(70)  # … until it is so far aside
     faced: float = radians(8)  # turning ends when the heading is met within this …
     astray: float = radians(14)  # … and begins when it is missed by more
+    turn_ahead: float = radians(40)  # a turn on the spot is asked for by so much at a time
 
     def with_search(
         self,
@@ -162,12 +165,13 @@ class Steering:
         direction = way / np.maximum(distance, 1e-6)[:, None]
         aside = angle_between(facing, direction)
         behind = aside > np.where(turning, self.abeam, self.behind)
-        about = at_rest & missed & far & behind & ~goals.strafe
+        reverses = missed & far & behind & ~goals.strafe
+        about = reverses & (at_rest | is_slow)
         walks = (
             (walking & holds & (goals.through | far))
             | ((still | standing | turning) & missed)
             | (~walking & strayed)
-        ) & ~about
+        ) & ~reverses
         wished = goals.given & goals.heading.any(-1)
         off = angle_between(facing, goals.heading)
         astray = wished & (off > np.where(turning, self.faced, self.astray))
@@ -182,7 +186,8 @@ class Steering:
         # Without a goal an agent stops as soon as it can; then it stands where it came to rest.
         brakes, rests = walking & ~walks, still & ~walks
         turns_away = about & ~turning
-        rest = np.where(holds[:, None], goals.position[:, :2], self._rest(gait, seed.translation))
+        reaches = holds & ~reverses
+        rest = np.where(reaches[:, None], goals.position[:, :2], self._rest(gait, seed.translation))
         return replace(
             gait,
             mode=mode.astype(np.int8),
@@ -203,11 +208,17 @@ class Steering:
         """What the next step, which `gait` is for, aims at."""
         hips = seed.translation[:, -1, :2]
         walking = _walks(gait)
+        facing = facing_of(seed.rotations[:, -1, 0])
+        turned = _turned_towards(facing, gait.stop_facing, self.turn_ahead)
         return Targets(
             place=_choose([(walking, self._ahead(hips, goals))], gait.stop_place),
             speed=np.where(walking, self._speed(hips, gait, goals), 0.0).astype(np.float32),
             facing=_choose(
-                [(~walking, gait.stop_facing), (gait.mode == Mode.STRAFING, goals.heading)],
+                [
+                    (gait.mode == Mode.TURNING, turned),
+                    (~walking, gait.stop_facing),
+                    (gait.mode == Mode.STRAFING, goals.heading),
+                ],
                 np.zeros_like(goals.heading),
             ),
         )
@@ -262,6 +273,18 @@ class Steering:
 def _walks(gait: Gait) -> Flags:
     walks: Flags = (gait.mode == Mode.WALKING) | (gait.mode == Mode.STRAFING)
     return walks
+
+
+def _turned_towards(facing: Float, wished: Float, most: float) -> Float:
+    """Unit vectors `facing` [A, 2] turned towards those `wished`, by `most` radians at most.
+
+    Asked for half a turn at once, a body would whirl round at 220 degrees a second.
+    """
+    crossed = facing[:, 0] * wished[:, 1] - facing[:, 1] * wished[:, 0]
+    angle = np.clip(np.arctan2(crossed, (facing * wished).sum(-1)), -most, most)
+    cos, sin = np.cos(angle), np.sin(angle)
+    x, y = facing.T
+    return np.stack([cos * x - sin * y, sin * x + cos * y], -1).astype(np.float32)
 
 
 def _choose(cases: Sequence[tuple[Flags, Float]], default: Float) -> Float:

@@ -49,8 +49,7 @@ class AgentApi:
                 )
                 for i, spec in enumerate(wish.agents)
             ]
-            with convert.in_basis(session.basis.axes):
-                made = await self._shared.service.create_agents(session_id, specs)
+            made = await self._shared.service.create_agents(session_id, specs)
         except BaseException:
             if session.created == first + asked:
                 session.created = first

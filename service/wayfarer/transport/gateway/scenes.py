@@ -106,8 +106,7 @@ class SceneApi:
         with self._shared.scenes.room(caller):
             attributes = scene_attributes(caller.name, wish.basis, lease_s)
             made = SceneWish(await asyncio.to_thread(spec), name, attributes)
-            with convert.in_basis(wish.basis.axes):
-                info = await service.create_scene(made)
+            info = await service.create_scene(made)
             return self._shared.scenes.open(info).describe(info)
 
     @needs(Scope.READ)
@@ -141,7 +140,7 @@ class SceneApi:
         Raises NotFound, InvalidArgument, ResourceExhausted, FailedPrecondition.
         """
         scene = self._shared.scenes.scene(scene_id)
-        with scene_convert.fields_named(obstacle=wish), convert.in_basis(scene.axes):
+        with scene_convert.fields_named(obstacle=wish):
             made = scene_convert.obstacle(wish, scene.axes)
             info = await self._shared.service.put_obstacle(scene_id, name, made)
         return scene_convert.scene_version(info)
@@ -158,7 +157,7 @@ class SceneApi:
         """The way that an agent would take. Raises NotFound, InvalidArgument, Unreachable."""
         scene = self._shared.scenes.scene(scene_id)
         start, goal = (convert.place(p, scene.axes) for p in (wish.start, wish.goal))
-        with scene_convert.fields_named(), convert.in_basis(scene.axes):
+        with scene_convert.in_basis(scene.axes), scene_convert.fields_named():
             way = await self._shared.service.query_path(scene_id, start, goal)
         return scene_convert.scene_path(way, scene.axes)
 
@@ -189,8 +188,7 @@ class SceneApi:
             raise InvalidArgument(f"is {wish.count}; allowed: {most}", "count")
         self._shared.book.require_room(present_caller(), wish.count)
         crowd = scene_convert.crowd(wish, session.basis, secrets.randbits(32))
-        with convert.in_basis(session.basis.axes):
-            came = await self._shared.service.populate(session_id, crowd)
+        came = await self._shared.service.populate(session_id, crowd)
         return schema.CrowdCame(came=came)
 
     async def take_over(self) -> None:
