@@ -16,8 +16,56 @@
     └── DataError            a motion file is malformed (carries file and line)
 
 A message says what was wrong, where, and what is allowed. `transport/errors.py` holds
-the one table that turns these classes into gRPC and HTTP codes.
+the one table that turns these classes into gRPC and HTTP codes. Lengths and places in the message
+of an InvalidArgument are quantities, so that transport can tell them in the basis of the client.
 """
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Metres:
+    """A length, or a height."""
+
+    value: float
+
+    def __str__(self) -> str:
+        return f"{self.value:g} m"
+
+
+@dataclass(frozen=True, slots=True)
+class MetresPerSecond:
+    """A speed."""
+
+    value: float
+
+    def __str__(self) -> str:
+        return f"{self.value:g} m/s"
+
+
+@dataclass(frozen=True, slots=True)
+class Heading:
+    """Radians about up, counter-clockwise seen from above."""
+
+    value: float
+
+    def __str__(self) -> str:
+        return f"{self.value:g}"
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A point of the world: x, y, z in metres, Z up."""
+
+    coordinates: tuple[float, float, float]
+
+    def __str__(self) -> str:
+        return f"({', '.join(f'{value:g}' for value in self.coordinates)})"
+
+
+Quantity = Metres | MetresPerSecond | Heading | Place
+"""What depends on the basis in which it is told."""
 
 
 class WayfarerError(Exception):
@@ -25,11 +73,23 @@ class WayfarerError(Exception):
 
 
 class InvalidArgument(WayfarerError):
-    """A value is malformed or out of range; `field` names it (dotted path)."""
+    """A value is malformed or out of range; `field` names it (dotted path).
 
-    def __init__(self, message: str, field: str = "") -> None:
-        super().__init__(message)
+    `parts`: what the `{}` of the message stand for; none: the message has no such places.
+    """
+
+    def __init__(self, message: str, field: str = "", *parts: object) -> None:
+        super().__init__(message.format(*parts) if parts else message)
         self.field = field
+        self._told = (message, parts)
+
+    def retold(self, quantity: Callable[[Quantity], str]) -> "InvalidArgument":
+        """The same, with quantities as `quantity` writes them."""
+        message, parts = self._told
+        if not any(isinstance(part, Quantity) for part in parts):
+            return self
+        written = (quantity(part) if isinstance(part, Quantity) else part for part in parts)
+        return InvalidArgument(message, self.field, *written)
 
 
 class NotFound(WayfarerError):

@@ -11,31 +11,7 @@ import pytest
 import websockets
 
 import wayfarer_client as wf
-from tests.runtime.kept_worlds import fake_worlds
-from wayfarer.config import Limits
-from wayfarer.runtime.loop import LoopSettings, steady_clock
-from wayfarer.runtime.runtime import Runtime
-from wayfarer.runtime.settings import Limits as WorldLimits
-from wayfarer.transport.bodies import BodyLibrary
-from wayfarer.transport.gateway import Gateway
-from wayfarer.transport.server import Server
 from wayfarer.v1 import control_pb2, motion_pb2
-
-
-@pytest.fixture
-async def server():
-    clock = steady_clock()
-    worlds = fake_worlds(limits=WorldLimits(agents=32, agents_per_session=32, sessions=4))
-    # long queues: a busy test machine must not look like a slow reader
-    runtime = Runtime(worlds, settings=LoopSettings(queue_s=30.0), clock=clock)
-    gateway = Gateway(runtime, BodyLibrary("anny52"), Limits(), clock, stop=lambda: None)
-    running = Server(gateway, "127.0.0.1", 0, 0)
-    runtime.start()
-    await running.start()
-    await running.until_ready()
-    yield running
-    await running.stop()
-    await runtime.stop()
 
 
 @pytest.fixture

@@ -40,7 +40,7 @@ BAD = {
     "floors[0].holes[0]": SceneSpec((Floor(SQUARE, (((3.0, 3.0), (9.0, 3.0), (3.0, 9.0)),)),)),
     "solids[1].size[1]": solid(Box((1.0, 1.0), (1.0, 0.0), 1.0)),
     "solids[1].size": solid(Box((1.0, 1.0), (1.0,), 1.0)),  # type: ignore[arg-type]
-    "solids[1].center[0]": solid(Box((1e9, 1.0), (1.0, 1.0), 1.0)),
+    "entries[1]": replace(GOOD, entries=((0.0, 0.0, 0.0), (1e9, 0.0, 0.0))),
     "solids[1].center": solid(Cylinder((1.0,), 1.0, 1.0)),  # type: ignore[arg-type]
     "solids[1].yaw": solid(Ramp((1.0, 1.0), (1.0, 1.0), 1.0, yaw=nan)),
     "solids[1].radius": solid(Cylinder((1.0, 1.0), -1.0, 1.0)),

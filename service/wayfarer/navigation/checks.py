@@ -3,13 +3,15 @@
 Errors name the field as the spec spells it: `solids[3].size[0]`, `floors[0].outline`.
 """
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from math import isfinite, isinf
+from typing import Final
 
 import numpy as np
 import shapely
 
-from wayfarer.errors import InvalidArgument
+from wayfarer.errors import Heading, InvalidArgument, Metres, Place
 from wayfarer.navigation.spec import (
     MAX_EXTENT,
     MAX_FLOORS,
@@ -34,6 +36,9 @@ from wayfarer.navigation.spec import (
     Walkable,
 )
 from wayfarer.spec import MAX_COORDINATE
+
+REASON: Final = re.compile(r"(.+)\[(\S+) (\S+)\]")
+"""Of an outline that is not simple, as shapely gives it: what, and where."""
 
 
 def check_spec(spec: SceneSpec) -> None:
@@ -80,21 +85,21 @@ def count_points(spec: SceneSpec) -> int:
 
 def check_solid(solid: Solid, field: str) -> None:
     """Raise InvalidArgument unless sizes, places and outline are usable."""
-    _within(solid.height, MIN_SIZE, MAX_EXTENT, f"{field}.height")
-    _within(solid.bottom, -MAX_COORDINATE, MAX_COORDINATE, f"{field}.bottom")
+    _within(solid.height, MIN_SIZE, MAX_EXTENT, f"{field}.height", Metres)
+    _within(solid.bottom, -MAX_COORDINATE, MAX_COORDINATE, f"{field}.bottom", Metres)
     if isinstance(solid, Prism):
         check_ring(solid.outline, f"{field}.outline")
         return
     check_point(solid.center, f"{field}.center")
     if isinstance(solid, Cylinder):
-        _within(solid.radius, MIN_SIZE / 2, MAX_EXTENT, f"{field}.radius")
+        _within(solid.radius, MIN_SIZE / 2, MAX_EXTENT, f"{field}.radius", Metres)
         return
     if isinstance(solid, Box | Ramp):
         if len(solid.size) != 2:
             raise InvalidArgument(f"{field}.size has two numbers", f"{field}.size")
         for axis, size in enumerate(solid.size):
-            _within(size, MIN_SIZE, MAX_EXTENT, f"{field}.size[{axis}]")
-        _within(solid.yaw, -1e3, 1e3, f"{field}.yaw")
+            _within(size, MIN_SIZE, MAX_EXTENT, f"{field}.size[{axis}]", Metres)
+        _within(solid.yaw, -1e3, 1e3, f"{field}.yaw", Heading)
 
 
 def check_point(point: Point2 | Point3, field: str) -> None:
@@ -104,7 +109,15 @@ def check_point(point: Point2 | Point3, field: str) -> None:
             f"{field} has {len(point)} numbers, a point is x, y or x, y, z", field
         )
     for axis, value in enumerate(point):
-        _within(value, -MAX_COORDINATE, MAX_COORDINATE, f"{field}[{axis}]")
+        _finite(value, f"{field}[{axis}]")
+    if max(map(abs, point)) > MAX_COORDINATE:
+        raise InvalidArgument(
+            "{} is {}, allowed is at most {} from the origin along each axis",
+            field,
+            field,
+            Place((point[0], point[1], *point[2:], 0.0)[:3]),
+            Metres(MAX_COORDINATE),
+        )
 
 
 def check_ring(ring: Ring, field: str) -> shapely.Polygon:
@@ -116,9 +129,15 @@ def check_ring(ring: Ring, field: str) -> shapely.Polygon:
         check_point(point, f"{field}[{number}]")
     polygon = shapely.Polygon([point[:2] for point in ring])
     if not polygon.is_valid:
-        why = shapely.is_valid_reason(polygon)
+        found = REASON.fullmatch(shapely.is_valid_reason(polygon))
+        assert found is not None
+        why, x, y = found.groups()
         raise InvalidArgument(
-            f"{field} is no simple outline ({why}); it may not cross or touch itself", field
+            "{} is no simple outline ({} at {}); it may not cross or touch itself",
+            field,
+            field,
+            why,
+            Place((float(x), float(y), 0.0)),
         )
     if polygon.area < MIN_SIZE**2:
         raise InvalidArgument(f"{field} has no area (points on one line?)", field)
@@ -126,7 +145,7 @@ def check_ring(ring: Ring, field: str) -> shapely.Polygon:
 
 
 def _check_floor(floor: Floor, field: str) -> None:
-    _within(floor.height, -MAX_COORDINATE, MAX_COORDINATE, f"{field}.height")
+    _within(floor.height, -MAX_COORDINATE, MAX_COORDINATE, f"{field}.height", Metres)
     outer = check_ring(floor.outline, f"{field}.outline")
     _count(floor.holes, MAX_SOLIDS, f"{field}.holes")
     for number, ring in enumerate(floor.holes):
@@ -154,23 +173,36 @@ def _check_mesh(mesh: MeshFile) -> None:
 
 
 def _check_walkable(walkable: Walkable) -> None:
-    _within(walkable.radius, 0.05, 5.0, "walkable.radius")
-    _within(walkable.step_height, 0.0, 1.0, "walkable.step_height")
+    _within(walkable.radius, 0.05, 5.0, "walkable.radius", Metres)
+    _within(walkable.step_height, 0.0, 1.0, "walkable.step_height", Metres)
     _within(walkable.slope_deg, 0.0, 60.0, "walkable.slope_deg")
-    _within(walkable.height, 0.5, 5.0, "walkable.height")
+    _within(walkable.height, 0.5, 5.0, "walkable.height", Metres)
     if walkable.step_height >= walkable.height:
         raise InvalidArgument(
             "walkable.step_height must be below walkable.height", "walkable.step_height"
         )
 
 
-def _within(value: float, low: float, high: float, field: str) -> None:
+def _within(
+    value: float,
+    low: float,
+    high: float,
+    field: str,
+    kind: Callable[[float], object] = "{:g}".format,
+) -> None:
+    """`kind`: of quantity."""
+    _finite(value, field)
+    if not low <= value <= high:
+        raise InvalidArgument(
+            "{} is {}, allowed is {} to {}", field, field, kind(value), kind(low), kind(high)
+        )
+
+
+def _finite(value: float, field: str) -> None:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InvalidArgument(f"{field} is {value!r}, a number is expected", field)
     if not isfinite(value):
         raise InvalidArgument(f"{field} is {'infinite' if isinf(value) else 'NaN'}", field)
-    if not low <= value <= high:
-        raise InvalidArgument(f"{field} is {value:g}, allowed is {low:g} to {high:g}", field)
 
 
 def _count(items: Sequence[object], most: int, field: str) -> None:

@@ -64,21 +64,25 @@ def fields_named(wish: Wish) -> Iterator[None]:
     try:
         yield
     except InvalidArgument as error:
-        if not isinstance(wish, schema.Behaviour):
-            raise
         field = _client_field(error.field, wish)
         text = str(error).replace(error.field, field) if error.field else str(error)
         raise InvalidArgument(text, field) from None
 
 
-def _client_field(field: str, wish: schema.Behaviour) -> str:
-    """`behaviour.parts[1].goals` → `behaviour.routine.parts[1].visit.goals`."""
-    kind, does = wish.given
-    field = re.sub(r"^behaviour(?=\b)", f"behaviour.{kind}", field)
-    found = re.match(r"behaviour\.routine\.parts\[(\d+)\](?!\.seconds)", field)
-    if found is None or not isinstance(does, schema.Routine):
-        return field
-    return f"{found[0]}.{does.parts[int(found[1])].given[0]}{field[found.end() :]}"
+def _client_field(field: str, wish: Wish) -> str:
+    """`behaviour.parts[1].radius` → `behaviour.routine.parts[1].wander.area.radius`."""
+    match wish:
+        case schema.Wander():
+            field = field.replace("behaviour.", "wander.", 1)
+        case schema.Behaviour():
+            kind, does = wish.given
+            field = re.sub(r"^behaviour(?=\b)", f"behaviour.{kind}", field)
+            found = re.match(r"behaviour\.routine\.parts\[(\d+)\](?!\.seconds)", field)
+            if found is not None and isinstance(does, schema.Routine):
+                part = does.parts[int(found[1])].given[0]
+                field = f"{found[0]}.{part}{field[found.end() :]}"
+    field = re.sub(r"\bwander\.(?=center|radius)", "wander.area.", field)
+    return field.removeprefix("wander.")
 
 
 def _does(wish: schema.Message, basis: Basis) -> runtime.Activity:

@@ -1,15 +1,25 @@
 """Schema ↔ runtime: values in a session's basis ↔ messages in world space, and back."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from functools import lru_cache
 from hashlib import sha256
-from typing import Any
+from typing import Any, Final, assert_never
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.body.skeleton import load_skeleton, parents
-from wayfarer.errors import InvalidArgument
+from wayfarer.errors import (
+    Heading,
+    InvalidArgument,
+    Metres,
+    MetresPerSecond,
+    Place,
+    Quantity,
+    Unreachable,
+)
 from wayfarer.runtime import agent as runtime
 from wayfarer.runtime.stats import LoopStats
 from wayfarer.spec import BETAS, POSED_JOINTS
@@ -17,6 +27,43 @@ from wayfarer.transport import schema
 from wayfarer.transport.basis import Axes, Basis
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.codec import PoseFormat
+
+UNITS: Final = {1.0: "m", 0.01: "cm"}
+"""Names of the bases' units of length."""
+
+
+@contextmanager
+def in_basis(axes: Axes) -> Iterator[None]:
+    """Tell of lengths and places in this basis: of those that are refused, and of where one can
+    get instead.
+    """
+    try:
+        yield
+    except Unreachable as error:
+        nearest = _vector(axes.points_to_wire(np.array(error.nearest)))
+        raise Unreachable(
+            "no way leads to the goal; the nearest place that can be reached is "
+            f"({nearest.x:.2f}, {nearest.y:.2f}, {nearest.z:.2f})",
+            (nearest.x, nearest.y, nearest.z),
+        ) from None
+    except InvalidArgument as error:
+        raise error.retold(lambda quantity: _written(quantity, axes)) from None
+
+
+def _written(quantity: Quantity, axes: Axes) -> str:
+    unit = UNITS[axes.metres_per_unit]
+    match quantity:
+        case Metres(metres):
+            return f"{axes.length_to_wire(metres):g} {unit}"
+        case MetresPerSecond(speed):
+            return f"{axes.length_to_wire(speed):g} {unit}/s"
+        case Heading(radians):
+            return f"{axes.heading_to_wire(radians):g}"
+        case Place(point):
+            found = axes.points_to_wire(np.array(point)) + 0.0  # + 0.0: no negative zero
+            return f"({', '.join(f'{value:g}' for value in found)})"
+        case never:
+            assert_never(never)
 
 
 def basis_info(basis: Basis) -> schema.BasisInfo:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.errors import InvalidArgument, Unreachable
+from wayfarer.errors import InvalidArgument
 from wayfarer.navigation import spec as world
 from wayfarer.runtime.scenes import messages as runtime
 from wayfarer.transport import convert, schema
@@ -57,7 +57,7 @@ def shape_of(wish: schema.Solid | schema.Obstacle) -> Shape:
 
 
 def crowd(wish: schema.Crowd, basis: Basis, seed: int) -> runtime.Crowd:
-    """The crowd in world space; `seed` where the client has named none. Raises InvalidArgument."""
+    """The crowd in world space; `seed` where the client has named none."""
     usual = runtime.Crowd(wish.count)
     axes = basis.axes
     speeds = [
@@ -68,12 +68,6 @@ def crowd(wish: schema.Crowd, basis: Basis, seed: int) -> runtime.Crowd:
         default if given is None else given
         for given, default in zip((wish.min_dwell, wish.max_dwell), usual.dwell, strict=True)
     ]
-    for name, (least, most) in (("speed", speeds), ("dwell", dwells)):
-        if least > most:
-            raise InvalidArgument(
-                f"min_{name} is {least:g} and max_{name} {most:g}: the least is not above the most",
-                f"min_{name}",
-            )
     return runtime.Crowd(
         count=wish.count,
         seed=seed if wish.seed is None else wish.seed,
@@ -145,20 +139,6 @@ def outlines(found: runtime.Outlines, axes: Axes) -> schema.SceneOutlines:
         obstacles=tuple(_block(block, axes, name) for name, block in found.obstacles.items()),
         version=found.version,
     )
-
-
-@contextmanager
-def in_basis(axes: Axes) -> Iterator[None]:
-    """Tell of places that cannot be reached in this basis."""
-    try:
-        yield
-    except Unreachable as error:
-        nearest = _vector(axes.points_to_wire(np.array(error.nearest)))
-        raise Unreachable(
-            "no way leads to the goal; the nearest place that can be reached is "
-            f"({nearest.x:.2f}, {nearest.y:.2f}, {nearest.z:.2f})",
-            (nearest.x, nearest.y, nearest.z),
-        ) from None
 
 
 @contextmanager

@@ -107,9 +107,9 @@ def test_of_other_agents_none_is_taken_away():
     [
         (Crowd(-1), "count"),
         (Crowd(1, seed=-1), "seed"),
-        (Crowd(1, speed=(0.0, 1.0)), "speed"),
-        (Crowd(1, speed=(1.4, 0.9)), "speed"),
-        (Crowd(1, dwell=(0.0, float("nan"))), "dwell"),
+        (Crowd(1, speed=(0.0, 1.0)), "min_speed"),
+        (Crowd(1, speed=(1.4, 0.9)), "min_speed"),
+        (Crowd(1, dwell=(0.0, float("nan"))), "max_dwell"),
         (Crowd(1, spawn_rate=1e9), "spawn_rate"),
         (Crowd(1, stay=-1.0), "stay"),
     ],

@@ -69,10 +69,10 @@ def test_goals_ahead_count_with_those_that_are_added():
     ],
 )
 def test_areas_that_are_refused(area, field):
-    assert refusal(check_area, area, HERE, LIMITS)[0] == field
+    assert refusal(check_area, area, HERE, LIMITS, "area")[0] == field
 
 
 def test_an_area_must_not_leave_the_world():
-    check_area(Wander((9990.0, 0.0), 10.0), (9990.0, 0.0), LIMITS)
-    field, words = refusal(check_area, Wander((9995.0, 0.0), 10.0), (9990.0, 0.0), LIMITS)
+    check_area(Wander((9990.0, 0.0), 10.0), (9990.0, 0.0), LIMITS, "area")
+    field, words = refusal(check_area, Wander((9995.0, 0.0), 10.0), (9990.0, 0.0), LIMITS, "area")
     assert field == "area.center" and "10005 m" in words

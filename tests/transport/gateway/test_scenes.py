@@ -84,7 +84,7 @@ async def test_sessions_are_in_scenes_of_their_caller():
 async def test_what_is_wrong_with_a_scene_is_told_by_the_clients_names():
     api = await opened()
     small = CRATE.model_copy(update={"size": schema.Extents(x=1, y=1, z=0.001)})
-    with pytest.raises(InvalidArgument, match=r"allowed is 0\.01 to 500") as caught:
+    with pytest.raises(InvalidArgument, match=r"allowed is 0\.01 m to 500 m") as caught:
         await yard(api, solids=(schema.Solid(box=small),))
     assert caught.value.field == "solids[0].box.size"
     with pytest.raises(InvalidArgument, match="a scene needs ground"):

@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from wayfarer.errors import InvalidArgument
+from wayfarer.errors import InvalidArgument, Metres
 from wayfarer.navigation.checks import count_points
 from wayfarer.navigation.grid import Grid
 from wayfarer.navigation.ground.layers import outline, sheets
@@ -101,8 +101,9 @@ def find_ground(spec: SceneSpec) -> Ground:
     if all(layer.own.is_empty for layer in ground.layers):
         raise InvalidArgument(
             "nobody can stand anywhere in this scene: no ground is flat enough and free up to "
-            f"{spec.walkable.height:g} m (is the up axis right?)",
+            "{} (is the up axis right?)",
             "mesh.data" if spec.mesh else "floors",
+            Metres(spec.walkable.height),
         )
     return ground
 
@@ -169,7 +170,9 @@ def _check_extent(bounds: tuple[float, float, float, float]) -> None:
     width, depth = bounds[2] - bounds[0], bounds[3] - bounds[1]
     if max(width, depth) > MAX_EXTENT:
         raise InvalidArgument(
-            f"the scene is {width:,.0f} x {depth:,.0f} m, at most {MAX_EXTENT:,.0f} m either side "
-            "(is mesh.unit right?)",
+            "the scene is {} x {}, at most {} either side (is mesh.unit right?)",
             "mesh.data",
+            Metres(round(width)),
+            Metres(round(depth)),
+            Metres(MAX_EXTENT),
         )

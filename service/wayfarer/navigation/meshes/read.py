@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.errors import InvalidArgument
+from wayfarer.errors import InvalidArgument, Metres
 from wayfarer.navigation.meshes.glb import read_glb
 from wayfarer.navigation.meshes.obj import read_obj
 from wayfarer.navigation.meshes.ply import read_ply
@@ -35,8 +35,9 @@ def read_mesh(mesh: MeshFile) -> NDArray[np.float64]:
     if broken.any():
         raise InvalidArgument(
             f"triangle {int(broken.argmax())} of the mesh has a corner that is not finite or lies "
-            f"beyond {MAX_COORDINATE:,.0f} m: is mesh.unit ({mesh.unit:g} m) right?",
+            f"beyond {{}}: is mesh.unit ({mesh.unit:g} m) right?",
             "mesh.data",
+            Metres(MAX_COORDINATE),
         )
     sides = corners[:, 1:] - corners[:, :1]
     kept = corners[np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=-1) > 1e-12]

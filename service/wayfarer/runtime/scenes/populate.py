@@ -14,7 +14,12 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.errors import FailedPrecondition, InvalidArgument, ResourceExhausted
+from wayfarer.errors import (
+    FailedPrecondition,
+    InvalidArgument,
+    MetresPerSecond,
+    ResourceExhausted,
+)
 from wayfarer.navigation.scene import Scene
 from wayfarer.runtime.agent import AgentInfo, AgentSpec
 from wayfarer.runtime.behaviours import Wander
@@ -211,13 +216,21 @@ def check_crowd(crowd: Crowd, where: str = "") -> None:
         raise InvalidArgument(f"count is {crowd.count}; allowed: 0 or more", f"{where}count")
     if not 0 <= crowd.seed < 2**64:
         raise InvalidArgument("seed must lie in [0, 2^64)", f"{where}seed")
-    check_range(crowd.speed, *SPEED, f"{where}speed")
-    check_range(crowd.dwell, 0, MAX_DWELL, f"{where}dwell")
-    for name, (least, most) in (("speed", crowd.speed), ("dwell", crowd.dwell)):
+    for name, kind, values, (low, high) in (
+        ("speed", MetresPerSecond, crowd.speed, SPEED),
+        ("dwell", "{:g}".format, crowd.dwell, (0.0, MAX_DWELL)),
+    ):
+        for end, value in zip(("min", "max"), values, strict=True):
+            check_range([value], low, high, f"{where}{end}_{name}", kind)
+        least, most = values
         if least > most:
             raise InvalidArgument(
-                f"{name} is from {least:g} to {most:g}; the first must not be the greater",
-                f"{where}{name}",
+                "{} is {} and {} is {}; the first must not be the greater",
+                f"{where}min_{name}",
+                f"min_{name}",
+                kind(least),
+                f"max_{name}",
+                kind(most),
             )
     check_range([crowd.spawn_rate], 0, MAX_RATE, f"{where}spawn_rate")
     check_range([crowd.stay], 0, MAX_STAY, f"{where}stay")

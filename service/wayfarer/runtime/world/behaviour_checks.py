@@ -3,7 +3,7 @@
 import math
 from typing import Final, assert_never
 
-from wayfarer.errors import InvalidArgument
+from wayfarer.errors import Heading, InvalidArgument, Metres, MetresPerSecond
 from wayfarer.runtime.agent import Goal
 from wayfarer.runtime.behaviours import (
     Activity,
@@ -79,7 +79,7 @@ def _check_routine(routine: Routine, start: Start, limits: Limits, where: str) -
 def _check(does: Activity, start: Start, limits: Limits, where: str) -> None:
     match does:
         case Wander(center=None):
-            check_range([does.speed], *SPEED, f"{where}.speed")
+            check_range([does.speed], *SPEED, f"{where}.speed", MetresPerSecond)
             check_range([does.dwell], 0, MAX_DWELL, f"{where}.dwell")
         case Wander(center=center):
             assert center is not None
@@ -97,9 +97,9 @@ def _check(does: Activity, start: Start, limits: Limits, where: str) -> None:
         case Queue():
             check_name(does.name, f"{where}.name", least=1)
             check_place(does.head, f"{where}.head")
-            check_range([does.heading], -MAX_HEADING, MAX_HEADING, f"{where}.heading")
-            check_range([does.spacing], *SPACING, f"{where}.spacing")
-            check_range([does.speed], *SPEED, f"{where}.speed")
+            check_range([does.heading], -MAX_HEADING, MAX_HEADING, f"{where}.heading", Heading)
+            check_range([does.spacing], *SPACING, f"{where}.spacing", Metres)
+            check_range([does.speed], *SPEED, f"{where}.speed", MetresPerSecond)
         case Stand():
             pass
         case never:
@@ -114,12 +114,14 @@ def _check_goals(goals: tuple[Goal, ...], start: Start, limits: Limits, where: s
 def _check_follow(wish: Follow, where: str) -> None:
     check_agent_id(wish.agent_id, f"{where}.agent_id")
     for name in ("behind", "right"):
-        check_range([getattr(wish, name)], -BESIDE, BESIDE, f"{where}.{name}")
-    if math.hypot(wish.behind, wish.right) < LEAST_BESIDE:
+        check_range([getattr(wish, name)], -BESIDE, BESIDE, f"{where}.{name}", Metres)
+    beside = math.hypot(wish.behind, wish.right)
+    if beside < LEAST_BESIDE:
         raise InvalidArgument(
-            f"its place is {math.hypot(wish.behind, wish.right):.2f} m from whom it follows; "
-            f"allowed: {LEAST_BESIDE:g} m or more",
+            "its place is {} from whom it follows; allowed: {} or more",
             f"{where}.behind",
+            Metres(round(beside, 2)),
+            Metres(LEAST_BESIDE),
         )
 
 
@@ -132,8 +134,8 @@ def _check_keep_away(wish: KeepAway, where: str) -> None:
         check_agent_id(wish.agent_id, f"{where}.agent_id")
     else:
         check_place(wish.place, f"{where}.place")
-    check_range([wish.distance], *KEPT, f"{where}.distance")
-    check_range([wish.speed], *SPEED, f"{where}.speed")
+    check_range([wish.distance], *KEPT, f"{where}.distance", Metres)
+    check_range([wish.speed], *SPEED, f"{where}.speed", MetresPerSecond)
 
 
 def others_of(behaviour: Behaviour) -> list[tuple[str, str]]:

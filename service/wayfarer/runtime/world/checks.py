@@ -2,10 +2,10 @@
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Final
 
-from wayfarer.errors import InvalidArgument
+from wayfarer.errors import Heading, InvalidArgument, Metres, MetresPerSecond, Place
 from wayfarer.runtime.agent import AgentChange, AgentSpec, Goal, SessionSpec
 from wayfarer.runtime.behaviours import Wander
 from wayfarer.runtime.settings import Limits
@@ -47,11 +47,8 @@ def check_spec(spec: AgentSpec, where: str) -> None:
     if len(spec.betas) != BETAS:
         raise InvalidArgument(f"needs {BETAS} betas, got {len(spec.betas)}", f"{where}.betas")
     check_range(spec.betas, -MAX_BETA, MAX_BETA, f"{where}.betas")
-    if len(spec.position) != 2:
-        raise InvalidArgument("position must be x, y on the floor", f"{where}.position")
-    check_range(spec.position, -MAX_COORDINATE, MAX_COORDINATE, f"{where}.position")
-    check_range([spec.heading], -MAX_COORDINATE, MAX_COORDINATE, f"{where}.heading")
-    check_range([spec.floor], -MAX_COORDINATE, MAX_COORDINATE, f"{where}.floor")
+    check_place(spec.position, f"{where}.position", spec.floor)
+    check_range([spec.heading], -MAX_COORDINATE, MAX_COORDINATE, f"{where}.heading", Heading)
     _check_seed(spec.noise_seed, f"{where}.noise_seed")
     check_name(spec.name, f"{where}.name")
 
@@ -78,14 +75,14 @@ def check_goal(
     """A goal for an agent at `start`. `where` names it in messages. Raises InvalidArgument."""
     if len(goal.position) != 3:
         raise InvalidArgument("position must be x, y, z", f"{where}.position")
-    check_range(goal.position, -MAX_COORDINATE, MAX_COORDINATE, f"{where}.position")
-    check_range([goal.radius], *RADIUS, f"{where}.radius")
-    check_range([goal.speed], *SPEED, f"{where}.speed")
+    check_place(goal.position[:2], f"{where}.position", goal.position[2])
+    check_range([goal.radius], *RADIUS, f"{where}.radius", Metres)
+    check_range([goal.speed], *SPEED, f"{where}.speed", MetresPerSecond)
     check_range([goal.dwell], 0, MAX_DWELL, f"{where}.dwell")
     if goal.dwell and not goal.stop:
         raise InvalidArgument("an agent does not dwell where it does not stop", f"{where}.dwell")
     if goal.heading is not None:
-        check_range([goal.heading], -MAX_HEADING, MAX_HEADING, f"{where}.heading")
+        check_range([goal.heading], -MAX_HEADING, MAX_HEADING, f"{where}.heading", Heading)
         if not (goal.stop or goal.strafe):
             raise InvalidArgument(
                 "a heading is faced when the agent stops, or with strafe on the way; "
@@ -97,8 +94,11 @@ def check_goal(
     distance = math.dist(goal.position[:2], start[:2])
     if distance > limits.goal_distance:
         raise InvalidArgument(
-            f"goal is {distance:.0f} m from {whence}; allowed: at most {limits.goal_distance:g} m",
+            "goal is {} from {}; allowed: at most {}",
             f"{where}.position",
+            Metres(round(distance)),
+            whence,
+            Metres(limits.goal_distance),
         )
 
 
@@ -129,26 +129,28 @@ def check_path(
         start, whence = goal.position, "the goal before it"
 
 
-def check_area(area: Wander, start: tuple[float, ...], limits: Limits, where: str = "area") -> None:
+def check_area(area: Wander, start: tuple[float, ...], limits: Limits, where: str) -> None:
     """An area with a centre for an agent at `start` to walk about in. Raises InvalidArgument."""
     assert area.center is not None
     check_place(area.center, f"{where}.center")
-    check_range([area.radius], MIN_AREA, limits.goal_distance, f"{where}.radius")
-    check_range([area.speed], *SPEED, f"{where}.speed")
+    check_range([area.radius], MIN_AREA, limits.goal_distance, f"{where}.radius", Metres)
+    check_range([area.speed], *SPEED, f"{where}.speed", MetresPerSecond)
     check_range([area.dwell], 0, MAX_DWELL, f"{where}.dwell")
     farthest = math.dist(area.center, start[:2]) + area.radius
     if farthest > limits.goal_distance:
         raise InvalidArgument(
-            f"the area reaches as far as {farthest:.0f} m from the agent; "
-            f"allowed: at most {limits.goal_distance:g} m",
+            "the area reaches as far as {} from the agent; allowed: at most {}",
             f"{where}.center",
+            Metres(round(farthest)),
+            Metres(limits.goal_distance),
         )
     reach = max(map(abs, area.center)) + area.radius
     if reach > MAX_COORDINATE:
         raise InvalidArgument(
-            f"the area reaches as far as {reach:.0f} m along an axis; "
-            f"allowed: {MAX_COORDINATE:g} m",
+            "the area reaches as far as {} along an axis; allowed: {}",
             f"{where}.center",
+            Metres(round(reach)),
+            Metres(MAX_COORDINATE),
         )
 
 
@@ -172,17 +174,31 @@ def check_name(name: str, field: str, least: int = 0) -> None:
         )
 
 
-def check_place(place: tuple[float, ...], field: str) -> None:
-    """A place on the floor. Raises InvalidArgument."""
+def check_place(place: tuple[float, ...], field: str, height: float = 0.0) -> None:
+    """A place on the floor, or at a height. Raises InvalidArgument."""
     if len(place) != 2:
         raise InvalidArgument("must be x, y on the floor", field)
-    check_range(place, -MAX_COORDINATE, MAX_COORDINATE, field)
+    point = (*place, height)
+    if not all(-MAX_COORDINATE <= value <= MAX_COORDINATE for value in point):  # a NaN fails too
+        raise InvalidArgument(
+            "{} is {}; allowed: at most {} from the origin along each axis",
+            field,
+            field,
+            Place(point),
+            Metres(MAX_COORDINATE),
+        )
 
 
-def check_range(values: Iterable[float], low: float, high: float, field: str) -> None:
-    """Finite numbers within these limits. Raises InvalidArgument."""
+def check_range(
+    values: Iterable[float],
+    low: float,
+    high: float,
+    field: str,
+    kind: Callable[[float], object] = "{:g}".format,
+) -> None:
+    """Finite numbers within these limits; `kind`: of quantity. Raises InvalidArgument."""
     for value in values:
         if not low <= value <= high:  # a NaN fails too
             raise InvalidArgument(
-                f"{field} holds {value:g}; allowed: finite numbers in [{low:g}, {high:g}]", field
+                "{} holds {}; allowed: {} to {}", field, field, kind(value), kind(low), kind(high)
             )

@@ -24,7 +24,7 @@ from wayfarer.runtime.stepping.playback import Playback
 from wayfarer.runtime.stepping.timeline import Timeline
 from wayfarer.runtime.world.behaving import Behaving, Surroundings, parts_of
 from wayfarer.runtime.world.behaviour_checks import check_behaviour, others_of
-from wayfarer.runtime.world.checks import check_area, check_goal, check_path
+from wayfarer.runtime.world.checks import check_goal, check_path
 from wayfarer.runtime.world.handover import AgentRecord
 from wayfarer.runtime.world.paths import Paths
 from wayfarer.runtime.world.registry import Agent, Registry
@@ -89,8 +89,6 @@ class Orders:
                 check_path(goals, (x, y, z), limits)
             case Stop():
                 pass
-            case Wander(center=center) if center is not None:
-                check_area(command, (x, y), limits)
             case behaviour:
                 check_behaviour(behaviour, (x, y, z), limits)
                 self._check_company(agent, behaviour)

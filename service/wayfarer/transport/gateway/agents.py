@@ -49,7 +49,8 @@ class AgentApi:
                 )
                 for i, spec in enumerate(wish.agents)
             ]
-            made = await self._shared.service.create_agents(session_id, specs)
+            with convert.in_basis(session.basis.axes):
+                made = await self._shared.service.create_agents(session_id, specs)
         except BaseException:
             if session.created == first + asked:
                 session.created = first

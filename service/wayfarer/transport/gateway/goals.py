@@ -2,8 +2,8 @@
 
 from wayfarer.transport.behaviour_convert import Wish, fields_named, goal_command
 from wayfarer.transport.caller import Scope
+from wayfarer.transport.convert import in_basis
 from wayfarer.transport.gateway.shared import Shared, needs
-from wayfarer.transport.scene_convert import in_basis
 
 
 class GoalApi:

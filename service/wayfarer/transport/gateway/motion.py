@@ -76,9 +76,10 @@ class MotionApi:
         spec = convert.agent_spec(wish.agent, wish.basis, shared.bodies, seed, "agent")
         goals = [convert.goal(goal, wish.basis) for goal in wish.goals]
         made = shared.service.generate_clip(spec, goals, wish.seconds, wish.until_arrival)
-        async with aclosing(writer.offline(made)) as parts:
-            async for header, batch in parts:
-                yield motion_pb2.GenerateClipResponse(header=header, batch=batch)
+        with convert.in_basis(wish.basis.axes):
+            async with aclosing(writer.offline(made)) as parts:
+                async for header, batch in parts:
+                    yield motion_pb2.GenerateClipResponse(header=header, batch=batch)
 
     @needs(Scope.CONTROL)
     async def step(self, session_id: str, wish: schema.StepWish) -> motion_pb2.StepAgentsResponse:

@@ -106,7 +106,8 @@ class SceneApi:
         with self._shared.scenes.room(caller):
             attributes = scene_attributes(caller.name, wish.basis, lease_s)
             made = SceneWish(await asyncio.to_thread(spec), name, attributes)
-            info = await service.create_scene(made)
+            with convert.in_basis(wish.basis.axes):
+                info = await service.create_scene(made)
             return self._shared.scenes.open(info).describe(info)
 
     @needs(Scope.READ)
@@ -140,7 +141,7 @@ class SceneApi:
         Raises NotFound, InvalidArgument, ResourceExhausted, FailedPrecondition.
         """
         scene = self._shared.scenes.scene(scene_id)
-        with scene_convert.fields_named(obstacle=wish):
+        with scene_convert.fields_named(obstacle=wish), convert.in_basis(scene.axes):
             made = scene_convert.obstacle(wish, scene.axes)
             info = await self._shared.service.put_obstacle(scene_id, name, made)
         return scene_convert.scene_version(info)
@@ -157,7 +158,7 @@ class SceneApi:
         """The way that an agent would take. Raises NotFound, InvalidArgument, Unreachable."""
         scene = self._shared.scenes.scene(scene_id)
         start, goal = (convert.place(p, scene.axes) for p in (wish.start, wish.goal))
-        with scene_convert.in_basis(scene.axes), scene_convert.fields_named():
+        with scene_convert.fields_named(), convert.in_basis(scene.axes):
             way = await self._shared.service.query_path(scene_id, start, goal)
         return scene_convert.scene_path(way, scene.axes)
 
@@ -188,7 +189,8 @@ class SceneApi:
             raise InvalidArgument(f"is {wish.count}; allowed: {most}", "count")
         self._shared.book.require_room(present_caller(), wish.count)
         crowd = scene_convert.crowd(wish, session.basis, secrets.randbits(32))
-        came = await self._shared.service.populate(session_id, crowd)
+        with convert.in_basis(session.basis.axes):
+            came = await self._shared.service.populate(session_id, crowd)
         return schema.CrowdCame(came=came)
 
     async def take_over(self) -> None:

@@ -1,0 +1,27 @@
+import pytest
+
+from tests.runtime.kept_worlds import fake_worlds
+from wayfarer.config import Limits
+from wayfarer.runtime.loop import LoopSettings, steady_clock
+from wayfarer.runtime.runtime import Runtime
+from wayfarer.runtime.settings import Limits as WorldLimits
+from wayfarer.transport.bodies import BodyLibrary
+from wayfarer.transport.gateway import Gateway
+from wayfarer.transport.server import Server
+
+
+@pytest.fixture
+async def server():
+    """All but the models: the real loop and servers, and an engine that walks."""
+    clock = steady_clock()
+    worlds = fake_worlds(limits=WorldLimits(agents=32, agents_per_session=32, sessions=4))
+    # long queues: a busy test machine must not look like a slow reader
+    runtime = Runtime(worlds, settings=LoopSettings(queue_s=30.0), clock=clock)
+    gateway = Gateway(runtime, BodyLibrary("anny52"), Limits(), clock, stop=lambda: None)
+    running = Server(gateway, "127.0.0.1", 0, 0)
+    runtime.start()
+    await running.start()
+    await running.until_ready()
+    yield running
+    await running.stop()
+    await runtime.stop()
