@@ -52,6 +52,18 @@ PAIRS: Final = (
     ("left foot", "left hand"),
     ("right foot", "right hand"),
 )
+NAMES: Final = (
+    "hips right speed", "hips forward speed", "hips right speed sd", "hips forward speed sd",
+    "hips up speed sd", "hips height", "hips height sd", "turning", "turning sd",
+    *(
+        f"{site} {figure}"
+        for site in SITES
+        for figure in ("height", "height sd", "right speed sd", "forward speed sd", "up speed sd")
+    ),
+    *(f"{a} with {b}" for a, b in PAIRS),
+)  # fmt: skip
+"""Of the numbers, in their order."""
+
 STILL: Final = 0.01
 """m²/s²: keeps the correlation of parts that hardly move near 0."""
 

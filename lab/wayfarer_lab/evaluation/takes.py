@@ -42,6 +42,7 @@ class Take:
     joints: Array  # [T, 22, 3]
     turns: Array  # [T, 22, 3, 3] world rotations of the joints
     markers: Array  # [T, 67, 3] on the skin
+    marker_names: tuple[str, ...]
     soles: Array  # [T, 2, 4, 3] those under the feet: heel, two balls, toe
     height: Array  # [T, 2]
     tilt: Array  # [T] degrees between the trunk and that of the T-pose, to any side
@@ -64,6 +65,7 @@ class Take:
             joints=places[:, :POSED_JOINTS],
             turns=turns[:, :POSED_JOINTS],
             markers=markers.astype(np.float32),
+            marker_names=body.marker_names,
             soles=soles,
             height=feet.heights(soles),
             tilt=trunk.tilt(markers),

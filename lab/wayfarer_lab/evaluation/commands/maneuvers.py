@@ -16,18 +16,29 @@ from wayfarer_lab.evaluation.commands.options import (
     ThreadsOption,
 )
 from wayfarer_lab.evaluation.commands.shared import origin, progress
+from wayfarer_lab.evaluation.maneuvers.crowd import CROWD
+from wayfarer_lab.evaluation.maneuvers.likeness import LIKENESS
 from wayfarer_lab.evaluation.maneuvers.maneuver import Maneuver
-from wayfarer_lab.evaluation.maneuvers.run import play
+from wayfarer_lab.evaluation.maneuvers.recorded import Recordings
+from wayfarer_lab.evaluation.maneuvers.robust import RANDOM, REVERSALS
+from wayfarer_lab.evaluation.maneuvers.run import no_recordings, play
 from wayfarer_lab.evaluation.maneuvers.sessions import Players
+from wayfarer_lab.evaluation.maneuvers.stairs import STAIRS
 from wayfarer_lab.evaluation.maneuvers.stand import STAND
 from wayfarer_lab.evaluation.maneuvers.stop import STOP
 from wayfarer_lab.evaluation.maneuvers.strafe import STRAFE
 from wayfarer_lab.evaluation.maneuvers.table import Results, show, show_verdicts
 from wayfarer_lab.evaluation.maneuvers.turn import TURN
+from wayfarer_lab.evaluation.maneuvers.walk import WALK
 
 app = typer.Typer()
 
-MANEUVERS: Final[dict[str, Maneuver]] = {m.name: m for m in (STRAFE, STAND, TURN, STOP)}
+MANEUVERS: Final[dict[str, Maneuver]] = {
+    maneuver.name: maneuver
+    for maneuver in (
+        STRAFE, STAND, TURN, STOP, REVERSALS, STAIRS, CROWD, WALK, LIKENESS, RANDOM
+    )
+}  # fmt: skip
 
 QUICK: Final = 0.15
 """Share of the agents with --quick."""
@@ -93,8 +104,9 @@ def maneuvers(
             | {"engine": engine, "candidates": candidates, "quick": quick}
         )
     )
+    recorded = Recordings(data) if data else no_recordings
     chosen = [MANEUVERS[name] for name in only.split(",")]
-    for played in play(players, chosen, QUICK if quick else 1.0, progress):
+    for played in play(players, chosen, QUICK if quick else 1.0, progress, recorded):
         before = len(results.verdicts)
         results.add(played.maneuver, played.rows, played.each)
         show(played.maneuver, played.rows, results.verdicts[before:])

@@ -70,7 +70,11 @@ Rows = Mapping[tuple[str, str], Figures]
 """(case, source) → its row."""
 
 
-def nothing_more(rows: Rows) -> dict[tuple[str, str], Figures]:
+Shots = Mapping[tuple[str, str], Sequence[Shot]]
+"""(case, source) → its takes."""
+
+
+def nothing_more(rows: Rows, shots: Shots) -> dict[tuple[str, str], Figures]:
     """No row that needs those of several cases."""
     return {}
 
@@ -86,7 +90,8 @@ class Maneuver:
     judge: Callable[[Shot], Figures]  # of one take
     summary: Callable[[Sequence[Shot], Sequence[Figures]], Figures]  # of all takes of a case
     bars: tuple[Bar, ...]
-    across: Callable[[Rows], dict[tuple[str, str], Figures]] = nothing_more  # rows of several cases
+    across: Callable[[Rows, Shots], dict[tuple[str, str], Figures]] = nothing_more
+    # rows that need several cases or sources
     worst: str = ""  # the figure whose largest value is drawn first; "-": whose smallest
     strip: tuple[float, float] = field(default=(0.0, 4.0))  # seconds of a take that are drawn
 

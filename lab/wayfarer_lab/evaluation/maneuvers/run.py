@@ -90,5 +90,5 @@ def play(
                 played.judge(case.name, source, shots)
         for (name, source), takes in recorded(maneuver).items():
             played.judge(name, source, takes)
-        played.rows |= maneuver.across(played.rows)
+        played.rows |= maneuver.across(played.rows, played.shots)
         yield played

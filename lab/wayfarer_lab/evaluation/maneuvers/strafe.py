@@ -18,6 +18,7 @@ from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Maneuver,
     Rows,
     Shot,
+    Shots,
     pooled,
     spread,
     way_to,
@@ -121,7 +122,7 @@ POINTS: Final = ("hips_p5", "float_share", "contact_up", "arrive")
 """Shares whose difference between left and right is counted, in points of 100."""
 
 
-def across(rows: Rows) -> dict[tuple[str, str], Figures]:
+def across(rows: Rows, shots: Shots) -> dict[tuple[str, str], Figures]:
     """How far left and right differ."""
     found = {}
     for source in {source for _, source in rows}:

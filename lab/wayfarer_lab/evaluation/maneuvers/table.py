@@ -9,7 +9,6 @@ from typing import Any, Final
 
 from rich.table import Table
 
-from wayfarer.errors import InvalidArgument
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.maneuvers.maneuver import RAW, RECORDED, SENT, Bar, Figures, Maneuver
 from wayfarer_lab.training.mocap.store import atomically
@@ -88,20 +87,17 @@ class Results:
 
 
 def judged(maneuver: Maneuver, rows: Mapping[Key, Figures]) -> list[Verdict]:
-    """Every bar of a manoeuvre, held against what was sent.
-
-    Raises InvalidArgument for a bar whose figure no row has: it would never be missed.
+    """Every bar of a manoeuvre, held against what was sent; where there is no such figure, as for
+    a comparison with recordings that were not given, it is not judged.
     """
     verdicts = []
     for bar in maneuver.bars:
-        names = {figure for figures in rows.values() for figure in figures}
-        if bar.figure not in names:
-            raise InvalidArgument(f"{maneuver.name} has no figure {bar.figure!r} for its bar")
-        cases = [case for case, source in rows if source == SENT and bar.case in (None, case)]
+        cases = [bar.case] if bar.case else [case.name for case in maneuver.cases]
         for case in cases:
-            value = rows[case, SENT].get(bar.figure, math.nan)
+            value = rows.get((case, SENT), {}).get(bar.figure, math.nan)
             verdicts.append(Verdict(maneuver.name, case, bar, value))
-    return verdicts
+    order = list(dict.fromkeys([case for case, _ in rows] + [v.case for v in verdicts]))
+    return sorted(verdicts, key=lambda verdict: order.index(verdict.case))
 
 
 def show(maneuver: Maneuver, rows: Mapping[Key, Figures], verdicts: Sequence[Verdict]) -> None:

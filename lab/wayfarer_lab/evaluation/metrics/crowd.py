@@ -47,9 +47,10 @@ def mean_rotation(quaternions: Array) -> Array:
 
 def cycle_spread(cycles: Sequence[Array]) -> float:
     """Degrees by which people's mean cycles [PHASES, J, 4] differ: the standard deviation over
-    people of each joint's rotation, mean over joints and moments.
+    people of each joint's rotation about each of three axes, mean over joints and moments.
     """
     every = np.stack(cycles)
     cosine = np.abs((every * mean_rotation(every)).sum(-1)).clip(max=1)
     angle = np.degrees(2 * np.arccos(cosine))
-    return float(np.sqrt((angle**2).sum(0) / max(len(every) - 1, 1)).mean())
+    # of three axes together the square is three times that of one
+    return float(np.sqrt((angle**2).sum(0) / (3 * max(len(every) - 1, 1))).mean())

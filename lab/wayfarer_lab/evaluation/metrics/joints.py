@@ -62,8 +62,10 @@ def turning_rate(heading: Array) -> Array:
 def turn_seconds(turned: Array, asked: float) -> float:
     """Seconds from 10 % to 90 % of a turn of `asked` degrees; turned [T] since the order.
 
-    NaN when the turn is never done to 90 %.
+    NaN when the turn is never done to 90 %, or there is none.
     """
+    if not asked:
+        return float("nan")
     part = turned / asked
     done = np.flatnonzero(part >= 0.9)
     if not len(done):

@@ -87,18 +87,16 @@ def steps(ankles: Array, hips: Array) -> Steps | None:
 
 
 def oscillation(values: Array, stride: int) -> float:
-    """Mean range in a stride of values [T], after the mean over a stride (in frames) is taken off.
-
-    NaN when there is no whole stride. What changes from stride to stride, a drift or a curve, does
-    not count.
+    """Range of a sine that swings as much as values [T] do, 2 √2 σ, after their mean over a stride
+    (in frames) is taken off: what changes from stride to stride, a drift or a curve, does not
+    count. NaN when there are less than two strides.
     """
     if len(values) < 2 * stride:
         return float("nan")
     mean = np.convolve(values, np.ones(stride) / stride, "valid")
     start = (stride - 1) // 2
     rest = values[start : start + len(mean)] - mean
-    whole = len(rest) // stride
-    return float(np.ptp(rest[: whole * stride].reshape(whole, stride), axis=1).mean())
+    return float(2 * np.sqrt(2) * rest[: len(rest) // stride * stride].std())
 
 
 def extremes(values: Array, strikes: NDArray[np.int64]) -> tuple[float, float]:
@@ -121,7 +119,7 @@ def phase(strikes: NDArray[np.int64], frames: int) -> Array:
     """Phase 0 … 1 of a cycle that begins with each strike; NaN before the first and after the
     last. [frames]
     """
-    found = np.full(frames, np.nan)
+    found = np.full(max([frames, *strikes.tolist()]), np.nan)
     for a, b in itertools.pairwise(strikes):
         found[a:b] = np.arange(b - a) / (b - a)
-    return found
+    return found[:frames]

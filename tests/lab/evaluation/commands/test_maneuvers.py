@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import pytest
 from typer.testing import CliRunner, Result
 
+from tests.lab.evaluation.recordings import write_recordings
 from tests.runtime.fakes import FakeEngine
 from wayfarer.body.library import load_body
 from wayfarer.spec import GENDERS
@@ -66,3 +67,14 @@ def test_what_is_not_there_is_refused_before_anything_is_played(tmp_path: Path) 
     assert answer.exit_code == 2 and "moonwalk" in answer.output and "stand" in answer.output
     answer = run("--json", str(tmp_path / "table.csv"))
     assert answer.exit_code == 2 and ".json" in answer.output
+
+
+def test_recordings_stand_beside(tmp_path: Path) -> None:
+    data, path = write_recordings(tmp_path / "data", "heldout", "train"), tmp_path / "walk.json"
+    assert run("--only", "walk", "--data", str(data), "--json", str(path)).exit_code == 0
+    made = json.loads(path.read_text())
+    rows = {r["source"]: r for r in made["rows"] if r["case"] == "1.1-1.5 m/s"}
+    assert list(rows) == ["sent", "raw", "recorded", "recorded, held out"]
+    assert rows["recorded"]["n"] == 2 and rows["recorded, held out"]["n"] == 1
+    people = {take["person"] for take in made["each"] if take["source"] == "recorded"}
+    assert people == {"07"}

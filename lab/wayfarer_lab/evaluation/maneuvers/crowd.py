@@ -1,0 +1,109 @@
+"""A crowd that is told the same: who starts when, walks in step, and walks like whom."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import nan
+from typing import Final
+
+import numpy as np
+
+from wayfarer.spec import BETAS, FPS
+from wayfarer_lab.evaluation.figures import mean
+from wayfarer_lab.evaluation.goals import Errand, Order, random_specs
+from wayfarer_lab.evaluation.maneuvers.maneuver import (
+    Bar,
+    Case,
+    Figures,
+    Maneuver,
+    Shot,
+    pooled,
+    way_to,
+)
+from wayfarer_lab.evaluation.maneuvers.walk import BRAKING, SPEEDING, start_seconds, steady
+from wayfarer_lab.evaluation.metrics import crowd, feet, stride
+
+SPEED: Final = 1.2
+METRES: Final = 12.0
+SECONDS: Final = 8.0
+LONGEST: Final = round((METRES - BRAKING) / SPEED * FPS)
+"""Frames from the order on in which nobody brakes yet."""
+
+
+def _case(name: str, one_body: bool) -> Case:
+    def errands(agents: int, random: np.random.Generator) -> list[Errand]:
+        """All face the same way; with `one_body` they differ in their noise alone."""
+        specs = random_specs(agents, random)
+        if one_body:
+            betas = (0.0,) * BETAS
+            specs = [replace(spec, gender="female", betas=betas) for spec in specs]
+        order = Order(0.0, way_to(0.0, METRES, SPEED))
+        return [Errand(replace(spec, heading=0.0), (order,)) for spec in specs]
+
+    return Case(name, SECONDS, errands)
+
+
+def judge(shot: Shot) -> Figures:
+    """`start_s` from the order; the first foot."""
+    foot = feet.first_foot(shot.take.height) if shot.goal is not None else None
+    walked = _steps(shot)
+    return {
+        "start_s": nan if shot.goal is None else start_seconds(shot.take),
+        "first_right": nan if foot is None else float(foot),
+        "cadence": nan if walked is None else walked[0].cadence,
+    }
+
+
+def _steps(shot: Shot) -> tuple[stride.Steps, int] | None:
+    """Steps of the steady part, and the frame of the take at which that begins."""
+    take, start = steady(shot), 0 if shot.goal is None else SPEEDING
+    walked = None if take is None else stride.steps(take.ankles, take.hips)
+    return None if walked is None else (walked, start)
+
+
+def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
+    """`cycle_sd_deg` between people (the mean of all takes of each), by joint and moment of the
+    gait cycle; `phase_order` from 2 s on; `start_spread_s` from the 5th to the 95th percentile.
+    """
+    cycles: dict[str, list[np.ndarray]] = {}
+    phases = []
+    for shot in shots:
+        if (found := _steps(shot)) is None:
+            continue
+        walked, start = found
+        strikes = walked.of(0) + start
+        cycle = crowd.mean_cycle(np.asarray(shot.take.clip.rotations)[:, 1:], strikes)
+        if cycle is not None:
+            cycles.setdefault(shot.take.person, []).append(cycle)
+        if shot.goal is not None:
+            phases.append(stride.phase(strikes, LONGEST)[SPEEDING:])
+    people = [crowd.mean_rotation(np.stack(found)) for found in cycles.values()]
+    starts = np.array([figures["start_s"] for figures in each])
+    starts = starts[~np.isnan(starts)]
+    cadences = [f["cadence"] for f in each if not np.isnan(f["cadence"])]
+    order = crowd.phase_order(np.stack(phases)) if phases else np.zeros(0)
+    spread = pooled([starts], 0.95) - pooled([starts], 0.05) if len(starts) else nan
+    return {
+        "walkers": float(len(people)),
+        "cycle_sd_deg": crowd.cycle_spread(people) if len(people) > 1 else nan,
+        "phase_order": float(np.nanmean(order)) if np.isfinite(order).any() else nan,
+        "start_spread_s": spread,
+        "start_sd_s": float(starts.std()) if len(starts) else nan,
+        "cadence_sd": float(np.std(cadences)) if cadences else nan,
+        "right_first": mean([figures["first_right"] for figures in each]),
+    }
+
+
+CROWD: Final = Maneuver(
+    name="crowd",
+    about="the same goal 12 m ahead at 1.2 m/s for all; of one body, and of random ones",
+    agents=32,
+    cases=(_case("one body", one_body=True), _case("random bodies", one_body=False)),
+    judge=judge,
+    summary=summary,
+    bars=(
+        Bar("cycle_sd_deg", low=3, case="one body"),
+        Bar("phase_order", high=0.4, case="one body"),
+        Bar("start_spread_s", low=0.3, case="one body"),
+    ),
+    worst="start_s",
+)

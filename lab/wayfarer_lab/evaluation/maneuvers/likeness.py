@@ -1,0 +1,142 @@
+"""Can a machine tell walks that are sent from recorded ones? As many of each, at like speeds."""
+
+from collections.abc import Sequence
+from math import nan
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer_lab.evaluation import frechet
+from wayfarer_lab.evaluation.goals import Errand, Order, random_specs
+from wayfarer_lab.evaluation.maneuvers.maneuver import (
+    RECORDED,
+    Bar,
+    Case,
+    Figures,
+    Maneuver,
+    Rows,
+    Shot,
+    Shots,
+    way_to,
+)
+from wayfarer_lab.evaluation.maneuvers.walk import steady
+from wayfarer_lab.evaluation.metrics import likeness
+
+Array = NDArray[np.floating[Any]]
+
+CASE: Final = "straight walks"
+SPEEDS: Final = (0.8, 1.6)
+"""Metres per second that are wished."""
+
+RANGE: Final = (0.9, 1.5)
+"""Metres per second of the windows that are compared."""
+
+USED: Final = [k for k, name in enumerate(frechet.NAMES) if not name.endswith("height")]
+"""Heights of body parts say how tall somebody is, not how he walks."""
+
+ENOUGH: Final = 40
+"""Windows of either, without which nothing can be told."""
+
+DRAWS: Final = 5
+"""Matched samples that a figure is the mean of: chance chooses the windows."""
+
+
+def _errands(agents: int, random: np.random.Generator) -> list[Errand]:
+    return [
+        Errand(spec, (Order(0.0, way_to(0.0, 12.0, round(float(speed), 3))),))
+        for spec, speed in zip(
+            random_specs(agents, random), random.uniform(*SPEEDS, agents), strict=True
+        )
+    ]
+
+
+def windows(shots: Sequence[Shot]) -> tuple[Array, NDArray[np.int64]]:
+    """Features [W, 37] of all 2 s of steady walks at 0.9 to 1.5 m/s, and whose each is [W]."""
+    found: list[Array] = [np.zeros((0, frechet.SIZE))]
+    owners: list[NDArray[np.int64]] = [np.zeros(0, np.int64)]
+    people = {person: k for k, person in enumerate(sorted({s.take.person for s in shots}))}
+    for shot in shots:
+        if (take := steady(shot)) is None:
+            continue
+        rows = frechet.features(take.markers, take.marker_names)
+        speed = np.hypot(rows[:, 0], rows[:, 1])
+        rows = rows[(speed >= RANGE[0]) & (speed < RANGE[1])]
+        found.append(rows)
+        owners.append(np.full(len(rows), people[shot.take.person]))
+    return np.concatenate(found), np.concatenate(owners)
+
+
+def judge(shot: Shot) -> Figures:
+    """How much of it there is."""
+    rows, _ = windows([shot])
+    return {"windows": float(len(rows))}
+
+
+def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
+    """How much there is."""
+    return {"windows": sum(figures["windows"] for figures in each)}
+
+
+def compare(
+    made: tuple[Array, NDArray[np.int64]], recorded: tuple[Array, NDArray[np.int64]]
+) -> Figures:
+    """AUC and Fréchet distance of two sets of windows, matched in number and speed."""
+    areas, far, compared = [], [], 0
+    for draw in range(DRAWS):
+        random = np.random.default_rng(draw)
+        speeds = [np.hypot(rows[:, 0], rows[:, 1]) for rows, _ in (made, recorded)]
+        one, other = likeness.matched(speeds[0], speeds[1], random)
+        compared = len(one)
+        if compared < ENOUGH:
+            return {"auc": nan, "frechet": nan, "compared": float(compared)}
+        a, b = made[0][one][:, USED], recorded[0][other][:, USED]
+        areas.append(likeness.told_apart(a, b, made[1][one], recorded[1][other]))
+        scale = b.std(0) + 1e-6
+        enough = compared >= frechet.ENOUGH
+        far.append(frechet.frechet(a / scale, b / scale) if enough else nan)
+    known = [area for area in areas if not np.isnan(area)]
+    return {
+        "auc": float(np.mean(known)) if known else nan,
+        "frechet": float(np.mean(far)),
+        "compared": float(compared),
+    }
+
+
+def across(rows: Rows, shots: Shots) -> dict[tuple[str, str], Figures]:
+    """What is made against what is recorded; people against other people; and by which features
+    the first two differ, in standard deviations of the recorded ones.
+    """
+    found: dict[tuple[str, str], Figures] = {}
+    people = windows(shots.get((CASE, RECORDED), []))
+    for (_, source), mine in shots.items():
+        if source.startswith(RECORDED):
+            continue
+        made = windows(mine)
+        found[AGAINST, source] = compare(made, people)
+        if len(made[0]) and len(people[0]):
+            apart = (made[0].mean(0) - people[0].mean(0)) / (people[0].std(0) + 1e-6)
+            found[DIFFERENCES, source] = {
+                frechet.NAMES[k]: float(apart[k])
+                for k in sorted(USED, key=lambda k: -abs(apart[k]))
+            }
+    if len(people[0]):
+        some = people[1] % 2 == 0
+        halves = [(people[0][half], people[1][half]) for half in (some, ~some)]
+        found[AGAINST, RECORDED] = compare(halves[0], halves[1])
+    return found
+
+
+AGAINST: Final = "against recorded"
+DIFFERENCES: Final = "differences (sd)"
+
+LIKENESS: Final = Maneuver(
+    name="likeness",
+    about="a linear classifier on 2 s of straight walking at 0.9 to 1.5 m/s, and Fréchet distance",
+    agents=64,
+    cases=(Case(CASE, 12.0, _errands),),
+    judge=judge,
+    summary=summary,
+    bars=(Bar("auc", high=0.75, case=AGAINST),),
+    across=across,
+)

@@ -1,0 +1,295 @@
+"""Recorded people doing what agents are asked to do, cut out of prepared recordings.
+
+What somebody does is told from how the body moves, not from the name of the clip. Only frames that
+are in use (`training.mocap.selection`) count. Bodies are male: a clip is prepared on both, and
+counting it twice would make the sample look larger than it is.
+"""
+
+from collections.abc import Callable, Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.body.library import load_body
+from wayfarer.clips.clip import Clip
+from wayfarer.errors import InvalidArgument
+from wayfarer.spec import FPS
+from wayfarer_lab.evaluation.maneuvers import crowd, likeness, robust, stand, stop, turn, walk
+from wayfarer_lab.evaluation.maneuvers.maneuver import RECORDED, Maneuver, Shot
+from wayfarer_lab.evaluation.metrics import feet
+from wayfarer_lab.evaluation.takes import Take
+from wayfarer_lab.training.mocap.selection import Use
+from wayfarer_lab.training.mocap.store import ClipRange, Dataset
+
+Array = NDArray[np.floating[Any]]
+Flags = NDArray[np.bool_]
+Uses = NDArray[np.uint8]
+"""`Use` of each frame [T]."""
+
+PLAIN_STYLES: Final = ("Neutral", "Rushed")
+PLAIN: Final = ("walk", "crowd", "likeness", "random")
+"""Manoeuvres of which there is enough without acted styles."""
+
+GENDER: Final = "male"
+HELDOUT: Final = f"{RECORDED}, held out"
+"""The split that nothing is trained on, beside all of them."""
+
+SHORTEST: Final = FPS
+"""Frames of a take at least: 1 s."""
+
+SIDEWAYS: Final = (55.0, 125.0)
+BACKWARD: Final = 145.0
+"""Degrees between facing and way."""
+
+STROLLING: Final = 0.25
+"""Metres per second: slower is standing."""
+
+STANDING: Final = 3 * FPS
+"""Frames of a stand at least."""
+
+TURNING: Final = 20.0
+"""Degrees per second over 0.5 s: a slower turn is none."""
+
+TURNED: Final[dict[str, tuple[float, float]]] = {"90°": (60.0, 135.0), "180°": (135.0, 225.0)}
+"""Degrees, and the case that they count to."""
+
+ON_THE_SPOT: Final = 0.4
+"""Metres that hips move in a turn on the spot at most."""
+
+WALKED: Final = 0.5
+"""Metres per second within 3 s before a stop."""
+
+HALF: Final = FPS // 2
+"""Frames on either side over which way and speed of a walk are taken: a second in all."""
+
+STRAIGHT: Final = 12.0
+"""Degrees by which the way may change in a second, …"""
+
+EVEN: Final = 0.3
+"""… and metres per second by which the speed may."""
+
+AHEAD: Final = 25.0
+"""Degrees between facing and way of somebody who walks straight ahead."""
+
+STRETCH: Final = 2 * FPS
+"""Frames of a straight walk at least."""
+
+
+class Recordings:
+    """The recordings of a prepared data folder, as recorded, each clip once."""
+
+    def __init__(self, folder: Path) -> None:
+        """Raises DataError when it is not a prepared folder, InvalidArgument when it has no clips
+        as recorded.
+        """
+        self._data = Dataset.load(folder)
+        self._clips = [
+            clip
+            for clip in self._data.clips
+            if clip.gender == GENDER and clip.shape == "own" and clip.augmentation == ""
+        ]
+        if not self._clips:
+            raise InvalidArgument(f"{folder} has no {GENDER} clips as recorded", "data")
+
+    def __call__(self, maneuver: Maneuver) -> dict[tuple[str, str], list[Shot]]:
+        """Takes by (case, source): those of all splits, and of them the held-out ones."""
+        cutter = CUTTERS.get(maneuver.name)
+        found: dict[tuple[str, str], list[Shot]] = {}
+        if cutter is None:
+            return found
+        for clip, take, use in self._takes:
+            if maneuver.name in PLAIN and is_acted(clip):
+                continue
+            for case, part in cutter(take, use):
+                shot = Shot(part)
+                found.setdefault((case, RECORDED), []).append(shot)
+                if clip.split == "heldout":
+                    found.setdefault((case, HELDOUT), []).append(shot)
+        order = [case.name for case in maneuver.cases]
+        return dict(sorted(found.items(), key=lambda item: order.index(item[0][0])))
+
+    @cached_property
+    def _takes(self) -> list[tuple[ClipRange, Take, Uses]]:
+        body, data, found = load_body("anny52", GENDER, "low"), self._data, []
+        for clip in self._clips:
+            frames = slice(clip.start, clip.stop)
+            whole = Clip(
+                data.translation[frames],
+                data.rotations[frames],
+                data.contacts[frames],
+                clip.gender,
+                clip.betas,
+            )
+            take = Take.of(whole, body, f"{clip.split}/{clip.name}", person_of(clip))
+            found.append((clip, take, data.use[frames]))
+        return found
+
+
+def person_of(clip: ClipRange) -> str:
+    """The subject; of one who acts in styles, subject and style."""
+    return f"{clip.subject} {_style(clip)}".strip()
+
+
+def is_acted(clip: ClipRange) -> bool:
+    """Whether somebody walks as he never would but for the camera."""
+    return clip.category == "walk_styled" or _style(clip) not in ("", *PLAIN_STYLES)
+
+
+def _style(clip: ClipRange) -> str:
+    """Of a take of 100STYLE, `Style_Content`; CMU's names begin with a number."""
+    return clip.name.split("_")[0] if clip.name[:1].isalpha() and "_" in clip.name else ""
+
+
+Cut = Iterator[tuple[str, Take]]
+"""Case and part of a take."""
+
+
+def _smooth(values: Array, seconds: float) -> Array:
+    """Mean of values [T, ...] over so long around each frame; shorter at the ends."""
+    frames = max(round(seconds * FPS), 1)
+    kernel = np.ones(frames)
+    count = np.convolve(np.ones(len(values)), kernel, "same")
+    flat = values.reshape(len(values), -1)
+    means = [np.convolve(column, kernel, "same") / count for column in flat.T]
+    return np.stack(means, -1).reshape(values.shape)
+
+
+def _velocity(take: Take, seconds: float) -> Array:
+    """Of the hips, horizontal, m/s. [T, 2]"""
+    return _smooth(np.gradient(take.hips[:, :2], axis=0) * FPS, seconds)
+
+
+def _off_way(take: Take, velocity: Array) -> Array:
+    """Degrees between facing and way. [T]"""
+    speed = np.linalg.norm(velocity, axis=-1)
+    cosine = (velocity * take.facing).sum(-1) / np.maximum(speed, 1e-6)
+    return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+
+
+def _parts(take: Take, flags: Flags, shortest: int) -> Iterator[Take]:
+    for run in feet.runs(flags):
+        if run.stop - run.start >= shortest:
+            yield take[run]
+
+
+def strafes(take: Take, use: Uses) -> Cut:
+    """Stretches sideways and backward."""
+    if len(take) < SHORTEST:
+        return
+    velocity = _velocity(take, 0.5)
+    off = _off_way(take, velocity)
+    goes = (np.linalg.norm(velocity, axis=-1) > STROLLING) & (use > 0)
+    right = (velocity * np.stack([take.facing[:, 1], -take.facing[:, 0]], -1)).sum(-1) > 0
+    beside = goes & (off > SIDEWAYS[0]) & (off < SIDEWAYS[1])
+    for case, flags in (
+        ("left", beside & ~right),
+        ("right", beside & right),
+        ("back", goes & (off > BACKWARD)),
+    ):
+        for part in _parts(take, flags, SHORTEST):
+            yield case, part
+
+
+def stands(take: Take, use: Uses) -> Cut:
+    """Stretches of quiet standing."""
+    for part in _parts(take, use == Use.STANDING, STANDING):
+        yield stand.STAND.cases[0].name, part
+
+
+def turns(take: Take, use: Uses) -> Cut:
+    """Turns on the spot, with half a second on either side."""
+    if len(take) < SHORTEST:
+        return
+    rate = _smooth(np.gradient(take.heading) * FPS, 0.5)
+    around = FPS // 2
+    for sign in (1, -1):
+        for run in feet.runs((sign * rate > TURNING) & (use > 0)):
+            turned = abs(take.heading[run.stop - 1] - take.heading[run.start])
+            apart = np.linalg.norm(take.hips[run, :2] - take.hips[run.start, :2], axis=-1).max()
+            toes = feet.heading(take.soles[run])
+            if apart > ON_THE_SPOT or np.abs(toes[-1] - toes[0]).mean() < turned / 2:
+                continue  # on the way, or a twist of the trunk
+            part = slice(max(run.start - around, 0), min(run.stop + around, len(take)))
+            for case, (low, high) in TURNED.items():
+                if low <= turned < high and (use[part] > 0).all():
+                    yield case, take[part]
+
+
+def stops(take: Take, use: Uses) -> Cut:
+    """Walks that end in a rest of a second, from a second before it on."""
+    if len(take) < 3 * FPS:
+        return
+    begun = stop.rest(take)
+    if begun is None or begun < FPS:
+        return
+    speed = np.linalg.norm(_velocity(take, 0.5), axis=-1)
+    before = slice(max(begun - 3 * FPS, 0), begun)
+    end = min(begun + round((stop.AFTER + 0.1) * FPS), len(take))
+    part = slice(max(begun - 2 * FPS, 0), end)
+    if speed[before].max() > WALKED and (use[part] > 0).mean() > 0.9:
+        yield stop.STOP.cases[0].name, take[part]
+
+
+def straight(take: Take, use: Uses) -> Iterator[tuple[float, Take]]:
+    """Steady, straight walks and their mean speeds."""
+    if len(take) < STRETCH:
+        return
+    time = np.arange(len(take))
+    before, after = np.maximum(time - HALF, 0), np.minimum(time + HALF, len(take) - 1)
+    velocity = (take.hips[after, :2] - take.hips[before, :2]) * FPS / (after - before)[:, None]
+    speed = np.linalg.norm(velocity, axis=-1)
+    way = np.degrees(np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0])))
+    steady = (
+        (np.abs(way[after] - way[before]) < STRAIGHT)
+        & (np.abs(speed[after] - speed[before]) < EVEN)
+        & (speed > 0.4)
+        & (_off_way(take, velocity) < AHEAD)
+        & (use == Use.LOCOMOTION)
+    )
+    for part in _parts(take, steady, STRETCH):
+        metres = np.linalg.norm(part.hips[-1, :2] - part.hips[0, :2])
+        yield float(metres) * FPS / (len(part) - 1), part
+
+
+def walks(take: Take, use: Uses) -> Cut:
+    """Straight walks by speed."""
+    for speed, part in straight(take, use):
+        for case, (low, high) in walk.SPEEDS.items():
+            if low <= speed < high:
+                yield case, part
+
+
+def alike(take: Take, use: Uses) -> Cut:
+    """Straight walks at any speed that is compared."""
+    for speed, part in straight(take, use):
+        if likeness.SPEEDS[0] <= speed < likeness.SPEEDS[1]:
+            yield likeness.CASE, part
+
+
+def crowds(take: Take, use: Uses) -> Cut:
+    """Straight walks at people's own speed."""
+    low, high = walk.SPEEDS[walk.USUAL]
+    for speed, part in straight(take, use):
+        if low <= speed < high:
+            yield crowd.CROWD.cases[1].name, part
+
+
+def everything(take: Take, use: Uses) -> Cut:
+    """All locomotion: nobody was recorded under such orders."""
+    for part in _parts(take, use == Use.LOCOMOTION, SHORTEST):
+        yield robust.RANDOM.cases[0].name, part
+
+
+CUTTERS: Final[dict[str, Callable[[Take, Uses], Cut]]] = {
+    "strafe": strafes,
+    turn.TURN.name: turns,
+    stand.STAND.name: stands,
+    stop.STOP.name: stops,
+    walk.WALK.name: walks,
+    crowd.CROWD.name: crowds,
+    likeness.LIKENESS.name: alike,
+    robust.RANDOM.name: everything,
+}

@@ -1,0 +1,155 @@
+"""Fifteen stairs of 20 cm up to a gallery, and down from it, whatever speed is wished."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import nan, pi
+from typing import Final
+
+import numpy as np
+
+from wayfarer.navigation.examples import two_storeys
+from wayfarer.runtime.agent import Goal
+from wayfarer.spec import FPS
+from wayfarer_lab.evaluation.figures import distances
+from wayfarer_lab.evaluation.goals import Errand, Order, Plan, random_specs
+from wayfarer_lab.evaluation.maneuvers.maneuver import (
+    Bar,
+    Case,
+    Figures,
+    Maneuver,
+    Shot,
+    spread,
+)
+from wayfarer_lab.evaluation.metrics import feet, joints
+from wayfarer_lab.evaluation.takes import Take
+
+SPEEDS: Final = (0.6, 1.2, 1.8)
+"""m/s that are wished, in turn."""
+
+FOOT: Final = 2.0
+TOP: Final = 6.2
+"""Metres along x at which the stairs of `two_storeys` begin and end; they lie at y < 1.8."""
+
+SIDE: Final = 1.8
+RISER: Final = 0.2
+GALLERY: Final = 3.0
+SECONDS: Final = 40.0
+
+PLACED_SPEED: Final = 0.3
+"""Metres per second: an ankle slower than this stands, …"""
+
+PLACED_FRAMES: Final = 3
+"""… if it does for so many frames, …"""
+
+PLACED_APART: Final = 0.10
+"""… and stands anew if it is so many metres from where it stood before."""
+
+
+def _case(up: bool) -> Case:
+    def errands(agents: int, random: np.random.Generator) -> list[Errand]:
+        found = []
+        for number, spec in enumerate(random_specs(agents, random)):
+            speed, beside = SPEEDS[number % len(SPEEDS)], float(random.uniform(0.6, 1.4))
+            if up:
+                start, turn, floor, goal = (0.8, beside), -pi / 2, 0.0, (8.0, 1.0, GALLERY)
+            else:
+                start, turn, floor, goal = (8.0, beside), pi / 2, GALLERY, (0.8, 1.0, 0.0)
+            placed = replace(spec, position=start, heading=turn, floor=floor)
+            found.append(Errand(placed, (Order(0.0, _plan(Goal(goal, speed=speed))),)))
+        return found
+
+    return Case("up" if up else "down", SECONDS, errands, two_storeys)
+
+
+def _plan(goal: Goal) -> Plan:
+    return lambda agent: [goal]
+
+
+def placements(places: np.ndarray) -> list[tuple[int, np.ndarray]]:
+    """Frame and place of each time that an ankle [T, 3] comes to stand somewhere else."""
+    speed = np.linalg.norm(np.gradient(places, axis=0), axis=-1) * FPS
+    found: list[tuple[int, np.ndarray]] = []
+    for run in feet.runs(speed < PLACED_SPEED):
+        if run.stop - run.start < PLACED_FRAMES:
+            continue
+        place = places[run].mean(0)
+        if not found or np.linalg.norm(place - found[-1][1]) > PLACED_APART:
+            found.append((run.start, place))
+    return found
+
+
+def on_the_stairs(take: Take) -> slice | None:
+    """Frames from the first to the last in which the hips are over the stairs."""
+    x, y, _ = take.hips.T
+    frames = np.flatnonzero((x > FOOT) & (x < TOP) & (y < SIDE))
+    return slice(int(frames[0]), int(frames[-1]) + 1) if len(frames) > FPS // 4 else None
+
+
+def judge(shot: Shot) -> Figures:
+    """`steps_per_riser`: places where either foot comes to stand, over the risers between the
+    lowest and the highest of them.
+    """
+    take, part = shot.take, on_the_stairs(shot.take)
+    end = nan if shot.goal is None else float(distances(take.hips[-1], shot.goal))
+    row = {
+        "wished_mps": nan if shot.goal is None else shot.goal.speed,
+        "arrive": nan if shot.goal is None else float(end <= 0.3),
+    }
+    if part is None:
+        return row | dict.fromkeys(FIGURES, nan)
+    stood = [
+        [place for frame, place in placements(ankles) if part.start <= frame < part.stop]
+        for ankles in np.moveaxis(take.ankles, 1, 0)
+    ]
+    heights = np.array([place[2] for places in stood for place in places])
+    risers = np.ptp(heights) / RISER if len(heights) > 1 else 0.0
+    on = take[part]
+    way = np.linalg.norm(np.diff(on.hips[:, :2], axis=0), axis=-1).sum()
+    return row | {
+        # between the lowest and the highest place there is a step less than there are places
+        "steps_per_riser": (len(heights) - 1) / risers if risers > 3 else nan,
+        "speed_mps": float(way) * FPS / max(len(on) - 1, 1),
+        "knee_max_deg": float(on.knees.max()),
+        "tilt_max_deg": float(on.tilt.max()),
+        "float_share": float(feet.floating(on.height).mean()),
+        "pop_cm": float(joints.pops(on.joints).max()),
+    }
+
+
+FIGURES: Final = (
+    "steps_per_riser", "speed_mps", "knee_max_deg", "tilt_max_deg", "float_share", "pop_cm",
+)  # fmt: skip
+
+
+def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
+    """The bars: means of steps and of the largest bends; the fastest of twenty people."""
+    return spread(
+        each,
+        arrive="mean of arrive",
+        steps_per_riser="mean of steps_per_riser",
+        steps_per_riser_least="min of steps_per_riser",
+        speed_mps="mean of speed_mps",
+        speed_mps_p95="p95 of speed_mps",
+        knee_max_deg="mean of knee_max_deg",
+        knee_max_deg_worst="max of knee_max_deg",
+        tilt_max_deg="mean of tilt_max_deg",
+        float_share="mean of float_share",
+        pop_cm="max of pop_cm",
+    )
+
+
+STAIRS: Final = Maneuver(
+    name="stairs",
+    about="15 stairs of 20 × 30 cm up and down; wished 0.6, 1.2, 1.8 m/s in turn",
+    agents=18,
+    cases=(_case(up=True), _case(up=False)),
+    judge=judge,
+    summary=summary,
+    bars=(
+        Bar("steps_per_riser", 0.9, 1.1),
+        Bar("speed_mps_p95", high=0.7),
+        Bar("knee_max_deg", high=110),
+    ),
+    worst="knee_max_deg",
+    strip=(2.0, 8.0),
+)

@@ -1,0 +1,69 @@
+"""All manoeuvres, played by people who do nothing but walk straight on."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import pytest
+
+from tests.lab.evaluation.maneuvers.bodies import shot, walker
+from wayfarer_lab.evaluation.commands.maneuvers import MANEUVERS
+from wayfarer_lab.evaluation.goals import Watch
+from wayfarer_lab.evaluation.maneuvers.likeness import AGAINST
+from wayfarer_lab.evaluation.maneuvers.maneuver import RECORDED, Case, Maneuver, Shot
+from wayfarer_lab.evaluation.maneuvers.run import Played, play
+from wayfarer_lab.evaluation.maneuvers.table import judged
+from wayfarer_lab.evaluation.maneuvers.walk import LIKE_PEOPLE
+
+
+class Walkers:
+    """Everybody walks straight on, whatever is played."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[str, str, int, bool]] = []
+
+    def play(self, maneuver: str, case: Case, agents: int, lock: bool, watch: Watch) -> list[Shot]:
+        self.asked.append((maneuver, case.name, agents, lock))
+        made = walker(12.0)
+        return [shot(replace(made, person=f"agent {k}"), (0.0, 30.0), 0.0) for k in range(2)]
+
+
+@contextmanager
+def silent(title: str) -> Iterator[Watch]:
+    yield lambda done, total: None
+
+
+def recorded(maneuver: Maneuver) -> dict[tuple[str, str], list[Shot]]:
+    made = walker(12.0)
+    people = [shot(replace(made, person=f"person {k}")) for k in range(2)]
+    return {(case.name, RECORDED): people for case in maneuver.cases}
+
+
+def played(name: str, scale: float = 0.01) -> Played:
+    [found] = play(Walkers(), [MANEUVERS[name]], scale, silent, recorded)
+    return found
+
+
+@pytest.mark.parametrize("name", MANEUVERS)
+def test_every_bar_stands_beside_its_figure(name: str) -> None:
+    """A bar whose figure is misspelt would never be judged."""
+    found = played(name)
+    verdicts = judged(MANEUVERS[name], found.rows)
+    assert verdicts, "what has no bar needs no manoeuvre"
+    for verdict in verdicts:
+        assert verdict.bar.figure in found.rows[verdict.case, "sent"], verdict
+    assert {case for case, source in found.rows if source == RECORDED}
+    assert len(found.each) == 6 * len(MANEUVERS[name].cases)
+
+
+def test_each_case_is_played_locked_and_raw_with_its_share_of_agents() -> None:
+    walkers = Walkers()
+    list(play(walkers, [MANEUVERS["walk"]], 0.5, silent))
+    asked = {case: agents for _, case, agents, lock in walkers.asked if lock}
+    assert asked["1.1-1.5 m/s"] == 18 and asked["0.6 m/s"] == 6
+    assert [lock for *_, lock in walkers.asked] == [True, False] * 8
+
+
+def test_rows_that_need_recordings_are_there_with_them() -> None:
+    assert played("walk").rows[LIKE_PEOPLE, "sent"]["limbs_6_10_hz"] == pytest.approx(1.0, abs=0.05)
+    assert "auc" in played("likeness").rows[AGAINST, "sent"]
