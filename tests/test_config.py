@@ -53,10 +53,37 @@ def test_frozen():
         config_sources.load({}).threads = 3
 
 
-@pytest.mark.parametrize("text", ["htp_port = 1", "[limits]\nagnts = 4"])
-def test_unknown_keys_in_the_file(tmp_path, text):
-    with pytest.raises(InvalidArgument, match=r"unknown; known are .*limits\.agents,"):
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("htp_port = 1", r"setting htp_port: unknown; did you mean http_port\?"),
+        ("[limits]\nagnts = 4", r"setting limits\.agnts: unknown; did you mean limits\.agents\?"),
+        ("colour = 1", r"setting colour: unknown; known are .*limits\.agents,"),
+    ],
+)
+def test_unknown_keys_in_the_file(tmp_path, text, what):
+    with pytest.raises(InvalidArgument, match=what):
         config_sources.load({}, write(tmp_path, text))
+
+
+def test_all_that_is_wrong_is_told_at_once(tmp_path, monkeypatch):
+    monkeypatch.setenv("WAYFARER_HTP_PORT", "1")
+    monkeypatch.setenv("WAYFARER_GRPC_PORT", "fifty")
+    file = write(
+        tmp_path, 'threads = -1\nmodle = "x"\n[limits]\nagents = 0\n[auth]\njwt_keys = "k"'
+    )
+    with pytest.raises(InvalidArgument) as caught:
+        config_sources.load({"log_level": "loud"}, file)
+    told = [line.split(":")[0] for line in str(caught.value).splitlines()]
+    assert sorted(told) == [
+        "setting WAYFARER_HTP_PORT in the environment",
+        "setting auth",
+        "setting grpc_port",
+        "setting limits.agents",
+        "setting log_level",
+        "setting modle",
+        "setting threads",
+    ]
 
 
 def test_unknown_variables(monkeypatch):

@@ -3,7 +3,8 @@
 import os
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,24 +23,40 @@ SERVICE_LINK: Final = re.compile(PREFIX + r"(SERVICE_HOST|SERVICE_PORT(_.+)?|POR
 def load(command_line: Mapping[str, Any], file: Path | None = None) -> Settings:
     """Settings from all sources; `command_line` holds only what was given there.
 
-    Raises InvalidArgument that names the key, what is wrong with it, and where it may stand.
+    Raises InvalidArgument that names every wrong key, a line each, and what is wrong with it.
     """
-    _refuse_unknown_variables()
     file = settings_file(file)
+    wrong = _unknown_variables()
+    settings = None
     try:
-        return _from(file)(**command_line)
+        settings = _from(file)(**command_line)
     except tomllib.TOMLDecodeError as error:
-        raise InvalidArgument(f"{file} is not TOML: {error}", "config") from None
+        wrong.append(("config", f"{file} is not TOML: {error}"))
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        if first["type"] == "extra_forbidden":
-            what = f"unknown; known are {', '.join(keys())}"
-        elif "error" in first.get("ctx", {}):  # raised by a check of ours
-            what = str(first["ctx"]["error"])
-        else:
-            what = f"{first['msg']} (got {first['input']!r})"
-        raise InvalidArgument(f"setting {key}: {what}" if key else what, key) from None
+        wrong += [_told(one) for one in error.errors(include_url=False)]
+    if settings is None or wrong:
+        raise InvalidArgument("\n".join(what for _, what in wrong), wrong[0][0])
+    return settings
+
+
+def _told(error: Any) -> tuple[str, str]:
+    """Key, and a sentence, of an error that pydantic has found."""
+    key = ".".join(str(part) for part in error["loc"])
+    if error["type"] == "extra_forbidden":
+        what = _unknown(key, keys())
+    elif "error" in error.get("ctx", {}):  # raised by a check of ours
+        what = str(error["ctx"]["error"])
+    else:
+        what = f"{error['msg']} (got {error['input']!r})"
+    return key, f"setting {key}: {what}" if key else what
+
+
+def _unknown(name: str, known: Sequence[str]) -> str:
+    """What a name may have been meant to be."""
+    meant = get_close_matches(name, known, n=1)
+    if meant:
+        return f"unknown; did you mean {meant[0]}?"
+    return f"unknown; known are {', '.join(known)}"
 
 
 def settings_file(named: Path | None = None) -> Path | None:
@@ -105,8 +122,8 @@ def _holds(values: Mapping[str, Any], key: str) -> bool:
     return not rest or (isinstance(values[first], Mapping) and _holds(values[first], rest))
 
 
-def _refuse_unknown_variables() -> None:
-    """pydantic-settings ignores variables that it does not know; a typing error must not pass."""
+def _unknown_variables() -> list[tuple[str, str]]:
+    """Names, and a sentence each. pydantic-settings ignores them; a typing error must not pass."""
     known = {variable(key) for key in keys()} | {FILE_VARIABLE}
     known |= {variable(key.partition(".")[0]) for key in keys() if "." in key}  # whole, as JSON
     unknown = sorted(
@@ -114,9 +131,7 @@ def _refuse_unknown_variables() -> None:
         for key in os.environ
         if key.startswith(PREFIX) and key not in known and not SERVICE_LINK.fullmatch(key)
     )
-    if unknown:
-        raise InvalidArgument(
-            f"unknown setting {', '.join(unknown)} in the environment; "
-            f"known are {', '.join(sorted(known))}",
-            unknown[0],
-        )
+    return [
+        (key, f"setting {key} in the environment: {_unknown(key, sorted(known))}")
+        for key in unknown
+    ]

@@ -11,7 +11,7 @@ FPS: Final = 40
 """Frames per second of every primitive, stream and prepared clip (paper Sec. 4)."""
 
 PRIMITIVE_FRAMES: Final = 10
-"""Frames of one motion primitive: 0.25 s."""
+"""Frames of one motion primitive, its seed included: 0.25 s."""
 
 SEED_FRAMES: Final = 2
 """Frames that a primitive shares with the one before, as served (the 2-frame model)."""

@@ -13,8 +13,6 @@ LEFT_OUT = ("/v1/admin/drain", "/v1/events")
 
 SETTINGS = {
     "WAYFARER_LIMITS__CLIP_S": "1",  # else it would spend its time walking
-    "WAYFARER_LIMITS__PATH_GOALS": "1024",  # what the document allows
-    "WAYFARER_LIMITS__AGENTS_PER_CALL": "1024",
 }
 """Of the server, besides those of `campaign`."""
 

@@ -196,7 +196,7 @@ def test_ranges_of_an_agent(fields, field):
 
 def test_agent_spec_in_unreal_is_in_centimetres_and_turns_clockwise():
     wish = schema.AgentSpec(position=schema.Vector3(x=200, y=100, z=55), heading=0.5, seed=3)
-    made = convert.agent_spec(wish, Basis.UNREAL, BODIES, 0, "agents[0]")
+    made = convert.agent_spec(wish, Basis.UNREAL, BODIES, 0)
     assert made.position == pytest.approx((1.0, 2.0))  # Unreal x is forward, core +Y
     assert made.heading == -0.5
     assert made.betas == (0.0,) * 10
@@ -204,32 +204,32 @@ def test_agent_spec_in_unreal_is_in_centimetres_and_turns_clockwise():
 
 def test_a_body_in_everyday_words():
     tall = schema.AgentSpec(phenotype=schema.Phenotype(height_m=1.9))
-    made = convert.agent_spec(tall, Basis.GLTF, BODIES, 0, "agents[0]")
+    made = convert.agent_spec(tall, Basis.GLTF, BODIES, 0)
     assert height_of("female", made.betas) == pytest.approx(1.9, abs=2e-3)
     plain = schema.AgentSpec(phenotype=schema.Phenotype(weight=0.9))
-    made = convert.agent_spec(plain, Basis.GLTF, BODIES, 0, "agents[0]")
+    made = convert.agent_spec(plain, Basis.GLTF, BODIES, 0)
     assert height_of("female", made.betas) == pytest.approx(
         height_of("female", (0.0,) * 10), abs=2e-3
     )
 
 
 def test_a_body_beyond_its_range_is_named():
-    wish = schema.AgentSpec(phenotype=schema.Phenotype(height_m=3.0))
-    with pytest.raises(InvalidArgument, match="must lie in") as caught:
-        convert.agent_spec(wish, Basis.GLTF, BODIES, 0, "agents[2]")
-    assert caught.value.field == "agents[2].phenotype.height_m"
+    wish = agent_pb2.CreateAgentsRequest(agents=[{"phenotype": {"height_m": 3.0}}])
+    with pytest.raises(InvalidArgument, match=r"less than or equal to 2\.05") as caught:
+        wire.parse(schema.NewAgents, wish)
+    assert caught.value.field == "agents[0].phenotype.height_m"
 
 
 @pytest.mark.parametrize(("sent", "wanted"), [({}, True), ({"foot_lock": False}, False)])
 def test_feet_are_locked_unless_it_is_refused(sent, wanted):
     wish = wire.parse(schema.AgentSpec, agent_pb2.AgentSpec(**sent))
-    assert convert.agent_spec(wish, Basis.GLTF, BODIES, 0, "agents[0]").foot_lock is wanted
+    assert convert.agent_spec(wish, Basis.GLTF, BODIES, 0).foot_lock is wanted
 
 
 def test_a_seed_of_its_own_goes_before_the_drawn_one():
     for own, made in ((None, 7), (0, 0), (3, 3)):
         wish = schema.AgentSpec(seed=own)
-        assert convert.agent_spec(wish, Basis.GLTF, BODIES, 7, "").noise_seed == made
+        assert convert.agent_spec(wish, Basis.GLTF, BODIES, 7).noise_seed == made
 
 
 @given(st.integers(0, (1 << 32) - 1), st.integers(0, 1000))

@@ -224,6 +224,7 @@ async def test_a_clip_is_lines_of_json(rig):
     answer = await rig.http.post("/v1/clips", json=wish)
     assert answer.headers["content-type"] == "application/x-ndjson"
     header, *batches = map(json.loads, answer.text.splitlines())
+    assert list(header) == ["header"] and all(list(line) == ["batch"] for line in batches)
     assert header["header"]["pose_encoding"] == "f16_le"
     chunks = [line["batch"]["chunks"] for line in batches]
     assert [chunk["seqs"] for chunk in chunks] == [[0], [1]]
@@ -238,6 +239,7 @@ async def test_a_clip_that_breaks_off_says_why(rig):
     answer = await rig.http.post("/v1/clips", json={"seconds": 0.4})
     assert answer.status_code == 200
     last = json.loads(answer.text.splitlines()[-1])
+    assert list(last) == ["problem"]
     assert last["problem"]["status"] == 429 and last["problem"]["retry_after_s"] == 2.0
 
 
@@ -314,9 +316,9 @@ async def test_a_body_that_is_not_text_is_refused(rig):
 
 
 async def test_an_item_that_is_wrong_is_named_once(rig):
-    goals = {"goals": [{"position": {"x": 0, "y": 0, "z": 0}, "speed": 0}]}
+    goals = {"goals": [{"position": {"x": 0, "y": 0, "z": 0}, "dwell": -1}]}
     answer = await rig.http.put("/v1/agents/x/path", json=goals)
-    assert [error["field"] for error in answer.json()["errors"]] == ["goals[0].speed"]
+    assert [error["field"] for error in answer.json()["errors"]] == ["goals[0].dwell"]
 
 
 async def test_a_whole_number_may_be_written_with_a_fraction_of_nothing(rig):

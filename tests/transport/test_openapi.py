@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +10,13 @@ import jsonschema
 import pytest
 from google.protobuf import descriptor as protobuf
 from openapi_spec_validator import validate
+from pydantic import ValidationError
 from starlette.routing import WebSocketRoute
 
 from tests.transport.fakes import gateway
+from wayfarer.body.phenotype import LIMITS
+from wayfarer.config import Limits
+from wayfarer.transport import schema
 from wayfarer.transport.grpc_server.server import FILES
 from wayfarer.transport.http_server import http_app
 
@@ -70,6 +75,136 @@ def test_the_document_is_valid():
         ref.removeprefix("#/components/schemas/") in DOCUMENT["components"]["schemas"]
         for ref in refs
     )
+
+
+KEYWORDS = {
+    *("$ref", "type", "enum", "const", "format", "title", "description", "default", "examples"),
+    *("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"),
+    *("minLength", "maxLength", "pattern"),
+    *("minItems", "maxItems", "uniqueItems", "items", "prefixItems"),
+    *("properties", "required", "additionalProperties", "minProperties", "maxProperties"),
+    *("anyOf", "oneOf"),
+}
+"""Of JSON schema 2020-12, as far as the document uses them."""
+
+
+def subschemas(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    yield schema
+    for name in ("items", "additionalProperties"):
+        if isinstance(schema.get(name), dict):
+            yield from subschemas(schema[name])
+    for name in ("anyOf", "oneOf", "prefixItems"):
+        for inner in schema.get(name, ()):
+            yield from subschemas(inner)
+    for inner in schema.get("properties", {}).values():
+        yield from subschemas(inner)
+
+
+def all_schemas() -> Iterator[dict[str, Any]]:
+    for message in DOCUMENT["components"]["schemas"].values():
+        yield from subschemas(message)
+    for _, _, operation in OPERATIONS.values():
+        for parameter in operation.get("parameters", ()):
+            yield from subschemas(parameter["schema"])
+        for answer in (operation.get("requestBody", {}), *operation["responses"].values()):
+            for content in answer.get("content", {}).values():
+                yield from subschemas(content.get("schema", {}))
+
+
+def test_schemas_use_keywords_of_json_schema_only():
+    """What no tool knows, as `ge`, is a bound that is not told."""
+    assert {keyword for schema in all_schemas() for keyword in schema} - KEYWORDS == set()
+
+
+BOUNDED = {
+    "NewSession.seed": (0, 2**32 - 1),
+    "AgentSpec.seed": (0, 2**32 - 1),
+    "Crowd.seed": (0, 2**32 - 1),
+    "Crowd.count": (0, Limits().agents_per_session),
+    "StepWish.steps": (0, Limits().steps_per_call),
+    "ClipWish.seconds": (1 / 40, Limits().clip_s),
+    "NewSession.lease_s": (1, Limits().lease_s),
+    "Phenotype.height_m": LIMITS["height_m"],
+    "Prism-Input.height": (0.01, 50_000),  # metres, or centimetres
+    "Goal.radius": (0.05, 1000),
+    "Goal.speed": (0.2, 400),
+    "Area.radius": (0.5, 100 * Limits().goal_distance_m),
+    "Crowd.spawn_rate": (0, 50),
+}
+PLACE = {"x": 1, "y": 1, "z": 1}
+
+
+@pytest.mark.parametrize("name", BOUNDED)
+def test_bounds_of_numbers_are_told(name):
+    message, _, field = name.partition(".")
+    schemas = DOCUMENT["components"]["schemas"]
+    if message not in schemas:
+        message = message.removesuffix("-Input")
+    found: dict[str, Any] = {}
+    for part in subschemas(schemas[message]["properties"][field]):
+        found |= {key: part[key] for key in ("minimum", "maximum") if key in part}
+    assert (found["minimum"], found["maximum"]) == BOUNDED[name]
+
+
+def test_every_number_of_a_request_has_bounds_unless_they_depend_on_the_basis():
+    free = {"Vector3.x", "Vector3.y", "Vector3.z", "Floor.height", "Prism.bottom"}
+    found = set()
+    for name in request_schemas():
+        for field, part in DOCUMENT["components"]["schemas"][name].get("properties", {}).items():
+            inner = list(subschemas(part))
+            is_number = any(one.get("type") in ("number", "integer") for one in inner)
+            keys = {key for one in inner for key in one}
+            if is_number and not (keys & {"maximum", "enum"} and keys & {"minimum", "enum"}):
+                found.add(f"{name.removesuffix('-Input')}.{field}")
+    assert found == free
+
+
+def request_schemas() -> set[str]:
+    """Names of all schemas that a request can hold."""
+    found: set[str] = set()
+    bodies = [
+        content["schema"]
+        for _, _, operation in OPERATIONS.values()
+        for content in operation.get("requestBody", {}).get("content", {}).values()
+    ]
+    while bodies:
+        for part in subschemas(bodies.pop()):
+            name = part.get("$ref", "").rpartition("/")[2]
+            if name and name not in found:
+                found.add(name)
+                bodies.append(DOCUMENT["components"]["schemas"][name])
+    return found
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "valid"),
+    [
+        ({"cylinder": {"position": PLACE, "radius": 1, "height": 1}}, True),
+        ({"cylinder": {"position": PLACE, "radius": 1, "height": 1}, "prism": None}, True),
+        ({"box": None, "prism": None}, False),
+        ({"prism": None}, False),
+        ({}, False),
+        (
+            {
+                "cylinder": {"position": PLACE, "radius": 1, "height": 1},
+                "box": {"position": PLACE, "size": PLACE},
+            },
+            False,
+        ),
+    ],
+)
+def test_of_several_kinds_one_is_given_and_the_others_may_be_null(obstacle, valid):
+    """The document and the server say the same of it."""
+    schemas = DOCUMENT["components"]["schemas"]
+    name = "Obstacle-Input" if "Obstacle-Input" in schemas else "Obstacle"
+    document = {"$ref": f"#/components/schemas/{name}", "components": DOCUMENT["components"]}
+    assert jsonschema.Draft202012Validator(document).is_valid(obstacle) == valid
+    try:
+        schema.Obstacle.model_validate(obstacle)
+    except ValidationError:
+        assert not valid
+    else:
+        assert valid
 
 
 def test_every_rpc_has_its_route_and_no_other_route_is_unknown():

@@ -118,7 +118,7 @@ async def test_meshes_by_both_transports(rig):
         ([{"header": {}}, {"header": {}}], "data"),
         ([{"header": {"mesh": {"format": 2}}}, {"data": b"v nan 0 0"}], "data"),
         ([{"header": {"mesh": {"format": 9}}}], "header.mesh.format"),
-        ([{"header": {"mesh": {"unit": -1.0, "format": 2}}}, {"data": OBJ}], "mesh.unit"),
+        ([{"header": {"mesh": {"unit": -1.0, "format": 2}}}, {"data": OBJ}], "header.mesh.unit"),
         ([{"header": {}}, *[{"data": bytes(8000)}] * 5], "data"),
     ],
 )

@@ -37,6 +37,15 @@ from wayfarer.navigation.spec import (
 )
 from wayfarer.spec import MAX_COORDINATE
 
+RADIUS: Final = (0.05, 5.0)
+STEP_HEIGHT: Final = (0.0, 1.0)
+SLOPE_DEG: Final = (0.0, 60.0)
+HEIGHT: Final = (0.5, 5.0)
+"""Of those who walk: metres and degrees."""
+
+UNIT: Final = (1e-4, 1e3)
+"""Metres per unit of a mesh."""
+
 REASON: Final = re.compile(r"(.+)\[(\S+) (\S+)\]")
 """Of an outline that is not simple, as shapely gives it: what, and where."""
 
@@ -164,7 +173,7 @@ def _check_mesh(mesh: MeshFile) -> None:
         raise InvalidArgument(
             f"mesh.axes is {mesh.axes}; it is three unit vectors at right angles", "mesh.axes"
         )
-    _within(mesh.unit, 1e-4, 1e3, "mesh.unit")
+    _within(mesh.unit, *UNIT, "mesh.unit")
     if len(mesh.data) > MAX_MESH_BYTES:
         raise InvalidArgument(
             f"mesh.data has {len(mesh.data):,} bytes, at most {MAX_MESH_BYTES:,} are taken",
@@ -173,10 +182,10 @@ def _check_mesh(mesh: MeshFile) -> None:
 
 
 def _check_walkable(walkable: Walkable) -> None:
-    _within(walkable.radius, 0.05, 5.0, "walkable.radius", Metres)
-    _within(walkable.step_height, 0.0, 1.0, "walkable.step_height", Metres)
-    _within(walkable.slope_deg, 0.0, 60.0, "walkable.slope_deg")
-    _within(walkable.height, 0.5, 5.0, "walkable.height", Metres)
+    _within(walkable.radius, *RADIUS, "walkable.radius", Metres)
+    _within(walkable.step_height, *STEP_HEIGHT, "walkable.step_height", Metres)
+    _within(walkable.slope_deg, *SLOPE_DEG, "walkable.slope_deg")
+    _within(walkable.height, *HEIGHT, "walkable.height", Metres)
     if walkable.step_height >= walkable.height:
         raise InvalidArgument(
             "walkable.step_height must be below walkable.height", "walkable.step_height"

@@ -79,19 +79,13 @@ def basis_info(basis: Basis) -> schema.BasisInfo:
 
 
 def agent_spec(
-    spec: schema.AgentSpec, basis: Basis, bodies: BodyLibrary, seed: int, field: str
+    spec: schema.AgentSpec, basis: Basis, bodies: BodyLibrary, seed: int
 ) -> runtime.AgentSpec:
-    """What the runtime shall create; `seed` where the client has named none.
-
-    Raises InvalidArgument that names the field below `field`.
-    """
+    """What the runtime shall create; `seed` where the client has named none."""
     axes = basis.axes
     betas: NDArray[np.floating[Any]] = np.array(spec.betas or (0.0,) * BETAS)
     if spec.phenotype is not None:
-        try:
-            betas = bodies.betas(spec.gender, spec.phenotype.model_dump(exclude_none=True))
-        except InvalidArgument as error:
-            raise InvalidArgument(str(error), f"{field}.phenotype.{error.field}") from None
+        betas = bodies.betas(spec.gender, spec.phenotype.model_dump(exclude_none=True))
     x = y = floor = 0.0
     if spec.position is not None:
         x, y, floor = place(spec.position, axes)

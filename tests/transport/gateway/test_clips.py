@@ -32,7 +32,6 @@ async def test_a_clip_is_a_header_and_batches():
     [
         ({"seconds": 121}, "seconds"),
         ({"seconds": 1, "format": {"fps": 7}}, "format.fps"),
-        ({"seconds": 1, "agent": {"phenotype": {"height_m": 9}}}, "agent.phenotype.height_m"),
         ({"seconds": 1, "goals": [{"position": {"x": 0, "y": 0, "z": 0}}] * 257}, "goals"),
     ],
 )

@@ -45,7 +45,6 @@ class AgentApi:
                     session.basis,
                     self._shared.bodies,
                     convert.drawn_seed(session.info.spec.seed, first + i),
-                    f"agents[{i}]",
                 )
                 for i, spec in enumerate(wish.agents)
             ]

@@ -73,7 +73,7 @@ class MotionApi:
             )
         writer = self._shared.writer(wish.basis, convert.pose_format(wish.format))
         seed = secrets.randbits(32)
-        spec = convert.agent_spec(wish.agent, wish.basis, shared.bodies, seed, "agent")
+        spec = convert.agent_spec(wish.agent, wish.basis, shared.bodies, seed)
         goals = [convert.goal(goal, wish.basis) for goal in wish.goals]
         made = shared.service.generate_clip(spec, goals, wish.seconds, wish.until_arrival)
         with convert.in_basis(wish.basis.axes):

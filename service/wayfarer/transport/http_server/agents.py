@@ -39,7 +39,7 @@ def goal_routes(gateway: Gateway) -> APIRouter:
     async def set_goal(
         agent_id: AgentId, goal: schema.Goal, expected_revision: Expected = None
     ) -> schema.GoalRevision:
-        """In place of its present goal or path. Takes effect within one primitive (0.25 s)."""
+        """In place of its present goal or path. Takes effect within one step (0.2 s)."""
         return _revision(await goals.give(agent_id, goal, expected_revision))
 
     @router.put("/path", operation_id="setPath", summary="Give an agent goals to visit in turn")

@@ -9,6 +9,7 @@ from starlette.responses import RedirectResponse
 from starlette.routing import Route
 
 from wayfarer import __version__
+from wayfarer.config import Limits
 from wayfarer.transport import schema
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.http_edge import PROBLEMS, Edge, RevalidatedFiles, add_problem_handlers
@@ -40,6 +41,21 @@ SECURITY: Final = {
     "bearer": {"type": "http", "scheme": "bearer", "description": "an API key or a JWT"},
     "apiKey": {"type": "apiKey", "in": "header", "name": "x-api-key"},
 }
+LIMITED: Final = {
+    "NewAgents.agents": ("maxItems", "agents_per_call"),
+    "Goals.goals": ("maxItems", "path_goals"),
+    "Patrol.goals": ("maxItems", "path_goals"),
+    "Visit.goals": ("maxItems", "path_goals"),
+    "ClipWish.goals": ("maxItems", "path_goals"),
+    "ClipWish.seconds": ("maximum", "clip_s"),
+    "StepWish.steps": ("maximum", "steps_per_call"),
+    "Crowd.count": ("maximum", "agents_per_session"),
+    "NewSession.lease_s": ("maximum", "lease_s"),
+    "NewScene.lease_s": ("maximum", "lease_s"),
+    "NewExampleScene.lease_s": ("maximum", "lease_s"),
+}
+"""Fields whose bounds are settings of the server: JSON schema's bound, and the limit."""
+
 ROUTES: Final = (
     *(session_routes, agent_routes, goal_routes, event_routes, clip_routes, snapshot_routes),
     *(scene_routes, crowd_routes, admin_routes, catalogue_routes),
@@ -62,7 +78,7 @@ def http_app(gateway: Gateway, viewer: Path = VIEWER) -> FastAPI:
     add_problem_handlers(app)
     limits = gateway.limits
     app.add_middleware(Edge, body_bytes=limits.message_bytes, mesh_bytes=limits.mesh_bytes)
-    app.openapi = lambda: _document(app)  # type: ignore[method-assign]
+    app.openapi = lambda: _document(app, limits)  # type: ignore[method-assign]
     app.router.routes.append(Route("/v1/{rest:path}", Elsewhere(app.openapi)))
     app.router.routes.append(Route("/docs", lambda request: RedirectResponse("docs/")))
     app.mount("/docs", RevalidatedFiles(directory=REFERENCE, html=True), name="docs")
@@ -71,11 +87,16 @@ def http_app(gateway: Gateway, viewer: Path = VIEWER) -> FastAPI:
     return app
 
 
-def _document(app: FastAPI) -> dict[str, Any]:
+def _document(app: FastAPI, limits: Limits) -> dict[str, Any]:
     """The OpenAPI document, with what FastAPI does not know of."""
     if app.openapi_schema is None:
         document = get_openapi(
-            title=app.title, version=app.version, description=app.description, routes=app.routes
+            title=app.title,
+            version=app.version,
+            description=app.description,
+            routes=app.routes,
+            servers=[{"url": "/"}],
+            license_info={"name": "Apache License 2.0", "identifier": "Apache-2.0"},
         )
         components = document["components"]
         for message in (schema.Problem, schema.FieldProblem):
@@ -83,6 +104,12 @@ def _document(app: FastAPI) -> dict[str, Any]:
                 mode="serialization", ref_template="#/components/schemas/{model}"
             )
         components["schemas"]["Problem"].pop("$defs", None)
+        for path, (bound, limit) in LIMITED.items():
+            name, _, field = path.partition(".")
+            properties = components["schemas"][name]["properties"]
+            properties[field][bound] = getattr(limits, limit)
+        area = components["schemas"]["Area"]["properties"]
+        area["radius"] |= schema.bounds(None, limits.goal_distance_m)
         components["securitySchemes"] = SECURITY
         document["security"] = [{}, *({name: []} for name in SECURITY)]
         app.openapi_schema = document

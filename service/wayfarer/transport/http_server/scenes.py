@@ -6,6 +6,7 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi import Path as InPath
 from pydantic import ValidationError
 
+from wayfarer.navigation.checks import HEIGHT, RADIUS, SLOPE_DEG, STEP_HEIGHT, UNIT
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.errors import invalid_request
@@ -180,17 +181,33 @@ async def mesh_scene(
         Basis | None,
         Query(description="axes of the file's coordinates; gltf for GLB, else as `basis`"),
     ] = None,
-    unit: Annotated[Number, Query(description="metres per unit of the file")] = None,
+    unit: Annotated[
+        Number, Query(ge=UNIT[0], le=UNIT[1], description="metres per unit of the file")
+    ] = None,
     name: Annotated[str, Query(max_length=64, description="to show; need not be unique")] = "",
-    radius: Annotated[Number, Query(description="as walkable.radius of createScene")] = None,
-    step_height: Annotated[Number, Query(description="as walkable.step_height")] = None,
-    slope_deg: Annotated[Number, Query(description="as walkable.slope_deg")] = None,
-    height: Annotated[Number, Query(description="as walkable.height")] = None,
+    radius: Annotated[
+        Number,
+        Query(
+            description="as walkable.radius of createScene",
+            json_schema_extra=schema.bounds(*RADIUS),
+        ),
+    ] = None,
+    step_height: Annotated[
+        Number,
+        Query(description="as walkable.step_height", json_schema_extra=schema.bounds(*STEP_HEIGHT)),
+    ] = None,
+    slope_deg: Annotated[
+        Number, Query(ge=SLOPE_DEG[0], le=SLOPE_DEG[1], description="as walkable.slope_deg")
+    ] = None,
+    height: Annotated[
+        Number,
+        Query(description="as walkable.height", json_schema_extra=schema.bounds(*HEIGHT)),
+    ] = None,
     entry: Annotated[
         list[Annotated[str, Query(pattern=f"^{NUMBER}(,{NUMBER}){{2}}$")]] | None,
         Query(max_length=64, description="as entries: x,y,z; may be repeated"),
     ] = None,
-    lease_s: Annotated[Number, Query(description="as createScene has it")] = None,
+    lease_s: Annotated[Number, Query(ge=1, description="as createScene has it")] = None,
     request_id: Annotated[str, Query(max_length=64, description="as createScene has it")] = "",
 ) -> schema.MeshScene:
     """A dependency: what a mesh shall become. Raises InvalidArgument."""

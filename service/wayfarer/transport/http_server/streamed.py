@@ -79,9 +79,13 @@ async def clip_lines(messages: AsyncGenerator[ProtoMessage]) -> Lines:
 
 
 def _line(message: ProtoMessage) -> str:
-    return schema.ClipLine.model_validate(wire.values(message)).model_dump_json() + "\n"
+    return _written(schema.ClipLine.model_validate(wire.values(message)))
 
 
 def _problem_line(error: Exception) -> str:
-    line = schema.ClipLine(problem=schema.Problem.model_validate(errors.to_problem(error)))
-    return line.model_dump_json() + "\n"
+    problem = schema.Problem.model_validate(errors.to_problem(error))
+    return _written(schema.ClipLine(problem=problem))
+
+
+def _written(line: schema.ClipLine) -> str:
+    return line.model_dump_json(include={line.given[0]}) + "\n"

@@ -22,6 +22,7 @@ from wayfarer.transport.schema.base import (
     Message,
     Problem,
     Vector3,
+    bounds,
 )
 from wayfarer.transport.schema.behaviours import (
     Behaviour,
@@ -184,4 +185,5 @@ __all__ = [
     "Visit",
     "Walkable",
     "Wander",
+    "bounds",
 ]

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from pydantic import ConfigDict, Field, model_validator
 
+from wayfarer.body.phenotype import LIMITS
 from wayfarer.runtime.agent import AgentState
 from wayfarer.spec import BETAS, JOINTS
 from wayfarer.transport.schema.base import Bool, Float, Many, Message, Text, Uint32, Vector3
@@ -21,12 +22,26 @@ class Gender(StrEnum):
 
 
 class Phenotype(Message):
-    """A body in everyday words; what is absent takes the mean. The body checks the ranges."""
+    """A body in everyday words; what is absent takes the mean."""
 
-    height_m: Float | None = Field(default=None, description="barefoot; range: see /v1/bodies")
-    weight: Float | None = Field(default=None, ge=0, le=1, description="thin (0) to heavy (1)")
-    muscle: Float | None = Field(default=None, ge=0, le=1, description="slack (0) to athletic (1)")
-    age: Float | None = Field(default=None, ge=20, le=80, description="years")
+    height_m: Float | None = Field(
+        default=None, ge=LIMITS["height_m"][0], le=LIMITS["height_m"][1], description="barefoot"
+    )
+    weight: Float | None = Field(
+        default=None,
+        ge=LIMITS["weight"][0],
+        le=LIMITS["weight"][1],
+        description="thin (0) to heavy (1)",
+    )
+    muscle: Float | None = Field(
+        default=None,
+        ge=LIMITS["muscle"][0],
+        le=LIMITS["muscle"][1],
+        description="slack (0) to athletic (1)",
+    )
+    age: Float | None = Field(
+        default=None, ge=LIMITS["age"][0], le=LIMITS["age"][1], description="years"
+    )
 
 
 class AgentSpec(Message):

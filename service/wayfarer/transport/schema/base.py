@@ -12,6 +12,7 @@ from pydantic import (
     Strict,
     model_validator,
 )
+from pydantic.config import JsonDict
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
@@ -30,10 +31,12 @@ def _whole(value: object) -> object:
 Float = Annotated[float, Strict()]
 """A JSON number; neither "1" nor true."""
 
-Int = Annotated[int, Strict(), BeforeValidator(_whole)]
-"""A JSON number without a fraction; 7.0 is one."""
+Uint32 = Annotated[int, Strict(), Field(ge=0, le=UINT32), BeforeValidator(_whole)]
+"""A JSON number without a fraction; 7.0 is one.
 
-Uint32 = Annotated[Int, Field(ge=0, le=UINT32)]
+Bounds stand before the validator: after it, pydantic would write `ge` for `minimum`.
+"""
+
 Bool = Annotated[bool, Strict()]
 
 Text = Annotated[str, Field(max_length=64, pattern=r"^[^\x00-\x1f\x7f]*$")]
@@ -64,12 +67,11 @@ class OneOf(Message):
         if handler.mode == "serialization":
             return made
         schema = handler.resolve_ref_schema(made)
-        names = [name for name in schema["properties"] if name not in cls.BESIDE]
-        for name in names:
-            choice = schema["properties"][name]
-            del choice["default"]
-            (choice["$ref"],) = (kind["$ref"] for kind in choice.pop("anyOf") if "$ref" in kind)
-        schema["oneOf"] = [{"required": [name]} for name in names]
+        schema["oneOf"] = [
+            {"required": [name], "properties": {name: {"type": "object"}}}
+            for name in schema["properties"]
+            if name not in cls.BESIDE
+        ]
         return made
 
     @property
@@ -89,8 +91,27 @@ class OneOf(Message):
         return self
 
 
+UNITS: Final = tuple({basis.axes.metres_per_unit for basis in Basis})
+
+
+def bounds(low: float | None, high: float | None) -> JsonDict:
+    """JSON schema's bounds of a length or speed that is between these, in metres.
+
+    They are the widest of all bases, for a schema knows only one; the runtime holds a request to
+    those of its own.
+    """
+    found: JsonDict = {}
+    if low is not None:
+        found["minimum"] = min(low / unit for unit in UNITS)
+    if high is not None:
+        found["maximum"] = max(high / unit for unit in UNITS)
+    return found
+
+
 class Vector3(Message):
-    """A point or direction in the basis of the session."""
+    """A point, at most 10 km from the origin along each axis, or a direction; in the basis of the
+    session.
+    """
 
     x: Float
     y: Float

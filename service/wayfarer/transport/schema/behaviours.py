@@ -4,11 +4,18 @@ from typing import ClassVar
 
 from pydantic import ConfigDict, Field
 
-from wayfarer.transport.schema.base import Bool, Float, Many, Message, OneOf, Vector3
+from wayfarer.runtime.world.behaviour_checks import (
+    BESIDE,
+    KEPT,
+    MAX_PARTS,
+    MAX_SECONDS,
+    SPACING,
+)
+from wayfarer.runtime.world.checks import SPEED
+from wayfarer.transport.schema.base import Bool, Float, Many, Message, OneOf, Vector3, bounds
 from wayfarer.transport.schema.goals import Goal, Wander
 
 GOALS = Field(min_length=1, max_length=1024, description="in turn; at most limits.path_goals")
-MOST_PARTS = 32
 
 
 class Patrol(Message):
@@ -25,10 +32,14 @@ class Follow(Message):
 
     agent_id: str = Field(max_length=64, description="the other, of the same session")
     behind: Float | None = Field(
-        default=None, description="how far behind it, negative before it; to 10 m; 1.2 m"
+        default=None,
+        description="how far behind it, negative before it; to 10 m; 1.2 m",
+        json_schema_extra=bounds(-BESIDE, BESIDE),
     )
     right: Float | None = Field(
-        default=None, description="how far to its right, negative to its left; to 10 m; 0"
+        default=None,
+        description="how far to its right, negative to its left; to 10 m; 0",
+        json_schema_extra=bounds(-BESIDE, BESIDE),
     )
 
 
@@ -37,8 +48,12 @@ class KeepAway(Message):
 
     agent_id: str = Field(default="", max_length=64, description="from this agent; or give `place`")
     place: Vector3 | None = Field(default=None, description="from this place; or give `agent_id`")
-    distance: Float | None = Field(default=None, description="0.5 to 50 m; 4 m")
-    speed: Float | None = Field(default=None, gt=0, description="0.2 to 4 m/s; 1.6 m/s")
+    distance: Float | None = Field(
+        default=None, description="0.5 to 50 m; 4 m", json_schema_extra=bounds(*KEPT)
+    )
+    speed: Float | None = Field(
+        default=None, description="0.2 to 4 m/s; 1.6 m/s", json_schema_extra=bounds(*SPEED)
+    )
 
 
 class Queue(Message):
@@ -52,8 +67,14 @@ class Queue(Message):
         le=100,
         description="which way those who wait face; the line grows to the other side",
     )
-    spacing: Float | None = Field(default=None, description="between them; 0.5 to 5 m; 0.8 m")
-    speed: Float | None = Field(default=None, gt=0, description="0.2 to 4 m/s; 1.2 m/s")
+    spacing: Float | None = Field(
+        default=None,
+        description="between them; 0.5 to 5 m; 0.8 m",
+        json_schema_extra=bounds(*SPACING),
+    )
+    speed: Float | None = Field(
+        default=None, description="0.2 to 4 m/s; 1.2 m/s", json_schema_extra=bounds(*SPEED)
+    )
 
 
 class Visit(Message):
@@ -79,14 +100,17 @@ class Part(OneOf):
     keep_away: KeepAway | None = None
     queue: Queue | None = None
     seconds: Float = Field(
-        default=0.0, ge=0, le=86_400, description="then the next; 0: when it is done, as a visit is"
+        default=0.0,
+        ge=0,
+        le=MAX_SECONDS,
+        description="then the next; 0: when it is done, as a visit is",
     )
 
 
 class Routine(Message):
     """One thing after the other."""
 
-    parts: Many[Part] = Field(min_length=1, max_length=MOST_PARTS, description="in order")
+    parts: Many[Part] = Field(min_length=1, max_length=MAX_PARTS, description="in order")
     repeat: Bool = Field(default=False, description="begin again after the last; false: stand")
 
 

@@ -22,7 +22,7 @@ class Skeleton(Message):
     """The bones of an agent; parents come before children."""
 
     bones: tuple[Bone, ...]
-    posed_bones: int = Field(description="so many, from the first, have a rotation in every frame")
+    posed_bones: int = Field(description="so many, from the first, are moved by the model")
 
 
 class Body(Message):

@@ -2,7 +2,8 @@
 
 from pydantic import ConfigDict, Field
 
-from wayfarer.transport.schema.base import Bool, Float, Many, Message, Vector3
+from wayfarer.runtime.world.checks import MIN_AREA, RADIUS, SPEED
+from wayfarer.transport.schema.base import Bool, Float, Many, Message, Vector3, bounds
 
 
 class Goal(Message):
@@ -17,9 +18,15 @@ class Goal(Message):
         "ignored, in a scene it says on which storey"
     )
     radius: Float | None = Field(
-        default=None, gt=0, description="arrived when this near; 0.05 to 10 m; 0.3 m"
+        default=None,
+        description="arrived when this near; 0.05 to 10 m; 0.3 m",
+        json_schema_extra=bounds(*RADIUS),
     )
-    speed: Float | None = Field(default=None, gt=0, description="on the way; 0.2 to 4 m/s; 1.2 m/s")
+    speed: Float | None = Field(
+        default=None,
+        description="on the way; 0.2 to 4 m/s; 1.2 m/s",
+        json_schema_extra=bounds(*SPEED),
+    )
     heading: Float | None = Field(
         default=None,
         ge=-100,
@@ -65,7 +72,9 @@ class Area(Message):
     """An area to walk about in."""
 
     center: Vector3 = Field(description="the component along up is ignored")
-    radius: Float = Field(gt=0, description="from 0.5 m to limits.goal_distance_m")
+    radius: Float = Field(
+        description="from 0.5 m to limits.goal_distance_m", json_schema_extra=bounds(MIN_AREA, None)
+    )
 
 
 class Wander(Message):
@@ -78,7 +87,11 @@ class Wander(Message):
     )
 
     area: Area | None = Field(default=None, description="none: all over the scene")
-    speed: Float | None = Field(default=None, gt=0, description="on the way; 0.2 to 4 m/s; 1.2 m/s")
+    speed: Float | None = Field(
+        default=None,
+        description="on the way; 0.2 to 4 m/s; 1.2 m/s",
+        json_schema_extra=bounds(*SPEED),
+    )
     dwell: Float | None = Field(
         default=None, ge=0, le=3600, description="seconds to stand at each place; 0"
     )

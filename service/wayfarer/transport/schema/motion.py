@@ -12,7 +12,16 @@ from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import PoseEncoding, PoseProfile
 from wayfarer.transport.codec.pose_format import RATES
 from wayfarer.transport.schema.agents import Agent, AgentSpec
-from wayfarer.transport.schema.base import BasisInfo, Bool, Float, Many, Message, Problem, Uint32
+from wayfarer.transport.schema.base import (
+    BasisInfo,
+    Bool,
+    Float,
+    Many,
+    Message,
+    OneOf,
+    Problem,
+    Uint32,
+)
 from wayfarer.transport.schema.catalogue import Skeleton
 from wayfarer.transport.schema.goals import Goal
 
@@ -152,8 +161,13 @@ class Steps(Message):
     events: tuple[Event, ...]
 
 
-class ClipLine(Message):
-    """One line of a clip or replay: a header first, then batches; a problem if it broke off."""
+class ClipLine(OneOf):
+    """One line of a clip or replay: a header first, then batches; a problem if it broke off.
+
+    It has one key.
+    """
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 
     header: StreamHeader | None = None
     batch: MotionBatch | None = None

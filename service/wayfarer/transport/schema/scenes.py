@@ -5,7 +5,10 @@ from typing import Annotated, Final
 
 from pydantic import ConfigDict, Field, JsonValue
 
+from wayfarer.navigation.checks import UNIT
 from wayfarer.navigation.spec import MAX_FLOORS, MAX_SOLIDS
+from wayfarer.runtime.scenes.populate import MAX_RATE, MAX_STAY
+from wayfarer.runtime.world.checks import SPEED
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.schema.base import (
     BasisInfo,
@@ -16,6 +19,7 @@ from wayfarer.transport.schema.base import (
     Text,
     Uint32,
     Vector3,
+    bounds,
 )
 from wayfarer.transport.schema.shapes import CRATE, Floor, Obstacle, Solid, Walkable
 
@@ -80,7 +84,10 @@ class Mesh(Message):
         default=None, description="axes of its coordinates; gltf for GLB, else those of the scene"
     )
     unit: Float | None = Field(
-        default=None, description="metres per unit of the file; as its basis has them"
+        default=None,
+        ge=UNIT[0],
+        le=UNIT[1],
+        description="metres per unit of the file; as its basis has them",
     )
 
 
@@ -223,8 +230,12 @@ class Crowd(Message):
     seed: Uint32 | None = Field(
         default=None, description="genders, shapes, places and goals follow; server's choice"
     )
-    min_speed: Float | None = Field(default=None, gt=0, description="of the slowest; 0.9 m/s")
-    max_speed: Float | None = Field(default=None, gt=0, description="of the fastest; 1.4 m/s")
+    min_speed: Float | None = Field(
+        default=None, description="of the slowest; 0.9 m/s", json_schema_extra=bounds(*SPEED)
+    )
+    max_speed: Float | None = Field(
+        default=None, description="of the fastest; 1.4 m/s", json_schema_extra=bounds(*SPEED)
+    )
     min_dwell: Float | None = Field(
         default=None, ge=0, le=3600, description="seconds to stand at each place at least; 0"
     )
@@ -232,10 +243,13 @@ class Crowd(Message):
         default=None, ge=0, le=3600, description="seconds to stand at each place at most; 4"
     )
     spawn_rate: Float = Field(
-        default=0.0, ge=0, le=1000, description="people a second; 0: all there is room for, at once"
+        default=0.0,
+        ge=0,
+        le=MAX_RATE,
+        description="people a second; 0: all there is room for, at once",
     )
     stay: Float = Field(
-        default=0.0, ge=0, le=86_400, description="mean seconds until one leaves; 0: they stay"
+        default=0.0, ge=0, le=MAX_STAY, description="mean seconds until one leaves; 0: they stay"
     )
 
 

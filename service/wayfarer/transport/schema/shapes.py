@@ -4,8 +4,22 @@ from typing import Annotated, Final
 
 from pydantic import ConfigDict, Field, JsonValue
 
-from wayfarer.navigation.spec import MAX_OBSTACLE_RING, MAX_RING, MAX_SOLIDS
-from wayfarer.transport.schema.base import Float, Many, Message, OneOf, Vector3
+from wayfarer.navigation.checks import HEIGHT, RADIUS, SLOPE_DEG, STEP_HEIGHT
+from wayfarer.navigation.spec import (
+    MAX_EXTENT,
+    MAX_OBSTACLE_RING,
+    MAX_RING,
+    MAX_SOLIDS,
+    MIN_SIZE,
+)
+from wayfarer.transport.schema.base import (
+    Float,
+    Many,
+    Message,
+    OneOf,
+    Vector3,
+    bounds,
+)
 
 Corners = Annotated[
     Many[Vector3],
@@ -26,19 +40,25 @@ Heading = Annotated[
 Base = Annotated[Vector3, Field(description="the middle of its base")]
 
 
+SIZES: Final = bounds(MIN_SIZE, MAX_EXTENT)
+Extent = Annotated[Float, Field(ge=0, json_schema_extra=SIZES)]
+
+
 class Extents(Message):
     """Lengths along the axes of the basis."""
 
-    x: Float = Field(gt=0)
-    y: Float = Field(gt=0)
-    z: Float = Field(gt=0)
+    x: Extent
+    y: Extent
+    z: Extent
 
 
 Size = Annotated[
     Extents,
     Field(description="extents along the axes of the basis, before it is turned; 0.01 to 500 m"),
 ]
-Height = Annotated[Float, Field(description="extent along up; 0.01 to 500 m")]
+Height = Annotated[
+    Float, Field(description="extent along up; 0.01 to 500 m", json_schema_extra=SIZES)
+]
 
 CRATE: Final[JsonValue] = {
     "box": {"position": {"x": 0, "y": 0, "z": 3}, "size": {"x": 2, "y": 1, "z": 1}}
@@ -71,7 +91,9 @@ class Cylinder(Message):
     """A cylinder, standing upright."""
 
     position: Base
-    radius: Float = Field(description="0.005 to 500 m")
+    radius: Float = Field(
+        description="0.005 to 500 m", json_schema_extra=bounds(MIN_SIZE / 2, MAX_EXTENT)
+    )
     height: Height
 
 
@@ -114,14 +136,23 @@ class Walkable(Message):
     """Who walks in a scene. What is absent takes its default."""
 
     radius: Float | None = Field(
-        default=None, description="from the middle of an agent to walls and edges; to 5 m; 0.3 m"
+        default=None,
+        description="from the middle of an agent to walls and edges; 0.05 to 5 m; 0.3 m",
+        json_schema_extra=bounds(*RADIUS),
     )
     step_height: Float | None = Field(
-        default=None, description="up or down in one step; to 1 m; 0.25 m"
+        default=None,
+        description="up or down in one step; to 1 m, and below `height`; 0.25 m",
+        json_schema_extra=bounds(*STEP_HEIGHT),
     )
     slope_deg: Float | None = Field(
-        default=None, description="steeper ground is a wall; degrees, to 60; 40"
+        default=None,
+        ge=SLOPE_DEG[0],
+        le=SLOPE_DEG[1],
+        description="steeper ground is a wall; degrees; 40",
     )
     height: Float | None = Field(
-        default=None, description="free above the ground; 0.5 to 5 m; 1.9 m"
+        default=None,
+        description="free above the ground; 0.5 to 5 m; 1.9 m",
+        json_schema_extra=bounds(*HEIGHT),
     )
