@@ -47,9 +47,9 @@ class Motion:
 
     @classmethod
     def recorded(cls, recorded: Recorded, frames: int = WINDOW_FRAMES) -> "Motion":
-        """Every stretch of recorded locomotion of at least `frames` frames in a split."""
+        """Every stretch of recorded locomotion of at least `frames` frames in a split, once."""
         tracks = []
-        for clip in recorded.clips:
+        for clip in recorded.once:
             runs = recorded.used(clip, Use.LOCOMOTION)
             if runs := [run for run in runs if run.stop - run.start >= frames]:
                 whole = recorded.track(clip)

@@ -21,8 +21,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from wayfarer import __version__
+from wayfarer.errors import FailedPrecondition
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.metrics import VERSION
+
+UNKNOWN: Final = "unknown"
+"""Stands for a commit."""
 
 MOCAP: Final = "mocap"
 """Name of the row of recorded motion; rows of a part of it begin with it."""
@@ -110,7 +114,7 @@ def meta(about: dict[str, Any]) -> dict[str, Any]:
         **about,
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "machine": {"cpu": _cpu(), "cores": os.cpu_count(), "system": platform.platform()},
-        "commit": _commit(),
+        "commit": commit(),
         "metrics_version": VERSION,
         "versions": {
             "wayfarer": __version__,
@@ -138,19 +142,34 @@ def _cpu() -> str:
     return names[0] if names else platform.processor() or platform.machine()
 
 
-def _commit() -> str:
-    """The source's git commit, `-dirty` when changed since; "unknown" outside a checkout."""
-    try:
+def commit() -> str:
+    """What source the figures come from: a git commit, `-dirty` when changed since; of an
+    installed package its version. "unknown" for files that are neither: see `check_origin`.
+    """
+    here = Path(__file__).resolve()
+
+    def git(*arguments: str) -> str:
+        command = ["git", *arguments]
         answer = subprocess.run(
-            ["git", "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"],
-            cwd=Path(__file__).parent,
-            capture_output=True,
-            text=True,
-            check=True,
+            command, cwd=here.parent, capture_output=True, text=True, check=True
         )
+        return answer.stdout.strip()
+
+    try:
+        git("ls-files", "--error-unmatch", here.name)  # a checkout of this, not one around it
+        return git("describe", "--always", "--dirty", "--abbrev=40", "--exclude=*")
     except (FileNotFoundError, subprocess.CalledProcessError):
-        return "unknown"
-    return answer.stdout.strip()
+        installed = "site-packages" in here.parts
+        return f"release {_installed('wayfarer-lab')}" if installed else UNKNOWN
+
+
+def check_origin() -> None:
+    """Raises FailedPrecondition when nobody could say what made the figures."""
+    if commit() == UNKNOWN:
+        raise FailedPrecondition(
+            "these sources are neither a git checkout nor an installed package, so nobody could "
+            "say what made the figures; run from a checkout, or without --json"
+        )
 
 
 def _installed(name: str) -> str:

@@ -67,6 +67,13 @@ class Recorded:
                 f"{folder} has no clips as recorded in {split!r}; splits: {known}"
             )
 
+    @property
+    def once(self) -> tuple[ClipRange, ...]:
+        """Every recording once: those on one gender's body, where a clip is prepared on both."""
+        genders = {clip.gender for clip in self.clips}
+        one = next(gender for gender in GENDERS if gender in genders)
+        return tuple(clip for clip in self.clips if clip.gender == one)
+
     def track(self, clip: ClipRange) -> Track:
         """All frames of a clip."""
         frames = slice(clip.start, clip.stop)
@@ -78,9 +85,11 @@ class Recorded:
         )
 
     def windows(self, *uses: int) -> Windows:
-        """All whole windows of 1 s in which every frame's `use` is one of `uses`."""
+        """All whole windows of 1 s in which every frame's `use` is one of `uses`; each second of
+        the recordings once.
+        """
         parts = [Windows.cut(np.zeros((0, MARKERS, 3)), np.zeros((0, 3)))]
-        for clip in self.clips:
+        for clip in self.once:
             if runs := self.used(clip, *uses):
                 track = self.track(clip)
                 parts += [track[run].windows() for run in runs]

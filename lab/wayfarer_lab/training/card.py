@@ -30,7 +30,7 @@ of the walking, so gaits are less varied than people's. Adults only.
 
 **Licence.** Apache-2.0 (weights and code); see NOTICE.
 
-**Figures on held-out people**: `docs/results.md`, made by `wayfarer eval`.
+**Figures**: `docs/results.md`, made by `wayfarer eval`.
 """
 
 

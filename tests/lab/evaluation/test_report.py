@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from wayfarer.errors import FailedPrecondition
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.commands import app
 from wayfarer_lab.evaluation.gait import Row
@@ -48,6 +49,15 @@ def test_many_rows_of_few_figures_run_down_the_page(tmp_path: Path) -> None:
 def test_outside_a_checkout_the_commit_is_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
     assert report.meta({})["commit"] == "unknown"
+    with pytest.raises(FailedPrecondition, match="checkout"):
+        report.check_origin()
+
+
+def test_an_installed_package_is_its_release(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setattr(report, "__file__", "/venv/site-packages/wayfarer_lab/report.py")
+    assert report.commit().startswith("release ")
+    report.check_origin()
 
 
 def test_a_table_shows_every_figure_of_every_row(capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,6 +11,7 @@ from wayfarer.runtime.world.slots import Mode
 from wayfarer.spec import FPS
 from wayfarer_lab.evaluation.gait import gait_row
 from wayfarer_lab.evaluation.goals import random_specs
+from wayfarer_lab.evaluation.realism import Motion
 from wayfarer_lab.evaluation.seeds import walking_seeds
 from wayfarer_lab.evaluation.tracks import Recorded
 from wayfarer_lab.training.mocap.selection import Use
@@ -37,8 +38,14 @@ def test_an_unprepared_folder_is_refused(tmp_path: Path) -> None:
 
 def test_windows_hold_frames_in_use_only(recorded: Recorded) -> None:
     windows = recorded.windows(Use.LOCOMOTION)
-    assert windows.markers.shape == (2 * ((FRAMES - 5) // FPS), FPS, 67, 3)
+    assert windows.markers.shape == ((FRAMES - 5) // FPS, FPS, 67, 3)
     assert recorded.windows(Use.STANDING).markers.shape == (0, FPS, 67, 3)
+
+
+def test_a_clip_that_is_prepared_on_both_genders_counts_once(recorded: Recorded) -> None:
+    assert {clip.gender for clip in recorded.clips} == {"male", "female"}
+    assert len(recorded.once) == 1
+    assert len(Motion.recorded(recorded).tracks) == 1
 
 
 def test_recorded_gait_is_measured_on_the_skinned_body(recorded: Recorded) -> None:

@@ -10,6 +10,7 @@ from wayfarer.stage import DEFAULT_MODEL
 from wayfarer_lab.evaluation.commands.arrival import arrival
 from wayfarer_lab.evaluation.commands.control import control
 from wayfarer_lab.evaluation.commands.long import long
+from wayfarer_lab.evaluation.commands.maneuvers import maneuvers
 from wayfarer_lab.evaluation.commands.options import (
     ModelsOption,
     RecordedOption,
@@ -33,6 +34,7 @@ TABLES: Final[dict[str, Callable[..., None]]] = {
     "regressor": regressor,
     "control": control,
     "arrival": arrival,
+    "maneuvers": maneuvers,
     "long": long,
     "scenes": scenes,
 }
@@ -44,6 +46,9 @@ PARTS: Final = ("realism", "skating", "bodies", "predictor", "regressor")
 SERVED: Final = ("scenes",)
 """Tables of nothing but the served graph: recordings have no scenes."""
 
+EVERY_SPLIT: Final = ("maneuvers",)
+"""Tables that show all splits of the recordings beside each other."""
+
 QUICK: Final[dict[str, dict[str, Any]]] = {
     "realism": {"poses": 20},
     "skating": {"poses": 100},
@@ -52,7 +57,8 @@ QUICK: Final[dict[str, dict[str, Any]]] = {
     "regressor": {"count": 50},
     "control": {"pairs": 10},
     "arrival": {"goals": 10, "agents": 8},
-    "long": {"agents": 16, "minutes": 1.0},
+    "maneuvers": {"quick": True},
+    "long": {"agents": 16, "minutes": 1.0, "scripted": 4},
     "scenes": {"scale": 0.1, "minutes": 1.0},
 }
 
@@ -77,7 +83,8 @@ def everything(
         console.rule(name)
         table(
             models=models, threads=threads, seed=seed, json=out / f"{name}.json",
-            **({} if name in SERVED else {"data": data, "split": split}),
+            **({} if name in SERVED else {"data": data}),
+            **({} if name in (*SERVED, *EVERY_SPLIT) else {"split": split}),
             **({"runs": runs} if name in PARTS else {}),
             **(QUICK[name] if quick else {}),
         )  # fmt: skip

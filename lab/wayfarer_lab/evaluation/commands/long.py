@@ -1,11 +1,13 @@
-"""`wayfarer eval long`: minutes of goal after goal."""
+"""`wayfarer eval long`: minutes of goal after goal, and orders that nobody would expect."""
 
 from typing import Annotated
 
 import numpy as np
 import typer
 
-from wayfarer.stage import DEFAULT_MODEL, open_world
+from wayfarer.runtime.world.steering import Steering
+from wayfarer.runtime.world.world import World
+from wayfarer.stage import DEFAULT_MODEL, Bodies, open_stage
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.commands.options import (
     CandidatesOption,
@@ -18,9 +20,13 @@ from wayfarer_lab.evaluation.commands.options import (
     ThreadsOption,
 )
 from wayfarer_lab.evaluation.commands.shared import finish, origin, progress
-from wayfarer_lab.evaluation.gait import Windows
-from wayfarer_lab.evaluation.goals import random_specs
+from wayfarer_lab.evaluation.gait import Row, Windows
+from wayfarer_lab.evaluation.goals import Watch, random_specs, run_errands
 from wayfarer_lab.evaluation.health import FAULTS, health_row
+from wayfarer_lab.evaluation.maneuvers import robust
+from wayfarer_lab.evaluation.maneuvers.maneuver import Case
+from wayfarer_lab.evaluation.maneuvers.robust import MORE_SCRIPTS, SCRIPTS
+from wayfarer_lab.evaluation.maneuvers.sessions import shots_of
 from wayfarer_lab.evaluation.posture import posed_gait_rows
 from wayfarer_lab.evaluation.tracks import Recorded
 from wayfarer_lab.evaluation.wander import wander
@@ -37,6 +43,9 @@ def long(
     models: ModelsOption = DEFAULT_MODEL,
     agents: Annotated[int, typer.Option(help="Agents.", min=1)] = 256,
     minutes: Annotated[float, typer.Option(help="Minutes of motion.", min=0.5)] = 10.0,
+    scripted: Annotated[
+        int, typer.Option(help="Agents of each adversarial script; 0: none.", min=0)
+    ] = 32,
     data: DataOption = None,
     split: SplitOption = "heldout",
     candidates: CandidatesOption = 4,
@@ -45,10 +54,15 @@ def long(
     seed: SeedOption = 0,
     json: JsonOption = None,
 ) -> None:
-    """Let agents go from goal to goal for minutes, and count what goes wrong with their bodies."""
+    """Let agents go from goal to goal for minutes, and count what goes wrong with their bodies.
+
+    Who wanders is given a goal only when he stands. The scripts are not so kind: goals behind
+    somebody who walks, about-faces twice a second, another goal every quarter of a second.
+    """
     recorded = Recorded(data, split) if data else None
-    world, bodies = open_world(models, agents, candidates, threads, engine)
-    random = np.random.default_rng(seed)
+    stage = open_stage(models, threads, engine)
+    steering, bodies = Steering().with_search(candidates=candidates), stage.bodies
+    world, random = stage.world(agents, steering), np.random.default_rng(seed)
     specs = random_specs(agents, random)
     with progress(NAME) as watch:
         seen = wander(world, bodies, specs, minutes * 60, random, watch)
@@ -57,7 +71,28 @@ def long(
     gait = posed_gait_rows(NAME, Windows.join(seen.gait), bodies["male"])
     if recorded:
         gait += posed_gait_rows(report.MOCAP, recorded.windows(Use.LOCOMOTION), bodies["male"])
+    scripts = []
+    for case in (*SCRIPTS, *MORE_SCRIPTS) if scripted else ():
+        alone = stage.world(scripted, steering)
+        with progress(case.name) as watch:
+            scripts.append(_script(case, alone, scripted, random, bodies, watch))
     finish(
-        json, {"Health": [row], "Gait": gait}, PLOTS, **origin(models, None, data, split, seed),
-        engine=engine, candidates=candidates, agents=agents, minutes=minutes,
+        json, {"Health": [row], "Scripts": scripts, "Gait": gait}, PLOTS,
+        **origin(models, None, data, split, seed),
+        engine=engine, candidates=candidates, agents=agents, minutes=minutes, scripted=scripted,
     )  # fmt: skip
+
+
+def _script(
+    case: Case,
+    world: World,
+    agents: int,
+    random: np.random.Generator,
+    bodies: Bodies,
+    watch: Watch,
+) -> Row:
+    """What became of agents under orders that come too soon."""
+    courses = run_errands(world, case.errands(agents, random), case.seconds, watch=watch)
+    shots = shots_of(courses, bodies)
+    figures = robust.summary(shots, [robust.judge(shot) for shot in shots])
+    return {"name": case.name, "agents": agents, "resets": world.resets, **figures}

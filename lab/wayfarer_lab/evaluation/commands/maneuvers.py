@@ -27,6 +27,7 @@ from wayfarer_lab.evaluation.maneuvers.stairs import STAIRS
 from wayfarer_lab.evaluation.maneuvers.stand import STAND
 from wayfarer_lab.evaluation.maneuvers.stop import STOP
 from wayfarer_lab.evaluation.maneuvers.strafe import STRAFE
+from wayfarer_lab.evaluation.maneuvers.strips import draw
 from wayfarer_lab.evaluation.maneuvers.table import Results, show, show_verdicts
 from wayfarer_lab.evaluation.maneuvers.turn import TURN
 from wayfarer_lab.evaluation.maneuvers.walk import WALK
@@ -51,8 +52,10 @@ def _check_only(names: str) -> str:
 
 
 def _check_json(path: Path | None) -> Path | None:
-    if path is not None and path.suffix != ".json":
-        raise typer.BadParameter(f"{path} must end in .json")
+    if path is not None:
+        if path.suffix != ".json":
+            raise typer.BadParameter(f"{path} must end in .json")
+        report.check_origin()
     return path
 
 
@@ -73,6 +76,13 @@ def maneuvers(
     engine: EngineOption = "onnxruntime",
     threads: ThreadsOption = 0,
     seed: SeedOption = 0,
+    strips: Annotated[
+        Path | None,
+        typer.Option(
+            help="Also draw each case here: the worst take and a middling one. Takes minutes.",
+            file_okay=False,
+        ),
+    ] = None,
     json: Annotated[
         Path | None,
         typer.Option(
@@ -112,6 +122,9 @@ def maneuvers(
         show(played.maneuver, played.rows, results.verdicts[before:])
         if json:
             results.write(json)
+        if strips:
+            strips.mkdir(parents=True, exist_ok=True)
+            draw(played, strips)
     show_verdicts(results.verdicts)
     if check and results.missed:
         raise typer.Exit(1)

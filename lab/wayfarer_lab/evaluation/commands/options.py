@@ -7,13 +7,17 @@ from typing import Annotated
 import typer
 
 from wayfarer.runtime.engines.engine import EngineKind
+from wayfarer_lab.evaluation.report import check_origin
 
 
 def _check_json(path: Path | None) -> Path | None:
-    """Refuse what would fail after an evaluation of minutes before it: bad names, no plots."""
+    """Refuse what would fail after an evaluation of minutes before it: bad names, no plots, and
+    sources that nobody could name.
+    """
     if path is not None:
         if path.suffix != ".json":
             raise typer.BadParameter(f"{path} must end in .json")
+        check_origin()
         importlib.import_module("matplotlib")
     return path
 

@@ -139,4 +139,6 @@ LIKENESS: Final = Maneuver(
     summary=summary,
     bars=(Bar("auc", high=0.75, case=AGAINST),),
     across=across,
+    worst="windows",
+    strip=(2.0, 6.0),
 )

@@ -1,7 +1,7 @@
 """What a manoeuvre is made of: cases to be played, a judge of each take, and bars."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import cos, nan, pi, radians, sin
 from typing import Any, Final
 
@@ -30,8 +30,6 @@ class Shot:
 
     take: Take
     goal: Goal | None = None  # the last that was given
-    standing: NDArray[np.bool_] | None = None  # [T] the agent says that it stands
-    asked: float = nan  # m/s or degrees, as the manoeuvre says
 
 
 @dataclass(frozen=True)
@@ -92,8 +90,8 @@ class Maneuver:
     bars: tuple[Bar, ...]
     across: Callable[[Rows, Shots], dict[tuple[str, str], Figures]] = nothing_more
     # rows that need several cases or sources
-    worst: str = ""  # the figure whose largest value is drawn first; "-": whose smallest
-    strip: tuple[float, float] = field(default=(0.0, 4.0))  # seconds of a take that are drawn
+    worst: str = ""  # the figure of a take that is largest in the worst one: that is drawn
+    strip: tuple[float, float] = (0.0, 4.0)  # seconds of a take that are drawn
 
 
 def spread(each: Sequence[Figures], **wanted: str) -> Figures:

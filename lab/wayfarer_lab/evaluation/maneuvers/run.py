@@ -40,6 +40,7 @@ class Played:
 
     maneuver: Maneuver
     shots: dict[tuple[str, str], Sequence[Shot]] = field(default_factory=dict)
+    figures: dict[tuple[str, str], list[Figures]] = field(default_factory=dict)  # of each shot
     rows: dict[tuple[str, str], Figures] = field(default_factory=dict)
     each: list[dict[str, Any]] = field(default_factory=list)
 
@@ -50,7 +51,7 @@ class Played:
             {name: float(value) for name, value in maneuver.judge(shot).items()} for shot in shots
         ]
         people = {shot.take.person for shot in shots}
-        self.shots[case, source] = shots
+        self.shots[case, source], self.figures[case, source] = shots, each
         self.rows[case, source] = {
             "n": float(len(shots)),
             "people": float(len(people)),

@@ -12,7 +12,7 @@ from wayfarer.navigation.scene import Scene, bake
 from wayfarer.runtime.agent import SessionSpec
 from wayfarer.runtime.scenes.book import Book
 from wayfarer.runtime.world.steering import Steering
-from wayfarer.stage import Stage
+from wayfarer.stage import Bodies, Stage
 from wayfarer_lab.evaluation.goals import Course, Watch, run_errands
 from wayfarer_lab.evaluation.maneuvers.maneuver import Case, Shot
 from wayfarer_lab.evaluation.scenes.solids import ground_height, standing
@@ -48,22 +48,20 @@ class Players:
         steering = Steering().with_search(candidates=self.candidates)
         world = self.stage.world(agents, steering, book)
         courses = run_errands(world, errands, case.seconds, session=session, watch=watch)
-        return [self._shot(number, course, scene) for number, course in enumerate(courses)]
+        return shots_of(courses, self.stage.bodies, scene)
 
-    def _shot(self, number: int, course: Course, scene: Scene | None) -> Shot:
-        body = self.stage.bodies[course.spec.gender]
-        take = Take.of(course.clip(), body, f"agent {number}")
+
+def shots_of(courses: Sequence[Course], bodies: Bodies, scene: Scene | None = None) -> list[Shot]:
+    """What agents did, to be judged; in a scene their feet are over its ground."""
+    found = []
+    for number, course in enumerate(courses):
+        take = Take.of(course.clip(), bodies[course.spec.gender], f"agent {number}")
         if scene is not None:
             take = replace(take, height=_above_ground(take.soles, scene))
-        goal = course.goal if course.given else None
-        return Shot(take, goal, course.standing)
+        found.append(Shot(take, course.goal if course.given else None))
+    return found
 
 
 def _above_ground(soles: Array, scene: Scene) -> Array:
     """Of each foot's lowest point, by the ground under each point. [T, 2]"""
     return (soles[..., 2] - ground_height(scene, standing(scene), soles)).min(-1)
-
-
-def genders(shots: Sequence[Shot]) -> str:
-    """For a row of several bodies."""
-    return "+".join(sorted({shot.take.clip.gender for shot in shots}))

@@ -230,5 +230,5 @@ WALK: Final = Maneuver(
     ),
     across=across,
     worst="trunk_deg",
-    strip=(0.0, 4.0),
+    strip=(2.0, 5.0),
 )

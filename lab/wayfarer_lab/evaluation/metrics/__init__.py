@@ -15,7 +15,7 @@ from wayfarer.spec import FPS, NEW_FRAMES
 
 Array = NDArray[np.floating[Any]]
 
-VERSION: Final = 2
+VERSION: Final = 3
 """Written into every report; tables of different versions must not be compared."""
 
 SPEED_HOP: Final = 10

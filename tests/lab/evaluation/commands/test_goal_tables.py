@@ -1,6 +1,7 @@
 """`wayfarer eval control | arrival | long` on the command line, with an engine that glides."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,6 +15,7 @@ from wayfarer.runtime.world.steering import Steering
 from wayfarer.stage import Stage
 from wayfarer_lab.evaluation import scenarios
 from wayfarer_lab.evaluation.commands import app, arrival, control, long
+from wayfarer_lab.evaluation.maneuvers.robust import SCRIPTS
 
 
 def stage(path: Path, threads: int) -> Stage:
@@ -29,8 +31,8 @@ def gliding(monkeypatch: pytest.MonkeyPatch) -> None:
         return made.world(agents, Steering().with_search(candidates=candidates)), made.bodies
 
     monkeypatch.setattr(control, "open_stage", stage)
-    for module in (arrival, long):
-        monkeypatch.setattr(module, "open_world", world)
+    monkeypatch.setattr(long, "open_stage", lambda models, threads, engine: stage(models, threads))
+    monkeypatch.setattr(arrival, "open_world", world)
 
 
 def report(tmp_path: Path, *arguments: str) -> list[dict[str, float | str | None]]:
@@ -46,8 +48,8 @@ def test_control_has_a_row_for_each_method_with_the_papers_figures(tmp_path: Pat
         "--policy-1", str(tmp_path / "other"), "--data", str(write_recordings(tmp_path)),
     )  # fmt: skip
     assert [row["name"] for row in rows] == [
-        "g-CVAE", "policy(10)", "policy(1)", "policy(10) & top1", "policy(1) & top1",
-        "policy(10) & top4", "policy(1) & top4", "N(0, I) & top1",
+        "g-CVAE", "policy", "policy(1)", "policy & top1", "policy(1) & top1",
+        "policy & top4", "policy(1) & top4", "N(0, I) & top1",
         "search K=8 N(0, I)", "search K=8 π", "search K=4 π", "search K=1 π",
         "search K=8 π, foot lock", "mocap",
     ]  # fmt: skip
@@ -91,8 +93,19 @@ def test_arrivals_from_walking_begin_in_recorded_walking(
 
 
 def test_long_counts_faults_and_tells_the_gait(tmp_path: Path) -> None:
-    health, *gait = report(tmp_path, "long", "--agents", "2", "--minutes", "0.5")
+    arguments = ("long", "--agents", "2", "--minutes", "0.5", "--scripted", "0")
+    health, *gait = report(tmp_path, *arguments)
     assert health["agents"] == 2 and health["tilted_agents"] == health["spinning_agents"] == 0
     assert health["minutes_each"] == pytest.approx(0.5, abs=0.05)
     assert [row["name"] for row in gait] == ["goal after goal", "goal after goal, 0.9-1.4 m/s"]
     assert gait[0]["trunk_tilt_deg"] == pytest.approx(0.0, abs=20.0)
+
+
+def test_long_runs_adversarial_scripts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(long, "SCRIPTS", [replace(SCRIPTS[0], seconds=3.0)])
+    monkeypatch.setattr(long, "MORE_SCRIPTS", [])
+    arguments = ("long", "--agents", "2", "--minutes", "0.5", "--scripted", "3")
+    script = report(tmp_path, *arguments)[1]
+    assert script["name"] == "3 m behind every 2 s" and script["agents"] == 3
+    assert script["resets"] == 0 and script["over_30_deg"] == 0, "gliders stay upright"
+    assert 0 < script["pop_cm"] < 100
