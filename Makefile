@@ -19,7 +19,8 @@ PACKAGE := pyproject.toml proto/build_hook.py $(shell find proto -name '*.proto'
 CLIENT := $(wildcard clients/python/pyproject.toml)
 VIEWER_TESTS := $(wildcard tests/viewer/*.test.mjs)
 NODE := clients/node
-BUF := tests/proto/node_modules/.bin/buf
+NPM_TOOLS := tests/node_modules/.package-lock.json
+BUF := tests/node_modules/.bin/buf
 RELEASED := tests/proto/released.binpb
 CHECKED := service lab tests $(wildcard clients/python benchmarks proto/build_hook.py)
 
@@ -38,8 +39,8 @@ serve: $(VENV)/.serve ## set up and start gRPC (50051) and HTTP (8080) with the 
 lab: $(VENV)/.lab ## set up training, evaluation, data preparation and load tools (torch)
 
 test: $(VENV)/.dev ## set up and run all tests
-	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory $(NODE)/src/gen; \
-	else echo "skipped: clients/node needs npm (apt-get install npm)" >&2; [ -z "$${CI:-}" ]; fi
+	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory $(NODE)/src/gen $(NPM_TOOLS); \
+	else echo "skipped: clients/node and the glTF validator need npm (apt-get install npm)" >&2; [ -z "$${CI:-}" ]; fi
 	$(BIN)/python -m pytest $(ARGS)
 	@if command -v node >/dev/null; then node --test $(VIEWER_TESTS); \
 	else echo "skipped: tests/viewer needs node (apt-get install nodejs)" >&2; [ -z "$${CI:-}" ]; fi
@@ -53,12 +54,12 @@ lint: $(VENV)/.dev ## check style, types, the import rules and the protos
 	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory lint-proto; \
 	else echo "skipped: buf needs npm (apt-get install npm)" >&2; [ -z "$${CI:-}" ]; fi
 
-lint-proto: $(BUF) ## check the protos: style, and that nothing of the last release breaks
+lint-proto: $(NPM_TOOLS) ## check the protos: style, and that nothing of the last release breaks
 	@$(BUF) lint proto
 	@$(BUF) breaking proto --against $(RELEASED) || { echo "proto/ breaks what the last release" \
 	  "promised ($(RELEASED)): see CONTRIBUTING.md" >&2; exit 1; }
 
-release-proto: $(BUF) ## at a release: the present protos are what later ones must not break
+release-proto: $(NPM_TOOLS) ## at a release: the present protos are what later ones must not break
 	@$(BUF) build proto --exclude-source-info -o $(RELEASED)
 
 format: $(VENV)/.dev ## rewrite the code in the project's style
@@ -73,7 +74,7 @@ docker: ## build the image wayfarer:latest
 
 clean: ## remove the virtual environment, generated code and caches
 	rm -rf $(VENV) build dist service/wayfarer/v1 clients/python/wayfarer_client/v1
-	rm -rf $(NODE)/node_modules $(NODE)/src/gen
+	rm -rf $(NODE)/node_modules $(NODE)/src/gen tests/node_modules
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	find service lab clients tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
@@ -82,8 +83,9 @@ $(NODE)/src/gen: $(NODE)/package-lock.json $(NODE)/generate.js $(wildcard proto/
 	@echo "installing the packages of $(NODE) and generating its code (once)"
 	@cd $(NODE) && npm ci --silent --ignore-scripts && npm run --silent generate && touch src/gen
 
-$(BUF): tests/proto/package.json
-	@cd tests/proto && npm install --silent --ignore-scripts --no-package-lock && touch node_modules/.bin/buf
+# What tests and `make lint` take from npm.
+$(NPM_TOOLS): tests/package.json
+	@cd tests && npm install --silent --ignore-scripts --no-package-lock && touch ../$@
 
 # The first interpreter that is new enough and can make virtual environments (Debian splits that off).
 $(BIN)/python:

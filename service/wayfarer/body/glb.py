@@ -13,9 +13,9 @@ import pygltflib as gltf
 from numpy.typing import NDArray
 
 from wayfarer import __version__
-from wayfarer.body.mesh import split_by_label, vertex_normals
+from wayfarer.body.mesh import split_vertices, vertex_normals
 from wayfarer.body.model import BodyModel
-from wayfarer.body.outfit import linear_colours, outfit, regions
+from wayfarer.body.outfit import REGIONS, ROUGHNESS, linear_colours, outfit, regions
 from wayfarer.body.rotation import GLTF_FROM_CORE
 
 Array = NDArray[np.floating[Any]]
@@ -136,34 +136,57 @@ def _inverse_bind(body: BodyModel, betas: Array) -> NDArray[np.float32]:
 
 
 def _mesh(file: GlbFile, body: BodyModel, betas: Array, style: int) -> gltf.Mesh:
-    """Dressed mesh: vertices on the border of two regions are doubled, so that hems are crisp."""
+    """One primitive with a material for each region: skin, hair, shirt, …
+
+    Vertices are doubled where two regions meet, so that hems are crisp, and at texture seams.
+    """
     vertices = body.bind_vertices + body.bind_vertices_dirs @ betas
     normals = vertex_normals(vertices, body.faces)
     # the outermost garment of the corners: a majority would make zigzag hems of split quads
     worn = regions(body)[body.faces].max(-1)
-    source, region, faces = split_by_label(worn, body.faces)
-    rgba = np.ones((len(source), 4))
-    rgba[:, :3] = linear_colours(outfit(style))[region]
+    marks = [np.repeat(worn[:, None], 3, axis=1)]
+    if body.uv_faces is not None:
+        marks.append(body.uv_faces)
+    source, [region, *uv], faces = split_vertices(body.faces, *marks)
+    colours = linear_colours(outfit(style))
+    primitives = []
+    for number in np.unique(worn).tolist():
+        mine = np.flatnonzero(region == number)
+        primitive = _primitive(file, body, source[mine], vertices, normals)
+        if body.uvs is not None:
+            uvs = (body.uvs[uv[0][mine]] * 65_535).round().astype(np.uint16)
+            primitive.attributes.TEXCOORD_0 = file.add(uvs, gltf.ARRAY_BUFFER, normalized=True)
+        index = np.uint16 if len(mine) < 65_535 else np.uint32
+        corners = np.searchsorted(mine, faces[worn == number]).reshape(-1).astype(index)
+        primitive.indices = file.add(corners, gltf.ELEMENT_ARRAY_BUFFER)
+        primitive.material = len(file.document.materials)
+        look = gltf.PbrMetallicRoughness(
+            baseColorFactor=[*colours[number].tolist(), 1.0],
+            metallicFactor=0.0,
+            roughnessFactor=ROUGHNESS[number],
+        )
+        material = gltf.Material(name=REGIONS[number], pbrMetallicRoughness=look)
+        file.document.materials.append(material)
+        primitives.append(primitive)
+    return gltf.Mesh(name=body.name, primitives=primitives)
+
+
+def _primitive(
+    file: GlbFile, body: BodyModel, source: NDArray[np.int64], vertices: Array, normals: Array
+) -> gltf.Primitive:
+    """Places, normals and skin of the vertices [V'] that come from these of the body."""
     weights = body.skin_weights[source].astype(np.float32)
     weights /= weights.sum(-1, keepdims=True)
+    joints = np.where(weights > 0, body.skin_joints[source], 0)  # as the standard asks
 
     def vectors(values: Array) -> NDArray[np.float32]:
         return (values[source] @ GLTF_FROM_CORE.T).astype(np.float32)
 
-    index = np.uint16 if len(source) < 65_535 else np.uint32
-    primitive = gltf.Primitive(
+    return gltf.Primitive(
         attributes=gltf.Attributes(
             POSITION=file.add(vectors(vertices), gltf.ARRAY_BUFFER),
             NORMAL=file.add(vectors(normals), gltf.ARRAY_BUFFER),
-            COLOR_0=file.add(
-                (rgba * 65_535).round().astype(np.uint16), gltf.ARRAY_BUFFER, normalized=True
-            ),
-            JOINTS_0=file.add(body.skin_joints[source].astype(np.uint8), gltf.ARRAY_BUFFER),
+            JOINTS_0=file.add(joints.astype(np.uint8), gltf.ARRAY_BUFFER),
             WEIGHTS_0=file.add(weights, gltf.ARRAY_BUFFER),
-        ),
-        indices=file.add(faces.reshape(-1).astype(index), gltf.ELEMENT_ARRAY_BUFFER),
-        material=0,
+        )
     )
-    look = gltf.PbrMetallicRoughness(metallicFactor=0.0, roughnessFactor=0.85)
-    file.document.materials.append(gltf.Material(name="body", pbrMetallicRoughness=look))
-    return gltf.Mesh(name=body.name, primitives=[primitive])

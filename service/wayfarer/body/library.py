@@ -60,6 +60,11 @@ def load_body(name: str, gender: str, detail: Detail = "high") -> BodyModel:
     return _load(name, gender, detail, path)
 
 
+def texture_file(name: str) -> str:
+    """Name of the file of a shipped body's texture coordinates, which its genders share."""
+    return f"{name}_texture.npz"
+
+
 def body_file(name: str, gender: str) -> Path:
     """Where a body's file lies. Raises NotFound."""
     _check("body", name, tuple(GENDERS_OF))
@@ -109,7 +114,8 @@ def _load(name: str, gender: str, detail: Detail, path: Path) -> BodyModel:
     if name == "smplx":
         markers = path.with_name("markers.json")
         return load_smplx(path, gender, markers if markers.exists() else None)
-    body = body_from_arrays(name, gender, load_arrays(path), detail)
+    texture = load_arrays(path.with_name(texture_file(name)))
+    body = body_from_arrays(name, gender, {**texture, **load_arrays(path)}, detail)
     if len(body.marker_names) != MARKERS or body.betas != BETAS:
         raise ArtifactError(
             f"{path}: {len(body.marker_names)} markers and {body.betas} betas, "
@@ -121,7 +127,10 @@ def _load(name: str, gender: str, detail: Detail, path: Path) -> BodyModel:
 def body_from_arrays(
     name: str, gender: str, arrays: Mapping[str, NDArray[Any]], detail: Detail = "high"
 ) -> BodyModel:
-    """A body from the arrays of its file. Raises ArtifactError when one is missing."""
+    """A body from the arrays of its file. Raises ArtifactError when one is missing.
+
+    Texture coordinates, which are in a file of their own, may be among them.
+    """
     prefix = "low_" if detail == "low" else ""
     missing = [n for n in (*_SHARED, *(prefix + n for n in _PER_DETAIL)) if n not in arrays]
     if missing:
@@ -142,6 +151,10 @@ def body_from_arrays(
         marker_names=tuple(str(n) for n in arrays["marker_names"]),
         marker_vertices=arrays[prefix + "marker_vertices"].astype(np.int64),
         regions=arrays[prefix + "regions"],
+        uvs=arrays[prefix + "uvs"].astype(np.float64) if prefix + "uvs" in arrays else None,
+        uv_faces=(
+            arrays[prefix + "uv_faces"].astype(np.int64) if prefix + "uv_faces" in arrays else None
+        ),
     )
 
 

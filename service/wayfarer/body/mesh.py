@@ -19,12 +19,15 @@ def vertex_normals(vertices: Array, faces: Index) -> Array:
     return normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
 
 
-def split_by_label(labels: Index, faces: Index) -> tuple[Index, Index, Index]:
-    """Double the vertices that faces of different labels share, so that no face mixes labels.
+def split_vertices(faces: Index, *marks: Index) -> tuple[Index, list[Index], Index]:
+    """Double the vertices where marks of their corners differ: colours, texture coordinates.
 
-    `labels` [F] is one per face. Returns for each new vertex the vertex it comes from [V'] and its
-    label [V'], and the faces [F, 3] over the new vertices.
+    `marks` [F, 3], numbers from 0, are of each corner of faces [F, 3]. Returns for each new vertex
+    the vertex it comes from [V'] and its marks [V'] each, and the faces [F, 3] over new vertices.
     """
-    span = int(labels.max()) + 1
-    pairs, corners = np.unique(faces * span + labels[:, None], return_inverse=True)
-    return pairs // span, pairs % span, corners.reshape(faces.shape).astype(np.int64)
+    key = faces.astype(np.int64)
+    for values in marks:
+        key = key * (int(values.max()) + 1) + values
+    _, first, corners = np.unique(key, return_index=True, return_inverse=True)
+    marked = [values.reshape(-1)[first] for values in marks]
+    return faces.reshape(-1)[first], marked, corners.reshape(faces.shape).astype(np.int64)

@@ -53,6 +53,8 @@ class BodyModel:
     marker_vertices: NDArray[np.int64]  # [M]
     pose_dirs: Array | None = None  # [V, 3, (J-1)*9] pose blend shapes (SMPL-X), on the bind mesh
     regions: NDArray[np.uint8] | None = None  # [V] what each vertex wears, numbers of `outfit.py`
+    uvs: Array | None = None  # [T, 2] texture coordinates, (0, 0) at the upper left as in glTF
+    uv_faces: NDArray[np.int64] | None = None  # [F, 3] row of `uvs` of each corner of `faces`
 
     @property
     def betas(self) -> int:

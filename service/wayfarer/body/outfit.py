@@ -1,4 +1,4 @@
-"""Clothes and hair as colours of vertices, so that people in a crowd can be told apart."""
+"""Skin, hair and clothes as regions of a body with colours, so that people can be told apart."""
 
 from typing import Any
 
@@ -10,6 +10,12 @@ from wayfarer.body.model import BodyModel
 Array = NDArray[np.floating[Any]]
 
 SKIN, HAIR, SHIRT, TROUSERS, SHOES, EYES = range(6)  # where two meet, the greater is outside
+
+REGIONS = ("skin", "hair", "shirt", "trousers", "shoes", "eyes")
+"""Their names, in the order of the constants above."""
+
+ROUGHNESS = (0.75, 0.6, 0.9, 0.9, 0.6, 0.35)
+"""Of each region, as glTF means it."""
 
 PALETTES = (
     ("#f2d3bd", "#e5b899", "#cf9a78", "#a8714f", "#7b4b33", "#5d3826"),
@@ -47,5 +53,5 @@ def outfit(style: int) -> Array:
 
 
 def linear_colours(srgb: Array) -> Array:
-    """From sRGB to linear light (IEC 61966-2-1), as glTF vertex colours want it."""
+    """From sRGB to linear light (IEC 61966-2-1), as glTF's factors want it."""
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from wayfarer.body.mesh import split_by_label, vertex_normals
+from wayfarer.body.mesh import split_vertices, vertex_normals
 from wayfarer.body.model import BodyModel
 from wayfarer.body.outfit import linear_colours, outfit, regions
 from wayfarer.clips.clip import Clip
@@ -46,7 +46,8 @@ class Dress:
     def clothes(cls, body: BodyModel, style: int) -> "Dress":
         """Skin, hair and clothes; the same seed `style`, the same look."""
         worn = regions(body)[body.faces].max(-1)
-        source, region, faces = split_by_label(worn, body.faces)
+        worn = np.repeat(worn[:, None], 3, axis=1)
+        source, [region], faces = split_vertices(body.faces, worn)
         return cls(source, faces, linear_colours(outfit(style))[region])
 
     @classmethod

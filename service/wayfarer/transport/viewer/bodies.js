@@ -141,39 +141,63 @@ function joined(bodies, joints) {
   return geometry;
 }
 
-/** What a loaded GLB holds, as plain arrays. */
+/** What a loaded GLB holds, as plain arrays: all its parts as one, with their materials' colours. */
 function bodyOf(scene, boneNames) {
-  let mesh;
+  const parts = [];
   scene.traverse((node) => {
-    if (node.isSkinnedMesh) mesh = node;
+    if (node.isSkinnedMesh) parts.push(node);
   });
-  if (!mesh) throw new Error("the file holds no skinned mesh");
-  const { bones, boneInverses } = mesh.skeleton;
+  if (!parts.length) throw new Error("the file holds no skinned mesh");
+  const { bones, boneInverses } = parts[0].skeleton;
   const joints = bones.map((bone, joint) => ({
     name: bone.name,
     parent: bones.indexOf(bone.parent),
     offset: bone.position.toArray(),
     inverse: boneInverses[joint].elements,
   }));
-  const { attributes, index } = mesh.geometry;
-  const { position, normal, color, skinIndex, skinWeight } = attributes;
-  mesh.geometry.computeBoundingBox();
-  const { min, max } = mesh.geometry.boundingBox;
+  const merged = (name) => joinedArrays(parts.map(({ geometry }) => geometry.attributes[name].array));
+  const position = merged("position");
+  let first = 0;
+  const index = parts.map(({ geometry }) => {
+    const moved = Uint32Array.from(geometry.index.array, (number) => number + first);
+    first += geometry.attributes.position.count;
+    return moved;
+  });
   return {
     rig: new Rig(joints, boneNames),
-    height: max.y - min.y,
-    position: position.array, normal: normal.array, color: bytesOf(color), index: index.array,
-    skinIndex: skinIndex.array, skinWeight: skinWeight.array,
+    height: heightOf(position),
+    position, normal: merged("normal"), color: joinedArrays(parts.map(colours)),
+    index: joinedArrays(index), skinIndex: merged("skinIndex"), skinWeight: merged("skinWeight"),
   };
 }
 
-/** Colours as red, green, blue, opacity, 0 to 255. */
-function bytesOf(colour) {
-  const bytes = new Uint8Array(4 * colour.count).fill(255);
-  for (let k = 0; k < colour.count; k += 1) {
-    for (let channel = 0; channel < 3; channel += 1) {
-      bytes[4 * k + channel] = Math.round(255 * colour.getComponent(k, channel));
-    }
+/** Several arrays of one type as one. */
+function joinedArrays(arrays) {
+  const all = new arrays[0].constructor(arrays.reduce((sum, { length }) => sum + length, 0));
+  let at = 0;
+  for (const values of arrays) {
+    all.set(values, at);
+    at += values.length;
   }
+  return all;
+}
+
+/** Metres from the lowest to the highest of places x, y, z. */
+function heightOf(places) {
+  let low = Infinity;
+  let high = -Infinity;
+  for (let k = 1; k < places.length; k += 3) {
+    low = Math.min(low, places[k]);
+    high = Math.max(high, places[k]);
+  }
+  return high - low;
+}
+
+/** The colour of a part's material for each of its vertices: red, green, blue, opacity, 0 to 255. */
+function colours({ material, geometry }) {
+  const { r, g, b } = material.color;
+  const one = [r, g, b, 1].map((share) => Math.round(255 * share));
+  const bytes = new Uint8Array(4 * geometry.attributes.position.count);
+  for (let k = 0; k < bytes.length; k += 4) bytes.set(one, k);
   return bytes;
 }

@@ -1,0 +1,62 @@
+"""Khronos' glTF validator finds nothing to warn of in the files that people are given."""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wayfarer.body.glb import body_glb
+from wayfarer.body.library import load_body
+from wayfarer.clips.clip import Clip
+from wayfarer.clips.glb import write_glb
+
+TESTS = Path(__file__).parents[1]
+
+SCRIPT = """
+const { validateBytes } = require("gltf-validator");
+const { readFileSync } = require("fs");
+validateBytes(new Uint8Array(readFileSync(process.argv[1])), { maxIssues: 20 })
+  .then(({ issues }) => console.log(JSON.stringify(issues)));
+"""
+
+pytestmark = pytest.mark.skipif(
+    not (shutil.which("node") and (TESTS / "node_modules" / "gltf-validator").is_dir()),
+    reason="no glTF validator: make tests/node_modules/.package-lock.json (needs npm)",
+)
+
+
+def issues(path: Path) -> list[str]:
+    """Errors and warnings; not the note that no texture is there for the texture coordinates."""
+    done = subprocess.run(
+        ["node", "-e", SCRIPT, str(path)], cwd=TESTS, capture_output=True, text=True, check=True
+    )
+    found = json.loads(done.stdout)
+    assert {m["code"] for m in found["messages"] if m["severity"] > 1} <= {"UNUSED_OBJECT"}
+    wrong = [f"{m['code']} {m.get('pointer', '')}" for m in found["messages"] if m["severity"] <= 1]
+    assert len(wrong) == found["numErrors"] + found["numWarnings"] or found["truncated"]
+    return wrong
+
+
+@pytest.mark.parametrize("gender", ["female", "male"])
+@pytest.mark.parametrize("detail", ["high", "low"])
+def test_bodies(tmp_path: Path, gender: str, detail: str) -> None:
+    """As the viewer loads them."""
+    betas = np.random.default_rng(1).normal(size=10)
+    (tmp_path / "body.glb").write_bytes(body_glb(load_body("anny52", gender, detail), betas, 7))
+    assert issues(tmp_path / "body.glb") == []
+
+
+@pytest.mark.parametrize("gender", ["female", "male"])
+def test_clips(tmp_path: Path, clip: Clip, gender: str) -> None:
+    """As `wayfarer generate` writes them."""
+    write_glb(tmp_path / "clip.glb", clip, load_body("anny52", gender, "high"))
+    assert issues(tmp_path / "clip.glb") == []
+
+
+def test_what_is_wrong_is_found(tmp_path: Path) -> None:
+    data = body_glb(load_body("anny52", "female", "low"), np.zeros(10))
+    (tmp_path / "cut.glb").write_bytes(data[:-100])
+    assert issues(tmp_path / "cut.glb")
