@@ -64,12 +64,11 @@ def yaw(hips: np.ndarray) -> float:
     return float(2 * np.arctan2(hips[2], hips[3]))
 
 
-def after(step: Step) -> Seeds:
-    seed = Seeds.empty(1)
-    seed.markers[:] = step.markers
-    seed.translation[:] = step.translation[:, -SEED_FRAMES:]
-    seed.rotations[:] = step.rotations[:, -SEED_FRAMES:]
-    return seed
+def planted(
+    gait: Gait, seed: Seeds, raw: Step, carried: tuple[float, float] = (0.0, 0.0)
+) -> tuple[Gait, Step, Seeds]:
+    velocity = np.array([carried] * len(gait.mode), np.float32)
+    return plant(SOLES, gait, seed, raw, velocity)
 
 
 @pytest.mark.parametrize(
@@ -82,8 +81,7 @@ def test_a_minute_of_drift_moves_no_foot(
 ) -> None:
     gait, seed = standing(person())
     for _ in range(300):
-        gait, step = plant(SOLES, gait, seed, drifted(seed, shift, angle, foot))
-        seed = after(step)
+        gait, _step, seed = planted(gait, seed, drifted(seed, shift, angle, foot))
     soles = seed.markers[0, -1, SOLES.ravel()]
     assert np.linalg.norm(soles - person()[SOLES.ravel()], axis=-1).max() < 1e-3
     if not foot:  # a foot that goes aside takes half of its way from the hips of this model
@@ -94,7 +92,7 @@ def test_a_minute_of_drift_moves_no_foot(
 def test_nothing_jumps_at_the_seam_and_the_head_goes_along() -> None:
     gait, seed = standing(person())
     raw = drifted(seed, (0.008, 0.0))
-    _, step = plant(SOLES, gait, seed, raw)
+    _, step, _ = planted(gait, seed, raw)
     moved = np.diff(step.translation[0, :, 0] - raw.translation[0, :, 0], prepend=0.0)
     assert abs(moved[0]) < 5e-4 and np.abs(moved).max() < 2e-3
     assert step.markers[0, -1, HEAD, 0] == pytest.approx(0.0, abs=1e-4)
@@ -102,44 +100,44 @@ def test_nothing_jumps_at_the_seam_and_the_head_goes_along() -> None:
 
 def test_a_large_error_is_taken_off_over_several_steps() -> None:
     gait, seed = standing(person())
-    gait, step = plant(SOLES, gait, seed, drifted(seed, (0.05, 0.0)))
+    gait, step, _ = planted(gait, seed, drifted(seed, (0.05, 0.0)))
     assert step.markers[0, -1, HEAD, 0] == pytest.approx(0.05 - MAX_SHIFT, abs=1e-4)
 
 
 @pytest.mark.parametrize("foot", [0, 1])
 def test_a_lifted_foot_is_planted_where_it_comes_down(foot: int) -> None:
     gait, seed = standing(person())
-    gait, step = plant(SOLES, gait, seed, drifted(seed, (0.0, 0.0)))
-    lifted = drifted(after(step), (0.03, 0.0))
+    gait, step, seed = planted(gait, seed, drifted(seed, (0.0, 0.0)))
+    lifted = drifted(seed, (0.03, 0.0))
     lifted.contacts[0, 3:5, foot] = False
-    gait, step = plant(SOLES, gait, after(step), lifted)
+    gait, step, seed = planted(gait, seed, lifted)
     assert not gait.planted.any()
     np.testing.assert_array_equal(step.translation, lifted.translation)
-    gait, step = plant(SOLES, gait, after(step), drifted(after(step), (0.001, 0.0)))
+    gait, step, seed = planted(gait, seed, drifted(seed, (0.001, 0.0)))
     assert gait.planted.all()
     np.testing.assert_allclose(gait.soles[0, 0, 0, 0], FEET[0, 0] + 0.03, atol=1e-5)
 
 
-@pytest.mark.parametrize("mode", [mode for mode in Mode if mode is not Mode.STANDING])
+@pytest.mark.parametrize("mode", [Mode.WALKING, Mode.TURNING])
 def test_whoever_moves_is_left_alone(mode: Mode) -> None:
     gait, seed = standing(person())
     gait = replace(gait, mode=np.array([mode], np.int8), planted=np.array([True]))
     raw = drifted(seed, (0.01, 0.0))
-    gait, step = plant(SOLES, gait, seed, raw)
+    gait, step, _ = planted(gait, seed, raw)
     assert step is raw and not gait.planted.any()
 
 
 def test_a_row_is_its_own_and_a_broken_one_spoils_no_other() -> None:
     alone_gait, alone_seed = standing(person())
     raw = drifted(alone_seed, (0.001, 0.002), 0.001, 0.0003)
-    _, alone = plant(SOLES, alone_gait, alone_seed, raw)
+    _, alone, _ = planted(alone_gait, alone_seed, raw)
 
     index = np.zeros(3, np.int64)
     together = Step(*(np.repeat(values, 3, axis=0) for values in raw))
     together.markers[1] = np.nan
     together.contacts[2, 0, 0] = False
     with np.errstate(invalid="ignore"):
-        gait, found = plant(SOLES, alone_gait.take(index), alone_seed.take(index), together)
+        gait, found, _ = planted(alone_gait.take(index), alone_seed.take(index), together)
     for values, own in zip(found, alone, strict=True):
         np.testing.assert_array_equal(values[0], own[0])
     np.testing.assert_array_equal(found.translation[2], raw.translation[0])
@@ -157,8 +155,7 @@ def test_the_foot_behind_comes_up_to_the_other_when_a_walk_ends(
     seed.rotations[:, :, 0, 2:] = np.sin(heading / 2), np.cos(heading / 2)
     front = seed.markers[0, -1, SOLES[1 - behind]].copy()
     for _ in range(20):
-        gait, step = plant(SOLES, gait, seed, drifted(seed, (0.0, 0.0)))
-        seed = after(step)
+        gait, _step, seed = planted(gait, seed, drifted(seed, (0.0, 0.0)))
     soles = turned(seed.markers[0, -1], -heading)[SOLES].mean(1)
     assert abs(soles[0, 1] - soles[1, 1]) < 0.01
     assert soles[1, 0] - soles[0, 0] == pytest.approx(0.2, abs=0.01)
@@ -169,7 +166,7 @@ def test_feet_side_by_side_stay_as_they_are() -> None:
     stands = person()
     stands[SOLES[0], 1] += 0.03
     gait, seed = standing(stands)
-    _, step = plant(SOLES, gait, seed, drifted(seed, (0.0, 0.0)))
+    _, step, _ = planted(gait, seed, drifted(seed, (0.0, 0.0)))
     np.testing.assert_allclose(step.markers[0, -1, SOLES], stands[SOLES], atol=1e-6)
 
 
@@ -179,7 +176,35 @@ def test_crossed_feet_are_uncrossed() -> None:
     crossed[SOLES[1], 0] -= 0.15
     gait, seed = standing(crossed)
     for _ in range(20):
-        gait, step = plant(SOLES, gait, seed, drifted(seed, (0.0, 0.0)))
-        seed = after(step)
+        gait, _step, seed = planted(gait, seed, drifted(seed, (0.0, 0.0)))
     soles = seed.markers[0, -1, SOLES].mean(1)
     assert soles[1, 0] - soles[0, 0] > 0.8 * WIDTH[0]
+
+
+def test_in_side_steps_the_standing_body_is_carried_with_its_feet() -> None:
+    gait, seed = standing(person())
+    gait.mode[:] = Mode.STRAFING
+    shown = [seed.translation[0, -1, 0]]
+    for speed in (0.2, 0.4, 0.6, 0.6, 0.6):
+        gait, step, seed = planted(gait, seed, drifted(seed, (0.001, 0.0)), (speed, 0.0))
+        shown += step.translation[0, :, 0].tolist()
+        np.testing.assert_allclose(gait.carried[0], [speed, 0], atol=1e-6)
+    velocity = np.diff(shown) * 40
+    assert velocity[-8:] == pytest.approx(0.6, abs=0.05)
+    assert np.abs(np.diff(velocity)).max() < 0.05, "it speeds up evenly"
+    way = 0.2 * (0.1 + 0.3 + 0.5 + 0.6 + 0.6)
+    np.testing.assert_allclose(gait.soles[0, :, :, 0].mean(), way, atol=2e-3)
+    np.testing.assert_allclose(seed.markers[0, -1, HEAD, 0], way, atol=2e-3)
+    np.testing.assert_allclose(seed.translation[0, 0], seed.translation[0, 1], atol=1e-3)
+
+
+def test_who_stops_after_side_steps_comes_to_rest_by_degrees() -> None:
+    gait, seed = standing(person())
+    gait.mode[:] = Mode.STRAFING
+    gait, _, seed = planted(gait, seed, drifted(seed, (0.0, 0.0)), (0.4, 0.0))
+    gait.mode[:] = Mode.STOPPING
+    gait, step, seed = planted(gait, seed, drifted(seed, (0.0, 0.0)), (0.2, 0.0))
+    assert step.translation[0, -1, 0] - step.translation[0, 0, 0] > 0.04
+    gait, step, seed = planted(gait, seed, drifted(seed, (0.0, 0.0)))
+    gait, step, seed = planted(gait, seed, drifted(seed, (0.0, 0.0)))
+    assert np.ptp(step.translation[0, :, 0]) < 1e-4

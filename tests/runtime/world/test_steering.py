@@ -8,7 +8,7 @@ from wayfarer.runtime.world.heading import facing_at
 from wayfarer.runtime.world.slots import Gait, Goals, Mode, Seeds
 from wayfarer.runtime.world.steering import Steering, observe
 from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
-from wayfarer.terms import STAND, STRAFE, TERMS, TURN, WALK, weights
+from wayfarer.terms import STAND, TERMS, TURN, WALK, weights
 
 # Of numbers of its own, so that tuning breaks no test.
 STEERING = Steering(
@@ -351,11 +351,43 @@ def test_arrival_counts_once_and_by_any_frame():
     assert not observe(gait(Mode.WALKING), start, frames, goal()).arrived[0]
 
 
+def side_steps(**values):
+    return goal(3.0, heading=facing(0), strafe=True, **values)
+
+
+def test_side_steps_begin_at_rest_and_facing_as_wished():
+    assert next_mode(gait(Mode.WALKING, 1.0), at(0), side_steps()) is Mode.STOPPING
+    assert next_mode(gait(Mode.STANDING), at(0, heading=60), side_steps()) is Mode.TURNING
+    assert next_mode(gait(Mode.TURNING), at(0, heading=15), side_steps()) is Mode.TURNING
+    assert next_mode(gait(Mode.TURNING), at(0, heading=5), side_steps()) is Mode.STRAFING
+    assert next_mode(gait(Mode.STRAFING, 0.5), at(0, heading=60), side_steps()) is Mode.STRAFING
+
+
+def test_in_side_steps_the_body_stands_and_is_carried():
+    now = gait(Mode.STRAFING)
+    target = STEERING.targets(now, at(0), side_steps())
+    np.testing.assert_allclose(target.place[0, :2], [0, 0], atol=1e-6)
+    assert target.speed[0] == 0
+    speeds = []
+    for _ in range(5):
+        now.carried[:] = STEERING.carried(now, at(0), side_steps())
+        speeds.append(float(now.carried[0, 0]))
+    assert speeds == pytest.approx([0.2, 0.4, 0.6, 0.6, 0.6]), "evenly, and no faster than that"
+    slow = STEERING.carried(now, at(0), side_steps(speed=0.3))
+    np.testing.assert_allclose(slow[0], [0.4, 0], atol=1e-6)
+    near = STEERING.carried(now, at(2.9), side_steps())
+    assert near[0, 0] == pytest.approx(0.4)
+    now.mode[:] = Mode.STOPPING
+    np.testing.assert_allclose(STEERING.carried(now, at(2.9), side_steps())[0], [0.4, 0], atol=1e-6)
+    still = STEERING.carried(gait(Mode.WALKING, 1.0), at(0), goal(3.0))
+    np.testing.assert_array_equal(still, [[0, 0]])
+
+
 def test_weights_and_noise_follow_the_mode():
     modes = np.array([Mode.STANDING, Mode.WALKING, Mode.STOPPING, Mode.TURNING, Mode.STRAFING])
     table = STEERING.term_weights(modes)
     assert table.shape == (5, len(TERMS))
-    expected = [weights(t) for t in (STAND, WALK, STAND, TURN, STRAFE)]
+    expected = [weights(t) for t in (STAND, WALK, STAND, TURN, STAND)]
     np.testing.assert_allclose(table, expected, rtol=1e-6)
     noise = STEERING.scale_noise(modes, np.ones((5, 3, 128), np.float32))
     for row, mode in zip(noise, modes, strict=True):

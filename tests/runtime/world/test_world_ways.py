@@ -143,6 +143,7 @@ def test_turns_on_the_spot_to_the_heading_of_its_goal():
 def test_strafes_and_faces_its_heading_on_the_way():
     world, [agent] = populated()
     world.give(agent, Goal((0.0, 5.0, 0.0), heading=math.radians(90), strafe=True), 0.0)
-    assert {c.state for c in world.advance(3.0)} == {AgentState.WALKING}
+    states = [c.state for c in world.advance(5.0)]
+    assert states == sorted(states, key=[AgentState.TURNING, AgentState.WALKING].index)
     info = world.get_agent(agent)
-    assert math.degrees(info.heading) == pytest.approx(90, abs=10) and info.position[1] > 2.0
+    assert math.degrees(info.heading) == pytest.approx(90, abs=20) and 1.5 < info.position[1] < 3.0

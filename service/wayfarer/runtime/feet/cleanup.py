@@ -45,6 +45,5 @@ def clean_feet(slots: Slots, sent: Sent) -> None:
 
 def _on_the_spot(gait: Gait) -> Flags:
     """Those [A] whose feet step where they would slide: they do not walk."""
-    halted = (gait.mode == Mode.STOPPING) & (gait.speed < HALTED)
-    stays: Flags = (gait.mode == Mode.STANDING) | (gait.mode == Mode.TURNING) | halted
-    return stays
+    halted = (gait.mode == Mode.STOPPING) & ((gait.speed < HALTED) | gait.planted)
+    return np.isin(gait.mode, (Mode.STANDING, Mode.TURNING, Mode.STRAFING)) | halted

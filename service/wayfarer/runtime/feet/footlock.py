@@ -88,7 +88,7 @@ STEP_TURN: Final = radians(24)
 STEP_AHEAD: Final = 0.15
 """Seconds: a foot is set down where the model will have it then, at its speed now."""
 
-AHEAD_SHIFT: Final = 0.04
+AHEAD_SHIFT: Final = 0.10
 """Metres that this may be at most, …"""
 
 AHEAD_TURN: Final = radians(20)
@@ -97,8 +97,11 @@ AHEAD_TURN: Final = radians(20)
 TIDY: Final = 0.6
 """Share of those bounds from which a foot steps when the model has come to rest."""
 
-INNER: Final = 0.25
-"""Share of those bounds by which the inner foot is preferred."""
+LEADING: Final = 0.25
+"""Share of those bounds by which the inner or leading foot is preferred."""
+
+APART: Final = 0.11
+"""Metres between the middles of the soles, aside: nearer to each other no foot is set down."""
 
 RESTING: Final = (0.03, radians(12))
 """Metres and radians per second below which it has."""
@@ -166,10 +169,13 @@ def lock_feet(
     held = np.empty(height.shape, np.bool_)
     goals, goal_turns, rests = _landings(slide, turning)
     turning = turning * steps
+    apart = np.diff(pose.soles[:2].mean(1), axis=1)[:, 0]  # [2, F, A] from left to right foot
+    between = length(apart)
+    across = apart / np.maximum(between, 1e-6)
     for frame in range(height.shape[1]):
         contact = np.where(contact, stays[:, frame], touches[:, frame])
         hold = bounded(hold + np.where(contact, RISE, -RISE), 0, 1)
-        swing = _begun(swing, contact & steps, shift, turn, rests[frame])
+        swing = _begun(swing, contact & steps, shift, turn, rests[frame], across[:, frame])
         flies = _FLIES[swing]
         leashed = firmness[:, frame] * (1 - _smooth(length(shift[:2]), *LEASH))
         grip = hold * np.where(steps, 1, leashed) * ~flies
@@ -178,7 +184,8 @@ def lock_feet(
         swing = np.maximum(swing - 1, 0)
         level = shift[2] + SETTLE * (hold * settling[:, frame] - shift[2])
         moved, twist = shifts[:, :, frame], turns[:, frame]
-        moved[:2] = kept * shift[:2] + ahead * goals[:, :, frame] - grip * slide[:, :, frame]
+        goal = _uncrossed(goals[:, :, frame], shift, between[frame], across[:, frame])
+        moved[:2] = kept * shift[:2] + ahead * goal - grip * slide[:, :, frame]
         moved[2] = level
         twist[:] = kept * turn + ahead * goal_turns[:, frame] - grip * turning[:, frame]
         shift, turn = moved.copy(), twist
@@ -229,18 +236,33 @@ def _landings(slide: Array, turning: Array) -> tuple[Array, Array, Flags]:
 
 
 def _begun(
-    swing: NDArray[np.int8], may: Flags, shift: Array, turn: Array, rests: Flags
+    swing: NDArray[np.int8], may: Flags, shift: Array, turn: Array, rests: Flags, across: Array
 ) -> NDArray[np.int8]:
     """Frames left of each foot's step [2, A]: one foot of those that `may` sets out if it is due.
 
-    The foot that is farther from its place, while both bear; in a turn the inner one goes first.
+    The foot that is farther from its place, while both bear. Of feet about as far away the inner
+    one goes first in a turn, and the leading one aside; across [2, A] points from left to right.
     """
     error = np.maximum(length(shift[:2]) / STEP_SHIFT, np.abs(turn) / STEP_TURN)
-    inner = np.where(turn[0] + turn[1] < 0, INNER, -INNER)  # the left one, turning to the left
-    left_first = error[0] + inner >= error[1]
+    lag = ((shift[:2, 0] + shift[:2, 1]) * across).sum(0) / STEP_SHIFT
+    to_left = lag - (turn[0] + turn[1]) / STEP_TURN
+    left_first = error[0] + np.where(to_left > 0, LEADING, -LEADING) >= error[1]
     free = may[0] & may[1] & (swing[0] == 0) & (swing[1] == 0)
     sets_out = free & (error > np.where(rests, TIDY, 1)) & np.stack([left_first, ~left_first])
     return np.where(sets_out, np.int8(STEP_FRAMES), swing)
+
+
+def _uncrossed(goals: Array, shift: Array, between: Array, across: Array) -> Array:
+    """Landings [2, 2, A] at which a foot does not come nearer to the other one than `APART`.
+
+    The model has the feet `between` [A] metres apart in the direction `across` [2, A].
+    """
+    left = APART - between - ((shift[:2, 1] - goals[:, 0]) * across).sum(0)
+    right = APART - between - ((goals[:, 1] - shift[:2, 0]) * across).sum(0)
+    moved = goals.copy()
+    moved[:, 0] -= np.maximum(left, 0) * across
+    moved[:, 1] += np.maximum(right, 0) * across
+    return moved
 
 
 def _smooth(value: Array, low: float, high: float) -> Array:

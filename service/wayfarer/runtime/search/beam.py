@@ -23,6 +23,7 @@ from wayfarer.runtime.engines.padding import pick
 from wayfarer.runtime.search.beam_settings import BeamSettings
 from wayfarer.runtime.search.plan import Ending, Level, Plan, Problem, Starts, Tree
 from wayfarer.runtime.stepping.batch import assemble, broken
+from wayfarer.runtime.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
 from wayfarer.runtime.stepping.noise import latents
 from wayfarer.runtime.world.rows import Double, Flags, Index, Int, Rows
 from wayfarer.runtime.world.slots import Gait, Goals, Mode, Motion, Seeds
@@ -123,7 +124,10 @@ class _Search:
         noise = self._noise(starts, nodes)
         asked = assemble(seed, starts.betas, gait, goals, noise, self._steering)
         count = noise.shape[1]
-        outputs = _step(self._engine, np.repeat(starts.gender, count), fan_out(asked))
+        mirrored = is_mirrored(starts.noise_seed)
+        rows = fan_out(mirror_inputs(asked, mirrored))
+        outputs = _step(self._engine, np.repeat(starts.gender, count), rows)
+        outputs = mirror_outputs(outputs, np.repeat(mirrored, count))
 
         parent = np.repeat(np.arange(len(nodes.agent)), count)
         start = seed.translation[:, -1]

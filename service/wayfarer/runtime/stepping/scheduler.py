@@ -12,13 +12,14 @@ from wayfarer.runtime.engines.models import Models
 from wayfarer.runtime.engines.padding import cut, pad, pick, whole
 from wayfarer.runtime.stepping.batch import broken, gather
 from wayfarer.runtime.stepping.guide import Course, Guide
+from wayfarer.runtime.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
 from wayfarer.runtime.stepping.playback import Chunks, Playback
 from wayfarer.runtime.world.paths import Paths
 from wayfarer.runtime.world.planting import Step, plant
-from wayfarer.runtime.world.rows import Flags, Index
+from wayfarer.runtime.world.rows import Flags, Float, Index
 from wayfarer.runtime.world.slots import Gait, Goals, Mode, Motion, Seeds, SlotTable
 from wayfarer.runtime.world.steering import Steering, observe
-from wayfarer.spec import GENDERS, NEW_FRAMES, SEED_FRAMES
+from wayfarer.spec import GENDERS, NEW_FRAMES
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +35,8 @@ class Batch:
     inputs: StepInputs
     candidates: int
     reduced: Flags  # rows for which steering wished for more candidates
+    carried: Float  # [A, 2] m/s at which side steps move the body at the step's end
+    mirrored: Flags  # rows whose mirror image the engine moves; see mirror.py
 
     def take(self, which: Index) -> "Batch":
         """Some of its rows."""
@@ -45,6 +48,8 @@ class Batch:
             goals=self.goals.take(which),
             inputs=pick(self.inputs, which),
             reduced=self.reduced[which],
+            carried=self.carried[which],
+            mirrored=self.mirrored[which],
         )
 
 
@@ -138,7 +143,7 @@ class Scheduler:
         batch = self.schedule(frame, most)
         if batch is None:
             return None
-        inputs = pad(batch.inputs, self._sizes)
+        inputs = pad(mirror_inputs(batch.inputs, batch.mirrored), self._sizes)
         engine = self._models.numbered(batch.model).engine
         step = (engine.alone if self._alone else engine).step
         self._flights += 1
@@ -154,7 +159,7 @@ class Scheduler:
         still = slots.flight[rows] == flight.number
         slots.flight[rows[still]] = 0
         self.under_way -= 1
-        outputs = cut(flight.outputs(), len(rows))
+        outputs = mirror_outputs(cut(flight.outputs(), len(rows)), flight.batch.mirrored)
         kept = np.flatnonzero(still)
         if len(kept) == len(rows):
             self.apply(flight.batch, outputs)
@@ -197,6 +202,8 @@ class Scheduler:
             inputs=gather(slots, rows, seed, gait, course.ahead, count, self._steering, obstacles),
             candidates=count,
             reduced=wished > count,
+            carried=self._steering.carried(gait, seed, course.ahead),
+            mirrored=is_mirrored(slots.noise_seed[rows]),
         )
 
     def hold(self, frame: float) -> int:
@@ -238,16 +245,11 @@ class Scheduler:
         step = Step(
             translation, outputs.rotations, outputs.next_seed_markers, outputs.contacts > 0.5
         )
-        gait, step = plant(self._soles, batch.gait, batch.seed, step)
+        gait, step, seed = plant(self._soles, batch.gait, batch.seed, step, batch.carried)
         gait = observe(gait, start, step.translation, batch.goals)
         flags = np.where(slots.replanned[rows], ChunkFlag.REPLANNED, ChunkFlag.NONE)
         flags |= np.where(gait.arrived & ~batch.gait.arrived, ChunkFlag.ARRIVED, ChunkFlag.NONE)
         flags |= np.where(batch.reduced, ChunkFlag.REDUCED, ChunkFlag.NONE)
-        seed = Seeds(
-            markers=step.markers,
-            translation=step.translation[:, -SEED_FRAMES:],
-            rotations=step.rotations[:, -SEED_FRAMES:],
-        )
         chunks = Chunks(
             translation=step.translation,
             rotations=step.rotations,

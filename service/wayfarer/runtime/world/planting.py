@@ -13,6 +13,10 @@ feet are *planted*: the places of the sole markers are remembered, and every ste
 The next primitive follows those markers, so neither error builds up, and the foot lock, which works
 on what is sent, only has the small motion within a step left to take off.
 
+Agents that go in *side steps*, facing elsewhere, are carried: the same standing body is moved on,
+with the places of its feet, and the foot lock makes steps of that. The model itself squats and
+floats when it is asked to walk sideways.
+
 A foot that the model lifts ends this: the agent takes a real step, and its feet are planted where
 they come to rest. World space, metres. Pure functions of columns: rows do not influence each other.
 """
@@ -27,7 +31,7 @@ from wayfarer.runtime.feet.quaternion import bounded, multiply
 from wayfarer.runtime.world.heading import facing_of
 from wayfarer.runtime.world.rows import Flags, Float, Index
 from wayfarer.runtime.world.slots import Gait, Mode, Seeds
-from wayfarer.spec import NEW_FRAMES
+from wayfarer.spec import NEW_FRAMES, SEED_FRAMES, STEP_SECONDS
 
 MAX_SHIFT: Final = 0.03
 """Metres that one step is moved by at most: a larger error is taken off over several steps."""
@@ -89,22 +93,42 @@ class _Motion(NamedTuple):
         )
 
 
-def plant(soles: Index, gait: Gait, seed: Seeds, step: Step) -> tuple[Gait, Step]:
-    """The step with the drift of planted feet taken off, and the gait that remembers their places.
+def plant(
+    soles: Index, gait: Gait, seed: Seeds, step: Step, carried: Float
+) -> tuple[Gait, Step, Seeds]:
+    """The step with the drift of planted feet taken off, where the next one starts, and the gait
+    that remembers the places of the feet.
 
     soles [2, P]: the markers under the left and under the right foot; `gait` is that of the step,
-    `seed` where it starts. Rows that do not stand on both feet are returned as they are.
+    `seed` where it starts, `carried` [A, 2] the velocity in side steps at its end. Rows that do not
+    stand on both feet are returned as they are.
     """
-    stands = (gait.mode == Mode.STANDING) & step.contacts.all((1, 2))
+    on_the_spot = (gait.mode == Mode.STANDING) | (gait.mode == Mode.STRAFING)
+    stands = (on_the_spot | (gait.mode == Mode.STOPPING) & gait.planted) & step.contacts.all((1, 2))
     rows = np.flatnonzero(stands)
+    velocity = np.where(stands[:, None], carried, 0).astype(np.float32)
+    after = replace(gait, planted=stands, carried=velocity)
     if not len(rows):
-        return replace(gait, planted=stands), step
+        return after, step, _end(step)
     known = gait.planted[rows][:, None, None, None]
     begin = _closed(seed.markers[rows, -1][:, soles, :2], facing_of(seed.rotations[rows, -1, 0]))
     places = np.where(known, gait.soles[rows], begin)
-    remembered = gait.soles.copy()
-    remembered[rows] = places
-    return replace(gait, planted=stands, soles=remembered), _corrected(step, rows, soles, places)
+    way = _way(gait.carried[rows], velocity[rows])
+    after.soles = gait.soles.copy()
+    after.soles[rows] = places + way[:, None, None, -1]
+    return after, *_corrected(step, rows, soles, places, way)
+
+
+def _end(step: Step) -> Seeds:
+    """Where the next step starts."""
+    return Seeds(step.markers, step.translation[:, -SEED_FRAMES:], step.rotations[:, -SEED_FRAMES:])
+
+
+def _way(before: Float, after: Float) -> Float:
+    """Way [R, F, 2] of bodies whose velocity changes evenly from `before` to `after` [R, 2]."""
+    share = (np.arange(1, NEW_FRAMES + 1, dtype=np.float32) / NEW_FRAMES)[:, None]
+    mean = before[:, None] + share / 2 * (after - before)[:, None]
+    return (STEP_SECONDS * share * mean).astype(np.float32)
 
 
 def _closed(soles: Float, facing: Float) -> Float:
@@ -124,8 +148,13 @@ def _closed(soles: Float, facing: Float) -> Float:
     return closed
 
 
-def _corrected(step: Step, rows: Index, soles: Index, places: Float) -> Step:
-    """The step with `rows` brought back to the soles' `places` [R, 2, P, 2]."""
+def _corrected(
+    step: Step, rows: Index, soles: Index, places: Float, way: Float
+) -> tuple[Step, Seeds]:
+    """The step with `rows` brought back to the soles' `places` [R, 2, P, 2], then on their way.
+
+    The next step starts from a body at rest: the model does not know that it is carried.
+    """
     translation, rotations, markers = (
         values.copy() for values in (step.translation, step.rotations, step.markers)
     )
@@ -133,19 +162,28 @@ def _corrected(step: Step, rows: Index, soles: Index, places: Float) -> Step:
     pairs = (len(rows), -1, 2)
     found = ends[:, -1][:, soles, :2].reshape(pairs)
     both = _between(found, places.reshape(pairs), MAX_SHIFT, MAX_TURN)
-    ease = np.broadcast_to(_EASE, (len(rows), NEW_FRAMES))
-    translation[rows, :, :2] = both.spread(1).moved(translation[rows, :, :2], ease)
 
-    half = ease * both.turn[:, None] / 2
-    turn = np.zeros((4, *half.shape), np.float32)
-    turn[2], turn[3] = np.sin(half), np.cos(half)
-    hips = np.moveaxis(rotations[rows, :, 0], -1, 0)
-    rotations[rows, :, 0] = np.moveaxis(multiply(turn, hips), 0, -1)
+    hips, root = step.translation[rows, :, :2], step.rotations[rows, :, 0]
+    ease, all_ = np.broadcast_to(_EASE, hips.shape[:2]), np.ones(hips.shape[:2], np.float32)
+    moved = both.spread(1)
+    translation[rows, :, :2] = moved.moved(hips, ease) + way
+    rotations[rows, :, 0] = _yawed(root, ease * both.turn[:, None])
+    seed = _end(Step(translation, rotations, markers, step.contacts))
+    last = slice(-SEED_FRAMES, None)
+    seed = Seeds(markers, seed.translation.copy(), seed.rotations.copy())
+    seed.translation[rows, :, :2] = moved.moved(hips[:, last], all_[:, last]) + way[:, -1:]
+    seed.rotations[rows, :, 0] = _yawed(root[:, last], all_[:, last] * both.turn[:, None])
+    ends[..., :2] = both.spread(2).moved(ends[..., :2], np.ones(ends.shape[:3], np.float32))
+    ends[..., :2] += way[:, -1, None, None]
+    markers[rows] = _bent(ends, soles, places + way[:, None, None, -1])
+    return Step(translation, rotations, markers, step.contacts), seed
 
-    last = ease[:, -ends.shape[1] :, None]
-    ends[..., :2] = both.spread(2).moved(ends[..., :2], np.broadcast_to(last, ends.shape[:3]))
-    markers[rows] = _bent(ends, soles, places)
-    return Step(translation, rotations, markers, step.contacts)
+
+def _yawed(rotations: Float, angle: Float) -> Float:
+    """Rotations [R, F, 4] turned by radians `angle` [R, F] about the vertical."""
+    turn = np.zeros((4, *angle.shape), np.float32)
+    turn[2], turn[3] = np.sin(angle / 2), np.cos(angle / 2)
+    return np.moveaxis(multiply(turn, np.moveaxis(rotations, -1, 0)), 0, -1)
 
 
 def _bent(markers: Float, soles: Index, places: Float) -> Float:

@@ -64,6 +64,7 @@ class Gait(Rows):
     stop_facing: Annotated[Float, Shape(2)]  # unit vector it faced when it did
     arrived: Flags  # the goal has been reached
     waypoint: Int  # place of that goal in the path
+    carried: Annotated[Float, Shape(2)]  # m/s at which it is moved in side steps
     planted: Flags  # it stands on both feet, which stay where they are; see planting.py
     soles: Annotated[Float, Shape(2, SOLES, 2)]  # horizontal places of its sole markers then
 

@@ -26,7 +26,7 @@ from wayfarer.runtime.world.heading import angle_between, facing_of
 from wayfarer.runtime.world.rows import Flags, Float, Index
 from wayfarer.runtime.world.slots import Gait, Goals, Mode, Seeds
 from wayfarer.spec import STEP_SECONDS
-from wayfarer.terms import STAND, STRAFE, TURN, WALK, weights
+from wayfarer.terms import STAND, TURN, WALK, weights
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ def default_searches() -> dict[Mode, Search]:
         Mode.WALKING: Search(WALK, candidates=4, temperature=0.7, zero_latent=True),
         Mode.STOPPING: Search(STAND, candidates=4, temperature=0.7, zero_latent=True),
         Mode.TURNING: Search(TURN, candidates=4, temperature=0.7, zero_latent=True),
-        Mode.STRAFING: Search(STRAFE, candidates=4, temperature=0.7, zero_latent=True),
+        Mode.STRAFING: Search(STAND, candidates=4, temperature=0.7, zero_latent=True),
     }
 
 
@@ -106,6 +106,9 @@ class Steering:
     faced: float = radians(8)  # turning ends when the heading is met within this …
     astray: float = radians(14)  # … and begins when it is missed by more
     turn_ahead: float = radians(40)  # a turn on the spot is asked for by so much at a time
+    side_step_speed: float = 0.6  # at most, when it faces elsewhere than where it goes …
+    side_step_acceleration: float = 1.0  # … m/s² …
+    side_step_faced: float = radians(20)  # … and only once it faces that way
 
     def with_search(
         self,
@@ -175,18 +178,25 @@ class Steering:
         wished = goals.given & goals.heading.any(-1)
         off = angle_between(facing, goals.heading)
         astray = wished & (off > np.where(turning, self.faced, self.astray))
-        turns = about | (at_rest & astray & ~walks)
+        # Side steps begin at rest, and facing as is wished.
+        side_steps = walks & goals.strafe & (gait.mode == Mode.STRAFING)
+        faces = off < np.where(turning, self.faced, self.side_step_faced)
+        side_steps |= walks & goals.strafe & at_rest & faces
+        turns_first = walks & goals.strafe & at_rest & ~side_steps
+        stops_first = walks & goals.strafe & ~at_rest & ~side_steps
+        walks &= ~(turns_first | stops_first)
+        turns = about | turns_first | (at_rest & astray & ~walks)
         stands = (standing | still) & ~walks & ~turns
         mode = np.select(
-            [walks & goals.strafe, walks, turns, stands],
+            [side_steps, walks, turns, stands],
             [Mode.STRAFING, Mode.WALKING, Mode.TURNING, Mode.STANDING],
             Mode.STOPPING,
         )
 
         # Without a goal an agent stops as soon as it can; then it stands where it came to rest.
         brakes, rests = walking & ~walks, still & ~walks
-        turns_away = about & ~turning
-        reaches = holds & ~reverses
+        turns_away = (about | turns_first) & ~turning
+        reaches = holds & ~reverses & ~stops_first
         rest = np.where(reaches[:, None], goals.position[:, :2], self._rest(gait, seed.translation))
         return replace(
             gait,
@@ -210,18 +220,37 @@ class Steering:
         walking = _walks(gait)
         facing = facing_of(seed.rotations[:, -1, 0])
         turned = _turned_towards(facing, gait.stop_facing, self.turn_ahead)
+        side_steps = gait.mode == Mode.STRAFING  # the body stands, and is carried; see `carried`
+        place = _choose([(side_steps, hips), (walking, self._ahead(hips, goals))], gait.stop_place)
+        speed = np.where(walking & ~side_steps, self._speed(hips, gait, goals), 0.0)
         return Targets(
-            place=_choose([(walking, self._ahead(hips, goals))], gait.stop_place),
-            speed=np.where(walking, self._speed(hips, gait, goals), 0.0).astype(np.float32),
+            place=place,
+            speed=speed.astype(np.float32),
             facing=_choose(
                 [
                     (gait.mode == Mode.TURNING, turned),
                     (~walking, gait.stop_facing),
-                    (gait.mode == Mode.STRAFING, goals.heading),
+                    (side_steps, goals.heading),
                 ],
                 np.zeros_like(goals.heading),
             ),
         )
+
+    def carried(self, gait: Gait, seed: Seeds, goals: Goals) -> Float:
+        """Velocity [A, 2] at the end of the step, m/s, of bodies that go in side steps.
+
+        0 for all others, who come to rest by degrees if they have just gone in them.
+        """
+        way = self._ahead(seed.translation[:, -1, :2], goals) - seed.translation[:, -1, :2]
+        distance = np.linalg.norm(way, axis=-1)
+        wished = np.minimum(goals.speed, self.side_step_speed)
+        slowing = np.where(goals.through, wished, distance / (2 * STEP_SECONDS))
+        speed = np.minimum(wished, slowing) * (gait.mode == Mode.STRAFING)
+        change = way * (speed / np.maximum(distance, 1e-6))[:, None] - gait.carried
+        most = self.side_step_acceleration * STEP_SECONDS
+        length = np.maximum(np.linalg.norm(change, axis=-1), 1e-9)
+        carried = gait.carried + change * np.minimum(1, most / length)[:, None]
+        return carried.astype(np.float32)
 
     def _ahead(self, hips: Float, goals: Goals) -> Float:
         """What to walk to [A, 2]: the goal or, near one to pass through, a point beyond it.

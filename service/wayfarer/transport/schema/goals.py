@@ -37,7 +37,7 @@ class Goal(Message):
         default=None, description="false: pass through without slowing, stop after the last; true"
     )
     strafe: Bool | None = Field(
-        default=None, description="face `heading` on the way, too: walk sideways, backwards; false"
+        default=None, description="face `heading` on the way, too: side steps, up to 0.6 m/s; false"
     )
     dwell: Float | None = Field(
         default=None,
