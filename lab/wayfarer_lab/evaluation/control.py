@@ -24,10 +24,10 @@ from wayfarer.runtime.world.world import World
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.stage import Bodies
 from wayfarer_lab.evaluation.figures import distances, first, mean, share
-from wayfarer_lab.evaluation.gait import Row, Windows, gait_row
+from wayfarer_lab.evaluation.gait import Row, Windows, gait_row, lean
 from wayfarer_lab.evaluation.goals import Errand, Order, Plan, random_specs, run_errands
+from wayfarer_lab.evaluation.metrics.trunk import Trunk
 from wayfarer_lab.evaluation.outcome import NEAR, REACHED, STEP_LIMIT, judge
-from wayfarer_lab.evaluation.posture import Trunk, lean
 from wayfarer_lab.evaluation.tracks import Track, skin_track
 
 Array = NDArray[np.floating[Any]]

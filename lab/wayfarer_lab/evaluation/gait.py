@@ -6,9 +6,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfarer.body.model import BodyModel
 from wayfarer.errors import InvalidArgument
 from wayfarer.spec import NEW_FRAMES
-from wayfarer_lab.evaluation import contact, metrics
+from wayfarer_lab.evaluation.metrics import contact, kinematics
+from wayfarer_lab.evaluation.metrics.trunk import Trunk
 
 Array = NDArray[np.floating[Any]]
 Row = dict[str, float | int | str]
@@ -31,7 +33,9 @@ class Windows:
     def cut(cls, markers: Array, hips: Array, seam_every: int = NEW_FRAMES) -> "Windows":
         """Cut one track, markers [T, M, 3] and hips [T, 3], into whole windows of 5 primitives."""
         frames = WINDOW_STEPS * seam_every
-        return cls(metrics.windows(markers, frames), metrics.windows(hips, frames), seam_every)
+        return cls(
+            kinematics.windows(markers, frames), kinematics.windows(hips, frames), seam_every
+        )
 
     @classmethod
     def join(cls, parts: "list[Windows]") -> "Windows":
@@ -46,7 +50,7 @@ class Windows:
 
     def at_walking_speed(self) -> "Windows":
         """Those at 0.9 … 1.4 m/s: contact falls with speed, so only like is compared with like."""
-        chosen = metrics.at_walking_speed(self.hips)
+        chosen = kinematics.at_walking_speed(self.hips)
         return Windows(self.markers[chosen], self.hips[chosen], self.seam_every)
 
 
@@ -59,7 +63,7 @@ def gait_row(name: str, motion: Windows, soles: NDArray[np.int64]) -> Row:
     return {
         "name": name,
         "windows": len(motion.markers),
-        "speed_mps": float(metrics.travel_speed(motion.hips).mean()),
+        "speed_mps": float(kinematics.travel_speed(motion.hips).mean()),
         "contact_paper": float(contact.paper_contact_of_clip(motion.markers).mean()),
         "contact_strict": float(contact.strict_contact(feet).mean()),
         "slide_cm_s": 100 * contact.slide_speed(feet),
@@ -67,9 +71,9 @@ def gait_row(name: str, motion: Windows, soles: NDArray[np.int64]) -> Row:
         "penetration_cm": 100 * float(depth.mean()),
         "deeper_3cm": float((depth > contact.DEEP).mean()),
         "floating_5cm": float((contact.clearance(motion.markers) > contact.FLOATING).mean()),
-        "acceleration_m_s2": float(metrics.acceleration(motion.markers).mean()),
-        "jerk_m_s3": float(metrics.jerk(motion.markers).mean()),
-        "seam_ratio": metrics.seam_ratio(motion.markers, every=motion.seam_every),
+        "acceleration_m_s2": float(kinematics.acceleration(motion.markers).mean()),
+        "jerk_m_s3": float(kinematics.jerk(motion.markers).mean()),
+        "seam_ratio": kinematics.seam_ratio(motion.markers, every=motion.seam_every),
     }
 
 
@@ -79,11 +83,28 @@ def stillness_row(name: str, motion: Windows) -> Row:
     """
     if not len(motion.markers):
         return {"name": name, "windows": 0}
-    speed = np.linalg.norm(metrics.velocity(motion.markers), axis=-1)
+    speed = np.linalg.norm(kinematics.velocity(motion.markers), axis=-1)
     return {
         "name": name,
         "windows": len(motion.markers),
         "marker_speed_cm_s": 100 * float(speed.mean()),
-        "acceleration_m_s2": float(metrics.acceleration(motion.markers).mean()),
-        "jerk_m_s3": float(metrics.jerk(motion.markers).mean()),
+        "acceleration_m_s2": float(kinematics.acceleration(motion.markers).mean()),
+        "jerk_m_s3": float(kinematics.jerk(motion.markers).mean()),
     }
+
+
+def lean(row: Row, motion: Windows, trunk: Trunk) -> Row:
+    """`row` with the mean tilt of the trunk, degrees, in the motion that it describes."""
+    if not len(motion.markers):
+        return row
+    return {**row, "trunk_tilt_deg": float(trunk.tilt(motion.markers).mean())}
+
+
+def posed_gait_rows(name: str, motion: Windows, body: BodyModel) -> list[Row]:
+    """Rows of all windows and of those at walking speed; both genders have the same markers."""
+    trunk = Trunk.of(body)
+    matched = motion.at_walking_speed()
+    return [
+        lean(gait_row(name, motion, body.sole_markers), motion, trunk),
+        lean(gait_row(f"{name}, 0.9-1.4 m/s", matched, body.sole_markers), matched, trunk),
+    ]

@@ -26,7 +26,7 @@ from wayfarer_lab.evaluation.figures import (
 )
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.goals import Course
-from wayfarer_lab.evaluation.metrics import travel_speed
+from wayfarer_lab.evaluation.metrics.kinematics import travel_speed
 from wayfarer_lab.evaluation.outcome import NEAR, REACHED, STEP_LIMIT
 
 Array = NDArray[np.floating[Any]]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from wayfarer.runtime.world.heading import facing_of
 from wayfarer.spec import FPS
 from wayfarer_lab.evaluation.gait import Row
-from wayfarer_lab.evaluation.posture import Trunk
+from wayfarer_lab.evaluation.metrics.trunk import Trunk
 from wayfarer_lab.evaluation.tracks import Track
 
 Array = NDArray[np.floating[Any]]
@@ -23,7 +23,7 @@ FALLEN_TILT: Final = 60.0
 """Degrees between the hips' up axis and the vertical: more has fallen."""
 
 TILTED: Final = 25.0
-"""Degrees between the trunk and that of the T-pose (`posture.Trunk`), for a second."""
+"""Degrees between the trunk and that of the T-pose (`trunk.Trunk`), for a second."""
 
 TILTED_FRAMES: Final = FPS
 

@@ -17,8 +17,8 @@ from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.motion.rotation import matrix_from_quaternion
 from wayfarer.spec import BETAS, GENDERS, LATENT, PRIMITIVE_FRAMES
-from wayfarer_lab.evaluation import metrics
 from wayfarer_lab.evaluation.gait import Row
+from wayfarer_lab.evaluation.metrics import prediction
 from wayfarer_lab.evaluation.parts import Parts
 from wayfarer_lab.evaluation.tracks import Recorded
 
@@ -209,7 +209,7 @@ def _mesh_error(body: BodyModel, made: Primitives, truth: Primitives) -> float:
             )
             for poses in (truth, made)
         )
-        errors.append(metrics.avd(guess, true))
+        errors.append(prediction.avd(guess, true))
     return float(np.mean(errors))
 
 
@@ -239,14 +239,14 @@ def _nearest(seeds: Array, known: Array, count: int) -> NDArray[np.int64]:
 
 def _errors(name: str, made: Array, past: Array, future: Array) -> Row:
     """Figures of futures `made` [W, K, F, 201], the best of K; seeds `past`, truth `future`."""
-    multimodal = metrics.multimodal_errors(made, future, past[:, -1], ALIKE_SEEDS)
+    multimodal = prediction.multimodal_errors(made, future, past[:, -1], ALIKE_SEEDS)
     return {
         "name": name,
         "primitives": len(future),
         "samples": made.shape[1],
-        "ade_m": float(metrics.ade(made, future).mean()),
-        "fde_m": float(metrics.fde(made, future).mean()),
+        "ade_m": float(prediction.ade(made, future).mean()),
+        "fde_m": float(prediction.fde(made, future).mean()),
         "mmade_m": multimodal[0],
         "mmfde_m": multimodal[1],
-        "apd_m": float(metrics.apd(made).mean()) if made.shape[1] > 1 else 0.0,
+        "apd_m": float(prediction.apd(made).mean()) if made.shape[1] > 1 else 0.0,
     }

@@ -10,8 +10,8 @@ import torch
 from wayfarer.body.model import BodyModel
 from wayfarer.motion.rotation import matrix_from_quaternion
 from wayfarer.spec import BETAS, FPS, NEW_FRAMES
-from wayfarer_lab.evaluation.frechet import Reference
 from wayfarer_lab.evaluation.gait import Row, gait_row
+from wayfarer_lab.evaluation.metrics.frechet import Reference
 from wayfarer_lab.evaluation.outcome import REACHED, STEP_LIMIT
 from wayfarer_lab.evaluation.parts import Parts, Variant
 from wayfarer_lab.evaluation.realism import (

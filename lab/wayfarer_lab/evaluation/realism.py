@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from wayfarer.body.model import BodyModel
 from wayfarer.errors import InvalidArgument
 from wayfarer.spec import FPS, NEW_FRAMES
-from wayfarer_lab.evaluation import contact, metrics
-from wayfarer_lab.evaluation.frechet import NAME as FRECHET
-from wayfarer_lab.evaluation.frechet import Reference, features
 from wayfarer_lab.evaluation.gait import WINDOW_FRAMES, Row, Windows, gait_row
+from wayfarer_lab.evaluation.metrics import contact, kinematics, prediction
+from wayfarer_lab.evaluation.metrics.frechet import NAME as FRECHET
+from wayfarer_lab.evaluation.metrics.frechet import Reference, features
 from wayfarer_lab.evaluation.rollout import Rollout
 from wayfarer_lab.evaluation.tracks import Recorded, Track
 from wayfarer_lab.training.mocap.selection import Use
@@ -79,7 +79,7 @@ def realism_row(
         row[f"contact_paper_{ending}"] = float(np.percentile(scores, share))
     row |= heel_skating(motion, names)
     for part, markers in rigid_parts(windows.markers, names).items():
-        row[f"deformation_{part}_mm"] = 1000 * float(metrics.deformation(markers).mean())
+        row[f"deformation_{part}_mm"] = 1000 * float(kinematics.deformation(markers).mean())
     if pose_score is not None:
         row["pose_prior"] = float(
             np.concatenate([pose_score(t.rotations) for t in motion.tracks]).mean()
@@ -98,7 +98,7 @@ def skating_row(name: str, motion: Motion, body: BodyModel) -> Row:
     return {
         "name": name,
         "seconds": sum(len(t.hips) for t in motion.tracks) / FPS,
-        "speed_mps": float(metrics.travel_speed(windows.hips).mean()),
+        "speed_mps": float(kinematics.travel_speed(windows.hips).mean()),
         **heel_skating(motion, body.marker_names),
         "both_feet_skating": float(contact.both_feet_skating(feet).mean()),
         "slide_cm_s": 100 * contact.slide_speed(feet),
@@ -125,9 +125,9 @@ def carried_figures(rollouts: Sequence[Rollout], names: Sequence[str]) -> Row:
     carried = np.concatenate([r.carried for r in rollouts])
     if not len(carried):
         return {}
-    error = metrics.amd(carried, np.concatenate([r.reprojected() for r in rollouts]))
+    error = prediction.amd(carried, np.concatenate([r.reprojected() for r in rollouts]))
     parts = rigid_parts(carried.reshape(len(carried), -1, *carried.shape[3:]), names)
-    deformed = [metrics.deformation(markers).mean() for markers in parts.values()]
+    deformed = [kinematics.deformation(markers).mean() for markers in parts.values()]
     return {
         "carried_error_mm": error,
         "carried_deformation_mm": 1000 * float(np.mean(deformed)),

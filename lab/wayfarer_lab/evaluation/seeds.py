@@ -9,7 +9,7 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.agent import AgentSpec
 from wayfarer.runtime.world.slots import Gait, Mode, Motion, Seeds
 from wayfarer.spec import FPS, SEED_FRAMES
-from wayfarer_lab.evaluation.metrics import WALKING_SPEED
+from wayfarer_lab.evaluation.metrics.kinematics import WALKING_SPEED
 from wayfarer_lab.evaluation.tracks import Recorded, skin_track
 from wayfarer_lab.training.mocap.selection import Use
 

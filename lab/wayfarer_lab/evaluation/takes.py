@@ -14,7 +14,7 @@ from wayfarer.clips.clip import Clip
 from wayfarer.runtime.world.heading import facing_of
 from wayfarer.spec import POSED_JOINTS
 from wayfarer_lab.evaluation.metrics import feet, joints
-from wayfarer_lab.evaluation.posture import Trunk
+from wayfarer_lab.evaluation.metrics.trunk import Trunk
 
 Array = NDArray[np.floating[Any]]
 

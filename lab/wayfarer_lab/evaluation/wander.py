@@ -17,7 +17,7 @@ from wayfarer_lab.evaluation.figures import distances
 from wayfarer_lab.evaluation.gait import Windows
 from wayfarer_lab.evaluation.goals import Watch
 from wayfarer_lab.evaluation.health import SPIN_RANGE, Health
-from wayfarer_lab.evaluation.posture import Trunk
+from wayfarer_lab.evaluation.metrics.trunk import Trunk
 from wayfarer_lab.evaluation.tracks import Track, skin_track
 
 Array = NDArray[np.floating[Any]]

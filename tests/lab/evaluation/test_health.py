@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from tests.lab.evaluation.people import BODIES
 from wayfarer.spec import BETAS
 from wayfarer_lab.evaluation.health import OFF_FLOOR_FRAMES, TILTED_FRAMES, Health, health_row
-from wayfarer_lab.evaluation.posture import Trunk
+from wayfarer_lab.evaluation.metrics.trunk import Trunk
 from wayfarer_lab.evaluation.tracks import Track, skin_track
 
 BODY = BODIES["female"]

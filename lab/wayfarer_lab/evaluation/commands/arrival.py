@@ -23,10 +23,9 @@ from wayfarer_lab.evaluation.commands.options import (
     ThreadsOption,
 )
 from wayfarer_lab.evaluation.commands.shared import finish, origin, progress
-from wayfarer_lab.evaluation.gait import Row, Windows, stillness_row
+from wayfarer_lab.evaluation.gait import Row, Windows, posed_gait_rows, stillness_row
 from wayfarer_lab.evaluation.goals import Course, run_errands
 from wayfarer_lab.evaluation.outcome import STEP_LIMIT, judge
-from wayfarer_lab.evaluation.posture import posed_gait_rows
 from wayfarer_lab.evaluation.scenarios import arrival as arrival_scenario
 from wayfarer_lab.evaluation.scenarios import maneuver_tables
 from wayfarer_lab.evaluation.seeds import walking_seeds

@@ -20,14 +20,13 @@ from wayfarer_lab.evaluation.commands.options import (
     ThreadsOption,
 )
 from wayfarer_lab.evaluation.commands.shared import finish, origin, progress
-from wayfarer_lab.evaluation.gait import Row, Windows
+from wayfarer_lab.evaluation.gait import Row, Windows, posed_gait_rows
 from wayfarer_lab.evaluation.goals import Watch, random_specs, run_errands
 from wayfarer_lab.evaluation.health import FAULTS, health_row
 from wayfarer_lab.evaluation.maneuvers import robust
 from wayfarer_lab.evaluation.maneuvers.maneuver import Case
 from wayfarer_lab.evaluation.maneuvers.robust import MORE_SCRIPTS, SCRIPTS
 from wayfarer_lab.evaluation.maneuvers.sessions import shots_of
-from wayfarer_lab.evaluation.posture import posed_gait_rows
 from wayfarer_lab.evaluation.tracks import Recorded
 from wayfarer_lab.evaluation.wander import wander
 from wayfarer_lab.training.mocap.selection import Use

@@ -50,7 +50,7 @@ def realism(
     no search. With --data, start poses are frames of the split; without, the shipped ones, and
     there is neither a row "mocap" nor a Fréchet distance.
     """
-    from wayfarer_lab.evaluation.frechet import FRAMES, Reference
+    from wayfarer_lab.evaluation.metrics.frechet import FRAMES, Reference
     from wayfarer_lab.evaluation.random_motion import realism as make
     from wayfarer_lab.evaluation.realism import Motion
 

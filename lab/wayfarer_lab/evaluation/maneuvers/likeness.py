@@ -7,7 +7,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer_lab.evaluation import frechet
 from wayfarer_lab.evaluation.goals import Errand, Order, random_specs
 from wayfarer_lab.evaluation.maneuvers.maneuver import (
     RECORDED,
@@ -21,7 +20,7 @@ from wayfarer_lab.evaluation.maneuvers.maneuver import (
     way_to,
 )
 from wayfarer_lab.evaluation.maneuvers.walk import steady
-from wayfarer_lab.evaluation.metrics import likeness
+from wayfarer_lab.evaluation.metrics import frechet, likeness
 
 Array = NDArray[np.floating[Any]]
 

@@ -1,11 +1,12 @@
 """Orders that nobody would expect: goals behind, again and again; and random sessions."""
 
 from collections.abc import Callable, Sequence
+from math import pi
 from typing import Final
 
 import numpy as np
 
-from wayfarer.runtime.agent import AgentInfo, Goal
+from wayfarer.runtime.agent import AgentSpec, Goal
 from wayfarer_lab.evaluation.figures import distances
 from wayfarer_lab.evaluation.goals import Errand, Order, Plan, random_specs
 from wayfarer_lab.evaluation.maneuvers.feet_figures import contact_figures
@@ -15,11 +16,12 @@ from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Figures,
     Maneuver,
     Shot,
-    facing,
     spread,
     way_to,
 )
 from wayfarer_lab.evaluation.metrics import feet, joints
+
+Chance = np.random.Generator
 
 TILTED: Final = 30.0
 """Degrees of the trunk: a walking person never leans so far."""
@@ -85,50 +87,46 @@ BARS: Final = (
 
 
 def repeated(
-    name: str, every: float, seconds: float, plan: Callable[[np.random.Generator], Plan]
+    name: str, every: float, seconds: float, plan: Callable[[int, AgentSpec, Chance], Plan]
 ) -> Case:
-    """An order every so many seconds; chance makes each of them."""
+    """An order every so many seconds: `plan` makes each from its number, the agent and chance."""
 
     def errands(agents: int, random: np.random.Generator) -> list[Errand]:
-        moments = np.arange(0.0, seconds - 1e-6, every)
+        moments = [round(float(at), 3) for at in np.arange(0.0, seconds - 1e-6, every)]
         return [
-            Errand(spec, tuple(Order(round(float(at), 3), plan(random)) for at in moments))
+            Errand(
+                spec,
+                tuple(Order(at, plan(number, spec, random)) for number, at in enumerate(moments)),
+            )
             for spec in random_specs(agents, random)
         ]
 
     return Case(name, seconds, errands)
 
 
-def _behind(metres: float) -> Callable[[np.random.Generator], Plan]:
-    return lambda random: way_to(180.0, metres)
+def _behind(metres: float) -> Callable[[int, AgentSpec, Chance], Plan]:
+    return lambda number, spec, random: way_to(180.0, metres)
 
 
-def _about_face(random: np.random.Generator) -> Plan:
-    return lambda agent: [facing(agent, 180.0)]
+def _about_face(number: int, spec: AgentSpec, random: Chance) -> Plan:
+    """Away from and back to how it stood first, in its first place."""
+    turned = spec.heading + (pi if number % 2 == 0 else 0.0)
+    goal = Goal((*spec.position, 0.0), heading=(turned + pi) % (2 * pi) - pi)
+    return lambda agent: [goal]
 
 
-def _anywhere(random: np.random.Generator) -> Plan:
+def _anywhere(number: int, spec: AgentSpec, random: Chance) -> Plan:
     angle, metres = float(random.uniform(0, 360)), float(random.uniform(3.0, 9.0))
     return way_to(angle, metres, float(random.uniform(0.6, 2.5)))
 
 
-def _here(random: np.random.Generator) -> Plan:
-    def plan(agent: AgentInfo) -> list[Goal]:
-        x, y, _ = agent.position
-        return [Goal((x, y, 0.0))]
-
-    return plan
+def _here(number: int, spec: AgentSpec, random: Chance) -> Plan:
+    return lambda agent: [Goal((agent.position[0], agent.position[1], 0.0))]
 
 
-def _by_turns() -> Callable[[np.random.Generator], Plan]:
+def _by_turns(number: int, spec: AgentSpec, random: Chance) -> Plan:
     """A goal far ahead at 0.4 and at 3.0 m/s in turn."""
-    speeds = [0.4, 3.0]
-
-    def plan(random: np.random.Generator) -> Plan:
-        speeds.reverse()
-        return way_to(0.0, 12.0, speeds[0])
-
-    return plan
+    return way_to(0.0, 12.0, (0.4, 3.0)[number % 2])
 
 
 SCRIPTS: Final = (
@@ -141,7 +139,7 @@ SCRIPTS: Final = (
 
 MORE_SCRIPTS: Final = (
     repeated("here every 0.25 s", 0.25, 30.0, _here),
-    repeated("0.4 and 3 m/s in turn each second", 1.0, 30.0, _by_turns()),
+    repeated("0.4 and 3 m/s in turn each second", 1.0, 30.0, _by_turns),
 )
 """Which never did harm: in `eval long` only."""
 

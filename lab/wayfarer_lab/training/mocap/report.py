@@ -9,7 +9,7 @@ import numpy as np
 
 from wayfarer.body.model import BodyModel
 from wayfarer.spec import FPS
-from wayfarer_lab.evaluation import contact
+from wayfarer_lab.evaluation.metrics import contact
 from wayfarer_lab.evaluation.tracks import skin_track
 from wayfarer_lab.training.mocap.figure import draw
 from wayfarer_lab.training.mocap.fit import FittedClip
@@ -35,7 +35,7 @@ class Quality:
 
 
 def quality(clips: list[FittedClip], bodies: dict[str, BodyModel]) -> Quality:
-    """Measure fitted (or copied) clips; see `evaluation.contact` for the definitions."""
+    """Measure fitted (or copied) clips; see `evaluation.metrics.contact` for the definitions."""
     errors = np.concatenate([c.joint_error for c in clips])
     known = ~np.isnan(errors[0])
     slide, skate, deep, floating, strict = [], [], [], [], []

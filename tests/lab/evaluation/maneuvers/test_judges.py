@@ -214,3 +214,16 @@ def test_a_crowd_of_clones_marches() -> None:
     assert feet.first_foot(shots[0].take.height) is not None
     walked = stride.steps(shots[0].take.ankles, shots[0].take.hips)
     assert walked is not None and walked.cadence == pytest.approx(120, rel=0.02)
+
+
+def test_scripts_say_what_their_names_do() -> None:
+    random = np.random.default_rng(0)
+    scripts = {case.name: case.errands(1, random)[0] for case in robust.SCRIPTS}
+    behind = scripts["3 m behind every 2 s"]
+    assert [order.at for order in behind.orders] == list(np.arange(0, 40, 2.0))
+    face = scripts["about-face every 0.5 s"]
+    headings = [order.plan(None)[0].heading for order in face.orders[:3]]
+    assert abs(headings[0] - headings[1]) == pytest.approx(np.pi)
+    assert headings[2] == headings[0] and face.orders[1].at == 0.5
+    anywhere = scripts["anywhere every 0.25 s"]
+    assert len(anywhere.orders) == 120

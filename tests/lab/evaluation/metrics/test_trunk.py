@@ -11,8 +11,8 @@ from wayfarer.body.library import load_body
 from wayfarer.body.rotation import matrix_from_quaternion, quaternion_from_rotvec
 from wayfarer.errors import InvalidArgument
 from wayfarer.spec import BETAS
-from wayfarer_lab.evaluation.gait import Windows
-from wayfarer_lab.evaluation.posture import Trunk, posed_gait_rows
+from wayfarer_lab.evaluation.gait import Windows, posed_gait_rows
+from wayfarer_lab.evaluation.metrics.trunk import Trunk
 
 BODY = BODIES["female"]
 ANGLE = st.floats(-np.pi, np.pi)

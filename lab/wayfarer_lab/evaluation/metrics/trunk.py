@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from wayfarer.body.model import BodyModel
 from wayfarer.errors import InvalidArgument
 from wayfarer.spec import BETAS
-from wayfarer_lab.evaluation.gait import Row, Windows, gait_row
 
 Array = NDArray[np.floating[Any]]
 
@@ -76,20 +75,3 @@ def _find(body: BodyModel, names: tuple[str, ...]) -> list[int]:
     if missing:
         raise InvalidArgument(f"body {body.name} has no markers {missing}: no trunk can be seen")
     return [body.marker_names.index(name) for name in names]
-
-
-def lean(row: Row, motion: Windows, trunk: Trunk) -> Row:
-    """`row` with the mean tilt of the trunk, degrees, in the motion that it describes."""
-    if not len(motion.markers):
-        return row
-    return {**row, "trunk_tilt_deg": float(trunk.tilt(motion.markers).mean())}
-
-
-def posed_gait_rows(name: str, motion: Windows, body: BodyModel) -> list[Row]:
-    """Rows of all windows and of those at walking speed; both genders have the same markers."""
-    trunk = Trunk.of(body)
-    matched = motion.at_walking_speed()
-    return [
-        lean(gait_row(name, motion, body.sole_markers), motion, trunk),
-        lean(gait_row(f"{name}, 0.9-1.4 m/s", matched, body.sole_markers), matched, trunk),
-    ]

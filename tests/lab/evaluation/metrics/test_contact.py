@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.spec import FPS
-from wayfarer_lab.evaluation import contact
+from wayfarer_lab.evaluation.metrics import contact
 
 FRAMES = 40
 

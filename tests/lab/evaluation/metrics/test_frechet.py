@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from wayfarer.body.library import load_body
 from wayfarer.spec import BETAS, FPS
-from wayfarer_lab.evaluation import frechet
+from wayfarer_lab.evaluation.metrics import frechet
 
 BODY = load_body("anny52", "male", "low")
 NAMES = BODY.marker_names

@@ -2,7 +2,7 @@
 
 Points have shape [..., T, P, 3]: T frames at `fps`, P markers. *Soles* are the markers under the
 feet (`BodyModel.sole_markers`), left ones first, as many left as right. Speeds are central
-differences inside and one-sided at the ends (`metrics.velocity`).
+differences inside and one-sided at the ends (`kinematics.velocity`).
 
 A change of any number here makes old tables incomparable: raise `metrics.VERSION`.
 """
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.spec import FPS, PRIMITIVE_FRAMES
-from wayfarer_lab.evaluation.metrics import velocity
+from wayfarer_lab.evaluation.metrics.kinematics import velocity
 
 Array = NDArray[np.floating[Any]]
 

@@ -2,8 +2,8 @@
 
 `frechet_v1`, 37 numbers of a window of 80 frames at 40 fps. Six sites are means of markers:
 hips (LFWT RFWT LBWT RBWT), head (LFHD RFHD LBHD RBHD), hands (IWR OWR) and feet (ANK HEE MT1 MT5).
-Velocities (`metrics.velocity`) are turned, frame by frame, into the body's heading: right, forward,
-up; forward is the horizontal direction square to the line from the left to the right waist.
+Velocities (`kinematics.velocity`) are turned, frame by frame, into the body's heading: right,
+forward, up; forward is the horizontal direction square to the line from left to right waist.
 
     hips      mean right and forward velocity; standard deviation of all three; mean and standard
               deviation of height; mean and standard deviation of the turning speed (rad/s)    9
@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.spec import FPS, NEW_FRAMES
-from wayfarer_lab.evaluation.metrics import velocity
+from wayfarer_lab.evaluation.metrics.kinematics import velocity
 
 Array = NDArray[np.floating[Any]]
 
