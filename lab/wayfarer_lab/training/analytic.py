@@ -6,6 +6,9 @@ every agent tells it the slope in all 128 dimensions, where PPO (`training/polic
 way) learns one number from it. PPO may go on from here.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import radians
 from pathlib import Path
 
 import torch
@@ -18,9 +21,10 @@ from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
-from wayfarer.motion.primitive import PrimitiveStep
+from wayfarer.motion.primitive import BLEND, PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
+from wayfarer.motion.rotation import matrix_from_quaternion
 from wayfarer.spec import GENDERS, LATENT
 from wayfarer.terms import TERMS
 from wayfarer_lab.training.crowd import Crowd, CrowdSampler
@@ -40,7 +44,9 @@ class AnalyticConfig(BaseModel):
     agents: int = 384  # of each gender, stepped in turn
     horizon: int = 3  # steps through which gradients flow
     rate: float = 5e-4
-    kl_weight: float = 1.0  # of KL(π ‖ N(0, I)) per latent dimension
+    kl_weight: float = 1.0  # of KL(π ‖ p) per latent dimension, p the predictor's prior
+    strain_weight: float = 1.0  # of crouching and of knees beyond their limits, see `Posture`
+    body_weight: float = 60.0  # of a metre by which predicted markers miss the body, see `off_body`
     renewal: float = 0.01  # chance at every step that an agent is replaced by a new one
     start_from: str = ""  # run folder of a policy to go on from
     mix: dict[str, float] = {
@@ -51,6 +57,72 @@ class AnalyticConfig(BaseModel):
         "standing": 0.2,
     }  # where new agents begin, see dataset.group_of
     seed: int = 0
+
+
+FALL = 20.0
+"""What a fall costs: as much as the dearest step."""
+
+LOW_WAIST = 0.92
+"""Share of the waist's height in the T-pose below which a body crouches."""
+
+BENT, STRAIGHT = radians(115), radians(-3)
+"""Knees bend no farther than this, and not beyond straight."""
+
+
+@dataclass(frozen=True)
+class Posture:
+    """What no quality term of the service looks at: crouching, and knees beyond their limits."""
+
+    waist: list[int]
+    hips: list[int]  # left, right
+    knees: list[tuple[int, int]]  # of each side the marker on its left, and on its right
+    ankles: list[int]
+
+    @classmethod
+    def from_names(cls, names: Sequence[str]) -> "Posture":
+        """Of a body's markers."""
+        at = {name: i for i, name in enumerate(names)}
+        return cls(
+            waist=[at[n] for n in ("LFWT", "LBWT", "RFWT", "RBWT")],
+            hips=[at["LHIP"], at["RHIP"]],
+            knees=[(at["LKNE"], at["LKNI"]), (at["RKNI"], at["RKNE"])],
+            ankles=[at["LANK"], at["RANK"]],
+        )
+
+    def strain(self, markers: Tensor, resting: Tensor) -> Tensor:
+        """Cost [A] of poses [A, 67, 3] of bodies whose T-pose is `resting` [A, 3, 67].
+
+        5 cm of crouching cost 1, and so do 30 degrees beyond a knee's limits.
+        """
+        height = resting[:, 2, self.waist].mean(-1) - resting[:, 2].amin(-1)
+        crouching = (LOW_WAIST * height - markers[:, self.waist, 2].mean(-1)).clamp(min=0)
+        beyond = torch.zeros_like(crouching)
+        for hip, (left, right), ankle in zip(self.hips, self.knees, self.ankles, strict=True):
+            knee = (markers[:, left] + markers[:, right]) / 2
+            thigh, shin = knee - markers[:, hip], markers[:, ankle] - knee
+            axis = torch.nn.functional.normalize(markers[:, right] - markers[:, left], dim=-1)
+            sine = -(torch.cross(thigh, shin, dim=-1) * axis).sum(-1)
+            flexion = torch.atan2(sine, (thigh * shin).sum(-1))
+            beyond = beyond + (flexion - BENT).clamp(min=0) + (STRAIGHT - flexion).clamp(min=0)
+        return 20 * crouching + 2 * beyond
+
+
+LOOSE = 0.015
+"""Metres by which predicted markers may miss the body's: the prior's own miss it by 1.2 cm."""
+
+
+def off_body(after: Crowd, body: MarkerBody) -> Tensor:
+    """Mean distance [A], metres, from the last predicted markers to those of the body behind them.
+
+    The terms look at predicted markers, and people see the body. Without a price on what lies
+    between, a policy finds latents whose markers are no body's (soles on the floor, the body 8 cm
+    above it). The slope is that of the markers: the body is taken as it is.
+    """
+    with torch.no_grad():
+        rotations = matrix_from_quaternion(after.rotations)
+        skin, _ = body.skin(body.shaped(after.betas), after.translation, rotations)
+    # the next seed lies `BLEND` of the way from the predicted markers to the body's
+    return (after.markers - skin).norm(dim=-1).mean((-1, -2)) / (1 - BLEND)
 
 
 class Watched(nn.Module):
@@ -77,6 +149,7 @@ class AnalyticTrainer:
         if config.start_from:
             load_weights(self.policy, Path(config.start_from)).train()
         self.watched = Watched(self.policy)
+        self.posture = Posture.from_names(load_body("anny52", GENDERS[0]).marker_names)
         self.steps = {g: self._step(g) for g in GENDERS}
         self.samplers = {g: CrowdSampler(train, s.body) for g, s in self.steps.items()}
         self.trials = {g: CrowdSampler(validation, s.body) for g, s in self.steps.items()}
@@ -114,7 +187,7 @@ class AnalyticTrainer:
             crowd.betas,
             tasks.goal,
             tasks.target_speed(crowd.place.detach(), crowd.speed.detach()),
-            tasks.facing,
+            tasks.wished_facing(crowd.facing.detach()),
             weight,
             torch.ones(count),
             torch.randn(count, 1, LATENT),
@@ -122,7 +195,11 @@ class AnalyticTrainer:
         )
         assert self.watched.last is not None
         cost = (result.terms * weight).sum(-1)
-        return crowd.after(result), cost, result.terms, self.watched.last
+        after, body = crowd.after(result), self.steps[gender].body
+        strain = self.posture.strain(after.markers[:, -1], body.resting(crowd.betas))
+        cost = cost + self.config.strain_weight * strain
+        cost = cost + self.config.body_weight * (off_body(after, body) - LOOSE).clamp(min=0)
+        return after, cost, result.terms, self.watched.last
 
     def update(self) -> dict[str, float]:
         """One optimiser step."""
@@ -135,9 +212,11 @@ class AnalyticTrainer:
         sound = torch.ones(config.agents)
         for _ in range(config.horizon):
             crowd, cost, _, distribution = self.advance(gender, crowd, tasks)
-            sound = sound * (~crowd.broken()).float()  # what follows a fall teaches nothing
             # a cost is worth no more than a fall's: slopes of freak bodies would drown the rest
-            total = total + (sound * cost).nan_to_num().clamp(max=20.0).mean() / config.horizon
+            cost = FALL * torch.tanh(cost.nan_to_num(FALL) / FALL)
+            cost = torch.where(crowd.broken(), FALL, cost)
+            total = total + (sound * cost).mean() / config.horizon
+            sound = sound * (~crowd.broken()).float()  # what follows a fall teaches nothing
             divergence = divergence + distribution.kl().mean() / config.horizon
         self.optimizer.zero_grad()
         (total + config.kl_weight * divergence).backward()

@@ -80,7 +80,9 @@ def skin_frames(
     markers = torch.empty(len(hips), 67, 3)
     with torch.no_grad():
         for g, name in enumerate(GENDERS):
-            for rows in torch.nonzero(gender == g).squeeze(-1).split(4096):
+            for rows in torch.nonzero(gender == g).flatten().split(4096):
+                if not len(rows):
+                    continue
                 local = matrix_from_quaternion(rotations[rows])
                 markers[rows], _ = bodies[name](hips[rows], local, betas[rows])
     return markers

@@ -11,7 +11,7 @@ from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.motion.rotation import matrix_from_quaternion, matrix_from_rotvec, sixd_from_matrix
 from wayfarer_lab.training.dataset import Frames, WindowSampler, random_betas
-from wayfarer_lab.training.run import TrainingRun, cosine_rate
+from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_weights
 
 PASS_SHARE = (0.25, 0.25, 0.5)
 """How often each of the regressor's passes is the one that learns."""
@@ -33,6 +33,7 @@ class RegressorConfig(BaseModel):
     heading: float = 0.7  # radians: spread of headings; a primitive starts facing +Y
     rotation_weight: float = 0.05  # weight of a 6D rotation term; with both 0, Eq. 2 alone
     surface_weight: float = 0.5  # weight of the skin between the markers
+    start_from: str = ""  # run folder whose weights to begin with
     mix: dict[str, float] = {
         "walk": 0.25,
         "run": 0.1,
@@ -57,6 +58,8 @@ class RegressorTrainer:
         self.body = marker_body(body)
         self.surface = marker_body(body, _spread(len(body.bind_vertices), SURFACE))
         self.model = BodyRegressor(self.body)
+        if config.start_from:
+            load_weights(self.model, Path(config.start_from)).train()
         # skinning stays in float32: a bfloat16 metre is known to 4 mm
         half = torch.autocast("cpu", dtype=torch.bfloat16)
         self.model.know = half(self.model.know)  # type: ignore[method-assign]

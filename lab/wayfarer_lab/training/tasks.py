@@ -5,6 +5,7 @@ so that one policy learns them all.
 """
 
 from dataclasses import dataclass, fields
+from math import cos, pi, radians, sin
 
 import torch
 from torch import Tensor
@@ -13,7 +14,7 @@ from wayfarer.spec import STEP_SECONDS
 from wayfarer.terms import STAND, STRAFE, TURN, WALK, weights
 
 WALKING, STANDING, TURNING, STRAFING = range(4)
-SHARES = (0.52, 0.22, 0.15, 0.11)
+SHARES = (0.38, 0.22, 0.2, 0.2)
 TABLES = torch.tensor([weights(table) for table in (WALK, STAND, TURN, STRAFE)])
 
 SPEEDS = (0.4, 1.8)
@@ -21,6 +22,21 @@ RUNNING = (1.8, 3.2)
 RUN_SHARE = 0.08
 STRAFING_SPEEDS = (0.3, 0.9)
 DISTANCES = (0.5, 8.0)
+BEHIND_SHARE = 0.25
+"""Of walkers' goals lie straight behind, give or take `ASIDE`: reversals, goals behind."""
+
+KEEP_FACING = 0.7
+"""Share of strafers who are to face on as they do; the others first have to turn."""
+
+STRAFING_WAYS = (0.5, -0.5, 1.0)
+"""Half turns from the wished facing to the way of who strafes: left, right, back, …"""
+
+ASIDE = 0.35
+"""… give or take radians of this spread."""
+
+TURN_STEP = radians(40)
+"""As `Steering.turn_ahead`: nobody is asked to turn by more in one step."""
+
 STRAY = 0.25
 """Metres: spread of the place to stand at around where the agent is."""
 
@@ -64,6 +80,19 @@ class Tasks:
         wished = torch.minimum(wished, speed + ACCELERATION * STEP_SECONDS)
         return torch.where(self.moves, wished, torch.zeros_like(wished))
 
+    def wished_facing(self, facing: Tensor) -> Tensor:
+        """What agents who face `facing` [A, 2] are told to face at the end of a step [A, 2].
+
+        It is no farther than `TURN_STEP` from where they face now: a floor on the time to turn.
+        """
+        given = (self.facing**2).sum(-1, keepdim=True)  # 1 or 0
+        cosine = (facing * self.facing).sum(-1, keepdim=True)
+        left = torch.stack([-facing[:, 1], facing[:, 0]], -1)
+        side = (left * self.facing).sum(-1, keepdim=True)
+        side = torch.where(side < 0, -1.0, 1.0)
+        most = cos(TURN_STEP) * facing + side * sin(TURN_STEP) * left
+        return given * torch.where(cosine < cos(TURN_STEP), most, self.facing)
+
     def term_weights(self) -> Tensor:
         """[A, T]"""
         return TABLES[self.kind]
@@ -88,19 +117,26 @@ def draw_tasks(place: Tensor, facing: Tensor) -> Tasks:
         torch.multinomial(torch.tensor(SHARES), count, replacement=True) if count else place[:, 0]
     )
     kind = kind.long()
-    moves = (kind == WALKING) | (kind == STRAFING)
-    distance = torch.where(moves, _uniform(count, *DISTANCES), STRAY * torch.randn(count).abs())
-    ground = place + distance[:, None] * _direction(count)
-    fast = (torch.rand(count) < RUN_SHARE) & (kind == WALKING)
+    walking, strafing = kind == WALKING, kind == STRAFING
+    fast = (torch.rand(count) < RUN_SHARE) & walking
     speed = torch.where(fast, _uniform(count, *RUNNING), _uniform(count, *SPEEDS))
-    speed = torch.where(kind == STRAFING, _uniform(count, *STRAFING_SPEEDS), speed)
-    anywhere = (kind == TURNING) | (kind == STRAFING)
-    wished = torch.where(anywhere[:, None], _direction(count), facing)
+    speed = torch.where(strafing, _uniform(count, *STRAFING_SPEEDS), speed)
+    kept = ((torch.rand(count) < KEEP_FACING) & strafing) | (kind == STANDING)
+    wished = torch.where(kept[:, None], facing, _direction(count))
+
+    stray = ASIDE * torch.randn(count)
+    behind = (torch.rand(count) < BEHIND_SHARE) & walking
+    way = torch.where(behind[:, None], _turned(facing, pi + stray), _direction(count))
+    ways = torch.tensor(STRAFING_WAYS)[torch.randint(len(STRAFING_WAYS), (count,))]
+    way = torch.where(strafing[:, None], _turned(wished, pi * ways + stray), way)
+    moves = walking | strafing
+    distance = torch.where(moves, _uniform(count, *DISTANCES), STRAY * torch.randn(count).abs())
+    ground = place + distance[:, None] * way
     return Tasks(
         kind=kind,
         goal=torch.cat([ground, torch.zeros(count, 1)], -1),
         speed=speed,
-        facing=wished * (kind != WALKING)[:, None],
+        facing=wished * ~walking[:, None],
     )
 
 
@@ -111,3 +147,9 @@ def _uniform(count: int, low: float, high: float) -> Tensor:
 def _direction(count: int) -> Tensor:
     angle = 2 * torch.pi * torch.rand(count)
     return torch.stack([torch.cos(angle), torch.sin(angle)], -1)
+
+
+def _turned(facing: Tensor, angle: Tensor) -> Tensor:
+    """Unit vectors [A, 2] turned to the left by `angle` [A] radians."""
+    left = torch.stack([-facing[:, 1], facing[:, 0]], -1)
+    return torch.cos(angle)[:, None] * facing + torch.sin(angle)[:, None] * left

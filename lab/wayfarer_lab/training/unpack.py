@@ -43,7 +43,9 @@ def unpack_models(models: Path, runs: Path) -> dict[str, int]:
         folder.mkdir(parents=True)
         state = {"model": own | found, "optimizer": {}, "step": 0, "rng": torch.get_rng_state()}
         torch.save(state, folder / "last.pt")
-        (folder / "config.json").write_text(json.dumps(_config(models, name), indent=2) + "\n")
+        config, log = _settings(models, name)
+        (folder / "config.json").write_text(json.dumps(config, indent=2) + "\n")
+        (folder / "log.txt").write_text(log + "\n")
         written[name] = len(found)
     return written
 
@@ -95,11 +97,12 @@ def _last_bias(network: BodyRegressor, path: Path) -> dict[str, Tensor]:
     return {f"network.{last}.bias": bias}
 
 
-def _config(models: Path, name: str) -> dict[str, object]:
-    """What a network was trained with, from the card. Raises ArtifactError."""
+def _settings(models: Path, name: str) -> tuple[dict[str, object], str]:
+    """What a network was trained with, and its last log line. Raises ArtifactError."""
     _, section, rest = (models / CARD).read_text().partition(f"\n## {name}\n")
-    _, fence, text = rest.partition("```json\n")
-    if not section or not fence:
+    said, fence, text = rest.partition("```json\n")
+    log = [line.strip() for line in said.splitlines() if line.startswith("    ")]
+    if not section or not fence or not log:
         raise ArtifactError(f"{models / CARD}: has no settings of {name}")
     settings: dict[str, object] = json.loads(text.partition("```")[0])
-    return settings
+    return settings, log[-1]

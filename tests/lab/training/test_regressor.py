@@ -4,7 +4,7 @@ from tests.lab.training.fakes import gliding_frames
 from wayfarer.body.library import load_body
 from wayfarer_lab.training.regressor import RegressorConfig, RegressorTrainer, train_regressor
 
-SMALL = RegressorConfig(gender="female", steps=60, batch=64, rate=2e-3)
+SMALL = RegressorConfig(gender="female", steps=60, batch=64, rate=5e-4)
 
 
 def test_a_short_training_learns_to_find_the_body(tmp_path):

@@ -1,4 +1,5 @@
 import torch
+from torch import Tensor
 
 from wayfarer.terms import STRAFE, weights
 from wayfarer_lab.training.tasks import STANDING, STRAFING, TURNING, WALKING, Tasks, draw_tasks
@@ -35,8 +36,8 @@ def test_the_speed_wished_for_grows_from_the_present_one_and_falls_near_the_goal
     assert tasks(TURNING).target_speed(place, torch.ones(1)) == 0
 
 
-def test_who_has_arrived_stands_there_facing_as_he_does():
-    torch.manual_seed(3)  # nobody is asked for something else
+def test_who_has_arrived_stands_there_facing_as_he_does(monkeypatch):
+    monkeypatch.setattr("wayfarer_lab.training.tasks.CHANGE", 0.0)
     for kind in (WALKING, STRAFING):
         arrived = tasks(kind, goal=(0.1, 0.0))
         arrived.renew(torch.zeros(1, 2), EAST[None])
@@ -46,3 +47,34 @@ def test_who_has_arrived_stands_there_facing_as_he_does():
 
 def test_strafing_is_judged_by_its_own_table():
     assert tasks(STRAFING).term_weights()[0].tolist() == torch.tensor(weights(STRAFE)).tolist()
+
+
+def test_nobody_is_asked_to_turn_by_more_than_a_step_of_it():
+    asked = tasks(TURNING)
+    for degrees, told in ((10, 10), (90, 40), (-170, -40), (179, 40)):
+        angle = torch.deg2rad(torch.tensor(float(degrees)))
+        asked.facing = torch.stack([torch.cos(angle), torch.sin(angle)])[None]
+        found = asked.wished_facing(EAST[None])[0]
+        assert torch.isclose(
+            torch.rad2deg(torch.atan2(found[1], found[0])), torch.tensor(float(told)), atol=0.1
+        )
+    assert not tasks(WALKING).wished_facing(EAST[None]).any()
+
+
+def test_strafers_go_to_both_sides_and_back_and_some_goals_lie_behind():
+    torch.manual_seed(0)
+    drawn = draw_tasks(torch.zeros(4096, 2), EAST.expand(4096, 2))
+    strafing = drawn.kind == STRAFING
+    way = drawn.goal[strafing, :2]
+    aside = relative(way, drawn.facing[strafing])
+    for low, high in ((45, 135), (-135, -45)):
+        assert 0.2 < ((aside > low) & (aside < high)).float().mean() < 0.45
+    assert 0.2 < (aside.abs() > 135).float().mean() < 0.45
+    ahead = relative(drawn.goal[drawn.kind == WALKING, :2], EAST)
+    assert (ahead.abs() > 135).float().mean() > 0.35  # a quarter, and what chance adds
+
+
+def relative(way: Tensor, facing: Tensor) -> Tensor:
+    """Degrees from `facing` to `way`, left positive."""
+    angle = torch.atan2(way[:, 1], way[:, 0]) - torch.atan2(facing[..., 1], facing[..., 0])
+    return torch.rad2deg(torch.atan2(torch.sin(angle), torch.cos(angle)))
