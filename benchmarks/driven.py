@@ -100,6 +100,11 @@ class Driven:
         """See `MotionService`."""
         return self._world.list_sessions()
 
+    @property
+    def scenes(self) -> "Driven":
+        """See `MotionService`."""
+        return self
+
     async def list_scenes(self) -> list[SceneInfo]:
         """See `SceneService`. There are none."""
         return []
@@ -121,7 +126,7 @@ class Driven:
         while (event := self._world.next_event()) is not None and event <= until:
             self.now = event
             started = time.thread_time()
-            sent = self._world.send(event)
+            sent = self._world.take_due(event)
             for session_id, chunks in sent:
                 self._publisher.publish(session_id, chunks)
             if sent:

@@ -29,9 +29,10 @@ from benchmarks.bench import Row
 from benchmarks.driven import Driven, InstantEngine
 from wayfarer import config
 from wayfarer.runtime.settings import WorldSettings
-from wayfarer.runtime.stepping import batch, clockwork, playback, scheduler
+from wayfarer.runtime.stepping import batch, playback, scheduler
 from wayfarer.runtime.streams.publisher import Publisher
 from wayfarer.runtime.streams.subscription import BoundedSubscription
+from wayfarer.runtime.world import world
 from wayfarer.runtime.world.steering import Steering
 from wayfarer.runtime.world.world import World
 from wayfarer.spec import GENDERS, STEP_SECONDS
@@ -52,10 +53,10 @@ PARTS: Final = (
     (scheduler, "pad", "  pad"),
     (InstantEngine, "step", "  engine (a stand-in)"),
     (scheduler.Scheduler, "apply", "  apply"),
-    (World, "send", "world: send"),
+    (World, "take_due", "world: send"),
     (playback.Playback, "send", "  take out of playback"),
-    (clockwork, "clean_feet", "  foot lock"),
-    (clockwork, "due_by_session", "  part by session"),
+    (world, "clean_feet", "  foot lock"),
+    (world, "due_by_session", "  part by session"),
     (Publisher, "publish", "world: publish"),
     (World, "next_event", "world: find the next event"),
     (BoundedSubscription, "put", "transport: queue"),

@@ -111,7 +111,7 @@ def runtime(
         engine.warm_up((*compiled, sizes[-1]), set(tried) - set(measured))
         spread_out = (*compiled, *sizes[::-MEASURE_EVERY])
         for _ in range(MEASURES):
-            engine.warm_up(spread_out, measured, world.measured)
+            engine.warm_up(spread_out, measured, world.load.measured)
 
     worlds = Worlds(
         models=Models(engine),

@@ -37,7 +37,7 @@ def test_the_same_seed_gives_the_same_clip_and_the_world_is_left_empty():
     drawn = BeamSettings(zero_latent=False).steer(Steering())  # the fake moves by its candidate 0
     world = make_world(steering=drawn)
     first = generate_clip(world, AgentSpec(noise_seed=7), GOALS, 3.0)
-    assert (world.agents, world.sessions) == (0, 0)
+    assert (len(world.registry.agents), len(world.registry.sessions)) == (0, 0)
     again = generate_clip(make_world(steering=drawn), AgentSpec(noise_seed=7), GOALS, 3.0)
     other = generate_clip(make_world(steering=drawn), AgentSpec(noise_seed=8), GOALS, 3.0)
     assert (first.translation == again.translation).all()

@@ -74,9 +74,9 @@ def test_feet_are_on_a_slope_and_on_steps():
     assert chunks[-1].flags & ChunkFlag.ARRIVED
     translation = hips(chunks)
     assert translation[:, 2].max() > 2.0  # on the platform
-    slot = np.array([world._registry.agent(agent).slot])
+    slot = np.array([world.registry.agent(agent).slot])
     rotations = np.concatenate([chunk.rotations for chunk in chunks])
-    pose = pose_legs(world._table.rows.legs.take(slot), translation[None], rotations[None])
+    pose = pose_legs(world.slots.legs.take(slot), translation[None], rotations[None])
     soles = np.moveaxis(pose.soles[..., 0], 0, -1)  # [P, 2, F, 3]
     gaps = (soles[..., 2] - scene.floor(soles)).min(0).T
     contacts = np.concatenate([chunk.contacts for chunk in chunks])

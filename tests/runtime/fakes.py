@@ -4,10 +4,10 @@ import numpy as np
 
 from wayfarer.body.model import BodyModel
 from wayfarer.runtime.agent import AgentSpec, Goal, SessionSpec
-from wayfarer.runtime.commands import Recorder
 from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
 from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.world.heading import facing_of
+from wayfarer.runtime.world.observer import WorldObserver
 from wayfarer.runtime.world.spawn import multiply
 from wayfarer.runtime.world.world import World
 from wayfarer.spec import BETAS, GENDERS, JOINTS, MARKERS, NEW_FRAMES, STEP_SECONDS
@@ -128,10 +128,12 @@ def start_poses(count: int = 2) -> np.ndarray:
 
 
 def make_world(
-    engine: FakeEngine | None = None, recorder: Recorder | None = None, **settings: object
+    engine: FakeEngine | None = None, observer: WorldObserver | None = None, **settings: object
 ) -> World:
-    found = WorldSettings(**settings)
-    return World(engine or FakeEngine(), BODIES, start_poses(), found, recorder)
+    world = World(engine or FakeEngine(), BODIES, start_poses(), WorldSettings(**settings))
+    if observer is not None:
+        world.observe(observer)
+    return world
 
 
 def people(count: int, **values: object) -> list[AgentSpec]:

@@ -4,7 +4,7 @@ import asyncio
 import threading
 
 from tests.runtime.fakes import make_world
-from wayfarer.runtime.loop import LoopSettings, MotionLoop
+from wayfarer.runtime.loop import LiveMotion, LoopSettings
 from wayfarer.runtime.publications import StreamWish
 from wayfarer.runtime.settings import Limits
 
@@ -16,7 +16,7 @@ class Running:
 
     def __init__(self, engine=None, meter=None, limits=None, **settings):
         world = make_world(engine, limits=limits or Limits())
-        self.loop = MotionLoop(world, settings=LoopSettings(**settings), meter=meter)
+        self.loop = LiveMotion(world, settings=LoopSettings(**settings), meter=meter)
 
     async def __aenter__(self):
         self.loop.start()

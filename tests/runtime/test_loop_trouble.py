@@ -10,7 +10,7 @@ from tests.runtime.fakes import FakeEngine, make_world, people
 from tests.runtime.running import ALL, Running, first, until
 from wayfarer.errors import ResourceExhausted, Unavailable
 from wayfarer.runtime.agent import Goal, SessionSpec
-from wayfarer.runtime.loop import MotionLoop
+from wayfarer.runtime.loop import LiveMotion
 from wayfarer.runtime.motor import FAILURES
 from wayfarer.runtime.settings import Limits
 
@@ -59,7 +59,7 @@ async def test_a_loop_that_keeps_failing_ends_and_says_so():
 
 async def test_before_it_is_warm_the_loop_is_alive_and_not_ready():
     warm = threading.Event()
-    loop = MotionLoop(make_world(), warm_up=lambda: warm.wait(5))
+    loop = LiveMotion(make_world(), warm_up=lambda: warm.wait(5))
     assert not loop.alive
     with pytest.raises(Unavailable, match="has not been started"):
         await loop.create_session(SessionSpec("s"))
@@ -75,7 +75,7 @@ async def test_a_failed_warm_up_is_no_ready_loop():
     def fail():
         raise RuntimeError("no memory")
 
-    loop = MotionLoop(make_world(), warm_up=fail)
+    loop = LiveMotion(make_world(), warm_up=fail)
     loop.start()
     await until(lambda: not loop.alive)
     assert not loop.ready

@@ -92,6 +92,10 @@ class FakeService(FakeScenes):
         self._alias: dict[str, int] = {}
         self._number = count(1)
 
+    @property
+    def scenes(self) -> FakeScenes:
+        return self
+
     def _session(self, session_id: str) -> list[AgentInfo]:
         if self.fail_with is not None:
             error, self.fail_with = self.fail_with, None

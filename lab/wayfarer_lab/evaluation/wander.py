@@ -99,7 +99,7 @@ def wander(
     for agent, chunks in waiting.items():
         _watch(health[agent], bodies, spec_of[agent], chunks)
     world.delete_session(session)
-    return Wandering(list(health.values()), gait, given, reached, world.resets)
+    return Wandering(list(health.values()), gait, given, reached, world.scheduler.resets)
 
 
 def _healthy(bodies: Bodies, spec: AgentSpec) -> Health:

@@ -1,6 +1,6 @@
 """The live service: calls of transports become commands to the motion thread. The only clock.
 
-`Motor` is the thread, `World` what it turns, `Publisher` whom it tells.
+`MotionThread` turns the `World` and hands its chunks to the `Publisher`.
 """
 
 import asyncio
@@ -20,7 +20,7 @@ from wayfarer.runtime.commands import Append, GoalCommand
 from wayfarer.runtime.engines.models import model_changed
 from wayfarer.runtime.inbox import Inbox
 from wayfarer.runtime.meter import Meter, NoMeter
-from wayfarer.runtime.motor import Motor
+from wayfarer.runtime.motor import MotionThread
 from wayfarer.runtime.publications import StreamWish
 from wayfarer.runtime.stats import LoopStats
 from wayfarer.runtime.streams.publisher import Publisher
@@ -46,7 +46,7 @@ def steady_clock() -> Callable[[], float]:
     return lambda: start + time.monotonic()
 
 
-class MotionLoop:
+class LiveMotion:
     """Runs a world in a thread of its own: the part of `MotionService` that is in real time."""
 
     def __init__(
@@ -65,28 +65,35 @@ class MotionLoop:
         self._inbox = Inbox(self._settings.inbox)
         self._workshop = ThreadPoolExecutor(1, "newcomers")
         self._publisher = Publisher(self._settings, self._meter, world.get_agent)
-        self._motor = Motor(world, self._publisher, self._inbox, warm_up, self._clock, self._meter)
+        self._thread = MotionThread(
+            world=world,
+            publisher=self._publisher,
+            inbox=self._inbox,
+            warm_up=warm_up,
+            clock=self._clock,
+            meter=self._meter,
+        )
 
     # Life
 
     def start(self) -> None:
         """Start the thread, once."""
-        self._motor.start()
+        self._thread.start()
 
     async def stop(self) -> None:
         """End the thread, every stream and every waiting command; return when that is done."""
-        await self._motor.stop()
+        await self._thread.stop()
         self._workshop.shutdown(wait=False, cancel_futures=True)
 
     @property
     def ready(self) -> bool:
         """See `MotionService`."""
-        return self._motor.ready
+        return self._thread.ready
 
     @property
     def alive(self) -> bool:
         """See `MotionService`."""
-        return self._motor.alive
+        return self._thread.alive
 
     async def ask(self, call: Callable[[World, float], T]) -> T:
         """Call on the motion thread, with the world and its time. Must be quick.
@@ -97,7 +104,7 @@ class MotionLoop:
 
     async def stats(self) -> LoopStats:
         """See `MotionService`, as for all below."""
-        return await self._inbox.ask(self._motor.stats)
+        return await self._inbox.ask(self._thread.stats)
 
     # Sessions
 

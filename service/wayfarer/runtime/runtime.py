@@ -22,31 +22,30 @@ from wayfarer.runtime.agent import (
 from wayfarer.runtime.commands import GoalCommand
 from wayfarer.runtime.engines.engine import Engine
 from wayfarer.runtime.engines.model_store import ModelDesk, no_model
-from wayfarer.runtime.loop import LoopSettings, MotionLoop, steady_clock
+from wayfarer.runtime.loop import LiveMotion, LoopSettings, steady_clock
 from wayfarer.runtime.meter import Meter
 from wayfarer.runtime.offline.lockstep import LockStep, LockSteps
 from wayfarer.runtime.offline.offline import Offline
 from wayfarer.runtime.offline.walk import walk
 from wayfarer.runtime.publications import Publication, StreamWish
-from wayfarer.runtime.scene_calls import SceneCalls
-from wayfarer.runtime.scenes.desk import SceneDesk
+from wayfarer.runtime.scene_service import Scenes
 from wayfarer.runtime.state.archive import Archive
 from wayfarer.runtime.state.keeper import SAVE_PARTS, Keeper
-from wayfarer.runtime.state.kept import KeptWorld, kept
 from wayfarer.runtime.stats import LoopStats
 from wayfarer.runtime.streams.subscription import BoundedSubscription
 from wayfarer.runtime.world.handover import SessionRecord
+from wayfarer.runtime.world.world import World
 from wayfarer.runtime.worlds import Worlds
 
 
-class Runtime(SceneCalls):
-    """Implements `MotionService` and `SceneService`."""
+class Runtime:
+    """Implements `MotionService`."""
 
     def __init__(
         self,
         worlds: Worlds,
         jobs: int = 2,
-        warm_up: Callable[[KeptWorld], None] = lambda world: None,
+        warm_up: Callable[[World], None] = lambda world: None,
         settings: LoopSettings | None = None,
         clock: Callable[[], float] | None = None,
         meter: Meter | None = None,
@@ -61,49 +60,54 @@ class Runtime(SceneCalls):
         """
         self._worlds = worlds
         self._archive = Archive(worlds)
-        keeper = Keeper(worlds.journal, worlds.settings.limits)
+        self._keeper = Keeper(worlds.journal, worlds.settings.limits)
         self._clock = clock or steady_clock()
         self._offline = Offline(jobs)
         self._desk = ModelDesk(worlds.models, open_model)
         self._door = asyncio.Lock()  # two sessions of one id must not enter different worlds
         self._world = worlds.live()
-        super().__init__(
-            SceneDesk(worlds.scenes, self._clock),
-            keeper,
-            MotionLoop(self._world, lambda: self._wake(warm_up), settings, self._clock, meter),
-            LockSteps(worlds, self._offline, self._clock),
+        self._live = LiveMotion(
+            self._world, lambda: self._wake(warm_up), settings, self._clock, meter
+        )
+        self._lock_steps = LockSteps(worlds, self._offline, self._clock)
+        self.scenes = Scenes(
+            book=worlds.scenes,
+            keeper=self._keeper,
+            live=self._live,
+            lock_steps=self._lock_steps,
+            clock=self._clock,
         )
 
     # Life
 
     def start(self) -> None:
         """Start all threads, once; to be called on the event loop."""
-        self._keeper.start(lambda: self._loop.ask(lambda world, _: kept(world).save(SAVE_PARTS)))
-        self._loop.start()
+        self._keeper.start(lambda: self._live.ask(lambda world, _: world.checkpoint(SAVE_PARTS)))
+        self._live.start()
 
     async def stop(self) -> None:
         """End every thread, stream and waiting command; where all stand is saved."""
         self._keeper.pause()
         await asyncio.to_thread(self._worlds.stop)
-        await self._loop.stop()
-        self._scenes.stop()
+        await self._live.stop()
+        self.scenes.stop()
         await asyncio.to_thread(self._lock_steps.stop, "the server has been stopped")
-        self._world.save()
+        self._world.checkpoint()
         await self._keeper.stop()
 
     @property
     def ready(self) -> bool:
         """See `MotionService`, as for all below."""
-        return self._loop.ready
+        return self._live.ready
 
     @property
     def alive(self) -> bool:
         """See `MotionService`."""
-        return self._loop.alive
+        return self._live.alive
 
     async def stats(self) -> LoopStats:
         """See `MotionService`."""
-        return replace(await self._loop.stats(), journal_failing=self._keeper.failing)
+        return replace(await self._live.stats(), journal_failing=self._keeper.failing)
 
     # Sessions
 
@@ -123,12 +127,12 @@ class Runtime(SceneCalls):
 
     async def list_sessions(self) -> list[SessionInfo]:
         """See `MotionService`."""
-        sessions = await self._loop.list_sessions() + self._lock_steps.infos()
+        sessions = await self._live.list_sessions() + self._lock_steps.infos()
         return sorted(sessions, key=lambda session: session.created_at)
 
     async def delete_session(self, session_id: str) -> None:
         """See `MotionService`."""
-        home = self._lock_steps if self._lock_steps.session(session_id) else self._loop
+        home = self._lock_steps if self._lock_steps.session(session_id) else self._live
         await home.delete_session(session_id)
         await self._keeper.durable(None)
 
@@ -136,7 +140,7 @@ class Runtime(SceneCalls):
 
     async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
         """See `MotionService`."""
-        home = self._lock_steps if self._lock_steps.session(session_id) else self._loop
+        home = self._lock_steps if self._lock_steps.session(session_id) else self._live
         return await self._keeper.durable(await home.create_agents(session_id, specs))
 
     async def get_agent(self, agent_id: str) -> AgentInfo:
@@ -154,7 +158,7 @@ class Runtime(SceneCalls):
 
     async def delete_agent(self, agent_id: str) -> None:
         """See `MotionService`."""
-        home = self._lock_steps if self._lock_steps.agent(agent_id) else self._loop
+        home = self._lock_steps if self._lock_steps.agent(agent_id) else self._live
         await home.delete_agent(agent_id)
         await self._keeper.durable(None)
 
@@ -174,13 +178,13 @@ class Runtime(SceneCalls):
             raise FailedPrecondition(
                 f"session {session_id!r} is in lock-step: its motion comes from StepAgents"
             )
-        return await self._loop.subscribe(session_id, wish)
+        return await self._live.subscribe(session_id, wish)
 
     async def step_session(self, session_id: str, steps: int) -> list[Publication]:
         """See `MotionService`."""
         home = self._lock_steps.session(session_id)
         if home is None:
-            await self._loop.get_session(session_id)
+            await self._live.get_session(session_id)
             raise FailedPrecondition(
                 f"session {session_id!r} goes with time by itself; create it with `lock_step` to "
                 "step it"
@@ -214,7 +218,7 @@ class Runtime(SceneCalls):
         self._worlds.models.use(name)
         if not move_agents:
             return 0
-        return await self._loop.use_model(name) + await self._lock_steps.use_model(name)
+        return await self._live.use_model(name) + await self._lock_steps.use_model(name)
 
     async def unload_model(self, name: str) -> None:
         """See `MotionService`."""
@@ -236,7 +240,7 @@ class Runtime(SceneCalls):
             if record.spec.lock_step:
                 made = await asyncio.to_thread(self._lock_steps.put, record)
             else:
-                made = await self._loop.put_session(record)
+                made = await self._live.put_session(record)
         return await self._keeper.durable(made)
 
     async def export_log(self, session_id: str) -> bytes:
@@ -245,24 +249,24 @@ class Runtime(SceneCalls):
 
     # Within
 
-    def _home(self, session_id: str) -> MotionLoop | LockStep:
-        return self._lock_steps.session(session_id) or self._loop
+    def _home(self, session_id: str) -> LiveMotion | LockStep:
+        return self._lock_steps.session(session_id) or self._live
 
-    def _home_of(self, agent_id: str) -> MotionLoop | LockStep:
-        return self._lock_steps.agent(agent_id) or self._loop
+    def _home_of(self, agent_id: str) -> LiveMotion | LockStep:
+        return self._lock_steps.agent(agent_id) or self._live
 
     async def _create_session(self, spec: SessionSpec) -> SessionInfo:
         if spec.lock_step:
             return self._lock_steps.create(spec)
-        return await self._loop.create_session(spec)
+        return await self._live.create_session(spec)
 
     async def _refuse_taken(self, session_id: str) -> None:
         if self._lock_steps.session(session_id) or any(
-            session.session_id == session_id for session in await self._loop.list_sessions()
+            session.session_id == session_id for session in await self._live.list_sessions()
         ):
             raise AlreadyExists(f"session {session_id!r} exists already")
 
-    def _wake(self, warm_up: Callable[[KeptWorld], None]) -> None:
+    def _wake(self, warm_up: Callable[[World], None]) -> None:
         """On the motion thread, before its first turn: warm up, then go on with what was kept."""
         warm_up(self._world)
         self._keeper.restore_scenes(self._worlds.scenes)
@@ -271,4 +275,4 @@ class Runtime(SceneCalls):
     def _adopt(self, record: SessionRecord) -> SessionInfo:
         if record.spec.lock_step:
             return self._lock_steps.put(record)
-        return self._loop.adopt(record, self._clock(), admit=False)
+        return self._live.adopt(record, self._clock(), admit=False)

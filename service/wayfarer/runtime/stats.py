@@ -1,12 +1,19 @@
 """Figures of the loop over the last seconds."""
 
-from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Final, TypedDict
 
 import numpy as np
 
 from wayfarer.runtime.agent import AgentState
+from wayfarer.runtime.meter import Meter
+from wayfarer.runtime.stepping.window import Window, mean, percentile
+from wayfarer.runtime.world.views import Due
+from wayfarer.spec import FPS
+
+LATE_SECONDS: Final = 1 / FPS
+"""A chunk that leaves more than one frame after its time is late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,33 +44,64 @@ class LoopStats:
     journal_failing: bool = False  # nothing that changes now would survive the process
 
 
-class Window:
-    """Values of the last `seconds`."""
-
-    def __init__(self, seconds: float = 10.0) -> None:
-        self._seconds = seconds
-        self._values: deque[tuple[float, float]] = deque()
-
-    def add(self, now: float, value: float) -> None:
-        """Note a value."""
-        self._values.append((now, value))
-        self._forget(now)
-
-    def values(self, now: float) -> list[float]:
-        """What was noted within the window, oldest first."""
-        self._forget(now)
-        return [value for _, value in self._values]
-
-    def _forget(self, now: float) -> None:
-        while self._values and self._values[0][0] < now - self._seconds:
-            self._values.popleft()
+class _Values(TypedDict):
+    steps: int
+    step_ms_mean: float
+    step_ms_p95: float
+    late_chunks: int
+    lateness_ms_p95: float
+    failures: int
+    rebased: int
+    held_sessions: int
 
 
-def mean(values: list[float]) -> float:
-    """0 for none."""
-    return float(np.mean(values)) if values else 0.0
+class ThreadFigures:
+    """What the motion thread counts, since its start or over the last seconds."""
 
+    def __init__(self, meter: Meter) -> None:
+        self._meter = meter
+        self.failures = 0  # turns
+        self.rebased = 0
+        self.held = 0  # sessions whose agents wait now
+        self.worked = 0.0  # seconds of the thread's own since the last engine call was applied
+        self._steps = 0  # of agents
+        self._late = 0  # chunks
+        self._published = 0  # chunks, since the last engine call was applied
+        self._step_seconds = Window()
+        self._lateness = Window()  # of the latest chunk of each turn
 
-def percentile(values: list[float], share: float) -> float:
-    """`share` in percent; 0 for none."""
-    return float(np.percentile(values, share)) if values else 0.0
+    def stepped(self, now: float, seconds: float, agents: int) -> None:
+        """An engine call took so long, for so many agents."""
+        self._steps += agents
+        self._step_seconds.add(now, seconds)
+        self._meter.step(seconds, agents)
+
+    def published(self, now: float, due: Sequence[Due]) -> None:
+        """Chunks left the thread."""
+        if not due:
+            return
+        lateness = now - np.concatenate([one.chunks.scheduled_at for one in due])
+        self._lateness.add(now, max(0.0, float(lateness.max())))
+        self._late += int(np.count_nonzero(lateness > LATE_SECONDS))
+        self._meter.chunks(lateness)
+        self._published += len(lateness)
+
+    def take_worked(self) -> tuple[float, int]:
+        """Seconds worked and chunks published since the last time."""
+        worked, published = self.worked, self._published
+        self.worked, self._published = 0.0, 0
+        return worked, published
+
+    def values(self, now: float) -> _Values:
+        """Those of `LoopStats` that are counted here."""
+        steps = [1e3 * seconds for seconds in self._step_seconds.values(now)]
+        return _Values(
+            steps=self._steps,
+            step_ms_mean=mean(steps),
+            step_ms_p95=percentile(steps, 95),
+            late_chunks=self._late,
+            lateness_ms_p95=1e3 * percentile(self._lateness.values(now), 95),
+            failures=self.failures,
+            rebased=self.rebased,
+            held_sessions=self.held,
+        )

@@ -16,8 +16,9 @@ from wayfarer.runtime.engines.models import Models
 from wayfarer.runtime.scenes.bakery import Bakery
 from wayfarer.runtime.scenes.book import Book
 from wayfarer.runtime.settings import ANY_SIZE, WorldSettings
+from wayfarer.runtime.state.capture import JournalObserver
 from wayfarer.runtime.state.journal import Journal
-from wayfarer.runtime.state.kept import KeptWorld
+from wayfarer.runtime.state.record import Recordings
 from wayfarer.runtime.state.snapshot import BodyStamp
 from wayfarer.runtime.world.world import World
 
@@ -45,16 +46,21 @@ class Worlds:
         bake_there = self.bakery.bake if self.bakery else bake
         return Book(self.settings.scenes, self.settings.shard, bake_there, self.journal)
 
+    @cached_property
+    def recordings(self) -> Recordings:
+        """The logs of recorded sessions, of the world in real time and of those in lock-step."""
+        return Recordings(self.log_entries)
+
     def stop(self) -> None:
         """No scene is baked from now on."""
         if self.bakery:
             self.bakery.stop()
 
-    def live(self) -> KeptWorld:
+    def live(self) -> World:
         """In real time."""
         return self._kept(self.settings)
 
-    def lock_step(self) -> KeptWorld:
+    def lock_step(self) -> World:
         """For one session: nothing gives way, and nobody is refused for want of time."""
         return self._kept(
             replace(self._patient(), limits=replace(self.settings.limits, sessions=1))
@@ -85,13 +91,9 @@ class Worlds:
             ways=ANY_SIZE[-1],
         )
 
-    def _kept(self, settings: WorldSettings) -> KeptWorld:
-        return KeptWorld(
-            self.models,
-            self.bodies,
-            self.start_poses,
-            settings,
-            self.journal,
-            self.log_entries,
-            self.scenes,
-        )
+    def _kept(self, settings: WorldSettings) -> World:
+        world = World(self.models, self.bodies, self.start_poses, settings, self.scenes)
+        world.observe(self.recordings)
+        if self.journal is not None:
+            world.observe(JournalObserver(self.journal, world))
+        return world

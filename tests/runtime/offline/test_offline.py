@@ -159,9 +159,9 @@ def test_a_clip_leaves_its_world_empty_however_it_ends():
         clip = walk(world, spec, GOALS, 1.0, until_arrival=False)
         end(clip)
         clip.close()
-        assert (world.agents, world.sessions) == (0, 0)
+        assert (len(world.registry.agents), len(world.registry.sessions)) == (0, 0)
     with pytest.raises(InvalidArgument, match=r"goals\[1\]\.position"):
         list(walk(world, spec, [GOALS[0], Goal((9e9, 0.0, 0.0))], 1.0, until_arrival=False))
     with pytest.raises(InvalidArgument, match="seconds"):
         list(walk(world, spec, [], 0.0, until_arrival=False))
-    assert (world.agents, world.sessions) == (0, 0)
+    assert (len(world.registry.agents), len(world.registry.sessions)) == (0, 0)

@@ -22,7 +22,7 @@ def walk(world, start, end, every=0.1):
     counts = []
     for moment in np.arange(start, end, every):
         world.tick(float(moment))
-        counts.append(world.agents)
+        counts.append(len(world.registry.agents))
     return counts
 
 
@@ -81,10 +81,10 @@ def test_none_at_all_and_fewer():
     walk(world, 0.0, 2.0)
     assert world.populate("s", Crowd(3), 2.0) == 0
     walk(world, 2.0, 20.0)
-    assert world.agents == 3
+    assert len(world.registry.agents) == 3
     world.populate("s", Crowd(0), 20.0)
     walk(world, 20.0, 40.0)
-    assert world.agents == 0
+    assert len(world.registry.agents) == 0
 
 
 def test_of_other_agents_none_is_taken_away():
@@ -94,7 +94,7 @@ def test_of_other_agents_none_is_taken_away():
     walk(world, 0.0, 1.0)
     world.delete_agent(world.list_agents("s")[1].agent_id)  # somebody else's doing
     walk(world, 1.0, 3.0)
-    assert world.agents == 3
+    assert len(world.registry.agents) == 3
     world.populate("s", Crowd(0), 3.0)
     walk(world, 3.0, 20.0)
     assert [a.agent_id for a in world.list_agents("s")] == [agent.agent_id]

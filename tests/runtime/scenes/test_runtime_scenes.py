@@ -20,19 +20,23 @@ NORTH = Goal((6.0, 10.0, 0.0))
 
 async def test_scenes_are_created_listed_drawn_and_deleted(servers):
     runtime = await servers.start()
-    scene = await runtime.create_scene(WISH)
-    assert [s.scene_id for s in await runtime.list_scenes()] == [scene.scene_id]
-    assert await runtime.get_scene(scene.scene_id) == scene
-    drawn = await runtime.scene_outlines(scene.scene_id)
+    scene = await runtime.scenes.create_scene(WISH)
+    assert [s.scene_id for s in await runtime.scenes.list_scenes()] == [scene.scene_id]
+    assert await runtime.scenes.get_scene(scene.scene_id) == scene
+    drawn = await runtime.scenes.scene_outlines(scene.scene_id)
     [block] = drawn.solids
     assert {z for _, _, z in block.top} == {2.0} and block.bottom == 0.0
     [(outline, hole)] = drawn.walkable
     assert len(outline) >= 4 and len(hole) >= 4
     assert {z for _, _, z in drawn.vertices} == {0.0}
     assert max(max(t) for t in drawn.triangles) == len(drawn.vertices) - 1
-    assert (await runtime.scene_picture(scene.scene_id)).startswith(b"\x89PNG")
-    await runtime.delete_scene(scene.scene_id)
-    for ask in (runtime.get_scene, runtime.scene_outlines, runtime.scene_picture):
+    assert (await runtime.scenes.scene_picture(scene.scene_id)).startswith(b"\x89PNG")
+    await runtime.scenes.delete_scene(scene.scene_id)
+    for ask in (
+        runtime.scenes.get_scene,
+        runtime.scenes.scene_outlines,
+        runtime.scenes.scene_picture,
+    ):
         with pytest.raises(NotFound):
             await ask(scene.scene_id)
 
@@ -40,22 +44,22 @@ async def test_scenes_are_created_listed_drawn_and_deleted(servers):
 async def test_errors_reach_the_caller(servers):
     runtime = await servers.start()
     with pytest.raises(InvalidArgument):
-        await runtime.create_scene(SceneWish(SceneSpec()))
+        await runtime.scenes.create_scene(SceneWish(SceneSpec()))
     with pytest.raises(InvalidArgument, match="mesh"):
-        await runtime.create_scene(SceneWish(SceneSpec(mesh=MeshFile(b"no mesh", "glb"))))
-    scene = await runtime.create_scene(SceneWish(SceneSpec(ISLANDS)))
+        await runtime.scenes.create_scene(SceneWish(SceneSpec(mesh=MeshFile(b"no mesh", "glb"))))
+    scene = await runtime.scenes.create_scene(SceneWish(SceneSpec(ISLANDS)))
     with pytest.raises(Unreachable):
-        await runtime.query_path(scene.scene_id, (6.0, 2.0), (25.0, 6.0))
-    way = await runtime.query_path(scene.scene_id, (6.0, 2.0), (6.0, 99.0))
+        await runtime.scenes.query_path(scene.scene_id, (6.0, 2.0), (25.0, 6.0))
+    way = await runtime.scenes.query_path(scene.scene_id, (6.0, 2.0), (6.0, 99.0))
     assert way.points[0] == (6.0, 2.0, 0.0) and way.goal_moved > 80
 
 
 async def test_subscribers_are_told_of_what_agents_meet(servers):
     runtime = await servers.start()
-    scene = await runtime.create_scene(EMPTY)
+    scene = await runtime.scenes.create_scene(EMPTY)
     await runtime.create_session(SessionSpec("s", scene=scene.scene_id))
     with pytest.raises(FailedPrecondition, match="1 sessions are in scene"):
-        await runtime.delete_scene(scene.scene_id)
+        await runtime.scenes.delete_scene(scene.scene_id)
     [agent] = await runtime.create_agents("s", [SOUTH])
     subscription = await runtime.subscribe("s", StreamWish())
     await runtime.give(agent.agent_id, NORTH)
@@ -70,21 +74,21 @@ async def test_subscribers_are_told_of_what_agents_meet(servers):
         return [event for event in published.events if event.kind is EventKind.BLOCKED]
 
     await asyncio.wait_for(until(lambda p: (p.chunks.goal_revision == 1).any()), 20)
-    await runtime.put_obstacle(scene.scene_id, "wall", WALL)
+    await runtime.scenes.put_obstacle(scene.scene_id, "wall", WALL)
     [event] = await asyncio.wait_for(until(blocked), 20)
     assert (event.agent_id, event.goal_revision) == (agent.agent_id, 1)
     await runtime.delete_session("s")
-    await runtime.delete_scene(scene.scene_id)
+    await runtime.scenes.delete_scene(scene.scene_id)
 
 
 async def test_lock_step_sessions_are_in_scenes_too(servers):
     runtime = await servers.start()
-    scene = await runtime.create_scene(EMPTY)
+    scene = await runtime.scenes.create_scene(EMPTY)
     await runtime.create_session(SessionSpec("s", scene=scene.scene_id, lock_step=True))
     [agent] = await runtime.create_agents("s", [SOUTH])
     await runtime.give(agent.agent_id, NORTH)
     before = await runtime.step_session("s", 5)
-    await runtime.put_obstacle(scene.scene_id, "wall", WALL)
+    await runtime.scenes.put_obstacle(scene.scene_id, "wall", WALL)
     after = await runtime.step_session("s", 5)
     assert not [event for published in before for event in published.events]
     told = [(p.scheduled_at, e) for p in after for e in p.events]
@@ -146,7 +150,7 @@ async def test_a_mesh_survives_a_restart(servers, tmp_path):
 
 async def test_a_snapshot_needs_its_scene(servers):
     runtime, other = await servers.start(), await servers.start()
-    scene = await runtime.create_scene(EMPTY)
+    scene = await runtime.scenes.create_scene(EMPTY)
     await runtime.create_session(SessionSpec("s", scene=scene.scene_id))
     await runtime.create_agents("s", [SOUTH])
     snapshot = await runtime.export_session("s")

@@ -21,6 +21,7 @@ from wayfarer.runtime.agent import AgentChange, Goal, SessionSpec
 from wayfarer.runtime.behaviours import Wander
 from wayfarer.runtime.commands import Path
 from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.state.capture import capture_session
 from wayfarer.runtime.state.journal_file import NAME, VERSION, JournalFile, Kind
 from wayfarer.runtime.state.snapshot import BodyStamp
 
@@ -38,7 +39,7 @@ class Kept:
         self.journal.start()
 
     def close(self):
-        self.world.save()
+        self.world.checkpoint()
         self.journal.stop()
 
     def restored(self):
@@ -110,7 +111,7 @@ def test_what_is_gone_stays_gone(kept):
     populate(kept.world, 2, "t")
     kept.world.delete_agent(b)
     kept.world.delete_session("t")
-    kept.world.save()
+    kept.world.checkpoint()
     kept.close()
     restored = kept.restored()
     assert restored.keys() == {"s"}
@@ -120,7 +121,7 @@ def test_what_is_gone_stays_gone(kept):
 
 def test_a_deleted_agent_is_not_brought_back_by_where_it_stood(kept):
     a, *_ = populate(kept.world)
-    crowd = kept.world.capture("s")[1]
+    crowd = capture_session(kept.world, "s")[1]
     kept.journal.refresh(crowd)
     kept.world.delete_agent(a)
     kept.close()
@@ -358,7 +359,7 @@ async def test_what_waits_for_a_full_disk_does_not_grow(kept):
         populate(kept.world, 2, f"t{number}")
         kept.world.delete_session(f"t{number}")
         list(kept.world.advance(0.1 * number))
-        kept.world.save()
+        kept.world.checkpoint()
     waiting = len(kept.journal._pending)
     assert waiting <= 2 * 61 + 3 + 5 * 50
     for _ in range(100):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.runtime.fakes import people
 from tests.runtime.kept_worlds import STICK, fake_worlds
-from wayfarer.errors import FailedPrecondition, InvalidArgument, NotFound, WayfarerError
+from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
 from wayfarer.runtime.agent import Goal, SessionSpec
 from wayfarer.runtime.behaviours import Wander
 from wayfarer.runtime.commands import Path, Stop
@@ -41,11 +41,13 @@ def origin(worlds, **changes):
 
 
 def test_chunks_that_are_alike_are_one_run():
-    _, world, _ = recorded()
-    for track in world.log("s").tracks.values():
+    worlds, _world, _ = recorded()
+    for track in worlds.recordings.copy("s").tracks.values():
         assert len(track.runs) == 1 and len(track.schedules) == 1
         assert track.end > 5
-    assert world.log("s").size == 2 * (1 + 1 + 1) + 1 + 2  # tracks; one order, one of two goals
+    assert (
+        worlds.recordings.copy("s").size == 2 * (1 + 1 + 1) + 1 + 2
+    )  # tracks; one order, one of two goals
 
 
 def test_what_is_planned_again_is_counted_once_and_said():
@@ -56,33 +58,32 @@ def test_what_is_planned_again_is_counted_once_and_said():
 
 
 def test_only_recorded_sessions_have_a_log():
-    world = fake_worlds().live()
+    worlds = fake_worlds()
+    world = worlds.live()
     world.create_session(SessionSpec("quiet"), 0.0)
     world.create_agents("quiet", people(1), 0.0)
     list(world.advance(1.0))
     with pytest.raises(FailedPrecondition, match="not recorded; create it with `record`"):
-        world.log("quiet")
-    with pytest.raises(NotFound):
-        world.log("nowhere")
+        worlds.recordings.copy("quiet")
 
 
 def test_a_log_that_outgrows_its_limit_is_given_up_and_says_so():
-    _, world, b = recorded(log_entries=20)
+    worlds, world, b = recorded(log_entries=20)
     for number in range(10):
         world.give(b, Path((Goal((0.0, 3.0, 0.0)), Goal((3.0, 3.0, 0.0)))), 2.0)
         if number < 4:
-            world.log("s")
+            worlds.recordings.copy("s")
     list(world.advance(4.0))
     with pytest.raises(FailedPrecondition, match=r"outgrown limits\.log_entries, 20"):
-        world.log("s")
+        worlds.recordings.copy("s")
     world.delete_session("s")
     world.create_session(SPEC, 5.0)
-    assert world.log("s").tracks == {}, "a new session begins a new log"
+    assert worlds.recordings.copy("s").tracks == {}, "a new session begins a new log"
 
 
 def test_an_exported_log_does_not_change():
-    _, world, b = recorded()
-    log = world.log("s")
+    worlds, world, b = recorded()
+    log = worlds.recordings.copy("s")
     before = log.tracks[b].end
     world.give(b, Stop(), 2.0)
     list(world.advance(5.0))
@@ -98,22 +99,22 @@ def test_an_exported_log_does_not_change():
     ],
 )
 def test_a_log_of_something_else_is_refused(changes, text):
-    worlds, world, _ = recorded()
-    data = encode_log(world.log("s"), origin(worlds))
+    worlds, _world, _ = recorded()
+    data = encode_log(worlds.recordings.copy("s"), origin(worlds))
     with pytest.raises(FailedPrecondition, match=text):
         decode_log(data, origin(worlds, **changes), worlds.settings.limits, ENTRIES)
 
 
 def test_more_entries_than_a_server_records_are_refused():
-    worlds, world, _ = recorded()
-    data = encode_log(world.log("s"), origin(worlds))
+    worlds, _world, _ = recorded()
+    data = encode_log(worlds.recordings.copy("s"), origin(worlds))
     with pytest.raises(InvalidArgument, match="entries; allowed: 5"):
         decode_log(data, origin(worlds), worlds.settings.limits, 5)
 
 
 def edited(path, value):
-    worlds, world, _ = recorded()
-    content = unseal(Kind.LOG, encode_log(world.log("s"), origin(worlds)), 1 << 20)
+    worlds, _world, _ = recorded()
+    content = unseal(Kind.LOG, encode_log(worlds.recordings.copy("s"), origin(worlds)), 1 << 20)
     whole = header = json.loads(content.header)
     *way, last = path.split(".")
     for step in way:
@@ -173,8 +174,10 @@ def test_held_chunks_that_nobody_would_hold_are_noticed():
 
 @cache
 def some_log():
-    worlds, world, _ = recorded()
-    return worlds, unseal(Kind.LOG, encode_log(world.log("s"), origin(worlds)), 1 << 20)
+    worlds, _world, _ = recorded()
+    return worlds, unseal(
+        Kind.LOG, encode_log(worlds.recordings.copy("s"), origin(worlds)), 1 << 20
+    )
 
 
 @settings(max_examples=100)
@@ -196,5 +199,5 @@ def test_a_session_that_goes_on_after_a_restart_begins_a_new_log():
     record = world.take_session("s")
     again = worlds.live()
     again.put_session(record, 100.0)
-    assert again.log("s").tracks[b].end == record.agents[1].seq
+    assert worlds.recordings.copy("s").tracks[b].end == record.agents[1].seq
     again.step(101.0, Rung(1))

@@ -36,7 +36,7 @@ def run(world, seconds, plan, rungs=lambda now: None, start=0.0):
 def replayed(worlds, world):
     """Through the bytes that a client would keep."""
     origin = Origin(worlds.body, worlds.models.stamps, 4)
-    data = encode_log(world.log("s"), origin)
+    data = encode_log(worlds.recordings.copy("s"), origin)
     log = decode_log(data, origin, worlds.settings.limits, worlds.log_entries)
     return list(replay(log, worlds.solo))
 

@@ -18,6 +18,7 @@ from wayfarer.runtime.agent import Goal, SessionSpec
 from wayfarer.runtime.behaviours import Wander
 from wayfarer.runtime.commands import Path
 from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.state.capture import capture_session
 from wayfarer.runtime.state.container import Kind, seal, unseal
 from wayfarer.runtime.state.packing import get, pack, unpack
 from wayfarer.runtime.state.snapshot import (
@@ -50,7 +51,7 @@ def walking_world(worlds, seconds=3.02):
 
 
 def export(world, body=STICK):
-    session, crowd = world.capture("s")
+    session, crowd = capture_session(world, "s")
     return encode_session(session, [m.part for m in crowd.members], crowd.rows, body)
 
 

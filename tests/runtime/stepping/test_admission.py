@@ -205,14 +205,14 @@ def test_a_world_refuses_at_once_all_or_none_and_makes_room_again():
     world = make_world(admission=AdmissionRules(most_load=0.2))
     measure(world)
     world.create_session(SessionSpec("s"), 0.0)
-    capacity = world.capacity(0.0)
+    capacity = world.load.capacity(0.0)
     made = world.create_agents("s", people(capacity), 0.0)
     with pytest.raises(ResourceExhausted, match=f"{capacity} fit") as error:
         world.create_agents("s", people(2), 0.0)
     assert error.value.retry_after > 0
     with pytest.raises(ResourceExhausted), world.reserve("s", people(2), 0.0):
         pass
-    assert world.agents == capacity and world.refused_agents == 4
+    assert len(world.registry.agents) == capacity and world.load.refused_agents == 4
     for agent in made[:4]:
         world.delete_agent(agent.agent_id)
     world.create_agents("s", people(2), 0.0)
@@ -223,16 +223,16 @@ def test_room_that_is_held_is_taken_for_all_others_until_it_is_given_up():
     measure(world)
     for name in "st":
         world.create_session(SessionSpec(name), 0.0)
-    capacity = world.capacity(0.0)
+    capacity = world.load.capacity(0.0)
     with world.reserve("s", people(capacity), 0.0):
         with pytest.raises(ResourceExhausted), world.reserve("t", people(1), 0.0):
             pass
         with pytest.raises(ResourceExhausted):
             world.create_agents("t", people(1), 0.0)
-    assert world.agents == 0 and world.refused_agents == 2
+    assert len(world.registry.agents) == 0 and world.load.refused_agents == 2
     with world.reserve("t", people(capacity), 0.0) as room:
         world.create_agents("t", people(capacity), 0.0, None, room)
-        assert world.agents == capacity
+        assert len(world.registry.agents) == capacity
 
 
 def test_held_room_counts_for_the_limits_of_the_session_and_of_the_world():
@@ -255,14 +255,14 @@ def test_who_has_given_its_room_up_is_asked_again():
     world.create_agents("s", people(1), 0.0)
     with pytest.raises(ResourceExhausted, match="1 of 2 agents exist"):
         world.create_agents("s", people(2), 0.0, None, room)
-    assert world.agents == 1
+    assert len(world.registry.agents) == 1
 
 
 def test_the_cap_holds_besides():
     world = make_world(limits=Limits(agents=3))
     measure(world)
     world.create_session(SessionSpec("s"), 0.0)
-    assert world.capacity(0.0) == 3
+    assert world.load.capacity(0.0) == 3
     with pytest.raises(ResourceExhausted, match="0 of 3 agents exist"):
         world.create_agents("s", people(4), 0.0)
 
@@ -272,14 +272,14 @@ def test_at_the_end_of_the_ladder_nobody_is_let_in_until_there_is_time_again():
     world.create_session(SessionSpec("s"), 0.0)
     world.create_agents("s", people(2), 0.0)
     now = 0.0
-    while not world.rung.refuse:
+    while not world.load.rung.refuse:
         now = world.next_event() + 0.25
         world.tick(now)
     with pytest.raises(ResourceExhausted, match=r"2 agents exist; 1 more .* late") as error:
         world.create_agents("s", people(1), now)
     assert error.value.retry_after > 0
     list(world.advance(now + 30.0))
-    assert world.rung_number == 0
+    assert world.load.rung_number == 0
     world.create_agents("s", people(1), now + 30.0)
 
 
@@ -289,7 +289,7 @@ def test_a_world_that_everybody_has_left_is_not_late():
     world.create_session(SessionSpec("s"), 0.0)
     (agent,) = world.create_agents("s", people(1), 0.0)
     now = 0.0
-    while not world.rung.refuse:
+    while not world.load.rung.refuse:
         now = world.next_event() + 0.25
         world.tick(now)
     world.delete_agent(agent.agent_id)
@@ -322,7 +322,7 @@ def test_phases_take_agents_and_give_them_back():
 
 def test_without_refusals_only_limits_count():
     world = make_world(admission=AdmissionRules(0.01, refuse=False), limits=Limits(agents=3))
-    world.measured(1, 1, 1.0)
+    world.load.measured(1, 1, 1.0)
     world.create_session(SessionSpec("s"), 0.0)
     world.create_agents("s", people(3), 0.0)
     with pytest.raises(ResourceExhausted, match="3 of 3 agents exist"):

@@ -57,10 +57,10 @@ def test_an_idle_engine_does_not_wait_for_a_full_batch():
     world, _ = eight(HALF + 0.03)
     list(world.advance(1.0))
     before = world.next_event() - 0.02
-    early = world.begin(before)
+    early = world.schedule(before)
     assert early is not None and early.call.rows == 8
-    assert world.begin(before) is None, "nobody else is due soon"
-    world.finish(early)
+    assert world.schedule(before) is None, "nobody else is due soon"
+    world.apply(early)
 
 
 def test_nor_does_it_run_ahead_with_a_few():
@@ -68,4 +68,4 @@ def test_nor_does_it_run_ahead_with_a_few():
     world.create_session(SessionSpec("s"), 0.0)
     world.create_agents("s", people(8, gender="male"), 0.0)
     list(world.advance(1.0))
-    assert world.begin(world.next_event() - 0.02) is None
+    assert world.schedule(world.next_event() - 0.02) is None

@@ -45,7 +45,7 @@ def test_who_has_nothing_to_do_is_held_without_an_engine_call():
     held = run(world, 3.0, HOLD)
     assert engine.calls == []
     after_first = held[1:]  # the first was planned before
-    assert len(after_first) == 9 and world.held_steps == 10
+    assert len(after_first) == 9 and world.scheduler.held_steps == 10
     for chunk in after_first:
         assert chunk.flags & ChunkFlag.HELD and chunk.candidates == 0
         assert chunk.state is AgentState.STANDING
@@ -131,15 +131,15 @@ def test_under_pressure_candidates_go_first_then_the_idle_are_held_then_it_comes
     chunks, rungs = [], []
     for _ in range(10):
         chunks += world.tick(world.next_event() + 0.23)
-        rungs.append(world.rung_number)
+        rungs.append(world.load.rung_number)
     assert rungs == sorted(rungs) and rungs[-1] == 3
     walker = own(chunks, 1)
     assert not any(c.flags & ChunkFlag.HELD for c in walker)
     assert walker[-1].flags & ChunkFlag.REDUCED
     assert all(own(chunks, alias)[-1].flags & ChunkFlag.HELD for alias in (2, 3, 4))
-    assert world.held_steps > 0
+    assert world.scheduler.held_steps > 0
     calm = list(world.advance(40.0))
-    assert world.rung_number == 0
+    assert world.load.rung_number == 0
     last = [own(calm, alias)[-1] for alias in (1, 2, 3, 4)]
     assert all(c.candidates == 2 and not c.flags & ChunkFlag.HELD for c in last)
     for alias in (1, 2, 3, 4):

@@ -195,7 +195,9 @@ def test_when_time_is_short_fewer_candidates_are_tried_and_it_is_told():
     late = [c for _ in range(3) for c in world.tick(world.next_event() + 0.23)]
     assert {c.candidates for c in late} & {2, 1}
     assert all(bool(c.flags & ChunkFlag.REDUCED) == (c.candidates < wished) for c in late)
-    assert world.reduced_steps == sum(rows for _, rows, k in engine.calls if k < wished) > 0
+    assert (
+        world.scheduler.reduced_steps == sum(rows for _, rows, k in engine.calls if k < wished) > 0
+    )
     calm = list(world.advance(30.0))
     assert calm[-1].candidates == wished, "it comes back by itself"
 
@@ -205,7 +207,7 @@ def test_without_a_budget_nothing_depends_on_when_it_is_called():
     list(world.advance(1.0))
     wished = Steering().searches[Mode.STANDING].candidates
     assert {c.candidates for c in world.tick(5.0)} == {wished}
-    assert world.reduced_steps == 0
+    assert world.scheduler.reduced_steps == 0
 
 
 def test_a_slot_that_is_used_again_starts_afresh():
@@ -243,7 +245,7 @@ def test_a_broken_row_stands_where_it_was_and_spoils_no_other():
     for alias in (1, 3):
         for a, b in zip(found[alias], expected[alias], strict=True):
             np.testing.assert_array_equal(a.translation, b.translation)
-    assert world.resets == 5
+    assert world.scheduler.resets == 5
     assert all(np.isfinite(c.translation).all() for c in found[2])
     marked = [c for c in found[2] if c.flags & ChunkFlag.FIRST]
     assert len(marked) == 5 and all(c.state is AgentState.STANDING for c in marked)
@@ -306,7 +308,7 @@ def test_what_leaves_is_told_by_session_and_has_each_agent_once():
         world.create_agents(name, people(4), 0.0)
     while world.step(1.0):  # two chunks ahead of everybody, and none is sent
         pass
-    late = world.send(1.0)
+    late = world.take_due(1.0)
     numbers = {name: [] for name in ("s", "t")}
     for session_id, chunks in late:
         aliases = chunks.alias.tolist()

@@ -1,4 +1,4 @@
-"""Revisions, paths that are fed, wandering, changes of agents, and what a recorder is told."""
+"""Revisions, paths that are fed, wandering, changes of agents, and what observers are told."""
 
 import math
 from itertools import pairwise
@@ -18,7 +18,6 @@ from wayfarer.runtime.agent import (
 from wayfarer.runtime.behaviours import Wander
 from wayfarer.runtime.commands import (
     Append,
-    Delete,
     Path,
     Stop,
 )
@@ -30,16 +29,41 @@ AREA = Wander((5.0, 5.0), 3.0)
 
 
 class Notes:
-    """A recorder that writes down what it is told."""
+    """An observer that writes down what is reported to it."""
 
     def __init__(self):
-        self.commands, self.chunks = [], []
+        self.calls, self.chunks = [], []
 
-    def command(self, agent_id, command, seq):
-        self.commands.append((agent_id, command, seq))
+    def opened(self, session):
+        self.calls.append(("opened", session.session_id))
 
-    def planned(self, agent_id, seq, candidates, model):
-        self.chunks.append((agent_id, seq, candidates))
+    def closed(self, session):
+        self.calls.append(("closed", session.session_id))
+
+    def created(self, session, agents, starts):
+        self.calls += [
+            ("created", agent.agent_id, start) for agent, start in zip(agents, starts, strict=True)
+        ]
+
+    def commanded(self, agent, command, seq):
+        self.calls.append((command, seq))
+
+    def changed(self, agent, change, seq):
+        self.calls.append((change, seq))
+
+    def deleted(self, agent, seq):
+        self.calls.append(("deleted", agent.agent_id, seq))
+
+    def planned(self, agent_ids, seqs, candidates, models):
+        self.chunks += [
+            (agent, seq, candidates) for agent, seq in zip(agent_ids, seqs.tolist(), strict=True)
+        ]
+
+    def sent(self, due):
+        pass
+
+    def stood(self, agents):
+        self.calls.append(("stood", [agent.agent_id for agent in agents]))
 
 
 def passing(*ys):
@@ -282,13 +306,16 @@ def test_sessions_are_told_as_they_were_opened():
         world.create_session(SessionSpec(seed=-1), 0.0)
 
 
-# Recording
+# Observers
 
 
-def test_a_recorder_is_told_of_commands_and_of_the_chunk_they_begin_with():
+def test_an_observer_learns_of_every_change_and_of_the_chunk_it_begins_with():
     notes = Notes()
-    world, [agent] = populated(recorder=notes)
-    assert notes.commands == [(agent, people(1)[0], 0)]
+    world = make_world(observer=notes)
+    world.create_session(SessionSpec("s"), 0.0)
+    [agent] = (a.agent_id for a in world.create_agents("s", people(1), 0.0))
+    assert notes.calls == [("opened", "s"), ("created", agent, people(1)[0])]
+    notes.calls.clear()
     world.give(agent, GOAL, 0.0)
     list(world.advance(2.01))
     sent, planned = 9, 10
@@ -299,8 +326,9 @@ def test_a_recorder_is_told_of_commands_and_of_the_chunk_they_begin_with():
     world.give(agent, AREA, 2.39)  # the next one would be too late
     world.update_agent(agent, AgentChange(foot_lock=False))
     world.give(agent, Stop(), 2.41)
-    world.delete_agent(agent)
-    assert [(command, seq) for _, command, seq in notes.commands[1:]] == [
+    world.checkpoint()
+    world.delete_session("s")
+    assert notes.calls == [
         (GOAL, 0),
         (Path((GOAL,)), sent),
         (Append((GOAL,)), sent),
@@ -308,14 +336,16 @@ def test_a_recorder_is_told_of_commands_and_of_the_chunk_they_begin_with():
         (AREA, planned + 1),
         (AgentChange(foot_lock=False), planned),
         (Stop(), planned + 1),
-        (Delete(), planned),
+        ("stood", [agent]),
+        ("deleted", agent, planned),
+        ("closed", "s"),
     ]
     assert notes.chunks == [(agent, seq, 4) for seq in [*range(planned), 9, 10]]
 
 
-def test_a_recorder_is_told_what_there_was_time_for():
+def test_an_observer_learns_how_many_candidates_were_tried():
     notes = Notes()
-    world, _ = populated(recorder=notes)
+    world, _ = populated(observer=notes)
     list(world.advance(0.5))
     notes.chunks.clear()
     now = world.next_event()
@@ -326,9 +356,9 @@ def test_a_recorder_is_told_what_there_was_time_for():
     assert [candidates for _, _, candidates in notes.chunks] == [2, 0]
 
 
-def test_a_command_that_is_refused_is_not_recorded():
+def test_a_command_that_is_refused_is_not_reported():
     notes = Notes()
-    world, [agent] = populated(recorder=notes)
+    world, [agent] = populated(observer=notes)
     for call in (
         lambda: world.give(agent, GOAL, 0.0, expected=5),
         lambda: world.give(agent, Goal((math.nan, 0, 0)), 0.0),
@@ -336,4 +366,4 @@ def test_a_command_that_is_refused_is_not_recorded():
     ):
         with pytest.raises((Aborted, InvalidArgument)):
             call()
-    assert len(notes.commands) == 1
+    assert len(notes.calls) == 2  # the session and the agent

@@ -152,7 +152,7 @@ def test_room_and_time_are_asked_for_all_or_nothing():
     with pytest.raises(ResourceExhausted, match="fit on this machine"):
         busy.put_session(record, 0.0)
     for there in (small, busy):
-        assert (there.sessions, there.agents) == (0, 0)
+        assert (len(there.registry.sessions), len(there.registry.agents)) == (0, 0)
     assert len(busy.put_session(record, 0.0, admit=False).agent_ids) == 4
 
 
@@ -217,4 +217,4 @@ def test_records_that_cannot_be_are_refused_and_change_nothing(damage, words):
     there = make_world()
     with pytest.raises(InvalidArgument, match=words):
         there.put_session(damage(world.take_session("s")), 0.0)
-    assert (there.sessions, there.agents) == (0, 0)
+    assert (len(there.registry.sessions), len(there.registry.agents)) == (0, 0)

@@ -115,10 +115,10 @@ def test_limits_are_kept_all_or_none():
     world.create_agents("a", people(3), 0.0)
     with pytest.raises(ResourceExhausted, match="3 of 5 agents exist"):
         world.create_agents("b", people(3), 0.0)
-    assert world.agents == 3
+    assert len(world.registry.agents) == 3
     world.delete_session("a")
     world.create_agents("b", people(3), 0.0)
-    assert (world.agents, world.sessions) == (3, 1)
+    assert (len(world.registry.agents), len(world.registry.sessions)) == (3, 1)
 
 
 def test_session_ids():

@@ -103,7 +103,7 @@ def test_a_reset_on_the_way_keeps_the_place_in_the_path():
     engine.nan_for_beta = 0.0
     list(world.advance(2.5))
     engine.nan_for_beta = None
-    assert world.resets and world.get_agent(agent).waypoint == 1
+    assert world.scheduler.resets and world.get_agent(agent).waypoint == 1
     chunks = list(world.advance(9.0))
     assert {c.waypoint for c in chunks} == {1}
     assert math.dist(world.get_agent(agent).position[:2], (0.0, 4.0)) < 0.3

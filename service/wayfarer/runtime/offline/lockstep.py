@@ -26,9 +26,9 @@ from wayfarer.runtime.engines.models import model_changed
 from wayfarer.runtime.inbox import Inbox
 from wayfarer.runtime.offline.offline import Offline
 from wayfarer.runtime.publications import Event, Publication
-from wayfarer.runtime.state.kept import KeptWorld
 from wayfarer.runtime.streams.milestones import Milestones
 from wayfarer.runtime.world.handover import SessionRecord
+from wayfarer.runtime.world.world import World
 from wayfarer.runtime.worlds import Worlds
 from wayfarer.spec import STEP_SECONDS
 
@@ -47,7 +47,7 @@ HAIR: Final = 2e-4
 class LockStep:
     """The world of one session, and the thread that owns it."""
 
-    def __init__(self, world: KeptWorld, offline: Offline, started_at: float) -> None:
+    def __init__(self, world: World, offline: Offline, started_at: float) -> None:
         """`started_at`: Unix seconds. Put a session into the world, then `start`."""
         self.world = world
         self._offline = offline
@@ -84,7 +84,7 @@ class LockStep:
         """Wait for the thread's end."""
         self._thread.join()
 
-    async def ask(self, call: Callable[[KeptWorld, float], T]) -> T:
+    async def ask(self, call: Callable[[World, float], T]) -> T:
         """Call with the world and its time. Raises Unavailable, or what `call` raises."""
         return await self._inbox.ask(lambda: call(self.world, self.now))
 
@@ -144,7 +144,7 @@ class LockStep:
     def _advance(self, steps: int) -> list[Publication]:
         with self._offline.place():
             published = [self._primitive() for _ in range(steps)]
-        self.world.save()
+        self.world.checkpoint()
         return published
 
     def _primitive(self) -> Publication:
@@ -156,7 +156,7 @@ class LockStep:
             pass
         self._steps += 1
         self._position += 1
-        parts = [due.chunks for due in self.world.send(self._next)]
+        parts = [due.chunks for due in self.world.take_due(self._next)]
         chunks = MotionChunks.join(parts) if parts else NO_CHUNKS
         chunks.scheduled_at[:] = self._steps * STEP_SECONDS
         met = [replace(e, at=self._steps * STEP_SECONDS) for _, e in self.world.take_events()]
@@ -241,7 +241,7 @@ class LockSteps:
         for home in homes:
             home.join()
 
-    def _open(self, enter: Callable[[KeptWorld, float], SessionInfo]) -> SessionInfo:
+    def _open(self, enter: Callable[[World, float], SessionInfo]) -> SessionInfo:
         if len(self._sessions) >= self._limits.sessions:
             raise ResourceExhausted(
                 f"all {self._limits.sessions} sessions in lock-step are open; delete one first"

@@ -36,7 +36,13 @@ class Stage:
     """The scenes of a world, the ways through them, and what is to be told of both."""
 
     def __init__(
-        self, book: Book, slots: Slots, paths: Paths, timeline: Timeline, settings: WorldSettings
+        self,
+        *,
+        book: Book,
+        slots: Slots,
+        paths: Paths,
+        timeline: Timeline,
+        settings: WorldSettings,
     ) -> None:
         self.scenery = Scenery(book, slots)
         self._slots = slots

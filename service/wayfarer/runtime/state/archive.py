@@ -6,8 +6,9 @@ from dataclasses import replace
 from typing import Final, Protocol, TypeVar
 
 from wayfarer.runtime.publications import Publication
-from wayfarer.runtime.state.kept import kept
+from wayfarer.runtime.state.capture import capture_session
 from wayfarer.runtime.state.log_format import Origin, decode_log, encode_log
+from wayfarer.runtime.state.record import CommandLog
 from wayfarer.runtime.state.replay import replay
 from wayfarer.runtime.state.snapshot import decode_session, encode_session
 from wayfarer.runtime.world.handover import SessionRecord
@@ -23,7 +24,7 @@ leave within 0.1 s of it."""
 
 
 class Home(Protocol):
-    """Where a session lives: `MotionLoop`, or `LockStep`."""
+    """Where a session lives: `LiveMotion`, or `LockStep`."""
 
     async def ask(self, call: Callable[[World, float], T]) -> T:
         """Call with its world and time, on its thread."""
@@ -40,10 +41,10 @@ class Archive:
     async def export_session(self, home: Home, session_id: str) -> bytes:
         """See `MotionService`, as for all below."""
         for _ in range(SETTLE_TRIES):
-            if await home.ask(lambda world, _: kept(world).is_settled(session_id)):
+            if await home.ask(lambda world, _: world.is_settled(session_id)):
                 break
             await asyncio.sleep(SETTLE_SECONDS)
-        session, crowd = await home.ask(lambda world, _: kept(world).capture(session_id))
+        session, crowd = await home.ask(lambda world, _: capture_session(world, session_id))
         parts = [member.part for member in crowd.members]
         return await asyncio.to_thread(
             encode_session, session, parts, crowd.rows, self._worlds.body
@@ -60,13 +61,17 @@ class Archive:
 
     async def export_log(self, home: Home, session_id: str) -> bytes:
         """See `MotionService`."""
-        log = await home.ask(lambda world, _: kept(world).log(session_id))
+        log = await home.ask(lambda world, _: self._log(world, session_id))
         return await asyncio.to_thread(encode_log, log, self._origin)
 
     def replay(self, log: bytes) -> Iterator[Publication]:
         """See `MotionService`."""
         commands = decode_log(log, self._origin, self._limits, self._worlds.log_entries)
         yield from replay(commands, self._worlds.solo)
+
+    def _log(self, world: World, session_id: str) -> CommandLog:
+        world.get_session(session_id)
+        return self._worlds.recordings.copy(session_id)
 
     @property
     def _origin(self) -> Origin:

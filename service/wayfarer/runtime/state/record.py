@@ -5,15 +5,18 @@ command took effect, and from how many candidates were tried for each chunk. Age
 each other, so each has a track of its own. Chunks are many and alike: they are kept as runs.
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
 from wayfarer.errors import FailedPrecondition
-from wayfarer.runtime.agent import AgentChange, AgentInfo, AgentSpec, SessionSpec
+from wayfarer.runtime.agent import AgentChange, AgentSpec, SessionSpec
 from wayfarer.runtime.behaviours import Patrol, Routine, Visit
-from wayfarer.runtime.commands import Append, Command, Delete, GoalCommand, Path
+from wayfarer.runtime.commands import Append, GoalCommand, Path
 from wayfarer.runtime.world.handover import AgentRecord
+from wayfarer.runtime.world.observer import Names, Start
+from wayfarer.runtime.world.registry import Agent, Session
+from wayfarer.runtime.world.rows import Index
 from wayfarer.runtime.world.views import Due
 from wayfarer.spec import STEP_SECONDS
 
@@ -111,24 +114,17 @@ class CommandLog:
     overflowed: bool = False
 
 
-class CommandLogs:
-    """The logs of a world's recorded sessions. Implements `Recorder`; lives on its thread."""
+class Recordings:
+    """The logs of recorded sessions. A `WorldObserver` of any number of worlds.
 
-    def __init__(self, limit: int, agent: Callable[[str], AgentInfo]) -> None:
-        """Each log has up to `limit` entries; `agent(agent_id)` is the world's."""
+    A log belongs to one session, and so to the thread of its world.
+    """
+
+    def __init__(self, limit: int) -> None:
+        """Each log has up to `limit` entries."""
         self._limit = limit
-        self._agent = agent
         self._logs: dict[str, CommandLog] = {}
         self._tracks: dict[str, tuple[CommandLog, Track]] = {}  # of agents that live
-
-    def open(self, session_id: str, spec: SessionSpec, created_at: float) -> None:
-        """Begin the log of a session, if it asks for one; before its agents are there."""
-        if spec.record:
-            self._logs[session_id] = CommandLog(session_id, spec, created_at)
-
-    def close(self, session_id: str) -> None:
-        """The session is gone."""
-        self._logs.pop(session_id, None)
 
     def copy(self, session_id: str) -> CommandLog:
         """A log as it is now, which does not change any more.
@@ -147,26 +143,51 @@ class CommandLogs:
             )
         return replace(log, tracks={name: track.copy() for name, track in log.tracks.items()})
 
-    def command(self, agent_id: str, command: Command, seq: int) -> None:
-        """See `Recorder`."""
-        if isinstance(command, AgentSpec | AgentRecord):
-            self._begin(self._agent(agent_id), command, seq)
-        elif found := self._tracks.get(agent_id):
-            log, track = found
-            if isinstance(command, Delete):
-                del self._tracks[agent_id]
-            else:
-                track.entries.append(Entry(seq, command))
-                self._grow(log, cost(command))
+    # As a `WorldObserver`
 
-    def planned(self, agent_id: str, seq: int, candidates: int, model: str) -> None:
-        """See `Recorder`."""
-        if found := self._tracks.get(agent_id):
-            log, track = found
-            self._grow(log, track.plan(Run(seq, candidates, model)))
+    def opened(self, session: Session) -> None:
+        """Begin the log of a session, if it asks for one."""
+        if session.spec.record:
+            session_id = session.session_id
+            self._logs[session_id] = CommandLog(session_id, session.spec, session.created_at)
+
+    def closed(self, session: Session) -> None:
+        """Forget the log."""
+        self._logs.pop(session.session_id, None)
+
+    def created(self, session: Session, agents: Sequence[Agent], starts: Sequence[Start]) -> None:
+        """Begin a track for each agent."""
+        log = self._logs.get(session.session_id)
+        for agent, start in zip(agents, starts, strict=True):
+            if log is not None and not log.overflowed:
+                self._begin(log, agent, start)
+
+    def commanded(self, agent: Agent, command: GoalCommand, seq: int) -> None:
+        """Note a goal command."""
+        self._enter(agent, Entry(seq, command))
+
+    def changed(self, agent: Agent, change: AgentChange, seq: int) -> None:
+        """Note a change."""
+        self._enter(agent, Entry(seq, change))
+
+    def deleted(self, agent: Agent, seq: int) -> None:
+        """The track is complete."""
+        self._tracks.pop(agent.agent_id, None)
+
+    def planned(
+        self, agent_ids: Names, seqs: Index, candidates: int, models: Sequence[str]
+    ) -> None:
+        """Note how many candidates were tried."""
+        for agent_id, seq, model in zip(agent_ids, seqs.tolist(), models, strict=True):
+            if found := self._tracks.get(agent_id):
+                log, track = found
+                self._grow(log, track.plan(Run(seq, candidates, model)))
+
+    def stood(self, agents: Sequence[Agent]) -> None:
+        """A log holds no places."""
 
     def sent(self, due: Due) -> None:
-        """Chunks have left."""
+        """Note when chunks are shown."""
         if due.session_id not in self._logs:
             return
         chunks = due.chunks
@@ -177,10 +198,14 @@ class CommandLogs:
                 log, track = found
                 self._grow(log, track.send(seq, at))
 
-    def _begin(self, agent: AgentInfo, start: AgentSpec | AgentRecord, seq: int) -> None:
-        log = self._logs.get(agent.session_id)
-        if log is None or log.overflowed:
-            return
+    def _enter(self, agent: Agent, entry: Entry) -> None:
+        if found := self._tracks.get(agent.agent_id):
+            log, track = found
+            track.entries.append(entry)
+            self._grow(log, cost(entry.command))
+
+    def _begin(self, log: CommandLog, agent: Agent, start: Start) -> None:
+        seq = start.seq if isinstance(start, AgentRecord) else 0
         track = Track(agent.agent_id, agent.alias, agent.created_at, start, planned=seq, end=seq)
         log.tracks[agent.agent_id] = track
         self._tracks[agent.agent_id] = log, track

@@ -11,7 +11,7 @@ One goes down a rung at a time, and up again after a calm while. Time is an argu
 
 from dataclasses import dataclass
 
-from wayfarer.runtime.stats import Window
+from wayfarer.runtime.stepping.window import Window
 
 COUNTS = (16, 8, 4, 2, 1)
 

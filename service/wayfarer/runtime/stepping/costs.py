@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from wayfarer.runtime.stats import Window
+from wayfarer.runtime.stepping.window import Window
 from wayfarer.spec import STEP_SECONDS
 
 WINDOW: Final = 10.0

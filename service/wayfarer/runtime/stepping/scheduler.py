@@ -10,6 +10,7 @@ from wayfarer.runtime.agent import ChunkFlag
 from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
 from wayfarer.runtime.engines.models import Models
 from wayfarer.runtime.engines.padding import cut, pad, pick, whole
+from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.stepping.batch import broken, gather
 from wayfarer.runtime.stepping.guide import Course, Guide
 from wayfarer.runtime.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
@@ -18,8 +19,8 @@ from wayfarer.runtime.world.paths import Paths
 from wayfarer.runtime.world.planting import Step, plant
 from wayfarer.runtime.world.rows import Flags, Float, Index
 from wayfarer.runtime.world.slots import Gait, Goals, Mode, Motion, Seeds, SlotTable
-from wayfarer.runtime.world.steering import Steering, observe
-from wayfarer.spec import GENDERS, NEW_FRAMES
+from wayfarer.runtime.world.steering import observe
+from wayfarer.spec import FPS, GENDERS, NEW_FRAMES
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,7 @@ class Call:
 
 
 @dataclass(frozen=True, slots=True)
-class Flight:
+class PendingStep:
     """An engine call that is under way."""
 
     number: int
@@ -86,40 +87,35 @@ class Scheduler:
 
     def __init__(
         self,
+        *,
         table: SlotTable,
         playback: Playback,
         paths: Paths,
         models: Models,
-        steering: Steering,
+        settings: WorldSettings,
         reset: Callable[[int], Motion],
-        batch_sizes: tuple[int, ...],
         planned: Callable[[Index, Index, int], None],
         guide: Guide,
         soles: Index,
-        alone: bool = False,
-        company: float = 0.0,
-        full: int = 1,
     ) -> None:
         """`reset(slot)` gives the standing motion from which a broken agent goes on.
 
-        `planned(slots, seqs, candidates)` is told of all new chunks, 0 candidates of those held.
-        `soles` [2, P]: the markers under the left and the right foot.
-        `alone`: engine calls take no thread but the caller's. A batch is filled with those who are
-        due within `company` frames, to a multiple of `full`.
+        `planned(slots, seqs, candidates)` is called with all new chunks, 0 candidates for those
+        that are held. `soles` [2, P]: the markers under the left and the right foot.
         """
         self._table = table
         self._playback = playback
         self._paths = paths
         self._models = models
-        self._steering = steering
+        self._steering = settings.steering
         self._reset = reset
-        self._sizes = batch_sizes
+        self._sizes = settings.batch_sizes
         self._planned = planned
         self._guide = guide
         self._soles = soles
-        self._alone = alone
-        self._company = company
-        self._full = full
+        self._alone = settings.alone
+        self._company = settings.company * FPS  # frames
+        self._full = settings.full_batch
         self._flights = 0  # begun so far
         self.under_way = 0  # of them, those that are not finished
         self.resets = 0  # broken rows so far
@@ -134,7 +130,7 @@ class Scheduler:
 
     def begin(
         self, frame: float, most: int | None = None, launch: Launch = at_once
-    ) -> Flight | None:
+    ) -> PendingStep | None:
         """Set an engine call going for the agents most urgently due by world frame `frame`.
 
         Tries `most` candidates at most. None when nobody is due. Until `finish`, whoever is under
@@ -151,20 +147,20 @@ class Scheduler:
         self._table.rows.flight[batch.rows] = self._flights
         call = Call(len(inputs.goal), batch.candidates)
         outputs = launch(partial(step, batch.gender, inputs))
-        return Flight(self._flights, batch, call, outputs)
+        return PendingStep(self._flights, batch, call, outputs)
 
-    def finish(self, flight: Flight) -> int:
+    def finish(self, step: PendingStep) -> int:
         """Plan the next chunk of the agents that are under way. Returns how many there were."""
-        slots, rows = self._table.rows, flight.batch.rows
-        still = slots.flight[rows] == flight.number
+        slots, rows = self._table.rows, step.batch.rows
+        still = slots.flight[rows] == step.number
         slots.flight[rows[still]] = 0
         self.under_way -= 1
-        outputs = mirror_outputs(cut(flight.outputs(), len(rows)), flight.batch.mirrored)
+        outputs = mirror_outputs(cut(step.outputs(), len(rows)), step.batch.mirrored)
         kept = np.flatnonzero(still)
         if len(kept) == len(rows):
-            self.apply(flight.batch, outputs)
+            self.apply(step.batch, outputs)
         elif len(kept):
-            self.apply(flight.batch.take(kept), pick(outputs, kept))
+            self.apply(step.batch.take(kept), pick(outputs, kept))
         return len(rows)
 
     def schedule(self, frame: float, most: int | None = None) -> Batch | None:

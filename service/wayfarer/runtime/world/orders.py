@@ -18,7 +18,7 @@ from wayfarer.runtime.behaviours import (
     Visit,
     Wander,
 )
-from wayfarer.runtime.commands import Append, GoalCommand, Path, Recorder, Stop
+from wayfarer.runtime.commands import Append, GoalCommand, Path, Stop
 from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.stepping.playback import Playback
 from wayfarer.runtime.stepping.timeline import Timeline
@@ -32,11 +32,12 @@ from wayfarer.runtime.world.slots import Feeding, Motion, Slots
 from wayfarer.runtime.world.trail import Trails, set_out
 
 
-class Orders:
-    """Changes of what a world's agents do."""
+class GoalCommands:
+    """Checks and carries out the goal commands of a world's agents."""
 
     def __init__(
         self,
+        *,
         slots: Slots,
         paths: Paths,
         playback: Playback,
@@ -44,7 +45,6 @@ class Orders:
         settings: WorldSettings,
         registry: Registry,
         around: Surroundings,
-        recorder: Recorder | None,
     ) -> None:
         self._slots = slots
         self._paths = paths
@@ -53,7 +53,6 @@ class Orders:
         self._settings = settings
         self._registry = registry
         self._around = around
-        self._recorder = recorder
         self._trails = Trails(slots, paths)
         self._behaving = Behaving(
             slots, paths, self._trails, registry, around, settings.steering.slow_seconds
@@ -66,17 +65,14 @@ class Orders:
                 f"has {len(record.path)} goals; allowed: {self._paths.limit}", f"{where}.path"
             )
 
-    def check_revision(self, agent: Agent, expected: int | None) -> None:
-        """Raises Aborted when the agent's revision is another than the expected one."""
+    def check(self, agent: Agent, command: GoalCommand, expected: int | None) -> None:
+        """Raises Aborted when the agent's revision is not `expected`; and as `World.give`."""
         present = int(self._slots.goal_revision[agent.slot])
         if expected is not None and expected != present:
             raise Aborted(
                 f"agent {agent.agent_id!r} is at goal revision {present}; this change was meant "
                 f"for revision {expected}: look at its goals again"
             )
-
-    def check(self, agent: Agent, command: GoalCommand) -> None:
-        """Raises InvalidArgument that names the field at fault, FailedPrecondition."""
         limits, slot = self._settings.limits, agent.slot
         x, y, z = (float(v) for v in self._slots.committed.seed.translation[slot, -1])
         match command:
@@ -93,18 +89,15 @@ class Orders:
                 check_behaviour(behaviour, (x, y, z), limits)
                 self._check_company(agent, behaviour)
 
-    def give(self, agent: Agent, command: GoalCommand, now: float) -> int:
-        """Carry out a command that has been checked; return the new revision."""
+    def give(self, agent: Agent, command: GoalCommand, now: float) -> None:
+        """Carry out a command that has been checked."""
         # A goal that its behaviour moves is not one to be reached before others.
         has_goals = agent.path and self._slots.feeding[agent.slot] != Feeding.EACH_STEP
         if isinstance(command, Append) and has_goals:
             self._append(agent, command.goals)
         else:
             self._replace(agent, command, now)
-        slot = agent.slot
-        if self._recorder is not None:
-            self._recorder.command(agent.agent_id, command, int(self._slots.planned_chunks[slot]))
-        return int(self._slots.goal_revision[slot])
+        agent.commanded_seq = int(self._slots.planned_chunks[agent.slot])
 
     def walk_on(self, frame: float) -> None:
         """Let those who are due by world frame `frame` know what their behaviours want of them."""

@@ -21,7 +21,7 @@ from wayfarer.runtime.stepping.phases import Phases
 from wayfarer.runtime.stepping.timeline import Timeline
 from wayfarer.runtime.world.handover import AgentRecord
 from wayfarer.runtime.world.heading import heading_of
-from wayfarer.runtime.world.orders import Orders
+from wayfarer.runtime.world.orders import GoalCommands
 from wayfarer.runtime.world.registry import Agent, Registry, Session
 from wayfarer.runtime.world.slots import Motion, SlotTable
 from wayfarer.runtime.world.spawn import Spawner
@@ -36,13 +36,14 @@ class Population:
 
     def __init__(
         self,
+        *,
         bodies: Mapping[str, BodyModel],
         start_poses: NDArray[np.float32],
         settings: WorldSettings,
         registry: Registry,
         table: SlotTable,
         timeline: Timeline,
-        orders: Orders,
+        goals: GoalCommands,
         models: Models,
         scenery: Scenery,
     ) -> None:
@@ -51,7 +52,7 @@ class Population:
         self._registry = registry
         self._table = table
         self._timeline = timeline
-        self._orders = orders
+        self._goals = goals
         self._models = models
         self._roster = models.roster()
         self._legs = lru_cache(MEASURED)(
@@ -118,7 +119,7 @@ class Population:
     def take(self, agent: Agent) -> AgentRecord:
         """The agent as of the last chunk sent; it stays where it is."""
         slots, row = self._table.rows, np.array([agent.slot])
-        motion = self._orders.at_rest(agent)
+        motion = self._goals.at_rest(agent)
         return AgentRecord(
             agent_id=agent.agent_id,
             alias=agent.alias,
@@ -189,7 +190,7 @@ class Population:
         slots.session[agent.slot] = session.number
         slots.scene[agent.slot] = self._scenery.number(session.spec.scene)
         slots.avoids[agent.slot] = bool(session.spec.scene) and session.spec.avoid
-        self._orders.restore(agent)
+        self._goals.restore(agent)
         return agent
 
     def _enter(

@@ -28,6 +28,7 @@ class Agent:
     part: int = 0  # of a routine
     begun: int = 0  # place in the path of the first goal of the behaviour, or of the part
     begun_seq: int = 0  # of the first chunk that was planned for it
+    commanded_seq: int = 0  # of the first chunk that its last command counts for
 
 
 @dataclass(slots=True)

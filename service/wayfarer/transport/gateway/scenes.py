@@ -107,19 +107,19 @@ class SceneApi:
             attributes = scene_attributes(caller.name, wish.basis, lease_s)
             made = SceneWish(await asyncio.to_thread(spec), name, attributes)
             with convert.in_basis(wish.basis.axes):
-                info = await service.create_scene(made)
+                info = await service.scenes.create_scene(made)
             return self._shared.scenes.open(info).describe(info)
 
     @needs(Scope.READ)
     async def get(self, scene_id: str) -> schema.Scene:
         """Describe a scene. Raises NotFound."""
         scene = self._shared.scenes.scene(scene_id)
-        return scene.describe(await self._shared.service.get_scene(scene_id))
+        return scene.describe(await self._shared.service.scenes.get_scene(scene_id))
 
     @needs(Scope.READ)
     async def list_own(self) -> schema.Scenes:
         """The caller's, oldest first; an admin sees all. Renews no lease."""
-        infos = {info.scene_id: info for info in await self._shared.service.list_scenes()}
+        infos = {info.scene_id: info for info in await self._shared.service.scenes.list_scenes()}
         owned = self._shared.scenes.owned(present_caller())
         return schema.Scenes(
             scenes=tuple(s.describe(infos[s.scene_id]) for s in owned if s.scene_id in infos)
@@ -129,7 +129,7 @@ class SceneApi:
     async def delete(self, scene_id: str) -> None:
         """Remove a scene. Raises NotFound, FailedPrecondition."""
         scene = self._shared.scenes.scene(scene_id)
-        await self._shared.service.delete_scene(scene_id)
+        await self._shared.service.scenes.delete_scene(scene_id)
         self._shared.scenes.close(scene)
 
     @needs(Scope.CONTROL)
@@ -143,14 +143,14 @@ class SceneApi:
         scene = self._shared.scenes.scene(scene_id)
         with scene_convert.fields_named(obstacle=wish), convert.in_basis(scene.axes):
             made = scene_convert.obstacle(wish, scene.axes)
-            info = await self._shared.service.put_obstacle(scene_id, name, made)
+            info = await self._shared.service.scenes.put_obstacle(scene_id, name, made)
         return scene_convert.scene_version(info)
 
     @needs(Scope.CONTROL)
     async def remove_obstacle(self, scene_id: str, name: str) -> schema.SceneVersion:
         """Take it away. Raises NotFound."""
         self._shared.scenes.scene(scene_id)
-        info = await self._shared.service.remove_obstacle(scene_id, name)
+        info = await self._shared.service.scenes.remove_obstacle(scene_id, name)
         return scene_convert.scene_version(info)
 
     @needs(Scope.READ)
@@ -159,21 +159,21 @@ class SceneApi:
         scene = self._shared.scenes.scene(scene_id)
         start, goal = (convert.place(p, scene.axes) for p in (wish.start, wish.goal))
         with scene_convert.fields_named(), convert.in_basis(scene.axes):
-            way = await self._shared.service.query_path(scene_id, start, goal)
+            way = await self._shared.service.scenes.query_path(scene_id, start, goal)
         return scene_convert.scene_path(way, scene.axes)
 
     @needs(Scope.READ)
     async def outlines(self, scene_id: str) -> schema.SceneOutlines:
         """To draw it. Raises NotFound."""
         scene = self._shared.scenes.scene(scene_id)
-        found = await self._shared.service.scene_outlines(scene_id)
+        found = await self._shared.service.scenes.scene_outlines(scene_id)
         return await asyncio.to_thread(scene_convert.outlines, found, scene.axes)
 
     @needs(Scope.READ)
     async def picture(self, scene_id: str) -> bytes:
         """From above, PNG. Raises NotFound."""
         self._shared.scenes.scene(scene_id)
-        return await self._shared.service.scene_picture(scene_id)
+        return await self._shared.service.scenes.scene_picture(scene_id)
 
     @needs(Scope.CONTROL)
     async def populate(self, session_id: str, wish: schema.Crowd) -> schema.CrowdCame:
@@ -190,24 +190,24 @@ class SceneApi:
         self._shared.book.require_room(present_caller(), wish.count)
         crowd = scene_convert.crowd(wish, session.basis, secrets.randbits(32))
         with convert.in_basis(session.basis.axes):
-            came = await self._shared.service.populate(session_id, crowd)
+            came = await self._shared.service.scenes.populate(session_id, crowd)
         return schema.CrowdCame(came=came)
 
     async def take_over(self) -> None:
         """Enter the scenes that the runtime has kept over a restart."""
-        for info in await self._shared.service.list_scenes():
+        for info in await self._shared.service.scenes.list_scenes():
             try:
                 self._shared.scenes.open(info)
             except InvalidArgument as error:
                 log.error("scene not taken over", scene_id=info.scene_id, reason=str(error))
                 with contextlib.suppress(FailedPrecondition):
-                    await self._shared.service.delete_scene(info.scene_id)
+                    await self._shared.service.scenes.delete_scene(info.scene_id)
 
     async def end_expired(self) -> None:
         """Remove the scenes whose lease has run out and that no session is in."""
         for scene in self._shared.scenes.expired():
             try:
-                await self._shared.service.delete_scene(scene.scene_id)
+                await self._shared.service.scenes.delete_scene(scene.scene_id)
             except FailedPrecondition:  # sessions are in it
                 self._shared.scenes.renew(scene)
                 continue

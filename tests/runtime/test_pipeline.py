@@ -6,16 +6,16 @@ from types import SimpleNamespace
 
 import pytest
 
-from wayfarer.runtime.crew import FLIGHTS, Crew
+from wayfarer.runtime.pipeline import DEPTH, EnginePipeline
 
 
 class Bench:
-    """A crew whose calls last until they are let go, and whose time is set by hand."""
+    """A pipeline whose calls last until they are let go, and whose time is set by hand."""
 
     def __init__(self):
         self.now = 0.0
         self.woken = threading.Semaphore(0)
-        self.crew = Crew(lambda: self.now, self.woken.release)
+        self.pipeline = EnginePipeline(lambda: self.now, self.woken.release)
 
     def send(self, fail=None):
         """Begin a call; returns what lets it go."""
@@ -26,7 +26,7 @@ class Bench:
             if fail is not None:
                 raise fail
 
-        assert self.crew.send_off(lambda launch: SimpleNamespace(outputs=launch(call)))
+        assert self.pipeline.submit(lambda launch: SimpleNamespace(outputs=launch(call)))
         return let_go
 
     def land(self, let_go, at):
@@ -40,30 +40,30 @@ class Bench:
 def bench():
     made = Bench()
     yield made
-    made.crew.close()
+    made.pipeline.close()
 
 
 def test_there_is_room_for_two(bench):
-    calls = [bench.send() for _ in range(FLIGHTS)]
-    assert not bench.crew.has_room
-    assert not bench.crew.has_landed and not list(bench.crew.landed())
+    calls = [bench.send() for _ in range(DEPTH)]
+    assert not bench.pipeline.has_room
+    assert not bench.pipeline.has_completed and not list(bench.pipeline.completed())
     bench.land(calls[0], 0.1)
-    assert len(list(bench.crew.landed())) == 1
-    assert bench.crew.has_room
+    assert len(list(bench.pipeline.completed())) == 1
+    assert bench.pipeline.has_room
     bench.land(calls[1], 0.2)
 
 
 def test_nothing_to_begin_takes_no_room(bench):
-    assert not bench.crew.send_off(lambda launch: None)
-    assert bench.crew.has_room and bench.crew.age(5.0) == 0.0
+    assert not bench.pipeline.submit(lambda launch: None)
+    assert bench.pipeline.has_room and bench.pipeline.age(5.0) == 0.0
 
 
 def test_calls_are_taken_in_in_the_order_in_which_they_were_begun(bench):
     first, second = bench.send(), bench.send()
     bench.land(second, 0.1)
-    assert not bench.crew.has_landed
+    assert not bench.pipeline.has_completed
     bench.land(first, 0.3)
-    assert len(list(bench.crew.landed())) == 2
+    assert len(list(bench.pipeline.completed())) == 2
 
 
 def test_of_each_the_time_counts_for_which_the_engine_was_at_it_alone(bench):
@@ -72,38 +72,38 @@ def test_of_each_the_time_counts_for_which_the_engine_was_at_it_alone(bench):
     second = bench.send()
     bench.land(first, 0.3)
     bench.land(second, 0.5)
-    assert [seconds for _, seconds in bench.crew.landed()] == pytest.approx([0.3, 0.2])
+    assert [seconds for _, seconds in bench.pipeline.completed()] == pytest.approx([0.3, 0.2])
 
 
 def test_the_age_is_that_of_the_oldest_call(bench):
     first = bench.send()
     bench.now = 1.0
     second = bench.send()
-    assert bench.crew.age(3.0) == 3.0
+    assert bench.pipeline.age(3.0) == 3.0
     bench.land(first, 3.0)
-    list(bench.crew.landed())
-    assert bench.crew.age(3.0) == 2.0
+    list(bench.pipeline.completed())
+    assert bench.pipeline.age(3.0) == 2.0
     bench.land(second, 4.0)
-    list(bench.crew.landed())
-    assert bench.crew.age(5.0) == 0.0
+    list(bench.pipeline.completed())
+    assert bench.pipeline.age(5.0) == 0.0
 
 
 def test_a_call_that_fails_lands_and_leaves_the_next_one_alone(bench):
     first, second = bench.send(RuntimeError("the engine broke down")), bench.send()
     bench.land(first, 0.1)
     bench.land(second, 0.2)
-    landed = bench.crew.landed()
+    completed = bench.pipeline.completed()
     with pytest.raises(RuntimeError, match="broke down"):
-        next(landed)[0].outputs()
-    landed.close()
-    assert bench.crew.has_landed
-    [(flight, _)] = bench.crew.landed()
-    assert flight.outputs() is None
+        next(completed)[0].outputs()
+    completed.close()
+    assert bench.pipeline.has_completed
+    [(step, _)] = bench.pipeline.completed()
+    assert step.outputs() is None
 
 
 def test_waking_comes_when_the_result_can_be_had(bench):
     let_go = bench.send()
     bench.land(let_go, 0.1)
     deadline = time.monotonic() + 10
-    while not bench.crew.has_landed:
+    while not bench.pipeline.has_completed:
         assert time.monotonic() < deadline
