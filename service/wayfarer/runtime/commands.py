@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from wayfarer.runtime.agent import Goal
-from wayfarer.runtime.behaviours import Behaviour
+from wayfarer.runtime.world.behaviour import Behaviour
 
 
 @dataclass(frozen=True, slots=True)

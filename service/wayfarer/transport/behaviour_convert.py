@@ -44,9 +44,7 @@ def _behaviour(wish: schema.Behaviour, basis: Basis) -> runtime.Behaviour:
     if isinstance(does, schema.Routine):
         parts = tuple(runtime.Part(_does(p.given[1], basis), p.seconds) for p in does.parts)
         return runtime.Routine(parts, does.repeat)
-    made = _does(does, basis)
-    assert not isinstance(made, runtime.Visit | runtime.Stand)
-    return made
+    return _does(does, basis)
 
 
 def wander(wish: schema.Wander, basis: Basis) -> runtime.Wander:
@@ -85,7 +83,7 @@ def _client_field(field: str, wish: Wish) -> str:
     return field.removeprefix("wander.")
 
 
-def _does(wish: schema.Message, basis: Basis) -> runtime.Activity:
+def _does(wish: schema.Message, basis: Basis) -> runtime.PartBehaviour:
     axes = basis.axes
     match wish:
         case schema.Wander():

@@ -20,8 +20,8 @@ from wayfarer.runtime.behaviours import (
     Visit,
     Wander,
 )
+from wayfarer.runtime.behaviours.patrol import patrolled
 from wayfarer.runtime.commands import Append
-from wayfarer.runtime.crowd.behaviours import patrolled
 from wayfarer.runtime.publications import EventKind
 from wayfarer.runtime.settings import Limits
 

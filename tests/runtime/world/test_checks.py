@@ -11,7 +11,6 @@ from wayfarer.runtime.behaviours import Wander
 from wayfarer.runtime.settings import Limits
 from wayfarer.runtime.world.checks import (
     check_agent_id,
-    check_area,
     check_change,
     check_path,
     check_session,
@@ -69,10 +68,11 @@ def test_goals_ahead_count_with_those_that_are_added():
     ],
 )
 def test_areas_that_are_refused(area, field):
-    assert refusal(check_area, area, HERE, LIMITS, "area")[0] == field
+    assert refusal(area.check, HERE, LIMITS, "area")[0] == field
 
 
 def test_an_area_must_not_leave_the_world():
-    check_area(Wander((9990.0, 0.0), 10.0), (9990.0, 0.0), LIMITS, "area")
-    field, words = refusal(check_area, Wander((9995.0, 0.0), 10.0), (9990.0, 0.0), LIMITS, "area")
+    there = (9990.0, 0.0, 0.0)
+    Wander((9990.0, 0.0), 10.0).check(there, LIMITS, "area")
+    field, words = refusal(Wander((9995.0, 0.0), 10.0).check, there, LIMITS, "area")
     assert field == "area.center" and "10005 m" in words

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from wayfarer.runtime.behaviours import Wander
-from wayfarer.runtime.world.wandering import APART, wander_goal
+from wayfarer.runtime.behaviours.wander import APART, wander_goal
 
 AREA = Wander((10.0, -4.0), 6.0, speed=0.8, dwell=3.0)
 

@@ -148,7 +148,7 @@ def test_room_and_time_are_asked_for_all_or_nothing():
     with pytest.raises(ResourceExhausted, match="0 of 3"):
         small.put_session(record, 0.0)
     busy = make_world(admission=AdmissionRules(most_load=0.1))
-    busy.measured(1, 1, 0.1)
+    busy.load.measured(1, 1, 0.1)
     with pytest.raises(ResourceExhausted, match="fit on this machine"):
         busy.put_session(record, 0.0)
     for there in (small, busy):

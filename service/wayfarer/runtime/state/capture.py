@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from wayfarer.runtime.agent import AgentChange
+from wayfarer.runtime.behaviours import known_behaviour
 from wayfarer.runtime.commands import GoalCommand
 from wayfarer.runtime.state.journal import Journal
 from wayfarer.runtime.state.journal_entries import Crowd, Member
@@ -110,7 +111,7 @@ def _member(agent: Agent, revision: int, model: str) -> Member:
             path=agent.path,
             passed=agent.passed,
             path_start=agent.path_start,
-            behaviour=agent.behaviour,
+            behaviour=None if agent.behaviour is None else known_behaviour(agent.behaviour),
             part=agent.part,
             begun=agent.begun,
             model=model,

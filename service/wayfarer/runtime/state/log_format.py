@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict
 
 from wayfarer.errors import FailedPrecondition, InvalidArgument
 from wayfarer.runtime.agent import AgentChange, AgentSpec, Goal, SessionSpec
-from wayfarer.runtime.behaviours import Behaviour
+from wayfarer.runtime.behaviours import AnyBehaviour, known_behaviour
 from wayfarer.runtime.commands import Append, Path, Stop
 from wayfarer.runtime.settings import Limits
 from wayfarer.runtime.state.container import Kind, seal, unseal
@@ -66,7 +66,7 @@ class EntryPart:
     set_goal: Goal | None = None
     set_path: tuple[Goal, ...] | None = None
     append_goals: tuple[Goal, ...] | None = None
-    behaviour: Behaviour | None = None
+    behaviour: AnyBehaviour | None = None
     clear_goal: bool | None = None
     change: AgentChange | None = None
 
@@ -178,7 +178,7 @@ def _entry_part(entry: Entry) -> EntryPart:
         case AgentChange() as change:
             return EntryPart(entry.seq, change=change)
         case behaviour:
-            return EntryPart(entry.seq, behaviour=behaviour)
+            return EntryPart(entry.seq, behaviour=known_behaviour(behaviour))
 
 
 # And back

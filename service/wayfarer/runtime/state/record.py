@@ -11,7 +11,7 @@ from typing import Final
 
 from wayfarer.errors import FailedPrecondition
 from wayfarer.runtime.agent import AgentChange, AgentSpec, SessionSpec
-from wayfarer.runtime.behaviours import Patrol, Routine, Visit
+from wayfarer.runtime.behaviours import Behaviour, Routine
 from wayfarer.runtime.commands import Append, GoalCommand, Path
 from wayfarer.runtime.world.handover import AgentRecord
 from wayfarer.runtime.world.observer import Names, Start
@@ -223,10 +223,11 @@ class Recordings:
 def cost(command: Told) -> int:
     """How many entries a command counts for: as many as it has goals."""
     match command:
-        case Path(goals) | Append(goals) | Patrol(goals):
+        case Path(goals) | Append(goals):
             return len(goals)
         case Routine(parts):
-            goals_of = [p.does.goals for p in parts if isinstance(p.does, Visit | Patrol)]
-            return len(parts) + sum(map(len, goals_of))
+            return len(parts) + sum(len(part.does.given_goals) for part in parts)
+        case Behaviour() as behaviour:
+            return len(behaviour.given_goals) or 1
         case _:
             return 1

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
 from wayfarer.runtime.agent import AgentSpec, Goal, SessionSpec
-from wayfarer.runtime.behaviours import Behaviour, Stand
+from wayfarer.runtime.behaviours import AnyBehaviour
 from wayfarer.runtime.feet.footlock import LockState
 from wayfarer.runtime.feet.ground import Footing
 from wayfarer.runtime.settings import Limits
@@ -87,7 +87,7 @@ class AgentPart:
     path: tuple[Goal, ...]
     passed: int
     path_start: tuple[float, float]
-    behaviour: Behaviour | Stand | None
+    behaviour: AnyBehaviour | None
     part: int = 0
     begun: int = 0
     model: str = ""

@@ -7,7 +7,6 @@ from typing import Final
 
 from wayfarer.errors import Heading, InvalidArgument, Metres, MetresPerSecond, Place
 from wayfarer.runtime.agent import AgentChange, AgentSpec, Goal, SessionSpec
-from wayfarer.runtime.behaviours import Wander
 from wayfarer.runtime.settings import Limits
 from wayfarer.spec import BETAS, GENDERS, MAX_COORDINATE
 
@@ -17,7 +16,6 @@ MAX_DWELL: Final = 3600.0
 MAX_HEADING: Final = 100.0
 MAX_BETA: Final = 5.0
 MAX_NAME: Final = 64
-MIN_AREA: Final = 0.5
 ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
 
@@ -127,31 +125,6 @@ def check_path(
     for number, goal in enumerate(goals):
         check_goal(goal, start, limits, f"{field}[{number}]", whence)
         start, whence = goal.position, "the goal before it"
-
-
-def check_area(area: Wander, start: tuple[float, ...], limits: Limits, where: str) -> None:
-    """An area with a centre for an agent at `start` to walk about in. Raises InvalidArgument."""
-    assert area.center is not None
-    check_place(area.center, f"{where}.center")
-    check_range([area.radius], MIN_AREA, limits.goal_distance, f"{where}.radius", Metres)
-    check_range([area.speed], *SPEED, f"{where}.speed", MetresPerSecond)
-    check_range([area.dwell], 0, MAX_DWELL, f"{where}.dwell")
-    farthest = math.dist(area.center, start[:2]) + area.radius
-    if farthest > limits.goal_distance:
-        raise InvalidArgument(
-            "the area reaches as far as {} from the agent; allowed: at most {}",
-            f"{where}.center",
-            Metres(round(farthest)),
-            Metres(limits.goal_distance),
-        )
-    reach = max(map(abs, area.center)) + area.radius
-    if reach > MAX_COORDINATE:
-        raise InvalidArgument(
-            "the area reaches as far as {} along an axis; allowed: {}",
-            f"{where}.center",
-            Metres(round(reach)),
-            Metres(MAX_COORDINATE),
-        )
 
 
 def _check_id(value: str, name: str, field: str) -> None:

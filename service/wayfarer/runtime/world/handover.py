@@ -13,11 +13,11 @@ import numpy as np
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.agent import AgentSpec, Goal, SessionSpec
-from wayfarer.runtime.behaviours import Behaviour, Routine, Stand
+from wayfarer.runtime.behaviours import Routine, Stand
 from wayfarer.runtime.feet.footlock import LockState
 from wayfarer.runtime.feet.ground import Footing
 from wayfarer.runtime.settings import Limits
-from wayfarer.runtime.world.behaviour_checks import check_behaviour
+from wayfarer.runtime.world.behaviour import Behaviour
 from wayfarer.runtime.world.checks import (
     check_agent_id,
     check_goal,
@@ -51,7 +51,7 @@ class AgentRecord:
     path: tuple[Goal, ...]  # goals that are not yet forgotten
     passed: int  # place of the first of them in the path
     path_start: tuple[float, float]  # metres: where the way to the first of them begins
-    behaviour: Behaviour | Stand | None
+    behaviour: Behaviour | None
     part: int = 0  # of a routine
     begun: int = 0  # place in the path where the behaviour, or the part, began
     model: str = ""  # stamp of the one that moves it; empty: whichever is in use
@@ -128,7 +128,7 @@ def _check_behaviour(record: AgentRecord, limits: Limits, where: str) -> None:
     behaviour = record.behaviour
     if behaviour is None or isinstance(behaviour, Stand):
         return
-    check_behaviour(behaviour, None, limits, where)
+    behaviour.check(None, limits, where)
     _check_count(record.begun, f"{where}.begun")
     if not 0 <= record.part <= (len(behaviour.parts) if isinstance(behaviour, Routine) else 0):
         raise InvalidArgument(f"part is {record.part}; there is none", f"{where}.part")

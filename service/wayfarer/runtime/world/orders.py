@@ -1,7 +1,7 @@
-"""Agents are given orders: replan, write the path, count the revision.
+"""Carries out goal commands: replans, writes the path, counts the revision.
 
-A path is fed for ever: goals that the agent has passed are forgotten when more are added, and the
-numbers of the others stay (see paths.py). Behaviours are paths that feed themselves (behaving.py).
+A path can be extended for ever: goals that the agent has passed are forgotten when more are added,
+and the numbers of the others stay (paths.py). A behaviour extends its path itself (behaviours/).
 """
 
 from collections.abc import Sequence
@@ -10,20 +10,12 @@ import numpy as np
 
 from wayfarer.errors import Aborted, FailedPrecondition, InvalidArgument
 from wayfarer.runtime.agent import Goal
-from wayfarer.runtime.behaviours import (
-    DEPENDENT,
-    Behaviour,
-    Follow,
-    Patrol,
-    Visit,
-    Wander,
-)
+from wayfarer.runtime.behaviours.runner import BehaviourRunner, Surroundings, parts_of
 from wayfarer.runtime.commands import Append, GoalCommand, Path, Stop
 from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.stepping.playback import Playback
 from wayfarer.runtime.stepping.timeline import Timeline
-from wayfarer.runtime.world.behaving import Behaving, Surroundings, parts_of
-from wayfarer.runtime.world.behaviour_checks import check_behaviour, others_of
+from wayfarer.runtime.world.behaviour import Behaviour
 from wayfarer.runtime.world.checks import check_goal, check_path
 from wayfarer.runtime.world.handover import AgentRecord
 from wayfarer.runtime.world.paths import Paths
@@ -54,8 +46,13 @@ class GoalCommands:
         self._registry = registry
         self._around = around
         self._trails = Trails(slots, paths)
-        self._behaving = Behaving(
-            slots, paths, self._trails, registry, around, settings.steering.slow_seconds
+        self._behaviours = BehaviourRunner(
+            slots=slots,
+            paths=paths,
+            trails=self._trails,
+            registry=registry,
+            around=around,
+            slow_seconds=settings.steering.slow_seconds,
         )
 
     def check_record(self, record: AgentRecord, where: str) -> None:
@@ -86,12 +83,12 @@ class GoalCommands:
             case Stop():
                 pass
             case behaviour:
-                check_behaviour(behaviour, (x, y, z), limits)
+                behaviour.check((x, y, z), limits, "behaviour")
                 self._check_company(agent, behaviour)
 
     def give(self, agent: Agent, command: GoalCommand, now: float) -> None:
         """Carry out a command that has been checked."""
-        # A goal that its behaviour moves is not one to be reached before others.
+        # A goal that a behaviour moves is not one to be reached before others.
         has_goals = agent.path and self._slots.feeding[agent.slot] != Feeding.EACH_STEP
         if isinstance(command, Append) and has_goals:
             self._append(agent, command.goals)
@@ -100,14 +97,14 @@ class GoalCommands:
         agent.commanded_seq = int(self._slots.planned_chunks[agent.slot])
 
     def walk_on(self, frame: float) -> None:
-        """Let those who are due by world frame `frame` know what their behaviours want of them."""
+        """Update the behaviours of agents that are due by world frame `frame`."""
         if self._slots.feeding.any():
-            self._behaving.feed(self._playback.due(frame))
+            self._behaviours.feed(self._playback.due(frame))
 
     def restore(self, agent: Agent) -> None:
         """Write the path of an agent who has been put into the world with it, or with none."""
         self._paths.put(agent.slot, agent.path, agent.path_start, agent.passed)
-        self._behaving.resume(agent)
+        self._behaviours.resume(agent)
 
     def at_rest(self, agent: Agent) -> Motion:
         """The agent's motion after the last chunk sent, one row, on its present path.
@@ -130,9 +127,9 @@ class GoalCommands:
         slots.revised_chunk[slot] = slots.planned_chunks[slot]
         x, y = slots.planned.seed.translation[slot, -1, :2].tolist()
         agent.path, agent.passed, agent.path_start = (), 0, (x, y)
-        self._behaving.leave(agent)
+        self._behaviours.leave(agent)
         self._trails.write(agent, self._first_goals(agent, command))
-        walks = bool(agent.path) and self._sets_out(agent)
+        walks = bool(agent.path) and self._behaviours.sets_out(agent)
         set_out(slots.planned.gait, slot, 0, walks)
 
     def _first_goals(self, agent: Agent, command: GoalCommand) -> tuple[Goal, ...]:
@@ -145,17 +142,13 @@ class GoalCommands:
                 return ()
             case behaviour:
                 agent.behaviour = behaviour
-                return self._behaving.begin(agent)
-
-    def _sets_out(self, agent: Agent) -> bool:
-        """Whether its first goal is one to walk to, not one that its behaviour has yet to tell."""
-        return isinstance(self._behaving.doing(agent), Visit | Wander | Patrol | None)
+                return self._behaviours.begin(agent)
 
     def _append(self, agent: Agent, goals: Sequence[Goal]) -> None:
         behaves = agent.behaviour is not None
-        self._behaving.leave(agent)
+        self._behaviours.leave(agent)
         self._slots.goal_revision[agent.slot] += 1
-        # What it has drawn beyond its present place was not asked for.
+        # Nobody asked for the places that its behaviour has drawn beyond the present one.
         kept = self._trails.so_far(agent) if behaves else self._trails.kept(agent)
         self._trails.write(agent, (*kept, *goals))
 
@@ -168,37 +161,23 @@ class GoalCommands:
     def _check_company(self, agent: Agent, behaviour: Behaviour) -> None:
         """What a behaviour needs: others, a scene, a session that is not recorded."""
         session = self._registry.sessions[agent.session_id]
-        does = [part.does for part in parts_of(behaviour)]
-        if session.spec.record and any(isinstance(one, DEPENDENT) for one in does):
+        parts = parts_of(behaviour)
+        if session.spec.record and any(part.NEEDS_OTHERS for part, _ in parts):
             raise FailedPrecondition(
                 "in a recorded session every agent's motion follows from its own orders: "
                 "following, keeping away and queueing look at others"
             )
-        if self._around.scene_of(agent.slot) is None and any(
-            isinstance(one, Wander) and one.center is None for one in does
-        ):
+        if self._around.scene_of(agent.slot) is None and any(p.needs_scene for p, _ in parts):
             raise FailedPrecondition(
                 "only in a scene can an agent walk about all over it: give the area a centre, or "
                 "create the session in a scene"
             )
-        for other, field in others_of(behaviour):
+        for part, within in parts:
+            other, field = part.named_agent, f"behaviour.{within}agent_id"
             if other == agent.agent_id:
-                raise InvalidArgument("is the agent itself", f"behaviour.{field}")
-            if other not in session.agents:
+                raise InvalidArgument("is the agent itself", field)
+            if other and other not in session.agents:
                 raise InvalidArgument(
-                    f"there is no agent {other!r} in session {session.session_id!r}",
-                    f"behaviour.{field}",
+                    f"there is no agent {other!r} in session {session.session_id!r}", field
                 )
-        if isinstance(behaviour, Follow):
-            self._check_circle(agent, behaviour)
-
-    def _check_circle(self, agent: Agent, follow: Follow) -> None:
-        other, passed = self._registry.agents.get(follow.agent_id), list[Agent]()
-        while other is not None and other not in passed:
-            passed.append(other)
-            wish = self._behaving.doing(other)
-            other = self._registry.agents.get(wish.agent_id) if isinstance(wish, Follow) else None
-        if any(one.agent_id == agent.agent_id for one in passed):
-            raise InvalidArgument(
-                "agents would follow each other in a circle", "behaviour.agent_id"
-            )
+        behaviour.check_others(agent, self._behaviours)

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 
 from wayfarer.errors import AlreadyExists, NotFound, ResourceExhausted
 from wayfarer.runtime.agent import AgentSpec, Goal, SessionInfo, SessionSpec
-from wayfarer.runtime.behaviours import Behaviour, Stand
 from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.world.behaviour import Behaviour
 from wayfarer.runtime.world.reservations import Reservation
 from wayfarer.shard import Shard, agent_id
 
@@ -24,7 +24,7 @@ class Agent:
     path: tuple[Goal, ...] = ()  # without the goals that are forgotten
     passed: int = 0  # place of the first of them in the path, as it was given
     path_start: tuple[float, float] = (0.0, 0.0)  # where the way to the first of them begins
-    behaviour: Behaviour | Stand | None = None  # what feeds the path, if anything does
+    behaviour: Behaviour | None = None  # that it follows
     part: int = 0  # of a routine
     begun: int = 0  # place in the path of the first goal of the behaviour, or of the part
     begun_seq: int = 0  # of the first chunk that was planned for it

@@ -4,13 +4,10 @@ from typing import ClassVar
 
 from pydantic import ConfigDict, Field
 
-from wayfarer.runtime.world.behaviour_checks import (
-    BESIDE,
-    KEPT,
-    MAX_PARTS,
-    MAX_SECONDS,
-    SPACING,
-)
+from wayfarer.runtime.behaviours.follow import MAX_BESIDE
+from wayfarer.runtime.behaviours.keep_away import DISTANCE
+from wayfarer.runtime.behaviours.queue import SPACING
+from wayfarer.runtime.behaviours.routine import MAX_PARTS, MAX_SECONDS
 from wayfarer.runtime.world.checks import SPEED
 from wayfarer.transport.schema.base import Bool, Float, Many, Message, OneOf, Vector3, bounds
 from wayfarer.transport.schema.goals import Goal, Wander
@@ -34,12 +31,12 @@ class Follow(Message):
     behind: Float | None = Field(
         default=None,
         description="how far behind it, negative before it; to 10 m; 1.2 m",
-        json_schema_extra=bounds(-BESIDE, BESIDE),
+        json_schema_extra=bounds(-MAX_BESIDE, MAX_BESIDE),
     )
     right: Float | None = Field(
         default=None,
         description="how far to its right, negative to its left; to 10 m; 0",
-        json_schema_extra=bounds(-BESIDE, BESIDE),
+        json_schema_extra=bounds(-MAX_BESIDE, MAX_BESIDE),
     )
 
 
@@ -49,7 +46,7 @@ class KeepAway(Message):
     agent_id: str = Field(default="", max_length=64, description="from this agent; or give `place`")
     place: Vector3 | None = Field(default=None, description="from this place; or give `agent_id`")
     distance: Float | None = Field(
-        default=None, description="0.5 to 50 m; 4 m", json_schema_extra=bounds(*KEPT)
+        default=None, description="0.5 to 50 m; 4 m", json_schema_extra=bounds(*DISTANCE)
     )
     speed: Float | None = Field(
         default=None, description="0.2 to 4 m/s; 1.6 m/s", json_schema_extra=bounds(*SPEED)

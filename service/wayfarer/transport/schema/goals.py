@@ -2,7 +2,8 @@
 
 from pydantic import ConfigDict, Field
 
-from wayfarer.runtime.world.checks import MIN_AREA, RADIUS, SPEED
+from wayfarer.runtime.behaviours.wander import MIN_RADIUS
+from wayfarer.runtime.world.checks import RADIUS, SPEED
 from wayfarer.transport.schema.base import Bool, Float, Many, Message, Vector3, bounds
 
 
@@ -73,7 +74,8 @@ class Area(Message):
 
     center: Vector3 = Field(description="the component along up is ignored")
     radius: Float = Field(
-        description="from 0.5 m to limits.goal_distance_m", json_schema_extra=bounds(MIN_AREA, None)
+        description="from 0.5 m to limits.goal_distance_m",
+        json_schema_extra=bounds(MIN_RADIUS, None),
     )
 
 

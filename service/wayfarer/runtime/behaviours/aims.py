@@ -7,8 +7,8 @@ import numpy as np
 
 from wayfarer.navigation.spec import Point3
 from wayfarer.runtime.agent import Goal
-from wayfarer.runtime.crowd.behaviours import Aim, Body
 from wayfarer.runtime.scenes.people import FORESIGHT, moving
+from wayfarer.runtime.world.behaviour import Aim, Body
 from wayfarer.runtime.world.heading import facing_of
 from wayfarer.runtime.world.paths import Paths
 from wayfarer.runtime.world.registry import Agent
@@ -20,7 +20,7 @@ AGAIN: Final = 0.35
 """Metres outside its radius from which a goal that has been reached is walked to again."""
 
 
-class Aims:
+class MovingGoals:
     """The moving goals of a world; each is the last of its agent's path."""
 
     def __init__(self, slots: Slots, paths: Paths) -> None:
