@@ -11,10 +11,11 @@ import numpy as np
 from wayfarer.body.library import load_body
 from wayfarer.runtime.agent import AgentInfo, AgentSpec, Goal, SessionInfo, SessionSpec
 from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
+from wayfarer.runtime.limits import AdmissionRules, Limits
 from wayfarer.runtime.publications import StreamWish
 from wayfarer.runtime.scenes.messages import SceneInfo
-from wayfarer.runtime.settings import AdmissionRules, Limits, WorldSettings
 from wayfarer.runtime.stats import LoopStats
+from wayfarer.runtime.stepping.settings import WorldSettings
 from wayfarer.runtime.streams.publisher import Publisher
 from wayfarer.runtime.streams.subscription import BoundedSubscription, StreamSettings
 from wayfarer.runtime.world.spawn import load_start_poses

@@ -28,8 +28,8 @@ from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.driven import Driven, InstantEngine
 from wayfarer import config
-from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.stepping import batch, playback, scheduler
+from wayfarer.runtime.stepping.settings import WorldSettings
 from wayfarer.runtime.streams.publisher import Publisher
 from wayfarer.runtime.streams.subscription import BoundedSubscription
 from wayfarer.runtime.world import world

@@ -15,14 +15,15 @@ from wayfarer.runtime.engines.choice import open_engine
 from wayfarer.runtime.engines.lanes import cores
 from wayfarer.runtime.engines.model_store import ModelStore
 from wayfarer.runtime.engines.models import Models
+from wayfarer.runtime.limits import AdmissionRules, Limits, SceneLimits
 from wayfarer.runtime.loop import LoopSettings
 from wayfarer.runtime.meter import Meter
 from wayfarer.runtime.runtime import Runtime
 from wayfarer.runtime.scenes.bakery import Bakery
-from wayfarer.runtime.settings import AdmissionRules, Limits, SceneLimits, WorldSettings
 from wayfarer.runtime.state.journal import Journal
 from wayfarer.runtime.state.snapshot import BodyStamp
 from wayfarer.runtime.stepping.budget import BudgetRules, rungs
+from wayfarer.runtime.stepping.settings import WorldSettings
 from wayfarer.runtime.world.spawn import load_start_poses
 from wayfarer.runtime.world.steering import Steering
 from wayfarer.runtime.world.world import World

@@ -12,8 +12,9 @@ from wayfarer.body.model import BodyModel
 from wayfarer.runtime.engines.choice import open_engine
 from wayfarer.runtime.engines.engine import EngineKind
 from wayfarer.runtime.engines.warm import WarmEngine
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.scenes.book import Book
-from wayfarer.runtime.settings import ANY_SIZE, Limits, WorldSettings
+from wayfarer.runtime.stepping.settings import ANY_SIZE, WorldSettings
 from wayfarer.runtime.world.spawn import load_start_poses
 from wayfarer.runtime.world.steering import Steering
 from wayfarer.runtime.world.world import World

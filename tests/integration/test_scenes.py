@@ -12,7 +12,7 @@ from wayfarer.navigation.scene import bake
 from wayfarer.runtime.agent import AgentSpec, ChunkFlag, Goal, SessionSpec
 from wayfarer.runtime.feet.legs import pose_legs
 from wayfarer.runtime.scenes.book import Book
-from wayfarer.runtime.settings import WorldSettings
+from wayfarer.runtime.stepping.settings import WorldSettings
 from wayfarer.runtime.world.spawn import load_start_poses
 from wayfarer.runtime.world.world import World
 from wayfarer.spec import FPS
@@ -50,7 +50,7 @@ def hips(chunks):
 
 def test_walks_around_a_box():
     world, _, _, agent = walker(field(BOX), SOUTH)
-    world.set_goal(agent, NORTH, 0.0)
+    world.give(agent, NORTH, 0.0)
     chunks = walked(world, 20.0)
     assert chunks[-1].flags & ChunkFlag.ARRIVED
     assert field(BOX).distance(hips(chunks)).min() > BODY
@@ -58,7 +58,7 @@ def test_walks_around_a_box():
 
 def test_walks_around_what_is_put_in_its_way():
     world, book, scene_id, agent = walker(field(), SOUTH)
-    world.set_goal(agent, NORTH, 0.0)
+    world.give(agent, NORTH, 0.0)
     walked(world, 1.5)
     book.put(scene_id, "crate", BOX)
     chunks = walked(world, 20.0)
@@ -69,7 +69,7 @@ def test_walks_around_what_is_put_in_its_way():
 def test_feet_are_on_a_slope_and_on_steps():
     scene = bake(slope_with_steps())
     world, _, _, agent = walker(scene, (10.0, 2.0))
-    world.set_goal(agent, Goal((10.0, 17.0, 0.0)), 0.0)
+    world.give(agent, Goal((10.0, 17.0, 0.0)), 0.0)
     chunks = walked(world, 30.0)
     assert chunks[-1].flags & ChunkFlag.ARRIVED
     translation = hips(chunks)

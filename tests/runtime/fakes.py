@@ -5,7 +5,7 @@ import numpy as np
 from wayfarer.body.model import BodyModel
 from wayfarer.runtime.agent import AgentSpec, Goal, SessionSpec
 from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
-from wayfarer.runtime.settings import WorldSettings
+from wayfarer.runtime.stepping.settings import WorldSettings
 from wayfarer.runtime.world.heading import facing_of
 from wayfarer.runtime.world.observer import WorldObserver
 from wayfarer.runtime.world.spawn import multiply

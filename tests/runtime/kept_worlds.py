@@ -5,10 +5,10 @@ from pathlib import Path
 
 from tests.runtime.fakes import BODIES, FakeEngine, start_poses
 from wayfarer.runtime.engines.models import Models
-from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.state.journal import Journal
 from wayfarer.runtime.state.snapshot import BodyStamp
 from wayfarer.runtime.stepping.budget import BudgetRules
+from wayfarer.runtime.stepping.settings import WorldSettings
 from wayfarer.runtime.world.spawn import load_start_poses
 from wayfarer.runtime.worlds import Worlds
 from wayfarer.spec import GENDERS

@@ -4,9 +4,9 @@ import asyncio
 import threading
 
 from tests.runtime.fakes import make_world
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.loop import LiveMotion, LoopSettings
 from wayfarer.runtime.publications import StreamWish
-from wayfarer.runtime.settings import Limits
 
 ALL = StreamWish()
 

@@ -14,9 +14,10 @@ from wayfarer.errors import Aborted, AlreadyExists, InvalidArgument, NotFound, R
 from wayfarer.runtime.agent import AgentChange, ChunkFlag, Goal, SessionSpec
 from wayfarer.runtime.behaviours import Wander
 from wayfarer.runtime.commands import Append, Path, Stop
+from wayfarer.runtime.events import EventKind
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.loop import steady_clock
-from wayfarer.runtime.publications import EventKind, StreamWish
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.publications import StreamWish
 
 
 async def test_agents_stream_in_real_time_to_their_goal():

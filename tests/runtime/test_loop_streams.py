@@ -12,7 +12,8 @@ from tests.runtime.running import ALL, Running, first
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.agent import ChunkFlag, Goal, SessionSpec
 from wayfarer.runtime.commands import Path
-from wayfarer.runtime.publications import EventKind, Resume, SlowReader, StreamWish
+from wayfarer.runtime.events import EventKind
+from wayfarer.runtime.publications import Resume, SlowReader, StreamWish
 
 
 async def test_a_subscription_may_name_agents():

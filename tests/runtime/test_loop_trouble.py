@@ -10,9 +10,9 @@ from tests.runtime.fakes import FakeEngine, make_world, people
 from tests.runtime.running import ALL, Running, first, until
 from wayfarer.errors import ResourceExhausted, Unavailable
 from wayfarer.runtime.agent import Goal, SessionSpec
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.loop import LiveMotion
 from wayfarer.runtime.motor import FAILURES
-from wayfarer.runtime.settings import Limits
 
 
 async def test_a_cancelled_caller_does_no_harm():

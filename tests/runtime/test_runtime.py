@@ -18,9 +18,9 @@ from wayfarer.errors import (
 from wayfarer.runtime.agent import Goal, SessionSpec
 from wayfarer.runtime.behaviours import Wander
 from wayfarer.runtime.commands import Path
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.publications import StreamWish
 from wayfarer.runtime.runtime import Runtime
-from wayfarer.runtime.settings import Limits
 
 RECORDED = SessionSpec("s", record=True, attributes={"basis": "unity", "owner": "ada"})
 FAR = Goal((0.0, 90.0, 0.0))

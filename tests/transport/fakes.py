@@ -27,14 +27,15 @@ from wayfarer.runtime.agent import (
     AgentInfo,
     AgentSpec,
     Goal,
-    ModelInfo,
     MotionChunk,
     MotionChunks,
     SessionInfo,
     SessionSpec,
 )
 from wayfarer.runtime.commands import GoalCommand
-from wayfarer.runtime.publications import Event, Publication, StreamWish
+from wayfarer.runtime.engines.models import ModelInfo
+from wayfarer.runtime.events import Event
+from wayfarer.runtime.publications import Publication, StreamWish
 from wayfarer.runtime.stats import LoopStats
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway

@@ -2,14 +2,8 @@
 
 import numpy as np
 
-from wayfarer.runtime.agent import (
-    AgentInfo,
-    AgentSpec,
-    AgentState,
-    ChunkFlag,
-    ModelInfo,
-    MotionChunk,
-)
+from wayfarer.runtime.agent import AgentInfo, AgentSpec, AgentState, ChunkFlag, MotionChunk
+from wayfarer.runtime.engines.models import ModelInfo
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
 
 NOW = 1_700_000_000.0

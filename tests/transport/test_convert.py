@@ -10,7 +10,8 @@ from tests.transport.samples import NOW
 from wayfarer.body.phenotype import height_of
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.agent import AgentInfo, AgentSpec, AgentState, Goal
-from wayfarer.runtime.publications import EventKind, SlowReader
+from wayfarer.runtime.events import EventKind
+from wayfarer.runtime.publications import SlowReader
 from wayfarer.runtime.stats import LoopStats
 from wayfarer.runtime.world.heading import facing_at
 from wayfarer.transport import convert, schema, wire

@@ -218,15 +218,3 @@ class AgentChange:
 
     name: str | None = None
     foot_lock: bool | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class ModelInfo:
-    """A loaded motion model."""
-
-    name: str
-    genders: tuple[str, ...]  # that it can drive
-    seed_frames: int
-    primitive_frames: int
-    sha256: tuple[str, ...]  # of each graph, in the order of `genders`
-    in_use: bool  # new agents are moved by it

@@ -17,12 +17,12 @@ from typing import TypeVar
 from wayfarer.errors import NotFound, ResourceExhausted
 from wayfarer.runtime.agent import AgentChange, AgentInfo, AgentSpec, SessionInfo, SessionSpec
 from wayfarer.runtime.commands import Append, GoalCommand
-from wayfarer.runtime.engines.models import model_changed
 from wayfarer.runtime.inbox import Inbox
 from wayfarer.runtime.meter import Meter, NoMeter
 from wayfarer.runtime.motor import MotionThread
 from wayfarer.runtime.publications import StreamWish
 from wayfarer.runtime.stats import LoopStats
+from wayfarer.runtime.streams.model_events import model_changed
 from wayfarer.runtime.streams.publisher import Publisher
 from wayfarer.runtime.streams.subscription import BoundedSubscription, StreamSettings
 from wayfarer.runtime.world.handover import SessionRecord

@@ -21,10 +21,10 @@ from typing import Final
 import structlog
 
 from wayfarer.errors import Unavailable
+from wayfarer.runtime.events import Event, EventKind
 from wayfarer.runtime.inbox import Inbox
 from wayfarer.runtime.meter import Meter
 from wayfarer.runtime.pipeline import EnginePipeline
-from wayfarer.runtime.publications import Event, EventKind
 from wayfarer.runtime.stats import LoopStats, ThreadFigures
 from wayfarer.runtime.stepping.scheduler import PendingStep
 from wayfarer.runtime.streams.publisher import Publisher

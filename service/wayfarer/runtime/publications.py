@@ -1,37 +1,10 @@
-"""What the readers of a session ask for, and what they are told: chunks and events."""
+"""What the readers of a session ask for, and what is published to them: chunks and events."""
 
 from dataclasses import dataclass
 from enum import StrEnum
 
 from wayfarer.runtime.agent import NO_CHUNKS, AgentInfo, MotionChunks
-
-
-class EventKind(StrEnum):
-    """Kinds of `Event`; names as in motion.proto."""
-
-    GOAL_REACHED = "goal_reached"
-    PATH_DONE = "path_done"
-    GAP = "gap"
-    DRAINING = "draining"
-    MODEL_CHANGED = "model_changed"
-    GOAL_MOVED = "goal_moved"  # off free ground: the nearest that can be reached was taken
-    UNREACHABLE = "unreachable"  # no way leads to the goal: the agent waits where it is
-    BLOCKED = "blocked"  # an obstacle closes the way: the agent waits until it opens
-    AGENT_LEFT = "agent_left"  # one of a crowd is no more, without a call
-    BEHAVIOUR_ENDED = "behaviour_ended"  # whom the agent followed, or fled, has been deleted
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """Something that happened to an agent, a stream or the server."""
-
-    kind: EventKind
-    at: float  # Unix seconds; of a goal the scheduled time of its chunk
-    agent_id: str = ""
-    alias: int = 0
-    goal_revision: int = 0
-    waypoint: int = 0
-    detail: str = ""  # a sentence for people
+from wayfarer.runtime.events import Event
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,18 +10,11 @@ from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
 from dataclasses import replace
 
 from wayfarer.errors import AlreadyExists, FailedPrecondition
-from wayfarer.runtime.agent import (
-    AgentChange,
-    AgentInfo,
-    AgentSpec,
-    Goal,
-    ModelInfo,
-    SessionInfo,
-    SessionSpec,
-)
+from wayfarer.runtime.agent import AgentChange, AgentInfo, AgentSpec, Goal, SessionInfo, SessionSpec
 from wayfarer.runtime.commands import GoalCommand
 from wayfarer.runtime.engines.engine import Engine
 from wayfarer.runtime.engines.model_store import ModelDesk, no_model
+from wayfarer.runtime.engines.models import ModelInfo
 from wayfarer.runtime.loop import LiveMotion, LoopSettings, steady_clock
 from wayfarer.runtime.meter import Meter
 from wayfarer.runtime.offline.lockstep import LockStep, LockSteps

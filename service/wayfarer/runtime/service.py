@@ -8,16 +8,9 @@ from collections.abc import AsyncGenerator, AsyncIterator, Mapping, Sequence
 from typing import Protocol
 
 from wayfarer.navigation.spec import Obstacle, Point2, Point3
-from wayfarer.runtime.agent import (
-    AgentChange,
-    AgentInfo,
-    AgentSpec,
-    Goal,
-    ModelInfo,
-    SessionInfo,
-    SessionSpec,
-)
+from wayfarer.runtime.agent import AgentChange, AgentInfo, AgentSpec, Goal, SessionInfo, SessionSpec
 from wayfarer.runtime.commands import GoalCommand
+from wayfarer.runtime.engines.models import ModelInfo
 from wayfarer.runtime.publications import Publication, StreamWish
 from wayfarer.runtime.scenes.messages import Crowd, Outlines, SceneInfo, SceneWish, Way
 from wayfarer.runtime.stats import LoopStats

@@ -8,8 +8,8 @@ import numpy as np
 
 from wayfarer.runtime.agent import AgentState
 from wayfarer.runtime.meter import Meter
+from wayfarer.runtime.stepping.due import Due
 from wayfarer.runtime.stepping.window import Window, mean, percentile
-from wayfarer.runtime.world.views import Due
 from wayfarer.spec import FPS
 
 LATE_SECONDS: Final = 1 / FPS

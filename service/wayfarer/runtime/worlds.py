@@ -15,11 +15,11 @@ from wayfarer.navigation.scene import bake
 from wayfarer.runtime.engines.models import Models
 from wayfarer.runtime.scenes.bakery import Bakery
 from wayfarer.runtime.scenes.book import Book
-from wayfarer.runtime.settings import ANY_SIZE, WorldSettings
 from wayfarer.runtime.state.capture import JournalObserver
 from wayfarer.runtime.state.journal import Journal
 from wayfarer.runtime.state.record import Recordings
 from wayfarer.runtime.state.snapshot import BodyStamp
+from wayfarer.runtime.stepping.settings import ANY_SIZE, WorldSettings
 from wayfarer.runtime.world.world import World
 
 SLACK: Final = 100.0

@@ -9,7 +9,8 @@ import numpy as np
 
 from wayfarer import __version__
 from wayfarer.runtime.agent import STATES, AgentInfo, MotionChunks
-from wayfarer.runtime.publications import Event, EventKind, Publication
+from wayfarer.runtime.events import Event, EventKind
+from wayfarer.runtime.publications import Publication
 from wayfarer.spec import FPS
 from wayfarer.transport import convert, schema, wire
 from wayfarer.transport.basis import Basis

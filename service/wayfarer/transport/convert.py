@@ -21,6 +21,7 @@ from wayfarer.errors import (
     Unreachable,
 )
 from wayfarer.runtime import agent as runtime
+from wayfarer.runtime.engines.models import ModelInfo
 from wayfarer.runtime.stats import LoopStats
 from wayfarer.spec import BETAS, POSED_JOINTS
 from wayfarer.transport import schema
@@ -157,7 +158,7 @@ def pose_format(wish: schema.PoseFormat, field: str = "format") -> PoseFormat:
     return PoseFormat.choose(wish.encoding, wish.profile, wish.bones, wish.fps, field)
 
 
-def model(info: runtime.ModelInfo) -> schema.Model:
+def model(info: ModelInfo) -> schema.Model:
     """A catalogue entry."""
     return schema.Model(**asdict(info))
 

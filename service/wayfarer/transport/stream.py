@@ -10,7 +10,8 @@ import numpy as np
 
 from wayfarer.errors import NotFound, Unavailable, WayfarerError
 from wayfarer.runtime.agent import NO_CHUNKS, AgentInfo, MotionChunks
-from wayfarer.runtime.publications import Event, EventKind, Publication
+from wayfarer.runtime.events import Event, EventKind
+from wayfarer.runtime.publications import Publication
 from wayfarer.runtime.service import MotionService, Subscription
 from wayfarer.transport import convert
 from wayfarer.transport.batches import BatchWriter, event_message

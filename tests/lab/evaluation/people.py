@@ -9,7 +9,7 @@ from tests.runtime.fakes import BODIES as STICKS
 from tests.runtime.fakes import FakeEngine, start_poses
 from wayfarer.body.model import BodyModel
 from wayfarer.runtime.agent import AgentSpec, Goal
-from wayfarer.runtime.settings import WorldSettings
+from wayfarer.runtime.stepping.settings import WorldSettings
 from wayfarer.runtime.world.world import World
 from wayfarer.spec import POSED_JOINTS
 from wayfarer_lab.evaluation.goals import Course, Given

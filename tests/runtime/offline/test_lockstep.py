@@ -17,9 +17,10 @@ from wayfarer.errors import (
     Unavailable,
 )
 from wayfarer.runtime.agent import AgentChange, ChunkFlag, Goal, SessionSpec
-from wayfarer.runtime.publications import EventKind, StreamWish
+from wayfarer.runtime.events import EventKind
+from wayfarer.runtime.limits import Limits
+from wayfarer.runtime.publications import StreamWish
 from wayfarer.runtime.runtime import Runtime
-from wayfarer.runtime.settings import Limits
 from wayfarer.spec import STEP_SECONDS
 
 LOCKED = SessionSpec("tool", lock_step=True)

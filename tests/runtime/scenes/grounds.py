@@ -8,7 +8,7 @@ from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.spec import Box, Floor, SceneSpec
 from wayfarer.runtime.agent import AgentInfo, AgentSpec, SessionSpec
 from wayfarer.runtime.scenes.book import Book
-from wayfarer.runtime.settings import WorldSettings
+from wayfarer.runtime.stepping.settings import WorldSettings
 from wayfarer.runtime.world.world import World
 
 FIELD = Floor(rectangle(0.0, 0.0, 12.0, 12.0))

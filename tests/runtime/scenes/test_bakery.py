@@ -17,9 +17,9 @@ from wayfarer.errors import InvalidArgument, ResourceExhausted, Unavailable
 from wayfarer.navigation.examples import cubes_field, slope_with_steps, town_square, two_storeys
 from wayfarer.navigation.scene import bake
 from wayfarer.navigation.spec import Box, Floor, MeshFile, SceneSpec
+from wayfarer.runtime.limits import SceneLimits
 from wayfarer.runtime.scenes import bakery as module
 from wayfarer.runtime.scenes.bakery import Bakery, Oven
-from wayfarer.runtime.settings import SceneLimits
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of POSIX")
 
@@ -235,7 +235,7 @@ def test_no_process_is_left_when_its_parent_is_killed(busy):
 PARENT = """
 import sys, time
 from wayfarer.runtime.scenes.bakery import Bakery
-from wayfarer.runtime.settings import SceneLimits
+from wayfarer.runtime.limits import SceneLimits
 from wayfarer.navigation.examples import cubes_field
 from tests.runtime.scenes.test_bakery import HUGE
 bakery = Bakery(SceneLimits(bake_s=600, bake_mb=8192))

@@ -14,9 +14,9 @@ from wayfarer.errors import (
 )
 from wayfarer.navigation.scene import bake
 from wayfarer.navigation.spec import SceneSpec
+from wayfarer.runtime.limits import SceneLimits
 from wayfarer.runtime.scenes.book import Book
 from wayfarer.runtime.scenes.messages import SceneWish
-from wayfarer.runtime.settings import SceneLimits
 from wayfarer.shard import Shard, shard_of
 
 WISH = SceneWish(SceneSpec((FIELD,)), "field", {"owner": "me"})

@@ -7,8 +7,8 @@ from tests.runtime.fakes import make_world
 from tests.runtime.scenes.grounds import BOX, enter, field, world_in
 from wayfarer.errors import FailedPrecondition, InvalidArgument, NotFound, ResourceExhausted
 from wayfarer.runtime.agent import SessionSpec
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.scenes.messages import Crowd
-from wayfarer.runtime.settings import Limits
 
 
 def square(**settings):

@@ -9,7 +9,8 @@ from tests.runtime.scenes.grounds import BOX, FIELD, ISLANDS, WALL
 from wayfarer.errors import FailedPrecondition, InvalidArgument, NotFound, Unreachable
 from wayfarer.navigation.spec import Cylinder, MeshFile, Prism, Ramp, SceneSpec
 from wayfarer.runtime.agent import AgentSpec, Goal, SessionSpec
-from wayfarer.runtime.publications import EventKind, StreamWish
+from wayfarer.runtime.events import EventKind
+from wayfarer.runtime.publications import StreamWish
 from wayfarer.runtime.scenes.messages import SceneWish
 
 WISH = SceneWish(SceneSpec((FIELD,), (BOX,)), "field", {"owner": "ada"})

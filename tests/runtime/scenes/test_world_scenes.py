@@ -14,7 +14,7 @@ from wayfarer.navigation.spec import Box, Floor, SceneSpec
 from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, Goal, SessionSpec
 from wayfarer.runtime.behaviours import Follow, Patrol
 from wayfarer.runtime.commands import Append, Path
-from wayfarer.runtime.publications import EventKind
+from wayfarer.runtime.events import EventKind
 from wayfarer.runtime.scenes.book import Book
 
 SOUTH, NORTH = (6.0, 2.0), (6.0, 10.0)

@@ -20,7 +20,7 @@ from wayfarer.errors import ArtifactError
 from wayfarer.runtime.agent import AgentChange, Goal, SessionSpec
 from wayfarer.runtime.behaviours import Wander
 from wayfarer.runtime.commands import Path
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.state.capture import capture_session
 from wayfarer.runtime.state.journal_file import NAME, VERSION, JournalFile, Kind
 from wayfarer.runtime.state.snapshot import BodyStamp

@@ -17,7 +17,7 @@ from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
 from wayfarer.runtime.agent import Goal, SessionSpec
 from wayfarer.runtime.behaviours import Wander
 from wayfarer.runtime.commands import Path
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.state.capture import capture_session
 from wayfarer.runtime.state.container import Kind, seal, unseal
 from wayfarer.runtime.state.packing import get, pack, unpack

@@ -5,12 +5,13 @@ import pytest
 from tests.runtime.fakes import make_world, people
 from wayfarer.errors import InvalidArgument, ResourceExhausted
 from wayfarer.runtime.agent import SessionSpec
-from wayfarer.runtime.settings import AdmissionRules, Limits, WorldSettings
+from wayfarer.runtime.limits import AdmissionRules, Limits
 from wayfarer.runtime.stepping import costs as module
 from wayfarer.runtime.stepping.admission import Admission, in_turn
 from wayfarer.runtime.stepping.budget import BudgetRules
 from wayfarer.runtime.stepping.phases import Phases
 from wayfarer.runtime.stepping.scheduler import Call
+from wayfarer.runtime.stepping.settings import WorldSettings
 from wayfarer.spec import GENDERS, STEP_SECONDS
 
 CALL, ROW = 0.002, 0.001  # seconds: of any call, and for each of its rows

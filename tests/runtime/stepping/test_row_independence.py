@@ -11,7 +11,7 @@ import pytest
 from wayfarer.runtime.agent import AgentSpec, Goal, MotionChunk, SessionSpec
 from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
 from wayfarer.runtime.engines.padding import pad
-from wayfarer.runtime.settings import WorldSettings
+from wayfarer.runtime.stepping.settings import WorldSettings
 from wayfarer.runtime.world.spawn import load_start_poses
 from wayfarer.runtime.world.steering import Steering
 from wayfarer.runtime.world.world import World

@@ -5,8 +5,9 @@ import pytest
 from tests.runtime.chunks import chunk, info, together
 from tests.runtime.streams.stage import ARRIVED, Stage, kinds, take
 from wayfarer.runtime.agent import AgentSpec, AgentState, Goal, SessionSpec
+from wayfarer.runtime.events import Event, EventKind
 from wayfarer.runtime.feet.ground import Footing
-from wayfarer.runtime.publications import Event, EventKind, Resume
+from wayfarer.runtime.publications import Resume
 from wayfarer.runtime.streams.subscription import StreamSettings
 from wayfarer.runtime.world.handover import AgentRecord, SessionRecord
 from wayfarer.runtime.world.slots import Mode, Motion

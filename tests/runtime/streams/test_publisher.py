@@ -7,8 +7,9 @@ from tests.runtime.chunks import chunk, together
 from tests.runtime.streams.stage import HOLD, Stage, kinds, seqs, take
 from wayfarer.errors import InvalidArgument, Unavailable
 from wayfarer.runtime.agent import ChunkFlag
+from wayfarer.runtime.events import EventKind
 from wayfarer.runtime.meter import ResumeResult
-from wayfarer.runtime.publications import EventKind, Resume, SlowReader
+from wayfarer.runtime.publications import Resume, SlowReader
 
 # Positions
 

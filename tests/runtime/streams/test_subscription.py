@@ -12,7 +12,8 @@ from wayfarer.errors import (
     Unavailable,
 )
 from wayfarer.runtime.agent import ChunkFlag
-from wayfarer.runtime.publications import Event, EventKind, Publication, SlowReader
+from wayfarer.runtime.events import Event, EventKind
+from wayfarer.runtime.publications import Publication, SlowReader
 from wayfarer.runtime.streams.marks import SILENCE
 from wayfarer.runtime.streams.subscription import MAX_EVENTS, Entry, Start
 

@@ -22,8 +22,8 @@ from wayfarer.runtime.behaviours import (
 )
 from wayfarer.runtime.behaviours.patrol import patrolled
 from wayfarer.runtime.commands import Append
-from wayfarer.runtime.publications import EventKind
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.events import EventKind
+from wayfarer.runtime.limits import Limits
 
 STOPS = tuple(Goal((x, y, 0.0), speed=1.5) for x, y in ((2.0, 0.0), (2.0, 2.0), (0.0, 2.0)))
 

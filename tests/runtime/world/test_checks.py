@@ -8,7 +8,7 @@ import pytest
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.agent import AgentChange, Goal, SessionSpec
 from wayfarer.runtime.behaviours import Wander
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.world.checks import (
     check_agent_id,
     check_change,

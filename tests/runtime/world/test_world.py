@@ -9,7 +9,7 @@ import pytest
 from tests.runtime.fakes import GOAL, FakeEngine, make_world, people, populated
 from wayfarer.runtime.agent import AgentState, ChunkFlag, Goal, SessionSpec
 from wayfarer.runtime.commands import Stop
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.stepping.budget import BudgetRules
 from wayfarer.runtime.world.slots import Mode
 from wayfarer.runtime.world.steering import Steering

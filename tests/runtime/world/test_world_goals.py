@@ -21,7 +21,7 @@ from wayfarer.runtime.commands import (
     Path,
     Stop,
 )
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.stepping.budget import Rung
 
 GOAL = Goal((0.0, 5.0, 0.0))

@@ -10,7 +10,7 @@ from wayfarer.errors import AlreadyExists, InvalidArgument, NotFound, ResourceEx
 from wayfarer.runtime.agent import AgentChange, ChunkFlag, Goal, SessionSpec
 from wayfarer.runtime.behaviours import Wander
 from wayfarer.runtime.commands import Append, Path, Stop
-from wayfarer.runtime.settings import AdmissionRules, Limits
+from wayfarer.runtime.limits import AdmissionRules, Limits
 
 GOAL = Goal((0.0, 9.0, 0.0))
 PATH = [Goal((0.0, y, 0.0), stop=False) for y in (1.0, 2.0, 3.0)] + [GOAL]

@@ -8,7 +8,8 @@ from tests.runtime.fakes import GOAL, make_world, people, populated
 from wayfarer.errors import AlreadyExists, InvalidArgument, NotFound, ResourceExhausted
 from wayfarer.runtime.agent import ChunkFlag, Goal, SessionSpec
 from wayfarer.runtime.commands import Path, Stop
-from wayfarer.runtime.settings import Limits, WorldSettings
+from wayfarer.runtime.limits import Limits
+from wayfarer.runtime.stepping.settings import WorldSettings
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from tests.runtime.fakes import FakeEngine, people, populated
 from wayfarer.runtime.agent import AgentState, ChunkFlag, Goal
 from wayfarer.runtime.commands import Path, Stop
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.limits import Limits
 from wayfarer.spec import STEP_SECONDS
 
 SQUARE = [(0.0, 3.0, 0.0), (3.0, 3.0, 0.0), (3.0, 0.0, 0.0), (0.0, 0.0, 0.0)]

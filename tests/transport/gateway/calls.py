@@ -3,7 +3,7 @@
 from contextlib import aclosing, contextmanager
 
 from tests.transport.samples import NOW
-from wayfarer.runtime.publications import Event, EventKind
+from wayfarer.runtime.events import Event, EventKind
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.caller import LOCAL, Caller, Quota, Scope, enter

@@ -24,7 +24,8 @@ from wayfarer.errors import (
     ResourceExhausted,
     Unavailable,
 )
-from wayfarer.runtime.publications import EventKind, SlowReader
+from wayfarer.runtime.events import EventKind
+from wayfarer.runtime.publications import SlowReader
 from wayfarer.transport import schema
 from wayfarer.v1 import motion_pb2
 

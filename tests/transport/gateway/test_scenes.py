@@ -15,7 +15,7 @@ from wayfarer.errors import (
     Unreachable,
 )
 from wayfarer.runtime.agent import AgentSpec
-from wayfarer.runtime.publications import Event, EventKind
+from wayfarer.runtime.events import Event, EventKind
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.gateway import Gateway, uploads

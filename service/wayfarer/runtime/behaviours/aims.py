@@ -7,12 +7,12 @@ import numpy as np
 
 from wayfarer.navigation.spec import Point3
 from wayfarer.runtime.agent import Goal
-from wayfarer.runtime.scenes.people import FORESIGHT, moving
 from wayfarer.runtime.world.behaviour import Aim, Body
 from wayfarer.runtime.world.heading import facing_of
 from wayfarer.runtime.world.paths import Paths
 from wayfarer.runtime.world.registry import Agent
 from wayfarer.runtime.world.slots import Goals, Slots
+from wayfarer.runtime.world.velocity import FORESIGHT, moving
 from wayfarer.spec import FPS, NEW_FRAMES
 
 RADIUS: Final = 0.25

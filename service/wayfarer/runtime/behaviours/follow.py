@@ -5,7 +5,7 @@ from math import dist, hypot
 from typing import ClassVar, Final, Literal
 
 from wayfarer.errors import InvalidArgument, Metres
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.world.behaviour import Actor, Aim, Behaviour, Body, Others, Start, Vector
 from wayfarer.runtime.world.checks import check_agent_id, check_range
 from wayfarer.runtime.world.registry import Agent

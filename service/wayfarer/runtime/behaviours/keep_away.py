@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.errors import InvalidArgument, Metres, MetresPerSecond
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.world.behaviour import STAND, Actor, Aim, Behaviour, Body, Start, Vector
 from wayfarer.runtime.world.checks import SPEED, check_agent_id, check_place, check_range
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from wayfarer.runtime.agent import Goal
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.world.behaviour import Actor, Behaviour, Start
 from wayfarer.runtime.world.checks import check_goal, check_path
 

@@ -8,7 +8,7 @@ from typing import ClassVar, Final, Literal
 import numpy as np
 
 from wayfarer.errors import Heading, Metres, MetresPerSecond
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.world.behaviour import Actor, Aim, Behaviour, Others, Start, Vector
 from wayfarer.runtime.world.checks import MAX_HEADING, SPEED, check_name, check_place, check_range
 from wayfarer.runtime.world.registry import Agent

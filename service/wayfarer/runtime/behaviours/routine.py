@@ -10,7 +10,7 @@ from wayfarer.runtime.behaviours.keep_away import KeepAway
 from wayfarer.runtime.behaviours.patrol import Patrol
 from wayfarer.runtime.behaviours.queue import Queue
 from wayfarer.runtime.behaviours.wander import Wander
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.world.behaviour import STAND, Actor, Behaviour, Start
 from wayfarer.runtime.world.checks import check_path, check_range
 

@@ -13,9 +13,9 @@ from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.spec import Point3
 from wayfarer.runtime.agent import Goal
 from wayfarer.runtime.behaviours.aims import MovingGoals
+from wayfarer.runtime.behaviours.places import free_place
 from wayfarer.runtime.behaviours.routine import Part, Routine, Stand
-from wayfarer.runtime.publications import EventKind
-from wayfarer.runtime.scenes.places import free_place
+from wayfarer.runtime.events import EventKind
 from wayfarer.runtime.world.behaviour import Aim, Behaviour, Body, Others, Vector
 from wayfarer.runtime.world.paths import Paths
 from wayfarer.runtime.world.registry import Agent, Registry

@@ -12,8 +12,8 @@ import numpy as np
 from wayfarer.errors import InvalidArgument, Metres, MetresPerSecond
 from wayfarer.navigation.scene import Scene
 from wayfarer.runtime.agent import Goal
-from wayfarer.runtime.scenes.places import drawn_places, island_at
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.behaviours.places import drawn_places, island_at
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.world.behaviour import Actor, Behaviour, Start
 from wayfarer.runtime.world.checks import MAX_DWELL, SPEED, check_place, check_range
 from wayfarer.spec import MAX_COORDINATE

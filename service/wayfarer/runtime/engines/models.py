@@ -12,13 +12,23 @@ from typing import Final
 from weakref import WeakSet
 
 from wayfarer.errors import AlreadyExists, FailedPrecondition, NotFound, ResourceExhausted
-from wayfarer.runtime.agent import AgentInfo, ModelInfo
 from wayfarer.runtime.engines.engine import Engine
-from wayfarer.runtime.publications import Event, EventKind
 from wayfarer.spec import GENDERS, PRIMITIVE_FRAMES, SEED_FRAMES
 
 MOST: Final = 4
 """Models at a time: each takes memory for its weights and its batches."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModelInfo:
+    """A loaded motion model."""
+
+    name: str
+    genders: tuple[str, ...]  # that it can drive
+    seed_frames: int
+    primitive_frames: int
+    sha256: tuple[str, ...]  # of each graph, in the order of `genders`
+    in_use: bool  # new agents are moved by it
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,19 +174,6 @@ class Models:
                 raise NotFound(f"model {model.name!r} is not loaded any more")
             roster.agents[number] -= 1
             roster.agents[model.number] += 1
-
-
-def model_changed(agent: AgentInfo, at: float) -> Event:
-    """An agent is moved by another model, of which it knows already; Unix seconds."""
-    return Event(
-        EventKind.MODEL_CHANGED,
-        at,
-        agent_id=agent.agent_id,
-        alias=agent.alias,
-        goal_revision=agent.goal_revision,
-        waypoint=agent.waypoint,
-        detail=f"model {agent.model!r} moves the agent from its next primitive on",
-    )
 
 
 class Roster:

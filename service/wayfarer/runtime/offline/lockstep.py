@@ -22,11 +22,12 @@ from wayfarer.runtime.agent import (
     SessionSpec,
 )
 from wayfarer.runtime.commands import GoalCommand
-from wayfarer.runtime.engines.models import model_changed
+from wayfarer.runtime.events import Event
 from wayfarer.runtime.inbox import Inbox
 from wayfarer.runtime.offline.offline import Offline
-from wayfarer.runtime.publications import Event, Publication
+from wayfarer.runtime.publications import Publication
 from wayfarer.runtime.streams.milestones import Milestones
+from wayfarer.runtime.streams.model_events import model_changed
 from wayfarer.runtime.world.handover import SessionRecord
 from wayfarer.runtime.world.world import World
 from wayfarer.runtime.worlds import Worlds

@@ -20,7 +20,7 @@ import structlog
 from wayfarer.errors import ResourceExhausted, Unavailable
 from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.spec import SceneSpec
-from wayfarer.runtime.settings import SceneLimits
+from wayfarer.runtime.limits import SceneLimits
 
 log = structlog.get_logger(__name__)
 

@@ -21,8 +21,8 @@ from wayfarer.errors import (
 )
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.spec import Obstacle, SceneSpec
+from wayfarer.runtime.limits import SceneLimits
 from wayfarer.runtime.scenes.messages import SceneInfo, SceneWish
-from wayfarer.runtime.settings import SceneLimits
 from wayfarer.shard import Shard
 
 NAME: Final = 64

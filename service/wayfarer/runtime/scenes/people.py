@@ -4,31 +4,15 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from wayfarer.runtime.crowd.people import Float, People
+from wayfarer.runtime.crowd.people import People
 from wayfarer.runtime.scenes.route import Passage
 from wayfarer.runtime.world.rows import Index
 from wayfarer.runtime.world.slots import Mode, Slots
+from wayfarer.runtime.world.velocity import FORESIGHT, moving
 from wayfarer.spec import FPS, NEW_FRAMES
 
 RADIUS: Final = 0.25
 """Metres: of a person among others."""
-
-FORESIGHT: Final = 0.4
-"""Seconds by which a place is carried on at most."""
-
-SLOW: Final = 0.15
-"""m/s: below, hips only sway."""
-
-
-def moving(hips: Float, speed: Float) -> Float:
-    """Velocities [A, 2] of agents from their last frames, hips [A, S, 3], and the `speed` [A] of
-    their gait.
-    """
-    way = hips[:, -1, :2] - hips[:, 0, :2]
-    length = np.maximum(np.linalg.norm(way, axis=-1), 1e-6)
-    steady = np.where(speed < SLOW, 0.0, speed)
-    found: Float = (way * (steady / length)[:, None]).astype(np.float32)
-    return found
 
 
 class Others(NamedTuple):

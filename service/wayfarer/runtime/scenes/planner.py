@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from wayfarer.errors import Unreachable
 from wayfarer.navigation.spec import Point3
-from wayfarer.runtime.publications import EventKind
+from wayfarer.runtime.events import EventKind
 from wayfarer.runtime.scenes.route import Passage
 from wayfarer.runtime.scenes.routes import Routes
 from wayfarer.runtime.scenes.scenery import Scenery

@@ -23,9 +23,9 @@ from wayfarer.errors import (
 from wayfarer.navigation.scene import Scene
 from wayfarer.runtime.agent import AgentInfo, AgentSpec
 from wayfarer.runtime.behaviours import Wander
+from wayfarer.runtime.behaviours.places import drawn_places, largest_island
 from wayfarer.runtime.commands import GoalCommand
 from wayfarer.runtime.scenes.messages import Crowd
-from wayfarer.runtime.scenes.places import drawn_places, largest_island
 from wayfarer.runtime.world.checks import MAX_DWELL, SPEED, check_range
 from wayfarer.spec import BETAS, GENDERS
 

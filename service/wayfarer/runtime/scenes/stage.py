@@ -8,13 +8,13 @@ from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.spec import Point3
 from wayfarer.runtime.agent import Goal
 from wayfarer.runtime.commands import Append, GoalCommand, Path
-from wayfarer.runtime.publications import Event, EventKind
+from wayfarer.runtime.events import Event, EventKind
 from wayfarer.runtime.scenes.book import Book
 from wayfarer.runtime.scenes.guide import SceneGuide
 from wayfarer.runtime.scenes.planner import MOVED, Planner, moved_text
 from wayfarer.runtime.scenes.routes import Routes
 from wayfarer.runtime.scenes.scenery import Scenery
-from wayfarer.runtime.settings import WorldSettings
+from wayfarer.runtime.stepping.settings import WorldSettings
 from wayfarer.runtime.stepping.timeline import Timeline
 from wayfarer.runtime.world.paths import Paths
 from wayfarer.runtime.world.slots import Slots

@@ -13,7 +13,7 @@ import numpy as np
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.runtime.agent import AgentSpec, Goal
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.world.checks import check_path
 from wayfarer.runtime.world.paths import goal_columns
 from wayfarer.runtime.world.rows import Flags, Float, Index, Int, Int8, Rows, Shape, UInt64

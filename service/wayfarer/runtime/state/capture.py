@@ -11,11 +11,11 @@ from wayfarer.runtime.commands import GoalCommand
 from wayfarer.runtime.state.journal import Journal
 from wayfarer.runtime.state.journal_entries import Crowd, Member
 from wayfarer.runtime.state.snapshot import AgentPart, SessionPart, Standing
+from wayfarer.runtime.stepping.due import Due
 from wayfarer.runtime.world.observer import Names, Start
 from wayfarer.runtime.world.registry import Agent, Session
 from wayfarer.runtime.world.rows import Index
 from wayfarer.runtime.world.slots import Mode
-from wayfarer.runtime.world.views import Due
 from wayfarer.runtime.world.world import World
 
 

@@ -18,9 +18,9 @@ import structlog
 
 from wayfarer.errors import ArtifactError
 from wayfarer.runtime.inbox import post
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.meter import Meter, NoMeter
 from wayfarer.runtime.scenes.book import Kept
-from wayfarer.runtime.settings import Limits
 from wayfarer.runtime.state.journal_entries import (
     Crowd,
     Member,

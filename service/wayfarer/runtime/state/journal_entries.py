@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 from wayfarer.errors import ArtifactError, InvalidArgument
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.state.journal_file import Entries, Key, Kind
 from wayfarer.runtime.state.packing import pack, unpack
 from wayfarer.runtime.state.scene_entries import OBSTACLES, SCENE, ObstaclesPart, ScenePart
@@ -25,7 +25,8 @@ from wayfarer.runtime.state.snapshot import (
     join_agent,
     join_session,
 )
-from wayfarer.runtime.world.handover import AgentRecord, SessionRecord, check_agent_record
+from wayfarer.runtime.world.handover import AgentRecord, SessionRecord
+from wayfarer.runtime.world.record_checks import check_agent_record
 
 log = structlog.get_logger(__name__)
 

@@ -7,8 +7,8 @@ from typing import Final, TypeVar
 import structlog
 
 from wayfarer.errors import ArtifactError, Unavailable, WayfarerError
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.scenes.book import Book
-from wayfarer.runtime.settings import Limits
 from wayfarer.runtime.state.journal import Journal
 from wayfarer.runtime.world.handover import SessionRecord
 

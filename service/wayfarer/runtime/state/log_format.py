@@ -17,7 +17,7 @@ from wayfarer.errors import FailedPrecondition, InvalidArgument
 from wayfarer.runtime.agent import AgentChange, AgentSpec, Goal, SessionSpec
 from wayfarer.runtime.behaviours import AnyBehaviour, known_behaviour
 from wayfarer.runtime.commands import Append, Path, Stop
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.state.container import Kind, seal, unseal
 from wayfarer.runtime.state.packing import unpack
 from wayfarer.runtime.state.record import CommandLog, Entry, Run, Schedule, Told, Track, cost
@@ -36,7 +36,8 @@ from wayfarer.runtime.state.snapshot import (
     parse,
 )
 from wayfarer.runtime.world.checks import check_agent_id, check_session_id, check_spec
-from wayfarer.runtime.world.handover import MAX_COUNT, AgentRecord, check_agent_record
+from wayfarer.runtime.world.handover import AgentRecord
+from wayfarer.runtime.world.record_checks import MAX_COUNT, check_agent_record
 from wayfarer.spec import FPS
 
 MAX_CANDIDATES: Final = 256

@@ -13,11 +13,11 @@ from wayfarer.errors import FailedPrecondition
 from wayfarer.runtime.agent import AgentChange, AgentSpec, SessionSpec
 from wayfarer.runtime.behaviours import Behaviour, Routine
 from wayfarer.runtime.commands import Append, GoalCommand, Path
+from wayfarer.runtime.stepping.due import Due
 from wayfarer.runtime.world.handover import AgentRecord
 from wayfarer.runtime.world.observer import Names, Start
 from wayfarer.runtime.world.registry import Agent, Session
 from wayfarer.runtime.world.rows import Index
-from wayfarer.runtime.world.views import Due
 from wayfarer.spec import STEP_SECONDS
 
 SAME_TIME: Final = 1e-6

@@ -19,10 +19,11 @@ from wayfarer.runtime.agent import AgentSpec, Goal, SessionSpec
 from wayfarer.runtime.behaviours import AnyBehaviour
 from wayfarer.runtime.feet.footlock import LockState
 from wayfarer.runtime.feet.ground import Footing
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.state.container import Kind, beginning, seal, unseal
 from wayfarer.runtime.state.packing import pack, row_bytes, unpack
-from wayfarer.runtime.world.handover import AgentRecord, SessionRecord, check_session_record
+from wayfarer.runtime.world.handover import AgentRecord, SessionRecord
+from wayfarer.runtime.world.record_checks import check_session_record
 from wayfarer.runtime.world.rows import Flags, Int, Rows
 from wayfarer.runtime.world.slots import Motion
 from wayfarer.spec import FPS

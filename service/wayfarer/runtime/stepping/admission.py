@@ -19,9 +19,9 @@ from threading import Lock
 from typing import Final, NamedTuple
 
 from wayfarer.errors import ResourceExhausted
-from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.stepping.costs import WINDOW, Counts, Excess, Rest, WarmCalls
 from wayfarer.runtime.stepping.scheduler import Call
+from wayfarer.runtime.stepping.settings import WorldSettings
 from wayfarer.runtime.stepping.window import Window
 from wayfarer.spec import GENDERS, STEP_SECONDS
 

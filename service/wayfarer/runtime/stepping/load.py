@@ -4,11 +4,11 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from functools import partial
 
-from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.stepping.admission import Admission, with_more
 from wayfarer.runtime.stepping.budget import Budget, Rung
 from wayfarer.runtime.stepping.costs import Counts
 from wayfarer.runtime.stepping.scheduler import PendingStep
+from wayfarer.runtime.stepping.settings import WorldSettings
 from wayfarer.runtime.world.registry import Registry
 from wayfarer.runtime.world.reservations import Reservation, Reservations
 

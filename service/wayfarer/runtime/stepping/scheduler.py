@@ -10,11 +10,11 @@ from wayfarer.runtime.agent import ChunkFlag
 from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
 from wayfarer.runtime.engines.models import Models
 from wayfarer.runtime.engines.padding import cut, pad, pick, whole
-from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.stepping.batch import broken, gather
 from wayfarer.runtime.stepping.guide import Course, Guide
 from wayfarer.runtime.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
 from wayfarer.runtime.stepping.playback import Chunks, Playback
+from wayfarer.runtime.stepping.settings import WorldSettings
 from wayfarer.runtime.world.paths import Paths
 from wayfarer.runtime.world.planting import Step, plant
 from wayfarer.runtime.world.rows import Flags, Float, Index

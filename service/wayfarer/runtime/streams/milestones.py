@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from wayfarer.runtime.agent import AgentInfo, AgentState, ChunkFlag, Goal, MotionChunk, MotionChunks
-from wayfarer.runtime.publications import Event, EventKind
+from wayfarer.runtime.events import Event, EventKind
 from wayfarer.runtime.world.handover import AgentRecord
 from wayfarer.runtime.world.slots import Mode
 

@@ -13,9 +13,10 @@ from typing import Final
 
 from wayfarer.errors import InvalidArgument, WayfarerError
 from wayfarer.runtime.agent import NO_CHUNKS, AgentInfo, MotionChunks
+from wayfarer.runtime.events import Event, EventKind
 from wayfarer.runtime.inbox import post
 from wayfarer.runtime.meter import Meter, ResumeResult
-from wayfarer.runtime.publications import Event, EventKind, Publication, Resume, SlowReader
+from wayfarer.runtime.publications import Publication, Resume, SlowReader
 from wayfarer.runtime.streams.milestones import Milestones
 from wayfarer.runtime.streams.subscription import BoundedSubscription, Entry, Start, StreamSettings
 from wayfarer.runtime.world.handover import SessionRecord

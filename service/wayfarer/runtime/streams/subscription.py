@@ -19,8 +19,9 @@ from wayfarer.errors import (
     ResourceExhausted,
     WayfarerError,
 )
+from wayfarer.runtime.events import Event, EventKind
 from wayfarer.runtime.meter import Meter
-from wayfarer.runtime.publications import Event, EventKind, Publication, SlowReader, StreamWish
+from wayfarer.runtime.publications import Publication, SlowReader, StreamWish
 from wayfarer.runtime.streams.marks import Marks
 
 MIN_WAITING: Final = 3

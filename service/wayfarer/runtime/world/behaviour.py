@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, Protocol, TypeVar
 
 from wayfarer.navigation.scene import Scene
 from wayfarer.runtime.agent import Goal
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.limits import Limits
 
 if TYPE_CHECKING:
     from wayfarer.runtime.world.registry import Agent

@@ -7,7 +7,7 @@ from typing import Final
 
 from wayfarer.errors import Heading, InvalidArgument, Metres, MetresPerSecond, Place
 from wayfarer.runtime.agent import AgentChange, AgentSpec, Goal, SessionSpec
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.limits import Limits
 from wayfarer.spec import BETAS, GENDERS, MAX_COORDINATE
 
 RADIUS: Final = (0.05, 10.0)

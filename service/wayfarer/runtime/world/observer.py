@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from wayfarer.runtime.agent import AgentChange, AgentSpec
 from wayfarer.runtime.commands import GoalCommand
+from wayfarer.runtime.stepping.due import Due
 from wayfarer.runtime.world.handover import AgentRecord
 from wayfarer.runtime.world.registry import Agent, Session
 from wayfarer.runtime.world.rows import Index
-from wayfarer.runtime.world.views import Due
 
 Names = NDArray[np.object_]
 

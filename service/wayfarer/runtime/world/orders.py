@@ -12,8 +12,8 @@ from wayfarer.errors import Aborted, FailedPrecondition, InvalidArgument
 from wayfarer.runtime.agent import Goal
 from wayfarer.runtime.behaviours.runner import BehaviourRunner, Surroundings, parts_of
 from wayfarer.runtime.commands import Append, GoalCommand, Path, Stop
-from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.stepping.playback import Playback
+from wayfarer.runtime.stepping.settings import WorldSettings
 from wayfarer.runtime.stepping.timeline import Timeline
 from wayfarer.runtime.world.behaviour import Behaviour
 from wayfarer.runtime.world.checks import check_goal, check_path

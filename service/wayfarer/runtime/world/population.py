@@ -15,13 +15,10 @@ from wayfarer.runtime.engines.models import Loaded, Models
 from wayfarer.runtime.feet.footlock import LockState
 from wayfarer.runtime.feet.ground import Footing, standing
 from wayfarer.runtime.feet.legs import Legs, measure_legs
-from wayfarer.runtime.scenes.scenery import Scenery
-from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.stepping.phases import Phases
 from wayfarer.runtime.stepping.timeline import Timeline
 from wayfarer.runtime.world.handover import AgentRecord
 from wayfarer.runtime.world.heading import heading_of
-from wayfarer.runtime.world.orders import GoalCommands
 from wayfarer.runtime.world.registry import Agent, Registry, Session
 from wayfarer.runtime.world.slots import Motion, SlotTable
 from wayfarer.runtime.world.spawn import Spawner
@@ -39,27 +36,25 @@ class Population:
         *,
         bodies: Mapping[str, BodyModel],
         start_poses: NDArray[np.float32],
-        settings: WorldSettings,
+        phases: int,
+        lead: int,
         registry: Registry,
         table: SlotTable,
         timeline: Timeline,
-        goals: GoalCommands,
         models: Models,
-        scenery: Scenery,
     ) -> None:
-        self._scenery = scenery
-        self._lead = settings.lead
+        """Steps are spread over so many `phases`; `lead` chunks are planned ahead."""
+        self._lead = lead
         self._registry = registry
         self._table = table
         self._timeline = timeline
-        self._goals = goals
         self._models = models
         self._roster = models.roster()
         self._legs = lru_cache(MEASURED)(
             lambda gender, betas: measure_legs(bodies[gender], np.array(betas))
         )
         self.spawner = Spawner(bodies, start_poses)
-        self.phases = Phases(settings.phases)
+        self.phases = Phases(phases)
 
     def measure(self, specs: Iterable[AgentSpec]) -> None:
         """Measure bodies whose agents are about to enter. Thread-safe, and costly."""
@@ -116,10 +111,9 @@ class Population:
         heading = heading_of(seed.rotations[slot, -1, 0])
         return self.spawner.stand(replace(spec, position=(x, y), heading=heading))
 
-    def take(self, agent: Agent) -> AgentRecord:
-        """The agent as of the last chunk sent; it stays where it is."""
+    def take(self, agent: Agent, motion: Motion) -> AgentRecord:
+        """The agent as of the last chunk sent; it stays where it is. `motion` is one row."""
         slots, row = self._table.rows, np.array([agent.slot])
-        motion = self._goals.at_rest(agent)
         return AgentRecord(
             agent_id=agent.agent_id,
             alias=agent.alias,
@@ -183,14 +177,13 @@ class Population:
         return self._settle(self._registry.enter(agent), session)
 
     def _settle(self, agent: Agent, session: Session) -> Agent:
-        """Let the slot know whose it is, and of the path."""
+        """Let the slot know whose it is."""
         slots = self._table.rows
         slots.agent_id[agent.slot] = agent.agent_id
         slots.alias[agent.slot] = agent.alias
         slots.session[agent.slot] = session.number
-        slots.scene[agent.slot] = self._scenery.number(session.spec.scene)
+        slots.scene[agent.slot] = session.scene
         slots.avoids[agent.slot] = bool(session.spec.scene) and session.spec.avoid
-        self._goals.restore(agent)
         return agent
 
     def _enter(

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from wayfarer.errors import AlreadyExists, NotFound, ResourceExhausted
 from wayfarer.runtime.agent import AgentSpec, Goal, SessionInfo, SessionSpec
-from wayfarer.runtime.settings import Limits
+from wayfarer.runtime.limits import Limits
 from wayfarer.runtime.world.behaviour import Behaviour
 from wayfarer.runtime.world.reservations import Reservation
 from wayfarer.shard import Shard, agent_id
@@ -41,6 +41,7 @@ class Session:
     spec: SessionSpec
     agents: dict[str, Agent] = field(default_factory=dict)
     last_alias: int = 0
+    scene: int = 0  # number of its scene in this world; 0: none
 
     def info(self) -> SessionInfo:
         """What is told of it."""

@@ -27,36 +27,33 @@ from wayfarer.runtime.agent import (
 from wayfarer.runtime.commands import GoalCommand
 from wayfarer.runtime.engines.engine import Engine
 from wayfarer.runtime.engines.models import Models
+from wayfarer.runtime.events import Event
 from wayfarer.runtime.feet.cleanup import clean_feet
-from wayfarer.runtime.publications import Event
 from wayfarer.runtime.scenes.book import Book
 from wayfarer.runtime.scenes.grounding import ground
 from wayfarer.runtime.scenes.guide import SceneGuide
 from wayfarer.runtime.scenes.messages import Crowd
 from wayfarer.runtime.scenes.populate import Crowds, Whereabouts
 from wayfarer.runtime.scenes.stage import Stage
-from wayfarer.runtime.settings import WorldSettings
 from wayfarer.runtime.stepping.budget import Rung
+from wayfarer.runtime.stepping.due import Due, due_by_session
 from wayfarer.runtime.stepping.load import Load
 from wayfarer.runtime.stepping.playback import Playback
 from wayfarer.runtime.stepping.scheduler import Launch, PendingStep, Scheduler, at_once
+from wayfarer.runtime.stepping.settings import WorldSettings
 from wayfarer.runtime.stepping.timeline import Timeline
 from wayfarer.runtime.world.checks import check_change, check_session, check_specs
-from wayfarer.runtime.world.handover import (
-    AgentRecord,
-    SessionRecord,
-    check_agent_record,
-    check_session_record,
-)
+from wayfarer.runtime.world.handover import AgentRecord, SessionRecord
 from wayfarer.runtime.world.observer import Start, WorldObserver
 from wayfarer.runtime.world.orders import GoalCommands
 from wayfarer.runtime.world.paths import Paths
 from wayfarer.runtime.world.population import Population
+from wayfarer.runtime.world.record_checks import check_agent_record, check_session_record
 from wayfarer.runtime.world.registry import Agent, Registry, Session
 from wayfarer.runtime.world.reservations import Reservation
 from wayfarer.runtime.world.rows import Index
 from wayfarer.runtime.world.slots import Mode, Motion, SlotTable
-from wayfarer.runtime.world.views import Due, agent_info, due_by_session
+from wayfarer.runtime.world.views import agent_info
 from wayfarer.spec import FPS
 
 
@@ -111,13 +108,12 @@ class World:
         self._population = Population(
             bodies=bodies,
             start_poses=start_poses,
-            settings=settings,
+            phases=settings.phases,
+            lead=settings.lead,
             registry=self.registry,
             table=table,
             timeline=self._timeline,
-            goals=self._goals,
             models=self.models,
-            scenery=self._stage.scenery,
         )
         self.scheduler = Scheduler(
             table=table,
@@ -187,7 +183,7 @@ class World:
             spec=session.spec,
             created_at=session.created_at,
             last_alias=session.last_alias,
-            agents=tuple(self._population.take(a) for a in session.agents.values()),
+            agents=tuple(self._take(agent) for agent in session.agents.values()),
         )
 
     def examine(self, record: SessionRecord) -> None:
@@ -322,7 +318,7 @@ class World:
 
     def take_agent(self, agent_id: str) -> AgentRecord:
         """The agent as of the last chunk sent; it stays here. Raises NotFound."""
-        return self._population.take(self.registry.agent(agent_id))
+        return self._take(self.registry.agent(agent_id))
 
     def put_agent(self, session_id: str, record: AgentRecord, now: float) -> AgentInfo:
         """Let a recorded agent go on: its next chunk follows the last one it sent.
@@ -513,12 +509,15 @@ class World:
     # Within
 
     def _open(self, spec: SessionSpec, created_at: float) -> Session:
-        self._stage.scenery.enter(spec)
+        scenery = self._stage.scenery
+        scenery.enter(spec)
         try:
-            return self.registry.add_session(spec, created_at)
+            session = self.registry.add_session(spec, created_at)
         except WayfarerError:
-            self._stage.scenery.leave(spec)
+            scenery.leave(spec)
             raise
+        session.scene = scenery.number(spec.scene)
+        return session
 
     def _close(self, session: Session) -> None:
         del self.registry.sessions[session.session_id]
@@ -530,7 +529,13 @@ class World:
             raise AlreadyExists(f"agent {record.agent_id!r} exists already")
         self._goals.check_record(record, where)
 
+    def _take(self, agent: Agent) -> AgentRecord:
+        return self._population.take(agent, self._goals.at_rest(agent))
+
     def _created(self, session: Session, agents: Sequence[Agent], starts: Sequence[Start]) -> None:
+        """Let agents that are in their slots follow their paths, and report them."""
+        for agent in agents:
+            self._goals.restore(agent)
         for observer in self._observers:
             observer.created(session, agents, starts)
 

@@ -6,7 +6,8 @@ from contextlib import aclosing, asynccontextmanager
 from itertools import chain
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.publications import Event, StreamWish
+from wayfarer.runtime.events import Event
+from wayfarer.runtime.publications import StreamWish
 from wayfarer.transport import convert, schema
 from wayfarer.transport.batches import event_message, parsed
 from wayfarer.transport.caller import Scope, present_caller

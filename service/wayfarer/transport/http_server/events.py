@@ -4,7 +4,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Header, Query, Response
 
-from wayfarer.runtime.publications import Event
+from wayfarer.runtime.events import Event
 from wayfarer.transport import errors, schema, wire
 from wayfarer.transport.batches import event_message
 from wayfarer.transport.gateway import Gateway

@@ -6,7 +6,8 @@ from pydantic import ConfigDict, Field
 
 from wayfarer.body.skeleton import load_skeleton
 from wayfarer.runtime.agent import AgentState
-from wayfarer.runtime.publications import EventKind, SlowReader
+from wayfarer.runtime.events import EventKind
+from wayfarer.runtime.publications import SlowReader
 from wayfarer.spec import FPS
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import PoseEncoding, PoseProfile
