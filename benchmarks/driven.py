@@ -9,22 +9,22 @@ from typing import Final
 import numpy as np
 
 from wayfarer.body.library import load_body
-from wayfarer.runtime.agent import AgentInfo, AgentSpec, Goal, SessionInfo, SessionSpec
-from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
-from wayfarer.runtime.limits import AdmissionRules, Limits
-from wayfarer.runtime.publications import StreamWish
-from wayfarer.runtime.scenes.messages import SceneInfo
-from wayfarer.runtime.stats import LoopStats
-from wayfarer.runtime.stepping.settings import WorldSettings
-from wayfarer.runtime.streams.publisher import Publisher
-from wayfarer.runtime.streams.subscription import BoundedSubscription, StreamSettings
-from wayfarer.runtime.world.spawn import load_start_poses
-from wayfarer.runtime.world.steering import Steering
-from wayfarer.runtime.world.world import World
+from wayfarer.engines.engine import StepInputs, StepOutputs
+from wayfarer.service.stats import LoopStats
+from wayfarer.service.streams.publications import StreamWish
+from wayfarer.service.streams.publisher import Publisher
+from wayfarer.service.streams.subscription import BoundedSubscription, StreamSettings
 from wayfarer.spec import GENDERS, NEW_FRAMES, SEED_FRAMES
 from wayfarer.stage import BODY, START_POSES
 from wayfarer.terms import TERMS
 from wayfarer.transport.metrics import Metrics
+from wayfarer.world.agents.agent import AgentInfo, AgentSpec, Goal, SessionInfo, SessionSpec
+from wayfarer.world.agents.spawn import load_start_poses
+from wayfarer.world.goals.steering import Steering
+from wayfarer.world.limits import AdmissionRules, Limits
+from wayfarer.world.scenes.messages import SceneInfo
+from wayfarer.world.stepping.settings import WorldSettings
+from wayfarer.world.world import World
 
 
 class InstantEngine:

@@ -35,7 +35,7 @@ from typing import Final, get_args
 
 import numpy as np
 import torch
-from tests.runtime.engines.standing import standing_inputs
+from tests.engines.standing import standing_inputs
 
 from benchmarks import bench
 from benchmarks.bench import Row
@@ -43,11 +43,11 @@ from benchmarks.curve import LEAST, Point, curve, ended_by
 from benchmarks.flops import products as products_of
 from benchmarks.models import GENDER, step_graph
 from wayfarer.artifacts import ModelFolder
-from wayfarer.gpu.crowd import Crowd
-from wayfarer.gpu.engine import Networks, TorchEngine, load_networks
-from wayfarer.gpu.precision import Precision, products
-from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
-from wayfarer.runtime.engines.onnx_engine import OnnxEngine
+from wayfarer.engines.engine import StepInputs, StepOutputs
+from wayfarer.engines.onnx_engine import OnnxEngine
+from wayfarer.engines.torch.crowd import Crowd
+from wayfarer.engines.torch.engine import Networks, TorchEngine, load_networks
+from wayfarer.engines.torch.precision import Precision, products
 from wayfarer.spec import GENDERS, STEP_SECONDS
 from wayfarer.stage import DEFAULT_MODEL, load_models
 

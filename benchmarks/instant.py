@@ -6,7 +6,7 @@ python -m benchmarks.instant [options of `wayfarer serve`]
 import typer
 
 from benchmarks.driven import InstantEngine
-from wayfarer.runtime.engines.onnx_engine import OnnxEngine
+from wayfarer.engines.onnx_engine import OnnxEngine
 from wayfarer.serve import serve_command
 
 if __name__ == "__main__":

@@ -5,8 +5,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Final, cast
 
-from wayfarer.runtime.engines.choice import open_engine
-from wayfarer.runtime.engines.engine import Engine, EngineKind
+from wayfarer.engines.choice import open_engine
+from wayfarer.engines.engine import Engine, EngineKind
 from wayfarer.spec import GENDERS, SEED_FRAMES
 from wayfarer.stage import DEFAULT_MODEL, load_models
 

@@ -18,8 +18,8 @@ from pathlib import Path
 from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.models import GENDER, add_engine, opened
-from wayfarer.runtime.engines.engine import Engine
-from wayfarer.runtime.engines.resting import resting_inputs
+from wayfarer.engines.engine import Engine
+from wayfarer.engines.resting import resting_inputs
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.stage import DEFAULT_MODEL
 

@@ -44,15 +44,15 @@ from benchmarks.flops import PRODUCTS
 from benchmarks.models import ENGINES, GENDER
 from wayfarer.artifacts import ModelFolder
 from wayfarer.body.library import load_body
-from wayfarer.runtime.agent import AgentSpec, Goal, SessionSpec
-from wayfarer.runtime.engines.engine import Engine, Float, StepInputs, StepOutputs
-from wayfarer.runtime.engines.onnx_engine import INPUTS, OnnxEngine
-from wayfarer.runtime.engines.openvino_engine import OpenVinoEngine
-from wayfarer.runtime.engines.padding import pick
-from wayfarer.runtime.engines.warm import WarmEngine
-from wayfarer.runtime.world.steering import Steering
+from wayfarer.engines.engine import Engine, Float, StepInputs, StepOutputs
+from wayfarer.engines.onnx_engine import INPUTS, OnnxEngine
+from wayfarer.engines.openvino_engine import OpenVinoEngine
+from wayfarer.engines.padding import pick
+from wayfarer.engines.warm import WarmEngine
 from wayfarer.spec import GENDERS, SEED_FRAMES, STEP_SECONDS
 from wayfarer.stage import BODY, DEFAULT_MODEL, Stage, load_models
+from wayfarer.world.agents.agent import AgentSpec, Goal, SessionSpec
+from wayfarer.world.goals.steering import Steering
 
 INT8: Final[Mapping[str, tuple[str, ...]]] = {
     "int8, policy only": ("policy",),

@@ -28,13 +28,8 @@ from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.driven import Driven, InstantEngine
 from wayfarer import config
-from wayfarer.runtime.stepping import batch, playback, scheduler
-from wayfarer.runtime.stepping.settings import WorldSettings
-from wayfarer.runtime.streams.publisher import Publisher
-from wayfarer.runtime.streams.subscription import BoundedSubscription
-from wayfarer.runtime.world import world
-from wayfarer.runtime.world.steering import Steering
-from wayfarer.runtime.world.world import World
+from wayfarer.service.streams.publisher import Publisher
+from wayfarer.service.streams.subscription import BoundedSubscription
 from wayfarer.spec import GENDERS, STEP_SECONDS
 from wayfarer.stage import BODY
 from wayfarer.transport import schema
@@ -43,6 +38,11 @@ from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.codec import PoseEncoder
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.server import Server
+from wayfarer.world import world
+from wayfarer.world.goals.steering import Steering
+from wayfarer.world.stepping import batch, playback, scheduler
+from wayfarer.world.stepping.settings import WorldSettings
+from wayfarer.world.world import World
 
 PARTS: Final = (
     (World, "step", "world: step"),

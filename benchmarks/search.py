@@ -25,12 +25,12 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from wayfarer.runtime.agent import AgentSpec, Goal
-from wayfarer.runtime.search.beam import plan
-from wayfarer.runtime.search.beam_settings import HARD, BeamSettings
-from wayfarer.runtime.search.plan import Ending, Plan, Problem
-from wayfarer.runtime.world.steering import Steering
 from wayfarer.stage import DEFAULT_MODEL, Stage, open_stage
+from wayfarer.world.agents.agent import AgentSpec, Goal
+from wayfarer.world.goals.steering import Steering
+from wayfarer.world.search.beam import plan
+from wayfarer.world.search.beam_settings import HARD, BeamSettings
+from wayfarer.world.search.plan import Ending, Plan, Problem
 from wayfarer_lab.evaluation.gait import Windows, gait_row
 from wayfarer_lab.evaluation.goals import random_specs
 from wayfarer_lab.evaluation.tracks import skin_track

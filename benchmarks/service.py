@@ -25,7 +25,7 @@ from benchmarks.bench import Row
 from benchmarks.models import add_engine, opened
 from benchmarks.paper_s3 import CALL_SIZES, call_seconds
 from benchmarks.servers import SESSIONS, loaded, settings
-from wayfarer.runtime.engines.engine import Engine
+from wayfarer.engines.engine import Engine
 from wayfarer.spec import STEP_SECONDS
 from wayfarer_lab.load.knee import find_knee, in_time
 from wayfarer_lab.load.plan import TRANSPORTS, Plan

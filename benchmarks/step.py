@@ -33,9 +33,9 @@ from benchmarks.bench import Row
 from benchmarks.flops import products
 from benchmarks.models import ENGINES, GENDER, opened, step_graph
 from wayfarer.artifacts import open_session
-from wayfarer.runtime.engines.engine import Engine
-from wayfarer.runtime.engines.onnx_engine import INPUTS
-from wayfarer.runtime.engines.resting import resting_inputs
+from wayfarer.engines.engine import Engine
+from wayfarer.engines.onnx_engine import INPUTS
+from wayfarer.engines.resting import resting_inputs
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.stage import DEFAULT_MODEL
 

@@ -18,8 +18,8 @@ from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.models import DEFAULT_ENGINE
 from benchmarks.servers import settings
-from wayfarer.runtime.stepping.settings import WorldSettings
 from wayfarer.spec import STEP_SECONDS
+from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer_lab.load.client import SimulatedClient
 from wayfarer_lab.load.plan import TRANSPORTS, Plan
 from wayfarer_lab.load.run import run

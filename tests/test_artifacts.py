@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import pytest
 
-from tests.runtime.graphs import IDENTITIES, save, step_model, write_folder
+from tests.engines.graphs import IDENTITIES, save, step_model, write_folder
 from wayfarer import artifacts
 from wayfarer.artifacts import (
     MANIFEST,

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from wayfarer import config_sources
-from wayfarer.runtime.stats import LoopStats
+from wayfarer.service.stats import LoopStats
 from wayfarer.transport.metrics import Metrics
 from wayfarer.transport.operation import Operation
 

@@ -1,6 +1,6 @@
 import pytest
 
-from tests.runtime.graphs import save, step_model
+from tests.engines.graphs import save, step_model
 from wayfarer.artifacts import METADATA_KEY
 from wayfarer.onnx_metadata import read_metadata
 from wayfarer.stage import DEFAULT_MODEL

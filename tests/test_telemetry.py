@@ -157,6 +157,6 @@ def test_generate_writes_its_file_and_nothing_else(environment, tmp_path):
 @traced
 def test_openvino_tells_nobody(environment, tmp_path):
     pytest.importorskip("openvino")
-    use = "from wayfarer.runtime.engines.openvino_engine import open_core; open_core()"
+    use = "from wayfarer.engines.openvino_engine import open_core; open_core()"
     found = run(environment, tmp_path, "-c", use)
     assert (found.hosts, outside(found, tmp_path / "tmp")) == ([], [])

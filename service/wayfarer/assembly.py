@@ -10,28 +10,28 @@ from typing import Final
 from wayfarer.artifacts import ModelFolder, sha256_of
 from wayfarer.body.library import body_file, load_body
 from wayfarer.config import Settings
+from wayfarer.engines.choice import open_engine
+from wayfarer.engines.lanes import cores
+from wayfarer.engines.model_store import ModelStore
+from wayfarer.engines.models import Models
 from wayfarer.logs import configure_logging
-from wayfarer.runtime.engines.choice import open_engine
-from wayfarer.runtime.engines.lanes import cores
-from wayfarer.runtime.engines.model_store import ModelStore
-from wayfarer.runtime.engines.models import Models
-from wayfarer.runtime.limits import AdmissionRules, Limits, SceneLimits
-from wayfarer.runtime.loop import LoopSettings
-from wayfarer.runtime.meter import Meter
-from wayfarer.runtime.runtime import Runtime
-from wayfarer.runtime.scenes.bakery import Bakery
-from wayfarer.runtime.state.journal import Journal
-from wayfarer.runtime.state.snapshot import BodyStamp
-from wayfarer.runtime.stepping.budget import BudgetRules, rungs
-from wayfarer.runtime.stepping.settings import WorldSettings
-from wayfarer.runtime.world.spawn import load_start_poses
-from wayfarer.runtime.world.steering import Steering
-from wayfarer.runtime.world.world import World
-from wayfarer.runtime.worlds import Worlds
+from wayfarer.service.live import LoopSettings
+from wayfarer.service.meter import Meter
+from wayfarer.service.persistence.journal import Journal
+from wayfarer.service.persistence.snapshot import BodyStamp
+from wayfarer.service.runtime import Runtime
+from wayfarer.service.worlds import Worlds
 from wayfarer.shard import Shard
 from wayfarer.spec import GENDERS, STEP_SECONDS
 from wayfarer.stage import BODY, DEFAULT_MODEL, START_POSES, load_models
 from wayfarer.workers.plan import threads_of
+from wayfarer.world.agents.spawn import load_start_poses
+from wayfarer.world.goals.steering import Steering
+from wayfarer.world.limits import AdmissionRules, Limits, SceneLimits
+from wayfarer.world.scenes.bakery import Bakery
+from wayfarer.world.stepping.budget import BudgetRules, rungs
+from wayfarer.world.stepping.settings import WorldSettings
+from wayfarer.world.world import World
 
 MEASURES: Final = 2
 """Calls of a size that are measured; agents are admitted by the shortest."""

@@ -20,8 +20,8 @@ from pydantic_settings import (
     TomlConfigSettingsSource,
 )
 
+from wayfarer.engines.engine import EngineKind
 from wayfarer.navigation.spec import MAX_MESH_BYTES
-from wayfarer.runtime.engines.engine import EngineKind
 
 PREFIX: Final = "WAYFARER_"
 

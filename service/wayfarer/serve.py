@@ -23,7 +23,7 @@ from wayfarer.assembly import model_folder, runtime, with_engine
 from wayfarer.config import Settings
 from wayfarer.config_page import as_toml
 from wayfarer.logs import configure_logging
-from wayfarer.runtime.loop import steady_clock
+from wayfarer.service.live import steady_clock
 from wayfarer.stage import BODY
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.fleet import Fleet

@@ -9,16 +9,16 @@ from typing import Final
 from wayfarer.artifacts import ASSETS, BodyIdentity, ModelFolder, load_model_folder, sha256_of
 from wayfarer.body.library import body_file, load_body
 from wayfarer.body.model import BodyModel
-from wayfarer.runtime.engines.choice import open_engine
-from wayfarer.runtime.engines.engine import EngineKind
-from wayfarer.runtime.engines.warm import WarmEngine
-from wayfarer.runtime.limits import Limits
-from wayfarer.runtime.scenes.book import Book
-from wayfarer.runtime.stepping.settings import ANY_SIZE, WorldSettings
-from wayfarer.runtime.world.spawn import load_start_poses
-from wayfarer.runtime.world.steering import Steering
-from wayfarer.runtime.world.world import World
+from wayfarer.engines.choice import open_engine
+from wayfarer.engines.engine import EngineKind
+from wayfarer.engines.warm import WarmEngine
 from wayfarer.spec import GENDERS
+from wayfarer.world.agents.spawn import load_start_poses
+from wayfarer.world.goals.steering import Steering
+from wayfarer.world.limits import Limits
+from wayfarer.world.scenes.book import Book
+from wayfarer.world.stepping.settings import ANY_SIZE, WorldSettings
+from wayfarer.world.world import World
 
 Bodies = dict[str, BodyModel]
 

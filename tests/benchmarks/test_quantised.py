@@ -9,9 +9,9 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from benchmarks import quantised
-from wayfarer.runtime.engines.engine import StepOutputs
-from wayfarer.runtime.engines.padding import pick
-from wayfarer.runtime.engines.resting import resting_inputs
+from wayfarer.engines.engine import StepOutputs
+from wayfarer.engines.padding import pick
+from wayfarer.engines.resting import resting_inputs
 
 AGENTS = 6
 

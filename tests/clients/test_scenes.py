@@ -7,7 +7,8 @@ import pytest
 
 import wayfarer_client as wf
 from tests.transport.rig import Rig
-from wayfarer.runtime import agent, behaviours
+from wayfarer.world import behaviours
+from wayfarer.world.agents import agent
 
 SQUARE = [(-5, 0, -5), (5, 0, -5), (5, 0, 5), (-5, 0, 5)]
 OBJ = b"v -5 0 -5\nv 5 0 -5\nv 5 0 5\nv -5 0 5\nf 1 2 3 4\n"

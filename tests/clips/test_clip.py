@@ -5,7 +5,7 @@ import pytest
 
 from wayfarer.clips.clip import join_chunks
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, MotionChunk
+from wayfarer.world.agents.agent import AgentSpec, AgentState, ChunkFlag, MotionChunk
 
 
 def chunk(seq, first_frame):

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from tests.runtime.fakes import BODIES, FakeEngine, make_world
+from tests.world.fakes import BODIES, FakeEngine, make_world
 from wayfarer.clips.generate import generate_clip
 from wayfarer.clips.planned import plan_clip
 from wayfarer.errors import FailedPrecondition, InvalidArgument
-from wayfarer.runtime.agent import AgentSpec, Goal
-from wayfarer.runtime.search.beam_settings import BeamSettings
-from wayfarer.runtime.world.steering import Steering
+from wayfarer.world.agents.agent import AgentSpec, Goal
+from wayfarer.world.goals.steering import Steering
+from wayfarer.world.search.beam_settings import BeamSettings
 
 GOALS = [Goal((0.0, 2.0, 0.0)), Goal((1.0, 0.0, 0.0))]
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from wayfarer.body.skeleton import load_skeleton
-from wayfarer.runtime.agent import AgentState, ChunkFlag, MotionChunk, MotionChunks
 from wayfarer.transport import codec
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import PoseEncoding, PoseFormat, PoseProfile
+from wayfarer.world.agents.agent import AgentState, ChunkFlag, MotionChunk, MotionChunks
 
 FOLDER = Path(__file__).parent
 FILE = FOLDER / "vectors.json"

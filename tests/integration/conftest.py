@@ -1,13 +1,13 @@
 import pytest
 
-from tests.runtime.kept_worlds import fake_worlds
+from tests.service.kept_worlds import fake_worlds
 from wayfarer.config import Limits
-from wayfarer.runtime.limits import Limits as WorldLimits
-from wayfarer.runtime.loop import LoopSettings, steady_clock
-from wayfarer.runtime.runtime import Runtime
+from wayfarer.service.live import LoopSettings, steady_clock
+from wayfarer.service.runtime import Runtime
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.server import Server
+from wayfarer.world.limits import Limits as WorldLimits
 
 
 @pytest.fixture

@@ -5,18 +5,18 @@ steps.
 import numpy as np
 import pytest
 
-from tests.runtime.kept_worlds import shipped_stage
-from tests.runtime.scenes.grounds import BOX, field
+from tests.service.kept_worlds import shipped_stage
+from tests.world.scenes.grounds import BOX, field
 from wayfarer.navigation.examples import slope_with_steps
 from wayfarer.navigation.scene import bake
-from wayfarer.runtime.agent import AgentSpec, ChunkFlag, Goal, SessionSpec
-from wayfarer.runtime.feet.legs import pose_legs
-from wayfarer.runtime.scenes.book import Book
-from wayfarer.runtime.stepping.settings import WorldSettings
-from wayfarer.runtime.world.spawn import load_start_poses
-from wayfarer.runtime.world.world import World
 from wayfarer.spec import FPS
 from wayfarer.stage import START_POSES
+from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, Goal, SessionSpec
+from wayfarer.world.agents.spawn import load_start_poses
+from wayfarer.world.output.legs import pose_legs
+from wayfarer.world.scenes.book import Book
+from wayfarer.world.stepping.settings import WorldSettings
+from wayfarer.world.world import World
 
 SOUTH, NORTH = (6.0, 2.0), Goal((6.0, 10.0, 0.0))
 BODY = 0.2

@@ -7,7 +7,7 @@ from wayfarer.errors import FailedPrecondition, NotFound
 from wayfarer.navigation.picture import top_view
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.spec import Obstacle, Point3
-from wayfarer.runtime.scenes.messages import Block, Crowd, Outlines, SceneInfo, SceneWish, Way
+from wayfarer.world.scenes.messages import Block, Crowd, Outlines, SceneInfo, SceneWish, Way
 
 
 class FakeScenes:

@@ -11,6 +11,7 @@ import numpy as np
 from tests.transport.fake_scenes import FakeScenes
 from tests.transport.samples import MODEL, NOW, agent_info, chunk
 from wayfarer.config import Limits
+from wayfarer.engines.models import ModelInfo
 from wayfarer.errors import (
     Aborted,
     AlreadyExists,
@@ -21,7 +22,11 @@ from wayfarer.errors import (
     Unavailable,
     WayfarerError,
 )
-from wayfarer.runtime.agent import (
+from wayfarer.service.stats import LoopStats
+from wayfarer.service.streams.publications import Publication, StreamWish
+from wayfarer.transport.bodies import BodyLibrary
+from wayfarer.transport.gateway import Gateway
+from wayfarer.world.agents.agent import (
     NO_CHUNKS,
     AgentChange,
     AgentInfo,
@@ -32,13 +37,8 @@ from wayfarer.runtime.agent import (
     SessionInfo,
     SessionSpec,
 )
-from wayfarer.runtime.commands import GoalCommand
-from wayfarer.runtime.engines.models import ModelInfo
-from wayfarer.runtime.events import Event
-from wayfarer.runtime.publications import Publication, StreamWish
-from wayfarer.runtime.stats import LoopStats
-from wayfarer.transport.bodies import BodyLibrary
-from wayfarer.transport.gateway import Gateway
+from wayfarer.world.events import Event
+from wayfarer.world.goals.commands import GoalCommand
 
 
 class FakeSubscription:

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from wayfarer.runtime.agent import AgentInfo, AgentSpec, AgentState, ChunkFlag, MotionChunk
-from wayfarer.runtime.engines.models import ModelInfo
+from wayfarer.engines.models import ModelInfo
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
+from wayfarer.world.agents.agent import AgentInfo, AgentSpec, AgentState, ChunkFlag, MotionChunk
 
 NOW = 1_700_000_000.0
 MODEL = ModelInfo("fake", ("female", "male"), 2, 10, ("0", "1"), in_use=True)

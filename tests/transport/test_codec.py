@@ -10,12 +10,12 @@ from hypothesis.extra import numpy as arrays
 from tests.transport.samples import chunk
 from wayfarer.body.skeleton import load_skeleton
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.agent import NO_CHUNKS, ChunkFlag, MotionChunks
 from wayfarer.transport import codec
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import PoseEncoding, PoseFormat, PoseProfile, smallest_three
 from wayfarer.transport.codec.packing import BLOCK
 from wayfarer.v1 import motion_pb2
+from wayfarer.world.agents.agent import NO_CHUNKS, ChunkFlag, MotionChunks
 
 WORST_DEG = {
     PoseEncoding.F32_LE: 1e-4,

@@ -9,11 +9,8 @@ from hypothesis import strategies as st
 from tests.transport.samples import NOW
 from wayfarer.body.phenotype import height_of
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.agent import AgentInfo, AgentSpec, AgentState, Goal
-from wayfarer.runtime.events import EventKind
-from wayfarer.runtime.publications import SlowReader
-from wayfarer.runtime.stats import LoopStats
-from wayfarer.runtime.world.heading import facing_at
+from wayfarer.service.stats import LoopStats
+from wayfarer.service.streams.publications import SlowReader
 from wayfarer.transport import convert, schema, wire
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.bodies import BodyLibrary
@@ -28,6 +25,9 @@ from wayfarer.v1 import (
     scene_pb2,
     session_pb2,
 )
+from wayfarer.world.agents.agent import AgentInfo, AgentSpec, AgentState, Goal
+from wayfarer.world.agents.heading import facing_at
+from wayfarer.world.events import EventKind
 
 BODIES = BodyLibrary("anny52")
 

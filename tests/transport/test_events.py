@@ -5,7 +5,7 @@ from contextlib import asynccontextmanager
 
 from tests.transport.rig import until
 from tests.transport.samples import NOW
-from wayfarer.runtime.events import Event, EventKind
+from wayfarer.world.events import Event, EventKind
 
 REACHED = Event(EventKind.GOAL_REACHED, NOW, "agent-2", 1, 3, 4, "there")
 DONE = Event(EventKind.PATH_DONE, NOW, "agent-2", 1, 3, 4)

@@ -13,8 +13,7 @@ from starlette.websockets import WebSocketDisconnect
 from tests.transport.auth.test_keys import FILE, STUDIO
 from wayfarer import config_sources
 from wayfarer.errors import Unavailable
-from wayfarer.runtime.agent import AgentState
-from wayfarer.runtime.stats import LoopStats
+from wayfarer.service.stats import LoopStats
 from wayfarer.transport.auth import Authenticator
 from wayfarer.transport.auth.keys import KeyFile, new_key
 from wayfarer.transport.caller import present_caller
@@ -23,6 +22,7 @@ from wayfarer.transport.guard import Guard
 from wayfarer.transport.limits import FAILURE_BURST, CallRates
 from wayfarer.transport.operation import Operation
 from wayfarer.transport.origins import Origins
+from wayfarer.world.agents.agent import AgentState
 
 STATS = LoopStats(*([0] * 9), states={AgentState.WALKING: 3})
 ADMIN_ONLY, DIGEST = new_key()

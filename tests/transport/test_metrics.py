@@ -3,11 +3,11 @@ import threading
 import numpy as np
 import pytest
 
-from wayfarer.runtime.agent import AgentState
-from wayfarer.runtime.meter import Meter, NoMeter, ResumeResult
-from wayfarer.runtime.publications import SlowReader
-from wayfarer.runtime.stats import LoopStats
+from wayfarer.service.meter import Meter, NoMeter, ResumeResult
+from wayfarer.service.stats import LoopStats
+from wayfarer.service.streams.publications import SlowReader
 from wayfarer.transport.metrics import Metrics
+from wayfarer.world.agents.agent import AgentState
 
 
 @pytest.fixture

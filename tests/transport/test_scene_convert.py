@@ -10,9 +10,9 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.navigation import spec as world
 from wayfarer.navigation.meshes.read import read_mesh
 from wayfarer.navigation.solids import footprint
-from wayfarer.runtime.scenes import messages as runtime
 from wayfarer.transport import scene_convert, schema
 from wayfarer.transport.basis import Basis
+from wayfarer.world.scenes import messages as runtime
 
 BASES = pytest.mark.parametrize("basis", Basis)
 

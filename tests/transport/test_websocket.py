@@ -7,7 +7,7 @@ from websockets.frames import Frame, Opcode
 
 from tests.transport.rig import others_are_undisturbed, until
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.publications import SlowReader
+from wayfarer.service.streams.publications import SlowReader
 from wayfarer.transport.websocket import wish_of
 from wayfarer.v1 import control_pb2, motion_pb2
 

@@ -11,7 +11,6 @@ import httpx
 from tests.transport.fakes import FakeService
 from tests.transport.rig import LIMITS
 from wayfarer.config import Settings
-from wayfarer.runtime.agent import AgentInfo, AgentSpec, SessionInfo, SessionSpec
 from wayfarer.shard import Shard, agent_id
 from wayfarer.transport import schema
 from wayfarer.transport.auth import Authenticator, Presented
@@ -28,6 +27,7 @@ from wayfarer.workers.front import Front
 from wayfarer.workers.messages import DOWN, Report
 from wayfarer.workers.placement import LeastLoaded
 from wayfarer.workers.plan import _ports
+from wayfarer.world.agents.agent import AgentInfo, AgentSpec, SessionInfo, SessionSpec
 
 
 class ShardedService(FakeService):

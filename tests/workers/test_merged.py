@@ -1,8 +1,8 @@
-from wayfarer.runtime.agent import AgentState
-from wayfarer.runtime.stats import LoopStats
+from wayfarer.service.stats import LoopStats
 from wayfarer.transport import convert
 from wayfarer.v1 import admin_pb2, session_pb2
 from wayfarer.workers.merged import merged_json, merged_messages, merged_stats
+from wayfarer.world.agents.agent import AgentState
 
 
 def listed(*times: int) -> session_pb2.ListSessionsResponse:

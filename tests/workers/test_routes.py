@@ -1,7 +1,7 @@
 import pytest
 
-from wayfarer.runtime.state.container import Kind as Container
-from wayfarer.runtime.state.container import seal
+from wayfarer.service.persistence.container import Kind as Container
+from wayfarer.service.persistence.container import seal
 from wayfarer.shard import Shard, agent_id
 from wayfarer.v1 import (
     admin_pb2,

@@ -1,7 +1,7 @@
 """Motion control as the paper tests it (Sec. 4.2, Table 1): random bodies, random goals.
 
 A body stands in the centre of an area of 20 × 20 m; its goal lies anywhere in it. *Offline* methods
-grow a tree of primitives for each pair (`runtime.beam`), as the paper does: all nodes of a level
+grow a tree of primitives for each pair (`world.search.beam`), as the paper does: all nodes of a level
 are the body's clones, and the simulation ends when one of them reaches the goal or after 60
 primitives. *Online* methods are the service's own: one body, which takes no step back.
 """
@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.body.model import BodyModel
-from wayfarer.runtime.agent import AgentSpec, Goal
-from wayfarer.runtime.engines.engine import Engine
-from wayfarer.runtime.search.beam import grow
-from wayfarer.runtime.search.beam_settings import BeamSettings
-from wayfarer.runtime.search.plan import Level, Problem, Tree
-from wayfarer.runtime.world.rows import Index
-from wayfarer.runtime.world.world import World
+from wayfarer.engines.engine import Engine
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.stage import Bodies
+from wayfarer.world.agents.agent import AgentSpec, Goal
+from wayfarer.world.rows import Index
+from wayfarer.world.search.beam import grow
+from wayfarer.world.search.beam_settings import BeamSettings
+from wayfarer.world.search.plan import Level, Problem, Tree
+from wayfarer.world.world import World
 from wayfarer_lab.evaluation.figures import distances, first, mean, share
 from wayfarer_lab.evaluation.gait import Row, Windows, gait_row, lean
 from wayfarer_lab.evaluation.goals import Errand, Order, Plan, random_specs, run_errands

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.runtime.agent import Goal
 from wayfarer.spec import FPS, NEW_FRAMES
+from wayfarer.world.agents.agent import Goal
 
 Array = NDArray[np.floating[Any]]
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.world.heading import facing_at
 from wayfarer.spec import FPS, NEW_FRAMES
+from wayfarer.world.agents.heading import facing_at
 from wayfarer_lab.evaluation.figures import (
     degrees_off,
     distances,

@@ -11,12 +11,19 @@ from numpy.typing import NDArray
 
 from wayfarer.body.model import BodyModel
 from wayfarer.clips.clip import Clip
-from wayfarer.runtime.agent import AgentInfo, AgentSpec, AgentState, Goal, MotionChunk, SessionSpec
-from wayfarer.runtime.commands import Path
-from wayfarer.runtime.world.heading import facing_of
-from wayfarer.runtime.world.slots import Motion
-from wayfarer.runtime.world.world import World
 from wayfarer.spec import BETAS, GENDERS, NEW_FRAMES
+from wayfarer.world.agents.agent import (
+    AgentInfo,
+    AgentSpec,
+    AgentState,
+    Goal,
+    MotionChunk,
+    SessionSpec,
+)
+from wayfarer.world.agents.heading import facing_of
+from wayfarer.world.agents.slots import Motion
+from wayfarer.world.goals.commands import Path
+from wayfarer.world.world import World
 from wayfarer_lab.evaluation.tracks import Track, skin_track
 
 Array = NDArray[np.floating[Any]]

@@ -7,8 +7,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.runtime.world.heading import facing_of
 from wayfarer.spec import FPS
+from wayfarer.world.agents.heading import facing_of
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.metrics.trunk import Trunk
 from wayfarer_lab.evaluation.tracks import Track

@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from wayfarer.runtime.world.heading import facing_at
 from wayfarer.spec import FPS, NEW_FRAMES
+from wayfarer.world.agents.heading import facing_at
 from wayfarer_lab.evaluation.figures import (
     degrees_off,
     distances,

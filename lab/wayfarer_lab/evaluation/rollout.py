@@ -18,10 +18,10 @@ from wayfarer.motion.marker_body import Shaped
 from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.primitive import PrimitiveStep, StepResult
 from wayfarer.motion.rotation import matrix_from_quaternion
-from wayfarer.runtime.world.spawn import load_start_poses
 from wayfarer.spec import BETAS, GENDERS, LATENT
 from wayfarer.stage import START_POSES
 from wayfarer.terms import WALK, weights
+from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer_lab.evaluation.health import EXTENT
 from wayfarer_lab.evaluation.outcome import REACHED
 from wayfarer_lab.evaluation.parts import Parts, Variant

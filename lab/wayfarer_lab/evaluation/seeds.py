@@ -6,9 +6,9 @@ from typing import Final
 import numpy as np
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.agent import AgentSpec
-from wayfarer.runtime.world.slots import Gait, Mode, Motion, Seeds
 from wayfarer.spec import FPS, SEED_FRAMES
+from wayfarer.world.agents.agent import AgentSpec
+from wayfarer.world.agents.slots import Gait, Mode, Motion, Seeds
 from wayfarer_lab.evaluation.metrics.kinematics import WALKING_SPEED
 from wayfarer_lab.evaluation.tracks import Recorded, skin_track
 from wayfarer_lab.training.mocap.selection import Use

@@ -11,8 +11,8 @@ from wayfarer.body.model import BodyModel
 from wayfarer.body.rotation import matrix_from_quaternion
 from wayfarer.body.skeleton import joint_names
 from wayfarer.clips.clip import Clip
-from wayfarer.runtime.world.heading import facing_of
 from wayfarer.spec import POSED_JOINTS
+from wayfarer.world.agents.heading import facing_of
 from wayfarer_lab.evaluation.metrics import feet, joints
 from wayfarer_lab.evaluation.metrics.trunk import Trunk
 

@@ -9,10 +9,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, Goal, MotionChunk, SessionSpec
-from wayfarer.runtime.world.world import World
 from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
 from wayfarer.stage import Bodies
+from wayfarer.world.agents.agent import (
+    AgentSpec,
+    AgentState,
+    ChunkFlag,
+    Goal,
+    MotionChunk,
+    SessionSpec,
+)
+from wayfarer.world.world import World
 from wayfarer_lab.evaluation.figures import distances
 from wayfarer_lab.evaluation.gait import Windows
 from wayfarer_lab.evaluation.goals import Watch

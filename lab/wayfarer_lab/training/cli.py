@@ -13,8 +13,8 @@ from wayfarer.artifacts import ASSETS
 from wayfarer.body.library import load_body
 from wayfarer.errors import InvalidArgument
 from wayfarer.motion.regressor import PASSES
-from wayfarer.runtime.world.spawn import load_start_poses
 from wayfarer.spec import GENDERS
+from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer_lab.training.analytic import AnalyticConfig, train_analytic
 from wayfarer_lab.training.card import model_card
 from wayfarer_lab.training.dataset import load_frames, load_poses

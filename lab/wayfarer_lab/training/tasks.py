@@ -1,6 +1,6 @@
 """What agents in training are asked to do: walk at all speeds to all sides, stop, stand, turn.
 
-The same quantities that `runtime/world/steering.py` gives an agent who is served, drawn at random,
+The same quantities that `world/goals/steering.py` gives an agent who is served, drawn at random,
 so that one policy learns them all.
 """
 

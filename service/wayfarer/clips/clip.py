@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from wayfarer.body.model import BodyModel
 from wayfarer.body.rotation import matrix_from_quaternion
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.agent import AgentSpec, MotionChunk
 from wayfarer.spec import FPS, POSED_JOINTS
+from wayfarer.world.agents.agent import AgentSpec, MotionChunk
 
 Array = NDArray[np.floating[Any]]
 

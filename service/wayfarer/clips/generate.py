@@ -13,13 +13,13 @@ from wayfarer.clips.clip import Clip, join_chunks
 from wayfarer.clips.files import check_target, write_clip
 from wayfarer.clips.planned import plan_clip
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.agent import AgentSpec, ChunkFlag, Goal, MotionChunk
-from wayfarer.runtime.offline.walk import walk
-from wayfarer.runtime.search.beam_settings import HARD, BeamSettings
-from wayfarer.runtime.world.steering import Steering
-from wayfarer.runtime.world.world import World
+from wayfarer.service.walk import walk
 from wayfarer.spec import BETAS, FPS
 from wayfarer.stage import DEFAULT_MODEL, open_stage
+from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, Goal, MotionChunk
+from wayfarer.world.goals.steering import Steering
+from wayfarer.world.search.beam_settings import HARD, BeamSettings
+from wayfarer.world.world import World
 
 CANDIDATES = 4
 """Candidates per step of the online search, if nothing else is asked for."""

@@ -8,17 +8,17 @@ import numpy as np
 
 from wayfarer.body.model import BodyModel
 from wayfarer.clips.clip import Clip
+from wayfarer.engines.engine import Engine
 from wayfarer.errors import FailedPrecondition, InvalidArgument
-from wayfarer.runtime.agent import AgentSpec, Goal
-from wayfarer.runtime.engines.engine import Engine
-from wayfarer.runtime.feet.footlock import begin, lock_feet
-from wayfarer.runtime.feet.legs import measure_legs
-from wayfarer.runtime.search.beam import plan
-from wayfarer.runtime.search.beam_settings import BeamSettings
-from wayfarer.runtime.search.plan import Ending, Plan, Problem
-from wayfarer.runtime.world.rows import Flags, Float
-from wayfarer.runtime.world.slots import Motion
 from wayfarer.spec import FPS, NEW_FRAMES, STEP_SECONDS
+from wayfarer.world.agents.agent import AgentSpec, Goal
+from wayfarer.world.agents.slots import Motion
+from wayfarer.world.output.footlock import begin, lock_feet
+from wayfarer.world.output.legs import measure_legs
+from wayfarer.world.rows import Flags, Float
+from wayfarer.world.search.beam import plan
+from wayfarer.world.search.beam_settings import BeamSettings
+from wayfarer.world.search.plan import Ending, Plan, Problem
 
 
 def plan_clip(

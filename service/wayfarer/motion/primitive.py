@@ -57,7 +57,7 @@ class Settled(NamedTuple):
 
 
 class StepResult(NamedTuple):
-    """Outputs; see `runtime.engine.StepOutputs` for shapes and units."""
+    """Outputs; see `engines.engine.StepOutputs` for shapes and units."""
 
     translation: Tensor
     rotations: Tensor

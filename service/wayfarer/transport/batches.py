@@ -8,9 +8,7 @@ from typing import Final
 import numpy as np
 
 from wayfarer import __version__
-from wayfarer.runtime.agent import STATES, AgentInfo, MotionChunks
-from wayfarer.runtime.events import Event, EventKind
-from wayfarer.runtime.publications import Publication
+from wayfarer.service.streams.publications import Publication
 from wayfarer.spec import FPS
 from wayfarer.transport import convert, schema, wire
 from wayfarer.transport.basis import Basis
@@ -18,6 +16,8 @@ from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.codec import PoseEncoder, PoseFormat
 from wayfarer.transport.framing import Part, field
 from wayfarer.v1 import agent_pb2, catalog_pb2, common_pb2, motion_pb2
+from wayfarer.world.agents.agent import STATES, AgentInfo, MotionChunks
+from wayfarer.world.events import Event, EventKind
 
 STATE_NUMBERS: Final = np.array(
     [agent_pb2.AgentState.Value(f"AGENT_STATE_{state.name}") for state in STATES]

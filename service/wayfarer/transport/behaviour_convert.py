@@ -8,11 +8,11 @@ from typing import Any
 from pydantic import BaseModel
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime import behaviours as runtime
-from wayfarer.runtime.agent import Goal
-from wayfarer.runtime.commands import Append, GoalCommand, Path, Stop
 from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Axes, Basis
+from wayfarer.world import behaviours as runtime
+from wayfarer.world.agents.agent import Goal
+from wayfarer.world.goals.commands import Append, GoalCommand, Path, Stop
 
 LENGTHS = ("speed", "behind", "right", "distance", "spacing")
 """Fields that are lengths, or lengths per second."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.body.skeleton import load_skeleton, parents
+from wayfarer.engines.models import ModelInfo
 from wayfarer.errors import (
     Heading,
     InvalidArgument,
@@ -20,14 +21,13 @@ from wayfarer.errors import (
     Quantity,
     Unreachable,
 )
-from wayfarer.runtime import agent as runtime
-from wayfarer.runtime.engines.models import ModelInfo
-from wayfarer.runtime.stats import LoopStats
+from wayfarer.service.stats import LoopStats
 from wayfarer.spec import BETAS, POSED_JOINTS
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Axes, Basis
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.codec import PoseFormat
+from wayfarer.world.agents import agent as runtime
 
 UNITS: Final = {1.0: "m", 0.01: "cm"}
 """Names of the bases' units of length."""

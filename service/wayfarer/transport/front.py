@@ -9,7 +9,7 @@ from starlette.middleware.cors import CORSMiddleware
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from wayfarer.errors import WayfarerError
-from wayfarer.runtime.stats import LoopStats
+from wayfarer.service.stats import LoopStats
 from wayfarer.transport.caller import Scope as CallerScope
 from wayfarer.transport.caller import present_caller
 from wayfarer.transport.http_edge import problem_response

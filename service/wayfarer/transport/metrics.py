@@ -22,11 +22,11 @@ from prometheus_client.registry import Collector
 from prometheus_client.utils import floatToGoString
 
 from wayfarer import __version__
-from wayfarer.runtime.agent import AgentState
-from wayfarer.runtime.meter import ResumeResult, Seconds
-from wayfarer.runtime.publications import SlowReader
-from wayfarer.runtime.stats import LoopStats
+from wayfarer.service.meter import ResumeResult, Seconds
+from wayfarer.service.stats import LoopStats
+from wayfarer.service.streams.publications import SlowReader
 from wayfarer.spec import FPS, NEW_FRAMES
+from wayfarer.world.agents.agent import AgentState
 
 MISSED_S: Final = 1 / FPS
 """A chunk that leaves later than a frame after its time has missed its deadline."""

@@ -7,7 +7,7 @@ from hashlib import sha256
 from typing import Final
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.publications import Resume
+from wayfarer.service.streams.publications import Resume
 
 TOKEN: Final = re.compile(r"([A-Za-z0-9-]{1,40})\.(\d{1,18})(?:\.(\d{1,6}))?(?:~([0-9a-f]{16}))?")
 

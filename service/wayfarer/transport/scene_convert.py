@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.navigation import spec as world
-from wayfarer.runtime.scenes import messages as runtime
 from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Axes, Basis
+from wayfarer.world.scenes import messages as runtime
 
 DECIMALS = 4
 """Of the numbers that are there to be drawn."""

@@ -9,16 +9,16 @@ from typing import Final
 import numpy as np
 
 from wayfarer.errors import NotFound, Unavailable, WayfarerError
-from wayfarer.runtime.agent import NO_CHUNKS, AgentInfo, MotionChunks
-from wayfarer.runtime.events import Event, EventKind
-from wayfarer.runtime.publications import Publication
-from wayfarer.runtime.service import MotionService, Subscription
+from wayfarer.service.motion_service import MotionService, Subscription
+from wayfarer.service.streams.publications import Publication
 from wayfarer.transport import convert
 from wayfarer.transport.batches import BatchWriter, event_message
 from wayfarer.transport.framing import Part, field
 from wayfarer.transport.merge import paced
 from wayfarer.transport.resume import Progress
 from wayfarer.v1 import motion_pb2
+from wayfarer.world.agents.agent import NO_CHUNKS, AgentInfo, MotionChunks
+from wayfarer.world.events import Event, EventKind
 
 HEARTBEAT_S: Final = 1.0
 SHUTDOWN: Final = "the server is shutting down"

@@ -11,7 +11,7 @@ from urllib.parse import parse_qs
 from google.protobuf.message import DecodeError, Message
 from google.protobuf.message_factory import GetMessageClass
 
-from wayfarer.runtime.state.snapshot import named_session
+from wayfarer.service.persistence.snapshot import named_session
 from wayfarer.transport.grpc_server import FILES
 from wayfarer.transport.http_edge import MESHES
 from wayfarer.workers.placement import Placement

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from tests.runtime.fakes import BODIES as STICKS
-from tests.runtime.fakes import FakeEngine, start_poses
+from tests.world.fakes import BODIES as STICKS
+from tests.world.fakes import FakeEngine, start_poses
 from wayfarer.body.model import BodyModel
-from wayfarer.runtime.agent import AgentSpec, Goal
-from wayfarer.runtime.stepping.settings import WorldSettings
-from wayfarer.runtime.world.world import World
 from wayfarer.spec import POSED_JOINTS
+from wayfarer.world.agents.agent import AgentSpec, Goal
+from wayfarer.world.stepping.settings import WorldSettings
+from wayfarer.world.world import World
 from wayfarer_lab.evaluation.goals import Course, Given
 
 TRUNK = {"LFWT": (-0.1, 1.0), "LBWT": (-0.1, 1.0), "RFWT": (0.1, 1.0), "RBWT": (0.1, 1.0)}

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from tests.lab.evaluation.people import BODIES, make_world
-from tests.runtime.fakes import FakeEngine
-from wayfarer.runtime.agent import Goal
-from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
-from wayfarer.runtime.search.beam_settings import BeamSettings
+from tests.world.fakes import FakeEngine
+from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.spec import NEW_FRAMES
+from wayfarer.world.agents.agent import Goal
+from wayfarer.world.search.beam_settings import BeamSettings
 from wayfarer_lab.evaluation import control as module
 from wayfarer_lab.evaluation.control import (
     Pair,

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tests.lab.evaluation.people import BODIES, make_world
-from wayfarer.runtime.agent import AgentInfo, Goal
-from wayfarer.runtime.world.slots import Mode
 from wayfarer.spec import FPS, GENDERS
+from wayfarer.world.agents.agent import AgentInfo, Goal
+from wayfarer.world.agents.slots import Mode
 from wayfarer_lab.evaluation.goals import Course, Errand, Order, random_specs, relative, run_errands
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.lab.evaluation.people import course, line
-from wayfarer.runtime.agent import Goal
 from wayfarer.spec import FPS, NEW_FRAMES
+from wayfarer.world.agents.agent import Goal
 from wayfarer_lab.evaluation.goals import Course
 from wayfarer_lab.evaluation.outcome import STEP_LIMIT, goal_row, judge
 

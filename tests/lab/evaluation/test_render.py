@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 
 from tests.lab.evaluation.recordings import write_recordings
-from tests.runtime.fakes import make_world
+from tests.world.fakes import make_world
 from wayfarer.body.library import load_body
 from wayfarer.clips.npz import write_npz
 from wayfarer.errors import InvalidArgument, NotFound

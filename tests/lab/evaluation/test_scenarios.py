@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.lab.evaluation.people import make_world
-from wayfarer.runtime.agent import AgentInfo, AgentSpec, AgentState
+from wayfarer.world.agents.agent import AgentInfo, AgentSpec, AgentState
 from wayfarer_lab.evaluation.goals import run_errands
 from wayfarer_lab.evaluation.scenarios import Scenario, arrival, maneuver_tables
 

@@ -7,8 +7,8 @@ import pytest
 
 from tests.lab.evaluation.recordings import FRAMES, SPEED, write_recordings
 from wayfarer.errors import DataError, InvalidArgument
-from wayfarer.runtime.world.slots import Mode
 from wayfarer.spec import FPS
+from wayfarer.world.agents.slots import Mode
 from wayfarer_lab.evaluation.gait import gait_row
 from wayfarer_lab.evaluation.goals import random_specs
 from wayfarer_lab.evaluation.realism import Motion

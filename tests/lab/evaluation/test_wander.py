@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from tests.lab.evaluation.people import BODIES, make_world
-from tests.runtime.fakes import FakeEngine
-from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
+from tests.world.fakes import FakeEngine
+from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer_lab.evaluation import wander as module
 from wayfarer_lab.evaluation.goals import random_specs
 from wayfarer_lab.evaluation.wander import Wandering, wander

@@ -5,11 +5,11 @@ import torch
 
 from tests.lab.training.fakes import gliding_frames
 from wayfarer.body.library import load_body
+from wayfarer.engines.onnx_engine import INPUTS
 from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.goal_cvae import GoalCvae
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer.runtime.engines.onnx_engine import INPUTS
 from wayfarer_lab.training.cli import read_config
 from wayfarer_lab.training.goal_cvae import (
     GoalCvaeConfig,

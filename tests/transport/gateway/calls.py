@@ -3,11 +3,11 @@
 from contextlib import aclosing, contextmanager
 
 from tests.transport.samples import NOW
-from wayfarer.runtime.events import Event, EventKind
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.caller import LOCAL, Caller, Quota, Scope, enter
 from wayfarer.v1 import motion_pb2
+from wayfarer.world.events import Event, EventKind
 
 ORIGIN = schema.Vector3(x=0, y=0, z=0)
 GOAL = schema.Goal(position=ORIGIN)

@@ -3,11 +3,11 @@ import pytest
 from tests.transport.fakes import FakeService, opened
 from tests.transport.gateway.calls import GOAL, session_of_two
 from wayfarer.errors import Aborted
-from wayfarer.runtime.agent import Goal
-from wayfarer.runtime.behaviours import Patrol, Wander
-from wayfarer.runtime.commands import Append, Path, Stop
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
+from wayfarer.world.agents.agent import Goal
+from wayfarer.world.behaviours import Patrol, Wander
+from wayfarer.world.goals.commands import Append, Path, Stop
 
 GOALS = schema.Goals(goals=[GOAL, GOAL])
 PLACE = Goal((0.0, 0.0, 0.0))

@@ -24,10 +24,10 @@ from wayfarer.errors import (
     ResourceExhausted,
     Unavailable,
 )
-from wayfarer.runtime.events import EventKind
-from wayfarer.runtime.publications import SlowReader
+from wayfarer.service.streams.publications import SlowReader
 from wayfarer.transport import schema
 from wayfarer.v1 import motion_pb2
+from wayfarer.world.events import EventKind
 
 
 async def test_stream_introduces_agents_with_their_first_chunk():

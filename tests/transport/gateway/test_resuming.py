@@ -15,7 +15,7 @@ from tests.transport.gateway.calls import (
     take,
 )
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.publications import Resume
+from wayfarer.service.streams.publications import Resume
 from wayfarer.transport import schema
 from wayfarer.v1 import motion_pb2
 

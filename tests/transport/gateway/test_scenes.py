@@ -14,12 +14,12 @@ from wayfarer.errors import (
     ResourceExhausted,
     Unreachable,
 )
-from wayfarer.runtime.agent import AgentSpec
-from wayfarer.runtime.events import Event, EventKind
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.gateway import Gateway, uploads
 from wayfarer.transport.gateway.scene_book import SCENE_LEASE_S
+from wayfarer.world.agents.agent import AgentSpec
+from wayfarer.world.events import Event, EventKind
 
 YARD = schema.NewScene.model_validate(
     schema.NewScene.model_config["json_schema_extra"]["examples"][0]

@@ -15,10 +15,10 @@ from tests.transport.gateway.calls import (
 from tests.transport.samples import NOW
 from wayfarer.config import Limits
 from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted, Unavailable
-from wayfarer.runtime.agent import SessionSpec
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.caller import Quota, Scope
+from wayfarer.world.agents.agent import SessionSpec
 
 
 async def test_each_session_keeps_its_basis():

@@ -9,9 +9,9 @@ import numpy as np
 import typer
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.search.beam_settings import BeamSettings
-from wayfarer.runtime.world.steering import Steering
 from wayfarer.stage import DEFAULT_MODEL, Stage, open_stage
+from wayfarer.world.goals.steering import Steering
+from wayfarer.world.search.beam_settings import BeamSettings
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.commands.options import (
     DataOption,

@@ -5,9 +5,9 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from wayfarer.runtime.world.steering import Steering
-from wayfarer.runtime.world.world import World
 from wayfarer.stage import DEFAULT_MODEL, Bodies, open_stage
+from wayfarer.world.goals.steering import Steering
+from wayfarer.world.world import World
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.commands.options import (
     CandidatesOption,

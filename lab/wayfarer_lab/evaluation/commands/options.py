@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from wayfarer.runtime.engines.engine import EngineKind
+from wayfarer.engines.engine import EngineKind
 from wayfarer_lab.evaluation.report import check_origin
 
 

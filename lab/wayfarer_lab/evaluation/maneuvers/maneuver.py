@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.navigation.spec import SceneSpec
-from wayfarer.runtime.agent import AgentInfo, Goal
+from wayfarer.world.agents.agent import AgentInfo, Goal
 from wayfarer_lab.evaluation.figures import mean, quantile
 from wayfarer_lab.evaluation.goals import Errand, Plan, relative
 from wayfarer_lab.evaluation.takes import Take

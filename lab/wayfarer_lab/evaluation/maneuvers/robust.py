@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from wayfarer.runtime.agent import AgentSpec, Goal
+from wayfarer.world.agents.agent import AgentSpec, Goal
 from wayfarer_lab.evaluation.figures import distances
 from wayfarer_lab.evaluation.goals import Errand, Order, Plan, random_specs
 from wayfarer_lab.evaluation.maneuvers.feet_figures import contact_figures

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.navigation.scene import Scene, bake
-from wayfarer.runtime.agent import SessionSpec
-from wayfarer.runtime.scenes.book import Book
-from wayfarer.runtime.world.steering import Steering
 from wayfarer.stage import Bodies, Stage
+from wayfarer.world.agents.agent import SessionSpec
+from wayfarer.world.goals.steering import Steering
+from wayfarer.world.scenes.book import Book
 from wayfarer_lab.evaluation.goals import Course, Watch, run_errands
 from wayfarer_lab.evaluation.maneuvers.maneuver import Case, Shot
 from wayfarer_lab.evaluation.scenes.solids import ground_height, standing

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from wayfarer.navigation.examples import two_storeys
-from wayfarer.runtime.agent import Goal
 from wayfarer.spec import FPS
+from wayfarer.world.agents.agent import Goal
 from wayfarer_lab.evaluation.figures import distances
 from wayfarer_lab.evaluation.goals import Errand, Order, Plan, random_specs
 from wayfarer_lab.evaluation.maneuvers.maneuver import (

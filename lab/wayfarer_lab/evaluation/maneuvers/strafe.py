@@ -5,9 +5,9 @@ from typing import Final
 
 import numpy as np
 
-from wayfarer.runtime.agent import AgentInfo, Goal
-from wayfarer.runtime.world.heading import facing_at
 from wayfarer.spec import FPS
+from wayfarer.world.agents.agent import AgentInfo, Goal
+from wayfarer.world.agents.heading import facing_at
 from wayfarer_lab.evaluation.figures import degrees_off, distances, first, smooth_speed
 from wayfarer_lab.evaluation.goals import Errand, Order, random_specs
 from wayfarer_lab.evaluation.maneuvers.feet_figures import contact_figures, stance_figures

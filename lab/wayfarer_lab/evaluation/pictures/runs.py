@@ -8,9 +8,16 @@ from typing import Final
 import numpy as np
 
 from wayfarer.clips.clip import Clip, join_chunks
-from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, Goal, MotionChunk, SessionSpec
-from wayfarer.runtime.world.world import World
 from wayfarer.spec import BETAS, FPS, GENDERS, NEW_FRAMES, STEP_SECONDS
+from wayfarer.world.agents.agent import (
+    AgentSpec,
+    AgentState,
+    ChunkFlag,
+    Goal,
+    MotionChunk,
+    SessionSpec,
+)
+from wayfarer.world.world import World
 
 DISTANCE: Final = (2.0, 6.0)
 """Metres to a goal."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from wayfarer.body.model import BodyModel
 from wayfarer.body.rotation import matrix_from_quaternion
-from wayfarer.runtime.agent import AgentSpec
+from wayfarer.world.agents.agent import AgentSpec
 
 Array = NDArray[np.floating[Any]]
 Index = NDArray[np.int64]

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from time import process_time
 from typing import Any, cast
 
-from wayfarer.runtime.engines.engine import StepInputs, StepOutputs
-from wayfarer.runtime.engines.warm import WarmEngine
-from wayfarer.runtime.world.world import World
+from wayfarer.engines.engine import StepInputs, StepOutputs
+from wayfarer.engines.warm import WarmEngine
+from wayfarer.world.world import World
 from wayfarer_lab.evaluation.gait import Row
 
 WORLD, ENGINE, GUIDE, CROWD = "world", "engine", "guide", "crowd"

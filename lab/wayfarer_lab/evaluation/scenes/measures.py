@@ -8,8 +8,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.runtime.agent import ChunkFlag, MotionChunk
 from wayfarer.spec import STEP_SECONDS
+from wayfarer.world.agents.agent import ChunkFlag, MotionChunk
 from wayfarer_lab.evaluation.gait import Row
 
 Array = NDArray[np.floating[Any]]

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.spec import Obstacle, Point2
-from wayfarer.runtime.agent import AgentSpec, ChunkFlag, MotionChunk, SessionSpec
-from wayfarer.runtime.scenes.book import Book
-from wayfarer.runtime.world.steering import Steering
 from wayfarer.spec import BETAS, GENDERS
 from wayfarer.stage import Stage
+from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, MotionChunk, SessionSpec
+from wayfarer.world.goals.steering import Steering
+from wayfarer.world.scenes.book import Book
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.goals import MAX_BETA
 from wayfarer_lab.evaluation.scenes.cost import WORLD, Cost

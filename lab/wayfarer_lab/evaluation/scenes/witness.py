@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from wayfarer.clips.clip import join_chunks
 from wayfarer.navigation.scene import Scene
-from wayfarer.runtime.agent import AgentSpec, MotionChunk
 from wayfarer.spec import FPS
 from wayfarer.stage import Bodies
+from wayfarer.world.agents.agent import AgentSpec, MotionChunk
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.pictures.scene import Actor
 from wayfarer_lab.evaluation.scenes.bodies import Form, Posed, pose

@@ -4,10 +4,10 @@ from collections import OrderedDict
 
 from numpy.typing import NDArray
 
-from wayfarer.runtime.agent import MotionChunks
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec.packing import Poses, encode
 from wayfarer.transport.codec.pose_format import PoseFormat
+from wayfarer.world.agents.agent import MotionChunks
 
 Key = tuple[Basis, PoseFormat, int]
 

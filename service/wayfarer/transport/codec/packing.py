@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.agent import MotionChunks
 from wayfarer.spec import POSED_JOINTS
 from wayfarer.transport.basis import Axes, Basis
 from wayfarer.transport.codec import smallest_three
 from wayfarer.transport.codec.pose_format import PoseEncoding, PoseFormat
+from wayfarer.world.agents.agent import MotionChunks
 
 FOOT_BITS: Final = np.array([1, 2], np.uint8)
 """Left, right."""

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from typing import Final
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.agent import AgentInfo
 from wayfarer.transport import convert, schema
 from wayfarer.transport.caller import Scope, present_caller
 from wayfarer.transport.gateway.book import OpenSession
 from wayfarer.transport.gateway.shared import Shared, needs
+from wayfarer.world.agents.agent import AgentInfo
 
 AT_ONCE: Final = 4
 """Agents that are described without letting others go ahead."""

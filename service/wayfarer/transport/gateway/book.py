@@ -9,12 +9,12 @@ import structlog
 
 from wayfarer.config import Limits
 from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted, WayfarerError
-from wayfarer.runtime.agent import AgentInfo, SessionInfo
 from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.caller import Caller, present_caller
 from wayfarer.transport.fleet import Fleet
 from wayfarer.transport.stream import MotionStream
+from wayfarer.world.agents.agent import AgentInfo, SessionInfo
 
 ID_LENGTH: Final = schema.ID_LENGTH
 LEASE_S: Final = 60.0

@@ -12,8 +12,8 @@ import structlog
 
 from wayfarer.config import Limits
 from wayfarer.errors import Unauthenticated, Unavailable
-from wayfarer.runtime.service import MotionService
-from wayfarer.runtime.stats import LoopStats
+from wayfarer.service.motion_service import MotionService
+from wayfarer.service.stats import LoopStats
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.caller import Caller
 from wayfarer.transport.fleet import Fleet

@@ -6,8 +6,7 @@ from contextlib import aclosing, asynccontextmanager
 from itertools import chain
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.runtime.events import Event
-from wayfarer.runtime.publications import StreamWish
+from wayfarer.service.streams.publications import StreamWish
 from wayfarer.transport import convert, schema
 from wayfarer.transport.batches import event_message, parsed
 from wayfarer.transport.caller import Scope, present_caller
@@ -16,6 +15,7 @@ from wayfarer.transport.gateway.shared import Shared, needs
 from wayfarer.transport.resume import Progress, filter_mark
 from wayfarer.transport.stream import MotionStream
 from wayfarer.v1 import motion_pb2
+from wayfarer.world.events import Event
 
 
 class MotionApi:

@@ -8,11 +8,11 @@ from typing import Final
 
 from wayfarer.config import Limits
 from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted
-from wayfarer.runtime.scenes.messages import SceneInfo
 from wayfarer.transport import scene_convert, schema
 from wayfarer.transport.basis import Axes, Basis
 from wayfarer.transport.caller import Caller, present_caller
 from wayfarer.transport.fleet import Fleet
+from wayfarer.world.scenes.messages import SceneInfo
 
 SCENE_LEASE_S: Final = 3600.0
 """Lease of a scene that asks for none."""

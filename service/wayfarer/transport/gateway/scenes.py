@@ -17,12 +17,12 @@ from wayfarer.errors import (
 )
 from wayfarer.navigation.examples import EXAMPLES
 from wayfarer.navigation.spec import MeshFile, SceneSpec
-from wayfarer.runtime.scenes.messages import SceneWish
 from wayfarer.transport import convert, scene_convert, schema
 from wayfarer.transport.caller import Scope, present_caller
 from wayfarer.transport.gateway.scene_book import SCENE_LEASE_S, scene_attributes
 from wayfarer.transport.gateway.shared import Shared, needs
 from wayfarer.transport.gateway.uploads import Uploads
+from wayfarer.world.scenes.messages import SceneWish
 
 log = structlog.get_logger(__name__)
 

@@ -6,12 +6,12 @@ import secrets
 import structlog
 
 from wayfarer.errors import InvalidArgument, NotFound, Unavailable
-from wayfarer.runtime.agent import SessionInfo, SessionSpec
 from wayfarer.transport import convert, schema
 from wayfarer.transport.caller import Scope, present_caller
 from wayfarer.transport.gateway.book import LEASE_S, OpenSession, attributes
 from wayfarer.transport.gateway.replies import finish
 from wayfarer.transport.gateway.shared import Shared, needs
+from wayfarer.world.agents.agent import SessionInfo, SessionSpec
 
 log = structlog.get_logger(__name__)
 

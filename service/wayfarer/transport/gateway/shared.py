@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from wayfarer.config import Limits
 from wayfarer.errors import NotFound, Unavailable
-from wayfarer.runtime.service import MotionService
+from wayfarer.service.motion_service import MotionService
 from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.batches import BatchWriter

@@ -4,11 +4,11 @@ from typing import Annotated
 
 from fastapi import APIRouter, Header, Query, Response
 
-from wayfarer.runtime.events import Event
 from wayfarer.transport import errors, schema, wire
 from wayfarer.transport.batches import event_message
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.http_server.streamed import ServerSentEvents, begun
+from wayfarer.world.events import Event
 
 Id = Annotated[str, Query(max_length=schema.ID_LENGTH)]
 

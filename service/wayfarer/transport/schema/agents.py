@@ -6,10 +6,10 @@ from typing import Annotated
 from pydantic import ConfigDict, Field, model_validator
 
 from wayfarer.body.phenotype import LIMITS
-from wayfarer.runtime.agent import AgentState
 from wayfarer.spec import BETAS, JOINTS
 from wayfarer.transport.schema.base import Bool, Float, Many, Message, Text, Uint32, Vector3
 from wayfarer.transport.schema.goals import Goal
+from wayfarer.world.agents.agent import AgentState
 
 Beta = Annotated[Float, Field(ge=-5, le=5)]
 

@@ -4,13 +4,13 @@ from typing import ClassVar
 
 from pydantic import ConfigDict, Field
 
-from wayfarer.runtime.behaviours.follow import MAX_BESIDE
-from wayfarer.runtime.behaviours.keep_away import DISTANCE
-from wayfarer.runtime.behaviours.queue import SPACING
-from wayfarer.runtime.behaviours.routine import MAX_PARTS, MAX_SECONDS
-from wayfarer.runtime.world.checks import SPEED
 from wayfarer.transport.schema.base import Bool, Float, Many, Message, OneOf, Vector3, bounds
 from wayfarer.transport.schema.goals import Goal, Wander
+from wayfarer.world.behaviours.follow import MAX_BESIDE
+from wayfarer.world.behaviours.keep_away import DISTANCE
+from wayfarer.world.behaviours.queue import SPACING
+from wayfarer.world.behaviours.routine import MAX_PARTS, MAX_SECONDS
+from wayfarer.world.goals.checks import SPEED
 
 GOALS = Field(min_length=1, max_length=1024, description="in turn; at most limits.path_goals")
 

@@ -2,9 +2,9 @@
 
 from pydantic import ConfigDict, Field
 
-from wayfarer.runtime.behaviours.wander import MIN_RADIUS
-from wayfarer.runtime.world.checks import RADIUS, SPEED
 from wayfarer.transport.schema.base import Bool, Float, Many, Message, Vector3, bounds
+from wayfarer.world.behaviours.wander import MIN_RADIUS
+from wayfarer.world.goals.checks import RADIUS, SPEED
 
 
 class Goal(Message):

@@ -5,9 +5,7 @@ from typing import Annotated
 from pydantic import ConfigDict, Field
 
 from wayfarer.body.skeleton import load_skeleton
-from wayfarer.runtime.agent import AgentState
-from wayfarer.runtime.events import EventKind
-from wayfarer.runtime.publications import SlowReader
+from wayfarer.service.streams.publications import SlowReader
 from wayfarer.spec import FPS
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import PoseEncoding, PoseProfile
@@ -25,6 +23,8 @@ from wayfarer.transport.schema.base import (
 )
 from wayfarer.transport.schema.catalogue import Skeleton
 from wayfarer.transport.schema.goals import Goal
+from wayfarer.world.agents.agent import AgentState
+from wayfarer.world.events import EventKind
 
 BONES = tuple(bone.name for bone in load_skeleton())
 BoneName = Annotated[str, Field(json_schema_extra={"enum": list(BONES)})]

@@ -7,8 +7,6 @@ from pydantic import ConfigDict, Field, JsonValue
 
 from wayfarer.navigation.checks import UNIT
 from wayfarer.navigation.spec import MAX_FLOORS, MAX_SOLIDS
-from wayfarer.runtime.scenes.populate import MAX_RATE, MAX_STAY
-from wayfarer.runtime.world.checks import SPEED
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.schema.base import (
     BasisInfo,
@@ -22,6 +20,8 @@ from wayfarer.transport.schema.base import (
     bounds,
 )
 from wayfarer.transport.schema.shapes import CRATE, Floor, Obstacle, Solid, Walkable
+from wayfarer.world.goals.checks import SPEED
+from wayfarer.world.scenes.populate import MAX_RATE, MAX_STAY
 
 Lease = Annotated[
     Float | None,

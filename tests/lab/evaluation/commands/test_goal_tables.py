@@ -10,9 +10,9 @@ from typer.testing import CliRunner
 
 from tests.lab.evaluation.people import BODIES
 from tests.lab.evaluation.recordings import write_recordings
-from tests.runtime.fakes import FakeEngine
-from wayfarer.runtime.world.steering import Steering
+from tests.world.fakes import FakeEngine
 from wayfarer.stage import Stage
+from wayfarer.world.goals.steering import Steering
 from wayfarer_lab.evaluation import scenarios
 from wayfarer_lab.evaluation.commands import app, arrival, control, long
 from wayfarer_lab.evaluation.maneuvers.robust import SCRIPTS

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tests.lab.evaluation.recordings import write_recordings
-from tests.runtime.fakes import FakeEngine
+from tests.world.fakes import FakeEngine
 from wayfarer.body.library import load_body
 from wayfarer.spec import GENDERS
 from wayfarer.stage import Stage

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from tests.runtime.fakes import FakeEngine
+from tests.world.fakes import FakeEngine
 from wayfarer.body.library import load_body
 from wayfarer.spec import GENDERS
 from wayfarer.stage import Stage

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.lab.evaluation.people import BODIES
-from tests.runtime.fakes import BODIES as STICKS
+from tests.world.fakes import BODIES as STICKS
 from wayfarer.body.library import load_body
 from wayfarer.body.rotation import matrix_from_quaternion, quaternion_from_rotvec
 from wayfarer.errors import InvalidArgument

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tests.runtime.fakes import make_world
+from tests.world.fakes import make_world
 from wayfarer.spec import GENDERS
 from wayfarer_lab.evaluation.pictures.runs import caption, random_runs
 

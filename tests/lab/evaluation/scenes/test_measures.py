@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wayfarer.runtime.agent import AgentState, ChunkFlag, MotionChunk
 from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
+from wayfarer.world.agents.agent import AgentState, ChunkFlag, MotionChunk
 from wayfarer_lab.evaluation.scenes.measures import WORST, Depths, Gaps, Progress
 
 

@@ -7,8 +7,8 @@ from wayfarer.body.library import load_body
 from wayfarer.navigation.examples import rectangle
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.spec import Box, Floor, SceneSpec
-from wayfarer.runtime.agent import AgentSpec, AgentState, ChunkFlag, MotionChunk
 from wayfarer.spec import FPS, GENDERS, NEW_FRAMES, POSED_JOINTS
+from wayfarer.world.agents.agent import AgentSpec, AgentState, ChunkFlag, MotionChunk
 from wayfarer_lab.evaluation.scenes.witness import Witness
 
 BODIES = {gender: load_body("anny52", gender, "low") for gender in GENDERS}

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from wayfarer.navigation.examples import corridor, corridor_doors, cubes_field
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.spec import Box, Point2
-from wayfarer.runtime.agent import AgentSpec, Goal, MotionChunk
 from wayfarer.spec import FPS
+from wayfarer.world.agents.agent import AgentSpec, Goal, MotionChunk
 from wayfarer_lab.evaluation.figures import mean, quantile, share
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.goals import Watch

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.navigation.scene import Scene
-from wayfarer.runtime.agent import AgentSpec, Goal
-from wayfarer.runtime.commands import Path
 from wayfarer.spec import STEP_SECONDS
+from wayfarer.world.agents.agent import AgentSpec, Goal
+from wayfarer.world.goals.commands import Path
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.goals import Watch
 from wayfarer_lab.evaluation.scenes.play import Play, arrived

@@ -6,7 +6,7 @@ import numpy as np
 
 from wayfarer.navigation.examples import town_square
 from wayfarer.navigation.scene import bake
-from wayfarer.runtime.scenes.messages import Crowd
+from wayfarer.world.scenes.messages import Crowd
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.goals import Watch
 from wayfarer_lab.evaluation.scenes.play import House

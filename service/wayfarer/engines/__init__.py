@@ -1,0 +1,1 @@
+"""What runs the step graph: onnxruntime, OpenVINO, or torch; and models by name."""

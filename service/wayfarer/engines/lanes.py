@@ -1,0 +1,77 @@
+"""A batch on several cores: its rows are parted, and every part is computed by one thread.
+
+A step is two thousand small operators. Threads that share each of them meet two thousand times,
+and whoever has lost his core for a moment holds up the others; threads that have rows of their own
+meet once. Rows do not depend on their batch, so the result is the same, bit for bit.
+"""
+
+import os
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from math import ceil
+from typing import Final
+
+from wayfarer.engines.engine import StepInputs, StepOutputs
+from wayfarer.engines.padding import join, part
+
+NICENESS: Final = 5
+"""Above that of the process, for threads that compute."""
+
+LEAST: Final = 8
+"""Rows that are worth a thread: fewer cost each about twice as much."""
+
+
+class Lanes:
+    """So many threads; a single one is the caller's own."""
+
+    def __init__(self, threads: int) -> None:
+        """0: one per core that the process may use."""
+        self.count = threads or cores()
+        self._pool = ThreadPoolExecutor(self.count, "engine") if self.count > 1 else None
+
+    def step(
+        self, run: Callable[[StepInputs], StepOutputs], inputs: StepInputs, most: int
+    ) -> StepOutputs:
+        """`run` on equal parts of `most` rows or fewer, as many for each thread.
+
+        Safe to call from several threads at once.
+        """
+        rows = len(inputs.goal)
+        threads = max(min(self.count, rows // LEAST), 1)
+        count = threads * max(ceil(rows / (threads * most)), 1)
+        return self.parted(run, inputs, [rows * (i + 1) // count for i in range(count)])
+
+    def parted(
+        self, run: Callable[[StepInputs], StepOutputs], inputs: StepInputs, ends: Sequence[int]
+    ) -> StepOutputs:
+        """`run` on parts that end at these rows, as threads come free."""
+        parts = [part(inputs, a, b) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
+        if self._pool is None or len(parts) == 1:
+            return join([run(p) for p in parts])
+        # In order of the calls: the parts of a second one begin as threads come free of the first.
+        return join(list(self._pool.map(run, parts)))
+
+    def sizes(self, of_one: tuple[int, ...]) -> tuple[int, ...]:
+        """Sizes of batches, ascending, where these suit one thread."""
+        return (*of_one, *(of_one[-1] * count for count in range(2, self.count + 1)))
+
+
+def give_way() -> None:
+    """Let the calling thread, and those that it makes, run after the others of the process.
+
+    A thread that holds Python's lock and waits for a core holds up all others that need the lock:
+    what computes for long without it comes last.
+    """
+    if sys.platform == "linux":  # elsewhere it would be the whole process
+        thread = threading.get_native_id()
+        niceness = os.getpriority(os.PRIO_PROCESS, thread) + NICENESS
+        os.setpriority(os.PRIO_PROCESS, thread, min(niceness, 19))
+
+
+def cores() -> int:
+    """Cores that the process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -1,0 +1,131 @@
+"""Motion models by name: found in folders, opened and warmed beside those that serve."""
+
+import asyncio
+import os
+import re
+import sys
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from pathlib import Path
+from threading import Thread
+from typing import Final
+
+from wayfarer.artifacts import MANIFEST, ModelFolder
+from wayfarer.engines.engine import Engine
+from wayfarer.engines.models import Models
+from wayfarer.engines.warm import WarmEngine
+from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted
+
+NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
+RETRY_AFTER: Final = 5.0
+
+NICENESS: Final = 10
+"""By so much the thread that warms is nicer, where the system knows it of threads (Linux)."""
+
+
+class ModelStore:
+    """Folders that hold model folders."""
+
+    def __init__(
+        self,
+        folders: Sequence[Path],
+        check: Callable[[Path], ModelFolder],
+        open_engine: Callable[[ModelFolder], WarmEngine],
+        agents: int,
+        candidates: Sequence[int],
+    ) -> None:
+        """The first folder that holds a name wins. `check` raises ArtifactError for a model that
+        does not fit; engines are warmed for a server of so many `agents`.
+        """
+        self._folders = folders
+        self._check = check
+        self._open_engine = open_engine
+        self._agents = agents
+        self._candidates = candidates
+
+    def find(self, name: str) -> Path:
+        """Where a model lies. Raises InvalidArgument, NotFound."""
+        if not NAME.fullmatch(name):
+            raise InvalidArgument(
+                f"model name is {name[:64]!r}; allowed: up to 64 letters, digits, '.', '_' and "
+                "'-', a letter or digit first",
+                "name",
+            )
+        for folder in self._folders:
+            if (folder / name / MANIFEST).is_file():
+                return folder / name
+        raise NotFound(f"no model {name!r}; there are {', '.join(self.names()) or 'none'}")
+
+    def names(self) -> list[str]:
+        """All that could be loaded."""
+        manifests = [file for folder in self._folders for file in folder.glob(f"*/{MANIFEST}")]
+        return sorted({m.parent.name for m in manifests if NAME.fullmatch(m.parent.name)})
+
+    def open(self, name: str) -> WarmEngine:
+        """Check, load and warm a model, to be called in a thread of its own, whose priority falls.
+
+        Raises InvalidArgument, NotFound, ArtifactError.
+        """
+        engine = self._open_engine(self._check(self.find(name)))
+        # Only now: the threads that the engine has just made would have inherited it.
+        _give_way()
+        engine.warm_up(engine.sizes_for(self._agents), self._candidates, _pause)
+        return engine
+
+
+class ModelDesk:
+    """Loads and unloads the models of a server while it serves."""
+
+    def __init__(self, models: Models, open_engine: Callable[[str], Engine]) -> None:
+        """`open_engine(name)` is called in a thread of its own."""
+        self._models = models
+        self._open = open_engine
+        self._loading: str | None = None
+
+    async def load(self, name: str) -> None:
+        """Returns when the model can be used; let go, it goes on in vain.
+
+        Raises AlreadyExists, ResourceExhausted, and what `open_engine` raises.
+        """
+        self._models.check_new(name)
+        if self._loading is not None:
+            raise ResourceExhausted(
+                f"model {self._loading!r} is being loaded, and only one can be at a time",
+                RETRY_AFTER,
+            )
+        self._loading = name
+        opened: Future[Engine] = Future()
+        opened.add_done_callback(self._loaded)
+        Thread(target=self._work, args=(name, opened), name="model-load", daemon=True).start()
+        self._models.add(await asyncio.wrap_future(opened))
+
+    def _work(self, name: str, opened: "Future[Engine]") -> None:
+        opened.set_running_or_notify_cancel()
+        try:
+            engine = self._open(name)
+        except BaseException as error:  # it belongs to whoever waits, as in an executor
+            opened.set_exception(error)
+        else:
+            opened.set_result(engine)
+
+    def _loaded(self, _: "Future[Engine]") -> None:
+        self._loading = None
+
+
+def no_model(name: str) -> Engine:
+    """Of a server that has no store. Raises NotFound."""
+    raise NotFound(f"no model {name!r}: this server has no folder of models")
+
+
+def _pause(agents: int, candidates: int, seconds: float) -> None:
+    """Warming takes no more than half of the engine's threads' time."""
+    time.sleep(seconds)
+
+
+def _give_way() -> None:
+    """Lower the priority of the present thread, which runs no Python to speak of."""
+    if sys.platform == "linux":
+        # On Linux a priority belongs to a thread, and 0 stands for the one that calls.
+        niceness = os.getpriority(os.PRIO_PROCESS, 0) + NICENESS
+        os.setpriority(os.PRIO_PROCESS, 0, min(niceness, 19))

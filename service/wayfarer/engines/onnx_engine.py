@@ -1,0 +1,82 @@
+"""The engine on onnxruntime: one session per gender, on the CPU."""
+
+from concurrent.futures import ThreadPoolExecutor
+from copy import copy
+from dataclasses import fields
+from functools import cached_property, partial
+from typing import Final
+
+import onnxruntime
+
+from wayfarer.artifacts import ModelFolder, open_session, sha256_of
+from wayfarer.engines.engine import EngineKind, StepInputs, StepOutputs
+from wayfarer.engines.lanes import LEAST, Lanes
+from wayfarer.engines.warm import WarmEngine
+from wayfarer.errors import ArtifactError
+from wayfarer.spec import GENDERS, SEED_FRAMES
+from wayfarer.terms import TERMS
+
+INPUTS = tuple(f.name for f in fields(StepInputs))
+OUTPUTS = tuple(f.name for f in fields(StepOutputs))
+
+SIZES: Final = (1, 2, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+"""Rows for one thread. A row costs half as much in a batch of 64 as in one of 8; beyond, little is
+gained, and larger ones would keep the others waiting. Few sizes: memory is allocated for each."""
+
+MOST_ROWS, MOST_CANDIDATES = 128, 512
+"""At a time, of one thread: what is computed of more leaves the cache, and costs a fifth more."""
+
+
+class OnnxEngine(WarmEngine):
+    """Runs a model folder's step graphs. Implements `WarmEngine`."""
+
+    setting: EngineKind = "onnxruntime"
+    kind = "onnxruntime"
+    full = SIZES[-1]
+    to_compile = ()
+    term_names: tuple[str, ...] = TERMS
+
+    def __init__(self, models: ModelFolder, threads: int = 0) -> None:
+        """`threads` per call; 0: one per core. Raises ArtifactError."""
+        self.name = models.path.resolve().name
+        self.graphs = tuple(sha256_of(models.graph("step", g, SEED_FRAMES)) for g in GENDERS)
+        with ThreadPoolExecutor(len(GENDERS)) as pool:
+            opened = pool.map(partial(self._open, models), GENDERS)
+            self._sessions = dict(zip(GENDERS, opened, strict=True))
+        self._lanes = Lanes(threads)
+        self.batch_sizes = self._lanes.sizes(SIZES)
+
+    @cached_property
+    def alone(self) -> "OnnxEngine":
+        """See `Engine`."""
+        other = copy(self)
+        other._lanes = Lanes(1)
+        other.batch_sizes = SIZES
+        return other
+
+    def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
+        """Step all rows; see `Engine`."""
+        session = self._sessions[gender]
+
+        def run(rows: StepInputs) -> StepOutputs:
+            return StepOutputs(*session.run(OUTPUTS, {n: getattr(rows, n) for n in INPUTS}))
+
+        candidates = inputs.noise.shape[1]
+        most = min(MOST_ROWS, max(MOST_CANDIDATES // candidates, LEAST))
+        return self._lanes.step(run, inputs, most)
+
+    @staticmethod
+    def _open(models: ModelFolder, gender: str) -> onnxruntime.InferenceSession:
+        path = models.graph("step", gender, SEED_FRAMES)
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = 1  # see lanes.py
+        # each session's own would keep the most that any call has taken: 40 MB, and no faster
+        options.enable_cpu_mem_arena = False
+        session = open_session(path, options)
+        for kind, found, expected in (
+            ("inputs", [i.name for i in session.get_inputs()], INPUTS),
+            ("outputs", [o.name for o in session.get_outputs()], OUTPUTS),
+        ):
+            if set(found) != set(expected):
+                raise ArtifactError(f"{path}: {kind}: found {found}, expected {list(expected)}")
+        return session

@@ -1,0 +1,64 @@
+"""Rows of a batch: padded to sizes that an engine knows, cut, taken apart and joined."""
+
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.engines.engine import StepInputs, StepOutputs
+
+Columns = TypeVar("Columns", StepInputs, StepOutputs)
+
+
+def whole(least: int, most: int, sizes: tuple[int, ...], full: int) -> int:
+    """How many of `most` rows to take if `least` of them are due; `sizes` of batches ascend.
+
+    A multiple of `full`, where a row costs least. If more are due than that, those who are, and
+    others in place of padding; but few more are left for the next batch, if the padding would be
+    many.
+    """
+    filled = min(most, sizes[-1]) // full * full
+    if least > sizes[-1]:
+        return filled or sizes[-1]
+    if filled >= least:
+        return filled
+    room = next(size for size in sizes if size >= least)
+    is_waste = room - least > max(full // 2, least - filled)
+    return filled if filled and is_waste else min(room, most)
+
+
+def pad(inputs: StepInputs, sizes: tuple[int, ...]) -> StepInputs:
+    """Repeat the last row up to the next of `sizes` (ascending), which the engine has warmed."""
+    rows = len(inputs.goal)
+    size = next((s for s in sizes if s >= rows), rows)
+    if size == rows:
+        return inputs
+    return pick(inputs, np.minimum(np.arange(size), rows - 1))
+
+
+def pick(columns: Columns, rows: NDArray[np.int64]) -> Columns:
+    """Some rows, copied."""
+    return type(columns)(**{f.name: getattr(columns, f.name)[rows] for f in fields(columns)})
+
+
+def cut(outputs: StepOutputs, rows: int) -> StepOutputs:
+    """The first `rows` rows: drop the padding."""
+    return StepOutputs(**{f.name: getattr(outputs, f.name)[:rows] for f in fields(StepOutputs)})
+
+
+def part(inputs: StepInputs, start: int, end: int) -> StepInputs:
+    """Rows from `start` to `end`; all of them are not copied."""
+    if (start, end) == (0, len(inputs.goal)):
+        return inputs
+    return StepInputs(**{f.name: getattr(inputs, f.name)[start:end] for f in fields(StepInputs)})
+
+
+def join(parts: Sequence[StepOutputs]) -> StepOutputs:
+    """One after the other; one alone is not copied."""
+    if len(parts) == 1:
+        return parts[0]
+    return StepOutputs(
+        **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(StepOutputs)}
+    )

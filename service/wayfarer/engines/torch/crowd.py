@@ -1,0 +1,64 @@
+"""A crowd that stays on the device: each step begins where the last one ended.
+
+For simulations and measurements in which nobody has to see every frame: nothing is copied from or
+to host memory but what the caller asks for.
+"""
+
+import torch
+from torch import Generator, Tensor
+
+from wayfarer.engines.engine import StepInputs
+from wayfarer.engines.torch.batch import Given
+from wayfarer.engines.torch.engine import Networks
+from wayfarer.engines.torch.lane import Lane
+from wayfarer.motion.primitive import StepResult
+from wayfarer.spec import SEED_FRAMES
+
+
+class Crowd:
+    """Agents of one gender, all stepped together. Not safe to use from several threads."""
+
+    def __init__(
+        self, networks: Networks, gender: str, start: StepInputs, noise_seed: int = 0
+    ) -> None:
+        """They begin with the seeds of `start`, and want what it says until `given` is changed.
+
+        Of its noise, the number of candidates counts: standard normal noise is drawn on the
+        device, anew in every step and the same for the same `noise_seed`, device and numbers.
+        """
+        rows, candidates = start.noise.shape[:2]
+        self.lane = Lane(networks.device)
+        self._step = networks.steps[gender]
+        self._given = Given(self.lane, rows, candidates)
+        self._random = Generator(networks.device)
+        self._given.fill(start)
+        with torch.no_grad():
+            self._advance = self.lane.record(self._once, self._random)
+        self._given.fill(start)  # recording has moved them on
+        self.lane.wait()
+        self._random.manual_seed(noise_seed)
+
+    @property
+    def given(self) -> dict[str, Tensor]:
+        """Inputs of the next step by their names in `StepInputs`, to be changed in place.
+
+        That must be done within `lane.use()`.
+        """
+        return self._given.tensors
+
+    def step(self) -> StepResult:
+        """A primitive for all. On a GPU it is under way when this returns: see `lane.wait()`.
+
+        The next step writes over its tensors.
+        """
+        with torch.no_grad():
+            return self._advance()
+
+    def _once(self) -> StepResult:
+        given = self._given.tensors
+        given["noise"].normal_(generator=self._random)
+        result = self._step(**given)
+        given["seed_markers"].copy_(result.next_seed_markers)
+        given["seed_translation"].copy_(result.translation[:, -SEED_FRAMES:])
+        given["seed_rotations"].copy_(result.rotations[:, -SEED_FRAMES:])
+        return result

@@ -1,0 +1,110 @@
+"""The step of a model folder as a torch module: its weights, out of the ONNX graph that serves.
+
+A graph names its weights as the networks do, so one file is enough for every engine. One tensor
+alone goes by another name: the exporter folds the order of the regressor's numbers into the bias of
+its last layer; it is found beside that layer's product, and put back into the order of training.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final, TypeVar
+
+import onnx
+import torch
+from google.protobuf.message import DecodeError
+from onnx import numpy_helper
+from torch import Tensor, nn
+
+from wayfarer.artifacts import ModelFolder
+from wayfarer.body.library import load_body
+from wayfarer.engines.torch.precision import MixedRegressor, MixedStep, Precision
+from wayfarer.errors import ArtifactError
+from wayfarer.marker_bodies import marker_body
+from wayfarer.motion.policy import GoalPolicy
+from wayfarer.motion.predictor import MarkerPredictor
+from wayfarer.motion.quality import Sites
+from wayfarer.motion.regressor import BLOCKS
+from wayfarer.spec import SEED_FRAMES
+
+Weights = Mapping[str, Tensor]
+Network = TypeVar("Network", bound=nn.Module)
+
+HALF: Final = ".f16"
+"""Ends the names of weights that are kept as float16 (`training/onnx_files.py`)."""
+
+LAST: Final = f"regressor.network.{BLOCKS + 1}"
+"""The regressor's output layer."""
+
+FOR_TRAINING: Final = ("future_encoder.", "posterior.", "mean.", "log_variance.", "critic.")
+"""Parts of networks that a step has no use for: their weights are not shipped."""
+
+
+def load_step(models: ModelFolder, gender: str, precision: Precision) -> MixedStep:
+    """The step that a folder's graph was exported from, on the CPU.
+
+    Raises ArtifactError when it cannot be read, or another version of the networks was exported.
+    """
+    path = models.graph("step", gender, SEED_FRAMES)
+    graph = _open(path)
+    weights = named(graph)
+    body = load_body(models.body, gender)
+    skin = marker_body(body)
+    regressor = MixedRegressor(skin, precision)
+    if f"{LAST}.bias" not in weights:
+        weights[f"{LAST}.bias"] = _output_bias(graph, weights, regressor.by_number, path)
+    has_policy = any(name.startswith("policy.") for name in weights)
+    return MixedStep(
+        _filled(MarkerPredictor(SEED_FRAMES), "predictor", weights, path),
+        _filled(regressor, "regressor", weights, path),
+        skin,
+        Sites.from_names(body.marker_names),
+        _filled(GoalPolicy(), "policy", weights, path) if has_policy else None,
+        models.contracts[path.name].floor_origin,
+        precision,
+    ).eval()
+
+
+def named(graph: onnx.GraphProto) -> dict[str, Tensor]:
+    """A graph's constants by name, as float32 if they are numbers."""
+    found = {}
+    for constant in graph.initializer:
+        values = torch.from_numpy(numpy_helper.to_array(constant).copy())
+        name = constant.name.removesuffix(HALF)
+        found[name] = values.float() if values.is_floating_point() else values
+    return found
+
+
+def _open(path: Path) -> onnx.GraphProto:
+    try:
+        return onnx.load(path).graph
+    except (OSError, DecodeError, onnx.checker.ValidationError) as error:
+        raise ArtifactError(f"{path}: cannot be read as ONNX: {error}") from error
+
+
+def _output_bias(graph: onnx.GraphProto, weights: Weights, by_number: Tensor, path: Path) -> Tensor:
+    """The bias of the regressor's last layer, in the order of training."""
+    rows = {node.output[0] for node in graph.node if f"{LAST}.weight" in node.input}
+    products = [node for node in graph.node if node.op_type == "Gemm" and node.input[1] in rows]
+    names = {product.input[2] for product in products}
+    if len(names) != 1:
+        raise ArtifactError(
+            f"{path}: found {len(names)} biases of {LAST}, expected 1: export the model anew"
+        )
+    ordered = weights[names.pop()]
+    return torch.empty_like(ordered).index_copy(0, by_number, ordered)
+
+
+def _filled(network: Network, name: str, weights: Weights, path: Path) -> Network:
+    """With its weights. Raises ArtifactError when one is missing, or of another shape."""
+    for key, parameter in network.named_parameters():
+        if key.startswith(FOR_TRAINING):
+            continue
+        found = weights.get(f"{name}.{key}")
+        if found is None or found.shape != parameter.shape:
+            shown = "nothing" if found is None else f"shape {list(found.shape)}"
+            raise ArtifactError(
+                f"{path}: {name}.{key}: found {shown}, expected shape {list(parameter.shape)}: "
+                "another version of the networks was exported; export the model anew"
+            )
+        parameter.data.copy_(found)
+    return network

@@ -1,1 +1,0 @@
-"""Agents in real time: slots, scheduler, playback, loop. Never torch."""

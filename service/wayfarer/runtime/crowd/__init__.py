@@ -1,1 +1,0 @@
-"""People among people: whom to give way to, and behaviours that depend on others. Pure numpy."""

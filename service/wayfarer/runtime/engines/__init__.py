@@ -1,1 +1,0 @@
-"""What runs the step graph, and which models are loaded."""

@@ -1,1 +1,0 @@
-"""Feet that stay where they stand: contact, foot lock, two-bone inverse kinematics."""

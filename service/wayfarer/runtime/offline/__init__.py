@@ -1,1 +1,0 @@
-"""Worlds whose time is not the clock's: lock-step sessions, clips, replays."""

@@ -1,1 +1,0 @@
-"""Nothing lost: snapshots, the journal, command logs and their replay."""

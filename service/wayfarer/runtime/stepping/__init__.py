@@ -1,1 +1,0 @@
-"""Who is stepped when, in which batch, and whether there is time."""

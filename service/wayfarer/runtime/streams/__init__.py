@@ -1,1 +1,0 @@
-"""Publications with positions, held for those who resume; bounded subscriptions; events."""

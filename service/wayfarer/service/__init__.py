@@ -1,0 +1,1 @@
+"""Worlds in time: threads, clocks, streams, what is kept on disk."""

@@ -1,0 +1,80 @@
+"""What leaves a server and comes back: snapshots and logs, packed off the motion thread."""
+
+import asyncio
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import Final, Protocol, TypeVar
+
+from wayfarer.service.persistence.capture import capture_session
+from wayfarer.service.persistence.log_format import Origin, decode_log, encode_log
+from wayfarer.service.persistence.record import CommandLog
+from wayfarer.service.persistence.replay import replay
+from wayfarer.service.persistence.snapshot import decode_session, encode_session
+from wayfarer.service.streams.publications import Publication
+from wayfarer.service.worlds import Worlds
+from wayfarer.world.agents.records import SessionRecord
+from wayfarer.world.world import World
+
+T = TypeVar("T")
+
+SETTLE_TRIES: Final = 15
+SETTLE_SECONDS: Final = 0.02
+"""An export waits so often, so long, for chunks that were planned before an order to be sent: they
+leave within 0.1 s of it."""
+
+
+class Home(Protocol):
+    """Where a session lives: `LiveMotion`, or `LockStep`."""
+
+    async def ask(self, call: Callable[[World, float], T]) -> T:
+        """Call with its world and time, on its thread."""
+        ...
+
+
+class Archive:
+    """Of the sessions of some worlds."""
+
+    def __init__(self, worlds: Worlds) -> None:
+        self._worlds = worlds
+        self._limits = worlds.settings.limits
+
+    async def export_session(self, home: Home, session_id: str) -> bytes:
+        """See `MotionService`, as for all below."""
+        for _ in range(SETTLE_TRIES):
+            if await home.ask(lambda world, _: world.is_settled(session_id)):
+                break
+            await asyncio.sleep(SETTLE_SECONDS)
+        session, crowd = await home.ask(lambda world, _: capture_session(world, session_id))
+        parts = [member.part for member in crowd.members]
+        return await asyncio.to_thread(
+            encode_session, session, parts, crowd.rows, self._worlds.body
+        )
+
+    async def read_session(self, snapshot: bytes, attributes: Mapping[str, str]) -> SessionRecord:
+        """A snapshot's session; `attributes` go before its own.
+
+        Raises InvalidArgument, FailedPrecondition.
+        """
+        record = await asyncio.to_thread(decode_session, snapshot, self._worlds.body, self._limits)
+        own = {**record.spec.attributes, **attributes}
+        return replace(record, spec=replace(record.spec, attributes=own))
+
+    async def export_log(self, home: Home, session_id: str) -> bytes:
+        """See `MotionService`."""
+        log = await home.ask(lambda world, _: self._log(world, session_id))
+        return await asyncio.to_thread(encode_log, log, self._origin)
+
+    def replay(self, log: bytes) -> Iterator[Publication]:
+        """See `MotionService`."""
+        commands = decode_log(log, self._origin, self._limits, self._worlds.log_entries)
+        yield from replay(commands, self._worlds.solo)
+
+    def _log(self, world: World, session_id: str) -> CommandLog:
+        world.get_session(session_id)
+        return self._worlds.recordings.copy(session_id)
+
+    @property
+    def _origin(self) -> Origin:
+        steering = self._worlds.settings.steering
+        wished = max(search.candidates for search in steering.searches.values())
+        return Origin(self._worlds.body, self._worlds.models.stamps, wished)

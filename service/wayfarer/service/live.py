@@ -1,0 +1,251 @@
+"""The live service: calls of transports become commands to the motion thread. The only clock.
+
+`MotionThread` turns the `World` and hands its chunks to the `Publisher`.
+"""
+
+import asyncio
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from itertools import groupby
+from operator import attrgetter
+from typing import TypeVar
+
+from wayfarer.errors import NotFound, ResourceExhausted
+from wayfarer.service.inbox import Inbox
+from wayfarer.service.meter import Meter, NoMeter
+from wayfarer.service.stats import LoopStats
+from wayfarer.service.streams.model_events import model_changed
+from wayfarer.service.streams.publications import StreamWish
+from wayfarer.service.streams.publisher import Publisher
+from wayfarer.service.streams.subscription import BoundedSubscription, StreamSettings
+from wayfarer.service.thread import MotionThread
+from wayfarer.world.agents.agent import AgentChange, AgentInfo, AgentSpec, SessionInfo, SessionSpec
+from wayfarer.world.agents.records import SessionRecord
+from wayfarer.world.agents.slots import Motion
+from wayfarer.world.goals.commands import Append, GoalCommand
+from wayfarer.world.world import World
+
+T = TypeVar("T")
+U = TypeVar("U")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopSettings(StreamSettings):
+    """Bounds of the queues around the motion thread."""
+
+    inbox: int = 4096  # commands
+
+
+def steady_clock() -> Callable[[], float]:
+    """Unix seconds that never jump: the wall clock of now, carried on by the monotonic one."""
+    start = time.time() - time.monotonic()
+    return lambda: start + time.monotonic()
+
+
+class LiveMotion:
+    """Runs a world in a thread of its own: the part of `MotionService` that is in real time."""
+
+    def __init__(
+        self,
+        world: World,
+        warm_up: Callable[[], None] = lambda: None,
+        settings: LoopSettings | None = None,
+        clock: Callable[[], float] | None = None,
+        meter: Meter | None = None,
+    ) -> None:
+        """`warm_up` is called on the motion thread before its first turn."""
+        self._world = world
+        self._settings = settings or LoopSettings()
+        self._clock = clock or steady_clock()
+        self._meter = meter or NoMeter()
+        self._inbox = Inbox(self._settings.inbox)
+        self._workshop = ThreadPoolExecutor(1, "newcomers")
+        self._publisher = Publisher(self._settings, self._meter, world.get_agent)
+        self._thread = MotionThread(
+            world=world,
+            publisher=self._publisher,
+            inbox=self._inbox,
+            warm_up=warm_up,
+            clock=self._clock,
+            meter=self._meter,
+        )
+
+    # Life
+
+    def start(self) -> None:
+        """Start the thread, once."""
+        self._thread.start()
+
+    async def stop(self) -> None:
+        """End the thread, every stream and every waiting command; return when that is done."""
+        await self._thread.stop()
+        self._workshop.shutdown(wait=False, cancel_futures=True)
+
+    @property
+    def ready(self) -> bool:
+        """See `MotionService`."""
+        return self._thread.ready
+
+    @property
+    def alive(self) -> bool:
+        """See `MotionService`."""
+        return self._thread.alive
+
+    async def ask(self, call: Callable[[World, float], T]) -> T:
+        """Call on the motion thread, with the world and its time. Must be quick.
+
+        Raises Unavailable, or what `call` raises.
+        """
+        return await self._inbox.ask(lambda: call(self._world, self._clock()))
+
+    async def stats(self) -> LoopStats:
+        """See `MotionService`, as for all below."""
+        return await self._inbox.ask(self._thread.stats)
+
+    # Sessions
+
+    async def create_session(self, spec: SessionSpec) -> SessionInfo:
+        """See `MotionService`."""
+        with self._counted("create_session"):
+            return await self.ask(lambda world, now: world.create_session(spec, now))
+
+    async def get_session(self, session_id: str) -> SessionInfo:
+        """See `MotionService`."""
+        return await self.ask(lambda world, _: world.get_session(session_id))
+
+    async def list_sessions(self) -> list[SessionInfo]:
+        """See `MotionService`."""
+        return await self.ask(lambda world, _: world.list_sessions())
+
+    async def put_session(self, record: SessionRecord, admit: bool = True) -> SessionInfo:
+        """Let a session from elsewhere go on here; see `World.put_session`."""
+        with self._counted("import_session"):
+            await self._off_thread(self._world.examine, record)
+            return await self.ask(lambda _, now: self.adopt(record, now, admit, examined=True))
+
+    async def delete_session(self, session_id: str) -> None:
+        """See `MotionService`."""
+        await self.ask(lambda *_: self._delete_session(session_id))
+
+    # Agents
+
+    async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
+        """See `MotionService`."""
+        # Who has no room is told at once, whatever the motion thread is at. Skinning start poses
+        # takes about a millisecond each: not on the motion thread.
+        with (
+            self._counted("create_agents"),
+            self._world.reserve(session_id, specs, self._clock()) as room,
+        ):
+            place = partial(self._world.placed, session_id)
+            placed = await self._off_thread(place, specs)
+            seeds = await self._off_thread(self._prepare, placed)
+            return await self.ask(
+                lambda world, now: world.create_agents(session_id, placed, now, seeds, room)
+            )
+
+    async def get_agent(self, agent_id: str) -> AgentInfo:
+        """See `MotionService`."""
+        return await self.ask(lambda world, _: world.get_agent(agent_id))
+
+    async def list_agents(self, session_id: str) -> list[AgentInfo]:
+        """See `MotionService`."""
+        return await self.ask(lambda world, _: world.list_agents(session_id))
+
+    async def update_agent(self, agent_id: str, change: AgentChange) -> AgentInfo:
+        """See `MotionService`."""
+        return await self.ask(lambda world, _: world.update_agent(agent_id, change))
+
+    async def delete_agent(self, agent_id: str) -> None:
+        """See `MotionService`."""
+        await self.ask(lambda *_: self._delete_agent(agent_id))
+
+    async def use_model(self, name: str) -> int:
+        """Let all agents be moved by a loaded model; returns how many were not. Raises NotFound."""
+        return await self.ask(lambda *_: self._use_model(name))
+
+    # Goals
+
+    async def give(self, agent_id: str, command: GoalCommand, expected: int | None = None) -> int:
+        """See `MotionService`."""
+        asked_at = self._clock()
+        return await self.ask(lambda _, now: self._give(agent_id, command, now, expected, asked_at))
+
+    # Streams
+
+    async def subscribe(self, session_id: str, wish: StreamWish) -> BoundedSubscription:
+        """See `MotionService`. A subscription let go without `close` is forgotten, too."""
+        subscription = BoundedSubscription(
+            session_id, wish, self._settings, self._meter, self._clock
+        )
+        await self.ask(lambda _, now: self._subscribe(subscription, now))
+        return subscription
+
+    # Within; what is not `async` runs on the motion thread
+
+    @contextmanager
+    def _counted(self, command: str) -> Iterator[None]:
+        try:
+            yield
+        except ResourceExhausted:
+            self._meter.refusal(command)
+            raise
+
+    def _prepare(self, specs: Sequence[AgentSpec]) -> list[Motion]:
+        """Seeds for new agents; whoever waits to run Python goes first."""
+        seeds: list[Motion] = []
+        for spec in specs:
+            seeds += self._world.prepare([spec])
+            time.sleep(0)
+        return seeds
+
+    async def _off_thread(self, call: Callable[[U], T], argument: U) -> T:
+        """Call in the one thread for what is costly.
+
+        In several, calls would only keep each other, and the event loops, from running Python.
+        """
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(self._workshop, call, argument)
+
+    def _give(
+        self, agent_id: str, command: GoalCommand, now: float, expected: int | None, asked_at: float
+    ) -> int:
+        revision = self._world.give(agent_id, command, now, expected)
+        if not isinstance(command, Append):  # appended goals wait for their turn
+            session_id = self._world.session_of(agent_id)
+            self._publisher.await_goal(session_id, agent_id, revision, asked_at)
+        return revision
+
+    def adopt(
+        self, record: SessionRecord, now: float, admit: bool = True, examined: bool = False
+    ) -> SessionInfo:
+        """`put_session` for callers who are on the motion thread, `warm_up` among them."""
+        session = self._world.put_session(record, now, admit, examined)
+        self._publisher.adopt(record)
+        return session
+
+    def _use_model(self, name: str) -> int:
+        moved, now = self._world.use_model(name), self._clock()
+        by_session = attrgetter("session_id")
+        for session_id, agents in groupby(sorted(moved, key=by_session), by_session):
+            self._publisher.tell(session_id, [model_changed(agent, now) for agent in agents])
+        return len(moved)
+
+    def _delete_agent(self, agent_id: str) -> None:
+        session_id = self._world.session_of(agent_id)
+        self._world.delete_agent(agent_id)
+        self._publisher.forget_agent(session_id, agent_id)
+
+    def _delete_session(self, session_id: str) -> None:
+        self._world.delete_session(session_id)
+        self._publisher.end(session_id)
+
+    def _subscribe(self, subscription: BoundedSubscription, now: float) -> None:
+        session = self._world.get_session(subscription.session_id)
+        if unknown := subscription.agent_ids - set(session.agent_ids):
+            raise NotFound(f"no agents {sorted(unknown)} in session {session.session_id!r}")
+        self._publisher.subscribe(subscription, now)

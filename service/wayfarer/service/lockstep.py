@@ -1,0 +1,262 @@
+"""Sessions in lock-step: a world of their own each, in which time passes only when it is asked to.
+
+A world has a thread and a bounded inbox: whoever lets much time pass in one session delays nobody
+but that session's own callers.
+"""
+
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from math import floor
+from typing import Final, TypeVar
+
+from wayfarer.errors import NotFound, ResourceExhausted, Unavailable, WayfarerError
+from wayfarer.service.inbox import Inbox
+from wayfarer.service.offline import Offline
+from wayfarer.service.streams.milestones import Milestones
+from wayfarer.service.streams.model_events import model_changed
+from wayfarer.service.streams.publications import Publication
+from wayfarer.service.worlds import Worlds
+from wayfarer.spec import STEP_SECONDS
+from wayfarer.world.agents.agent import (
+    NO_CHUNKS,
+    AgentChange,
+    AgentInfo,
+    AgentSpec,
+    MotionChunks,
+    SessionInfo,
+    SessionSpec,
+)
+from wayfarer.world.agents.records import SessionRecord
+from wayfarer.world.events import Event
+from wayfarer.world.goals.commands import GoalCommand
+from wayfarer.world.world import World
+
+T = TypeVar("T")
+
+INBOX: Final = 256
+"""Commands that may wait in one session."""
+
+WAIT: Final = 60.0
+"""Seconds between two looks whether the session still lives, when nobody asks anything."""
+
+HAIR: Final = 2e-4
+"""Seconds before the next primitive at which calls find the world: who enters begins with it."""
+
+
+class LockStep:
+    """The world of one session, and the thread that owns it."""
+
+    def __init__(self, world: World, offline: Offline, started_at: float) -> None:
+        """`started_at`: Unix seconds. Put a session into the world, then `start`."""
+        self.world = world
+        self._offline = offline
+        self._started_at = floor(started_at / STEP_SECONDS) * STEP_SECONDS  # as agents' steps are
+        self._inbox = Inbox(INBOX)
+        self._milestones = Milestones(world.get_agent)
+        self._told: list[Event] = []  # since the last primitive
+        self._steps = self._position = 0
+        self._ended = False
+        self._thread = threading.Thread(target=self._run, name="lock-step", daemon=True)
+
+    @property
+    def now(self) -> float:
+        """Unix seconds as the world knows them."""
+        return self._next - HAIR
+
+    @property
+    def _next(self) -> float:
+        """When the next primitive begins."""
+        return self._started_at + self._steps * STEP_SECONDS
+
+    def start(self) -> None:
+        """Take calls from now on."""
+        self._thread.start()
+        self._inbox.open()
+
+    def end(self, reason: str, error: type[WayfarerError] = Unavailable) -> None:
+        """Let the thread end, and refuse what still waits."""
+        self._ended = True
+        self._inbox.close(reason, error)
+        self._inbox.wake()  # at last: closing empties the queue
+
+    def join(self) -> None:
+        """Wait for the thread's end."""
+        self._thread.join()
+
+    async def ask(self, call: Callable[[World, float], T]) -> T:
+        """Call with the world and its time. Raises Unavailable, or what `call` raises."""
+        return await self._inbox.ask(lambda: call(self.world, self.now))
+
+    async def step(self, steps: int) -> list[Publication]:
+        """Let primitives pass; what happens in each, timed from the start of the session.
+
+        Raises ResourceExhausted.
+        """
+        return await self._inbox.ask(lambda: self._advance(steps))
+
+    async def get_session(self, session_id: str) -> SessionInfo:
+        """See `MotionService`, as for all below."""
+        return await self.ask(lambda world, _: world.get_session(session_id))
+
+    async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
+        """See `MotionService`."""
+        return await self.ask(lambda world, now: world.create_agents(session_id, specs, now))
+
+    async def list_agents(self, session_id: str) -> list[AgentInfo]:
+        """See `MotionService`."""
+        return await self.ask(lambda world, _: world.list_agents(session_id))
+
+    async def get_agent(self, agent_id: str) -> AgentInfo:
+        """See `MotionService`."""
+        return await self.ask(lambda world, _: world.get_agent(agent_id))
+
+    async def update_agent(self, agent_id: str, change: AgentChange) -> AgentInfo:
+        """See `MotionService`."""
+        return await self.ask(lambda world, _: world.update_agent(agent_id, change))
+
+    async def delete_agent(self, agent_id: str) -> None:
+        """See `MotionService`."""
+        await self.ask(lambda world, _: world.delete_agent(agent_id))
+        self._milestones.forget(agent_id)
+
+    async def delete_session(self, session_id: str) -> None:
+        """See `MotionService`."""
+        await self.ask(lambda world, _: world.delete_session(session_id))
+
+    async def use_model(self, name: str) -> int:
+        """Let all agents be moved by a loaded model; returns how many were not. Raises NotFound."""
+        return await self.ask(lambda *_: self._use_model(name))
+
+    async def give(self, agent_id: str, command: GoalCommand, expected: int | None) -> int:
+        """See `MotionService`."""
+        return await self.ask(lambda world, now: world.give(agent_id, command, now, expected))
+
+    def _use_model(self, name: str) -> int:
+        moved = self.world.use_model(name)
+        self._told += [model_changed(agent, self._steps * STEP_SECONDS) for agent in moved]
+        return len(moved)
+
+    def _run(self) -> None:
+        while not self._ended:
+            self._inbox.serve(WAIT)
+
+    def _advance(self, steps: int) -> list[Publication]:
+        with self._offline.place():
+            published = [self._primitive() for _ in range(steps)]
+        self.world.checkpoint()
+        return published
+
+    def _primitive(self) -> Publication:
+        """Plan what is shown 0.2 s from now, then let that time pass.
+
+        So what is planned is sent at once, and no change of goals ever throws any of it away.
+        """
+        while self.world.step(self._next):
+            pass
+        self._steps += 1
+        self._position += 1
+        parts = [due.chunks for due in self.world.take_due(self._next)]
+        chunks = MotionChunks.join(parts) if parts else NO_CHUNKS
+        chunks.scheduled_at[:] = self._steps * STEP_SECONDS
+        met = [replace(e, at=self._steps * STEP_SECONDS) for _, e in self.world.take_events()]
+        events = (*self._milestones.events(chunks), *met, *self._told)
+        self._told.clear()
+        return Publication(self._position, chunks, events)
+
+
+class LockSteps:
+    """All sessions in lock-step, by their ids and those of their agents."""
+
+    def __init__(self, worlds: Worlds, offline: Offline, clock: Callable[[], float]) -> None:
+        self._worlds = worlds
+        self._limits = worlds.settings.limits
+        self._offline = offline
+        self._clock = clock
+        self._sessions: dict[str, LockStep] = {}
+        self._agents: dict[str, LockStep] = {}
+
+    def session(self, session_id: str) -> LockStep | None:
+        """The home of a session, if it is in lock-step."""
+        return self._sessions.get(session_id)
+
+    def agent(self, agent_id: str) -> LockStep | None:
+        """The home of an agent, if it is in lock-step."""
+        return self._agents.get(agent_id)
+
+    def create(self, spec: SessionSpec) -> SessionInfo:
+        """Open a session. Raises InvalidArgument, ResourceExhausted."""
+        return self._open(lambda world, _: world.create_session(spec, self._clock()))
+
+    def put(self, record: SessionRecord) -> SessionInfo:
+        """Go on with one. Raises InvalidArgument, ResourceExhausted."""
+        self._check_agents(len(record.agents))
+        return self._open(lambda world, now: world.put_session(record, now, admit=False))
+
+    async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
+        """See `MotionService`."""
+        self._check_agents(len(specs))
+        home = self._sessions[session_id]
+        agents = await home.create_agents(session_id, specs)
+        self._agents |= {agent.agent_id: home for agent in agents}
+        return agents
+
+    async def delete_agent(self, agent_id: str) -> None:
+        """See `MotionService`."""
+        await self._agents[agent_id].delete_agent(agent_id)
+        self._agents.pop(agent_id, None)
+
+    async def delete_session(self, session_id: str) -> None:
+        """See `MotionService`."""
+        home = self._sessions[session_id]
+        await home.delete_session(session_id)
+        self._sessions.pop(session_id, None)
+        self._agents = {name: other for name, other in self._agents.items() if other is not home}
+        home.end(f"session {session_id!r} has been deleted", NotFound)
+
+    def infos(self) -> list[SessionInfo]:
+        """All sessions, at once: a world that is busy is not asked but looked at.
+
+        What is read are whole values, and no more than the names of who is there.
+        """
+        found = []
+        for name, home in list(self._sessions.items()):
+            with suppress(NotFound):  # deleted meanwhile
+                found.append(home.world.get_session(name))
+        return found
+
+    async def use_model(self, name: str) -> int:
+        """In all of them; see `LockStep.use_model`."""
+        moved = 0
+        for home in list(self._sessions.values()):
+            with suppress(NotFound):  # deleted meanwhile
+                moved += await home.use_model(name)
+        return moved
+
+    def stop(self, reason: str) -> None:
+        """End all of them."""
+        homes = list(self._sessions.values())
+        for home in homes:
+            home.end(reason)
+        for home in homes:
+            home.join()
+
+    def _open(self, enter: Callable[[World, float], SessionInfo]) -> SessionInfo:
+        if len(self._sessions) >= self._limits.sessions:
+            raise ResourceExhausted(
+                f"all {self._limits.sessions} sessions in lock-step are open; delete one first"
+            )
+        home = LockStep(self._worlds.lock_step(), self._offline, self._clock())
+        session = enter(home.world, home.now)
+        self._sessions[session.session_id] = home
+        self._agents |= dict.fromkeys(session.agent_ids, home)
+        home.start()
+        return session
+
+    def _check_agents(self, more: int) -> None:
+        if len(self._agents) + more > self._limits.agents:
+            raise ResourceExhausted(
+                f"{len(self._agents)} of {self._limits.agents} agents in lock-step exist; "
+                f"{more} more were asked for"
+            )

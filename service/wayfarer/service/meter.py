@@ -1,0 +1,87 @@
+"""Where the loop's figures go; the service counts them for Prometheus, tests and tools do not."""
+
+from enum import StrEnum
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.service.streams.publications import SlowReader
+
+Seconds = NDArray[np.float64]
+"""One for each of several things."""
+
+
+class ResumeResult(StrEnum):
+    """What became of a subscription that asked to resume."""
+
+    RESUMED = "resumed"  # nothing was lost
+    GAP = "gap"  # what it asked for is no longer held
+    NEW_EPOCH = "new_epoch"  # the session has begun anew since
+
+
+class Meter(Protocol):
+    """Takes figures. Called from the motion thread and from event loops.
+
+    Every method must be thread-safe, take microseconds, and never raise. Seconds throughout.
+    """
+
+    def step(self, seconds: float, agents: int) -> None:
+        """One engine call, and for how many agents."""
+        ...
+
+    def chunks(self, lateness: Seconds) -> None:
+        """Chunks left together, each so long after its scheduled time (below 0: before it)."""
+        ...
+
+    def queue(self, seconds: float) -> None:
+        """So much motion waits for a subscriber, now that a publication has been added."""
+        ...
+
+    def drops(self, policy: SlowReader, publications: int) -> None:
+        """Publications were lost to a subscriber who was too slow."""
+        ...
+
+    def resume(self, result: ResumeResult) -> None:
+        """A subscription asked to resume."""
+        ...
+
+    def goal_to_motion(self, seconds: float) -> None:
+        """From a goal's command to the scheduled time of the first chunk planned for it."""
+        ...
+
+    def refusal(self, command: str) -> None:
+        """A command, by its name in `MotionService`, ended with ResourceExhausted."""
+        ...
+
+    def journal(self, entries: int, failed: bool) -> None:
+        """The journal has written so many entries in one transaction, or none for an error."""
+        ...
+
+
+class NoMeter:
+    """A `Meter` that lets everything go."""
+
+    def step(self, seconds: float, agents: int) -> None:
+        """See `Meter`, as for all below."""
+
+    def chunks(self, lateness: Seconds) -> None:
+        """See `Meter`."""
+
+    def queue(self, seconds: float) -> None:
+        """See `Meter`."""
+
+    def drops(self, policy: SlowReader, publications: int) -> None:
+        """See `Meter`."""
+
+    def resume(self, result: ResumeResult) -> None:
+        """See `Meter`."""
+
+    def goal_to_motion(self, seconds: float) -> None:
+        """See `Meter`."""
+
+    def refusal(self, command: str) -> None:
+        """See `Meter`."""
+
+    def journal(self, entries: int, failed: bool) -> None:
+        """See `Meter`."""

@@ -1,0 +1,232 @@
+"""Nothing lost: sessions, agents, goals and motion, kept on disk while the service runs.
+
+The motion thread hands over what has changed: plain values and copied rows, which take
+microseconds. A thread of its own turns them into bytes and writes them, whatever has gathered in
+one transaction. Only the newest of each entry waits, so a disk that is slow or full costs no
+memory; while it takes nothing, the service goes on and `failing` says so.
+"""
+
+import asyncio
+import sqlite3
+import threading
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import structlog
+
+from wayfarer.errors import ArtifactError
+from wayfarer.service.inbox import post
+from wayfarer.service.meter import Meter, NoMeter
+from wayfarer.service.persistence.journal_entries import (
+    Crowd,
+    Member,
+    Row,
+    Value,
+    check_origin,
+    decode,
+    encode,
+)
+from wayfarer.service.persistence.journal_file import Entries, JournalFile, Key, Kind
+from wayfarer.service.persistence.scene_entries import (
+    SceneRecord,
+    decode_scenes,
+    obstacles_part,
+    scene_part,
+)
+from wayfarer.service.persistence.snapshot import BodyStamp, SessionPart
+from wayfarer.world.agents.records import SessionRecord
+from wayfarer.world.limits import Limits
+from wayfarer.world.scenes.book import Kept
+
+log = structlog.get_logger(__name__)
+
+RETRY_SECONDS: Final = 1.0
+"""Between attempts to write to a disk that takes nothing."""
+
+
+class Journal:
+    """Keeps what it is given. `put_…`, `drop_…` and `refresh` take microseconds."""
+
+    def __init__(self, folder: Path, body: BodyStamp, meter: Meter | None = None) -> None:
+        """Open the journal of a folder. Raises ArtifactError: see `JournalFile`; or when it was
+        kept for another body.
+        """
+        self._meter = meter or NoMeter()
+        self._file = JournalFile(folder)
+        self._entries = self._file.entries
+        try:
+            check_origin(self._entries, body, self._file.path)
+        except ArtifactError:
+            self._file.close()
+            raise
+        self._stored = set(self._entries.found)
+        self._members: dict[Key, Member] = {}  # as they stand in the file
+        self._pending: dict[Key, Value] = {(Kind.BODY, ""): body}
+        self._noted = self._written = 0  # puts, and how many of them have been written
+        self._waiting: list[_Waiter] = []
+        self._changed = threading.Condition()
+        self._stopping = False
+        self._thread = threading.Thread(target=self._run, name="journal", daemon=True)
+        self.failing = False
+        """Nothing can be written at present; what has changed since is kept in memory."""
+
+    # Life
+
+    def restore(self, limits: Limits) -> list[SessionRecord]:
+        """What the file held when it was opened, oldest first; what is unsound is told and lost."""
+        return decode(self._entries, limits)
+
+    def restore_scenes(self) -> list[SceneRecord]:
+        """The scenes that the file held, oldest first."""
+        return decode_scenes(self._entries)
+
+    def start(self) -> None:
+        """Start the writer, once."""
+        self._entries = Entries()  # they have been restored
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Write what waits and close the file."""
+        with self._changed:
+            self._stopping = True
+            self._changed.notify()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._file.close()
+
+    async def durable(self) -> None:
+        """Return when all that has been put before is on disk, or cannot be written now."""
+        loop = asyncio.get_running_loop()
+        with self._changed:
+            if self.failing or self._stopping or self._written >= self._noted:
+                return
+            waiter = _Waiter(self._noted, loop, loop.create_future())
+            self._waiting.append(waiter)
+        await waiter.future
+
+    # From any thread
+
+    def put_scene(self, kept: Kept) -> None:
+        """A scene is new."""
+        self._put({(Kind.SCENE, kept.scene_id): scene_part(kept)})
+
+    def put_obstacles(self, kept: Kept) -> None:
+        """Something has come, gone or been moved in a scene."""
+        self._put({(Kind.OBSTACLES, kept.scene_id): obstacles_part(kept)})
+
+    def drop_scene(self, scene_id: str) -> None:
+        """A scene is gone."""
+        self._put({(kind, scene_id): None for kind in (Kind.SCENE, Kind.OBSTACLES)})
+
+    # From the motion thread
+
+    def put_session(self, session: SessionPart) -> None:
+        """A session is new or has changed; its agents are put on their own."""
+        self._put({(Kind.SESSION, session.session_id): session})
+
+    def refresh(self, crowd: Crowd) -> None:
+        """Agents are new, have been told something, or stand elsewhere now."""
+        values: dict[Key, Value] = {}
+        for number, member in enumerate(crowd.members):
+            name = member.part.agent_id
+            values[Kind.AGENT, name] = member
+            values[Kind.MOTION, name] = Row(crowd, number)
+        self._put(values)
+
+    def drop_agents(self, agent_ids: Iterable[str]) -> None:
+        """Agents are gone."""
+        kinds = (Kind.AGENT, Kind.MOTION)
+        self._put({(kind, name): None for name in agent_ids for kind in kinds})
+
+    def drop_session(self, session_id: str, agent_ids: Iterable[str]) -> None:
+        """A session and its agents are gone."""
+        self.drop_agents(agent_ids)
+        self._put({(Kind.SESSION, session_id): None})
+
+    def _put(self, values: Mapping[Key, Value]) -> None:
+        with self._changed:
+            self._pending.update(values)
+            self._noted += 1
+            self._changed.notify()
+
+    # The writer
+
+    def _run(self) -> None:
+        while not self._stopping or self._pending:
+            with self._changed:
+                self._changed.wait_for(lambda: self._pending or self._stopping)
+                taken, self._pending, noted = self._pending, {}, self._noted
+            self._try_write(taken)
+            with self._changed:
+                self._written = noted
+                self._release()
+                if self.failing:
+                    if self._stopping:
+                        return
+                    self._changed.wait_for(lambda: self._stopping, RETRY_SECONDS)
+
+    def _try_write(self, taken: dict[Key, Value]) -> None:
+        try:
+            self._meter.journal(self._write(taken), failed=False)
+        except Exception as error:  # whatever it is, those who wait must not wait for ever
+            self._meter.journal(0, failed=True)
+            if not self.failing:
+                log.error(
+                    "the journal cannot be written; the service goes on, and what changes now "
+                    "would be lost with it",
+                    error=repr(error),
+                    file=str(self._file.path),
+                    exc_info=not isinstance(error, sqlite3.Error),
+                )
+            self.failing = True
+            with self._changed:
+                waiting = taken | self._pending
+                # What never came to the file need not be taken out of it.
+                self._pending = {
+                    key: value
+                    for key, value in waiting.items()
+                    if value is not None or key in self._stored
+                }
+        else:
+            if self.failing:
+                log.info("the journal is written again; nothing was lost")
+            self.failing = False
+
+    def _write(self, taken: Mapping[Key, Value]) -> int:
+        """How many entries that took."""
+        changed = {key: value for key, value in taken.items() if self._differs(key, value)}
+        self._file.write(encode(changed))
+        for key, value in changed.items():
+            if value is None:
+                self._stored.discard(key)
+                self._members.pop(key, None)
+            else:
+                self._stored.add(key)
+                if isinstance(value, Member):
+                    self._members[key] = value
+        return len(changed)
+
+    def _differs(self, key: Key, value: Value) -> bool:
+        """Goals change seldom, places always."""
+        return not isinstance(value, Member) or self._members.get(key) != value
+
+    def _release(self) -> None:
+        ready = [w for w in self._waiting if self.failing or w.noted <= self._written]
+        self._waiting = [w for w in self._waiting if w not in ready]
+        for waiter in ready:
+            post(waiter.loop, waiter.settle)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Waiter:
+    """Somebody who waits until so many puts have been written."""
+
+    noted: int
+    loop: asyncio.AbstractEventLoop
+    future: asyncio.Future[None]
+
+    def settle(self) -> None:
+        if not self.future.done():  # the caller may have been cancelled meanwhile
+            self.future.set_result(None)

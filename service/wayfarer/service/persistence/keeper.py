@@ -1,0 +1,117 @@
+"""The journal in the runtime: read at the start, fed while it runs, waited for by callers."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Final, TypeVar
+
+import structlog
+
+from wayfarer.errors import ArtifactError, Unavailable, WayfarerError
+from wayfarer.service.persistence.journal import Journal
+from wayfarer.world.agents.records import SessionRecord
+from wayfarer.world.limits import Limits
+from wayfarer.world.scenes.book import Book
+
+log = structlog.get_logger(__name__)
+
+T = TypeVar("T")
+
+SAVE_SECONDS: Final = 0.1
+SAVE_PARTS: Final = 4
+"""So often one agent in so many is copied for the journal: all of them each 0.4 s."""
+
+
+class Keeper:
+    """Looks after a journal, if there is one."""
+
+    def __init__(self, journal: Journal | None, limits: Limits) -> None:
+        """Read it. Raises ArtifactError when it holds more than the limits allow."""
+        self._journal = journal
+        self._saving: asyncio.Task[None] | None = None
+        self._records = journal.restore(limits) if journal is not None else []
+        self._scenes = journal.restore_scenes() if journal is not None else []
+        for lock_step in (False, True):
+            _check_room([r for r in self._records if r.spec.lock_step is lock_step], limits)
+
+    @property
+    def failing(self) -> bool:
+        """What changes now would not survive the process, though it is meant to."""
+        return self._journal is not None and self._journal.failing
+
+    def start(self, save: Callable[[], Awaitable[None]]) -> None:
+        """Write from now on; `save()` lets the motion thread hand over where agents stand."""
+        if self._journal is not None:
+            self._journal.start()
+            self._saving = asyncio.create_task(_repeat(save))
+
+    def restore_scenes(self, book: Book) -> None:
+        """Let every scene that was read be there again; bakes them, which takes time."""
+        for record in self._scenes:
+            try:
+                book.restore(
+                    record.scene_id,
+                    record.wish,
+                    record.created_at,
+                    record.version,
+                    record.obstacles,
+                )
+            except WayfarerError as error:
+                log.error(
+                    "a scene of the journal cannot be here; it is left in the journal",
+                    scene=record.scene_id,
+                    why=str(error),
+                )
+        self._scenes = []
+
+    def restore(self, put: Callable[[SessionRecord], object]) -> None:
+        """Let every session that was read go on, by `put`; what does not fit stays on disk."""
+        for record in self._records:
+            try:
+                put(record)
+            except WayfarerError as error:
+                log.error(
+                    "a session of the journal does not fit in here; it is left in the journal",
+                    session=record.session_id,
+                    why=str(error),
+                )
+        if self._records:
+            agents = sum(len(record.agents) for record in self._records)
+            log.info("the journal was read", sessions=len(self._records), agents=agents)
+        self._records = []
+
+    async def durable(self, result: T) -> T:
+        """Hand on what a change returned, once it cannot be lost any more."""
+        if self._journal is not None:
+            await self._journal.durable()
+        return result
+
+    def pause(self) -> None:
+        """Ask for no more saves."""
+        if self._saving is not None:
+            self._saving.cancel()
+
+    async def stop(self) -> None:
+        """Write what waits, and give the folder back."""
+        if self._journal is not None:
+            await asyncio.to_thread(self._journal.stop)
+
+
+def _check_room(records: list[SessionRecord], limits: Limits) -> None:
+    agents = sum(len(record.agents) for record in records)
+    if len(records) > limits.sessions or agents > limits.agents:
+        raise ArtifactError(
+            f"the journal holds {len(records)} sessions with {agents} agents; limits.sessions is "
+            f"{limits.sessions} and limits.agents {limits.agents}: raise them, or take another "
+            "state_dir"
+        )
+
+
+async def _repeat(save: Callable[[], Awaitable[None]]) -> None:
+    while True:
+        await asyncio.sleep(SAVE_SECONDS)
+        try:
+            await save()
+        except Unavailable:
+            pass  # it is warming up, or flooded: the next time will do
+        except Exception:
+            log.exception("where agents stand could not be saved")

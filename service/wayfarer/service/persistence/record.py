@@ -1,0 +1,233 @@
+"""The command log of a session: all that its motion depended on.
+
+An agent's motion follows from its start, from what it was told and the chunk with which each
+command took effect, and from how many candidates were tried for each chunk. Agents do not depend on
+each other, so each has a track of its own. Chunks are many and alike: they are kept as runs.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+from wayfarer.errors import FailedPrecondition
+from wayfarer.spec import STEP_SECONDS
+from wayfarer.world.agents.agent import AgentChange, AgentSpec, SessionSpec
+from wayfarer.world.agents.records import AgentRecord
+from wayfarer.world.agents.registry import Agent, Session
+from wayfarer.world.behaviours import Behaviour, Routine
+from wayfarer.world.goals.commands import Append, GoalCommand, Path
+from wayfarer.world.observer import Names, Start
+from wayfarer.world.rows import Index
+from wayfarer.world.stepping.due import Due
+
+SAME_TIME: Final = 1e-6
+"""Seconds: chunks that far from their schedule are on it, but for rounding."""
+
+Told = GoalCommand | AgentChange
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A command, and the first chunk that it counts for."""
+
+    seq: int
+    command: Told
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Chunks from `first` on, up to the next run, were made alike."""
+
+    first: int
+    candidates: int  # 0: held
+    model: str  # its stamp; see models.py
+    replanned: bool = False  # in place of one that had been planned and was thrown away
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """Chunk `first` was to be shown at that time, and those after it each 0.2 s later."""
+
+    first: int
+    at: float  # Unix seconds
+
+    def time(self, seq: int) -> float:
+        """When a chunk was to be shown."""
+        return self.at + (seq - self.first) * STEP_SECONDS
+
+
+@dataclass(slots=True)
+class Track:
+    """What became of one agent. Chunks before `end` were sent; what counts is theirs."""
+
+    agent_id: str
+    alias: int
+    created_at: float  # Unix seconds
+    start: AgentSpec | AgentRecord
+    entries: list[Entry] = field(default_factory=list)
+    runs: list[Run] = field(default_factory=list)
+    schedules: list[Schedule] = field(default_factory=list)
+    planned: int = 0  # = seq of the next chunk to plan
+    end: int = 0  # = seq of the next chunk to send
+
+    def copy(self) -> "Track":
+        """A track that does not change any more."""
+        return replace(
+            self,
+            entries=self.entries.copy(),
+            runs=self.runs.copy(),
+            schedules=self.schedules.copy(),
+        )
+
+    def plan(self, run: Run) -> int:
+        """A chunk was planned; returns by how many runs the track has grown."""
+        before = len(self.runs)
+        again = run.first < self.planned
+        self.planned = run.first + 1
+        while self.runs and self.runs[-1].first >= run.first:
+            self.runs.pop()
+        run = replace(run, replanned=again)
+        last = self.runs[-1] if self.runs else None
+        if last is None or replace(last, first=run.first) != run:
+            self.runs.append(run)
+        return len(self.runs) - before
+
+    def send(self, seq: int, at: float) -> int:
+        """A chunk was sent, to be shown `at`; returns by how many schedules the track has grown."""
+        self.end = seq + 1
+        kept = self.schedules[-1].time(seq) if self.schedules else float("inf")
+        if abs(kept - at) <= SAME_TIME:
+            return 0
+        self.schedules.append(Schedule(seq, at))
+        return 1
+
+
+@dataclass(slots=True)
+class CommandLog:
+    """A recorded session; tracks in order of creation, those of deleted agents included."""
+
+    session_id: str
+    spec: SessionSpec
+    created_at: float
+    tracks: dict[str, Track] = field(default_factory=dict)
+    size: int = 0  # entries, goals in them, runs and schedules
+    overflowed: bool = False
+
+
+class Recordings:
+    """The logs of recorded sessions. A `WorldObserver` of any number of worlds.
+
+    A log belongs to one session, and so to the thread of its world.
+    """
+
+    def __init__(self, limit: int) -> None:
+        """Each log has up to `limit` entries."""
+        self._limit = limit
+        self._logs: dict[str, CommandLog] = {}
+        self._tracks: dict[str, tuple[CommandLog, Track]] = {}  # of agents that live
+
+    def copy(self, session_id: str) -> CommandLog:
+        """A log as it is now, which does not change any more.
+
+        Raises FailedPrecondition when the session is not recorded, or not any more.
+        """
+        log = self._logs.get(session_id)
+        if log is None:
+            raise FailedPrecondition(
+                f"session {session_id!r} is not recorded; create it with `record` to have a log"
+            )
+        if log.overflowed:
+            raise FailedPrecondition(
+                f"the log of session {session_id!r} was given up: it has outgrown "
+                f"limits.log_entries, {self._limit}"
+            )
+        return replace(log, tracks={name: track.copy() for name, track in log.tracks.items()})
+
+    # As a `WorldObserver`
+
+    def opened(self, session: Session) -> None:
+        """Begin the log of a session, if it asks for one."""
+        if session.spec.record:
+            session_id = session.session_id
+            self._logs[session_id] = CommandLog(session_id, session.spec, session.created_at)
+
+    def closed(self, session: Session) -> None:
+        """Forget the log."""
+        self._logs.pop(session.session_id, None)
+
+    def created(self, session: Session, agents: Sequence[Agent], starts: Sequence[Start]) -> None:
+        """Begin a track for each agent."""
+        log = self._logs.get(session.session_id)
+        for agent, start in zip(agents, starts, strict=True):
+            if log is not None and not log.overflowed:
+                self._begin(log, agent, start)
+
+    def commanded(self, agent: Agent, command: GoalCommand, seq: int) -> None:
+        """Note a goal command."""
+        self._enter(agent, Entry(seq, command))
+
+    def changed(self, agent: Agent, change: AgentChange, seq: int) -> None:
+        """Note a change."""
+        self._enter(agent, Entry(seq, change))
+
+    def deleted(self, agent: Agent, seq: int) -> None:
+        """The track is complete."""
+        self._tracks.pop(agent.agent_id, None)
+
+    def planned(
+        self, agent_ids: Names, seqs: Index, candidates: int, models: Sequence[str]
+    ) -> None:
+        """Note how many candidates were tried."""
+        for agent_id, seq, model in zip(agent_ids, seqs.tolist(), models, strict=True):
+            if found := self._tracks.get(agent_id):
+                log, track = found
+                self._grow(log, track.plan(Run(seq, candidates, model)))
+
+    def stood(self, agents: Sequence[Agent]) -> None:
+        """A log holds no places."""
+
+    def sent(self, due: Due) -> None:
+        """Note when chunks are shown."""
+        if due.session_id not in self._logs:
+            return
+        chunks = due.chunks
+        for agent_id, seq, at in zip(
+            chunks.agent_id, chunks.seq.tolist(), chunks.scheduled_at.tolist(), strict=True
+        ):
+            if found := self._tracks.get(agent_id):
+                log, track = found
+                self._grow(log, track.send(seq, at))
+
+    def _enter(self, agent: Agent, entry: Entry) -> None:
+        if found := self._tracks.get(agent.agent_id):
+            log, track = found
+            track.entries.append(entry)
+            self._grow(log, cost(entry.command))
+
+    def _begin(self, log: CommandLog, agent: Agent, start: Start) -> None:
+        seq = start.seq if isinstance(start, AgentRecord) else 0
+        track = Track(agent.agent_id, agent.alias, agent.created_at, start, planned=seq, end=seq)
+        log.tracks[agent.agent_id] = track
+        self._tracks[agent.agent_id] = log, track
+        self._grow(log, 1)
+
+    def _grow(self, log: CommandLog, entries: int) -> None:
+        log.size += entries
+        if log.size > self._limit and not log.overflowed:
+            log.overflowed = True
+            for agent_id in log.tracks:
+                self._tracks.pop(agent_id, None)
+            log.tracks.clear()
+
+
+def cost(command: Told) -> int:
+    """How many entries a command counts for: as many as it has goals."""
+    match command:
+        case Path(goals) | Append(goals):
+            return len(goals)
+        case Routine(parts):
+            return len(parts) + sum(len(part.does.given_goals) for part in parts)
+        case Behaviour() as behaviour:
+            return len(behaviour.given_goals) or 1
+        case _:
+            return 1

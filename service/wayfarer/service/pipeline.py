@@ -1,0 +1,95 @@
+"""Runs engine calls beside the motion thread.
+
+Two calls are under way at a time, in order: when one is complete the next is already submitted, so
+the engine's threads never wait for Python.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Final
+
+from wayfarer.engines.engine import StepOutputs
+from wayfarer.world.stepping.scheduler import Launch, Outputs, PendingStep
+
+DEPTH: Final = 2
+"""Engine calls under way at a time."""
+
+
+@dataclass(slots=True)
+class _Call:
+    """A step under way; its times are those of the clock."""
+
+    step: PendingStep
+    started_at: float
+    ended_at: float | None = None
+
+
+class EnginePipeline:
+    """Belongs to the motion thread, apart from its own threads."""
+
+    def __init__(self, clock: Callable[[], float], wake: Callable[[], None]) -> None:
+        """`wake` is called, from another thread, whenever a call is complete."""
+        self._clock = clock
+        self._wake = wake
+        self._pool = ThreadPoolExecutor(DEPTH, "engine-call")
+        self._calls: deque[_Call] = deque()
+        self._last_ended = float("-inf")
+        self._since: float | None = None  # when the first call under way was started
+
+    def age(self, now: float) -> float:
+        """Seconds since the first call under way was started; 0 without one. Thread-safe."""
+        since = self._since
+        return 0.0 if since is None else now - since
+
+    @property
+    def is_idle(self) -> bool:
+        """No call is under way."""
+        return not self._calls
+
+    @property
+    def has_room(self) -> bool:
+        """One more call can be submitted."""
+        return len(self._calls) < DEPTH
+
+    @property
+    def has_completed(self) -> bool:
+        """The first call is complete."""
+        return bool(self._calls) and self._calls[0].ended_at is not None
+
+    def submit(self, schedule: Callable[[Launch], PendingStep | None]) -> bool:
+        """Start a call; False when `schedule` finds nothing to do."""
+        futures: list[Future[StepOutputs]] = []
+
+        def launch(call: Outputs) -> Outputs:
+            futures.append(self._pool.submit(call))
+            return futures[0].result
+
+        started_at = self._clock()
+        step = schedule(launch)
+        if step is None:
+            return False
+        call = _Call(step, started_at)
+        self._calls.append(call)
+        self._since = self._calls[0].started_at
+        futures[0].add_done_callback(lambda _: self._end(call))
+        return True
+
+    def completed(self) -> Iterator[tuple[PendingStep, float]]:
+        """Take out complete steps in order, each with the seconds that the engine spent on it."""
+        while self.has_completed:
+            call = self._calls.popleft()
+            self._since = self._calls[0].started_at if self._calls else None
+            assert call.ended_at is not None
+            seconds = max(call.ended_at - max(call.started_at, self._last_ended), 0.0)
+            self._last_ended = call.ended_at
+            yield call.step, seconds
+
+    def close(self) -> None:
+        """Submit nothing more; calls under way are lost."""
+        self._pool.shutdown(wait=False)
+
+    def _end(self, call: _Call) -> None:
+        call.ended_at = self._clock()
+        self._wake()

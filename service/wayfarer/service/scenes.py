@@ -1,0 +1,108 @@
+"""The scenes of a server as event loops use them: slow calls run on worker threads."""
+
+import asyncio
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+from wayfarer.errors import FailedPrecondition
+from wayfarer.navigation.spec import Obstacle, Point2, Point3
+from wayfarer.service.live import LiveMotion
+from wayfarer.service.lockstep import LockSteps
+from wayfarer.service.persistence.keeper import Keeper
+from wayfarer.world.scenes.book import Book
+from wayfarer.world.scenes.messages import Crowd, Outlines, SceneInfo, SceneWish, Way
+from wayfarer.world.scenes.outlines import outlines
+
+T = TypeVar("T")
+
+
+class Scenes:
+    """Implements `SceneService`. A change returns once the journal has it on disk."""
+
+    def __init__(
+        self,
+        *,
+        book: Book,
+        keeper: Keeper,
+        live: LiveMotion,
+        lock_steps: LockSteps,
+        clock: Callable[[], float],
+    ) -> None:
+        self._book = book
+        self._keeper = keeper
+        self._live = live
+        self._lock_steps = lock_steps
+        self._clock = clock
+        # A bake holds one thread while it waits; the others are for what is quick.
+        threads = book.limits.bakes + book.limits.waiting + 2
+        self._workers = ThreadPoolExecutor(threads, "scenes")
+
+    def stop(self) -> None:
+        """Give up calls that have not started."""
+        self._workers.shutdown(wait=False, cancel_futures=True)
+
+    async def create_scene(self, wish: SceneWish) -> SceneInfo:
+        """See `SceneService`, as for all below."""
+        made = await self._work(lambda: self._book.create(wish, self._clock()))
+        return await self._keeper.durable(made)
+
+    async def get_scene(self, scene_id: str) -> SceneInfo:
+        """See `SceneService`."""
+        return self._book.info(scene_id)
+
+    async def list_scenes(self) -> list[SceneInfo]:
+        """See `SceneService`."""
+        return self._book.infos()
+
+    async def delete_scene(self, scene_id: str) -> None:
+        """See `SceneService`."""
+        self._book.delete(scene_id)
+        await self._keeper.durable(None)
+
+    async def put_obstacle(self, scene_id: str, name: str, obstacle: Obstacle) -> SceneInfo:
+        """See `SceneService`."""
+        made = await self._work(lambda: self._book.put(scene_id, name, obstacle))
+        return await self._keeper.durable(made)
+
+    async def remove_obstacle(self, scene_id: str, name: str) -> SceneInfo:
+        """See `SceneService`."""
+        made = await self._work(lambda: self._book.remove(scene_id, name))
+        return await self._keeper.durable(made)
+
+    async def query_path(self, scene_id: str, start: Point2 | Point3, goal: Point2 | Point3) -> Way:
+        """See `SceneService`."""
+        scene = self._book.scene(scene_id)
+        path = await self._work(lambda: scene.path(start, goal))
+        return Way(
+            points=tuple((x, y, z) for x, y, z in path.points.tolist()),
+            length=path.length,
+            start_moved=path.start_moved,
+            goal_moved=path.goal_moved,
+            version=path.scene_version,
+        )
+
+    async def scene_outlines(self, scene_id: str) -> Outlines:
+        """See `SceneService`."""
+        scene = self._book.scene(scene_id)
+        return await self._work(lambda: outlines(scene))
+
+    async def scene_picture(self, scene_id: str) -> bytes:
+        """See `SceneService`."""
+        # the image library is loaded with the first picture
+        from wayfarer.navigation.picture import top_view
+
+        scene = self._book.scene(scene_id)
+        return await self._work(lambda: top_view(scene))
+
+    async def populate(self, session_id: str, crowd: Crowd) -> int:
+        """See `SceneService`."""
+        if self._lock_steps.session(session_id):
+            raise FailedPrecondition(
+                f"session {session_id!r} is in lock-step: people come and go as time passes; "
+                "create agents in it instead, and let them wander"
+            )
+        return await self._live.ask(lambda world, now: world.populate(session_id, crowd, now))
+
+    async def _work(self, call: Callable[[], T]) -> T:
+        return await asyncio.get_running_loop().run_in_executor(self._workers, call)

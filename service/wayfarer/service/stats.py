@@ -1,0 +1,107 @@
+"""Figures of the loop over the last seconds."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final, TypedDict
+
+import numpy as np
+
+from wayfarer.service.meter import Meter
+from wayfarer.spec import FPS
+from wayfarer.world.agents.agent import AgentState
+from wayfarer.world.stepping.due import Due
+from wayfarer.world.stepping.window import Window, mean, percentile
+
+LATE_SECONDS: Final = 1 / FPS
+"""A chunk that leaves more than one frame after its time is late."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoopStats:
+    """Health of the loop over the last few seconds."""
+
+    agents: int
+    sessions: int
+    subscribers: int
+    steps: int  # agent steps since start
+    step_ms_mean: float  # one engine call
+    step_ms_p95: float
+    late_chunks: int  # chunks ready after their scheduled time, since start
+    lateness_ms_p95: float
+    uptime_s: float
+    resets: int = 0  # agents put back to a stand because their step was broken, since start
+    failures: int = 0  # turns of the loop that raised, since start
+    rebased: int = 0  # how often the schedule was moved because the loop was > 1 s behind
+    dropped_batches: int = 0  # lost by the present subscribers, who were too slow
+    reduced_steps: int = 0  # agent steps with fewer candidates than wished, since start
+    held_sessions: int = 0  # whose agents wait for a subscriber now
+    states: Mapping[AgentState, int] = field(default_factory=dict)  # agents in each
+    capacity: int = 0  # agents that fit, by the measured cost of a step; 0: not known yet
+    load: float = 0.0  # share of the last seconds: the engine, or if busier the motion thread
+    rung: int = 0  # of the overload ladder: 0 is its top, where all is as wished
+    held_steps: int = 0  # agent steps left out because time was short and they idle, since start
+    refused_agents: int = 0  # not created, because they could not be stepped in time, since start
+    journal_failing: bool = False  # nothing that changes now would survive the process
+
+
+class _Values(TypedDict):
+    steps: int
+    step_ms_mean: float
+    step_ms_p95: float
+    late_chunks: int
+    lateness_ms_p95: float
+    failures: int
+    rebased: int
+    held_sessions: int
+
+
+class ThreadFigures:
+    """What the motion thread counts, since its start or over the last seconds."""
+
+    def __init__(self, meter: Meter) -> None:
+        self._meter = meter
+        self.failures = 0  # turns
+        self.rebased = 0
+        self.held = 0  # sessions whose agents wait now
+        self.worked = 0.0  # seconds of the thread's own since the last engine call was applied
+        self._steps = 0  # of agents
+        self._late = 0  # chunks
+        self._published = 0  # chunks, since the last engine call was applied
+        self._step_seconds = Window()
+        self._lateness = Window()  # of the latest chunk of each turn
+
+    def stepped(self, now: float, seconds: float, agents: int) -> None:
+        """An engine call took so long, for so many agents."""
+        self._steps += agents
+        self._step_seconds.add(now, seconds)
+        self._meter.step(seconds, agents)
+
+    def published(self, now: float, due: Sequence[Due]) -> None:
+        """Chunks left the thread."""
+        if not due:
+            return
+        lateness = now - np.concatenate([one.chunks.scheduled_at for one in due])
+        self._lateness.add(now, max(0.0, float(lateness.max())))
+        self._late += int(np.count_nonzero(lateness > LATE_SECONDS))
+        self._meter.chunks(lateness)
+        self._published += len(lateness)
+
+    def take_worked(self) -> tuple[float, int]:
+        """Seconds worked and chunks published since the last time."""
+        worked, published = self.worked, self._published
+        self.worked, self._published = 0.0, 0
+        return worked, published
+
+    def values(self, now: float) -> _Values:
+        """Those of `LoopStats` that are counted here."""
+        steps = [1e3 * seconds for seconds in self._step_seconds.values(now)]
+        return _Values(
+            steps=self._steps,
+            step_ms_mean=mean(steps),
+            step_ms_p95=percentile(steps, 95),
+            late_chunks=self._late,
+            lateness_ms_p95=1e3 * percentile(self._lateness.values(now), 95),
+            failures=self.failures,
+            rebased=self.rebased,
+            held_sessions=self.held,
+        )

@@ -1,0 +1,1 @@
+"""Publications and the subscriptions to them."""

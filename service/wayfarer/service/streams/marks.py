@@ -1,0 +1,65 @@
+"""What a subscriber has not got: FIRST and GAP, marked on the chunks that it gets."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Final
+
+from wayfarer.service.streams.publications import Publication
+from wayfarer.world.agents.agent import ChunkFlag, MotionChunks
+
+SILENCE: Final = 10.0
+"""An agent without a chunk for so many seconds of motion is forgotten, deleted ones with it."""
+
+
+class Marks:
+    """The last sequence number of each agent that the reader has got, to mark chunks by."""
+
+    def __init__(self) -> None:
+        # Two generations: who is in neither has been silent for `SILENCE` at least.
+        self._new: dict[int, int] = {}  # by alias
+        self._old: dict[int, int] = {}
+        self._next_turn = SILENCE
+
+    def learn(self, publications: Iterable[Publication], position: int) -> None:
+        """What a reader that resumes after `position` has got before."""
+        got, next_ = dict[int, int](), dict[int, int]()
+        for publication in publications:
+            aliases, seqs = _numbers(publication.chunks)
+            if publication.position <= position:
+                got.update(zip(aliases, seqs, strict=True))
+            else:
+                next_ = dict(zip(aliases, seqs, strict=True)) | next_
+        if position > 0:
+            # Who went on after it had sent the chunk before it, held or not.
+            self._new = {alias: seq - 1 for alias, seq in next_.items() if seq > 0} | got
+
+    def put(self, publication: Publication, motion: float) -> Publication:
+        """The publication, its chunks flagged; `motion` seconds of motion came before it."""
+        if motion >= self._next_turn:
+            self._new, self._old = {}, self._new
+            self._next_turn = motion + SILENCE
+        aliases, seqs = _numbers(publication.chunks)
+        last = list(map(self._new.get, aliases))
+        if None in last:
+            last = [
+                self._old.get(a) if s is None else s for a, s in zip(aliases, last, strict=True)
+            ]
+        self._new.update(zip(aliases, seqs, strict=True))
+        if last == [seq - 1 for seq in seqs]:
+            return publication
+        return replace(publication, chunks=_marked(publication.chunks, last))
+
+
+def _numbers(chunks: MotionChunks) -> tuple[list[int], list[int]]:
+    return chunks.alias.tolist(), chunks.seq.tolist()
+
+
+def _marked(chunks: MotionChunks, last: Sequence[int | None]) -> MotionChunks:
+    """Flagged where `last`, the number of the agent's chunk before, is not the one before it."""
+    flags = chunks.flags.copy()
+    for row, (seq, before) in enumerate(zip(chunks.seq.tolist(), last, strict=True)):
+        if before is None:
+            flags[row] |= ChunkFlag.FIRST
+        elif seq != before + 1:
+            flags[row] |= ChunkFlag.GAP
+    return replace(chunks, flags=flags)

@@ -1,0 +1,88 @@
+"""What chunks say of goals: reached, and the path done."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from wayfarer.world.agents.agent import (
+    AgentInfo,
+    AgentState,
+    ChunkFlag,
+    Goal,
+    MotionChunk,
+    MotionChunks,
+)
+from wayfarer.world.agents.records import AgentRecord
+from wayfarer.world.agents.slots import Mode
+from wayfarer.world.events import Event, EventKind
+
+Place = tuple[int, int]  # revision, and number of a goal in that path
+
+
+class Milestones:
+    """Goal events of one session's agents."""
+
+    def __init__(self, info: Callable[[str], AgentInfo]) -> None:
+        """`info(agent_id)` tells the agent's path as it is now."""
+        self._info = info
+        # Agents who have reached the last goal of their path and do not stand there yet.
+        self._stopping: dict[str, Place] = {}
+
+    def events(self, chunks: MotionChunks) -> tuple[Event, ...]:
+        """Of chunks that leave now, in their order."""
+        arrived = chunks.flags & ChunkFlag.ARRIVED
+        concerned = set(np.flatnonzero(arrived).tolist()) if arrived.any() else set()
+        if self._stopping:
+            concerned |= {row for row, name in enumerate(chunks.agent_id) if name in self._stopping}
+        return tuple(event for row in sorted(concerned) for event in self._of(chunks[row]))
+
+    def adopt(self, record: AgentRecord) -> None:
+        """An agent comes from elsewhere; it may have reached its goal and not stand there yet."""
+        gait, path = record.motion.gait, record.path
+        waypoint = int(gait.waypoint[0])
+        is_stopping = gait.arrived[0] and gait.mode[0] != Mode.STANDING
+        if is_stopping and path and path[waypoint - record.passed].stop:
+            self._stopping[record.agent_id] = record.goal_revision, waypoint
+
+    def forget(self, agent_id: str) -> None:
+        """An agent has been deleted."""
+        self._stopping.pop(agent_id, None)
+
+    def _of(self, chunk: MotionChunk) -> Iterator[Event]:
+        name = chunk.agent_id
+        if chunk.flags & ChunkFlag.ARRIVED:
+            yield _event(EventKind.GOAL_REACHED, chunk, f"goal {chunk.waypoint} was reached")
+            last = self._last_goal(chunk)
+            if last is not None and last.stop:
+                self._stopping[name] = _place(chunk)
+            elif last is not None:
+                yield _event(EventKind.PATH_DONE, chunk, "the last goal was passed")
+        if name in self._stopping:
+            if self._stopping[name] != _place(chunk):  # it has been sent elsewhere since
+                del self._stopping[name]
+            elif chunk.state is AgentState.STANDING:
+                del self._stopping[name]
+                if self._last_goal(chunk) is not None:
+                    yield _event(EventKind.PATH_DONE, chunk, "the agent stands at the last goal")
+
+    def _last_goal(self, chunk: MotionChunk) -> Goal | None:
+        """The goal that a chunk was planned for, if it is the last of the agent's path."""
+        info = self._info(chunk.agent_id)
+        is_last = _place(chunk) == (info.goal_revision, info.waypoints - 1)
+        return info.goal if is_last else None
+
+
+def _place(chunk: MotionChunk) -> Place:
+    return chunk.goal_revision, chunk.waypoint
+
+
+def _event(kind: EventKind, chunk: MotionChunk, detail: str) -> Event:
+    return Event(
+        kind,
+        chunk.scheduled_at,
+        chunk.agent_id,
+        chunk.alias,
+        chunk.goal_revision,
+        chunk.waypoint,
+        detail,
+    )

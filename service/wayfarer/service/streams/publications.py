@@ -1,0 +1,49 @@
+"""What the readers of a session ask for, and what is published to them: chunks and events."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from wayfarer.world.agents.agent import NO_CHUNKS, AgentInfo, MotionChunks
+from wayfarer.world.events import Event
+
+
+@dataclass(frozen=True, slots=True)
+class Publication:
+    """What a session's subscribers are told at one moment."""
+
+    position: int  # 1, 2, 3 … per session
+    chunks: MotionChunks = NO_CHUNKS  # that fell due together, at most one per agent
+    events: tuple[Event, ...] = ()  # after the chunks
+    added: tuple[AgentInfo, ...] = ()  # of clips and replays: those whose first chunk this is
+
+    @property
+    def scheduled_at(self) -> float:
+        """Of its first chunk, or event."""
+        return float(self.chunks.scheduled_at[0]) if self.chunks else self.events[0].at
+
+
+@dataclass(frozen=True, slots=True)
+class Resume:
+    """How far an earlier subscription of the session has come."""
+
+    epoch: str  # life of the session on a server; see `Subscription.epoch`
+    position: int  # of the last publication received
+    same_agents: bool = True  # it followed those that are followed now
+
+
+class SlowReader(StrEnum):
+    """What to do with chunks that wait too long for a subscriber."""
+
+    DROP_OLDEST = "drop_oldest"
+    HOLD = "hold"  # let the session's agents wait, while no other subscriber reads
+    DISCONNECT = "disconnect"  # end with ResourceExhausted
+
+
+@dataclass(frozen=True, slots=True)
+class StreamWish:
+    """What a subscriber asks for."""
+
+    agent_ids: tuple[str, ...] = ()  # none: all of the session, later ones too
+    slow_reader: SlowReader = SlowReader.DROP_OLDEST
+    resume: Resume | None = None  # of an earlier subscription to the same agents
+    hold_s: float = 30.0  # HOLD: agents wait at most so long; the session's lease

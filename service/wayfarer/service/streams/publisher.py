@@ -1,0 +1,260 @@
+"""What sessions publish: positions, a ring for those who resume, and deliveries to subscribers.
+
+Lives on the motion thread. Subscribers are reached by their event loops, each of which is called
+once per `flush` whatever the number of its subscribers.
+"""
+
+import asyncio
+import secrets
+import weakref
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Final
+
+from wayfarer.errors import InvalidArgument, WayfarerError
+from wayfarer.service.inbox import post
+from wayfarer.service.meter import Meter, ResumeResult
+from wayfarer.service.streams.milestones import Milestones
+from wayfarer.service.streams.publications import Publication, Resume, SlowReader
+from wayfarer.service.streams.subscription import BoundedSubscription, Entry, Start, StreamSettings
+from wayfarer.spec import STEP_SECONDS
+from wayfarer.world.agents.agent import NO_CHUNKS, AgentInfo, MotionChunks
+from wayfarer.world.agents.records import SessionRecord
+from wayfarer.world.events import Event, EventKind
+
+LEAST_STEP: Final = 1e-3
+"""Seconds that a publication counts at least, so that a bound in seconds bounds their number."""
+
+Delivery = tuple[BoundedSubscription, Entry, bool]
+
+
+class Publisher:
+    """The logs of all sessions. A session's log begins when it is first needed."""
+
+    def __init__(
+        self, settings: StreamSettings, meter: Meter, info: Callable[[str], AgentInfo]
+    ) -> None:
+        """`info(agent_id)` tells where an agent belongs and its path."""
+        self._settings = settings
+        self._meter = meter
+        self._info = info
+        self._logs: dict[str, _Log] = {}
+        self._holders: set[str] = set()  # sessions that have had subscribers who ask to HOLD
+        self._deliveries: dict[asyncio.AbstractEventLoop, list[Delivery]] = defaultdict(list)
+
+    def publish(self, session_id: str, chunks: MotionChunks) -> None:
+        """Tell what of a session fell due now; goal events go with it."""
+        log = self._log(session_id)
+        log.answer(chunks, self._meter)
+        self._deliver(log, chunks, log.milestones.events(chunks))
+
+    def tell(self, session_id: str, events: Sequence[Event]) -> None:
+        """Tell a session's subscribers, now and those that resume, of events of other origin."""
+        log = self._log(session_id)
+        self._deliver(log, NO_CHUNKS, tuple(events))
+
+    def flush(self) -> None:
+        """Send out what has been told since the last time."""
+        deliveries, self._deliveries = self._deliveries, defaultdict(list)
+        for loop, batch in deliveries.items():
+            post(loop, _put, batch)
+
+    def subscribe(self, subscription: BoundedSubscription, now: float) -> None:
+        """Let a subscription begin where it wishes. Raises InvalidArgument."""
+        log = self._log(subscription.session_id)
+        start = self._start(log, subscription.wish.resume, now)
+        log.follow(subscription)
+        if subscription.wish.slow_reader is SlowReader.HOLD:
+            self._holders.add(subscription.session_id)
+        post(subscription.loop, subscription.begin, start)
+
+    def await_goal(self, session_id: str, agent_id: str, revision: int, asked_at: float) -> None:
+        """Measure how long the first chunk of a goal takes from now on."""
+        self._log(session_id).awaited[agent_id] = revision, asked_at
+
+    def adopt(self, record: SessionRecord) -> None:
+        """A session comes from elsewhere; some of its agents are about to end their paths."""
+        milestones = self._log(record.session_id).milestones
+        for agent in record.agents:
+            milestones.adopt(agent)
+
+    def forget_agent(self, session_id: str, agent_id: str) -> None:
+        """It has been deleted."""
+        if log := self._logs.get(session_id):
+            log.awaited.pop(agent_id, None)
+            log.milestones.forget(agent_id)
+
+    def end(self, session_id: str, error: WayfarerError | None = None) -> None:
+        """End a session's subscriptions and forget it; should it come again, it begins anew."""
+        self.flush()
+        self._holders.discard(session_id)
+        if log := self._logs.pop(session_id, None):
+            for subscription in log.open():
+                post(subscription.loop, subscription.end, error)
+
+    def end_all(self, error: WayfarerError | None) -> None:
+        """End every session's subscriptions."""
+        for session_id in list(self._logs):
+            self.end(session_id, error)
+
+    def waiting_sessions(self, now: float) -> list[str]:
+        """Those whose agents shall wait now: all that read them ask to HOLD, and have stalled."""
+        holders = [name for name in self._holders if self._logs[name].has_holders()]
+        self._holders = set(holders)
+        return [name for name in holders if self._logs[name].waits(now, self._settings.queue_s)]
+
+    def open(self) -> Iterator[BoundedSubscription]:
+        """The open subscriptions of all sessions."""
+        for log in self._logs.values():
+            yield from log.open()
+
+    # Within
+
+    def _log(self, session_id: str) -> "_Log":
+        if session_id not in self._logs:
+            self._logs[session_id] = _Log(self._settings.resume_s, Milestones(self._info))
+        return self._logs[session_id]
+
+    def _deliver(self, log: "_Log", chunks: MotionChunks, events: tuple[Event, ...]) -> None:
+        readers = [(reader, log.spares(reader, self._settings.queue_s)) for reader in log.open()]
+        entry = log.add(chunks, events)
+        for reader, spare in readers:
+            self._deliveries[reader.loop].append((reader, entry, spare))
+
+    def _start(self, log: "_Log", resume: Resume | None, now: float) -> Start:
+        if resume is None:
+            return Start(log.epoch, log.position, log.motion)
+        if resume.epoch != log.epoch:
+            self._meter.resume(ResumeResult.NEW_EPOCH)
+            return log.present(0, _gap(now, "the server has begun the session anew since"))
+        if not 0 <= resume.position <= log.position:
+            raise InvalidArgument(
+                f"position is {resume.position}; allowed: 0 to {log.position}, the last one sent",
+                "resume.position",
+            )
+        if log.holds_after(resume.position):
+            self._meter.resume(ResumeResult.RESUMED)
+            return log.after(resume.position)
+        self._meter.resume(ResumeResult.GAP)
+        lost = log.position - resume.position
+        held = f"{self._settings.resume_s:g} s of motion are held"
+        return log.present(resume.position, _gap(now, f"{lost} publications were lost: {held}"))
+
+
+class _Log:
+    """One session: what it has published last, and who follows it."""
+
+    def __init__(self, resume_s: float, milestones: Milestones) -> None:
+        self.epoch = secrets.token_hex(8)
+        self.position = 0
+        self.milestones = milestones
+        self.awaited: dict[str, tuple[int, float]] = {}  # goal revision, asked at; by agent
+        self.is_waiting = False  # the agents wait for their readers
+        self._resume_s = resume_s
+        self._ring: deque[Entry] = deque()
+        self.motion = 0.0  # seconds of motion so far
+        self._last_at: float | None = None
+        self._subscribers: list[weakref.ref[BoundedSubscription]] = []
+        self._waiting_since: float | None = None
+
+    def add(self, chunks: MotionChunks, events: tuple[Event, ...]) -> Entry:
+        """Enter a publication into the ring."""
+        self.position += 1
+        publication = Publication(self.position, chunks, events)
+        self.motion += self._step(publication)
+        self._ring.append(Entry(publication, self.motion))
+        while self.motion - self._ring[0].motion > self._resume_s:
+            self._ring.popleft()
+        return self._ring[-1]
+
+    def _step(self, publication: Publication) -> float:
+        """Seconds of motion since the last publication: a schedule that was moved is no motion."""
+        if not publication.chunks:
+            return LEAST_STEP
+        at, last = publication.scheduled_at, self._last_at
+        self._last_at = at
+        return LEAST_STEP if last is None else min(max(at - last, LEAST_STEP), STEP_SECONDS)
+
+    def answer(self, chunks: MotionChunks, meter: Meter) -> None:
+        """Measure the goals whose first chunks these are."""
+        if not self.awaited:
+            return
+        for row, agent_id in enumerate(chunks.agent_id):
+            revision, asked_at = self.awaited.get(agent_id, (None, 0.0))
+            if revision is not None and chunks.goal_revision[row] >= revision:
+                del self.awaited[agent_id]
+                meter.goal_to_motion(float(chunks.scheduled_at[row]) - asked_at)
+
+    # Starts
+
+    def present(self, position: int, gap: Event) -> Start:
+        """Begin with what falls due next, having lost all since a position."""
+        opening = Publication(position, events=(gap,))
+        return Start(self.epoch, self.position, self.motion, opening=opening)
+
+    def holds_after(self, position: int) -> bool:
+        """All that followed a position is in the ring."""
+        first = self._ring[0].publication.position if self._ring else self.position + 1
+        return first <= position + 1
+
+    def after(self, position: int) -> Start:
+        """Begin right after a position."""
+        motion = self.motion
+        for entry in self._ring:
+            if entry.publication.position > position:
+                motion = entry.motion
+                break
+        return Start(self.epoch, position, motion, resumed=True, held=tuple(self._ring))
+
+    # Subscribers
+
+    def follow(self, subscription: BoundedSubscription) -> None:
+        """Add one."""
+        self._subscribers = [*map(weakref.ref, self.open()), weakref.ref(subscription)]
+
+    def open(self) -> list[BoundedSubscription]:
+        """Closed and vanished ones are forgotten here."""
+        found = [ref() for ref in self._subscribers]
+        kept = [s for s in found if s is not None and not (s.closed or s.loop.is_closed())]
+        if len(kept) < len(found):
+            self._subscribers = [*map(weakref.ref, kept)]
+        return kept
+
+    def has_holders(self) -> bool:
+        """Somebody asks the agents to wait."""
+        return any(reader.wish.slow_reader is SlowReader.HOLD for reader in self.open())
+
+    def has_stalled(self, reader: BoundedSubscription, queue_s: float) -> bool:
+        """It has left more motion than that untaken."""
+        return self.motion - reader.taken > queue_s
+
+    def spares(self, reader: BoundedSubscription, queue_s: float) -> bool:
+        """Nothing may be dropped for it now: the agents wait, or will as soon as it stalls."""
+        return reader.wish.slow_reader is SlowReader.HOLD and (
+            self.is_waiting or not self.has_stalled(reader, queue_s)
+        )
+
+    def waits(self, now: float, queue_s: float) -> bool:
+        """The agents shall wait: for everybody who follows, and not for longer than all agree."""
+        following = self.open()
+        stalled = all(
+            reader.wish.slow_reader is SlowReader.HOLD and self.has_stalled(reader, queue_s)
+            for reader in following
+        )
+        if not following or not stalled:
+            self._waiting_since = None
+        elif self._waiting_since is None:
+            self._waiting_since = now
+        self.is_waiting = self._waiting_since is not None and now - self._waiting_since < min(
+            reader.wish.hold_s for reader in following
+        )
+        return self.is_waiting
+
+
+def _gap(now: float, reason: str) -> Event:
+    return Event(EventKind.GAP, now, detail=f"begins at the present: {reason}")
+
+
+def _put(deliveries: Iterable[Delivery]) -> None:
+    for subscription, entry, spare in deliveries:
+        subscription.put(entry, spare)

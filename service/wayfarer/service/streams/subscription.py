@@ -1,0 +1,277 @@
+"""One subscriber's bounded queue of publications. Lives on the subscriber's event loop.
+
+All bounds count seconds of motion, not of the clock: a schedule that waits, or is moved, fills no
+queue.
+"""
+
+import asyncio
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Final, NamedTuple, Self
+
+import numpy as np
+
+from wayfarer.errors import (
+    FailedPrecondition,
+    InvalidArgument,
+    ResourceExhausted,
+    WayfarerError,
+)
+from wayfarer.service.meter import Meter
+from wayfarer.service.streams.marks import Marks
+from wayfarer.service.streams.publications import Publication, SlowReader, StreamWish
+from wayfarer.world.events import Event, EventKind
+
+MIN_WAITING: Final = 3
+"""Never dropped below this, however far apart the publications are in time."""
+
+MAX_EVENTS: Final = 64
+"""Events of lost publications that are kept for a slow reader."""
+
+MAX_AHEAD: Final = 60.0
+"""Seconds by which a playhead may be ahead of the clock; beyond lies a mistaken unit or clock."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StreamSettings:
+    """Bounds of all subscriptions, seconds."""
+
+    queue_s: float = 0.5  # motion that a slow subscriber may lag behind
+    resume_s: float = 5.0  # motion held for subscriptions that resume
+    lead_s: float = 0.5  # what is sent ahead of an acknowledged playhead
+
+
+class Entry(NamedTuple):
+    """A publication and its place in the motion of its session."""
+
+    publication: Publication
+    motion: float  # seconds of motion before it
+
+
+class Start(NamedTuple):
+    """Where a subscription begins."""
+
+    epoch: str
+    position: int  # of the last publication before it
+    motion: float  # place of that
+    resumed: bool = False  # nothing is missing between the reader's last one and what follows
+    held: tuple[Entry, ...] = ()  # of a subscription that resumes: all that the server holds
+    opening: Publication | None = None  # to be yielded first
+
+    @property
+    def replay(self) -> list[Entry]:
+        """What a subscription that resumes has missed."""
+        return [entry for entry in self.held if entry.publication.position > self.position]
+
+
+@dataclass(slots=True)
+class _Loss:
+    """What a slow reader has lost and has not been told of yet."""
+
+    last: Publication
+    count: int = 0
+    events: deque[Event] = field(default_factory=lambda: deque(maxlen=MAX_EVENTS))
+
+    def add(self, publication: Publication) -> None:
+        self.last = publication
+        self.count += 1
+        self.events.extend(publication.events)
+
+    def told(self, position: int) -> Publication:
+        """An event GAP, and the events that were lost.
+
+        `position` is of the last publication that was not: who resumes there may still get them.
+        """
+        detail = f"{self.count} publications were lost: the reader was too slow"
+        gap = Event(EventKind.GAP, self.last.scheduled_at, detail=detail)
+        return Publication(position, events=(gap, *self.events))
+
+
+class BoundedSubscription:
+    """Implements `Subscription`.
+
+    An agent's first chunk carries FIRST, one that follows a lost one GAP. What a slow reader loses
+    is told by an event GAP, with the events that were lost, before the next publication.
+    """
+
+    def __init__(
+        self,
+        session_id: str,
+        wish: StreamWish,
+        settings: StreamSettings,
+        meter: Meter,
+        clock: Callable[[], float],
+    ) -> None:
+        """Must be made on the reader's event loop. Takes nothing in before `begin`."""
+        self.session_id = session_id
+        self.wish = wish
+        self.loop = asyncio.get_running_loop()
+        self.epoch = ""
+        self.resumed = False
+        # These four are read by the motion thread.
+        self.agent_ids = frozenset(wish.agent_ids)
+        self.closed = False
+        self.dropped = 0  # publications lost so far
+        self.taken = 0.0  # place in the motion of what the reader took last
+        self._settings = settings
+        self._meter = meter
+        self._clock = clock
+        self._bound = settings.queue_s
+        self._waiting: deque[Entry] = deque()
+        self._loss: _Loss | None = None
+        self._opening: Publication | None = None
+        self._position = 0  # of the last publication yielded
+        self._horizon = math.inf  # nothing that begins later is yielded
+        self._marks = Marks()
+        self._ended = False
+        self._error: WayfarerError | None = None
+        self._waiter: asyncio.Future[None] | None = None
+
+    def begin(self, start: Start) -> None:
+        """Set where it begins. On the reader's event loop, before the first `put`."""
+        self.epoch, self.resumed = start.epoch, start.resumed
+        self.taken, self._position, self._opening = start.motion, start.position, start.opening
+        resume = self.wish.resume
+        if resume is None or resume.same_agents:  # else nobody knows who is new to the reader
+            self._marks.learn((entry.publication for entry in start.held), start.position)
+        for entry in start.replay:
+            self.put(entry, spare=True)
+        self._bound += self._span()  # until the reader has caught up
+
+    def __aiter__(self) -> Self:
+        return self
+
+    async def __anext__(self) -> Publication:
+        """Next publication. Raises StopAsyncIteration at the end of the session.
+
+        Raises ResourceExhausted when the reader was too slow, Unavailable if the loop failed.
+        """
+        while (publication := self._next()) is None:
+            if self._ended:
+                raise self._error or StopAsyncIteration
+            if self._waiter is not None:
+                raise FailedPrecondition("a subscription has one reader; another one is waiting")
+            self._waiter = self.loop.create_future()
+            try:
+                await self._waiter
+            finally:
+                self._waiter = None
+        self._position = publication.position
+        return publication
+
+    def ack(self, position: int, playhead: float) -> None:
+        """See `Subscription`. Raises InvalidArgument for what cannot be true."""
+        if not 0 <= position <= self._position:
+            raise InvalidArgument(
+                f"position is {position}; allowed: 0 to {self._position}, the last one sent",
+                "position",
+            )
+        latest = self._clock() + MAX_AHEAD
+        if not (math.isfinite(playhead) and playhead <= latest):
+            raise InvalidArgument(
+                f"playhead is {playhead}; allowed: Unix seconds up to {latest:.3f}, "
+                f"{MAX_AHEAD:g} s from now",
+                "playhead",
+            )
+        self._horizon = playhead + self._settings.lead_s
+        self._wake()
+
+    async def close(self) -> None:
+        """Stop receiving. Safe to call twice."""
+        self.closed = True
+        self._waiting.clear()
+        self._opening = self._loss = None
+        self.end()
+
+    # From the motion thread, by way of the event loop
+
+    def put(self, entry: Entry, spare: bool) -> None:
+        """Take a publication in; unless told to `spare` the oldest ones, keep to the bound."""
+        if self._ended:
+            return
+        wanted = self._wanted(entry.publication)
+        if wanted is None:
+            if not self._waiting:
+                self.taken = entry.motion
+            return
+        self._waiting.append(Entry(wanted, entry.motion))
+        if not spare:
+            self._keep_to_bound()
+        self._meter.queue(self._span())
+        self._wake()
+
+    def end(self, error: WayfarerError | None = None) -> None:
+        """Nothing follows; the reader still gets what waits, and then `error`."""
+        if not self._ended:
+            self._ended, self._error = True, error
+            self._horizon = math.inf
+        self._wake()
+
+    # Within
+
+    def _span(self) -> float:
+        waiting = self._waiting
+        return waiting[-1].motion - waiting[0].motion if waiting else 0.0
+
+    def _wanted(self, publication: Publication) -> Publication | None:
+        """What concerns the reader; None when nothing does."""
+        ids = self.agent_ids
+        if not ids:
+            return publication
+        rows = [row for row, name in enumerate(publication.chunks.agent_id) if name in ids]
+        events = tuple(e for e in publication.events if not e.agent_id or e.agent_id in ids)
+        if not rows and not events:
+            return None
+        chunks = publication.chunks.take(np.array(rows, np.int64))
+        return replace(publication, chunks=chunks, events=events)
+
+    def _keep_to_bound(self) -> None:
+        while len(self._waiting) > MIN_WAITING and self._span() > self._bound:
+            if self.wish.slow_reader is SlowReader.DISCONNECT:
+                self._disconnect()
+            else:
+                self._drop()
+
+    def _drop(self) -> None:
+        lost = self._waiting.popleft().publication
+        self._loss = self._loss or _Loss(lost)
+        self._loss.add(lost)
+        self.dropped += 1
+        self._meter.drops(self.wish.slow_reader, 1)
+
+    def _disconnect(self) -> None:
+        count = len(self._waiting)
+        self._waiting.clear()
+        self._opening = None
+        self.closed = True
+        self.dropped += count
+        self._meter.drops(SlowReader.DISCONNECT, count)
+        self.end(
+            ResourceExhausted(
+                f"the reader was more than {self._settings.queue_s:g} s of motion behind and asked "
+                "to be disconnected then; it may resume where it left off within "
+                f"{self._settings.resume_s:g} s"
+            )
+        )
+
+    def _next(self) -> Publication | None:
+        """What may be yielded now, opening and losses first."""
+        if self._opening is not None:
+            opening, self._opening = self._opening, None
+            return opening
+        if self._loss is not None:
+            loss, self._loss = self._loss, None
+            return loss.told(self._position)
+        if not self._waiting or self._waiting[0].publication.scheduled_at > self._horizon:
+            return None
+        entry = self._waiting.popleft()
+        self.taken = entry.motion
+        if self._span() <= self._settings.queue_s:
+            self._bound = self._settings.queue_s
+        return self._marks.put(entry.publication, entry.motion)
+
+    def _wake(self) -> None:
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_result(None)

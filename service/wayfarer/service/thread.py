@@ -1,0 +1,240 @@
+"""The motion thread: takes commands, schedules steps, applies them, publishes chunks.
+
+The engine works beside the thread (`pipeline.py`). Frames keep their schedule, so a late turn is
+followed by larger batches, not by later frames. Only when the thread is more than a second behind
+(an overloaded or suspended machine) the whole schedule is moved; `rebased` in the statistics counts
+that.
+
+An error in a turn is logged and counted, `ready` is false until a turn succeeds again, and the turn
+is tried again. After `FAILURES` in a row the thread ends, and with it every stream and command
+(Unavailable).
+"""
+
+import asyncio
+import threading
+import time
+from collections.abc import Callable
+from enum import Enum, auto
+from functools import partial
+from typing import Final
+
+import structlog
+
+from wayfarer.errors import Unavailable
+from wayfarer.service.inbox import Inbox
+from wayfarer.service.meter import Meter
+from wayfarer.service.pipeline import EnginePipeline
+from wayfarer.service.stats import LoopStats, ThreadFigures
+from wayfarer.service.streams.publisher import Publisher
+from wayfarer.spec import FPS
+from wayfarer.world.events import Event, EventKind
+from wayfarer.world.stepping.scheduler import PendingStep
+from wayfarer.world.world import World
+
+log = structlog.get_logger(__name__)
+
+ALIVE_SECONDS: Final = 1.0  # without a turn for this long the thread counts as hung
+HEARTBEAT: Final = 0.25  # the longest wait, so that an idle thread is seen to be alive
+BEHIND_SECONDS: Final = 1.0  # beyond this the schedule is moved
+EARLY_SECONDS: Final = 1 / FPS  # chunks leave this long before their time, rather than late
+HOLD_SECONDS: Final = 0.5  # agents that wait are put off by this, turn by turn
+FAILURES: Final = 10  # failed turns in a row that end the thread
+RETRY_SECONDS: Final = 0.05  # pause after a failed turn
+
+
+class Phase(Enum):
+    """The life of the thread."""
+
+    NEW = auto()
+    WARMING = auto()
+    RUNNING = auto()
+    ENDED = auto()
+
+
+class MotionThread:
+    """Turns a world, in a thread of its own."""
+
+    def __init__(
+        self,
+        *,
+        world: World,
+        publisher: Publisher,
+        inbox: Inbox,
+        warm_up: Callable[[], None],
+        clock: Callable[[], float],
+        meter: Meter,
+    ) -> None:
+        """`warm_up` is called on the thread before the first turn."""
+        self._world = world
+        self._publisher = publisher
+        self._inbox = inbox
+        self._warm_up = warm_up
+        self._clock = clock
+        self._phase = Phase.NEW
+        self._stopping = False
+        self._pipeline = EnginePipeline(clock, inbox.wake)
+        self._thread = threading.Thread(target=self._run, name="motion-loop", daemon=True)
+        self._started_at = self._beat = clock()
+        self._failures_in_a_row = 0
+        self._figures = ThreadFigures(meter)
+
+    def start(self) -> None:
+        """Start the thread, once."""
+        self._phase = Phase.WARMING
+        self._thread.start()
+
+    async def stop(self) -> None:
+        """End the thread, every stream and every waiting command; return when that is done."""
+        self._stopping = True
+        self._inbox.wake()
+        if self._thread.is_alive():
+            await asyncio.to_thread(self._thread.join)
+
+    @property
+    def ready(self) -> bool:
+        """Warm, running, and the last turn succeeded."""
+        return self._phase is Phase.RUNNING and self._failures_in_a_row == 0
+
+    @property
+    def alive(self) -> bool:
+        """Warming up, or a turn and every engine call ended within the last second."""
+        if self._phase is Phase.WARMING:
+            return self._thread.is_alive()
+        now = self._clock()
+        hung = now - self._beat >= ALIVE_SECONDS or self._pipeline.age(now) >= ALIVE_SECONDS
+        return self._phase is Phase.RUNNING and not hung
+
+    def stats(self) -> LoopStats:
+        """To be called on the thread."""
+        now, world = self._clock(), self._world
+        open_ = list(self._publisher.open())
+        return LoopStats(
+            agents=len(world.registry.agents),
+            sessions=len(world.registry.sessions),
+            subscribers=len(open_),
+            uptime_s=now - self._started_at,
+            resets=world.scheduler.resets,
+            dropped_batches=sum(subscription.dropped for subscription in open_),
+            reduced_steps=world.scheduler.reduced_steps,
+            states=world.states(),
+            capacity=world.load.capacity(now),
+            load=world.load.share(now),
+            rung=world.load.rung_number,
+            held_steps=world.scheduler.held_steps,
+            refused_agents=world.load.refused_agents,
+            **self._figures.values(now),
+        )
+
+    def _turn(self, now: float) -> int:
+        """Apply what the engine has completed, schedule and run what is due, publish.
+
+        Returns how many steps were applied.
+        """
+        self._forget(self._world.tend(now), now)
+        applied = 0
+        for step, seconds in self._pipeline.completed():
+            self._apply(step, seconds)
+            applied += 1
+        self._schedule(now, refill=applied > 0)
+        self._publish()
+        return applied
+
+    # The parts of a turn
+
+    def _forget(self, left: list[tuple[str, str]], now: float) -> None:
+        for session_id, agent_id in left:
+            self._publisher.forget_agent(session_id, agent_id)
+            self._publisher.tell(session_id, [Event(EventKind.AGENT_LEFT, now, agent_id)])
+
+    def _apply(self, step: PendingStep, seconds: float) -> None:
+        agents, now = self._world.apply(step), self._clock()
+        self._world.load.spent(now, step, seconds)
+        self._figures.stepped(now, seconds, agents)
+
+    def _schedule(self, now: float, refill: bool) -> None:
+        """Keep the engine busy with agents that are due, and when idle with those due soon."""
+        pipeline = self._pipeline
+        while (refill and pipeline.is_idle) or (pipeline.has_room and self._is_due(now)):
+            if not pipeline.submit(partial(self._world.schedule, now)):
+                break
+
+    def _publish(self) -> None:
+        due = self._world.take_due(self._clock() + EARLY_SECONDS)
+        now = self._clock()
+        for session_id, chunks in due:
+            self._publisher.publish(session_id, chunks)
+        self._figures.published(now, due)
+        for session_id, event in self._world.take_events():
+            self._publisher.tell(session_id, [event])
+        self._publisher.flush()
+
+    def _is_due(self, now: float) -> bool:
+        event = self._world.next_event()
+        return event is not None and event <= now
+
+    # Around the turns: commands, schedule, figures, failures
+
+    def _run(self) -> None:
+        reason = "the motion loop has been stopped"
+        try:
+            self._warm_up()
+            self._beat = self._clock()
+            self._phase = Phase.RUNNING
+            self._inbox.open()
+            while not self._stopping:
+                try:
+                    self._measured_turn()
+                except Exception as error:
+                    self._note_failure(error)
+                    if self._failures_in_a_row >= FAILURES:
+                        raise
+                    time.sleep(RETRY_SECONDS)
+        except Exception as error:
+            reason = f"the motion loop has failed: {error}"
+            log.exception("motion loop ended")
+        self._pipeline.close()
+        self._phase = Phase.ENDED
+        self._inbox.close(reason)
+        self._publisher.end_all(None if self._stopping else Unavailable(reason))
+
+    def _measured_turn(self) -> None:
+        self._beat = self._clock()
+        self._keep_schedule(self._beat)
+        self._inbox.serve(self._time_to_wait())
+        now = self._clock()
+        applied = self._turn(now)
+        self._figures.worked += self._clock() - now
+        if applied:
+            self._world.load.worked(now, *self._figures.take_worked())
+        if applied or not self._pipeline.age(now):
+            self._failures_in_a_row = 0
+
+    def _time_to_wait(self) -> float:
+        """Seconds until there is something to do, commands aside."""
+        if self._pipeline.has_completed:
+            return 0.0
+        event = self._world.next_event(self._pipeline.has_room, EARLY_SECONDS)
+        return HEARTBEAT if event is None else min(max(event - self._clock(), 0.0), HEARTBEAT)
+
+    def _keep_schedule(self, now: float) -> None:
+        """Put off agents that wait for a slow reader; move the schedule when it cannot be kept."""
+        waiting = self._publisher.waiting_sessions(now)
+        self._figures.held = len(waiting)
+        for session_id in waiting:
+            self._world.hold(session_id, now + HOLD_SECONDS)
+        behind = self._world.behind(now)
+        # while the engine hangs, nobody knows yet how far
+        if behind > BEHIND_SECONDS > self._pipeline.age(now):
+            self._world.rebase(behind)
+            self._figures.rebased += 1
+            log.warning("the motion loop is behind; schedule moved", seconds=round(behind, 3))
+
+    def _note_failure(self, error: Exception) -> None:
+        self._figures.failures += 1
+        self._failures_in_a_row += 1
+        log.error(
+            "a turn of the motion loop failed",
+            error=repr(error),
+            in_a_row=self._failures_in_a_row,
+            exc_info=self._failures_in_a_row == 1,  # the same trace ten times helps nobody
+        )

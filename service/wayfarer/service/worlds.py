@@ -1,0 +1,99 @@
+"""The worlds of a server: one in real time, one for each session in lock-step, and small ones in
+which clips and replays are made. All have the same models, bodies and ways to walk.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.body.model import BodyModel
+from wayfarer.engines.models import Models
+from wayfarer.navigation.scene import bake
+from wayfarer.service.persistence.capture import JournalObserver
+from wayfarer.service.persistence.journal import Journal
+from wayfarer.service.persistence.record import Recordings
+from wayfarer.service.persistence.snapshot import BodyStamp
+from wayfarer.world.scenes.bakery import Bakery
+from wayfarer.world.scenes.book import Book
+from wayfarer.world.stepping.settings import ANY_SIZE, WorldSettings
+from wayfarer.world.world import World
+
+SLACK: Final = 100.0
+"""Metres: in a replay an agent has come as far as is planned when it is given a goal, and not only
+as far as is sent."""
+
+
+@dataclass(frozen=True)
+class Worlds:
+    """What worlds are made of."""
+
+    models: Models
+    body: BodyStamp  # whose bodies they are
+    bodies: Mapping[str, BodyModel]
+    start_poses: NDArray[np.float32]  # [P, 22, 4]
+    settings: WorldSettings  # of the world in real time
+    journal: Journal | None = None
+    log_entries: int = 100_000
+    bakery: Bakery | None = None  # a process that bakes scenes; None: who asks for one bakes it
+
+    @cached_property
+    def scenes(self) -> Book:
+        """That their sessions may be in."""
+        bake_there = self.bakery.bake if self.bakery else bake
+        return Book(self.settings.scenes, self.settings.shard, bake_there, self.journal)
+
+    @cached_property
+    def recordings(self) -> Recordings:
+        """The logs of recorded sessions, of the world in real time and of those in lock-step."""
+        return Recordings(self.log_entries)
+
+    def stop(self) -> None:
+        """No scene is baked from now on."""
+        if self.bakery:
+            self.bakery.stop()
+
+    def live(self) -> World:
+        """In real time."""
+        return self._kept(self.settings)
+
+    def lock_step(self) -> World:
+        """For one session: nothing gives way, and nobody is refused for want of time."""
+        return self._kept(
+            replace(self._patient(), limits=replace(self.settings.limits, sessions=1))
+        )
+
+    def solo(self) -> World:
+        """For one agent who walks again, or for a clip; nothing of it is kept."""
+        limits = replace(
+            self.settings.limits,
+            agents=1,
+            agents_per_session=1,
+            sessions=1,
+            goal_distance=self.settings.limits.goal_distance + SLACK,
+        )
+        settings = replace(self._patient(), limits=limits, batch_sizes=(1,))
+        return World(self.models.copy(), self.bodies, self.start_poses, settings)
+
+    def _patient(self) -> WorldSettings:
+        return replace(
+            self.settings,
+            budget=None,
+            company=0.0,
+            full_batch=1,
+            phases=1,
+            lead=1,
+            batch_sizes=ANY_SIZE,
+            alone=True,
+            ways=ANY_SIZE[-1],
+        )
+
+    def _kept(self, settings: WorldSettings) -> World:
+        world = World(self.models, self.bodies, self.start_poses, settings, self.scenes)
+        world.observe(self.recordings)
+        if self.journal is not None:
+            world.observe(JournalObserver(self.journal, world))
+        return world

@@ -1,0 +1,1 @@
+"""Agents in their slots: columns, sessions, records."""

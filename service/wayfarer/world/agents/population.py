@@ -1,0 +1,216 @@
+"""Agents enter slots and leave them: new, as records of themselves, or to stand again."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from math import ceil
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.body.model import BodyModel
+from wayfarer.engines.models import Loaded, Models
+from wayfarer.spec import GENDERS, NEW_FRAMES
+from wayfarer.world.agents.agent import AgentChange, AgentSpec
+from wayfarer.world.agents.heading import heading_of
+from wayfarer.world.agents.phases import Phases
+from wayfarer.world.agents.records import AgentRecord
+from wayfarer.world.agents.registry import Agent, Registry, Session
+from wayfarer.world.agents.slots import Motion, SlotTable
+from wayfarer.world.agents.spawn import Spawner
+from wayfarer.world.agents.timeline import Timeline
+from wayfarer.world.output.footlock import LockState
+from wayfarer.world.output.ground import Footing, standing
+from wayfarer.world.output.legs import Legs, measure_legs
+
+MEASURED: Final = 1024
+"""Shapes whose legs are remembered."""
+
+
+class Population:
+    """The agents of a world in their slots and phases."""
+
+    def __init__(
+        self,
+        *,
+        bodies: Mapping[str, BodyModel],
+        start_poses: NDArray[np.float32],
+        phases: int,
+        lead: int,
+        registry: Registry,
+        table: SlotTable,
+        timeline: Timeline,
+        models: Models,
+    ) -> None:
+        """Steps are spread over so many `phases`; `lead` chunks are planned ahead."""
+        self._lead = lead
+        self._registry = registry
+        self._table = table
+        self._timeline = timeline
+        self._models = models
+        self._roster = models.roster()
+        self._legs = lru_cache(MEASURED)(
+            lambda gender, betas: measure_legs(bodies[gender], np.array(betas))
+        )
+        self.spawner = Spawner(bodies, start_poses)
+        self.phases = Phases(phases)
+
+    def measure(self, specs: Iterable[AgentSpec]) -> None:
+        """Measure bodies whose agents are about to enter. Thread-safe, and costly."""
+        for spec in specs:
+            self._legs(spec.gender, spec.betas)
+
+    def add(
+        self, session: Session, specs: Sequence[AgentSpec], seeds: Sequence[Motion], now: float
+    ) -> list[Agent]:
+        """Let agents begin. There must be free slots."""
+        if not specs:
+            return []
+        count = len(specs)
+        slots = self._enter(specs, Motion.join(seeds), [0] * count, [""] * count, now)
+        self._table.rows.footing.put(np.array(slots), standing([spec.floor for spec in specs]))
+        agents = []
+        for spec, slot in zip(specs, slots, strict=True):
+            agent = self._registry.add_agent(session, spec, slot, now)
+            agent.path_start = spec.position
+            agents.append(self._settle(agent, session))
+        return agents
+
+    def remove(self, agent: Agent) -> None:
+        """Its planned frames are thrown away."""
+        slots = self._table.rows
+        self.phases.leave(int(slots.start_frame[agent.slot]), int(slots.gender[agent.slot]))
+        self._models.leave(self._roster, int(slots.model[agent.slot]))
+        self._table.release(agent.slot)
+        self._registry.remove_agent(agent)
+
+    def change(self, agent: Agent, change: AgentChange) -> None:
+        """Carry out a change that has been checked."""
+        name, foot_lock = change.name, change.foot_lock
+        spec = agent.spec if name is None else replace(agent.spec, name=name)
+        agent.spec = spec if foot_lock is None else replace(spec, foot_lock=foot_lock)
+        self._table.rows.foot_lock[agent.slot] = agent.spec.foot_lock
+
+    def move(self, agent: Agent, model: Loaded) -> bool:
+        """Let it be moved by a model from its next step on; returns whether that is another.
+
+        Raises NotFound when the model has been unloaded.
+        """
+        numbers, slot = self._table.rows.model, agent.slot
+        if numbers[slot] == model.number:
+            return False
+        self._models.change(self._roster, int(numbers[slot]), model)
+        numbers[slot] = model.number
+        return True
+
+    def stand_again(self, slot: int) -> Motion:
+        """A stand where and as an agent's planned motion has left it, one row."""
+        seed, spec = self._table.rows.planned.seed, self._registry.by_slot[slot].spec
+        x, y, _ = (float(v) for v in seed.translation[slot, -1])
+        heading = heading_of(seed.rotations[slot, -1, 0])
+        return self.spawner.stand(replace(spec, position=(x, y), heading=heading))
+
+    def take(self, agent: Agent, motion: Motion) -> AgentRecord:
+        """The agent as of the last chunk sent; it stays where it is. `motion` is one row."""
+        slots, row = self._table.rows, np.array([agent.slot])
+        return AgentRecord(
+            agent_id=agent.agent_id,
+            alias=agent.alias,
+            spec=agent.spec,
+            created_at=agent.created_at,
+            seq=int(slots.sent_chunks[agent.slot]),
+            motion=motion,
+            feet=slots.feet.take(row) if slots.feet_begun[agent.slot] else None,
+            footing=slots.footing.take(row),
+            goal_revision=int(slots.goal_revision[agent.slot]),
+            path=agent.path,
+            passed=agent.passed,
+            path_start=agent.path_start,
+            behaviour=agent.behaviour,
+            part=agent.part,
+            begun=agent.begun,
+            model=self._models.numbered(int(slots.model[agent.slot])).stamp,
+        )
+
+    def put(self, session: Session, records: Sequence[AgentRecord], now: float) -> list[Agent]:
+        """Let recorded agents go on. There must be free slots and no agents of their ids."""
+        if not records:
+            return []
+        entered = self._enter(
+            [record.spec for record in records],
+            Motion.join([record.motion for record in records]),
+            [record.seq for record in records],
+            [record.model for record in records],
+            now,
+        )
+        slots = self._table.rows
+        begun = {s: r.feet for s, r in zip(entered, records, strict=True) if r.feet is not None}
+        if begun:
+            rows = np.array(list(begun))
+            slots.feet.put(rows, LockState.join(list(begun.values())))
+            slots.feet_begun[rows] = True
+        slots.footing.put(np.array(entered), Footing.join([record.footing for record in records]))
+        slots.goal_revision[entered] = [record.goal_revision for record in records]
+        slots.revised_chunk[entered] = [record.seq - 1 for record in records]
+        return [
+            self._go_on(session, record, slot)
+            for record, slot in zip(records, entered, strict=True)
+        ]
+
+    def _go_on(self, session: Session, record: AgentRecord, slot: int) -> Agent:
+        agent = Agent(
+            agent_id=record.agent_id,
+            alias=record.alias,
+            session_id=session.session_id,
+            spec=record.spec,
+            slot=slot,
+            created_at=record.created_at,
+            path=record.path,
+            passed=record.passed,
+            path_start=record.path_start,
+            behaviour=record.behaviour,
+            part=record.part,
+            begun=record.begun,
+        )
+        session.last_alias = max(session.last_alias, record.alias)
+        return self._settle(self._registry.enter(agent), session)
+
+    def _settle(self, agent: Agent, session: Session) -> Agent:
+        """Let the slot know whose it is."""
+        slots = self._table.rows
+        slots.agent_id[agent.slot] = agent.agent_id
+        slots.alias[agent.slot] = agent.alias
+        slots.session[agent.slot] = session.number
+        slots.scene[agent.slot] = session.scene
+        slots.avoids[agent.slot] = bool(session.spec.scene) and session.spec.avoid
+        return agent
+
+    def _enter(
+        self,
+        specs: Sequence[AgentSpec],
+        motions: Motion,
+        seqs: Sequence[int],
+        models: Sequence[str],
+        now: float,
+    ) -> list[int]:
+        """Slots whose next chunks have the numbers `seqs` and go on from `motions`.
+
+        `models`: stamps of those that shall move them.
+        """
+        entered = self._table.acquire(len(specs))
+        slots, rows = self._table.rows, np.array(entered)
+        genders = [GENDERS.index(spec.gender) for spec in specs]
+        slots.gender[rows] = genders
+        slots.model[rows] = [self._models.enter(self._roster, stamp) for stamp in models]
+        slots.noise_seed[rows] = np.array([spec.noise_seed for spec in specs], np.uint64)
+        slots.betas[rows] = [spec.betas for spec in specs]
+        slots.foot_lock[rows] = [spec.foot_lock for spec in specs]
+        slots.legs.put(rows, Legs.join([self._legs(spec.gender, spec.betas) for spec in specs]))
+        slots.committed.put(rows, motions)
+        slots.planned.put(rows, motions)
+        slots.sent_chunks[rows] = slots.planned_chunks[rows] = seqs
+        earliest = ceil(self._timeline.frame(now)) + self._lead * NEW_FRAMES
+        first = [self.phases.next_frame(self.phases.enter(g), earliest) for g in genders]
+        slots.start_frame[rows] = np.array(first) - NEW_FRAMES * np.array(seqs)
+        return entered

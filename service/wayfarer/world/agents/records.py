@@ -1,0 +1,46 @@
+"""Agents and sessions at rest: all that their motion depends on, taken out of a world and put
+into one. Both are as of the last chunk sent; what was planned beyond it is made again.
+
+`World.take_agent` and `put_agent`, `take_session` and `put_session`.
+"""
+
+from dataclasses import dataclass
+
+from wayfarer.world.agents.agent import AgentSpec, Goal, SessionSpec
+from wayfarer.world.agents.behaviour import Behaviour
+from wayfarer.world.agents.slots import Motion
+from wayfarer.world.output.footlock import LockState
+from wayfarer.world.output.ground import Footing
+
+
+@dataclass(frozen=True, slots=True)
+class AgentRecord:
+    """One agent. Arrays are world space, as in slots.py; noise is drawn by seed and `seq`."""
+
+    agent_id: str
+    alias: int
+    spec: AgentSpec
+    created_at: float  # Unix seconds
+    seq: int  # of the next chunk
+    motion: Motion  # one row: where the last sent frame left it
+    feet: LockState | None  # one row; None: its feet have not been locked yet
+    footing: Footing  # one row
+    goal_revision: int
+    path: tuple[Goal, ...]  # goals that are not yet forgotten
+    passed: int  # place of the first of them in the path
+    path_start: tuple[float, float]  # metres: where the way to the first of them begins
+    behaviour: Behaviour | None
+    part: int = 0  # of a routine
+    begun: int = 0  # place in the path where the behaviour, or the part, began
+    model: str = ""  # stamp of the one that moves it; empty: whichever is in use
+
+
+@dataclass(frozen=True, slots=True)
+class SessionRecord:
+    """A session with its agents in order of creation."""
+
+    session_id: str
+    spec: SessionSpec
+    created_at: float  # Unix seconds
+    last_alias: int
+    agents: tuple[AgentRecord, ...]

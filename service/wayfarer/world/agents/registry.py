@@ -1,0 +1,125 @@
+"""Who is there: sessions and their agents by id, by slot, and by alias."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from wayfarer.errors import AlreadyExists, NotFound, ResourceExhausted
+from wayfarer.shard import Shard, agent_id
+from wayfarer.world.agents.agent import AgentSpec, Goal, SessionInfo, SessionSpec
+from wayfarer.world.agents.behaviour import Behaviour
+from wayfarer.world.agents.reservations import Reservation
+from wayfarer.world.limits import Limits
+
+
+@dataclass(slots=True)
+class Agent:
+    """What is kept of an agent beside its slot."""
+
+    agent_id: str
+    alias: int
+    session_id: str
+    spec: AgentSpec
+    slot: int
+    created_at: float
+    path: tuple[Goal, ...] = ()  # without the goals that are forgotten
+    passed: int = 0  # place of the first of them in the path, as it was given
+    path_start: tuple[float, float] = (0.0, 0.0)  # where the way to the first of them begins
+    behaviour: Behaviour | None = None  # that it follows
+    part: int = 0  # of a routine
+    begun: int = 0  # place in the path of the first goal of the behaviour, or of the part
+    begun_seq: int = 0  # of the first chunk that was planned for it
+    commanded_seq: int = 0  # of the first chunk that its last command counts for
+
+
+@dataclass(slots=True)
+class Session:
+    """A session's agents in order of creation; aliases count from 1, none is used twice."""
+
+    session_id: str
+    number: int  # never used twice by a world
+    created_at: float
+    spec: SessionSpec
+    agents: dict[str, Agent] = field(default_factory=dict)
+    last_alias: int = 0
+    scene: int = 0  # number of its scene in this world; 0: none
+
+    def info(self) -> SessionInfo:
+        """What is told of it."""
+        return SessionInfo(self.session_id, tuple(self.agents), self.created_at, self.spec)
+
+
+class Registry:
+    """The sessions and agents of a world."""
+
+    def __init__(self, limits: Limits, shard: Shard) -> None:
+        self._limits = limits
+        self._shard = shard
+        self.sessions: dict[str, Session] = {}
+        self._last_number = 0
+        self.agents: dict[str, Agent] = {}
+        self.by_slot: dict[int, Agent] = {}
+
+    def session(self, session_id: str) -> Session:
+        """Raises NotFound."""
+        try:
+            return self.sessions[session_id]
+        except KeyError:
+            raise NotFound(f"no session {session_id!r}") from None
+
+    def agent(self, agent_id: str) -> Agent:
+        """Raises NotFound."""
+        try:
+            return self.agents[agent_id]
+        except KeyError:
+            raise NotFound(f"no agent {agent_id!r}") from None
+
+    def add_session(self, spec: SessionSpec, now: float) -> Session:
+        """Raises AlreadyExists, ResourceExhausted."""
+        session_id = spec.session_id or self._shard.session_id()
+        if session_id in self.sessions:
+            raise AlreadyExists(f"session {session_id!r} exists already")
+        if len(self.sessions) >= self._limits.sessions:
+            raise ResourceExhausted(
+                f"all {self._limits.sessions} sessions are open; delete one first"
+            )
+        self._last_number += 1
+        self.sessions[session_id] = session = Session(session_id, self._last_number, now, spec)
+        return session
+
+    def check_room(self, wanted: Reservation, held: Sequence[Reservation] = ()) -> None:
+        """Whether so many fit, beside those for whom room is held. Thread-safe.
+
+        Raises NotFound, ResourceExhausted.
+        """
+        own, all_ = self._limits.agents_per_session, self._limits.agents
+        session, more = self.session(wanted.session_id), len(wanted.genders)
+        coming = sum(len(h.genders) for h in held if h.session_id == session.session_id)
+        if (here := len(session.agents) + coming) + more > own:
+            raise ResourceExhausted(
+                f"session {session.session_id!r} has {here} agents and may have {own}; "
+                f"{more} more were asked for"
+            )
+        if (here := len(self.agents) + sum(len(h.genders) for h in held)) + more > all_:
+            raise ResourceExhausted(
+                f"{here} of {all_} agents exist; {more} more were asked for",
+                retry_after=5.0,
+            )
+
+    def add_agent(self, session: Session, spec: AgentSpec, slot: int, now: float) -> Agent:
+        """Enter a new agent whose slot has been taken."""
+        session.last_alias += 1
+        name = agent_id(session.session_id)
+        return self.enter(Agent(name, session.last_alias, session.session_id, spec, slot, now))
+
+    def enter(self, agent: Agent) -> Agent:
+        """Enter an agent who has an id. Raises AlreadyExists."""
+        name, session = agent.agent_id, self.sessions[agent.session_id]
+        if name in self.agents:
+            raise AlreadyExists(f"agent {name!r} exists already")
+        self.agents[name] = session.agents[name] = self.by_slot[agent.slot] = agent
+        return agent
+
+    def remove_agent(self, agent: Agent) -> None:
+        """Forget an agent."""
+        del self.agents[agent.agent_id], self.by_slot[agent.slot]
+        del self.sessions[agent.session_id].agents[agent.agent_id]

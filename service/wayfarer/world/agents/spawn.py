@@ -1,0 +1,78 @@
+"""The seed of an agent who stands: a natural start pose, on the floor, at a place and heading.
+
+Both seed frames are the same, so the first primitive starts at rest.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.body.model import Array, BodyModel
+from wayfarer.body.rotation import matrix_from_quaternion, quaternion_from_rotvec
+from wayfarer.errors import ArtifactError
+from wayfarer.spec import POSED_JOINTS
+from wayfarer.world.agents.agent import AgentSpec
+from wayfarer.world.agents.heading import facing_at
+from wayfarer.world.agents.slots import Gait, Mode, Motion, Seeds
+
+
+def load_start_poses(path: Path) -> NDArray[np.float32]:
+    """Array `rotations` [P, 22, 4] of a file: standing poses at heading 0. Raises ArtifactError."""
+    try:
+        with np.load(path) as file:
+            rotations = file["rotations"]
+    except (OSError, ValueError, KeyError, BadZipFile) as error:
+        raise ArtifactError(f"{path}: start poses cannot be read: {error}") from error
+    if rotations.ndim != 3 or rotations.shape[1:] != (POSED_JOINTS, 4) or not len(rotations):
+        raise ArtifactError(
+            f"{path}: rotations: found shape {rotations.shape}, expected (P > 0, {POSED_JOINTS}, 4)"
+        )
+    lengths = np.linalg.norm(rotations, axis=-1)
+    if not (np.abs(lengths - 1) < 1e-3).all():  # a NaN fails too
+        raise ArtifactError(f"{path}: rotations: found quaternions that are not of unit length")
+    return rotations.astype(np.float32)
+
+
+class Spawner:
+    """Builds standing seeds for bodies of both genders."""
+
+    def __init__(self, bodies: Mapping[str, BodyModel], start_poses: NDArray[np.float32]) -> None:
+        self._bodies = bodies
+        self._poses = start_poses
+
+    def stand(self, spec: AgentSpec) -> Motion:
+        """One row: `spec`'s body standing at its position and heading, soles on z = 0.
+
+        The pose is chosen by the noise seed. Hips are over the position.
+        """
+        body = self._bodies[spec.gender]
+        pose = self._poses[spec.noise_seed % len(self._poses)].astype(np.float64)
+        turn = quaternion_from_rotvec(np.array([0.0, 0.0, spec.heading]))
+        betas = np.asarray(spec.betas, np.float64)
+
+        local = matrix_from_quaternion(pose)
+        local[0] = matrix_from_quaternion(turn) @ local[0]
+        rotations, places = body.forward_kinematics(np.zeros(3), local, body.rest_joints(betas))
+        markers = body.markers(betas, rotations, places)
+        hips = np.array([*spec.position, -markers[body.sole_markers, 2].min()])
+        quaternions = np.concatenate([multiply(turn, pose[0])[None], pose[1:]])
+
+        seed, gait = Seeds.empty(1), Gait.empty(1)
+        seed.markers[:] = markers + hips
+        seed.translation[:] = hips
+        seed.rotations[:] = quaternions
+        gait.mode[:] = Mode.STANDING
+        gait.stop_place[:] = spec.position
+        gait.stop_facing[:] = facing_at(spec.heading)
+        gait.planted[:] = True
+        gait.soles[:] = (markers + hips)[body.sole_markers, :2].reshape(2, -1, 2)
+        return Motion(seed, gait)
+
+
+def multiply(a: Array, b: Array) -> Array:
+    """Quaternion product a b [4], x y z w: first turn by b, then by a."""
+    vector = a[3] * b[:3] + b[3] * a[:3] + np.cross(a[:3], b[:3])
+    return np.array([*vector, a[3] * b[3] - a[:3] @ b[:3]])

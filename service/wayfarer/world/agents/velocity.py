@@ -1,0 +1,24 @@
+"""How agents move at present, from their last frames."""
+
+from typing import Final
+
+import numpy as np
+
+from wayfarer.world.rows import Float
+
+FORESIGHT: Final = 0.4
+"""Seconds by which a place is carried on at most."""
+
+SLOW: Final = 0.15
+"""m/s: below, hips only sway."""
+
+
+def moving(hips: Float, speed: Float) -> Float:
+    """Velocities [A, 2] of agents from their last frames, hips [A, S, 3], and the `speed` [A] of
+    their gait.
+    """
+    way = hips[:, -1, :2] - hips[:, 0, :2]
+    length = np.maximum(np.linalg.norm(way, axis=-1), 1e-6)
+    steady = np.where(speed < SLOW, 0.0, speed)
+    found: Float = (way * (steady / length)[:, None]).astype(np.float32)
+    return found

@@ -1,0 +1,29 @@
+"""An agent's slot as a plain message of agent.py."""
+
+from wayfarer.engines.models import Models
+from wayfarer.world.agents.agent import AgentInfo
+from wayfarer.world.agents.heading import heading_of
+from wayfarer.world.agents.registry import Agent
+from wayfarer.world.agents.slots import Mode, Slots
+
+
+def agent_info(agent: Agent, slots: Slots, models: Models) -> AgentInfo:
+    """A snapshot: the motion as far as it has been sent, the path as far as it is planned."""
+    slot = agent.slot
+    seed, waypoint = slots.committed.seed, int(slots.planned.gait.waypoint[slot])
+    x, y, z = (float(v) for v in seed.translation[slot, -1])
+    return AgentInfo(
+        agent_id=agent.agent_id,
+        alias=agent.alias,
+        session_id=agent.session_id,
+        spec=agent.spec,
+        state=Mode(int(slots.committed.gait.mode[slot])).state,
+        position=(x, y, z + float(slots.footing.hips[slot])),
+        heading=heading_of(seed.rotations[slot, -1, 0]),
+        goal=agent.path[waypoint - agent.passed] if agent.path else None,
+        goal_revision=int(slots.goal_revision[slot]),
+        created_at=agent.created_at,
+        waypoint=waypoint,
+        waypoints=agent.passed + len(agent.path) if agent.path else 0,
+        model=models.numbered(int(slots.model[slot])).name,
+    )

@@ -1,0 +1,124 @@
+"""Where to walk among others: sampled reciprocal velocity obstacles.
+
+Each person tries velocities around the one it would like, and takes that of the least cost (see
+costs.py). As RVO has it, of somebody who avoids others, too, it expects half of what is to be done;
+of others nothing. Bodies are slow to react and do not walk well below some speed: a person walks
+faster than that or waits. Two who block each other are parted by their numbers: the one of the
+higher number makes way.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.world.avoidance.costs import costs
+from wayfarer.world.avoidance.groups import keep_together
+from wayfarer.world.avoidance.neighbours import Neighbours, neighbours
+from wayfarer.world.avoidance.people import Float, Memory, People
+from wayfarer.world.avoidance.rules import FAN, RULES, Rules
+from wayfarer.world.rows import Index
+
+FACING: Final = 0.3
+"""Cosine: somebody would walk towards one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """What [A] people shall do next."""
+
+    velocity: Float  # [A, 2] m/s; zero for those who wait
+    waits: NDArray[np.bool_]  # [A] stop, and go on when the way is free
+    memory: Memory  # [A] of them for the next time
+
+
+def avoid(
+    people: People,
+    rows: Index,
+    preferred: Float,
+    clear: Callable[[Float], Float] | None,
+    seconds: float,
+    rules: Rules = RULES,
+) -> Course:
+    """The velocities that some people shall take.
+
+    rows [A] of `people` who would walk at `preferred` [A, 2] m/s, not zero. `clear`: metres to the
+    nearest wall at points [A, N, 2] of these rows, [A, N]; None: there are no walls. `seconds`:
+    since they were asked last. A row's result depends on `people`, not on who else is asked.
+    """
+    memory = people.memory.take(rows)
+    wished = keep_together(people, rows, preferred)
+    near = neighbours(people, rows, rules)
+    yields = memory.yields > 0
+    way = np.where(yields[:, None], memory.retreat * rules.yield_speed, wished)
+    tried = _candidates(way, memory.chosen, rules)
+    best = costs(people, rows, near, way, tried, memory.chosen, clear, rules).argmin(1)
+    chosen = tried[np.arange(len(rows)), best]
+    waits = ~chosen.any(-1)
+    memory = _remember(memory, people, rows, wished, chosen, seconds)
+    return Course(chosen, waits, _make_way(memory, people, rows, near, rules))
+
+
+def _candidates(way: Float, last: Float, rules: Rules) -> Float:
+    """Velocities to try [A, C, 2]: the one wished, a fan around it, the last one, and to stop."""
+    speed = np.sqrt((way * way).sum(-1))
+    # slower than a body can walk well only for those who want to
+    least = np.minimum(rules.slowest, speed) / np.maximum(speed, 1e-6)
+    length = np.sqrt((FAN * FAN).sum(-1))
+    scale = np.maximum(length, least[:, None]) / length
+    x = scale * (FAN[:, 0] * way[:, 0, None] - FAN[:, 1] * way[:, 1, None])
+    y = scale * (FAN[:, 0] * way[:, 1, None] + FAN[:, 1] * way[:, 0, None])
+    tried = np.zeros((len(way), len(FAN) + 2, 2), np.float32)
+    tried[:, :-2, 0], tried[:, :-2, 1], tried[:, -2] = x, y, last
+    return tried
+
+
+def _remember(
+    memory: Memory, people: People, rows: Index, wished: Float, chosen: Float, seconds: float
+) -> Memory:
+    """How it went: who gets on in its own direction does not wait."""
+    speed = np.sqrt((wished * wished).sum(-1))
+    velocity = people.velocity[rows]
+    on = (velocity * wished).sum(-1) / np.maximum(speed, 1e-6)
+    waited = np.where(on < 0.25 * speed, memory.waited + seconds, 0.0).astype(np.float32)
+    yields = np.maximum(memory.yields - np.float32(seconds), 0)
+    return Memory(wished, chosen, waited, yields, memory.retreat)
+
+
+def _make_way(
+    memory: Memory, people: People, rows: Index, near: Neighbours, rules: Rules
+) -> Memory:
+    """Those who have waited too long before others of lower numbers begin to make way for them."""
+    impatient = (memory.waited > rules.patience) & (memory.yields <= 0)
+    if not impatient.any():
+        return memory
+    theirs = people.memory.preferred[near.index]
+    distance = np.maximum(near.distance, 1e-6)
+    speed = np.maximum(np.sqrt((theirs * theirs).sum(-1)), 1e-6)
+    towards = -(theirs[..., 0] * near.dx + theirs[..., 1] * near.dy) / (distance * speed)
+    slow = (people.velocity[near.index] ** 2).sum(-1) < 0.25 * speed**2
+    before = (
+        ~near.nobody
+        & people.walks[near.index]
+        & (people.number[near.index] < people.number[rows][:, None])
+        & (distance < 1.6)
+        & (towards > FACING)
+        & slow
+    )
+    begins = impatient & before.any(1)
+    first = before.argmax(1)
+    pick = np.arange(len(rows)), first
+    ahead = theirs[pick] / speed[pick][:, None]
+    across = np.stack([near.dx[pick], near.dy[pick]], -1) * -1
+    across = across - ahead * (across * ahead).sum(-1, keepdims=True)
+    away = ahead + across / np.maximum(np.sqrt((across * across).sum(-1, keepdims=True)), 1e-6)
+    away /= np.maximum(np.sqrt((away * away).sum(-1, keepdims=True)), 1e-6)
+    return Memory(
+        memory.preferred,
+        memory.chosen,
+        np.where(begins, 0, memory.waited).astype(np.float32),
+        np.where(begins, rules.yielding, memory.yields).astype(np.float32),
+        np.where(begins[:, None], away, memory.retreat).astype(np.float32),
+    )

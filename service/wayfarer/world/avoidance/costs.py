@@ -1,0 +1,95 @@
+"""What a velocity costs a person among others: the sum of a few terms, each a function here."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from wayfarer.world.avoidance.neighbours import Neighbours
+from wayfarer.world.avoidance.people import Float, People
+from wayfarer.world.avoidance.rules import Rules
+from wayfarer.world.rows import Index
+
+Clearance = Callable[[Float], Float]
+"""Metres to the nearest wall [A, N] at points [A, N, 2]."""
+
+
+def costs(
+    people: People,
+    rows: Index,
+    near: Neighbours,
+    way: Float,
+    tried: Float,
+    last: Float,
+    clear: Clearance | None,
+    rules: Rules,
+) -> Float:
+    """Of the velocities `tried` [A, C, 2] by people at `rows` who would go `way`. [A, C]"""
+    total = rules.deviation * _apart(tried, way) + rules.change * _apart(tried, last)
+    total += meetings(people, rows, near, tried, rules)
+    if clear is not None:
+        total += walls(people, rows, tried, clear, rules)
+    return total
+
+
+def meetings(people: People, rows: Index, near: Neighbours, tried: Float, rules: Rules) -> Float:
+    """How soon and how nearly others are met, and on which side. [A, C]"""
+    own, their = people.velocity[rows], people.velocity[near.index]
+    # w: velocity relative to the other, reciprocal (2v - own - theirs) where it gives way, too;
+    # close by it would be too late to rely on that
+    gives_way = people.walks[near.index] & ((their * their).sum(-1) > 0.09)
+    touch = people.radius[rows][:, None] + people.radius[near.index]
+    far = np.clip((near.distance - touch) / rules.close - 1, 0, 1)
+    share = 1 + gives_way * far
+    base = (share - 1)[..., None] * own[:, None] + their
+    vx, vy = tried[:, :, 0, None], tried[:, :, 1, None]
+    wx = share[:, None] * vx - base[:, None, :, 0]
+    wy = share[:, None] * vy - base[:, None, :, 1]
+    # until the body does as it is told it goes on as it went
+    dx = near.dx[:, None] - rules.reaction * (own[:, None, None, 0] - vx)
+    dy = near.dy[:, None] - rules.reaction * (own[:, None, None, 1] - vy)
+    along, fast = wx * dx + wy * dy, np.maximum(wx * wx + wy * wy, 1e-4)
+    at = np.clip(along / fast, rules.soon, rules.horizon)  # seconds to the nearest approach
+    gap_x, gap_y = dx - wx * at, dy - wy * at
+    gap = np.sqrt(gap_x * gap_x + gap_y * gap_y)
+
+    mine = people.group[rows][:, None]
+    same = (mine > 0) & (people.group[near.index] == mine)
+    # the longer somebody has waited, the less room it asks for
+    asked = rules.comfort / (1 + people.memory.waited[rows] / rules.push)
+    comfort = np.where(same, 0.05, asked[:, None])
+    room = touch + comfort
+    depth = np.maximum(room[:, None] - gap, 0) / comfort[:, None]  # 1: they touch
+    depth[np.broadcast_to(near.nobody[:, None], depth.shape)] = 0
+    sooner = at - np.sqrt(np.maximum(room[:, None] ** 2 - gap * gap, 0) / fast)
+    urgency = 1 / (0.1 + np.maximum(sooner, 0) / rules.horizon) - 1 / 1.1
+    each = rules.collision * depth * urgency
+
+    # who comes towards one should stay on one's left
+    oncoming = ((own[:, None] * their).sum(-1) < -0.2) & ~same & ~near.nobody
+    cross = (wx * dy - wy * dx) / np.sqrt(fast)  # metres by which it is passed on the right
+    wrong = np.clip((0.35 - cross) / 0.7, 0, 1) * (along > 0) * oncoming[:, None]
+    beside = np.clip((1.5 - np.abs(cross)) / 1.0, 0, 1)
+    each += rules.side * wrong * beside
+    return each.max(-1) + 0.25 * each.sum(-1)
+
+
+def walls(people: People, rows: Index, tried: Float, clear: Clearance, rules: Rules) -> Float:
+    """How far a way leads into walls within the next second. [A, C]"""
+    own = people.velocity[rows]
+    slip = rules.reaction * (own[:, None] - tried)
+    start = people.position[rows]
+    times = np.array(rules.wall_times, np.float32)
+    points = start[:, None, None] + slip[:, :, None] + tried[:, :, None] * times[:, None]
+    count, fan = tried.shape[:2]
+    flat = np.concatenate([points.reshape(count, -1, 2), start[:, None]], 1)
+    room = clear(flat.astype(np.float32))
+    # whoever is too near already may go wherever it is no nearer
+    wanted = np.minimum(people.radius[rows] + rules.wall_room, room[:, -1])
+    lack = np.maximum(wanted[:, None] - room[:, :-1], 0).reshape(count, fan, len(times))
+    return np.asarray(rules.wall * (lack / rules.wall_room).max(-1), np.float32)
+
+
+def _apart(a: Float, b: Float) -> Float:
+    """Metres per second between velocities a [A, C, 2] and b [A, 2]. [A, C]"""
+    gap = a - b[:, None]
+    return np.sqrt((gap * gap).sum(-1))

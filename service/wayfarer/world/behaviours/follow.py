@@ -1,0 +1,118 @@
+"""Following: a place relative to another agent."""
+
+from dataclasses import dataclass
+from math import dist, hypot
+from typing import ClassVar, Final, Literal
+
+from wayfarer.errors import InvalidArgument, Metres
+from wayfarer.world.agents.behaviour import Actor, Aim, Behaviour, Body, Others, Start, Vector
+from wayfarer.world.agents.registry import Agent
+from wayfarer.world.goals.checks import check_agent_id, check_range
+from wayfarer.world.limits import Limits
+
+MAX_BESIDE: Final = 10.0
+"""Metres, behind or to the right."""
+
+MIN_APART: Final = 0.5
+"""Metres between the follower's place and its leader."""
+
+WALKING: Final = 0.35
+"""m/s: for its followers, a slower leader stands."""
+
+AHEAD: Final = 1.2
+"""Metres before its place that a follower aims at, so that it walks along and not to a point."""
+
+JOINED: Final = 1.5
+"""Metres from its place within which a follower walks along; from farther away it catches up."""
+
+SLACK: Final = 0.6
+"""Metres by which the place of a standing follower may be wrong until it takes another."""
+
+CATCH_UP: Final = 0.8
+"""1/s: gain of the speed on the distance to one's place."""
+
+FASTEST: Final = 2.2
+SLOWEST: Final = 0.4
+
+
+@dataclass(frozen=True, slots=True)
+class Follow(Behaviour):
+    """Keeping to a place relative to another agent: walking as it walks, standing as it stands.
+
+    Those who follow one another are a group, who do not avoid each other as strangers. It ends,
+    and the agent stops, when the other is deleted.
+    """
+
+    agent_id: str
+    behind: float = 1.2  # metres behind it; negative: before it
+    right: float = 0.0  # metres to its right; negative: to its left
+    kind: Literal["follow"] = "follow"
+
+    NEEDS_OTHERS: ClassVar[bool] = True
+
+    @property
+    def named_agent(self) -> str:
+        """The leader."""
+        return self.agent_id
+
+    def check(self, start: Start, limits: Limits, where: str) -> None:
+        """See `Behaviour`."""
+        check_agent_id(self.agent_id, f"{where}.agent_id")
+        for name in ("behind", "right"):
+            check_range([getattr(self, name)], -MAX_BESIDE, MAX_BESIDE, f"{where}.{name}", Metres)
+        if (apart := hypot(self.behind, self.right)) < MIN_APART:
+            raise InvalidArgument(
+                "its place is {} from whom it follows; allowed: {} or more",
+                f"{where}.behind",
+                Metres(round(apart, 2)),
+                Metres(MIN_APART),
+            )
+
+    def check_others(self, agent: Agent, others: Others) -> None:
+        """No circle: nobody that the leader follows, directly or not, is the agent itself."""
+        leader, passed = others.agent(self.agent_id), list[Agent]()
+        while leader is not None and leader not in passed:
+            passed.append(leader)
+            doing = others.doing(leader)
+            leader = others.agent(doing.agent_id) if isinstance(doing, Follow) else None
+        if any(one.agent_id == agent.agent_id for one in passed):
+            raise InvalidArgument(
+                "agents would follow each other in a circle", "behaviour.agent_id"
+            )
+
+    def update(self, actor: Actor) -> None:
+        """See `Behaviour`."""
+        leader = actor.look_at(self.agent_id)
+        if leader is not None:
+            actor.walk_with(self.agent_id)
+            aim = follow(self, actor.body, leader, actor.stood_at)
+            actor.aim(aim, on_floor_of=self.agent_id)
+
+
+def follow(wish: Follow, me: Body, leader: Body, last: Vector | None) -> Aim:
+    """Keep to a place relative to `leader`; `last` is where that was while it stood."""
+    if leader.speed < WALKING:
+        place = _beside(wish, leader.place, leader.facing)
+        reach = hypot(wish.behind, wish.right) + SLACK
+        if last is not None and 0.5 < dist(last, leader.place) < reach:
+            place = last  # it turned, or sways: no reason to walk around it
+        return Aim(place, facing=leader.facing)
+    x, y = leader.velocity
+    way = x / leader.speed, y / leader.speed
+    place = _beside(wish, leader.place, way)
+    off = place[0] - me.place[0], place[1] - me.place[1]
+    if hypot(*off) > JOINED:
+        return Aim(place, speed=min(max(leader.speed + 0.6, 1.4), FASTEST), onward=way)
+    along = off[0] * way[0] + off[1] * way[1]
+    speed = min(max(leader.speed + CATCH_UP * along, SLOWEST), FASTEST)
+    aim = place[0] + AHEAD * way[0], place[1] + AHEAD * way[1]
+    return Aim(aim, speed=speed, onward=way)
+
+
+def _beside(wish: Follow, place: Vector, way: Vector) -> Vector:
+    """Behind and to the right of somebody who looks along `way`."""
+    x, y = way
+    return (
+        place[0] - wish.behind * x + wish.right * y,
+        place[1] - wish.behind * y - wish.right * x,
+    )

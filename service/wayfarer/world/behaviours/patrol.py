@@ -1,0 +1,46 @@
+"""Patrolling: goals in turn, again and again."""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.behaviour import Actor, Behaviour, Start
+from wayfarer.world.goals.checks import check_goal, check_path
+from wayfarer.world.limits import Limits
+
+
+@dataclass(frozen=True, slots=True)
+class Patrol(Behaviour):
+    """Visiting goals again and again."""
+
+    goals: tuple[Goal, ...]
+    to_and_fro: bool = False  # back the way one came; else from the last straight to the first
+    kind: Literal["patrol"] = "patrol"
+
+    WALKS: ClassVar[bool] = True
+    FROM_PLACE_TO_PLACE: ClassVar[bool] = True
+
+    @property
+    def given_goals(self) -> tuple[Goal, ...]:
+        """The goals of a round."""
+        return self.goals
+
+    def check(self, start: Start, limits: Limits, where: str) -> None:
+        """See `Behaviour`."""
+        first = start or (self.goals[0].position if self.goals else (0.0, 0.0, 0.0))
+        check_path(self.goals, first, limits, field=f"{where}.goals")
+        whence = "the last goal, after which it comes,"
+        check_goal(self.goals[0], self.goals[-1].position, limits, f"{where}.goals[0]", whence)
+
+    def next_goal(self, actor: Actor, number: int) -> Goal:
+        """See `Behaviour`."""
+        step = number - actor.agent.begun
+        return self.goals[patrolled(step, len(self.goals), self.to_and_fro)]
+
+
+def patrolled(step: int, count: int, to_and_fro: bool) -> int:
+    """Which of `count` goals is number `step` of a patrol."""
+    if not to_and_fro or count == 1:
+        return step % count
+    turn = step % (2 * count - 2)
+    return min(turn, 2 * count - 2 - turn)

@@ -1,0 +1,132 @@
+"""Queueing: agents line up behind a place."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import cos, dist, sin
+from typing import ClassVar, Final, Literal
+
+import numpy as np
+
+from wayfarer.errors import Heading, Metres, MetresPerSecond
+from wayfarer.world.agents.behaviour import Actor, Aim, Behaviour, Others, Start, Vector
+from wayfarer.world.agents.registry import Agent
+from wayfarer.world.goals.checks import MAX_HEADING, SPEED, check_name, check_place, check_range
+from wayfarer.world.limits import Limits
+
+SPACING: Final = (0.5, 5.0)
+"""Metres."""
+
+JOINS: Final = 1.2
+"""Metres from the end of the line at which an agent becomes part of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Queue(Behaviour):
+    """Lining up: the first stands at the head, the others behind it as they come.
+
+    Queues of one name are one, and the first agent in it says where it is. When one leaves, by
+    another order or by being deleted, those behind it move up.
+    """
+
+    name: str
+    head: tuple[float, float]  # metres, on the floor
+    heading: float  # radians about +Z that those who wait face; the line grows to the other side
+    spacing: float = 0.8  # metres from one to the next
+    speed: float = 1.2  # m/s
+    kind: Literal["queue"] = "queue"
+
+    NEEDS_OTHERS: ClassVar[bool] = True
+
+    def check(self, start: Start, limits: Limits, where: str) -> None:
+        """See `Behaviour`."""
+        check_name(self.name, f"{where}.name", least=1)
+        check_place(self.head, f"{where}.head")
+        check_range([self.heading], -MAX_HEADING, MAX_HEADING, f"{where}.heading", Heading)
+        check_range([self.spacing], *SPACING, f"{where}.spacing", Metres)
+        check_range([self.speed], *SPEED, f"{where}.speed", MetresPerSecond)
+
+    def update(self, actor: Actor) -> None:
+        """See `Behaviour`."""
+        first, place = actor.shared(_Lines).place_of(actor.agent, self)
+        facing = -np.sin(first.heading), np.cos(first.heading)
+        actor.aim(Aim(place, self.speed, facing=facing))
+
+
+class _Lines:
+    """Who stands where in a world: a line for each session and name, while somebody is in it."""
+
+    def __init__(self, others: Others) -> None:
+        self._others = others
+        self._lines: dict[tuple[str, str], list[str]] = {}
+
+    def place_of(self, agent: Agent, wish: Queue) -> tuple[Queue, Vector]:
+        """The queue as its first agent has it, and the agent's place in it.
+
+        An agent that is not part of the line yet is on the way to its end.
+        """
+        line = self._present(agent.session_id, wish.name)
+        first = self._wish(line[0]) if line else wish
+        assert first is not None  # `_present` has looked
+        if agent.agent_id in line:
+            return first, self._behind(line, line.index(agent.agent_id), first)
+        end = self._behind(line, len(line), first)
+        if self._comes_next(agent, wish.name, end):
+            line.append(agent.agent_id)
+            self._lines[agent.session_id, wish.name] = line
+        return first, end
+
+    def _behind(self, line: list[str], number: int, first: Queue) -> Vector:
+        """Place `number`, farther back by as much as the one before it stands behind its own."""
+        if number == 0:
+            return queue_place(first, 0.0)
+        x, y = self._place(line[number - 1])
+        ahead_x, ahead_y = queue_place(first, 0.0)
+        back = (x - ahead_x) * sin(first.heading) - (y - ahead_y) * cos(first.heading)
+        late = back / first.spacing - (number - 1)
+        return queue_place(first, number + (late if abs(late) < 1 else 0.0))
+
+    def _comes_next(self, agent: Agent, name: str, end: Vector) -> bool:
+        """Whether it is at the end of the line, and of those who are not in it the nearest."""
+        away = dist(self._place(agent.agent_id), end)
+        if away >= JOINS:
+            return False
+        others = self._others.of_session(agent.session_id)
+        line = self._lines.get((agent.session_id, name), [])
+        coming = (
+            other
+            for other in self._still(others, name)
+            if other != agent.agent_id and other not in line
+        )
+        return all(away <= dist(self._place(other), end) for other in coming)
+
+    def _present(self, session_id: str, name: str) -> list[str]:
+        """The line, without those who have left it."""
+        line = self._lines.get((session_id, name), [])
+        left = list(self._still(line, name))
+        if left:
+            self._lines[session_id, name] = left
+        else:
+            self._lines.pop((session_id, name), None)
+        return left
+
+    def _still(self, line: list[str], name: str) -> Iterator[str]:
+        for agent_id in line:
+            wish = self._wish(agent_id)
+            if wish is not None and wish.name == name:
+                yield agent_id
+
+    def _wish(self, agent_id: str) -> Queue | None:
+        agent = self._others.agent(agent_id)
+        doing = None if agent is None else self._others.doing(agent)
+        return doing if isinstance(doing, Queue) else None
+
+    def _place(self, agent_id: str) -> Vector:
+        agent = self._others.agent(agent_id)
+        assert agent is not None  # it is in a line, or in its session
+        return self._others.place(agent)
+
+
+def queue_place(wish: Queue, number: float) -> Vector:
+    """Where number 0, 1, 2 … of a queue stands, or somebody between them."""
+    back = number * wish.spacing
+    return wish.head[0] + back * sin(wish.heading), wish.head[1] - back * cos(wish.heading)

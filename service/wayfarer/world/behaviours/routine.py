@@ -1,0 +1,107 @@
+"""Routines: one activity after the other."""
+
+from dataclasses import dataclass
+from typing import ClassVar, Final, Literal
+
+from wayfarer.errors import InvalidArgument
+from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.behaviour import STAND, Actor, Behaviour, Start
+from wayfarer.world.behaviours.follow import Follow
+from wayfarer.world.behaviours.keep_away import KeepAway
+from wayfarer.world.behaviours.patrol import Patrol
+from wayfarer.world.behaviours.queue import Queue
+from wayfarer.world.behaviours.wander import Wander
+from wayfarer.world.goals.checks import check_path, check_range
+from wayfarer.world.limits import Limits
+
+MAX_PARTS: Final = 32
+MAX_SECONDS: Final = 86_400.0
+
+
+@dataclass(frozen=True, slots=True)
+class Visit(Behaviour):
+    """Visiting goals in turn, once."""
+
+    goals: tuple[Goal, ...]
+    kind: Literal["visit"] = "visit"
+
+    WALKS: ClassVar[bool] = True
+
+    @property
+    def given_goals(self) -> tuple[Goal, ...]:
+        """See `Behaviour`."""
+        return self.goals
+
+    def check(self, start: Start, limits: Limits, where: str) -> None:
+        """See `Behaviour`."""
+        first = start or (self.goals[0].position if self.goals else (0.0, 0.0, 0.0))
+        check_path(self.goals, first, limits, field=f"{where}.goals")
+
+    def first_goals(self, actor: Actor, number: int) -> tuple[Goal, ...]:
+        """See `Behaviour`."""
+        return self.goals
+
+    def is_over(self, actor: Actor) -> bool:
+        """See `Behaviour`."""
+        return actor.is_at_last_goal and actor.has_done(self.goals[-1])
+
+
+@dataclass(frozen=True, slots=True)
+class Stand(Behaviour):
+    """Standing where one is."""
+
+    kind: Literal["stand"] = "stand"
+
+    def update(self, actor: Actor) -> None:
+        """See `Behaviour`."""
+        actor.aim(STAND)
+
+
+PartBehaviour = Visit | Stand | Wander | Patrol | Follow | KeepAway | Queue
+"""The kinds that a part of a routine may have."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Of a routine."""
+
+    does: PartBehaviour
+    seconds: float = 0.0  # then the next part begins; 0: when it is done, as only a visit ever is
+
+
+@dataclass(frozen=True, slots=True)
+class Routine(Behaviour):
+    """One thing after the other: patrol for a minute, queue for ten seconds, then go home.
+
+    A part ends after its seconds, a visit also when its last goal has been reached and dwelt at,
+    following and keeping away also when the other is deleted. After the last part the agent stands,
+    or begins again.
+    """
+
+    parts: tuple[Part, ...]
+    repeat: bool = False
+    kind: Literal["routine"] = "routine"
+
+    def check(self, start: Start, limits: Limits, where: str) -> None:
+        """See `Behaviour`."""
+        count = len(self.parts)
+        if not 1 <= count <= MAX_PARTS:
+            raise InvalidArgument(
+                f"a routine has {count} parts; allowed: 1 to {MAX_PARTS}", f"{where}.parts"
+            )
+        goals = sum(len(part.does.given_goals) for part in self.parts)
+        if goals > limits.path_goals:
+            raise InvalidArgument(
+                f"its parts have {goals} goals; allowed: {limits.path_goals} in all",
+                f"{where}.parts",
+            )
+        for number, part in enumerate(self.parts):
+            at = f"{where}.parts[{number}]"
+            check_range([part.seconds], 0, MAX_SECONDS, f"{at}.seconds")
+            part.does.check(start if number == 0 else None, limits, at)
+            more = self.repeat or number < count - 1
+            if more and part.seconds == 0 and not isinstance(part.does, Visit):
+                raise InvalidArgument(
+                    "only a visit ends by itself: give the part seconds, or let it be the last one",
+                    f"{at}.seconds",
+                )

@@ -1,0 +1,1 @@
+"""Goals and paths of agents: commands, checks, columns, steering."""

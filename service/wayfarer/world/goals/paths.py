@@ -1,0 +1,91 @@
+"""The goals that agents have ahead of them: for each slot a ring of rows, in order.
+
+Goals of a path are numbered from 0 as they were given, and go on being numbered so when more are
+added to its end: *waypoint* n of a path stays waypoint n, and lies at row n modulo the ring. Those
+that the agent has passed are overwritten. Which one it is on the way to is in its gait, so it is
+thrown away with the frames that were planned for it.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.heading import angle_between, facing_at
+from wayfarer.world.agents.slots import Goals, Slots
+from wayfarer.world.rows import Flags, Index
+
+
+class Paths:
+    """The paths of all slots of a table."""
+
+    def __init__(self, slots: Slots, limit: int) -> None:
+        """At most `limit` goals per slot are known at a time."""
+        self._slots = slots
+        self.limit = limit
+        self._goals = Goals.empty(len(slots.active) * limit)
+
+    def put(
+        self, slot: int, goals: Sequence[Goal], start: tuple[float, float], first: int = 0
+    ) -> None:
+        """Replace a slot's path by one whose goal `first` is walked to from `start`, and so on.
+
+        No goals: it has none.
+        """
+        self._reserve()
+        waypoints = first + np.arange(max(len(goals), 1))
+        columns = goal_columns(goals, start) if goals else Goals.empty(1)
+        self._goals.put(self._place(np.array([slot]), waypoints), columns)
+
+    def at(self, slots: Index, waypoints: Index) -> Goals:
+        """The goals of some slots at these places of their paths."""
+        self._reserve()
+        return self._goals.take(self._place(slots, waypoints))
+
+    def places(self, slots: Index, waypoints: Index) -> NDArray[np.float32]:
+        """Where the goals of some slots at these places of their paths are [A, 3]."""
+        self._reserve()
+        return self._goals.position[self._place(slots, waypoints)]
+
+    def move(self, slot: int, waypoint: int, place: NDArray[np.floating[Any]]) -> None:
+        """Put a goal of a slot's path elsewhere, place [3]."""
+        self._goals.position[slot * self.limit + waypoint % self.limit] = place
+
+    def rewrite(self, slot: int, waypoint: int, row: Goals) -> None:
+        """Put another goal, one row, in the place of one of a slot's path."""
+        self._reserve()
+        self._goals.put(self._place(np.array([slot]), np.array([waypoint])), row)
+
+    def is_last(self, slots: Index, waypoints: Index) -> Flags:
+        """Whether no goal follows after these."""
+        self._reserve()
+        return ~self._goals.more[self._place(slots, waypoints)]
+
+    def _place(self, slots: Index, waypoints: Index) -> Index:
+        return slots * self.limit + waypoints % self.limit
+
+    def _reserve(self) -> None:
+        rows = len(self._slots.active) * self.limit
+        if rows > len(self._goals.given):
+            self._goals.grow(rows)
+
+
+def goal_columns(goals: Sequence[Goal], start: tuple[float, float]) -> Goals:
+    """One row for each goal of a path that is walked from `start`."""
+    made = Goals.empty(len(goals))
+    made.given[:] = True
+    made.position[:] = [goal.position for goal in goals]
+    made.radius[:] = [goal.radius for goal in goals]
+    made.speed[:] = [goal.speed for goal in goals]
+    made.dwell[:] = [goal.dwell for goal in goals]
+    made.heading[:] = [(0, 0) if g.heading is None else facing_at(g.heading) for g in goals]
+    made.strafe[:] = [goal.strafe for goal in goals]
+    made.through[:] = [not goal.stop for goal in goals]
+    made.more[:-1] = True
+    ways = np.diff(np.concatenate([np.array([start]), made.position[:, :2]]), axis=0)
+    ways /= np.maximum(np.linalg.norm(ways, axis=-1, keepdims=True), 1e-6)
+    made.onward[:] = np.concatenate([ways[1:], ways[-1:]])  # past the last one, straight on
+    made.bend[:] = angle_between(ways, made.onward)
+    return made

@@ -1,0 +1,289 @@
+"""Foot lock: feet that bear weight stay where they are.
+
+The model's feet slide by a few cm/s. Here the slide of a bearing foot is taken off frame by frame,
+as a *shift* of its ankle that two-bone inverse kinematics carries out; while the foot swings, the
+shift fades away:
+
+    contact   low and slow, with hysteresis; hold follows it within 3 frames
+    shift     − grip · slide of the bearing point       a gripped foot stands still
+              − (1 − grip) · FADE · shift               a free one returns to the model's place
+    height    while in contact the lowest sole point settles on the floor, z = 0
+
+An agent that stands or turns on the spot *steps*: the lock keeps the turn of its feet, too, and a
+foot that has come too far from where the model has it is lifted and set down there a moment later,
+one foot after the other. So a body that turns, or is moved, takes its feet along as people do.
+
+The point that bears is the lowest of the sole (a soft minimum over heel, balls and toe), so a foot
+rolls over its ball. Only motion is taken off, never a place set, so nothing jumps when the bearing
+point changes, at contact, or at a seam, over which the state carries the shift. A shift that grows
+beyond a *leash*, or a foot that is pulled away fast, loosens the grip by degrees. Feet keep their
+turn in the world.
+
+This cleans what is sent and nothing else: the seeds of the next primitive stay the model's own, so
+the lock cannot disturb the model. Pure functions; world space, metres, 40 frames per second.
+"""
+
+from dataclasses import dataclass
+from math import radians
+from typing import Annotated, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.spec import FPS
+from wayfarer.world.output.legs import SOLES, Legs, pose_legs
+from wayfarer.world.output.quaternion import Array, bounded, length
+from wayfarer.world.output.twobone import MOVED, move_feet
+from wayfarer.world.rows import Flags, Float, Int8, Rows, Shape
+
+TOUCH_HEIGHT: Final = 0.03
+"""Metres: a lower and slower foot comes into contact."""
+
+TOUCH_SPEED: Final = 0.4
+"""Metres per second, horizontal, of the bearing point."""
+
+LIFT_HEIGHT: Final = 0.05
+"""A foot in contact that rises above this has left the floor."""
+
+LIFT_SPEED: Final = 0.7
+"""And so has one that is faster than this."""
+
+TOLD_HEIGHT: Final = 0.02
+"""Metres: a foot whose lowest point is sent higher than this is not told to be in contact."""
+
+RISE: Final = np.float32(1 / 3)
+"""Per frame: over 3 frames a hold rises, and falls."""
+
+SLIPPING: Final = (0.25, LIFT_SPEED)
+"""Metres per second: between these a foot tears itself loose by degrees."""
+
+LEASH: Final = (0.07, 0.10)
+"""Metres of horizontal shift between which the grip lets go by degrees: a foot that is pulled on
+for long slides along with the body instead of snapping back."""
+
+FADE: Final = 1 / (0.15 * FPS)
+"""Share of its shift that a free foot loses in a frame: three quarters of it in 0.2 s."""
+
+SETTLE: Final = 0.25
+"""Share of a height error that is taken off in a frame. With 1, straight knees would shake."""
+
+DROP: Final = 0.02
+"""Metres: a foot in contact is pulled down less, the higher it is; from here on, not at all."""
+
+STEP_FRAMES: Final = 12
+"""A corrective step takes so long: 0.3 s."""
+
+STEP_HEIGHT: Final = 0.05
+"""Metres that it lifts the foot by."""
+
+FLIGHT: Final = (0.15, 0.85)
+"""Shares of a step between which the foot is high enough to move over the floor."""
+
+STEP_SHIFT: Final = 0.05
+"""Metres from the model's place beyond which a foot steps …"""
+
+STEP_TURN: Final = radians(24)
+"""… and radians from the model's turn."""
+
+STEP_AHEAD: Final = 0.15
+"""Seconds: a foot is set down where the model will have it then, at its speed now."""
+
+AHEAD_SHIFT: Final = 0.10
+"""Metres that this may be at most, …"""
+
+AHEAD_TURN: Final = radians(20)
+"""… and radians."""
+
+TIDY: Final = 0.6
+"""Share of those bounds from which a foot steps when the model has come to rest."""
+
+LEADING: Final = 0.25
+"""Share of those bounds by which the inner or leading foot is preferred."""
+
+APART: Final = 0.11
+"""Metres between the middles of the soles, aside: nearer to each other no foot is set down."""
+
+RESTING: Final = (0.03, radians(12))
+"""Metres and radians per second below which it has."""
+
+SOFTNESS: Final = 0.001
+"""Metres above the lowest sole point at which a point bears 1/e of what that one bears."""
+
+
+@dataclass(slots=True)
+class LockState(Rows):
+    """What the lock remembers of two feet from one step to the next."""
+
+    soles: Annotated[Float, Shape(2, SOLES, 3)]  # where the model had them in the last frame
+    contact: Annotated[Flags, Shape(2)]
+    hold: Annotated[Float, Shape(2)]  # 0…1, follows `contact`
+    shift: Annotated[Float, Shape(2, 3)]  # how far the foot is moved
+    turn: Annotated[Float, Shape(2)]  # radians that it is turned by, about the vertical
+    swing: Annotated[Int8, Shape(2)]  # frames that its corrective step still takes; 0: none
+
+
+@dataclass(frozen=True, slots=True)
+class Locked:
+    """Cleaned frames."""
+
+    rotations: Float  # [A, F, 22, 4]; hips, knees and ankles of both legs differ from the input
+    contacts: Flags  # [A, F, 2] feet that are held and on the floor
+    state: LockState
+
+
+def begin(legs: Legs, translation: Float, rotations: Float) -> LockState:
+    """The state before any motion, from a pose: translation [A, 3], rotations [A, 22, 4].
+
+    Nothing is shifted; feet near the floor are held.
+    """
+    state = LockState.empty(len(translation))
+    state.soles[:] = pose_legs(legs, translation[:, None], rotations[:, None]).soles[:, :, :, 0].T
+    state.contact[:] = state.soles[..., 2].min(-1) < TOUCH_HEIGHT
+    state.hold[:] = state.contact
+    return state
+
+
+def lock_feet(
+    before: LockState, legs: Legs, translation: Float, rotations: Float, steps: Flags
+) -> Locked:
+    """Clean the next F frames of A agents: translation [A, F, 3], rotations [A, F, 22, 4].
+
+    `steps` [A]: those that are on the spot, whose feet step. Many frames at once or in pieces, the
+    result is the same; every agent's is its own.
+    """
+    pose = pose_legs(legs, translation, rotations)
+    path = np.concatenate([before.soles.T[:, :, :, None], pose.soles], -2)  # [3, P, 2, 1 + F, A]
+    height = pose.soles[2].min(0)
+    bearing, turning = _slide(path, height), _turning(path)
+    slide = np.where(steps, np.diff(path[:2], axis=-2).mean(1), bearing)
+    speed = FPS * length(bearing)
+    touches = (height < TOUCH_HEIGHT) & (speed < TOUCH_SPEED)
+    stays = (height < LIFT_HEIGHT) & (speed < LIFT_SPEED)
+    firmness = 1 - _smooth(speed, *SLIPPING)
+    settling = -height * (1 - _smooth(height, 0, DROP))
+
+    contact, hold, shift = before.contact.T, before.hold.T, before.shift.T
+    turn, swing = before.turn.T, before.swing.T
+    shifts = np.empty((3, *height.shape), np.float32)
+    turns = np.empty(height.shape, np.float32)
+    held = np.empty(height.shape, np.bool_)
+    goals, goal_turns, rests = _landings(slide, turning)
+    turning = turning * steps
+    apart = np.diff(pose.soles[:2].mean(1), axis=1)[:, 0]  # [2, F, A] from left to right foot
+    between = length(apart)
+    across = apart / np.maximum(between, 1e-6)
+    for frame in range(height.shape[1]):
+        contact = np.where(contact, stays[:, frame], touches[:, frame])
+        hold = bounded(hold + np.where(contact, RISE, -RISE), 0, 1)
+        swing = _begun(swing, contact & steps, shift, turn, rests[frame], across[:, frame])
+        flies = _FLIES[swing]
+        leashed = firmness[:, frame] * (1 - _smooth(length(shift[:2]), *LEASH))
+        grip = hold * np.where(steps, 1, leashed) * ~flies
+        kept = np.where(flies, _KEPT[swing], 1 - (1 - grip) * FADE)
+        ahead = flies * (1 - kept)
+        swing = np.maximum(swing - 1, 0)
+        level = shift[2] + SETTLE * (hold * settling[:, frame] - shift[2])
+        moved, twist = shifts[:, :, frame], turns[:, frame]
+        goal = _uncrossed(goals[:, :, frame], shift, between[frame], across[:, frame])
+        moved[:2] = kept * shift[:2] + ahead * goal - grip * slide[:, :, frame]
+        moved[2] = level
+        twist[:] = kept * turn + ahead * goal_turns[:, frame] - grip * turning[:, frame]
+        shift, turn = moved.copy(), twist
+        moved[2] += _LIFT[swing]
+        held[:, frame] = contact & (grip >= 0.5) & (height[:, frame] + moved[2] <= TOLD_HEIGHT)
+
+    cleaned = rotations.astype(np.float32)
+    cleaned[:, :, MOVED] = move_feet(pose, translation, shifts, turns)
+    after = LockState(
+        soles=pose.soles[:, :, :, -1].T,
+        contact=contact.T,
+        hold=hold.T,
+        shift=shift.T,
+        turn=turn.T,
+        swing=swing.T,
+    )
+    return Locked(cleaned, held.T, after)
+
+
+def _slide(path: Array, height: Array) -> Array:
+    """Horizontal way of the bearing point since the last frame [2, 2, F, A].
+
+    path [3, P, 2, 1 + F, A] of the sole points; height [2, F, A] of the lowest one.
+    """
+    load = np.exp((height - path[2, :, :, 1:]) / SOFTNESS)
+    way: Array = (load * np.diff(path[:2], axis=-2)).sum(1) / load.sum(0)
+    return way
+
+
+def _turning(path: Array) -> Array:
+    """Radians by which each foot turns about the vertical in each frame [2, F, A]."""
+    x, y = path[:2, -1] - path[:2, 0]  # from the heel to the toe
+    crossed = x[:, :-1] * y[:, 1:] - y[:, :-1] * x[:, 1:]
+    turning: Array = np.arctan2(crossed, x[:, :-1] * x[:, 1:] + y[:, :-1] * y[:, 1:])
+    return turning
+
+
+def _landings(slide: Array, turning: Array) -> tuple[Array, Array, Flags]:
+    """Where a foot that steps now is to land, ahead of the model: shift [2, 2, F, A] and turn
+    [2, F, A]; and whether the model's feet rest [F, A].
+    """
+    way, speed = STEP_AHEAD * FPS * slide, FPS * length(slide)
+    shift = way * np.minimum(1, AHEAD_SHIFT / np.maximum(STEP_AHEAD * speed, 1e-9))
+    turn = bounded(STEP_AHEAD * FPS * turning, -AHEAD_TURN, AHEAD_TURN)
+    slow, quiet = RESTING
+    rests: Flags = np.all((speed < slow) & (FPS * np.abs(turning) < quiet), axis=0)
+    return shift, turn, rests
+
+
+def _begun(
+    swing: NDArray[np.int8], may: Flags, shift: Array, turn: Array, rests: Flags, across: Array
+) -> NDArray[np.int8]:
+    """Frames left of each foot's step [2, A]: one foot of those that `may` sets out if it is due.
+
+    The foot that is farther from its place, while both bear. Of feet about as far away the inner
+    one goes first in a turn, and the leading one aside; across [2, A] points from left to right.
+    """
+    error = np.maximum(length(shift[:2]) / STEP_SHIFT, np.abs(turn) / STEP_TURN)
+    lag = ((shift[:2, 0] + shift[:2, 1]) * across).sum(0) / STEP_SHIFT
+    to_left = lag - (turn[0] + turn[1]) / STEP_TURN
+    left_first = error[0] + np.where(to_left > 0, LEADING, -LEADING) >= error[1]
+    free = may[0] & may[1] & (swing[0] == 0) & (swing[1] == 0)
+    sets_out = free & (error > np.where(rests, TIDY, 1)) & np.stack([left_first, ~left_first])
+    return np.where(sets_out, np.int8(STEP_FRAMES), swing)
+
+
+def _uncrossed(goals: Array, shift: Array, between: Array, across: Array) -> Array:
+    """Landings [2, 2, A] at which a foot does not come nearer to the other one than `APART`.
+
+    The model has the feet `between` [A] metres apart in the direction `across` [2, A].
+    """
+    left = APART - between - ((shift[:2, 1] - goals[:, 0]) * across).sum(0)
+    right = APART - between - ((goals[:, 1] - shift[:2, 0]) * across).sum(0)
+    moved = goals.copy()
+    moved[:, 0] -= np.maximum(left, 0) * across
+    moved[:, 1] += np.maximum(right, 0) * across
+    return moved
+
+
+def _smooth(value: Array, low: float, high: float) -> Array:
+    """0 below `low`, 1 above `high`, smooth between."""
+    t = bounded((value - low) / (high - low), 0, 1)
+    return t * t * (3 - 2 * t)
+
+
+def _step_tables() -> tuple[Flags, Array, Array]:
+    """By the frames that are left of a step: whether the foot flies in the next one, the share of
+    its shift and turn that stays then, and metres that it is raised by.
+
+    It moves and turns in the air: not while it is lifted, nor while it is set down.
+    """
+    frames = np.arange(STEP_FRAMES + 1)
+    left = _smooth(frames / STEP_FRAMES, *FLIGHT)
+    later = np.concatenate([[0.0], left[:-1]])
+    flies = (left > 0) & (later < 1)
+    kept = np.where(flies, later / np.maximum(left, 1e-6), 1.0)
+    lift = STEP_HEIGHT * np.sin(np.pi * frames / STEP_FRAMES) ** 2
+    return flies, kept.astype(np.float32), lift.astype(np.float32)
+
+
+_FLIES, _KEPT, _LIFT = _step_tables()

@@ -1,0 +1,199 @@
+"""Bakes in a process of their own: bounded in time and memory, and nothing else waits for them.
+
+What a bake costs is for a client's geometry to say. In the server's own process a hostile one
+would keep the motion thread from running Python, and take memory that is not given back.
+"""
+
+import contextlib
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from threading import Event, Lock, Timer
+from typing import Any, Final
+
+import structlog
+
+from wayfarer.errors import ResourceExhausted, Unavailable
+from wayfarer.navigation.scene import Scene
+from wayfarer.navigation.spec import SceneSpec
+from wayfarer.world.limits import SceneLimits
+
+log = structlog.get_logger(__name__)
+
+COMMAND: Final = (sys.executable, "-m", "wayfarer.world.scenes.oven")
+START_S: Final = 60.0
+"""Seconds until the process can begin, on a machine that is busy."""
+PATIENCE: Final = 3
+"""By the clock a bake may take so many times as long: it has the lowest priority."""
+ONE_THREAD: Final = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+"""Memory of threads would count."""
+ADVICE: Final = (
+    "leave out what nobody can stand on or bump into, use fewer and simpler outlines, or make "
+    "several scenes of it"
+)
+
+
+class Bakery:
+    """One process, started for the first bake and kept. Thread-safe; one bake at a time."""
+
+    def __init__(self, limits: SceneLimits) -> None:
+        self._limits = limits
+        self._turn = Lock()
+        self._door = Lock()  # an oven is not lit when the bakery has been closed
+        self._oven: Oven | None = None
+        self._closed = False
+
+    @property
+    def pid(self) -> int | None:
+        """Of the process; None before the first bake."""
+        return self._oven.pid if self._oven else None
+
+    def bake(self, spec: SceneSpec) -> Scene:
+        """What `navigation.scene.bake` gives. Takes time.
+
+        Raises as that does; ResourceExhausted when it takes too much time or memory, Unavailable
+        when the bakery is closed.
+        """
+        with self._turn:
+            answer = self._baked(spec)
+        if isinstance(answer, Exception):
+            raise answer
+        return replace(answer, spec=spec)
+
+    def stop(self) -> None:
+        """End the process, and so the bake that is under way."""
+        with self._door:
+            self._closed = True
+            if self._oven:
+                self._oven.kill()
+
+    def _baked(self, spec: SceneSpec) -> Scene | Exception:
+        oven = self._lit()
+        try:
+            answer: Scene | Exception = oven.ask(spec, PATIENCE * self._limits.bake_s)
+        except OvenError as ended:
+            return self._why(ended)
+        if isinstance(answer, MemoryError):
+            oven.kill()  # what it holds is given back
+            return self._too_large()
+        return answer
+
+    def _lit(self) -> "Oven":
+        """The oven that is on, or a new one."""
+        if self._oven and self._oven.is_on:
+            return self._oven
+        with self._door:
+            if self._closed:
+                raise Unavailable("the server is stopping")
+            oven = self._oven = Oven(
+                (*COMMAND, str(self._limits.bake_mb), str(self._limits.bake_s))
+            )
+        try:
+            oven.await_answer(START_S)
+        except OvenError as ended:
+            raise Unavailable(
+                f"the process that makes scenes did not start ({ended}); the server's log may say "
+                "why"
+            ) from None
+        return oven
+
+    def _why(self, ended: "OvenError") -> Exception:
+        if self._closed:
+            return Unavailable("the server is stopping")
+        if ended.late:
+            return ResourceExhausted(
+                f"making the scene takes more than {self._limits.bake_s:g} s of a processor's time "
+                f"(limits.bake_s): {ADVICE}"
+            )
+        log.error("the process that makes scenes ended", why=str(ended))
+        return ResourceExhausted(
+            f"the process that was making the scene ended ({ended}), most likely for want of "
+            f"memory: {ADVICE}"
+        )
+
+    def _too_large(self) -> Exception:
+        return ResourceExhausted(
+            f"making the scene takes more than {self._limits.bake_mb:,} MB of memory "
+            f"(limits.bake_mb): {ADVICE}"
+        )
+
+
+class OvenError(Exception):
+    """The process is gone. `late`: because it took too long."""
+
+    def __init__(self, code: int, late: bool) -> None:
+        super().__init__(f"signal {-code}" if code < 0 else f"exit code {code}")
+        self.late = late or -code == getattr(signal, "SIGXCPU", None)
+
+
+class Oven:
+    """The process (oven.py) as its parent sees it."""
+
+    def __init__(self, command: tuple[str, ...]) -> None:
+        self._process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env={**os.environ, **ONE_THREAD},
+        )
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._to, self._from = self._process.stdin, self._process.stdout
+
+    @property
+    def pid(self) -> int:
+        """Of the process."""
+        return self._process.pid
+
+    @property
+    def is_on(self) -> bool:
+        """Whether it lives."""
+        return self._process.poll() is None
+
+    def ask(self, question: object, seconds: float) -> Any:
+        """Its answer. Raises OvenError."""
+        return self._within(seconds, lambda: self._put(question))
+
+    def await_answer(self, seconds: float) -> Any:
+        """What it says by itself. Raises OvenError."""
+        return self._within(seconds, lambda: None)
+
+    def kill(self) -> None:
+        """End it, if it lives."""
+        self._process.kill()
+        self._process.wait()
+
+    def _put(self, question: object) -> None:
+        pickle.dump(question, self._to, pickle.HIGHEST_PROTOCOL)
+        self._to.flush()
+
+    def _within(self, seconds: float, begin: Callable[[], None]) -> Any:
+        late = Event()
+
+        def give_up() -> None:
+            late.set()
+            self._process.kill()
+
+        timer = Timer(seconds, give_up)
+        timer.daemon = True
+        timer.start()
+        try:
+            begin()
+            answer = pickle.load(self._from)
+        except (EOFError, OSError, pickle.UnpicklingError):
+            answer = None
+        timer.cancel()
+        timer.join()
+        if answer is None or late.is_set():
+            self._close()
+            raise OvenError(self._process.returncode, late.is_set())
+        return answer
+
+    def _close(self) -> None:
+        self.kill()
+        with contextlib.suppress(OSError):  # what was not taken
+            self._to.close()
+        self._from.close()

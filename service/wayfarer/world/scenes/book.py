@@ -1,0 +1,265 @@
+"""The scenes of a server: baked once for equal content, changed version by version.
+
+A scene never changes (`navigation/scene.py`); what changes is which version a name stands for. So
+readers on any thread take the version there is and keep it for as long as they like. Bakes and
+changes take milliseconds to seconds: they belong on a worker thread.
+"""
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from threading import BoundedSemaphore, Lock
+from typing import Final, Protocol
+
+from wayfarer.errors import (
+    AlreadyExists,
+    FailedPrecondition,
+    InvalidArgument,
+    NotFound,
+    ResourceExhausted,
+)
+from wayfarer.navigation.scene import Scene, bake
+from wayfarer.navigation.spec import Obstacle, SceneSpec
+from wayfarer.shard import Shard
+from wayfarer.world.limits import SceneLimits
+from wayfarer.world.scenes.messages import SceneInfo, SceneWish
+
+NAME: Final = 64
+"""Characters of the names of scenes and obstacles."""
+
+RETRY_AFTER: Final = 2.0
+
+
+@dataclass(slots=True)
+class Kept:
+    """A scene under its id. `scene` is replaced as a whole."""
+
+    scene_id: str
+    wish: SceneWish
+    baked: Scene  # without obstacles
+    scene: Scene  # as it is now
+    created_at: float
+    bake_s: float
+    sessions: int = 0
+    changing: Lock = field(default_factory=Lock)  # one change at a time
+
+    def info(self) -> SceneInfo:
+        """As it is now."""
+        scene = self.scene
+        return SceneInfo(
+            scene_id=self.scene_id,
+            name=self.wish.name,
+            content_hash=scene.content_hash,
+            version=scene.version,
+            area=scene.area,
+            islands=scene.islands,
+            bounds=scene.bounds,
+            obstacles=dict(scene.obstacles),
+            sessions=self.sessions,
+            created_at=self.created_at,
+            bake_s=self.bake_s,
+            attributes=self.wish.attributes,
+        )
+
+
+class Diary(Protocol):
+    """Is told of what changes in a book, in order."""
+
+    def put_scene(self, kept: Kept) -> None:
+        """A scene is new."""
+        ...
+
+    def put_obstacles(self, kept: Kept) -> None:
+        """Its obstacles have changed."""
+        ...
+
+    def drop_scene(self, scene_id: str) -> None:
+        """A scene is gone."""
+        ...
+
+
+class Book:
+    """Scenes by id. Thread-safe; of all methods only those that say so take time."""
+
+    def __init__(
+        self,
+        limits: SceneLimits | None = None,
+        shard: Shard | None = None,
+        bake: Callable[[SceneSpec], Scene] = bake,
+        diary: Diary | None = None,
+    ) -> None:
+        self.limits = limits or SceneLimits()
+        self._shard = shard or Shard()
+        self._bake = bake
+        self._diary = diary
+        self._kept: dict[str, Kept] = {}
+        self._lock = Lock()
+        self._queue = BoundedSemaphore(self.limits.bakes + self.limits.waiting)
+        self._ovens = BoundedSemaphore(self.limits.bakes)
+
+    # Life of a scene
+
+    def create(self, wish: SceneWish, now: float) -> SceneInfo:
+        """Bake it, unless one of equal content is here. Takes time.
+
+        Raises InvalidArgument that names the field, ResourceExhausted.
+        """
+        check_name(wish.name, "name", least=0)
+        self._check_room()
+        started = time.perf_counter()
+        scene = self._alike(wish.spec) or self._baked(wish.spec)
+        return self._add(wish, scene, now, time.perf_counter() - started)
+
+    def restore(
+        self,
+        scene_id: str,
+        wish: SceneWish,
+        created_at: float,
+        version: int,
+        obstacles: Mapping[str, Obstacle],
+    ) -> None:
+        """Let a scene that was kept be here again. Takes time. Raises as `create` and `put` do."""
+        started = time.perf_counter()
+        baked = self._alike(wish.spec) or self._baked(wish.spec)
+        scene = baked
+        for name, obstacle in obstacles.items():
+            scene = scene.put(name, obstacle)
+        took = time.perf_counter() - started
+        kept = Kept(scene_id, wish, baked, replace(scene, version=version), created_at, took)
+        with self._lock:
+            self._enter(kept)
+
+    def add(self, scene: Scene, now: float = 0.0, name: str = "") -> SceneInfo:
+        """Keep a scene that has been baked elsewhere. Raises ResourceExhausted."""
+        return self._add(SceneWish(scene.spec, name), scene, now, 0.0)
+
+    def delete(self, scene_id: str) -> None:
+        """Raises NotFound, FailedPrecondition while sessions are in it."""
+        with self._lock:
+            kept = self._find(scene_id)
+            if kept.sessions:
+                raise FailedPrecondition(
+                    f"{kept.sessions} sessions are in scene {scene_id!r}: delete them first"
+                )
+            del self._kept[scene_id]
+            if self._diary is not None:
+                self._diary.drop_scene(scene_id)
+
+    def put(self, scene_id: str, name: str, obstacle: Obstacle) -> SceneInfo:
+        """Let an obstacle stand there, or move there. Takes time.
+
+        Raises NotFound, InvalidArgument, ResourceExhausted, FailedPrecondition.
+        """
+        check_name(name, "name")
+        return self._change(scene_id, lambda scene: scene.put(name, obstacle))
+
+    def remove(self, scene_id: str, name: str) -> SceneInfo:
+        """Take an obstacle out. Takes time. Raises NotFound."""
+        return self._change(scene_id, lambda scene: scene.remove(name))
+
+    # Readers
+
+    def scene(self, scene_id: str) -> Scene:
+        """The present version. Raises NotFound."""
+        return self._find(scene_id).scene
+
+    def current(self, scene_ids: Iterable[str]) -> Mapping[str, Scene]:
+        """The present versions of those that are still here."""
+        return {name: self._kept[name].scene for name in scene_ids if name in self._kept}
+
+    def kept(self, scene_id: str) -> Kept:
+        """All that is kept of one. Raises NotFound."""
+        return self._find(scene_id)
+
+    def info(self, scene_id: str) -> SceneInfo:
+        """Raises NotFound."""
+        return self._find(scene_id).info()
+
+    def infos(self) -> list[SceneInfo]:
+        """All, oldest first."""
+        with self._lock:
+            kept = list(self._kept.values())
+        return [scene.info() for scene in kept]
+
+    # Sessions
+
+    def enter(self, scene_id: str) -> Scene:
+        """A session is opened in it: it cannot be deleted until that has left. Raises NotFound."""
+        with self._lock:
+            kept = self._find(scene_id)
+            kept.sessions += 1
+            return kept.scene
+
+    def leave(self, scene_id: str) -> None:
+        """A session in it has ended."""
+        with self._lock:
+            self._find(scene_id).sessions -= 1
+
+    # Within
+
+    def _find(self, scene_id: str) -> Kept:
+        try:
+            return self._kept[scene_id]
+        except KeyError:
+            raise NotFound(f"no scene {scene_id!r}", "scene", scene_id) from None
+
+    def _check_room(self) -> None:
+        if len(self._kept) >= self.limits.scenes:
+            raise ResourceExhausted(
+                f"all {self.limits.scenes} scenes are taken; delete one that nobody is in"
+            )
+
+    def _alike(self, spec: SceneSpec) -> Scene | None:
+        """A scene of this content as it was baked, if there is one."""
+        content, kept = spec.content_hash, list(self._kept.values())
+        return next((one.baked for one in kept if one.baked.content_hash == content), None)
+
+    def _baked(self, spec: SceneSpec) -> Scene:
+        with self._turn():
+            return self._alike(spec) or self._bake(spec)
+
+    @contextmanager
+    def _turn(self) -> Iterator[None]:
+        if not self._queue.acquire(blocking=False):
+            raise ResourceExhausted(
+                f"{self.limits.bakes + self.limits.waiting} scenes are being baked or wait for it; "
+                "try again",
+                RETRY_AFTER,
+            )
+        try:
+            with self._ovens:
+                yield
+        finally:
+            self._queue.release()
+
+    def _add(self, wish: SceneWish, scene: Scene, now: float, bake_s: float) -> SceneInfo:
+        kept = Kept(self._shard.scene_id(), wish, scene, scene, now, bake_s)
+        with self._lock:
+            self._enter(kept)
+            if self._diary is not None:
+                self._diary.put_scene(kept)
+        return kept.info()
+
+    def _enter(self, kept: Kept) -> None:
+        self._check_room()
+        if kept.scene_id in self._kept:
+            raise AlreadyExists(f"scene {kept.scene_id!r} exists already")
+        self._kept[kept.scene_id] = kept
+
+    def _change(self, scene_id: str, change: Callable[[Scene], Scene]) -> SceneInfo:
+        kept = self._find(scene_id)
+        with kept.changing:
+            kept.scene = change(kept.scene)
+            with self._lock:
+                if self._diary is not None and scene_id in self._kept:
+                    self._diary.put_obstacles(kept)
+            return kept.info()
+
+
+def check_name(name: str, field: str, least: int = 1) -> None:
+    """Raises InvalidArgument."""
+    if not (least <= len(name) <= NAME and name.isprintable()):
+        raise InvalidArgument(
+            f"{field} must be {least} to {NAME} printable characters, got {len(name)}", field
+        )

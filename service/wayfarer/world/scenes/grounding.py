@@ -1,0 +1,52 @@
+"""What is sent of agents in scenes stands on the floor there: slots and chunks to `ground.py`."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.navigation.scene import Scene
+from wayfarer.world.agents.slots import Slots
+from wayfarer.world.output.ground import set_on_ground
+from wayfarer.world.rows import Index
+from wayfarer.world.scenes.scenery import NOWHERE, Scenery
+from wayfarer.world.stepping.playback import Sent
+
+Array = NDArray[np.floating[Any]]
+
+
+def ground(slots: Slots, scenery: Scenery, sent: Sent) -> None:
+    """Raise the chunks of `sent` to the floors of their agents' scenes."""
+    scenes = slots.scene[sent.slots]
+    if not scenes.any():
+        return
+    for number in np.unique(scenes[scenes != NOWHERE]).tolist():
+        rows = np.flatnonzero(scenes == number)
+        scene = scenery.scene(number)
+        if is_level(scene):
+            height = scene.ground.layers[0].heights.level
+            sent.chunks.translation[rows, :, 2] += np.float32(height)
+        else:
+            _ground(slots, scene, sent, rows)
+
+
+def is_level(scene: Scene) -> bool:
+    """The floor is at one height everywhere."""
+    heights = [layer.heights for layer in scene.ground.layers]
+    return all(h.values is None and h.level == heights[0].level for h in heights)
+
+
+def _ground(slots: Slots, scene: Scene, sent: Sent, rows: Index) -> None:
+    chunks, agents = sent.chunks, sent.slots[rows]
+    before = slots.footing.take(agents)
+
+    def floor(points: Array) -> Array:
+        """Of the storey that the agents are on."""
+        storey = np.broadcast_to(before.hips[:, None, None], (*points.shape[:2], 1))
+        return scene.floor(np.concatenate([points, storey], -1))
+
+    found = set_on_ground(
+        before, slots.legs.take(agents), chunks.translation[rows], chunks.rotations[rows], floor
+    )
+    chunks.translation[rows], chunks.rotations[rows] = found.translation, found.rotations
+    slots.footing.put(agents, found.footing)

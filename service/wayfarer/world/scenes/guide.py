@@ -1,0 +1,192 @@
+"""The guide of a world with scenes: ways around walls, and around each other."""
+
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.engines.engine import Float, no_obstacles
+from wayfarer.world.agents.route import Passage
+from wayfarer.world.agents.slots import Gait, Goals, Seeds, Slots
+from wayfarer.world.rows import Index
+from wayfarer.world.scenes.near import nearest_people, nearest_walls
+from wayfarer.world.scenes.people import moving
+from wayfarer.world.scenes.planner import Planner
+from wayfarer.world.scenes.routes import Routes
+from wayfarer.world.scenes.scenery import NOWHERE, Scenery
+from wayfarer.world.scenes.yielding import Yielding, angle_between_ways, pass_through
+from wayfarer.world.stepping.guide import Course
+
+Array = NDArray[np.floating[Any]]
+
+REACH: Final = 1.0
+"""Metres along its way that an agent heads for …"""
+
+SHARES: Final = np.array([1.0, 0.75, 0.5, 0.3, 0.15])
+"""… or such a share of them, where the straight line there would cut a corner."""
+
+LINE: Final = np.linspace(0.0, 1.0, 8)
+"""Points of that line that are looked at."""
+
+ROOM: Final = 0.2
+"""Metres beyond the radius that this line keeps from walls, where the way itself does."""
+
+SLACK: Final = 0.01
+"""Metres by which it may come nearer."""
+
+ELBOW: Final = 0.18
+"""Metres beyond the radius that the hips keep from walls where they can: arms swing."""
+
+PUSH: Final = (2.5, 0.25)
+"""Metres aside, away from a wall, that is headed for, for each metre that lacks; and how many
+metres count."""
+
+STRAYED: Final = 1.0
+"""Metres outside the radius of a goal, once reached, from which an agent walks back to it."""
+
+DETOUR: Final = 1.0
+"""Metres outside the radius of a goal, along the way, from which it cannot have been reached."""
+
+CURVE: Final = (0.4, 1.6)
+"""Metres ahead between which the bend of a way is taken."""
+
+BENDS: Final = np.radians([25.0, 80.0])
+CORNER_SPEED: Final = (1.5, 0.75)
+"""m/s at these bends and, in between, in proportion: nobody turns sharply at full speed."""
+
+NARROW: Final = (0.02, 0.15)
+NARROW_SPEED: Final = (0.8, 1.5)
+"""m/s where the way leaves so much room beside the radius: nobody squeezes through at a run."""
+
+
+class SceneGuide:
+    """Implements `Guide`."""
+
+    def __init__(self, slots: Slots, routes: Routes, scenery: Scenery, planner: Planner) -> None:
+        self._slots = slots
+        self._routes = routes
+        self._scenery = scenery
+        self._planner = planner
+        self.yielding = Yielding(slots, scenery)
+
+    def course(self, rows: Index, seed: Seeds, gait: Gait, goals: Goals) -> Course:
+        """See `Guide`."""
+        self.yielding.forget()
+        inside = np.flatnonzero(self._slots.scene[rows] != NOWHERE)
+        if not len(inside):
+            return Course(goals, goals)
+        hips = seed.translation[:, -1, :2]
+        if len(inside) == len(rows):
+            return self._led(rows, hips, gait, goals)
+        led = self._led(rows[inside], hips[inside], gait.take(inside), goals.take(inside))
+        ahead = goals.take(np.arange(len(rows)))
+        ahead.put(inside, led.ahead)
+        radius = goals.radius.copy()
+        radius[inside] = led.judged.radius
+        return Course(ahead, replace(goals, radius=radius))
+
+    def obstacles(self, rows: Index, seed: Seeds) -> Float:
+        """See `Guide`."""
+        found = no_obstacles(len(rows))
+        scenes = self._slots.scene[rows]
+        if not scenes.any():
+            return found
+        hips = seed.translation[:, -1, :2]
+        velocity = moving(seed.translation, self._slots.planned.gait.speed[rows])
+        floors = self._slots.footing.hips[rows]
+        half = found.shape[1] // 2
+        for number in np.unique(scenes[scenes != NOWHERE]).tolist():
+            mine = np.flatnonzero(scenes == number)
+            scene = self._scenery.scene(number)
+            found[mine, :half] = nearest_walls(
+                scene, hips[mine], velocity[mine], floors[mine], half
+            )
+        avoiding = np.flatnonzero(self._slots.avoids[rows])
+        for number in np.unique(self._slots.session[rows[avoiding]]).tolist():
+            mine = avoiding[self._slots.session[rows[avoiding]] == number]
+            others = self.yielding.others(number, rows[mine])
+            near = nearest_people(others.people, others.rows(rows[mine]), half)
+            found[mine, half:] = near
+        return found
+
+    # Within
+
+    def _led(self, rows: Index, hips: Array, gait: Gait, goals: Goals) -> Course:
+        """The same for rows that are all in scenes."""
+        route = self._slots.route
+        away = np.linalg.norm(goals.position[:, :2] - hips, axis=-1)
+        back = ~goals.through & (away > goals.radius + STRAYED)
+        wanted = goals.given & (~gait.arrived | back)
+        self._planner.update(rows, hips, gait, goals, wanted)
+        known = (route.revision[rows] == self._slots.goal_revision[rows]) & (
+            route.waypoint[rows] == gait.waypoint
+        )
+        open_ = known & (route.passage[rows] == Passage.OPEN)
+        ahead, radius = goals.take(np.arange(len(rows))), goals.radius.copy()
+        ahead.given &= open_ | ~wanted
+        left = np.where(open_, route.length[rows] - route.progress[rows], np.inf)
+        radius[wanted & (left > goals.radius + DETOUR)] = -1.0
+        led = np.flatnonzero(wanted & open_)
+        if len(led):
+            self._lead(rows[led], hips[led], led, ahead)
+            self.yielding.bend(rows[led], hips[led], led, ahead)
+        return Course(ahead, replace(goals, radius=radius))
+
+    def _lead(self, rows: Index, hips: Array, led: Index, ahead: Goals) -> None:
+        """Write into rows `led` of `ahead` the points of their ways to head for."""
+        route = self._slots.route
+        progress, length = route.progress[rows][:, None], route.length[rows][:, None]
+        metres = np.minimum(progress + REACH * SHARES, length)
+        curve = np.minimum(progress + CURVE, length)
+        points = self._routes.at(rows, np.concatenate([metres, curve], 1))
+        best, room = self._visible(rows, hips, points[:, : len(SHARES)])
+        pick = np.arange(len(rows)), best
+        target = points[pick][:, :2] + self._pushed(rows, hips)
+        ends = metres[pick] >= length[:, 0] - 1e-6
+        passing, on = led[~ends], target[~ends] - hips[~ends]
+        ahead.position[passing, :2] = target[~ends]
+        pass_through(ahead, passing, on)
+        into, out = points[:, -2, :2] - hips, points[:, -1, :2] - points[:, -2, :2]
+        bend = np.where(np.linalg.norm(out, axis=-1) > 0.1, angle_between_ways(into, out), 0.0)
+        most = np.minimum(
+            np.interp(bend, BENDS, CORNER_SPEED), np.interp(room, NARROW, NARROW_SPEED)
+        )
+        ahead.speed[led] = np.minimum(ahead.speed[led], most)
+
+    def _visible(self, rows: Index, hips: Array, targets: Array) -> tuple[Index, Array]:
+        """Of targets [A, S, 3], farthest first: the first that a straight line leads to [A].
+
+        And the room that the way leaves up to the farthest: metres beyond the radius [A].
+        """
+        lines = np.empty((*targets.shape[:2], len(LINE), 3))
+        lines[..., :2] = hips[:, None, None] + LINE[:, None] * (
+            targets[:, :, None, :2] - hips[:, None, None]
+        )
+        lines[..., 2] = targets[:, :, None, 2]
+        numbers, good = self._slots.scene[rows], np.empty(targets.shape[:2], np.bool_)
+        room = np.empty(len(rows))
+        for number in np.unique(numbers).tolist():
+            mine = np.flatnonzero(numbers == number)
+            scene = self._scenery.scene(number)
+            near = scene.distance(lines[mine])
+            # What the way itself keeps up to each target.
+            own = np.minimum.accumulate(near[:, ::-1, -1], 1)[:, ::-1]
+            # Whoever stands too near already may go wherever it is no nearer than that.
+            floor = np.minimum(np.minimum(scene.spec.walkable.radius + ROOM, own), near[:, :1, 0])
+            good[mine] = near.min(-1) >= floor - SLACK
+            room[mine] = own[:, 0] - scene.spec.walkable.radius
+        good[:, -1] |= ~good.any(1)
+        return good.argmax(1), room
+
+    def _pushed(self, rows: Index, hips: Array) -> Array:
+        """Metres [A, 2] to head aside, away from walls that are too near."""
+        slots, found = self._slots, np.zeros(hips.shape)
+        numbers, floors = slots.scene[rows], slots.footing.hips[rows]
+        for number in np.unique(numbers).tolist():
+            mine = np.flatnonzero(numbers == number)
+            scene = self._scenery.scene(number)
+            distance, away = scene.clearance(np.column_stack([hips[mine], floors[mine]]))
+            lacks = np.clip(scene.spec.walkable.radius + ELBOW - distance, 0.0, PUSH[1])
+            found[mine] = PUSH[0] * lacks[:, None] * away
+        return found

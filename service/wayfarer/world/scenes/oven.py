@@ -1,0 +1,105 @@
+"""The process that bakes scenes: `python -m wayfarer.world.scenes.oven MEGABYTES SECONDS`.
+
+It reads specs from its parent (bakery.py) and answers each with the scene or with the error; both
+are pickled, which is safe between the two of them alone. It says True once it can begin, and ends
+with its parent, however that ends.
+"""
+
+import contextlib
+import os
+import pickle
+import signal
+import sys
+import threading
+from math import ceil
+from pathlib import Path
+from queue import SimpleQueue
+from time import process_time
+from traceback import format_exception
+from typing import BinaryIO, Final
+
+from wayfarer.errors import WayfarerError
+from wayfarer.navigation.scene import bake
+from wayfarer.navigation.spec import Floor, SceneSpec
+
+NICE: Final = 10
+SQUARE: Final = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
+EVERYTHING: Final = SceneSpec((Floor(SQUARE), Floor(SQUARE, height=3.0)))
+"""To bake it loads every library that a bake may need."""
+
+
+def main(megabytes: int, seconds: float) -> None:
+    """Bake what comes in until the other end is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal's Ctrl-C is for the parent
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # nothing a library prints is an answer
+    step_back()
+    bound_memory(megabytes)
+    specs: SimpleQueue[SceneSpec] = SimpleQueue()
+    threading.Thread(target=_listen, args=(sys.stdin.buffer, specs), daemon=True).start()
+    bake(EVERYTHING)
+    _answer(answers, pickle.dumps(True))
+    while True:
+        spec = specs.get()
+        bound_time(seconds)
+        _answer(answers, baked(spec))
+
+
+def step_back() -> None:
+    """Let everything else run first, and let it live when the system is short of memory."""
+    if hasattr(os, "nice"):
+        os.nice(NICE)
+    with contextlib.suppress(OSError):  # Linux has it
+        Path("/proc/self/oom_score_adj").write_text("1000")
+
+
+def bound_memory(megabytes: int) -> None:
+    """Let allocations beyond it fail. Linux counts all memory that is written to, others less."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    most = megabytes << 20
+    with contextlib.suppress(ValueError, OSError):
+        resource.setrlimit(resource.RLIMIT_DATA, (most, most))
+
+
+def bound_time(seconds: float) -> None:
+    """Let the process end by SIGXCPU once it has been busy for that much longer."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    until = ceil(process_time() + seconds)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_CPU, (until, resource.RLIM_INFINITY))
+
+
+def baked(spec: SceneSpec) -> bytes:
+    """The scene or the error, pickled; MemoryError itself when memory does not suffice."""
+    try:
+        return pickle.dumps(bake(spec), pickle.HIGHEST_PROTOCOL)
+    except WayfarerError as error:
+        return pickle.dumps(error)
+    except Exception as error:
+        if isinstance(error, MemoryError) or "bad_alloc" in str(error):  # of GEOS
+            return pickle.dumps(MemoryError())
+        return pickle.dumps(RuntimeError("".join(format_exception(error))))
+
+
+def _listen(stream: BinaryIO, specs: "SimpleQueue[SceneSpec]") -> None:
+    """End the process with its parent, whatever it is doing."""
+    while True:
+        try:
+            specs.put(pickle.load(stream))
+        except (EOFError, OSError, pickle.UnpicklingError):
+            os._exit(0)
+
+
+def _answer(stream: BinaryIO, answer: bytes) -> None:
+    stream.write(answer)
+    stream.flush()
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), float(sys.argv[2]))

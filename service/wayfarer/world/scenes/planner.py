@@ -1,0 +1,140 @@
+"""When an agent's way through its scene is looked for, and what is told when there is none.
+
+A way leads to one goal of the agent's path and is looked for when that goal's turn comes. It is
+looked for again when the scene has changed and it is not clear any more, when the agent has been
+pushed far off it, and when its goal has moved.
+"""
+
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.errors import Unreachable
+from wayfarer.navigation.spec import Point3
+from wayfarer.world.agents.route import Passage
+from wayfarer.world.agents.slots import Gait, Goals, Slots
+from wayfarer.world.events import EventKind
+from wayfarer.world.rows import Flags, Index
+from wayfarer.world.scenes.routes import Routes
+from wayfarer.world.scenes.scenery import Scenery
+
+Array = NDArray[np.floating[Any]]
+
+OFF: Final = 1.2
+"""Metres from its way at which an agent looks for another one."""
+
+GOAL_MOVES: Final = 0.4
+GOAL_SHARE: Final = 0.15
+"""A goal that moves, as that of who follows another, is looked for again when it is so many metres
+from where it was, and such a share of the rest of the way."""
+
+RETRY: Final = 5
+"""Steps between two looks whether a closed way has opened."""
+
+MOVED: Final = 0.01
+"""Metres: a goal moved by less is where it was."""
+
+Tell = Callable[[int, EventKind, int, str], None]
+"""(slot, kind, waypoint, detail)"""
+
+
+class Planner:
+    """Keeps the routes of a world up to date."""
+
+    def __init__(
+        self,
+        slots: Slots,
+        routes: Routes,
+        scenery: Scenery,
+        move: Callable[[int, int, Array], None],
+        tell: Tell,
+        at_once: int,
+    ) -> None:
+        """`move(slot, waypoint, place)` puts a goal of a path elsewhere. In one `update` `at_once`
+        ways are looked for, each of which takes about a millisecond; other agents wait a step.
+        """
+        self._slots = slots
+        self._routes = routes
+        self._scenery = scenery
+        self._move = move
+        self._tell = tell
+        self._at_once = at_once
+
+    def update(self, rows: Index, places: Array, gait: Gait, goals: Goals, wanted: Flags) -> None:
+        """Look for ways of those rows that are `wanted` and need one: places [A, 2]."""
+        route = self._slots.route
+        known = (
+            (route.passage[rows] != Passage.UNKNOWN)
+            & (route.revision[rows] == self._slots.goal_revision[rows])
+            & (route.waypoint[rows] == gait.waypoint)
+        )
+        opened = known & (route.passage[rows] == Passage.OPEN)
+        lost = np.zeros(len(rows), np.bool_)
+        if opened.any():
+            lost[opened] = self._lost(rows[opened], places[opened], goals.position[opened])
+        route.wait[rows] = np.maximum(route.wait[rows] - 1, 0)
+        due = wanted & (~known | lost)
+        due |= wanted & known & (route.passage[rows] == Passage.CLOSED) & self._may_open(rows)
+        due |= wanted & opened & self._closed(rows, opened)
+        for row in np.flatnonzero(due)[: self._at_once].tolist():
+            slot, waypoint = int(rows[row]), int(gait.waypoint[row])
+            self._look(slot, places[row], waypoint, goals.position[row], bool(known[row]))
+
+    def _lost(self, rows: Index, places: Array, goals: Array) -> Flags:
+        """Of rows on open ways: those who are far off, and those whose goal has moved."""
+        route = self._slots.route
+        off = self._routes.follow(rows, places)
+        moved = np.linalg.norm(self._routes.ends(rows)[:, :2] - goals[:, :2], axis=-1)
+        left = route.length[rows] - route.progress[rows]
+        gone: Flags = moved > np.maximum(GOAL_MOVES, GOAL_SHARE * left)
+        return gone | (off > OFF) & (route.wait[rows] == 0)
+
+    def _may_open(self, rows: Index) -> Flags:
+        route = self._slots.route
+        again: Flags = route.doubt[rows] | (route.wait[rows] == 0)
+        return again
+
+    def _closed(self, rows: Index, opened: Flags) -> Flags:
+        """Of open ways: those that a change of the scene has closed."""
+        route = self._slots.route
+        found = np.zeros(len(rows), np.bool_)
+        for row in np.flatnonzero(opened & route.doubt[rows]).tolist():
+            slot = int(rows[row])
+            rest = self._routes.rest(slot)
+            scene = self._scenery.scene(int(self._slots.scene[slot]))
+            found[row] = len(rest) > 1 and not scene.is_clear(rest)
+            route.doubt[slot] = found[row]
+        return found
+
+    def _look(self, slot: int, place: Array, waypoint: int, goal: Array, known: bool) -> None:
+        slots, route = self._slots, self._slots.route
+        (x, y), (goal_x, goal_y, goal_z) = place.tolist(), goal.tolist()
+        revision = int(slots.goal_revision[slot])
+        scene = self._scenery.scene(int(slots.scene[slot]))
+        was_open = known and route.passage[slot] == Passage.OPEN
+        route.wait[slot] = RETRY
+        try:
+            path = scene.path((x, y, float(slots.footing.hips[slot])), (goal_x, goal_y, goal_z))
+        except Unreachable as error:
+            if not known or was_open:
+                kind = EventKind.BLOCKED if was_open else EventKind.UNREACHABLE
+                self._tell(slot, kind, waypoint, str(error))
+            route.passage[slot] = Passage.CLOSED
+            route.revision[slot], route.waypoint[slot] = revision, waypoint
+            route.doubt[slot] = False
+            return
+        if path.goal_moved > MOVED:
+            self._move(slot, waypoint, path.points[-1])
+            text = moved_text(path.goal_moved, path.goal)
+            self._tell(slot, EventKind.GOAL_MOVED, waypoint, text)
+        self._routes.lay(slot, path.points, revision, waypoint)
+
+
+def moved_text(metres: float, place: Point3) -> str:
+    """What is said of a goal that was moved."""
+    return (
+        f"the goal is not on free ground; the nearest that can be reached is {metres:.2f} m from "
+        f"it: ({', '.join(f'{value:.2f}' for value in place)})"
+    )

@@ -1,0 +1,279 @@
+"""People who come to a session's scene, walk about all over it, and leave again.
+
+    crowds.set("s", Crowd(200), now)   # then, again and again:
+    crowds.tend(now)
+
+Everything about the people follows from the crowd's seed and their number. A few come with every
+call, so that none takes long. Who leaves does so when he next stands, not in mid-stride.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.errors import (
+    FailedPrecondition,
+    InvalidArgument,
+    MetresPerSecond,
+    ResourceExhausted,
+)
+from wayfarer.navigation.scene import Scene
+from wayfarer.spec import BETAS, GENDERS
+from wayfarer.world.agents.agent import AgentInfo, AgentSpec
+from wayfarer.world.behaviours import Wander
+from wayfarer.world.behaviours.places import drawn_places, largest_island
+from wayfarer.world.goals.checks import MAX_DWELL, SPEED, check_range
+from wayfarer.world.goals.commands import GoalCommand
+from wayfarer.world.scenes.messages import Crowd
+
+AT_ONCE: Final = 4
+"""People who come with one call: each takes about 2 ms."""
+
+APART: Final = 1.2
+"""Metres between somebody who comes and everybody else …"""
+
+FROM_WALLS: Final = 0.45
+"""… and any wall."""
+
+TRIES: Final = 24
+"""Places that are looked at for each; then it is tried again with a later call."""
+
+LOOKS_EVERY: Final = 0.05
+"""Seconds."""
+
+LATER: Final = 0.5
+"""Seconds until those for whom there was no place, or no room, try again."""
+
+LEAVES_WITHIN: Final = 60.0
+"""Seconds after which somebody leaves who has not stood since."""
+
+SHAPES: Final = 24
+"""Different bodies of each gender."""
+
+MAX_RATE: Final = 50.0
+MAX_STAY: Final = 86_400.0
+_STREAM: Final = 0x43524F574443524F  # second half of the key: keeps these draws apart from others'
+
+
+class Whereabouts(NamedTuple):
+    """Agents of a session, as of what was sent."""
+
+    agent_ids: tuple[str, ...]
+    places: NDArray[np.float32]  # [N, 2] metres
+    stands: NDArray[np.bool_]  # [N]
+
+
+class CrowdWorld(Protocol):
+    """What crowds need of their world."""
+
+    def scene_of_session(self, session_id: str) -> Scene | None:
+        """Its scene; None: it is in none, or has ended."""
+        ...
+
+    def room_for(self, session_id: str, genders: Sequence[str], now: float) -> None:
+        """Raises NotFound, ResourceExhausted when so many more could not be stepped in time."""
+        ...
+
+    def whereabouts(self, session_id: str) -> Whereabouts:
+        """Of all agents of a session. Raises NotFound."""
+        ...
+
+    def create_agents(
+        self, session_id: str, specs: Sequence[AgentSpec], now: float
+    ) -> list[AgentInfo]:
+        """Raises ResourceExhausted."""
+        ...
+
+    def give(self, agent_id: str, command: GoalCommand, now: float) -> int:
+        """Tell an agent what to do."""
+        ...
+
+    def delete_agent(self, agent_id: str) -> None:
+        """It leaves."""
+        ...
+
+
+@dataclass(slots=True)
+class _People:
+    """A crowd as it is now; times are the world's."""
+
+    crowd: Crowd
+    next_at: float  # when somebody may come
+    looks_at: float = -np.inf  # when it is looked after again
+    come: int = 0  # so far: the number of the next one
+    leaves_at: dict[str, float] = field(default_factory=dict)  # by agent
+
+
+@dataclass(frozen=True, slots=True)
+class _Person:
+    """Somebody of a crowd, as its seed and his number make him."""
+
+    spec: AgentSpec
+    wander: Wander
+    stay: float  # seconds; inf: for ever
+
+
+class Crowds:
+    """The crowds of a world, by session. Time is an argument; not thread-safe."""
+
+    def __init__(self, world: CrowdWorld) -> None:
+        self._world = world
+        self._crowds: dict[str, _People] = {}
+
+    def set(self, session_id: str, crowd: Crowd, now: float) -> int:
+        """In place of an earlier crowd, whose people stay as far as the new one wants them.
+
+        Returns how many will come at once. Raises NotFound, FailedPrecondition when the session is
+        in no scene, InvalidArgument, ResourceExhausted when so many could not be stepped in time.
+        """
+        check_crowd(crowd)
+        here = set(self._world.whereabouts(session_id).agent_ids)
+        if self._world.scene_of_session(session_id) is None:
+            raise FailedPrecondition(
+                f"session {session_id!r} is in no scene: people walk about in one, so name it "
+                "when the session is created"
+            )
+        before = self._crowds.get(session_id)
+        stay = {} if before is None else {a: t for a, t in before.leaves_at.items() if a in here}
+        more = max(crowd.count - len(stay), 0)
+        self._world.room_for(session_id, [GENDERS[k % 2] for k in range(more)], now)
+        surplus = list(stay)[crowd.count :]
+        stay |= {agent_id: min(stay[agent_id], now) for agent_id in surplus}
+        self._crowds[session_id] = _People(crowd, now, leaves_at=stay)
+        return 0 if crowd.spawn_rate else more
+
+    def tend(self, now: float) -> list[tuple[str, str]]:
+        """Let people come and go. Who has gone: session and agent."""
+        gone = list[tuple[str, str]]()
+        for session_id in list(self._crowds):
+            scene = self._world.scene_of_session(session_id)
+            people = self._crowds[session_id]
+            if scene is None or not (people.crowd.count or people.leaves_at):
+                del self._crowds[session_id]
+                continue
+            if now >= people.looks_at:
+                people.looks_at = now + LOOKS_EVERY
+                gone += [(session_id, name) for name in self._leave(session_id, people, now)]
+                self._let_in(session_id, people, scene, now)
+        return gone
+
+    def _leave(self, session_id: str, people: _People, now: float) -> list[str]:
+        here = self._world.whereabouts(session_id)
+        stands = dict(zip(here.agent_ids, here.stands.tolist(), strict=True))
+        people.leaves_at = {a: at for a, at in people.leaves_at.items() if a in stands}
+        gone = [
+            agent_id
+            for agent_id, at in people.leaves_at.items()
+            if now >= at and (stands[agent_id] or now >= at + LEAVES_WITHIN)
+        ]
+        for agent_id in gone:
+            self._world.delete_agent(agent_id)
+            del people.leaves_at[agent_id]
+        return gone
+
+    def _let_in(self, session_id: str, people: _People, scene: Scene, now: float) -> None:
+        places = [(x, y) for x, y in self._world.whereabouts(session_id).places.tolist()]
+        for _ in range(AT_ONCE):
+            if now < people.next_at or len(people.leaves_at) >= people.crowd.count:
+                return
+            place = self._come(session_id, people, scene, places, now)
+            if place is None:
+                people.next_at = now + LATER
+                return
+            places.append(place)
+            if people.crowd.spawn_rate:
+                people.next_at = max(people.next_at, now - 1) + 1 / people.crowd.spawn_rate
+
+    def _come(
+        self,
+        session_id: str,
+        people: _People,
+        scene: Scene,
+        places: list[tuple[float, float]],
+        now: float,
+    ) -> tuple[float, float] | None:
+        """Let the next one come; where he stands, or None: there was no place or no room."""
+        person = drawn_person(people.crowd, people.come, scene, places)
+        if person is None:
+            people.come += 1  # other draws the next time
+            return None
+        try:
+            [made] = self._world.create_agents(session_id, [person.spec], now)
+        except ResourceExhausted:
+            return None
+        people.come += 1
+        people.leaves_at[made.agent_id] = now + person.stay
+        self._world.give(made.agent_id, person.wander, now)
+        return person.spec.position
+
+
+def check_crowd(crowd: Crowd, where: str = "") -> None:
+    """Raises InvalidArgument that names the field."""
+    if crowd.count < 0:
+        raise InvalidArgument(f"count is {crowd.count}; allowed: 0 or more", f"{where}count")
+    if not 0 <= crowd.seed < 2**64:
+        raise InvalidArgument("seed must lie in [0, 2^64)", f"{where}seed")
+    for name, kind, values, (low, high) in (
+        ("speed", MetresPerSecond, crowd.speed, SPEED),
+        ("dwell", "{:g}".format, crowd.dwell, (0.0, MAX_DWELL)),
+    ):
+        for end, value in zip(("min", "max"), values, strict=True):
+            check_range([value], low, high, f"{where}{end}_{name}", kind)
+        least, most = values
+        if least > most:
+            raise InvalidArgument(
+                "{} is {} and {} is {}; the first must not be the greater",
+                f"{where}min_{name}",
+                f"min_{name}",
+                kind(least),
+                f"max_{name}",
+                kind(most),
+            )
+    check_range([crowd.spawn_rate], 0, MAX_RATE, f"{where}spawn_rate")
+    check_range([crowd.stay], 0, MAX_STAY, f"{where}stay")
+
+
+def drawn_person(
+    crowd: Crowd, number: int, scene: Scene, others: Sequence[tuple[float, float]]
+) -> _Person | None:
+    """Number `number` of a crowd, at a free place away from `others`; None: none was found."""
+    key = np.array([crowd.seed, _STREAM], np.uint64)
+    random = np.random.Generator(np.random.Philox(key=key, counter=number))
+    place = _free_place(scene, random.random((TRIES, 3)), others)
+    if place is None:
+        return None
+    x, y, floor = place
+    shape = int(random.integers(SHAPES))
+    betas = np.random.Generator(np.random.Philox(key=key, counter=2**64 + shape))
+    spec = AgentSpec(
+        name=f"passer-by {number + 1}",
+        gender=GENDERS[int(random.integers(2))],
+        betas=tuple(np.clip(betas.normal(0.0, 0.8, BETAS), -2.0, 2.0).tolist()),
+        position=(x, y),
+        heading=float(random.uniform(-np.pi, np.pi)),
+        noise_seed=int(random.integers(2**32)),
+        floor=floor,
+    )
+    wander = Wander(
+        None, speed=float(random.uniform(*crowd.speed)), dwell=float(random.uniform(*crowd.dwell))
+    )
+    stay = float(random.exponential(crowd.stay)) if crowd.stay else np.inf
+    return _Person(spec, wander, stay)
+
+
+def _free_place(
+    scene: Scene, draws: np.ndarray, others: Sequence[tuple[float, float]]
+) -> tuple[float, float, float] | None:
+    places = drawn_places(scene, largest_island(scene), draws)
+    free = scene.distance(places) >= FROM_WALLS
+    if len(others):
+        apart = np.linalg.norm(places[:, None, :2] - np.array(others), axis=-1)
+        free &= apart.min(1) >= APART
+    found = np.flatnonzero(free)
+    if not len(found):
+        return None
+    x, y, z = places[found[0]].tolist()
+    return x, y, z

@@ -1,0 +1,88 @@
+"""The scenes that a world's sessions are in, as its present step sees them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from wayfarer.errors import FailedPrecondition, NotFound
+from wayfarer.navigation.scene import Scene
+from wayfarer.world.agents.agent import AgentSpec, Goal, SessionSpec
+from wayfarer.world.agents.slots import Slots
+from wayfarer.world.rows import Index
+from wayfarer.world.scenes.book import Book
+
+NOWHERE = 0
+"""Number of the flat floor without end, on which sessions are that name no scene."""
+
+
+class Scenery:
+    """Scenes by number; a number stands for one scene as long as the world lives."""
+
+    def __init__(self, book: Book, slots: Slots) -> None:
+        self.book = book
+        self._slots = slots
+        self._numbers: dict[str, int] = {}
+        self._scenes: dict[int, Scene] = {}
+
+    def enter(self, spec: SessionSpec) -> None:
+        """A session is opened. Raises FailedPrecondition when its scene is not here."""
+        if not spec.scene:
+            return
+        if spec.record:
+            raise FailedPrecondition(
+                "a session in a scene cannot be recorded: leave out `record`, or `scene`"
+            )
+        try:
+            scene = self.book.enter(spec.scene)
+        except NotFound:
+            raise FailedPrecondition(
+                f"scene {spec.scene!r} is not here: scenes belong to one server, so create it "
+                "first, and let the session name the id that it gets"
+            ) from None
+        number = self._numbers.setdefault(spec.scene, len(self._numbers) + 1)
+        self._scenes[number] = scene
+
+    def leave(self, spec: SessionSpec) -> None:
+        """A session has ended."""
+        if spec.scene:
+            self.book.leave(spec.scene)
+
+    def number(self, scene_id: str) -> int:
+        """Of a scene that a session is in; `NOWHERE` for the empty id."""
+        return self._numbers[scene_id] if scene_id else NOWHERE
+
+    def scene(self, number: int) -> Scene:
+        """The version that the present step sees."""
+        return self._scenes[number]
+
+    def refresh(self) -> Index:
+        """Take up new versions; slots that are in scenes which have one."""
+        changed = [
+            self._numbers[name]
+            for name, scene in self.book.current(self._numbers).items()
+            if scene is not self._scenes[self._numbers[name]]
+        ]
+        if not changed:
+            return np.empty(0, np.int64)
+        for name, number in self._numbers.items():
+            if number in changed:
+                self._scenes[number] = self.book.scene(name)
+        return np.flatnonzero(self._slots.active & np.isin(self._slots.scene, changed))
+
+    # What callers name, as the scene has it. Thread-safe: scenes never change.
+
+    def placed(self, spec: SessionSpec, agents: Sequence[AgentSpec]) -> list[AgentSpec]:
+        """New agents on free ground: those off it stand on the nearest there is."""
+        if not spec.scene:
+            return list(agents)
+        scene = self.book.scene(spec.scene)
+        found = []
+        for agent in agents:
+            x, y, z = scene.nearest((*agent.position, agent.floor))
+            found.append(replace(agent, position=(x, y), floor=z))
+        return found
+
+    def reached(self, number: int, start: tuple[float, float, float], goal: Goal) -> Goal:
+        """The goal, or the nearest free ground. Raises Unreachable when no way leads there."""
+        return replace(goal, position=self._scenes[number].reach(start, goal.position))

@@ -1,0 +1,118 @@
+"""Everything of scenes that belongs to one world, put together."""
+
+from collections.abc import Sequence
+from math import dist
+from typing import Final, NamedTuple
+
+from wayfarer.navigation.scene import Scene
+from wayfarer.navigation.spec import Point3
+from wayfarer.spec import NEW_FRAMES
+from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.slots import Slots
+from wayfarer.world.agents.timeline import Timeline
+from wayfarer.world.events import Event, EventKind
+from wayfarer.world.goals.commands import Append, GoalCommand, Path
+from wayfarer.world.goals.paths import Paths
+from wayfarer.world.scenes.book import Book
+from wayfarer.world.scenes.guide import SceneGuide
+from wayfarer.world.scenes.planner import MOVED, Planner, moved_text
+from wayfarer.world.scenes.routes import Routes
+from wayfarer.world.scenes.scenery import Scenery
+from wayfarer.world.stepping.settings import WorldSettings
+
+MOST_EVENTS: Final = 10_000
+"""Events that wait to be taken, the latest ones: nobody may ask for them."""
+
+
+class Move(NamedTuple):
+    """A goal that was moved to free ground."""
+
+    from_end: int  # its place in the path, 1 for the last one
+    metres: float
+    place: Point3
+
+
+class Stage:
+    """The scenes of a world, the ways through them, and what is to be told of both."""
+
+    def __init__(
+        self,
+        *,
+        book: Book,
+        slots: Slots,
+        paths: Paths,
+        timeline: Timeline,
+        settings: WorldSettings,
+    ) -> None:
+        self.scenery = Scenery(book, slots)
+        self._slots = slots
+        self._timeline = timeline
+        self._events: list[Event] = []
+        routes = Routes(slots)
+        planner = Planner(slots, routes, self.scenery, paths.move, self.tell, settings.ways)
+        self.guide = SceneGuide(slots, routes, self.scenery, planner)
+
+    def refresh(self) -> None:
+        """Take up what has changed in scenes; ways are looked at again as agents come to step."""
+        self._slots.route.doubt[self.scenery.refresh()] = True
+
+    def scene_of(self, slot: int) -> Scene | None:
+        """The scene that a slot is in, as the present step sees it."""
+        number = int(self._slots.scene[slot])
+        return self.scenery.scene(number) if number else None
+
+    def fitted(self, slot: int, command: GoalCommand) -> tuple[GoalCommand, list[Move]]:
+        """The command with goals that the agent of a slot can reach, and the goals that were moved.
+
+        Goals off free ground are moved to the nearest that is free. Raises Unreachable.
+        """
+        if not self._slots.scene[slot]:
+            return command, []
+        match command:
+            case Goal():
+                [fitted], moves = self._reached(slot, [command])
+                return fitted, moves
+            case Path(goals) | Append(goals):
+                found, moves = self._reached(slot, goals)
+                return type(command)(found), moves
+            case _:
+                return command, []
+
+    def tell_moves(self, slot: int, moves: Sequence[Move], waypoints: int) -> None:
+        """Of the last goals of a path, which has so many now."""
+        for move in moves:
+            waypoint, text = waypoints - move.from_end, moved_text(move.metres, move.place)
+            self.tell(slot, EventKind.GOAL_MOVED, waypoint, text)
+
+    def take_events(self) -> list[Event]:
+        """What has happened since the last time."""
+        events, self._events = self._events, []
+        return events
+
+    def _reached(self, slot: int, goals: Sequence[Goal]) -> tuple[tuple[Goal, ...], list[Move]]:
+        slots = self._slots
+        number, hips = int(slots.scene[slot]), slots.planned.seed.translation[slot, -1]
+        start = float(hips[0]), float(hips[1]), float(slots.footing.hips[slot])
+        found = tuple(self.scenery.reached(number, start, goal) for goal in goals)
+        moves = [
+            Move(len(goals) - place, metres, goal.position)
+            for place, (asked, goal) in enumerate(zip(goals, found, strict=True))
+            if (metres := dist(asked.position[:2], goal.position[:2])) > MOVED
+        ]
+        return found, moves
+
+    def tell(self, slot: int, kind: EventKind, waypoint: int, detail: str) -> None:
+        """An agent has met with something on the way to a goal of its path."""
+        slots = self._slots
+        frame = int(slots.start_frame[slot] + NEW_FRAMES * slots.planned_chunks[slot])
+        event = Event(
+            kind,
+            self._timeline.time(frame),
+            slots.agent_id[slot],
+            int(slots.alias[slot]),
+            int(slots.goal_revision[slot]),
+            waypoint,
+            detail,
+        )
+        self._events.append(event)
+        del self._events[:-MOST_EVENTS]

@@ -1,0 +1,1 @@
+"""Who is stepped when: scheduler, batches, playback, load."""

@@ -1,0 +1,148 @@
+"""How many agents fit: from what engine calls take, and the rest of the loop, as measured.
+
+The engine and the motion thread work beside each other. Agents are admitted as long as neither, on
+the last rung of the ladder that still steps everybody (one candidate), would be busy for more than
+a share of the time. In 0.2 s the engine has a call for each batch of one gender, which is filled
+with whoever comes next; the thread has a little to do for each call, a little for each chunk, and
+whoever sends them as much again. What these two need of the cores the engine lacks.
+
+    thread = (calls · a + chunks · b) / 0.2 s
+    engine = excess · Σ over calls of their seconds in the warm-up / 0.2 s / (1 - 2 thread / cores)
+
+*a*, *b* and *excess* are measured (`costs.py`).
+"""
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from math import inf, isfinite
+from threading import Lock
+from typing import Final, NamedTuple
+
+from wayfarer.errors import ResourceExhausted
+from wayfarer.spec import GENDERS, STEP_SECONDS
+from wayfarer.world.stepping.costs import WINDOW, Counts, Excess, Rest, WarmCalls
+from wayfarer.world.stepping.scheduler import Call
+from wayfarer.world.stepping.settings import WorldSettings
+from wayfarer.world.stepping.window import Window
+
+REFRESH: Final = 1.0
+"""Seconds until the number of agents that fit is counted anew."""
+
+BESIDE: Final = 2.0
+"""Loop and transport need so many times as much of the cores as the loop does."""
+
+
+class Prices(NamedTuple):
+    """What things take at present."""
+
+    excess: float  # the engine takes so many times as long as expected
+    turn: float  # seconds of the motion thread for each engine call …
+    chunk: float  # … and for each chunk that it publishes
+
+
+class Admission:
+    """Decides whether more agents fit into the time there is. Thread-safe."""
+
+    def __init__(self, settings: WorldSettings) -> None:
+        """Until something is measured, nobody is refused."""
+        self._rules = settings.admission
+        self._limit = settings.limits.agents
+        largest, full = settings.batch_sizes[-1], settings.full_batch
+        self._cores = settings.cores
+        self._warm = WarmCalls(largest // full * full or largest)
+        self._excess = Excess()
+        self._rest = Rest()
+        self._steps = Window(WINDOW)
+        self._lock = Lock()  # of the windows and the count
+        self._capacity, self._counted_at = self._limit, -inf
+        self.refused = 0  # agents so far
+
+    def measured(self, rows: int, candidates: int, seconds: float) -> None:
+        """An engine call of this size took so long in the warm-up."""
+        self._warm.measured(rows, candidates, seconds)
+
+    def spent(self, now: float, call: Call, stepped: int, seconds: float, agents: Counts) -> None:
+        """A call for so many of the agents has taken so long."""
+        with self._lock:
+            self._steps.add(now, seconds)
+            thread = self._thread(agents, *self._rest.line(now))
+            usual = self._warm.call(call.rows, call.candidates)
+            of_all = self._engine(self._warm.share(agents, call.candidates), thread) * STEP_SECONDS
+            if isfinite(usual + of_all) and any(agents):
+                self._excess.add(now, seconds, of_all * stepped / sum(agents), usual)
+
+    def worked(self, now: float, seconds: float, chunks: int) -> None:
+        """A turn of the loop took so long, waiting and stepping aside; it published `chunks`."""
+        with self._lock:
+            self._rest.add(now, seconds, chunks)
+
+    def load(self, now: float) -> float:
+        """Share of the last seconds for which the busier one of engine and thread was busy."""
+        with self._lock:
+            return max(sum(self._steps.values(now)), self._rest.total(now)) / WINDOW
+
+    def check(self, agents: Counts, coming: Sequence[int], now: float, late: bool) -> None:
+        """Agents of these genders are to be added. Raises ResourceExhausted when they do not fit.
+
+        `late`: the ladder is at its end, whatever is predicted.
+        """
+        busy = self._busy(with_more(agents, coming), self._prices(now))
+        if not coming or (not late and busy <= self._rules.most_load):
+            return
+        with self._lock:
+            self.refused += len(coming)
+        why = (
+            "steps are late with all that could give way"
+            if late
+            else f"with them steps would take {busy:.0%} of the time, "
+            f"allowed are {self._rules.most_load:.0%}"
+        )
+        fit = f" and {self.capacity(now)} fit on this machine now" if self._warm.known else ""
+        raise ResourceExhausted(
+            f"{sum(agents)} agents exist{fit}; {len(coming)} more were asked for: {why}",
+            retry_after=self._rules.retry_after,
+        )
+
+    def capacity(self, now: float) -> int:
+        """So many agents fit, of both genders in turn; counted anew once a second. 0: not known."""
+        if not self._warm.known:
+            return 0
+        if now - self._counted_at >= REFRESH:
+            prices = self._prices(now)
+            self._capacity = bisect_right(
+                range(1, self._limit + 1),
+                self._rules.most_load,
+                key=lambda agents: self._busy(in_turn(agents), prices),
+            )
+            self._counted_at = now
+        return self._capacity
+
+    def _prices(self, now: float) -> Prices:
+        with self._lock:
+            return Prices(self._excess.value(now), *self._rest.line(now))
+
+    def _busy(self, agents: Counts, prices: Prices) -> float:
+        """Share of the time that the busier one of engine and thread needs."""
+        if not self._warm.known:
+            return 0.0
+        thread = self._thread(agents, prices.turn, prices.chunk)
+        return max(prices.excess * self._engine(self._warm.share(agents), thread), thread)
+
+    def _thread(self, agents: Counts, turn: float, chunk: float) -> float:
+        """Share of the time that the motion thread needs."""
+        return (self._warm.count(agents) * turn + sum(agents) * chunk) / STEP_SECONDS
+
+    def _engine(self, alone: float, thread: float) -> float:
+        """Share of the time that the engine needs beside the thread; `alone` without it."""
+        left = 1 - BESIDE * thread / self._cores
+        return alone / left if left > 0 else inf
+
+
+def with_more(agents: Counts, genders: Sequence[int]) -> list[int]:
+    """Counts with those of these genders besides."""
+    return [count + genders.count(gender) for gender, count in enumerate(agents)]
+
+
+def in_turn(agents: int) -> list[int]:
+    """Counts of so many, of all genders in turn."""
+    return [len(range(gender, agents, len(GENDERS))) for gender in range(len(GENDERS))]

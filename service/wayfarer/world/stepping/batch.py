@@ -1,0 +1,64 @@
+"""From slots to one engine call and back: gather rows, and find broken ones."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.engines.engine import Float, StepInputs, StepOutputs, no_obstacles
+from wayfarer.world.agents.slots import Gait, Goals, Seeds, Slots
+from wayfarer.world.goals.steering import Steering
+from wayfarer.world.rows import Index
+from wayfarer.world.stepping.noise import latents
+
+MAX_STEP_METRES = 3.0
+"""A body that moves farther in one step (15 m/s) has exploded."""
+
+
+def gather(
+    slots: Slots,
+    rows: Index,
+    seed: Seeds,
+    gait: Gait,
+    goals: Goals,
+    candidates: int,
+    steering: Steering,
+    obstacles: Float,
+) -> StepInputs:
+    """Engine inputs of `rows`; `seed`, the gait to come and the goals are theirs."""
+    noise = latents(slots.noise_seed[rows], slots.planned_chunks[rows], candidates)
+    return assemble(seed, slots.betas[rows], gait, goals, noise, steering, obstacles)
+
+
+def assemble(
+    seed: Seeds,
+    betas: Float,
+    gait: Gait,
+    goals: Goals,
+    noise: Float,
+    steering: Steering,
+    obstacles: Float | None = None,
+) -> StepInputs:
+    """Engine inputs of the step that `gait` is for: betas [A, 10], noise [A, K, 128] ~ N(0, I)."""
+    target = steering.targets(gait, seed, goals)
+    return StepInputs(
+        seed_markers=seed.markers,
+        seed_translation=seed.translation,
+        seed_rotations=seed.rotations,
+        betas=betas,
+        goal=np.pad(target.place, ((0, 0), (0, 1))),  # the floor, as in training: height 0
+        target_speed=target.speed,
+        facing=target.facing,
+        term_weights=steering.term_weights(gait.mode),
+        policy=steering.policy(gait.mode),
+        noise=steering.scale_noise(gait.mode, noise),
+        obstacles=no_obstacles(len(betas)) if obstacles is None else obstacles,
+    )
+
+
+def broken(start: NDArray[np.float32], outputs: StepOutputs) -> NDArray[np.bool_]:
+    """Rows [A] that cannot be shown: not finite, or with hips far off `start` [A, 3]."""
+    finite = np.ones(len(start), np.bool_)
+    for values in (outputs.translation, outputs.rotations, outputs.next_seed_markers):
+        finite &= np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
+    with np.errstate(invalid="ignore"):
+        way = np.linalg.norm(outputs.translation - start[:, None], axis=-1).max(axis=-1)
+        return ~(finite & (way <= MAX_STEP_METRES))

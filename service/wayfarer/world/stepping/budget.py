@@ -1,0 +1,117 @@
+"""What gives way when engine calls no longer fit before their deadlines: the ladder.
+
+Frames must be there at their time whatever the load; quality gives way first:
+
+    fewer candidates      the search tries 16, 8, 4, 2, 1 in place of what is wished  (REDUCED)
+    hold idle agents      who stands with nothing to do keeps its pose, unstepped     (HELD)
+    refuse new agents     ResourceExhausted
+
+One goes down a rung at a time, and up again after a calm while. Time is an argument.
+"""
+
+from dataclasses import dataclass
+
+from wayfarer.world.stepping.window import Window
+
+COUNTS = (16, 8, 4, 2, 1)
+
+WINDOW = 1.0
+"""Seconds over which calls are looked at."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """What there is time for."""
+
+    candidates: int  # the most to try
+    hold_idle: bool = False
+    refuse: bool = False
+
+
+def rungs(most: int) -> tuple[int, ...]:
+    """Numbers of candidates that may be tried where steering wishes for `most`."""
+    return (most, *(k for k in COUNTS if k < most))
+
+
+def ladder(most: int) -> tuple[Rung, ...]:
+    """All rungs, from the top."""
+    return (*map(Rung, rungs(most)), Rung(1, hold_idle=True), Rung(1, hold_idle=True, refuse=True))
+
+
+@dataclass(frozen=True, slots=True)
+class BudgetRules:
+    """When to go down the ladder, and when up again. Seconds."""
+
+    late: float = 0.03  # an engine call may be over so long after its deadline
+    settle: float = 0.2  # after a change, so long before the next one down …
+    patience: float = 3.0  # … or up; twice as long after each climb that was a mistake, …
+    most_patience: float = 60.0  # … as far as this. Whoever stays up so long may err anew
+    headroom: float = 1.6  # a call with the candidates of the next rung takes so much longer …
+    most_busy: float = 1.25  # … and may then take this share of the time: more is not worth trying
+
+
+class Budget:
+    """The ladder that one world stands on.
+
+    A busy engine is no reason to go down: it works beside all else, and while every call is over
+    in time all is well. Whether there is room one rung up is known only by trying.
+    """
+
+    def __init__(self, most: int, rules: BudgetRules) -> None:
+        self._rungs = ladder(most)
+        self._rules = rules
+        self.number = 0  # of the rung, from the top
+        self._changed_at = float("-inf")
+        self._climbed_at = float("-inf")
+        self._is_trial = False  # it has not gone down since
+        self._patience = rules.patience
+        self._calls = Window(WINDOW)
+
+    @property
+    def rung(self) -> Rung:
+        """Where it stands now."""
+        return self._rungs[self.number]
+
+    def spent(self, now: float, seconds: float) -> None:
+        """An engine call that took so long has ended."""
+        self._calls.add(now, seconds)
+
+    def allow(self, now: float, slack: float, held: float = 0.0, ahead: int = 0) -> Rung:
+        """The rung for a call that begins now, `slack` seconds before its deadline.
+
+        `held` is the share of the agents, below 1, who are held at present; so many calls `ahead`
+        of it are under way.
+        """
+        rules, since = self._rules, now - self._changed_at
+        calls = sorted(self._calls.values(now))
+        # of few rows and of many: three in four take no longer
+        call, busy = (calls[len(calls) * 3 // 4], sum(calls)) if calls else (0.0, 0.0)
+        slack -= max(ahead - 0.5, 0.0) * call  # the first of them is half done
+        if slack < call - rules.late:
+            if since >= rules.settle and self.number < len(self._rungs) - 1:
+                self._fall(now)
+        elif self.number > 0 and since >= self._patience:
+            longer, more = self._growth(held)
+            fits = slack >= call * longer - rules.late
+            if fits and busy * longer * more <= rules.most_busy * WINDOW:
+                self.number, self._changed_at = self.number - 1, now
+                self._climbed_at, self._is_trial = now, True
+        return self.rung
+
+    def _growth(self, held: float) -> tuple[float, float]:
+        """One rung up a call takes so many times as long, and there are so many times more."""
+        above = self._rungs[self.number - 1]
+        if above.candidates > self.rung.candidates:
+            return self._rules.headroom, 1.0
+        releases = self.rung.hold_idle and not above.hold_idle
+        return 1.0, 1 / (1 - min(held, 0.99)) if releases else 1.0
+
+    def _fall(self, now: float) -> None:
+        rules, since = self._rules, now - self._climbed_at
+        # a second fall that follows the first one tells nothing new of that climb
+        if since >= rules.most_patience:
+            self._patience = rules.patience
+        elif self._is_trial:
+            self._patience = min(2 * self._patience, rules.most_patience)
+        self._is_trial = False
+        self.number, self._changed_at = self.number + 1, now

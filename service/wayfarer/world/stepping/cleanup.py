@@ -1,0 +1,49 @@
+"""Foot lock of agents: from slots and chunks to `footlock.py` and back.
+
+It works on chunks as they leave. What has been sent is never replaced, so one state per slot is
+enough: replanning throws away only frames that have not come here.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from wayfarer.world.agents.agent import ChunkFlag
+from wayfarer.world.agents.slots import Gait, Mode, Slots
+from wayfarer.world.output.footlock import begin, lock_feet
+from wayfarer.world.rows import Flags
+from wayfarer.world.stepping.playback import Sent
+
+HALTED: Final = 0.25
+"""m/s: a person who is stopping and slower than this has nothing left of the walk."""
+
+
+def clean_feet(slots: Slots, sent: Sent) -> None:
+    """Lock the feet, in the chunks of `sent`, of those agents that want it.
+
+    A pose that begins or jumps begins its lock anew, and so does a lock that is switched on.
+    """
+    wishes = slots.foot_lock[sent.slots]
+    slots.feet_begun[sent.slots] &= wishes
+    # A slice, where it will do, spares copies.
+    wanted = slice(None) if wishes.all() else np.flatnonzero(wishes)
+    chunks, rows = sent.chunks, sent.slots[wanted]
+    if not len(rows):
+        return
+    translation, rotations = chunks.translation[wanted], chunks.rotations[wanted]
+    legs, feet = slots.legs.take(rows), slots.feet.take(rows)
+    jumps = (chunks.flags[wanted] & ChunkFlag.FIRST) > 0
+    if len(new := np.flatnonzero(jumps | ~slots.feet_begun[rows])):
+        feet.put(new, begin(legs.take(new), translation[new, 0], rotations[new, 0]))
+    steps = _on_the_spot(chunks.end.gait)[wanted]
+    locked = lock_feet(feet, legs, translation, rotations, steps)
+    slots.feet.put(rows, locked.state)
+    slots.feet_begun[rows] = True
+    chunks.rotations[wanted] = locked.rotations
+    chunks.contacts[wanted] = locked.contacts
+
+
+def _on_the_spot(gait: Gait) -> Flags:
+    """Those [A] whose feet step where they would slide: they do not walk."""
+    halted = (gait.mode == Mode.STOPPING) & ((gait.speed < HALTED) | gait.planted)
+    return np.isin(gait.mode, (Mode.STANDING, Mode.TURNING, Mode.STRAFING)) | halted

@@ -1,0 +1,131 @@
+"""What engine calls, and the rest of the loop, take: in the warm-up, and of late."""
+
+from collections.abc import Sequence
+from math import inf
+from typing import Final
+
+import numpy as np
+
+from wayfarer.spec import STEP_SECONDS
+from wayfarer.world.stepping.window import Window
+
+WINDOW: Final = 10.0
+"""Seconds over which running calls are averaged."""
+
+ENOUGH: Final = 150
+"""Calls, or turns, of the window; as long as there are fewer, those that are missing count as if
+they took what is said here. What is measured while agents are created tells little."""
+
+FIRST_TURN, FIRST_CHUNK = 3e-4, 1e-4
+"""Seconds of a turn and of a chunk until there are enough measured. On a processor of 2.6 GHz that
+is idle but for it a chunk takes 4e-5 (`python -m benchmarks.runtime_overhead`); here the engine is
+taken to need the same cores."""
+
+FIRST_EXCESS: Final = 1.2
+"""`Excess` until there are enough measured: chosen so as to refuse rather than to be late, since
+who has been let in stays."""
+
+OUTLIER: Final = 3.0
+"""Calls are taken to be no more than so many times as long as those of their size usually are."""
+
+Counts = Sequence[int]
+"""Agents by gender (index into `spec.GENDERS`)."""
+
+
+class WarmCalls:
+    """What engine calls take in the warm-up, with nothing beside them."""
+
+    def __init__(self, full: int) -> None:
+        """`full`: rows to which batches are filled where there are so many agents."""
+        self._full = full
+        self._seconds: dict[int, dict[int, float]] = {}  # candidates → rows → seconds
+
+    @property
+    def known(self) -> bool:
+        """Something has been measured."""
+        return bool(self._seconds)
+
+    def measured(self, rows: int, candidates: int, seconds: float) -> None:
+        """A call of this size took so long; the shortest counts."""
+        by_rows = self._seconds.setdefault(candidates, {})
+        by_rows[rows] = min(seconds, by_rows.get(rows, inf))
+
+    def call(self, rows: int, candidates: int) -> float:
+        """Seconds; between sizes that were measured, in proportion. Infinite where unknown."""
+        by_rows = sorted(self._seconds.get(candidates, {}).items())
+        if not by_rows or rows > by_rows[-1][0]:
+            return inf
+        known, seconds = zip(*by_rows, strict=True)
+        return float(np.interp(rows, known, seconds))
+
+    def count(self, agents: Counts) -> float:
+        """Calls for a step of them all: full batches, at least one for each gender."""
+        return sum(max(count / self._full, 1.0) for count in agents if count)
+
+    def share(self, agents: Counts, candidates: int | None = None) -> float:
+        """Of the time, for a step of them all every 0.2 s; None: as few as were measured.
+
+        Infinite where nothing is known of so many candidates, or of batches so large.
+        """
+        if candidates is None:
+            candidates = min(self._seconds, default=0)
+        seconds = 0.0
+        for count in filter(None, agents):
+            rows = min(count, self._full)
+            seconds += self.call(rows, candidates) * count / rows
+        return seconds / STEP_SECONDS
+
+
+class Excess:
+    """So many times as long as expected the engine has taken of late.
+
+    More, when other programs need the processor, or when batches are not full: a new goal does not
+    wait for others.
+    """
+
+    def __init__(self) -> None:
+        self._seconds, self._expected = Window(WINDOW), Window(WINDOW)
+
+    def add(self, now: float, seconds: float, expected: float, usual: float) -> None:
+        """A call took so long; `expected` for its agents in full batches, `usual` for its size."""
+        self._seconds.add(now, min(seconds, OUTLIER * max(expected, usual)))
+        self._expected.add(now, expected)
+
+    def value(self, now: float) -> float:
+        """Of all calls together."""
+        seconds, expected = self._seconds.values(now), self._expected.values(now)
+        if not sum(expected):
+            return FIRST_EXCESS
+        known = min(len(expected) / ENOUGH, 1.0)
+        return known * sum(seconds) / sum(expected) + (1 - known) * FIRST_EXCESS
+
+
+class Rest:
+    """What the loop does besides stepping: a line, fitted to its turns of the last seconds."""
+
+    def __init__(self) -> None:
+        self._seconds, self._chunks = Window(WINDOW), Window(WINDOW)
+
+    def add(self, now: float, seconds: float, chunks: int) -> None:
+        """A turn took so long, waiting and stepping aside, and published so many chunks."""
+        self._seconds.add(now, seconds)
+        self._chunks.add(now, chunks)
+
+    def line(self, now: float) -> tuple[float, float]:
+        """Seconds for each turn, and for each chunk; neither is negative."""
+        seconds, chunks = np.array(self._seconds.values(now)), np.array(self._chunks.values(now))
+        if not len(seconds):
+            return FIRST_TURN, FIRST_CHUNK
+        spread = chunks - chunks.mean()
+        slope = spread @ seconds / (spread @ spread) if spread.any() else 0.0
+        per_chunk = float(np.clip(slope, 0.0, seconds.sum() / max(chunks.sum(), 1)))
+        per_turn = max(float(seconds.mean() - per_chunk * chunks.mean()), 0.0)
+        known = min(len(seconds) / ENOUGH, 1.0)
+        return (
+            known * per_turn + (1 - known) * FIRST_TURN,
+            known * per_chunk + (1 - known) * FIRST_CHUNK,
+        )
+
+    def total(self, now: float) -> float:
+        """Seconds of all turns of the window."""
+        return sum(self._seconds.values(now))

@@ -1,0 +1,57 @@
+"""Chunks that are due, as columns by session."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from wayfarer.spec import NEW_FRAMES
+from wayfarer.world.agents.agent import STATES, MotionChunks
+from wayfarer.world.agents.registry import Agent
+from wayfarer.world.agents.slots import Mode, Slots
+from wayfarer.world.agents.timeline import Timeline
+from wayfarer.world.stepping.playback import Sent
+
+STATE_OF_MODE: Final = np.array([STATES.index(mode.state) for mode in Mode], np.int8)
+"""Index into `STATES`."""
+
+
+class Due(NamedTuple):
+    """What of a session leaves now."""
+
+    session_id: str
+    chunks: MotionChunks  # one of an agent at most
+
+
+def due_by_session(
+    sent: Sent, slots: Slots, by_slot: dict[int, Agent], timeline: Timeline
+) -> list[Due]:
+    """Chunks that have just left, in their order within each session.
+
+    Arrays are of their own: who keeps a session's must not keep those of all the others.
+    """
+    session = slots.session[sent.slots]
+    chunks = _columns(sent, slots, timeline)
+    if (session == session[0]).all():
+        return [Due(by_slot[int(sent.slots[0])].session_id, chunks)]
+    order = np.argsort(session, kind="stable")
+    parts = np.split(order, np.flatnonzero(np.diff(session[order])) + 1)
+    return [Due(by_slot[int(sent.slots[part[0]])].session_id, chunks.take(part)) for part in parts]
+
+
+def _columns(sent: Sent, slots: Slots, timeline: Timeline) -> MotionChunks:
+    chunks, gait = sent.chunks, sent.chunks.end.gait
+    return MotionChunks(
+        agent_id=slots.agent_id[sent.slots],
+        alias=slots.alias[sent.slots],
+        seq=sent.seq,
+        first_frame=sent.seq * NEW_FRAMES,
+        scheduled_at=timeline.times(sent.frame),
+        goal_revision=chunks.goal_revision,
+        flags=chunks.flags,
+        state=STATE_OF_MODE[gait.mode],
+        translation=chunks.translation,
+        rotations=chunks.rotations,
+        contacts=chunks.contacts,
+        waypoint=gait.waypoint,
+        candidates=chunks.candidates,
+    )

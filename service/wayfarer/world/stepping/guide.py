@@ -1,0 +1,31 @@
+"""How a scene and the people in it enter a step: all that an agent's own goal does not say."""
+
+from typing import NamedTuple, Protocol
+
+from wayfarer.engines.engine import Float
+from wayfarer.world.agents.slots import Gait, Goals, Seeds
+from wayfarer.world.rows import Index
+
+
+class Course(NamedTuple):
+    """What some rows do next."""
+
+    ahead: Goals
+    """The goals as steering shall see them: for whoever is in a scene, the next stretch. A row that
+    is not `given` waits: it stops, and walks on when it is given again."""
+
+    judged: Goals
+    """The goals as is judged whether they have been reached: one that is near as the crow flies and
+    far to walk has a radius below 0."""
+
+
+class Guide(Protocol):
+    """Asked by the scheduler before every step, for the rows about to be stepped together."""
+
+    def course(self, rows: Index, seed: Seeds, gait: Gait, goals: Goals) -> Course:
+        """Where the way of these rows leads for now. The arguments are not changed."""
+        ...
+
+    def obstacles(self, rows: Index, seed: Seeds) -> Float:
+        """What bodies should keep clear of [A, OBSTACLES, 7]: see `StepInputs.obstacles`."""
+        ...

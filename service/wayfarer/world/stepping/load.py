@@ -1,0 +1,107 @@
+"""The load of a world: what is left out when time is short, and which new agents are refused."""
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from functools import partial
+
+from wayfarer.world.agents.registry import Registry
+from wayfarer.world.agents.reservations import Reservation, Reservations
+from wayfarer.world.stepping.admission import Admission, with_more
+from wayfarer.world.stepping.budget import Budget, Rung
+from wayfarer.world.stepping.costs import Counts
+from wayfarer.world.stepping.scheduler import PendingStep
+from wayfarer.world.stepping.settings import WorldSettings
+
+
+class Load:
+    """Budget (degradation), admission and reservations of one world.
+
+    `check_room`, `room_for` and `reserve` are thread-safe.
+    """
+
+    def __init__(
+        self, *, settings: WorldSettings, registry: Registry, agents: Callable[[], Counts]
+    ) -> None:
+        """`agents()` counts the agents of each gender in each phase."""
+        wished = max(search.candidates for search in settings.steering.searches.values())
+        self._registry = registry
+        self._agents = agents
+        self._refuses = settings.admission.refuse
+        self._full = Rung(wished)
+        self._budget = Budget(wished, settings.budget) if settings.budget is not None else None
+        self._admission = Admission(settings)
+        self._reservations = Reservations()
+
+    @property
+    def rung(self) -> Rung:
+        """The present level of degradation; see budget.py."""
+        return self._full if self._budget is None else self._budget.rung
+
+    @property
+    def rung_number(self) -> int:
+        """The number of that level; 0: nothing is left out."""
+        return 0 if self._budget is None else self._budget.number
+
+    @property
+    def refused_agents(self) -> int:
+        """Agents refused so far because they could not be stepped in time."""
+        return self._admission.refused
+
+    def allow(self, now: float, slack: float, held_share: float, under_way: int) -> Rung:
+        """The level for the next step; see `Budget.allow`."""
+        if self._budget is None:
+            return self._full
+        return self._budget.allow(now, slack, held_share, under_way)
+
+    def measured(self, agents: int, candidates: int, seconds: float) -> None:
+        """An engine call of this size took so long during warm-up."""
+        self._admission.measured(agents, candidates, seconds)
+
+    def spent(self, now: float, step: PendingStep, seconds: float) -> None:
+        """A step has ended, and the engine was busy with it for so long."""
+        self._admission.spent(now, step.call, len(step.batch.rows), seconds, self._agents())
+        if self._budget is not None:
+            self._budget.spent(now, seconds)
+
+    def worked(self, now: float, seconds: float, chunks: int) -> None:
+        """The thread itself worked so long since the last step and published so many chunks."""
+        self._admission.worked(now, seconds, chunks)
+
+    def share(self, now: float) -> float:
+        """Share of the last seconds for which the engine, or if busier the thread, was busy."""
+        return self._admission.load(now)
+
+    def capacity(self, now: float) -> int:
+        """Agents that can be stepped in time, present ones included; 0: not known yet."""
+        return self._admission.capacity(now)
+
+    def held(self) -> tuple[Reservation, ...]:
+        """The reservations that are held now."""
+        return self._reservations.all()
+
+    def reserve(self, wanted: Reservation, now: float) -> AbstractContextManager[Reservation]:
+        """Hold room. Entering it raises NotFound, ResourceExhausted."""
+        return self._reservations.held(wanted, partial(self.check_room, wanted, now))
+
+    def release(self, reservation: Reservation) -> None:
+        """The room is used, or not needed any more. Safe to call twice."""
+        self._reservations.release(reservation)
+
+    def room_for(self, session_id: str, genders: Sequence[str], now: float) -> None:
+        """Raises NotFound, ResourceExhausted when so many agents could not be stepped in time."""
+        self.check_room(Reservation.of(session_id, genders), now, self._reservations.all())
+
+    def check_room(
+        self, wanted: Reservation, now: float, held: Sequence[Reservation], admit: bool = True
+    ) -> None:
+        """Whether these agents fit beside the present ones and the reservations `held`.
+
+        Not `admit`: only limits are checked, not time. Raises NotFound, ResourceExhausted.
+        """
+        self._registry.check_room(wanted, held)
+        if admit and self._refuses:
+            # the level is looked at with each step: without agents it stays where it was left
+            late = self.rung.refuse and bool(self._registry.agents)
+            coming = [gender for other in held for gender in other.genders]
+            agents = with_more(self._agents(), coming)
+            self._admission.check(agents, wanted.genders, now, late)

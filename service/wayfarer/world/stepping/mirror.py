@@ -1,0 +1,95 @@
+"""Half of all agents live in a mirror: the model moves their mirror image.
+
+A model prefers a side: it steps off with the right foot and swings the left arm wider, and a crowd
+in which everybody does so marches. Bodies are symmetric, so the step of a mirror image, mirrored,
+is a step of the agent, and as good as its own; over a crowd no side is preferred any more. Which
+agents these are follows from their noise seeds, so the same seed still gives the same motion.
+
+The mirror is the plane x = 0 of the world.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.body import landmarks, skeleton
+from wayfarer.engines.engine import StepInputs, StepOutputs
+from wayfarer.spec import POSED_JOINTS
+from wayfarer.world.rows import Flags, Float
+
+_SPREAD: Final = np.uint64(0x9E3779B97F4A7C15)
+"""Spreads seeds that are near each other, as 1, 2, 3, over all bits (Fibonacci hashing)."""
+
+
+def is_mirrored(noise_seed: NDArray[np.uint64]) -> Flags:
+    """Which agents [A] are moved in the mirror: half of all seeds, without a pattern."""
+    flags: Flags = (noise_seed * _SPREAD) >> np.uint64(63) == 1
+    return flags
+
+
+def mirror_inputs(inputs: StepInputs, rows: Flags) -> StepInputs:
+    """The inputs with `rows` [A] reflected; the others stay as they are."""
+    return replace(
+        inputs,
+        seed_markers=_put(inputs.seed_markers, rows, _of_markers),
+        seed_translation=_put(inputs.seed_translation, rows, _flipped),
+        seed_rotations=_put(inputs.seed_rotations, rows, _of_rotations),
+        goal=_put(inputs.goal, rows, _flipped),
+        facing=_put(inputs.facing, rows, _flipped),
+        obstacles=_put(inputs.obstacles, rows, _of_obstacles),
+    )
+
+
+def mirror_outputs(outputs: StepOutputs, rows: Flags) -> StepOutputs:
+    """The outputs of reflected inputs, with `rows` [A] back on this side of the mirror."""
+    return replace(
+        outputs,
+        translation=_put(outputs.translation, rows, _flipped),
+        rotations=_put(outputs.rotations, rows, _of_rotations),
+        contacts=_put(outputs.contacts, rows, lambda feet: feet[..., ::-1]),
+        next_seed_markers=_put(outputs.next_seed_markers, rows, _of_markers),
+    )
+
+
+def _pairs(names: Sequence[str], other: Callable[[str], str]) -> NDArray[np.int64]:
+    return np.array([list(names).index(other(name)) for name in names])
+
+
+_MARKERS: Final = _pairs(landmarks.marker_names(), landmarks.mirrored)
+_JOINTS: Final = _pairs(skeleton.joint_names()[:POSED_JOINTS], skeleton.mirrored)
+
+
+def _of_markers(markers: Float) -> Float:
+    """[..., 67, 3]"""
+    return _flipped(markers[..., _MARKERS, :])
+
+
+def _of_rotations(rotations: Float) -> Float:
+    """[..., 22, 4]: the part about x and the cosine stay, those about y and z change sign."""
+    turned: Float = rotations[..., _JOINTS, :] * np.array([1, -1, -1, 1], np.float32)
+    return turned
+
+
+def _flipped(points: Float) -> Float:
+    """Points or directions [..., D] with their x negated."""
+    flipped = points.copy()
+    flipped[..., 0] *= -1
+    return flipped
+
+
+def _of_obstacles(obstacles: Float) -> Float:
+    """[..., 7] as in `StepInputs.obstacles`: ends and velocity."""
+    flipped = obstacles.copy()
+    flipped[..., [0, 2, 4]] *= -1
+    return flipped
+
+
+def _put(values: Float, rows: Flags, change: Callable[[Float], Float]) -> Float:
+    if not rows.any():
+        return values
+    changed = values.copy()
+    changed[rows] = change(values[rows])
+    return changed

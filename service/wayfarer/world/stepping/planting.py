@@ -1,0 +1,223 @@
+"""Standing feet stay where they are: the drift of a standing agent is taken off every step.
+
+The model lets both soles of a standing person creep by about a millimetre per step and turn by a
+tenth of a degree, which adds up to 30 cm and 30 degrees in a minute. While an agent stands, its
+feet are *planted*: the places of the sole markers are remembered, and every step is corrected:
+
+    the new frames are moved and turned in the plane, as one rigid body, so that by the end of the
+    step both feet together are back in their places;
+
+    in the markers that the next step starts from, each leg is bent so that its own foot is exactly
+    there: all of it at the sole, less the higher a marker is, nothing at the hips.
+
+The next primitive follows those markers, so neither error builds up, and the foot lock, which works
+on what is sent, only has the small motion within a step left to take off.
+
+Agents that go in *side steps*, facing elsewhere, are carried: the same standing body is moved on,
+with the places of its feet, and the foot lock makes steps of that. The model itself squats and
+floats when it is asked to walk sideways.
+
+A foot that the model lifts ends this: the agent takes a real step, and its feet are planted where
+they come to rest. World space, metres. Pure functions of columns: rows do not influence each other.
+"""
+
+from dataclasses import replace
+from math import radians
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from wayfarer.spec import NEW_FRAMES, SEED_FRAMES, STEP_SECONDS
+from wayfarer.world.agents.heading import facing_of
+from wayfarer.world.agents.slots import Gait, Mode, Seeds
+from wayfarer.world.output.quaternion import bounded, multiply
+from wayfarer.world.rows import Flags, Float, Index
+
+MAX_SHIFT: Final = 0.03
+"""Metres that one step is moved by at most: a larger error is taken off over several steps."""
+
+MAX_TURN: Final = radians(2)
+"""Radians that one step is turned by at most."""
+
+MAX_STRIDE: Final = 0.06
+"""Metres that a foot of its own is moved by at most in one step, …"""
+
+MAX_TWIST: Final = radians(6)
+"""… and radians that it is turned by."""
+
+STRIDE: Final = 0.05
+"""Metres that a foot may be ahead of the other when a person has come to a stand."""
+
+WIDTH: Final = (0.14, 0.26)
+"""Metres between the middles of both soles, aside, within which they are left."""
+
+LEG_HEIGHT: Final = 0.8
+"""Metres: a marker this high is not moved with a foot; below, the lower the more."""
+
+_EASE: Final = (0.5 - 0.5 * np.cos(np.pi * np.arange(1, NEW_FRAMES + 1) / NEW_FRAMES)).astype(
+    np.float32
+)
+"""Share of the correction in each new frame: nothing at the seam, all of it at the end."""
+
+
+class Step(NamedTuple):
+    """New frames of a step, and the markers that the next one starts from."""
+
+    translation: Float  # [A, F, 3] hips
+    rotations: Float  # [A, F, 22, 4]
+    markers: Float  # [A, S, 67, 3] of the last S frames
+    contacts: Flags  # [A, F, 2] left, right
+
+
+class _Motion(NamedTuple):
+    """A motion in the plane: about `centre` by radians `turn`, then by `shift`."""
+
+    centre: Float  # [..., 2]
+    turn: Float  # [...]
+    shift: Float  # [..., 2]
+
+    def moved(self, points: Float, share: Float) -> Float:
+        """Points [..., 2] moved by a share [...] of it."""
+        x, y = np.moveaxis(points - self.centre, -1, 0)
+        cos, sin = np.cos(share * self.turn), np.sin(share * self.turn)
+        turned = np.stack([cos * x - sin * y, sin * x + cos * y], -1)
+        return turned + self.centre + share[..., None] * self.shift
+
+    def spread(self, axes: int) -> "_Motion":
+        """The same for each of several points: with so many axes more behind the first."""
+        ones = (1,) * axes
+        return _Motion(
+            self.centre.reshape(len(self.centre), *ones, 2),
+            self.turn.reshape(len(self.turn), *ones),
+            self.shift.reshape(len(self.shift), *ones, 2),
+        )
+
+
+def plant(
+    soles: Index, gait: Gait, seed: Seeds, step: Step, carried: Float
+) -> tuple[Gait, Step, Seeds]:
+    """The step with the drift of planted feet taken off, where the next one starts, and the gait
+    that remembers the places of the feet.
+
+    soles [2, P]: the markers under the left and under the right foot; `gait` is that of the step,
+    `seed` where it starts, `carried` [A, 2] the velocity in side steps at its end. Rows that do not
+    stand on both feet are returned as they are.
+    """
+    on_the_spot = (gait.mode == Mode.STANDING) | (gait.mode == Mode.STRAFING)
+    stands = (on_the_spot | (gait.mode == Mode.STOPPING) & gait.planted) & step.contacts.all((1, 2))
+    rows = np.flatnonzero(stands)
+    velocity = np.where(stands[:, None], carried, 0).astype(np.float32)
+    after = replace(gait, planted=stands, carried=velocity)
+    if not len(rows):
+        return after, step, _end(step)
+    known = gait.planted[rows][:, None, None, None]
+    begin = _closed(seed.markers[rows, -1][:, soles, :2], facing_of(seed.rotations[rows, -1, 0]))
+    places = np.where(known, gait.soles[rows], begin)
+    way = _way(gait.carried[rows], velocity[rows])
+    after.soles = gait.soles.copy()
+    after.soles[rows] = places + way[:, None, None, -1]
+    return after, *_corrected(step, rows, soles, places, way)
+
+
+def _end(step: Step) -> Seeds:
+    """Where the next step starts."""
+    return Seeds(step.markers, step.translation[:, -SEED_FRAMES:], step.rotations[:, -SEED_FRAMES:])
+
+
+def _way(before: Float, after: Float) -> Float:
+    """Way [R, F, 2] of bodies whose velocity changes evenly from `before` to `after` [R, 2]."""
+    share = (np.arange(1, NEW_FRAMES + 1, dtype=np.float32) / NEW_FRAMES)[:, None]
+    mean = before[:, None] + share / 2 * (after - before)[:, None]
+    return (STEP_SECONDS * share * mean).astype(np.float32)
+
+
+def _closed(soles: Float, facing: Float) -> Float:
+    """Places [R, 2, P, 2] for soles found [R, 2, P, 2] of bodies that face [R, 2]: feet together.
+
+    A foot that is left behind comes up to the other, as people close a stop; neither moves
+    when they are side by side already.
+    """
+    right = np.stack([facing[:, 1], -facing[:, 0]], -1)
+    between = soles[:, 1].mean(1) - soles[:, 0].mean(1)  # from the left to the right foot
+    ahead, aside = (between * facing).sum(-1), (between * right).sum(-1)
+    close = np.where(np.abs(ahead) > STRIDE, np.abs(ahead), 0)
+    wide = bounded(aside, *WIDTH) - aside
+    shift = np.stack([close * (ahead > 0), close * (ahead < 0)], -1)[..., None] * facing[:, None]
+    shift += (np.stack([-wide, wide], -1) / 2)[..., None] * right[:, None]
+    closed: Float = soles + shift[:, :, None].astype(np.float32)
+    return closed
+
+
+def _corrected(
+    step: Step, rows: Index, soles: Index, places: Float, way: Float
+) -> tuple[Step, Seeds]:
+    """The step with `rows` brought back to the soles' `places` [R, 2, P, 2], then on their way.
+
+    The next step starts from a body at rest: the model does not know that it is carried.
+    """
+    translation, rotations, markers = (
+        values.copy() for values in (step.translation, step.rotations, step.markers)
+    )
+    ends = markers[rows]
+    pairs = (len(rows), -1, 2)
+    found = ends[:, -1][:, soles, :2].reshape(pairs)
+    both = _between(found, places.reshape(pairs), MAX_SHIFT, MAX_TURN)
+
+    hips, root = step.translation[rows, :, :2], step.rotations[rows, :, 0]
+    ease, all_ = np.broadcast_to(_EASE, hips.shape[:2]), np.ones(hips.shape[:2], np.float32)
+    moved = both.spread(1)
+    translation[rows, :, :2] = moved.moved(hips, ease) + way
+    rotations[rows, :, 0] = _yawed(root, ease * both.turn[:, None])
+    seed = _end(Step(translation, rotations, markers, step.contacts))
+    last = slice(-SEED_FRAMES, None)
+    seed = Seeds(markers, seed.translation.copy(), seed.rotations.copy())
+    seed.translation[rows, :, :2] = moved.moved(hips[:, last], all_[:, last]) + way[:, -1:]
+    seed.rotations[rows, :, 0] = _yawed(root[:, last], all_[:, last] * both.turn[:, None])
+    ends[..., :2] = both.spread(2).moved(ends[..., :2], np.ones(ends.shape[:3], np.float32))
+    ends[..., :2] += way[:, -1, None, None]
+    markers[rows] = _bent(ends, soles, places + way[:, None, None, -1])
+    return Step(translation, rotations, markers, step.contacts), seed
+
+
+def _yawed(rotations: Float, angle: Float) -> Float:
+    """Rotations [R, F, 4] turned by radians `angle` [R, F] about the vertical."""
+    turn = np.zeros((4, *angle.shape), np.float32)
+    turn[2], turn[3] = np.sin(angle / 2), np.cos(angle / 2)
+    return np.moveaxis(multiply(turn, np.moveaxis(rotations, -1, 0)), 0, -1)
+
+
+def _bent(markers: Float, soles: Index, places: Float) -> Float:
+    """Markers [R, S, 67, 3] with each leg bent so that its sole ends at its place [R, 2, P, 2].
+
+    A marker goes with the foot that it is nearer to, seen from above; in between, with both.
+    """
+    found = markers[:, -1][:, soles, :2]  # [R, 2, P, 2]
+    left, right = (_distance(markers[..., :2], found[:, foot]) for foot in (0, 1))
+    to_right = bounded(2 * left / np.maximum(left + right, 1e-6) - 0.5, 0, 1)
+    low = bounded(1 - markers[..., 2] / LEG_HEIGHT, 0, 1)
+    bent = markers.copy()
+    for foot, share in enumerate((1 - to_right, to_right)):
+        own = _between(found[:, foot], places[:, foot], MAX_STRIDE, MAX_TWIST).spread(2)
+        bent[..., :2] += own.moved(markers[..., :2], low * share) - markers[..., :2]
+    return bent
+
+
+def _distance(points: Float, sole: Float) -> Float:
+    """Metres [R, S, M] from points [R, S, M, 2] to a sole [R, P, 2]: its line from heel to toe."""
+    heel, foot = sole[:, None, None, 0], (sole[:, -1] - sole[:, 0])[:, None, None]
+    along = ((points - heel) * foot).sum(-1) / np.maximum((foot * foot).sum(-1), 1e-6)
+    distance: Float = np.linalg.norm(
+        points - heel - bounded(along, 0, 1)[..., None] * foot, axis=-1
+    )
+    return distance
+
+
+def _between(found: Float, wanted: Float, most: float, most_turn: float) -> _Motion:
+    """The motion that brings points [R, P, 2] nearest to where they are wanted, within bounds."""
+    centre = found.mean(1)
+    shift = wanted.mean(1) - centre
+    far = np.linalg.norm(shift, axis=-1, keepdims=True)
+    a, b = found - centre[:, None], wanted - wanted.mean(1)[:, None]
+    crossed = (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]).sum(-1)
+    turn = bounded(np.arctan2(crossed, (a * b).sum((-1, -2))), -most_turn, most_turn)
+    return _Motion(centre, turn, shift * np.minimum(1, most / np.maximum(far, 1e-9)))

@@ -1,0 +1,291 @@
+"""Who is stepped when, or held: the scheduler sees slots and frames, never what tensors mean."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from wayfarer.engines.engine import StepInputs, StepOutputs
+from wayfarer.engines.models import Models
+from wayfarer.engines.padding import cut, pad, pick, whole
+from wayfarer.spec import FPS, GENDERS, NEW_FRAMES
+from wayfarer.world.agents.agent import ChunkFlag
+from wayfarer.world.agents.slots import Gait, Goals, Mode, Motion, Seeds, SlotTable
+from wayfarer.world.goals.paths import Paths
+from wayfarer.world.goals.steering import observe
+from wayfarer.world.rows import Flags, Float, Index
+from wayfarer.world.stepping.batch import broken, gather
+from wayfarer.world.stepping.guide import Course, Guide
+from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
+from wayfarer.world.stepping.planting import Step, plant
+from wayfarer.world.stepping.playback import Chunks, Playback
+from wayfarer.world.stepping.settings import WorldSettings
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Agents of one model and gender that are stepped together."""
+
+    rows: Index
+    model: int  # number
+    gender: str
+    seed: Seeds
+    gait: Gait  # of the step to come
+    goals: Goals  # as their being reached is judged
+    inputs: StepInputs
+    candidates: int
+    reduced: Flags  # rows for which steering wished for more candidates
+    carried: Float  # [A, 2] m/s at which side steps move the body at the step's end
+    mirrored: Flags  # rows whose mirror image the engine moves; see mirror.py
+
+    def take(self, which: Index) -> "Batch":
+        """Some of its rows."""
+        return replace(
+            self,
+            rows=self.rows[which],
+            seed=self.seed.take(which),
+            gait=self.gait.take(which),
+            goals=self.goals.take(which),
+            inputs=pick(self.inputs, which),
+            reduced=self.reduced[which],
+            carried=self.carried[which],
+            mirrored=self.mirrored[which],
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """One engine call, as far as its duration depends on it."""
+
+    rows: int  # with the padding
+    candidates: int
+
+
+@dataclass(frozen=True, slots=True)
+class PendingStep:
+    """An engine call that is under way."""
+
+    number: int
+    batch: Batch
+    call: Call
+    outputs: Callable[[], StepOutputs]  # waits for them; of all rows, the padding included
+
+
+Outputs = Callable[[], StepOutputs]
+Launch = Callable[[Outputs], Outputs]
+"""Sets a call going, and gives another one that waits for its result."""
+
+
+def at_once(call: Outputs) -> Outputs:
+    """The call is made by whoever wants its result."""
+    return call
+
+
+class Scheduler:
+    """Steps due agents, those of one model and gender at a time."""
+
+    def __init__(
+        self,
+        *,
+        table: SlotTable,
+        playback: Playback,
+        paths: Paths,
+        models: Models,
+        settings: WorldSettings,
+        reset: Callable[[int], Motion],
+        planned: Callable[[Index, Index, int], None],
+        guide: Guide,
+        soles: Index,
+    ) -> None:
+        """`reset(slot)` gives the standing motion from which a broken agent goes on.
+
+        `planned(slots, seqs, candidates)` is called with all new chunks, 0 candidates for those
+        that are held. `soles` [2, P]: the markers under the left and the right foot.
+        """
+        self._table = table
+        self._playback = playback
+        self._paths = paths
+        self._models = models
+        self._steering = settings.steering
+        self._reset = reset
+        self._sizes = settings.batch_sizes
+        self._planned = planned
+        self._guide = guide
+        self._soles = soles
+        self._alone = settings.alone
+        self._company = settings.company * FPS  # frames
+        self._full = settings.full_batch
+        self._flights = 0  # begun so far
+        self.under_way = 0  # of them, those that are not finished
+        self.resets = 0  # broken rows so far
+        self.reduced_steps = 0  # rows stepped with fewer candidates than wished
+        self.held_steps = 0  # rows held in place of a step
+
+    @property
+    def held_share(self) -> float:
+        """Of the agents, those whose last chunk was held."""
+        slots = self._table.rows
+        return float(slots.held[slots.active].mean()) if slots.active.any() else 0.0
+
+    def begin(
+        self, frame: float, most: int | None = None, launch: Launch = at_once
+    ) -> PendingStep | None:
+        """Set an engine call going for the agents most urgently due by world frame `frame`.
+
+        Tries `most` candidates at most. None when nobody is due. Until `finish`, whoever is under
+        way is not due; what is planned for an agent that is replanned or leaves is lost.
+        """
+        batch = self.schedule(frame, most)
+        if batch is None:
+            return None
+        inputs = pad(mirror_inputs(batch.inputs, batch.mirrored), self._sizes)
+        engine = self._models.numbered(batch.model).engine
+        step = (engine.alone if self._alone else engine).step
+        self._flights += 1
+        self.under_way += 1
+        self._table.rows.flight[batch.rows] = self._flights
+        call = Call(len(inputs.goal), batch.candidates)
+        outputs = launch(partial(step, batch.gender, inputs))
+        return PendingStep(self._flights, batch, call, outputs)
+
+    def finish(self, step: PendingStep) -> int:
+        """Plan the next chunk of the agents that are under way. Returns how many there were."""
+        slots, rows = self._table.rows, step.batch.rows
+        still = slots.flight[rows] == step.number
+        slots.flight[rows[still]] = 0
+        self.under_way -= 1
+        outputs = mirror_outputs(cut(step.outputs(), len(rows)), step.batch.mirrored)
+        kept = np.flatnonzero(still)
+        if len(kept) == len(rows):
+            self.apply(step.batch, outputs)
+        elif len(kept):
+            self.apply(step.batch.take(kept), pick(outputs, kept))
+        return len(rows)
+
+    def schedule(self, frame: float, most: int | None = None) -> Batch | None:
+        """The most urgent agent and, in order of urgency, those that fit into its batch.
+
+        While nothing is under way a full batch of those who are due soon need not wait for it.
+        """
+        slots = self._table.rows
+        rows = self._playback.due(frame + self._company)
+        is_due = self._playback.is_due(rows, frame)
+        if not is_due.any() and (self.under_way or len(rows) < self._full):
+            return None
+        model, gender = slots.model[rows[0]], slots.gender[rows[0]]
+        alike = (slots.model[rows] == model) & (slots.gender[rows] == gender)
+        rows, due = rows[alike], int(is_due[alike].sum())
+        rows = rows[: whole(due, len(rows), self._sizes, self._full)]
+        if not len(rows):
+            return None
+        seed, gait, course = self._next(rows)
+        wished = self._steering.candidates(gait.mode)
+        tried = wished if most is None else np.minimum(wished, most)
+        count = int(tried[0])
+        if len(together := np.flatnonzero(tried == count)) < len(rows):
+            rows, wished = rows[together], wished[together]
+            seed, gait = seed.take(together), gait.take(together)
+            course = Course(course.ahead.take(together), course.judged.take(together))
+        obstacles = self._guide.obstacles(rows, seed)
+        return Batch(
+            rows=rows,
+            model=int(model),
+            gender=GENDERS[gender],
+            seed=seed,
+            gait=gait,
+            goals=course.judged,
+            inputs=gather(slots, rows, seed, gait, course.ahead, count, self._steering, obstacles),
+            candidates=count,
+            reduced=wished > count,
+            carried=self._steering.carried(gait, seed, course.ahead),
+            mirrored=is_mirrored(slots.noise_seed[rows]),
+        )
+
+    def hold(self, frame: float) -> int:
+        """Plan the next chunk of all agents due by world frame `frame` who have nothing to do.
+
+        They stand as they stood: the last frame again and again. The motion seed stays as it is,
+        so they go on from it as if no time had passed. Returns how many were held.
+        """
+        slots = self._table.rows
+        rows = self._playback.due(frame)
+        rows = rows[slots.planned.gait.mode[rows] == Mode.STANDING]
+        if not len(rows):
+            return 0
+        seed, gait, (_, goals) = self._next(rows)
+        idle = np.flatnonzero((gait.mode == Mode.STANDING) & ~goals.more)
+        rows, seed, gait, goals = rows[idle], seed.take(idle), gait.take(idle), goals.take(idle)
+        start = seed.translation[:, -1]
+        translation = np.repeat(start[:, None], NEW_FRAMES, axis=1)
+        flags = ChunkFlag.HELD | np.where(slots.replanned[rows], ChunkFlag.REPLANNED, 0)
+        chunks = Chunks(
+            translation=translation,
+            rotations=np.repeat(seed.rotations[:, -1:], NEW_FRAMES, axis=1),
+            contacts=np.ones((len(rows), NEW_FRAMES, 2), np.bool_),
+            flags=flags.astype(np.uint8),
+            goal_revision=slots.goal_revision[rows],
+            candidates=np.zeros(len(rows), np.int16),
+            end=Motion(seed, observe(gait, start, translation, goals)),
+        )
+        self._append(rows, chunks, 0)
+        self.held_steps += len(rows)
+        return len(rows)
+
+    def apply(self, batch: Batch, outputs: StepOutputs) -> None:
+        """Put the new frames into playback; their end is where the next step starts."""
+        slots, rows = self._table.rows, batch.rows
+        start = batch.seed.translation[:, -1]
+        is_broken = broken(start, outputs)
+        translation = np.where(is_broken[:, None, None], start[:, None], outputs.translation)
+        step = Step(
+            translation, outputs.rotations, outputs.next_seed_markers, outputs.contacts > 0.5
+        )
+        gait, step, seed = plant(self._soles, batch.gait, batch.seed, step, batch.carried)
+        gait = observe(gait, start, step.translation, batch.goals)
+        flags = np.where(slots.replanned[rows], ChunkFlag.REPLANNED, ChunkFlag.NONE)
+        flags |= np.where(gait.arrived & ~batch.gait.arrived, ChunkFlag.ARRIVED, ChunkFlag.NONE)
+        flags |= np.where(batch.reduced, ChunkFlag.REDUCED, ChunkFlag.NONE)
+        chunks = Chunks(
+            translation=step.translation,
+            rotations=step.rotations,
+            contacts=step.contacts,
+            flags=flags.astype(np.uint8),
+            goal_revision=slots.goal_revision[rows],
+            candidates=np.full(len(rows), batch.candidates, np.int16),
+            end=Motion(seed, gait),
+        )
+        if is_broken.any():
+            chunks = self._mend(rows, chunks, np.flatnonzero(is_broken))
+        self._append(rows, chunks, batch.candidates)
+        self.reduced_steps += int(batch.reduced.sum())
+
+    def _next(self, rows: Index) -> tuple[Seeds, Gait, Course]:
+        """Where the next step of some slots starts, their gait during it, and where it leads."""
+        planned = self._table.rows.planned
+        seed, gait = planned.seed.take(rows), planned.gait.take(rows)
+        gait = self._steering.advance(gait, self._paths.at(rows, gait.waypoint))
+        goals = self._paths.at(rows, gait.waypoint)
+        course = self._guide.course(rows, seed, gait, goals)
+        return seed, self._steering.decide(gait, seed, course.ahead), course
+
+    def _append(self, rows: Index, chunks: Chunks, candidates: int) -> None:
+        slots = self._table.rows
+        self._planned(rows, slots.planned_chunks[rows], candidates)
+        self._playback.append(rows, chunks)
+        slots.replanned[rows] = False
+        slots.held[rows] = not candidates
+
+    def _mend(self, rows: Index, chunks: Chunks, broken_rows: Index) -> Chunks:
+        """Let agents that could not be stepped stand where they were; the others are untouched."""
+        mended = chunks.take(np.arange(len(rows)))  # a copy: the arrays are the engine's
+        for row in broken_rows:
+            motion = self._reset(int(rows[row]))
+            mended.translation[row] = motion.seed.translation[0, -1]
+            mended.rotations[row] = motion.seed.rotations[0, -1]
+            mended.contacts[row] = True
+            mended.flags[row] |= ChunkFlag.FIRST  # the pose jumps: do not blend into it
+            motion.gait.waypoint[:] = chunks.end.gait.waypoint[row]
+            mended.end.put(np.array([row]), motion)
+            self.resets += 1
+        return mended

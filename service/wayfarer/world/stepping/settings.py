@@ -1,0 +1,49 @@
+"""Settings of a world, checked when they are made."""
+
+from dataclasses import dataclass, field
+
+from wayfarer.errors import InvalidArgument
+from wayfarer.shard import Shard
+from wayfarer.spec import NEW_FRAMES
+from wayfarer.world.goals.steering import Steering
+from wayfarer.world.limits import AdmissionRules, Limits, SceneLimits
+from wayfarer.world.stepping.budget import BudgetRules
+
+ANY_SIZE = tuple(range(1, 65))
+"""Batch sizes of worlds in which nobody waits for a step: no size has to be warmed, and none is
+padded."""
+
+PHASES = tuple(p for p in range(1, NEW_FRAMES + 1) if NEW_FRAMES % p == 0)
+"""A step can be spread over so many moments, each on a frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class WorldSettings:
+    """How a world is stepped."""
+
+    limits: Limits = field(default_factory=Limits)
+    steering: Steering = field(default_factory=Steering)
+    budget: BudgetRules | None = None  # what gives way when time is short; None: nothing
+    scenes: SceneLimits = field(default_factory=SceneLimits)
+    admission: AdmissionRules = field(default_factory=AdmissionRules)  # once there are measures
+    lead: int = 1  # chunks that are planned ahead of their time
+    phases: int = 2  # agents' steps are spread over so many moments of the 0.2 s
+    replan_margin: float = 0.05  # s: a chunk that falls due within this is not replanned
+    company: float = 0.0  # s: who is due so soon may be stepped with those who are now
+    cores: int = 1  # that the engine shares with loop and transport
+    full_batch: int = 1  # rows, or a multiple, where each costs least
+    batch_sizes: tuple[int, ...] = ANY_SIZE  # to which batches are padded; a server's are warmed
+    alone: bool = False  # engine calls take no thread but the caller's
+    ways: int = 4  # through scenes, that are looked for before one engine call at most
+    shard: Shard = field(default_factory=Shard)  # which of the server's sessions live here
+
+    def __post_init__(self) -> None:
+        if self.lead < 1:
+            raise InvalidArgument(f"lead is {self.lead}; allowed: 1 or more chunks", "lead")
+        if self.phases not in PHASES:
+            raise InvalidArgument(f"phases is {self.phases}; allowed: {PHASES}", "phases")
+        if not self.replan_margin >= 0:
+            raise InvalidArgument("replan_margin must be 0 s or more", "replan_margin")
+        ascending = list(self.batch_sizes) == sorted(set(self.batch_sizes))
+        if not self.batch_sizes or not ascending or self.batch_sizes[0] < 1:
+            raise InvalidArgument("batch_sizes must be ascending and positive", "batch_sizes")

@@ -1,0 +1,73 @@
+import numpy as np
+import pytest
+
+from tests.engines.graphs import (
+    IDENTITIES,
+    STEP_OUTPUTS,
+    save,
+    step_model,
+    write_folder,
+)
+from tests.world.fakes import BODIES, people, start_poses
+from wayfarer import artifacts
+from wayfarer.engines.onnx_engine import OnnxEngine
+from wayfarer.engines.resting import resting_inputs
+from wayfarer.errors import ArtifactError
+from wayfarer.world.agents.agent import Goal, SessionSpec
+from wayfarer.world.world import World
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return write_folder(tmp_path / "tiny")
+
+
+def engine(folder):
+    return OnnxEngine(artifacts.load_model_folder(folder, IDENTITIES), threads=1)
+
+
+@pytest.mark.parametrize("agents", [1, 5])
+def test_fields_go_in_and_come_out_by_name(folder, agents):
+    inputs = resting_inputs(agents, candidates=3)
+    inputs.seed_translation[:, 1] = [1, 2, 3]
+    inputs.target_speed[:] = np.arange(agents)
+    inputs.noise[:, 2, 5] = 7
+    outputs = engine(folder).step("female", inputs)
+    expected = np.array([1, 2, 3]) + np.arange(agents)[:, None] * np.array([0, 0.2, 0])
+    np.testing.assert_allclose(outputs.translation[:, 3], expected, atol=1e-6)
+    np.testing.assert_array_equal(outputs.rotations[..., 3], 1)
+    assert outputs.next_seed_markers.shape == (agents, 2, 67, 3)
+    assert outputs.choice.tolist() == [7] * agents
+
+
+def test_warm_up_runs_each_size_largest_first(folder):
+    done = []
+    engine(folder).warm_up([1, 4], [2, 3], lambda *what: done.append(what))
+    assert [d[:2] for d in done[::2]] == [(4, 3), (1, 3), (4, 2), (1, 2)]
+    assert [d[:2] for d in done[1::2]] == [d[:2] for d in done[::2]], "a call for each gender"
+    assert all(seconds > 0 for *_, seconds in done)
+
+
+def test_a_world_runs_on_it(folder):
+    world = World(engine(folder), BODIES, start_poses())
+    world.create_session(SessionSpec("s"), 0.0)
+    agent = world.create_agents("s", people(3), 0.0)[1]
+    world.give(agent.agent_id, Goal((2.0, 3.0, 0.0), speed=1.0), 0.0)
+    chunks = [c for c in world.advance(1.05) if c.agent_id == agent.agent_id]
+    # The tiny graph walks 0.2 m along Y in a step of 1 m/s, which is not asked for at once.
+    np.testing.assert_allclose(
+        [c.translation[-1, 1] for c in chunks[:3]], [0.08, 0.24, 0.44], atol=1e-5
+    )
+
+
+def test_a_graph_with_other_outputs_is_refused(folder):
+    outputs = {name: shape for name, shape in STEP_OUTPUTS.items() if name != "contacts"}
+    contract = artifacts.contract_for("step_male.onnx", "tiny", IDENTITIES["male"])
+    save(
+        step_model(outputs=outputs), folder / "step_male.onnx", artifacts.contract_to_json(contract)
+    )
+    artifacts.write_manifest(folder, "tiny", "stick")
+    with pytest.raises(
+        ArtifactError, match=r"step_male.onnx: outputs: found .*, expected .*contacts"
+    ):
+        engine(folder)

@@ -1,0 +1,55 @@
+import numpy as np
+import pytest
+
+from tests.world.fakes import FakeEngine
+from wayfarer.engines.padding import cut, join, pad, part, whole
+from wayfarer.engines.resting import resting_inputs
+
+
+@pytest.mark.parametrize(("rows", "padded"), [(1, 1), (2, 4), (4, 4), (5, 8), (9, 9)])
+def test_padding_repeats_the_last_row_up_to_the_next_size(rows, padded):
+    inputs = resting_inputs(rows, 2)
+    inputs.goal[:, 0] = np.arange(rows)
+    full = pad(inputs, (1, 4, 8))
+    assert full.goal[:, 0].tolist() == [min(i, rows - 1) for i in range(padded)]
+    assert full.noise.shape[:2] == (padded, 2)
+    outputs = cut(FakeEngine().step("male", full), rows)
+    assert len(outputs.translation) == len(outputs.choice) == rows
+
+
+SIZES = (1, 4, 8, 16, 32)
+
+
+@pytest.mark.parametrize(
+    ("due", "there", "taken"),
+    [
+        (1, 1, 1),
+        (3, 3, 3),  # with one row of padding
+        (3, 6, 4),  # or another in its place
+        (3, 9, 8),  # a multiple of 8 costs least
+        (3, 31, 24),
+        (16, 40, 32),
+        (33, 40, 32),  # no batch is larger
+        (17, 17, 16),  # one is left, rather than that half of it is padding
+        (14, 14, 14),  # but two rows of padding are little
+        (14, 15, 15),
+    ],
+)
+def test_a_batch_is_filled_with_those_who_are_due_soon(due, there, taken):
+    assert whole(due, there, SIZES, full=8) == taken
+
+
+def test_without_a_best_size_all_are_taken_that_fit():
+    sizes = tuple(range(1, 65))
+    assert [whole(n, n, sizes, full=1) for n in (1, 5, 64, 70)] == [1, 5, 64, 64]
+    assert whole(5, 5, (1,), full=1) == 1
+
+
+def test_parts_joined_are_the_whole():
+    inputs = resting_inputs(5, 2)
+    inputs.goal[:, 0] = np.arange(5)
+    engine = FakeEngine()
+    whole = engine.step("male", inputs)
+    parts = [engine.step("male", part(inputs, a, b)) for a, b in ((0, 2), (2, 5))]
+    assert np.array_equal(join(parts).translation, whole.translation)
+    assert part(inputs, 0, 5) is inputs

@@ -1,0 +1,78 @@
+"""Weights come out of a graph as they went in, or it is refused."""
+
+from pathlib import Path
+
+import onnx
+import pytest
+import torch
+from onnx import helper, numpy_helper
+
+from wayfarer.engines.torch import weights
+from wayfarer.engines.torch.weights import LAST, load_step, named
+from wayfarer.errors import ArtifactError
+from wayfarer.motion.layers import Gru
+
+ORDER = torch.tensor([2, 0, 1])
+PATH = Path("step_male.onnx")
+
+
+def output_layer(bias: torch.Tensor, products: int = 1) -> onnx.GraphProto:
+    """The regressor's last layer as it is exported, its rows in another order."""
+    nodes = [
+        helper.make_node("Cast", [f"{LAST}.weight.f16"], [f"{LAST}.weight"], to=1),
+        helper.make_node("GatherND", [f"{LAST}.weight", "order"], ["rows"]),
+        *(
+            helper.make_node("Gemm", [f"x{i}", "rows", f"bias{i}"], [f"y{i}"], transB=1)
+            for i in range(products)
+        ),
+    ]
+    constants = [
+        numpy_helper.from_array(torch.eye(3).half().numpy(), f"{LAST}.weight.f16"),
+        *(numpy_helper.from_array(bias[ORDER].numpy(), f"bias{i}") for i in range(products)),
+    ]
+    return helper.make_graph(nodes, "step", [], [], constants)
+
+
+def test_a_bias_in_the_order_of_the_graph_is_put_back_into_that_of_training():
+    bias = torch.tensor([1.0, 2.0, 3.0])
+    graph = output_layer(bias)
+    assert torch.equal(weights._output_bias(graph, named(graph), ORDER, PATH), bias)
+
+
+@pytest.mark.parametrize("products", [0, 2])
+def test_a_bias_that_cannot_be_told_is_refused(products):
+    graph = output_layer(torch.ones(3), products)
+    with pytest.raises(ArtifactError, match=r"step_male.onnx: found \d biases"):
+        weights._output_bias(graph, named(graph), ORDER, PATH)
+
+
+def test_halves_come_back_as_floats_under_their_own_names():
+    (found,) = (named(output_layer(torch.ones(3), 0))[f"{LAST}.weight"],)
+    assert found.dtype == torch.float32
+    assert torch.equal(found, torch.eye(3))
+
+
+@pytest.fixture
+def known():
+    return {f"gru.{k}": v.detach() + 1 for k, v in Gru(3, 4).named_parameters()}
+
+
+def test_a_network_gets_its_weights(known):
+    filled = weights._filled(Gru(3, 4), "gru", known, PATH)
+    assert all(torch.equal(v, known[f"gru.{k}"]) for k, v in filled.named_parameters())
+
+
+def test_a_network_of_another_version_is_refused(known):
+    wide = known | {"gru.from_input.weight": torch.zeros(12, 5)}
+    with pytest.raises(ArtifactError, match=r"from_input.weight: found shape \[12, 5\], expected"):
+        weights._filled(Gru(3, 4), "gru", wide, PATH)
+    del known["gru.from_state.bias"]
+    with pytest.raises(ArtifactError, match=r"from_state.bias: found nothing.*export the model"):
+        weights._filled(Gru(3, 4), "gru", known, PATH)
+
+
+def test_the_shipped_model_is_whole(models):
+    step = load_step(models, "female", "float32")
+    assert step.policy is not None
+    assert not step.training
+    assert step.floor_origin

@@ -1,0 +1,23 @@
+"""Runtimes with fake engines, for a test."""
+
+from tests.service.kept_worlds import fake_worlds
+from tests.service.test_lockstep import until_ready
+from wayfarer.service.runtime import Runtime
+
+
+class Servers:
+    """Several at a time, stopped at the end."""
+
+    def __init__(self):
+        self.running = []
+
+    async def start(self, journal=None, **settings):
+        runtime = Runtime(fake_worlds(journal, **settings))
+        runtime.start()
+        self.running.append(runtime)
+        await until_ready(runtime)
+        return runtime
+
+    async def stop(self, runtime):
+        self.running.remove(runtime)
+        await runtime.stop()

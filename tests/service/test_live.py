@@ -1,0 +1,192 @@
+"""The loop with its real thread, for moments; what depends on time is tested in test_world."""
+
+import asyncio
+import math
+import time
+
+import numpy as np
+import pytest
+
+from tests.service.chunks import KeepingMeter
+from tests.service.running import ALL, Running, first
+from tests.world.fakes import GOAL, people
+from wayfarer.errors import Aborted, AlreadyExists, InvalidArgument, NotFound, ResourceExhausted
+from wayfarer.service.live import steady_clock
+from wayfarer.service.streams.publications import StreamWish
+from wayfarer.world.agents.agent import AgentChange, ChunkFlag, Goal, SessionSpec
+from wayfarer.world.behaviours import Wander
+from wayfarer.world.events import EventKind
+from wayfarer.world.goals.commands import Append, Path, Stop
+from wayfarer.world.limits import Limits
+
+
+async def test_agents_stream_in_real_time_to_their_goal():
+    async with Running() as loop:
+        await loop.create_session(SessionSpec("s"))
+        agents = await loop.create_agents("s", people(4))
+        stream = await loop.subscribe("s", ALL)
+        assert await loop.give(agents[0].agent_id, GOAL) == 1
+        batches = await first(stream, 12)
+        chunks = [c for p in batches for c in p.chunks]
+        for agent in agents:
+            own = [c for c in chunks if c.agent_id == agent.agent_id]
+            assert [c.seq for c in own] == list(range(len(own))) and len(own) >= 2
+            assert own[0].flags & ChunkFlag.FIRST and own[0].alias == agent.alias
+            np.testing.assert_allclose(np.diff([c.scheduled_at for c in own]), 0.2, atol=1e-6)
+        assert (await loop.get_agent(agents[0].agent_id)).position[1] > 0
+        stats = await loop.stats()
+        assert (stats.agents, stats.sessions, stats.subscribers) == (4, 1, 1)
+        assert stats.steps >= len(chunks) and stats.failures == stats.rebased == stats.resets == 0
+        assert loop.alive and loop.ready
+
+
+async def test_errors_come_back_to_the_caller_and_disturb_nobody():
+    async with Running() as loop:
+        await loop.create_session(SessionSpec("s"))
+        [agent] = await loop.create_agents("s", people(1))
+        stream = await loop.subscribe("s", ALL)
+        for goal in (Goal((math.nan, 0, 0)), Goal((math.inf, 0, 0)), Goal((9_999.0, 0, 0))):
+            with pytest.raises(InvalidArgument, match="allowed"):
+                await loop.give(agent.agent_id, goal)
+        for call in (
+            loop.give("nobody", GOAL),
+            loop.give("nobody", Stop()),
+            loop.get_session("nowhere"),
+            loop.create_agents("nowhere", people(1)),
+            loop.list_agents("nowhere"),
+            loop.subscribe("nowhere", ALL),
+            loop.subscribe("s", StreamWish(("nobody",))),
+        ):
+            with pytest.raises(NotFound, match="no"):
+                await call
+        assert [b.chunks[0].seq for b in await first(stream, 3)] == [0, 1, 2]
+        assert loop.ready
+
+
+async def test_sessions_do_not_see_each_other_and_end_their_streams():
+    async with Running() as loop:
+        for name in ("a", "b"):
+            await loop.create_session(SessionSpec(name))
+            await loop.create_agents(name, people(2))
+        a, b = await loop.subscribe("a", ALL), await loop.subscribe("b", ALL)
+        own = set((await loop.get_session("a")).agent_ids)
+        assert {c.agent_id for p in await first(a, 3) for c in p.chunks} <= own
+        await loop.delete_session("a")
+        async with asyncio.timeout(5):
+            async for _ in a:
+                pass
+        with pytest.raises(NotFound):
+            await loop.get_session("a")
+        assert await first(b, 3)
+        assert (await loop.stats()).agents == 2
+
+
+async def test_agents_may_be_deleted_at_any_moment():
+    async with Running() as loop:
+        await loop.create_session(SessionSpec("s"))
+        stay, *go = await loop.create_agents("s", people(8))
+        stream = await loop.subscribe("s", ALL)
+        for agent in go:
+            await anext(stream)
+            await loop.delete_agent(agent.agent_id)
+            with pytest.raises(NotFound):
+                await loop.get_agent(agent.agent_id)
+        while len((await anext(stream)).chunks) > 1:  # what was sent before
+            pass
+        batches = await first(stream, 3)
+        assert {c.agent_id for b in batches for c in b.chunks} == {stay.agent_id}
+        assert [a.agent_id for a in await loop.list_agents("s")] == [stay.agent_id]
+
+
+async def test_every_change_of_goals_has_a_revision_and_stale_ones_are_refused():
+    async with Running() as loop:
+        await loop.create_session(SessionSpec("s"))
+        [agent] = await loop.create_agents("s", people(1))
+        orders = (
+            GOAL,
+            Append((GOAL,)),
+            Path((GOAL, GOAL)),
+            Wander((0.0, 0.0), 3.0),
+            Stop(),
+        )
+        for present, order in enumerate(orders):
+            with pytest.raises(Aborted, match=f"revision {present}"):
+                await loop.give(agent.agent_id, order, expected=present + 7)
+            assert await loop.give(agent.agent_id, order, expected=present) == present + 1
+
+
+async def test_sessions_are_listed_and_agents_changed():
+    async with Running() as loop:
+        for name in "ts":
+            await loop.create_session(SessionSpec(name))
+        assert [s.session_id for s in await loop.list_sessions()] == ["t", "s"]
+        [agent] = await loop.create_agents("s", people(1))
+        changed = await loop.update_agent(agent.agent_id, AgentChange(name="Ada"))
+        assert changed.spec.name == "Ada" == (await loop.get_agent(agent.agent_id)).spec.name
+
+
+async def test_a_session_that_was_taken_out_goes_on_where_it_stood():
+    async with Running() as loop:
+        await loop.create_session(SessionSpec("s"))
+        [agent] = await loop.create_agents("s", people(1))
+        stream = await loop.subscribe("s", ALL)
+        path = (Goal((0.0, 0.6, 0.0), speed=2.0),)
+        await loop.give(agent.agent_id, Path(path))
+        got = []
+        while not any(EventKind.GOAL_REACHED in [e.kind for e in p.events] for p in got):
+            got += await first(stream, 1)
+        record = await loop.ask(lambda world, _: world.take_session("s"))
+        await loop.delete_session("s")
+        assert (await loop.put_session(record)).agent_ids == (agent.agent_id,)
+        again = await loop.subscribe("s", ALL)
+        more = await first(again, 5)
+        assert again.epoch != stream.epoch
+        assert more[0].chunks[0].seq == record.agents[0].seq
+        kinds = [e.kind for p in more for e in p.events]
+        assert kinds == [EventKind.PATH_DONE], "reached there, and stood at here"
+        with pytest.raises(AlreadyExists):
+            await loop.put_session(record)
+
+
+async def test_the_meter_is_told():
+    meter = KeepingMeter()
+    async with Running(meter=meter, limits=Limits(agents=2, sessions=1)) as loop:
+        await loop.create_session(SessionSpec("s"))
+        agent, _ = await loop.create_agents("s", people(2))
+        stream = await loop.subscribe("s", ALL)
+        await first(stream, 2)
+        await loop.give(agent.agent_id, GOAL)
+        await first(stream, 6)
+        assert len(meter.goals) == 1 and 0 < meter.goals[0] < 1
+        assert sum(agents for _, agents in meter.steps) >= 8
+        assert len(meter.lateness) >= 8 and meter.queues
+        with pytest.raises(ResourceExhausted):
+            await loop.create_agents("s", people(1))
+        with pytest.raises(ResourceExhausted):
+            await loop.create_session(SessionSpec("t"))
+        assert meter.refusals == {"create_agents": 1, "create_session": 1}
+
+
+async def test_a_jump_of_the_wall_clock_changes_no_schedule(monkeypatch):
+    wall = time.time
+    async with Running() as loop:
+        await loop.create_session(SessionSpec("s"))
+        await loop.create_agents("s", people(1))
+        stream = await loop.subscribe("s", ALL)
+        got = await first(stream, 2)
+        for jump in (3600.0, -86_400.0):
+            monkeypatch.setattr(time, "time", lambda jump=jump: wall() + jump)
+            got += await first(stream, 3)
+        chunks = [c for p in got for c in p.chunks]
+        assert [c.seq for c in chunks] == list(range(8))
+        np.testing.assert_allclose(np.diff([c.scheduled_at for c in chunks]), 0.2, atol=1e-6)
+        stats = await loop.stats()
+        assert stats.rebased == 0 and loop.alive
+
+
+def test_the_clock_tells_unix_time_and_never_jumps(monkeypatch):
+    clock, wall = steady_clock(), time.time
+    assert clock() == pytest.approx(wall(), abs=1.0)
+    monkeypatch.setattr(time, "time", lambda: 0.0)
+    before = clock()
+    assert before <= clock() < before + 60.0

@@ -1,0 +1,161 @@
+"""Scenes through the runtime's one door: on worker threads, and kept over a restart."""
+
+import asyncio
+
+import pytest
+
+from tests.service.kept_worlds import open_journal
+from tests.world.scenes.grounds import BOX, FIELD, ISLANDS, WALL
+from wayfarer.errors import FailedPrecondition, InvalidArgument, NotFound, Unreachable
+from wayfarer.navigation.spec import Cylinder, MeshFile, Prism, Ramp, SceneSpec
+from wayfarer.service.streams.publications import StreamWish
+from wayfarer.world.agents.agent import AgentSpec, Goal, SessionSpec
+from wayfarer.world.events import EventKind
+from wayfarer.world.scenes.messages import SceneWish
+
+WISH = SceneWish(SceneSpec((FIELD,), (BOX,)), "field", {"owner": "ada"})
+EMPTY = SceneWish(SceneSpec((FIELD,)))
+SOUTH = AgentSpec(position=(6.0, 2.0))
+NORTH = Goal((6.0, 10.0, 0.0))
+
+
+async def test_scenes_are_created_listed_drawn_and_deleted(servers):
+    runtime = await servers.start()
+    scene = await runtime.scenes.create_scene(WISH)
+    assert [s.scene_id for s in await runtime.scenes.list_scenes()] == [scene.scene_id]
+    assert await runtime.scenes.get_scene(scene.scene_id) == scene
+    drawn = await runtime.scenes.scene_outlines(scene.scene_id)
+    [block] = drawn.solids
+    assert {z for _, _, z in block.top} == {2.0} and block.bottom == 0.0
+    [(outline, hole)] = drawn.walkable
+    assert len(outline) >= 4 and len(hole) >= 4
+    assert {z for _, _, z in drawn.vertices} == {0.0}
+    assert max(max(t) for t in drawn.triangles) == len(drawn.vertices) - 1
+    assert (await runtime.scenes.scene_picture(scene.scene_id)).startswith(b"\x89PNG")
+    await runtime.scenes.delete_scene(scene.scene_id)
+    for ask in (
+        runtime.scenes.get_scene,
+        runtime.scenes.scene_outlines,
+        runtime.scenes.scene_picture,
+    ):
+        with pytest.raises(NotFound):
+            await ask(scene.scene_id)
+
+
+async def test_errors_reach_the_caller(servers):
+    runtime = await servers.start()
+    with pytest.raises(InvalidArgument):
+        await runtime.scenes.create_scene(SceneWish(SceneSpec()))
+    with pytest.raises(InvalidArgument, match="mesh"):
+        await runtime.scenes.create_scene(SceneWish(SceneSpec(mesh=MeshFile(b"no mesh", "glb"))))
+    scene = await runtime.scenes.create_scene(SceneWish(SceneSpec(ISLANDS)))
+    with pytest.raises(Unreachable):
+        await runtime.scenes.query_path(scene.scene_id, (6.0, 2.0), (25.0, 6.0))
+    way = await runtime.scenes.query_path(scene.scene_id, (6.0, 2.0), (6.0, 99.0))
+    assert way.points[0] == (6.0, 2.0, 0.0) and way.goal_moved > 80
+
+
+async def test_subscribers_are_told_of_what_agents_meet(servers):
+    runtime = await servers.start()
+    scene = await runtime.scenes.create_scene(EMPTY)
+    await runtime.create_session(SessionSpec("s", scene=scene.scene_id))
+    with pytest.raises(FailedPrecondition, match="1 sessions are in scene"):
+        await runtime.scenes.delete_scene(scene.scene_id)
+    [agent] = await runtime.create_agents("s", [SOUTH])
+    subscription = await runtime.subscribe("s", StreamWish())
+    await runtime.give(agent.agent_id, NORTH)
+    publications = aiter(subscription)
+
+    async def until(found):
+        while not (hit := found(await anext(publications))):
+            pass
+        return hit
+
+    def blocked(published):
+        return [event for event in published.events if event.kind is EventKind.BLOCKED]
+
+    await asyncio.wait_for(until(lambda p: (p.chunks.goal_revision == 1).any()), 20)
+    await runtime.scenes.put_obstacle(scene.scene_id, "wall", WALL)
+    [event] = await asyncio.wait_for(until(blocked), 20)
+    assert (event.agent_id, event.goal_revision) == (agent.agent_id, 1)
+    await runtime.delete_session("s")
+    await runtime.scenes.delete_scene(scene.scene_id)
+
+
+async def test_lock_step_sessions_are_in_scenes_too(servers):
+    runtime = await servers.start()
+    scene = await runtime.scenes.create_scene(EMPTY)
+    await runtime.create_session(SessionSpec("s", scene=scene.scene_id, lock_step=True))
+    [agent] = await runtime.create_agents("s", [SOUTH])
+    await runtime.give(agent.agent_id, NORTH)
+    before = await runtime.step_session("s", 5)
+    await runtime.scenes.put_obstacle(scene.scene_id, "wall", WALL)
+    after = await runtime.step_session("s", 5)
+    assert not [event for published in before for event in published.events]
+    told = [(p.scheduled_at, e) for p in after for e in p.events]
+    assert [event.kind for _, event in told] == [EventKind.BLOCKED]
+    assert told[0][1].at == told[0][0]
+
+
+async def test_scenes_and_who_is_in_them_survive_a_restart(servers, tmp_path):
+    every = SceneWish(
+        SceneSpec(
+            (FIELD,),
+            (
+                BOX,
+                Ramp((2.0, 2.0), (2.0, 3.0), 0.4),
+                Cylinder((9.0, 3.0), 0.4, 1.0),
+                Prism(((1.0, 9.0), (2.0, 9.0), (1.5, 10.0)), 1.0),
+            ),
+            entries=((6.0, 2.0, 0.0),),
+        ),
+        "all kinds",
+        {"owner": "ada"},
+    )
+    first = await servers.start(open_journal(tmp_path))
+    scene = await first.create_scene(every)
+    gone = await first.create_scene(EMPTY)
+    scene = await first.put_obstacle(scene.scene_id, "crate", Cylinder((3.0, 6.0), 0.3, 1.0))
+    scene = await first.put_obstacle(scene.scene_id, "door", BOX)
+    scene = await first.remove_obstacle(scene.scene_id, "door")
+    await first.create_session(SessionSpec("s", scene=scene.scene_id, avoid=False))
+    [agent] = await first.create_agents("s", [SOUTH])
+    await first.give(agent.agent_id, NORTH)
+    await first.delete_scene(gone.scene_id)
+    await servers.stop(first)
+
+    second = await servers.start(open_journal(tmp_path))
+    [found] = await second.list_scenes()
+    assert (found.scene_id, found.name, found.attributes) == (
+        scene.scene_id,
+        "all kinds",
+        {"owner": "ada"},
+    )
+    assert (found.content_hash, found.version) == (scene.content_hash, 3)
+    assert found.obstacles == {"crate": Cylinder((3.0, 6.0), 0.3, 1.0)}
+    assert found.created_at == scene.created_at and found.sessions == 1
+    session = await second.get_session("s")
+    assert session.spec.scene == scene.scene_id and not session.spec.avoid
+    assert (await second.get_agent(agent.agent_id)).goal == NORTH
+
+
+async def test_a_mesh_survives_a_restart(servers, tmp_path):
+    obj = b"v 0 0 0\nv 9 0 0\nv 9 0 9\nv 0 0 9\nf 1 2 3\nf 1 3 4\n"
+    first = await servers.start(open_journal(tmp_path))
+    made = await first.create_scene(SceneWish(SceneSpec(mesh=MeshFile(obj, "obj"))))
+    await servers.stop(first)
+    second = await servers.start(open_journal(tmp_path))
+    found = await second.get_scene(made.scene_id)
+    assert found.content_hash == made.content_hash and found.area == pytest.approx(made.area)
+
+
+async def test_a_snapshot_needs_its_scene(servers):
+    runtime, other = await servers.start(), await servers.start()
+    scene = await runtime.scenes.create_scene(EMPTY)
+    await runtime.create_session(SessionSpec("s", scene=scene.scene_id))
+    await runtime.create_agents("s", [SOUTH])
+    snapshot = await runtime.export_session("s")
+    with pytest.raises(FailedPrecondition, match=f"scene '{scene.scene_id}' is not here"):
+        await other.import_session(snapshot)
+    await runtime.delete_session("s")
+    assert (await runtime.import_session(snapshot)).spec.scene == scene.scene_id

@@ -1,0 +1,206 @@
+"""People avoid each other: simulated as points with the inertia of bodies (walkers.py)."""
+
+import numpy as np
+import pytest
+
+from tests.world.avoidance.walkers import Walkers
+from wayfarer.world.avoidance.avoid import avoid
+from wayfarer.world.avoidance.people import People
+
+TOUCH = 0.45
+"""Metres: nearer two bodies overlap."""
+
+
+def to(goals):
+    places = np.array(goals, np.float32)
+    return lambda walkers: places
+
+
+def until_there(walkers, most):
+    while walkers.now < most and not walkers.there.all():
+        walkers.run(1.0)
+    return walkers
+
+
+def too_near(walkers):
+    """Share of all people at all times."""
+    return float((np.array(walkers.nearest) < TOUCH).mean())
+
+
+def least(walkers):
+    return float(np.array(walkers.nearest).min())
+
+
+def standing_at(*places, radius=0.25):
+    people = People.empty(len(places))
+    people.number[:] = np.arange(len(places))
+    people.position[:] = places
+    people.radius[:] = radius
+    return people
+
+
+def velocity(people, preferred, clear=None):
+    """Of person 0."""
+    course = avoid(people, np.array([0]), np.array([preferred], np.float32), clear, 0.2)
+    return course.velocity[0], bool(course.waits[0])
+
+
+def test_alone_one_goes_where_one_would():
+    people = standing_at((0.0, 0.0), (50.0, 0.0))
+    chosen, waits = velocity(people, (0.0, 1.2))
+    assert np.allclose(chosen, (0.0, 1.2), atol=1e-3) and not waits
+
+
+def test_a_standing_person_is_walked_around():
+    people = standing_at((0.0, 0.0), (0.0, 2.0))
+    people.velocity[0] = 0.0, 1.2
+    chosen, _ = velocity(people, (0.0, 1.2))
+    assert abs(chosen[0]) > 0.2 and chosen[1] > 0.5
+
+
+def test_who_comes_towards_one_is_passed_on_the_right():
+    people = standing_at((0.0, 0.0), (0.0, 5.0))
+    people.walks[:] = True
+    people.velocity[:] = (0.0, 1.2), (0.0, -1.2)
+    chosen, _ = velocity(people, (0.0, 1.2))
+    assert chosen[0] > 0.1
+
+
+def test_a_wall_is_not_walked_into():
+    people = standing_at((0.0, 0.0), (50.0, 0.0))
+    people.velocity[0] = 0.0, 1.2
+    chosen, _ = velocity(people, (0.0, 1.2), lambda points: 1.0 - points[..., 1])
+    assert chosen[1] < 0.8
+
+
+def test_nobody_is_told_to_creep():
+    generator = np.random.default_rng(0)
+    people = standing_at(*generator.uniform(-4, 4, (60, 2)))
+    people.walks[:] = True
+    people.velocity[:] = generator.normal(0, 0.7, (60, 2))
+    wished = np.full((60, 2), 0.9, np.float32)
+    course = avoid(people, np.arange(60), wished, None, 0.2)
+    speed = np.linalg.norm(course.velocity, axis=-1)
+    assert (course.waits == (speed == 0)).all()
+    assert (speed[speed > 0] >= 0.499).all()
+
+
+def test_a_row_depends_on_the_people_and_not_on_who_else_is_asked():
+    generator = np.random.default_rng(1)
+    people = standing_at(*generator.uniform(-5, 5, (40, 2)))
+    people.walks[:] = generator.random(40) < 0.8
+    people.velocity[:] = generator.normal(0, 0.7, (40, 2))
+    people.memory.waited[:] = generator.uniform(0, 4, 40)
+    people.memory.preferred[:] = generator.normal(0, 1, (40, 2))
+    wished = generator.normal(0, 1, (40, 2)).astype(np.float32)
+
+    def clear(points):
+        return 4.0 - np.abs(points).max(-1)
+
+    together = avoid(people, np.arange(40), wished, clear, 0.2)
+    for rows in (np.array([7]), np.array([3, 7, 31]), np.arange(39, -1, -1)):
+        some = avoid(people, rows, wished[rows], clear, 0.2)
+        assert (some.velocity == together.velocity[rows]).all()
+        assert (some.memory.retreat == together.memory.retreat[rows]).all()
+        assert (some.memory.yields == together.memory.yields[rows]).all()
+
+
+def test_two_head_on_pass():
+    walkers = until_there(Walkers(np.array([[0, 0], [0, 10.0]]), to([(0, 10), (0, 0)])), 20)
+    assert walkers.there.all() and least(walkers) > 0.55
+
+
+def test_four_cross():
+    starts = np.array([[0, 0], [5, 5], [-5, 5], [0, 10.0]])
+    walkers = until_there(Walkers(starts, to([(0, 10), (-5, 5), (5, 5), (0, 0)])), 25)
+    assert walkers.there.all() and least(walkers) > TOUCH
+
+
+def test_a_circle_swaps():
+    turn = np.arange(24) * np.pi / 12
+    starts = 8.0 * np.stack([np.cos(turn), np.sin(turn)], -1)
+    walkers = until_there(Walkers(starts, to(-starts)), 60)
+    assert walkers.there.all() and least(walkers) > 0.4
+    assert too_near(walkers) < 0.002 and walkers.stuck.max() < 10
+
+
+def test_a_corridor_with_twenty_against_twenty_clears():
+    k, shake = np.arange(20), np.random.default_rng(0).uniform(-0.1, 0.1, (2, 20))
+    side = np.where(k % 2, 0.5, -0.5)
+    west = np.stack([1 - k // 2 * 1.2, side + shake[0]], -1)
+    east = np.stack([23 + k // 2 * 1.2, side + shake[1]], -1)
+    goals = np.concatenate([west + np.array([1000, 0]), east - np.array([1000, 0])])
+    walkers = Walkers(
+        np.concatenate([west, east]), to(goals), clear=lambda p: 1.25 - np.abs(p[..., 1])
+    )
+
+    def is_clear():
+        x = walkers.people.position[:, 0]
+        return (x[:20] > 23).all() and (x[20:] < 1).all()
+
+    while walkers.now < 100 and not is_clear():
+        walkers.run(2.0)
+    assert is_clear()
+    assert too_near(walkers) < 0.02 and walkers.stuck.max() < 10
+
+
+def doorway(points):
+    """A wall along x = 0, 16 cm thick, with a door of 1 m."""
+    x, y = np.abs(points[..., 0]), np.abs(points[..., 1])
+    beside = np.hypot(np.maximum(x - 0.08, 0), np.maximum(0.5 - y, 0))
+    return np.where(y > 0.5, x - 0.08, beside)
+
+
+def test_a_doorway_is_shared():
+    y = np.arange(5) - 2.0
+    west, east = np.stack([np.full(5, -4.0), y], -1), np.stack([np.full(5, 4.0), y], -1)
+    goals, side = np.concatenate([east, west]), np.repeat([1.0, -1.0], 5)
+
+    def through(walkers):
+        place = walkers.people.position
+        inside = np.abs(place[:, 1]) < 0.25
+        door = np.stack([np.where(inside, 0.6 * side, 0.0), np.zeros(10)], -1)
+        return np.where((place[:, 0] * side < 0.3)[:, None], door, goals)
+
+    walkers = until_there(Walkers(np.concatenate([west, east]), through, clear=doorway), 90)
+    assert walkers.there.all()
+    assert too_near(walkers) < 0.02 and walkers.stuck.max() < 20
+
+
+def test_a_busy_room_keeps_moving():
+    generator = np.random.default_rng(2)
+    side, count = 14.0, 60
+    grid = np.stack(np.meshgrid(*[np.linspace(-6, 6, 8)] * 2), -1).reshape(-1, 2)[:count]
+    goals = generator.uniform(-6, 6, (count, 2)).astype(np.float32)
+    changed = np.zeros(count)
+
+    def wander(walkers):
+        near = np.linalg.norm(goals - walkers.people.position, axis=-1) < 0.8
+        late = walkers.now - changed > 15
+        goals[near | late] = generator.uniform(-6, 6, (int((near | late).sum()), 2))
+        changed[near | late] = walkers.now
+        return goals
+
+    speed = generator.uniform(0.9, 1.4, count)
+    walkers = Walkers(grid, wander, clear=lambda p: side / 2 - np.abs(p).max(-1), speed=speed).run(
+        30.0
+    )
+    assert too_near(walkers) < 0.01 and walkers.stuck.max() < 10
+
+
+@pytest.mark.parametrize("grouped", [True, False])
+def test_a_group_is_no_stranger(grouped):
+    people = standing_at((0.0, 0.0), (0.62, 0.0))
+    people.walks[:] = True
+    people.velocity[:] = 0.0, 1.2
+    people.group[:] = 1 if grouped else 0
+    chosen, _ = velocity(people, (0.0, 1.2))
+    straight = np.allclose(chosen, (0.0, 1.2), atol=0.02)
+    assert straight == grouped
+
+
+def test_who_is_before_its_group_slows_down():
+    people = standing_at((0.0, 6.0), (0.0, 1.0))
+    people.group[:] = 1
+    chosen, _ = velocity(people, (0.0, 1.2))
+    assert 0.6 < chosen[1] < 1.1

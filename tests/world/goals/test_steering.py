@@ -1,0 +1,409 @@
+from dataclasses import replace
+from math import radians
+
+import numpy as np
+import pytest
+
+from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
+from wayfarer.terms import STAND, TERMS, TURN, WALK, weights
+from wayfarer.world.agents.heading import facing_at
+from wayfarer.world.agents.slots import Gait, Goals, Mode, Seeds
+from wayfarer.world.goals.steering import Steering, observe
+
+# Of numbers of its own, so that tuning breaks no test.
+STEERING = Steering(
+    braking_seconds=0.35,
+    braking_margin=0.15,
+    slowing_distance=1.0,
+    slowest=0.5,
+    lookahead=1.0,
+    turn_ahead=radians(180),
+)
+
+
+def gait(mode, speed=0.0, **values):
+    made = Gait.empty(1)
+    made.mode[:], made.speed[:] = mode, speed
+    for name, value in values.items():
+        getattr(made, name)[:] = value
+    return made
+
+
+def goal(x=None, radius=0.3, speed=1.2, **values):
+    made = Goals.empty(1)
+    if x is None:
+        return made
+    made.given[:], made.position[:], made.radius[:], made.speed[:] = True, (x, 0, 0), radius, speed
+    for name, value in values.items():
+        getattr(made, name)[:] = value
+    return made
+
+
+def facing(degrees):
+    """A wished heading as a column."""
+    return facing_at(radians(degrees))
+
+
+def at(x, before=None, heading=0.0):
+    """A seed whose hips came from `before` to x along X, facing `heading` degrees."""
+    seed = Seeds.empty(1)
+    seed.translation[0, :, 0] = (x if before is None else before), x
+    seed.translation[..., 2] = 0.9
+    half = radians(heading) / 2
+    seed.rotations[..., :] = [0, 0, 0, 1]
+    seed.rotations[:, :, 0] = [0, 0, np.sin(half), np.cos(half)]
+    return seed
+
+
+def next_mode(*arguments):
+    return Mode(STEERING.decide(*arguments).mode[0])
+
+
+def test_stands_without_a_goal():
+    assert next_mode(gait(Mode.STANDING), at(0), goal()) is Mode.STANDING
+
+
+def test_walks_until_the_braking_distance_which_grows_with_speed():
+    assert next_mode(gait(Mode.WALKING, 1.2), at(0), goal(5)) is Mode.WALKING
+    assert next_mode(gait(Mode.WALKING, 1.2), at(0), goal(0.5)) is Mode.STOPPING
+    assert next_mode(gait(Mode.WALKING, 0.5), at(0), goal(0.5)) is Mode.WALKING
+
+
+def test_stops_at_the_goal_and_stands_after_being_slow_for_two_steps():
+    now = STEERING.decide(gait(Mode.WALKING, 1.0), at(0), goal(0.3))
+    assert now.mode[0] == Mode.STOPPING
+    np.testing.assert_allclose(now.stop_place[0], [0.3, 0], atol=1e-6)
+    now.speed[:], now.arrived[:] = 0.05, True
+    now = STEERING.decide(now, at(0.28), goal(0.3))
+    assert now.mode[0] == Mode.STOPPING
+    now = STEERING.decide(now, at(0.29), goal(0.3))
+    assert now.mode[0] == Mode.STANDING
+    np.testing.assert_allclose(now.stop_place[0], [0.29, 0], atol=1e-6)
+
+
+def test_a_fast_step_between_starts_the_count_again():
+    now = gait(Mode.STOPPING, 0.05, slow_seconds=0.2, arrived=True)
+    now.speed[:] = 0.5
+    now = STEERING.decide(now, at(0), goal(0.1))
+    assert now.mode[0] == Mode.STOPPING and now.slow_seconds[0] == 0
+
+
+def test_stopped_short_of_the_goal_it_walks_on():
+    now = gait(Mode.STOPPING, 0.0, slow_seconds=0.2)
+    assert next_mode(now, at(0), goal(0.5)) is Mode.WALKING
+
+
+def test_strayed_from_its_goal_it_walks_back():
+    assert next_mode(gait(Mode.STANDING, arrived=True), at(0), goal(0.5)) is Mode.STANDING
+    assert next_mode(gait(Mode.STANDING, arrived=True), at(0), goal(0.7)) is Mode.WALKING
+    assert next_mode(gait(Mode.TURNING, arrived=True), at(0), goal(0.7)) is Mode.WALKING
+
+
+def test_cleared_goal_stops_ahead_of_where_it_is():
+    now = STEERING.decide(gait(Mode.WALKING, 1.0), at(2.0, before=1.975), goal())
+    assert now.mode[0] == Mode.STOPPING
+    expected = 2.0 + STEERING.coasting_seconds
+    np.testing.assert_allclose(now.stop_place[0], [expected, 0], atol=1e-5)
+
+
+def test_who_comes_to_rest_within_reach_is_there():
+    """It need not creep to the very middle."""
+    assert next_mode(gait(Mode.WALKING, 0.05), at(0), goal(0.29)) is Mode.WALKING
+    assert next_mode(gait(Mode.WALKING, 0.05, arrived=True), at(0), goal(0.29)) is Mode.STOPPING
+    assert next_mode(gait(Mode.WALKING, 0.3, arrived=True), at(0), goal(0.29)) is Mode.WALKING
+
+
+@pytest.mark.parametrize("mode", [Mode.WALKING, Mode.STANDING])
+def test_at_rest_it_turns_to_a_goal_behind_before_it_walks(mode):
+    assert next_mode(gait(mode), at(0, heading=-90), goal(3.0)) is Mode.WALKING, "ahead"
+    assert next_mode(gait(mode), at(0, heading=0), goal(3.0)) is Mode.WALKING, "beside"
+    now = STEERING.decide(gait(mode), at(0, heading=90), goal(3.0))
+    assert now.mode[0] == Mode.TURNING
+    target = STEERING.targets(now, at(0, heading=90), goal(3.0))
+    np.testing.assert_allclose(target.place[0, :2], [0, 0], atol=1e-6)
+    np.testing.assert_allclose(target.facing[0], [1, 0], atol=1e-6)
+    assert next_mode(now, at(0, heading=0), goal(3.0)) is Mode.TURNING
+    assert next_mode(now, at(0, heading=-30), goal(3.0)) is Mode.WALKING
+    away = goal(3.0, heading=facing(180))
+    assert next_mode(now, at(0, heading=-30), away) is Mode.WALKING, "its heading is for later"
+
+
+def test_on_the_way_it_comes_to_rest_and_turns_to_a_goal_behind():
+    seed = at(0, before=-0.03, heading=-90)
+    now = STEERING.decide(gait(Mode.WALKING, 1.2), seed, goal(-3.0))
+    assert now.mode[0] == Mode.STOPPING
+    assert 0 < now.stop_place[0, 0] < 1, "it comes to rest ahead, not at the goal"
+    np.testing.assert_allclose(now.stop_facing[0], facing(-90), atol=1e-6)
+    now.speed[:] = 0.4
+    now = STEERING.decide(now, at(0.2, heading=-90), goal(-3.0))
+    assert now.mode[0] == Mode.STOPPING
+    now.speed[:] = 0.1
+    now = STEERING.decide(now, at(0.3, heading=-90), goal(-3.0))
+    assert now.mode[0] == Mode.TURNING, "it does not wait until it stands"
+    assert next_mode(now, at(0.3, heading=60), goal(-3.0)) is Mode.WALKING
+
+
+def test_on_the_way_it_walks_a_curve_to_a_goal_beside():
+    assert next_mode(gait(Mode.WALKING, 0.8), at(0, heading=10), goal(3.0)) is Mode.WALKING
+
+
+def test_a_turn_is_asked_for_by_so_much_at_a_time():
+    steering = replace(STEERING, turn_ahead=radians(40))
+    now = gait(Mode.TURNING, stop_facing=facing(170))
+    asked = [
+        steering.targets(now, at(0, heading=heading), goal()).facing[0]
+        for heading in (0, 150, -100)
+    ]
+    np.testing.assert_allclose(asked, [facing(40), facing(170), facing(-140)], atol=1e-6)
+
+
+def test_to_a_goal_behind_it_strafes_backwards():
+    back = goal(3.0, heading=facing(90), strafe=True)
+    now = STEERING.decide(gait(Mode.WALKING), at(0, heading=90), back)
+    assert now.mode[0] == Mode.STRAFING and Mode.STRAFING.state == "walking"
+    assert next_mode(gait(Mode.STRAFING, 0.5), at(2.95, heading=90), back) is Mode.STOPPING
+
+
+def test_come_to_rest_it_turns_to_its_heading_and_then_stands():
+    wish = goal(0.1, heading=facing(90))
+    now = gait(Mode.STOPPING, 0.05, slow_seconds=0.2, arrived=True)
+    now = STEERING.decide(now, at(0.05), wish)
+    assert now.mode[0] == Mode.TURNING
+    np.testing.assert_allclose(now.stop_place[0], [0.05, 0], atol=1e-6)  # it turns where it is
+    assert next_mode(now, at(0.05, heading=80), wish) is Mode.TURNING
+    now = STEERING.decide(now, at(0.05, heading=84), wish)
+    assert now.mode[0] == Mode.STOPPING
+    for _ in range(2):
+        now = STEERING.decide(now, at(0.05, heading=84), wish)
+    assert now.mode[0] == Mode.STANDING
+
+
+def test_facing_nearly_as_wished_it_does_not_fidget():
+    wish = goal(0.0, heading=facing(0))
+    standing = gait(Mode.STANDING, arrived=True)
+    assert next_mode(standing, at(0, heading=12), wish) is Mode.STANDING
+    assert next_mode(standing, at(0, heading=-20), wish) is Mode.TURNING
+    assert next_mode(standing, at(0, heading=170), goal(0.0)) is Mode.STANDING, "none was wished"
+
+
+def test_a_heading_is_no_reason_to_turn_before_it_is_there():
+    wish = goal(3.0, heading=facing(180))
+    assert next_mode(gait(Mode.WALKING), at(0), wish) is Mode.WALKING
+    assert next_mode(gait(Mode.STOPPING, 1.0), at(2.8), wish) is Mode.STOPPING
+
+
+def test_sent_where_it_is_it_turns_at_once():
+    wish = goal(0.0, heading=facing(-90))
+    assert next_mode(gait(Mode.WALKING, 0.0), at(0), wish) is Mode.TURNING
+
+
+def test_headings_go_the_short_way_round_north():
+    wish = goal(0.0, heading=facing(179))
+    assert next_mode(gait(Mode.STANDING, arrived=True), at(0, heading=-178), wish) is Mode.STANDING
+
+
+def test_passes_through_without_braking_and_stops_after_the_last():
+    wish = goal(0.4, through=True)
+    walking = gait(Mode.WALKING, 1.2)
+    assert next_mode(walking, at(0.0), wish) is Mode.WALKING
+    assert STEERING.targets(walking, at(0.0), wish).speed[0] == pytest.approx(1.2)
+    walking.arrived[:] = True
+    now = STEERING.decide(walking, at(0.6, before=0.57), wish)
+    assert now.mode[0] == Mode.STOPPING
+    expected = 0.6 + STEERING.coasting_seconds * 1.2
+    np.testing.assert_allclose(now.stop_place[0], [expected, 0], atol=1e-5)
+    # Beyond the goal it does not turn back, however far it went.
+    still = gait(Mode.STOPPING, 0.0, slow_seconds=0.2, arrived=True)
+    assert next_mode(still, at(2.0), wish) is Mode.STANDING
+
+
+def test_near_a_goal_to_pass_it_looks_ahead_along_the_path():
+    def target(x, bend=0.0, **values):
+        onward = (np.cos(bend), np.sin(bend))
+        wish = goal(4.0, **{"through": True, "bend": bend, "onward": onward, **values})
+        return STEERING.targets(gait(Mode.WALKING), at(x), wish).place[0, :2]
+
+    reach = STEERING.lookahead
+    np.testing.assert_allclose(target(4.0 - reach - 0.1), [4, 0], atol=1e-6)
+    np.testing.assert_allclose(target(4.0 - reach / 2), [4 + reach / 2, 0], atol=1e-6)
+    np.testing.assert_allclose(target(3.5, through=False), [4, 0], atol=1e-6)
+    np.testing.assert_allclose(target(3.5, bend=radians(90)), [4, 0], atol=1e-6)
+    x, y = target(3.9, bend=radians(45))
+    assert x - 4 == pytest.approx(y) and 0 < y < reach
+
+
+def test_slows_before_a_sharp_corner_only():
+    def speed_at(bend, distance):
+        wish = goal(distance, through=True, more=True, bend=radians(bend))
+        return STEERING.targets(gait(Mode.WALKING, 1.2), at(0), wish).speed[0]
+
+    assert speed_at(45, 0.2) == pytest.approx(1.2)
+    assert speed_at(90, 0.2) == pytest.approx(STEERING.corner_speed)
+    assert speed_at(90, 5.0) == pytest.approx(1.2)
+
+
+@pytest.mark.parametrize(
+    ("mode", "seconds", "values", "goes_on"),
+    [
+        (Mode.WALKING, 0, {"through": True}, True),
+        (Mode.WALKING, 0, {}, False),
+        (Mode.STOPPING, 0.2, {}, False),
+        (Mode.TURNING, 0, {}, False),
+        (Mode.STANDING, 0.4, {}, True),
+        (Mode.STANDING, 1.2, {"dwell": 1.0}, False),
+        (Mode.STANDING, 1.4, {"dwell": 1.0}, True),
+        (Mode.STANDING, 9.0, {"more": False}, False),
+        (Mode.WALKING, 0, {"through": True, "more": False}, False),
+    ],
+)
+def test_goes_on_to_the_next_goal(mode, seconds, values, goes_on):
+    wish = goal(0.0, **{"more": True, **values})
+    now = STEERING.advance(gait(mode, slow_seconds=seconds, arrived=True, waypoint=3), wish)
+    assert now.waypoint[0] == 3 + goes_on
+    assert now.arrived[0] != goes_on
+    assert now.mode[0] == (Mode.WALKING if goes_on else mode)
+    missed = STEERING.advance(gait(mode, slow_seconds=seconds, waypoint=3), wish)
+    assert missed.waypoint[0] == 3, "not before it has reached this one"
+
+
+def test_standing_time_counts_on_for_the_dwell():
+    now = gait(Mode.STOPPING, 0.0, slow_seconds=0.2, arrived=True)
+    for _ in range(4):
+        now = STEERING.decide(now, at(0), goal(0.0))
+    assert now.mode[0] == Mode.STANDING
+    assert now.slow_seconds[0] == pytest.approx(1.0)
+
+
+def test_facing_is_wished_for_at_rest_and_on_the_way_with_strafe():
+    def wished(mode, x, **values):
+        wish = goal(3.0, heading=facing(90), **values)
+        now = STEERING.decide(gait(mode, arrived=x > 2.9), at(x), wish)
+        return STEERING.targets(now, at(x), wish).facing[0].tolist()
+
+    left = pytest.approx([-1, 0], abs=1e-6)
+    assert wished(Mode.WALKING, 0) == [0, 0]
+    assert wished(Mode.WALKING, 0, strafe=True) == left
+    for mode in (Mode.STOPPING, Mode.TURNING, Mode.STANDING):
+        assert wished(mode, 3.0) == left
+
+
+def test_without_a_wished_heading_it_goes_on_facing_as_it_did_when_it_stopped():
+    now = STEERING.decide(gait(Mode.WALKING, 1.0), at(0, heading=90), goal(0.2))
+    assert now.mode[0] == Mode.STOPPING
+    faced = STEERING.targets(now, at(0.15, heading=50), goal(0.2)).facing[0]
+    np.testing.assert_allclose(faced, facing(90), atol=1e-6)
+    now.speed[:], now.slow_seconds[:], now.arrived[:] = 0.0, 0.2, True
+    now = STEERING.decide(now, at(0.3, heading=60), goal(0.2))  # it comes to rest
+    now = STEERING.decide(now, at(0.3, heading=70), goal(0.2))
+    faced = STEERING.targets(now, at(0.3, heading=70), goal(0.2)).facing[0]
+    np.testing.assert_allclose(faced, facing(60), atol=1e-6)
+
+
+@pytest.mark.parametrize("radius", [0.05, 0.3, 2.0])
+def test_every_radius_can_be_reached(radius):
+    """An agent that moves as it is told arrives and comes to a stand."""
+    x, now = 0.0, gait(Mode.WALKING)
+    for _ in range(60):
+        now = STEERING.decide(now, at(x), goal(3.0, radius))
+        target, speed, _ = STEERING.targets(now, at(x), goal(3.0, radius))
+        ahead = x + np.sign(target[0, 0] - x) * min(speed[0] * 0.2, abs(target[0, 0] - x))
+        frames = np.linspace(x, ahead, NEW_FRAMES + 1)[None, 1:, None] * np.array([1, 0, 0])
+        start = at(x).translation[:, -1]
+        now = observe(now, start, frames.astype(np.float32), goal(3.0, radius))
+        x = ahead
+    assert now.mode[0] == Mode.STANDING and now.arrived[0]
+    assert abs(x - 3.0) <= radius
+
+
+def test_target_speed_falls_near_the_goal():
+    def speed_at(distance):
+        return STEERING.targets(gait(Mode.WALKING, 1.2), at(0), goal(distance)).speed[0]
+
+    assert speed_at(5) == pytest.approx(1.2)
+    assert STEERING.slowest < speed_at(0.65) < 1.2
+    assert speed_at(0.1) == pytest.approx(STEERING.slowest)
+    for mode in (Mode.STANDING, Mode.STOPPING, Mode.TURNING):
+        assert STEERING.targets(gait(mode), at(0), goal(5)).speed[0] == 0
+
+
+def test_full_speed_is_not_asked_for_at_once():
+    def wished(speed):
+        return STEERING.targets(gait(Mode.WALKING, speed), at(0), goal(5)).speed[0]
+
+    gained = STEERING.acceleration * STEP_SECONDS
+    assert wished(0.0) == pytest.approx(gained)
+    assert wished(0.5) == pytest.approx(0.5 + gained)
+    assert wished(1.1) == pytest.approx(1.2)
+
+
+def test_standing_it_is_drawn_to_the_place_where_it_stopped():
+    standing = gait(Mode.STANDING, stop_place=(1.0, 0.0))
+    assert STEERING.targets(standing, at(1.2), goal()).place[0, :2].tolist() == [1.0, 0.0]
+
+
+def test_arrival_counts_once_and_by_any_frame():
+    frames = np.zeros((1, NEW_FRAMES, 3), np.float32)
+    frames[0, :, 0] = np.linspace(0.1, 0.8, NEW_FRAMES)  # through the circle and out again
+    start = at(0).translation[:, -1]
+    seen = observe(gait(Mode.WALKING), start, frames, goal(0.4, radius=0.1))
+    assert seen.arrived[0]
+    assert seen.speed[0] == pytest.approx(0.8 / STEP_SECONDS)
+    assert not observe(gait(Mode.WALKING), start, frames, goal()).arrived[0]
+
+
+def side_steps(**values):
+    return goal(3.0, heading=facing(0), strafe=True, **values)
+
+
+def test_side_steps_begin_at_rest_and_facing_as_wished():
+    assert next_mode(gait(Mode.WALKING, 1.0), at(0), side_steps()) is Mode.STOPPING
+    assert next_mode(gait(Mode.STANDING), at(0, heading=60), side_steps()) is Mode.TURNING
+    assert next_mode(gait(Mode.TURNING), at(0, heading=15), side_steps()) is Mode.TURNING
+    assert next_mode(gait(Mode.TURNING), at(0, heading=5), side_steps()) is Mode.STRAFING
+    assert next_mode(gait(Mode.STRAFING, 0.5), at(0, heading=60), side_steps()) is Mode.STRAFING
+
+
+def test_in_side_steps_the_body_stands_and_is_carried():
+    now = gait(Mode.STRAFING)
+    target = STEERING.targets(now, at(0), side_steps())
+    np.testing.assert_allclose(target.place[0, :2], [0, 0], atol=1e-6)
+    assert target.speed[0] == 0
+    speeds = []
+    for _ in range(5):
+        now.carried[:] = STEERING.carried(now, at(0), side_steps())
+        speeds.append(float(now.carried[0, 0]))
+    assert speeds == pytest.approx([0.2, 0.4, 0.6, 0.6, 0.6]), "evenly, and no faster than that"
+    slow = STEERING.carried(now, at(0), side_steps(speed=0.3))
+    np.testing.assert_allclose(slow[0], [0.4, 0], atol=1e-6)
+    near = STEERING.carried(now, at(2.9), side_steps())
+    assert near[0, 0] == pytest.approx(0.4)
+    now.mode[:] = Mode.STOPPING
+    np.testing.assert_allclose(STEERING.carried(now, at(2.9), side_steps())[0], [0.4, 0], atol=1e-6)
+    still = STEERING.carried(gait(Mode.WALKING, 1.0), at(0), goal(3.0))
+    np.testing.assert_array_equal(still, [[0, 0]])
+
+
+def test_weights_and_noise_follow_the_mode():
+    modes = np.array([Mode.STANDING, Mode.WALKING, Mode.STOPPING, Mode.TURNING, Mode.STRAFING])
+    table = STEERING.term_weights(modes)
+    assert table.shape == (5, len(TERMS))
+    expected = [weights(t) for t in (STAND, WALK, STAND, TURN, STAND)]
+    np.testing.assert_allclose(table, expected, rtol=1e-6)
+    noise = STEERING.scale_noise(modes, np.ones((5, 3, 128), np.float32))
+    for row, mode in zip(noise, modes, strict=True):
+        search = STEERING.searches[Mode(mode)]
+        assert (row[0] == 0).all() == search.zero_latent
+        np.testing.assert_allclose(row[1:], search.temperature)
+
+
+def test_the_search_can_be_set_in_all_modes():
+    modes = np.arange(len(Mode))
+    other = STEERING.with_search(candidates=4, policy=0.25)
+    assert other.candidates(modes).tolist() == [4] * len(Mode)
+    assert other.policy(modes).tolist() == [0.25] * len(Mode)
+    for mode, search in other.searches.items():
+        kept = STEERING.searches[mode]
+        assert search == replace(kept, candidates=4, policy=0.25)
+    hot = STEERING.with_search(temperature=2.0)
+    assert {s.temperature for s in hot.searches.values()} == {2.0}
+    assert STEERING.with_search() == STEERING

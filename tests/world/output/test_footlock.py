@@ -1,0 +1,315 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.world.output.legwork import body, legs, lifted, moved, soles_of, standing
+from wayfarer.body.rotation import matrix_from_quaternion, quaternion_from_rotvec
+from wayfarer.spec import BETAS, FPS
+from wayfarer.world.agents.spawn import multiply
+from wayfarer.world.output.footlock import LEASH, Locked, begin, lock_feet
+from wayfarer.world.output.twobone import MOVED
+
+OTHERS = [joint for joint in range(22) if joint not in MOVED]
+
+
+def locked(
+    translation: np.ndarray,
+    rotations: np.ndarray,
+    pieces: tuple[int, ...] = (),
+    steps: bool = False,
+) -> Locked:
+    """The motion from its first frame, in one call or cut at the frames `pieces`; `steps`: on the
+    spot.
+    """
+    on_the_spot = np.full(len(translation), steps)
+    shape = legs(len(translation))
+    state = begin(shape, translation[:, 0], rotations[:, 0])
+    parts, contacts = [], []
+    cuts = sorted({0, *pieces, translation.shape[1]})
+    for start, stop in pairwise(cuts):
+        done = lock_feet(
+            state, shape, translation[:, start:stop], rotations[:, start:stop], on_the_spot
+        )
+        state = done.state
+        parts.append(done.rotations)
+        contacts.append(done.contacts)
+    return Locked(np.concatenate(parts, 1), np.concatenate(contacts, 1), state)
+
+
+def walk(frames: int = 64) -> tuple[np.ndarray, np.ndarray]:
+    """Steps in turn while the body glides forwards at 8 cm/s: feet slide whenever they stand."""
+    translation, rotations = standing(frames)
+    phase = np.arange(frames) / 32
+    for foot in (0, 1):
+        up = 0.5 * np.clip(np.sin(2 * np.pi * (phase + foot / 2)), 0, None) ** 2
+        rotations = lifted(rotations, foot, up) if foot == 0 else _both(rotations, up)
+    return moved(translation, (0.02, 0.08, 0)), rotations
+
+
+def _both(rotations: np.ndarray, right: np.ndarray) -> np.ndarray:
+    drawn = lifted(rotations, 1, right)
+    drawn[:, :, MOVED[::2]] = rotations[:, :, MOVED[::2]]
+    return drawn
+
+
+def test_bearing_feet_stand_still_while_the_body_glides():
+    translation, rotations = standing(20)
+    translation = moved(translation, (0.03, 0.05, 0))
+    made = soles_of(translation, locked(translation, rotations).rotations)
+    raw = soles_of(translation, rotations)
+    assert np.abs(raw[:, -1] - raw[:, 0]).max() > 0.02
+    np.testing.assert_allclose(made, made[:, :1].repeat(20, 1), atol=3e-4)
+
+
+def test_only_legs_are_touched_and_quaternions_stay_unit():
+    translation, rotations = walk()
+    made = locked(translation, rotations).rotations
+    np.testing.assert_array_equal(made[:, :, OTHERS], rotations[:, :, OTHERS])
+    assert np.abs(made - rotations).max() > 0.01
+    np.testing.assert_allclose(np.linalg.norm(made, axis=-1), 1, atol=1e-5)
+    assert made.dtype == np.float32
+
+
+def test_bones_keep_their_lengths_and_feet_their_turn():
+    translation, rotations = walk()
+    shape = body().rest_joints(np.zeros(BETAS))
+    poses = [
+        body().forward_kinematics(translation[0], matrix_from_quaternion(found[0]), shape)
+        for found in (rotations, locked(translation, rotations).rotations)
+    ]
+    (turns, _), (new_turns, places) = poses
+    np.testing.assert_allclose(new_turns[:, [7, 8, 10, 11]], turns[:, [7, 8, 10, 11]], atol=1e-5)
+    parents = body().parents[1:]
+    bones = np.linalg.norm(places[:, 1:] - places[:, parents], axis=-1)
+    rest = np.linalg.norm(shape[1:] - shape[parents], axis=-1)
+    np.testing.assert_allclose(bones, np.broadcast_to(rest, bones.shape), atol=1e-5)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.integers(1, 63), max_size=8))
+def test_a_motion_cut_into_pieces_is_the_motion(cuts):
+    whole, pieces = locked(*walk()), locked(*walk(), pieces=tuple(cuts))
+    np.testing.assert_allclose(pieces.rotations, whole.rotations, atol=1e-6)
+    np.testing.assert_array_equal(pieces.contacts, whole.contacts)
+    np.testing.assert_allclose(pieces.state.shift, whole.state.shift, atol=1e-6)
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.permutations(range(4)))
+def test_an_agent_does_not_depend_on_the_others(order):
+    translation, rotations = walk()
+    still, pose = standing(64)
+    all_ = [
+        (translation, rotations),
+        (still, pose),
+        (moved(still, (0.5, 0, 0)), pose),
+        (moved(still, (0.05, 0.02, 0.01)), rotations),
+    ]
+    batch = [np.concatenate(parts) for parts in zip(*(all_[i] for i in order), strict=True)]
+    together = locked(*batch)
+    for row, agent in enumerate(order):
+        alone = locked(*all_[agent])
+        np.testing.assert_allclose(together.rotations[row], alone.rotations[0], atol=1e-6)
+        np.testing.assert_array_equal(together.contacts[row], alone.contacts[0])
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.floats(-3.1, 3.1), st.floats(-50, 50), st.floats(-50, 50))
+def test_it_is_the_same_anywhere_and_any_way_round(angle, x, y):
+    translation, rotations = walk()
+    turn = quaternion_from_rotvec(np.array([0, 0, angle]))
+    place = translation @ matrix_from_quaternion(turn).T + np.array([x, y, 0])
+    turned = rotations.copy()
+    turned[0, :, 0] = [multiply(turn, root) for root in rotations[0, :, 0]]
+    here = locked(translation, rotations).rotations
+    there = locked(place.astype(np.float32), turned).rotations
+    np.testing.assert_allclose(there[:, :, 1:], here[:, :, 1:], atol=2e-3)  # float32 at 50 m
+
+
+def test_a_swinging_foot_is_let_go_and_comes_back_to_the_model():
+    translation, rotations = walk()
+    made = locked(translation, rotations)
+    raw, new = soles_of(translation, rotations), soles_of(translation, made.rotations)
+    off = np.linalg.norm((new - raw)[0, :, 0], axis=-1).max(-1)  # [F] left foot
+    held = made.contacts[0, :, 0]
+    top = int(raw[0, :, 0, :, 2].min(-1).argmax())
+    assert held[0] and not held[top] and held[24:28].all()
+    assert not held[raw[0, :, 0, :, 2].min(-1) > 0.05].any()
+    assert off[32] > 0.03, "half a second on the floor, where the model slides 8 cm/s"
+    assert off[32:].min() < 0.25 * off[32], "by the end of the step that follows"
+
+
+def test_nothing_jumps():
+    """Neither at contact nor at release: a correction moves as gently as a swinging foot, or so."""
+    translation, rotations = walk()
+    made = locked(translation, rotations).rotations
+    raw, new = soles_of(translation, rotations), soles_of(translation, made)
+    correction = (new - raw)[0].mean(2)  # [F, 2, 3]
+    acceleration = np.linalg.norm(np.diff(correction, 2, axis=0), axis=-1) * FPS**2
+    assert acceleration.max() < 6.0
+    assert np.abs(np.diff(correction, axis=0)).max() < 0.01
+
+
+def test_a_fast_foot_on_the_floor_is_not_held():
+    translation, rotations = standing(16)
+    made = locked(moved(translation, (1.0, 0, 0)), rotations)
+    assert not made.contacts[0, 6:].any()
+    np.testing.assert_allclose(made.rotations[0, 8:], rotations[0, 8:], atol=0.05)
+
+
+def test_a_foot_pulled_on_for_long_slides_on_a_leash():
+    """It neither stays behind without end nor snaps back."""
+    translation, rotations = standing(200)
+    translation = moved(translation, (0, 0.1, 0))
+    made = soles_of(translation, locked(translation, rotations).rotations)
+    raw = soles_of(translation, rotations)
+    behind = np.linalg.norm((raw - made)[0, ..., :2], axis=-1)
+    assert LEASH[0] < behind[-1].max() < LEASH[1]
+    speed = np.linalg.norm(np.diff(made[0], axis=0)[..., :2], axis=-1) * FPS
+    assert speed[-40:].max() == pytest.approx(0.1, abs=0.01), "as fast as the body, no faster"
+    assert speed.max() < 0.11
+
+
+@pytest.mark.parametrize("height", [-0.02, 0.003])
+def test_bearing_soles_settle_on_the_floor(height):
+    translation, rotations = standing(24)
+    translation[..., 2] += height
+    made = soles_of(translation, locked(translation, rotations).rotations)
+    lowest = made[0, ..., 2].min(-1)
+    assert np.abs(lowest[0]).max() < abs(height)
+    assert np.abs(lowest[-1]).max() < 0.001
+    assert (np.abs(np.diff(lowest, axis=0)) < abs(height)).all()
+
+
+def test_a_body_high_above_the_floor_is_left_alone():
+    translation, rotations = standing(8)
+    translation[..., 2] += 0.2
+    made = locked(translation, rotations)
+    assert not made.contacts.any()
+    np.testing.assert_allclose(made.rotations, rotations, atol=1e-6)
+
+
+def test_trembling_feet_of_a_standing_body_come_to_rest():
+    translation, rotations = standing(80)
+    tremble = np.random.default_rng(0).normal(scale=0.0005, size=translation.shape)
+    shaken = (translation + tremble).astype(np.float32)
+    made = locked(shaken, rotations)
+    assert made.contacts.all()
+    speed = np.diff(soles_of(shaken, made.rotations)[0], axis=0) * FPS
+    raw = np.diff(soles_of(shaken, rotations)[0], axis=0) * FPS
+    assert np.abs(raw[..., :2]).mean() > 0.01
+    assert np.abs(speed[..., :2]).mean() < 0.001
+    assert np.abs(speed[..., 2]).mean() < np.abs(raw[..., 2]).mean()
+
+
+def test_a_foot_rolls_over_its_ball():
+    """While the heel rises about the ball, the ball stays, though the ankle moves."""
+    translation, rotations = standing(12)
+    rise = np.linspace(0, 0.5, 12)
+    turns = np.zeros((12, 3))
+    turns[:, 0] = 0.3 - rise
+    rotations[0, :, 7] = quaternion_from_rotvec(turns)  # the left foot tips forwards …
+    rotations[0, :, 10] = quaternion_from_rotvec(np.stack([rise, 0 * rise, 0 * rise], -1))
+    translation = moved(translation, (0, 0.06, 0))
+    made = soles_of(translation, locked(translation, rotations).rotations)[0, :, 0]
+    heel, balls = made[:, 0], made[:, 1:3].mean(1)
+    assert heel[-1, 2] - heel[0, 2] > 0.03
+    assert np.abs(balls[3:, :2] - balls[3, :2]).max() < 0.006
+    raw = soles_of(translation, rotations)[0, :, 0, 1:3].mean(1)
+    assert np.abs(raw[3:, :2] - raw[3, :2]).max() > 0.012
+
+
+@pytest.mark.parametrize("bend", [0.0, 1e-5, 2.6])
+def test_straight_and_folded_legs_give_no_nan(bend):
+    translation, rotations = standing(40, bend)
+    made = locked(moved(translation, (0.05, 0.1, 0.1)), rotations).rotations
+    np.testing.assert_allclose(np.linalg.norm(made, axis=-1), 1, atol=1e-4)
+
+
+def turntable(degrees: float, frames: int = 60) -> tuple[np.ndarray, np.ndarray]:
+    """Somebody who stands and is turned, feet and all, then stands for another second."""
+    translation, rotations = standing(frames + FPS)
+    angles = np.radians(degrees) * np.minimum(np.arange(frames + FPS) / frames, 1)
+    for frame, angle in enumerate(angles):
+        turn = quaternion_from_rotvec(np.array([0.0, 0.0, angle]))
+        rotations[0, frame, 0] = multiply(turn, rotations[0, frame, 0].astype(np.float64))
+    return translation, rotations
+
+
+def pivots(soles: np.ndarray) -> np.ndarray:
+    """Degrees by which each foot turns while its sole is within 3 mm of the floor [2]."""
+    x, y = np.moveaxis(soles[0, :, :, -1] - soles[0, :, :, 0], -1, 0)[:2]
+    turns = np.abs(np.diff(np.unwrap(np.arctan2(y, x), axis=0), axis=0))
+    return np.degrees((turns * (soles[0, 1:, :, :, 2].min(-1) < 0.003)).sum(0))
+
+
+def lifts(soles: np.ndarray) -> np.ndarray:
+    """How often each foot leaves the floor by more than 1.5 cm [2]."""
+    up = soles[0, :, :, :, 2].min(-1) > 0.015
+    return (up[1:] & ~up[:-1]).sum(0)
+
+
+@pytest.mark.parametrize("degrees", [-90.0, 90.0, 180.0])
+def test_who_is_turned_takes_steps_and_no_foot_pivots_under_load(degrees):
+    translation, rotations = turntable(degrees)
+    raw = soles_of(translation, rotations)
+    made = locked(translation, rotations, steps=True)
+    soles = soles_of(translation, made.rotations)
+    assert (pivots(raw) > 85).all() and not lifts(raw).any()
+    assert (pivots(soles) < 10).all()
+    assert (lifts(soles) >= abs(degrees) / 90).all()
+    both_up = (soles[0, :, :, :, 2].min(-1) > 0.015).all(-1)
+    assert not both_up.any(), "one foot bears while the other steps"
+    assert np.linalg.norm(soles[0, -1] - raw[0, -1], axis=-1).max() < 0.08, "feet follow the body"
+
+
+def test_a_stepping_foot_is_not_told_to_be_in_contact():
+    translation, rotations = turntable(90.0)
+    made = locked(translation, rotations, steps=True)
+    height = soles_of(translation, made.rotations)[0, :, :, :, 2].min(-1)
+    assert (height > 0.03).any()
+    assert not made.contacts[0][height > 0.021].any()
+
+
+def test_the_inner_foot_steps_first():
+    for degrees, inner in ((90.0, 0), (-90.0, 1)):
+        translation, rotations = turntable(degrees)
+        soles = soles_of(translation, locked(translation, rotations, steps=True).rotations)
+        up = soles[0, :, :, :, 2].min(-1) > 0.015
+        assert up[:, inner].argmax() < up[:, 1 - inner].argmax()
+
+
+def test_a_foot_that_is_drawn_aside_steps_there_once():
+    translation, rotations = standing(80)
+    way = 0.15 * np.minimum(np.arange(80) / 24, 1)
+    translation[0, :, 1] += way.astype(np.float32)
+    soles = soles_of(translation, locked(translation, rotations, steps=True).rotations)
+    assert lifts(soles).tolist() in ([2, 2], [2, 1], [1, 2], [1, 1])
+    slide = np.linalg.norm(np.diff(soles[0, :, :, :, :2].mean(2), axis=0), axis=-1)
+    assert (slide * (soles[0, 1:, :, :, 2].min(-1) < 0.003)).sum(0).max() < 0.01
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.integers(1, 99), max_size=8))
+def test_steps_cut_into_pieces_are_the_steps(cuts):
+    motion = turntable(120.0)
+    whole, pieces = (locked(*motion, pieces=tuple(c), steps=True) for c in ((), cuts))
+    np.testing.assert_allclose(pieces.rotations, whole.rotations, atol=1e-6)
+    np.testing.assert_array_equal(pieces.contacts, whole.contacts)
+
+
+def test_feet_keep_their_turn_from_the_spot_until_they_swing():
+    translation, rotations = turntable(30.0, 20)
+    shape = legs(1)
+    state = begin(shape, translation[:, 0], rotations[:, 0])
+    spot, gone = np.array([True]), np.array([False])
+    state = lock_feet(state, shape, translation[:, :12], rotations[:, :12], spot).state
+    assert np.abs(state.turn).max() > np.radians(10)
+    still = np.repeat(rotations[:, 12:13], 24, axis=1)
+    up = lifted(still, 0, 0.5 * np.ones(24))
+    free = lock_feet(state, shape, translation[:, 12:36], up, gone).state
+    assert abs(free.turn[0, 0]) < np.radians(2)
+    assert free.turn[0, 1] == pytest.approx(state.turn[0, 1], abs=1e-6)

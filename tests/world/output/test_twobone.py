@@ -1,0 +1,94 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.world.output.legwork import legs, standing
+from wayfarer.world.output.legs import LegPose, Legs, pose_legs
+from wayfarer.world.output.quaternion import cross, dot, length, rotate
+from wayfarer.world.output.twobone import FOLD, MOVED, STRETCH, move_ankles, reach
+
+CENTIMETRES = st.floats(-0.08, 0.08)
+
+
+def moved_pose(
+    bend: float, shift: np.ndarray, shape: Legs | None = None
+) -> tuple[LegPose, LegPose]:
+    """The pose before and after both ankles are moved by `shift` [3]."""
+    shape = shape or legs()
+    translation, rotations = standing(1, bend)
+    before = pose_legs(shape, translation, rotations)
+    rotations[:, :, MOVED] = move_ankles(
+        before, np.broadcast_to(np.array(shift, np.float32).reshape(3, 1, 1, 1), before.ankle.shape)
+    )
+    np.testing.assert_allclose(np.linalg.norm(rotations, axis=-1), 1, atol=1e-5)
+    return before, pose_legs(shape, translation, rotations)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.tuples(CENTIMETRES, CENTIMETRES, CENTIMETRES), st.floats(1.6, 2.0))
+def test_ankles_go_where_they_are_sent_and_feet_keep_their_turn(shift, bend):
+    before, after = moved_pose(bend, np.array(shift))
+    want = before.ankle + np.array(shift, np.float32).reshape(3, 1, 1, 1)
+    np.testing.assert_allclose(after.ankle, want, atol=1e-4)
+    np.testing.assert_allclose(after.ankle_turn, before.ankle_turn, atol=1e-5)
+    np.testing.assert_allclose(after.hip, before.hip)
+
+
+@pytest.mark.parametrize("shift", [(0, 0.05, 0), (0, -0.05, 0.02), (0, 0, 0.08)])
+def test_a_move_in_the_plane_of_the_knee_keeps_it_in_that_plane(shift):
+    before, after = moved_pose(1.0, np.array(shift))
+    np.testing.assert_allclose(after.knee[0], before.knee[0], atol=1e-4)
+    assert (after.knee[1] > after.hip[1]).all(), "it bends forwards, as before"
+
+
+@pytest.mark.parametrize("bend", [0.0, 1e-4, 0.02])
+def test_a_straight_knee_bends_forwards(bend):
+    before, after = moved_pose(bend, np.array([0, 0, 0.05]))
+    np.testing.assert_allclose(
+        (after.ankle - before.ankle)[:, :, 0, 0].T, [[0, 0, 0.05]] * 2, atol=1e-3
+    )
+    thigh, shin = after.knee - after.hip, after.ankle - after.knee
+    side = rotate(after.hip_turn, np.array([-1.0, 0, 0]).reshape(3, 1, 1, 1))
+    assert (dot(cross(thigh, shin), side) > 0).all()
+
+
+def test_no_move_changes_nothing():
+    before, after = moved_pose(0.5, np.zeros(3))
+    for name in ("hip_turn", "knee_turn", "ankle_turn"):
+        np.testing.assert_allclose(getattr(after, name), getattr(before, name), atol=1e-6)
+
+
+def test_what_is_out_of_reach_is_approached_without_a_snap():
+    """The farther the target, the straighter the knee, and it never gets quite straight."""
+    leg = float((length(legs().knee[0].T) + length(legs().ankle[0].T))[0])
+    reached = [
+        float(length(after.ankle - after.hip).max())
+        for _, after in (moved_pose(0.4, np.array([0, 0, -far])) for far in np.linspace(0, 0.5, 20))
+    ]
+    assert np.diff(reached).min() >= -1e-6
+    assert max(reached) < leg * (STRETCH + 1e-4)
+    assert max(np.diff(reached)) < 0.5 / 19 + 1e-4
+
+
+@given(
+    st.floats(0.2, 0.9), st.floats(0.05, 1.5), st.floats(0.5, 0.9), st.floats(1e-3, 0.05)
+)  # metres
+def test_reach(before, wanted, leg, more):
+    def taken(distance: float) -> float:
+        return float(reach(np.float64(before), np.float64(distance), np.float64(leg)))
+
+    assert taken(before) == pytest.approx(before)
+    assert taken(wanted) <= taken(wanted + more) + 1e-12
+    assert taken(wanted) <= max(before, STRETCH * leg) + 1e-5
+    assert taken(wanted) >= min(before, FOLD * leg)
+    if wanted > before:
+        assert taken(wanted) <= wanted + 1e-12
+
+
+@pytest.mark.parametrize("column", ["knee", "ankle", "hip"])
+def test_bones_without_length_give_no_nan(column):
+    shape = legs()
+    getattr(shape, column)[:] = 0
+    _, after = moved_pose(0.3, np.array([0.02, 0.03, 0.01]), shape)
+    assert np.isfinite(after.soles).all()

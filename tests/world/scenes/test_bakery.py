@@ -1,0 +1,273 @@
+"""Bakes in a process of their own, and what becomes of that process."""
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+import shapely
+
+from tests.world.scenes.grounds import BOX, FIELD
+from wayfarer.errors import InvalidArgument, ResourceExhausted, Unavailable
+from wayfarer.navigation.examples import cubes_field, slope_with_steps, town_square, two_storeys
+from wayfarer.navigation.scene import bake
+from wayfarer.navigation.spec import Box, Floor, MeshFile, SceneSpec
+from wayfarer.world.limits import SceneLimits
+from wayfarer.world.scenes import bakery as module
+from wayfarer.world.scenes.bakery import Bakery, Oven
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of POSIX")
+
+SIDE = 400.0
+HUGE = SceneSpec(
+    (Floor(((0.0, 0.0), (SIDE, 0.0), (SIDE, SIDE), (0.0, SIDE))),),
+    tuple(
+        Box((SIDE / 2, SIDE / 2), (0.9 * SIDE, 0.02), 1.0, yaw=k * 0.0016)  # all across each other
+        for k in range(1900)
+    ),
+)
+
+
+@pytest.fixture
+def make():
+    made = []
+
+    def one(**limits):
+        made.append(Bakery(SceneLimits(**limits)))
+        return made[-1]
+
+    yield one
+    for bakery in made:
+        bakery.stop()
+
+
+@pytest.fixture(scope="module")
+def bakery():
+    shared = Bakery(SceneLimits())
+    yield shared
+    shared.stop()
+
+
+def whole(value):
+    """All that a scene is made of, to compare; floats as they are."""
+    if isinstance(value, np.ndarray):
+        if value.dtype == object:
+            return [whole(one) for one in value]
+        return value.dtype.str, value.shape, value.tobytes()
+    if isinstance(value, shapely.Geometry):
+        return shapely.to_wkb(value, include_srid=True)
+    if isinstance(value, shapely.STRtree):
+        return whole(value.geometries)
+    if isinstance(value, tuple | list):
+        return [whole(one) for one in value]
+    if hasattr(value, "__dataclass_fields__"):
+        return type(value), {k: whole(getattr(value, k)) for k in value.__dataclass_fields__}
+    return type(value), value if isinstance(value, int | float | str | bytes) else str(value)
+
+
+def in_background(call):
+    """A thread, and a list that gets what it returns or raises."""
+    found = []
+
+    def run():
+        try:
+            found.append(call())
+        except Exception as error:
+            found.append(error)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    return thread, found
+
+
+def until(condition, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def lives(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("spec", [cubes_field(), town_square(), slope_with_steps(), two_storeys()])
+def test_a_scene_is_bit_for_bit_what_a_bake_here_gives(bakery, spec):
+    there, here = bakery.bake(spec), bake(spec)
+    assert there.spec is spec
+    assert whole(there) == whole(here)
+    for layer, same in zip(there.ground.layers, here.ground.layers, strict=True):
+        assert (layer.own is layer.ground) == (same.own is same.ground)
+    crate = Box(there.mesh.corners[0].mean(0).tolist(), (0.5, 0.5), 1.0)
+    assert whole(there.put("crate", crate)) == whole(here.put("crate", crate))
+
+
+def test_a_scene_with_obstacles_can_be_pickled_and_still_cannot_be_changed():
+    scene = bake(SceneSpec((FIELD,))).put("crate", BOX)
+    other = pickle.loads(pickle.dumps(scene))
+    assert whole(other) == whole(scene)
+    with pytest.raises(TypeError):
+        other.obstacles["more"] = BOX
+
+
+def test_errors_keep_their_type_and_say_which_field(bakery):
+    with pytest.raises(InvalidArgument, match="up axis") as caught:
+        bakery.bake(SceneSpec((FIELD,), (Box((6.0, 6.0), (90.0, 90.0), 9.0, bottom=0.3),)))
+    assert caught.value.field == "floors"
+    with pytest.raises(InvalidArgument) as caught:
+        bakery.bake(SceneSpec(mesh=MeshFile(b"no mesh", "glb")))
+    assert caught.value.field == "mesh.data"
+    pid = bakery.pid
+    bakery.bake(cubes_field())
+    assert bakery.pid == pid, "a scene that is refused costs no process"
+
+
+def test_what_is_no_scene_at_all_is_our_own_mistake_and_costs_no_process(bakery):
+    with pytest.raises(RuntimeError, match="AttributeError"):
+        bakery.bake("no spec")
+    assert bakery.bake(cubes_field()).islands == 1
+
+
+def test_a_bake_that_takes_too_much_memory(make):
+    bakery = make(bake_mb=300)
+    with pytest.raises(ResourceExhausted, match=r"300 MB of memory \(limits.bake_mb\)"):
+        bakery.bake(HUGE)
+    assert bakery.bake(cubes_field()).islands == 1
+
+
+def test_a_bake_that_keeps_a_processor_too_long(make):
+    bakery = make(bake_s=1, bake_mb=8192)
+    with pytest.raises(ResourceExhausted, match=r"more than 1 s .*\(limits.bake_s\): leave out"):
+        bakery.bake(HUGE)
+    assert bakery.bake(cubes_field()).islands == 1
+
+
+def test_a_process_that_hangs_is_given_up(make):
+    bakery = make(bake_s=0.5)
+    bakery.bake(cubes_field())
+    first = bakery.pid
+    os.kill(first, signal.SIGSTOP)
+    with pytest.raises(ResourceExhausted, match=r"limits\.bake_s"):
+        bakery.bake(cubes_field())
+    until(lambda: not lives(first))
+
+
+@pytest.fixture
+def baking(make):
+    """A bakery in the middle of a bake, the thread that waits and what it gets."""
+    bakery = make(bake_s=600, bake_mb=8192)
+    bakery.bake(cubes_field())
+    thread, found = in_background(lambda: bakery.bake(HUGE))
+    until(bakery._turn.locked)
+    time.sleep(0.2)
+    assert not found
+    return bakery, thread, found
+
+
+def test_a_process_killed_in_mid_bake_is_replaced(baking):
+    bakery, thread, found = baking
+    os.kill(bakery.pid, signal.SIGKILL)
+    thread.join()
+    assert isinstance(found[0], ResourceExhausted) and "signal 9" in str(found[0])
+    assert bakery.bake(cubes_field()).islands == 1
+
+
+def test_a_process_killed_between_bakes_is_replaced_unnoticed(make):
+    bakery = make()
+    bakery.bake(cubes_field())
+    pid = bakery.pid
+    os.kill(pid, signal.SIGKILL)
+    time.sleep(0.2)
+    assert bakery.bake(cubes_field()).islands == 1
+    assert bakery.pid != pid
+
+
+def test_stopping_ends_the_bake_under_way_and_those_after_it(baking):
+    bakery, thread, found = baking
+    pid = bakery.pid
+    bakery.stop()
+    thread.join()
+    assert isinstance(found[0], Unavailable)
+    assert not lives(pid)
+    with pytest.raises(Unavailable, match="stopping"):
+        bakery.bake(cubes_field())
+
+
+def test_two_at_once_take_turns_in_one_process(bakery):
+    both = [in_background(lambda s=spec: bakery.bake(s)) for spec in (cubes_field(), town_square())]
+    for thread, _ in both:
+        thread.join()
+    assert [found[0].content_hash for _, found in both] == [
+        cubes_field().content_hash,
+        town_square().content_hash,
+    ]
+
+
+def test_a_process_that_does_not_start_is_told(make, monkeypatch):
+    monkeypatch.setattr(module, "COMMAND", (sys.executable, "-c", "raise SystemExit(3)"))
+    with pytest.raises(Unavailable, match="exit code 3"):
+        make().bake(cubes_field())
+
+
+@pytest.mark.parametrize("busy", [False, True])
+def test_no_process_is_left_when_its_parent_is_killed(busy):
+    parent = subprocess.Popen(
+        [sys.executable, "-c", PARENT, "busy" if busy else "idle"], stdout=subprocess.PIPE
+    )
+    pid = int(parent.stdout.readline())
+    time.sleep(0.3)
+    assert lives(pid)
+    parent.kill()
+    parent.wait()
+    parent.stdout.close()
+    until(lambda: not lives(pid), 10.0)
+
+
+PARENT = """
+import sys, time
+from wayfarer.world.scenes.bakery import Bakery
+from wayfarer.world.limits import SceneLimits
+from wayfarer.navigation.examples import cubes_field
+from tests.world.scenes.test_bakery import HUGE
+bakery = Bakery(SceneLimits(bake_s=600, bake_mb=8192))
+bakery.bake(cubes_field())
+print(bakery.pid, flush=True)
+if sys.argv[1] == "busy":
+    bakery.bake(HUGE)
+time.sleep(600)
+"""
+
+
+def test_runs_at_low_priority(bakery):
+    bakery.bake(cubes_field())
+    mine = os.getpriority(os.PRIO_PROCESS, 0)
+    assert os.getpriority(os.PRIO_PROCESS, bakery.pid) == min(mine + 10, 19)
+
+
+def test_nothing_printed_is_taken_for_an_answer():
+    oven = Oven((sys.executable, "-c", NOISY))
+    try:
+        assert oven.await_answer(60.0) is True
+        assert oven.ask(cubes_field(), 60.0).islands == 1
+    finally:
+        oven.kill()
+
+
+NOISY = """
+from wayfarer.world.scenes import oven
+bake = oven.bake
+def noisy(spec):
+    print("a library says something")
+    return bake(spec)
+oven.bake = noisy
+oven.main(1024, 20.0)
+"""

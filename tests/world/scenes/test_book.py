@@ -1,0 +1,152 @@
+import queue
+import threading
+
+import numpy as np
+import pytest
+
+from tests.world.scenes.grounds import BOX, FIELD, WALL, field
+from wayfarer.errors import (
+    AlreadyExists,
+    FailedPrecondition,
+    InvalidArgument,
+    NotFound,
+    ResourceExhausted,
+)
+from wayfarer.navigation.scene import bake
+from wayfarer.navigation.spec import SceneSpec
+from wayfarer.shard import Shard, shard_of
+from wayfarer.world.limits import SceneLimits
+from wayfarer.world.scenes.book import Book
+from wayfarer.world.scenes.messages import SceneWish
+
+WISH = SceneWish(SceneSpec((FIELD,)), "field", {"owner": "me"})
+
+
+class Counted:
+    """A bake that is counted, and waits for leave if it is told to."""
+
+    def __init__(self) -> None:
+        self.bakes = 0
+        self.begun, self.leave = threading.Event(), threading.Event()
+        self.leave.set()
+
+    def __call__(self, spec):
+        self.bakes += 1
+        self.begun.set()
+        assert self.leave.wait(10)
+        return bake(spec)
+
+
+def test_equal_content_is_baked_once_whatever_has_been_put_into_the_first():
+    counted = Counted()
+    book = Book(bake=counted)
+    first = book.create(WISH, 1.0)
+    book.put(first.scene_id, "crate", BOX)
+    second = book.create(WISH, 2.0)
+    assert counted.bakes == 1
+    assert first.scene_id != second.scene_id and first.content_hash == second.content_hash
+    assert second.version == 0 and not second.obstacles
+    book.create(SceneWish(SceneSpec((FIELD,), (BOX,))), 3.0)
+    assert counted.bakes == 2
+    assert [info.created_at for info in book.infos()] == [1.0, 2.0, 3.0]
+
+
+def test_tells_what_a_scene_is():
+    info = Book().create(WISH, 1.0)
+    assert (info.name, info.version, info.islands, info.sessions) == ("field", 0, 1, 0)
+    assert info.bounds == (0.0, 0.0, 12.0, 12.0)
+    assert info.area == pytest.approx(11.4**2, rel=0.01)
+    assert info.attributes == {"owner": "me"}
+
+
+def test_ids_say_in_which_worker_a_scene_lives():
+    book = Book(shard=Shard(2, 3))
+    for _ in range(5):
+        assert shard_of(book.add(field()).scene_id, 3) == 2
+
+
+def test_a_change_makes_a_version_and_readers_keep_theirs():
+    book = Book()
+    scene_id = book.add(field()).scene_id
+    before = book.scene(scene_id)
+    assert book.put(scene_id, "crate", BOX).obstacles == {"crate": BOX}
+    assert book.scene(scene_id).version == 1 and not before.obstacles
+    assert book.remove(scene_id, "crate").version == 2
+    with pytest.raises(NotFound, match="crate"):
+        book.remove(scene_id, "crate")
+    assert book.info(scene_id).version == 2
+
+
+def test_a_scene_with_sessions_stays():
+    book = Book()
+    scene_id = book.add(field()).scene_id
+    book.enter(scene_id)
+    assert book.info(scene_id).sessions == 1
+    with pytest.raises(FailedPrecondition, match="1 sessions are in scene"):
+        book.delete(scene_id)
+    book.leave(scene_id)
+    book.delete(scene_id)
+    for ask in (book.info, book.scene, book.delete, book.enter):
+        with pytest.raises(NotFound, match=scene_id):
+            ask(scene_id)
+
+
+def test_refuses_more_scenes_than_there_is_room_for():
+    book = Book(SceneLimits(scenes=2))
+    book.create(WISH, 0.0)
+    book.create(WISH, 0.0)
+    with pytest.raises(ResourceExhausted, match="all 2 scenes"):
+        book.create(WISH, 0.0)
+
+
+def test_refuses_bakes_that_would_have_to_wait_long():
+    counted = Counted()
+    counted.leave.clear()
+    book = Book(SceneLimits(bakes=1, waiting=1), bake=counted)
+    refused = queue.Queue()
+
+    def create(*solids):
+        try:
+            book.create(SceneWish(SceneSpec((FIELD,), solids)), 0.0)
+        except ResourceExhausted as error:
+            refused.put(error)
+
+    threads = [threading.Thread(target=create, args=solids) for solids in ((), (BOX,), (WALL,))]
+    for thread in threads:
+        thread.start()
+    error = refused.get(timeout=10)  # one is baked, one waits
+    assert "2 scenes are being baked" in str(error) and error.retry_after > 0
+    counted.leave.set()
+    for thread in threads:
+        thread.join(10)
+    assert refused.empty() and len(book.infos()) == 2
+    create(WALL)
+    assert refused.empty()
+
+
+def test_a_bake_that_fails_leaves_nothing_behind():
+    book = Book(SceneLimits(bakes=1, waiting=1))
+    for _ in range(4):
+        with pytest.raises(InvalidArgument):
+            book.create(SceneWish(SceneSpec()), 0.0)
+    assert book.infos() == []
+    book.create(WISH, 0.0)
+
+
+@pytest.mark.parametrize("name", ["", "x" * 65, "two\nlines"])
+def test_obstacles_have_names(name):
+    book = Book()
+    scene_id = book.add(field()).scene_id
+    with pytest.raises(InvalidArgument, match="name must be 1 to 64") as refused:
+        book.put(scene_id, name, BOX)
+    assert refused.value.field == "name"
+
+
+def test_restores_a_scene_as_it_was():
+    book = Book()
+    book.restore("scene-1", WISH, 5.0, 7, {"crate": BOX})
+    info = book.info("scene-1")
+    assert (info.version, info.created_at, info.obstacles) == (7, 5.0, {"crate": BOX})
+    assert book.scene("scene-1").distance(np.array(BOX.center)) < 0
+    with pytest.raises(AlreadyExists):
+        book.restore("scene-1", WISH, 5.0, 0, {})

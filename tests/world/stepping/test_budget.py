@@ -1,0 +1,152 @@
+import pytest
+
+from wayfarer.world.stepping.budget import Budget, BudgetRules, Rung, ladder, rungs
+
+RULES = BudgetRules()
+CALL = 0.05  # seconds of one engine call with all candidates
+PLENTY = 0.2
+SHORT = -1.0
+HOLD, REFUSE = Rung(1, hold_idle=True), Rung(1, hold_idle=True, refuse=True)
+
+
+def candidates(budget, now, slack):
+    return budget.allow(now, slack).candidates
+
+
+@pytest.mark.parametrize(
+    ("most", "counts"),
+    [(8, (8, 4, 2, 1)), (10, (10, 8, 4, 2, 1)), (1, (1,)), (32, (32, 16, 8, 4, 2, 1))],
+)
+def test_the_ladder_begins_with_what_is_wished_and_ends_with_a_refusal(most, counts):
+    assert rungs(most) == counts
+    assert ladder(most) == (*map(Rung, counts), HOLD, REFUSE)
+
+
+def busy(budget, start, seconds, call, share):
+    """Engine calls that take up a share of the time."""
+    for number in range(int(seconds / (call / share))):
+        budget.spent(start + number * call / share, call)
+
+
+def test_enough_time_changes_nothing():
+    budget = Budget(8, RULES)
+    busy(budget, 0.0, 1.0, CALL, 0.5)
+    assert [candidates(budget, 1.0 + t, PLENTY) for t in range(5)] == [8] * 5
+    assert budget.number == 0
+
+
+def test_a_call_that_would_end_too_late_tries_fewer():
+    budget = Budget(8, RULES)
+    busy(budget, 0.0, 1.0, CALL, 0.9)
+    assert candidates(budget, 1.0, CALL - RULES.late + 0.001) == 8
+    assert candidates(budget, 1.0, CALL - RULES.late - 0.001) == 4
+    assert candidates(budget, 1.0 + RULES.settle / 2, SHORT) == 4, "first see what it brings"
+    assert candidates(budget, 1.0 + RULES.settle + 0.01, SHORT) == 2
+    assert budget.number == 2
+
+
+def test_an_engine_that_is_busy_all_the_time_but_in_time_changes_nothing():
+    budget = Budget(8, RULES)
+    busy(budget, 0.0, 1.0, CALL, 1.0)
+    assert candidates(budget, 1.0, PLENTY) == 8
+
+
+def test_calls_under_way_come_first():
+    budget = Budget(8, RULES)
+    busy(budget, 0.0, 1.0, CALL, 0.9)
+    enough = 1.5 * CALL - RULES.late + 0.001
+    assert budget.allow(1.0, enough, ahead=1).candidates == 8
+    assert budget.allow(1.0, enough, ahead=2).candidates == 4
+
+
+def test_short_calls_between_do_not_hide_the_long_ones():
+    budget = Budget(8, RULES)
+    for number in range(8):
+        budget.spent(number / 10, CALL if number % 2 else CALL / 10)
+    assert candidates(budget, 1.0, CALL - RULES.late - 0.001) == 4
+
+
+def test_when_candidates_are_few_idle_agents_are_held_and_then_new_ones_refused():
+    budget = Budget(4, RULES)
+    found = [budget.allow(float(t), -1.0) for t in range(6)]
+    assert found == [Rung(2), Rung(1), HOLD, REFUSE, REFUSE, REFUSE]
+
+
+def test_more_are_tried_again_after_a_calm_while():
+    budget = Budget(8, RULES)
+    assert candidates(budget, 0.0, SHORT) == 4
+    assert candidates(budget, RULES.patience - 0.1, PLENTY) == 4
+    assert candidates(budget, RULES.patience, PLENTY) == 8
+
+
+def test_it_climbs_rung_by_rung_with_patience():
+    budget = Budget(2, RULES)
+    for t in range(4):
+        budget.allow(float(t), -1.0)
+    found = [budget.allow(100.0 + RULES.patience * step, PLENTY) for step in range(4)]
+    assert found == [HOLD, Rung(1), Rung(2), Rung(2)]
+
+
+def test_a_climb_that_was_a_mistake_is_tried_again_later_and_later():
+    budget = Budget(8, RULES)
+    budget.allow(0.0, SHORT)
+    now, waits = 0.0, []
+    for _ in range(7):
+        begun = now
+        while candidates(budget, now, PLENTY) == 4:
+            now += 0.1
+        waits.append(round(now - begun))
+        now += RULES.settle + 0.01
+        assert candidates(budget, now, SHORT) == 4
+    assert waits == [3, 6, 12, 24, 48, 60, 60]
+
+
+def test_and_soon_again_when_all_was_well_for_long():
+    budget = Budget(8, RULES)
+    budget.allow(0.0, SHORT)
+    assert candidates(budget, 3.0, PLENTY) == 8
+    assert candidates(budget, 4.0, SHORT) == 4
+    assert candidates(budget, 10.0, PLENTY) == 8, "after six seconds"
+    assert candidates(budget, 10.0 + RULES.most_patience, SHORT) == 4
+    assert candidates(budget, 10.0 + RULES.most_patience + RULES.patience, PLENTY) == 8
+
+
+def test_not_when_the_engine_would_then_be_too_busy():
+    budget = Budget(8, RULES)
+    assert candidates(budget, 0.0, SHORT) == 4
+    now = RULES.patience
+    busy(budget, now - 1.0, 1.0, CALL / 2, 0.85)
+    assert candidates(budget, now, PLENTY) == 4, "it would be busy all the time"
+    later = now + 10.0
+    busy(budget, later - 1.0, 1.0, CALL / 2, 0.4)
+    assert candidates(budget, later, PLENTY) == 8
+
+
+def test_idle_agents_are_held_until_there_is_time_to_step_them_too():
+    def after(held):
+        budget = Budget(1, RULES)
+        assert budget.allow(0.0, -1.0) == HOLD
+        now = RULES.patience
+        busy(budget, now - 1.0, 1.0, CALL, 0.3)
+        return budget.allow(now, PLENTY, held)
+
+    assert after(held=0.5) == Rung(1)
+    assert after(held=0.9) == HOLD, "with them the engine would be busy for three times the time"
+
+
+def test_nor_when_the_longer_call_would_end_too_late():
+    budget = Budget(8, RULES)
+    assert candidates(budget, 0.0, SHORT) == 4
+    budget.spent(9.5, 0.1)
+    assert candidates(budget, 10.0, 0.12) == 4
+    budget = Budget(8, RULES)
+    assert candidates(budget, 0.0, SHORT) == 4
+    budget.spent(9.5, 0.05)
+    assert candidates(budget, 10.0, 0.2) == 8
+
+
+def test_one_long_call_among_many_is_no_reason():
+    budget = Budget(8, RULES)
+    busy(budget, 0.0, 1.0, CALL, 0.5)
+    budget.spent(1.0, 0.5)
+    assert candidates(budget, 1.0, PLENTY) == 8

@@ -1,0 +1,125 @@
+"""With the shipped model: a row's result is its own, bit for bit, however it is batched.
+
+Replay rests on it: when a log is run again, agents meet other neighbours in other batches.
+"""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import pytest
+
+from wayfarer.engines.engine import StepInputs, StepOutputs
+from wayfarer.engines.padding import pad
+from wayfarer.stage import DEFAULT_MODEL, START_POSES, open_stage
+from wayfarer.world.agents.agent import AgentSpec, Goal, MotionChunk, SessionSpec
+from wayfarer.world.agents.spawn import load_start_poses
+from wayfarer.world.goals.steering import Steering
+from wayfarer.world.stepping.settings import WorldSettings
+from wayfarer.world.world import World
+
+SECONDS = 3.05
+
+
+@dataclass
+class Recorder:
+    """An engine that remembers what it was given."""
+
+    engine: object
+    name: str = "recorder"
+    graphs: tuple[str, ...] = ()
+
+    def __post_init__(self):
+        self.calls: list[tuple[str, StepInputs]] = []
+
+    def step(self, gender, inputs):
+        self.calls.append((gender, inputs))
+        return self.engine.step(gender, inputs)
+
+
+@pytest.fixture(scope="module")
+def stages():
+    """By number of threads."""
+    return {threads: open_stage(DEFAULT_MODEL, threads) for threads in (1, 2, 3)}
+
+
+def person(number: int) -> AgentSpec:
+    rng = np.random.default_rng(number)
+    return AgentSpec(
+        gender=("female", "male")[number % 3 == 0],
+        betas=tuple(rng.normal(size=10) * 0.7),
+        position=(float(number), rng.normal()),
+        heading=float(number),
+        noise_seed=number,
+    )
+
+
+def walk(stage, people: list[AgentSpec], settings: WorldSettings) -> dict[int, list[MotionChunk]]:
+    """Chunks by noise seed: each walks to a goal of its own."""
+    world = World(stage.engine, stage.bodies, load_start_poses(START_POSES), settings)
+    world.create_session(SessionSpec("s"), 0.0)
+    seeds = {}
+    for agent in world.create_agents("s", people, 0.0):
+        seed = seeds[agent.agent_id] = agent.spec.noise_seed
+        x, y = agent.spec.position
+        goal = Goal((x + 2 * np.sin(seed), y + 2.0, 0.0), speed=0.8 + 0.1 * (seed % 7), heading=1.0)
+        world.give(agent.agent_id, goal, 0.0)
+    chunks: dict[int, list[MotionChunk]] = {}
+    for chunk in world.advance(SECONDS):
+        chunks.setdefault(seeds[chunk.agent_id], []).append(chunk)
+    return chunks
+
+
+def settings(*batch_sizes: int, candidates: int = 2) -> WorldSettings:
+    steering = Steering().with_search(candidates=candidates)
+    return WorldSettings(steering=steering, phases=1, batch_sizes=batch_sizes)
+
+
+@pytest.fixture(scope="module")
+def recorded(stages):
+    """By gender: inputs of 8 and more people in the midst of a walk."""
+    recorder = Recorder(stages[1].engine)
+    people = [person(number) for number in range(30)]
+    walk(replace(stages[1], engine=recorder), people, settings(32, candidates=4))
+    return dict(recorder.calls[-8:])
+
+
+def take(inputs: StepInputs, rows, candidates: int) -> StepInputs:
+    taken = {f.name: getattr(inputs, f.name)[rows] for f in fields(StepInputs)}
+    return StepInputs(**{**taken, "noise": np.ascontiguousarray(taken["noise"][:, :candidates])})
+
+
+def same(a: StepOutputs, row: int, b: StepOutputs, other: int) -> bool:
+    return all(
+        np.array_equal(getattr(a, f.name)[row], getattr(b, f.name)[other])
+        for f in fields(StepOutputs)
+    )
+
+
+@pytest.mark.parametrize("gender", ["female", "male"])
+@pytest.mark.parametrize("candidates", [1, 2, 4])
+def test_a_row_is_the_same_in_every_batch(stages, recorded, gender, candidates):
+    inputs, rng = recorded[gender], np.random.default_rng(1)
+    alone = [stages[1].engine.step(gender, take(inputs, [row], candidates)) for row in range(8)]
+    for threads, stage in stages.items():
+        for size in (1, 2, 3, 5, 7, 8, 31):
+            rows = rng.integers(0, 8, size)
+            batch = pad(take(inputs, rows, candidates), (1, 2, 4, 8, 64))
+            outputs = stage.engine.step(gender, batch)
+            for place, row in enumerate(rows):
+                assert same(outputs, place, alone[row], 0), (threads, size, place)
+
+
+def test_an_agents_motion_is_its_own_from_goal_to_locked_feet(stages):
+    me = person(100)
+    alone = walk(stages[1], [me], settings(1))[100]
+    crowd = [person(number) for number in range(12)]
+    for threads, people, sizes in (
+        (2, [me, *crowd], tuple(range(1, 9))),
+        (3, [*crowd, me], (3, 16)),
+    ):
+        among = walk(stages[threads], people, settings(*sizes))[100]
+        assert len(among) == len(alone) > 10
+        for a, b in zip(alone, among, strict=True):
+            for name in ("translation", "rotations", "contacts"):
+                np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+            assert (a.seq, a.flags, a.state) == (b.seq, b.flags, b.state)
