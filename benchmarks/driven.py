@@ -11,7 +11,7 @@ import numpy as np
 from wayfarer.body.library import load_body
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.service.stats import LoopStats
-from wayfarer.service.streams.publications import StreamWish
+from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.service.streams.publisher import Publisher
 from wayfarer.service.streams.subscription import BoundedSubscription, StreamSettings
 from wayfarer.spec import GENDERS, NEW_FRAMES, SEED_FRAMES
@@ -110,7 +110,7 @@ class Driven:
         """See `SceneService`. There are none."""
         return []
 
-    async def subscribe(self, session_id: str, wish: StreamWish) -> BoundedSubscription:
+    async def subscribe(self, session_id: str, wish: StreamOptions) -> BoundedSubscription:
         """See `MotionService`."""
         made = BoundedSubscription(session_id, wish, self._settings, self._meter, lambda: self.now)
         self._publisher.subscribe(made, self.now)

@@ -18,8 +18,8 @@ from pathlib import Path
 from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.models import GENDER, add_engine, opened
+from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.engine import Engine
-from wayfarer.engines.resting import resting_inputs
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.stage import DEFAULT_MODEL
 
@@ -30,7 +30,7 @@ MOST = 1 << 16
 
 def call_seconds(engine: Engine, agents: int, spend: float, candidates: int = 1) -> float:
     """Of one call, in real time: it may use several threads."""
-    inputs = resting_inputs(agents, candidates)
+    inputs = dummy_inputs(agents, candidates)
     return bench.best(lambda: engine.step(GENDER, inputs), spend, time.perf_counter)
 
 

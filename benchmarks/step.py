@@ -33,9 +33,9 @@ from benchmarks.bench import Row
 from benchmarks.flops import products
 from benchmarks.models import ENGINES, GENDER, opened, step_graph
 from wayfarer.artifacts import open_session
+from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.engine import Engine
 from wayfarer.engines.onnx_engine import INPUTS
-from wayfarer.engines.resting import resting_inputs
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.stage import DEFAULT_MODEL
 
@@ -61,7 +61,7 @@ GROUPS = {
 
 def step_seconds(engine: Engine, agents: int, candidates: int, threads: int, spend: float) -> float:
     """Of one call."""
-    inputs = resting_inputs(agents, candidates)
+    inputs = dummy_inputs(agents, candidates)
     return bench.best(lambda: engine.step(GENDER, inputs), spend, bench.clock_of(threads))
 
 
@@ -113,7 +113,7 @@ def profile(graph: Path, agents: int, candidates: int, calls: int = 10) -> list[
 
 def _profiled(graph: Path, agents: int, candidates: int, calls: int) -> tuple[Row, list[Row]]:
     """The shortest of some calls, and its operators: events of onnxruntime's profile."""
-    inputs = resting_inputs(agents, candidates)
+    inputs = dummy_inputs(agents, candidates)
     feeds = {name: getattr(inputs, name) for name in INPUTS}
     with tempfile.TemporaryDirectory() as folder:
         options = onnxruntime.SessionOptions()

@@ -11,12 +11,12 @@ from wayfarer.artifacts import ModelFolder, sha256_of
 from wayfarer.body.library import body_file, load_body
 from wayfarer.config import Settings
 from wayfarer.engines.choice import open_engine
-from wayfarer.engines.lanes import cores
 from wayfarer.engines.model_store import ModelStore
 from wayfarer.engines.models import Models
+from wayfarer.engines.row_partitioner import cores
 from wayfarer.logs import configure_logging
 from wayfarer.service.live import LoopSettings
-from wayfarer.service.meter import Meter
+from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.persistence.journal import Journal
 from wayfarer.service.persistence.snapshot import BodyStamp
 from wayfarer.service.runtime import Runtime
@@ -28,7 +28,7 @@ from wayfarer.workers.plan import threads_of
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.limits import AdmissionRules, Limits, SceneLimits
-from wayfarer.world.scenes.bakery import Bakery
+from wayfarer.world.scenes.bake_queue import BakeQueue
 from wayfarer.world.stepping.budget import BudgetRules, rungs
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.world import World
@@ -71,7 +71,7 @@ def runtime(
     settings: Settings,
     folder: ModelFolder,
     clock: Callable[[], float],
-    meter: Meter | None = None,
+    meter: MetricsSink | None = None,
     shard: Shard = Shard(),
 ) -> Runtime:
     """The runtime over the models; not yet started. Raises ArtifactError."""
@@ -89,9 +89,9 @@ def runtime(
     world_settings = WorldSettings(
         limits=limits,
         batch_sizes=sizes,
-        company=COMPANY,
+        batch_lookahead_s=COMPANY,
         cores=settings.threads or cores(),
-        full_batch=engine.full,
+        batch_multiple=engine.full,
         steering=Steering().with_search(candidates=settings.candidates),
         budget=BudgetRules(),
         admission=AdmissionRules(settings.most_load, refuse=settings.admission),
@@ -122,7 +122,7 @@ def runtime(
         settings=world_settings,
         journal=Journal(settings.state_dir, body, meter) if settings.state_dir else None,
         log_entries=settings.limits.log_entries,
-        bakery=Bakery(world_settings.scenes),
+        bakery=BakeQueue(world_settings.scenes),
     )
     queues = LoopSettings(
         queue_s=settings.limits.queue_s,

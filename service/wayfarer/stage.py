@@ -16,7 +16,7 @@ from wayfarer.spec import GENDERS
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.limits import Limits
-from wayfarer.world.scenes.book import Book
+from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.stepping.settings import ANY_SIZE, WorldSettings
 from wayfarer.world.world import World
 
@@ -51,7 +51,7 @@ class Stage:
         """Whether latents can come from a policy; else they come from N(0, I) in any case."""
         return "policy.onnx" in self.models.contracts
 
-    def world(self, agents: int, steering: Steering, scenes: Book | None = None) -> World:
+    def world(self, agents: int, steering: Steering, scenes: SceneRegistry | None = None) -> World:
         """A world for so many agents, who are all stepped at the same moments: in one batch.
 
         `scenes` are those that its sessions may be in. Raises ArtifactError when the start poses

@@ -9,9 +9,9 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from benchmarks import quantised
+from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.engine import StepOutputs
 from wayfarer.engines.padding import pick
-from wayfarer.engines.resting import resting_inputs
 
 AGENTS = 6
 
@@ -155,7 +155,7 @@ class FromInputs:
 @pytest.fixture
 def inputs():
     markers = np.random.default_rng(3).normal(size=(AGENTS, 2, 67, 3)).astype(np.float32)
-    return replace(resting_inputs(AGENTS, 1), seed_markers=markers)
+    return replace(dummy_inputs(AGENTS, 1), seed_markers=markers)
 
 
 @pytest.mark.parametrize("dynamic", [False, True])

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from tests.world.fakes import FakeEngine
-from wayfarer.engines.lanes import LEAST, NICENESS, Lanes, cores, give_way
-from wayfarer.engines.resting import resting_inputs
+from wayfarer.engines.dummy import dummy_inputs
+from wayfarer.engines.row_partitioner import LEAST, NICENESS, RowPartitioner, cores, give_way
 
 MOST = 64
 
 
 def numbered(rows: int):
-    inputs = resting_inputs(rows, 1)
+    inputs = dummy_inputs(rows, 1)
     inputs.goal[:, 0] = np.arange(rows)
     return inputs
 
@@ -46,7 +46,7 @@ class Watched:
 )
 def test_rows_are_parted_where_each_thread_has_enough_to_do(threads, rows, parts):
     run = Watched()
-    outputs = Lanes(threads).step(run, numbered(rows), MOST)
+    outputs = RowPartitioner(threads).step(run, numbered(rows), MOST)
     assert sorted(count for _, count in run.parts) == sorted(parts)
     whole = FakeEngine().step("male", numbered(rows))
     assert np.array_equal(outputs.translation, whole.translation)
@@ -54,7 +54,7 @@ def test_rows_are_parted_where_each_thread_has_enough_to_do(threads, rows, parts
 
 def test_parts_may_be_told_by_where_they_end():
     run = Watched()
-    outputs = Lanes(2).parted(run, numbered(70), [32, 64, 70])
+    outputs = RowPartitioner(2).parted(run, numbered(70), [32, 64, 70])
     assert sorted(count for _, count in run.parts) == [6, 32, 32]
     whole = FakeEngine().step("male", numbered(70))
     assert np.array_equal(outputs.translation, whole.translation)
@@ -62,12 +62,12 @@ def test_parts_may_be_told_by_where_they_end():
 
 def test_a_single_thread_is_the_callers_own():
     run = Watched()
-    Lanes(1).step(run, numbered(4 * LEAST), MOST)
+    RowPartitioner(1).step(run, numbered(4 * LEAST), MOST)
     assert {name for name, _ in run.parts} == {threading.current_thread().name}
 
 
 def test_parts_of_two_calls_share_the_threads_in_order():
-    lanes, first_may_end, order = Lanes(2), threading.Event(), []
+    lanes, first_may_end, order = RowPartitioner(2), threading.Event(), []
 
     def step(inputs):
         order.append(int(inputs.goal[0, 0]))
@@ -93,12 +93,12 @@ def test_what_a_part_raises_reaches_the_caller():
         return FakeEngine().step("male", inputs)
 
     with pytest.raises(RuntimeError, match="second part"):
-        Lanes(2).step(fail, numbered(4 * LEAST), MOST)
+        RowPartitioner(2).step(fail, numbered(4 * LEAST), MOST)
 
 
 def test_no_number_of_threads_means_one_per_core():
-    assert Lanes(0).count == cores() >= 1
-    assert Lanes(3).sizes((1, 64)) == (1, 64, 128, 192)
+    assert RowPartitioner(0).count == cores() >= 1
+    assert RowPartitioner(3).sizes((1, 64)) == (1, 64, 128, 192)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="threads have priorities of their own on Linux")

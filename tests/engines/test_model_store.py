@@ -5,9 +5,9 @@ import pytest
 
 from tests.engines.graphs import IDENTITIES, write_folder
 from wayfarer.artifacts import ModelFolder, load_model_folder
+from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.model_store import ModelStore
 from wayfarer.engines.onnx_engine import OnnxEngine
-from wayfarer.engines.resting import resting_inputs
 from wayfarer.errors import ArtifactError, InvalidArgument, NotFound
 
 
@@ -54,7 +54,7 @@ def test_a_model_is_opened_under_the_name_of_its_folder(folders):
     assert engine.name == "v2.1"
     assert len(engine.graphs) == 2
     assert all(len(sha256) == 64 for sha256 in engine.graphs)
-    assert engine.step("male", resting_inputs(3, 2)).translation.shape == (3, 8, 3)
+    assert engine.step("male", dummy_inputs(3, 2)).translation.shape == (3, 8, 3)
 
 
 @pytest.mark.parametrize("name", ["notes", "absent", "first2"])

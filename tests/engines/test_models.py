@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from tests.world.fakes import BODIES, FakeEngine, people, start_poses
-from wayfarer.engines.model_store import ModelDesk
+from wayfarer.engines.model_store import ModelLoader
 from wayfarer.engines.models import MOST, Models
 from wayfarer.errors import (
     AlreadyExists,
@@ -177,7 +177,7 @@ async def test_the_desk_loads_in_a_thread_of_its_own(old):
         threads.append(threading.current_thread())
         return named(name)
 
-    desk = ModelDesk(models, open_engine)
+    desk = ModelLoader(models, open_engine)
     await desk.load("new")
     assert [m.name for m in models.infos()] == ["old", "new"]
     assert threads[0] is not threading.current_thread()
@@ -196,7 +196,7 @@ async def test_one_model_at_a_time_is_loaded_even_if_nobody_waits_any_more(old):
         go_on.wait(5)
         return named(name)
 
-    desk = ModelDesk(models, open_engine)
+    desk = ModelLoader(models, open_engine)
     loading = asyncio.create_task(desk.load("new"))
     await asyncio.sleep(0)
     loading.cancel()
@@ -221,7 +221,7 @@ async def test_a_model_that_cannot_be_opened_leaves_all_as_it_was(old):
     def open_engine(name: str) -> FakeEngine:
         raise ArtifactError(f"{name}: sha256: found 'a', expected 'b'")
 
-    desk = ModelDesk(models, open_engine)
+    desk = ModelLoader(models, open_engine)
     for _ in range(2):
         with pytest.raises(ArtifactError, match="sha256"):
             await desk.load("new")

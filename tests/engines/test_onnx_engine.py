@@ -10,8 +10,8 @@ from tests.engines.graphs import (
 )
 from tests.world.fakes import BODIES, people, start_poses
 from wayfarer import artifacts
+from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.onnx_engine import OnnxEngine
-from wayfarer.engines.resting import resting_inputs
 from wayfarer.errors import ArtifactError
 from wayfarer.world.agents.agent import Goal, SessionSpec
 from wayfarer.world.world import World
@@ -28,7 +28,7 @@ def engine(folder):
 
 @pytest.mark.parametrize("agents", [1, 5])
 def test_fields_go_in_and_come_out_by_name(folder, agents):
-    inputs = resting_inputs(agents, candidates=3)
+    inputs = dummy_inputs(agents, candidates=3)
     inputs.seed_translation[:, 1] = [1, 2, 3]
     inputs.target_speed[:] = np.arange(agents)
     inputs.noise[:, 2, 5] = 7

@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 
 from tests.world.fakes import FakeEngine
+from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.padding import cut, join, pad, part, whole
-from wayfarer.engines.resting import resting_inputs
 
 
 @pytest.mark.parametrize(("rows", "padded"), [(1, 1), (2, 4), (4, 4), (5, 8), (9, 9)])
 def test_padding_repeats_the_last_row_up_to_the_next_size(rows, padded):
-    inputs = resting_inputs(rows, 2)
+    inputs = dummy_inputs(rows, 2)
     inputs.goal[:, 0] = np.arange(rows)
     full = pad(inputs, (1, 4, 8))
     assert full.goal[:, 0].tolist() == [min(i, rows - 1) for i in range(padded)]
@@ -46,7 +46,7 @@ def test_without_a_best_size_all_are_taken_that_fit():
 
 
 def test_parts_joined_are_the_whole():
-    inputs = resting_inputs(5, 2)
+    inputs = dummy_inputs(5, 2)
     inputs.goal[:, 0] = np.arange(5)
     engine = FakeEngine()
     whole = engine.step("male", inputs)

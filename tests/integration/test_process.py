@@ -104,7 +104,7 @@ def test_starts_serves_and_stops(sign):
 def bakeries(service: Process) -> list[psutil.Process]:
     """The processes that bake scenes: of a worker of several, its child."""
     below = psutil.Process(service.process.pid).children(recursive=True)
-    return [one for one in below if "wayfarer.world.scenes.oven" in one.cmdline()]
+    return [one for one in below if "wayfarer.world.scenes.bake_process" in one.cmdline()]
 
 
 @pytest.mark.parametrize("workers", [1, 2])

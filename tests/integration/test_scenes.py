@@ -14,7 +14,7 @@ from wayfarer.stage import START_POSES
 from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, Goal, SessionSpec
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.output.legs import pose_legs
-from wayfarer.world.scenes.book import Book
+from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.world import World
 
@@ -25,7 +25,7 @@ BODY = 0.2
 
 def walker(scene, place):
     """A world, its scenes, the scene's id, and an agent at a place."""
-    stage, book = shipped_stage(), Book()
+    stage, book = shipped_stage(), SceneRegistry()
     scene_id = book.add(scene).scene_id
     poses = load_start_poses(START_POSES)
     world = World(stage.engine, stage.bodies, poses, WorldSettings(), scenes=book)

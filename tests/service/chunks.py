@@ -5,7 +5,7 @@ from collections import Counter
 import numpy as np
 
 from tests.world.fakes import ManualClock
-from wayfarer.service.streams.publications import Publication, StreamWish
+from wayfarer.service.streams.publications import Publication, StreamOptions
 from wayfarer.service.streams.subscription import BoundedSubscription, Entry, Start, StreamSettings
 from wayfarer.world.agents.agent import (
     AgentInfo,
@@ -21,7 +21,7 @@ STEP = 0.2
 
 
 class KeepingMeter:
-    """Implements `Meter`."""
+    """Implements `MetricsSink`."""
 
     def __init__(self):
         self.steps, self.lateness, self.queues, self.goals = [], [], [], []
@@ -77,7 +77,7 @@ def entry(seq, *agents, events=()):
 def subscription(*agent_ids, meter=None, clock=None, start=None, queue_s=0.5, lead_s=0.5, **wish):
     made = BoundedSubscription(
         "s",
-        StreamWish(agent_ids, **wish),
+        StreamOptions(agent_ids, **wish),
         StreamSettings(queue_s=queue_s, lead_s=lead_s),
         meter or KeepingMeter(),
         clock or ManualClock(0.0),

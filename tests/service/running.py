@@ -5,10 +5,10 @@ import threading
 
 from tests.world.fakes import make_world
 from wayfarer.service.live import LiveMotion, LoopSettings
-from wayfarer.service.streams.publications import StreamWish
+from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.world.limits import Limits
 
-ALL = StreamWish()
+ALL = StreamOptions()
 
 
 class Running:

@@ -12,7 +12,7 @@ from tests.service.running import ALL, Running, first
 from tests.world.fakes import GOAL, people
 from wayfarer.errors import Aborted, AlreadyExists, InvalidArgument, NotFound, ResourceExhausted
 from wayfarer.service.live import steady_clock
-from wayfarer.service.streams.publications import StreamWish
+from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.world.agents.agent import AgentChange, ChunkFlag, Goal, SessionSpec
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.events import EventKind
@@ -55,7 +55,7 @@ async def test_errors_come_back_to_the_caller_and_disturb_nobody():
             loop.create_agents("nowhere", people(1)),
             loop.list_agents("nowhere"),
             loop.subscribe("nowhere", ALL),
-            loop.subscribe("s", StreamWish(("nobody",))),
+            loop.subscribe("s", StreamOptions(("nobody",))),
         ):
             with pytest.raises(NotFound, match="no"):
                 await call

@@ -10,7 +10,7 @@ from tests.service.chunks import KeepingMeter
 from tests.service.running import ALL, Running, first
 from tests.world.fakes import people
 from wayfarer.errors import InvalidArgument
-from wayfarer.service.streams.publications import Resume, SlowReader, StreamWish
+from wayfarer.service.streams.publications import Resume, SlowReader, StreamOptions
 from wayfarer.world.agents.agent import ChunkFlag, Goal, SessionSpec
 from wayfarer.world.events import EventKind
 from wayfarer.world.goals.commands import Path
@@ -20,7 +20,7 @@ async def test_a_subscription_may_name_agents():
     async with Running() as loop:
         await loop.create_session(SessionSpec("s"))
         agents = await loop.create_agents("s", people(4))
-        stream = await loop.subscribe("s", StreamWish((agents[2].agent_id,)))
+        stream = await loop.subscribe("s", StreamOptions((agents[2].agent_id,)))
         batches = await first(stream, 3)
         assert [[c.agent_id for c in b.chunks] for b in batches] == [[agents[2].agent_id]] * 3
 
@@ -63,7 +63,7 @@ async def test_a_stream_is_resumed_after_its_connection():
         await stream.close()
         await asyncio.sleep(0.5)
         resume = Resume(stream.epoch, got[-1].position)
-        again = await loop.subscribe("s", StreamWish(resume=resume))
+        again = await loop.subscribe("s", StreamOptions(resume=resume))
         got += await first(again, 20)
         assert again.resumed and [p.position for p in got] == list(range(1, 25))
         for alias in (1, 2, 3):
@@ -79,12 +79,12 @@ async def test_the_session_of_the_same_name_is_another_epoch():
         stream = await loop.subscribe("s", ALL)
         await loop.delete_session("s")
         await loop.create_session(SessionSpec("s"))
-        again = await loop.subscribe("s", StreamWish(resume=Resume(stream.epoch, 0)))
+        again = await loop.subscribe("s", StreamOptions(resume=Resume(stream.epoch, 0)))
         assert not again.resumed
         [told] = await first(again, 1)
         assert [e.kind for e in told.events] == [EventKind.GAP]
         with pytest.raises(InvalidArgument, match="position is 5; allowed: 0 to 0"):
-            await loop.subscribe("s", StreamWish(resume=Resume(again.epoch, 5)))
+            await loop.subscribe("s", StreamOptions(resume=Resume(again.epoch, 5)))
 
 
 async def test_goals_reached_and_paths_done_are_told():
@@ -110,7 +110,7 @@ async def test_agents_wait_for_a_stalled_holder_and_others_do_not():
         for name in "st":
             await loop.create_session(SessionSpec(name))
             await loop.create_agents(name, people(2))
-        holder = await loop.subscribe("s", StreamWish(slow_reader=SlowReader.HOLD))
+        holder = await loop.subscribe("s", StreamOptions(slow_reader=SlowReader.HOLD))
         other = await loop.subscribe("t", ALL)
         got = await first(holder, 2)
         seen = await first(other, 12)  # 1.2 s

@@ -17,7 +17,7 @@ from wayfarer.errors import (
     Unavailable,
 )
 from wayfarer.service.runtime import Runtime
-from wayfarer.service.streams.publications import StreamWish
+from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import AgentChange, ChunkFlag, Goal, SessionSpec
 from wayfarer.world.events import EventKind
@@ -118,7 +118,7 @@ async def test_each_kind_of_session_is_for_its_own_calls(runtime):
     await runtime.create_session(LOCKED)
     await runtime.create_session(SessionSpec("live"))
     with pytest.raises(FailedPrecondition, match="StepAgents"):
-        await runtime.subscribe("tool", StreamWish())
+        await runtime.subscribe("tool", StreamOptions())
     with pytest.raises(FailedPrecondition, match="create it with `lock_step`"):
         await runtime.step_session("live", 1)
     with pytest.raises(NotFound):

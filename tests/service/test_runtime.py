@@ -16,7 +16,7 @@ from wayfarer.errors import (
     NotFound,
 )
 from wayfarer.service.runtime import Runtime
-from wayfarer.service.streams.publications import StreamWish
+from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.world.agents.agent import Goal, SessionSpec
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import Path
@@ -27,7 +27,7 @@ FAR = Goal((0.0, 90.0, 0.0))
 
 
 async def chunks_of(runtime, seconds, session="s"):
-    subscription = await runtime.subscribe(session, StreamWish())
+    subscription = await runtime.subscribe(session, StreamOptions())
     found = []
 
     async def read():

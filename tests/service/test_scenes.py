@@ -8,7 +8,7 @@ from tests.service.kept_worlds import open_journal
 from tests.world.scenes.grounds import BOX, FIELD, ISLANDS, WALL
 from wayfarer.errors import FailedPrecondition, InvalidArgument, NotFound, Unreachable
 from wayfarer.navigation.spec import Cylinder, MeshFile, Prism, Ramp, SceneSpec
-from wayfarer.service.streams.publications import StreamWish
+from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.world.agents.agent import AgentSpec, Goal, SessionSpec
 from wayfarer.world.events import EventKind
 from wayfarer.world.scenes.messages import SceneWish
@@ -62,7 +62,7 @@ async def test_subscribers_are_told_of_what_agents_meet(servers):
     with pytest.raises(FailedPrecondition, match="1 sessions are in scene"):
         await runtime.scenes.delete_scene(scene.scene_id)
     [agent] = await runtime.create_agents("s", [SOUTH])
-    subscription = await runtime.subscribe("s", StreamWish())
+    subscription = await runtime.subscribe("s", StreamOptions())
     await runtime.give(agent.agent_id, NORTH)
     publications = aiter(subscription)
 
@@ -113,19 +113,19 @@ async def test_scenes_and_who_is_in_them_survive_a_restart(servers, tmp_path):
         {"owner": "ada"},
     )
     first = await servers.start(open_journal(tmp_path))
-    scene = await first.create_scene(every)
-    gone = await first.create_scene(EMPTY)
-    scene = await first.put_obstacle(scene.scene_id, "crate", Cylinder((3.0, 6.0), 0.3, 1.0))
-    scene = await first.put_obstacle(scene.scene_id, "door", BOX)
-    scene = await first.remove_obstacle(scene.scene_id, "door")
+    scene = await first.scenes.create_scene(every)
+    gone = await first.scenes.create_scene(EMPTY)
+    scene = await first.scenes.put_obstacle(scene.scene_id, "crate", Cylinder((3.0, 6.0), 0.3, 1.0))
+    scene = await first.scenes.put_obstacle(scene.scene_id, "door", BOX)
+    scene = await first.scenes.remove_obstacle(scene.scene_id, "door")
     await first.create_session(SessionSpec("s", scene=scene.scene_id, avoid=False))
     [agent] = await first.create_agents("s", [SOUTH])
     await first.give(agent.agent_id, NORTH)
-    await first.delete_scene(gone.scene_id)
+    await first.scenes.delete_scene(gone.scene_id)
     await servers.stop(first)
 
     second = await servers.start(open_journal(tmp_path))
-    [found] = await second.list_scenes()
+    [found] = await second.scenes.list_scenes()
     assert (found.scene_id, found.name, found.attributes) == (
         scene.scene_id,
         "all kinds",
@@ -142,10 +142,10 @@ async def test_scenes_and_who_is_in_them_survive_a_restart(servers, tmp_path):
 async def test_a_mesh_survives_a_restart(servers, tmp_path):
     obj = b"v 0 0 0\nv 9 0 0\nv 9 0 9\nv 0 0 9\nf 1 2 3\nf 1 3 4\n"
     first = await servers.start(open_journal(tmp_path))
-    made = await first.create_scene(SceneWish(SceneSpec(mesh=MeshFile(obj, "obj"))))
+    made = await first.scenes.create_scene(SceneWish(SceneSpec(mesh=MeshFile(obj, "obj"))))
     await servers.stop(first)
     second = await servers.start(open_journal(tmp_path))
-    found = await second.get_scene(made.scene_id)
+    found = await second.scenes.get_scene(made.scene_id)
     assert found.content_hash == made.content_hash and found.area == pytest.approx(made.area)
 
 

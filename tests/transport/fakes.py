@@ -23,7 +23,7 @@ from wayfarer.errors import (
     WayfarerError,
 )
 from wayfarer.service.stats import LoopStats
-from wayfarer.service.streams.publications import Publication, StreamWish
+from wayfarer.service.streams.publications import Publication, StreamOptions
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
 from wayfarer.world.agents.agent import (
@@ -44,7 +44,7 @@ from wayfarer.world.goals.commands import GoalCommand
 class FakeSubscription:
     epoch = "epoch-1"
 
-    def __init__(self, session_id: str, wish: StreamWish) -> None:
+    def __init__(self, session_id: str, wish: StreamOptions) -> None:
         self.session_id = session_id
         self.wish = wish
         self.agent_ids = set(wish.agent_ids)
@@ -181,7 +181,7 @@ class FakeService(FakeScenes):
         self.commands.append((agent_id, command))
         return len(self.commands)
 
-    async def subscribe(self, session_id: str, wish: StreamWish) -> FakeSubscription:
+    async def subscribe(self, session_id: str, wish: StreamOptions) -> FakeSubscription:
         known = {agent.agent_id for agent in self._session(session_id)}
         if self._infos[session_id].spec.lock_step:
             raise FailedPrecondition("a lock-step session has no streams")

@@ -3,7 +3,7 @@ import threading
 import numpy as np
 import pytest
 
-from wayfarer.service.meter import Meter, NoMeter, ResumeResult
+from wayfarer.service.metrics_sink import MetricsSink, NoMetrics, ResumeResult
 from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.publications import SlowReader
 from wayfarer.transport.metrics import Metrics
@@ -20,7 +20,7 @@ def value(metrics: Metrics, name: str, **labels: str) -> float | None:
 
 
 def test_what_the_loop_tells(metrics):
-    meter: Meter = metrics
+    meter: MetricsSink = metrics
     meter.step(0.01, 12)
     meter.chunks(np.array([-0.02, 0.01, 0.03]))
     meter.queue(0.2)
@@ -97,5 +97,5 @@ def test_servers_do_not_share(metrics):
 
 
 def test_it_is_a_meter_in_full():
-    told = [name for name in vars(NoMeter) if not name.startswith("_")]
+    told = [name for name in vars(NoMetrics) if not name.startswith("_")]
     assert told and all(callable(getattr(Metrics, name)) for name in told)

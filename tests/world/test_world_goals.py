@@ -22,7 +22,7 @@ from wayfarer.world.goals.commands import (
     Stop,
 )
 from wayfarer.world.limits import Limits
-from wayfarer.world.stepping.budget import Rung
+from wayfarer.world.stepping.budget import DegradationLevel
 
 GOAL = Goal((0.0, 5.0, 0.0))
 AREA = Wander((5.0, 5.0), 3.0)
@@ -349,7 +349,7 @@ def test_an_observer_learns_how_many_candidates_were_tried():
     list(world.advance(0.5))
     notes.chunks.clear()
     now = world.next_event()
-    for rung in (Rung(2), Rung(1, hold_idle=True)):
+    for rung in (DegradationLevel(2), DegradationLevel(1, hold_idle=True)):
         world.collect(now)
         world.step(now, rung)
         now += 0.2

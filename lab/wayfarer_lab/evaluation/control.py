@@ -1,8 +1,8 @@
 """Motion control as the paper tests it (Sec. 4.2, Table 1): random bodies, random goals.
 
 A body stands in the centre of an area of 20 × 20 m; its goal lies anywhere in it. *Offline* methods
-grow a tree of primitives for each pair (`world.search.beam`), as the paper does: all nodes of a level
-are the body's clones, and the simulation ends when one of them reaches the goal or after 60
+grow a tree of primitives for each pair (`world.search.beam`), as the paper does: all nodes of a
+level are the body's clones, and the simulation ends when one of them reaches the goal or after 60
 primitives. *Online* methods are the service's own: one body, which takes no step back.
 """
 

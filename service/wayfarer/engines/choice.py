@@ -7,10 +7,10 @@ from typing import Final
 import structlog
 
 from wayfarer.artifacts import ModelFolder
+from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.engine import EngineKind
 from wayfarer.engines.onnx_engine import OnnxEngine
 from wayfarer.engines.openvino_engine import OpenVinoEngine
-from wayfarer.engines.resting import resting_inputs
 from wayfarer.engines.warm import WarmEngine
 from wayfarer.errors import InvalidArgument
 from wayfarer.spec import GENDERS
@@ -65,7 +65,7 @@ def _open_torch(models: ModelFolder) -> WarmEngine:
 
 def trial(engine: WarmEngine) -> float:
     """Seconds of the shortest of a few calls."""
-    inputs = resting_inputs(TRIAL, 1)
+    inputs = dummy_inputs(TRIAL, 1)
     engine.step(GENDERS[0], inputs)
     seconds = []
     for _ in range(CALLS):

@@ -74,7 +74,7 @@ class ModelStore:
         return engine
 
 
-class ModelDesk:
+class ModelLoader:
     """Loads and unloads the models of a server while it serves."""
 
     def __init__(self, models: Models, open_engine: Callable[[str], Engine]) -> None:

@@ -10,7 +10,7 @@ import onnxruntime
 
 from wayfarer.artifacts import ModelFolder, open_session, sha256_of
 from wayfarer.engines.engine import EngineKind, StepInputs, StepOutputs
-from wayfarer.engines.lanes import LEAST, Lanes
+from wayfarer.engines.row_partitioner import LEAST, RowPartitioner
 from wayfarer.engines.warm import WarmEngine
 from wayfarer.errors import ArtifactError
 from wayfarer.spec import GENDERS, SEED_FRAMES
@@ -43,14 +43,14 @@ class OnnxEngine(WarmEngine):
         with ThreadPoolExecutor(len(GENDERS)) as pool:
             opened = pool.map(partial(self._open, models), GENDERS)
             self._sessions = dict(zip(GENDERS, opened, strict=True))
-        self._lanes = Lanes(threads)
-        self.batch_sizes = self._lanes.sizes(SIZES)
+        self._partitioner = RowPartitioner(threads)
+        self.batch_sizes = self._partitioner.sizes(SIZES)
 
     @cached_property
     def alone(self) -> "OnnxEngine":
         """See `Engine`."""
         other = copy(self)
-        other._lanes = Lanes(1)
+        other._partitioner = RowPartitioner(1)
         other.batch_sizes = SIZES
         return other
 
@@ -63,7 +63,7 @@ class OnnxEngine(WarmEngine):
 
         candidates = inputs.noise.shape[1]
         most = min(MOST_ROWS, max(MOST_CANDIDATES // candidates, LEAST))
-        return self._lanes.step(run, inputs, most)
+        return self._partitioner.step(run, inputs, most)
 
     @staticmethod
     def _open(models: ModelFolder, gender: str) -> onnxruntime.InferenceSession:

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from wayfarer.artifacts import ModelFolder, sha256_of
 from wayfarer.engines.engine import EngineKind, StepInputs, StepOutputs, variant
-from wayfarer.engines.lanes import Lanes, give_way
 from wayfarer.engines.openvino_precision import with_hidden_bfloat16
 from wayfarer.engines.openvino_single import LEFT_OUT, without_scores
 from wayfarer.engines.padding import pad
+from wayfarer.engines.row_partitioner import RowPartitioner, give_way
 from wayfarer.engines.warm import WarmEngine
 from wayfarer.errors import ArtifactError, InvalidArgument
 from wayfarer.spec import GENDERS, SEED_FRAMES
@@ -67,14 +67,14 @@ class OpenVinoEngine(WarmEngine):
         self._compiled: dict[tuple[str, int, int, bool], openvino.CompiledModel] = {}
         self._compiling = threading.Lock()
         self._requests = threading.local()
-        self._lanes = Lanes(threads)
-        self.batch_sizes = batch_sizes(self._lanes.count)
+        self._partitioner = RowPartitioner(threads)
+        self.batch_sizes = batch_sizes(self._partitioner.count)
 
     @property
     def alone(self) -> "OpenVinoEngine":
         """See `Engine`."""
         other = copy(self)
-        other._lanes = Lanes(1)
+        other._partitioner = RowPartitioner(1)
         other.batch_sizes = batch_sizes(1)
         return other
 
@@ -91,7 +91,7 @@ class OpenVinoEngine(WarmEngine):
         Rows are padded to `SIZES`: networks of these give the same bits, that of a single row, or
         of any number of rows, does not.
         """
-        return self._lanes.parted(partial(self._run, gender), inputs, ends(len(inputs.goal)))
+        return self._partitioner.parted(partial(self._run, gender), inputs, ends(len(inputs.goal)))
 
     def _run(self, gender: str, inputs: StepInputs) -> StepOutputs:
         rows, candidates = inputs.noise.shape[:2]
@@ -145,8 +145,8 @@ class OpenVinoEngine(WarmEngine):
             network = without_scores(network, rows)
         options: dict[str, Any] = {
             "INFERENCE_PRECISION_HINT": "f32",  # but for what the network says itself
-            "NUM_STREAMS": self._lanes.count,  # each of one thread, see lanes.py
-            "INFERENCE_NUM_THREADS": self._lanes.count,
+            "NUM_STREAMS": self._partitioner.count,  # each of one thread, see lanes.py
+            "INFERENCE_NUM_THREADS": self._partitioner.count,
             "ENABLE_CPU_PINNING": False,  # the event loop needs the cores, too
         }
         # Threads have the priority of those that make them.

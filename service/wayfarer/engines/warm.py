@@ -4,8 +4,8 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Protocol
 
+from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.engine import Engine, EngineKind
-from wayfarer.engines.resting import resting_inputs
 from wayfarer.spec import GENDERS
 
 
@@ -35,7 +35,7 @@ class WarmEngine(Engine, Protocol):
         """
         for count in sorted(set(candidates), reverse=True):
             for size in sorted(set(batch_sizes), reverse=True):
-                inputs = resting_inputs(size, count)
+                inputs = dummy_inputs(size, count)
                 for gender in GENDERS:
                     if size in self.to_compile:
                         self.step(gender, inputs)

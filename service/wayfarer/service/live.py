@@ -16,10 +16,10 @@ from typing import TypeVar
 
 from wayfarer.errors import NotFound, ResourceExhausted
 from wayfarer.service.inbox import Inbox
-from wayfarer.service.meter import Meter, NoMeter
+from wayfarer.service.metrics_sink import MetricsSink, NoMetrics
 from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.model_events import model_changed
-from wayfarer.service.streams.publications import StreamWish
+from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.service.streams.publisher import Publisher
 from wayfarer.service.streams.subscription import BoundedSubscription, StreamSettings
 from wayfarer.service.thread import MotionThread
@@ -55,13 +55,13 @@ class LiveMotion:
         warm_up: Callable[[], None] = lambda: None,
         settings: LoopSettings | None = None,
         clock: Callable[[], float] | None = None,
-        meter: Meter | None = None,
+        meter: MetricsSink | None = None,
     ) -> None:
         """`warm_up` is called on the motion thread before its first turn."""
         self._world = world
         self._settings = settings or LoopSettings()
         self._clock = clock or steady_clock()
-        self._meter = meter or NoMeter()
+        self._meter = meter or NoMetrics()
         self._inbox = Inbox(self._settings.inbox)
         self._workshop = ThreadPoolExecutor(1, "newcomers")
         self._publisher = Publisher(self._settings, self._meter, world.get_agent)
@@ -177,7 +177,7 @@ class LiveMotion:
 
     # Streams
 
-    async def subscribe(self, session_id: str, wish: StreamWish) -> BoundedSubscription:
+    async def subscribe(self, session_id: str, wish: StreamOptions) -> BoundedSubscription:
         """See `MotionService`. A subscription let go without `close` is forgotten, too."""
         subscription = BoundedSubscription(
             session_id, wish, self._settings, self._meter, self._clock

@@ -14,7 +14,7 @@ from typing import Final, TypeVar
 from wayfarer.errors import NotFound, ResourceExhausted, Unavailable, WayfarerError
 from wayfarer.service.inbox import Inbox
 from wayfarer.service.offline import Offline
-from wayfarer.service.streams.milestones import Milestones
+from wayfarer.service.streams.goal_events import GoalEvents
 from wayfarer.service.streams.model_events import model_changed
 from wayfarer.service.streams.publications import Publication
 from wayfarer.service.worlds import Worlds
@@ -54,7 +54,7 @@ class LockStep:
         self._offline = offline
         self._started_at = floor(started_at / STEP_SECONDS) * STEP_SECONDS  # as agents' steps are
         self._inbox = Inbox(INBOX)
-        self._milestones = Milestones(world.get_agent)
+        self._goal_events = GoalEvents(world.get_agent)
         self._told: list[Event] = []  # since the last primitive
         self._steps = self._position = 0
         self._ended = False
@@ -119,7 +119,7 @@ class LockStep:
     async def delete_agent(self, agent_id: str) -> None:
         """See `MotionService`."""
         await self.ask(lambda world, _: world.delete_agent(agent_id))
-        self._milestones.forget(agent_id)
+        self._goal_events.forget(agent_id)
 
     async def delete_session(self, session_id: str) -> None:
         """See `MotionService`."""
@@ -161,7 +161,7 @@ class LockStep:
         chunks = MotionChunks.join(parts) if parts else NO_CHUNKS
         chunks.scheduled_at[:] = self._steps * STEP_SECONDS
         met = [replace(e, at=self._steps * STEP_SECONDS) for _, e in self.world.take_events()]
-        events = (*self._milestones.events(chunks), *met, *self._told)
+        events = (*self._goal_events.events(chunks), *met, *self._told)
         self._told.clear()
         return Publication(self._position, chunks, events)
 

@@ -10,7 +10,7 @@ from typing import Protocol
 from wayfarer.engines.models import ModelInfo
 from wayfarer.navigation.spec import Obstacle, Point2, Point3
 from wayfarer.service.stats import LoopStats
-from wayfarer.service.streams.publications import Publication, StreamWish
+from wayfarer.service.streams.publications import Publication, StreamOptions
 from wayfarer.world.agents.agent import (
     AgentChange,
     AgentInfo,
@@ -30,7 +30,7 @@ class Subscription(Protocol):
     """Changes when the session's positions begin anew: with a restart or an import."""
 
     resumed: bool
-    """The subscription goes on without a gap where `StreamWish.resume` left off."""
+    """The subscription goes on without a gap where `StreamOptions.resume` left off."""
 
     def __aiter__(self) -> AsyncIterator[Publication]:
         """Yield publications in order until the session ends.
@@ -175,7 +175,7 @@ class MotionService(Protocol):
         """
         ...
 
-    async def subscribe(self, session_id: str, wish: StreamWish) -> Subscription:
+    async def subscribe(self, session_id: str, wish: StreamOptions) -> Subscription:
         """Follow a session. Raises NotFound; FailedPrecondition for a lock-step session."""
         ...
 

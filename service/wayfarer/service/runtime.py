@@ -10,18 +10,18 @@ from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
 from dataclasses import replace
 
 from wayfarer.engines.engine import Engine
-from wayfarer.engines.model_store import ModelDesk, no_model
+from wayfarer.engines.model_store import ModelLoader, no_model
 from wayfarer.engines.models import ModelInfo
 from wayfarer.errors import AlreadyExists, FailedPrecondition
 from wayfarer.service.archive import Archive
 from wayfarer.service.live import LiveMotion, LoopSettings, steady_clock
 from wayfarer.service.lockstep import LockStep, LockSteps
-from wayfarer.service.meter import Meter
+from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.offline import Offline
-from wayfarer.service.persistence.keeper import SAVE_PARTS, Keeper
+from wayfarer.service.persistence.persistence import SAVE_PARTS, Persistence
 from wayfarer.service.scenes import Scenes
 from wayfarer.service.stats import LoopStats
-from wayfarer.service.streams.publications import Publication, StreamWish
+from wayfarer.service.streams.publications import Publication, StreamOptions
 from wayfarer.service.streams.subscription import BoundedSubscription
 from wayfarer.service.walk import walk
 from wayfarer.service.worlds import Worlds
@@ -48,7 +48,7 @@ class Runtime:
         warm_up: Callable[[World], None] = lambda world: None,
         settings: LoopSettings | None = None,
         clock: Callable[[], float] | None = None,
-        meter: Meter | None = None,
+        meter: MetricsSink | None = None,
         open_model: Callable[[str], Engine] = no_model,
     ) -> None:
         """`warm_up` is called with the world in real time, on the motion thread before its first
@@ -60,10 +60,10 @@ class Runtime:
         """
         self._worlds = worlds
         self._archive = Archive(worlds)
-        self._keeper = Keeper(worlds.journal, worlds.settings.limits)
+        self._persistence = Persistence(worlds.journal, worlds.settings.limits)
         self._clock = clock or steady_clock()
         self._offline = Offline(jobs)
-        self._desk = ModelDesk(worlds.models, open_model)
+        self._model_loader = ModelLoader(worlds.models, open_model)
         self._door = asyncio.Lock()  # two sessions of one id must not enter different worlds
         self._world = worlds.live()
         self._live = LiveMotion(
@@ -72,7 +72,7 @@ class Runtime:
         self._lock_steps = LockSteps(worlds, self._offline, self._clock)
         self.scenes = Scenes(
             book=worlds.scenes,
-            keeper=self._keeper,
+            persistence=self._persistence,
             live=self._live,
             lock_steps=self._lock_steps,
             clock=self._clock,
@@ -82,18 +82,20 @@ class Runtime:
 
     def start(self) -> None:
         """Start all threads, once; to be called on the event loop."""
-        self._keeper.start(lambda: self._live.ask(lambda world, _: world.checkpoint(SAVE_PARTS)))
+        self._persistence.start(
+            lambda: self._live.ask(lambda world, _: world.checkpoint(SAVE_PARTS))
+        )
         self._live.start()
 
     async def stop(self) -> None:
         """End every thread, stream and waiting command; where all stand is saved."""
-        self._keeper.pause()
+        self._persistence.pause()
         await asyncio.to_thread(self._worlds.stop)
         await self._live.stop()
         self.scenes.stop()
         await asyncio.to_thread(self._lock_steps.stop, "the server has been stopped")
         self._world.checkpoint()
-        await self._keeper.stop()
+        await self._persistence.stop()
 
     @property
     def ready(self) -> bool:
@@ -107,7 +109,7 @@ class Runtime:
 
     async def stats(self) -> LoopStats:
         """See `MotionService`."""
-        return replace(await self._live.stats(), journal_failing=self._keeper.failing)
+        return replace(await self._live.stats(), journal_failing=self._persistence.failing)
 
     # Sessions
 
@@ -119,7 +121,7 @@ class Runtime:
             async with self._door:
                 await self._refuse_taken(spec.session_id)
                 made = await self._create_session(spec)
-        return await self._keeper.durable(made)
+        return await self._persistence.durable(made)
 
     async def get_session(self, session_id: str) -> SessionInfo:
         """See `MotionService`."""
@@ -134,14 +136,14 @@ class Runtime:
         """See `MotionService`."""
         home = self._lock_steps if self._lock_steps.session(session_id) else self._live
         await home.delete_session(session_id)
-        await self._keeper.durable(None)
+        await self._persistence.durable(None)
 
     # Agents
 
     async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
         """See `MotionService`."""
         home = self._lock_steps if self._lock_steps.session(session_id) else self._live
-        return await self._keeper.durable(await home.create_agents(session_id, specs))
+        return await self._persistence.durable(await home.create_agents(session_id, specs))
 
     async def get_agent(self, agent_id: str) -> AgentInfo:
         """See `MotionService`."""
@@ -154,25 +156,25 @@ class Runtime:
     async def update_agent(self, agent_id: str, change: AgentChange) -> AgentInfo:
         """See `MotionService`."""
         changed = await self._home_of(agent_id).update_agent(agent_id, change)
-        return await self._keeper.durable(changed)
+        return await self._persistence.durable(changed)
 
     async def delete_agent(self, agent_id: str) -> None:
         """See `MotionService`."""
         home = self._lock_steps if self._lock_steps.agent(agent_id) else self._live
         await home.delete_agent(agent_id)
-        await self._keeper.durable(None)
+        await self._persistence.durable(None)
 
     # Goals
 
     async def give(self, agent_id: str, command: GoalCommand, expected: int | None = None) -> int:
         """See `MotionService`."""
-        return await self._keeper.durable(
+        return await self._persistence.durable(
             await self._home_of(agent_id).give(agent_id, command, expected)
         )
 
     # Motion
 
-    async def subscribe(self, session_id: str, wish: StreamWish) -> BoundedSubscription:
+    async def subscribe(self, session_id: str, wish: StreamOptions) -> BoundedSubscription:
         """See `MotionService`."""
         if self._lock_steps.session(session_id):
             raise FailedPrecondition(
@@ -211,7 +213,7 @@ class Runtime:
 
     async def load_model(self, name: str) -> None:
         """See `MotionService`."""
-        await self._desk.load(name)
+        await self._model_loader.load(name)
 
     async def use_model(self, name: str, move_agents: bool) -> int:
         """See `MotionService`."""
@@ -241,7 +243,7 @@ class Runtime:
                 made = await asyncio.to_thread(self._lock_steps.put, record)
             else:
                 made = await self._live.put_session(record)
-        return await self._keeper.durable(made)
+        return await self._persistence.durable(made)
 
     async def export_log(self, session_id: str) -> bytes:
         """See `MotionService`."""
@@ -269,8 +271,8 @@ class Runtime:
     def _wake(self, warm_up: Callable[[World], None]) -> None:
         """On the motion thread, before its first turn: warm up, then go on with what was kept."""
         warm_up(self._world)
-        self._keeper.restore_scenes(self._worlds.scenes)
-        self._keeper.restore(self._adopt)
+        self._persistence.restore_scenes(self._worlds.scenes)
+        self._persistence.restore(self._adopt)
 
     def _adopt(self, record: SessionRecord) -> SessionInfo:
         if record.spec.lock_step:

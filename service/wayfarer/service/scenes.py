@@ -9,10 +9,10 @@ from wayfarer.errors import FailedPrecondition
 from wayfarer.navigation.spec import Obstacle, Point2, Point3
 from wayfarer.service.live import LiveMotion
 from wayfarer.service.lockstep import LockSteps
-from wayfarer.service.persistence.keeper import Keeper
-from wayfarer.world.scenes.book import Book
+from wayfarer.service.persistence.persistence import Persistence
 from wayfarer.world.scenes.messages import Crowd, Outlines, SceneInfo, SceneWish, Way
 from wayfarer.world.scenes.outlines import outlines
+from wayfarer.world.scenes.scene_registry import SceneRegistry
 
 T = TypeVar("T")
 
@@ -23,14 +23,14 @@ class Scenes:
     def __init__(
         self,
         *,
-        book: Book,
-        keeper: Keeper,
+        book: SceneRegistry,
+        persistence: Persistence,
         live: LiveMotion,
         lock_steps: LockSteps,
         clock: Callable[[], float],
     ) -> None:
         self._book = book
-        self._keeper = keeper
+        self._persistence = persistence
         self._live = live
         self._lock_steps = lock_steps
         self._clock = clock
@@ -45,7 +45,7 @@ class Scenes:
     async def create_scene(self, wish: SceneWish) -> SceneInfo:
         """See `SceneService`, as for all below."""
         made = await self._work(lambda: self._book.create(wish, self._clock()))
-        return await self._keeper.durable(made)
+        return await self._persistence.durable(made)
 
     async def get_scene(self, scene_id: str) -> SceneInfo:
         """See `SceneService`."""
@@ -58,17 +58,17 @@ class Scenes:
     async def delete_scene(self, scene_id: str) -> None:
         """See `SceneService`."""
         self._book.delete(scene_id)
-        await self._keeper.durable(None)
+        await self._persistence.durable(None)
 
     async def put_obstacle(self, scene_id: str, name: str, obstacle: Obstacle) -> SceneInfo:
         """See `SceneService`."""
         made = await self._work(lambda: self._book.put(scene_id, name, obstacle))
-        return await self._keeper.durable(made)
+        return await self._persistence.durable(made)
 
     async def remove_obstacle(self, scene_id: str, name: str) -> SceneInfo:
         """See `SceneService`."""
         made = await self._work(lambda: self._book.remove(scene_id, name))
-        return await self._keeper.durable(made)
+        return await self._persistence.durable(made)
 
     async def query_path(self, scene_id: str, start: Point2 | Point3, goal: Point2 | Point3) -> Way:
         """See `SceneService`."""

@@ -6,7 +6,7 @@ from typing import Final, TypedDict
 
 import numpy as np
 
-from wayfarer.service.meter import Meter
+from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.spec import FPS
 from wayfarer.world.agents.agent import AgentState
 from wayfarer.world.stepping.due import Due
@@ -58,7 +58,7 @@ class _Values(TypedDict):
 class ThreadFigures:
     """What the motion thread counts, since its start or over the last seconds."""
 
-    def __init__(self, meter: Meter) -> None:
+    def __init__(self, meter: MetricsSink) -> None:
         self._meter = meter
         self.failures = 0  # turns
         self.rebased = 0

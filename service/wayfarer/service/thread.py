@@ -22,7 +22,7 @@ import structlog
 
 from wayfarer.errors import Unavailable
 from wayfarer.service.inbox import Inbox
-from wayfarer.service.meter import Meter
+from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.pipeline import EnginePipeline
 from wayfarer.service.stats import LoopStats, ThreadFigures
 from wayfarer.service.streams.publisher import Publisher
@@ -62,7 +62,7 @@ class MotionThread:
         inbox: Inbox,
         warm_up: Callable[[], None],
         clock: Callable[[], float],
-        meter: Meter,
+        meter: MetricsSink,
     ) -> None:
         """`warm_up` is called on the thread before the first turn."""
         self._world = world

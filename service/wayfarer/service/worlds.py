@@ -17,8 +17,8 @@ from wayfarer.service.persistence.capture import JournalObserver
 from wayfarer.service.persistence.journal import Journal
 from wayfarer.service.persistence.record import Recordings
 from wayfarer.service.persistence.snapshot import BodyStamp
-from wayfarer.world.scenes.bakery import Bakery
-from wayfarer.world.scenes.book import Book
+from wayfarer.world.scenes.bake_queue import BakeQueue
+from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.stepping.settings import ANY_SIZE, WorldSettings
 from wayfarer.world.world import World
 
@@ -38,13 +38,13 @@ class Worlds:
     settings: WorldSettings  # of the world in real time
     journal: Journal | None = None
     log_entries: int = 100_000
-    bakery: Bakery | None = None  # a process that bakes scenes; None: who asks for one bakes it
+    bakery: BakeQueue | None = None  # a process that bakes scenes; None: who asks for one bakes it
 
     @cached_property
-    def scenes(self) -> Book:
+    def scenes(self) -> SceneRegistry:
         """That their sessions may be in."""
         bake_there = self.bakery.bake if self.bakery else bake
-        return Book(self.settings.scenes, self.settings.shard, bake_there, self.journal)
+        return SceneRegistry(self.settings.scenes, self.settings.shard, bake_there, self.journal)
 
     @cached_property
     def recordings(self) -> Recordings:
@@ -82,13 +82,13 @@ class Worlds:
         return replace(
             self.settings,
             budget=None,
-            company=0.0,
-            full_batch=1,
+            batch_lookahead_s=0.0,
+            batch_multiple=1,
             phases=1,
             lead=1,
             batch_sizes=ANY_SIZE,
-            alone=True,
-            ways=ANY_SIZE[-1],
+            single_threaded=True,
+            path_queries_per_step=ANY_SIZE[-1],
         )
 
     def _kept(self, settings: WorldSettings) -> World:

@@ -22,7 +22,7 @@ from prometheus_client.registry import Collector
 from prometheus_client.utils import floatToGoString
 
 from wayfarer import __version__
-from wayfarer.service.meter import ResumeResult, Seconds
+from wayfarer.service.metrics_sink import ResumeResult, Seconds
 from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.publications import SlowReader
 from wayfarer.spec import FPS, NEW_FRAMES
@@ -43,7 +43,7 @@ BATCH_BUCKETS: Final = (1, 2, 4, 8, 16, 32, 64, 128, 256)
 
 
 class Metrics:
-    """All metrics. Implements the runtime's `Meter`."""
+    """All metrics. Implements the runtime's `MetricsSink`."""
 
     def __init__(self, traced: Callable[[int, float], None] | None = None) -> None:
         """`traced` is told about every engine call, too: agents, seconds."""
@@ -109,43 +109,43 @@ class Metrics:
         for command in ("create_session", "create_agents"):
             self._rejections.labels(command)
 
-    # the runtime's Meter
+    # the runtime's MetricsSink
 
     def step(self, seconds: float, agents: int) -> None:
-        """See `Meter`, as for all below."""
+        """See `MetricsSink`, as for all below."""
         self._steps.observe(seconds)
         self._batches.observe(agents)
         if self._traced:
             self._traced(agents, seconds)
 
     def chunks(self, lateness: Seconds) -> None:
-        """See `Meter`."""
+        """See `MetricsSink`."""
         self._lateness.observe(np.maximum(lateness, 0.0))
         if missed := int(np.count_nonzero(lateness > MISSED_S)):
             self._misses.inc(missed)
 
     def queue(self, seconds: float) -> None:
-        """See `Meter`."""
+        """See `MetricsSink`."""
         self._queues.observe(seconds)
 
     def drops(self, policy: SlowReader, publications: int) -> None:
-        """See `Meter`."""
+        """See `MetricsSink`."""
         self._drops.labels(policy).inc(publications)
 
     def resume(self, result: ResumeResult) -> None:
-        """See `Meter`."""
+        """See `MetricsSink`."""
         self._resumes.labels(result).inc()
 
     def goal_to_motion(self, seconds: float) -> None:
-        """See `Meter`."""
+        """See `MetricsSink`."""
         self._goals.observe(seconds)
 
     def refusal(self, command: str) -> None:
-        """See `Meter`."""
+        """See `MetricsSink`."""
         self._rejections.labels(command).inc()
 
     def journal(self, entries: int, failed: bool) -> None:
-        """See `Meter`."""
+        """See `MetricsSink`."""
         self._journal_entries.inc(entries)
         self._journal_failures.inc(failed)
         self._journal_failing.set(failed)
@@ -192,7 +192,11 @@ class _Stand(Collector):
             ("held_sessions", "Sessions whose agents wait for a slow reader", now.held_sessions),
             ("capacity_agents", "Agents that fit, by the measured cost of a step", now.capacity),
             ("load", "Share of the time that the engine, or the loop, is busy", now.load),
-            ("overload_rung", "Rung of the overload ladder; 0: all as wished", now.rung),
+            (
+                "overload_rung",
+                "Rung of the overload ladder; 0: all as wished",
+                now.rung,
+            ),
         ):
             yield GaugeMetricFamily(f"wayfarer_{name}", what, value)
         for name, what, value in (

@@ -42,13 +42,13 @@ from wayfarer.world.goals.paths import Paths
 from wayfarer.world.observer import Start, WorldObserver
 from wayfarer.world.record_checks import check_agent_record, check_session_record
 from wayfarer.world.rows import Index
-from wayfarer.world.scenes.book import Book
+from wayfarer.world.scenes.context import SceneContext
 from wayfarer.world.scenes.grounding import ground
 from wayfarer.world.scenes.guide import SceneGuide
 from wayfarer.world.scenes.messages import Crowd
 from wayfarer.world.scenes.populate import Crowds, Whereabouts
-from wayfarer.world.scenes.stage import Stage
-from wayfarer.world.stepping.budget import Rung
+from wayfarer.world.scenes.scene_registry import SceneRegistry
+from wayfarer.world.stepping.budget import DegradationLevel
 from wayfarer.world.stepping.cleanup import clean_feet
 from wayfarer.world.stepping.due import Due, due_by_session
 from wayfarer.world.stepping.load import Load
@@ -70,7 +70,7 @@ class World:
         bodies: Mapping[str, BodyModel],
         start_poses: NDArray[np.float32],
         settings: WorldSettings | None = None,
-        scenes: Book | None = None,
+        scenes: SceneRegistry | None = None,
     ) -> None:
         """`bodies` by gender; `start_poses` [P, 22, 4] from `spawn.load_start_poses`.
 
@@ -89,8 +89,8 @@ class World:
         # What is planned may be a goal ahead of what is sent for each chunk of it; an agent that
         # wanders has one more.
         paths = Paths(self.slots, settings.limits.path_goals + settings.lead + 2)
-        self._stage = Stage(
-            book=scenes or Book(),
+        self._scene_context = SceneContext(
+            book=scenes or SceneRegistry(),
             slots=self.slots,
             paths=paths,
             timeline=self._timeline,
@@ -103,7 +103,7 @@ class World:
             timeline=self._timeline,
             settings=settings,
             registry=self.registry,
-            around=self._stage,
+            around=self._scene_context,
         )
         self._population = Population(
             bodies=bodies,
@@ -123,7 +123,7 @@ class World:
             settings=settings,
             reset=self._population.stand_again,
             planned=self._planned,
-            guide=self._stage.guide,
+            guide=self._scene_context.guide,
             soles=next(iter(bodies.values())).sole_markers.reshape(2, -1),
         )
         self.load = Load(
@@ -236,7 +236,7 @@ class World:
         Raises NotFound, InvalidArgument.
         """
         check_specs(specs)
-        return self._stage.scenery.placed(self.registry.session(session_id).spec, specs)
+        return self._scene_context.scenery.placed(self.registry.session(session_id).spec, specs)
 
     def prepare(self, specs: Sequence[AgentSpec]) -> list[Motion]:
         """Standing seeds for `create_agents`: its costly part, free of state and thread-safe.
@@ -357,31 +357,31 @@ class World:
         """
         agent = self.registry.agent(agent_id)
         self._goals.check(agent, command, expected)
-        fitted, moves = self._stage.fitted(agent.slot, command)
+        fitted, moves = self._scene_context.fitted(agent.slot, command)
         self._goals.give(agent, fitted, now)
         for observer in self._observers:
             observer.commanded(agent, fitted, agent.commanded_seq)
-        self._stage.tell_moves(agent.slot, moves, agent.passed + len(agent.path))
+        self._scene_context.tell_moves(agent.slot, moves, agent.passed + len(agent.path))
         return int(self.slots.goal_revision[agent.slot])
 
     # Scenes and crowds
 
     @property
-    def scenes(self) -> Book:
+    def scenes(self) -> SceneRegistry:
         """Those that sessions may be in."""
-        return self._stage.scenery.book
+        return self._scene_context.scenery.book
 
     @property
     def guide(self) -> SceneGuide:
         """What leads its agents through scenes."""
-        return self._stage.guide
+        return self._scene_context.guide
 
     def scene_of_session(self, session_id: str) -> Scene | None:
         """Its scene as the present step sees it; None: it is in none, or has ended."""
         session = self.registry.sessions.get(session_id)
         if session is None or not session.spec.scene:
             return None
-        scenery = self._stage.scenery
+        scenery = self._scene_context.scenery
         return scenery.scene(scenery.number(session.spec.scene))
 
     def whereabouts(self, session_id: str) -> Whereabouts:
@@ -407,7 +407,7 @@ class World:
     # Time
 
     def schedule(
-        self, now: float, launch: Launch = at_once, rung: Rung | None = None
+        self, now: float, launch: Launch = at_once, rung: DegradationLevel | None = None
     ) -> PendingStep | None:
         """Start an engine call for the agents most urgently due; see `Scheduler.begin`.
 
@@ -415,8 +415,8 @@ class World:
         says so, agents that are due and have nothing to do are held before. None: nobody is due.
         """
         frame = self._timeline.frame(now)
-        self._stage.refresh()
-        self._goals.walk_on(frame + self.settings.company * FPS)
+        self._scene_context.refresh()
+        self._goals.walk_on(frame + self.settings.batch_lookahead_s * FPS)
         if rung is None:
             slack, scheduler = self._playback.slack(frame) / FPS, self.scheduler
             rung = self.load.allow(now, slack, scheduler.held_share, scheduler.under_way)
@@ -428,7 +428,7 @@ class World:
         """Plan the chunks that a scheduled step has made; returns how many agents it stepped."""
         return self.scheduler.finish(step)
 
-    def step(self, now: float, rung: Rung | None = None) -> int:
+    def step(self, now: float, rung: DegradationLevel | None = None) -> int:
         """`schedule`, then `apply`. Returns how many agents were stepped."""
         step = self.schedule(now, rung=rung)
         return 0 if step is None else self.apply(step)
@@ -441,7 +441,7 @@ class World:
         found = list[Due]()
         for sent in self._playback.send(self._timeline.frame(until)):
             clean_feet(self.slots, sent)
-            ground(self.slots, self._stage.scenery, sent)
+            ground(self.slots, self._scene_context.scenery, sent)
             found += due_by_session(sent, self.slots, self.registry.by_slot, self._timeline)
         for observer in self._observers:
             for due in found:
@@ -486,7 +486,7 @@ class World:
     def take_events(self) -> list[tuple[str, Event]]:
         """What agents have met with on their ways since the last time, by session."""
         agents = self.registry.agents
-        events = self._stage.take_events()
+        events = self._scene_context.take_events()
         return [(agents[e.agent_id].session_id, e) for e in events if e.agent_id in agents]
 
     def checkpoint(self, parts: int = 1) -> None:
@@ -509,7 +509,7 @@ class World:
     # Within
 
     def _open(self, spec: SessionSpec, created_at: float) -> Session:
-        scenery = self._stage.scenery
+        scenery = self._scene_context.scenery
         scenery.enter(spec)
         try:
             session = self.registry.add_session(spec, created_at)
@@ -521,7 +521,7 @@ class World:
 
     def _close(self, session: Session) -> None:
         del self.registry.sessions[session.session_id]
-        self._stage.scenery.leave(session.spec)
+        self._scene_context.scenery.leave(session.spec)
 
     def _check_new(self, record: AgentRecord, where: str) -> None:
         """Raises AlreadyExists, and InvalidArgument when its path is too long for this world."""

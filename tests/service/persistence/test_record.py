@@ -18,7 +18,7 @@ from wayfarer.service.persistence.replay import replay
 from wayfarer.world.agents.agent import Goal, SessionSpec
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import Path, Stop
-from wayfarer.world.stepping.budget import Rung
+from wayfarer.world.stepping.budget import DegradationLevel
 
 SPEC = SessionSpec("s", record=True)
 ENTRIES = 500
@@ -200,4 +200,4 @@ def test_a_session_that_goes_on_after_a_restart_begins_a_new_log():
     again = worlds.live()
     again.put_session(record, 100.0)
     assert worlds.recordings.copy("s").tracks[b].end == record.agents[1].seq
-    again.step(101.0, Rung(1))
+    again.step(101.0, DegradationLevel(1))

@@ -14,7 +14,7 @@ from wayfarer.service.persistence.replay import replay
 from wayfarer.world.agents.agent import AgentChange, ChunkFlag, Goal, SessionSpec
 from wayfarer.world.behaviours import Part, Patrol, Routine, Stand, Visit, Wander
 from wayfarer.world.goals.commands import Append, Path, Stop
-from wayfarer.world.stepping.budget import Rung
+from wayfarer.world.stepping.budget import DegradationLevel
 
 RECORDED = SessionSpec("s", record=True)
 
@@ -87,7 +87,7 @@ def busy_plan(world, ids):
 
 def busy_rungs(now):
     """The ladder up and down, idle agents held at times."""
-    return Rung((4, 2, 1, 1)[int(now * 3) % 4], hold_idle=int(now) % 3 == 2)
+    return DegradationLevel((4, 2, 1, 1)[int(now * 3) % 4], hold_idle=int(now) % 3 == 2)
 
 
 @pytest.fixture
@@ -150,7 +150,9 @@ def test_sixty_seconds_of_the_shipped_model_come_out_bit_for_bit():
     for when in np.arange(7.0, 60.0, 2.3):
         who, (x, y) = ids[int(rng.integers(3))], rng.uniform(-5, 5, 2)
         plan.append((when, lambda now, who=who, x=x, y=y: world.give(who, Goal((x, y, 0)), now)))
-    sent = run(world, 60.0, plan, lambda now: Rung((1, 4, 1, 1, 2, 1, 1)[int(now * 3) % 7]))
+    sent = run(
+        world, 60.0, plan, lambda now: DegradationLevel((1, 4, 1, 1, 2, 1, 1)[int(now * 3) % 7])
+    )
     assert len(sent) > 3 * 290
     assert_same(replayed(worlds, world), sent)
 

@@ -3,7 +3,7 @@
 import asyncio
 
 from tests.service.chunks import KeepingMeter, chunk, info, together
-from wayfarer.service.streams.publications import SlowReader, StreamWish
+from wayfarer.service.streams.publications import SlowReader, StreamOptions
 from wayfarer.service.streams.publisher import Publisher
 from wayfarer.service.streams.subscription import BoundedSubscription, StreamSettings
 from wayfarer.world.agents.agent import ChunkFlag
@@ -26,7 +26,7 @@ class Stage:
     async def subscribe(self, *agent_ids, session="s", resume=None, **wish):
         made = BoundedSubscription(
             session,
-            StreamWish(agent_ids, resume=resume, **wish),
+            StreamOptions(agent_ids, resume=resume, **wish),
             self.settings,
             self.meter,
             lambda: self.now,

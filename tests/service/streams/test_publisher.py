@@ -6,7 +6,7 @@ import pytest
 from tests.service.chunks import chunk, together
 from tests.service.streams.stage import HOLD, Stage, kinds, seqs, take
 from wayfarer.errors import InvalidArgument, Unavailable
-from wayfarer.service.meter import ResumeResult
+from wayfarer.service.metrics_sink import ResumeResult
 from wayfarer.service.streams.publications import Resume, SlowReader
 from wayfarer.world.agents.agent import ChunkFlag
 from wayfarer.world.events import EventKind

@@ -11,8 +11,8 @@ from wayfarer.errors import (
     ResourceExhausted,
     Unavailable,
 )
-from wayfarer.service.streams.marks import SILENCE
 from wayfarer.service.streams.publications import Publication, SlowReader
+from wayfarer.service.streams.sequence_tracker import SILENCE
 from wayfarer.service.streams.subscription import MAX_EVENTS, Entry, Start
 from wayfarer.world.agents.agent import ChunkFlag
 from wayfarer.world.events import Event, EventKind
@@ -195,7 +195,7 @@ async def test_agents_silent_for_long_are_forgotten_and_those_present_are_not():
         put(queue, [entry(seq, *names)])
         [got] = await take(queue, 1)
         assert (got.chunks[0].flags == ChunkFlag.NONE) == (seq > 0)
-    assert len(queue._marks._new) + len(queue._marks._old) < 3 * SILENCE / 0.2
+    assert len(queue._tracker._new) + len(queue._tracker._old) < 3 * SILENCE / 0.2
 
 
 # Acknowledgements

@@ -7,7 +7,7 @@ from wayfarer.navigation.examples import rectangle
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.spec import Box, Floor, SceneSpec
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec, SessionSpec
-from wayfarer.world.scenes.book import Book
+from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.world import World
 
@@ -34,10 +34,10 @@ def islands() -> Scene:
 
 
 def world_in(
-    scene: Scene, avoid: bool = True, book: Book | None = None, **settings: object
-) -> tuple[World, Book, str]:
+    scene: Scene, avoid: bool = True, book: SceneRegistry | None = None, **settings: object
+) -> tuple[World, SceneRegistry, str]:
     """A world of the fake engine, whose session "s" is in the scene; and the scene's id."""
-    book = book or Book()
+    book = book or SceneRegistry()
     scene_id = book.add(scene).scene_id
     world = World(FakeEngine(), BODIES, start_poses(), WorldSettings(**settings), scenes=book)
     world.create_session(SessionSpec("s", scene=scene_id, avoid=avoid), 0.0)

@@ -19,7 +19,7 @@ from wayfarer.navigation.scene import bake
 from wayfarer.navigation.spec import Box, Floor, MeshFile, SceneSpec
 from wayfarer.world.limits import SceneLimits
 from wayfarer.world.scenes import bakery as module
-from wayfarer.world.scenes.bakery import Bakery, Oven
+from wayfarer.world.scenes.bake_queue import BakeQueue, Oven
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of POSIX")
 
@@ -38,7 +38,7 @@ def make():
     made = []
 
     def one(**limits):
-        made.append(Bakery(SceneLimits(**limits)))
+        made.append(BakeQueue(SceneLimits(**limits)))
         return made[-1]
 
     yield one
@@ -48,7 +48,7 @@ def make():
 
 @pytest.fixture(scope="module")
 def bakery():
-    shared = Bakery(SceneLimits())
+    shared = BakeQueue(SceneLimits())
     yield shared
     shared.stop()
 
@@ -234,11 +234,11 @@ def test_no_process_is_left_when_its_parent_is_killed(busy):
 
 PARENT = """
 import sys, time
-from wayfarer.world.scenes.bakery import Bakery
+from wayfarer.world.scenes.bake_queue import BakeQueue
 from wayfarer.world.limits import SceneLimits
 from wayfarer.navigation.examples import cubes_field
 from tests.world.scenes.test_bakery import HUGE
-bakery = Bakery(SceneLimits(bake_s=600, bake_mb=8192))
+bakery = BakeQueue(SceneLimits(bake_s=600, bake_mb=8192))
 bakery.bake(cubes_field())
 print(bakery.pid, flush=True)
 if sys.argv[1] == "busy":

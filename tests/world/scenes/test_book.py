@@ -16,8 +16,8 @@ from wayfarer.navigation.scene import bake
 from wayfarer.navigation.spec import SceneSpec
 from wayfarer.shard import Shard, shard_of
 from wayfarer.world.limits import SceneLimits
-from wayfarer.world.scenes.book import Book
 from wayfarer.world.scenes.messages import SceneWish
+from wayfarer.world.scenes.scene_registry import SceneRegistry
 
 WISH = SceneWish(SceneSpec((FIELD,)), "field", {"owner": "me"})
 
@@ -39,7 +39,7 @@ class Counted:
 
 def test_equal_content_is_baked_once_whatever_has_been_put_into_the_first():
     counted = Counted()
-    book = Book(bake=counted)
+    book = SceneRegistry(bake=counted)
     first = book.create(WISH, 1.0)
     book.put(first.scene_id, "crate", BOX)
     second = book.create(WISH, 2.0)
@@ -52,7 +52,7 @@ def test_equal_content_is_baked_once_whatever_has_been_put_into_the_first():
 
 
 def test_tells_what_a_scene_is():
-    info = Book().create(WISH, 1.0)
+    info = SceneRegistry().create(WISH, 1.0)
     assert (info.name, info.version, info.islands, info.sessions) == ("field", 0, 1, 0)
     assert info.bounds == (0.0, 0.0, 12.0, 12.0)
     assert info.area == pytest.approx(11.4**2, rel=0.01)
@@ -60,13 +60,13 @@ def test_tells_what_a_scene_is():
 
 
 def test_ids_say_in_which_worker_a_scene_lives():
-    book = Book(shard=Shard(2, 3))
+    book = SceneRegistry(shard=Shard(2, 3))
     for _ in range(5):
         assert shard_of(book.add(field()).scene_id, 3) == 2
 
 
 def test_a_change_makes_a_version_and_readers_keep_theirs():
-    book = Book()
+    book = SceneRegistry()
     scene_id = book.add(field()).scene_id
     before = book.scene(scene_id)
     assert book.put(scene_id, "crate", BOX).obstacles == {"crate": BOX}
@@ -78,7 +78,7 @@ def test_a_change_makes_a_version_and_readers_keep_theirs():
 
 
 def test_a_scene_with_sessions_stays():
-    book = Book()
+    book = SceneRegistry()
     scene_id = book.add(field()).scene_id
     book.enter(scene_id)
     assert book.info(scene_id).sessions == 1
@@ -92,7 +92,7 @@ def test_a_scene_with_sessions_stays():
 
 
 def test_refuses_more_scenes_than_there_is_room_for():
-    book = Book(SceneLimits(scenes=2))
+    book = SceneRegistry(SceneLimits(scenes=2))
     book.create(WISH, 0.0)
     book.create(WISH, 0.0)
     with pytest.raises(ResourceExhausted, match="all 2 scenes"):
@@ -102,7 +102,7 @@ def test_refuses_more_scenes_than_there_is_room_for():
 def test_refuses_bakes_that_would_have_to_wait_long():
     counted = Counted()
     counted.leave.clear()
-    book = Book(SceneLimits(bakes=1, waiting=1), bake=counted)
+    book = SceneRegistry(SceneLimits(bakes=1, waiting=1), bake=counted)
     refused = queue.Queue()
 
     def create(*solids):
@@ -125,7 +125,7 @@ def test_refuses_bakes_that_would_have_to_wait_long():
 
 
 def test_a_bake_that_fails_leaves_nothing_behind():
-    book = Book(SceneLimits(bakes=1, waiting=1))
+    book = SceneRegistry(SceneLimits(bakes=1, waiting=1))
     for _ in range(4):
         with pytest.raises(InvalidArgument):
             book.create(SceneWish(SceneSpec()), 0.0)
@@ -135,7 +135,7 @@ def test_a_bake_that_fails_leaves_nothing_behind():
 
 @pytest.mark.parametrize("name", ["", "x" * 65, "two\nlines"])
 def test_obstacles_have_names(name):
-    book = Book()
+    book = SceneRegistry()
     scene_id = book.add(field()).scene_id
     with pytest.raises(InvalidArgument, match="name must be 1 to 64") as refused:
         book.put(scene_id, name, BOX)
@@ -143,7 +143,7 @@ def test_obstacles_have_names(name):
 
 
 def test_restores_a_scene_as_it_was():
-    book = Book()
+    book = SceneRegistry()
     book.restore("scene-1", WISH, 5.0, 7, {"crate": BOX})
     info = book.info("scene-1")
     assert (info.version, info.created_at, info.obstacles) == (7, 5.0, {"crate": BOX})

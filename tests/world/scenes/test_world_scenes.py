@@ -15,7 +15,7 @@ from wayfarer.world.agents.agent import AgentSpec, AgentState, ChunkFlag, Goal, 
 from wayfarer.world.behaviours import Follow, Patrol
 from wayfarer.world.events import EventKind
 from wayfarer.world.goals.commands import Append, Path
-from wayfarer.world.scenes.book import Book
+from wayfarer.world.scenes.scene_registry import SceneRegistry
 
 SOUTH, NORTH = (6.0, 2.0), (6.0, 10.0)
 CLEAR = 0.2
@@ -239,7 +239,7 @@ def test_a_session_taken_out_goes_on_in_its_scene_and_not_where_that_is_missing(
     world.give(agent.agent_id, goal(*NORTH), 0.0)
     walked(world, 3.0)
     record = world.take_session("s")
-    elsewhere, _, _ = world_in(field(), book=Book())
+    elsewhere, _, _ = world_in(field(), book=SceneRegistry())
     elsewhere.delete_session("s")
     with pytest.raises(FailedPrecondition, match="is not here"):
         elsewhere.put_session(record, 3.0)
@@ -263,7 +263,7 @@ def test_a_slot_that_is_used_again_knows_nothing_of_the_way_before():
 
 
 def test_many_ways_are_looked_for_a_few_at_a_time():
-    world, _, _ = world_in(field(), avoid=False, ways=2)
+    world, _, _ = world_in(field(), avoid=False, path_queries_per_step=2)
     agents = enter(world, *[(1.0 + 0.6 * k, 2.0) for k in range(16)])
     for agent in agents:
         x, _, _ = agent.position

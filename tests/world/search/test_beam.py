@@ -6,7 +6,7 @@ import pytest
 
 from tests.world.fakes import HIPS_HEIGHT, FakeEngine, make_world, people
 from tests.world.search.walkers import TERM, Lanes, Walker, problem, same, standing
-from wayfarer.engines.resting import resting_inputs
+from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.spec import NEW_FRAMES
 from wayfarer.world.agents.agent import AgentState, Goal, SessionSpec
 from wayfarer.world.agents.slots import Mode
@@ -287,7 +287,7 @@ def test_the_watcher_hears_of_every_level_and_may_stop_the_search():
 
 
 def test_fanned_out_rows_hold_one_candidate_each_in_order():
-    inputs = resting_inputs(3, 2)
+    inputs = dummy_inputs(3, 2)
     inputs.goal[:, 0] = [0, 1, 2]
     inputs.noise[..., 0] = [[0, 1], [2, 3], [4, 5]]
     many = fan_out(inputs)

@@ -1,12 +1,12 @@
 import pytest
 
-from wayfarer.world.stepping.budget import Budget, BudgetRules, Rung, ladder, rungs
+from wayfarer.world.stepping.budget import Budget, BudgetRules, DegradationLevel, ladder, rungs
 
 RULES = BudgetRules()
 CALL = 0.05  # seconds of one engine call with all candidates
 PLENTY = 0.2
 SHORT = -1.0
-HOLD, REFUSE = Rung(1, hold_idle=True), Rung(1, hold_idle=True, refuse=True)
+HOLD, REFUSE = DegradationLevel(1, hold_idle=True), DegradationLevel(1, hold_idle=True, refuse=True)
 
 
 def candidates(budget, now, slack):
@@ -19,7 +19,7 @@ def candidates(budget, now, slack):
 )
 def test_the_ladder_begins_with_what_is_wished_and_ends_with_a_refusal(most, counts):
     assert rungs(most) == counts
-    assert ladder(most) == (*map(Rung, counts), HOLD, REFUSE)
+    assert ladder(most) == (*map(DegradationLevel, counts), HOLD, REFUSE)
 
 
 def busy(budget, start, seconds, call, share):
@@ -69,7 +69,7 @@ def test_short_calls_between_do_not_hide_the_long_ones():
 def test_when_candidates_are_few_idle_agents_are_held_and_then_new_ones_refused():
     budget = Budget(4, RULES)
     found = [budget.allow(float(t), -1.0) for t in range(6)]
-    assert found == [Rung(2), Rung(1), HOLD, REFUSE, REFUSE, REFUSE]
+    assert found == [DegradationLevel(2), DegradationLevel(1), HOLD, REFUSE, REFUSE, REFUSE]
 
 
 def test_more_are_tried_again_after_a_calm_while():
@@ -84,7 +84,7 @@ def test_it_climbs_rung_by_rung_with_patience():
     for t in range(4):
         budget.allow(float(t), -1.0)
     found = [budget.allow(100.0 + RULES.patience * step, PLENTY) for step in range(4)]
-    assert found == [HOLD, Rung(1), Rung(2), Rung(2)]
+    assert found == [HOLD, DegradationLevel(1), DegradationLevel(2), DegradationLevel(2)]
 
 
 def test_a_climb_that_was_a_mistake_is_tried_again_later_and_later():
@@ -130,7 +130,7 @@ def test_idle_agents_are_held_until_there_is_time_to_step_them_too():
         busy(budget, now - 1.0, 1.0, CALL, 0.3)
         return budget.allow(now, PLENTY, held)
 
-    assert after(held=0.5) == Rung(1)
+    assert after(held=0.5) == DegradationLevel(1)
     assert after(held=0.9) == HOLD, "with them the engine would be busy for three times the time"
 
 

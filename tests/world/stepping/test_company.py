@@ -11,7 +11,7 @@ HALF = STEP_SECONDS / 2
 
 def eight(company, engine=None):
     """A world of eight agents of one gender, in two phases; their ids."""
-    world = make_world(engine, phases=2, company=company, full_batch=8)
+    world = make_world(engine, phases=2, batch_lookahead_s=company, batch_multiple=8)
     world.create_session(SessionSpec("s"), 0.0)
     made = world.create_agents("s", people(8, gender="male"), 0.0)
     return world, [agent.agent_id for agent in made]
@@ -64,7 +64,7 @@ def test_an_idle_engine_does_not_wait_for_a_full_batch():
 
 
 def test_nor_does_it_run_ahead_with_a_few():
-    world = make_world(phases=2, company=HALF, full_batch=16)
+    world = make_world(phases=2, batch_lookahead_s=HALF, batch_multiple=16)
     world.create_session(SessionSpec("s"), 0.0)
     world.create_agents("s", people(8, gender="male"), 0.0)
     list(world.advance(1.0))

@@ -10,9 +10,9 @@ from wayfarer.world.agents.agent import AgentState, ChunkFlag, Goal, SessionSpec
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import Append, Path
 from wayfarer.world.goals.steering import Steering
-from wayfarer.world.stepping.budget import BudgetRules, Rung
+from wayfarer.world.stepping.budget import BudgetRules, DegradationLevel
 
-HOLD = Rung(1, hold_idle=True)
+HOLD = DegradationLevel(1, hold_idle=True)
 
 
 def run(world, until, rung=None):
@@ -108,7 +108,7 @@ def test_who_dwells_on_its_path_goes_on_in_time():
         chunks = run(world, 12.0, rung)
         return [c.seq for c in chunks if c.flags & ChunkFlag.ARRIVED]
 
-    assert arrival(HOLD) == arrival(Rung(1))
+    assert arrival(HOLD) == arrival(DegradationLevel(1))
 
 
 def test_held_agents_leave_the_time_to_others_and_do_not_move_them():
@@ -118,7 +118,7 @@ def test_held_agents_leave_the_time_to_others_and_do_not_move_them():
         world.give(agents[2], GOAL, 0.0)
         return own(run(world, 3.0, rung), 3), sum(rows for _, rows, _ in engine.calls)
 
-    (held, few), (stepped, many) = walk(HOLD), walk(Rung(1))
+    (held, few), (stepped, many) = walk(HOLD), walk(DegradationLevel(1))
     assert few == many / 6
     for a, b in zip(held, stepped, strict=True):
         np.testing.assert_array_equal(a.translation, b.translation)

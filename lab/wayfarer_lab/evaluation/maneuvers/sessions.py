@@ -12,7 +12,7 @@ from wayfarer.navigation.scene import Scene, bake
 from wayfarer.stage import Bodies, Stage
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.goals.steering import Steering
-from wayfarer.world.scenes.book import Book
+from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer_lab.evaluation.goals import Course, Watch, run_errands
 from wayfarer_lab.evaluation.maneuvers.maneuver import Case, Shot
 from wayfarer_lab.evaluation.scenes.solids import ground_height, standing
@@ -41,7 +41,7 @@ class Players:
         ]
         scene, session, book = None, SessionSpec(), None
         if case.scene is not None:
-            book = Book()
+            book = SceneRegistry()
             info = book.add(bake(case.scene()))
             scene = book.scene(info.scene_id)
             session = SessionSpec(scene=info.scene_id, avoid=False)

@@ -42,7 +42,7 @@ class Cost:
         for owner, method, part in (
             (guide, "course", GUIDE),
             (guide, "obstacles", GUIDE),
-            (guide.yielding, "bend", CROWD),
+            (guide.avoidance, "bend", CROWD),
         ):
             setattr(owner, method, self.timed(getattr(owner, method), part))
 

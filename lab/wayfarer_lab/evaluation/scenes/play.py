@@ -14,7 +14,7 @@ from wayfarer.spec import BETAS, GENDERS
 from wayfarer.stage import Stage
 from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, MotionChunk, SessionSpec
 from wayfarer.world.goals.steering import Steering
-from wayfarer.world.scenes.book import Book
+from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.goals import MAX_BETA
 from wayfarer_lab.evaluation.scenes.cost import WORLD, Cost
@@ -67,7 +67,7 @@ class Play:
         self.scene, self.now, self.cost = scene, 0.0, Cost()
         self.witness = witness
         witness.change(scene)
-        self._book = Book()
+        self._book = SceneRegistry()
         self._scene_id = self._book.add(scene).scene_id
         stage = replace(house.stage, engine=self.cost.engine(house.stage.engine))
         steering = Steering().with_search(candidates=house.candidates)

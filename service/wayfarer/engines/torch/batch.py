@@ -7,9 +7,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.engine import StepInputs, StepOutputs
-from wayfarer.engines.resting import resting_inputs
-from wayfarer.engines.torch.lane import Lane
+from wayfarer.engines.torch.cuda_graph_stream import CudaGraphStream
 from wayfarer.motion.primitive import PrimitiveStep
 
 INPUTS: Final = tuple(field.name for field in fields(StepInputs))
@@ -18,8 +18,8 @@ INPUTS: Final = tuple(field.name for field in fields(StepInputs))
 class Given:
     """Inputs of a step on a device, filled by way of pinned memory, from which copies overlap."""
 
-    def __init__(self, lane: Lane, rows: int, candidates: int) -> None:
-        blank = resting_inputs(rows, candidates)
+    def __init__(self, lane: CudaGraphStream, rows: int, candidates: int) -> None:
+        blank = dummy_inputs(rows, candidates)
         host = {name: torch.from_numpy(getattr(blank, name)) for name in INPUTS}
         self._lane = lane
         self._host = {k: v.pin_memory() for k, v in host.items()} if lane.on_gpu else host
@@ -39,7 +39,9 @@ class Given:
 class Batch:
     """A step with inputs and outputs of its own. Its lane must be free when it is used."""
 
-    def __init__(self, step: PrimitiveStep, lane: Lane, rows: int, candidates: int) -> None:
+    def __init__(
+        self, step: PrimitiveStep, lane: CudaGraphStream, rows: int, candidates: int
+    ) -> None:
         self._lane = lane
         self._given = Given(lane, rows, candidates)
         self._run = lane.record(lambda: step(**self._given.tensors))

@@ -9,8 +9,8 @@ from torch import Generator, Tensor
 
 from wayfarer.engines.engine import StepInputs
 from wayfarer.engines.torch.batch import Given
+from wayfarer.engines.torch.cuda_graph_stream import CudaGraphStream
 from wayfarer.engines.torch.engine import Networks
-from wayfarer.engines.torch.lane import Lane
 from wayfarer.motion.primitive import StepResult
 from wayfarer.spec import SEED_FRAMES
 
@@ -27,7 +27,7 @@ class Crowd:
         device, anew in every step and the same for the same `noise_seed`, device and numbers.
         """
         rows, candidates = start.noise.shape[:2]
-        self.lane = Lane(networks.device)
+        self.lane = CudaGraphStream(networks.device)
         self._step = networks.steps[gender]
         self._given = Given(self.lane, rows, candidates)
         self._random = Generator(networks.device)

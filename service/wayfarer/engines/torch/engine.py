@@ -17,7 +17,7 @@ from wayfarer.artifacts import ModelFolder, sha256_of
 from wayfarer.engines.engine import EngineKind, StepInputs, StepOutputs, variant
 from wayfarer.engines.padding import join, part
 from wayfarer.engines.torch.batch import Batch
-from wayfarer.engines.torch.lane import Lane, chosen_device
+from wayfarer.engines.torch.cuda_graph_stream import CudaGraphStream, chosen_device
 from wayfarer.engines.torch.precision import MixedStep, Precision
 from wayfarer.engines.torch.weights import load_step
 from wayfarer.engines.warm import WarmEngine
@@ -86,7 +86,7 @@ class TorchEngine(WarmEngine):
         self.batch_sizes = self.to_compile = batch_sizes
         self.full = batch_sizes[-1]
         self.networks = networks
-        self._lane = Lane(networks.device, background)
+        self._lane = CudaGraphStream(networks.device, background)
         self._turn = threading.Lock()
         self._batches: dict[tuple[str, int, int], Batch] = {}
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from wayfarer.service.persistence.journal import Journal
-from wayfarer.service.persistence.journal_entries import Crowd, Member
+from wayfarer.service.persistence.journal_entries import CapturedAgents, Member
 from wayfarer.service.persistence.snapshot import AgentPart, SessionPart, Standing
 from wayfarer.world.agents.agent import AgentChange
 from wayfarer.world.agents.registry import Agent, Session
@@ -19,13 +19,13 @@ from wayfarer.world.stepping.due import Due
 from wayfarer.world.world import World
 
 
-def capture_session(world: World, session_id: str) -> tuple[SessionPart, Crowd]:
+def capture_session(world: World, session_id: str) -> tuple[SessionPart, CapturedAgents]:
     """A session and its agents. Raises NotFound."""
     session = world.registry.session(session_id)
     return _session_part(session), capture_agents(world, list(session.agents.values()))
 
 
-def capture_agents(world: World, agents: Sequence[Agent]) -> Crowd:
+def capture_agents(world: World, agents: Sequence[Agent]) -> CapturedAgents:
     """Agents on their present paths; see `GoalCommands.at_rest`."""
     slots, rows = world.slots, np.array([agent.slot for agent in agents], np.int64)
     seq, motion = slots.sent_chunks[rows], slots.committed.take(rows)
@@ -36,7 +36,7 @@ def capture_agents(world: World, agents: Sequence[Agent]) -> Crowd:
     gait.waypoint[sets_out] = 0
     revisions = slots.goal_revision[rows].tolist()
     models = [world.models.numbered(number).stamp for number in slots.model[rows].tolist()]
-    return Crowd(
+    return CapturedAgents(
         [_member(*known) for known in zip(agents, revisions, models, strict=True)],
         Standing(
             seq,

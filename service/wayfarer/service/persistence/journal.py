@@ -18,9 +18,9 @@ import structlog
 
 from wayfarer.errors import ArtifactError
 from wayfarer.service.inbox import post
-from wayfarer.service.meter import Meter, NoMeter
+from wayfarer.service.metrics_sink import MetricsSink, NoMetrics
 from wayfarer.service.persistence.journal_entries import (
-    Crowd,
+    CapturedAgents,
     Member,
     Row,
     Value,
@@ -38,7 +38,7 @@ from wayfarer.service.persistence.scene_entries import (
 from wayfarer.service.persistence.snapshot import BodyStamp, SessionPart
 from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.limits import Limits
-from wayfarer.world.scenes.book import Kept
+from wayfarer.world.scenes.scene_registry import SceneEntry
 
 log = structlog.get_logger(__name__)
 
@@ -49,11 +49,11 @@ RETRY_SECONDS: Final = 1.0
 class Journal:
     """Keeps what it is given. `put_…`, `drop_…` and `refresh` take microseconds."""
 
-    def __init__(self, folder: Path, body: BodyStamp, meter: Meter | None = None) -> None:
+    def __init__(self, folder: Path, body: BodyStamp, meter: MetricsSink | None = None) -> None:
         """Open the journal of a folder. Raises ArtifactError: see `JournalFile`; or when it was
         kept for another body.
         """
-        self._meter = meter or NoMeter()
+        self._meter = meter or NoMetrics()
         self._file = JournalFile(folder)
         self._entries = self._file.entries
         try:
@@ -108,11 +108,11 @@ class Journal:
 
     # From any thread
 
-    def put_scene(self, kept: Kept) -> None:
+    def put_scene(self, kept: SceneEntry) -> None:
         """A scene is new."""
         self._put({(Kind.SCENE, kept.scene_id): scene_part(kept)})
 
-    def put_obstacles(self, kept: Kept) -> None:
+    def put_obstacles(self, kept: SceneEntry) -> None:
         """Something has come, gone or been moved in a scene."""
         self._put({(Kind.OBSTACLES, kept.scene_id): obstacles_part(kept)})
 
@@ -126,7 +126,7 @@ class Journal:
         """A session is new or has changed; its agents are put on their own."""
         self._put({(Kind.SESSION, session.session_id): session})
 
-    def refresh(self, crowd: Crowd) -> None:
+    def refresh(self, crowd: CapturedAgents) -> None:
         """Agents are new, have been told something, or stand elsewhere now."""
         values: dict[Key, Value] = {}
         for number, member in enumerate(crowd.members):

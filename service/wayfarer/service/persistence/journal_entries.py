@@ -46,7 +46,7 @@ _MEMBER: Final = TypeAdapter(Member)
 
 
 @dataclass(frozen=True)
-class Crowd:
+class CapturedAgents:
     """Agents at rest, together: rows in the order of `members`."""
 
     members: Sequence[Member]
@@ -62,7 +62,7 @@ class Crowd:
 class Row:
     """One row of a crowd, to be packed by the writer."""
 
-    crowd: Crowd
+    crowd: CapturedAgents
     number: int
 
 

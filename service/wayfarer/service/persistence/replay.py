@@ -26,7 +26,7 @@ from wayfarer.world.agents.agent import (
     SessionSpec,
 )
 from wayfarer.world.goals.commands import GoalCommand
-from wayfarer.world.stepping.budget import Rung
+from wayfarer.world.stepping.budget import DegradationLevel
 from wayfarer.world.world import World
 
 SESSION: Final = "replay"
@@ -95,7 +95,7 @@ def _as_it_was(chunk: MotionChunk, track: Track) -> MotionChunk:
 
 def _step(world: World, run: Run, now: float) -> MotionChunk:
     """Plan the next chunk and send it: what is planned has always been sent before."""
-    world.step(now, Rung(max(run.candidates, 1), hold_idle=run.candidates == 0))
+    world.step(now, DegradationLevel(max(run.candidates, 1), hold_idle=run.candidates == 0))
     chunks = world.collect(now + world.settings.lead * STEP_SECONDS)
     if len(chunks) != 1 or chunks[0].candidates != run.candidates:
         raise FailedPrecondition(

@@ -23,8 +23,8 @@ from wayfarer.navigation.spec import (
     Walkable,
 )
 from wayfarer.service.persistence.journal_file import Entries, Kind
-from wayfarer.world.scenes.book import Kept
 from wayfarer.world.scenes.messages import SceneWish
+from wayfarer.world.scenes.scene_registry import SceneEntry
 
 log = structlog.get_logger(__name__)
 
@@ -115,7 +115,7 @@ class SceneRecord:
     obstacles: Mapping[str, Obstacle]
 
 
-def scene_part(kept: Kept) -> ScenePart:
+def scene_part(kept: SceneEntry) -> ScenePart:
     """What never changes of a scene."""
     wish, spec = kept.wish, kept.wish.spec
     mesh = spec.mesh
@@ -131,7 +131,7 @@ def scene_part(kept: Kept) -> ScenePart:
     )
 
 
-def obstacles_part(kept: Kept) -> ObstaclesPart:
+def obstacles_part(kept: SceneEntry) -> ObstaclesPart:
     """What does."""
     scene = kept.scene
     parts = {name: SolidPart.of(obstacle) for name, obstacle in scene.obstacles.items()}

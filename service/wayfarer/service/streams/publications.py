@@ -40,7 +40,7 @@ class SlowReader(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class StreamWish:
+class StreamOptions:
     """What a subscriber asks for."""
 
     agent_ids: tuple[str, ...] = ()  # none: all of the session, later ones too

@@ -13,8 +13,8 @@ from typing import Final
 
 from wayfarer.errors import InvalidArgument, WayfarerError
 from wayfarer.service.inbox import post
-from wayfarer.service.meter import Meter, ResumeResult
-from wayfarer.service.streams.milestones import Milestones
+from wayfarer.service.metrics_sink import MetricsSink, ResumeResult
+from wayfarer.service.streams.goal_events import GoalEvents
 from wayfarer.service.streams.publications import Publication, Resume, SlowReader
 from wayfarer.service.streams.subscription import BoundedSubscription, Entry, Start, StreamSettings
 from wayfarer.spec import STEP_SECONDS
@@ -32,7 +32,7 @@ class Publisher:
     """The logs of all sessions. A session's log begins when it is first needed."""
 
     def __init__(
-        self, settings: StreamSettings, meter: Meter, info: Callable[[str], AgentInfo]
+        self, settings: StreamSettings, meter: MetricsSink, info: Callable[[str], AgentInfo]
     ) -> None:
         """`info(agent_id)` tells where an agent belongs and its path."""
         self._settings = settings
@@ -46,7 +46,7 @@ class Publisher:
         """Tell what of a session fell due now; goal events go with it."""
         log = self._log(session_id)
         log.answer(chunks, self._meter)
-        self._deliver(log, chunks, log.milestones.events(chunks))
+        self._deliver(log, chunks, log.goal_events.events(chunks))
 
     def tell(self, session_id: str, events: Sequence[Event]) -> None:
         """Tell a session's subscribers, now and those that resume, of events of other origin."""
@@ -74,15 +74,15 @@ class Publisher:
 
     def adopt(self, record: SessionRecord) -> None:
         """A session comes from elsewhere; some of its agents are about to end their paths."""
-        milestones = self._log(record.session_id).milestones
+        goal_events = self._log(record.session_id).goal_events
         for agent in record.agents:
-            milestones.adopt(agent)
+            goal_events.adopt(agent)
 
     def forget_agent(self, session_id: str, agent_id: str) -> None:
         """It has been deleted."""
         if log := self._logs.get(session_id):
             log.awaited.pop(agent_id, None)
-            log.milestones.forget(agent_id)
+            log.goal_events.forget(agent_id)
 
     def end(self, session_id: str, error: WayfarerError | None = None) -> None:
         """End a session's subscriptions and forget it; should it come again, it begins anew."""
@@ -112,7 +112,7 @@ class Publisher:
 
     def _log(self, session_id: str) -> "_Log":
         if session_id not in self._logs:
-            self._logs[session_id] = _Log(self._settings.resume_s, Milestones(self._info))
+            self._logs[session_id] = _Log(self._settings.resume_s, GoalEvents(self._info))
         return self._logs[session_id]
 
     def _deliver(self, log: "_Log", chunks: MotionChunks, events: tuple[Event, ...]) -> None:
@@ -144,10 +144,10 @@ class Publisher:
 class _Log:
     """One session: what it has published last, and who follows it."""
 
-    def __init__(self, resume_s: float, milestones: Milestones) -> None:
+    def __init__(self, resume_s: float, goal_events: GoalEvents) -> None:
         self.epoch = secrets.token_hex(8)
         self.position = 0
-        self.milestones = milestones
+        self.goal_events = goal_events
         self.awaited: dict[str, tuple[int, float]] = {}  # goal revision, asked at; by agent
         self.is_waiting = False  # the agents wait for their readers
         self._resume_s = resume_s
@@ -175,7 +175,7 @@ class _Log:
         self._last_at = at
         return LEAST_STEP if last is None else min(max(at - last, LEAST_STEP), STEP_SECONDS)
 
-    def answer(self, chunks: MotionChunks, meter: Meter) -> None:
+    def answer(self, chunks: MotionChunks, meter: MetricsSink) -> None:
         """Measure the goals whose first chunks these are."""
         if not self.awaited:
             return

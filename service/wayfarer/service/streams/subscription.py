@@ -19,9 +19,9 @@ from wayfarer.errors import (
     ResourceExhausted,
     WayfarerError,
 )
-from wayfarer.service.meter import Meter
-from wayfarer.service.streams.marks import Marks
-from wayfarer.service.streams.publications import Publication, SlowReader, StreamWish
+from wayfarer.service.metrics_sink import MetricsSink
+from wayfarer.service.streams.publications import Publication, SlowReader, StreamOptions
+from wayfarer.service.streams.sequence_tracker import SequenceTracker
 from wayfarer.world.events import Event, EventKind
 
 MIN_WAITING: Final = 3
@@ -99,9 +99,9 @@ class BoundedSubscription:
     def __init__(
         self,
         session_id: str,
-        wish: StreamWish,
+        wish: StreamOptions,
         settings: StreamSettings,
-        meter: Meter,
+        meter: MetricsSink,
         clock: Callable[[], float],
     ) -> None:
         """Must be made on the reader's event loop. Takes nothing in before `begin`."""
@@ -124,7 +124,7 @@ class BoundedSubscription:
         self._opening: Publication | None = None
         self._position = 0  # of the last publication yielded
         self._horizon = math.inf  # nothing that begins later is yielded
-        self._marks = Marks()
+        self._tracker = SequenceTracker()
         self._ended = False
         self._error: WayfarerError | None = None
         self._waiter: asyncio.Future[None] | None = None
@@ -135,7 +135,7 @@ class BoundedSubscription:
         self.taken, self._position, self._opening = start.motion, start.position, start.opening
         resume = self.wish.resume
         if resume is None or resume.same_agents:  # else nobody knows who is new to the reader
-            self._marks.learn((entry.publication for entry in start.held), start.position)
+            self._tracker.learn((entry.publication for entry in start.held), start.position)
         for entry in start.replay:
             self.put(entry, spare=True)
         self._bound += self._span()  # until the reader has caught up
@@ -270,7 +270,7 @@ class BoundedSubscription:
         self.taken = entry.motion
         if self._span() <= self._settings.queue_s:
             self._bound = self._settings.queue_s
-        return self._marks.put(entry.publication, entry.motion)
+        return self._tracker.put(entry.publication, entry.motion)
 
     def _wake(self) -> None:
         if self._waiter is not None and not self._waiter.done():

@@ -6,7 +6,7 @@ from contextlib import aclosing, asynccontextmanager
 from itertools import chain
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.service.streams.publications import StreamWish
+from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.transport import convert, schema
 from wayfarer.transport.batches import event_message, parsed
 from wayfarer.transport.caller import Scope, present_caller
@@ -124,7 +124,7 @@ class MotionApi:
         with shared.book.place(caller, session) as place:
             subscription = await shared.service.subscribe(
                 wish.session_id,
-                StreamWish(
+                StreamOptions(
                     wish.agent_ids,
                     wish.slow_reader,
                     since.resume(followed) if since else None,

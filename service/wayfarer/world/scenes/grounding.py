@@ -9,13 +9,13 @@ from wayfarer.navigation.scene import Scene
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.output.ground import set_on_ground
 from wayfarer.world.rows import Index
-from wayfarer.world.scenes.scenery import NOWHERE, Scenery
+from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
 from wayfarer.world.stepping.playback import Sent
 
 Array = NDArray[np.floating[Any]]
 
 
-def ground(slots: Slots, scenery: Scenery, sent: Sent) -> None:
+def ground(slots: Slots, scenery: WorldScenes, sent: Sent) -> None:
     """Raise the chunks of `sent` to the floors of their agents' scenes."""
     scenes = slots.scene[sent.slots]
     if not scenes.any():

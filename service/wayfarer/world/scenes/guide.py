@@ -10,13 +10,17 @@ from wayfarer.engines.engine import Float, no_obstacles
 from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Gait, Goals, Seeds, Slots
 from wayfarer.world.rows import Index
+from wayfarer.world.scenes.collision_avoidance import (
+    CollisionAvoidance,
+    angle_between_ways,
+    pass_through,
+)
 from wayfarer.world.scenes.near import nearest_people, nearest_walls
 from wayfarer.world.scenes.people import moving
 from wayfarer.world.scenes.planner import Planner
 from wayfarer.world.scenes.routes import Routes
-from wayfarer.world.scenes.scenery import NOWHERE, Scenery
-from wayfarer.world.scenes.yielding import Yielding, angle_between_ways, pass_through
-from wayfarer.world.stepping.guide import Course
+from wayfarer.world.scenes.world_scenes import NOWHERE, WorldScenes
+from wayfarer.world.stepping.guide import NextTarget
 
 Array = NDArray[np.floating[Any]]
 
@@ -63,19 +67,21 @@ NARROW_SPEED: Final = (0.8, 1.5)
 class SceneGuide:
     """Implements `Guide`."""
 
-    def __init__(self, slots: Slots, routes: Routes, scenery: Scenery, planner: Planner) -> None:
+    def __init__(
+        self, slots: Slots, routes: Routes, scenery: WorldScenes, planner: Planner
+    ) -> None:
         self._slots = slots
         self._routes = routes
         self._scenery = scenery
         self._planner = planner
-        self.yielding = Yielding(slots, scenery)
+        self.avoidance = CollisionAvoidance(slots, scenery)
 
-    def course(self, rows: Index, seed: Seeds, gait: Gait, goals: Goals) -> Course:
+    def course(self, rows: Index, seed: Seeds, gait: Gait, goals: Goals) -> NextTarget:
         """See `Guide`."""
-        self.yielding.forget()
+        self.avoidance.forget()
         inside = np.flatnonzero(self._slots.scene[rows] != NOWHERE)
         if not len(inside):
-            return Course(goals, goals)
+            return NextTarget(goals, goals)
         hips = seed.translation[:, -1, :2]
         if len(inside) == len(rows):
             return self._led(rows, hips, gait, goals)
@@ -84,7 +90,7 @@ class SceneGuide:
         ahead.put(inside, led.ahead)
         radius = goals.radius.copy()
         radius[inside] = led.judged.radius
-        return Course(ahead, replace(goals, radius=radius))
+        return NextTarget(ahead, replace(goals, radius=radius))
 
     def obstacles(self, rows: Index, seed: Seeds) -> Float:
         """See `Guide`."""
@@ -105,14 +111,14 @@ class SceneGuide:
         avoiding = np.flatnonzero(self._slots.avoids[rows])
         for number in np.unique(self._slots.session[rows[avoiding]]).tolist():
             mine = avoiding[self._slots.session[rows[avoiding]] == number]
-            others = self.yielding.others(number, rows[mine])
+            others = self.avoidance.others(number, rows[mine])
             near = nearest_people(others.people, others.rows(rows[mine]), half)
             found[mine, half:] = near
         return found
 
     # Within
 
-    def _led(self, rows: Index, hips: Array, gait: Gait, goals: Goals) -> Course:
+    def _led(self, rows: Index, hips: Array, gait: Gait, goals: Goals) -> NextTarget:
         """The same for rows that are all in scenes."""
         route = self._slots.route
         away = np.linalg.norm(goals.position[:, :2] - hips, axis=-1)
@@ -130,8 +136,8 @@ class SceneGuide:
         led = np.flatnonzero(wanted & open_)
         if len(led):
             self._lead(rows[led], hips[led], led, ahead)
-            self.yielding.bend(rows[led], hips[led], led, ahead)
-        return Course(ahead, replace(goals, radius=radius))
+            self.avoidance.bend(rows[led], hips[led], led, ahead)
+        return NextTarget(ahead, replace(goals, radius=radius))
 
     def _lead(self, rows: Index, hips: Array, led: Index, ahead: Goals) -> None:
         """Write into rows `led` of `ahead` the points of their ways to head for."""

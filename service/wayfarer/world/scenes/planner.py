@@ -18,7 +18,7 @@ from wayfarer.world.agents.slots import Gait, Goals, Slots
 from wayfarer.world.events import EventKind
 from wayfarer.world.rows import Flags, Index
 from wayfarer.world.scenes.routes import Routes
-from wayfarer.world.scenes.scenery import Scenery
+from wayfarer.world.scenes.world_scenes import WorldScenes
 
 Array = NDArray[np.floating[Any]]
 
@@ -47,7 +47,7 @@ class Planner:
         self,
         slots: Slots,
         routes: Routes,
-        scenery: Scenery,
+        scenery: WorldScenes,
         move: Callable[[int, int, Array], None],
         tell: Tell,
         at_once: int,

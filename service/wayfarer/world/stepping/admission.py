@@ -47,7 +47,7 @@ class Admission:
         """Until something is measured, nobody is refused."""
         self._rules = settings.admission
         self._limit = settings.limits.agents
-        largest, full = settings.batch_sizes[-1], settings.full_batch
+        largest, full = settings.batch_sizes[-1], settings.batch_multiple
         self._cores = settings.cores
         self._warm = WarmCalls(largest // full * full or largest)
         self._excess = Excess()

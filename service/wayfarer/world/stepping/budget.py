@@ -20,7 +20,7 @@ WINDOW = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Rung:
+class DegradationLevel:
     """What there is time for."""
 
     candidates: int  # the most to try
@@ -33,9 +33,13 @@ def rungs(most: int) -> tuple[int, ...]:
     return (most, *(k for k in COUNTS if k < most))
 
 
-def ladder(most: int) -> tuple[Rung, ...]:
+def ladder(most: int) -> tuple[DegradationLevel, ...]:
     """All rungs, from the top."""
-    return (*map(Rung, rungs(most)), Rung(1, hold_idle=True), Rung(1, hold_idle=True, refuse=True))
+    return (
+        *map(DegradationLevel, rungs(most)),
+        DegradationLevel(1, hold_idle=True),
+        DegradationLevel(1, hold_idle=True, refuse=True),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +72,7 @@ class Budget:
         self._calls = Window(WINDOW)
 
     @property
-    def rung(self) -> Rung:
+    def rung(self) -> DegradationLevel:
         """Where it stands now."""
         return self._rungs[self.number]
 
@@ -76,7 +80,9 @@ class Budget:
         """An engine call that took so long has ended."""
         self._calls.add(now, seconds)
 
-    def allow(self, now: float, slack: float, held: float = 0.0, ahead: int = 0) -> Rung:
+    def allow(
+        self, now: float, slack: float, held: float = 0.0, ahead: int = 0
+    ) -> DegradationLevel:
         """The rung for a call that begins now, `slack` seconds before its deadline.
 
         `held` is the share of the agents, below 1, who are held at present; so many calls `ahead`

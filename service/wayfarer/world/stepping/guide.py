@@ -7,7 +7,7 @@ from wayfarer.world.agents.slots import Gait, Goals, Seeds
 from wayfarer.world.rows import Index
 
 
-class Course(NamedTuple):
+class NextTarget(NamedTuple):
     """What some rows do next."""
 
     ahead: Goals
@@ -22,7 +22,7 @@ class Course(NamedTuple):
 class Guide(Protocol):
     """Asked by the scheduler before every step, for the rows about to be stepped together."""
 
-    def course(self, rows: Index, seed: Seeds, gait: Gait, goals: Goals) -> Course:
+    def course(self, rows: Index, seed: Seeds, gait: Gait, goals: Goals) -> NextTarget:
         """Where the way of these rows leads for now. The arguments are not changed."""
         ...
 

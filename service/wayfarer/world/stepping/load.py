@@ -7,7 +7,7 @@ from functools import partial
 from wayfarer.world.agents.registry import Registry
 from wayfarer.world.agents.reservations import Reservation, Reservations
 from wayfarer.world.stepping.admission import Admission, with_more
-from wayfarer.world.stepping.budget import Budget, Rung
+from wayfarer.world.stepping.budget import Budget, DegradationLevel
 from wayfarer.world.stepping.costs import Counts
 from wayfarer.world.stepping.scheduler import PendingStep
 from wayfarer.world.stepping.settings import WorldSettings
@@ -27,13 +27,13 @@ class Load:
         self._registry = registry
         self._agents = agents
         self._refuses = settings.admission.refuse
-        self._full = Rung(wished)
+        self._full = DegradationLevel(wished)
         self._budget = Budget(wished, settings.budget) if settings.budget is not None else None
         self._admission = Admission(settings)
         self._reservations = Reservations()
 
     @property
-    def rung(self) -> Rung:
+    def rung(self) -> DegradationLevel:
         """The present level of degradation; see budget.py."""
         return self._full if self._budget is None else self._budget.rung
 
@@ -47,7 +47,9 @@ class Load:
         """Agents refused so far because they could not be stepped in time."""
         return self._admission.refused
 
-    def allow(self, now: float, slack: float, held_share: float, under_way: int) -> Rung:
+    def allow(
+        self, now: float, slack: float, held_share: float, under_way: int
+    ) -> DegradationLevel:
         """The level for the next step; see `Budget.allow`."""
         if self._budget is None:
             return self._full

@@ -16,7 +16,7 @@ from wayfarer.world.goals.paths import Paths
 from wayfarer.world.goals.steering import observe
 from wayfarer.world.rows import Flags, Float, Index
 from wayfarer.world.stepping.batch import broken, gather
-from wayfarer.world.stepping.guide import Course, Guide
+from wayfarer.world.stepping.guide import Guide, NextTarget
 from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
 from wayfarer.world.stepping.planting import Step, plant
 from wayfarer.world.stepping.playback import Chunks, Playback
@@ -113,9 +113,9 @@ class Scheduler:
         self._planned = planned
         self._guide = guide
         self._soles = soles
-        self._alone = settings.alone
-        self._company = settings.company * FPS  # frames
-        self._full = settings.full_batch
+        self._single_threaded = settings.single_threaded
+        self._company = settings.batch_lookahead_s * FPS  # frames
+        self._full = settings.batch_multiple
         self._flights = 0  # begun so far
         self.under_way = 0  # of them, those that are not finished
         self.resets = 0  # broken rows so far
@@ -141,7 +141,7 @@ class Scheduler:
             return None
         inputs = pad(mirror_inputs(batch.inputs, batch.mirrored), self._sizes)
         engine = self._models.numbered(batch.model).engine
-        step = (engine.alone if self._alone else engine).step
+        step = (engine.alone if self._single_threaded else engine).step
         self._flights += 1
         self.under_way += 1
         self._table.rows.flight[batch.rows] = self._flights
@@ -186,7 +186,7 @@ class Scheduler:
         if len(together := np.flatnonzero(tried == count)) < len(rows):
             rows, wished = rows[together], wished[together]
             seed, gait = seed.take(together), gait.take(together)
-            course = Course(course.ahead.take(together), course.judged.take(together))
+            course = NextTarget(course.ahead.take(together), course.judged.take(together))
         obstacles = self._guide.obstacles(rows, seed)
         return Batch(
             rows=rows,
@@ -260,7 +260,7 @@ class Scheduler:
         self._append(rows, chunks, batch.candidates)
         self.reduced_steps += int(batch.reduced.sum())
 
-    def _next(self, rows: Index) -> tuple[Seeds, Gait, Course]:
+    def _next(self, rows: Index) -> tuple[Seeds, Gait, NextTarget]:
         """Where the next step of some slots starts, their gait during it, and where it leads."""
         planned = self._table.rows.planned
         seed, gait = planned.seed.take(rows), planned.gait.take(rows)

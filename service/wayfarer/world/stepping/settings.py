@@ -29,12 +29,12 @@ class WorldSettings:
     lead: int = 1  # chunks that are planned ahead of their time
     phases: int = 2  # agents' steps are spread over so many moments of the 0.2 s
     replan_margin: float = 0.05  # s: a chunk that falls due within this is not replanned
-    company: float = 0.0  # s: who is due so soon may be stepped with those who are now
+    batch_lookahead_s: float = 0.0  # s: agents due this soon may join a batch
     cores: int = 1  # that the engine shares with loop and transport
-    full_batch: int = 1  # rows, or a multiple, where each costs least
+    batch_multiple: int = 1  # rows: a batch of this many, or a multiple, costs least per row
     batch_sizes: tuple[int, ...] = ANY_SIZE  # to which batches are padded; a server's are warmed
-    alone: bool = False  # engine calls take no thread but the caller's
-    ways: int = 4  # through scenes, that are looked for before one engine call at most
+    single_threaded: bool = False  # engine calls take no thread but the caller's
+    path_queries_per_step: int = 4  # most ways through scenes that one step looks for
     shard: Shard = field(default_factory=Shard)  # which of the server's sessions live here
 
     def __post_init__(self) -> None:

@@ -13,11 +13,11 @@ from wayfarer.world.agents.timeline import Timeline
 from wayfarer.world.events import Event, EventKind
 from wayfarer.world.goals.commands import Append, GoalCommand, Path
 from wayfarer.world.goals.paths import Paths
-from wayfarer.world.scenes.book import Book
 from wayfarer.world.scenes.guide import SceneGuide
 from wayfarer.world.scenes.planner import MOVED, Planner, moved_text
 from wayfarer.world.scenes.routes import Routes
-from wayfarer.world.scenes.scenery import Scenery
+from wayfarer.world.scenes.scene_registry import SceneRegistry
+from wayfarer.world.scenes.world_scenes import WorldScenes
 from wayfarer.world.stepping.settings import WorldSettings
 
 MOST_EVENTS: Final = 10_000
@@ -32,24 +32,26 @@ class Move(NamedTuple):
     place: Point3
 
 
-class Stage:
+class SceneContext:
     """The scenes of a world, the ways through them, and what is to be told of both."""
 
     def __init__(
         self,
         *,
-        book: Book,
+        book: SceneRegistry,
         slots: Slots,
         paths: Paths,
         timeline: Timeline,
         settings: WorldSettings,
     ) -> None:
-        self.scenery = Scenery(book, slots)
+        self.scenery = WorldScenes(book, slots)
         self._slots = slots
         self._timeline = timeline
         self._events: list[Event] = []
         routes = Routes(slots)
-        planner = Planner(slots, routes, self.scenery, paths.move, self.tell, settings.ways)
+        planner = Planner(
+            slots, routes, self.scenery, paths.move, self.tell, settings.path_queries_per_step
+        )
         self.guide = SceneGuide(slots, routes, self.scenery, planner)
 
     def refresh(self) -> None:

@@ -10,16 +10,16 @@ from wayfarer.navigation.scene import Scene
 from wayfarer.world.agents.agent import AgentSpec, Goal, SessionSpec
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.rows import Index
-from wayfarer.world.scenes.book import Book
+from wayfarer.world.scenes.scene_registry import SceneRegistry
 
 NOWHERE = 0
 """Number of the flat floor without end, on which sessions are that name no scene."""
 
 
-class Scenery:
+class WorldScenes:
     """Scenes by number; a number stands for one scene as long as the world lives."""
 
-    def __init__(self, book: Book, slots: Slots) -> None:
+    def __init__(self, book: SceneRegistry, slots: Slots) -> None:
         self.book = book
         self._slots = slots
         self._numbers: dict[str, int] = {}

@@ -23,7 +23,7 @@ LEAST: Final = 8
 """Rows that are worth a thread: fewer cost each about twice as much."""
 
 
-class Lanes:
+class RowPartitioner:
     """So many threads; a single one is the caller's own."""
 
     def __init__(self, threads: int) -> None:

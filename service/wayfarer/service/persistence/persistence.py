@@ -10,7 +10,7 @@ from wayfarer.errors import ArtifactError, Unavailable, WayfarerError
 from wayfarer.service.persistence.journal import Journal
 from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.limits import Limits
-from wayfarer.world.scenes.book import Book
+from wayfarer.world.scenes.scene_registry import SceneRegistry
 
 log = structlog.get_logger(__name__)
 
@@ -21,7 +21,7 @@ SAVE_PARTS: Final = 4
 """So often one agent in so many is copied for the journal: all of them each 0.4 s."""
 
 
-class Keeper:
+class Persistence:
     """Looks after a journal, if there is one."""
 
     def __init__(self, journal: Journal | None, limits: Limits) -> None:
@@ -44,7 +44,7 @@ class Keeper:
             self._journal.start()
             self._saving = asyncio.create_task(_repeat(save))
 
-    def restore_scenes(self, book: Book) -> None:
+    def restore_scenes(self, book: SceneRegistry) -> None:
         """Let every scene that was read be there again; bakes them, which takes time."""
         for record in self._scenes:
             try:

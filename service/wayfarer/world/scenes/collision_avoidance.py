@@ -12,7 +12,7 @@ from wayfarer.world.agents.slots import Goals, Slots
 from wayfarer.world.avoidance.avoid import avoid
 from wayfarer.world.rows import Flags, Index
 from wayfarer.world.scenes.people import Others, people_of
-from wayfarer.world.scenes.scenery import Scenery
+from wayfarer.world.scenes.world_scenes import WorldScenes
 
 Array = NDArray[np.floating[Any]]
 
@@ -26,10 +26,10 @@ TURNED: Final = 0.1
 """Radians that avoidance may turn an agent away from its way without its leaving it."""
 
 
-class Yielding:
+class CollisionAvoidance:
     """The people of a world's sessions, and who of them gives way."""
 
-    def __init__(self, slots: Slots, scenery: Scenery) -> None:
+    def __init__(self, slots: Slots, scenery: WorldScenes) -> None:
         self._slots = slots
         self._scenery = scenery
         self._seen: dict[int, Others] = {}

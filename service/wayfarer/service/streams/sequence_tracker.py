@@ -11,7 +11,7 @@ SILENCE: Final = 10.0
 """An agent without a chunk for so many seconds of motion is forgotten, deleted ones with it."""
 
 
-class Marks:
+class SequenceTracker:
     """The last sequence number of each agent that the reader has got, to mark chunks by."""
 
     def __init__(self) -> None:

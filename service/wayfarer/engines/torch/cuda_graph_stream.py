@@ -21,7 +21,7 @@ WARM_UP: Final = 3
 _RECORDING: Final = threading.Lock()
 
 
-class Lane:
+class CudaGraphStream:
     """A device, and a stream of its own there. For one thread at a time."""
 
     def __init__(self, device: torch.device, background: bool = False) -> None:

@@ -32,7 +32,7 @@ RETRY_AFTER: Final = 2.0
 
 
 @dataclass(slots=True)
-class Kept:
+class SceneEntry:
     """A scene under its id. `scene` is replaced as a whole."""
 
     scene_id: str
@@ -63,14 +63,14 @@ class Kept:
         )
 
 
-class Diary(Protocol):
+class SceneListener(Protocol):
     """Is told of what changes in a book, in order."""
 
-    def put_scene(self, kept: Kept) -> None:
+    def put_scene(self, kept: SceneEntry) -> None:
         """A scene is new."""
         ...
 
-    def put_obstacles(self, kept: Kept) -> None:
+    def put_obstacles(self, kept: SceneEntry) -> None:
         """Its obstacles have changed."""
         ...
 
@@ -79,7 +79,7 @@ class Diary(Protocol):
         ...
 
 
-class Book:
+class SceneRegistry:
     """Scenes by id. Thread-safe; of all methods only those that say so take time."""
 
     def __init__(
@@ -87,13 +87,13 @@ class Book:
         limits: SceneLimits | None = None,
         shard: Shard | None = None,
         bake: Callable[[SceneSpec], Scene] = bake,
-        diary: Diary | None = None,
+        diary: SceneListener | None = None,
     ) -> None:
         self.limits = limits or SceneLimits()
         self._shard = shard or Shard()
         self._bake = bake
         self._diary = diary
-        self._kept: dict[str, Kept] = {}
+        self._kept: dict[str, SceneEntry] = {}
         self._lock = Lock()
         self._queue = BoundedSemaphore(self.limits.bakes + self.limits.waiting)
         self._ovens = BoundedSemaphore(self.limits.bakes)
@@ -126,7 +126,7 @@ class Book:
         for name, obstacle in obstacles.items():
             scene = scene.put(name, obstacle)
         took = time.perf_counter() - started
-        kept = Kept(scene_id, wish, baked, replace(scene, version=version), created_at, took)
+        kept = SceneEntry(scene_id, wish, baked, replace(scene, version=version), created_at, took)
         with self._lock:
             self._enter(kept)
 
@@ -168,7 +168,7 @@ class Book:
         """The present versions of those that are still here."""
         return {name: self._kept[name].scene for name in scene_ids if name in self._kept}
 
-    def kept(self, scene_id: str) -> Kept:
+    def kept(self, scene_id: str) -> SceneEntry:
         """All that is kept of one. Raises NotFound."""
         return self._find(scene_id)
 
@@ -198,7 +198,7 @@ class Book:
 
     # Within
 
-    def _find(self, scene_id: str) -> Kept:
+    def _find(self, scene_id: str) -> SceneEntry:
         try:
             return self._kept[scene_id]
         except KeyError:
@@ -234,14 +234,14 @@ class Book:
             self._queue.release()
 
     def _add(self, wish: SceneWish, scene: Scene, now: float, bake_s: float) -> SceneInfo:
-        kept = Kept(self._shard.scene_id(), wish, scene, scene, now, bake_s)
+        kept = SceneEntry(self._shard.scene_id(), wish, scene, scene, now, bake_s)
         with self._lock:
             self._enter(kept)
             if self._diary is not None:
                 self._diary.put_scene(kept)
         return kept.info()
 
-    def _enter(self, kept: Kept) -> None:
+    def _enter(self, kept: SceneEntry) -> None:
         self._check_room()
         if kept.scene_id in self._kept:
             raise AlreadyExists(f"scene {kept.scene_id!r} exists already")

@@ -20,7 +20,7 @@ class ResumeResult(StrEnum):
     NEW_EPOCH = "new_epoch"  # the session has begun anew since
 
 
-class Meter(Protocol):
+class MetricsSink(Protocol):
     """Takes figures. Called from the motion thread and from event loops.
 
     Every method must be thread-safe, take microseconds, and never raise. Seconds throughout.
@@ -59,29 +59,29 @@ class Meter(Protocol):
         ...
 
 
-class NoMeter:
-    """A `Meter` that lets everything go."""
+class NoMetrics:
+    """A `MetricsSink` that lets everything go."""
 
     def step(self, seconds: float, agents: int) -> None:
-        """See `Meter`, as for all below."""
+        """See `MetricsSink`, as for all below."""
 
     def chunks(self, lateness: Seconds) -> None:
-        """See `Meter`."""
+        """See `MetricsSink`."""
 
     def queue(self, seconds: float) -> None:
-        """See `Meter`."""
+        """See `MetricsSink`."""
 
     def drops(self, policy: SlowReader, publications: int) -> None:
-        """See `Meter`."""
+        """See `MetricsSink`."""
 
     def resume(self, result: ResumeResult) -> None:
-        """See `Meter`."""
+        """See `MetricsSink`."""
 
     def goal_to_motion(self, seconds: float) -> None:
-        """See `Meter`."""
+        """See `MetricsSink`."""
 
     def refusal(self, command: str) -> None:
-        """See `Meter`."""
+        """See `MetricsSink`."""
 
     def journal(self, entries: int, failed: bool) -> None:
-        """See `Meter`."""
+        """See `MetricsSink`."""

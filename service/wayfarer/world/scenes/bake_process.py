@@ -1,4 +1,4 @@
-"""The process that bakes scenes: `python -m wayfarer.world.scenes.oven MEGABYTES SECONDS`.
+"""The process that bakes scenes: `python -m wayfarer.world.scenes.bake_process MEGABYTES SECONDS`.
 
 It reads specs from its parent (bakery.py) and answers each with the scene or with the error; both
 are pickled, which is safe between the two of them alone. It says True once it can begin, and ends

@@ -7,7 +7,7 @@ from wayfarer.spec import BETAS, LATENT, MARKERS, POSED_JOINTS, SEED_FRAMES
 from wayfarer.terms import TERMS
 
 
-def resting_inputs(agents: int, candidates: int) -> StepInputs:
+def dummy_inputs(agents: int, candidates: int) -> StepInputs:
     """A batch of so many agents and candidates each."""
     rotations = np.zeros((agents, SEED_FRAMES, POSED_JOINTS, 4), np.float32)
     rotations[..., 3] = 1.0

@@ -19,7 +19,7 @@ from wayfarer.world.events import Event, EventKind
 Place = tuple[int, int]  # revision, and number of a goal in that path
 
 
-class Milestones:
+class GoalEvents:
     """Goal events of one session's agents."""
 
     def __init__(self, info: Callable[[str], AgentInfo]) -> None:

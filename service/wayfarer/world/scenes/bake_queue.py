@@ -24,7 +24,7 @@ from wayfarer.world.limits import SceneLimits
 
 log = structlog.get_logger(__name__)
 
-COMMAND: Final = (sys.executable, "-m", "wayfarer.world.scenes.oven")
+COMMAND: Final = (sys.executable, "-m", "wayfarer.world.scenes.bake_process")
 START_S: Final = 60.0
 """Seconds until the process can begin, on a machine that is busy."""
 PATIENCE: Final = 3
@@ -37,7 +37,7 @@ ADVICE: Final = (
 )
 
 
-class Bakery:
+class BakeQueue:
     """One process, started for the first bake and kept. Thread-safe; one bake at a time."""
 
     def __init__(self, limits: SceneLimits) -> None:
