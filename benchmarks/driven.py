@@ -68,7 +68,7 @@ class Driven:
     def __init__(self, asked: argparse.Namespace) -> None:
         sizes = tuple(2**power for power in range(16) if 2**power <= asked.batch)
         settings = WorldSettings(
-            limits=Limits(asked.agents, asked.agents, asked.sessions, goal_distance=20_000.0),
+            limits=Limits(asked.agents, asked.agents, asked.sessions, goal_distance_m=20_000.0),
             steering=Steering().with_search(candidates=asked.candidates),
             admission=AdmissionRules(refuse=False),
             batch_sizes=sizes,

@@ -57,7 +57,7 @@ def _floor(side: float) -> np.ndarray:
 
 def cubes(seeds: int, pairs: int) -> dict[str, float]:
     """The paper's setting: 20 x 20 m, 30 boxes."""
-    queries, ratios, bakes, changes, heads = [], [], [], [], []
+    queries, ratios, bakes, changes = [], [], [], []
     for seed in range(seeds):
         spec = cubes_field(seed)
         bakes.append(best(lambda spec=spec: bake(spec), 5))
@@ -70,9 +70,6 @@ def cubes(seeds: int, pairs: int) -> dict[str, float]:
         for pair in asked:
             queries.append(best(lambda p=pair, s=scene: s.path(*p), 3))
             found.append(scene.path(*pair))
-        heads += [
-            best(lambda p=p, s=scene: s.ahead(p, p.points[0], 0.0, 1.5), 3) for p in found[:20]
-        ]
         lengths = np.array([path.length for path in found])
         ratios += (lengths / shortest_lengths(scene, asked)).tolist()
     return {
@@ -80,7 +77,6 @@ def cubes(seeds: int, pairs: int) -> dict[str, float]:
         "change_ms_median": float(np.median(changes)),
         "query_ms_median": float(np.median(queries)),
         "query_ms_p95": float(np.quantile(queries, 0.95)),
-        "look_ahead_ms_median": float(np.median(heads)),
         "path_ratio_mean": float(np.mean(ratios)),
         "path_ratio_p95": float(np.quantile(ratios, 0.95)),
         "path_ratio_max": float(np.max(ratios)),

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import fields, is_dataclass
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
+from wayfarer import config
 from wayfarer.artifacts import ModelFolder, sha256_of
 from wayfarer.body.library import body_file, load_body
 from wayfarer.config import Settings
@@ -33,15 +35,17 @@ from wayfarer.world.stepping.budget import BudgetRules, rungs
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.world import World
 
+T = TypeVar("T")
+
 MEASURES: Final = 2
 """Calls of a size that are measured; agents are admitted by the shortest."""
 
 MEASURE_EVERY: Final = 3
 """Of the sizes of batches, from the largest down: what lies between is reckoned."""
 
-COMPANY: Final = STEP_SECONDS
-"""A batch is filled with whoever comes next, a whole step ahead at most: large ones cost less for
-each agent, and who has a new goal need not be stepped alone."""
+LOOKAHEAD: Final = STEP_SECONDS
+"""A batch is filled with the agents that come next, at most a whole step ahead: large batches cost
+less per agent, and an agent with a new goal need not be stepped alone."""
 
 
 def model_store(settings: Settings) -> ModelStore:
@@ -75,13 +79,7 @@ def runtime(
     shard: Shard = Shard(),
 ) -> Runtime:
     """The runtime over the models; not yet started. Raises ArtifactError."""
-    limits = Limits(
-        agents=settings.limits.agents,
-        agents_per_session=settings.limits.agents_per_session,
-        sessions=settings.limits.sessions,
-        goal_distance=settings.limits.goal_distance_m,
-        path_goals=settings.limits.path_goals,
-    )
+    limits = part_of(settings.limits, Limits)
     engine = open_engine(folder, settings.engine, settings.threads, settings.candidates)
     # models that are loaded later run on the same engine
     settings = settings.model_copy(update={"engine": engine.setting})
@@ -89,18 +87,14 @@ def runtime(
     world_settings = WorldSettings(
         limits=limits,
         batch_sizes=sizes,
-        batch_lookahead_s=COMPANY,
+        batch_lookahead_s=LOOKAHEAD,
         cores=settings.threads or cores(),
         batch_multiple=engine.full,
         steering=Steering().with_search(candidates=settings.candidates),
         budget=BudgetRules(),
         admission=AdmissionRules(settings.most_load, refuse=settings.admission),
         shard=shard,
-        scenes=SceneLimits(
-            scenes=settings.limits.scenes,
-            bake_s=settings.limits.bake_s,
-            bake_mb=settings.limits.bake_mb,
-        ),
+        scenes=part_of(settings.limits, SceneLimits),
     )
     body = BodyStamp(BODY, {gender: sha256_of(body_file(BODY, gender)) for gender in GENDERS})
 
@@ -124,15 +118,18 @@ def runtime(
         log_entries=settings.limits.log_entries,
         bakery=BakeQueue(world_settings.scenes),
     )
-    queues = LoopSettings(
-        queue_s=settings.limits.queue_s,
-        resume_s=settings.limits.resume_s,
-        lead_s=settings.limits.lead_s,
-    )
+    queues = part_of(settings.limits, LoopSettings)
     store = model_store(settings)
     return Runtime(
         worlds, settings.limits.offline_jobs, warm_up, queues, clock, meter, open_model=store.open
     )
+
+
+def part_of(limits: config.Limits, part: type[T]) -> T:
+    """The limits of one concern: a dataclass whose fields have the names of the settings."""
+    assert is_dataclass(part)
+    names = [field.name for field in fields(part) if field.name in type(limits).model_fields]
+    return part(**{name: getattr(limits, name) for name in names})
 
 
 def with_engine(settings: Settings) -> Settings:

@@ -156,7 +156,7 @@ def test_a_path_can_be_fed_for_ever(lead):
 
 
 def test_no_more_goals_lie_ahead_than_a_path_may_have():
-    world, [agent] = populated(limits=Limits(path_goals=3, goal_distance=20))
+    world, [agent] = populated(limits=Limits(path_goals=3, goal_distance_m=20))
     world.give(agent, Path(tuple(passing(2.0, 4.0))), 0.0)
     for goals, words in (
         (passing(6.0, 8.0), "2 goals are still ahead and 2 were added; allowed: 3"),
@@ -261,7 +261,7 @@ def test_goals_added_to_wandering_end_it_after_the_present_place():
     ],
 )
 def test_impossible_areas_are_refused(area, field, words):
-    world, [agent] = populated(limits=Limits(goal_distance=50.0))
+    world, [agent] = populated(limits=Limits(goal_distance_m=50.0))
     with pytest.raises(InvalidArgument, match=words) as error:
         world.give(agent, area, 0.0)
     assert error.value.field == field

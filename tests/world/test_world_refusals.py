@@ -56,7 +56,7 @@ def test_impossible_goals_are_refused_and_change_nothing(goal, field, words):
     ],
 )
 def test_impossible_paths_are_refused_and_change_nothing(goals, field, words):
-    world, [agent] = populated(limits=Limits(path_goals=4, goal_distance=50))
+    world, [agent] = populated(limits=Limits(path_goals=4, goal_distance_m=50))
     world.give(agent, Path((GOAL, Goal((1, 5, 0)))), 0.0)
     list(world.advance(1.0))
     with pytest.raises(InvalidArgument, match=words) as error:

@@ -1,9 +1,7 @@
 """Motion models by name: found in folders, opened and warmed beside those that serve."""
 
 import asyncio
-import os
 import re
-import sys
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -14,6 +12,7 @@ from typing import Final
 from wayfarer.artifacts import MANIFEST, ModelFolder
 from wayfarer.engines.engine import Engine
 from wayfarer.engines.models import Models
+from wayfarer.engines.row_partitioner import give_way
 from wayfarer.engines.warm import WarmEngine
 from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted
 
@@ -69,7 +68,7 @@ class ModelStore:
         """
         engine = self._open_engine(self._check(self.find(name)))
         # Only now: the threads that the engine has just made would have inherited it.
-        _give_way()
+        give_way(NICENESS)
         engine.warm_up(engine.sizes_for(self._agents), self._candidates, _pause)
         return engine
 
@@ -121,11 +120,3 @@ def no_model(name: str) -> Engine:
 def _pause(agents: int, candidates: int, seconds: float) -> None:
     """Warming takes no more than half of the engine's threads' time."""
     time.sleep(seconds)
-
-
-def _give_way() -> None:
-    """Lower the priority of the present thread, which runs no Python to speak of."""
-    if sys.platform == "linux":
-        # On Linux a priority belongs to a thread, and 0 stands for the one that calls.
-        niceness = os.getpriority(os.PRIO_PROCESS, 0) + NICENESS
-        os.setpriority(os.PRIO_PROCESS, 0, min(niceness, 19))

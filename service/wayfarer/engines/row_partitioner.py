@@ -58,15 +58,17 @@ class RowPartitioner:
         return (*of_one, *(of_one[-1] * count for count in range(2, self.count + 1)))
 
 
-def give_way() -> None:
+def give_way(more: int = NICENESS) -> None:
     """Let the calling thread, and those that it makes, run after the others of the process.
+
+    `more`: niceness added to its own.
 
     A thread that holds Python's lock and waits for a core holds up all others that need the lock:
     what computes for long without it comes last.
     """
     if sys.platform == "linux":  # elsewhere it would be the whole process
         thread = threading.get_native_id()
-        niceness = os.getpriority(os.PRIO_PROCESS, thread) + NICENESS
+        niceness = os.getpriority(os.PRIO_PROCESS, thread) + more
         os.setpriority(os.PRIO_PROCESS, thread, min(niceness, 19))
 
 

@@ -26,7 +26,7 @@ from wayfarer.navigation.ground.ground import Ground, find_ground
 from wayfarer.navigation.locate import Place, nearest_place
 from wayfarer.navigation.mesh import NavMesh
 from wayfarer.navigation.paths.find import sampled, shortest, widened
-from wayfarer.navigation.paths.path import Ahead, Path
+from wayfarer.navigation.paths.path import Path
 from wayfarer.navigation.solids import footprint
 from wayfarer.navigation.spec import MAX_OBSTACLES, Obstacle, Point2, Point3, SceneSpec
 
@@ -35,8 +35,6 @@ Array = NDArray[np.floating[Any]]
 FIELD_CELL: Final = 0.1
 """Metres between samples of the clearance field, more in scenes beyond `FIELD_CELLS`."""
 FIELD_CELLS: Final = 2_000_000
-_SHARES: Final = np.array([1.0, 0.75, 0.5, 0.3, 0.15])
-_LINE: Final = np.linspace(0.0, 1.0, 12)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,23 +124,6 @@ class Scene:
     def is_clear(self, points: Array) -> bool:
         """Whether the polyline [P, 2 | 3] still keeps the radius free: no need to plan again."""
         return bool(self._free(sampled(_lift(points))[0]).all())
-
-    def ahead(self, path: Path, position: Array, since: float, distance: float) -> Ahead:
-        """Where an agent at `position` [2 | 3] should head for: `distance` metres along its path.
-
-        Nearer where the straight line there would cut a corner. `since`: the progress of last time.
-        """
-        progress = path.progress(position, since, window=max(2.0, 2 * distance))
-        reach = np.minimum(progress + distance * _SHARES, path.length)
-        targets = path.at(reach)  # [S, 3], farthest first
-        lines = position[:2] + _LINE[:, None] * (targets[:, None, :2] - position[:2])
-        height = np.broadcast_to(targets[:, None, 2:], (*lines.shape[:2], 1))
-        near = self.distance(np.concatenate([lines, height], -1))
-        # whoever stands too near already may go wherever it is no nearer than that
-        floor = min(self._tight, float(near[:, 0].min()))
-        good = np.flatnonzero((near >= floor - 1e-6).all(1))
-        x, y, z = targets[good[0] if len(good) else -1].tolist()
-        return Ahead((x, y, z), progress, path.length - progress)
 
     def floor(self, points: Array) -> Array:
         """Height of the floor at points [..., 2 | 3]; off the ground, of the nearest. [...]"""

@@ -73,7 +73,7 @@ class Worlds:
             agents=1,
             agents_per_session=1,
             sessions=1,
-            goal_distance=self.settings.limits.goal_distance + SLACK,
+            goal_distance_m=self.settings.limits.goal_distance_m + SLACK,
         )
         settings = replace(self._patient(), limits=limits, batch_sizes=(1,))
         return World(self.models.copy(), self.bodies, self.start_poses, settings)

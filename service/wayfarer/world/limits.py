@@ -12,7 +12,7 @@ class Limits:
     agents: int = 1024
     agents_per_session: int = 256
     sessions: int = 256
-    goal_distance: float = 1000.0  # metres, horizontal, from the agent or the goal before
+    goal_distance_m: float = 1000.0  # metres, horizontal, from the agent or the goal before
     path_goals: int = 256  # goals of one path
 
     def __post_init__(self) -> None:

@@ -82,37 +82,7 @@ def test_corners_are_kept_clear_of_where_there_is_room() -> None:
     assert max(gained) > 0.08
 
 
-def test_an_agent_that_heads_for_the_point_ahead_arrives_without_touching() -> None:
-    scene = SCENES[1]
-    path = scene.path((1.0, 1.0), (13.0, 13.0))
-    position, progress, nearest = path.points[0, :2], 0.0, np.inf
-    for _ in range(2000):
-        ahead = scene.ahead(path, position, progress, distance=1.2)
-        assert ahead.progress >= progress - 1e-9
-        progress = ahead.progress
-        step = np.array(ahead.target[:2]) - position
-        gap = float(np.linalg.norm(step))
-        if ahead.left < 0.05:
-            break
-        position = position + step * min(0.03 / max(gap, 1e-9), 1.0)
-        nearest = min(nearest, float(scene.distance(position)))
-    assert dist(position, path.points[-1, :2]) < 0.1
-    assert nearest > scene.spec.walkable.radius - 0.06
-
-
-def test_progress_does_not_jump_to_a_stretch_that_passes_close_by() -> None:
-    hairpin = np.array([[0.0, 0, 0], [10, 0, 0], [10, 0.5, 0], [0, 0.5, 0]])
-    path = Path(hairpin, 0.0, 0.0, "", 0)
-    assert path.progress(np.array([2.0, 0.4]), since=1.5) == pytest.approx(2.0)
-    assert path.progress(np.array([2.0, 0.4]), since=17.5) == pytest.approx(18.5)
-    np.testing.assert_allclose(
-        path.at(np.array([0.0, 10.25, 99.0])), [[0, 0, 0], [10, 0.25, 0], [0, 0.5, 0]]
-    )
-
-
 def test_a_path_of_one_point_is_a_path() -> None:
     path = SCENES[0].path((1.0, 1.0), (1.0, 1.0))
     assert path.length == 0 and path.goal == (1.0, 1.0, 0.0)
     assert SCENES[0].is_clear(path.points)
-    ahead = SCENES[0].ahead(path, np.array([1.5, 1.0]), 0.0, 1.0)
-    assert ahead.target == (1.0, 1.0, 0.0) and ahead.left == 0

@@ -320,7 +320,7 @@ NAN = math.nan
     ],
 )
 def test_what_is_refused(behaviour, field):
-    world, [agent, other] = populated(2, limits=Limits(path_goals=20, goal_distance=40.0))
+    world, [agent, other] = populated(2, limits=Limits(path_goals=20, goal_distance_m=40.0))
     if isinstance(behaviour, Follow | KeepAway):
         named = behaviour.agent_id.format(self=agent, other=other)
         values = {name: getattr(behaviour, name) for name in behaviour.__slots__}

@@ -17,7 +17,7 @@ from wayfarer.world.goals.checks import (
 from wayfarer.world.limits import Limits
 
 HERE = (0.0, 0.0, 0.0)
-LIMITS = Limits(path_goals=3, goal_distance=100.0)
+LIMITS = Limits(path_goals=3, goal_distance_m=100.0)
 
 
 def refusal(call, *args):

@@ -77,14 +77,14 @@ def _check_disc(
     where: str,
 ) -> None:
     check_place(center, f"{where}.center")
-    check_range([radius], MIN_RADIUS, limits.goal_distance, f"{where}.radius", Metres)
+    check_range([radius], MIN_RADIUS, limits.goal_distance_m, f"{where}.radius", Metres)
     farthest = dist(center, start[:2]) + radius
-    if farthest > limits.goal_distance:
+    if farthest > limits.goal_distance_m:
         raise InvalidArgument(
             "the area reaches as far as {} from the agent; allowed: at most {}",
             f"{where}.center",
             Metres(round(farthest)),
-            Metres(limits.goal_distance),
+            Metres(limits.goal_distance_m),
         )
     reach = max(map(abs, center)) + radius
     if reach > MAX_COORDINATE:

@@ -90,13 +90,13 @@ def check_goal(
     elif goal.strafe:
         raise InvalidArgument("strafe needs a heading to hold on the way", f"{where}.strafe")
     distance = math.dist(goal.position[:2], start[:2])
-    if distance > limits.goal_distance:
+    if distance > limits.goal_distance_m:
         raise InvalidArgument(
             "goal is {} from {}; allowed: at most {}",
             f"{where}.position",
             Metres(round(distance)),
             whence,
-            Metres(limits.goal_distance),
+            Metres(limits.goal_distance_m),
         )
 
 
