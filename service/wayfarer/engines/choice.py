@@ -21,7 +21,7 @@ TRIAL: Final = 64
 """Agents of the batch that is timed."""
 
 CALLS: Final = 4
-"""The shortest of so many calls counts: others may have been disturbed."""
+"""Calls that are timed; the shortest counts, since others may have been disturbed."""
 
 GAIN: Final = 0.8
 """Another engine must take less than this share of the default's time: it costs memory, too."""
@@ -53,7 +53,7 @@ def open_engine(
 
 
 def _open_torch(models: ModelFolder) -> WarmEngine:
-    # Whoever serves on a CPU has no torch, and with it would take seconds longer to start.
+    # A CPU server has no torch installed; importing it takes seconds.
     try:
         from wayfarer.engines.torch.engine import open_gpu_engine
     except ImportError as error:

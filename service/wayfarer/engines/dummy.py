@@ -8,7 +8,7 @@ from wayfarer.terms import TERMS
 
 
 def dummy_inputs(agents: int, candidates: int) -> StepInputs:
-    """A batch of so many agents and candidates each."""
+    """Inputs of a batch: `agents` rows, `candidates` each."""
     rotations = np.zeros((agents, SEED_FRAMES, POSED_JOINTS, 4), np.float32)
     rotations[..., 3] = 1.0
     return StepInputs(

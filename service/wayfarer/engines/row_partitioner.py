@@ -1,8 +1,8 @@
 """A batch on several cores: its rows are parted, and every part is computed by one thread.
 
 A step is two thousand small operators. Threads that share each of them meet two thousand times,
-and whoever has lost his core for a moment holds up the others; threads that have rows of their own
-meet once. Rows do not depend on their batch, so the result is the same, bit for bit.
+and a thread that loses its core for a moment holds up the others; threads that have rows of their
+own meet once. Rows do not depend on their batch, so the result is the same, bit for bit.
 """
 
 import os

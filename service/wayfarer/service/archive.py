@@ -19,8 +19,8 @@ T = TypeVar("T")
 
 SETTLE_TRIES: Final = 15
 SETTLE_SECONDS: Final = 0.02
-"""An export waits so often, so long, for chunks that were planned before an order to be sent: they
-leave within 0.1 s of it."""
+"""Tries and pause of an export that waits until chunks planned before the last command are sent,
+within 0.1 s of it."""
 
 
 class Home(Protocol):

@@ -135,8 +135,8 @@ class LiveMotion:
 
     async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
         """See `MotionService`."""
-        # Who has no room is told at once, whatever the motion thread is at. Skinning start poses
-        # takes about a millisecond each: not on the motion thread.
+        # A lack of room is reported at once, even when the motion thread is busy. Skinning start
+        # poses takes about a millisecond each: not on the motion thread.
         with (
             self._counted("create_agents"),
             self._world.reserve(session_id, specs, self._clock()) as room,
@@ -196,7 +196,7 @@ class LiveMotion:
             raise
 
     def _prepare(self, specs: Sequence[AgentSpec]) -> list[Motion]:
-        """Seeds for new agents; whoever waits to run Python goes first."""
+        """Seeds for new agents; other threads that wait to run Python go first."""
         seeds: list[Motion] = []
         for spec in specs:
             seeds += self._world.prepare([spec])

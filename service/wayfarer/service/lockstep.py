@@ -1,7 +1,7 @@
 """Sessions in lock-step: a world of their own each, in which time passes only when it is asked to.
 
-A world has a thread and a bounded inbox: whoever lets much time pass in one session delays nobody
-but that session's own callers.
+A world has a thread and a bounded inbox: letting much time pass in one session delays only
+that session's own callers.
 """
 
 import threading

@@ -17,7 +17,7 @@ class ResumeResult(StrEnum):
 
     RESUMED = "resumed"  # nothing was lost
     GAP = "gap"  # what it asked for is no longer held
-    NEW_EPOCH = "new_epoch"  # the session has begun anew since
+    NEW_EPOCH = "new_epoch"  # the session has started again since
 
 
 class MetricsSink(Protocol):
@@ -35,7 +35,7 @@ class MetricsSink(Protocol):
         ...
 
     def queue(self, seconds: float) -> None:
-        """So much motion waits for a subscriber, now that a publication has been added."""
+        """Seconds of motion that wait for a subscriber, after a publication was added."""
         ...
 
     def drops(self, policy: SlowReader, publications: int) -> None:

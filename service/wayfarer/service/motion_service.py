@@ -27,7 +27,7 @@ class Subscription(Protocol):
     """A bounded queue of publications, for one reader."""
 
     epoch: str
-    """Changes when the session's positions begin anew: with a restart or an import."""
+    """Changes when the session's positions start again: with a restart or an import."""
 
     resumed: bool
     """The subscription goes on without a gap where `StreamOptions.resume` left off."""
@@ -79,7 +79,7 @@ class SceneService(Protocol):
         ...
 
     async def put_obstacle(self, scene_id: str, name: str, obstacle: Obstacle) -> SceneInfo:
-        """Let it stand there, or move there; agents in whose way it is plan anew.
+        """Let it stand there, or move there; agents whose way it blocks plan again.
 
         Raises NotFound, InvalidArgument, ResourceExhausted, and FailedPrecondition when no free
         ground would be left.

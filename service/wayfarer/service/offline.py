@@ -4,8 +4,8 @@ A job is a generator, run in a thread as its items are asked for, one ahead of t
 nothing gathers for a reader who is slow. One who goes away ends the job, and so does one who takes
 nothing for too long.
 
-The threads have the priority of all others. One that had less, and were put off by the system while
-it runs Python, would keep every other thread of the process waiting for its lock.
+The threads have normal priority. A low-priority thread preempted while holding the GIL would block
+every other thread of the process (priority inversion).
 """
 
 import asyncio

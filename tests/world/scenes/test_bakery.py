@@ -18,7 +18,7 @@ from wayfarer.navigation.examples import cubes_field, slope_with_steps, town_squ
 from wayfarer.navigation.scene import bake
 from wayfarer.navigation.spec import Box, Floor, MeshFile, SceneSpec
 from wayfarer.world.limits import SceneLimits
-from wayfarer.world.scenes import bakery as module
+from wayfarer.world.scenes import bake_queue as module
 from wayfarer.world.scenes.bake_queue import BakeQueue, Oven
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of POSIX")

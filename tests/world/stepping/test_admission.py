@@ -204,7 +204,7 @@ def test_sizes_between_those_measured_cost_in_proportion(most_load, fit):
 
 def test_a_world_refuses_at_once_all_or_none_and_makes_room_again():
     world = make_world(admission=AdmissionRules(most_load=0.2))
-    measure(world)
+    measure(world.load)
     world.create_session(SessionSpec("s"), 0.0)
     capacity = world.load.capacity(0.0)
     made = world.create_agents("s", people(capacity), 0.0)
@@ -221,7 +221,7 @@ def test_a_world_refuses_at_once_all_or_none_and_makes_room_again():
 
 def test_room_that_is_held_is_taken_for_all_others_until_it_is_given_up():
     world = make_world(admission=AdmissionRules(most_load=0.2))
-    measure(world)
+    measure(world.load)
     for name in "st":
         world.create_session(SessionSpec(name), 0.0)
     capacity = world.load.capacity(0.0)
@@ -261,7 +261,7 @@ def test_who_has_given_its_room_up_is_asked_again():
 
 def test_the_cap_holds_besides():
     world = make_world(limits=Limits(agents=3))
-    measure(world)
+    measure(world.load)
     world.create_session(SessionSpec("s"), 0.0)
     assert world.load.capacity(0.0) == 3
     with pytest.raises(ResourceExhausted, match="0 of 3 agents exist"):
@@ -299,7 +299,7 @@ def test_a_world_that_everybody_has_left_is_not_late():
 
 def test_who_may_not_be_is_not_counted_for():
     world = make_world()
-    measure(world)
+    measure(world.load)
     world.create_session(SessionSpec("s"), 0.0)
     with pytest.raises(InvalidArgument, match="gender"):
         world.reserve("s", people(1, gender="robot"), 0.0)

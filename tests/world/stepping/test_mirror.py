@@ -4,11 +4,11 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from wayfarer.engines.resting import resting_inputs
 
 from tests.world.fakes import FakeEngine, make_world, people
 from wayfarer.body.library import load_body
 from wayfarer.body.rotation import matrix_from_quaternion
-from wayfarer.engines.resting import resting_inputs
 from wayfarer.spec import BETAS, GENDERS
 from wayfarer.world.agents.agent import Goal, SessionSpec
 from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs

@@ -94,4 +94,4 @@ def _script(
     courses = run_errands(world, case.errands(agents, random), case.seconds, watch=watch)
     shots = shots_of(courses, bodies)
     figures = robust.summary(shots, [robust.judge(shot) for shot in shots])
-    return {"name": case.name, "agents": agents, "resets": world.resets, **figures}
+    return {"name": case.name, "agents": agents, "resets": world.scheduler.resets, **figures}

@@ -221,7 +221,7 @@ class Journal:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Waiter:
-    """Somebody who waits until so many puts have been written."""
+    """A caller that waits until `noted` puts have been written."""
 
     noted: int
     loop: asyncio.AbstractEventLoop

@@ -45,7 +45,7 @@ MAX_TIME: Final = 1e12
 """Unix seconds: what is later, no clock shows."""
 
 CHUNKS_PER_ENTRY: Final = 50
-"""A log of so many entries tells of so many times as many chunks, and more is not made again."""
+"""Upper bound of chunks per log entry: a log with more is refused."""
 
 
 @dataclass(frozen=True, slots=True)

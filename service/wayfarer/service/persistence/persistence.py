@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 SAVE_SECONDS: Final = 0.1
 SAVE_PARTS: Final = 4
-"""So often one agent in so many is copied for the journal: all of them each 0.4 s."""
+"""Every `SAVE_SECONDS` one agent in `SAVE_PARTS` is copied for the journal: each every 0.4 s."""
 
 
 class Persistence:

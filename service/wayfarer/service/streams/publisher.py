@@ -85,7 +85,7 @@ class Publisher:
             log.goal_events.forget(agent_id)
 
     def end(self, session_id: str, error: WayfarerError | None = None) -> None:
-        """End a session's subscriptions and forget it; should it come again, it begins anew."""
+        """End a session's subscriptions and forget it; if it comes again, it starts afresh."""
         self.flush()
         self._holders.discard(session_id)
         if log := self._logs.pop(session_id, None):

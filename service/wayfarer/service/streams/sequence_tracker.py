@@ -8,7 +8,7 @@ from wayfarer.service.streams.publications import Publication
 from wayfarer.world.agents.agent import ChunkFlag, MotionChunks
 
 SILENCE: Final = 10.0
-"""An agent without a chunk for so many seconds of motion is forgotten, deleted ones with it."""
+"""Seconds of motion after which an agent without a chunk is forgotten, deleted ones included."""
 
 
 class SequenceTracker:

@@ -1,4 +1,4 @@
-"""In which of the moments of 0.2 s an agent has its steps: a step of all is spread over them."""
+"""Assigns each agent a phase within the 0.2 s step period, so that steps are spread evenly."""
 
 from typing import Final
 
@@ -7,10 +7,10 @@ from wayfarer.spec import GENDERS, NEW_FRAMES
 Load = list[list[int]]
 """Agents by phase and, within it, by gender (index into `spec.GENDERS`)."""
 UNEVEN: Final = 2
-"""A phase may hold so many times as many agents as the emptiest, …"""
+"""A phase may hold this many times the agents of the emptiest phase, plus `MARGIN`."""
 
 MARGIN: Final = 2
-"""… and so many more, if that spares an engine call."""
+"""Further agents that a phase may hold if that saves an engine call."""
 
 
 class Phases:

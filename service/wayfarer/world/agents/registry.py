@@ -1,4 +1,4 @@
-"""Who is there: sessions and their agents by id, by slot, and by alias."""
+"""Sessions and their agents by id, by slot, and by alias."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -87,7 +87,7 @@ class Registry:
         return session
 
     def check_room(self, wanted: Reservation, held: Sequence[Reservation] = ()) -> None:
-        """Whether so many fit, beside those for whom room is held. Thread-safe.
+        """Whether these agents fit beside the reservations. Thread-safe.
 
         Raises NotFound, ResourceExhausted.
         """

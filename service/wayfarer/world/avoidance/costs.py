@@ -83,7 +83,7 @@ def walls(people: People, rows: Index, tried: Float, clear: Clearance, rules: Ru
     count, fan = tried.shape[:2]
     flat = np.concatenate([points.reshape(count, -1, 2), start[:, None]], 1)
     room = clear(flat.astype(np.float32))
-    # whoever is too near already may go wherever it is no nearer
+    # a person that is too near already may go wherever it is no nearer
     wanted = np.minimum(people.radius[rows] + rules.wall_room, room[:, -1])
     lack = np.maximum(wanted[:, None] - room[:, :-1], 0).reshape(count, fan, len(times))
     return np.asarray(rules.wall * (lack / rules.wall_room).max(-1), np.float32)

@@ -10,9 +10,9 @@ from wayfarer.world.rows import Index
 NEAR: Final = 6.0
 """Metres: farther away a companion is not waited for."""
 LEAD: Final = 1.0
-"""Metres before the middle of its group from which a person slows down …"""
+"""Metres ahead of the middle of its group from which a person slows down."""
 SLOWEST: Final = 0.6
-"""… to this share of its speed."""
+"""Share of its speed to which it slows down."""
 
 
 def keep_together(people: People, rows: Index, preferred: Float) -> Float:

@@ -1,4 +1,4 @@
-"""Of whom each person takes notice: the few who matter soonest."""
+"""The neighbours that each person avoids: the few that matter soonest."""
 
 from dataclasses import dataclass
 

@@ -91,12 +91,12 @@ class Steering:
     searches: Mapping[Mode, Search] = field(default_factory=default_searches)
     braking_seconds: float = 0.1  # braking distance = min(radius / 2, 0.15) + this × speed
     braking_margin: float = 0.15
-    slowing_distance: float = 0.7  # from here on the target speed falls with the distance …
-    slowest: float = 0.7  # … down to this
+    slowing_distance: float = 0.7  # within this distance the target speed falls with it
+    slowest: float = 0.7  # lowest target speed before a stop
     acceleration: float = 2.0  # m/s²: nobody is asked for full speed at once
     coasting_seconds: float = 0.35  # without a goal an agent comes to rest in this × speed
-    sharp: float = radians(60)  # where a path turns by more, it is not passed at full speed …
-    corner_speed: float = 0.7  # … but at this
+    sharp: float = radians(60)  # a path that turns by more is passed at `corner_speed`
+    corner_speed: float = 0.7
     slow: float = 0.15  # below this an agent counts as slow
     slow_seconds: float = 0.4  # slow for so long: it stands
     resume_margin: float = 0.3  # stopped or pushed so far outside the goal's radius: walk again
@@ -203,7 +203,7 @@ class Steering:
             mode=mode.astype(np.int8),
             slow_seconds=slow_seconds.astype(np.float32),
             stop_place=_choose([(rests | turns_away, hips), (brakes, rest)], gait.stop_place),
-            # Whoever stops goes on facing as he did, unless another heading is wished.
+            # A stopping agent keeps its facing, unless another heading is wished.
             stop_facing=_choose(
                 [
                     (about, direction),

@@ -28,7 +28,7 @@ COMMAND: Final = (sys.executable, "-m", "wayfarer.world.scenes.bake_process")
 START_S: Final = 60.0
 """Seconds until the process can begin, on a machine that is busy."""
 PATIENCE: Final = 3
-"""By the clock a bake may take so many times as long: it has the lowest priority."""
+"""Ratio of the wall time a bake may take to its CPU time: it has the lowest priority."""
 ONE_THREAD: Final = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Memory of threads would count."""
 ADVICE: Final = (

@@ -25,10 +25,10 @@ from wayfarer.world.stepping.guide import NextTarget
 Array = NDArray[np.floating[Any]]
 
 REACH: Final = 1.0
-"""Metres along its way that an agent heads for …"""
+"""Metres along its way to the point that an agent heads for."""
 
 SHARES: Final = np.array([1.0, 0.75, 0.5, 0.3, 0.15])
-"""… or such a share of them, where the straight line there would cut a corner."""
+"""Shares of `REACH` that are tried in turn, until the straight line there cuts no corner."""
 
 LINE: Final = np.linspace(0.0, 1.0, 8)
 """Points of that line that are looked at."""
@@ -43,8 +43,7 @@ ELBOW: Final = 0.18
 """Metres beyond the radius that the hips keep from walls where they can: arms swing."""
 
 PUSH: Final = (2.5, 0.25)
-"""Metres aside, away from a wall, that is headed for, for each metre that lacks; and how many
-metres count."""
+"""Lateral push per metre of missing clearance, and the deficit (m) at which it saturates."""
 
 STRAYED: Final = 1.0
 """Metres outside the radius of a goal, once reached, from which an agent walks back to it."""
@@ -61,7 +60,7 @@ CORNER_SPEED: Final = (1.5, 0.75)
 
 NARROW: Final = (0.02, 0.15)
 NARROW_SPEED: Final = (0.8, 1.5)
-"""m/s where the way leaves so much room beside the radius: nobody squeezes through at a run."""
+"""m/s, by the room (m) that the way leaves beside the radius: nobody runs through a gap."""
 
 
 class SceneGuide:
@@ -178,7 +177,7 @@ class SceneGuide:
             near = scene.distance(lines[mine])
             # What the way itself keeps up to each target.
             own = np.minimum.accumulate(near[:, ::-1, -1], 1)[:, ::-1]
-            # Whoever stands too near already may go wherever it is no nearer than that.
+            # An agent that stands too near already may go wherever it is no nearer than that.
             floor = np.minimum(np.minimum(scene.spec.walkable.radius + ROOM, own), near[:, :1, 0])
             good[mine] = near.min(-1) >= floor - SLACK
             room[mine] = own[:, 0] - scene.spec.walkable.radius

@@ -27,8 +27,8 @@ OFF: Final = 1.2
 
 GOAL_MOVES: Final = 0.4
 GOAL_SHARE: Final = 0.15
-"""A goal that moves, as that of who follows another, is looked for again when it is so many metres
-from where it was, and such a share of the rest of the way."""
+"""The way to a moving goal, as a follower has one, is looked for again when the goal has moved by
+this many metres, and by this share of the rest of the way."""
 
 RETRY: Final = 5
 """Steps between two looks whether a closed way has opened."""

@@ -4,7 +4,7 @@
     crowds.tend(now)
 
 Everything about the people follows from the crowd's seed and their number. A few come with every
-call, so that none takes long. Who leaves does so when he next stands, not in mid-stride.
+call, so that none takes long. Somebody leaves when they next stand, not in mid-stride.
 """
 
 from collections.abc import Sequence
@@ -33,10 +33,10 @@ AT_ONCE: Final = 4
 """People who come with one call: each takes about 2 ms."""
 
 APART: Final = 1.2
-"""Metres between somebody who comes and everybody else …"""
+"""Metres between a newcomer and everybody else."""
 
 FROM_WALLS: Final = 0.45
-"""… and any wall."""
+"""Metres between a newcomer and any wall."""
 
 TRIES: Final = 24
 """Places that are looked at for each; then it is tried again with a later call."""
@@ -109,7 +109,7 @@ class _People:
 
 @dataclass(frozen=True, slots=True)
 class _Person:
-    """Somebody of a crowd, as its seed and his number make him."""
+    """Somebody of a crowd: follows from the crowd's seed and their number."""
 
     spec: AgentSpec
     wander: Wander
@@ -195,7 +195,7 @@ class Crowds:
         places: list[tuple[float, float]],
         now: float,
     ) -> tuple[float, float] | None:
-        """Let the next one come; where he stands, or None: there was no place or no room."""
+        """Let the next one come. Returns the place; None: there was no place or no room."""
         person = drawn_person(people.crowd, people.come, scene, places)
         if person is None:
             people.come += 1  # other draws the next time

@@ -13,7 +13,7 @@ from wayfarer.world.rows import Index
 Array = NDArray[np.floating[Any]]
 
 BACK: Final = 0.5
-"""Metres: an agent who was pushed, or planned anew, may be so far behind where it was."""
+"""Metres by which an agent that was pushed or replanned may be behind where it was."""
 
 WINDOW: Final = 2.0
 """Metres: and is looked for so far ahead. So it does not jump to a stretch that passes close by."""

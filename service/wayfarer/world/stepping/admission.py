@@ -1,10 +1,10 @@
 """How many agents fit: from what engine calls take, and the rest of the loop, as measured.
 
 The engine and the motion thread work beside each other. Agents are admitted as long as neither, on
-the last rung of the ladder that still steps everybody (one candidate), would be busy for more than
+the last degradation level that still steps everybody (one candidate), would be busy for more than
 a share of the time. In 0.2 s the engine has a call for each batch of one gender, which is filled
-with whoever comes next; the thread has a little to do for each call, a little for each chunk, and
-whoever sends them as much again. What these two need of the cores the engine lacks.
+with the agents that come next. The motion thread has a fixed cost per call and per chunk; sending
+a chunk costs about the same again. CPU used by these two is not available to the engine.
 
     thread = (calls · a + chunks · b) / 0.2 s
     engine = excess · Σ over calls of their seconds in the warm-up / 0.2 s / (1 - 2 thread / cores)
@@ -26,18 +26,18 @@ from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.stepping.window import Window
 
 REFRESH: Final = 1.0
-"""Seconds until the number of agents that fit is counted anew."""
+"""Seconds after which the number of agents that fit is computed again."""
 
 BESIDE: Final = 2.0
-"""Loop and transport need so many times as much of the cores as the loop does."""
+"""Ratio of the CPU that loop and transport use together to what the loop uses."""
 
 
 class Prices(NamedTuple):
     """What things take at present."""
 
-    excess: float  # the engine takes so many times as long as expected
-    turn: float  # seconds of the motion thread for each engine call …
-    chunk: float  # … and for each chunk that it publishes
+    excess: float  # ratio of measured to expected engine time
+    turn: float  # seconds of the motion thread per engine call
+    chunk: float  # seconds of the motion thread per chunk that it publishes
 
 
 class Admission:
@@ -104,7 +104,7 @@ class Admission:
         )
 
     def capacity(self, now: float) -> int:
-        """So many agents fit, of both genders in turn; counted anew once a second. 0: not known."""
+        """Agents that fit, of both genders in turn; computed once a second. 0: not known."""
         if not self._warm.known:
             return 0
         if now - self._counted_at >= REFRESH:

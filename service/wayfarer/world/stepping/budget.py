@@ -46,12 +46,12 @@ def ladder(most: int) -> tuple[DegradationLevel, ...]:
 class BudgetRules:
     """When to go down the ladder, and when up again. Seconds."""
 
-    late: float = 0.03  # an engine call may be over so long after its deadline
-    settle: float = 0.2  # after a change, so long before the next one down …
-    patience: float = 3.0  # … or up; twice as long after each climb that was a mistake, …
-    most_patience: float = 60.0  # … as far as this. Whoever stays up so long may err anew
-    headroom: float = 1.6  # a call with the candidates of the next rung takes so much longer …
-    most_busy: float = 1.25  # … and may then take this share of the time: more is not worth trying
+    late: float = 0.03  # an engine call may end this long after its deadline
+    settle: float = 0.2  # wait after a change before the next one down
+    patience: float = 3.0  # wait before a change up; doubled after each climb that was a mistake
+    most_patience: float = 60.0  # upper bound of that wait; a level held this long resets it
+    headroom: float = 1.6  # ratio of a call's cost with the next level's candidates
+    most_busy: float = 1.25  # share of the time it may then take: more is not worth trying
 
 
 class Budget:

@@ -1,4 +1,4 @@
-"""What engine calls, and the rest of the loop, take: in the warm-up, and of late."""
+"""Measured costs of engine calls and of the motion thread, in the warm-up and recently."""
 
 from collections.abc import Sequence
 from math import inf
@@ -77,22 +77,24 @@ class WarmCalls:
 
 
 class Excess:
-    """So many times as long as expected the engine has taken of late.
+    """Ratio of measured to expected engine time over the recent window.
 
-    More, when other programs need the processor, or when batches are not full: a new goal does not
-    wait for others.
+    It exceeds 1 when other programs use the processor, or when batches are not full because a new
+    goal does not wait for others.
     """
 
     def __init__(self) -> None:
         self._seconds, self._expected = Window(WINDOW), Window(WINDOW)
 
     def add(self, now: float, seconds: float, expected: float, usual: float) -> None:
-        """A call took so long; `expected` for its agents in full batches, `usual` for its size."""
+        """Note the `seconds` of a call; `expected` are those of its agents in full batches, `usual`
+        those of a call of its size.
+        """
         self._seconds.add(now, min(seconds, OUTLIER * max(expected, usual)))
         self._expected.add(now, expected)
 
     def value(self, now: float) -> float:
-        """Of all calls together."""
+        """The ratio, over all calls of the window."""
         seconds, expected = self._seconds.values(now), self._expected.values(now)
         if not sum(expected):
             return FIRST_EXCESS

@@ -11,12 +11,12 @@ class NextTarget(NamedTuple):
     """What some rows do next."""
 
     ahead: Goals
-    """The goals as steering shall see them: for whoever is in a scene, the next stretch. A row that
-    is not `given` waits: it stops, and walks on when it is given again."""
+    """The goals that steering sees: in a scene, the next stretch of the way. A row that is not
+    `given` waits: it stops, and walks on when it is given again."""
 
     judged: Goals
-    """The goals as is judged whether they have been reached: one that is near as the crow flies and
-    far to walk has a radius below 0."""
+    """The goals by which arrival is judged: a goal that is near in a straight line but far to walk
+    has a radius below 0."""
 
 
 class Guide(Protocol):

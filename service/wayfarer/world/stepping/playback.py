@@ -15,11 +15,11 @@ from wayfarer.world.agents.slots import Motion, Slots
 from wayfarer.world.rows import Flags, Float, Index, Int, Int16, Rows, Shape, UInt8
 
 ROUNDING: Final = 1e-3
-"""Of a primitive: what is due so shortly before is due at that moment."""
+"""Share of a primitive: what is due this shortly before a moment is due at that moment."""
 
 REPLAN_FRAMES: Final = 3
-"""What is planned anew is so many frames ahead of its time. Earlier, it would not be seen sooner,
-and goals that come one by one would each have an engine call of their own."""
+"""A replanned chunk is planned this many frames ahead of its time. Earlier planning would not be
+seen sooner, and goals that come one by one would each have an engine call of their own."""
 
 
 @dataclass(slots=True)
@@ -87,8 +87,7 @@ class Playback:
     def slack(self, frame: float) -> float:
         """Frames from world frame `frame` until the next chunk to be planned is to be shown.
 
-        Those who are new or have just been given another goal are in a hurry however little there
-        is to do: they do not count.
+        Agents that are new or were just replanned are ignored: they are always due at once.
         """
         slots = self._slots
         rows = np.flatnonzero(self._grounded & ~slots.replanned & (slots.planned_chunks > 0))

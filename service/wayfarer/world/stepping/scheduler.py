@@ -1,4 +1,6 @@
-"""Who is stepped when, or held: the scheduler sees slots and frames, never what tensors mean."""
+"""Decides which agents are stepped or held, and when. It sees slots and frames, never what tensors
+mean.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -78,7 +80,7 @@ Launch = Callable[[Outputs], Outputs]
 
 
 def at_once(call: Outputs) -> Outputs:
-    """The call is made by whoever wants its result."""
+    """The call is made when its result is asked for."""
     return call
 
 
@@ -124,7 +126,7 @@ class Scheduler:
 
     @property
     def held_share(self) -> float:
-        """Of the agents, those whose last chunk was held."""
+        """Share of the agents whose last chunk was held."""
         slots = self._table.rows
         return float(slots.held[slots.active].mean()) if slots.active.any() else 0.0
 
@@ -133,8 +135,8 @@ class Scheduler:
     ) -> PendingStep | None:
         """Set an engine call going for the agents most urgently due by world frame `frame`.
 
-        Tries `most` candidates at most. None when nobody is due. Until `finish`, whoever is under
-        way is not due; what is planned for an agent that is replanned or leaves is lost.
+        Tries `most` candidates at most. None when nobody is due. Until `finish`, agents
+        under way are not due; what is planned for an agent that is replanned or leaves is lost.
         """
         batch = self.schedule(frame, most)
         if batch is None:

@@ -14,7 +14,7 @@ ANY_SIZE = tuple(range(1, 65))
 padded."""
 
 PHASES = tuple(p for p in range(1, NEW_FRAMES + 1) if NEW_FRAMES % p == 0)
-"""A step can be spread over so many moments, each on a frame."""
+"""Allowed numbers of phases: each phase is on a frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class WorldSettings:
     scenes: SceneLimits = field(default_factory=SceneLimits)
     admission: AdmissionRules = field(default_factory=AdmissionRules)  # once there are measures
     lead: int = 1  # chunks that are planned ahead of their time
-    phases: int = 2  # agents' steps are spread over so many moments of the 0.2 s
+    phases: int = 2  # moments of the 0.2 s over which agents' steps are spread
     replan_margin: float = 0.05  # s: a chunk that falls due within this is not replanned
     batch_lookahead_s: float = 0.0  # s: agents due this soon may join a batch
     cores: int = 1  # that the engine shares with loop and transport
