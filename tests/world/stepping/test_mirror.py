@@ -4,11 +4,11 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from wayfarer.engines.resting import resting_inputs
 
 from tests.world.fakes import FakeEngine, make_world, people
 from wayfarer.body.library import load_body
 from wayfarer.body.rotation import matrix_from_quaternion
+from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.spec import BETAS, GENDERS
 from wayfarer.world.agents.agent import Goal, SessionSpec
 from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
@@ -19,7 +19,7 @@ BOTH = np.array([True, False])
 def inputs():
     """Two rows of chance."""
     random = np.random.default_rng(3)
-    drawn = resting_inputs(2, 1)
+    drawn = dummy_inputs(2, 1)
     return replace(
         drawn,
         **{
@@ -106,7 +106,7 @@ def test_a_model_that_prefers_a_side_does_not_make_a_crowd_that_does():
 
 def test_outputs_come_back_to_this_side():
     engine = FakeEngine()
-    asked = resting_inputs(2, 1)
+    asked = dummy_inputs(2, 1)
     plain = engine.step("male", asked)
     through = mirror_outputs(engine.step("male", mirror_inputs(asked, BOTH)), BOTH)
     for field in fields(plain):
