@@ -263,7 +263,7 @@ def test_nothing_printed_is_taken_for_an_answer():
 
 
 NOISY = """
-from wayfarer.world.scenes import oven
+from wayfarer.world.scenes import bake_process as oven
 bake = oven.bake
 def noisy(spec):
     print("a library says something")
