@@ -3,18 +3,32 @@
 #   docker run --rm -p 127.0.0.1:8080:8080 -p 127.0.0.1:50051:50051 wayfarer serve --insecure-no-auth
 # The flag is needed since the container listens on all its interfaces and nothing says who may
 # call: harmless with ports of this machine only. Keys, tokens, TLS: docs/operations.md.
+# `make image-check` builds it, runs it and lets an agent walk in it.
 
-FROM python:3.12-slim-bookworm AS build
+FROM debian:trixie-slim AS python
+ARG DEBIAN_FRONTEND=noninteractive
+RUN apt-get update && apt-get install --yes --no-install-recommends python3 \
+  && rm -rf /var/lib/apt/lists/*
+
+FROM python AS build
+ARG DEBIAN_FRONTEND=noninteractive
+RUN apt-get update && apt-get install --yes --no-install-recommends python3-venv
 WORKDIR /src
-RUN python -m venv /opt/wayfarer
-ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
+ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignore
+# what serves has no pip; that of the other environment installs into it
+RUN python3 -m venv /opt/build && python3 -m venv --without-pip /opt/wayfarer
+COPY requirements requirements
+RUN /opt/build/bin/pip install --no-deps --require-hashes --requirement requirements/build.txt \
+  && /opt/build/bin/pip --python /opt/wayfarer install --no-deps --require-hashes \
+  --requirement requirements/serve.txt
 COPY pyproject.toml README.md LICENSE NOTICE ./
 COPY proto proto
 COPY service service
-RUN /opt/wayfarer/bin/pip install .
+RUN /opt/build/bin/pip wheel --no-deps --no-build-isolation --wheel-dir /wheels . \
+  && /opt/build/bin/pip --python /opt/wayfarer install --no-deps --no-index /wheels/*.whl
 
-FROM python:3.12-slim-bookworm
-RUN useradd --system --uid 10001 --no-create-home --shell /usr/sbin/nologin wayfarer
+FROM python
+RUN useradd --uid 10001 --no-create-home --shell /usr/sbin/nologin wayfarer
 COPY --from=build /opt/wayfarer /opt/wayfarer
 COPY LICENSE NOTICE /usr/share/doc/wayfarer/
 ENV PATH=/opt/wayfarer/bin:$PATH PYTHONUNBUFFERED=1 PYTHONDONTWRITEBYTECODE=1

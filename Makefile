@@ -1,6 +1,6 @@
 # The same commands on a developer's machine and in CI. One virtual environment (.venv) with three
 # stamps: .serve holds what the service needs, .lab adds training, evaluation and load tools, .dev tests
-# and the Python client.
+# and the Python client. Versions are those of requirements/, which `make lock` renews.
 #
 # Knobs:  make serve ARGS="--http-port 9000"     options of `wayfarer serve`
 #         make test  ARGS="-k goals -x"          options of pytest
@@ -16,18 +16,21 @@ PYTHON ?=
 ARGS ?=
 
 PACKAGE := pyproject.toml proto/build_hook.py $(shell find proto -name '*.proto')
-CLIENT := $(wildcard clients/python/pyproject.toml)
+CLIENT := clients/python/pyproject.toml clients/python/build_hook.py
 VIEWER_TESTS := $(wildcard tests/viewer/*.test.mjs)
 NODE := clients/node
 NPM_TOOLS := tests/node_modules/.package-lock.json
 BUF := tests/node_modules/.bin/buf
 RELEASED := tests/proto/released.binpb
-CHECKED := service lab tests $(wildcard clients/python benchmarks proto/build_hook.py)
+CHECKED := service lab tests requirements clients/python benchmarks proto/build_hook.py
+PINNED := requirements/build.txt requirements/serve.txt
+PINS := $(CURDIR)/requirements/dev.txt
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PIP_ROOT_USER_ACTION := ignore
 
-.PHONY: help serve lab test lint lint-proto release-proto format proto docker clean
+.PHONY: help serve lab test lint lint-proto release-proto format proto lock matrix docker
+.PHONY: image-check clean
 
 help: ## show this list
 	@echo "Wayfarer. Usage: make <target>"
@@ -67,10 +70,19 @@ format: $(VENV)/.dev ## rewrite the code in the project's style
 	$(BIN)/ruff format $(CHECKED)
 
 proto: $(VENV)/.serve ## generate the Python code of proto/ again
-	$(BIN)/pip install --quiet --no-deps --editable . $(if $(CLIENT),--editable clients/python)
+	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable . --editable clients/python
+
+lock: | $(BIN)/python ## choose the versions of requirements/ again, as new as pyproject.toml allows
+	@$(BIN)/python requirements/renew.py $(ARGS)
+
+matrix: | $(BIN)/python ## start it with every Python here, pinned and newest; an agent walks in each
+	@$(BIN)/python -m tests.installed.matrix $(ARGS)
 
 docker: ## build the image wayfarer:latest
 	docker build --tag wayfarer .
+
+image-check: $(VENV)/.client ## build the image, run it, let an agent walk in it (docker, or buildah)
+	@$(BIN)/python -m tests.installed.image $(ARGS)
 
 clean: ## remove the virtual environment, generated code and caches
 	rm -rf $(VENV) build dist service/wayfarer/v1 clients/python/wayfarer_client/v1
@@ -89,7 +101,7 @@ $(NPM_TOOLS): tests/package.json
 
 # The first interpreter that is new enough and can make virtual environments (Debian splits that off).
 $(BIN)/python:
-	@for python in $(if $(PYTHON),$(PYTHON),python3 python3.13 python3.12 python3.11); do \
+	@for python in $(if $(PYTHON),$(PYTHON),python3 python3.14 python3.13 python3.12 python3.11); do \
 	  if "$$python" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then \
 	    echo "setting up $(VENV) with $$("$$python" --version)"; \
 	    "$$python" -m venv --clear $(VENV); exit; \
@@ -100,17 +112,26 @@ $(BIN)/python:
 	echo "Elsewhere, name an interpreter:  make $(MAKECMDGOALS) PYTHON=/path/to/python3.12" >&2; \
 	exit 1
 
-$(VENV)/.serve: $(PACKAGE) | $(BIN)/python
+$(VENV)/.serve: $(PACKAGE) $(PINNED) | $(BIN)/python
 	@echo "installing the service into $(VENV) (once; about half a minute)"
-	@$(BIN)/pip install --quiet --editable .
+	@$(BIN)/pip install --quiet --no-deps --require-hashes $(PINNED:%=--requirement %)
+	@$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
 	@touch $@
 
-$(VENV)/.lab: $(VENV)/.serve lab/pyproject.toml
+# Old releases of pip read the first variable for what builds a package, too; newer ones the second.
+$(VENV)/.client $(VENV)/.lab $(VENV)/.dev: export PIP_CONSTRAINT = $(PINS)
+$(VENV)/.client $(VENV)/.lab $(VENV)/.dev: export PIP_BUILD_CONSTRAINT = $(PINS)
+
+$(VENV)/.client: $(VENV)/.serve $(PINS) $(CLIENT)
+	@$(BIN)/pip install --quiet --editable clients/python
+	@touch $@
+
+$(VENV)/.lab: $(VENV)/.serve $(PINS) lab/pyproject.toml
 	@echo "installing torch and the tools of lab/ into $(VENV) (once)"
-	@$(BIN)/pip install --quiet --editable . --editable './lab[train,render,load]'
+	@$(BIN)/pip install --quiet --editable './lab[train,render,load]'
 	@touch $@
 
-$(VENV)/.dev: $(VENV)/.lab $(CLIENT)
+$(VENV)/.dev: $(VENV)/.lab $(VENV)/.client
 	@echo "installing the test tools into $(VENV) (once)"
-	@$(BIN)/pip install --quiet --editable '.[dev]' $(if $(CLIENT),--editable clients/python)
+	@$(BIN)/pip install --quiet --editable '.[dev]'
 	@touch $@

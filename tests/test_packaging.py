@@ -48,7 +48,9 @@ def test_compose_publishes_on_this_machine_only() -> None:
     assert all(port.startswith("127.0.0.1:") for port in ports)
 
 
-@pytest.mark.parametrize("target", ["help", "serve", "test", "lint", "proto", "docker", "clean"])
+@pytest.mark.parametrize(
+    "target", ["help", "serve", "test", "lint", "proto", "lock", "matrix", "image-check", "clean"]
+)
 def test_make_knows_its_targets(target: str) -> None:
     plan = subprocess.run(
         ["make", "--dry-run", target], cwd=ROOT, capture_output=True, text=True, check=False

@@ -58,7 +58,9 @@ def _open_torch(models: ModelFolder) -> WarmEngine:
         from wayfarer.engines.torch.engine import open_gpu_engine
     except ImportError as error:
         raise InvalidArgument(
-            f"the engine 'torch' is not installed ({error}): pip install 'wayfarer[gpu]'", "engine"
+            f"the engine 'torch' is not installed ({error}); in the repository's root: "
+            "pip install '.[gpu]'",
+            "engine",
         ) from None
     return open_gpu_engine(models)
 

@@ -1,6 +1,6 @@
 """The engine on OpenVINO: a network compiled for each size of batch, in bfloat16 where it may.
 
-An optional extra (`pip install wayfarer[openvino]`) for x86-64 CPUs. With AVX-512-BF16 or AMX it
+An optional extra (`pip install '.[openvino]'`) for x86-64 CPUs. With AVX-512-BF16 or AMX it
 takes half the time of onnxruntime or less; `openvino_precision.py` says what is computed in
 bfloat16.
 """
@@ -186,7 +186,8 @@ def open_core() -> "openvino.Core":
         from openvino import Core
     except ImportError as error:
         raise InvalidArgument(
-            f"the engine 'openvino' is not installed ({error}): pip install 'wayfarer[openvino]'",
+            f"the engine 'openvino' is not installed ({error}); in the repository's "
+            "root: pip install '.[openvino]'",
             "engine",
         ) from None
     return Core()

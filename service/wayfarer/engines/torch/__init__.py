@@ -1,1 +1,1 @@
-"""The step in torch on a GPU: an optional extra (`pip install wayfarer[gpu]`)."""
+"""The step in torch on a GPU: an optional extra (`pip install '.[gpu]'`)."""

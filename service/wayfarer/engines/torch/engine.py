@@ -1,6 +1,6 @@
 """The engine on torch, for GPUs: a CUDA graph for each gender, size of batch and candidates.
 
-An optional extra (`pip install wayfarer[gpu]`). It runs the modules that the served ONNX graphs
+An optional extra (`pip install '.[gpu]'`). It runs the modules that the served ONNX graphs
 were exported from, with the weights of those graphs (`weights.py`), in the precision of
 `precision.py`.
 """
