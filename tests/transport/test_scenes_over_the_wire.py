@@ -166,6 +166,13 @@ async def test_hostile_glb_is_refused_and_nobody_is_disturbed(rig, data):
     await others_are_undisturbed(rig, session_id)
 
 
+async def test_an_index_beyond_64_bits_is_refused(rig):
+    data = b"v -5 0 -5\nv 5 0 -5\nv 0 0 5\nf 1 2 99999999999999999999\n"
+    answer = await rig.http.post("/v1/scenes/mesh?format=obj", content=data)
+    assert answer.status_code == 422, answer.text
+    assert "line 4" in answer.text
+
+
 async def test_a_mesh_that_is_too_large_is_refused_before_it_is_read(rig):
     most = LIMITS.mesh_bytes
     assert (await rig.http.post("/v1/scenes/mesh", content=bytes(most + 1))).status_code == 413

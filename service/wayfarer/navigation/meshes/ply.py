@@ -1,7 +1,7 @@
 """PLY, ASCII and binary: positions and faces; what else the file holds is stepped over."""
 
 from dataclasses import dataclass, field
-from typing import Final, Literal
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ _ORDERS: Final = {"binary_little_endian": "<", "binary_big_endian": ">"}
 _FACE_LISTS: Final = ("vertex_indices", "vertex_index")
 _MAX_HEADER: Final = 64 * 1024
 _MAX_ROWS: Final = 3 * MAX_TRIANGLES
+_MAX_CELLS: Final = 12 * MAX_TRIANGLES
 
 
 @dataclass(slots=True)
@@ -68,7 +69,7 @@ class _Text:
 
     def length(self, at: int, kind: str) -> int:
         value = self._numbers[at]
-        if value != int(value):
+        if not value.is_integer():  # nor is a NaN
             raise bad(f"a list of length {value:g}")
         return int(value)
 
@@ -90,6 +91,8 @@ class _Binary:
 
     def length(self, at: int, kind: str) -> int:
         raw = self._body[at : at + self.width(kind)]
+        if len(raw) < self.width(kind):
+            raise IndexError
         return int.from_bytes(raw, self._byteorder, signed=kind[0] == "i")
 
     def take(self, places: NDArray[np.int64], kind: str) -> NDArray[np.float64]:
@@ -122,31 +125,68 @@ def _header(lines: list[str]) -> tuple[str, list[_Element]]:
     return form, elements
 
 
-def _walk(
-    element: _Element, cells: _Text | _Binary, start: int
-) -> tuple[dict[str, NDArray[np.int64]], dict[str, NDArray[np.int64]], int]:
-    """Where each column's cells are, how long its lists are, and where the next element starts."""
-    fixed = [cells.width(size or kind) for size, kind in element.columns.values()]
-    if not any(size for size, _ in element.columns.values()):
-        rows = start + np.arange(element.count) * sum(fixed)
-        offsets = np.cumsum([0, *fixed])
-        places = {name: rows + offsets[i] for i, name in enumerate(element.columns)}
-        return places, {}, start + element.count * sum(fixed)
+_Places: TypeAlias = tuple[dict[str, NDArray[np.int64]], dict[str, NDArray[np.int64]], int]
+"""Where each column's cells are, how long its lists are, and where the next element starts."""
+
+
+def _walk(element: _Element, cells: _Text | _Binary, start: int) -> _Places:
+    """Of an element that starts there."""
+    if not element.count:
+        none = dict.fromkeys(element.columns, np.empty(0, np.int64))
+        return none, none, start
+    try:
+        return _even(element, cells, start) or _uneven(element, cells, start)
+    except IndexError:
+        raise bad(f"the file ends within element {element.name}") from None
+
+
+def _even(element: _Element, cells: _Text | _Binary, start: int) -> _Places | None:
+    """The same if all rows have lists as long as the first row has, as those of triangles have."""
+    first, lengths, stride = _row(element, cells, start)
+    steps = np.arange(element.count) * stride
+    for name, length in lengths.items():
+        size, _ = element.columns[name]
+        try:
+            found = cells.take(start + steps + first[name] - cells.width(size), size)
+        except IndexError:  # rows are shorter than the first
+            return None
+        if (found != length).any():
+            return None
+    places = {name: start + steps + offset for name, offset in first.items()}
+    every = {name: np.full(element.count, length) for name, length in lengths.items()}
+    return places, every, start + element.count * stride
+
+
+def _uneven(element: _Element, cells: _Text | _Binary, start: int) -> _Places:
+    """The same row by row."""
+    check_count(element.count * len(element.columns), "cells with lists among them", _MAX_CELLS)
     found: dict[str, list[int]] = {name: [] for name in element.columns}
     sizes: dict[str, list[int]] = {name: [] for name in element.columns}
     at = start
-    try:
-        for _ in range(element.count):
-            for (name, (size, kind)), width in zip(element.columns.items(), fixed, strict=True):
-                found[name].append(at + width if size else at)
-                if size:
-                    length = cells.length(at, size)
-                    sizes[name].append(check_count(length, f"items in a list of {name}"))
-                    at += length * cells.width(kind)
-                at += width
-    except IndexError:
-        raise bad(f"the file ends within element {element.name}") from None
+    for _ in range(element.count):
+        offsets, lengths, stride = _row(element, cells, at)
+        for name, offset in offsets.items():
+            found[name].append(at + offset)
+        for name, length in lengths.items():
+            sizes[name].append(length)
+        at += stride
     return _arrays(found), _arrays(sizes), at
+
+
+def _row(
+    element: _Element, cells: _Text | _Binary, start: int
+) -> tuple[dict[str, int], dict[str, int], int]:
+    """Of the row that starts there: where each column's cells begin, the lengths of its lists,
+    and its own length.
+    """
+    offsets, lengths, at = dict[str, int](), dict[str, int](), start
+    for name, (size, kind) in element.columns.items():
+        if size:
+            lengths[name] = check_count(cells.length(at, size), f"items in a list of {name}")
+            at += cells.width(size)
+        offsets[name] = at - start
+        at += cells.width(kind) * lengths.get(name, 1)
+    return offsets, lengths, at - start
 
 
 def _arrays(lists: dict[str, list[int]]) -> dict[str, NDArray[np.int64]]:
