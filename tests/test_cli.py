@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from wayfarer import cli
+from wayfarer import __version__, cli
 from wayfarer.errors import DataError, WayfarerError
 
 COMMANDS = (
@@ -71,6 +71,20 @@ def test_every_command_exists_and_explains_itself(
 ) -> None:
     assert run(monkeypatch, *leaf, "--help") == 0
     assert "Usage: wayfarer " + " ".join(leaf) in capsys.readouterr().out
+
+
+def test_version(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(monkeypatch, "--version") == 0
+    assert capsys.readouterr().out == f"wayfarer {__version__}\n"
+
+
+def test_help_keeps_what_stands_in_brackets(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, "serve", "--help") == 0
+    told = " ".join(capsys.readouterr().out.split())
+    for words in ("wayfarer[openvino]", "wayfarer[gpu]", "[gamma-anny52]", "[127.0.0.1]", "[auto]"):
+        assert words in told
 
 
 def test_a_wrong_option_is_a_usage_error(
@@ -141,6 +155,24 @@ def test_what_a_message_tells_to_install_exists(command: str) -> None:
     root = Path(__file__).parent.parent
     project = tomllib.loads((root / folder / "pyproject.toml").read_text())["project"]
     assert not extra or extra.rstrip("]") in project["optional-dependencies"]
+
+
+def test_ctrl_c_while_it_loads_is_as_quiet() -> None:
+    answer = python(
+        """
+        import sys
+
+        class Interrupted:
+            def find_spec(self, name, path=None, target=None):
+                if name == "typer":
+                    raise KeyboardInterrupt
+
+        sys.meta_path.insert(0, Interrupted())
+        from wayfarer.__main__ import main
+        main()
+        """
+    )
+    assert (answer.returncode, answer.stderr) == (130, "")
 
 
 def test_help_and_serving_load_no_torch() -> None:

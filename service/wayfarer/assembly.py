@@ -1,5 +1,6 @@
 """The runtime of a server, put together from its settings: models, engine, worlds, journal."""
 
+import signal
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import fields, is_dataclass
@@ -136,9 +137,12 @@ def with_engine(settings: Settings) -> Settings:
     """The engine chosen, once for all workers: a log must replay alike in each of them."""
     if settings.engine != "auto":
         return settings
-    # in a process of its own, whose memory goes with it
+    # in a process of its own, whose memory goes with it; a terminal's Ctrl-C is for this one
+    ctrl_c = signal.signal(signal.SIGINT, signal.SIG_IGN)
     with ProcessPoolExecutor(1, get_context("spawn")) as apart:
-        kind = apart.submit(_engine_kind, settings.model_dump_json()).result()
+        chosen = apart.submit(_engine_kind, settings.model_dump_json())
+        signal.signal(signal.SIGINT, ctrl_c)
+        kind = chosen.result()
     return settings.model_copy(update={"engine": kind})
 
 

@@ -6,10 +6,11 @@ import importlib
 import os
 import sys
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import typer
 
+from wayfarer import __version__
 from wayfarer.errors import WayfarerError
 
 LAB: Final = "wayfarer_lab"
@@ -30,6 +31,10 @@ INSTALL: Final = {
     "opentelemetry": "'.[otel]'",
 }
 """Package that may be missing → what `pip install`, in the repository's root, brings it."""
+
+
+PLAIN: Final = None
+"""Help is shown as it is written: rich would take [openvino] for markup, and leave it out."""
 
 
 def main() -> None:
@@ -55,7 +60,11 @@ def _fail(message: str) -> int:
 
 def _group(help_text: str) -> typer.Typer:
     return typer.Typer(
-        help=help_text, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
+        help=help_text,
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=PLAIN,
     )
 
 
@@ -78,10 +87,31 @@ def _command(
             single = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
             single.command()(found)
             found = single
+        found.rich_markup_mode = PLAIN
         found(args=context.args, prog_name=context.command_path)
 
 
 app = _group("Wayfarer: walking digital humans, streamed to engines and browsers.")
+
+
+def _tell_version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"wayfarer {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _whole(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_tell_version, is_eager=True, help="Tell the version, and end."
+        ),
+    ] = False,
+) -> None:
+    pass  # the options of `wayfarer` itself
+
+
 _command(app, "serve", "wayfarer.serve:serve_command", "Start gRPC and HTTP with the models.")
 _command(app, "worker", "wayfarer.serve:worker_command", "For `serve --workers`.", hidden=True)
 _command(app, "probe", "wayfarer.probe:probe", "Ask the service here whether it is ready.")

@@ -152,7 +152,7 @@ def test_a_bake_that_keeps_a_processor_too_long(make):
 
 
 def test_a_process_that_hangs_is_given_up(make):
-    bakery = make(bake_s=0.5)
+    bakery = make(bake_s=2)
     bakery.bake(cubes_field())
     first = bakery.pid
     os.kill(first, signal.SIGSTOP)

@@ -8,7 +8,6 @@ with its parent, however that ends.
 import contextlib
 import os
 import pickle
-import signal
 import sys
 import threading
 from math import ceil
@@ -30,7 +29,6 @@ EVERYTHING: Final = SceneSpec((Floor(SQUARE), Floor(SQUARE, height=3.0)))
 
 def main(megabytes: int, seconds: float) -> None:
     """Bake what comes in until the other end is closed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal's Ctrl-C is for the parent
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # nothing a library prints is an answer
     step_back()

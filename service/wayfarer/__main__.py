@@ -1,0 +1,17 @@
+"""The `wayfarer` command, also as `python -m wayfarer`."""
+
+import sys
+
+
+def main() -> None:
+    """Run it. Ctrl-C ends it without a traceback while it is still loading, too."""
+    try:
+        from wayfarer.cli import main as run
+
+        run()
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()
