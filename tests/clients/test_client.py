@@ -62,16 +62,17 @@ async def test_from_session_to_frames(service, client):
         assert [spec.foot_lock for spec in service.specs] == [True, False]
 
         assert await session.set_goal(ada, (300, 0, 0), radius=50) == 1
-        goal = service.goals[0][1]
+        _, goal = service.commands[0]
         assert goal.position == pytest.approx((0, 3, 0)) and goal.radius == pytest.approx(0.5)
         assert await session.clear_goal(ada.agent_id) == 2
         path = [wf.Goal((100, 0, 0), stop=False), wf.Goal((0, 0, 0), heading=0.5, dwell=1.5)]
-        assert await session.set_path(ada, path) == 4
-        first, second = (goal for _, goal in service.goals[2:])
+        assert await session.set_path(ada, path) == 3
+        first, second = service.commands[2][1].goals
         assert (first.stop, first.heading) == (False, None)
         assert (second.stop, second.heading, second.dwell) == (True, -0.5, 1.5)  # left-handed
-        assert await session.set_goal(ada, (0, 0, 0), heading=1.0, strafe=True) == 5
-        assert (service.goals[4][1].heading, service.goals[4][1].strafe) == (-1.0, True)
+        assert await session.set_goal(ada, (0, 0, 0), heading=1.0, strafe=True) == 4
+        _, goal = service.commands[3]
+        assert (goal.heading, goal.strafe) == (-1.0, True)
 
         stream = session.stream()
         reading = asyncio.create_task(anext(stream))
@@ -205,7 +206,7 @@ async def test_sync_client(service, server):
         await asyncio.sleep(0.01)
     service.emit(service.subscriptions[0].session_id)
     await asyncio.to_thread(thread.join)
-    assert (found["fps"], found["revision"], found["path"]) == (40, 1, 3)
+    assert (found["fps"], found["revision"], found["path"]) == (40, 1, 2)
     assert found["frames"].agent.name == "Ada" and len(found["agents"]) == 1
     while not service.subscriptions[0].closed:
         await asyncio.sleep(0.01)
