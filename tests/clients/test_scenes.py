@@ -105,10 +105,10 @@ async def test_behaviours_arrive_as_they_were_meant(rig, client):
             assert await session.behave(ada, behaviour) == number
         async with session.control([ada]) as control:
             assert await control.behave(ada, wf.Follow(bo)) == len(told) + 1
-    found = [goal for _, goal in rig.service.goals]
+    found = [command for _, command in rig.service.commands]
     assert found == [
-        agent.Wander(None),
-        agent.Wander((-1.0, 2.0), 3.0, dwell=2.0),
+        behaviours.Wander(None),
+        behaviours.Wander((-1.0, 2.0), 3.0, dwell=2.0),
         behaviours.Patrol(meant, to_and_fro=True),
         behaviours.Follow(bo.agent_id, behind=2.0),
         behaviours.KeepAway(place=(-1.0, 2.0), speed=2.0),

@@ -163,7 +163,11 @@ def test_the_slope_and_steps_carry_a_path_over_the_platform() -> None:
     scene = bake(slope_with_steps())
     path = scene.path((10.0, 1.0), (10.0, 19.0))
     assert path.length == pytest.approx(18.0, abs=0.1)
-    heights = scene.floor(path.at(np.linspace(0, path.length, 60)))
+    ways = np.linspace(0, path.length, 60)
+    places = np.stack(
+        [np.interp(ways, path.along, np.array(path.points)[:, i]) for i in (0, 1)], -1
+    )
+    heights = scene.floor(places)
     assert heights.max() == pytest.approx(PLATFORM, abs=0.01) and heights[0] == heights[-1] == 0
     around = scene.path((8.0, 11.0), (6.0, 11.0))  # no way down the platform's west edge
     assert around.start_moved == around.goal_moved == 0 and around.length > 7

@@ -95,9 +95,14 @@ def _output_bias(graph: onnx.GraphProto, weights: Weights, by_number: Tensor, pa
 
 
 def _filled(network: Network, name: str, weights: Weights, path: Path) -> Network:
-    """With its weights. Raises ArtifactError when one is missing, or of another shape."""
+    """With its weights. Raises ArtifactError when one is missing, or of another shape.
+
+    A graph of before the prior was learned has none: the network's own is N(0, I) as it begins.
+    """
+    learned = any(key.startswith(f"{name}.prior.") for key in weights)
+    unused = FOR_TRAINING if learned else (*FOR_TRAINING, "prior.")
     for key, parameter in network.named_parameters():
-        if key.startswith(FOR_TRAINING):
+        if key.startswith(unused):
             continue
         found = weights.get(f"{name}.{key}")
         if found is None or found.shape != parameter.shape:

@@ -40,8 +40,8 @@ def test_a_table_is_written_with_its_row_of_mocap(table: str, tmp_path: Path) ->
     assert "| mocap |" in path.with_suffix(".md").read_text()
     assert path.with_suffix(".png").exists()
     if table == "realism":
-        assert rows["mocap"]["frechet_v1"] is None, "four windows make no distribution"
-        assert rows["mocap"]["frechet_windows"] == 4
+        assert rows["mocap"]["frechet_v1"] is None, "two windows make no distribution"
+        assert rows["mocap"]["frechet_windows"] == 2
 
 
 def test_without_data_there_is_no_row_of_mocap(tmp_path: Path) -> None:
