@@ -157,4 +157,4 @@ def test_a_model_that_is_not_there_is_one_line():
 def test_a_wrong_setting_is_one_line(tmp_path):
     file = tmp_path / "wayfarer.toml"
     file.write_text("htp_port = 1")
-    assert "setting htp_port: unknown; known are host, http_port" in refused("--config", str(file))
+    assert "setting htp_port: unknown; did you mean http_port?" in refused("--config", str(file))
