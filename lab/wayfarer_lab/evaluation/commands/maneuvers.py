@@ -1,6 +1,7 @@
 """`wayfarer eval maneuvers`: does everything look as a person would do it?"""
 
 from pathlib import Path
+from time import process_time
 from typing import Annotated, Final
 
 import typer
@@ -119,6 +120,7 @@ def maneuvers(
     for played in play(players, chosen, QUICK if quick else 1.0, progress, recorded):
         before = len(results.verdicts)
         results.add(played.maneuver, played.rows, played.each)
+        results.meta["cpu_seconds"] = round(process_time())
         show(played.maneuver, played.rows, results.verdicts[before:])
         if json:
             results.write(json)

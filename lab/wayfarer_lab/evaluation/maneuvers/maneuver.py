@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.navigation.spec import SceneSpec
+from wayfarer.spec import FPS
 from wayfarer.world.agents.agent import AgentInfo, Goal
 from wayfarer_lab.evaluation.figures import mean, quantile
 from wayfarer_lab.evaluation.goals import Errand, Plan, relative
@@ -91,7 +92,13 @@ class Maneuver:
     across: Callable[[Rows, Shots], dict[tuple[str, str], Figures]] = nothing_more
     # rows that need several cases or sources
     worst: str = ""  # the figure of a take that is largest in the worst one: that is drawn
-    strip: tuple[float, float] = (0.0, 4.0)  # seconds of a take that are drawn
+    strip: Callable[[Shot], Take] = lambda shot: shot.take[: 4 * FPS]  # what is drawn of a take
+
+
+def part(take: Take, start: float, stop: float) -> Take:
+    """From one second of a take to another, as far as there is any; a frame at least."""
+    first = min(max(round(start * FPS), 0), len(take) - 1)
+    return take[first : max(round(stop * FPS), first + 1)]
 
 
 def spread(each: Sequence[Figures], **wanted: str) -> Figures:

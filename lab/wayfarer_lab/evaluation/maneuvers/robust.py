@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from wayfarer.spec import FPS
 from wayfarer.world.agents.agent import AgentSpec, Goal
 from wayfarer_lab.evaluation.figures import distances
 from wayfarer_lab.evaluation.goals import Errand, Order, Plan, random_specs
@@ -16,10 +17,12 @@ from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Figures,
     Maneuver,
     Shot,
+    part,
     spread,
     way_to,
 )
 from wayfarer_lab.evaluation.metrics import feet, joints
+from wayfarer_lab.evaluation.takes import Take
 
 Chance = np.random.Generator
 
@@ -53,6 +56,12 @@ def judge(shot: Shot) -> Figures:
         "root_step_cm": 100 * float(np.linalg.norm(np.diff(take.hips, axis=0), axis=-1).max()),
         "arrive": np.nan if shot.goal is None else float(end <= ARRIVED),
     }
+
+
+def worst_moment(shot: Shot) -> Take:
+    """Two seconds on either side of where the trunk leans the most."""
+    moment = float(shot.take.tilt.argmax()) / FPS
+    return part(shot.take, moment - 2.0, moment + 2.0)
 
 
 def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
@@ -152,7 +161,7 @@ REVERSALS: Final = Maneuver(
     summary=summary,
     bars=BARS,
     worst="tilt_max_deg",
-    strip=(0.0, 6.0),
+    strip=worst_moment,
 )
 
 RANDOM: Final = Maneuver(
@@ -164,5 +173,5 @@ RANDOM: Final = Maneuver(
     summary=summary,
     bars=BARS,
     worst="tilt_max_deg",
-    strip=(0.0, 8.0),
+    strip=worst_moment,
 )

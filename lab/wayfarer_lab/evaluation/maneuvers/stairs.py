@@ -151,5 +151,5 @@ STAIRS: Final = Maneuver(
         Bar("knee_max_deg", high=110),
     ),
     worst="knee_max_deg",
-    strip=(2.0, 8.0),
+    strip=lambda shot: shot.take[on_the_stairs(shot.take) or slice(0, 4 * FPS)],
 )

@@ -97,5 +97,5 @@ STAND = Maneuver(
     summary=summary,
     bars=tuple(Bar(name, high=high, case=case) for case in _CASES for name, high in _BARS),
     worst="slide_cm",
-    strip=(0.0, 60.0),
+    strip=the_stand,
 )

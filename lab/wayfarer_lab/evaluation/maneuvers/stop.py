@@ -15,6 +15,7 @@ from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Figures,
     Maneuver,
     Shot,
+    part,
     spread,
     way_to,
 )
@@ -102,6 +103,14 @@ def judge(shot: Shot) -> Figures:
     }
 
 
+def the_stop(shot: Shot) -> Take:
+    """From two seconds before rest, or before the end, until it is looked at."""
+    start = 0 if shot.goal is None else _braked(shot)
+    begun = rest(shot.take[start:])
+    seconds = (len(shot.take) if begun is None else start + begun) / FPS
+    return part(shot.take, seconds - 2.0, seconds + AFTER)
+
+
 def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
     """Of all stops."""
     return spread(
@@ -133,5 +142,5 @@ STOP = Maneuver(
         Bar("heel_up", high=0.03, case="at a goal"),
     ),
     worst="apart_cm",
-    strip=(0.0, 8.0),
+    strip=the_stop,
 )

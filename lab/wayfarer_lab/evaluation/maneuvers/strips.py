@@ -8,7 +8,6 @@ from typing import Final
 import numpy as np
 
 from wayfarer.body.library import load_body
-from wayfarer.spec import FPS
 from wayfarer_lab.evaluation.maneuvers.maneuver import SENT, Figures, Maneuver
 from wayfarer_lab.evaluation.maneuvers.run import Played
 from wayfarer_lab.evaluation.pictures.files import write_still
@@ -31,7 +30,7 @@ def draw(played: Played, folder: Path) -> list[Path]:
         shots = played.shots[case.name, SENT]
         each = played.figures[case.name, SENT]
         numbers = worst_and_middle([figures[maneuver.worst] for figures in each])
-        takes = [_cut(maneuver, shots[number].take) for number in numbers]
+        takes = [maneuver.strip(shots[number]) for number in numbers]
         captions = [
             _caption(maneuver, word, take, each[number])
             for word, take, number in zip(("worst", "middle"), takes, numbers, strict=True)
@@ -51,11 +50,6 @@ def worst_and_middle(values: list[float]) -> tuple[int, int]:
     order = np.argsort([-np.inf if isnan(value) else value for value in values], kind="stable")
     known = [int(k) for k in order if not isnan(values[k])] or [int(k) for k in order]
     return known[-1], known[len(known) // 2]
-
-
-def _cut(maneuver: Maneuver, take: Take) -> Take:
-    start, stop = (round(seconds * FPS) for seconds in maneuver.strip)
-    return take[min(start, len(take) - 1) : stop]
 
 
 def _caption(maneuver: Maneuver, word: str, take: Take, figures: Figures) -> str:

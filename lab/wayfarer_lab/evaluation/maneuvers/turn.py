@@ -18,6 +18,7 @@ from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Maneuver,
     Shot,
     facing,
+    part,
     spread,
 )
 from wayfarer_lab.evaluation.metrics import feet, joints
@@ -113,5 +114,5 @@ TURN = Maneuver(
     summary=summary,
     bars=(*_bars("90°", 2), *_bars("180°", 3)),
     worst="pivot_deg",
-    strip=(0.0, 3.0),
+    strip=lambda shot: part(shot.take, 0.0, 3.0),
 )

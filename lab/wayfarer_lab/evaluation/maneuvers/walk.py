@@ -19,6 +19,7 @@ from wayfarer_lab.evaluation.maneuvers.maneuver import (
     Rows,
     Shot,
     Shots,
+    part,
     spread,
     way_to,
 )
@@ -230,5 +231,5 @@ WALK: Final = Maneuver(
     ),
     across=across,
     worst="trunk_deg",
-    strip=(2.0, 5.0),
+    strip=lambda shot: part(shot.take, 2.0, 4.5),
 )
