@@ -38,7 +38,7 @@ async def test_refusals_say_which_field_and_when_to_come_back(server, client):
         Refusal(
             grpc.StatusCode.RESOURCE_EXHAUSTED,
             "no time for 64 agents",
-            (RetryInfo(retry_delay=Duration(seconds=1, nanos=500_000_000)),),
+            (RetryInfo(retry_delay=Duration(seconds=60, nanos=500_000_000)),),
         ),
         Refusal(grpc.StatusCode.ABORTED, "revision 4, not 3"),
     ]
@@ -52,7 +52,7 @@ async def test_refusals_say_which_field_and_when_to_come_back(server, client):
     assert invalid.value.field == "goals[3].speed"
     with pytest.raises(wf.ResourceExhausted) as full:
         await session.create_agents(wf.AgentSpec())
-    assert full.value.retry_after == 1.5
+    assert full.value.retry_after == 60.5
     with pytest.raises(wf.Aborted, match="revision 4"):
         await session.set_path("a", [], expected=3)
     assert server.asked("SetPath")[1].expected_revision == 3

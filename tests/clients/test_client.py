@@ -74,6 +74,10 @@ async def test_from_session_to_frames(service, client):
         _, goal = service.commands[3]
         assert (goal.heading, goal.strafe) == (-1.0, True)
 
+        assert await session.set_goal(ada, wf.Goal((100, 0, 0), dwell=2.0), expected=4) == 5
+        assert await session.set_goal(ada, (100, 0, 0), dwell=2.0, radius=20) == 6
+        assert [goal.dwell for _, goal in service.commands[4:]] == [2.0, 2.0]
+
         stream = session.stream()
         reading = asyncio.create_task(anext(stream))
         while not service.subscriptions:
@@ -194,6 +198,8 @@ async def test_sync_client(service, server):
             found["fps"] = client.server_info().fps
             (ada,) = session.create_agents(wf.AgentSpec(name="Ada"))
             found["revision"] = session.set_goal(ada, (1, 0, 1), heading=0.5)
+            session.set_goal(ada, wf.Goal((1, 0, 1), dwell=1.0))
+            session.set_goal(ada, (1, 0, 1), dwell=1.0)
             found["path"] = session.set_path(ada, [wf.Goal((1, 0, 0)), wf.Goal((2, 0, 0))])
             for batch in session.stream():
                 found["frames"] = batch.frames[0]
@@ -206,7 +212,7 @@ async def test_sync_client(service, server):
         await asyncio.sleep(0.01)
     service.emit(service.subscriptions[0].session_id)
     await asyncio.to_thread(thread.join)
-    assert (found["fps"], found["revision"], found["path"]) == (40, 1, 2)
+    assert (found["fps"], found["revision"], found["path"]) == (40, 1, 4)
     assert found["frames"].agent.name == "Ada" and len(found["agents"]) == 1
     while not service.subscriptions[0].closed:
         await asyncio.sleep(0.01)

@@ -1,6 +1,7 @@
 """The examples of the Python client's README, as they stand there, against the real server."""
 
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -59,6 +60,21 @@ def test_populate_square(real_server):
     said = example("populate_square.py", real_server.grpc_address, "3").splitlines()
     assert said[1:3] == ["3 people have come", "version 1 of the square"]
     assert any(line.startswith("path_done") for line in said)
+
+
+@pytest.mark.parametrize("page", ["README.md", "clients/python/README.md", "docs/api.md"])
+def test_the_first_stream_runs_until_ctrl_c_which_prints_nothing(real_server, page, tmp_path):
+    text = (CLIENT.parents[1] / page).read_text("utf-8")
+    (block,) = re.findall(r"```python\n(import asyncio\n.*?)```", text, re.DOTALL)
+    script = tmp_path / "first.py"
+    script.write_text(block.replace("localhost:50051", real_server.grpc_address))
+    running = subprocess.Popen(
+        [sys.executable, "-u", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert running.stdout.readline().startswith(("standing", "walking"))
+    running.send_signal(signal.SIGINT)
+    _, errors = running.communicate(timeout=30)
+    assert (running.returncode, errors) == (0, "")
 
 
 def test_the_readme_names_what_there_is():

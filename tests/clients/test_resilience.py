@@ -4,11 +4,13 @@ import asyncio
 
 import grpc
 import pytest
+from google.protobuf.duration_pb2 import Duration
+from google.rpc.error_details_pb2 import QuotaFailure, RetryInfo
 
 import wayfarer_client as wf
 from tests.clients.fake_server import ASKED, FOREVER, Refusal
 from tests.clients.replies import GONE, HEADER, HEARTBEAT, batch, event, moved, new_session, resumed
-from wayfarer_client.v1 import motion_pb2, session_pb2
+from wayfarer_client.v1 import goal_pb2, motion_pb2, session_pb2
 
 # streams
 
@@ -196,3 +198,105 @@ async def test_other_calls_are_not_sent_again(server, client):
     with pytest.raises(wf.Unavailable):
         await session.set_goal("a", (0, 0, 0))
     assert len(server.asked("SetGoal")) == 1
+
+
+# refusals for now
+
+
+def busy(seconds: float) -> Refusal:
+    delay = Duration()
+    delay.FromMilliseconds(round(1000 * seconds))
+    details = (QuotaFailure(), RetryInfo(retry_delay=delay))
+    return Refusal(grpc.StatusCode.RESOURCE_EXHAUSTED, "no room", details)
+
+
+def refusing(server, method: str, refusals: list[Refusal]) -> None:
+    """The first calls are refused."""
+
+    def answer(_):
+        if refusals:
+            raise refusals.pop(0)
+        return getattr(goal_pb2, f"{method}Response")(revision=3)
+
+    server.answers[method] = answer
+
+
+async def test_a_call_that_is_refused_for_now_is_sent_again(server, client):
+    session = await client.create_session()
+    refusing(server, "SetGoal", [busy(0.1), busy(0.2)])
+    started = asyncio.get_running_loop().time()
+    assert await session.set_goal("a", (0, 0, 0)) == 3
+    assert asyncio.get_running_loop().time() - started >= 0.3
+    assert len(server.asked("SetGoal")) == 3
+
+
+async def test_but_not_for_longer_than_the_timeout_nor_without_a_time(server):
+    async with wf.Client(server.address, timeout=1.0) as client:
+        session = await client.create_session()
+        for refusals, most in (
+            ([busy(0.3)] * 20, 4),
+            ([busy(60.0)], 1),
+            ([Refusal(grpc.StatusCode.RESOURCE_EXHAUSTED, "too many agents")], 1),
+        ):
+            server.requests.clear()
+            refusing(server, "SetGoal", refusals)
+            with pytest.raises(wf.ResourceExhausted):
+                await session.set_goal("a", (0, 0, 0))
+            assert 1 <= len(server.asked("SetGoal")) <= most
+
+
+async def test_a_first_stream_and_a_clip_come_again_too(server, client):
+    session = await client.create_session()
+    server.scripts["StreamMotion"] = [[busy(0.1)], [HEADER, batch("t0")]]
+    assert [found.resume_token async for found in session.stream()] == ["t0"]
+    clip = motion_pb2.GenerateClipResponse(header=HEADER.header)
+    server.scripts["GenerateClip"] = [[busy(0.1)], [clip]]
+    assert [found async for found in client.generate_clip(wf.AgentSpec(), (), 1.0)] == []
+    assert len(server.asked("GenerateClip")) == 2
+
+
+async def test_the_synchronous_client_comes_again(server):
+    refusing(server, "SetGoal", [busy(0.1)])
+
+    def use() -> int:
+        with wf.SyncClient(server.address) as client:
+            return client.create_session().set_goal("a", (0, 0, 0))
+
+    assert await asyncio.to_thread(use) == 3
+    assert len(server.asked("SetGoal")) == 2
+
+
+# what is wrong before anything is sent
+
+
+@pytest.mark.parametrize("place", [(1.0, 2.0), (), (1, 2, 3, 4), [1.0]])
+async def test_a_place_has_three_numbers(server, client, place):
+    session = await client.create_session()
+    for call in (
+        lambda: session.set_goal("a", place),
+        lambda: session.set_path("a", [wf.Goal(place)]),
+        lambda: session.wander("a", place, 2.0),
+        lambda: session.create_agents(wf.AgentSpec(position=place)),
+    ):
+        with pytest.raises(wf.InvalidArgument, match=rf"has {len(place)} numbers; a place has"):
+            await call()
+    assert [name for name, _ in server.requests] == ["CreateSession"]
+
+
+async def test_a_goal_and_loose_fields_are_not_mixed(client):
+    session = await client.create_session()
+    with pytest.raises(wf.InvalidArgument, match="speed, dwell: a Goal says itself"):
+        await session.set_goal("a", wf.Goal((0, 0, 0)), speed=1.0, dwell=2.0)
+    with pytest.raises(TypeError):
+        await session.set_goal("a", (0, 0, 0), sped=1.0)
+
+
+async def test_wandering_all_over_or_in_a_disc(server, client):
+    session = await client.create_session()
+    await session.wander("a", dwell=1.0)
+    await session.wander("a", (1, 0, 2), 3.0)
+    roam, disc = server.asked("Wander")
+    assert not roam.HasField("area") and roam.dwell == 1.0
+    assert disc.area.radius == 3.0
+    with pytest.raises(wf.InvalidArgument, match="center and radius belong together"):
+        await session.wander("a", (1, 0, 2))

@@ -78,7 +78,8 @@ async def test_examples_and_the_synchronous_client(rig):
             scene = client.scenes.example("corridor", basis="unreal")
             assert scene.message.basis.metres_per_unit == 0.01
             with client.create_session("ros", scene=scene) as session:
-                assert session.populate(3, seed=4, speed=(1.0, 1.2)) == 3
+                came = session.populate(3, seed=4, speed=(1.0, 1.2))
+                assert came == wf.CrowdCame(3, 0, "")
             scene.delete()
             assert client.scenes.all() == []
 

@@ -115,7 +115,7 @@ async def test_a_stream_survives_what_others_do(server, client):
                     await session.set_goal(ada, (far, 0, 0))
             for radius, speed in ((0.0, None), (-1.0, None), (None, 99.0)):
                 with pytest.raises(wf.InvalidArgument, match=r"goal\.(radius|speed)"):
-                    await session.set_goal(ada, (1, 0, 0), radius, speed)
+                    await session.set_goal(ada, (1, 0, 0), radius=radius, speed=speed)
 
             vanishing = wf.Client(server.grpc_address)
             await vanishing.connect()

@@ -7,7 +7,15 @@ from wayfarer.errors import FailedPrecondition, NotFound
 from wayfarer.navigation.picture import top_view
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.spec import Obstacle, Point3
-from wayfarer.world.scenes.messages import Block, Crowd, Outlines, SceneInfo, SceneWish, Way
+from wayfarer.world.scenes.messages import (
+    Block,
+    Crowd,
+    CrowdState,
+    Outlines,
+    SceneInfo,
+    SceneWish,
+    Way,
+)
 
 
 class FakeScenes:
@@ -93,6 +101,6 @@ class FakeScenes:
     async def scene_picture(self, scene_id: str) -> bytes:
         return top_view(self._scene(scene_id), pixels=64)
 
-    async def populate(self, session_id: str, crowd: Crowd) -> int:
+    async def populate(self, session_id: str, crowd: Crowd) -> CrowdState:
         self.crowds.append((session_id, crowd))
-        return crowd.count
+        return CrowdState(crowd.count, 0)

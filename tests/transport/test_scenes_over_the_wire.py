@@ -83,7 +83,7 @@ async def test_http_from_scene_to_crowd(rig):
     assert picture.content.startswith(b"\x89PNG")
     session = (await http.post("/v1/sessions", json={"scene": made.json()["scene_id"]})).json()
     crowd = await http.post(f"/v1/sessions/{session['session_id']}/crowd", json={"count": 3})
-    assert crowd.json() == {"came": 3}
+    assert crowd.json() == {"came": 3, "waiting": 0, "reason": ""}
     assert (await http.delete(path)).status_code == 409
     assert (await http.delete(f"/v1/sessions/{session['session_id']}")).status_code == 204
     assert (await http.delete(path)).status_code == 204

@@ -142,3 +142,29 @@ test("where nobody asks, nothing is shown", () => {
   assert.deepEqual(access.headers, {});
   assert.deepEqual(access.protocols, ["wayfarer.v1"]);
 });
+
+/** An Api whose server refuses the first calls, and how long it waited before each further one. */
+function refusing(...refusals) {
+  const waited = [];
+  const fetcher = async () => {
+    const problem = refusals.shift();
+    return problem ? new Response(JSON.stringify(problem), { status: 429 }) : new Response("{}");
+  };
+  const pause = async (seconds, error) => waited.push([seconds, error.message]);
+  return { api: new Api("", undefined, fetcher, pause), waited };
+}
+
+test("a call that is refused for now is sent again when the server has said", async () => {
+  const { api: client, waited } = refusing({ detail: "no room", retry_after_s: 5 }, { detail: "too fast", retry_after_s: 0.5 });
+  await client.createAgents("s", [{}]);
+  assert.deepEqual(waited, [[5, "no room"], [0.5, "too fast"]]);
+});
+
+test("but not for ever, and not where no time is named", async () => {
+  const { api: client, waited } = refusing(...Array.from({ length: 9 }, () => ({ detail: "no room", retry_after_s: 5 })));
+  await assert.rejects(client.stats(), { status: 429, message: "no room" });
+  assert.equal(waited.length, 3);
+  const { api: full, waited: never } = refusing({ detail: "too many" });
+  await assert.rejects(full.stats(), { status: 429 });
+  assert.deepEqual(never, []);
+});

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import {
-  dragHeading, escort, eventText, formation, freePlace, othersThan, pick, randomAgents, recipients,
+  crowdText, dragHeading, escort, eventText, formation, freePlace, othersThan, pick, randomAgents, recipients,
 } from "../../service/wayfarer/transport/viewer/choices.js";
 
 const HEIGHTS = { female: [1.5, 1.8], male: [1.55, 1.9] };
@@ -125,4 +125,15 @@ test("a person on a platform is picked up there", () => {
   const level = { x: 0, y: 0, z: -1 };
   assert.equal(pick([person], { origin: { x: 0, y: 4, z: 0 }, direction: level }), person);
   assert.equal(pick([person], { origin: { x: 0, y: 1, z: 0 }, direction: level }), null);
+});
+
+test("a crowd says who is here, and why the rest waits", () => {
+  assert.equal(crowdText({ came: 50, waiting: 0, reason: "" }), "50 people are here");
+  assert.equal(crowdText({ came: 1, waiting: 0, reason: "" }), "1 person is here");
+  assert.equal(crowdText({ came: 0, waiting: 0, reason: "" }), "they leave");
+  assert.equal(crowdText({ came: 3, waiting: 2, reason: "" }), "3 of 5 people are here; the rest are on their way");
+  assert.equal(
+    crowdText({ came: 32, waiting: 18, reason: "cannot add 1 agent" }),
+    "32 of 50 people are here; the rest come when there is room: cannot add 1 agent",
+  );
 });

@@ -1,6 +1,7 @@
 // The services of a server as objects: calls are promises, streams are async iterables.
 
 import { Readable } from "node:stream";
+import { setTimeout as sleep } from "node:timers/promises";
 import { create, fromBinary, toBinary } from "@bufbuild/protobuf";
 import { Metadata, credentials, makeGenericClientConstructor } from "@grpc/grpc-js";
 import { AdminService } from "./gen/wayfarer/v1/admin_pb.js";
@@ -12,6 +13,7 @@ import { MotionService } from "./gen/wayfarer/v1/motion_pb.js";
 import { SceneService } from "./gen/wayfarer/v1/scene_pb.js";
 import { SessionService } from "./gen/wayfarer/v1/session_pb.js";
 import { SnapshotService } from "./gen/wayfarer/v1/snapshot_pb.js";
+import { retryAfterMs } from "./refusal.js";
 
 const TIMEOUT_MS = 10_000;
 const SERVICES = {
@@ -29,7 +31,9 @@ const SERVICES = {
 /**
  * Connect to a server, as "localhost:50051". `apiKey` or `token` (a JWT) shows who calls; `tls` are
  * credentials of grpc-js (`credentials.createSsl(…)`), none by default. Unary calls fail after
- * `timeoutMs`. A call that sends a stream takes an iterable of requests. A failed call throws grpc-js's ServiceError: `code`, `details`.
+ * `timeoutMs`; one that is refused for now is sent again when the server has said, for as long. A call
+ * that sends a stream takes an iterable of requests. A failed call throws grpc-js's ServiceError:
+ * `code`, `details`.
  *
  *     const { session } = await client.sessions.createSession({ basis: Basis.UNITY });
  *     for await (const message of client.motion.streamMotion({ sessionId: session.sessionId })) …
@@ -62,8 +66,23 @@ function caller(stub, { localName, methodKind }, metadata, timeoutMs) {
         const call = stub[localName](metadata, limit(), settle(resolve, reject));
         Readable.from(requests).pipe(call);
       });
-  return (request = {}) =>
+  const once = (request) =>
     new Promise((resolve, reject) => stub[localName](request, metadata, limit(), settle(resolve, reject)));
+  return (request = {}) => untilTaken(() => once(request), timeoutMs);
+}
+
+/** Call again what is refused for now, when the server has said; within `timeoutMs` in all. */
+async function untilTaken(call, timeoutMs) {
+  const end = Date.now() + timeoutMs;
+  for (;;) {
+    try {
+      return await call();
+    } catch (error) {
+      const wait = retryAfterMs(error) * (1 + Math.random() / 5); // so that not all come back together
+      if (!wait || Date.now() + wait > end) throw error;
+      await sleep(wait);
+    }
+  }
 }
 
 /** What grpc-js needs to know of a generated service. */

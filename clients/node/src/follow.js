@@ -2,6 +2,7 @@
 
 import { setTimeout as sleep } from "node:timers/promises";
 import { status } from "@grpc/grpc-js";
+import { retryAfterMs } from "./refusal.js";
 
 const SILENCE_MS = 5000; // without even a heartbeat (one per second): the connection is dead
 const PAUSE_MS = [100, 2000]; // first and longest between attempts
@@ -31,10 +32,11 @@ export async function* follow(client, request, { deadlineMs = 30_000 } = {}) {
       }
       return; // the session has ended
     } catch (error) {
-      const passes = error.code === undefined || error.code === PASSING[0] || (begun && PASSING.includes(error.code));
+      const asked = retryAfterMs(error); // to wait so long
+      const passes = error.code === undefined || error.code === PASSING[0] || asked || (begun && PASSING.includes(error.code));
       const left = heardAt + deadlineMs - Date.now();
       if (!passes || left <= 0) throw error;
-      await sleep(Math.min(left, pause * (0.5 + Math.random() / 2)));
+      await sleep(Math.min(left, Math.max(asked, pause * (0.5 + Math.random() / 2))));
       pause = Math.min(2 * pause, PAUSE_MS[1]);
     } finally {
       clearTimeout(silence);

@@ -2,6 +2,7 @@
 
 export { connect } from "./client.js";
 export { follow } from "./follow.js";
+export { retryAfterMs } from "./refusal.js";
 export { unpackChunks, unpackContacts, unpackPoses } from "./poses.js";
 export { AgentState, Gender } from "./gen/wayfarer/v1/agent_pb.js";
 export { Basis } from "./gen/wayfarer/v1/common_pb.js";

@@ -4,6 +4,7 @@ python clients/python/examples/control.py [address]
 """
 
 import asyncio
+import contextlib
 import sys
 
 from wayfarer_client import Aborted, AgentSpec, Client, Goal
@@ -33,4 +34,5 @@ async def main(address: str) -> None:
 
 
 if __name__ == "__main__":
-    asyncio.run(main(*sys.argv[1:2] or ["localhost:50051"]))
+    with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C ends it
+        asyncio.run(main(*sys.argv[1:2] or ["localhost:50051"]))

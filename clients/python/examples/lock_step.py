@@ -4,6 +4,7 @@ python clients/python/examples/lock_step.py [folder] [address]
 """
 
 import asyncio
+import contextlib
 import sys
 from pathlib import Path
 
@@ -29,4 +30,5 @@ async def main(folder: str, address: str) -> None:
 
 
 if __name__ == "__main__":
-    asyncio.run(main(*(sys.argv[1:] + [".", "localhost:50051"][len(sys.argv) - 1 :])))
+    with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C ends it
+        asyncio.run(main(*(sys.argv[1:] + [".", "localhost:50051"][len(sys.argv) - 1 :])))

@@ -4,6 +4,7 @@ python clients/python/examples/populate_square.py [address] [people]
 """
 
 import asyncio
+import contextlib
 import sys
 
 from wayfarer_client import AgentSpec, Box, Client
@@ -15,7 +16,10 @@ async def main(address: str = "localhost:50051", people: str = "20") -> None:
         square = await client.scenes.example("town_square")
         print(f"{square.message.area_m2:.0f} m² to walk on")
         async with await client.create_session(scene=square) as session:
-            print(f"{await session.populate(int(people), seed=7)} people have come")
+            crowd = await session.populate(int(people), seed=7)
+            print(f"{crowd.came} people have come")
+            if crowd.waiting:
+                print(f"{crowd.waiting} wait: {crowd.reason}")
             (ada,) = await session.create_agents(AgentSpec(name="Ada", position=(-7, 0, 0)))
             # a crate falls right in front of her before she starts
             crate = Box(position=(-5.5, 0, 0), size=(0.8, 1.0, 2.4))
@@ -35,4 +39,5 @@ async def main(address: str = "localhost:50051", people: str = "20") -> None:
 
 
 if __name__ == "__main__":
-    asyncio.run(main(*sys.argv[1:]))
+    with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C ends it
+        asyncio.run(main(*sys.argv[1:]))

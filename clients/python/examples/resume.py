@@ -4,6 +4,7 @@ python clients/python/examples/resume.py [address]
 """
 
 import asyncio
+import contextlib
 import sys
 
 from wayfarer_client import AgentSpec, Client, MotionStream
@@ -50,4 +51,5 @@ async def show(stream: MotionStream, chunks: int) -> None:
 
 
 if __name__ == "__main__":
-    asyncio.run(main(*sys.argv[1:2] or ["localhost:50051"]))
+    with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C ends it
+        asyncio.run(main(*sys.argv[1:2] or ["localhost:50051"]))

@@ -4,6 +4,7 @@ python clients/python/examples/walk_sixteen.py [address]
 """
 
 import asyncio
+import contextlib
 import math
 import random
 import sys
@@ -83,4 +84,5 @@ async def send_on(session: Session, batch: Batch, reached: dict[str, int], start
 
 
 if __name__ == "__main__":
-    sys.exit(asyncio.run(main(*sys.argv[1:2] or ["localhost:50051"])))
+    with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C ends it
+        sys.exit(asyncio.run(main(*sys.argv[1:2] or ["localhost:50051"])))

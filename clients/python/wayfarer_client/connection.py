@@ -10,7 +10,13 @@ from typing import Any, Final
 
 import grpc
 
-from wayfarer_client.errors import InvalidArgument, Unavailable, from_grpc
+from wayfarer_client.errors import (
+    InvalidArgument,
+    ResourceExhausted,
+    Unavailable,
+    WayfarerError,
+    from_grpc,
+)
 from wayfarer_client.v1 import (
     admin_pb2_grpc,
     agent_pb2_grpc,
@@ -84,7 +90,7 @@ class Connection:
     """A channel and its stubs."""
 
     def __init__(self, address: str, timeout: float, access: Access, tls: Tls | None) -> None:
-        """`timeout`: seconds for connecting and for each call."""
+        """`timeout`: seconds for connecting, for each call, and for the tries of one refused."""
         self.address = address
         self.timeout = timeout
         self._access = access
@@ -136,12 +142,20 @@ class Connection:
         await self._channel.close(None)
 
     async def call(self, method: Any, request: Any, timeout: float | None = None) -> Any:
-        """The reply to a request. Raises WayfarerError."""
+        """The reply to a request. Raises WayfarerError.
+
+        One that is refused for now is sent again when the server has said, as long as that is
+        within the connection's `timeout`.
+        """
         limit = self.timeout if timeout is None else timeout
-        try:
-            return await method(request, timeout=limit, metadata=self._access.metadata())
-        except grpc.aio.AioRpcError as error:
-            raise from_grpc(error) from None
+        ends_at = _now() + self.timeout
+        while True:
+            try:
+                return await method(request, timeout=limit, metadata=self._access.metadata())
+            except grpc.aio.AioRpcError as error:
+                refusal = from_grpc(error)
+            if not await come_again(refusal, ends_at):
+                raise refusal
 
     async def create(self, method: Any, request: Any) -> Any:
         """As `call`, again and again for `timeout` seconds while the server is unavailable.
@@ -162,15 +176,34 @@ class Connection:
         return method(*request, metadata=self._access.metadata())
 
     async def messages(self, method: Any, request: Any) -> AsyncGenerator[Any]:
-        """All messages of a stream that is read once. Raises WayfarerError."""
-        call = self.open(method, request)
-        try:
-            async for message in call:
-                yield message
-        except grpc.aio.AioRpcError as error:
-            raise from_grpc(error) from None
-        finally:
-            call.cancel()
+        """All messages of a stream that is read once. Raises WayfarerError.
+
+        One that is refused for now is asked for again, as of `call`.
+        """
+        ends_at = _now() + self.timeout
+        begun = False
+        while True:
+            call = self.open(method, request)
+            try:
+                async for message in call:
+                    begun = True
+                    yield message
+                return
+            except grpc.aio.AioRpcError as error:
+                refusal = from_grpc(error)
+            finally:
+                call.cancel()
+            if begun or not await come_again(refusal, ends_at):
+                raise refusal
+
+
+async def come_again(refusal: WayfarerError, ends_at: float) -> bool:
+    """Wait as long as the server has asked for; False, at once, when it has not, or in vain."""
+    wait = refusal.retry_after * random.uniform(1.0, 1.2)  # so that not all come back together
+    if not (isinstance(refusal, ResourceExhausted) and 0 < wait <= ends_at - _now()):
+        return False
+    await asyncio.sleep(wait)
+    return True
 
 
 class Backoff:

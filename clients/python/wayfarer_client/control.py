@@ -4,14 +4,15 @@ import asyncio
 from collections.abc import AsyncGenerator, Iterable
 from dataclasses import replace
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final, Self, Unpack
 
 from wayfarer_client import goals as requests
 from wayfarer_client.behaviours import Behaviour
 from wayfarer_client.connection import Backoff, Connection
 from wayfarer_client.errors import ResourceExhausted, Unavailable, WayfarerError, from_problem
+from wayfarer_client.goals import GoalOptions
 from wayfarer_client.messages import Agent, Batch, Event, Goal, Place, StreamInfo
-from wayfarer_client.stream import heard, read
+from wayfarer_client.stream import heard, read, refuses
 from wayfarer_client.v1 import control_pb2, motion_pb2
 from wayfarer_client.wire import BatchReader
 
@@ -97,11 +98,15 @@ class Control:
     # commands; each returns the revision that it makes, and raises WayfarerError
 
     async def set_goal(
-        self, agent: Agent | str, goal: Goal | Place, expected: int | None = None
+        self,
+        agent: Agent | str,
+        goal: Goal | Place,
+        *,
+        expected: int | None = None,
+        **how: Unpack[GoalOptions],
     ) -> int:
         """As `Session.set_goal`."""
-        wanted = goal if isinstance(goal, Goal) else Goal(goal)
-        return await self._command(set_goal=requests.set_goal(agent, wanted, expected))
+        return await self._command(set_goal=requests.set_goal(agent, goal, expected, how))
 
     async def set_path(
         self, agent: Agent | str, goals: Iterable[Goal], expected: int | None = None
@@ -118,8 +123,8 @@ class Control:
     async def wander(
         self,
         agent: Agent | str,
-        center: Place,
-        radius: float,
+        center: Place | None = None,
+        radius: float | None = None,
         speed: float | None = None,
         dwell: float | None = None,
         expected: int | None = None,
@@ -197,7 +202,7 @@ class Control:
                     yield batch
                 return
             except (Unavailable, ResourceExhausted) as error:
-                if isinstance(error, ResourceExhausted) and self.info is None:
+                if refuses(error) and self.info is None:
                     raise
                 self._hang_up(Unavailable(f"the connection was lost: {error}"))
                 if not await backoff.pause(error.retry_after):

@@ -1,8 +1,10 @@
 """Requests for goals, the same over GoalService and Control."""
 
 from collections.abc import Iterable
+from typing import TypedDict
 
 from wayfarer_client.behaviours import Behaviour, behaviour_to_wire
+from wayfarer_client.errors import InvalidArgument
 from wayfarer_client.messages import Agent, Goal, Place, vector
 from wayfarer_client.v1 import goal_pb2
 
@@ -12,8 +14,31 @@ def id_of(agent: Agent | str) -> str:
     return agent if isinstance(agent, str) else agent.agent_id
 
 
-def set_goal(agent: Agent | str, goal: Goal, expected: int | None) -> goal_pb2.SetGoalRequest:
-    """`expected`: the agent's revision that this is meant for; any when None. So for all below."""
+class GoalOptions(TypedDict, total=False):
+    """How to walk to a place: the fields of `Goal` but for its position."""
+
+    radius: float | None
+    speed: float | None
+    heading: float | None
+    stop: bool
+    strafe: bool
+    dwell: float
+
+
+def set_goal(
+    agent: Agent | str, goal: Goal | Place, expected: int | None, how: GoalOptions
+) -> goal_pb2.SetGoalRequest:
+    """A goal, or a place and how to walk there.
+
+    `expected`: the agent's revision that this is meant for; any when None. So for all below. Raises
+    InvalidArgument.
+    """
+    if not isinstance(goal, Goal):
+        goal = Goal(goal, **how)
+    elif how:
+        raise InvalidArgument(
+            f"{', '.join(how)}: a Goal says itself how to walk there; give it there, or a place"
+        )
     return goal_pb2.SetGoalRequest(
         agent_id=id_of(agent), goal=goal.to_wire(), expected_revision=expected
     )
@@ -43,16 +68,21 @@ def append_goals(
 
 def wander(
     agent: Agent | str,
-    center: Place,
-    radius: float,
+    center: Place | None,
+    radius: float | None,
     speed: float | None,
     dwell: float | None,
     expected: int | None,
 ) -> goal_pb2.WanderRequest:
-    """Walk about in a disc."""
+    """Walk about in a disc, or all over the scene. Raises InvalidArgument."""
+    if (center is None) != (radius is None):
+        raise InvalidArgument(
+            "center and radius belong together: give both, or neither to walk all over the scene"
+        )
+    area = None if center is None else goal_pb2.Area(center=vector(center), radius=radius)
     return goal_pb2.WanderRequest(
         agent_id=id_of(agent),
-        area=goal_pb2.Area(center=vector(center), radius=radius),
+        area=area,
         speed=speed,
         dwell=dwell,
         expected_revision=expected,

@@ -109,6 +109,15 @@ class Goal:
 
 
 @dataclass(frozen=True, slots=True)
+class CrowdCame:
+    """How many of the people that were asked for have come."""
+
+    came: int  # they are there; streams introduce them, and those to come
+    waiting: int  # they come when there is room
+    reason: str  # why they have not yet; empty: they are on their way
+
+
+@dataclass(frozen=True, slots=True)
 class Agent:
     """A snapshot of one agent."""
 
@@ -202,6 +211,12 @@ def enum_label(enum: Any, name: str, field: str) -> str:
 
 
 def vector(place: Sequence[float]) -> common_pb2.Vector3:
-    """As protobuf."""
-    x, y, z = (float(value) for value in place)
+    """As protobuf. Raises InvalidArgument."""
+    found = tuple(place)
+    if len(found) != 3:
+        raise InvalidArgument(
+            f"{found} has {len(found)} numbers; a place has x, y and z, and which of them is up "
+            "depends on the session's basis"
+        )
+    x, y, z = (float(value) for value in found)
     return common_pb2.Vector3(x=x, y=y, z=z)

@@ -4,18 +4,19 @@ import asyncio
 import contextlib
 from collections.abc import Iterable
 from types import TracebackType
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Final, Self, Unpack
 
 from wayfarer_client import goals as requests
 from wayfarer_client.behaviours import Behaviour
 from wayfarer_client.connection import Connection
 from wayfarer_client.control import Control
 from wayfarer_client.errors import NotFound, Unavailable
-from wayfarer_client.goals import id_of
+from wayfarer_client.goals import GoalOptions, id_of
 from wayfarer_client.messages import (
     Agent,
     AgentSpec,
     Batch,
+    CrowdCame,
     Goal,
     Place,
     PoseFormat,
@@ -158,20 +159,16 @@ class Session:
     async def set_goal(
         self,
         agent: Agent | str,
-        position: Place,
-        radius: float | None = None,
-        speed: float | None = None,
-        heading: float | None = None,
-        stop: bool = True,
-        strafe: bool = False,
+        goal: Goal | Place,
+        *,
         expected: int | None = None,
+        **how: Unpack[GoalOptions],
     ) -> int:
-        """Send an agent somewhere, see `Goal`.
+        """Send an agent to a goal: a `Goal`, or a place and the other fields of one by name.
 
         Aborted when `expected` is given and is not the agent's present revision; so for all below.
         """
-        goal = Goal(position, radius, speed, heading, stop, strafe)
-        request = requests.set_goal(agent, goal, expected)
+        request = requests.set_goal(agent, goal, expected, how)
         reply = await self._connection.call(self._connection.goals.SetGoal, request)
         return int(reply.revision)
 
@@ -194,13 +191,13 @@ class Session:
     async def wander(
         self,
         agent: Agent | str,
-        center: Place,
-        radius: float,
+        center: Place | None = None,
+        radius: float | None = None,
         speed: float | None = None,
         dwell: float | None = None,
         expected: int | None = None,
     ) -> int:
-        """Let an agent walk about in a disc until it is told otherwise."""
+        """Let an agent walk about until it is told otherwise: in a disc, or all over its scene."""
         request = requests.wander(agent, center, radius, speed, dwell, expected)
         reply = await self._connection.call(self._connection.goals.Wander, request)
         return int(reply.revision)
@@ -230,10 +227,11 @@ class Session:
         dwell: tuple[float, float] | None = None,
         spawn_rate: float = 0.0,
         stay: float = 0.0,
-    ) -> int:
-        """Let so many people walk about all over the session's scene; how many came at once.
+    ) -> CrowdCame:
+        """Let so many people walk about all over the session's scene; how many have come.
 
-        In place of those of an earlier call; with 0 they leave. `speed`: of the slowest and the
+        Returns once all are there, or it is known why the rest must wait. In place of those of an
+        earlier call; with 0 they leave. `speed`: of the slowest and the
         fastest; `dwell`: seconds to stand at each place, from and to; `spawn_rate`: people a
         second, 0: all at once; `stay`: mean seconds until one leaves and another comes, 0: for
         ever.
@@ -252,7 +250,7 @@ class Session:
             stay=stay,
         )
         reply = await self._connection.call(self._connection.scenes.PopulateSession, request)
-        return int(reply.came)
+        return CrowdCame(reply.came, reply.waiting, reply.reason)
 
     # motion
 

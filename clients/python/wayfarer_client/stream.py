@@ -78,8 +78,7 @@ class MotionStream:
                     yield batch
                 return
             except (Unavailable, ResourceExhausted) as error:
-                # too many streams: the server may not have noticed yet that the last one is lost
-                if isinstance(error, ResourceExhausted) and self.info is None:
+                if refuses(error) and self.info is None:
                     raise
                 if not await backoff.pause(error.retry_after):
                     raise Unavailable(f"no stream for {self._deadline:g} s: {error}") from None
@@ -99,6 +98,13 @@ class MotionStream:
                 yield batch
         finally:
             call.cancel()
+
+
+def refuses(error: WayfarerError) -> bool:
+    """Whether that is a first stream's answer. To a later one, too many streams is none: the server
+    may not have noticed yet that the one before is lost.
+    """
+    return isinstance(error, ResourceExhausted) and not error.retry_after
 
 
 async def heard(call: Any) -> Any:

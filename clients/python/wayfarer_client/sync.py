@@ -4,12 +4,13 @@ import asyncio
 import threading
 from collections.abc import AsyncGenerator, Callable, Coroutine, Iterable, Iterator
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, Self, TypeVar, Unpack
 
 from wayfarer_client.behaviours import Behaviour
 from wayfarer_client.client import Client
 from wayfarer_client.connection import Tls
-from wayfarer_client.messages import Agent, AgentSpec, Batch, Goal, Place, PoseFormat
+from wayfarer_client.goals import GoalOptions
+from wayfarer_client.messages import Agent, AgentSpec, Batch, CrowdCame, Goal, Place, PoseFormat
 from wayfarer_client.session import Session
 from wayfarer_client.stream import MotionStream
 from wayfarer_client.sync_scenes import SyncScene, SyncScenes
@@ -222,19 +223,13 @@ class SyncSession:
     def set_goal(
         self,
         agent: Agent | str,
-        position: Place,
-        radius: float | None = None,
-        speed: float | None = None,
-        heading: float | None = None,
-        stop: bool = True,
-        strafe: bool = False,
+        goal: Goal | Place,
+        *,
         expected: int | None = None,
+        **how: Unpack[GoalOptions],
     ) -> int:
         """See `Session.set_goal`."""
-        goal = self._session.set_goal(
-            agent, position, radius, speed, heading, stop, strafe, expected
-        )
-        return self._client._run(goal)
+        return self._client._run(self._session.set_goal(agent, goal, expected=expected, **how))
 
     def set_path(
         self, agent: Agent | str, goals: Iterable[Goal], expected: int | None = None
@@ -251,8 +246,8 @@ class SyncSession:
     def wander(
         self,
         agent: Agent | str,
-        center: Place,
-        radius: float,
+        center: Place | None = None,
+        radius: float | None = None,
         speed: float | None = None,
         dwell: float | None = None,
         expected: int | None = None,
@@ -265,7 +260,7 @@ class SyncSession:
         """See `Session.behave`."""
         return self._client._run(self._session.behave(agent, behaviour, expected))
 
-    def populate(self, count: int, **how: Any) -> int:
+    def populate(self, count: int, **how: Any) -> CrowdCame:
         """See `Session.populate`."""
         return self._client._run(self._session.populate(count, **how))
 

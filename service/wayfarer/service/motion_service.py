@@ -20,7 +20,14 @@ from wayfarer.world.agents.agent import (
     SessionSpec,
 )
 from wayfarer.world.goals.commands import GoalCommand
-from wayfarer.world.scenes.messages import Crowd, Outlines, SceneInfo, SceneWish, Way
+from wayfarer.world.scenes.messages import (
+    Crowd,
+    CrowdState,
+    Outlines,
+    SceneInfo,
+    SceneWish,
+    Way,
+)
 
 
 class Subscription(Protocol):
@@ -102,11 +109,11 @@ class SceneService(Protocol):
         """A top view, PNG. Raises NotFound."""
         ...
 
-    async def populate(self, session_id: str, crowd: Crowd) -> int:
-        """Let people come and go from now on, in place of an earlier crowd; how many came at once.
+    async def populate(self, session_id: str, crowd: Crowd) -> CrowdState:
+        """Let people come and go from now on, in place of an earlier crowd; how many have come.
 
-        With `count` 0 those there leave. Raises NotFound, FailedPrecondition when the session is in
-        no scene, InvalidArgument, ResourceExhausted when so many could not be stepped in time.
+        With `count` 0 those there leave. Those for whom there is no room wait for it. Raises
+        NotFound, FailedPrecondition when the session is in no scene, InvalidArgument.
         """
         ...
 

@@ -3,18 +3,29 @@
 import asyncio
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
+from typing import Final, TypeVar
 
 from wayfarer.errors import FailedPrecondition
 from wayfarer.navigation.spec import Obstacle, Point2, Point3
 from wayfarer.service.live import LiveMotion
 from wayfarer.service.lockstep import LockSteps
 from wayfarer.service.persistence.persistence import Persistence
-from wayfarer.world.scenes.messages import Crowd, Outlines, SceneInfo, SceneWish, Way
+from wayfarer.world.scenes.messages import (
+    Crowd,
+    CrowdState,
+    Outlines,
+    SceneInfo,
+    SceneWish,
+    Way,
+)
 from wayfarer.world.scenes.outlines import outlines
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 
 T = TypeVar("T")
+
+LOOKS: Final = 100
+LOOKS_EVERY: Final = 0.05
+"""Seconds between looks at people who come."""
 
 
 class Scenes:
@@ -95,14 +106,20 @@ class Scenes:
         scene = self._book.scene(scene_id)
         return await self._work(lambda: top_view(scene))
 
-    async def populate(self, session_id: str, crowd: Crowd) -> int:
+    async def populate(self, session_id: str, crowd: Crowd) -> CrowdState:
         """See `SceneService`."""
         if self._lock_steps.session(session_id):
             raise FailedPrecondition(
                 f"session {session_id!r} is in lock-step: people come and go as time passes; "
                 "create agents in it instead, and let them wander"
             )
-        return await self._live.ask(lambda world, now: world.populate(session_id, crowd, now))
+        await self._live.ask(lambda world, now: world.populate(session_id, crowd, now))
+        for _ in range(LOOKS):
+            state = await self._live.ask(lambda world, now: world.crowd(session_id))
+            if state.is_settled:
+                break
+            await asyncio.sleep(LOOKS_EVERY)
+        return state
 
     async def _work(self, call: Callable[[], T]) -> T:
         return await asyncio.get_running_loop().run_in_executor(self._workers, call)

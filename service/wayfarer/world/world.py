@@ -45,7 +45,7 @@ from wayfarer.world.rows import Index
 from wayfarer.world.scenes.context import SceneContext
 from wayfarer.world.scenes.grounding import ground
 from wayfarer.world.scenes.guide import SceneGuide
-from wayfarer.world.scenes.messages import Crowd
+from wayfarer.world.scenes.messages import Crowd, CrowdState
 from wayfarer.world.scenes.populate import Crowds, Whereabouts
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.stepping.budget import DegradationLevel
@@ -392,13 +392,13 @@ class World:
         stands = sent.gait.mode[rows] == Mode.STANDING
         return Whereabouts(tuple(agents), sent.seed.translation[rows, -1, :2], stands)
 
-    def room_for(self, session_id: str, genders: Sequence[str], now: float) -> None:
-        """Raises NotFound, ResourceExhausted when so many agents could not be stepped in time."""
-        self.load.room_for(session_id, genders, now)
-
-    def populate(self, session_id: str, crowd: Crowd, now: float) -> int:
+    def populate(self, session_id: str, crowd: Crowd, now: float) -> None:
         """Let people come and go from now on, in place of an earlier crowd; see `Crowds.set`."""
-        return self._crowds.set(session_id, crowd, now)
+        self._crowds.set(session_id, crowd, now)
+
+    def crowd(self, session_id: str) -> CrowdState:
+        """How a session's crowd is now. Raises NotFound."""
+        return self._crowds.state(session_id)
 
     def tend(self, now: float) -> list[tuple[str, str]]:
         """Let people of crowds come and go. Returns session and agent of each that has gone."""

@@ -5,10 +5,10 @@ import pytest
 
 from tests.world.fakes import make_world
 from tests.world.scenes.grounds import BOX, enter, field, world_in
-from wayfarer.errors import FailedPrecondition, InvalidArgument, NotFound, ResourceExhausted
+from wayfarer.errors import FailedPrecondition, InvalidArgument, NotFound
 from wayfarer.world.agents.agent import SessionSpec
-from wayfarer.world.limits import Limits
-from wayfarer.world.scenes.messages import Crowd
+from wayfarer.world.limits import AdmissionRules, Limits
+from wayfarer.world.scenes.messages import Crowd, CrowdState
 
 
 def square(**settings):
@@ -28,9 +28,11 @@ def walk(world, start, end, every=0.1):
 
 def test_all_come_at_once_and_walk_about():
     world = square()
-    assert world.populate("s", Crowd(20, seed=3), 0.0) == 20
+    world.populate("s", Crowd(20, seed=3), 0.0)
+    assert world.crowd("s") == CrowdState(0, 20) and not world.crowd("s").is_settled
     counts = walk(world, 0.0, 6.0)
     assert counts[20] == counts[-1] == 20
+    assert world.crowd("s") == CrowdState(20, 0) and world.crowd("s").is_settled
     agents = world.list_agents("s")
     starts = np.array([agent.spec.position for agent in agents])
     apart = np.linalg.norm(starts[:, None] - starts, axis=-1) + 9 * np.eye(20)
@@ -55,9 +57,11 @@ def test_a_crowd_follows_from_its_seed():
 
 def test_they_come_at_a_rate():
     world = square()
-    assert world.populate("s", Crowd(10, spawn_rate=2.0), 0.0) == 0
-    counts = walk(world, 0.0, 8.0)
-    assert counts[15] <= 4 and counts[30] <= 7
+    world.populate("s", Crowd(10, spawn_rate=2.0), 0.0)
+    walk(world, 0.0, 0.2)
+    assert world.crowd("s") == CrowdState(1, 9, "2 come a second, as was asked for")
+    counts = walk(world, 0.2, 8.0)
+    assert counts[13] <= 4 and counts[28] <= 7
     assert counts[-1] == 10
 
 
@@ -79,7 +83,8 @@ def test_none_at_all_and_fewer():
     world = square()
     world.populate("s", Crowd(8), 0.0)
     walk(world, 0.0, 2.0)
-    assert world.populate("s", Crowd(3), 2.0) == 0
+    world.populate("s", Crowd(3), 2.0)
+    assert world.crowd("s") == CrowdState(3, 0)
     walk(world, 2.0, 20.0)
     assert len(world.registry.agents) == 3
     world.populate("s", Crowd(0), 20.0)
@@ -122,11 +127,35 @@ def test_crowds_are_checked(crowd, field_):
 
 def test_where_and_how_many_there_can_be():
     world = square(limits=Limits(agents_per_session=10))
-    with pytest.raises(ResourceExhausted):
-        world.populate("s", Crowd(11), 0.0)
+    world.populate("s", Crowd(11), 0.0)
+    walk(world, 0.0, 3.0)
+    state = world.crowd("s")
+    assert (state.came, state.waiting) == (10, 1) and state.is_settled
+    assert "has 10 agents and may have 10" in state.reason
+    for agent in world.list_agents("s")[:4]:
+        world.delete_agent(agent.agent_id)  # there is room again
+    world.populate("s", Crowd(9), 3.0)
+    walk(world, 3.0, 6.0)
+    assert world.crowd("s") == CrowdState(9, 0)
     with pytest.raises(NotFound):
         world.populate("nowhere", Crowd(1), 0.0)
     flat = make_world()
     flat.create_session(SessionSpec("s"), 0.0)
     with pytest.raises(FailedPrecondition, match="in no scene"):
         flat.populate("s", Crowd(1), 0.0)
+    assert flat.crowd("s") == CrowdState(0, 0)
+    with pytest.raises(NotFound):
+        flat.crowd("nowhere")
+
+
+def test_for_want_of_time_the_rest_waits_and_says_why():
+    world = square(admission=AdmissionRules(most_load=0.3))
+    for rows in (1, 4, 16):
+        world.load.measured(rows, 1, 0.01 * rows)
+    fit = world.load.capacity(0.0)
+    assert 0 < fit < 20
+    world.populate("s", Crowd(20), 0.0)
+    walk(world, 0.0, 2.0)
+    state = world.crowd("s")
+    assert 0 < state.came < 20 and state.came + state.waiting == 20
+    assert state.reason.startswith("cannot add 1 agent: ") and "projected load" in state.reason

@@ -1,5 +1,7 @@
 """Who is let in, by what calls are said to take."""
 
+import re
+
 import pytest
 
 from tests.world.fakes import make_world, people
@@ -81,10 +83,32 @@ def test_agents_fit_as_long_as_calls_with_one_candidate_leave_time():
 def test_the_refusal_says_how_many_fit_and_what_limits():
     found = admission(admission=AdmissionRules(most_load=0.5, retry_after=7.0))
     capacity = found.capacity(0.0)
-    words = f"{capacity} agents exist and {capacity} fit .*; 4 more .* allowed are 50%"
+    words = (
+        rf"^cannot add 4 agents: {capacity} of about {capacity} are in use, and the projected load "
+        r"would be \d+% \(limit 50%\)$"
+    )
     with pytest.raises(ResourceExhausted, match=words) as error:
         found.check(in_turn(capacity), [0] * 4, 0.0, late=False)
     assert error.value.retry_after == 7.0 and found.refused == 4
+
+
+def test_the_refusal_does_not_contradict_itself():
+    found = admission(admission=AdmissionRules(most_load=0.5))
+    capacity = found.capacity(0.0)
+    # of both genders so many would fit; of this one they do not
+    with pytest.raises(ResourceExhausted) as error:
+        found.check([0, 0], [0] * 100_000, 0.0, late=False)
+    used, fit = map(int, re.search(r"(\d+) of about (\d+) are", str(error.value)).groups())
+    assert used == 0 and fit <= capacity
+    few = admission(admission=AdmissionRules(most_load=1e-9))
+    with pytest.raises(ResourceExhausted, match=r"cannot add 1 agent: 1 of about [01] are in use"):
+        few.check([1, 0], [0], 0.0, late=False)
+    # one that is for lateness says nothing of how many fit
+    with pytest.raises(ResourceExhausted) as error:
+        found.check([1, 0], [0], 0.0, late=True)
+    assert str(error.value) == (
+        "cannot add 1 agent: 1 are in use, and steps come late with all that can give way"
+    )
 
 
 def run(found, agents, rows, times=1.0, calls=module.ENOUGH):
@@ -208,7 +232,9 @@ def test_a_world_refuses_at_once_all_or_none_and_makes_room_again():
     world.create_session(SessionSpec("s"), 0.0)
     capacity = world.load.capacity(0.0)
     made = world.create_agents("s", people(capacity), 0.0)
-    with pytest.raises(ResourceExhausted, match=f"{capacity} fit") as error:
+    with pytest.raises(
+        ResourceExhausted, match=f"{capacity} of about {capacity} are in use"
+    ) as error:
         world.create_agents("s", people(2), 0.0)
     assert error.value.retry_after > 0
     with pytest.raises(ResourceExhausted), world.reserve("s", people(2), 0.0):
@@ -276,7 +302,7 @@ def test_at_the_end_of_the_ladder_nobody_is_let_in_until_there_is_time_again():
     while not world.load.rung.refuse:
         now = world.next_event() + 0.25
         world.tick(now)
-    with pytest.raises(ResourceExhausted, match=r"2 agents exist; 1 more .* late") as error:
+    with pytest.raises(ResourceExhausted, match=r"add 1 agent: 2 are in use, .* late") as error:
         world.create_agents("s", people(1), now)
     assert error.value.retry_after > 0
     list(world.advance(now + 30.0))

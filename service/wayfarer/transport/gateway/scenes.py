@@ -177,7 +177,9 @@ class SceneApi:
 
     @needs(Scope.CONTROL)
     async def populate(self, session_id: str, wish: schema.Crowd) -> schema.CrowdCame:
-        """Let people come and go. Raises NotFound, FailedPrecondition, ResourceExhausted, …"""
+        """Let people come and go. Raises NotFound, FailedPrecondition, InvalidArgument; and
+        ResourceExhausted beyond the caller's quota.
+        """
         self._shared.require_ready()
         session = self._shared.book.session(session_id)
         if not session.scene:
@@ -190,8 +192,8 @@ class SceneApi:
         self._shared.book.require_room(present_caller(), wish.count)
         crowd = scene_convert.crowd(wish, session.basis, secrets.randbits(32))
         with convert.in_basis(session.basis.axes):
-            came = await self._shared.service.scenes.populate(session_id, crowd)
-        return schema.CrowdCame(came=came)
+            state = await self._shared.service.scenes.populate(session_id, crowd)
+        return schema.CrowdCame(came=state.came, waiting=state.waiting, reason=state.reason)
 
     async def take_over(self) -> None:
         """Enter the scenes that the runtime has kept over a restart."""

@@ -256,4 +256,6 @@ class Crowd(Message):
 class CrowdCame(Message):
     """People come."""
 
-    came: int = Field(description="so many at once; streams introduce them and those to come")
+    came: int = Field(description="so many are there; streams introduce them and those to come")
+    waiting: int = Field(description="so many have yet to come: they do when there is room")
+    reason: str = Field(description="why they have not; empty: they are on their way")

@@ -2,6 +2,7 @@
 
 const ANSWER_SECONDS = 10;
 const BAKE_SECONDS = 60; // for what may take the server longer
+const PATIENCE_SECONDS = 15; // that a call which is refused for now is sent again
 const NOBODY = { token: "", headers: {}, protocols: [] };
 
 /** A refusal of the server, or no answer at all (status 0). */
@@ -18,12 +19,14 @@ export class ApiError extends Error {
 export class Api {
   /**
    * `base` is the server's address without a final slash; "" is the one this page came from. `access`
-   * (access.js) shows who calls, and gets another token where the one it has is refused.
+   * (access.js) shows who calls, and gets another token where the one it has is refused. A call that is
+   * refused for now (429) is sent again when the server has said; `pause(seconds, error)` waits until then.
    */
-  constructor(base = "", access = NOBODY, fetcher = (...request) => fetch(...request)) {
+  constructor(base = "", access = NOBODY, fetcher = (...request) => fetch(...request), pause = sleep) {
     this.base = base;
     this.access = access;
     this.fetcher = fetcher;
+    this.pause = pause;
   }
 
   /** A session in a scene, or with "" on a floor without end. */
@@ -158,13 +161,22 @@ export class Api {
   }
 
   async #call(method, path, body, seconds = ANSWER_SECONDS) {
-    const { token } = this.access;
-    try {
-      return await this.#ask(method, path, body, seconds);
-    } catch (error) {
-      if (error.status !== 401 || !this.access.renew) throw error;
-      await this.access.renew(token, error.message);
-      return this.#call(method, path, body, seconds);
+    let patience = PATIENCE_SECONDS;
+    for (;;) {
+      const { token } = this.access;
+      try {
+        return await this.#ask(method, path, body, seconds);
+      } catch (error) {
+        const wait = error.status === 429 ? error.problem.retry_after_s : 0;
+        if (wait && wait <= patience) {
+          patience -= wait;
+          await this.pause(wait, error);
+        } else if (error.status === 401 && this.access.renew) {
+          await this.access.renew(token, error.message);
+        } else {
+          throw error;
+        }
+      }
     }
   }
 
@@ -192,6 +204,8 @@ export class Api {
     return text ? JSON.parse(text) : null;
   }
 }
+
+const sleep = (seconds) => new Promise((done) => setTimeout(done, 1000 * seconds));
 
 function agentPath(agentId) {
   return `/v1/agents/${encodeURIComponent(agentId)}`;

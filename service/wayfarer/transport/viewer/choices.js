@@ -135,3 +135,11 @@ function clamp(share) {
 function normal(random) {
   return Math.sqrt(-2 * Math.log(1 - random())) * Math.cos(2 * Math.PI * random());
 }
+
+/** A sentence about the people who come, as `Api.populate` tells of them. */
+export function crowdText({ came, waiting, reason }) {
+  if (!came && !waiting) return "they leave";
+  if (!waiting) return came === 1 ? "1 person is here" : `${came} people are here`;
+  const rest = reason ? `the rest come when there is room: ${reason}` : "the rest are on their way";
+  return `${came} of ${came + waiting} people are here; ${rest}`;
+}

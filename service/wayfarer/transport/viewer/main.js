@@ -3,7 +3,7 @@
 import { Access } from "./access.js";
 import { Api } from "./api.js";
 import { Chase } from "./chase.js";
-import { eventText, randomAgents } from "./choices.js";
+import { crowdText, eventText, randomAgents } from "./choices.js";
 import { Crowd } from "./crowd.js";
 import { Errands } from "./errands.js";
 import { askToken, byId, listPeople, mention, Readout, showConnection, tell } from "./hud.js";
@@ -27,7 +27,10 @@ const wish = Object.fromEntries(["encoding", "fps"].filter((key) => page.has(key
 const view = byId("view");
 
 const access = new Access(askToken);
-const api = new Api("", access);
+const api = new Api("", access, undefined, (seconds, { message }) => {
+  mention(`${message}; trying again in ${Math.ceil(seconds)} s`);
+  return new Promise((done) => setTimeout(done, 1000 * seconds));
+});
 const stage = new Stage(view);
 const readout = new Readout();
 const place = new ScenePanel(api, stage, { enter, changed: attempt(() => errands.replan()), attempt });
@@ -134,8 +137,7 @@ const stop = attempt(async () => {
 });
 
 const populate = attempt(async () => {
-  const came = (await api.populate(session.id, Number(byId("count").value))).came;
-  mention(came ? `${came} people come` : "they leave");
+  mention(crowdText(await api.populate(session.id, Number(byId("count").value))));
 });
 
 const wander = attempt(() => errands.wander());

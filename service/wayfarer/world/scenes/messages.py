@@ -74,3 +74,17 @@ class Crowd:
     dwell: tuple[float, float] = (0.0, 4.0)  # seconds to stand at each place
     spawn_rate: float = 0.0  # people a second; 0: as many as there is room for, at once
     stay: float = 0.0  # mean seconds until one leaves and another comes; 0: they stay
+
+
+@dataclass(frozen=True, slots=True)
+class CrowdState:
+    """How a crowd is now."""
+
+    came: int  # of those wanted, who are there
+    waiting: int  # who have yet to come
+    reason: str = ""  # why they have not, a sentence; empty: they are about to
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether all are there, or nobody comes before something changes."""
+        return not self.waiting or bool(self.reason)

@@ -27,7 +27,7 @@ from wayfarer.world.behaviours import Wander
 from wayfarer.world.behaviours.places import drawn_places, largest_island
 from wayfarer.world.goals.checks import MAX_DWELL, SPEED, check_range
 from wayfarer.world.goals.commands import GoalCommand
-from wayfarer.world.scenes.messages import Crowd
+from wayfarer.world.scenes.messages import Crowd, CrowdState
 
 AT_ONCE: Final = 4
 """People who come with one call: each takes about 2 ms."""
@@ -45,7 +45,10 @@ LOOKS_EVERY: Final = 0.05
 """Seconds."""
 
 LATER: Final = 0.5
-"""Seconds until those for whom there was no place, or no room, try again."""
+"""Seconds until somebody for whom no place was found tries again …"""
+
+NO_ROOM: Final = 2.0
+"""… and somebody whom the server has refused for want of room."""
 
 LEAVES_WITHIN: Final = 60.0
 """Seconds after which somebody leaves who has not stood since."""
@@ -71,10 +74,6 @@ class CrowdWorld(Protocol):
 
     def scene_of_session(self, session_id: str) -> Scene | None:
         """Its scene; None: it is in none, or has ended."""
-        ...
-
-    def room_for(self, session_id: str, genders: Sequence[str], now: float) -> None:
-        """Raises NotFound, ResourceExhausted when so many more could not be stepped in time."""
         ...
 
     def whereabouts(self, session_id: str) -> Whereabouts:
@@ -104,6 +103,7 @@ class _People:
     next_at: float  # when somebody may come
     looks_at: float = -np.inf  # when it is looked after again
     come: int = 0  # so far: the number of the next one
+    waits: str = ""  # why the next one did not come when their time was there
     leaves_at: dict[str, float] = field(default_factory=dict)  # by agent
 
 
@@ -123,11 +123,11 @@ class Crowds:
         self._world = world
         self._crowds: dict[str, _People] = {}
 
-    def set(self, session_id: str, crowd: Crowd, now: float) -> int:
+    def set(self, session_id: str, crowd: Crowd, now: float) -> None:
         """In place of an earlier crowd, whose people stay as far as the new one wants them.
 
-        Returns how many will come at once. Raises NotFound, FailedPrecondition when the session is
-        in no scene, InvalidArgument, ResourceExhausted when so many could not be stepped in time.
+        Those for whom there is no room wait. Raises NotFound, InvalidArgument; FailedPrecondition
+        when the session is in no scene.
         """
         check_crowd(crowd)
         here = set(self._world.whereabouts(session_id).agent_ids)
@@ -138,12 +138,19 @@ class Crowds:
             )
         before = self._crowds.get(session_id)
         stay = {} if before is None else {a: t for a, t in before.leaves_at.items() if a in here}
-        more = max(crowd.count - len(stay), 0)
-        self._world.room_for(session_id, [GENDERS[k % 2] for k in range(more)], now)
         surplus = list(stay)[crowd.count :]
         stay |= {agent_id: min(stay[agent_id], now) for agent_id in surplus}
         self._crowds[session_id] = _People(crowd, now, leaves_at=stay)
-        return 0 if crowd.spawn_rate else more
+
+    def state(self, session_id: str) -> CrowdState:
+        """How the session's crowd is; that of nobody where there is none. Raises NotFound."""
+        here = set(self._world.whereabouts(session_id).agent_ids)
+        people = self._crowds.get(session_id)
+        if people is None:
+            return CrowdState(0, 0)
+        wanted = people.crowd.count
+        came = min(len(here & people.leaves_at.keys()), wanted)
+        return CrowdState(came, wanted - came, people.waits if came < wanted else "")
 
     def tend(self, now: float) -> list[tuple[str, str]]:
         """Let people come and go. Who has gone: session and agent."""
@@ -181,10 +188,10 @@ class Crowds:
                 return
             place = self._come(session_id, people, scene, places, now)
             if place is None:
-                people.next_at = now + LATER
                 return
             places.append(place)
             if people.crowd.spawn_rate:
+                people.waits = f"{people.crowd.spawn_rate:g} come a second, as was asked for"
                 people.next_at = max(people.next_at, now - 1) + 1 / people.crowd.spawn_rate
 
     def _come(
@@ -199,12 +206,17 @@ class Crowds:
         person = drawn_person(people.crowd, people.come, scene, places)
         if person is None:
             people.come += 1  # other draws the next time
+            people.next_at = now + LATER
+            people.waits = "no free place was found away from walls and from everybody else"
             return None
         try:
             [made] = self._world.create_agents(session_id, [person.spec], now)
-        except ResourceExhausted:
+        except ResourceExhausted as error:
+            people.next_at = now + NO_ROOM
+            people.waits = str(error)
             return None
         people.come += 1
+        people.waits = ""
         people.leaves_at[made.agent_id] = now + person.stay
         self._world.give(made.agent_id, person.wander, now)
         return person.spec.position

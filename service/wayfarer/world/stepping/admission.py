@@ -28,6 +28,9 @@ from wayfarer.world.stepping.window import Window
 REFRESH: Final = 1.0
 """Seconds after which the number of agents that fit is computed again."""
 
+MOST_TOLD: Final = 10.0
+"""Of a projected load; it may be infinite."""
+
 BESIDE: Final = 2.0
 """Ratio of the CPU that loop and transport use together to what the loop uses."""
 
@@ -91,17 +94,18 @@ class Admission:
             return
         with self._lock:
             self.refused += len(coming)
-        why = (
-            "steps are late with all that could give way"
-            if late
-            else f"with them steps would take {busy:.0%} of the time, "
-            f"allowed are {self._rules.most_load:.0%}"
-        )
-        fit = f" and {self.capacity(now)} fit on this machine now" if self._warm.known else ""
-        raise ResourceExhausted(
-            f"{sum(agents)} agents exist{fit}; {len(coming)} more were asked for: {why}",
-            retry_after=self._rules.retry_after,
-        )
+        if late:
+            why = f"{sum(agents)} are in use, and steps come late with all that can give way"
+        else:
+            # of these genders fewer fit than were asked for, whatever fits of both in turn
+            fit = min(self.capacity(now), sum(agents) + len(coming) - 1)
+            load = f"{busy:.0%}" if busy < MOST_TOLD else f"more than {MOST_TOLD:.0%}"
+            why = (
+                f"{sum(agents)} of about {fit} are in use, and the projected load would be {load} "
+                f"(limit {self._rules.most_load:.0%})"
+            )
+        many = "1 agent" if len(coming) == 1 else f"{len(coming)} agents"
+        raise ResourceExhausted(f"cannot add {many}: {why}", retry_after=self._rules.retry_after)
 
     def capacity(self, now: float) -> int:
         """Agents that fit, of both genders in turn; computed once a second. 0: not known."""
