@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wayfarer_lab.evaluation.figures import mean
+from wayfarer_lab.evaluation.figures import mean, quantile
 from wayfarer_lab.evaluation.maneuvers.maneuver import Figures, Shot, pooled
 from wayfarer_lab.evaluation.metrics import feet
 from wayfarer_lab.evaluation.takes import Take
@@ -12,11 +12,12 @@ from wayfarer_lab.evaluation.takes import Take
 
 def stance_figures(takes: Sequence[Take]) -> Figures:
     """Slip (cm) and turn (degrees) of all stances of all takes, median and p95, each foot apart
-    in `…_left`, `…_right`; how much of told contact is not true.
+    in `…_left`, `…_right`; `lift_cm_p50`, the median height of lifts.
     """
     every = [stance for take in takes for stance in take.stances]
     side = np.array([stance.foot for stance in every])
-    row = {"stances": float(len(every))}
+    tops = [100 * top for take in takes for top in feet.lift_tops(take.height)]
+    row = {"stances": float(len(every)), "lift_cm_p50": quantile(tops, 0.5)}
     for name, values in (
         ("slip_cm", 100 * np.array([stance.slip for stance in every])),
         ("stance_turn_deg", np.array([stance.turn for stance in every])),

@@ -85,6 +85,14 @@ def on_the_stairs(take: Take) -> slice | None:
     return slice(int(frames[0]), int(frames[-1]) + 1) if len(frames) > FPS // 4 else None
 
 
+def the_climb(shot: Shot) -> Take:
+    """The part on the stairs, brought down to the floor: pictures show no stairs."""
+    climb = shot.take[on_the_stairs(shot.take) or slice(0, 4 * FPS)]
+    places = np.array(climb.clip.translation)
+    places[:, 2] -= np.linspace(*(places[[0, -1], 2] - climb.hips_height), len(places))
+    return replace(climb, clip=replace(climb.clip, translation=places))
+
+
 def judge(shot: Shot) -> Figures:
     """`steps_per_riser`: places where either foot comes to stand, over the risers between the
     lowest and the highest of them.
@@ -151,5 +159,5 @@ STAIRS: Final = Maneuver(
         Bar("knee_max_deg", high=110),
     ),
     worst="knee_max_deg",
-    strip=lambda shot: shot.take[on_the_stairs(shot.take) or slice(0, 4 * FPS)],
+    strip=the_climb,
 )

@@ -1,6 +1,7 @@
 """Pictures of manoeuvres: of each case the worst take and a middling one, moment by moment."""
 
 import re
+from dataclasses import replace
 from math import isnan
 from pathlib import Path
 from typing import Final
@@ -8,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from wayfarer.body.library import load_body
+from wayfarer.clips.clip import Clip
 from wayfarer_lab.evaluation.maneuvers.maneuver import SENT, Figures, Maneuver
 from wayfarer_lab.evaluation.maneuvers.run import Played
 from wayfarer_lab.evaluation.pictures.files import write_still
@@ -16,6 +18,7 @@ from wayfarer_lab.evaluation.pictures.stills import contact_sheet
 from wayfarer_lab.evaluation.takes import Take
 
 MOMENTS: Final = 14
+MOST_GOALS: Final = 4
 HEIGHT: Final = 200
 """Pixels of a body's cell."""
 
@@ -36,7 +39,7 @@ def draw(played: Played, folder: Path) -> list[Path]:
             for word, take, number in zip(("worst", "middle"), takes, numbers, strict=True)
         ]
         actors = [
-            Actor.of(take.clip, load_body(take.clip.body, take.clip.gender), "sides")
+            Actor.of(_few_goals(take.clip), load_body(take.clip.body, take.clip.gender), "sides")
             for take in takes
         ]
         name = re.sub(r"[^0-9a-z.]+", "_", f"{maneuver.name} {case.name}".lower()).strip("_")
@@ -50,6 +53,11 @@ def worst_and_middle(values: list[float]) -> tuple[int, int]:
     order = np.argsort([-np.inf if isnan(value) else value for value in values], kind="stable")
     known = [int(k) for k in order if not isnan(values[k])] or [int(k) for k in order]
     return known[-1], known[len(known) // 2]
+
+
+def _few_goals(clip: Clip) -> Clip:
+    """Goals that come every quarter of a second would hide the floor."""
+    return replace(clip, goals=clip.goals if len(clip.goals) <= MOST_GOALS else ())
 
 
 def _caption(maneuver: Maneuver, word: str, take: Take, figures: Figures) -> str:

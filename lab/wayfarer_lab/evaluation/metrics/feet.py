@@ -80,6 +80,13 @@ def lift_count(height: Array) -> int:
     return sum(map(len, lifts(height)))
 
 
+def lift_tops(height: Array) -> list[float]:
+    """The greatest height of each lift of both feet, metres."""
+    return [
+        float(height[lift, foot].max()) for foot, mine in enumerate(lifts(height)) for lift in mine
+    ]
+
+
 def patch_shift(soles: Array) -> Array:
     """Horizontal way, since the frame before, of the points of each foot that touch the ground.
 

@@ -24,6 +24,12 @@ def test_a_lift_counts_once_and_only_when_it_is_high_enough() -> None:
     assert measure.lift_count(both(wavering)) == 1, "it did not come down in between"
 
 
+def test_lifts_have_heights() -> None:
+    tops = measure.lift_tops(both(bump(T, 10, 21, 0.05), bump(T, 40, 21, 0.08)))
+    assert tops == pytest.approx([0.05, 0.08], rel=0.02)
+    assert measure.lift_tops(both(0.0)) == []
+
+
 def test_a_sole_that_pivots_under_load_reports_its_angle() -> None:
     soles = feet(T, turn=both(ramp(T, 20, 60, 30.0)))
     left, right = measure.stances(soles)
