@@ -89,7 +89,8 @@ def the_climb(shot: Shot) -> Take:
     """The part on the stairs, brought down to the floor: pictures show no stairs."""
     climb = shot.take[on_the_stairs(shot.take) or slice(0, 4 * FPS)]
     places = np.array(climb.clip.translation)
-    places[:, 2] -= np.linspace(*(places[[0, -1], 2] - climb.hips_height), len(places))
+    first, last = places[[0, -1], 2] - climb.hips_height
+    places[:, 2] -= np.linspace(first, last, len(places))
     return replace(climb, clip=replace(climb.clip, translation=places))
 
 
