@@ -3,7 +3,7 @@
 # and the Python client. Versions are those of requirements/, which `make lock` renews.
 #
 # Knobs:  make serve ARGS="--http-port 9000"     options of `wayfarer serve`
-#         make test  ARGS="-k goals -x"          options of pytest
+#         make test  ARGS="-k goals -x"          options of pytest; -n 0: all in one process
 #         make PYTHON=/path/to/python3.12 serve  another interpreter (3.11 or newer)
 
 SHELL := /bin/bash
@@ -44,7 +44,7 @@ lab: $(VENV)/.lab ## set up training, evaluation, data preparation and load tool
 test: $(VENV)/.dev ## set up and run all tests
 	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory $(NODE)/src/gen $(NPM_TOOLS); \
 	else echo "skipped: clients/node and the glTF validator need npm (apt-get install npm)" >&2; [ -z "$${CI:-}" ]; fi
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile $(ARGS)
 	@if command -v node >/dev/null; then node --test $(VIEWER_TESTS); \
 	else echo "skipped: tests/viewer needs node (apt-get install nodejs)" >&2; [ -z "$${CI:-}" ]; fi
 	@if [ -d $(NODE)/src/gen ] && command -v npm >/dev/null; then cd $(NODE) && npm test; fi

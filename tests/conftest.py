@@ -1,8 +1,56 @@
-"""For all tests: hypothesis judges results, never speed (the machines are shared)."""
+"""For all tests: which are slow, how they log, and that hypothesis judges results, never speed."""
 
+import os
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # tests run side by side; torch reads it once
+
+import pytest
 from hypothesis import settings
 
 import wayfarer  # noqa: F401  switches telemetry of the engines off before they are imported
+from wayfarer.logs import configure_logging
 
-settings.register_profile("steady", deadline=None)
+settings.register_profile("steady", deadline=None)  # the machines are shared
 settings.load_profile("steady")
+
+# as the service logs; `caplog` reads it. structlog's default draws traces with all local variables
+configure_logging("info", "json")
+
+HERE = Path(__file__).parent
+SLOW = (
+    "integration",  # starts the real server
+    "viewer",  # a browser
+    "clients/test_examples.py",  # real servers
+    "clients/test_node.py",
+    "lab/evaluation/commands",  # whole tables, over the shipped model
+    "lab/evaluation/maneuvers/test_run.py",
+    "lab/evaluation/test_scenarios.py",
+    "lab/training/test_export.py",  # traces and optimises whole graphs
+    "lab/training/test_onnx_files.py",
+    "lab/training/test_pose_graphs.py",
+    "lab/training/test_predictor.py",
+    "engines/test_openvino_engine.py",  # compiles networks
+    "service/persistence/test_journal.py",  # kills servers
+    "transport/test_reference.py",  # a browser
+    "workers/test_front.py",
+    "workers/test_scenes.py",
+    "world/behaviours",  # minutes of a crowd's time
+    "world/scenes/test_bakery.py",  # processes that hang, and are killed
+    "world/scenes/test_populate.py",
+    "world/scenes/test_world_scenes.py",
+)
+"""Folders and files of tests that have the mark `slow`, beside those that carry it themselves."""
+
+SLOW_FIXTURES = frozenset({"real_server"})
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what takes more than a second or two of a processor's time."""
+    slow = [HERE / name for name in SLOW]
+    if gone := [str(path) for path in slow if not path.exists()]:
+        raise pytest.UsageError(f"{__file__} names tests that are no more: {', '.join(gone)}")
+    for item in items:
+        fixtures = SLOW_FIXTURES.intersection(getattr(item, "fixturenames", ()))
+        if fixtures or any(item.path.is_relative_to(path) for path in slow):
+            item.add_marker(pytest.mark.slow)

@@ -147,6 +147,7 @@ def test_serve_tells_nobody_and_writes_into_its_state_folder_only(environment, t
 
 
 @traced
+@pytest.mark.slow
 def test_generate_writes_its_file_and_nothing_else(environment, tmp_path):
     walk = tmp_path / "walk.glb"
     command = ("-m", "wayfarer.cli", "generate", str(walk), "--goal", "0,1", "--seconds", "2")
@@ -155,6 +156,7 @@ def test_generate_writes_its_file_and_nothing_else(environment, tmp_path):
 
 
 @traced
+@pytest.mark.slow
 def test_openvino_tells_nobody(environment, tmp_path):
     pytest.importorskip("openvino")
     use = "from wayfarer.engines.openvino_engine import open_core; open_core()"

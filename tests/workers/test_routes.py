@@ -2,7 +2,6 @@ import pytest
 
 from wayfarer.service.persistence.container import Kind as Container
 from wayfarer.service.persistence.container import seal
-from wayfarer.shard import Shard, agent_id
 from wayfarer.v1 import (
     admin_pb2,
     control_pb2,
@@ -14,9 +13,9 @@ from wayfarer.v1 import (
 )
 from wayfarer.workers.routes import METHODS, Kind, http_kind, http_worker
 
-SESSION = Shard(2, 5).session_id()
-SCENE = Shard(2, 5).scene_id()
-AGENT = agent_id(SESSION)
+# of worker 2 of 5; fixed, since parametrized tests need the same names in every process
+SESSION, SCENE = "session-35b8bb18b6d57bb7", "scene-6cfe141cc4da068c"
+AGENT = "agent-35b81c099b4977b6"
 SNAPSHOT = seal(
     Container.SNAPSHOT, b'{"fps":40,"session":{"session_id":"%s"}}' % SESSION.encode(), b""
 )

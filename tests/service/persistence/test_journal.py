@@ -253,13 +253,13 @@ def damaged(folder):
 
 
 @pytest.mark.parametrize("junk", [b"", b"not a database " * 1000])
-def test_a_file_that_is_no_database_is_set_aside(tmp_path, junk, capsys):
+def test_a_file_that_is_no_database_is_set_aside(tmp_path, junk, caplog):
     (tmp_path / NAME).write_bytes(junk)
     journal = open_journal(tmp_path)
     assert journal.restore(LIMITS) == []
     journal.stop()
     assert len(damaged(tmp_path)) == bool(junk)
-    assert ("the journal is damaged" in capsys.readouterr().out) == bool(junk)
+    assert ("the journal is damaged" in caplog.text) == bool(junk)
 
 
 @pytest.fixture
@@ -271,14 +271,14 @@ def many(kept):
     return kept
 
 
-def test_the_good_part_of_a_damaged_file_is_kept(many, capsys):
+def test_the_good_part_of_a_damaged_file_is_kept(many, caplog):
     path = many.folder / NAME
     size = path.stat().st_size
     with path.open("r+b") as file:
         file.seek(size // 2)
         file.write(os.urandom(3 * 4096))
     found = many.restored()
-    assert "the journal is damaged" in capsys.readouterr().out
+    assert "the journal is damaged" in caplog.text
     agents = sum(len(record.agents) for record in found.values())
     assert 30 <= len(found) <= 40 and 120 <= agents < 160
     [aside] = damaged(many.folder)
@@ -287,7 +287,7 @@ def test_the_good_part_of_a_damaged_file_is_kept(many, capsys):
     assert len(damaged(many.folder)) == 1
 
 
-def test_a_flipped_bit_costs_one_agent(many, capsys):
+def test_a_flipped_bit_costs_one_agent(many, caplog):
     path = many.folder / NAME
     data = bytearray(path.read_bytes())
     with closing(sqlite3.connect(path)) as file:
@@ -298,7 +298,7 @@ def test_a_flipped_bit_costs_one_agent(many, capsys):
     path.write_bytes(data)
     found = many.restored()
     assert sum(len(record.agents) for record in found.values()) == 159
-    assert "is lost" in capsys.readouterr().out
+    assert "is lost" in caplog.text
 
 
 def test_a_file_cut_short_is_read_as_far_as_it_goes(many):
@@ -309,15 +309,15 @@ def test_a_file_cut_short_is_read_as_far_as_it_goes(many):
     assert len(damaged(many.folder)) == 1
 
 
-def test_agents_without_a_session_are_told_and_let_go(many, capsys):
+def test_agents_without_a_session_are_told_and_let_go(many, caplog):
     with closing(sqlite3.connect(many.folder / NAME)) as file:
         file.execute("DELETE FROM entries WHERE kind = 1 AND id = 's07'")
         file.commit()
     assert len(many.restored()) == 39
-    assert "its session 's07' is not there" in capsys.readouterr().out
+    assert "its session 's07' is not there" in caplog.text
 
 
-async def test_a_full_disk_is_told_once_and_waited_for(kept, capsys):
+async def test_a_full_disk_is_told_once_and_waited_for(kept, caplog):
     populate(kept.world, 2)
     await kept.journal.durable()
     limit_pages(kept.journal, 1)
@@ -328,14 +328,14 @@ async def test_a_full_disk_is_told_once_and_waited_for(kept, capsys):
         populate(kept.world, 2, f"u{number}")
         await asyncio.wait_for(kept.journal.durable(), 5)
     kept.world.delete_session("u1")
-    told = capsys.readouterr().out
+    told = caplog.text
     assert told.count("the journal cannot be written") == 1 and "full" in told
     limit_pages(kept.journal, 1 << 30)
     for _ in range(200):
         if not kept.journal.failing:
             break
         await asyncio.sleep(0.05)
-    assert "written again" in capsys.readouterr().out
+    assert "written again" in caplog.text
     await kept.journal.durable()
     kept.close()
     found = kept.restored()
@@ -371,13 +371,13 @@ async def test_what_waits_for_a_full_disk_does_not_grow(kept):
     kept.close()
 
 
-async def test_an_entry_that_cannot_be_written_keeps_no_other_back(kept, capsys):
+async def test_an_entry_that_cannot_be_written_keeps_no_other_back(kept, caplog):
     populate(kept.world, 1)
     kept.world.create_agents("s", people(1, name="\ud800"), 0.0)  # half a character
     kept.world.create_agents("s", people(1), 0.0)
     await kept.journal.durable()
     assert not kept.journal.failing
-    assert "cannot be written to the journal" in capsys.readouterr().out
+    assert "cannot be written to the journal" in caplog.text
     kept.close()
     assert [agent.alias for agent in kept.restored()["s"].agents] == [1, 3]
 

@@ -139,6 +139,7 @@ def test_a_log_may_begin_in_mid_motion():
     assert_same(replayed(worlds, other), sent)
 
 
+@pytest.mark.slow
 def test_sixty_seconds_of_the_shipped_model_come_out_bit_for_bit():
     worlds = shipped_worlds(phases=1)  # stepped in one batch, and played again one by one
     world = worlds.live()

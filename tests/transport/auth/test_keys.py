@@ -1,3 +1,5 @@
+from hashlib import sha256
+
 import pytest
 from structlog.testing import capture_logs
 
@@ -5,8 +7,9 @@ from wayfarer.errors import InvalidArgument, Unauthenticated
 from wayfarer.transport.auth.keys import LOOK_S, KeyFile, new_key
 from wayfarer.transport.caller import Quota, Scope
 
-STUDIO, DIGEST = new_key()
-OTHER, OTHER_DIGEST = new_key()
+# fixed, since parametrized tests need the same names in every process
+STUDIO, OTHER = "wf_" + "s" * 43, "wf_" + "o" * 43
+DIGEST, OTHER_DIGEST = (sha256(key.encode()).hexdigest() for key in (STUDIO, OTHER))
 FILE = f"""
 [keys.studio]
 sha256 = "{DIGEST}"

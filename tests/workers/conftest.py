@@ -1,3 +1,0 @@
-from tests.transport.conftest import quiet_logs
-
-__all__ = ["quiet_logs"]
