@@ -14,6 +14,7 @@ from benchmarks.bench import Row, text
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "benchmarks" / "results"
 PAGE = ROOT / "docs" / "performance.md"
+ALL = RESULTS / "performance.md"
 IMAGES = ROOT / "docs" / "images"
 
 INTRO = """# Performance
@@ -27,7 +28,14 @@ same run, so they can be compared between machines:
 An agent keeps real time only if it is stepped every 0.2 s. Lateness counts from the instant at
 which a primitive was to be shown to its arrival at the client, who shares the machine with the
 server (`wayfarer load --help`).
+
+{which}
 """
+SHORT = "Long tables are cut; [all rows are here](../benchmarks/results/performance.md)."
+FULL = "All rows of all tables. [docs/performance.md](../../docs/performance.md) is shorter."
+MOST_ROWS = 10
+BATCH = 128
+"""Of the rows of the step, the short page has those of this batch."""
 
 TITLES = {
     "step": "The step",
@@ -78,10 +86,13 @@ def cell(value: object) -> str:
     return {True: "yes", False: "no"}[value] if isinstance(value, bool) else text(value)
 
 
-def origin(part: Part) -> str:
-    """Command, date, machine, commit and versions of a part, in two lines."""
+def origin(part: Part, every: bool) -> str:
+    """Command, date and commit of a part, and if `every` its machine and versions."""
     meta = part["meta"]
     machine = meta["machine"]
+    if not every:
+        quick = "**a quick look, not a record**, " if meta["quick"] else ""
+        return f"`{part['command']}`  \n{quick}{meta['date'][:10]}, commit {meta['commit'][:7]}\n"
     flags = ", ".join(machine["flags"]) or "no wide instructions"
     where = f"{machine['cpu']}, {machine['cores']} cores ({flags}), {machine['ram_gb']:g} GB"
     versions = ", ".join(f"{name} {number}" for name, number in meta["versions"].items())
@@ -93,47 +104,60 @@ def origin(part: Part) -> str:
     )
 
 
-def section(name: str, part: Part, drawn: str | None = None) -> str:
+def worth(rows: list[Row], every: bool) -> list[Row]:
+    """The rows of one table that are shown."""
+    if every or len(rows) <= MOST_ROWS:
+        return rows
+    return [row for row in rows if row.get("batch", BATCH) == BATCH][:MOST_ROWS]
+
+
+def section(name: str, part: Part, drawn: str | None = None, every: bool = True) -> str:
     """One benchmark of one record; `drawn` is its picture's file."""
-    lines = [f"### {title(name)}\n", origin(part)]
+    lines = [f"### {title(name)}\n", origin(part, every)]
     if "failure" in part:
         lines.append(f"It failed:\n\n```\n{part['failure'].strip()}\n```\n")
     if drawn:
         lines.append(f"![{title(name)}](images/{drawn})\n")
     lines += [
-        table(rows, name.startswith(TRANSPOSED)) + "\n"
-        for key in ("rows", "gemm", "shares")
+        table(worth(rows, every), name.startswith(TRANSPOSED)) + "\n"
+        for key in (("rows", "gemm", "shares") if every else ("rows",))
         for rows in groups(part.get(key, []))
     ]
     if ratios := part.get("ratios"):
         found = [
             {"ratio": k, "value": v["value"], "better": v["better"]} for k, v in ratios.items()
         ]
-        lines.append(table(found) + "\n")
+        lines.append(table(worth(found, every)) + "\n")
     return "\n".join(lines)
 
 
-def page(records: dict[str, Part], picture: Callable[[str, str, Part], str | None]) -> str:
+def page(
+    records: dict[str, Part],
+    picture: Callable[[str, str, Part], str | None],
+    every: bool = True,
+) -> str:
     """All records, by name. `picture(record, part's name, part)` gives a file in docs/images."""
-    parts = [INTRO]
+    parts = [INTRO.format(which=FULL if every else SHORT)]
     for name, record in records.items():
-        parts.append(f"## {name}\n")
+        machine = next(iter(record["parts"].values()))["meta"]["machine"]
+        parts.append(f"## {name}: {machine['cpu']}, {machine['cores']} cores\n")
         parts += [
-            section(part, found, picture(name, part, found))
+            section(part, found, None if every else picture(name, part, found), every)
             for part, found in record["parts"].items()
         ]
     return "\n".join(parts)
 
 
 def main() -> None:
-    """Write the page."""
+    """Write both pages."""
     files = sorted(RESULTS.glob("performance_*.json"))
     records = {f.stem.removeprefix("performance_"): json.loads(f.read_text()) for f in files}
 
     def picture(record: str, name: str, part: Part) -> str | None:
         return performance_plots.draw(IMAGES, f"performance_{record}_{name}.png", name, part)
 
-    PAGE.write_text(page(records, picture))
+    PAGE.write_text(page(records, picture, every=False))
+    ALL.write_text(page(records, picture))
 
 
 if __name__ == "__main__":

@@ -1,5 +1,8 @@
 """Write docs/results.md from the JSON files of `wayfarer eval … --json benchmarks/results/…`.
 
+The page has the figures of each table that are worth a first look. All of them are in
+benchmarks/results/README.md, which is written at the same time.
+
 python benchmarks/results_page.py            # refuses tables that are not all of one commit
 python benchmarks/results_page.py --stale    # marks them instead
 """
@@ -12,21 +15,23 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "results"
 PAGE = HERE.parent / "docs" / "results.md"
+ALL = RESULTS / "README.md"
 
 INTRO = """# Results
 
 Made by `python benchmarks/results_page.py` from `benchmarks/results/*.json`; nothing is typed in.
-Each section names the command and the machine. "mocap" rows are recordings, judged by the same
-code. The metrics are defined in `lab/wayfarer_lab/evaluation/` (docstrings).
+{which} "mocap" rows are recordings, judged by the same code. [evaluation.md]({docs}evaluation.md)
+defines the figures.
 
-**What `heldout` means.** Three people of the CMU recordings (08, 09, 32) whom no network was
-trained on. They are not untouched: the predictor's KL weight and the origin on the floor were
-chosen in a feasibility experiment on them, and so were the passes of the regressor
-(docs/models.md). Some of them run or stride, so their mocap rows lean and hurry more than other
-people's. In `control`, `long`, `bodies` and in `arrival` from standing no held-out person takes
-part at all: agents begin in the shipped start poses, with random shapes, and the split changes the
-mocap row only.
+**What `heldout` means.** No network was trained on three people of the CMU recordings (08, 09,
+32). They are not untouched: a feasibility experiment chose the predictor's KL weight, the origin on
+the floor and the regressor's passes on them. Some of them run or stride, so their mocap rows lean
+and hurry more than other people's. No held-out person takes part in `control`, `long`, `bodies` and
+`arrival` from standing: agents begin in the shipped start poses, with random shapes, and the split
+changes the mocap row only.
 """
+SHORT = "These are the figures worth a first look; [all are here](../benchmarks/results/README.md)."
+FULL = "All figures; the ones worth a first look are in [docs/results.md](../../docs/results.md)."
 
 STALE = """**Not of one release.** Tables marked stale were made by another commit than most of this
 page, or by one that nobody can name: their figures need not hold for the shipped models.
@@ -53,18 +58,66 @@ SEEDS = """## control, three trainings of the policy
 {when}
 """
 OF_SEEDS = ("policy & top1", "search K=8 π", "search K=8 N(0, I)")
-WORTH = ("name", "success", "success_03m", "steps", "avg_dist", "contact", "walk_slide_cm_s")
+WORTH = frozenset(
+    (
+        # control, arrival
+        *("success", "success_03m", "success_075m", "steps", "avg_dist", "stopped"),
+        *("walk_slide_cm_s", "arrival_error_median_m", "drift_5s_max_m", "facing_error_median_deg"),
+        *("reached_15", "speed_error_mps", "faced_15", "facing_error_mean_deg", "passed", "detour"),
+        # how they move
+        *("speed_mps", "contact_strict", "slide_cm_s", "lost"),
+        *("seam_ratio", "trunk_tilt_deg", "frechet_v1", "pose_prior", "heel_skating_75mm_s"),
+        "marker_speed_cm_s",
+        # predictor, regressor
+        *(
+            "ade_m",
+            "fde_m",
+            "mmade_m",
+            "apd_m",
+            "amd_mm",
+            "amd_p95_mm",
+            "avd_mm",
+            "joint_angle_deg",
+        ),
+        # long, scenes
+        *("minutes_each", "resets", "fallen_agents", "tilted_agents", "floating_agents"),
+        *("spinning_agents", "goals_reached", "path_ratio", "walked_ratio", "penetration_5cm"),
+        *(
+            "overlap_frames",
+            "stuck_agents",
+            "foot_gap_p95_cm",
+            "shut_seen_s_max",
+            "crate_seen_s_max",
+        ),
+    )
+)
+"""Figures of the short page."""
+
+OF_TRAININGS = ("success", "success_03m", "steps", "avg_dist", "contact", "walk_slide_cm_s")
+SPEED = ", 0.9-1.4 m/s"
 Row = dict[str, Any]
 
 
-def tables(rows: list[Row]) -> list[list[Row]]:
-    """Rows in groups that share their metrics (rows without any figure are left out)."""
+def tables(rows: list[Row], every: bool) -> list[list[Row]]:
+    """Rows in groups that share their metrics (rows without any figure are left out).
+
+    Unless `every`, with the metrics of `WORTH` only; walking at all speeds is then left out where
+    the same is there at one speed.
+    """
     groups: dict[tuple[str, ...], list[Row]] = {}
+    names = [row["name"] for row in rows]
     for row in rows:
-        keys = tuple(k for k in row if k != "name")
-        if len(keys) > 1:
-            groups.setdefault(keys, []).append(row)
-    return list(groups.values())
+        keys = tuple(k for k in row if k != "name" and (every or k in WORTH))
+        if len(keys) > every:  # the number of windows alone is no figure
+            groups.setdefault(keys, []).append({"name": row["name"]} | {k: row[k] for k in keys})
+    if every:
+        return list(groups.values())
+    at_speed = {f"{name}{SPEED}" for name in names} & set(names)
+    return [
+        kept
+        for group in groups.values()
+        if (kept := [r for r in group if "speed_mps" not in r or r["name"] + SPEED not in at_speed])
+    ]
 
 
 def shown(value: object) -> str:
@@ -87,7 +140,7 @@ def of_seeds(release: str) -> list[str]:
     """The section that compares trainings which differ in their seed alone."""
     results = [json.loads(path.read_text()) for path in sorted(RESULTS.glob("control_seed_*.json"))]
     rows = [
-        {key: f"{row['name']}, seed {seed}" if key == "name" else row[key] for key in WORTH}
+        {"name": f"{row['name']}, seed {seed}"} | {key: row[key] for key in OF_TRAININGS}
         for name in OF_SEEDS
         for seed, result in enumerate(results)
         for row in result["rows"]
@@ -148,7 +201,14 @@ def main() -> None:
             f"these results are not of commit {release[:7] or 'that can be named'}: {told}. "
             "Make them again with `wayfarer eval all`, or mark them with --stale."
         )
-    parts = [INTRO, *([STALE] if stale else [])]
+    PAGE.write_text(page(release, bool(stale), every=False))
+    ALL.write_text(page(release, bool(stale), every=True))
+
+
+def page(release: str, stale: bool, every: bool) -> str:
+    """One of the two pages."""
+    intro = INTRO.format(which=FULL if every else SHORT, docs="../../docs/" if every else "")
+    parts = [intro, *([STALE] if stale else [])]
     for name, command in COMMANDS.items():
         path = RESULTS / f"{name}.json"
         if not path.exists():
@@ -158,10 +218,10 @@ def main() -> None:
         if name == "maneuvers":
             parts.append(bars(result))
             continue
-        parts += [markdown(rows) + "\n" for rows in tables(result["rows"])]
+        parts += [markdown(rows) + "\n" for rows in tables(result["rows"], every)]
         if name == "control":
             parts += of_seeds(release)
-    PAGE.write_text("\n".join(parts))
+    return "\n".join(parts)
 
 
 if __name__ == "__main__":
