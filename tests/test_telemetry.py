@@ -1,4 +1,4 @@
-"""It tells nobody: no host is looked up or called, nothing is written outside its own folders.
+"""No telemetry: no host is looked up or called, nothing is written outside its own folders.
 
 Two of the libraries do both unless they are kept from it, see `wayfarer/__init__.py`.
 """
