@@ -10,10 +10,11 @@ import numpy as np
 
 from wayfarer.body.library import load_body
 from wayfarer.engines.engine import StepInputs, StepOutputs
+from wayfarer.limits import Limits
 from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.service.streams.publisher import Publisher
-from wayfarer.service.streams.subscription import BoundedSubscription, StreamSettings
+from wayfarer.service.streams.subscription import BoundedSubscription
 from wayfarer.spec import GENDERS, NEW_FRAMES, SEED_FRAMES
 from wayfarer.stage import BODY, START_POSES
 from wayfarer.terms import TERMS
@@ -21,9 +22,8 @@ from wayfarer.transport.metrics import Metrics
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec, Goal, SessionInfo, SessionSpec
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.goals.steering import Steering
-from wayfarer.world.limits import AdmissionRules, Limits
 from wayfarer.world.scenes.messages import SceneInfo
-from wayfarer.world.stepping.settings import WorldSettings
+from wayfarer.world.stepping.settings import AdmissionRules, WorldSettings
 from wayfarer.world.world import World
 
 
@@ -68,7 +68,12 @@ class Driven:
     def __init__(self, asked: argparse.Namespace) -> None:
         sizes = tuple(2**power for power in range(16) if 2**power <= asked.batch)
         settings = WorldSettings(
-            limits=Limits(asked.agents, asked.agents, asked.sessions, goal_distance_m=20_000.0),
+            limits=Limits(
+                agents=asked.agents,
+                agents_per_session=asked.agents,
+                sessions=asked.sessions,
+                goal_distance_m=20_000.0,
+            ).model_copy(update={"queue_s": 1e6}),  # nobody is too slow here,
             steering=Steering().with_search(candidates=asked.candidates),
             admission=AdmissionRules(refuse=False),
             batch_sizes=sizes,
@@ -76,10 +81,9 @@ class Driven:
         )
         bodies = {gender: load_body(BODY, gender, "low") for gender in GENDERS}
         self.now = 0.0
-        self._settings = StreamSettings(queue_s=1e6)  # nobody is too slow here
         self._meter = Metrics()
         self._world = World(InstantEngine(), bodies, load_start_poses(START_POSES), settings)
-        self._publisher = Publisher(self._settings, self._meter, self._world.get_agent)
+        self._publisher = Publisher(settings.limits, self._meter, self._world.get_agent)
         self.subscriptions: list[BoundedSubscription] = []
 
     async def create_session(self, spec: SessionSpec) -> SessionInfo:
@@ -112,7 +116,9 @@ class Driven:
 
     async def subscribe(self, session_id: str, wish: StreamOptions) -> BoundedSubscription:
         """See `MotionService`."""
-        made = BoundedSubscription(session_id, wish, self._settings, self._meter, lambda: self.now)
+        made = BoundedSubscription(
+            session_id, wish, self._world.settings.limits, self._meter, lambda: self.now
+        )
         self._publisher.subscribe(made, self.now)
         self.subscriptions.append(made)
         return made

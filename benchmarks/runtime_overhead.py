@@ -27,7 +27,7 @@ import uvloop
 from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.driven import Driven, InstantEngine
-from wayfarer import config
+from wayfarer.limits import Limits
 from wayfarer.service.streams.publisher import Publisher
 from wayfarer.service.streams.subscription import BoundedSubscription
 from wayfarer.spec import GENDERS, STEP_SECONDS
@@ -126,7 +126,7 @@ class Clocked:
 async def measure(asked: argparse.Namespace, reader: str, clocked: Clocked) -> list[Row]:
     """CPU ms per 0.2 s of every part, while "nobody", "grpc" or "websocket" reads."""
     service = Driven(asked)
-    limits = config.Limits(
+    limits = Limits(
         agents=asked.agents,
         agents_per_session=asked.agents,
         sessions=asked.sessions,

@@ -220,7 +220,7 @@ def test_where_each_setting_comes_from(tmp_path, monkeypatch):
         "host": "default",
     }
     assert {key: found[key] for key in expected} == expected
-    assert set(found) == set(config_sources.keys())
+    assert set(found) == set(config_sources.fields())
 
 
 def test_what_is_printed_is_a_settings_file(tmp_path):

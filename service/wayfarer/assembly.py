@@ -3,13 +3,11 @@
 import signal
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import fields, is_dataclass
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Final
 
-from wayfarer import config
 from wayfarer.artifacts import ModelFolder, sha256_of
 from wayfarer.body.library import body_file, load_body
 from wayfarer.config import Settings
@@ -18,7 +16,6 @@ from wayfarer.engines.model_store import ModelStore
 from wayfarer.engines.models import Models
 from wayfarer.engines.row_partitioner import cores
 from wayfarer.logs import configure_logging
-from wayfarer.service.live import LoopSettings
 from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.persistence.journal import Journal
 from wayfarer.service.persistence.snapshot import BodyStamp
@@ -30,13 +27,10 @@ from wayfarer.stage import BODY, DEFAULT_MODEL, START_POSES, load_models
 from wayfarer.workers.plan import threads_of
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.goals.steering import Steering
-from wayfarer.world.limits import AdmissionRules, Limits, SceneLimits
 from wayfarer.world.scenes.bake_queue import BakeQueue
 from wayfarer.world.stepping.budget import BudgetRules, rungs
-from wayfarer.world.stepping.settings import WorldSettings
+from wayfarer.world.stepping.settings import AdmissionRules, WorldSettings
 from wayfarer.world.world import World
-
-T = TypeVar("T")
 
 MEASURES: Final = 2
 """Calls of a size that are measured; agents are admitted by the shortest."""
@@ -80,13 +74,12 @@ def runtime(
     shard: Shard = Shard(),
 ) -> Runtime:
     """The runtime over the models; not yet started. Raises ArtifactError."""
-    limits = part_of(settings.limits, Limits)
     engine = open_engine(folder, settings.engine, settings.threads, settings.candidates)
     # models that are loaded later run on the same engine
     settings = settings.model_copy(update={"engine": engine.setting})
-    sizes = engine.sizes_for(limits.agents)
+    sizes = engine.sizes_for(settings.limits.agents)
     world_settings = WorldSettings(
-        limits=limits,
+        limits=settings.limits,
         batch_sizes=sizes,
         batch_lookahead_s=LOOKAHEAD,
         cores=settings.threads or cores(),
@@ -95,7 +88,6 @@ def runtime(
         budget=BudgetRules(),
         admission=AdmissionRules(settings.most_load, refuse=settings.admission),
         shard=shard,
-        scenes=part_of(settings.limits, SceneLimits),
     )
     body = BodyStamp(BODY, {gender: sha256_of(body_file(BODY, gender)) for gender in GENDERS})
 
@@ -116,21 +108,9 @@ def runtime(
         start_poses=load_start_poses(START_POSES),
         settings=world_settings,
         journal=Journal(settings.state_dir, body, meter) if settings.state_dir else None,
-        log_entries=settings.limits.log_entries,
-        bakery=BakeQueue(world_settings.scenes),
+        bakery=BakeQueue(settings.limits),
     )
-    queues = part_of(settings.limits, LoopSettings)
-    store = model_store(settings)
-    return Runtime(
-        worlds, settings.limits.offline_jobs, warm_up, queues, clock, meter, open_model=store.open
-    )
-
-
-def part_of(limits: config.Limits, part: type[T]) -> T:
-    """The limits of one concern: a dataclass whose fields have the names of the settings."""
-    assert is_dataclass(part)
-    names = [field.name for field in fields(part) if field.name in type(limits).model_fields]
-    return part(**{name: getattr(limits, name) for name in names})
+    return Runtime(worlds, warm_up, clock, meter, open_model=model_store(settings).open)
 
 
 def with_engine(settings: Settings) -> Settings:

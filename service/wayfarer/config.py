@@ -17,11 +17,10 @@ from pydantic_settings import (
     NoDecode,
     PydanticBaseSettingsSource,
     SettingsConfigDict,
-    TomlConfigSettingsSource,
 )
 
 from wayfarer.engines.engine import EngineKind
-from wayfarer.navigation.spec import MAX_MESH_BYTES
+from wayfarer.limits import Limits
 
 PREFIX: Final = "WAYFARER_"
 
@@ -49,69 +48,6 @@ def _host(text: str) -> str:
     if not re.fullmatch(r"\*|[A-Za-z0-9_]([A-Za-z0-9_.-]*[A-Za-z0-9_])?", text):
         raise ValueError(f"{text!r} is no host name; write example.org, with no scheme and no port")
     return text.lower()
-
-
-class Limits(BaseModel):
-    """What a client may ask for; reported by GetServerInfo."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-    agents_per_call: int = Field(
-        default=64, ge=1, le=1024, description="agents in one CreateAgents call"
-    )
-    agents_per_session: int = Field(default=256, ge=1, description="agents of one session")
-    agents: int = Field(default=256, ge=1, description="agents on the server")
-    sessions: int = Field(default=64, ge=1, description="sessions on the server")
-    streams_per_session: int = Field(default=8, ge=1, description="streams of one session")
-    streams: int = Field(default=64, ge=1, description="streams on the server")
-    message_bytes: int = Field(default=1 << 20, ge=1024, description="bytes of one request")
-    goal_distance_m: float = Field(
-        default=1000.0, gt=0, description="metres from an agent to its goal, or from goal to goal"
-    )
-    lease_s: float = Field(
-        default=86_400.0, ge=1, description="longest time a session may outlive its last call"
-    )
-    path_goals: int = Field(default=256, ge=1, le=1024, description="goals of one path")
-    queue_s: float = Field(
-        default=0.5, ge=0.2, le=60, description="seconds of motion that wait for a slow reader"
-    )
-    resume_s: float = Field(
-        default=5.0, ge=0, le=60, description="seconds of motion held for streams that resume"
-    )
-    lead_s: float = Field(
-        default=0.5, ge=0.2, le=60, description="seconds sent ahead of an acknowledged playhead"
-    )
-    clip_s: float = Field(default=120.0, gt=0, le=3600, description="seconds of one clip")
-    offline_jobs: int = Field(
-        default=2, ge=1, le=64, description="clips, replays and lock-step calls made at a time"
-    )
-    steps_per_call: int = Field(
-        default=50, ge=1, le=1000, description="primitives of one StepAgents call"
-    )
-    log_entries: int = Field(
-        default=100_000, ge=1, description="commands of one session that are recorded"
-    )
-    sessions_per_caller: int = Field(default=32, ge=1, description="sessions of one caller")
-    calls_per_second: int = Field(
-        default=100, ge=1, description="calls of one caller per second; bursts of twice as many"
-    )
-    scenes: int = Field(default=64, ge=1, description="scenes on the server")
-    scenes_per_caller: int = Field(default=16, ge=1, description="scenes of one caller")
-    mesh_bytes: int = Field(
-        default=16 << 20, ge=1024, le=MAX_MESH_BYTES, description="bytes of the mesh of a scene"
-    )
-    bake_s: float = Field(
-        default=20.0,
-        ge=1,
-        le=600,
-        description="seconds of a processor's time that making a scene may take",
-    )
-    bake_mb: int = Field(
-        default=1024,
-        ge=256,
-        le=1 << 20,
-        description="megabytes of memory that making a scene may take; held to on Linux only",
-    )
 
 
 class Auth(BaseModel):
@@ -308,5 +244,5 @@ class Settings(BaseSettings):
         dotenv_settings: PydanticBaseSettingsSource,
         file_secret_settings: PydanticBaseSettingsSource,
     ) -> tuple[PydanticBaseSettingsSource, ...]:
-        """Command line, environment, file."""
-        return init_settings, env_settings, TomlConfigSettingsSource(settings_cls)
+        """What it is made of, and nothing else: config_sources.py reads the sources."""
+        return (init_settings,)

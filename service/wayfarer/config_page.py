@@ -7,7 +7,7 @@ from typing import Any
 import typer
 
 from wayfarer.config import Settings
-from wayfarer.config_sources import field_of, keys
+from wayfarer.config_sources import fields
 from wayfarer.logs import hidden
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
@@ -33,8 +33,7 @@ def table() -> None:
 def as_markdown() -> str:
     """All settings with their defaults."""
     rows = ["| setting | default | |", "|---|---|---|"]
-    for key in keys():
-        field = field_of(key)
+    for key, field in fields().items():
         default = field.get_default(call_default_factory=True)
         shown = "–" if default in (None, "", ()) else f"`{_plain(default)}`"
         rows.append(f"| `{key}` | {shown} | {field.description} |")

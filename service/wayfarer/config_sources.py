@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
-from pydantic_settings import EnvSettingsSource, SettingsConfigDict, TomlConfigSettingsSource
+from pydantic_settings import EnvSettingsSource, TomlConfigSettingsSource
 
 from wayfarer.config import PREFIX, Settings
 from wayfarer.errors import InvalidArgument
@@ -25,25 +25,53 @@ def load(command_line: Mapping[str, Any], file: Path | None = None) -> Settings:
 
     Raises InvalidArgument that names every wrong key, a line each, and what is wrong with it.
     """
-    file = settings_file(file)
     wrong = _unknown_variables()
-    settings = None
     try:
-        settings = _from(file)(**command_line)
+        given = _sources(command_line, file)
+        settings = Settings(**_merged(*given.values()))
     except tomllib.TOMLDecodeError as error:
-        wrong.append(("config", f"{file} is not TOML: {error}"))
+        wrong.append(("config", f"{settings_file(file)} is not TOML: {error}"))
     except ValidationError as error:
         wrong += [_told(one) for one in error.errors(include_url=False)]
-    if settings is None or wrong:
+    if wrong:
         raise InvalidArgument("\n".join(what for _, what in wrong), wrong[0][0])
     return settings
+
+
+def origins(command_line: Mapping[str, Any], file: Path | None = None) -> dict[str, str]:
+    """The source of each setting that `load` would give, by dotted key."""
+    given = _sources(command_line, file)
+    return {
+        key: next((name for name, values in given.items() if _holds(values, key)), "default")
+        for key in fields()
+    }
+
+
+def _sources(command_line: Mapping[str, Any], file: Path | None) -> dict[str, dict[str, Any]]:
+    """What each source gives; the first goes before the others."""
+    file = settings_file(file)
+    return {
+        "command line": dict(command_line),
+        "environment": EnvSettingsSource(Settings)(),
+        str(file): TomlConfigSettingsSource(Settings, file)() if file else {},
+    }
+
+
+def _merged(*sources: Mapping[str, Any]) -> dict[str, Any]:
+    """What earlier sources give goes before what later ones do, key by key within a group."""
+    found: dict[str, Any] = {}
+    for source in reversed(sources):
+        for name, value in source.items():
+            is_group = isinstance(value, Mapping) and isinstance(found.get(name), Mapping)
+            found[name] = {**found[name], **value} if is_group else value
+    return found
 
 
 def _told(error: Any) -> tuple[str, str]:
     """Key, and a sentence, of an error that pydantic has found."""
     key = ".".join(str(part) for part in error["loc"])
     if error["type"] == "extra_forbidden":
-        what = _unknown(key, keys())
+        what = _unknown(key, list(fields()))
     elif "error" in error.get("ctx", {}):  # raised by a check of ours
         what = str(error["ctx"]["error"])
     else:
@@ -68,51 +96,20 @@ def settings_file(named: Path | None = None) -> Path | None:
     return named
 
 
-def origins(command_line: Mapping[str, Any], file: Path | None = None) -> dict[str, str]:
-    """Where each setting that `load` would give comes from, by dotted key."""
-    file = settings_file(file)
-    sources = {
-        "command line": dict(command_line),
-        "environment": EnvSettingsSource(Settings)(),
-        str(file): TomlConfigSettingsSource(Settings, file)() if file else {},
-    }
-    return {
-        key: next((name for name, values in sources.items() if _holds(values, key)), "default")
-        for key in keys()
-    }
-
-
-def keys(model: type[BaseModel] | None = None, separator: str = ".") -> list[str]:
-    """Names of all settings, nested ones joined."""
-    found: list[str] = []
-    for name, field in (model or Settings).model_fields.items():
+def fields(model: type[BaseModel] = Settings, group: str = "") -> dict[str, FieldInfo]:
+    """All settings by dotted key."""
+    found: dict[str, FieldInfo] = {}
+    for name, field in model.model_fields.items():
         if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            found += [name + separator + inner for inner in keys(field.annotation, separator)]
+            found |= fields(field.annotation, f"{name}.")
         else:
-            found.append(name)
-    return found
-
-
-def field_of(key: str) -> FieldInfo:
-    """Of a setting."""
-    group, _, name = key.rpartition(".")
-    if not group:
-        return Settings.model_fields[name]
-    model: Any = Settings.model_fields[group].annotation
-    found: FieldInfo = model.model_fields[name]
+            found[group + name] = field
     return found
 
 
 def variable(key: str) -> str:
     """Name of a setting in the environment."""
     return PREFIX + key.replace(".", "__").upper()
-
-
-def _from(file: Path | None) -> type[Settings]:
-    class FileSettings(Settings):
-        model_config = SettingsConfigDict(toml_file=file)
-
-    return FileSettings
 
 
 def _holds(values: Mapping[str, Any], key: str) -> bool:
@@ -124,8 +121,7 @@ def _holds(values: Mapping[str, Any], key: str) -> bool:
 
 def _unknown_variables() -> list[tuple[str, str]]:
     """Names, and a sentence each. pydantic-settings ignores them; a typing error must not pass."""
-    known = {variable(key) for key in keys()} | {FILE_VARIABLE}
-    known |= {variable(key.partition(".")[0]) for key in keys() if "." in key}  # whole, as JSON
+    known = {variable(key) for key in (*fields(), *Settings.model_fields)} | {FILE_VARIABLE}
     unknown = sorted(
         key
         for key in os.environ

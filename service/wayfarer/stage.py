@@ -12,10 +12,10 @@ from wayfarer.body.model import BodyModel
 from wayfarer.engines.choice import open_engine
 from wayfarer.engines.engine import EngineKind
 from wayfarer.engines.warm import WarmEngine
+from wayfarer.limits import Limits
 from wayfarer.spec import GENDERS
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.goals.steering import Steering
-from wayfarer.world.limits import Limits
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.stepping.settings import ANY_SIZE, WorldSettings
 from wayfarer.world.world import World

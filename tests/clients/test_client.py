@@ -10,8 +10,8 @@ import pytest
 
 import wayfarer_client as wf
 from tests.transport.fakes import FakeService, gateway
-from wayfarer.config import Limits
 from wayfarer.errors import Unavailable
+from wayfarer.limits import Limits
 from wayfarer.transport import errors as server_errors
 from wayfarer.transport.server import Server
 from wayfarer_client.errors import CLASSES

@@ -63,12 +63,12 @@ def test_agents_from_elsewhere_are_moved_by_the_model_that_moved_them_there(mode
     world = make_world(models, 2)
     models.use("new")
     world.create_agents("s", people(1), 0.0)
-    record = world.take_session("s")
+    record = world.members.take_session("s")
     assert [agent.model.partition("@")[0] for agent in record.agents] == ["old", "old", "new"]
 
     def there(found: Models) -> list[str]:
         other = World(found, BODIES, start_poses())
-        other.put_session(record, 0.0)
+        other.members.put_session(record, 0.0)
         return moved_by(other)
 
     assert there(models) == ["old", "old", "new"]
@@ -82,10 +82,10 @@ def test_agents_from_elsewhere_are_moved_by_the_model_that_moved_them_there(mode
 
 def test_who_has_come_from_elsewhere_is_counted(models):
     world = make_world(models, 2)
-    record = world.take_session("s")
+    record = world.members.take_session("s")
     world.delete_session("s")
     models.use("new")
-    world.put_session(record, 0.0)
+    world.members.put_session(record, 0.0)
     with pytest.raises(FailedPrecondition, match="moves 2 agents"):
         models.remove("old")
 

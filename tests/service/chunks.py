@@ -5,8 +5,9 @@ from collections import Counter
 import numpy as np
 
 from tests.world.fakes import ManualClock
+from wayfarer.limits import Limits
 from wayfarer.service.streams.publications import Publication, StreamOptions
-from wayfarer.service.streams.subscription import BoundedSubscription, Entry, Start, StreamSettings
+from wayfarer.service.streams.subscription import BoundedSubscription, Entry, Start
 from wayfarer.world.agents.agent import (
     AgentInfo,
     AgentSpec,
@@ -78,7 +79,7 @@ def subscription(*agent_ids, meter=None, clock=None, start=None, queue_s=0.5, le
     made = BoundedSubscription(
         "s",
         StreamOptions(agent_ids, **wish),
-        StreamSettings(queue_s=queue_s, lead_s=lead_s),
+        Limits(queue_s=queue_s, lead_s=lead_s),
         meter or KeepingMeter(),
         clock or ManualClock(0.0),
     )

@@ -17,7 +17,7 @@ from wayfarer.world.stepping.settings import WorldSettings
 STICK = BodyStamp("stick", dict.fromkeys(GENDERS, "0" * 64))
 
 
-def fake_worlds(journal=None, engine=None, log_entries=10_000, **settings) -> Worlds:
+def fake_worlds(journal=None, engine=None, **settings) -> Worlds:
     return Worlds(
         Models(engine or FakeEngine()),
         STICK,
@@ -25,7 +25,6 @@ def fake_worlds(journal=None, engine=None, log_entries=10_000, **settings) -> Wo
         start_poses(),
         WorldSettings(**settings),
         journal,
-        log_entries,
     )
 
 

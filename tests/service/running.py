@@ -4,9 +4,9 @@ import asyncio
 import threading
 
 from tests.world.fakes import make_world
-from wayfarer.service.live import LiveMotion, LoopSettings
+from wayfarer.limits import Limits
+from wayfarer.service.live import LiveMotion
 from wayfarer.service.streams.publications import StreamOptions
-from wayfarer.world.limits import Limits
 
 ALL = StreamOptions()
 
@@ -14,9 +14,8 @@ ALL = StreamOptions()
 class Running:
     """`async with Running() as loop`: started, ready, and stopped at the end."""
 
-    def __init__(self, engine=None, meter=None, limits=None, **settings):
-        world = make_world(engine, limits=limits or Limits())
-        self.loop = LiveMotion(world, settings=LoopSettings(**settings), meter=meter)
+    def __init__(self, engine=None, meter=None, **limits):
+        self.loop = LiveMotion(make_world(engine, limits=Limits(**limits)), meter=meter)
 
     async def __aenter__(self):
         self.loop.start()

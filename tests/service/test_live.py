@@ -17,7 +17,6 @@ from wayfarer.world.agents.agent import AgentChange, ChunkFlag, Goal, SessionSpe
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.events import EventKind
 from wayfarer.world.goals.commands import Append, Path, Stop
-from wayfarer.world.limits import Limits
 
 
 async def test_agents_stream_in_real_time_to_their_goal():
@@ -135,7 +134,7 @@ async def test_a_session_that_was_taken_out_goes_on_where_it_stood():
         got = []
         while not any(EventKind.GOAL_REACHED in [e.kind for e in p.events] for p in got):
             got += await first(stream, 1)
-        record = await loop.ask(lambda world, _: world.take_session("s"))
+        record = await loop.ask(lambda world, _: world.members.take_session("s"))
         await loop.delete_session("s")
         assert (await loop.put_session(record)).agent_ids == (agent.agent_id,)
         again = await loop.subscribe("s", ALL)
@@ -150,7 +149,7 @@ async def test_a_session_that_was_taken_out_goes_on_where_it_stood():
 
 async def test_the_meter_is_told():
     meter = KeepingMeter()
-    async with Running(meter=meter, limits=Limits(agents=2, sessions=1)) as loop:
+    async with Running(meter=meter, agents=2, sessions=1) as loop:
         await loop.create_session(SessionSpec("s"))
         agent, _ = await loop.create_agents("s", people(2))
         stream = await loop.subscribe("s", ALL)

@@ -9,10 +9,10 @@ import pytest
 from tests.service.running import ALL, Running, first, until
 from tests.world.fakes import FakeEngine, make_world, people
 from wayfarer.errors import ResourceExhausted, Unavailable
+from wayfarer.service import live
 from wayfarer.service.live import LiveMotion
 from wayfarer.service.thread import FAILURES
 from wayfarer.world.agents.agent import Goal, SessionSpec
-from wayfarer.world.limits import Limits
 
 
 async def test_a_cancelled_caller_does_no_harm():
@@ -102,7 +102,7 @@ async def occupied(loop):
 
 
 async def test_who_has_no_room_is_told_so_whatever_the_motion_thread_is_at():
-    async with Running(limits=Limits(agents=4)) as loop:
+    async with Running(agents=4) as loop:
         await loop.create_session(SessionSpec("s"))
         await loop.create_agents("s", people(1))
         held, let_go = await occupied(loop)
@@ -154,8 +154,9 @@ async def test_commands_are_answered_while_the_engine_is_at_work():
         assert [c.seq for c in own] == list(range(len(own)))
 
 
-async def test_a_full_inbox_refuses():
-    async with Running(inbox=2) as loop:
+async def test_a_full_inbox_refuses(monkeypatch):
+    monkeypatch.setattr(live, "INBOX", 2)
+    async with Running() as loop:
         await loop.create_session(SessionSpec("s"))
         held, let_go = await occupied(loop)
         waiting = [asyncio.ensure_future(loop.get_session("s")) for _ in range(2)]

@@ -16,12 +16,12 @@ from wayfarer.errors import (
     ResourceExhausted,
     Unavailable,
 )
+from wayfarer.limits import Limits
 from wayfarer.service.runtime import Runtime
 from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import AgentChange, ChunkFlag, Goal, SessionSpec
 from wayfarer.world.events import EventKind
-from wayfarer.world.limits import Limits
 
 LOCKED = SessionSpec("tool", lock_step=True)
 
@@ -33,8 +33,8 @@ async def until_ready(runtime):
 
 @pytest.fixture
 async def runtime():
-    limits = Limits(agents=12, agents_per_session=8, sessions=3)
-    made = Runtime(fake_worlds(limits=limits), jobs=2)
+    limits = Limits(agents=12, agents_per_session=8, sessions=3, offline_jobs=2)
+    made = Runtime(fake_worlds(limits=limits))
     made.start()
     await until_ready(made)
     yield made
@@ -172,7 +172,7 @@ class SlowEngine(FakeEngine):
 
 async def test_a_busy_session_keeps_nobody_else_waiting():
     engine = SlowEngine()
-    runtime = Runtime(fake_worlds(engine=engine), jobs=1)
+    runtime = Runtime(fake_worlds(engine=engine, limits=Limits(offline_jobs=1)))
     runtime.start()
     await until_ready(runtime)
     await runtime.create_session(LOCKED)

@@ -15,12 +15,12 @@ from wayfarer.errors import (
     InvalidArgument,
     NotFound,
 )
+from wayfarer.limits import Limits
 from wayfarer.service.runtime import Runtime
 from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.world.agents.agent import Goal, SessionSpec
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import Path
-from wayfarer.world.limits import Limits
 
 RECORDED = SessionSpec("s", record=True, attributes={"basis": "unity", "owner": "ada"})
 FAR = Goal((0.0, 90.0, 0.0))

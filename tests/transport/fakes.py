@@ -10,7 +10,6 @@ import numpy as np
 
 from tests.transport.fake_scenes import FakeScenes
 from tests.transport.samples import MODEL, NOW, agent_info, chunk
-from wayfarer.config import Limits
 from wayfarer.engines.models import ModelInfo
 from wayfarer.errors import (
     Aborted,
@@ -22,6 +21,7 @@ from wayfarer.errors import (
     Unavailable,
     WayfarerError,
 )
+from wayfarer.limits import Limits
 from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.publications import Publication, StreamOptions
 from wayfarer.transport.bodies import BodyLibrary

@@ -10,8 +10,8 @@ from structlog.contextvars import get_contextvars
 
 from tests.transport.auth.test_keys import STUDIO
 from tests.transport.test_http_guard import guarded
-from wayfarer.config import Limits
 from wayfarer.errors import InvalidArgument
+from wayfarer.limits import Limits
 from wayfarer.transport.caller import present_caller
 from wayfarer.transport.grpc_guard import (
     OPEN_STREAMS,

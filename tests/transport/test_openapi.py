@@ -15,7 +15,7 @@ from starlette.routing import WebSocketRoute
 
 from tests.transport.fakes import gateway
 from wayfarer.body.phenotype import LIMITS
-from wayfarer.config import Limits
+from wayfarer.limits import Limits
 from wayfarer.transport import schema
 from wayfarer.transport.grpc_server.server import FILES
 from wayfarer.transport.http_server import http_app

@@ -10,7 +10,7 @@ from grpc_status import rpc_status
 
 from tests.transport.rig import LIMITS, others_are_undisturbed
 from wayfarer.errors import InvalidArgument
-from wayfarer.transport.grpc_server.scenes import _check_points
+from wayfarer.transport.grpc_server.methods import check_points
 from wayfarer.v1 import goal_pb2, scene_pb2, session_pb2
 
 SQUARE = [{"x": x, "z": z} for x, z in ((-5, -5), (5, -5), (5, 5), (-5, 5))]
@@ -243,5 +243,5 @@ def test_points_too_many_to_be_read_are_only_counted():
     floor = {"outline": empty, "holes": [{"points": empty}] * 30}
     request = scene_pb2.CreateSceneRequest(floors=[floor])
     with pytest.raises(InvalidArgument, match="62000 points; allowed: 50000") as caught:
-        _check_points(request)
+        check_points(request)
     assert caught.value.field == "floors"

@@ -8,6 +8,7 @@ import pytest
 
 from tests.world.fakes import make_world, people, populated
 from wayfarer.errors import Aborted, InvalidArgument, NotFound
+from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import (
     AgentChange,
     AgentState,
@@ -21,7 +22,6 @@ from wayfarer.world.goals.commands import (
     Path,
     Stop,
 )
-from wayfarer.world.limits import Limits
 from wayfarer.world.stepping.budget import DegradationLevel
 
 GOAL = Goal((0.0, 5.0, 0.0))

@@ -6,9 +6,9 @@ import pytest
 
 from tests.world.fakes import GOAL, make_world, people, populated
 from wayfarer.errors import AlreadyExists, InvalidArgument, NotFound, ResourceExhausted
+from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import ChunkFlag, Goal, SessionSpec
 from wayfarer.world.goals.commands import Path, Stop
-from wayfarer.world.limits import Limits
 from wayfarer.world.stepping.settings import WorldSettings
 
 
@@ -143,5 +143,5 @@ def test_settings_are_checked():
         WorldSettings(lead=0)
     with pytest.raises(InvalidArgument, match="ascending"):
         WorldSettings(batch_sizes=(4, 2))
-    with pytest.raises(InvalidArgument, match="sessions must be positive"):
+    with pytest.raises(ValueError, match="sessions"):
         Limits(sessions=0)

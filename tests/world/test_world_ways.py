@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from tests.world.fakes import FakeEngine, people, populated
+from wayfarer.limits import Limits
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import AgentState, ChunkFlag, Goal
 from wayfarer.world.goals.commands import Path, Stop
-from wayfarer.world.limits import Limits
 
 SQUARE = [(0.0, 3.0, 0.0), (3.0, 3.0, 0.0), (3.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
 

@@ -41,7 +41,7 @@ class Archive:
     async def export_session(self, home: Home, session_id: str) -> bytes:
         """See `MotionService`, as for all below."""
         for _ in range(SETTLE_TRIES):
-            if await home.ask(lambda world, _: world.is_settled(session_id)):
+            if await home.ask(lambda world, _: world.members.is_settled(session_id)):
                 break
             await asyncio.sleep(SETTLE_SECONDS)
         session, crowd = await home.ask(lambda world, _: capture_session(world, session_id))
@@ -66,7 +66,7 @@ class Archive:
 
     def replay(self, log: bytes) -> Iterator[Publication]:
         """See `MotionService`."""
-        commands = decode_log(log, self._origin, self._limits, self._worlds.log_entries)
+        commands = decode_log(log, self._origin, self._limits, self._limits.log_entries)
         yield from replay(commands, self._worlds.solo)
 
     def _log(self, world: World, session_id: str) -> CommandLog:

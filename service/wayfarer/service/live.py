@@ -8,11 +8,10 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
 from operator import attrgetter
-from typing import TypeVar
+from typing import Final, TypeVar
 
 from wayfarer.errors import NotFound, ResourceExhausted
 from wayfarer.service.inbox import Inbox
@@ -21,7 +20,7 @@ from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.model_events import model_changed
 from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.service.streams.publisher import Publisher
-from wayfarer.service.streams.subscription import BoundedSubscription, StreamSettings
+from wayfarer.service.streams.subscription import BoundedSubscription
 from wayfarer.service.thread import MotionThread
 from wayfarer.world.agents.agent import AgentChange, AgentInfo, AgentSpec, SessionInfo, SessionSpec
 from wayfarer.world.agents.records import SessionRecord
@@ -33,11 +32,8 @@ T = TypeVar("T")
 U = TypeVar("U")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoopSettings(StreamSettings):
-    """Bounds of the queues around the motion thread."""
-
-    inbox: int = 4096  # commands
+INBOX: Final = 4096
+"""Commands that may wait for the motion thread."""
 
 
 def steady_clock() -> Callable[[], float]:
@@ -53,18 +49,16 @@ class LiveMotion:
         self,
         world: World,
         warm_up: Callable[[], None] = lambda: None,
-        settings: LoopSettings | None = None,
         clock: Callable[[], float] | None = None,
         meter: MetricsSink | None = None,
     ) -> None:
         """`warm_up` is called on the motion thread before its first turn."""
         self._world = world
-        self._settings = settings or LoopSettings()
         self._clock = clock or steady_clock()
         self._meter = meter or NoMetrics()
-        self._inbox = Inbox(self._settings.inbox)
+        self._inbox = Inbox(INBOX)
         self._workshop = ThreadPoolExecutor(1, "newcomers")
-        self._publisher = Publisher(self._settings, self._meter, world.get_agent)
+        self._publisher = Publisher(world.settings.limits, self._meter, world.get_agent)
         self._thread = MotionThread(
             world=world,
             publisher=self._publisher,
@@ -122,9 +116,9 @@ class LiveMotion:
         return await self.ask(lambda world, _: world.list_sessions())
 
     async def put_session(self, record: SessionRecord, admit: bool = True) -> SessionInfo:
-        """Let a session from elsewhere go on here; see `World.put_session`."""
+        """Let a session from elsewhere go on here; see `Membership.put_session`."""
         with self._counted("import_session"):
-            await self._off_thread(self._world.examine, record)
+            await self._off_thread(self._world.members.examine, record)
             return await self.ask(lambda _, now: self.adopt(record, now, admit, examined=True))
 
     async def delete_session(self, session_id: str) -> None:
@@ -180,7 +174,7 @@ class LiveMotion:
     async def subscribe(self, session_id: str, wish: StreamOptions) -> BoundedSubscription:
         """See `MotionService`. A subscription let go without `close` is forgotten, too."""
         subscription = BoundedSubscription(
-            session_id, wish, self._settings, self._meter, self._clock
+            session_id, wish, self._world.settings.limits, self._meter, self._clock
         )
         await self.ask(lambda _, now: self._subscribe(subscription, now))
         return subscription
@@ -224,9 +218,9 @@ class LiveMotion:
         self, record: SessionRecord, now: float, admit: bool = True, examined: bool = False
     ) -> SessionInfo:
         """`put_session` for callers who are on the motion thread, `warm_up` among them."""
-        session = self._world.put_session(record, now, admit, examined)
+        session = self._world.members.put_session(record, now, admit, examined)
         self._publisher.adopt(record)
-        return session
+        return session.info()
 
     def _use_model(self, name: str) -> int:
         moved, now = self._world.use_model(name), self._clock()

@@ -192,7 +192,9 @@ class LockSteps:
     def put(self, record: SessionRecord) -> SessionInfo:
         """Go on with one. Raises InvalidArgument, ResourceExhausted."""
         self._check_agents(len(record.agents))
-        return self._open(lambda world, now: world.put_session(record, now, admit=False))
+        return self._open(
+            lambda world, now: world.members.put_session(record, now, admit=False).info()
+        )
 
     async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
         """See `MotionService`."""

@@ -14,7 +14,7 @@ from wayfarer.engines.model_store import ModelLoader, no_model
 from wayfarer.engines.models import ModelInfo
 from wayfarer.errors import AlreadyExists, FailedPrecondition
 from wayfarer.service.archive import Archive
-from wayfarer.service.live import LiveMotion, LoopSettings, steady_clock
+from wayfarer.service.live import LiveMotion, steady_clock
 from wayfarer.service.lockstep import LockStep, LockSteps
 from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.offline import Offline
@@ -44,16 +44,13 @@ class Runtime:
     def __init__(
         self,
         worlds: Worlds,
-        jobs: int = 2,
         warm_up: Callable[[World], None] = lambda world: None,
-        settings: LoopSettings | None = None,
         clock: Callable[[], float] | None = None,
         meter: MetricsSink | None = None,
         open_model: Callable[[str], Engine] = no_model,
     ) -> None:
         """`warm_up` is called with the world in real time, on the motion thread before its first
-        turn; up to `jobs` clips, replays and lock-step calls are made at a time. `open_model(name)`
-        opens one more model, in a thread of its own.
+        turn. `open_model(name)` opens one more model, in a thread of its own.
 
         What the journal holds is read here and goes on once the thread is warm. Raises
         ArtifactError when that is more than the limits allow.
@@ -62,13 +59,11 @@ class Runtime:
         self._archive = Archive(worlds)
         self._persistence = Persistence(worlds.journal, worlds.settings.limits)
         self._clock = clock or steady_clock()
-        self._offline = Offline(jobs)
+        self._offline = Offline(worlds.settings.limits.offline_jobs)
         self._model_loader = ModelLoader(worlds.models, open_model)
         self._door = asyncio.Lock()  # two sessions of one id must not enter different worlds
         self._world = worlds.live()
-        self._live = LiveMotion(
-            self._world, lambda: self._wake(warm_up), settings, self._clock, meter
-        )
+        self._live = LiveMotion(self._world, lambda: self._wake(warm_up), self._clock, meter)
         self._lock_steps = LockSteps(worlds, self._offline, self._clock)
         self.scenes = Scenes(
             book=worlds.scenes,
@@ -99,7 +94,7 @@ class Runtime:
 
     @property
     def ready(self) -> bool:
-        """See `MotionService`, as for all below."""
+        """See `MotionService`."""
         return self._live.ready
 
     @property

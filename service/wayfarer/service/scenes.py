@@ -19,7 +19,7 @@ from wayfarer.world.scenes.messages import (
     Way,
 )
 from wayfarer.world.scenes.outlines import outlines
-from wayfarer.world.scenes.scene_registry import SceneRegistry
+from wayfarer.world.scenes.scene_registry import MAX_BAKES, SceneRegistry
 
 T = TypeVar("T")
 
@@ -46,7 +46,7 @@ class Scenes:
         self._lock_steps = lock_steps
         self._clock = clock
         # A bake holds one thread while it waits; the others are for what is quick.
-        threads = book.limits.bakes + book.limits.waiting + 2
+        threads = MAX_BAKES + 2
         self._workers = ThreadPoolExecutor(threads, "scenes")
 
     def stop(self) -> None:
@@ -54,7 +54,7 @@ class Scenes:
         self._workers.shutdown(wait=False, cancel_futures=True)
 
     async def create_scene(self, wish: SceneWish) -> SceneInfo:
-        """See `SceneService`, as for all below."""
+        """See `SceneService`."""
         made = await self._work(lambda: self._book.create(wish, self._clock()))
         return await self._persistence.durable(made)
 
@@ -113,9 +113,9 @@ class Scenes:
                 f"session {session_id!r} is in lock-step: people come and go as time passes; "
                 "create agents in it instead, and let them wander"
             )
-        await self._live.ask(lambda world, now: world.populate(session_id, crowd, now))
+        await self._live.ask(lambda world, now: world.crowds.set(session_id, crowd, now))
         for _ in range(LOOKS):
-            state = await self._live.ask(lambda world, now: world.crowd(session_id))
+            state = await self._live.ask(lambda world, now: world.crowds.state(session_id))
             if state.is_settled:
                 break
             await asyncio.sleep(LOOKS_EVERY)

@@ -27,6 +27,7 @@ from wayfarer.service.pipeline import EnginePipeline
 from wayfarer.service.stats import LoopStats, ThreadFigures
 from wayfarer.service.streams.publisher import Publisher
 from wayfarer.spec import FPS
+from wayfarer.world.agents.views import agents_by_state
 from wayfarer.world.events import Event, EventKind
 from wayfarer.world.stepping.scheduler import PendingStep
 from wayfarer.world.world import World
@@ -116,7 +117,7 @@ class MotionThread:
             resets=world.scheduler.resets,
             dropped_batches=sum(subscription.dropped for subscription in open_),
             reduced_steps=world.scheduler.reduced_steps,
-            states=world.states(),
+            states=agents_by_state(world.slots),
             capacity=world.load.capacity(now),
             load=world.load.share(now),
             rung=world.load.rung_number,
@@ -130,7 +131,7 @@ class MotionThread:
 
         Returns how many steps were applied.
         """
-        self._forget(self._world.tend(now), now)
+        self._forget(self._world.crowds.tend(now), now)
         applied = 0
         for step, seconds in self._pipeline.completed():
             self._apply(step, seconds)

@@ -37,19 +37,18 @@ class Worlds:
     start_poses: NDArray[np.float32]  # [P, 22, 4]
     settings: WorldSettings  # of the world in real time
     journal: Journal | None = None
-    log_entries: int = 100_000
     bakery: BakeQueue | None = None  # a process that bakes scenes; None: who asks for one bakes it
 
     @cached_property
     def scenes(self) -> SceneRegistry:
         """That their sessions may be in."""
         bake_there = self.bakery.bake if self.bakery else bake
-        return SceneRegistry(self.settings.scenes, self.settings.shard, bake_there, self.journal)
+        return SceneRegistry(self.settings.limits, self.settings.shard, bake_there, self.journal)
 
     @cached_property
     def recordings(self) -> Recordings:
         """The logs of recorded sessions, of the world in real time and of those in lock-step."""
-        return Recordings(self.log_entries)
+        return Recordings(self.settings.limits.log_entries)
 
     def stop(self) -> None:
         """No scene is baked from now on."""
@@ -63,18 +62,14 @@ class Worlds:
     def lock_step(self) -> World:
         """For one session: nothing gives way, and nobody is refused for want of time."""
         return self._kept(
-            replace(self._patient(), limits=replace(self.settings.limits, sessions=1))
+            replace(self._patient(), limits=self.settings.limits.model_copy(update={"sessions": 1}))
         )
 
     def solo(self) -> World:
         """For one agent who walks again, or for a clip; nothing of it is kept."""
-        limits = replace(
-            self.settings.limits,
-            agents=1,
-            agents_per_session=1,
-            sessions=1,
-            goal_distance_m=self.settings.limits.goal_distance_m + SLACK,
-        )
+        farther = self.settings.limits.goal_distance_m + SLACK
+        one = {"agents": 1, "agents_per_session": 1, "sessions": 1, "goal_distance_m": farther}
+        limits = self.settings.limits.model_copy(update=one)
         settings = replace(self._patient(), limits=limits, batch_sizes=(1,))
         return World(self.models.copy(), self.bodies, self.start_poses, settings)
 

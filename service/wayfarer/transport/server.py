@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -10,17 +11,17 @@ import structlog
 import uvicorn
 from starlette.types import ASGIApp
 
-from wayfarer.config import Limits
 from wayfarer.errors import Unavailable
+from wayfarer.limits import Limits
 from wayfarer.transport.connection import HttpConnection, SocketConnection
 from wayfarer.transport.front import front
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.grpc_guard import GuardInterceptor
 from wayfarer.transport.grpc_server import (
     GrpcServer,
+    add_services,
     bracketed,
     gateway_interceptors,
-    gateway_services,
 )
 from wayfarer.transport.guard import Guard
 from wayfarer.transport.http_server import http_app
@@ -97,7 +98,7 @@ class Server:
         if inside is not None:
             inside.clear()
         self._grpc = GrpcServer(
-            gateway_services(gateway),
+            partial(add_services, gateway),
             gateway.limits,
             host,
             grpc_port,

@@ -39,6 +39,21 @@ def message(kind: type[Proto], twin: BaseModel) -> Proto:
     return kind(**_arguments(kind.DESCRIPTOR, twin.model_dump()))
 
 
+def answer(kind: type[Proto], found: Any) -> Proto:
+    """The response that holds what a call gave: a message, a twin, bytes, a number, or nothing.
+
+    A twin is the response itself where it has the response's fields, else its first field.
+    """
+    if found is None or isinstance(found, kind):
+        return found or kind()
+    fields = kind.DESCRIPTOR.fields
+    if not isinstance(found, BaseModel):
+        return kind(**{fields[0].name: found})
+    if set(type(found).model_fields) <= set(kind.DESCRIPTOR.fields_by_name):
+        return message(kind, found)
+    return kind(**{fields[0].name: _arguments(fields[0].message_type, found.model_dump())})
+
+
 def values(message: ProtoMessage, path: str = "") -> dict[str, Any]:
     """Fields by name. Absent ones and unspecified enums are left to the twin's defaults.
 

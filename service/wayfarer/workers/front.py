@@ -14,8 +14,9 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
 
-from wayfarer.config import Limits, Settings
+from wayfarer.config import Settings
 from wayfarer.errors import Unavailable
+from wayfarer.limits import Limits
 from wayfarer.transport.grpc_server import GrpcServer, bracketed
 from wayfarer.transport.http_edge import Edge, add_problem_handlers
 from wayfarer.transport.inside import Inside

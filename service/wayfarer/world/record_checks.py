@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from wayfarer.errors import InvalidArgument
+from wayfarer.limits import Limits
 from wayfarer.spec import MAX_COORDINATE
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
 from wayfarer.world.agents.slots import Mode
@@ -17,7 +18,6 @@ from wayfarer.world.goals.checks import (
     check_session_id,
     check_spec,
 )
-from wayfarer.world.limits import Limits
 from wayfarer.world.rows import Rows, flat_columns
 
 MAX_COUNT: Final = 2**31

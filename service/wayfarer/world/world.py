@@ -7,7 +7,6 @@ offline use). The same calls give the same motion. Not thread-safe, except `plac
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,23 +14,20 @@ from numpy.typing import NDArray
 from wayfarer.body.model import BodyModel
 from wayfarer.engines.engine import Engine
 from wayfarer.engines.models import Models
-from wayfarer.errors import AlreadyExists, ResourceExhausted, WayfarerError
-from wayfarer.navigation.scene import Scene
+from wayfarer.errors import ResourceExhausted
 from wayfarer.spec import FPS
 from wayfarer.world.agents.agent import (
     AgentChange,
     AgentInfo,
     AgentSpec,
-    AgentState,
     MotionChunk,
     SessionInfo,
     SessionSpec,
 )
 from wayfarer.world.agents.population import Population
-from wayfarer.world.agents.records import AgentRecord, SessionRecord
-from wayfarer.world.agents.registry import Agent, Registry, Session
+from wayfarer.world.agents.registry import Agent, Registry
 from wayfarer.world.agents.reservations import Reservation
-from wayfarer.world.agents.slots import Mode, Motion, SlotTable
+from wayfarer.world.agents.slots import Motion, SlotTable
 from wayfarer.world.agents.timeline import Timeline
 from wayfarer.world.agents.views import agent_info
 from wayfarer.world.events import Event
@@ -39,14 +35,13 @@ from wayfarer.world.goal_commands import GoalCommands
 from wayfarer.world.goals.checks import check_change, check_session, check_specs
 from wayfarer.world.goals.commands import GoalCommand
 from wayfarer.world.goals.paths import Paths
-from wayfarer.world.observer import Start, WorldObserver
-from wayfarer.world.record_checks import check_agent_record, check_session_record
+from wayfarer.world.membership import Membership
+from wayfarer.world.observer import WorldObserver
 from wayfarer.world.rows import Index
 from wayfarer.world.scenes.context import SceneContext
 from wayfarer.world.scenes.grounding import ground
 from wayfarer.world.scenes.guide import SceneGuide
-from wayfarer.world.scenes.messages import Crowd, CrowdState
-from wayfarer.world.scenes.populate import Crowds, Whereabouts
+from wayfarer.world.scenes.populate import Crowds
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.stepping.budget import DegradationLevel
 from wayfarer.world.stepping.cleanup import clean_feet
@@ -61,7 +56,8 @@ class World:
     """Sessions of agents that walk. `tick` moves them all.
 
     Parts: `registry` (sessions and agents by id), `slots` (their columns), `scheduler`, `load`.
-    Others may read them; only the world changes them.
+    Others may read them; only the world changes them. `members` takes sessions and agents out as
+    records and puts them in; `crowds` lets people come and go.
     """
 
     def __init__(
@@ -131,7 +127,17 @@ class World:
             registry=self.registry,
             agents=lambda: self._population.phases.by_gender,
         )
-        self._crowds = Crowds(self)
+        self.members = Membership(
+            registry=self.registry,
+            slots=self.slots,
+            population=self._population,
+            goals=self._goals,
+            scenery=self._scene_context.scenery,
+            load=self.load,
+            limits=settings.limits,
+            observers=self._observers,
+        )
+        self.crowds = Crowds(self, self.registry, self.slots, self._scene_context.scenery)
 
     def observe(self, observer: WorldObserver) -> None:
         """Report every change to `observer` from now on."""
@@ -144,10 +150,7 @@ class World:
         scene is not here.
         """
         check_session(spec)
-        session = self._open(spec, now)
-        for observer in self._observers:
-            observer.opened(session)
-        return session.info()
+        return self.members.open(spec, now).info()
 
     def get_session(self, session_id: str) -> SessionInfo:
         """Raises NotFound."""
@@ -159,12 +162,7 @@ class World:
 
     def delete_session(self, session_id: str) -> None:
         """End a session and its agents. Raises NotFound."""
-        session = self.registry.session(session_id)
-        for agent_id in tuple(session.agents):
-            self.delete_agent(agent_id)
-        self._close(session)
-        for observer in self._observers:
-            observer.closed(session)
+        self.members.close(self.registry.session(session_id))
 
     def hold(self, session_id: str, until: float) -> None:
         """Let a session's agents wait: their next frames are shown at `until` or later.
@@ -174,59 +172,6 @@ class World:
         """
         slots = [agent.slot for agent in self.registry.session(session_id).agents.values()]
         self._playback.hold(np.array(slots, np.int64), self._timeline.frame(until))
-
-    def take_session(self, session_id: str) -> SessionRecord:
-        """The session as of the last chunks sent; it stays here. Raises NotFound."""
-        session = self.registry.session(session_id)
-        return SessionRecord(
-            session_id=session_id,
-            spec=session.spec,
-            created_at=session.created_at,
-            last_alias=session.last_alias,
-            agents=tuple(self._take(agent) for agent in session.agents.values()),
-        )
-
-    def examine(self, record: SessionRecord) -> None:
-        """The costly part of `put_session`; thread-safe. Raises InvalidArgument."""
-        check_session_record(record, self.settings.limits)
-        self._population.measure(agent.spec for agent in record.agents)
-
-    def put_session(
-        self, record: SessionRecord, now: float, admit: bool = True, examined: bool = False
-    ) -> SessionInfo:
-        """Let a recorded session go on: the next chunk of each agent follows its last one.
-
-        All or nothing. Not `admit`: agents are let in even if there is no time for them.
-        `examined`: `examine(record)` has been called. Raises InvalidArgument, AlreadyExists,
-        ResourceExhausted, and FailedPrecondition when its scene is not here.
-        """
-        if not examined:
-            self.examine(record)
-        spec = replace(record.spec, session_id=record.session_id)
-        session = self._open(spec, record.created_at)
-        try:
-            for number, agent in enumerate(record.agents):
-                self._check_new(agent, f"agents[{number}]")
-            genders = [agent.spec.gender for agent in record.agents]
-            wanted = Reservation.of(record.session_id, genders)
-            self.load.check_room(wanted, now, self.load.held(), admit)
-        except WayfarerError:
-            self._close(session)
-            raise
-        for observer in self._observers:
-            observer.opened(session)
-        agents = self._population.put(session, record.agents, now)
-        session.last_alias = record.last_alias
-        self._created(session, agents, record.agents)
-        return session.info()
-
-    def is_settled(self, session_id: str) -> bool:
-        """No chunk waits to be sent that was planned before its agent's last command.
-
-        Then the session can be taken out so that it goes on bit for bit. Raises NotFound.
-        """
-        agents = self.registry.session(session_id).agents.values()
-        return all(self.slots.sent_chunks[a.slot] >= a.commanded_seq for a in agents)
 
     # Agents
 
@@ -285,7 +230,7 @@ class World:
         agents = self._population.add(session, specs, seeds, now)
         if reservation is not None:
             self.load.release(reservation)
-        self._created(session, agents, specs)
+        self.members.settle(session, agents, specs)
         return [self._info(agent) for agent in agents]
 
     def get_agent(self, agent_id: str) -> AgentInfo:
@@ -311,29 +256,7 @@ class World:
 
     def delete_agent(self, agent_id: str) -> None:
         """Its planned frames are thrown away. Raises NotFound."""
-        agent = self.registry.agent(agent_id)
-        for observer in self._observers:
-            observer.deleted(agent, int(self.slots.sent_chunks[agent.slot]))
-        self._population.remove(agent)
-
-    def take_agent(self, agent_id: str) -> AgentRecord:
-        """The agent as of the last chunk sent; it stays here. Raises NotFound."""
-        return self._take(self.registry.agent(agent_id))
-
-    def put_agent(self, session_id: str, record: AgentRecord, now: float) -> AgentInfo:
-        """Let a recorded agent go on: its next chunk follows the last one it sent.
-
-        Raises NotFound, InvalidArgument, AlreadyExists, ResourceExhausted.
-        """
-        session = self.registry.session(session_id)
-        check_agent_record(record, self.settings.limits, "agent")
-        self._check_new(record, "agent")
-        if record.alias in {agent.alias for agent in session.agents.values()}:
-            raise AlreadyExists(f"session {session_id!r} has an agent of alias {record.alias}")
-        self.load.room_for(session_id, [record.spec.gender], now)
-        [agent] = self._population.put(session, [record], now)
-        self._created(session, [agent], [record])
-        return self._info(agent)
+        self.members.remove(self.registry.agent(agent_id))
 
     def use_model(self, name: str) -> list[AgentInfo]:
         """Let all agents be moved by a loaded model; what is planned stays.
@@ -364,7 +287,7 @@ class World:
         self._scene_context.tell_moves(agent.slot, moves, agent.passed + len(agent.path))
         return int(self.slots.goal_revision[agent.slot])
 
-    # Scenes and crowds
+    # Scenes
 
     @property
     def scenes(self) -> SceneRegistry:
@@ -375,34 +298,6 @@ class World:
     def guide(self) -> SceneGuide:
         """What leads its agents through scenes."""
         return self._scene_context.guide
-
-    def scene_of_session(self, session_id: str) -> Scene | None:
-        """Its scene as the present step sees it; None: it is in none, or has ended."""
-        session = self.registry.sessions.get(session_id)
-        if session is None or not session.spec.scene:
-            return None
-        scenery = self._scene_context.scenery
-        return scenery.scene(scenery.number(session.spec.scene))
-
-    def whereabouts(self, session_id: str) -> Whereabouts:
-        """Where a session's agents are, and who stands, as of what was sent. Raises NotFound."""
-        agents = self.registry.session(session_id).agents
-        rows = np.array([agent.slot for agent in agents.values()], np.int64)
-        sent = self.slots.committed
-        stands = sent.gait.mode[rows] == Mode.STANDING
-        return Whereabouts(tuple(agents), sent.seed.translation[rows, -1, :2], stands)
-
-    def populate(self, session_id: str, crowd: Crowd, now: float) -> None:
-        """Let people come and go from now on, in place of an earlier crowd; see `Crowds.set`."""
-        self._crowds.set(session_id, crowd, now)
-
-    def crowd(self, session_id: str) -> CrowdState:
-        """How a session's crowd is now. Raises NotFound."""
-        return self._crowds.state(session_id)
-
-    def tend(self, now: float) -> list[tuple[str, str]]:
-        """Let people of crowds come and go. Returns session and agent of each that has gone."""
-        return self._crowds.tend(now)
 
     # Time
 
@@ -454,7 +349,7 @@ class World:
 
     def tick(self, now: float) -> list[MotionChunk]:
         """Tend crowds, step all agents that are due, return the chunks whose time has come."""
-        self.tend(now)
+        self.crowds.tend(now)
         sent = self.collect(now)
         while (event := self.next_event()) is not None and event <= now:
             self.step(now)
@@ -497,47 +392,7 @@ class World:
             for observer in self._observers:
                 observer.stood(agents)
 
-    def states(self) -> dict[AgentState, int]:
-        """How many agents are in each state, as of what has been sent."""
-        slots = self.slots
-        counts = np.bincount(slots.committed.gait.mode[slots.active], minlength=len(Mode))
-        states = dict.fromkeys(AgentState, 0)
-        for mode in Mode:
-            states[mode.state] += int(counts[mode])
-        return states
-
     # Within
-
-    def _open(self, spec: SessionSpec, created_at: float) -> Session:
-        scenery = self._scene_context.scenery
-        scenery.enter(spec)
-        try:
-            session = self.registry.add_session(spec, created_at)
-        except WayfarerError:
-            scenery.leave(spec)
-            raise
-        session.scene = scenery.number(spec.scene)
-        return session
-
-    def _close(self, session: Session) -> None:
-        del self.registry.sessions[session.session_id]
-        self._scene_context.scenery.leave(session.spec)
-
-    def _check_new(self, record: AgentRecord, where: str) -> None:
-        """Raises AlreadyExists, and InvalidArgument when its path is too long for this world."""
-        if record.agent_id in self.registry.agents:
-            raise AlreadyExists(f"agent {record.agent_id!r} exists already")
-        self._goals.check_record(record, where)
-
-    def _take(self, agent: Agent) -> AgentRecord:
-        return self._population.take(agent, self._goals.at_rest(agent))
-
-    def _created(self, session: Session, agents: Sequence[Agent], starts: Sequence[Start]) -> None:
-        """Let agents that are in their slots follow their paths, and report them."""
-        for agent in agents:
-            self._goals.restore(agent)
-        for observer in self._observers:
-            observer.created(session, agents, starts)
 
     def _planned(self, rows: Index, seqs: Index, candidates: int) -> None:
         if not self._observers:

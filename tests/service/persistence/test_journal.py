@@ -17,13 +17,13 @@ import pytest
 from tests.service.kept_worlds import STICK, fake_worlds, open_journal
 from tests.world.fakes import people
 from wayfarer.errors import ArtifactError
+from wayfarer.limits import Limits
 from wayfarer.service.persistence.capture import capture_session
 from wayfarer.service.persistence.journal_file import NAME, VERSION, JournalFile, Kind
 from wayfarer.service.persistence.snapshot import BodyStamp
 from wayfarer.world.agents.agent import AgentChange, Goal, SessionSpec
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import Path
-from wayfarer.world.limits import Limits
 
 LIMITS = Limits()
 SPEC = SessionSpec("s", seed=7, attributes={"basis": "unity"})
@@ -87,7 +87,7 @@ def test_a_world_is_read_back_as_it_was_saved(kept):
     list(world.advance(4.0))
     world.update_agent(c, AgentChange(name="Ada", foot_lock=False))
     kept.close()
-    assert_same_record(kept.restored()["s"], world.take_session("s"))
+    assert_same_record(kept.restored()["s"], world.members.take_session("s"))
 
 
 def test_a_goal_given_after_the_last_frames_counts(kept):
@@ -101,7 +101,7 @@ def test_a_goal_given_after_the_last_frames_counts(kept):
     assert record.motion.gait.waypoint[0] == 0 and not record.motion.gait.arrived[0]
     assert [goal.position for goal in record.path] == [(5.0, 0.0, 0.0)]
     world = fake_worlds().live()
-    world.put_session(kept.restored()["s"], 0.0)
+    world.members.put_session(kept.restored()["s"], 0.0)
     list(world.advance(15.0))
     assert np.hypot(*np.subtract(world.get_agent(a).position[:2], (5.0, 0.0))) < 0.3
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from tests.service.kept_worlds import STICK, fake_worlds
 from tests.world.fakes import people
 from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
+from wayfarer.limits import Limits
 from wayfarer.service.persistence.container import Kind, seal, unseal
 from wayfarer.service.persistence.log_format import Origin, decode_log, encode_log
 from wayfarer.service.persistence.record import Run, Track
@@ -25,7 +26,7 @@ ENTRIES = 500
 
 
 def recorded(log_entries=ENTRIES):
-    worlds = fake_worlds(log_entries=log_entries)
+    worlds = fake_worlds(limits=Limits(log_entries=log_entries))
     world = worlds.live()
     world.create_session(SPEC, 0.0)
     a, b = (agent.agent_id for agent in world.create_agents("s", people(2), 0.0))
@@ -196,8 +197,8 @@ def test_no_change_of_bytes_does_more_than_be_refused(data):
 
 def test_a_session_that_goes_on_after_a_restart_begins_a_new_log():
     worlds, world, b = recorded()
-    record = world.take_session("s")
+    record = world.members.take_session("s")
     again = worlds.live()
-    again.put_session(record, 100.0)
+    again.members.put_session(record, 100.0)
     assert worlds.recordings.copy("s").tracks[b].end == record.agents[1].seq
     again.step(101.0, DegradationLevel(1))

@@ -37,7 +37,7 @@ def replayed(worlds, world):
     """Through the bytes that a client would keep."""
     origin = Origin(worlds.body, worlds.models.stamps, 4)
     data = encode_log(worlds.recordings.copy("s"), origin)
-    log = decode_log(data, origin, worlds.settings.limits, worlds.log_entries)
+    log = decode_log(data, origin, worlds.settings.limits, worlds.settings.limits.log_entries)
     return list(replay(log, worlds.solo))
 
 
@@ -131,9 +131,9 @@ def test_a_log_may_begin_in_mid_motion():
     [a] = world.create_agents("s", people(1), 0.0)
     world.give(a.agent_id, Wander((2.0, 0.0), 4.0), 0.0)
     run(world, 3.03, [])
-    record = world.take_session("s")
+    record = world.members.take_session("s")
     other = worlds.live()
-    other.put_session(replace(record, spec=RECORDED), 500.0)
+    other.members.put_session(replace(record, spec=RECORDED), 500.0)
     sent = run(other, 4.0, [], start=500.0)
     assert sent[0].seq > 5
     assert_same(replayed(worlds, other), sent)

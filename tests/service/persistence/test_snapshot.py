@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from tests.service.kept_worlds import STICK, assert_same_poses, fake_worlds
 from tests.world.fakes import people
 from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
+from wayfarer.limits import Limits
 from wayfarer.service.persistence.capture import capture_session
 from wayfarer.service.persistence.container import Kind, seal, unseal
 from wayfarer.service.persistence.packing import get, pack, unpack
@@ -31,7 +32,6 @@ from wayfarer.world.agents.agent import Goal, SessionSpec
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import Path
-from wayfarer.world.limits import Limits
 
 LIMITS = Limits(agents=64, agents_per_session=16, path_goals=16)
 SPEC = SessionSpec("s", seed=2**64 - 1, attributes={"basis": "unity", "näme": "ö"})
@@ -81,7 +81,7 @@ def test_it_goes_on_elsewhere_bit_for_bit():
     worlds = fake_worlds(limits=LIMITS)
     here, before = walking_world(worlds)
     there = worlds.live()
-    there.put_session(decode(export(here)), 7000.0)
+    there.members.put_session(decode(export(here)), 7000.0)
     expected = {}
     for chunk in here.advance(9.0):
         expected.setdefault(chunk.alias, []).append(chunk)
@@ -101,7 +101,7 @@ def test_all_that_is_told_of_agents_stays():
     worlds = fake_worlds(limits=LIMITS)
     here, _ = walking_world(worlds)
     there = worlds.live()
-    there.put_session(decode(export(here)), 7000.0)
+    there.members.put_session(decode(export(here)), 7000.0)
     assert there.list_agents("s") == here.list_agents("s")
     assert there.get_session("s") == here.get_session("s")
     [new] = there.create_agents("s", people(1), 7000.0)
@@ -116,7 +116,7 @@ def test_it_names_the_model_of_each_agent(snapshot):
 
 def test_the_snapshot_of_an_untouched_import_is_the_same(snapshot):
     there = fake_worlds(limits=LIMITS).live()
-    there.put_session(decode(snapshot), 7000.0)
+    there.members.put_session(decode(snapshot), 7000.0)
     assert export(there) == snapshot
 
 
@@ -124,7 +124,12 @@ def test_the_snapshot_of_an_untouched_import_is_the_same(snapshot):
     ("stamp", "limits", "error", "text"),
     [
         (BodyStamp("other", {}), LIMITS, FailedPrecondition, "made with body 'stick'"),
-        (STICK, replace(LIMITS, agents_per_session=3), InvalidArgument, "4 agents; allowed: 3"),
+        (
+            STICK,
+            LIMITS.model_copy(update={"agents_per_session": 3}),
+            InvalidArgument,
+            "4 agents; allowed: 3",
+        ),
     ],
 )
 def test_what_does_not_belong_here_is_refused(snapshot, stamp, limits, error, text):
@@ -218,7 +223,7 @@ def test_headers_are_checked_field_by_field(snapshot, path, value):
 
 def decode_and_put(data):
     world = fake_worlds(limits=LIMITS).live()
-    world.put_session(decode(data), 0.0)
+    world.members.put_session(decode(data), 0.0)
     return world
 
 

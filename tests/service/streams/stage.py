@@ -3,9 +3,10 @@
 import asyncio
 
 from tests.service.chunks import KeepingMeter, chunk, info, together
+from wayfarer.limits import Limits
 from wayfarer.service.streams.publications import SlowReader, StreamOptions
 from wayfarer.service.streams.publisher import Publisher
-from wayfarer.service.streams.subscription import BoundedSubscription, StreamSettings
+from wayfarer.service.streams.subscription import BoundedSubscription
 from wayfarer.world.agents.agent import ChunkFlag
 
 ARRIVED = ChunkFlag.ARRIVED
@@ -16,7 +17,7 @@ class Stage:
     """A publisher and a clock by hand; the test stands for the motion thread, too."""
 
     def __init__(self, **settings):
-        self.settings = StreamSettings(**settings)
+        self.settings = Limits(**settings)
         self.meter = KeepingMeter()
         self.info = info()
         self.now = 0.0

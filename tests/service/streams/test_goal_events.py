@@ -4,8 +4,8 @@ import pytest
 
 from tests.service.chunks import chunk, info, together
 from tests.service.streams.stage import ARRIVED, Stage, kinds, take
+from wayfarer.limits import Limits
 from wayfarer.service.streams.publications import Resume
-from wayfarer.service.streams.subscription import StreamSettings
 from wayfarer.world.agents.agent import AgentSpec, AgentState, Goal, SessionSpec
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
 from wayfarer.world.agents.slots import Mode, Motion
@@ -19,7 +19,7 @@ def goal_chunk(seq, **values):
 
 async def told(stage, *chunks):
     """Position, kind and waypoint of every event that goes with these chunks."""
-    stage.settings = StreamSettings(queue_s=10.0)
+    stage.settings = Limits(queue_s=10.0)
     reader = await stage.subscribe()
     for each in chunks:
         stage.publisher.publish("s", together(each))

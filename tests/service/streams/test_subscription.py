@@ -89,7 +89,7 @@ async def test_events_of_lost_publications_are_kept_in_number_bounded():
 
 
 async def test_publications_far_apart_are_kept_all_the_same():
-    queue = subscription(queue_s=0.1)
+    queue = subscription(queue_s=0.2)
     put(queue, map(entry, range(5)))
     assert seqs((await take(queue, 4))[1:]) == [2, 3, 4]
 

@@ -2,8 +2,8 @@ import pytest
 
 from tests.transport.fakes import Clock, FakeService, opened
 from tests.transport.gateway.calls import session_of_two
-from wayfarer.config import Limits
 from wayfarer.errors import AlreadyExists, FailedPrecondition, NotFound
+from wayfarer.limits import Limits
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.bodies import BodyLibrary

@@ -2,8 +2,8 @@ import pytest
 
 from tests.transport.fakes import FakeService, opened
 from tests.transport.gateway.calls import TWO, session, session_of_two
-from wayfarer.config import Limits
 from wayfarer.errors import InvalidArgument, ResourceExhausted
+from wayfarer.limits import Limits
 from wayfarer.transport import schema
 
 UNSEEDED = schema.NewAgents(agents=[schema.AgentSpec(), schema.AgentSpec(seed=5)])

@@ -4,8 +4,8 @@ import pytest
 
 from tests.transport.fakes import FakeService, opened
 from tests.transport.gateway.calls import TWO, session, session_of_two
-from wayfarer.config import Limits
 from wayfarer.errors import FailedPrecondition, InvalidArgument
+from wayfarer.limits import Limits
 from wayfarer.transport import schema
 
 

@@ -16,7 +16,6 @@ from tests.transport.gateway.calls import (
     take,
 )
 from tests.transport.samples import NOW
-from wayfarer.config import Limits
 from wayfarer.errors import (
     FailedPrecondition,
     InvalidArgument,
@@ -24,6 +23,7 @@ from wayfarer.errors import (
     ResourceExhausted,
     Unavailable,
 )
+from wayfarer.limits import Limits
 from wayfarer.service.streams.publications import SlowReader
 from wayfarer.transport import schema
 from wayfarer.v1 import motion_pb2

@@ -5,7 +5,6 @@ import pytest
 from tests.transport.fakes import Clock, FakeService, opened
 from tests.transport.gateway.calls import called_by, caller, session, stream, take
 from tests.transport.samples import NOW
-from wayfarer.config import Limits
 from wayfarer.errors import (
     Aborted,
     FailedPrecondition,
@@ -14,6 +13,7 @@ from wayfarer.errors import (
     ResourceExhausted,
     Unreachable,
 )
+from wayfarer.limits import Limits
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.gateway import Gateway, uploads

@@ -13,8 +13,8 @@ from tests.transport.gateway.calls import (
     stream,
 )
 from tests.transport.samples import NOW
-from wayfarer.config import Limits
 from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted, Unavailable
+from wayfarer.limits import Limits
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.caller import Quota, Scope

@@ -2,8 +2,8 @@ import pytest
 
 from tests.transport.fakes import FakeService, opened
 from tests.transport.gateway.calls import GOAL, called_by, caller, session, session_of_two
-from wayfarer.config import Limits
 from wayfarer.errors import AlreadyExists, FailedPrecondition, InvalidArgument, ResourceExhausted
+from wayfarer.limits import Limits
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.caller import Quota

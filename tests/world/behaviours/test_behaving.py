@@ -8,6 +8,7 @@ import pytest
 
 from tests.world.fakes import make_world, people
 from wayfarer.errors import FailedPrecondition, InvalidArgument
+from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import AgentState, Goal, SessionSpec
 from wayfarer.world.behaviours import (
     Follow,
@@ -23,7 +24,6 @@ from wayfarer.world.behaviours import (
 from wayfarer.world.behaviours.patrol import patrolled
 from wayfarer.world.events import EventKind
 from wayfarer.world.goals.commands import Append
-from wayfarer.world.limits import Limits
 
 STOPS = tuple(Goal((x, y, 0.0), speed=1.5) for x, y in ((2.0, 0.0), (2.0, 2.0), (0.0, 2.0)))
 
@@ -243,9 +243,9 @@ def test_a_behaviour_goes_on_in_another_world(kind):
     world.give(agent, wishes(leader)[kind], 0.0)
     world.give(leader, Goal((0.0, 9.0, 0.0)), 0.0)
     run(world, 3.1)
-    record = world.take_session("s")
+    record = world.members.take_session("s")
     twin = make_world()
-    twin.put_session(record, 0.0)
+    twin.members.put_session(record, 0.0)
     chunks = run(twin, 12.0)
     assert {c.goal_revision for c in chunks if c.agent_id == agent} == {1}
     if kind == "follow":

@@ -6,6 +6,7 @@ import math
 import pytest
 
 from wayfarer.errors import InvalidArgument
+from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import AgentChange, Goal, SessionSpec
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.checks import (
@@ -14,7 +15,6 @@ from wayfarer.world.goals.checks import (
     check_path,
     check_session,
 )
-from wayfarer.world.limits import Limits
 
 HERE = (0.0, 0.0, 0.0)
 LIMITS = Limits(path_goals=3, goal_distance_m=100.0)

@@ -14,10 +14,10 @@ import shapely
 
 from tests.world.scenes.grounds import BOX, FIELD
 from wayfarer.errors import InvalidArgument, ResourceExhausted, Unavailable
+from wayfarer.limits import Limits
 from wayfarer.navigation.examples import cubes_field, slope_with_steps, town_square, two_storeys
 from wayfarer.navigation.scene import bake
 from wayfarer.navigation.spec import Box, Floor, MeshFile, SceneSpec
-from wayfarer.world.limits import SceneLimits
 from wayfarer.world.scenes import bake_queue as module
 from wayfarer.world.scenes.bake_queue import BakeQueue, Oven
 
@@ -38,7 +38,7 @@ def make():
     made = []
 
     def one(**limits):
-        made.append(BakeQueue(SceneLimits(**limits)))
+        made.append(BakeQueue(Limits(**limits)))
         return made[-1]
 
     yield one
@@ -48,7 +48,7 @@ def make():
 
 @pytest.fixture(scope="module")
 def bakery():
-    shared = BakeQueue(SceneLimits())
+    shared = BakeQueue(Limits())
     yield shared
     shared.stop()
 
@@ -235,10 +235,10 @@ def test_no_process_is_left_when_its_parent_is_killed(busy):
 PARENT = """
 import sys, time
 from wayfarer.world.scenes.bake_queue import BakeQueue
-from wayfarer.world.limits import SceneLimits
+from wayfarer.limits import Limits
 from wayfarer.navigation.examples import cubes_field
 from tests.world.scenes.test_bakery import HUGE
-bakery = BakeQueue(SceneLimits(bake_s=600, bake_mb=8192))
+bakery = BakeQueue(Limits(bake_s=600, bake_mb=8192))
 bakery.bake(cubes_field())
 print(bakery.pid, flush=True)
 if sys.argv[1] == "busy":

@@ -12,10 +12,11 @@ from wayfarer.errors import (
     NotFound,
     ResourceExhausted,
 )
+from wayfarer.limits import Limits
 from wayfarer.navigation.scene import bake
 from wayfarer.navigation.spec import SceneSpec
 from wayfarer.shard import Shard, shard_of
-from wayfarer.world.limits import SceneLimits
+from wayfarer.world.scenes import scene_registry
 from wayfarer.world.scenes.messages import SceneWish
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 
@@ -92,17 +93,18 @@ def test_a_scene_with_sessions_stays():
 
 
 def test_refuses_more_scenes_than_there_is_room_for():
-    book = SceneRegistry(SceneLimits(scenes=2))
+    book = SceneRegistry(Limits(scenes=2))
     book.create(WISH, 0.0)
     book.create(WISH, 0.0)
     with pytest.raises(ResourceExhausted, match="all 2 scenes"):
         book.create(WISH, 0.0)
 
 
-def test_refuses_bakes_that_would_have_to_wait_long():
+def test_refuses_bakes_that_would_have_to_wait_long(monkeypatch):
+    monkeypatch.setattr(scene_registry, "MAX_BAKES", 2)
     counted = Counted()
     counted.leave.clear()
-    book = SceneRegistry(SceneLimits(bakes=1, waiting=1), bake=counted)
+    book = SceneRegistry(bake=counted)
     refused = queue.Queue()
 
     def create(*solids):
@@ -125,7 +127,7 @@ def test_refuses_bakes_that_would_have_to_wait_long():
 
 
 def test_a_bake_that_fails_leaves_nothing_behind():
-    book = SceneRegistry(SceneLimits(bakes=1, waiting=1))
+    book = SceneRegistry()
     for _ in range(4):
         with pytest.raises(InvalidArgument):
             book.create(SceneWish(SceneSpec()), 0.0)

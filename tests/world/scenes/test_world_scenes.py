@@ -238,13 +238,13 @@ def test_a_session_taken_out_goes_on_in_its_scene_and_not_where_that_is_missing(
     [agent] = enter(world, SOUTH)
     world.give(agent.agent_id, goal(*NORTH), 0.0)
     walked(world, 3.0)
-    record = world.take_session("s")
+    record = world.members.take_session("s")
     elsewhere, _, _ = world_in(field(), book=SceneRegistry())
     elsewhere.delete_session("s")
     with pytest.raises(FailedPrecondition, match="is not here"):
-        elsewhere.put_session(record, 3.0)
+        elsewhere.members.put_session(record, 3.0)
     world.delete_session("s")
-    world.put_session(record, 3.0)
+    world.members.put_session(record, 3.0)
     tracks, arrived = walked(world, 15.0)
     assert arrived and field(BOX).distance(tracks[agent.agent_id]).min() > CLEAR
 

@@ -6,15 +6,15 @@ import pytest
 
 from tests.world.fakes import make_world, people
 from wayfarer.errors import InvalidArgument, ResourceExhausted
+from wayfarer.limits import Limits
 from wayfarer.spec import GENDERS, STEP_SECONDS
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.agents.phases import Phases
-from wayfarer.world.limits import AdmissionRules, Limits
 from wayfarer.world.stepping import costs as module
 from wayfarer.world.stepping.admission import Admission, in_turn
 from wayfarer.world.stepping.budget import BudgetRules
 from wayfarer.world.stepping.scheduler import Call
-from wayfarer.world.stepping.settings import WorldSettings
+from wayfarer.world.stepping.settings import AdmissionRules, WorldSettings
 
 CALL, ROW = 0.002, 0.001  # seconds: of any call, and for each of its rows
 

@@ -7,6 +7,7 @@ from tests.world.fakes import GOAL, FakeEngine, make_world, people, populated
 from wayfarer.errors import NotFound
 from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
 from wayfarer.world.agents.agent import AgentState, ChunkFlag, Goal, SessionSpec
+from wayfarer.world.agents.views import agents_by_state
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import Append, Path
 from wayfarer.world.goals.steering import Steering
@@ -150,7 +151,7 @@ def test_states_are_counted():
     world, agents = populated(3)
     world.give(agents[0], GOAL, 0.0)
     list(world.advance(1.0))
-    counts = {state: count for state, count in world.states().items() if count}
+    counts = {state: count for state, count in agents_by_state(world.slots).items() if count}
     assert counts == {AgentState.WALKING: 1, AgentState.STANDING: 2}
 
 

@@ -17,6 +17,7 @@ from typing import Final
 import structlog
 
 from wayfarer.errors import ArtifactError
+from wayfarer.limits import Limits
 from wayfarer.service.inbox import post
 from wayfarer.service.metrics_sink import MetricsSink, NoMetrics
 from wayfarer.service.persistence.journal_entries import (
@@ -37,7 +38,6 @@ from wayfarer.service.persistence.scene_entries import (
 )
 from wayfarer.service.persistence.snapshot import BodyStamp, SessionPart
 from wayfarer.world.agents.records import SessionRecord
-from wayfarer.world.limits import Limits
 from wayfarer.world.scenes.scene_registry import SceneEntry
 
 log = structlog.get_logger(__name__)

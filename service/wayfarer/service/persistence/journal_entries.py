@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 from wayfarer.errors import ArtifactError, InvalidArgument
+from wayfarer.limits import Limits
 from wayfarer.service.persistence.journal_file import Entries, Key, Kind
 from wayfarer.service.persistence.packing import pack, unpack
 from wayfarer.service.persistence.scene_entries import OBSTACLES, SCENE, ObstaclesPart, ScenePart
@@ -25,7 +26,6 @@ from wayfarer.service.persistence.snapshot import (
     join_session,
 )
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
-from wayfarer.world.limits import Limits
 from wayfarer.world.record_checks import check_agent_record
 
 log = structlog.get_logger(__name__)

@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from wayfarer.errors import FailedPrecondition, InvalidArgument
+from wayfarer.limits import Limits
 from wayfarer.service.persistence.container import Kind, seal, unseal
 from wayfarer.service.persistence.packing import unpack
 from wayfarer.service.persistence.record import CommandLog, Entry, Run, Schedule, Told, Track, cost
@@ -37,7 +38,6 @@ from wayfarer.world.agents.records import AgentRecord
 from wayfarer.world.behaviours import AnyBehaviour, known_behaviour
 from wayfarer.world.goals.checks import check_agent_id, check_session_id, check_spec
 from wayfarer.world.goals.commands import Append, Path, Stop
-from wayfarer.world.limits import Limits
 from wayfarer.world.record_checks import MAX_COUNT, check_agent_record
 
 MAX_CANDIDATES: Final = 256

@@ -7,9 +7,9 @@ from typing import Final, TypeVar
 import structlog
 
 from wayfarer.errors import ArtifactError, Unavailable, WayfarerError
+from wayfarer.limits import Limits
 from wayfarer.service.persistence.journal import Journal
 from wayfarer.world.agents.records import SessionRecord
-from wayfarer.world.limits import Limits
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 
 log = structlog.get_logger(__name__)

@@ -58,7 +58,7 @@ def _play(session_id: str, track: Track, make_world: Callable[[], World]) -> Ite
         [info] = world.create_agents(SESSION, [start], 0.0)
         first = 0
     else:
-        info = world.put_agent(SESSION, start, 0.0)
+        info = world.get_agent(world.members.put_agent(SESSION, start, 0.0).agent_id)
         first = start.seq
     agent_id = info.agent_id
     told: AgentInfo | None = replace(

@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
+from wayfarer.limits import Limits
 from wayfarer.service.persistence.container import Kind, beginning, seal, unseal
 from wayfarer.service.persistence.packing import pack, row_bytes, unpack
 from wayfarer.spec import FPS
@@ -22,7 +23,6 @@ from wayfarer.world.agents.agent import AgentSpec, Goal, SessionSpec
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
 from wayfarer.world.agents.slots import Motion
 from wayfarer.world.behaviours import AnyBehaviour
-from wayfarer.world.limits import Limits
 from wayfarer.world.output.footlock import LockState
 from wayfarer.world.output.ground import Footing
 from wayfarer.world.record_checks import check_session_record

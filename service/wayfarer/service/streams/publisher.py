@@ -12,11 +12,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Final
 
 from wayfarer.errors import InvalidArgument, WayfarerError
+from wayfarer.limits import Limits
 from wayfarer.service.inbox import post
 from wayfarer.service.metrics_sink import MetricsSink, ResumeResult
 from wayfarer.service.streams.goal_events import GoalEvents
 from wayfarer.service.streams.publications import Publication, Resume, SlowReader
-from wayfarer.service.streams.subscription import BoundedSubscription, Entry, Start, StreamSettings
+from wayfarer.service.streams.subscription import BoundedSubscription, Entry, Start
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import NO_CHUNKS, AgentInfo, MotionChunks
 from wayfarer.world.agents.records import SessionRecord
@@ -32,10 +33,10 @@ class Publisher:
     """The logs of all sessions. A session's log begins when it is first needed."""
 
     def __init__(
-        self, settings: StreamSettings, meter: MetricsSink, info: Callable[[str], AgentInfo]
+        self, limits: Limits, meter: MetricsSink, info: Callable[[str], AgentInfo]
     ) -> None:
         """`info(agent_id)` tells where an agent belongs and its path."""
-        self._settings = settings
+        self._limits = limits
         self._meter = meter
         self._info = info
         self._logs: dict[str, _Log] = {}
@@ -101,7 +102,7 @@ class Publisher:
         """Those whose agents shall wait now: all that read them ask to HOLD, and have stalled."""
         holders = [name for name in self._holders if self._logs[name].has_holders()]
         self._holders = set(holders)
-        return [name for name in holders if self._logs[name].waits(now, self._settings.queue_s)]
+        return [name for name in holders if self._logs[name].waits(now, self._limits.queue_s)]
 
     def open(self) -> Iterator[BoundedSubscription]:
         """The open subscriptions of all sessions."""
@@ -112,11 +113,11 @@ class Publisher:
 
     def _log(self, session_id: str) -> "_Log":
         if session_id not in self._logs:
-            self._logs[session_id] = _Log(self._settings.resume_s, GoalEvents(self._info))
+            self._logs[session_id] = _Log(self._limits.resume_s, GoalEvents(self._info))
         return self._logs[session_id]
 
     def _deliver(self, log: "_Log", chunks: MotionChunks, events: tuple[Event, ...]) -> None:
-        readers = [(reader, log.spares(reader, self._settings.queue_s)) for reader in log.open()]
+        readers = [(reader, log.spares(reader, self._limits.queue_s)) for reader in log.open()]
         entry = log.add(chunks, events)
         for reader, spare in readers:
             self._deliveries[reader.loop].append((reader, entry, spare))
@@ -137,7 +138,7 @@ class Publisher:
             return log.after(resume.position)
         self._meter.resume(ResumeResult.GAP)
         lost = log.position - resume.position
-        held = f"{self._settings.resume_s:g} s of motion are held"
+        held = f"{self._limits.resume_s:g} s of motion are held"
         return log.present(resume.position, _gap(now, f"{lost} publications were lost: {held}"))
 
 

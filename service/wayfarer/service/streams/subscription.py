@@ -19,6 +19,7 @@ from wayfarer.errors import (
     ResourceExhausted,
     WayfarerError,
 )
+from wayfarer.limits import Limits
 from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.streams.publications import Publication, SlowReader, StreamOptions
 from wayfarer.service.streams.sequence_tracker import SequenceTracker
@@ -32,15 +33,6 @@ MAX_EVENTS: Final = 64
 
 MAX_AHEAD: Final = 60.0
 """Seconds by which a playhead may be ahead of the clock; beyond lies a mistaken unit or clock."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StreamSettings:
-    """Bounds of all subscriptions, seconds."""
-
-    queue_s: float = 0.5  # motion that a slow subscriber may lag behind
-    resume_s: float = 5.0  # motion held for subscriptions that resume
-    lead_s: float = 0.5  # what is sent ahead of an acknowledged playhead
 
 
 class Entry(NamedTuple):
@@ -100,7 +92,7 @@ class BoundedSubscription:
         self,
         session_id: str,
         wish: StreamOptions,
-        settings: StreamSettings,
+        limits: Limits,
         meter: MetricsSink,
         clock: Callable[[], float],
     ) -> None:
@@ -115,10 +107,10 @@ class BoundedSubscription:
         self.closed = False
         self.dropped = 0  # publications lost so far
         self.taken = 0.0  # place in the motion of what the reader took last
-        self._settings = settings
+        self._limits = limits
         self._meter = meter
         self._clock = clock
-        self._bound = settings.queue_s
+        self._bound = limits.queue_s
         self._waiting: deque[Entry] = deque()
         self._loss: _Loss | None = None
         self._opening: Publication | None = None
@@ -175,7 +167,7 @@ class BoundedSubscription:
                 f"{MAX_AHEAD:g} s from now",
                 "playhead",
             )
-        self._horizon = playhead + self._settings.lead_s
+        self._horizon = playhead + self._limits.lead_s
         self._wake()
 
     async def close(self) -> None:
@@ -250,9 +242,9 @@ class BoundedSubscription:
         self._meter.drops(SlowReader.DISCONNECT, count)
         self.end(
             ResourceExhausted(
-                f"the reader was more than {self._settings.queue_s:g} s of motion behind and asked "
+                f"the reader was more than {self._limits.queue_s:g} s of motion behind and asked "
                 "to be disconnected then; it may resume where it left off within "
-                f"{self._settings.resume_s:g} s"
+                f"{self._limits.resume_s:g} s"
             )
         )
 
@@ -268,8 +260,8 @@ class BoundedSubscription:
             return None
         entry = self._waiting.popleft()
         self.taken = entry.motion
-        if self._span() <= self._settings.queue_s:
-            self._bound = self._settings.queue_s
+        if self._span() <= self._limits.queue_s:
+            self._bound = self._limits.queue_s
         return self._tracker.put(entry.publication, entry.motion)
 
     def _wake(self) -> None:

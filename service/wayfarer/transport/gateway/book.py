@@ -7,8 +7,8 @@ from typing import Final
 
 import structlog
 
-from wayfarer.config import Limits
 from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted, WayfarerError
+from wayfarer.limits import Limits
 from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.caller import Caller, present_caller

@@ -10,8 +10,8 @@ from collections.abc import Callable
 
 import structlog
 
-from wayfarer.config import Limits
 from wayfarer.errors import Unauthenticated, Unavailable
+from wayfarer.limits import Limits
 from wayfarer.service.motion_service import MotionService
 from wayfarer.service.stats import LoopStats
 from wayfarer.transport.bodies import BodyLibrary

@@ -6,8 +6,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Final
 
-from wayfarer.config import Limits
 from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted
+from wayfarer.limits import Limits
 from wayfarer.transport import scene_convert, schema
 from wayfarer.transport.basis import Axes, Basis
 from wayfarer.transport.caller import Caller, present_caller

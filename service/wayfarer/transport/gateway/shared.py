@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from wayfarer.config import Limits
 from wayfarer.errors import NotFound, Unavailable
+from wayfarer.limits import Limits
 from wayfarer.service.motion_service import MotionService
 from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Basis

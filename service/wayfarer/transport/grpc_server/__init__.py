@@ -1,19 +1,18 @@
-"""gRPC: one file per service, interceptors, the server."""
+"""gRPC: a table of methods, interceptors, the server."""
 
+from wayfarer.transport.grpc_server.methods import FILES, add_services
 from wayfarer.transport.grpc_server.server import (
-    FILES,
     SERVICES,
     GrpcServer,
     bracketed,
     gateway_interceptors,
-    gateway_services,
 )
 
 __all__ = [
     "FILES",
     "SERVICES",
     "GrpcServer",
+    "add_services",
     "bracketed",
     "gateway_interceptors",
-    "gateway_services",
 ]

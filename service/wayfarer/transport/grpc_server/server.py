@@ -8,42 +8,12 @@ import grpc
 from grpc_health.v1 import health, health_pb2, health_pb2_grpc
 from grpc_reflection.v1alpha import reflection
 
-from wayfarer.config import Limits
 from wayfarer.errors import Unavailable
-from wayfarer.transport.gateway import Gateway
+from wayfarer.limits import Limits
 from wayfarer.transport.grpc_guard import OpenStreamsInterceptor
-from wayfarer.transport.grpc_server.admin import AdminService
-from wayfarer.transport.grpc_server.agents import AgentService
-from wayfarer.transport.grpc_server.catalogue import CatalogService
-from wayfarer.transport.grpc_server.goals import goal_service
 from wayfarer.transport.grpc_server.interceptors import DecodeInterceptor, ErrorInterceptor
-from wayfarer.transport.grpc_server.motion import add_motion_services
-from wayfarer.transport.grpc_server.scenes import SceneService
-from wayfarer.transport.grpc_server.sessions import SessionService
-from wayfarer.transport.grpc_server.snapshots import SnapshotService
-from wayfarer.v1 import (
-    admin_pb2,
-    admin_pb2_grpc,
-    agent_pb2,
-    agent_pb2_grpc,
-    catalog_pb2,
-    catalog_pb2_grpc,
-    control_pb2,
-    goal_pb2,
-    goal_pb2_grpc,
-    motion_pb2,
-    scene_pb2,
-    scene_pb2_grpc,
-    session_pb2,
-    session_pb2_grpc,
-    snapshot_pb2,
-    snapshot_pb2_grpc,
-)
+from wayfarer.transport.grpc_server.methods import FILES
 
-FILES: Final = (
-    *(scene_pb2, session_pb2, agent_pb2, goal_pb2, motion_pb2, control_pb2, snapshot_pb2),
-    *(catalog_pb2, admin_pb2),
-)
 SERVICES: Final = tuple(
     service.full_name for file in FILES for service in file.DESCRIPTOR.services_by_name.values()
 )
@@ -129,22 +99,6 @@ class GrpcServer:
     async def stop(self, grace: float) -> None:
         """Let calls end within `grace` seconds, stop."""
         await self._server.stop(grace)
-
-
-def gateway_services(gateway: Gateway) -> Callable[[grpc.aio.Server], None]:
-    """What adds the services of `proto/wayfarer/v1`."""
-
-    def add(server: grpc.aio.Server) -> None:
-        scene_pb2_grpc.add_SceneServiceServicer_to_server(SceneService(gateway), server)
-        session_pb2_grpc.add_SessionServiceServicer_to_server(SessionService(gateway), server)
-        agent_pb2_grpc.add_AgentServiceServicer_to_server(AgentService(gateway), server)
-        goal_pb2_grpc.add_GoalServiceServicer_to_server(goal_service(gateway), server)
-        add_motion_services(gateway, server)
-        snapshot_pb2_grpc.add_SnapshotServiceServicer_to_server(SnapshotService(gateway), server)
-        catalog_pb2_grpc.add_CatalogServiceServicer_to_server(CatalogService(gateway), server)
-        admin_pb2_grpc.add_AdminServiceServicer_to_server(AdminService(gateway), server)
-
-    return add
 
 
 def gateway_interceptors(

@@ -9,7 +9,7 @@ from starlette.responses import RedirectResponse
 from starlette.routing import Route
 
 from wayfarer import __version__
-from wayfarer.config import Limits
+from wayfarer.limits import Limits
 from wayfarer.transport import schema
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.http_edge import PROBLEMS, Edge, RevalidatedFiles, add_problem_handlers

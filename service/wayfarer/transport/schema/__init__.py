@@ -5,7 +5,7 @@ no other knowledge are checked here, for both transports; the rest is checked in
 Lengths, places, headings are in the basis of the session unless a name ends in `_m`.
 """
 
-from wayfarer.config import Limits
+from wayfarer.limits import Limits
 from wayfarer.transport.schema.agents import (
     Agent,
     Agents,

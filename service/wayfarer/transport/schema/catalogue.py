@@ -2,7 +2,7 @@
 
 from pydantic import ConfigDict, Field
 
-from wayfarer.config import Limits
+from wayfarer.limits import Limits
 from wayfarer.transport.schema.agents import Gender
 from wayfarer.transport.schema.base import BasisInfo, Bool, Message
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from math import hypot
 from typing import TYPE_CHECKING, ClassVar, Final, Protocol, TypeVar
 
+from wayfarer.limits import Limits
 from wayfarer.navigation.scene import Scene
 from wayfarer.world.agents.agent import Goal
-from wayfarer.world.limits import Limits
 
 if TYPE_CHECKING:
     from wayfarer.world.agents.registry import Agent

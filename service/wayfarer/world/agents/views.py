@@ -1,7 +1,9 @@
-"""An agent's slot as a plain message of agent.py."""
+"""What slots say of agents, as plain messages of agent.py."""
+
+import numpy as np
 
 from wayfarer.engines.models import Models
-from wayfarer.world.agents.agent import AgentInfo
+from wayfarer.world.agents.agent import AgentInfo, AgentState
 from wayfarer.world.agents.heading import heading_of
 from wayfarer.world.agents.registry import Agent
 from wayfarer.world.agents.slots import Mode, Slots
@@ -27,3 +29,12 @@ def agent_info(agent: Agent, slots: Slots, models: Models) -> AgentInfo:
         waypoints=agent.passed + len(agent.path) if agent.path else 0,
         model=models.numbered(int(slots.model[slot])).name,
     )
+
+
+def agents_by_state(slots: Slots) -> dict[AgentState, int]:
+    """How many agents are in each state, as of what has been sent."""
+    counts = np.bincount(slots.committed.gait.mode[slots.active], minlength=len(Mode))
+    states = dict.fromkeys(AgentState, 0)
+    for mode in Mode:
+        states[mode.state] += int(counts[mode])
+    return states

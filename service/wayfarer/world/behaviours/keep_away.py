@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.errors import InvalidArgument, Metres, MetresPerSecond
+from wayfarer.limits import Limits
 from wayfarer.world.agents.behaviour import STAND, Actor, Aim, Behaviour, Body, Start, Vector
 from wayfarer.world.goals.checks import SPEED, check_agent_id, check_place, check_range
-from wayfarer.world.limits import Limits
 
 DISTANCE: Final = (0.5, 50.0)
 """Metres to keep."""

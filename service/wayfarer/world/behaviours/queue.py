@@ -8,10 +8,10 @@ from typing import ClassVar, Final, Literal
 import numpy as np
 
 from wayfarer.errors import Heading, Metres, MetresPerSecond
+from wayfarer.limits import Limits
 from wayfarer.world.agents.behaviour import Actor, Aim, Behaviour, Others, Start, Vector
 from wayfarer.world.agents.registry import Agent
 from wayfarer.world.goals.checks import MAX_HEADING, SPEED, check_name, check_place, check_range
-from wayfarer.world.limits import Limits
 
 SPACING: Final = (0.5, 5.0)
 """Metres."""

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Final
 
 from wayfarer.errors import Heading, InvalidArgument, Metres, MetresPerSecond, Place
+from wayfarer.limits import Limits
 from wayfarer.spec import BETAS, GENDERS, MAX_COORDINATE
 from wayfarer.world.agents.agent import AgentChange, AgentSpec, Goal, SessionSpec
-from wayfarer.world.limits import Limits
 
 RADIUS: Final = (0.05, 10.0)
 SPEED: Final = (0.2, 4.0)

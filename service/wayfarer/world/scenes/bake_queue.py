@@ -18,9 +18,9 @@ from typing import Any, Final
 import structlog
 
 from wayfarer.errors import ResourceExhausted, Unavailable
+from wayfarer.limits import Limits
 from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.spec import SceneSpec
-from wayfarer.world.limits import SceneLimits
 
 log = structlog.get_logger(__name__)
 
@@ -40,7 +40,7 @@ ADVICE: Final = (
 class BakeQueue:
     """One process, started for the first bake and kept. Thread-safe; one bake at a time."""
 
-    def __init__(self, limits: SceneLimits) -> None:
+    def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._turn = Lock()
         self._door = Lock()  # an oven is not lit when the bakery has been closed

@@ -23,11 +23,14 @@ from wayfarer.errors import (
 from wayfarer.navigation.scene import Scene
 from wayfarer.spec import BETAS, GENDERS
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec
+from wayfarer.world.agents.registry import Registry
+from wayfarer.world.agents.slots import Mode, Slots
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.behaviours.places import drawn_places, largest_island
 from wayfarer.world.goals.checks import MAX_DWELL, SPEED, check_range
 from wayfarer.world.goals.commands import GoalCommand
 from wayfarer.world.scenes.messages import Crowd, CrowdState
+from wayfarer.world.scenes.world_scenes import WorldScenes
 
 AT_ONCE: Final = 4
 """People who come with one call: each takes about 2 ms."""
@@ -72,14 +75,6 @@ class Whereabouts(NamedTuple):
 class CrowdWorld(Protocol):
     """What crowds need of their world."""
 
-    def scene_of_session(self, session_id: str) -> Scene | None:
-        """Its scene; None: it is in none, or has ended."""
-        ...
-
-    def whereabouts(self, session_id: str) -> Whereabouts:
-        """Of all agents of a session. Raises NotFound."""
-        ...
-
     def create_agents(
         self, session_id: str, specs: Sequence[AgentSpec], now: float
     ) -> list[AgentInfo]:
@@ -119,8 +114,13 @@ class _Person:
 class Crowds:
     """The crowds of a world, by session. Time is an argument; not thread-safe."""
 
-    def __init__(self, world: CrowdWorld) -> None:
+    def __init__(
+        self, world: CrowdWorld, registry: Registry, slots: Slots, scenery: WorldScenes
+    ) -> None:
         self._world = world
+        self._registry = registry
+        self._slots = slots
+        self._scenery = scenery
         self._crowds: dict[str, _People] = {}
 
     def set(self, session_id: str, crowd: Crowd, now: float) -> None:
@@ -130,8 +130,8 @@ class Crowds:
         when the session is in no scene.
         """
         check_crowd(crowd)
-        here = set(self._world.whereabouts(session_id).agent_ids)
-        if self._world.scene_of_session(session_id) is None:
+        here = set(self._whereabouts(session_id).agent_ids)
+        if self._scene(session_id) is None:
             raise FailedPrecondition(
                 f"session {session_id!r} is in no scene: people walk about in one, so name it "
                 "when the session is created"
@@ -144,7 +144,7 @@ class Crowds:
 
     def state(self, session_id: str) -> CrowdState:
         """How the session's crowd is; that of nobody where there is none. Raises NotFound."""
-        here = set(self._world.whereabouts(session_id).agent_ids)
+        here = set(self._whereabouts(session_id).agent_ids)
         people = self._crowds.get(session_id)
         if people is None:
             return CrowdState(0, 0)
@@ -156,7 +156,7 @@ class Crowds:
         """Let people come and go. Who has gone: session and agent."""
         gone = list[tuple[str, str]]()
         for session_id in list(self._crowds):
-            scene = self._world.scene_of_session(session_id)
+            scene = self._scene(session_id)
             people = self._crowds[session_id]
             if scene is None or not (people.crowd.count or people.leaves_at):
                 del self._crowds[session_id]
@@ -167,8 +167,21 @@ class Crowds:
                 self._let_in(session_id, people, scene, now)
         return gone
 
+    def _scene(self, session_id: str) -> Scene | None:
+        """A session's scene as the present step sees it; None: it is in none, or has ended."""
+        session = self._registry.sessions.get(session_id)
+        return self._scenery.scene(session.scene) if session and session.scene else None
+
+    def _whereabouts(self, session_id: str) -> Whereabouts:
+        """Raises NotFound."""
+        agents = self._registry.session(session_id).agents
+        rows = np.array([agent.slot for agent in agents.values()], np.int64)
+        sent = self._slots.committed
+        stands = sent.gait.mode[rows] == Mode.STANDING
+        return Whereabouts(tuple(agents), sent.seed.translation[rows, -1, :2], stands)
+
     def _leave(self, session_id: str, people: _People, now: float) -> list[str]:
-        here = self._world.whereabouts(session_id)
+        here = self._whereabouts(session_id)
         stands = dict(zip(here.agent_ids, here.stands.tolist(), strict=True))
         people.leaves_at = {a: at for a, at in people.leaves_at.items() if a in stands}
         gone = [
@@ -182,7 +195,7 @@ class Crowds:
         return gone
 
     def _let_in(self, session_id: str, people: _People, scene: Scene, now: float) -> None:
-        places = [(x, y) for x, y in self._world.whereabouts(session_id).places.tolist()]
+        places = [(x, y) for x, y in self._whereabouts(session_id).places.tolist()]
         for _ in range(AT_ONCE):
             if now < people.next_at or len(people.leaves_at) >= people.crowd.count:
                 return

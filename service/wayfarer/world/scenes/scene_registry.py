@@ -19,16 +19,19 @@ from wayfarer.errors import (
     NotFound,
     ResourceExhausted,
 )
+from wayfarer.limits import Limits
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.spec import Obstacle, SceneSpec
 from wayfarer.shard import Shard
-from wayfarer.world.limits import SceneLimits
 from wayfarer.world.scenes.messages import SceneInfo, SceneWish
 
 NAME: Final = 64
 """Characters of the names of scenes and obstacles."""
 
 RETRY_AFTER: Final = 2.0
+
+MAX_BAKES: Final = 5
+"""Bakes at a time: one is made, the others wait for it."""
 
 
 @dataclass(slots=True)
@@ -84,19 +87,19 @@ class SceneRegistry:
 
     def __init__(
         self,
-        limits: SceneLimits | None = None,
+        limits: Limits = Limits(),
         shard: Shard | None = None,
         bake: Callable[[SceneSpec], Scene] = bake,
         diary: SceneListener | None = None,
     ) -> None:
-        self.limits = limits or SceneLimits()
+        self._limits = limits
         self._shard = shard or Shard()
         self._bake = bake
         self._diary = diary
         self._kept: dict[str, SceneEntry] = {}
         self._lock = Lock()
-        self._queue = BoundedSemaphore(self.limits.bakes + self.limits.waiting)
-        self._ovens = BoundedSemaphore(self.limits.bakes)
+        self._queue = BoundedSemaphore(MAX_BAKES)
+        self._baking = Lock()
 
     # Life of a scene
 
@@ -205,9 +208,9 @@ class SceneRegistry:
             raise NotFound(f"no scene {scene_id!r}", "scene", scene_id) from None
 
     def _check_room(self) -> None:
-        if len(self._kept) >= self.limits.scenes:
+        if len(self._kept) >= self._limits.scenes:
             raise ResourceExhausted(
-                f"all {self.limits.scenes} scenes are taken; delete one that nobody is in"
+                f"all {self._limits.scenes} scenes are taken; delete one that nobody is in"
             )
 
     def _alike(self, spec: SceneSpec) -> Scene | None:
@@ -223,12 +226,11 @@ class SceneRegistry:
     def _turn(self) -> Iterator[None]:
         if not self._queue.acquire(blocking=False):
             raise ResourceExhausted(
-                f"{self.limits.bakes + self.limits.waiting} scenes are being baked or wait for it; "
-                "try again",
+                f"{MAX_BAKES} scenes are being baked or wait for it; try again",
                 RETRY_AFTER,
             )
         try:
-            with self._ovens:
+            with self._baking:
                 yield
         finally:
             self._queue.release()

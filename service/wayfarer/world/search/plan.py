@@ -12,12 +12,12 @@ from typing import Annotated, Self
 import numpy as np
 
 from wayfarer.errors import InvalidArgument
+from wayfarer.limits import Limits
 from wayfarer.spec import BETAS, GENDERS, NEW_FRAMES, POSED_JOINTS
 from wayfarer.world.agents.agent import AgentSpec, Goal
 from wayfarer.world.agents.slots import Gait, Goals, Mode, Motion
 from wayfarer.world.goals.checks import check_path
 from wayfarer.world.goals.paths import goal_columns
-from wayfarer.world.limits import Limits
 from wayfarer.world.rows import Flags, Float, Index, Int, Int8, Rows, Shape, UInt64
 
 

@@ -3,10 +3,10 @@
 from dataclasses import dataclass, field
 
 from wayfarer.errors import InvalidArgument
+from wayfarer.limits import Limits
 from wayfarer.shard import Shard
 from wayfarer.spec import NEW_FRAMES
 from wayfarer.world.goals.steering import Steering
-from wayfarer.world.limits import AdmissionRules, Limits, SceneLimits
 from wayfarer.world.stepping.budget import BudgetRules
 
 ANY_SIZE = tuple(range(1, 65))
@@ -18,13 +18,25 @@ PHASES = tuple(p for p in range(1, NEW_FRAMES + 1) if NEW_FRAMES % p == 0)
 
 
 @dataclass(frozen=True, slots=True)
+class AdmissionRules:
+    """When new agents are refused."""
+
+    most_load: float = 0.75  # share of the time for which engine or motion thread may be busy
+    retry_after: float = 5.0  # seconds until a refused caller may try again
+    refuse: bool = True  # False: only limits do
+
+    def __post_init__(self) -> None:
+        if not 0 < self.most_load <= 1:
+            raise InvalidArgument(f"most_load is {self.most_load}; allowed: (0, 1]", "most_load")
+
+
+@dataclass(frozen=True, slots=True)
 class WorldSettings:
     """How a world is stepped."""
 
     limits: Limits = field(default_factory=Limits)
     steering: Steering = field(default_factory=Steering)
     budget: BudgetRules | None = None  # what gives way when time is short; None: nothing
-    scenes: SceneLimits = field(default_factory=SceneLimits)
     admission: AdmissionRules = field(default_factory=AdmissionRules)  # once there are measures
     lead: int = 1  # chunks that are planned ahead of their time
     phases: int = 2  # moments of the 0.2 s over which agents' steps are spread

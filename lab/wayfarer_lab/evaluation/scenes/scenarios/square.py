@@ -20,8 +20,8 @@ def square(seconds: float, house: House, seed: int, people: int, watch: Watch) -
     """One call populates it; after that nobody tells anybody anything."""
     scene = bake(town_square())
     play = house.play(scene, people, avoid=True, every=EVERY)
-    play.world.populate(play.session_id, Crowd(people, seed), 0.0)
-    play.world.tend(0.0)  # a world without anybody has no moments at which it would do it itself
+    play.world.crowds.set(play.session_id, Crowd(people, seed), 0.0)
+    play.world.crowds.tend(0.0)  # an empty world has no moments at which it would do so itself
     for chunk in play.run(seconds):
         watch(chunk.scheduled_at, seconds)
     reached = sum(p.arrivals for p in play.witness.progress)

@@ -1,0 +1,195 @@
+"""The methods of `proto/wayfarer/v1` over the gateway: each takes a request and gives its answer.
+
+Descriptors say the rest: which messages come and go, and whether they stream. A cancelled call
+closes its generator, and so the subscription; CancelledError is never swallowed, since grpc.aio
+leaks such calls (grpc/grpc#43360).
+"""
+
+import asyncio
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
+from contextlib import aclosing
+from functools import partial
+from typing import Any, Final
+
+import grpc
+from google.protobuf.message import Message
+from google.protobuf.message_factory import GetMessageClass
+from grpc.aio import ServicerContext as Context
+
+from wayfarer.errors import InvalidArgument
+from wayfarer.navigation.spec import MAX_POINTS
+from wayfarer.transport import schema
+from wayfarer.transport.control import control
+from wayfarer.transport.gateway import Gateway
+from wayfarer.transport.goal_requests import give
+from wayfarer.transport.wire import answer, parse
+from wayfarer.v1 import (
+    admin_pb2,
+    agent_pb2,
+    catalog_pb2,
+    control_pb2,
+    goal_pb2,
+    motion_pb2,
+    scene_pb2,
+    session_pb2,
+    snapshot_pb2,
+)
+
+FILES: Final = (
+    *(scene_pb2, session_pb2, agent_pb2, goal_pb2, motion_pb2, control_pb2, snapshot_pb2),
+    *(catalog_pb2, admin_pb2),
+)
+GOAL_METHODS: Final = goal_pb2.DESCRIPTOR.services_by_name["GoalService"].methods_by_name
+
+HEADER_S: Final = 10.0
+"""Seconds within which a client that sends a mesh says what it is."""
+
+Pieces = AsyncIterator[scene_pb2.CreateMeshSceneRequest]
+Call = Callable[[Any], Any]
+
+
+def methods(gateway: Gateway) -> dict[str, Call]:
+    """By name. A method gives what `wire.answer` turns into its response, or a coroutine of it; one
+    that streams gives a generator of messages.
+    """
+    scenes, sessions, agents = gateway.scenes, gateway.sessions, gateway.agents
+    motion, snapshots = gateway.motion, gateway.snapshots
+    catalogue, admin = gateway.catalogue, gateway.admin
+    return {
+        "CreateScene": partial(_create_scene, gateway),
+        "CreateMeshScene": partial(_create_mesh_scene, gateway),
+        "ListExampleScenes": lambda r: scenes.examples(),
+        "CreateExampleScene": lambda r: scenes.create_example(
+            r.name, parse(schema.NewExampleScene, r)
+        ),
+        "GetScene": lambda r: scenes.get(r.scene_id),
+        "ListScenes": lambda r: scenes.list_own(),
+        "DeleteScene": lambda r: scenes.delete(r.scene_id),
+        "PutObstacle": lambda r: scenes.put_obstacle(
+            r.scene_id, r.name, parse(schema.Obstacle, r.obstacle, "obstacle")
+        ),
+        "RemoveObstacle": lambda r: scenes.remove_obstacle(r.scene_id, r.name),
+        "QueryPath": lambda r: scenes.query_path(r.scene_id, parse(schema.PathQuery, r)),
+        "GetSceneOutlines": lambda r: scenes.outlines(r.scene_id),
+        "GetScenePicture": lambda r: scenes.picture(r.scene_id),
+        "PopulateSession": lambda r: scenes.populate(r.session_id, parse(schema.Crowd, r)),
+        "CreateSession": lambda r: sessions.create(parse(schema.NewSession, r)),
+        "GetSession": lambda r: sessions.get(r.session_id),
+        "ListSessions": lambda r: sessions.list_own(),
+        "RenewSession": lambda r: sessions.renew(r.session_id),
+        "DeleteSession": lambda r: sessions.delete(r.session_id),
+        "CreateAgents": lambda r: agents.create(r.session_id, parse(schema.NewAgents, r)),
+        "GetAgent": lambda r: agents.get(r.agent_id),
+        "ListAgents": lambda r: agents.list_of(r.session_id),
+        "UpdateAgent": lambda r: agents.update(r.agent_id, parse(schema.AgentUpdate, r)),
+        "DeleteAgent": lambda r: agents.delete(r.agent_id),
+        **dict.fromkeys(GOAL_METHODS, lambda r: give(r, gateway.goals)),
+        "StreamMotion": lambda r: motion.stream(parse(schema.StreamWish, r)),
+        "GenerateClip": lambda r: motion.generate_clip(parse(schema.ClipWish, r)),
+        "StepAgents": lambda r: motion.step(r.session_id, parse(schema.StepWish, r)),
+        "Control": lambda requests: control(gateway, requests),
+        "ExportSession": lambda r: snapshots.export_session(r.session_id),
+        "ImportSession": lambda r: snapshots.import_session(r.snapshot),
+        "ExportLog": lambda r: snapshots.export_log(r.session_id),
+        "Replay": lambda r: snapshots.replay(r.log, parse(schema.PoseFormat, r.format, "format")),
+        "GetSkeleton": lambda r: catalogue.skeleton(),
+        "ListBodies": lambda r: catalogue.bodies(),
+        "ListModels": lambda r: catalogue.models(),
+        "GetServerInfo": lambda r: catalogue.info(),
+        "LoadModel": lambda r: admin.load_model(parse(schema.NewModel, r)),
+        "UseModel": lambda r: admin.use_model(r.name, parse(schema.ModelUse, r)),
+        "UnloadModel": lambda r: admin.unload_model(r.name),
+        "Drain": lambda r: admin.drain(),
+    }
+
+
+def add_services(gateway: Gateway, server: grpc.aio.Server) -> None:
+    """All services; the messages of some streams come encoded."""
+    calls = methods(gateway)
+    for file in FILES:
+        for service in file.DESCRIPTOR.services_by_name.values():
+            handlers = {m.name: _handler(m, calls[m.name]) for m in service.methods}
+            server.add_generic_rpc_handlers(
+                [grpc.method_handlers_generic_handler(service.full_name, handlers)]
+            )
+
+
+def _handler(method: Any, call: Call) -> grpc.RpcMethodHandler:
+    request, response = GetMessageClass(method.input_type), GetMessageClass(method.output_type)
+
+    async def unary(asked: Any, _: Context) -> Any:
+        given = call(asked)
+        found = await given if isinstance(given, Awaitable) else given
+        if isinstance(found, schema.SceneOutlines):  # large ones take a while
+            return await asyncio.to_thread(answer, response, found)
+        return answer(response, found)
+
+    async def stream(asked: Any, _: Context) -> AsyncGenerator[Any]:
+        async with aclosing(call(asked)) as messages:
+            async for message in messages:
+                yield message
+
+    kinds = {
+        (False, False): (grpc.unary_unary_rpc_method_handler, unary),
+        (False, True): (grpc.unary_stream_rpc_method_handler, stream),
+        (True, False): (grpc.stream_unary_rpc_method_handler, unary),
+        (True, True): (grpc.stream_stream_rpc_method_handler, stream),
+    }
+    make, behaviour = kinds[method.client_streaming, method.server_streaming]
+    return make(behaviour, request.FromString, _encoded)
+
+
+def _encoded(message: Message | bytes) -> bytes:
+    return message if isinstance(message, bytes) else message.SerializeToString()
+
+
+# Requests that take more than a line
+
+
+async def _create_scene(gateway: Gateway, request: scene_pb2.CreateSceneRequest) -> schema.Scene:
+    def parsed() -> schema.NewScene:
+        check_points(request)
+        return parse(schema.NewScene, request)
+
+    return await gateway.scenes.create(await asyncio.to_thread(parsed))  # large ones take a while
+
+
+async def _create_mesh_scene(gateway: Gateway, requests: Pieces) -> schema.Scene:
+    header = await _header(requests)
+    check_points(header.scene, "header.scene.")
+    wish = await asyncio.to_thread(parse, schema.MeshScene, header, "header")
+    return await gateway.scenes.create_from_mesh(wish, _data(requests))
+
+
+def check_points(request: scene_pb2.CreateSceneRequest, where: str = "") -> None:
+    """Raises InvalidArgument when merely reading the points would take seconds.
+
+    An empty Vector3 has two bytes.
+    """
+    holes = sum(len(hole.points) for floor in request.floors for hole in floor.holes)
+    outlines = sum(len(floor.outline) for floor in request.floors)
+    prisms = sum(len(solid.prism.outline) for solid in request.solids)
+    if (points := holes + outlines + prisms) > MAX_POINTS:
+        field = where + ("solids" if prisms > holes + outlines else "floors")
+        raise InvalidArgument(f"outlines have {points} points; allowed: {MAX_POINTS}", field)
+
+
+async def _header(requests: Pieces) -> scene_pb2.MeshScene:
+    """What the first message says. Raises InvalidArgument."""
+    wrong = InvalidArgument("the first message must be `header`", "header")
+    try:
+        async with asyncio.timeout(HEADER_S):
+            first = await anext(requests)
+    except (TimeoutError, StopAsyncIteration):
+        raise wrong from None
+    if first.WhichOneof("payload") != "header":
+        raise wrong
+    return first.header
+
+
+async def _data(requests: Pieces) -> AsyncIterator[bytes]:
+    """What the others bring. Raises InvalidArgument."""
+    async for request in requests:
+        if request.WhichOneof("payload") != "data":
+            raise InvalidArgument("after `header` comes only `data`", "data")
+        yield request.data

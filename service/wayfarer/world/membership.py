@@ -1,0 +1,173 @@
+"""Sessions and agents enter a world and leave it: new, or as records from this world or another."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from wayfarer.errors import AlreadyExists, WayfarerError
+from wayfarer.limits import Limits
+from wayfarer.world.agents.agent import SessionSpec
+from wayfarer.world.agents.population import Population
+from wayfarer.world.agents.records import AgentRecord, SessionRecord
+from wayfarer.world.agents.registry import Agent, Registry, Session
+from wayfarer.world.agents.reservations import Reservation
+from wayfarer.world.agents.slots import Slots
+from wayfarer.world.goal_commands import GoalCommands
+from wayfarer.world.observer import Start, WorldObserver
+from wayfarer.world.record_checks import check_agent_record, check_session_record
+from wayfarer.world.scenes.world_scenes import WorldScenes
+from wayfarer.world.stepping.load import Load
+
+
+class Membership:
+    """Who is in a world. `observers` hear of every change."""
+
+    def __init__(
+        self,
+        *,
+        registry: Registry,
+        slots: Slots,
+        population: Population,
+        goals: GoalCommands,
+        scenery: WorldScenes,
+        load: Load,
+        limits: Limits,
+        observers: Iterable[WorldObserver],
+    ) -> None:
+        self._registry = registry
+        self._slots = slots
+        self._population = population
+        self._goals = goals
+        self._scenery = scenery
+        self._load = load
+        self._limits = limits
+        self._observers = observers
+
+    def open(self, spec: SessionSpec, created_at: float) -> Session:
+        """A session without agents.
+
+        Raises AlreadyExists, ResourceExhausted, and FailedPrecondition when its scene is not here.
+        """
+        session = self._add(spec, created_at)
+        for observer in self._observers:
+            observer.opened(session)
+        return session
+
+    def close(self, session: Session) -> None:
+        """End a session and its agents."""
+        for agent in tuple(session.agents.values()):
+            self.remove(agent)
+        self._remove(session)
+        for observer in self._observers:
+            observer.closed(session)
+
+    def settle(self, session: Session, agents: Sequence[Agent], starts: Sequence[Start]) -> None:
+        """Let agents that are in their slots follow their paths, and report them."""
+        for agent in agents:
+            self._goals.restore(agent)
+        for observer in self._observers:
+            observer.created(session, agents, starts)
+
+    def remove(self, agent: Agent) -> None:
+        """Its planned frames are thrown away."""
+        for observer in self._observers:
+            observer.deleted(agent, int(self._slots.sent_chunks[agent.slot]))
+        self._population.remove(agent)
+
+    # Records
+
+    def take_session(self, session_id: str) -> SessionRecord:
+        """A session as of the last chunks sent; it stays here. Raises NotFound."""
+        session = self._registry.session(session_id)
+        return SessionRecord(
+            session_id=session_id,
+            spec=session.spec,
+            created_at=session.created_at,
+            last_alias=session.last_alias,
+            agents=tuple(self._take(agent) for agent in session.agents.values()),
+        )
+
+    def examine(self, record: SessionRecord) -> None:
+        """The costly part of `put_session`; thread-safe. Raises InvalidArgument."""
+        check_session_record(record, self._limits)
+        self._population.measure(agent.spec for agent in record.agents)
+
+    def put_session(
+        self, record: SessionRecord, now: float, admit: bool = True, examined: bool = False
+    ) -> Session:
+        """Let a recorded session go on: the next chunk of each agent follows its last one.
+
+        All or nothing. Not `admit`: agents are let in even if there is no time for them.
+        `examined`: `examine(record)` has been called. Raises InvalidArgument, AlreadyExists,
+        ResourceExhausted, and FailedPrecondition when its scene is not here.
+        """
+        if not examined:
+            self.examine(record)
+        spec = replace(record.spec, session_id=record.session_id)
+        session = self._add(spec, record.created_at)
+        try:
+            for number, agent in enumerate(record.agents):
+                self._check_new(agent, f"agents[{number}]")
+            genders = [agent.spec.gender for agent in record.agents]
+            wanted = Reservation.of(record.session_id, genders)
+            self._load.check_room(wanted, now, self._load.held(), admit)
+        except WayfarerError:
+            self._remove(session)
+            raise
+        for observer in self._observers:
+            observer.opened(session)
+        agents = self._population.put(session, record.agents, now)
+        session.last_alias = record.last_alias
+        self.settle(session, agents, record.agents)
+        return session
+
+    def is_settled(self, session_id: str) -> bool:
+        """No chunk waits to be sent that was planned before its agent's last command.
+
+        Then the session can be taken out so that it goes on bit for bit. Raises NotFound.
+        """
+        agents = self._registry.session(session_id).agents.values()
+        return all(self._slots.sent_chunks[a.slot] >= a.commanded_seq for a in agents)
+
+    def take_agent(self, agent_id: str) -> AgentRecord:
+        """The agent as of the last chunk sent; it stays here. Raises NotFound."""
+        return self._take(self._registry.agent(agent_id))
+
+    def put_agent(self, session_id: str, record: AgentRecord, now: float) -> Agent:
+        """Let a recorded agent go on: its next chunk follows the last one it sent.
+
+        Raises NotFound, InvalidArgument, AlreadyExists, ResourceExhausted.
+        """
+        session = self._registry.session(session_id)
+        check_agent_record(record, self._limits, "agent")
+        self._check_new(record, "agent")
+        if record.alias in {agent.alias for agent in session.agents.values()}:
+            raise AlreadyExists(f"session {session_id!r} has an agent of alias {record.alias}")
+        self._load.room_for(session_id, [record.spec.gender], now)
+        [agent] = self._population.put(session, [record], now)
+        self.settle(session, [agent], [record])
+        return agent
+
+    # Within
+
+    def _add(self, spec: SessionSpec, created_at: float) -> Session:
+        self._scenery.enter(spec)
+        try:
+            session = self._registry.add_session(spec, created_at)
+        except WayfarerError:
+            self._scenery.leave(spec)
+            raise
+        session.scene = self._scenery.number(spec.scene)
+        return session
+
+    def _remove(self, session: Session) -> None:
+        del self._registry.sessions[session.session_id]
+        self._scenery.leave(session.spec)
+
+    def _check_new(self, record: AgentRecord, where: str) -> None:
+        """Raises AlreadyExists, and InvalidArgument when its path is too long for this world."""
+        if record.agent_id in self._registry.agents:
+            raise AlreadyExists(f"agent {record.agent_id!r} exists already")
+        self._goals.check_record(record, where)
+
+    def _take(self, agent: Agent) -> AgentRecord:
+        return self._population.take(agent, self._goals.at_rest(agent))
