@@ -56,11 +56,3 @@ def test_make_knows_its_targets(target: str) -> None:
         ["make", "--dry-run", target], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert plan.returncode == 0, plan.stderr
-
-
-@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md", "docs/operations.md"])
-def test_links_between_documents_lead_somewhere(page: str) -> None:
-    links = re.findall(r"\]\((?!https?:)([^)#]+)", (ROOT / page).read_text())
-    assert links
-    folder = (ROOT / page).parent
-    assert [link for link in links if not (folder / link).exists()] == []

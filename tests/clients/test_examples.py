@@ -62,7 +62,7 @@ def test_populate_square(real_server):
     assert any(line.startswith("path_done") for line in said)
 
 
-@pytest.mark.parametrize("page", ["README.md", "clients/python/README.md", "docs/api.md"])
+@pytest.mark.parametrize("page", ["README.md", "clients/python/README.md"])
 def test_the_first_stream_runs_until_ctrl_c_which_prints_nothing(real_server, page, tmp_path):
     text = (CLIENT.parents[1] / page).read_text("utf-8")
     (block,) = re.findall(r"```python\n(import asyncio\n.*?)```", text, re.DOTALL)
