@@ -14,7 +14,7 @@ from wayfarer.limits import Limits
 from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.service.streams.publisher import Publisher
-from wayfarer.service.streams.subscription import BoundedSubscription
+from wayfarer.service.streams.subscription import Subscription
 from wayfarer.spec import GENDERS, NEW_FRAMES, SEED_FRAMES
 from wayfarer.stage import BODY, START_POSES
 from wayfarer.terms import TERMS
@@ -84,7 +84,7 @@ class Driven:
         self._meter = Metrics()
         self._world = World(InstantEngine(), bodies, load_start_poses(START_POSES), settings)
         self._publisher = Publisher(settings.limits, self._meter, self._world.get_agent)
-        self.subscriptions: list[BoundedSubscription] = []
+        self.subscriptions: list[Subscription] = []
 
     async def create_session(self, spec: SessionSpec) -> SessionInfo:
         """See `MotionService`, as for all below."""
@@ -114,9 +114,9 @@ class Driven:
         """See `SceneService`. There are none."""
         return []
 
-    async def subscribe(self, session_id: str, wish: StreamOptions) -> BoundedSubscription:
+    async def subscribe(self, session_id: str, wish: StreamOptions) -> Subscription:
         """See `MotionService`."""
-        made = BoundedSubscription(
+        made = Subscription(
             session_id, wish, self._world.settings.limits, self._meter, lambda: self.now
         )
         self._publisher.subscribe(made, self.now)

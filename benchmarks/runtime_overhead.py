@@ -29,7 +29,7 @@ from benchmarks.bench import Row
 from benchmarks.driven import Driven, InstantEngine
 from wayfarer.limits import Limits
 from wayfarer.service.streams.publisher import Publisher
-from wayfarer.service.streams.subscription import BoundedSubscription
+from wayfarer.service.streams.subscription import Subscription
 from wayfarer.spec import GENDERS, STEP_SECONDS
 from wayfarer.stage import BODY
 from wayfarer.transport import schema
@@ -59,8 +59,8 @@ PARTS: Final = (
     (world, "due_by_session", "  part by session"),
     (Publisher, "publish", "world: publish"),
     (World, "next_event", "world: find the next event"),
-    (BoundedSubscription, "put", "transport: queue"),
-    (BoundedSubscription, "_next", "transport: take and mark"),
+    (Subscription, "put", "transport: queue"),
+    (Subscription, "_next", "transport: take and mark"),
     (BatchWriter, "batch", "transport: write"),
     (PoseEncoder, "encode", "  encode poses"),
 )

@@ -17,9 +17,9 @@ from wayfarer.engines.models import Models
 from wayfarer.engines.row_partitioner import cores
 from wayfarer.logs import configure_logging
 from wayfarer.service.metrics_sink import MetricsSink
+from wayfarer.service.motion_service import MotionService
 from wayfarer.service.persistence.journal import Journal
 from wayfarer.service.persistence.snapshot import BodyStamp
-from wayfarer.service.runtime import Runtime
 from wayfarer.service.worlds import Worlds
 from wayfarer.shard import Shard
 from wayfarer.spec import GENDERS, STEP_SECONDS
@@ -72,7 +72,7 @@ def runtime(
     clock: Callable[[], float],
     meter: MetricsSink | None = None,
     shard: Shard = Shard(),
-) -> Runtime:
+) -> MotionService:
     """The runtime over the models; not yet started. Raises ArtifactError."""
     engine = open_engine(folder, settings.engine, settings.threads, settings.candidates)
     # models that are loaded later run on the same engine
@@ -110,7 +110,7 @@ def runtime(
         journal=Journal(settings.state_dir, body, meter) if settings.state_dir else None,
         bakery=BakeQueue(settings.limits),
     )
-    return Runtime(worlds, warm_up, clock, meter, open_model=model_store(settings).open)
+    return MotionService(worlds, warm_up, clock, meter, open_model=model_store(settings).open)
 
 
 def with_engine(settings: Settings) -> Settings:

@@ -3,7 +3,7 @@ import pytest
 from tests.service.kept_worlds import fake_worlds
 from wayfarer.limits import Limits
 from wayfarer.service.live import steady_clock
-from wayfarer.service.runtime import Runtime
+from wayfarer.service.motion_service import MotionService
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.server import Server
@@ -15,7 +15,7 @@ async def server():
     clock = steady_clock()
     worlds = fake_worlds(limits=Limits(agents=32, agents_per_session=32, sessions=4, queue_s=30.0))
     # long queues: a busy test machine must not look like a slow reader
-    runtime = Runtime(worlds, clock=clock)
+    runtime = MotionService(worlds, clock=clock)
     gateway = Gateway(runtime, BodyLibrary("anny52"), Limits(), clock, stop=lambda: None)
     running = Server(gateway, "127.0.0.1", 0, 0)
     runtime.start()

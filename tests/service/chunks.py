@@ -7,7 +7,7 @@ import numpy as np
 from tests.world.fakes import ManualClock
 from wayfarer.limits import Limits
 from wayfarer.service.streams.publications import Publication, StreamOptions
-from wayfarer.service.streams.subscription import BoundedSubscription, Entry, Start
+from wayfarer.service.streams.subscription import Entry, Start, Subscription
 from wayfarer.world.agents.agent import (
     AgentInfo,
     AgentSpec,
@@ -76,7 +76,7 @@ def entry(seq, *agents, events=()):
 
 
 def subscription(*agent_ids, meter=None, clock=None, start=None, queue_s=0.5, lead_s=0.5, **wish):
-    made = BoundedSubscription(
+    made = Subscription(
         "s",
         StreamOptions(agent_ids, **wish),
         Limits(queue_s=queue_s, lead_s=lead_s),

@@ -36,3 +36,8 @@ async def until(condition, seconds=5.0):
 async def first(queue, count):
     async with asyncio.timeout(5):
         return [await anext(queue) for _ in range(count)]
+
+
+def world_of(loop, method, *arguments):
+    """What a method of the loop's world gives."""
+    return loop.ask(lambda world, _: getattr(world, method)(*arguments))

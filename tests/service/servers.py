@@ -2,7 +2,7 @@
 
 from tests.service.kept_worlds import fake_worlds
 from tests.service.test_lockstep import until_ready
-from wayfarer.service.runtime import Runtime
+from wayfarer.service.motion_service import MotionService
 
 
 class Servers:
@@ -12,7 +12,7 @@ class Servers:
         self.running = []
 
     async def start(self, journal=None, **settings):
-        runtime = Runtime(fake_worlds(journal, **settings))
+        runtime = MotionService(fake_worlds(journal, **settings))
         runtime.start()
         self.running.append(runtime)
         await until_ready(runtime)

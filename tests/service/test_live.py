@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.service.chunks import KeepingMeter
-from tests.service.running import ALL, Running, first
+from tests.service.running import ALL, Running, first, world_of
 from tests.world.fakes import GOAL, people
 from wayfarer.errors import Aborted, AlreadyExists, InvalidArgument, NotFound, ResourceExhausted
 from wayfarer.service.live import steady_clock
@@ -32,7 +32,7 @@ async def test_agents_stream_in_real_time_to_their_goal():
             assert [c.seq for c in own] == list(range(len(own))) and len(own) >= 2
             assert own[0].flags & ChunkFlag.FIRST and own[0].alias == agent.alias
             np.testing.assert_allclose(np.diff([c.scheduled_at for c in own]), 0.2, atol=1e-6)
-        assert (await loop.get_agent(agents[0].agent_id)).position[1] > 0
+        assert (await world_of(loop, "get_agent", agents[0].agent_id)).position[1] > 0
         stats = await loop.stats()
         assert (stats.agents, stats.sessions, stats.subscribers) == (4, 1, 1)
         assert stats.steps >= len(chunks) and stats.failures == stats.rebased == stats.resets == 0
@@ -50,9 +50,9 @@ async def test_errors_come_back_to_the_caller_and_disturb_nobody():
         for call in (
             loop.give("nobody", GOAL),
             loop.give("nobody", Stop()),
-            loop.get_session("nowhere"),
+            world_of(loop, "get_session", "nowhere"),
             loop.create_agents("nowhere", people(1)),
-            loop.list_agents("nowhere"),
+            world_of(loop, "list_agents", "nowhere"),
             loop.subscribe("nowhere", ALL),
             loop.subscribe("s", StreamOptions(("nobody",))),
         ):
@@ -68,14 +68,14 @@ async def test_sessions_do_not_see_each_other_and_end_their_streams():
             await loop.create_session(SessionSpec(name))
             await loop.create_agents(name, people(2))
         a, b = await loop.subscribe("a", ALL), await loop.subscribe("b", ALL)
-        own = set((await loop.get_session("a")).agent_ids)
+        own = set((await world_of(loop, "get_session", "a")).agent_ids)
         assert {c.agent_id for p in await first(a, 3) for c in p.chunks} <= own
         await loop.delete_session("a")
         async with asyncio.timeout(5):
             async for _ in a:
                 pass
         with pytest.raises(NotFound):
-            await loop.get_session("a")
+            await world_of(loop, "get_session", "a")
         assert await first(b, 3)
         assert (await loop.stats()).agents == 2
 
@@ -89,12 +89,12 @@ async def test_agents_may_be_deleted_at_any_moment():
             await anext(stream)
             await loop.delete_agent(agent.agent_id)
             with pytest.raises(NotFound):
-                await loop.get_agent(agent.agent_id)
+                await world_of(loop, "get_agent", agent.agent_id)
         while len((await anext(stream)).chunks) > 1:  # what was sent before
             pass
         batches = await first(stream, 3)
         assert {c.agent_id for b in batches for c in b.chunks} == {stay.agent_id}
-        assert [a.agent_id for a in await loop.list_agents("s")] == [stay.agent_id]
+        assert [a.agent_id for a in await world_of(loop, "list_agents", "s")] == [stay.agent_id]
 
 
 async def test_every_change_of_goals_has_a_revision_and_stale_ones_are_refused():
@@ -118,10 +118,17 @@ async def test_sessions_are_listed_and_agents_changed():
     async with Running() as loop:
         for name in "ts":
             await loop.create_session(SessionSpec(name))
-        assert [s.session_id for s in await loop.list_sessions()] == ["t", "s"]
+        assert [s.session_id for s in await world_of(loop, "list_sessions")] == [
+            "t",
+            "s",
+        ]
         [agent] = await loop.create_agents("s", people(1))
-        changed = await loop.update_agent(agent.agent_id, AgentChange(name="Ada"))
-        assert changed.spec.name == "Ada" == (await loop.get_agent(agent.agent_id)).spec.name
+        changed = await world_of(loop, "update_agent", agent.agent_id, AgentChange(name="Ada"))
+        assert (
+            changed.spec.name
+            == "Ada"
+            == (await world_of(loop, "get_agent", agent.agent_id)).spec.name
+        )
 
 
 async def test_a_session_that_was_taken_out_goes_on_where_it_stood():

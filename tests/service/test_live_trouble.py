@@ -6,7 +6,7 @@ import threading
 import numpy as np
 import pytest
 
-from tests.service.running import ALL, Running, first, until
+from tests.service.running import ALL, Running, first, until, world_of
 from tests.world.fakes import FakeEngine, make_world, people
 from wayfarer.errors import ResourceExhausted, Unavailable
 from wayfarer.service import live
@@ -18,12 +18,12 @@ from wayfarer.world.agents.agent import Goal, SessionSpec
 async def test_a_cancelled_caller_does_no_harm():
     async with Running() as loop:
         await loop.create_session(SessionSpec("s"))
-        waiting = [asyncio.ensure_future(loop.get_session("s")) for _ in range(20)]
+        waiting = [asyncio.ensure_future(world_of(loop, "get_session", "s")) for _ in range(20)]
         await asyncio.sleep(0)
         for task in waiting:
             task.cancel()
         await asyncio.gather(*waiting, return_exceptions=True)
-        assert (await loop.get_session("s")).session_id == "s"
+        assert (await world_of(loop, "get_session", "s")).session_id == "s"
 
 
 async def test_a_failed_turn_is_counted_and_tried_again():
@@ -159,10 +159,10 @@ async def test_a_full_inbox_refuses(monkeypatch):
     async with Running() as loop:
         await loop.create_session(SessionSpec("s"))
         held, let_go = await occupied(loop)
-        waiting = [asyncio.ensure_future(loop.get_session("s")) for _ in range(2)]
+        waiting = [asyncio.ensure_future(world_of(loop, "get_session", "s")) for _ in range(2)]
         await asyncio.sleep(0)
         with pytest.raises(Unavailable, match="2 commands are waiting"):
-            await loop.get_session("s")
+            await world_of(loop, "get_session", "s")
         let_go.set()
         await held
         assert [s.session_id for s in await asyncio.gather(*waiting)] == ["s", "s"]

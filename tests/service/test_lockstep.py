@@ -17,7 +17,7 @@ from wayfarer.errors import (
     Unavailable,
 )
 from wayfarer.limits import Limits
-from wayfarer.service.runtime import Runtime
+from wayfarer.service.motion_service import MotionService
 from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import AgentChange, ChunkFlag, Goal, SessionSpec
@@ -34,7 +34,7 @@ async def until_ready(runtime):
 @pytest.fixture
 async def runtime():
     limits = Limits(agents=12, agents_per_session=8, sessions=3, offline_jobs=2)
-    made = Runtime(fake_worlds(limits=limits))
+    made = MotionService(fake_worlds(limits=limits))
     made.start()
     await until_ready(made)
     yield made
@@ -172,7 +172,7 @@ class SlowEngine(FakeEngine):
 
 async def test_a_busy_session_keeps_nobody_else_waiting():
     engine = SlowEngine()
-    runtime = Runtime(fake_worlds(engine=engine, limits=Limits(offline_jobs=1)))
+    runtime = MotionService(fake_worlds(engine=engine, limits=Limits(offline_jobs=1)))
     runtime.start()
     await until_ready(runtime)
     await runtime.create_session(LOCKED)
@@ -204,7 +204,7 @@ async def test_a_session_that_is_being_deleted_does_not_spoil_the_list(runtime):
 
 async def test_a_busy_session_does_not_hold_up_the_list():
     engine = SlowEngine()
-    runtime = Runtime(fake_worlds(engine=engine))
+    runtime = MotionService(fake_worlds(engine=engine))
     runtime.start()
     await until_ready(runtime)
     await runtime.create_session(LOCKED)
@@ -222,7 +222,7 @@ async def test_a_change_of_model_is_told_with_the_next_primitive():
     class Other(FakeEngine):
         name, graphs = "other", ("2" * 64, "3" * 64)
 
-    runtime = Runtime(fake_worlds(), open_model=lambda name: Other())
+    runtime = MotionService(fake_worlds(), open_model=lambda name: Other())
     runtime.start()
     await until_ready(runtime)
     await runtime.create_session(LOCKED)

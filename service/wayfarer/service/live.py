@@ -20,9 +20,9 @@ from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.model_events import model_changed
 from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.service.streams.publisher import Publisher
-from wayfarer.service.streams.subscription import BoundedSubscription
+from wayfarer.service.streams.subscription import Subscription
 from wayfarer.service.thread import MotionThread
-from wayfarer.world.agents.agent import AgentChange, AgentInfo, AgentSpec, SessionInfo, SessionSpec
+from wayfarer.world.agents.agent import AgentInfo, AgentSpec, SessionInfo, SessionSpec
 from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.agents.slots import Motion
 from wayfarer.world.goals.commands import Append, GoalCommand
@@ -107,14 +107,6 @@ class LiveMotion:
         with self._counted("create_session"):
             return await self.ask(lambda world, now: world.create_session(spec, now))
 
-    async def get_session(self, session_id: str) -> SessionInfo:
-        """See `MotionService`."""
-        return await self.ask(lambda world, _: world.get_session(session_id))
-
-    async def list_sessions(self) -> list[SessionInfo]:
-        """See `MotionService`."""
-        return await self.ask(lambda world, _: world.list_sessions())
-
     async def put_session(self, record: SessionRecord, admit: bool = True) -> SessionInfo:
         """Let a session from elsewhere go on here; see `Membership.put_session`."""
         with self._counted("import_session"):
@@ -142,18 +134,6 @@ class LiveMotion:
                 lambda world, now: world.create_agents(session_id, placed, now, seeds, room)
             )
 
-    async def get_agent(self, agent_id: str) -> AgentInfo:
-        """See `MotionService`."""
-        return await self.ask(lambda world, _: world.get_agent(agent_id))
-
-    async def list_agents(self, session_id: str) -> list[AgentInfo]:
-        """See `MotionService`."""
-        return await self.ask(lambda world, _: world.list_agents(session_id))
-
-    async def update_agent(self, agent_id: str, change: AgentChange) -> AgentInfo:
-        """See `MotionService`."""
-        return await self.ask(lambda world, _: world.update_agent(agent_id, change))
-
     async def delete_agent(self, agent_id: str) -> None:
         """See `MotionService`."""
         await self.ask(lambda *_: self._delete_agent(agent_id))
@@ -171,9 +151,9 @@ class LiveMotion:
 
     # Streams
 
-    async def subscribe(self, session_id: str, wish: StreamOptions) -> BoundedSubscription:
+    async def subscribe(self, session_id: str, wish: StreamOptions) -> Subscription:
         """See `MotionService`. A subscription let go without `close` is forgotten, too."""
-        subscription = BoundedSubscription(
+        subscription = Subscription(
             session_id, wish, self._world.settings.limits, self._meter, self._clock
         )
         await self.ask(lambda _, now: self._subscribe(subscription, now))
@@ -238,7 +218,7 @@ class LiveMotion:
         self._world.delete_session(session_id)
         self._publisher.end(session_id)
 
-    def _subscribe(self, subscription: BoundedSubscription, now: float) -> None:
+    def _subscribe(self, subscription: Subscription, now: float) -> None:
         session = self._world.get_session(subscription.session_id)
         if unknown := subscription.agent_ids - set(session.agent_ids):
             raise NotFound(f"no agents {sorted(unknown)} in session {session.session_id!r}")

@@ -21,7 +21,6 @@ from wayfarer.service.worlds import Worlds
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import (
     NO_CHUNKS,
-    AgentChange,
     AgentInfo,
     AgentSpec,
     MotionChunks,
@@ -96,25 +95,9 @@ class LockStep:
         """
         return await self._inbox.ask(lambda: self._advance(steps))
 
-    async def get_session(self, session_id: str) -> SessionInfo:
-        """See `MotionService`, as for all below."""
-        return await self.ask(lambda world, _: world.get_session(session_id))
-
     async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
         """See `MotionService`."""
         return await self.ask(lambda world, now: world.create_agents(session_id, specs, now))
-
-    async def list_agents(self, session_id: str) -> list[AgentInfo]:
-        """See `MotionService`."""
-        return await self.ask(lambda world, _: world.list_agents(session_id))
-
-    async def get_agent(self, agent_id: str) -> AgentInfo:
-        """See `MotionService`."""
-        return await self.ask(lambda world, _: world.get_agent(agent_id))
-
-    async def update_agent(self, agent_id: str, change: AgentChange) -> AgentInfo:
-        """See `MotionService`."""
-        return await self.ask(lambda world, _: world.update_agent(agent_id, change))
 
     async def delete_agent(self, agent_id: str) -> None:
         """See `MotionService`."""

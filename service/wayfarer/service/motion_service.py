@@ -1,16 +1,30 @@
-"""The one door of the runtime: what every transport calls.
+"""What every transport calls: real time, lock-step, clips, snapshots, logs and the journal.
 
-`Runtime` (runtime.py) implements it. All methods may be awaited from the event loop; none
-blocks it. Errors are those of `wayfarer.errors`.
+A call goes to the world in which its session or agent lives. What changes something returns once
+the journal, if there is one, has it on disk. All methods may be awaited from the event loop; none
+blocks it.
 """
 
-from collections.abc import AsyncGenerator, AsyncIterator, Mapping, Sequence
-from typing import Protocol
+import asyncio
+from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
+from dataclasses import replace
 
+from wayfarer.engines.engine import Engine
+from wayfarer.engines.model_store import ModelLoader, no_model
 from wayfarer.engines.models import ModelInfo
-from wayfarer.navigation.spec import Obstacle, Point2, Point3
+from wayfarer.errors import AlreadyExists, FailedPrecondition
+from wayfarer.service.archive import Archive
+from wayfarer.service.live import LiveMotion, steady_clock
+from wayfarer.service.lockstep import LockStep, LockSteps
+from wayfarer.service.metrics_sink import MetricsSink
+from wayfarer.service.offline import Offline
+from wayfarer.service.persistence.persistence import SAVE_PARTS, Persistence
+from wayfarer.service.scenes import SceneService
 from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.publications import Publication, StreamOptions
+from wayfarer.service.streams.subscription import Subscription
+from wayfarer.service.walk import walk
+from wayfarer.service.worlds import Worlds
 from wayfarer.world.agents.agent import (
     AgentChange,
     AgentInfo,
@@ -19,158 +33,136 @@ from wayfarer.world.agents.agent import (
     SessionInfo,
     SessionSpec,
 )
+from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.goals.commands import GoalCommand
-from wayfarer.world.scenes.messages import (
-    Crowd,
-    CrowdState,
-    Outlines,
-    SceneInfo,
-    SceneWish,
-    Way,
-)
+from wayfarer.world.world import World
 
 
-class Subscription(Protocol):
-    """A bounded queue of publications, for one reader."""
-
-    epoch: str
-    """Changes when the session's positions start again: with a restart or an import."""
-
-    resumed: bool
-    """The subscription goes on without a gap where `StreamOptions.resume` left off."""
-
-    def __aiter__(self) -> AsyncIterator[Publication]:
-        """Yield publications in order until the session ends.
-
-        Raises ResourceExhausted when the reader is too slow and asked to be disconnected then,
-        Unavailable when the loop has failed.
-        """
-        ...
-
-    def ack(self, position: int, playhead: float) -> None:
-        """The reader has received all up to `position` and shows the moment `playhead` (Unix s).
-
-        From the first call on, nothing is yielded that begins later than the lead after it.
-        """
-        ...
-
-    async def close(self) -> None:
-        """Stop receiving. Safe to call twice."""
-        ...
-
-
-class SceneService(Protocol):
-    """Scenes, their obstacles, ways through them, and the people who live there.
-
-    A session is in at most one scene, named when it is created (`SessionSpec.scene`).
-    """
-
-    async def create_scene(self, wish: SceneWish) -> SceneInfo:
-        """Bake it, off the motion thread; equal content is baked once.
-
-        Raises InvalidArgument that names the field, ResourceExhausted when too many are kept or
-        being baked, or when this one is too costly.
-        """
-        ...
-
-    async def get_scene(self, scene_id: str) -> SceneInfo:
-        """Raises NotFound."""
-        ...
-
-    async def list_scenes(self) -> list[SceneInfo]:
-        """All, oldest first."""
-        ...
-
-    async def delete_scene(self, scene_id: str) -> None:
-        """Raises NotFound; FailedPrecondition while sessions are in it."""
-        ...
-
-    async def put_obstacle(self, scene_id: str, name: str, obstacle: Obstacle) -> SceneInfo:
-        """Let it stand there, or move there; agents whose way it blocks plan again.
-
-        Raises NotFound, InvalidArgument, ResourceExhausted, and FailedPrecondition when no free
-        ground would be left.
-        """
-        ...
-
-    async def remove_obstacle(self, scene_id: str, name: str) -> SceneInfo:
-        """Raises NotFound."""
-        ...
-
-    async def query_path(self, scene_id: str, start: Point2 | Point3, goal: Point2 | Point3) -> Way:
-        """The way an agent would take. Raises NotFound, InvalidArgument, Unreachable."""
-        ...
-
-    async def scene_outlines(self, scene_id: str) -> Outlines:
-        """To draw it. Raises NotFound."""
-        ...
-
-    async def scene_picture(self, scene_id: str) -> bytes:
-        """A top view, PNG. Raises NotFound."""
-        ...
-
-    async def populate(self, session_id: str, crowd: Crowd) -> CrowdState:
-        """Let people come and go from now on, in place of an earlier crowd; how many have come.
-
-        With `count` 0 those there leave. Those for whom there is no room wait for it. Raises
-        NotFound, FailedPrecondition when the session is in no scene, InvalidArgument.
-        """
-        ...
-
-
-class MotionService(Protocol):
+class MotionService:
     """Sessions, agents, goals, streams; scenes have a part of their own."""
 
-    @property
-    def scenes(self) -> SceneService:
-        """Scenes, obstacles, crowds."""
-        ...
+    def __init__(
+        self,
+        worlds: Worlds,
+        warm_up: Callable[[World], None] = lambda world: None,
+        clock: Callable[[], float] | None = None,
+        meter: MetricsSink | None = None,
+        open_model: Callable[[str], Engine] = no_model,
+    ) -> None:
+        """`warm_up` is called with the world in real time, on the motion thread before its first
+        turn. `open_model(name)` opens one more model, in a thread of its own.
+
+        What the journal holds is read here and goes on once the thread is warm. Raises
+        ArtifactError when that is more than the limits allow.
+        """
+        self._worlds = worlds
+        self._archive = Archive(worlds)
+        self._persistence = Persistence(worlds.journal, worlds.settings.limits)
+        self._clock = clock or steady_clock()
+        self._offline = Offline(worlds.settings.limits.offline_jobs)
+        self._model_loader = ModelLoader(worlds.models, open_model)
+        self._door = asyncio.Lock()  # two sessions of one id must not enter different worlds
+        self._world = worlds.live()
+        self._live = LiveMotion(self._world, lambda: self._wake(warm_up), self._clock, meter)
+        self._lock_steps = LockSteps(worlds, self._offline, self._clock)
+        self.scenes = SceneService(
+            book=worlds.scenes,
+            persistence=self._persistence,
+            live=self._live,
+            lock_steps=self._lock_steps,
+            clock=self._clock,
+        )
+
+    # Life
+
+    def start(self) -> None:
+        """Start all threads, once; to be called on the event loop."""
+        self._persistence.start(
+            lambda: self._live.ask(lambda world, _: world.checkpoint(SAVE_PARTS))
+        )
+        self._live.start()
+
+    async def stop(self) -> None:
+        """End every thread, stream and waiting command; where all stand is saved."""
+        self._persistence.pause()
+        await asyncio.to_thread(self._worlds.stop)
+        await self._live.stop()
+        self.scenes.stop()
+        await asyncio.to_thread(self._lock_steps.stop, "the server has been stopped")
+        self._world.checkpoint()
+        await self._persistence.stop()
 
     @property
     def ready(self) -> bool:
         """Models are loaded and warm and the loop is running."""
-        ...
+        return self._live.ready
 
     @property
     def alive(self) -> bool:
         """The loop has made a turn within the last second."""
-        ...
+        return self._live.alive
+
+    async def stats(self) -> LoopStats:
+        """Figures for dashboards and the viewer."""
+        return replace(await self._live.stats(), journal_failing=self._persistence.failing)
+
+    # Sessions
 
     async def create_session(self, spec: SessionSpec) -> SessionInfo:
         """Open a session. Raises AlreadyExists, ResourceExhausted."""
-        ...
+        if spec.session_id is None:  # it gets an id of its own: nobody needs to wait at the door
+            made = await self._create_session(spec)
+        else:
+            async with self._door:
+                await self._refuse_taken(spec.session_id)
+                made = await self._create_session(spec)
+        return await self._persistence.durable(made)
 
     async def get_session(self, session_id: str) -> SessionInfo:
         """Raises NotFound."""
-        ...
+        return await self._home(session_id).ask(lambda world, _: world.get_session(session_id))
 
     async def list_sessions(self) -> list[SessionInfo]:
         """All, oldest first; after a restart those that the journal has kept."""
-        ...
+        live = await self._live.ask(lambda world, _: world.list_sessions())
+        sessions = live + self._lock_steps.infos()
+        return sorted(sessions, key=lambda session: session.created_at)
 
     async def delete_session(self, session_id: str) -> None:
         """End a session, its agents and its streams. Raises NotFound."""
-        ...
+        home = self._lock_steps if self._lock_steps.session(session_id) else self._live
+        await home.delete_session(session_id)
+        await self._persistence.durable(None)
+
+    # Agents
 
     async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
         """All or none. Raises NotFound, InvalidArgument, ResourceExhausted."""
-        ...
+        home = self._lock_steps if self._lock_steps.session(session_id) else self._live
+        return await self._persistence.durable(await home.create_agents(session_id, specs))
 
     async def get_agent(self, agent_id: str) -> AgentInfo:
         """Raises NotFound."""
-        ...
+        return await self._home_of(agent_id).ask(lambda world, _: world.get_agent(agent_id))
 
     async def list_agents(self, session_id: str) -> list[AgentInfo]:
         """Raises NotFound."""
-        ...
+        return await self._home(session_id).ask(lambda world, _: world.list_agents(session_id))
 
     async def update_agent(self, agent_id: str, change: AgentChange) -> AgentInfo:
         """Raises NotFound, InvalidArgument."""
-        ...
+        changed = await self._home_of(agent_id).ask(
+            lambda world, _: world.update_agent(agent_id, change)
+        )
+        return await self._persistence.durable(changed)
 
     async def delete_agent(self, agent_id: str) -> None:
         """Raises NotFound."""
-        ...
+        home = self._lock_steps if self._lock_steps.agent(agent_id) else self._live
+        await home.delete_agent(agent_id)
+        await self._persistence.durable(None)
+
+    # Goals
 
     async def give(self, agent_id: str, command: GoalCommand, expected: int | None = None) -> int:
         """Give an agent a goal command; return the new goal revision.
@@ -180,19 +172,69 @@ class MotionService(Protocol):
         FailedPrecondition in a recorded session when it depends on other agents, and on a floor
         without end when it walks all over a scene.
         """
-        ...
+        return await self._persistence.durable(
+            await self._home_of(agent_id).give(agent_id, command, expected)
+        )
+
+    # Motion
 
     async def subscribe(self, session_id: str, wish: StreamOptions) -> Subscription:
         """Follow a session. Raises NotFound; FailedPrecondition for a lock-step session."""
-        ...
+        if self._lock_steps.session(session_id):
+            raise FailedPrecondition(
+                f"session {session_id!r} is in lock-step: its motion comes from StepAgents"
+            )
+        return await self._live.subscribe(session_id, wish)
 
     async def step_session(self, session_id: str, steps: int) -> list[Publication]:
         """Let primitives pass in a lock-step session. Raises NotFound, FailedPrecondition."""
-        ...
+        home = self._lock_steps.session(session_id)
+        if home is None:
+            await self._live.ask(lambda world, _: world.get_session(session_id))
+            raise FailedPrecondition(
+                f"session {session_id!r} goes with time by itself; create it with `lock_step` to "
+                "step it"
+            )
+        return await home.step(steps)
+
+    def generate_clip(
+        self, spec: AgentSpec, goals: Sequence[Goal], seconds: float, until_arrival: bool
+    ) -> AsyncGenerator[Publication]:
+        """Make a clip, off the real-time path. Raises InvalidArgument, ResourceExhausted."""
+        return self._offline.run(
+            lambda: walk(self._worlds.solo(), spec, goals, seconds, until_arrival)
+        )
+
+    def replay(self, log: bytes) -> AsyncGenerator[Publication]:
+        """Make a log's motion again, off the real-time path. Raises InvalidArgument, …"""
+        return self._offline.run(lambda: self._archive.replay(log))
+
+    # Models
+
+    async def list_models(self) -> list[ModelInfo]:
+        """Those loaded, in order of loading."""
+        return self._worlds.models.infos()
+
+    async def load_model(self, name: str) -> None:
+        """Load and warm a model beside others. Raises NotFound, AlreadyExists, ArtifactError."""
+        await self._model_loader.load(name)
+
+    async def use_model(self, name: str, move_agents: bool) -> int:
+        """Let new agents, and present ones, be moved by it; returns how many. Raises NotFound."""
+        self._worlds.models.use(name)
+        if not move_agents:
+            return 0
+        return await self._live.use_model(name) + await self._lock_steps.use_model(name)
+
+    async def unload_model(self, name: str) -> None:
+        """Raises NotFound, FailedPrecondition while it is in use."""
+        self._worlds.models.remove(name)
+
+    # Snapshots and logs
 
     async def export_session(self, session_id: str) -> bytes:
         """Its state as of the last frames sent. Raises NotFound."""
-        ...
+        return await self._archive.export_session(self._home(session_id), session_id)
 
     async def import_session(
         self, snapshot: bytes, attributes: Mapping[str, str] | None = None
@@ -201,38 +243,44 @@ class MotionService(Protocol):
 
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted.
         """
-        ...
+        record = await self._archive.read_session(snapshot, attributes or {})
+        async with self._door:
+            await self._refuse_taken(record.session_id)
+            if record.spec.lock_step:
+                made = await asyncio.to_thread(self._lock_steps.put, record)
+            else:
+                made = await self._live.put_session(record)
+        return await self._persistence.durable(made)
 
     async def export_log(self, session_id: str) -> bytes:
         """Commands of a recorded session. Raises NotFound, FailedPrecondition."""
-        ...
+        return await self._archive.export_log(self._home(session_id), session_id)
 
-    def replay(self, log: bytes) -> AsyncGenerator[Publication]:
-        """Make a log's motion again, off the real-time path. Raises InvalidArgument, …"""
-        ...
+    # Within
 
-    def generate_clip(
-        self, spec: AgentSpec, goals: Sequence[Goal], seconds: float, until_arrival: bool
-    ) -> AsyncGenerator[Publication]:
-        """Make a clip, off the real-time path. Raises InvalidArgument, ResourceExhausted."""
-        ...
+    def _home(self, session_id: str) -> LiveMotion | LockStep:
+        return self._lock_steps.session(session_id) or self._live
 
-    async def list_models(self) -> list[ModelInfo]:
-        """Those loaded, in order of loading."""
-        ...
+    def _home_of(self, agent_id: str) -> LiveMotion | LockStep:
+        return self._lock_steps.agent(agent_id) or self._live
 
-    async def load_model(self, name: str) -> None:
-        """Load and warm a model beside others. Raises NotFound, AlreadyExists, ArtifactError."""
-        ...
+    async def _create_session(self, spec: SessionSpec) -> SessionInfo:
+        if spec.lock_step:
+            return self._lock_steps.create(spec)
+        return await self._live.create_session(spec)
 
-    async def use_model(self, name: str, move_agents: bool) -> int:
-        """Let new agents, and present ones, be moved by it; returns how many. Raises NotFound."""
-        ...
+    async def _refuse_taken(self, session_id: str) -> None:
+        is_live = await self._live.ask(lambda world, _: session_id in world.registry.sessions)
+        if is_live or self._lock_steps.session(session_id):
+            raise AlreadyExists(f"session {session_id!r} exists already")
 
-    async def unload_model(self, name: str) -> None:
-        """Raises NotFound, FailedPrecondition while it is in use."""
-        ...
+    def _wake(self, warm_up: Callable[[World], None]) -> None:
+        """On the motion thread, before its first turn: warm up, then go on with what was kept."""
+        warm_up(self._world)
+        self._persistence.restore_scenes(self._worlds.scenes)
+        self._persistence.restore(self._adopt)
 
-    async def stats(self) -> LoopStats:
-        """Figures for dashboards and the viewer."""
-        ...
+    def _adopt(self, record: SessionRecord) -> SessionInfo:
+        if record.spec.lock_step:
+            return self._lock_steps.put(record)
+        return self._live.adopt(record, self._clock(), admit=False)

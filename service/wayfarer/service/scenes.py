@@ -28,8 +28,12 @@ LOOKS_EVERY: Final = 0.05
 """Seconds between looks at people who come."""
 
 
-class Scenes:
-    """Implements `SceneService`. A change returns once the journal has it on disk."""
+class SceneService:
+    """Scenes, their obstacles, ways through them, and the people who live there.
+
+    A session is in at most one scene, named when it is created (`SessionSpec.scene`). A change
+    returns once the journal has it on disk.
+    """
 
     def __init__(
         self,
@@ -54,35 +58,43 @@ class Scenes:
         self._workers.shutdown(wait=False, cancel_futures=True)
 
     async def create_scene(self, wish: SceneWish) -> SceneInfo:
-        """See `SceneService`."""
+        """Bake it, off the motion thread; equal content is baked once.
+
+        Raises InvalidArgument that names the field, ResourceExhausted when too many are kept or
+        being baked, or when this one is too costly.
+        """
         made = await self._work(lambda: self._book.create(wish, self._clock()))
         return await self._persistence.durable(made)
 
     async def get_scene(self, scene_id: str) -> SceneInfo:
-        """See `SceneService`."""
+        """Raises NotFound."""
         return self._book.info(scene_id)
 
     async def list_scenes(self) -> list[SceneInfo]:
-        """See `SceneService`."""
+        """All, oldest first."""
         return self._book.infos()
 
     async def delete_scene(self, scene_id: str) -> None:
-        """See `SceneService`."""
+        """Raises NotFound; FailedPrecondition while sessions are in it."""
         self._book.delete(scene_id)
         await self._persistence.durable(None)
 
     async def put_obstacle(self, scene_id: str, name: str, obstacle: Obstacle) -> SceneInfo:
-        """See `SceneService`."""
+        """Let it stand there, or move there; agents whose way it blocks plan again.
+
+        Raises NotFound, InvalidArgument, ResourceExhausted, and FailedPrecondition when no free
+        ground would be left.
+        """
         made = await self._work(lambda: self._book.put(scene_id, name, obstacle))
         return await self._persistence.durable(made)
 
     async def remove_obstacle(self, scene_id: str, name: str) -> SceneInfo:
-        """See `SceneService`."""
+        """Raises NotFound."""
         made = await self._work(lambda: self._book.remove(scene_id, name))
         return await self._persistence.durable(made)
 
     async def query_path(self, scene_id: str, start: Point2 | Point3, goal: Point2 | Point3) -> Way:
-        """See `SceneService`."""
+        """The way an agent would take. Raises NotFound, InvalidArgument, Unreachable."""
         scene = self._book.scene(scene_id)
         path = await self._work(lambda: scene.path(start, goal))
         return Way(
@@ -94,12 +106,12 @@ class Scenes:
         )
 
     async def scene_outlines(self, scene_id: str) -> Outlines:
-        """See `SceneService`."""
+        """To draw it. Raises NotFound."""
         scene = self._book.scene(scene_id)
         return await self._work(lambda: outlines(scene))
 
     async def scene_picture(self, scene_id: str) -> bytes:
-        """See `SceneService`."""
+        """A top view, PNG. Raises NotFound."""
         # the image library is loaded with the first picture
         from wayfarer.navigation.picture import top_view
 
@@ -107,7 +119,11 @@ class Scenes:
         return await self._work(lambda: top_view(scene))
 
     async def populate(self, session_id: str, crowd: Crowd) -> CrowdState:
-        """See `SceneService`."""
+        """Let people come and go from now on, in place of an earlier crowd; how many have come.
+
+        With `count` 0 those there leave. Those for whom there is no room wait for it. Raises
+        NotFound, FailedPrecondition when the session is in no scene, InvalidArgument.
+        """
         if self._lock_steps.session(session_id):
             raise FailedPrecondition(
                 f"session {session_id!r} is in lock-step: people come and go as time passes; "

@@ -9,8 +9,9 @@ from typing import Final
 import numpy as np
 
 from wayfarer.errors import NotFound, Unavailable, WayfarerError
-from wayfarer.service.motion_service import MotionService, Subscription
+from wayfarer.service.motion_service import MotionService
 from wayfarer.service.streams.publications import Publication
+from wayfarer.service.streams.subscription import Subscription
 from wayfarer.transport import convert
 from wayfarer.transport.batches import BatchWriter, event_message
 from wayfarer.transport.framing import Part, field

@@ -146,10 +146,10 @@ from pathlib import Path
 from tests.world.fakes import people
 from tests.service.kept_worlds import fake_worlds, open_journal
 from wayfarer.world.agents.agent import Goal, SessionSpec
-from wayfarer.service.runtime import Runtime
+from wayfarer.service.motion_service import MotionService
 
 async def main():
-    runtime = Runtime(fake_worlds(open_journal(Path(sys.argv[1]))))
+    runtime = MotionService(fake_worlds(open_journal(Path(sys.argv[1]))))
     runtime.start()
     while not runtime.ready:
         await asyncio.sleep(0.01)

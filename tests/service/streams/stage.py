@@ -6,7 +6,7 @@ from tests.service.chunks import KeepingMeter, chunk, info, together
 from wayfarer.limits import Limits
 from wayfarer.service.streams.publications import SlowReader, StreamOptions
 from wayfarer.service.streams.publisher import Publisher
-from wayfarer.service.streams.subscription import BoundedSubscription
+from wayfarer.service.streams.subscription import Subscription
 from wayfarer.world.agents.agent import ChunkFlag
 
 ARRIVED = ChunkFlag.ARRIVED
@@ -25,7 +25,7 @@ class Stage:
         self.seq = 0
 
     async def subscribe(self, *agent_ids, session="s", resume=None, **wish):
-        made = BoundedSubscription(
+        made = Subscription(
             session,
             StreamOptions(agent_ids, resume=resume, **wish),
             self.settings,

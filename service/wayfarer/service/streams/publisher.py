@@ -17,7 +17,7 @@ from wayfarer.service.inbox import post
 from wayfarer.service.metrics_sink import MetricsSink, ResumeResult
 from wayfarer.service.streams.goal_events import GoalEvents
 from wayfarer.service.streams.publications import Publication, Resume, SlowReader
-from wayfarer.service.streams.subscription import BoundedSubscription, Entry, Start
+from wayfarer.service.streams.subscription import Entry, Start, Subscription
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import NO_CHUNKS, AgentInfo, MotionChunks
 from wayfarer.world.agents.records import SessionRecord
@@ -26,7 +26,7 @@ from wayfarer.world.events import Event, EventKind
 LEAST_STEP: Final = 1e-3
 """Seconds that a publication counts at least, so that a bound in seconds bounds their number."""
 
-Delivery = tuple[BoundedSubscription, Entry, bool]
+Delivery = tuple[Subscription, Entry, bool]
 
 
 class Publisher:
@@ -60,7 +60,7 @@ class Publisher:
         for loop, batch in deliveries.items():
             post(loop, _put, batch)
 
-    def subscribe(self, subscription: BoundedSubscription, now: float) -> None:
+    def subscribe(self, subscription: Subscription, now: float) -> None:
         """Let a subscription begin where it wishes. Raises InvalidArgument."""
         log = self._log(subscription.session_id)
         start = self._start(log, subscription.wish.resume, now)
@@ -104,7 +104,7 @@ class Publisher:
         self._holders = set(holders)
         return [name for name in holders if self._logs[name].waits(now, self._limits.queue_s)]
 
-    def open(self) -> Iterator[BoundedSubscription]:
+    def open(self) -> Iterator[Subscription]:
         """The open subscriptions of all sessions."""
         for log in self._logs.values():
             yield from log.open()
@@ -155,7 +155,7 @@ class _Log:
         self._ring: deque[Entry] = deque()
         self.motion = 0.0  # seconds of motion so far
         self._last_at: float | None = None
-        self._subscribers: list[weakref.ref[BoundedSubscription]] = []
+        self._subscribers: list[weakref.ref[Subscription]] = []
         self._waiting_since: float | None = None
 
     def add(self, chunks: MotionChunks, events: tuple[Event, ...]) -> Entry:
@@ -209,11 +209,11 @@ class _Log:
 
     # Subscribers
 
-    def follow(self, subscription: BoundedSubscription) -> None:
+    def follow(self, subscription: Subscription) -> None:
         """Add one."""
         self._subscribers = [*map(weakref.ref, self.open()), weakref.ref(subscription)]
 
-    def open(self) -> list[BoundedSubscription]:
+    def open(self) -> list[Subscription]:
         """Closed and vanished ones are forgotten here."""
         found = [ref() for ref in self._subscribers]
         kept = [s for s in found if s is not None and not (s.closed or s.loop.is_closed())]
@@ -225,11 +225,11 @@ class _Log:
         """Somebody asks the agents to wait."""
         return any(reader.wish.slow_reader is SlowReader.HOLD for reader in self.open())
 
-    def has_stalled(self, reader: BoundedSubscription, queue_s: float) -> bool:
+    def has_stalled(self, reader: Subscription, queue_s: float) -> bool:
         """It has left more motion than that untaken."""
         return self.motion - reader.taken > queue_s
 
-    def spares(self, reader: BoundedSubscription, queue_s: float) -> bool:
+    def spares(self, reader: Subscription, queue_s: float) -> bool:
         """Nothing may be dropped for it now: the agents wait, or will as soon as it stalls."""
         return reader.wish.slow_reader is SlowReader.HOLD and (
             self.is_waiting or not self.has_stalled(reader, queue_s)

@@ -81,8 +81,8 @@ class _Loss:
         return Publication(position, events=(gap, *self.events))
 
 
-class BoundedSubscription:
-    """Implements `Subscription`.
+class Subscription:
+    """A bounded queue of publications, for one reader, in order until the session ends.
 
     An agent's first chunk carries FIRST, one that follows a lost one GAP. What a slow reader loses
     is told by an event GAP, with the events that were lost, before the next publication.
@@ -101,7 +101,9 @@ class BoundedSubscription:
         self.wish = wish
         self.loop = asyncio.get_running_loop()
         self.epoch = ""
+        """Changes when the session's positions start again: with a restart or an import."""
         self.resumed = False
+        """The subscription goes on without a gap where `StreamOptions.resume` left off."""
         # These four are read by the motion thread.
         self.agent_ids = frozenset(wish.agent_ids)
         self.closed = False
@@ -154,7 +156,11 @@ class BoundedSubscription:
         return publication
 
     def ack(self, position: int, playhead: float) -> None:
-        """See `Subscription`. Raises InvalidArgument for what cannot be true."""
+        """The reader has received all up to `position` and shows the moment `playhead` (Unix s).
+
+        From the first call on, nothing is yielded that begins later than the lead after it. Raises
+        InvalidArgument for what cannot be true.
+        """
         if not 0 <= position <= self._position:
             raise InvalidArgument(
                 f"position is {position}; allowed: 0 to {self._position}, the last one sent",

@@ -16,7 +16,7 @@ from wayfarer.errors import (
     NotFound,
 )
 from wayfarer.limits import Limits
-from wayfarer.service.runtime import Runtime
+from wayfarer.service.motion_service import MotionService
 from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.world.agents.agent import Goal, SessionSpec
 from wayfarer.world.behaviours import Wander
@@ -174,7 +174,7 @@ async def test_a_journal_beyond_the_limits_is_refused_before_anything_starts(ser
     await servers.stop(first)
     journal = open_journal(tmp_path)
     with pytest.raises(ArtifactError, match=r"4 agents; .* limits\.agents 2"):
-        Runtime(fake_worlds(journal, limits=Limits(agents=2)))
+        MotionService(fake_worlds(journal, limits=Limits(agents=2)))
     journal.stop()
 
 
