@@ -69,7 +69,12 @@ def test_the_first_stream_runs_until_ctrl_c_which_prints_nothing(real_server, pa
     script = tmp_path / "first.py"
     script.write_text(block.replace("localhost:50051", real_server.grpc_address))
     running = subprocess.Popen(
-        [sys.executable, "-u", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-u", script],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # as in a terminal: a shell's background job, such as a CI runner's, ignores SIGINT
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     assert running.stdout.readline().startswith(("standing", "walking"))
     running.send_signal(signal.SIGINT)

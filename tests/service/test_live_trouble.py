@@ -2,6 +2,7 @@
 
 import asyncio
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from tests.service.running import ALL, Running, first, until, world_of
 from tests.world.fakes import FakeEngine, make_world, people
 from wayfarer.errors import ResourceExhausted, Unavailable
 from wayfarer.service import live
+from wayfarer.service.inbox import Inbox
 from wayfarer.service.live import LiveMotion
 from wayfarer.service.thread import FAILURES
 from wayfarer.world.agents.agent import Goal, SessionSpec
@@ -189,3 +191,10 @@ async def test_a_loop_that_slept_moves_its_schedule_and_goes_on():
         assert (await loop.stats()).rebased == 1
         gap = np.diff([c.scheduled_at for c in [before, *chunks]])
         assert gap.max() > 1.0 and (gap > 0.19).all(), "once later, and then real time again"
+
+
+async def test_commands_are_taken_from_the_first_moment_of_ready(monkeypatch):
+    slow = Inbox.open
+    monkeypatch.setattr(Inbox, "open", lambda inbox: (time.sleep(0.2), slow(inbox)))
+    async with Running() as loop:  # asks at the first moment of `ready`
+        assert (await loop.stats()).sessions == 0

@@ -180,8 +180,8 @@ class MotionThread:
         try:
             self._warm_up()
             self._beat = self._clock()
+            self._inbox.open()  # before RUNNING: a caller may ask as soon as `ready` is true
             self._phase = Phase.RUNNING
-            self._inbox.open()
             while not self._stopping:
                 try:
                     self._measured_turn()
