@@ -8,7 +8,14 @@ import pytest
 ROOT = Path(__file__).parent.parent
 CODE = [
     "/" + str(file.relative_to(ROOT))
-    for folder in ("service", "lab", "clients/python", "clients/node/examples", "tests", "benchmarks")
+    for folder in (
+        "service",
+        "lab",
+        "clients/python",
+        "clients/node/examples",
+        "tests",
+        "benchmarks",
+    )
     for file in (ROOT / folder).rglob("*.*")
     if not {"node_modules", "__pycache__"} & set(file.parts)
 ]

@@ -27,7 +27,7 @@ PREFIX: Final = "WAYFARER_"
 SIGNATURES: Final = (
     *("ES256", "ES384", "ES512", "RS256", "RS384", "RS512", "PS256", "PS384", "PS512", "EdDSA"),
 )
-"""What a JWT may be signed with."""
+"""Signature algorithms that JWTs may use."""
 
 
 Texts = Annotated[
@@ -51,7 +51,7 @@ def _host(text: str) -> str:
 
 
 class Auth(BaseModel):
-    """How callers are known. Nothing set: everybody may do everything."""
+    """How callers are authenticated. Nothing set: everybody may do everything."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -112,40 +112,43 @@ class Settings(BaseSettings):
         description="motion model: a shipped name, one of models_dir, or a folder's path with a /",
     )
     models_dir: Path | None = Field(
-        default=None, description="folder of more model folders, for AdminService.LoadModel"
+        default=None, description="folder with further model folders, for AdminService.LoadModel"
     )
     state_dir: Path | None = Field(
         default=None, description="folder of the journal: what it holds outlives the process"
     )
     engine: EngineKind = Field(
         default="auto",
-        description="what runs the model: onnxruntime, openvino (an extra), or the faster of them; "
-        "torch (an extra) on a GPU",
+        description="engine: onnxruntime; openvino (`pip install wayfarer[openvino]`); "
+        "auto: the faster of these; torch (`pip install wayfarer[gpu]`), on a GPU",
     )
     threads: int = Field(
         default=0,
         ge=0,
         le=256,
-        description="threads of the engine; 0: all cores, of each of several workers its share",
+        description="threads of the engine; 0: all cores, shared among the workers",
     )
     workers: int = Field(
-        default=1, ge=1, le=64, description="processes that share the sessions; 1: no more than one"
+        default=1,
+        ge=1,
+        le=64,
+        description="worker processes that share the sessions; 1: all in one process",
     )
     pin_workers: bool = Field(
-        default=False, description="let each worker run on its share of the cores only"
+        default=False, description="run each worker on its share of the cores only"
     )
     candidates: int = Field(
-        default=4, ge=1, le=256, description="candidate primitives tried per step"
+        default=4, ge=1, le=256, description="candidate primitives that are tried per step"
     )
     admission: bool = Field(
         default=True,
-        description="refuse agents for whom there is no time; false: only `limits` refuse",
+        description="refuse new agents when the load is too high; false: only `limits` count",
     )
     most_load: float = Field(
         default=0.75,
         gt=0,
         le=1,
-        description="share of the time that steps may take; agents who would exceed it are refused",
+        description="largest share of the time that steps may take; agents beyond it are refused",
     )
     limits: Limits = Limits()
     auth: Auth = Auth()
@@ -153,14 +156,14 @@ class Settings(BaseSettings):
         default=1024, ge=8, description="open connections of HTTP, and of gRPC"
     )
     insecure_no_auth: bool = Field(
-        default=False, description="let everybody who reaches a host beyond loopback do everything"
+        default=False, description="accept calls from other machines without authentication"
     )
     tls_cert: Path | None = Field(
         default=None, description="PEM file of the server's certificate chain: both ports speak TLS"
     )
     tls_key: Path | None = Field(default=None, description="PEM file of its private key")
     tls_client_ca: Path | None = Field(
-        default=None, description="PEM file of the authority whose client certificates are asked"
+        default=None, description="PEM file of the authority whose client certificates are accepted"
     )
     cors_origins: Annotated[
         Texts, AfterValidator(lambda found: tuple(_origin(text) for text in found))
@@ -169,20 +172,20 @@ class Settings(BaseSettings):
         Texts, AfterValidator(lambda found: tuple(_host(text) for text in found))
     ] = Field(
         default=(),
-        description="further names by which the server is called, as wayfarer.example.org; "
-        "*: any; looked at where callers show no credentials",
+        description="further names of the server, as wayfarer.example.org; *: any; checked only "
+        "where callers show no credentials",
     )
     metrics: Literal["guarded", "open", "off"] = Field(
         default="guarded", description="who may read /metrics; guarded: callers with scope read"
     )
     otlp_endpoint: str = Field(
-        default="", description="where traces go (OTLP over gRPC); empty: no traces"
+        default="", description="where traces are sent (OTLP over gRPC); empty: no traces"
     )
     drain_s: float = Field(
         default=2.0, ge=0, le=600, description="seconds for streams and calls to end at shutdown"
     )
     log_level: Literal["debug", "info", "warning", "error"] = Field(
-        default="info", description="the least that is logged"
+        default="info", description="least severe level that is logged"
     )
     log_format: Literal["auto", "text", "json"] = Field(
         default="auto", description="auto: text on a terminal, JSON elsewhere"

@@ -58,7 +58,7 @@ class Limits(BaseModel):
         default=20.0,
         ge=1,
         le=600,
-        description="seconds of a processor's time that making a scene may take",
+        description="seconds of CPU time that making a scene may take",
     )
     bake_mb: int = Field(
         default=1024,

@@ -6,9 +6,10 @@ One process: an asyncio event loop for both transports, a thread for the motion 
 import asyncio
 import ctypes
 import gc
+import inspect
 import signal
 import sys
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
@@ -37,11 +38,18 @@ from wayfarer.workers.plan import check_state
 log = structlog.get_logger(__name__)
 
 SWITCH_SECONDS: Final = 2e-4
-"""So long at most a thread that comes back from the engine waits for another, which runs Python. A
-call passes through three threads: with the usual 5 ms it would take longer to hand over than to
-compute."""
+"""GIL switch interval: upper bound on how long a thread that returns from the engine waits for the
+GIL. A call passes through three threads: with the usual 5 ms, handing over would take longer than
+computing."""
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+
+OPTIONS: Final = (
+    *("host", "http_port", "grpc_port", "model", "engine", "threads", "workers", "pin_workers"),
+    *("candidates", "state_dir", "models_dir", "auth.keys_file", "insecure_no_auth", "tls_cert"),
+    *("tls_key", "tls_client_ca", "log_level", "log_format"),
+)
+"""Settings that the command line knows."""
 
 
 async def serve(settings: Settings, worker: Assignment | None = None) -> None:
@@ -122,68 +130,32 @@ def announce(settings: Settings, http_url: str, grpc_address: str) -> None:
     console.print("Ctrl-C stops it.")
 
 
+def with_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the settings of `OPTIONS` as options; their help is the settings' own."""
+    own = inspect.signature(command)
+    options = []
+    for key in OPTIONS:
+        field, name = config_sources.fields()[key], key.rpartition(".")[2]
+        default = "none" if field.default is None else field.default
+        is_flag = field.annotation is bool
+        text = str(field.description)
+        help_text = f"{text[0].upper()}{text[1:]}." + ("" if is_flag else f" [{default}]")
+        # a literal is checked with all other settings, so that every wrong one is told at once
+        kind: Any = field.annotation if field.annotation in (bool, int) else str
+        kind = Path if "Path" in str(field.annotation) else kind
+        flags = [f"--{name.replace('_', '-')}"] if is_flag else []
+        annotation = Annotated[kind | None, typer.Option(*flags, help=help_text)]
+        keyword = inspect.Parameter.KEYWORD_ONLY
+        options.append(inspect.Parameter(name, keyword, default=None, annotation=annotation))
+    named = [one for one in own.parameters.values() if one.kind is one.KEYWORD_ONLY]
+    command.__signature__ = own.replace(parameters=[*options, *named])  # type: ignore[attr-defined]
+    return command
+
+
+@with_options
 def serve_command(
-    host: Annotated[
-        str | None,
-        typer.Option(help="Address to listen on; 0.0.0.0 lets other machines in. [127.0.0.1]"),
-    ] = None,
-    http_port: Annotated[int | None, typer.Option(help="HTTP; 0: any free port. [8080]")] = None,
-    grpc_port: Annotated[int | None, typer.Option(help="gRPC; 0: any free port. [50051]")] = None,
-    model: Annotated[
-        str | None, typer.Option(help="A shipped model's name, or a folder. [gamma-anny52]")
-    ] = None,
-    engine: Annotated[
-        str | None,
-        typer.Option(
-            help="onnxruntime; openvino, which needs `pip install wayfarer[openvino]`; auto: "
-            "the faster of these; torch, which needs `pip install wayfarer[gpu]` and a GPU. [auto]"
-        ),
-    ] = None,
-    threads: Annotated[
-        int | None,
-        typer.Option(help="Threads of the engine; 0: all cores, or a worker's. [0]"),
-    ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            help="Processes that share the sessions, for machines of more cores than one engine "
-            "makes use of; each has ports of its own after these. [1]"
-        ),
-    ] = None,
-    pin_workers: Annotated[
-        bool | None,
-        typer.Option("--pin-workers", help="Let each worker run on its share of the cores only."),
-    ] = None,
-    candidates: Annotated[
-        int | None, typer.Option(help="Candidate primitives tried per step. [4]")
-    ] = None,
-    state_dir: Annotated[
-        Path | None, typer.Option(help="Folder in which sessions outlive a crash. [none]")
-    ] = None,
-    models_dir: Annotated[
-        Path | None, typer.Option(help="Folder of models that may be loaded while it runs. [none]")
-    ] = None,
-    keys_file: Annotated[
-        Path | None, typer.Option(help="TOML file of API keys; `wayfarer keys new` makes entries.")
-    ] = None,
-    insecure_no_auth: Annotated[
-        bool | None,
-        typer.Option("--insecure-no-auth", help="Ask nobody who they are, beyond loopback too."),
-    ] = None,
-    tls_cert: Annotated[
-        Path | None, typer.Option(help="PEM file of the certificate chain: both ports speak TLS.")
-    ] = None,
-    tls_key: Annotated[Path | None, typer.Option(help="PEM file of its private key.")] = None,
-    tls_client_ca: Annotated[
-        Path | None, typer.Option(help="PEM file of the authority of client certificates.")
-    ] = None,
-    log_level: Annotated[
-        str | None, typer.Option(help="debug, info, warning, error. [info]")
-    ] = None,
-    log_format: Annotated[str | None, typer.Option(help="auto, text, json. [auto]")] = None,
-    file: Annotated[
-        Path | None, typer.Option("--config", help="TOML file with any of the settings.")
-    ] = None,
+    *,
+    config: Annotated[Path | None, typer.Option(help="TOML file with any of the settings.")] = None,
     check_config: Annotated[
         bool,
         typer.Option(
@@ -191,10 +163,10 @@ def serve_command(
             help="Print the settings and where each comes from, check their files, and end.",
         ),
     ] = False,
+    **options: Any,
 ) -> None:
     """Start the service: gRPC and HTTP. All settings: docs/operations.md."""
-    given = {k: v for k, v in locals().items() if v is not None}
-    file, check_config = given.pop("file", None), given.pop("check_config")
+    file, given = config, {name: value for name, value in options.items() if value is not None}
     if "keys_file" in given:
         given["auth"] = {"keys_file": given.pop("keys_file")}
     settings = config_sources.load(given, file)

@@ -8,8 +8,8 @@ from wayfarer.spec import BETAS, GENDERS, JOINTS, MARKERS, NEW_FRAMES, STEP_SECO
 from wayfarer.terms import TERMS
 from wayfarer.world.agents.agent import AgentSpec, Goal, SessionSpec
 from wayfarer.world.agents.heading import facing_of
-from wayfarer.world.agents.spawn import multiply
 from wayfarer.world.observer import WorldObserver
+from wayfarer.world.output.quaternion import multiply
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.world import World
 

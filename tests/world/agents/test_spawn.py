@@ -5,7 +5,8 @@ from tests.world.fakes import BODIES, HIPS_HEIGHT, start_poses
 from wayfarer.errors import ArtifactError
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.heading import heading_of
-from wayfarer.world.agents.spawn import Spawner, load_start_poses, multiply
+from wayfarer.world.agents.spawn import Spawner, load_start_poses
+from wayfarer.world.output.quaternion import multiply
 
 SPAWNER = Spawner(BODIES, start_poses())
 

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from tests.world.output.legwork import body, legs, lifted, moved, soles_of, standing
 from wayfarer.body.rotation import matrix_from_quaternion, quaternion_from_rotvec
 from wayfarer.spec import BETAS, FPS
-from wayfarer.world.agents.spawn import multiply
 from wayfarer.world.output.footlock import LEASH, Locked, begin, lock_feet
+from wayfarer.world.output.quaternion import multiply
 from wayfarer.world.output.twobone import MOVED
 
 OTHERS = [joint for joint in range(22) if joint not in MOVED]

@@ -10,13 +10,14 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.body.model import Array, BodyModel
+from wayfarer.body.model import BodyModel
 from wayfarer.body.rotation import matrix_from_quaternion, quaternion_from_rotvec
 from wayfarer.errors import ArtifactError
 from wayfarer.spec import POSED_JOINTS
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.heading import facing_at
 from wayfarer.world.agents.slots import Gait, Mode, Motion, Seeds
+from wayfarer.world.output.quaternion import multiply
 
 
 def load_start_poses(path: Path) -> NDArray[np.float32]:
@@ -70,9 +71,3 @@ class Spawner:
         gait.planted[:] = True
         gait.soles[:] = (markers + hips)[body.sole_markers, :2].reshape(2, -1, 2)
         return Motion(seed, gait)
-
-
-def multiply(a: Array, b: Array) -> Array:
-    """Quaternion product a b [4], x y z w: first turn by b, then by a."""
-    vector = a[3] * b[:3] + b[3] * a[:3] + np.cross(a[:3], b[:3])
-    return np.array([*vector, a[3] * b[3] - a[:3] @ b[:3]])

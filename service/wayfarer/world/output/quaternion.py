@@ -16,8 +16,8 @@ def stacked(*components: Array) -> Array:
     """Components of one shape as one array: `np.stack`, without its looking at each of them."""
     first = components[0]
     made = np.empty((len(components), *first.shape), first.dtype)
-    for place, component in zip(made, components, strict=True):
-        place[...] = component
+    for place, component in enumerate(components):
+        made[place] = component
     return made
 
 
