@@ -20,7 +20,7 @@ ALL = RESULTS / "README.md"
 INTRO = """# Results
 
 Made by `python benchmarks/results_page.py` from `benchmarks/results/*.json`; nothing is typed in.
-{which} "mocap" rows are recordings, judged by the same code. [evaluation.md]({docs}evaluation.md)
+{which} "mocap" rows are recordings, judged by the same code. [figures.md]({docs}figures.md)
 defines the figures.
 
 **What `heldout` means.** No network was trained on three people of the CMU recordings (08, 09,

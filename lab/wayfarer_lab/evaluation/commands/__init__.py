@@ -5,6 +5,7 @@ import typer
 from wayfarer_lab.evaluation.commands import (
     arrival,
     control,
+    define,
     everything,
     long,
     maneuvers,
@@ -14,5 +15,5 @@ from wayfarer_lab.evaluation.commands import (
 )
 
 app = typer.Typer(help="Measure motion and models.", no_args_is_help=True)
-for part in (rollouts, recorded, control, arrival, maneuvers, long, scenes, everything):
+for part in (rollouts, recorded, control, arrival, maneuvers, long, scenes, everything, define):
     app.add_typer(part.app)  # without a name: its commands stand beside those of the others

@@ -105,8 +105,8 @@ def maneuvers(
 
     wayfarer eval maneuvers --data data/prepared --engine openvino --check
 
-    What the figures mean: docs/evaluation.md. Agents have random shapes of both genders; the same
-    seed gives the same agents whatever else is played.
+    `wayfarer eval define` says what the figures mean. Agents have random shapes of both genders;
+    the same seed gives the same agents whatever else is played.
     """
     players = Players(open_stage(models, threads, engine), candidates, seed)
     results = Results(

@@ -1,0 +1,49 @@
+"""Every figure of the published tables and of the bars is defined, in docs/figures.md too."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from wayfarer_lab.evaluation.commands import app
+from wayfarer_lab.evaluation.commands.maneuvers import MANEUVERS
+from wayfarer_lab.evaluation.definitions import as_markdown, definitions
+
+ROOT = Path(__file__).parents[3]
+TABLES = [p for p in (ROOT / "benchmarks/results").glob("*.json") if "performance" not in p.name]
+
+
+def test_every_published_figure_is_defined() -> None:
+    rows = [row for table in TABLES for row in json.loads(table.read_text())["rows"]]
+    names = {name for row in rows for name in row} - {"name", "maneuver", "case", "source"}
+    assert len(names) > 100
+    assert sorted(name for name in names if not definitions(name)) == []
+
+
+def test_every_bar_is_defined() -> None:
+    names = {bar.figure for maneuver in MANEUVERS.values() for bar in maneuver.bars}
+    assert sorted(name for name in names if not definitions(name)) == []
+
+
+def test_the_page_is_what_the_command_prints() -> None:
+    answer = CliRunner().invoke(app, ["define"])
+    assert answer.output == as_markdown() + "\n" == (ROOT / "docs/figures.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("figure", "groups"),
+    [
+        ("seam_ratio", ["All tables"]),
+        ("drift_2s_p95_m", ["arrival"]),
+        ("floating_5cm", ["All tables"]),  # not the fault floating_*
+        ("success", ["control", "arrival", "scenes"]),
+    ],
+)
+def test_a_figure_is_looked_up_by_name_then_by_pattern(figure: str, groups: list[str]) -> None:
+    assert [group for group, _, _ in definitions(figure)] == groups
+
+
+def test_an_unknown_figure_is_refused_with_near_ones() -> None:
+    answer = CliRunner().invoke(app, ["define", "seam_ration"])
+    assert answer.exit_code == 2 and "seam_ratio" in answer.output
