@@ -22,7 +22,14 @@ CODE = [
 
 PAGES = [
     str(page.relative_to(ROOT))
-    for pattern in ("*.md", "docs/*.md", "clients/*/*.md", "lab/**/*.md", "tests/golden/*.md")
+    for pattern in (
+        "*.md",
+        "docs/*.md",
+        "clients/*.md",
+        "clients/*/*.md",
+        "lab/**/*.md",
+        "tests/golden/*.md",
+    )
     for page in sorted(ROOT.glob(pattern))
     if not {"node_modules", ".venv"} & set(page.parts)
 ]

@@ -3,6 +3,7 @@
 `Client` is asynchronous, `SyncClient` is the same for programs without an event loop.
 """
 
+from wayfarer_client.bases import BASES, Basis
 from wayfarer_client.behaviours import (
     Behaviour,
     Follow,
@@ -15,6 +16,7 @@ from wayfarer_client.behaviours import (
     Visit,
     Wander,
 )
+from wayfarer_client.bone_map import BoneMap, map_bones
 from wayfarer_client.client import Client
 from wayfarer_client.connection import Tls
 from wayfarer_client.control import Control
@@ -47,6 +49,10 @@ from wayfarer_client.messages import (
     PoseFormat,
     StreamInfo,
 )
+from wayfarer_client.playout import PlayoutClock, PoseTrack
+from wayfarer_client.retarget import CharacterPose, Retarget
+from wayfarer_client.rig import Node, Rig
+from wayfarer_client.root import SmoothRoot
 from wayfarer_client.scenes import Scene, Scenes, Way
 from wayfarer_client.session import Session
 from wayfarer_client.shapes import (
@@ -65,13 +71,17 @@ from wayfarer_client.sync_scenes import SyncScene, SyncScenes
 from wayfarer_client.tracks import Track, tracks
 
 __all__ = [
+    "BASES",
     "Aborted",
     "Agent",
     "AgentSpec",
     "AlreadyExists",
+    "Basis",
     "Batch",
     "Behaviour",
+    "BoneMap",
     "Box",
+    "CharacterPose",
     "Client",
     "Control",
     "CrowdCame",
@@ -89,22 +99,28 @@ __all__ = [
     "KeepAway",
     "Misdirected",
     "MotionStream",
+    "Node",
     "NotFound",
     "Obstacle",
     "Part",
     "Patrol",
     "PermissionDenied",
     "Phenotype",
+    "PlayoutClock",
     "Pose",
     "PoseFormat",
+    "PoseTrack",
     "Prism",
     "Queue",
     "Ramp",
     "ResourceExhausted",
+    "Retarget",
+    "Rig",
     "Routine",
     "Scene",
     "Scenes",
     "Session",
+    "SmoothRoot",
     "Solid",
     "Stand",
     "StreamInfo",
@@ -122,5 +138,6 @@ __all__ = [
     "Wander",
     "Way",
     "WayfarerError",
+    "map_bones",
     "tracks",
 ]

@@ -1,0 +1,301 @@
+"""A stream's poses on a character of any skeleton: clients/README.md, "Retargeting".
+
+tests/golden/retarget.json holds the clients of all languages to it. Nothing here knows the axes of
+the character's bones: its T-pose follows from the places of its joints.
+"""
+
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from wayfarer_client.bases import BASES, Basis
+from wayfarer_client.bone_map import SIDES, BoneMap
+from wayfarer_client.quaternions import (
+    IDENTITY,
+    Array,
+    arc,
+    from_axes,
+    inverse,
+    multiply,
+    rotate,
+)
+from wayfarer_client.rig import BONES, PARENTS
+
+SNAP: Final = np.cos(np.radians(25))
+"""A rig's up or left that lies so near to one of its axes is meant to be that axis."""
+REACH: Final = 0.999
+"""Of a leg's length: how far it is stretched at most."""
+BEND: Final = 0.1
+"""Of the thigh's length: a knee that bends less than this bends forwards."""
+HEEL: Final = 0.35
+"""Of the way from ankle to ball: how far the heel is behind the ankle."""
+TIP: Final = 0.45
+"""Of the way from ankle to ball: how far the tip of the toes is before the ball."""
+LEGS: Final = tuple(
+    tuple(BONES.index(f"{side}_{bone}") for bone in ("hip", "knee", "ankle", "foot"))
+    for side in SIDES
+)
+ARMS: Final = tuple(
+    tuple(BONES.index(f"{side}_{bone}") for bone in ("shoulder", "elbow", "wrist"))
+    for side in SIDES
+)
+
+
+@dataclass(frozen=True)
+class CharacterPose:
+    """Of the mapped bones, in the space of the character and by canonical bone number."""
+
+    rotations: dict[int, Array] = field(repr=False)  # [4] in the world
+    places: dict[int, Array] = field(repr=False)  # [3] in the world
+    local: dict[int, Array] = field(repr=False)  # [4] relative to the node's parent
+    hips: Array = field(repr=False)  # [3] of the hips' node, relative to its parent
+
+
+class Retarget:
+    """Turns frames of an agent into poses of a character."""
+
+    def __init__(
+        self,
+        bone_map: BoneMap,
+        rest_offsets: Array,
+        basis: Basis = BASES["gltf"],
+        floor: float | None = None,
+    ) -> None:
+        """`rest_offsets` [J, 3] of the agent; `floor`: height of the character's soles at rest.
+
+        Both in the stream's basis and unit, as is the character's own space.
+        """
+        self.basis = basis
+        rig = bone_map.rig
+        self.nodes = {BONES.index(bone): node for bone, node in bone_map.bones.items()}
+        self.above = {b: _nearest(rig.ancestors(n), self.nodes) for b, n in self.nodes.items()}
+        self._source(np.asarray(rest_offsets, float)[: len(BONES)])
+        turn = self._alignment(rig.places)
+        rest = {b: multiply(turn, rig.rotations[n]) for b, n in self.nodes.items()}
+        place = {b: rotate(turn, rig.places[n]) for b, n in self.nodes.items()}
+        correct = self._corrections(place)
+        self._rest = {b: multiply(correct[b], rest[b]) for b in self.nodes}
+        self._offset = {}  # of each bone, in the axes of the one above
+        self._between = {}  # rest rotation of the node's parent, in the axes of the bone above
+        for b, node in self.nodes.items():
+            if b == 0:
+                continue
+            a = self.above[b]
+            self._offset[b] = rotate(inverse(rest[a]), place[b] - place[a])
+            direct = rig.rotations[rig.nodes[node].parent]
+            self._between[b] = multiply(inverse(rig.rotations[self.nodes[a]]), direct)
+        parent = rig.nodes[self.nodes[0]].parent
+        self._hips_parent = (
+            (rig.rotations[parent], rig.places[parent], rig.scales[parent])
+            if parent >= 0
+            else (IDENTITY, np.zeros(3), np.ones(3))
+        )
+        self._legs(place, correct, floor)
+
+    def _source(self, offsets: Array) -> None:
+        self.offsets = offsets
+        self.source_rest = np.zeros_like(offsets)
+        for b, parent in enumerate(PARENTS):
+            above = self.source_rest[parent] if parent >= 0 else 0
+            self.source_rest[b] = above + offsets[b]
+
+    def _alignment(self, places: Array) -> Array:
+        """The rotation from the character's axes to the basis, by where hips and legs are."""
+        at = {b: places[n] for b, n in self.nodes.items()}
+        up = _snapped(at[0] - (at[LEGS[0][2]] + at[LEGS[1][2]]) / 2)
+        left = at[LEGS[0][0]] - at[LEGS[1][0]]
+        left = _snapped(left - (left @ up) * up)
+        left = left - (left @ up) * up
+        left /= np.linalg.norm(left)
+        basis = self.basis
+        forward = basis.handed * np.cross(left, up)
+        own = np.stack([left, up, forward], 1)
+        return from_axes(np.stack([basis.left, basis.up, basis.forward], 1) @ own.T)
+
+    def _corrections(self, place: dict[int, Array]) -> dict[int, Array]:
+        """What turns each bone from the character's rest pose into a T-pose."""
+        basis = self.basis
+        aims: dict[int, tuple[int, Array]] = {}
+        for side, (hip, knee, ankle, _) in zip((1, -1), LEGS, strict=True):
+            aims |= {hip: (knee, -basis.up), knee: (ankle, -basis.up)}
+            shoulder, elbow, wrist = ARMS[0 if side > 0 else 1]
+            aims |= {shoulder: (elbow, side * basis.left), elbow: (wrist, side * basis.left)}
+        correct: dict[int, Array] = {}
+        for b in self.nodes:
+            turn = correct.get(self.above[b], IDENTITY)
+            if b in aims and aims[b][0] in place:
+                end, aim = aims[b]
+                turn = multiply(arc(rotate(turn, place[end] - place[b]), aim), turn)
+            correct[b] = turn
+        for *_, ankle, toe in LEGS:  # soles stay level: feet only turn to the front
+            ahead = basis.level(place[toe] - place[ankle]) if toe in place else basis.forward
+            correct[ankle] = arc(ahead, basis.forward)
+            if toe in place:
+                correct[toe] = correct[ankle]
+        return correct
+
+    def _legs(
+        self, place: dict[int, Array], correct: dict[int, Array], floor: float | None
+    ) -> None:
+        up = self.basis.up
+        stand = {0: place[0]}  # joint places in the T-pose
+        for b in self.nodes:
+            if b:
+                a = self.above[b]
+                stand[b] = stand[a] + rotate(correct[a], place[b] - place[a])
+        source = self.source_rest
+        legs = sum((stand[0] - stand[leg[2]]) @ up for leg in LEGS)
+        scale = legs / sum((source[0] - source[leg[2]]) @ up for leg in LEGS)
+        if floor is None:
+            lowest = min(place[b] @ up for leg in LEGS for b in leg[2:] if b in place)
+            floor = 0.0
+            if not 0 <= lowest <= 0.25 * (place[0] @ up - lowest):
+                sole = min(source[b] @ up for leg in LEGS for b in leg[2:])
+                floor = lowest - scale * sole
+        self.foot, self.source_foot, self.stance, high = [], [], [], 0.0
+        for _, _, ankle, toe in LEGS:
+            ball = source[toe] - source[ankle]
+            self.source_foot.append(self._sole(ball, source[ankle] @ up))
+            own = scale * ball  # where a foot of this size would have it
+            if toe in place:
+                own = rotate(correct[ankle], place[toe] - place[ankle])
+            height = float(place[ankle] @ up) - floor
+            high += height / len(LEGS)
+            self.foot.append(self._sole(own, height))
+            beside = stand[ankle] + own - stand[0] - (source[toe] - source[0])
+            self.stance.append(self.basis.level(beside))
+        hips = legs / len(LEGS) + high
+        self.ratio = float(hips / (source[0] @ up))
+        """Hips' height of the character by that of the agent."""
+
+    def _sole(self, ball: Array, height: float) -> tuple[Array, Array, Array]:
+        """Of a foot that stands: heel and ball from the ankle, tip of the toes from the ball."""
+        ahead, down = self.basis.level(ball), -height * self.basis.up
+        return down - HEEL * ahead, down + ahead, TIP * ahead
+
+    def pose(self, hips: Array, rotations: Array, ground: float | None = None) -> CharacterPose:
+        """A frame of the stream (hips [3], local rotations [22, 4]) on the character.
+
+        `ground`: height of the ground there; none: that of the lower sole.
+        """
+        basis, up = self.basis, self.basis.up
+        turns, places = self._source_pose(np.asarray(hips, float), np.asarray(rotations, float))
+        clear = [
+            float(places[bones[2]] @ up + self._lowest(points, turns, bones)[0])
+            for bones, points in zip(LEGS, self.source_foot, strict=True)
+        ]
+        if ground is None:
+            ground = min(clear)
+        world: dict[int, Array] = {b: multiply(turns[b], self._rest[b]) for b in self.nodes}
+        lifted = ground + (places[0] @ up - ground) * self.ratio
+        found: dict[int, Array] = {0: basis.level(places[0]) + lifted * up}
+        self._put(world, found)
+        for leg, bones in enumerate(LEGS):
+            above = (clear[leg] - ground) * self.ratio
+            self._step(leg, bones, turns, places, ground + above, world, found)
+        self._put(world, found)
+        return CharacterPose(world, found, *self._local(world, found[0]))
+
+    def _source_pose(self, hips: Array, rotations: Array) -> tuple[list[Array], list[Array]]:
+        turns: list[Array] = []
+        places: list[Array] = []
+        for b, parent in enumerate(PARENTS):
+            own = rotations[b] / np.linalg.norm(rotations[b])
+            if parent < 0:
+                turns.append(own)
+                places.append(hips)
+            else:
+                turns.append(multiply(turns[parent], own))
+                places.append(places[parent] + rotate(turns[parent], self.offsets[b]))
+        return turns, places
+
+    def _lowest(
+        self, sole: tuple[Array, Array, Array], turns: list[Array], bones: tuple[int, ...]
+    ) -> tuple[float, Array]:
+        """Height of the lowest point of a foot over its ankle, and the ball from the ankle [3]."""
+        heel, ball, tip = sole
+        *_, ankle, toe = bones
+        under = rotate(turns[ankle], ball)
+        points = (rotate(turns[ankle], heel), under, under + rotate(turns[toe], tip))
+        return min(float(point @ self.basis.up) for point in points), under
+
+    def _put(self, world: dict[int, Array], places: dict[int, Array]) -> None:
+        for b in self.nodes:
+            if b:
+                a = self.above[b]
+                places[b] = places[a] + rotate(world[a], self._offset[b])
+
+    def _step(
+        self,
+        leg: int,
+        bones: tuple[int, ...],
+        turns: list[Array],
+        source: list[Array],
+        sole: float,
+        world: dict[int, Array],
+        places: dict[int, Array],
+    ) -> None:
+        """Put a foot where the agent's is: ball over the same point, sole at that height."""
+        basis, up = self.basis, self.basis.up
+        hip, knee, ankle, _ = bones
+        ahead = basis.level(rotate(turns[ankle], basis.forward))
+        if np.linalg.norm(ahead) < 0.1:  # it points straight down
+            ahead = basis.level(rotate(turns[0], basis.forward))
+        low, ball = self._lowest(self.foot[leg], turns, bones)
+        print_at = source[ankle] + rotate(turns[ankle], self.source_foot[leg][1])
+        beside = rotate(arc(basis.forward, ahead), self.stance[leg])
+        goal = basis.level(print_at + beside - ball) + (sole - low) * up
+        start, bend, end = places[hip], places[knee], places[ankle]
+        thigh = float(np.linalg.norm(bend - start))
+        shin = float(np.linalg.norm(end - bend))
+        goal = self._within(start, goal, REACH * (thigh + shin), 1.001 * abs(thigh - shin))
+        far = float(np.linalg.norm(goal - start))
+        along = (goal - start) / far
+        side = (bend - start) - ((bend - start) @ along) * along
+        front = rotate(turns[hip], basis.forward)
+        front = front - (front @ along) * along
+        size = float(np.linalg.norm(front))
+        lacking = max(0.0, BEND * thigh - float(np.linalg.norm(side)))
+        side = side + lacking / max(size, 1e-6) * front
+        side /= max(float(np.linalg.norm(side)), 1e-9)
+        reach = (thigh**2 + far**2 - shin**2) / (2 * far)
+        knee_at = start + reach * along + np.sqrt(max(0.0, thigh**2 - reach**2)) * side
+        world[hip] = multiply(arc(bend - start, knee_at - start), world[hip])
+        world[knee] = multiply(arc(end - bend, goal - knee_at), world[knee])
+
+    def _within(self, start: Array, goal: Array, most: float, least: float) -> Array:
+        """A place that the leg reaches: at the goal's height, if it can, nearer to the hip."""
+        up = self.basis.up
+        down = float((goal - start) @ up)
+        away = self.basis.level(goal - start)
+        wide = float(np.linalg.norm(away))
+        if np.hypot(down, wide) > most:
+            down = max(-most, min(most, down))
+            away = away * (np.sqrt(most**2 - down**2) / max(wide, 1e-9))
+        elif np.hypot(down, wide) < least:
+            return np.asarray(start - least * up)
+        return np.asarray(start + away + down * up)
+
+    def _local(self, world: dict[int, Array], hips: Array) -> tuple[dict[int, Array], Array]:
+        turn, place, scale = self._hips_parent
+        local = {0: multiply(inverse(turn), world[0])}
+        for b in self.nodes:
+            if b:
+                parent = multiply(world[self.above[b]], self._between[b])
+                local[b] = multiply(inverse(parent), world[b])
+        return local, rotate(inverse(turn), hips - place) / scale
+
+
+def _nearest(ancestors: list[int], nodes: dict[int, int]) -> int:
+    """The bone of the first ancestor that is one; -1: none."""
+    bones = {node: bone for bone, node in nodes.items()}
+    return next((bones[node] for node in ancestors if node in bones), -1)
+
+
+def _snapped(direction: Array) -> Array:
+    direction = direction / np.linalg.norm(direction)
+    k = int(np.abs(direction).argmax())
+    if abs(direction[k]) < SNAP:
+        return np.asarray(direction)
+    return np.asarray(np.eye(3)[k] * np.sign(direction[k]))

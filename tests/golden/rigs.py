@@ -1,0 +1,159 @@
+"""Characters made of our own body: other axes, poses, names, scales, missing bones."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wayfarer.body.library import load_body
+from wayfarer.body.skeleton import load_skeleton
+from wayfarer.transport.basis import Basis
+from wayfarer_client.quaternions import IDENTITY, inverse, multiply, rotate
+from wayfarer_client.rig import BONES, PARENTS, Node, Rig
+
+HALF = math.sqrt(0.5)
+ABOUT_X = np.array([HALF, 0.0, 0.0, HALF])  # a quarter turn
+ABOUT_Y = np.array([0.0, HALF, 0.0, HALF])
+ABOUT_Z = np.array([0.0, 0.0, HALF, HALF])
+TURN_ROUND = np.array([0.0, 1.0, 0.0, 0.0])
+TILTED = {bone: (ABOUT_X, ABOUT_Y, ABOUT_Z)[k % 3] for k, bone in enumerate(BONES)}
+
+
+def turned(axis: str, degrees: float) -> np.ndarray:
+    half = math.radians(degrees) / 2
+    return np.array([*(math.sin(half) * np.eye(3)["xyz".index(axis)]), math.cos(half)])
+
+
+@dataclass
+class Body:
+    """A skeleton that can be bent: joint places in the T-pose, turns, axes of its bones."""
+
+    offsets: np.ndarray
+    # by bone: the turn of it and its children from the T-pose, and its own axes there
+    pose: dict[str, np.ndarray] = field(default_factory=dict)
+    axes: dict[str, np.ndarray] = field(default_factory=dict)
+    facing: np.ndarray = field(default_factory=lambda: IDENTITY)  # of the whole body
+    without: tuple[str, ...] = ()
+    twists: tuple[str, ...] = ()  # bones that hang from a twist bone half way up
+    top: tuple[Node, ...] = (Node("Armature", -1),)
+    scale: float = 1.0
+    names: Callable[[str], str] = str
+
+    def rig(self) -> Rig:
+        worlds, places = self._world()
+        nodes = list(self.top)
+        number: dict[str, int] = {}
+        top = Rig(self.top)
+        base = (top.places[-1], top.rotations[-1], top.scales[-1])
+        frames = {-1: base}
+        for k, bone in enumerate(BONES):
+            if bone in self.without:
+                continue
+            above = PARENTS[k]
+            while above >= 0 and BONES[above] in self.without:
+                above = PARENTS[above]
+            parent = number[BONES[above]] if above >= 0 else len(self.top) - 1
+            place, turn, scale = frames[above]
+            local = rotate(inverse(turn), places[k] - place) / scale
+            own = multiply(inverse(turn), worlds[k])
+            if bone in self.twists:
+                nodes.append(Node(f"{nodes[parent].name}_twist", parent, (local / 2).tolist()))
+                parent, local = len(nodes) - 1, local / 2
+            number[bone] = len(nodes)
+            nodes.append(Node(self.names(bone), parent, local.tolist(), own.tolist()))
+            frames[k] = (places[k], worlds[k], scale)
+        return Rig(tuple(nodes))
+
+    def _world(self) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        turns: list[np.ndarray] = []
+        places: list[np.ndarray] = []
+        for k, bone in enumerate(BONES):
+            parent = PARENTS[k]
+            above = turns[parent] if parent >= 0 else IDENTITY
+            offset = self.scale * self.offsets[k]
+            places.append((places[parent] if parent >= 0 else 0) + rotate(above, offset))
+            turns.append(multiply(self.pose.get(bone, IDENTITY), above))
+        worlds = [
+            multiply(turn, self.axes.get(bone, IDENTITY))
+            for bone, turn in zip(BONES, turns, strict=True)
+        ]
+        return (
+            [multiply(self.facing, world) for world in worlds],
+            [rotate(self.facing, place) for place in places],
+        )
+
+
+def offsets_of(gender: str, betas: list[float], basis: Basis = Basis.GLTF) -> np.ndarray:
+    """rest_offsets of a body, as a server sends them [22, 3]."""
+    body = load_body("anny52", gender, "low")
+    joints = body.rest_joints(np.array(betas + [0.0] * (body.betas - len(betas))))
+    joints[1:] -= joints[body.parents[1:]]
+    return np.asarray(basis.axes.points_to_wire(joints))[: len(BONES)].round(6)
+
+
+def vocabulary(column: str, prefix: str = "") -> Callable[[str], str]:
+    table = {bone.name: prefix + getattr(bone, column) for bone in load_skeleton()}
+    return table.__getitem__
+
+
+A_POSE = {
+    "left_shoulder": turned("z", -48), "right_shoulder": turned("z", 48),
+    "left_elbow": turned("y", -15), "right_elbow": turned("y", 15),
+    "left_hip": turned("z", 6), "right_hip": turned("z", -6),
+    "left_ankle": multiply(turned("y", 12), turned("z", -6)),
+    "right_ankle": multiply(turned("y", -12), turned("z", 6)),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Case:
+    """A rig, and what is told of it besides."""
+
+    name: str
+    rig: Rig
+    found_by: str
+    basis: str = "gltf"
+    humanoid: dict[str, int] | None = None
+
+
+def cases() -> list[Case]:
+    """One of each kind."""
+    own = offsets_of("female", [])
+    tall = offsets_of("male", [1.5, -0.5])
+    small = offsets_of("female", [-1.5])
+    node = lambda rig, name: next(k for k, n in enumerate(rig.nodes) if n.name == name)  # noqa: E731
+    vrm = Body(small, names=vocabulary("vrm", "J_Bip_"), without=("spine3",)).rig()
+    vrm0 = Body(own, facing=TURN_ROUND, names=lambda bone: f"n{BONES.index(bone)}").rig()
+    table = {bone.name: bone.vrm for bone in load_skeleton()}
+    humanoid = {
+        table[bone]: node(vrm, f"J_Bip_{table[bone]}") for bone in BONES if bone != "spine3"
+    }
+    humanoid0 = {table[bone]: node(vrm0, f"n{k}") for k, bone in enumerate(BONES)}
+    centimetres = (
+        Node("Armature", -1, rotation=(-ABOUT_X * [1, 1, 1, -1]).tolist(), scale=(0.01,) * 3),
+    )
+    mixamo, unreal, unity = vocabulary("mixamo"), vocabulary("ue"), vocabulary("unity")
+    man = offsets_of("male", [1.0], Basis.UNITY), offsets_of("male", [1.0], Basis.UNREAL)
+    limbs = tuple(f"{side}_{bone}" for side in ("left", "right") for bone in ("elbow", "knee"))
+    fewer = ("spine2", "spine3", "left_collar", "right_collar", "left_foot", "right_foot")
+    bodies = {
+        "own": Body(own),
+        "other_axes": Body(tall, axes=TILTED),
+        "a_pose": Body(tall, pose=A_POSE, axes=TILTED, names=mixamo),
+        "mixamo": Body(small, names=vocabulary("mixamo", "mixamorig:")),
+        "unreal_names": Body(tall, axes=TILTED, names=unreal, pose=A_POSE),
+        "twists": Body(own, twists=(*limbs, "left_wrist"), axes=TILTED, names=unreal),
+        "missing_chest": Body(tall, without=fewer),
+        "centimetres": Body(own, top=centimetres, axes=TILTED, names=vocabulary("mixamo", "Rig|")),
+        "z_up": Body(own, facing=ABOUT_X, names=unity),
+    }
+    unnamed = Body(tall, pose=A_POSE, names=lambda bone: f"b{BONES.index(bone)}")
+    return [
+        *(Case(name, body.rig(), "names") for name, body in bodies.items()),
+        Case("vrm1", vrm, "vrm", humanoid=humanoid),
+        Case("vrm0", vrm0, "vrm", humanoid=humanoid0),
+        Case("unnamed", unnamed.rig(), "shape"),
+        Case("unity", Body(man[0], names=unity).rig(), "names", basis="unity"),
+        Case("unreal", Body(man[1], names=unreal).rig(), "names", basis="unreal"),
+    ]
