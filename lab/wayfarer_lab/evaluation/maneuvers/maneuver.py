@@ -52,7 +52,7 @@ class Bar:
     low: float = -np.inf
     high: float = np.inf
     case: str | None = None
-    origin: str = "issue 18"
+    origin: str = "quality target"
 
     def met(self, value: float) -> bool | None:
         """None: there is no figure to judge."""
