@@ -27,6 +27,7 @@ from wayfarer.transport import schema
 from wayfarer.transport.basis import Axes, Basis
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.codec import PoseFormat
+from wayfarer.transport.units import in_world, on_wire, place, vector
 from wayfarer.world.agents import agent as runtime
 
 UNITS: Final = {1.0: "m", 0.01: "cm"}
@@ -41,7 +42,7 @@ def in_basis(axes: Axes) -> Iterator[None]:
     try:
         yield
     except Unreachable as error:
-        nearest = _vector(axes.points_to_wire(np.array(error.nearest)))
+        nearest = vector(axes.points_to_wire(np.array(error.nearest)))
         raise Unreachable(
             "no way leads to the goal; the nearest place that can be reached is "
             f"({nearest.x:.2f}, {nearest.y:.2f}, {nearest.z:.2f})",
@@ -74,8 +75,8 @@ def basis_info(basis: Basis) -> schema.BasisInfo:
         basis=basis,
         metres_per_unit=axes.metres_per_unit,
         right_handed=axes.handedness > 0,
-        up=_vector(axes.up),
-        forward=_vector(axes.forward),
+        up=vector(axes.up),
+        forward=vector(axes.forward),
     )
 
 
@@ -115,9 +116,9 @@ def agent(info: runtime.AgentInfo, basis: Basis, bodies: BodyLibrary) -> schema.
         betas=spec.betas,
         seed=spec.noise_seed,
         state=info.state,
-        position=_vector(axes.points_to_wire(np.array(info.position, dtype=float))),
+        position=vector(axes.points_to_wire(np.array(info.position, dtype=float))),
         heading=axes.heading_to_wire(info.heading),
-        goal=None if info.goal is None else _goal_to_wire(info.goal, axes),
+        goal=info.goal and schema.Goal(**on_wire(schema.Goal, info.goal, axes)),
         goal_revision=info.goal_revision,
         created_at_us=microseconds(info.created_at),
         rest_offsets=rest_offsets(bodies, spec.gender, spec.betas, basis),
@@ -136,16 +137,7 @@ def drawn_seed(session_seed: int, number: int) -> int:
 
 def goal(wish: schema.Goal, basis: Basis) -> runtime.Goal:
     """The goal in world space; what is absent takes the runtime's default."""
-    axes = basis.axes
-    given = wish.model_dump(exclude_none=True, exclude={"position"})
-    for name, to_core in (
-        ("radius", axes.length_to_core),
-        ("speed", axes.length_to_core),
-        ("heading", axes.heading_to_core),
-    ):
-        if name in given:
-            given[name] = to_core(given[name])
-    return runtime.Goal(place(wish.position, axes), **given)
+    return runtime.Goal(**in_world(wish, basis.axes))
 
 
 def agent_change(wish: schema.AgentUpdate) -> runtime.AgentChange:
@@ -209,26 +201,3 @@ def rest_offsets(
 def microseconds(seconds: float) -> int:
     """Unix seconds → microseconds since the Unix epoch."""
     return round(seconds * 1e6)
-
-
-def _goal_to_wire(goal: runtime.Goal, axes: Axes) -> schema.Goal:
-    return schema.Goal(
-        position=_vector(axes.points_to_wire(np.array(goal.position, dtype=float))),
-        radius=axes.length_to_wire(goal.radius),
-        speed=axes.length_to_wire(goal.speed),
-        heading=None if goal.heading is None else axes.heading_to_wire(goal.heading),
-        stop=goal.stop,
-        strafe=goal.strafe,
-        dwell=goal.dwell,
-    )
-
-
-def _vector(values: NDArray[np.floating[Any]]) -> schema.Vector3:
-    x, y, z = (float(value) + 0.0 for value in values)  # + 0.0: no negative zero
-    return schema.Vector3(x=x, y=y, z=z)
-
-
-def place(point: schema.Vector3, axes: Axes) -> tuple[float, float, float]:
-    """A point of the world in metres."""
-    x, y, z = (float(v) for v in axes.points_to_core(np.array([point.x, point.y, point.z])))
-    return x, y, z

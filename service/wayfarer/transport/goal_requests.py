@@ -1,7 +1,7 @@
 """The requests of GoalService, which arrive by gRPC and over Control."""
 
 from wayfarer.transport import schema, wire
-from wayfarer.transport.behaviour_convert import Wish
+from wayfarer.transport.goal_convert import Wish
 from wayfarer.transport.gateway.goals import GoalApi
 from wayfarer.v1 import goal_pb2
 

@@ -12,6 +12,8 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.navigation import spec as world
 from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Axes, Basis
+from wayfarer.transport.schema.scenes import CROWD
+from wayfarer.transport.units import in_world, place, vector
 from wayfarer.world.scenes import messages as runtime
 
 DECIMALS = 4
@@ -29,7 +31,7 @@ def scene_spec(wish: schema.NewScene, mesh: world.MeshFile | None = None) -> wor
         solids=tuple(_solid(shape_of(solid), axes) for solid in wish.solids),
         mesh=mesh,
         walkable=_walkable(wish.walkable, axes),
-        entries=tuple(convert.place(entry, axes) for entry in wish.entries),
+        entries=tuple(place(entry, axes) for entry in wish.entries),
     )
 
 
@@ -58,24 +60,10 @@ def shape_of(wish: schema.Solid | schema.Obstacle) -> Shape:
 
 def crowd(wish: schema.Crowd, basis: Basis, seed: int) -> runtime.Crowd:
     """The crowd in world space; `seed` where the client has named none."""
-    usual = runtime.Crowd(wish.count)
-    axes = basis.axes
-    speeds = [
-        default if given is None else axes.length_to_core(given)
-        for given, default in zip((wish.min_speed, wish.max_speed), usual.speed, strict=True)
-    ]
-    dwells = [
-        default if given is None else given
-        for given, default in zip((wish.min_dwell, wish.max_dwell), usual.dwell, strict=True)
-    ]
-    return runtime.Crowd(
-        count=wish.count,
-        seed=seed if wish.seed is None else wish.seed,
-        speed=(speeds[0], speeds[1]),
-        dwell=(dwells[0], dwells[1]),
-        spawn_rate=wish.spawn_rate,
-        stay=wish.stay,
-    )
+    given = {"seed": seed, **in_world(wish, basis.axes)}
+    for name, (low, high) in (("speed", CROWD.speed), ("dwell", CROWD.dwell)):
+        given[name] = (given.pop(f"min_{name}", low), given.pop(f"max_{name}", high))
+    return runtime.Crowd(**given)
 
 
 def scene(
@@ -93,8 +81,8 @@ def scene(
         version=info.version,
         area_m2=info.area,
         islands=info.islands,
-        min=_vector(corners.min(0)),
-        max=_vector(corners.max(0)),
+        min=vector(corners.min(0)),
+        max=vector(corners.max(0)),
         obstacles=tuple(
             schema.NamedObstacle(name=name, obstacle=_obstacle_to_wire(found, axes))
             for name, found in info.obstacles.items()
@@ -115,7 +103,7 @@ def scene_version(info: runtime.SceneInfo) -> schema.SceneVersion:
 def scene_path(way: runtime.Way, axes: Axes) -> schema.ScenePath:
     """A way as its client sees it."""
     return schema.ScenePath(
-        points=tuple(_vector(p) for p in axes.points_to_wire(np.array(way.points))),
+        points=tuple(vector(p) for p in axes.points_to_wire(np.array(way.points))),
         length=axes.length_to_wire(way.length),
         start_moved=axes.length_to_wire(way.start_moved),
         goal_moved=axes.length_to_wire(way.goal_moved),
@@ -199,7 +187,7 @@ def _solid(wish: Shape, axes: Axes) -> world.Solid:
     if isinstance(wish, schema.Prism):
         height, bottom = axes.length_to_core(wish.height), axes.length_to_core(wish.bottom)
         return world.Prism(_ring(wish.outline, axes), height, bottom)
-    x, y, bottom = convert.place(wish.position, axes)
+    x, y, bottom = place(wish.position, axes)
     if isinstance(wish, schema.Cylinder):
         radius, height = axes.length_to_core(wish.radius), axes.length_to_core(wish.height)
         return world.Cylinder((x, y), radius, height, bottom)
@@ -210,18 +198,16 @@ def _solid(wish: Shape, axes: Axes) -> world.Solid:
 
 
 def _walkable(wish: schema.Walkable, axes: Axes) -> world.Walkable:
-    given = wish.model_dump(exclude_none=True)
-    lengths = {"radius", "step_height", "height"} & given.keys()
-    return world.Walkable(**{**given, **{k: axes.length_to_core(given[k]) for k in lengths}})
+    return world.Walkable(**in_world(wish, axes))
 
 
 def _obstacle_to_wire(found: world.Obstacle, axes: Axes) -> schema.Obstacle:
     height, bottom = axes.length_to_wire(found.height), found.bottom
     if isinstance(found, world.Prism):
         ring = axes.points_to_wire(np.array([(x, y, bottom) for x, y in found.outline]))
-        outline, foot = tuple(_vector(p) for p in ring), axes.length_to_wire(bottom)
+        outline, foot = tuple(vector(p) for p in ring), axes.length_to_wire(bottom)
         return schema.Obstacle(prism=schema.Prism(outline=outline, bottom=foot, height=height))
-    position = _vector(axes.points_to_wire(np.array([*found.center, bottom])))
+    position = vector(axes.points_to_wire(np.array([*found.center, bottom])))
     if isinstance(found, world.Cylinder):
         radius = axes.length_to_wire(found.radius)
         made = schema.Cylinder(position=position, radius=radius, height=height)
@@ -246,8 +232,3 @@ def _flat(points: Sequence[Sequence[float]], axes: Axes) -> tuple[float, ...]:
     found = np.pad(found, ((0, 0), (0, 3 - found.shape[1])))
     wire = np.round(axes.points_to_wire(found), DECIMALS) + 0.0  # + 0.0: no negative zero
     return tuple(wire.ravel().tolist())
-
-
-def _vector(values: Array) -> schema.Vector3:
-    x, y, z = (float(value) + 0.0 for value in values)
-    return schema.Vector3(x=x, y=y, z=z)

@@ -22,6 +22,7 @@ from wayfarer.transport.caller import Scope, present_caller
 from wayfarer.transport.gateway.scene_book import SCENE_LEASE_S, scene_attributes
 from wayfarer.transport.gateway.shared import Shared, needs
 from wayfarer.transport.gateway.uploads import Uploads
+from wayfarer.transport.units import place
 from wayfarer.world.scenes.messages import SceneWish
 
 log = structlog.get_logger(__name__)
@@ -157,7 +158,7 @@ class SceneApi:
     async def query_path(self, scene_id: str, wish: schema.PathQuery) -> schema.ScenePath:
         """The way that an agent would take. Raises NotFound, InvalidArgument, Unreachable."""
         scene = self._shared.scenes.scene(scene_id)
-        start, goal = (convert.place(p, scene.axes) for p in (wish.start, wish.goal))
+        start, goal = (place(p, scene.axes) for p in (wish.start, wish.goal))
         with scene_convert.fields_named(), convert.in_basis(scene.axes):
             way = await self._shared.service.scenes.query_path(scene_id, start, goal)
         return scene_convert.scene_path(way, scene.axes)

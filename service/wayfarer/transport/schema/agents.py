@@ -7,7 +7,16 @@ from pydantic import ConfigDict, Field, model_validator
 
 from wayfarer.body.phenotype import LIMITS
 from wayfarer.spec import BETAS, JOINTS
-from wayfarer.transport.schema.base import Bool, Float, Many, Message, Text, Uint32, Vector3
+from wayfarer.transport.schema.base import (
+    Bool,
+    Float,
+    Heading,
+    Many,
+    Message,
+    Text,
+    Uint32,
+    Vector3,
+)
 from wayfarer.transport.schema.goals import Goal
 from wayfarer.world.agents.agent import AgentState
 
@@ -58,8 +67,8 @@ class AgentSpec(Message):
     position: Vector3 | None = Field(
         default=None, description="start, on the floor; the origin if absent"
     )
-    heading: Float = Field(
-        default=0.0, ge=-100, le=100, description="radians about up; 0 faces the basis's forward"
+    heading: Heading = Field(
+        default=0.0, description="radians about up; 0 faces the basis's forward"
     )
     seed: Uint32 | None = Field(
         default=None,

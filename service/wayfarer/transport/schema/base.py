@@ -1,6 +1,7 @@
 """What the other messages are made of."""
 
-from typing import Annotated, ClassVar, Final, Self, TypeVar
+from enum import Enum, auto
+from typing import Annotated, Any, ClassVar, Final, Self, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -17,6 +18,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from wayfarer.transport.basis import Basis
+from wayfarer.world.goals.checks import MAX_DWELL, MAX_HEADING, SPEED
 
 Item = TypeVar("Item")
 
@@ -94,6 +96,19 @@ class OneOf(Message):
 UNITS: Final = tuple({basis.axes.metres_per_unit for basis in Basis})
 
 
+class Unit(Enum):
+    """What the value of a field is, where the basis decides how it is written. See units.py."""
+
+    LENGTH = auto()  # a length, or a length per second
+    HEADING = auto()  # radians about up
+    SPOT = auto()  # a point on the floor: its component along up is ignored
+
+
+Length = Annotated[Float, Unit.LENGTH]
+Heading = Annotated[Float, Field(ge=-MAX_HEADING, le=MAX_HEADING), Unit.HEADING]
+Dwell = Annotated[Float, Field(ge=0, le=MAX_DWELL)]
+
+
 def bounds(low: float | None, high: float | None) -> JsonDict:
     """JSON schema's bounds of a length or speed that is between these, in metres.
 
@@ -108,6 +123,30 @@ def bounds(low: float | None, high: float | None) -> JsonDict:
     return found
 
 
+def length_field(
+    what: str,
+    allowed: tuple[float, float],
+    default: float | None = None,
+    unit: str = "m",
+    **more: Any,
+) -> Any:
+    """A `Length`, described with its bounds and its default, both in metres.
+
+    With a default the field may be absent: the default is the domain class's own.
+    """
+    text = f"{what}; " if what else ""
+    text += f"{allowed[0]:g} to {allowed[1]:g} {unit}"
+    if default is not None:
+        text += f"; default {default:g} {unit}"
+        more["default"] = None
+    return Field(description=text, json_schema_extra=bounds(*allowed), **more)
+
+
+def speed_field(what: str, default: float) -> Any:
+    """An optional speed, see `length_field`."""
+    return length_field(what, SPEED, default, "m/s")
+
+
 class Vector3(Message):
     """A point, at most 10 km from the origin along each axis, or a direction; in the basis of the
     session.
@@ -116,6 +155,9 @@ class Vector3(Message):
     x: Float
     y: Float
     z: Float
+
+
+Spot = Annotated[Vector3, Unit.SPOT]
 
 
 class BasisInfo(Message):

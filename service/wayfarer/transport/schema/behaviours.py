@@ -1,17 +1,30 @@
 """What agents do of themselves, see goal.proto."""
 
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from pydantic import ConfigDict, Field
 
-from wayfarer.transport.schema.base import Bool, Float, Many, Message, OneOf, Vector3, bounds
+from wayfarer.transport.schema.base import (
+    Bool,
+    Float,
+    Heading,
+    Length,
+    Many,
+    Message,
+    OneOf,
+    Spot,
+    length_field,
+    speed_field,
+)
 from wayfarer.transport.schema.goals import Goal, Wander
+from wayfarer.world.behaviours import follow, keep_away, queue
 from wayfarer.world.behaviours.follow import MAX_BESIDE
 from wayfarer.world.behaviours.keep_away import DISTANCE
 from wayfarer.world.behaviours.queue import SPACING
 from wayfarer.world.behaviours.routine import MAX_PARTS, MAX_SECONDS
-from wayfarer.world.goals.checks import SPEED
 
+BESIDE: Final = (-MAX_BESIDE, MAX_BESIDE)
+QUEUE: Final = queue.Queue("", (0.0, 0.0), 0.0)
 GOALS = Field(min_length=1, max_length=1024, description="in turn; at most limits.path_goals")
 
 
@@ -28,15 +41,11 @@ class Follow(Message):
     """Keeping to a place relative to another agent, walking as it walks."""
 
     agent_id: str = Field(max_length=64, description="the other, of the same session")
-    behind: Float | None = Field(
-        default=None,
-        description="how far behind it, negative before it; to 10 m; 1.2 m",
-        json_schema_extra=bounds(-MAX_BESIDE, MAX_BESIDE),
+    behind: Length | None = length_field(
+        "how far behind it, negative before it", BESIDE, follow.Follow("").behind
     )
-    right: Float | None = Field(
-        default=None,
-        description="how far to its right, negative to its left; to 10 m; 0",
-        json_schema_extra=bounds(-MAX_BESIDE, MAX_BESIDE),
+    right: Length | None = length_field(
+        "how far to its right, negative to its left", BESIDE, follow.Follow("").right
     )
 
 
@@ -44,34 +53,24 @@ class KeepAway(Message):
     """Standing until somebody, or a place, is too near, then walking away."""
 
     agent_id: str = Field(default="", max_length=64, description="from this agent; or give `place`")
-    place: Vector3 | None = Field(default=None, description="from this place; or give `agent_id`")
-    distance: Float | None = Field(
-        default=None, description="0.5 to 50 m; 4 m", json_schema_extra=bounds(*DISTANCE)
+    place: Spot | None = Field(default=None, description="from this place; or give `agent_id`")
+    distance: Length | None = length_field(
+        "nearer is too near", DISTANCE, keep_away.KeepAway().distance
     )
-    speed: Float | None = Field(
-        default=None, description="0.2 to 4 m/s; 1.6 m/s", json_schema_extra=bounds(*SPEED)
-    )
+    speed: Length | None = speed_field("of walking away", keep_away.KeepAway().speed)
 
 
 class Queue(Message):
     """Lining up; queues of one name in a session are one, and the first in it says where it is."""
 
     name: str = Field(min_length=1, max_length=64)
-    head: Vector3 = Field(description="where the first one stands")
-    heading: Float = Field(
+    head: Spot = Field(description="where the first one stands")
+    heading: Heading = Field(
         default=0.0,
-        ge=-100,
-        le=100,
-        description="which way those who wait face; the line grows to the other side",
+        description="which way the waiting agents face; the line grows to the other side",
     )
-    spacing: Float | None = Field(
-        default=None,
-        description="between them; 0.5 to 5 m; 0.8 m",
-        json_schema_extra=bounds(*SPACING),
-    )
-    speed: Float | None = Field(
-        default=None, description="0.2 to 4 m/s; 1.2 m/s", json_schema_extra=bounds(*SPEED)
-    )
+    spacing: Length | None = length_field("between neighbours", SPACING, QUEUE.spacing)
+    speed: Length | None = speed_field("of moving up", QUEUE.speed)
 
 
 class Visit(Message):

@@ -1,10 +1,28 @@
 """Goals, paths, wandering."""
 
+from typing import Final
+
 from pydantic import ConfigDict, Field
 
-from wayfarer.transport.schema.base import Bool, Float, Many, Message, Vector3, bounds
+from wayfarer.transport.schema.base import (
+    Bool,
+    Dwell,
+    Heading,
+    Length,
+    Many,
+    Message,
+    Spot,
+    Vector3,
+    bounds,
+    length_field,
+    speed_field,
+)
+from wayfarer.world.agents import agent
 from wayfarer.world.behaviours.wander import MIN_RADIUS
-from wayfarer.world.goals.checks import RADIUS, SPEED
+from wayfarer.world.goals.checks import RADIUS
+
+GOAL: Final = agent.Goal((0.0, 0.0, 0.0))
+"""Its fields are the defaults."""
 
 
 class Goal(Message):
@@ -18,33 +36,22 @@ class Goal(Message):
         description="the ground below it is walked to: without a scene the component along up is "
         "ignored, in a scene it says on which storey"
     )
-    radius: Float | None = Field(
+    radius: Length | None = length_field("arrived when this near", RADIUS, GOAL.radius)
+    speed: Length | None = speed_field("on the way", GOAL.speed)
+    heading: Heading | None = Field(
         default=None,
-        description="arrived when this near; 0.05 to 10 m; 0.3 m",
-        json_schema_extra=bounds(*RADIUS),
-    )
-    speed: Float | None = Field(
-        default=None,
-        description="on the way; 0.2 to 4 m/s; 1.2 m/s",
-        json_schema_extra=bounds(*SPEED),
-    )
-    heading: Float | None = Field(
-        default=None,
-        ge=-100,
-        le=100,
         description="to face once stopped there: radians about up, 0 faces the basis's forward",
     )
     stop: Bool | None = Field(
-        default=None, description="false: pass through without slowing, stop after the last; true"
+        default=None,
+        description="false: pass through without slowing, stop after the last; default true",
     )
     strafe: Bool | None = Field(
-        default=None, description="face `heading` on the way, too: side steps, up to 0.6 m/s; false"
-    )
-    dwell: Float | None = Field(
         default=None,
-        ge=0,
-        le=3600,
-        description="seconds to stand there before the next goal; 0",
+        description="face `heading` on the way, too: side steps, up to 0.6 m/s; default false",
+    )
+    dwell: Dwell | None = Field(
+        default=None, description="seconds to stand there before the next goal; default 0"
     )
 
 
@@ -72,15 +79,15 @@ class Goals(Message):
 class Area(Message):
     """An area to walk about in."""
 
-    center: Vector3 = Field(description="the component along up is ignored")
-    radius: Float = Field(
-        description="from 0.5 m to limits.goal_distance_m",
+    center: Spot = Field(description="the component along up is ignored")
+    radius: Length = Field(
+        description=f"from {MIN_RADIUS:g} m to limits.goal_distance_m",
         json_schema_extra=bounds(MIN_RADIUS, None),
     )
 
 
 class Wander(Message):
-    """Asks an agent to walk about until it is told otherwise."""
+    """Asks an agent to walk about until its next goal command."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -89,13 +96,9 @@ class Wander(Message):
     )
 
     area: Area | None = Field(default=None, description="none: all over the scene")
-    speed: Float | None = Field(
-        default=None,
-        description="on the way; 0.2 to 4 m/s; 1.2 m/s",
-        json_schema_extra=bounds(*SPEED),
-    )
-    dwell: Float | None = Field(
-        default=None, ge=0, le=3600, description="seconds to stand at each place; 0"
+    speed: Length | None = speed_field("on the way", GOAL.speed)
+    dwell: Dwell | None = Field(
+        default=None, description="seconds to stand at each place; default 0"
     )
 
 

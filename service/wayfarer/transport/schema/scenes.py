@@ -10,18 +10,23 @@ from wayfarer.navigation.spec import MAX_FLOORS, MAX_SOLIDS
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.schema.base import (
     BasisInfo,
+    Dwell,
     Endpoint,
     Float,
+    Length,
     Many,
     Message,
     Text,
     Uint32,
     Vector3,
-    bounds,
+    speed_field,
 )
 from wayfarer.transport.schema.shapes import CRATE, Floor, Obstacle, Solid, Walkable
-from wayfarer.world.goals.checks import SPEED
+from wayfarer.world.scenes import messages
 from wayfarer.world.scenes.populate import MAX_RATE, MAX_STAY
+
+CROWD: Final = messages.Crowd(0)
+"""Its fields are the defaults."""
 
 Lease = Annotated[
     Float | None,
@@ -230,17 +235,15 @@ class Crowd(Message):
     seed: Uint32 | None = Field(
         default=None, description="genders, shapes, places and goals follow; server's choice"
     )
-    min_speed: Float | None = Field(
-        default=None, description="of the slowest; 0.9 m/s", json_schema_extra=bounds(*SPEED)
+    min_speed: Length | None = speed_field("of the slowest", CROWD.speed[0])
+    max_speed: Length | None = speed_field("of the fastest", CROWD.speed[1])
+    min_dwell: Dwell | None = Field(
+        default=None,
+        description=f"least seconds to stand at each place; default {CROWD.dwell[0]:g}",
     )
-    max_speed: Float | None = Field(
-        default=None, description="of the fastest; 1.4 m/s", json_schema_extra=bounds(*SPEED)
-    )
-    min_dwell: Float | None = Field(
-        default=None, ge=0, le=3600, description="seconds to stand at each place at least; 0"
-    )
-    max_dwell: Float | None = Field(
-        default=None, ge=0, le=3600, description="seconds to stand at each place at most; 4"
+    max_dwell: Dwell | None = Field(
+        default=None,
+        description=f"most seconds to stand at each place; default {CROWD.dwell[1]:g}",
     )
     spawn_rate: Float = Field(
         default=0.0,

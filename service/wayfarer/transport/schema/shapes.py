@@ -4,6 +4,7 @@ from typing import Annotated, Final
 
 from pydantic import ConfigDict, Field, JsonValue
 
+from wayfarer.navigation import spec
 from wayfarer.navigation.checks import HEIGHT, RADIUS, SLOPE_DEG, STEP_HEIGHT
 from wayfarer.navigation.spec import (
     MAX_EXTENT,
@@ -14,11 +15,14 @@ from wayfarer.navigation.spec import (
 )
 from wayfarer.transport.schema.base import (
     Float,
+    Heading,
+    Length,
     Many,
     Message,
     OneOf,
     Vector3,
     bounds,
+    length_field,
 )
 
 Corners = Annotated[
@@ -29,19 +33,16 @@ Corners = Annotated[
         description="corners in order, either way round; the component along up is ignored",
     ),
 ]
-Heading = Annotated[
-    Float,
-    Field(
-        ge=-100,
-        le=100,
-        description="by how much it is turned: radians about up, as an agent's heading",
-    ),
+Turn = Annotated[
+    Heading, Field(description="by how much it is turned: radians about up, as an agent's heading")
 ]
 Base = Annotated[Vector3, Field(description="the middle of its base")]
 
 
 SIZES: Final = bounds(MIN_SIZE, MAX_EXTENT)
 Extent = Annotated[Float, Field(ge=0, json_schema_extra=SIZES)]
+WALKABLE: Final = spec.Walkable()
+"""Its fields are the defaults."""
 
 
 class Extents(Message):
@@ -84,7 +85,7 @@ class Box(Message):
 
     position: Base
     size: Size
-    heading: Heading = 0.0
+    heading: Turn = 0.0
 
 
 class Cylinder(Message):
@@ -110,7 +111,7 @@ class Ramp(Message):
 
     position: Base
     size: Size
-    heading: Heading = 0.0
+    heading: Turn = 0.0
 
 
 class Solid(OneOf):
@@ -135,24 +136,16 @@ class Obstacle(OneOf):
 class Walkable(Message):
     """Who walks in a scene. What is absent takes its default."""
 
-    radius: Float | None = Field(
-        default=None,
-        description="from the middle of an agent to walls and edges; 0.05 to 5 m; 0.3 m",
-        json_schema_extra=bounds(*RADIUS),
+    radius: Length | None = length_field(
+        "from the middle of an agent to walls and edges", RADIUS, WALKABLE.radius
     )
-    step_height: Float | None = Field(
-        default=None,
-        description="up or down in one step; to 1 m, and below `height`; 0.25 m",
-        json_schema_extra=bounds(*STEP_HEIGHT),
+    step_height: Length | None = length_field(
+        "up or down in one step, less than `height`", STEP_HEIGHT, WALKABLE.step_height
     )
     slope_deg: Float | None = Field(
         default=None,
         ge=SLOPE_DEG[0],
         le=SLOPE_DEG[1],
-        description="steeper ground is a wall; degrees; 40",
+        description=f"steeper ground is a wall; degrees; default {WALKABLE.slope_deg:g}",
     )
-    height: Float | None = Field(
-        default=None,
-        description="free above the ground; 0.5 to 5 m; 1.9 m",
-        json_schema_extra=bounds(*HEIGHT),
-    )
+    height: Length | None = length_field("free above the ground", HEIGHT, WALKABLE.height)

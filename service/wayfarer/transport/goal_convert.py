@@ -1,0 +1,81 @@
+"""Schema → runtime for goal commands: values in a session's basis → messages in world space."""
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from wayfarer.errors import InvalidArgument
+from wayfarer.transport import convert, schema
+from wayfarer.transport.basis import Basis
+from wayfarer.transport.units import in_world
+from wayfarer.world import behaviours
+from wayfarer.world.agents.agent import Goal
+from wayfarer.world.goals.commands import Append, GoalCommand, Path, Stop
+
+Wish = schema.Goal | schema.Goals | schema.Wander | schema.Behaviour | None
+
+
+def goal_command(wish: Wish, basis: Basis, append: bool = False) -> GoalCommand:
+    """The command in world space; None: stop. Absent fields take the runtime's defaults.
+
+    `append`: goals are added to the end of the path instead of replacing it.
+    """
+    match wish:
+        case None:
+            return Stop()
+        case schema.Goal():
+            return convert.goal(wish, basis)
+        case schema.Goals():
+            return (Append if append else Path)(_goals(wish.goals, basis))
+    return _behaviour(wish, basis)
+
+
+def _behaviour(wish: schema.Message, basis: Basis) -> Any:
+    """A behaviour in world space: the class of its name; absent fields take its defaults."""
+    axes = basis.axes
+    given = in_world(wish, axes)
+    match wish:
+        case schema.Behaviour():
+            return _behaviour(wish.given[1], basis)
+        case schema.Part():
+            return behaviours.Part(_behaviour(wish.given[1], basis), wish.seconds)
+        case schema.Routine():
+            given["parts"] = tuple(_behaviour(part, basis) for part in wish.parts)
+        case schema.Wander():
+            area = given.pop("area", None)
+            given |= in_world(area, axes) if area else {"center": None}
+        case schema.Patrol() | schema.Visit():
+            given["goals"] = _goals(wish.goals, basis)
+    return getattr(behaviours, type(wish).__name__)(**given)
+
+
+def _goals(wishes: tuple[schema.Goal, ...], basis: Basis) -> tuple[Goal, ...]:
+    return tuple(convert.goal(wish, basis) for wish in wishes)
+
+
+@contextmanager
+def fields_named(wish: Wish) -> Iterator[None]:
+    """Name the field at fault as the client wrote it, with the kind of each behaviour."""
+    try:
+        yield
+    except InvalidArgument as error:
+        field = _client_field(error.field, wish)
+        text = str(error).replace(error.field, field) if error.field else str(error)
+        raise InvalidArgument(text, field) from None
+
+
+def _client_field(field: str, wish: Wish) -> str:
+    """`behaviour.parts[1].radius` → `behaviour.routine.parts[1].wander.area.radius`."""
+    match wish:
+        case schema.Wander():
+            field = field.replace("behaviour.", "wander.", 1)
+        case schema.Behaviour():
+            kind, does = wish.given
+            field = re.sub(r"^behaviour(?=\b)", f"behaviour.{kind}", field)
+            found = re.match(r"behaviour\.routine\.parts\[(\d+)\](?!\.seconds)", field)
+            if found is not None and isinstance(does, schema.Routine):
+                part = does.parts[int(found[1])].given[0]
+                field = f"{found[0]}.{part}{field[found.end() :]}"
+    field = re.sub(r"\bwander\.(?=center|radius)", "wander.area.", field)
+    return field.removeprefix("wander.")
