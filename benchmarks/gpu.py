@@ -40,12 +40,12 @@ from tests.engines.standing import standing_inputs
 from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.curve import LEAST, Point, curve, ended_by
+from benchmarks.device_crowd import DeviceCrowd
 from benchmarks.flops import products as products_of
 from benchmarks.models import GENDER, step_graph
 from wayfarer.artifacts import ModelFolder
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.engines.onnx_engine import OnnxEngine
-from wayfarer.engines.torch.crowd import Crowd
 from wayfarer.engines.torch.engine import Networks, TorchEngine, load_networks
 from wayfarer.engines.torch.precision import Precision, products
 from wayfarer.spec import GENDERS, STEP_SECONDS
@@ -123,7 +123,7 @@ def host_seconds(networks: Networks, inputs: StepInputs, spend: float) -> float:
 
 def device_seconds(networks: Networks, inputs: StepInputs, spend: float) -> float:
     """Of a step of a crowd that stays on the device."""
-    crowd = Crowd(networks, GENDER, inputs)
+    crowd = DeviceCrowd(networks, GENDER, inputs)
 
     def step() -> None:
         crowd.step()

@@ -36,7 +36,7 @@ MEASURES: Final = 2
 """Calls of a size that are measured; agents are admitted by the shortest."""
 
 MEASURE_EVERY: Final = 3
-"""Of the sizes of batches, from the largest down: what lies between is reckoned."""
+"""Every third batch size is measured, from the largest down; costs between are interpolated."""
 
 LOOKAHEAD: Final = STEP_SECONDS
 """A batch is filled with the agents that come next, at most a whole step ahead: large batches cost

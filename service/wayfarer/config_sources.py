@@ -1,4 +1,4 @@
-"""Where settings come from: read from all sources, named, and told by their origin."""
+"""Sources of settings: reads them all, and names the origin of each setting."""
 
 import os
 import re
@@ -48,7 +48,7 @@ def origins(command_line: Mapping[str, Any], file: Path | None = None) -> dict[s
 
 
 def _sources(command_line: Mapping[str, Any], file: Path | None) -> dict[str, dict[str, Any]]:
-    """What each source gives; the first goes before the others."""
+    """Values of each source, highest precedence first."""
     file = settings_file(file)
     return {
         "command line": dict(command_line),
@@ -58,7 +58,7 @@ def _sources(command_line: Mapping[str, Any], file: Path | None) -> dict[str, di
 
 
 def _merged(*sources: Mapping[str, Any]) -> dict[str, Any]:
-    """What earlier sources give goes before what later ones do, key by key within a group."""
+    """All values; an earlier source overrides a later one, key by key within a group."""
     found: dict[str, Any] = {}
     for source in reversed(sources):
         for name, value in source.items():
@@ -68,7 +68,7 @@ def _merged(*sources: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _told(error: Any) -> tuple[str, str]:
-    """Key, and a sentence, of an error that pydantic has found."""
+    """Key and sentence of an error that pydantic has found."""
     key = ".".join(str(part) for part in error["loc"])
     if error["type"] == "extra_forbidden":
         what = _unknown(key, list(fields()))
@@ -80,7 +80,7 @@ def _told(error: Any) -> tuple[str, str]:
 
 
 def _unknown(name: str, known: Sequence[str]) -> str:
-    """What a name may have been meant to be."""
+    """Sentence about an unknown name: the nearest known one, or all of them."""
     meant = get_close_matches(name, known, n=1)
     if meant:
         return f"unknown; did you mean {meant[0]}?"

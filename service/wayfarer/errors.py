@@ -17,7 +17,7 @@
 
 A message says what was wrong, where, and what is allowed. `transport/errors.py` holds
 the one table that turns these classes into gRPC and HTTP codes. Lengths and places in the message
-of an InvalidArgument are quantities, so that transport can tell them in the basis of the client.
+of an InvalidArgument are quantities, so that transport can write them in the client's basis.
 """
 
 from collections.abc import Callable
@@ -65,7 +65,7 @@ class Place:
 
 
 Quantity = Metres | MetresPerSecond | Heading | Place
-"""What depends on the basis in which it is told."""
+"""A quantity whose text depends on the basis."""
 
 
 class WayfarerError(Exception):

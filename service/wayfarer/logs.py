@@ -1,6 +1,6 @@
-"""Log lines: text for people, JSON for machines. Of this project and of the libraries below it.
+"""Log lines of this project and of its libraries: text for people, JSON for machines.
 
-Keys and tokens are taken out of every line, whoever wrote it and wherever they stand in it.
+Keys and tokens are removed from every line, wherever they stand in it.
 """
 
 import logging

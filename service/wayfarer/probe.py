@@ -28,7 +28,7 @@ def probe(
 
 
 def status(settings: Settings) -> str:
-    """What the service says of itself. Raises Unavailable unless that is that it is ready."""
+    """The service's own report. Raises Unavailable unless it is ready."""
     scheme = "https" if settings.tls_cert else "http"
     host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(settings.host, settings.host)
     host = f"[{host}]" if ":" in host else host

@@ -104,9 +104,9 @@ def warn_if_open(settings: Settings) -> None:
 
 
 def settle() -> None:
-    """Leave all that has been loaded out of garbage collection, and give back what it took besides.
+    """Exclude everything loaded so far from garbage collection, and free what is garbage now.
 
-    It stays as long as the process, and going over it stops all threads for a tenth of a second.
+    It lives as long as the process, and each pass over it stops all threads for 0.1 s.
     """
     gc.collect()
     gc.freeze()
@@ -140,7 +140,7 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
         is_flag = field.annotation is bool
         text = str(field.description)
         help_text = f"{text[0].upper()}{text[1:]}." + ("" if is_flag else f" [{default}]")
-        # a literal is checked with all other settings, so that every wrong one is told at once
+        # a literal is checked with all other settings, so that one error names every wrong one
         kind: Any = field.annotation if field.annotation in (bool, int) else str
         kind = Path if "Path" in str(field.annotation) else kind
         flags = [f"--{name.replace('_', '-')}"] if is_flag else []

@@ -1,9 +1,9 @@
-"""Ids that say where their session lives, when several processes serve together.
+"""Ids that name the process of their session, when several processes serve together.
 
 An id is `session-`, `scene-` or `agent-` and hexadecimal digits. The first four are the key of the
 session, which its agents' ids share, on every server: the key modulo the number of processes is the
-one that has it. So whoever holds an id finds the process, and no table has to be kept, made again
-or agreed upon; and a session that comes from another server has its place, too.
+one that has it. The id alone leads to the process: there is no table to keep, restore or agree on,
+and sessions from other servers have their place, too.
 """
 
 import re

@@ -41,7 +41,7 @@ GENDERS: Final = ("male", "female")
 """Bodies and regressors come per gender (paper Sec. 3.2.1); a graph serves one."""
 
 OBSTACLES: Final = 8
-"""Obstacles near an agent that a step may be told of."""
+"""Most obstacles near an agent that a step gets."""
 
 ROLLOUT_PRIMITIVES: Final = 8
 """Primitives of one training rollout (paper Sec. 3.2.2)."""

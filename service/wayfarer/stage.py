@@ -52,7 +52,7 @@ class Stage:
         return "policy.onnx" in self.models.contracts
 
     def world(self, agents: int, steering: Steering, scenes: SceneRegistry | None = None) -> World:
-        """A world for so many agents, who are all stepped at the same moments: in one batch.
+        """A world for `agents` agents that are all stepped at the same moments, in one batch.
 
         `scenes` are those that its sessions may be in. Raises ArtifactError when the start poses
         are missing or unfit.

@@ -22,7 +22,7 @@ TERMS: Final = (
 )
 
 TOLD: Final = TERMS[:-1]
-"""Those whose weights the policy is told: what is near an agent it does not see."""
+"""Terms whose weights are inputs of the policy, which does not see what is near an agent."""
 
 CLEARANCE: Final = 10.0
 """The weight of "clearance", whatever an agent is doing."""
@@ -39,10 +39,10 @@ WALK: Final = {
     "seam": 1.0,
     "clearance": CLEARANCE,
 }
-"""On the way to a goal."""
+"""Weights on the way to a goal."""
 
 STRAFE: Final = WALK | {"goal_distance": 3.0, "facing": 1.0, "speed": 0.3}
-"""On the way to a goal while facing elsewhere: sideways or backwards.
+"""Weights on the way to a goal while facing elsewhere: sideways or backwards.
 
 `speed` knows no direction: with its weight in WALK the body would walk where it faces.
 """
@@ -75,40 +75,6 @@ TURN: Final = {
     "clearance": CLEARANCE,
 }
 """Turning on the spot to a wished facing."""
-
-REWARDS: Final = (
-    "path",  # Eq. 5: the hips move the way to the goal
-    "orientation",  # Eq. 6: the body faces the goal, or as wished
-    "contact",  # Eq. 7: hips keep their height, something stays where it is
-    "pose_prior",  # Eq. 8: the pose is a usual one
-    "speed",  # exp of the quality term of this name, and so on; not in the paper
-    "sliding",
-    "upright",
-    "seam",
-    "goal",  # Eq. 9: how close the agent came in the whole episode
-)
-"""Rewards of policy training (Eq. 4), each 0…1, higher is better; see `motion/reward.py`."""
-
-PAPER_REWARD: Final = {
-    "path": 1.0,
-    "orientation": 1.0,
-    "contact": 1.0,
-    "pose_prior": 1.0,
-    "goal": 1.0,
-}
-"""Eq. 4. The paper names no β; in GAMMA's code all are 1 but the orientation's, which is 0.5."""
-
-REWARD: Final = PAPER_REWARD | {
-    "orientation": 0.5,
-    "speed": 1.0,
-    "sliding": 0.5,
-    "upright": 0.5,
-    "seam": 0.5,
-}
-"""What our policies are trained with."""
-
-REWARD_SCALES: Final = {"speed": 0.3, "sliding": 0.3, "upright": 0.06, "seam": 0.5}
-"""Value of a quality term at which its reward has fallen to 1/e: exp(-term / scale)."""
 
 
 def weights(table: dict[str, float]) -> list[float]:

@@ -3,7 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wayfarer.motion.frame import canonical_frame, to_local, to_world
-from wayfarer.motion.rotation import matrix_from_6d, matrix_from_rotvec
+from wayfarer_lab.training.rotation import matrix_from_6d, matrix_from_rotvec
 
 
 def random_state(seed: int):

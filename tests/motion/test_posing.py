@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wayfarer.motion import posing
-from wayfarer.motion.rotation import matrix_from_6d
+from wayfarer_lab.training.rotation import matrix_from_6d
 
 
 def rotations(seed: int, *shape: int) -> torch.Tensor:

@@ -3,7 +3,7 @@ import torch
 from wayfarer.body.library import load_body
 from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.regressor import BodyRegressor, _squash
-from wayfarer.motion.rotation import matrix_from_rotvec
+from wayfarer_lab.training.rotation import matrix_from_rotvec
 
 
 def regressor():

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from wayfarer.errors import FailedPrecondition, InvalidArgument, NotFound, Unreachable
 from wayfarer.navigation.examples import (
     EXAMPLES,
-    FAR_APART,
     PLATFORM,
     corridor,
     corridor_doors,
@@ -22,6 +21,15 @@ from wayfarer.navigation.examples import (
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.solids import footprint
 from wayfarer.navigation.spec import Box, Cylinder, Floor, SceneSpec, Walkable
+
+FAR_APART = {
+    "cubes_field": ((1.0, 1.0), (19.0, 19.0)),
+    "town_square": ((-18.0, 18.0), (18.0, -18.0)),
+    "corridor": ((3.0, 3.5), (21.0, -3.5)),
+    "slope_with_steps": ((10.0, 1.0), (10.0, 19.0)),
+    "two_storeys": ((1.0, 7.0), (11.0, 7.0)),
+}
+"""A start and a goal in each that make an agent see most of it."""
 
 FIELD = bake(cubes_field(4, boxes=10, side=10.0))
 CORRIDOR = bake(corridor())

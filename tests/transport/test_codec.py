@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as arrays
 from tests.transport.samples import chunk
 from wayfarer.body.skeleton import load_skeleton
 from wayfarer.errors import InvalidArgument
-from wayfarer.transport import codec
+from wayfarer.transport import codec, convert, schema, wire
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import PoseEncoding, PoseFormat, PoseProfile, smallest_three
 from wayfarer.transport.codec.packing import BLOCK
@@ -30,6 +30,11 @@ def turned(count: int = 8, seed: int = 0):
     rotations = np.random.default_rng(seed).normal(size=(count, 22, 4))
     rotations /= np.linalg.norm(rotations, axis=-1, keepdims=True)
     return replace(chunk(), rotations=rotations.astype(np.float32))
+
+
+def chosen(wish):
+    """The format that a client asks for, as every call reads it."""
+    return convert.pose_format(wire.parse(schema.PoseFormat, wish, "format"))
 
 
 def encode(made, basis, pose_format=PoseFormat()):
@@ -211,7 +216,7 @@ def test_lengths_that_do_not_fit_are_refused():
 
 
 def test_defaults():
-    assert PoseFormat.from_proto(motion_pb2.PoseFormat()) == PoseFormat()
+    assert chosen(motion_pb2.PoseFormat()) == PoseFormat()
     assert PoseFormat().header() == {
         "pose_encoding": "POSE_ENCODING_F32_LE",
         "sent_fps": 40,
@@ -221,17 +226,17 @@ def test_defaults():
     motion_pb2.StreamHeader(**PoseFormat().header())
 
 
-def test_from_proto():
+def test_a_choice():
     wish = motion_pb2.PoseFormat(
         encoding=motion_pb2.POSE_ENCODING_SMALLEST_THREE,
         profile=motion_pb2.POSE_PROFILE_BONES,
         bones=["head", "pelvis"],
         fps=10,
     )
-    found = PoseFormat.from_proto(wish)
+    found = chosen(wish)
     assert found == PoseFormat(PoseEncoding.SMALLEST_THREE, (0, 15), 10)
     assert (found.frame_bytes, found.stride) == (24, 4)
-    full = PoseFormat.from_proto(motion_pb2.PoseFormat(profile=motion_pb2.POSE_PROFILE_FULL))
+    full = chosen(motion_pb2.PoseFormat(profile=motion_pb2.POSE_PROFILE_FULL))
     assert full.frame_bytes == 12 + 52 * 16
 
 
@@ -248,12 +253,12 @@ def test_from_proto():
         ({"profile": 3, "bones": ["head", "tail"]}, "format.bones", "no bones 'tail'; the skel"),
         ({"profile": 3, "bones": ["x" * 9999]}, "format.bones", f"no bones '{'x' * 32}';"),
         ({"profile": 3, "bones": [f"b{k}" for k in range(20)]}, "format.bones", "and 12 more"),
-        ({"profile": 3, "bones": ["head"] * 53}, "format.bones", "52 bones at most, not 53"),
+        ({"profile": 3, "bones": ["head"] * 53}, "format.bones", "at most 52 items"),
     ],
 )
 def test_wrong_wishes_are_explained(wish, field, message):
     with pytest.raises(InvalidArgument) as caught:
-        PoseFormat.from_proto(motion_pb2.PoseFormat(**wish))
+        chosen(motion_pb2.PoseFormat(**wish))
     assert caught.value.field == field
     assert message in str(caught.value)
 

@@ -15,12 +15,12 @@ from wayfarer.motion.frame import canonical_frame, to_local
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer.motion.rotation import matrix_from_quaternion
 from wayfarer.spec import BETAS, GENDERS, LATENT, PRIMITIVE_FRAMES
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.metrics import prediction
 from wayfarer_lab.evaluation.parts import Parts
 from wayfarer_lab.evaluation.tracks import Recorded
+from wayfarer_lab.training.rotation import matrix_from_quaternion
 
 Array = NDArray[np.floating[Any]]
 

@@ -21,13 +21,13 @@ from wayfarer.errors import ArtifactError, InvalidArgument
 from wayfarer.marker_bodies import load_marker_bodies
 from wayfarer.motion.marker_body import Shaped
 from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
-from wayfarer.motion.pose_prior import PosePrior
 from wayfarer.motion.predictor import MarkerPredictor, Posterior
 from wayfarer.motion.primitive import BLEND, GROUNDING, PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor, Pose
 from wayfarer.spec import GENDERS, PRIMITIVE_FRAMES
 from wayfarer.stage import load_models
+from wayfarer_lab.training.pose_networks import PosePrior
 from wayfarer_lab.training.run import load_weights, read_run_config
 
 SHIPPED: Final = {"ro-1f": "predictor_1f.onnx", "ro-2f": "predictor_2f.onnx"}

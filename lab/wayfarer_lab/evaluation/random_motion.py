@@ -8,7 +8,6 @@ import numpy as np
 import torch
 
 from wayfarer.body.model import BodyModel
-from wayfarer.motion.rotation import matrix_from_quaternion
 from wayfarer.spec import BETAS, FPS, NEW_FRAMES
 from wayfarer_lab.evaluation.gait import Row, gait_row
 from wayfarer_lab.evaluation.metrics.frechet import Reference
@@ -23,6 +22,7 @@ from wayfarer_lab.evaluation.realism import (
     skating_row,
 )
 from wayfarer_lab.evaluation.rollout import Goals, Poses, Rollout, random_goals, roll_out
+from wayfarer_lab.training.rotation import matrix_from_quaternion
 
 Watch = Callable[[str], None]
 """Told the name of each row before it is made."""

@@ -17,7 +17,6 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.motion.marker_body import Shaped
 from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.primitive import PrimitiveStep, StepResult
-from wayfarer.motion.rotation import matrix_from_quaternion
 from wayfarer.spec import BETAS, GENDERS, LATENT
 from wayfarer.stage import START_POSES
 from wayfarer.terms import WALK, weights
@@ -26,6 +25,7 @@ from wayfarer_lab.evaluation.health import EXTENT
 from wayfarer_lab.evaluation.outcome import REACHED
 from wayfarer_lab.evaluation.parts import Parts, Variant
 from wayfarer_lab.evaluation.tracks import Recorded, Track
+from wayfarer_lab.training.rotation import matrix_from_quaternion
 
 Array = NDArray[np.floating[Any]]
 

@@ -24,11 +24,11 @@ from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import BLEND, PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer.motion.rotation import matrix_from_quaternion
 from wayfarer.spec import GENDERS, LATENT
 from wayfarer.terms import TERMS
 from wayfarer_lab.training.crowd import Crowd, CrowdSampler
 from wayfarer_lab.training.dataset import Frames
+from wayfarer_lab.training.rotation import matrix_from_quaternion
 from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_weights
 from wayfarer_lab.training.tasks import STANDING, STRAFING, TURNING, WALKING, Tasks, draw_tasks
 

@@ -7,9 +7,9 @@ from torch import Tensor
 
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.primitive import StepResult
-from wayfarer.motion.rotation import matrix_from_quaternion
 from wayfarer.spec import FPS, SEED_FRAMES
 from wayfarer_lab.training.dataset import Frames, WindowSampler, random_betas
+from wayfarer_lab.training.rotation import matrix_from_quaternion
 
 LOW_HIPS = 0.5
 """Metres: lower hips have fallen."""

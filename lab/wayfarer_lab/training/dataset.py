@@ -17,10 +17,10 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.marker_bodies import load_marker_bodies
 from wayfarer.motion.frame import canonical_frame, to_local
 from wayfarer.motion.marker_body import MarkerBody
-from wayfarer.motion.rotation import matrix_from_quaternion
 from wayfarer.spec import BETAS, FPS, GENDERS
 from wayfarer_lab.training.mocap.selection import Use
 from wayfarer_lab.training.mocap.store import ClipRange, Dataset, mirror
+from wayfarer_lab.training.rotation import matrix_from_quaternion
 
 
 @dataclass(frozen=True)

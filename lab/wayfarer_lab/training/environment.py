@@ -12,17 +12,16 @@ import torch
 from pydantic import BaseModel, ConfigDict
 from torch import Tensor
 
-from wayfarer.motion import reward
 from wayfarer.motion.frame import canonical_frame, to_local
 from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.policy import Condition
-from wayfarer.motion.pose_prior import PosePrior
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Candidate
-from wayfarer.motion.rotation import matrix_from_quaternion, quaternion_from_matrix
-from wayfarer.motion.vposer import VPoser
 from wayfarer.terms import TERMS, WALK, weights
+from wayfarer_lab.training import reward
 from wayfarer_lab.training.dataset import random_betas
+from wayfarer_lab.training.pose_networks import PosePrior, VPoser
+from wayfarer_lab.training.rotation import matrix_from_quaternion, quaternion_from_matrix
 from wayfarer_lab.training.starts import Start, Starts, about_z
 
 HIPS_HEIGHT = (0.45, 1.4)
@@ -55,7 +54,7 @@ class State(NamedTuple):
 class Feedback(NamedTuple):
     """What one primitive brought."""
 
-    rewards: Tensor  # [A, R - 1] all of `terms.REWARDS` but the goal's; 0 of broken bodies
+    rewards: Tensor  # [A, R - 1] all of `reward.REWARDS` but the goal's; 0 of broken bodies
     distance: Tensor  # [A] metres from hips to goal at the end, horizontal
     broken: Tensor  # [A] the body fell, sank, flew or is not finite
     hips: Tensor  # [A, 3] at the end

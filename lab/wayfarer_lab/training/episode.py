@@ -5,8 +5,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from wayfarer.motion import reward
 from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
+from wayfarer_lab.training import reward
 from wayfarer_lab.training.environment import Agents, GoalEnvironment, State, take
 from wayfarer_lab.training.ppo import Batch, PpoSettings, advantages, look, normalised
 
@@ -18,7 +18,7 @@ class Episode(NamedTuple):
     latent: Tensor  # [N, 128]
     policy: Gaussian  # [N, 128] that drew them
     values: Tensor  # [T, A] of the critic
-    rewards: Tensor  # [T, A, R] in the order of `terms.REWARDS`
+    rewards: Tensor  # [T, A, R] in the order of `reward.REWARDS`
     alive: Tensor  # [T, A] the agent was going when the primitive began
     future: Tensor  # [A] the critic's value of the end of agents that ran out of time, else 0
     closest: Tensor  # [A] metres, least distance to the goal at the end of a primitive

@@ -27,7 +27,6 @@ from wayfarer.body.library import body_file, load_body
 from wayfarer.errors import ArtifactError
 from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.policy import GoalPolicy
-from wayfarer.motion.pose_prior import PosePrior
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
@@ -37,6 +36,7 @@ from wayfarer_lab.training.graph import Graph
 from wayfarer_lab.training.network_graphs import policy_graph, predictor_graph, regressor_graph
 from wayfarer_lab.training.onnx_files import WeightStore, externalise
 from wayfarer_lab.training.pose_graphs import pose_decoder_graph, pose_encoder_graph
+from wayfarer_lab.training.pose_networks import PosePrior
 from wayfarer_lab.training.row_independence import check_rows, make_rows_independent
 from wayfarer_lab.training.run import Network, load_weights, read_run_config
 from wayfarer_lab.training.step_graph import body_inputs, step_graph, step_inputs

@@ -1,6 +1,9 @@
-"""Train and export the paper's baseline of motion control, g-CVAE (Sec. 4.2).
+"""The paper's baseline of motion control, *g-CVAE* (Sec. 4.2): network, training and export.
 
-It goes on from a trained marker predictor, by the same loss (Eq. 1) and over rollouts. A goal is
+The goal is a further condition of the generative model itself, in place of a policy over its
+latents. The condition is the state of Eq. 3: the seed, and for each of its markers the direction
+to the goal. All else is the marker predictor's: training starts from a trained one and goes on by
+the same loss (Eq. 1) and over rollouts. A goal is
 where the hips of the same recording will be some time later: goals in training can only come from
 the data, which is the weakness that the paper sees in this baseline.
 """
@@ -14,9 +17,10 @@ from torch import Tensor
 from wayfarer.body.library import load_body
 from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.frame import canonical_frame, to_local
-from wayfarer.motion.goal_cvae import GoalCvae, GoalCvaeStep
-from wayfarer.motion.policy import state
-from wayfarer.motion.predictor import MarkerPredictor
+from wayfarer.motion.layers import Gru
+from wayfarer.motion.policy import Condition, state
+from wayfarer.motion.predictor import HIDDEN, SIZE, MarkerPredictor
+from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import FPS, PRIMITIVE_FRAMES
@@ -27,6 +31,29 @@ from wayfarer_lab.training.network_graphs import regressor_graph
 from wayfarer_lab.training.predictor import PredictorConfig, PredictorTrainer
 from wayfarer_lab.training.run import TrainingRun, load_weights, read_run_config
 from wayfarer_lab.training.step_graph import step_graph
+
+
+class GoalCvae(MarkerPredictor):
+    """A marker predictor whose seeds are states [..., S, 402]."""
+
+    def __init__(self, seed_frames: int) -> None:
+        super().__init__(seed_frames)
+        self.seed_encoder = Gru(2 * SIZE, HIDDEN)
+
+    def start_from(self, predictor: MarkerPredictor) -> None:
+        """Take over a predictor's weights: at first, the goal is not looked at."""
+        weights = predictor.state_dict()
+        known = weights["seed_encoder.from_input.weight"]
+        weights["seed_encoder.from_input.weight"] = torch.cat([known, torch.zeros_like(known)], 1)
+        self.load_state_dict(weights)
+
+
+class GoalCvaeStep(PrimitiveStep):
+    """A step whose predictor is a `GoalCvae`: latents come from the prior N(0, I)."""
+
+    def predict(self, seed: Tensor, asked: Condition, noise: Tensor, share: Tensor) -> Tensor:
+        """As `PrimitiveStep.predict`; `share` means nothing here."""
+        return self.predictor.decode(state(seed, asked.goal), noise)
 
 
 class GoalCvaeConfig(PredictorConfig):

@@ -16,12 +16,12 @@ from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS
-from wayfarer.terms import REWARD, REWARDS
 from wayfarer_lab.training.dataset import Poses
 from wayfarer_lab.training.environment import GoalEnvironment, Task
 from wayfarer_lab.training.episode import Episode, samples_of, simulate
 from wayfarer_lab.training.pose_prior import load_pose_prior
 from wayfarer_lab.training.ppo import PpoSettings, improve
+from wayfarer_lab.training.reward import REWARD, REWARDS
 from wayfarer_lab.training.run import TrainingRun, load_weights, read_run_config
 from wayfarer_lab.training.snapshot import draw_trails
 from wayfarer_lab.training.starts import Starts
@@ -54,7 +54,7 @@ class PolicyConfig(BaseModel):
 
 
 def reward_weights(table: dict[str, float]) -> Tensor:
-    """Weights [R] in the order of `terms.REWARDS`. Raises InvalidArgument."""
+    """Weights [R] in the order of `reward.REWARDS`. Raises InvalidArgument."""
     unknown = sorted(set(table) - set(REWARDS))
     if unknown:
         raise InvalidArgument(f"unknown rewards {unknown}; allowed: {list(REWARDS)}", "reward")

@@ -3,10 +3,10 @@
 import torch
 from torch import Tensor, nn
 
-from wayfarer.motion.pose_prior import JOINTS, LATENT, PosePrior
 from wayfarer.motion.predictor import Posterior
-from wayfarer.motion.rotation import matrix_from_rotvec
 from wayfarer_lab.training.graph import Graph
+from wayfarer_lab.training.pose_networks import JOINTS, LATENT, PosePrior
+from wayfarer_lab.training.rotation import matrix_from_rotvec
 
 
 class _Encode(nn.Module):

@@ -7,10 +7,9 @@ import torch
 from pydantic import BaseModel, ConfigDict
 from torch import Tensor
 
-from wayfarer.motion.pose_prior import PosePrior
-from wayfarer.motion.rotation import matrix_from_quaternion
-from wayfarer.motion.vposer import VPoser
 from wayfarer_lab.training.dataset import Poses, WindowSampler
+from wayfarer_lab.training.pose_networks import PosePrior, VPoser
+from wayfarer_lab.training.rotation import matrix_from_quaternion
 from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_weights
 from wayfarer_lab.training.vposer import load_vposer
 

@@ -15,9 +15,9 @@ from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep, Settled
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer.motion.rotation import matrix_from_quaternion
 from wayfarer.spec import GENDERS, PRIMITIVE_FRAMES
 from wayfarer_lab.training.dataset import Frames, WindowSampler
+from wayfarer_lab.training.rotation import matrix_from_quaternion
 from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_weights
 
 

@@ -9,8 +9,12 @@ from torch import Tensor
 from wayfarer.body.model import BodyModel
 from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer.motion.rotation import matrix_from_quaternion, matrix_from_rotvec, sixd_from_matrix
 from wayfarer_lab.training.dataset import Frames, WindowSampler, random_betas
+from wayfarer_lab.training.rotation import (
+    matrix_from_quaternion,
+    matrix_from_rotvec,
+    sixd_from_matrix,
+)
 from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_weights
 
 PASS_SHARE = (0.25, 0.25, 0.5)

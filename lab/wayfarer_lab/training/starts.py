@@ -11,10 +11,9 @@ import torch
 from torch import Tensor
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.motion.pose_prior import LATENT, PosePrior
-from wayfarer.motion.rotation import matrix_from_quaternion, matrix_from_rotvec
-from wayfarer.motion.vposer import VPoser
 from wayfarer_lab.training.dataset import Poses, WindowSampler
+from wayfarer_lab.training.pose_networks import LATENT, PosePrior, VPoser
+from wayfarer_lab.training.rotation import matrix_from_quaternion, matrix_from_rotvec
 
 
 class Start(NamedTuple):

@@ -4,10 +4,10 @@ import torch
 from torch import Tensor, nn
 
 from wayfarer.motion.primitive import PrimitiveStep, StepResult
-from wayfarer.motion.rotation import matrix_from_rotvec, quaternion_from_matrix
 from wayfarer.spec import BETAS, LATENT, MARKERS, OBSTACLES, SEED_FRAMES
 from wayfarer.terms import TERMS
 from wayfarer_lab.training.graph import Graph
+from wayfarer_lab.training.rotation import matrix_from_rotvec, quaternion_from_matrix
 
 
 def step_inputs(agents: int, candidates: int, generator: torch.Generator) -> dict[str, Tensor]:

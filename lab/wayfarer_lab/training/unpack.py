@@ -17,10 +17,10 @@ from wayfarer.body.library import load_body
 from wayfarer.errors import ArtifactError
 from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.policy import GoalPolicy
-from wayfarer.motion.pose_prior import PosePrior
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS
+from wayfarer_lab.training.pose_networks import PosePrior
 
 
 def unpack_models(models: Path, runs: Path) -> dict[str, int]:

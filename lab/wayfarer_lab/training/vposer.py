@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from wayfarer.errors import ArtifactError
-from wayfarer.motion.vposer import VPoser
+from wayfarer_lab.training.pose_networks import VPoser
 
 PREFIX = "vp_model."
 LAYERS = {

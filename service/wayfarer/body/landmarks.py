@@ -116,7 +116,7 @@ def find_markers(
 def _central_markers(
     vertices: Array, faces: Index, joints: Mapping[str, Array], mirror: Index | None
 ) -> dict[str, int]:
-    """On the midline: of a symmetric mesh exactly, else within a few millimetres."""
+    """Points on the midline: exact for a symmetric mesh, else within a few millimetres."""
     if mirror is not None:
         middle = np.flatnonzero(mirror == np.arange(len(mirror)))
     else:

@@ -15,7 +15,7 @@ REGIONS = ("skin", "hair", "shirt", "trousers", "shoes", "eyes")
 """Their names, in the order of the constants above."""
 
 ROUGHNESS = (0.75, 0.6, 0.9, 0.9, 0.6, 0.35)
-"""Of each region, as glTF means it."""
+"""Roughness of each region, as glTF defines it."""
 
 PALETTES = (
     ("#f2d3bd", "#e5b899", "#cf9a78", "#a8714f", "#7b4b33", "#5d3826"),
@@ -53,5 +53,5 @@ def outfit(style: int) -> Array:
 
 
 def linear_colours(srgb: Array) -> Array:
-    """From sRGB to linear light (IEC 61966-2-1), as glTF's factors want it."""
+    """Convert sRGB to linear light (IEC 61966-2-1), which glTF's factors are in."""
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)

@@ -1,4 +1,5 @@
-"""Conversions between rotation representations, as numpy arrays: the twin of `motion/rotation.py`.
+"""Conversions between rotation representations, as numpy arrays: the twin of the lab's
+`training/rotation.py`.
 
 Matrices act on column vectors; quaternions are x, y, z, w; a rotation vector is axis times angle in
 radians. The core basis is Z up, facing +Y, right side +X; the glTF basis is Y up, facing +Z.

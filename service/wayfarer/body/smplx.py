@@ -13,7 +13,7 @@ vertex, renormalised, as engines do.
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,45 +22,20 @@ from numpy.typing import NDArray
 
 from wayfarer.body import landmarks, skeleton
 from wayfarer.body.model import BodyModel, largest_weights
-from wayfarer.body.rotation import GLTF_FROM_CORE, matrix_from_quaternion, quaternion_from_rotvec
-from wayfarer.errors import ArtifactError, InvalidArgument
+from wayfarer.body.rotation import GLTF_FROM_CORE
+from wayfarer.errors import ArtifactError
 from wayfarer.spec import BETAS, JOINTS, MARKERS
 
 Array = NDArray[np.floating[Any]]
 
 FILE_JOINTS: Final = 55
 EXTRA_JOINTS: Final = ("jaw", "left_eye_smplhf", "right_eye_smplhf")
-HAND_JOINTS: Final = 15
 
 _BODY = 22
 _ORDER = (*range(_BODY), *range(_BODY + 3, FILE_JOINTS), *range(_BODY, _BODY + 3))
 """Place in the file of each of our joints."""
 
 _AXES = GLTF_FROM_CORE  # p_ours = _AXES @ p_file; its own inverse
-
-
-@dataclass(frozen=True)
-class HandPca:
-    """Finger poses of one hand as a mean and principal components, all in our frame."""
-
-    mean: Array  # [45] rotation vectors of 15 joints
-    components: Array  # [45, 45] one per row, largest first
-
-    def rotations(self, coefficients: Array, flat: bool = False) -> Array:
-        """Local finger rotations [..., 15, 3, 3] from up to 45 coefficients [..., C].
-
-        Order: index, middle, pinky, ring, thumb, each from the palm outwards (joints 22…36 of
-        the left hand, 37…51 of the right). `flat` starts from a flat hand, not the mean one.
-        """
-        values = np.asarray(coefficients, dtype=np.float64)
-        count = values.shape[-1] if values.ndim else 0
-        if not 1 <= count <= len(self.components) or not np.isfinite(values).all():
-            raise InvalidArgument(
-                f"hand coefficients must be 1 to {len(self.components)} finite numbers", "hands"
-            )
-        pose = values @ self.components[:count] + (0.0 if flat else self.mean)
-        rotvec = pose.reshape(*values.shape[:-1], HAND_JOINTS, 3)
-        return matrix_from_quaternion(quaternion_from_rotvec(rotvec))
 
 
 def load_smplx(path: Path, gender: str, markers: Path | None = None) -> BodyModel:
@@ -111,24 +86,6 @@ def load_smplx(path: Path, gender: str, markers: Path | None = None) -> BodyMode
         skin_weights=skin_weights,
     )
     return _with_markers(body, markers, path)
-
-
-def load_hands(path: Path) -> dict[str, HandPca]:
-    """The hand PCA of a model file, by "left" and "right". Raises ArtifactError."""
-    file = _read(path)
-    size = 3 * HAND_JOINTS
-
-    def turned(name: str, shape: tuple[int | str, ...]) -> Array:
-        rotvecs = _array(path, file, name, shape).reshape(-1, HAND_JOINTS, 3) @ _AXES.T
-        return rotvecs.reshape(-1, size)
-
-    return {
-        side: HandPca(
-            mean=turned(f"hands_mean{side[0]}", (size,))[0],
-            components=turned(f"hands_components{side[0]}", (size, size)),
-        )
-        for side in ("left", "right")
-    }
 
 
 def _read(path: Path) -> Mapping[str, Any]:

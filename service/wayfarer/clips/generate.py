@@ -28,7 +28,7 @@ CANDIDATES = 4
 class SearchKind(StrEnum):
     """How primitives are chosen."""
 
-    ONLINE = "online"  # as the service does: the best of each step, for good
+    ONLINE = "online"  # as the service does: the best of each step, final
     BEAM = "beam"  # several ways are kept at every step, and the best one at the end
 
 

@@ -20,7 +20,7 @@ NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 RETRY_AFTER: Final = 5.0
 
 NICENESS: Final = 10
-"""By so much the thread that warms is nicer, where the system knows it of threads (Linux)."""
+"""Added to the niceness of the warm-up thread, on systems with niceness per thread (Linux)."""
 
 
 class ModelStore:
@@ -35,7 +35,7 @@ class ModelStore:
         candidates: Sequence[int],
     ) -> None:
         """The first folder that holds a name wins. `check` raises ArtifactError for a model that
-        does not fit; engines are warmed for a server of so many `agents`.
+        does not fit; engines are warmed for batches of up to `agents`.
         """
         self._folders = folders
         self._check = check
@@ -83,7 +83,7 @@ class ModelLoader:
         self._loading: str | None = None
 
     async def load(self, name: str) -> None:
-        """Returns when the model can be used; let go, it goes on in vain.
+        """Return when the model is usable. If cancelled, loading goes on and its result is dropped.
 
         Raises AlreadyExists, ResourceExhausted, and what `open_engine` raises.
         """
@@ -103,7 +103,7 @@ class ModelLoader:
         opened.set_running_or_notify_cancel()
         try:
             engine = self._open(name)
-        except BaseException as error:  # it belongs to whoever waits, as in an executor
+        except BaseException as error:  # raised again in the task that waits, as an executor does
             opened.set_exception(error)
         else:
             opened.set_result(engine)
@@ -113,7 +113,7 @@ class ModelLoader:
 
 
 def no_model(name: str) -> Engine:
-    """Of a server that has no store. Raises NotFound."""
+    """The answer of a server that has no store. Raises NotFound."""
     raise NotFound(f"no model {name!r}: this server has no folder of models")
 
 

@@ -65,11 +65,11 @@ class Models:
 
     @property
     def stamps(self) -> tuple[str, ...]:
-        """Of all that are loaded."""
+        """Descriptions of all loaded models."""
         return tuple(model.stamp for model in self._loaded)
 
     def infos(self) -> list[ModelInfo]:
-        """In order of loading."""
+        """Stamps of all loaded models, in order of loading."""
         return [
             ModelInfo(
                 name=model.name,

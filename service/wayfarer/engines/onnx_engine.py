@@ -24,7 +24,7 @@ SIZES: Final = (1, 2, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 gained, and larger ones would keep the others waiting. Few sizes: memory is allocated for each."""
 
 MOST_ROWS, MOST_CANDIDATES = 128, 512
-"""At a time, of one thread: what is computed of more leaves the cache, and costs a fifth more."""
+"""Rows that one thread computes at a time: more do not fit its cache and cost a fifth more."""
 
 
 class OnnxEngine(WarmEngine):

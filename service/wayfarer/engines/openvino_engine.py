@@ -171,7 +171,7 @@ def batch_sizes(threads: int) -> tuple[int, ...]:
 
 
 def ends(rows: int) -> list[int]:
-    """Where the parts of so many rows end: of 128, as long as that pays, and of 16."""
+    """Ends of the parts of `rows`: parts of 128 as long as that pays, then of 16."""
     small, large = SIZES
     found = list(range(large, rows + 1, large))
     rest = rows - (found[-1] if found else 0)

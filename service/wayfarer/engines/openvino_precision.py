@@ -1,10 +1,10 @@
 """What OpenVINO computes in bfloat16: hidden layers of the networks, never coordinates.
 
-A metre is known to 4 mm in bfloat16, 20 m to 8 cm. OpenVINO's own hint for bfloat16 is for all of
-a network, and its marks against that are lost in its transformations; so the types are written
-into the network, whose hint stays float32: products with weights, and what works on their rows
-(activations, gates), are in bfloat16. Hidden layers are told from coordinates by their width: a
-multiple of 128, which neither 201 nor 135 is.
+In bfloat16 a metre is exact to 4 mm, 20 m to 8 cm. OpenVINO's own hint for bfloat16 is for all of
+a network, and its marks for exceptions get lost in its transformations. Therefore the types are
+written into the network, and the hint stays float32: products with weights and the operations on
+their rows (activations, gates) are in bfloat16. The width tells hidden layers from coordinates: it
+is a multiple of 128, which 201 and 135 are not.
 """
 
 from typing import TYPE_CHECKING, Final

@@ -24,7 +24,7 @@ LEAST: Final = 8
 
 
 class RowPartitioner:
-    """So many threads; a single one is the caller's own."""
+    """`threads` threads; with one, the caller's own thread does the work."""
 
     def __init__(self, threads: int) -> None:
         """0: one per core that the process may use."""

@@ -19,7 +19,7 @@ class WarmEngine(Engine, Protocol):
     to_compile: tuple[int, ...]  # sizes whose first call takes a second; others are made of them
 
     def sizes_for(self, agents: int) -> tuple[int, ...]:
-        """Those of a server of so many agents at most: up to the first that holds them all."""
+        """Batch sizes that up to `agents` need: up to the first size that holds them all."""
         enough = next((s for s in self.batch_sizes if s >= agents), self.batch_sizes[-1])
         return tuple(size for size in self.batch_sizes if size <= enough)
 
@@ -31,7 +31,7 @@ class WarmEngine(Engine, Protocol):
     ) -> None:
         """Run every size once, largest first, so that no later call has to allocate or compile.
 
-        `done(agents, candidates, seconds)` is told of each call; to compile does not count.
+        `done(agents, candidates, seconds)` is called after each; compiling does not count.
         """
         for count in sorted(set(candidates), reverse=True):
             for size in sorted(set(batch_sizes), reverse=True):

@@ -32,7 +32,7 @@ class ResidualBlock(nn.Module):
 
 
 class Gates(NamedTuple):
-    """What the gates of a recurrent unit are given besides frame and state; [H] or [N, H]."""
+    """Further input of a recurrent unit's gates, beside frame and state; [H] or [N, H]."""
 
     reset: Tensor
     update: Tensor

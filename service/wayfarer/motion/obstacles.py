@@ -18,7 +18,7 @@ MARGIN = 0.1
 """Metres that a marker should keep from an obstacle."""
 
 EVERY = 4
-"""Every so many-th new frame is looked at: a body walks a tenth of a metre between them."""
+"""Stride over the new frames: a body walks a tenth of a metre between two of them."""
 
 LEAST = 1e-6
 

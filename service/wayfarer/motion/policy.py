@@ -3,7 +3,7 @@
 An actor and a critic over one recurrent encoder. The state is that of Eq. 3: the markers of the
 seed and, for each, the direction to the goal.
 
-Deviations from the paper, and why: the networks are also told how far the goal is, the wished
+Deviations from the paper, and why: the networks also get the distance to the goal, the wished
 speed, the wished facing and the weights of the quality terms, so that one policy walks, strolls,
 stops, stands and turns, and can be asked for any of them at any step.
 """
@@ -23,7 +23,7 @@ LOG_STD = (-2.0, 0.5)
 """Limits of log σ: from nearly certain to a little wider than the prior."""
 
 FAR = 2.0
-"""Metres: distances are told as d / (d + FAR), which tells near ones apart and levels off."""
+"""Metres: distances are encoded as d / (d + FAR), which resolves near ones and levels off."""
 
 
 class Condition(NamedTuple):

@@ -1,8 +1,8 @@
 """Algebra of many poses at once, *poses last*: every array ends in [..., F, A], frames and agents.
 
-A rotation is [3, 3, ..., F, A]: rows, columns. So each number of a rotation is one long row over
-all poses, sums run over leading axes, and neither a CPU nor an exporter meets a product of
-3 × 3 matrices, of which a step would need tens of thousands. Differentiable, exportable.
+A rotation is [3, 3, ..., F, A]: rows, columns. Each number of a rotation is then one long row over
+all poses, and sums run over leading axes: a step needs tens of thousands of 3 × 3 products, which
+CPUs and exporters handle badly as matrices. Differentiable, exportable.
 """
 
 import torch

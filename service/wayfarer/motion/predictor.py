@@ -4,9 +4,9 @@ Condition: the motion seed X (1 or 2 frames). Encoder (training only): q(Z | X, 
 future frames Y from X and z, frame by frame, each the last one plus a predicted change.
 
 Deviation from the paper: the prior is learned, p(Z | X) = N(μ(X), σ(X)) (as in HuMoR), because a
-posterior that a weak KL term leaves free is not distributed as N(0, I). Latents are counted from
-it: a latent z of this module stands for μ(X) + σ(X) ⊙ z, so that whoever draws z ~ N(0, I) draws
-from the learned prior, and KL(· ‖ N(0, I)) is the divergence from it.
+posterior that a weak KL term leaves free is not distributed as N(0, I). Latents are relative to it:
+a latent z of this module stands for μ(X) + σ(X) ⊙ z. A draw z ~ N(0, I) is then a draw from the
+learned prior, and KL(· ‖ N(0, I)) is the divergence from it.
 """
 
 from typing import NamedTuple

@@ -42,9 +42,9 @@ GROUNDING = 0.5
 """Share of a primitive's height error that is taken off by its end (not in the paper)."""
 
 EVERY = 2
-"""Every so many-th frame is given to the regressor (not in the paper: there, every one).
+"""Stride of the frames that the regressor gets (in the paper it gets every one).
 
-What lies between is interpolated, which takes a quarter off the step."""
+Frames between are interpolated, which makes the step a quarter cheaper."""
 
 
 class Settled(NamedTuple):
@@ -82,7 +82,7 @@ class PrimitiveStep(nn.Module):
         grounding: float = GROUNDING,
         every: int = EVERY,
     ) -> None:
-        """Without a policy, latents come from the prior N(0, I) whatever the step is told."""
+        """Without a policy, latents come from the prior N(0, I) whatever the condition is."""
         super().__init__()
         self.predictor = predictor
         self.regressor = regressor
@@ -197,7 +197,7 @@ class PrimitiveStep(nn.Module):
         return self.sites.left_sole + self.sites.right_sole
 
     def _ground(self, soles: Tensor) -> Tensor:
-        """By how much [A, F] to raise frames so that the lowest sole [A, F, 8, 3] meets the floor.
+        """Metres [A, F] to raise frames by so that the lowest sole [A, F, 8, 3] meets the floor.
 
         It grows from nothing at the seam, and the next seed carries it on, so nothing jumps; over
         a few primitives a body can neither sink nor float. Within 0.2 s even a runner touches down.
@@ -256,7 +256,7 @@ class PrimitiveStep(nn.Module):
 
 
 def _chosen(candidates: Tensor, choice: Tensor) -> Tensor:
-    """Of candidates [A, K, ...] each row's choice: one plain gather."""
+    """The chosen candidate of each row of [A, K, ...], in one gather."""
     agents, count = candidates.shape[:2]
     rows = torch.arange(agents, device=choice.device) * count + choice
     return candidates.flatten(0, 1).index_select(0, rows)

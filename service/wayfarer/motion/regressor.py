@@ -124,7 +124,7 @@ class BodyRegressor(nn.Module):
 
 
 def _unpack(state: Tensor, agents: int) -> Pose:
-    """From rows [A · F, 135]: the hips' place from the markers' centre, then 6D by number."""
+    """Rows [A · F, 135]: the hips' place relative to the markers' centre, then 6D numbers."""
     numbers = to_columns(state.unflatten(0, (agents, -1))).transpose(0, 1)
     return Pose(numbers[:3], from_6d(numbers[3:].unflatten(0, (6, POSED_JOINTS))))
 

@@ -1,4 +1,4 @@
-"""From ground to a navigation mesh for one radius, and its repair where obstacles change."""
+"""Makes the navigation mesh of a ground for one radius, and repairs it where obstacles change."""
 
 from collections.abc import Sequence
 from math import cos, pi

@@ -41,13 +41,13 @@ RADIUS: Final = (0.05, 5.0)
 STEP_HEIGHT: Final = (0.0, 1.0)
 SLOPE_DEG: Final = (0.0, 60.0)
 HEIGHT: Final = (0.5, 5.0)
-"""Of those who walk: metres and degrees."""
+"""Checks of a `Walkable`, metres and degrees. Raises InvalidArgument."""
 
 UNIT: Final = (1e-4, 1e3)
 """Metres per unit of a mesh."""
 
 REASON: Final = re.compile(r"(.+)\[(\S+) (\S+)\]")
-"""Of an outline that is not simple, as shapely gives it: what, and where."""
+"""Why and where an outline is not simple, from shapely's explanation."""
 
 
 def check_spec(spec: SceneSpec) -> None:

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from wayfarer.navigation.spec import Box, Cylinder, Floor, Point2, Ramp, Ring, SceneSpec, Solid
+from wayfarer.navigation.spec import Box, Cylinder, Floor, Ramp, Ring, SceneSpec, Solid
 
 
 def rectangle(x0: float, y0: float, x1: float, y1: float) -> Ring:
@@ -125,13 +125,4 @@ EXAMPLES: Final[Mapping[str, Callable[[], SceneSpec]]] = {
     "slope_with_steps": slope_with_steps,
     "two_storeys": two_storeys,
 }
-"""By name, for listings."""
-
-FAR_APART: Final[Mapping[str, tuple[Point2, Point2]]] = {
-    "cubes_field": ((1.0, 1.0), (19.0, 19.0)),
-    "town_square": ((-18.0, 18.0), (18.0, -18.0)),
-    "corridor": ((3.0, 3.5), (21.0, -3.5)),
-    "slope_with_steps": ((10.0, 1.0), (10.0, 19.0)),
-    "two_storeys": ((1.0, 7.0), (11.0, 7.0)),
-}
-"""A start and a goal in each that make an agent see most of it."""
+"""Makers of the example scenes, by name."""

@@ -42,7 +42,7 @@ class NavMesh:
         return self.tree.query(area, "intersects")
 
     def closest(self, point: tuple[float, float], among: Ints) -> tuple[int, tuple[float, float]]:
-        """Of some triangles, none of which holds the point: the nearest, and its nearest point."""
+        """The nearest of some triangles that do not hold the point, and its nearest point."""
         a = self.corners[among]
         d = np.roll(a, -1, 1) - a
         share = ((point - a) * d).sum(-1) / np.maximum((d * d).sum(-1), 1e-12)

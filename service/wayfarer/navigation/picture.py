@@ -22,7 +22,7 @@ _OUTSIDE, _GROUND, _OBSTACLE = (84, 92, 104), (214, 219, 226), (196, 122, 60)
 _LOW, _HIGH = np.array([196.0, 224, 205]), np.array([92.0, 160, 120])
 _INKS: Final = ("#2a6fb0", "#d1495b", "#7048b0", "#b06a00", "#0a7d7d")
 _SMOOTH: Final = 2
-"""Paths are drawn so many times larger, and scaled down."""
+"""Paths are drawn at this multiple of the size, then scaled down."""
 
 
 def top_view(scene: Scene, paths: Sequence[Path] = (), pixels: int = 800) -> bytes:

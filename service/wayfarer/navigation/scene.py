@@ -43,7 +43,7 @@ class Scene:
 
     spec: SceneSpec
     content_hash: str
-    """Of the spec: equal specs, equal scenes (at version 0)."""
+    """Hash of the spec: equal specs make equal scenes (at version 0)."""
     version: int
     """0 as baked; one more with every `put` and `remove`."""
     ground: Ground

@@ -8,9 +8,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, Final, Literal, TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
 Point2: TypeAlias = tuple[float, float]
 Point3: TypeAlias = tuple[float, float, float]
 Ring: TypeAlias = tuple[Point2, ...]
@@ -111,7 +108,7 @@ class MeshFile:
 
 @dataclass(frozen=True, slots=True)
 class Walkable:
-    """Who walks here. One bake serves one radius."""
+    """The walkers that a scene is baked for. One bake serves one radius."""
 
     radius: float = 0.3
     """Metres between the middle of an agent and whatever it must not touch."""
@@ -159,11 +156,3 @@ def _parts(value: Any) -> Iterator[bytes]:
         yield value
     else:
         yield repr(float(value) if isinstance(value, int | float) else value).encode()
-
-
-@dataclass(frozen=True, slots=True)
-class Triangles:
-    """A mesh in world space: vertices [V, 3] float64, faces [T, 3] int64."""
-
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int64]

@@ -18,14 +18,14 @@ AT_ONCE = 256
 
 
 def post(loop: asyncio.AbstractEventLoop, call: Callable[..., Any], *args: Any) -> None:
-    """Let `loop` make a call soon; nothing happens when it is closed: nobody is there."""
+    """Let `loop` make a call soon; a closed loop has no waiters, and nothing happens."""
     with contextlib.suppress(RuntimeError):
         loop.call_soon_threadsafe(call, *args)
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A call to be made on the motion thread, and who waits for what it returns."""
+    """A call to be made on the motion thread, and the future that gets its result."""
 
     call: Callable[[], Any]
     loop: asyncio.AbstractEventLoop
@@ -50,7 +50,7 @@ class Command:
 
 
 class Inbox:
-    """Bounded; closed until the motion thread opens it, and for good when that ends."""
+    """Bounded; closed until the motion thread opens it, and again when that thread ends."""
 
     def __init__(self, size: int) -> None:
         self._queue: queue.Queue[Command | None] = queue.Queue(size)

@@ -41,7 +41,7 @@ WAIT: Final = 60.0
 """Seconds between two looks whether the session still lives, when nobody asks anything."""
 
 HAIR: Final = 2e-4
-"""Seconds before the next primitive at which calls find the world: who enters begins with it."""
+"""Seconds before the next primitive at which calls see the world: new agents start with it."""
 
 
 class LockStep:

@@ -31,7 +31,7 @@ class MetricsSink(Protocol):
         ...
 
     def chunks(self, lateness: Seconds) -> None:
-        """Chunks left together, each so long after its scheduled time (below 0: before it)."""
+        """Chunks left together; seconds of each after its scheduled time (below 0: before it)."""
         ...
 
     def queue(self, seconds: float) -> None:
@@ -39,7 +39,7 @@ class MetricsSink(Protocol):
         ...
 
     def drops(self, policy: SlowReader, publications: int) -> None:
-        """Publications were lost to a subscriber who was too slow."""
+        """Publications were dropped for a subscriber that was too slow."""
         ...
 
     def resume(self, result: ResumeResult) -> None:
@@ -47,7 +47,7 @@ class MetricsSink(Protocol):
         ...
 
     def goal_to_motion(self, seconds: float) -> None:
-        """From a goal's command to the scheduled time of the first chunk planned for it."""
+        """Seconds from a goal command to the scheduled time of the first chunk planned for it."""
         ...
 
     def refusal(self, command: str) -> None:
@@ -55,7 +55,7 @@ class MetricsSink(Protocol):
         ...
 
     def journal(self, entries: int, failed: bool) -> None:
-        """The journal has written so many entries in one transaction, or none for an error."""
+        """The journal wrote `entries` in one transaction, or failed to."""
         ...
 
 

@@ -275,7 +275,7 @@ class MotionService:
             raise AlreadyExists(f"session {session_id!r} exists already")
 
     def _wake(self, warm_up: Callable[[World], None]) -> None:
-        """On the motion thread, before its first turn: warm up, then go on with what was kept."""
+        """Warm up, then restore the journal. Runs on the motion thread, before its first turn."""
         warm_up(self._world)
         self._persistence.restore_scenes(self._worlds.scenes)
         self._persistence.restore(self._adopt)

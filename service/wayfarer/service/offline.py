@@ -29,7 +29,7 @@ _END: Final = object()
 
 
 class Offline:
-    """So many jobs at a time, and no more."""
+    """Runs at most `jobs` jobs at a time."""
 
     def __init__(self, jobs: int, patience: float = PATIENCE) -> None:
         self._jobs = jobs
@@ -127,7 +127,7 @@ class _Job(Generic[T]):
         self._executor.shutdown(wait=False)
 
     def _next(self) -> T | object:
-        """On the thread. Its place is free before the reader hears of the end, or of an error."""
+        """Runs on the thread. Frees its place before the reader gets the end or an error."""
         item: T | object = _END
         try:
             if self._items is None:

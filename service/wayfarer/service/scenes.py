@@ -106,7 +106,7 @@ class SceneService:
         )
 
     async def scene_outlines(self, scene_id: str) -> Outlines:
-        """To draw it. Raises NotFound."""
+        """Outlines for drawing it. Raises NotFound."""
         scene = self._book.scene(scene_id)
         return await self._work(lambda: outlines(scene))
 

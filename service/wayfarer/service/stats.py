@@ -71,7 +71,7 @@ class ThreadFigures:
         self._lateness = Window()  # of the latest chunk of each turn
 
     def stepped(self, now: float, seconds: float, agents: int) -> None:
-        """An engine call took so long, for so many agents."""
+        """An engine call for `agents` agents took `seconds`."""
         self._steps += agents
         self._step_seconds.add(now, seconds)
         self._meter.step(seconds, agents)

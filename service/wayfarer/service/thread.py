@@ -106,7 +106,7 @@ class MotionThread:
         return self._phase is Phase.RUNNING and not hung
 
     def stats(self) -> LoopStats:
-        """To be called on the thread."""
+        """Must be called on the thread."""
         now, world = self._clock(), self._world
         open_ = list(self._publisher.open())
         return LoopStats(

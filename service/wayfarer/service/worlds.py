@@ -37,7 +37,7 @@ class Worlds:
     start_poses: NDArray[np.float32]  # [P, 22, 4]
     settings: WorldSettings  # of the world in real time
     journal: Journal | None = None
-    bakery: BakeQueue | None = None  # a process that bakes scenes; None: who asks for one bakes it
+    bakery: BakeQueue | None = None  # a process that bakes scenes; None: the caller's thread does
 
     @cached_property
     def scenes(self) -> SceneRegistry:
@@ -56,7 +56,7 @@ class Worlds:
             self.bakery.stop()
 
     def live(self) -> World:
-        """In real time."""
+        """A world in real time."""
         return self._kept(self.settings)
 
     def lock_step(self) -> World:

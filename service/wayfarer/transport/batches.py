@@ -22,7 +22,7 @@ from wayfarer.world.events import Event, EventKind
 STATE_NUMBERS: Final = np.array(
     [agent_pb2.AgentState.Value(f"AGENT_STATE_{state.name}") for state in STATES]
 )
-"""On the wire, of each state in the order of STATES."""
+"""Enum value on the wire of each state, in the order of STATES."""
 
 KINDS: Final = {kind: f"EVENT_KIND_{kind.name}" for kind in EventKind}
 
@@ -40,7 +40,7 @@ class BatchWriter:
     def header(
         self, session_id: str = "", resume_s: float = 0.0, resumed: bool = False
     ) -> motion_pb2.StreamHeader:
-        """What holds for all that follows."""
+        """The header of a stream."""
         return motion_pb2.StreamHeader(
             server_version=__version__,
             session_id=session_id,

@@ -11,7 +11,7 @@ from wayfarer.spec import BETAS
 
 @dataclass(frozen=True)
 class BodyLibrary:
-    """By the name of the body model, e.g. "anny52"."""
+    """`name` of the body model, e.g. "anny52"."""
 
     name: str
 

@@ -1,4 +1,4 @@
-"""Who calls: made by auth/ from credentials, checked by the gateway once per call."""
+"""The caller of a call: made by auth/ from credentials, checked by the gateway once per call."""
 
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -56,7 +56,7 @@ _present: ContextVar[Caller] = ContextVar("caller", default=LOCAL)
 
 
 def present_caller() -> Caller:
-    """Who made the call that is being handled; LOCAL where nobody was authenticated."""
+    """The caller of the call being handled; LOCAL where nobody was authenticated."""
     return _present.get()
 
 

@@ -1,5 +1,5 @@
-"""HTTP connections as uvicorn sees them, with what it lacks: an end to slow requests, a bound on
-their number and on their heads, and the name in the client's certificate.
+"""HTTP connections of uvicorn with what it does not have: a timeout of slow requests, bounds on
+their number and their heads, and the name in the client's certificate.
 """
 
 import asyncio
@@ -13,16 +13,16 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 REQUEST_S: Final = 20.0
-"""A whole request must have come in within so long of its first byte, or of the connection."""
+"""Seconds from its first byte, or from connecting, within which a whole request must come in."""
 
 HEAD_BYTES: Final = 32 * 1024
-"""Of the head of a request: its first line and its headers."""
+"""Bytes of the head of a request: its first line and its headers."""
 
 NO_TEXT: Final = 1007
 """WebSocket close code of a text that is not UTF-8 (RFC 6455, 8.1)."""
 
 SEPARATORS: Final = len(b": \r\n")
-"""Of a line of the head, about."""
+"""Approximate bytes of a line of the head."""
 
 CERTIFICATE: Final = "certificate"
 """Key of the scope's `state`: common name of the client's verified certificate."""
@@ -176,7 +176,7 @@ def _named(app: Any, transport: asyncio.BaseTransport) -> ASGIApp:
 
 
 def common_name(certificate: dict[str, Any] | None) -> str:
-    """Of a certificate as `ssl.SSLSocket.getpeercert` gives it; empty when there is none."""
+    """Common name of a certificate from `ssl.SSLSocket.getpeercert`; empty when it has none."""
     for part in (certificate or {}).get("subject", ()):
         for key, value in part:
             if key == "commonName":

@@ -118,7 +118,7 @@ def agent(info: runtime.AgentInfo, basis: Basis, bodies: BodyLibrary) -> schema.
         state=info.state,
         position=vector(axes.points_to_wire(np.array(info.position, dtype=float))),
         heading=axes.heading_to_wire(info.heading),
-        goal=info.goal and schema.Goal(**on_wire(schema.Goal, info.goal, axes)),
+        goal=None if info.goal is None else goal_message(info.goal, axes),
         goal_revision=info.goal_revision,
         created_at_us=microseconds(info.created_at),
         rest_offsets=rest_offsets(bodies, spec.gender, spec.betas, basis),
@@ -138,6 +138,11 @@ def drawn_seed(session_seed: int, number: int) -> int:
 def goal(wish: schema.Goal, basis: Basis) -> runtime.Goal:
     """The goal in world space; what is absent takes the runtime's default."""
     return runtime.Goal(**in_world(wish, basis.axes))
+
+
+def goal_message(found: runtime.Goal, axes: Axes) -> schema.Goal:
+    """A goal as its client sees it."""
+    return schema.Goal(**on_wire(schema.Goal, found, axes))
 
 
 def agent_change(wish: schema.AgentUpdate) -> runtime.AgentChange:

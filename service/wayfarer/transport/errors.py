@@ -81,23 +81,23 @@ INTERNAL: Final = Code(grpc.StatusCode.INTERNAL, HTTPStatus.INTERNAL_SERVER_ERRO
 TOO_LARGE: Final = Code(
     grpc.StatusCode.RESOURCE_EXHAUSTED, HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "Request too large"
 )
-"""Told by the servers themselves, before a request is read; gRPC does so without details."""
+"""Sent by the servers themselves, before a request is read; gRPC sends it without details."""
 
 COMPRESSED: Final = Code(
     grpc.StatusCode.UNIMPLEMENTED, HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "Unsupported media type"
 )
-"""Likewise, of a compressed request; gRPC unpacks what it knows, within its bounds."""
+"""Likewise for a compressed request; gRPC unpacks the codings it knows, within its bounds."""
 
 
 MOST_VIOLATIONS: Final = 16
-"""Told of one request."""
+"""Most violations that the error of one request names."""
 
 
 class InvalidRequest(errors.InvalidArgument):
     """Several fields of a request are wrong; `violations` are (field, what is wrong)."""
 
     def __init__(self, violations: list[tuple[str, str]]) -> None:
-        """Of many violations the first are told."""
+        """Of many violations only the first are kept."""
         told = violations[:MOST_VIOLATIONS]
         text = "; ".join(f"{field}: {what}" if field else what for field, what in told)
         if more := len(violations) - len(told):
@@ -238,6 +238,6 @@ def close_code(error: BaseException) -> int:
 
 
 def log_unexpected(log: Any, error: BaseException, where: str) -> None:
-    """Write down, with its trace, an error that nobody raised on purpose."""
+    """Log an error that was not raised on purpose, with its trace."""
     if code_of(error) is INTERNAL:
         log.error("request failed", where=where, exc_info=error)

@@ -1,8 +1,8 @@
 """The requests of GoalService, which arrive by gRPC and over Control."""
 
 from wayfarer.transport import schema, wire
-from wayfarer.transport.goal_convert import Wish
 from wayfarer.transport.gateway.goals import GoalApi
+from wayfarer.transport.goal_convert import Wish
 from wayfarer.v1 import goal_pb2
 
 GoalRequest = (

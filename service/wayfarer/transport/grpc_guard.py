@@ -161,7 +161,7 @@ def _codec(handler: Any) -> tuple[Any, Any]:
 
 
 def address(peer: str) -> str:
-    """Of a peer as gRPC names it: without port; "ipv4:10.0.0.1:4711" → "10.0.0.1"."""
+    """The address of a peer without port; "ipv4:10.0.0.1:4711" → "10.0.0.1"."""
     kind, _, rest = unquote(peer).partition(":")
     return rest.rpartition(":")[0] if kind in ("ipv4", "ipv6") else rest
 
@@ -176,7 +176,7 @@ def _headers(context: Any) -> Headers:
 
 
 def origin_of(headers: Headers, context: Any) -> Origin:
-    """Who is at the other end; of a call that the front of the server relays, as it says."""
+    """The origin of a call; for a relayed call, the one that the front of the server names."""
     peer = context.peer()
     if peer.startswith("unix:"):  # bound only where there is a front
         return Origin.read(headers)

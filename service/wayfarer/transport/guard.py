@@ -1,4 +1,4 @@
-"""What every call passes first, on both transports: who makes it, how often, its name in logs."""
+"""The first checks of every call, on both transports: caller, rate, and its name in logs."""
 
 import secrets
 from dataclasses import dataclass, field
@@ -26,7 +26,7 @@ class Guard:
     rates: CallRates = field(default_factory=lambda: CallRates(100))
 
     async def authenticate(self, shown: Presented, address: str) -> Caller:
-        """Who calls. `address`: of the other end, without port.
+        """The caller. `address`: of the other end, without port.
 
         Raises Unauthenticated; ResourceExhausted after too many failures; Unavailable.
         """

@@ -36,7 +36,7 @@ PROBLEMS: Final = _described(
 )
 """OpenAPI's description of every error answer."""
 
-# The machine's own table may lack these, or have them wrong.
+# The machine's own table may miss these, or have them wrong.
 for suffix, kind in ((".js", "text/javascript"), (".glb", "model/gltf-binary")):
     mimetypes.add_type(kind, suffix)
 

@@ -37,7 +37,7 @@ PAGE_POLICY: Final = (
 """Content-Security-Policy of the viewer and of /docs: nothing comes from elsewhere."""
 
 HOST_SHOWN: Final = 64
-"""Characters of a Host header that are told again."""
+"""Characters of a Host header that an error repeats."""
 
 REASON_BYTES: Final = 123
 """RFC 6455, 5.5: a control frame has 125 bytes, two of them the code."""
@@ -113,8 +113,8 @@ class HttpGuard:
 
 
 def check_page(scope: Scope, headers: Mapping[str, str], origins: Origins) -> None:
-    """A page elsewhere may neither read a socket nor change anything; what else it may read is
-    CORS's business. Raises PermissionDenied.
+    """Refuse pages of other origins that open a socket or change something; CORS decides on
+    reads. Raises PermissionDenied.
     """
     host = headers.get("host", "")
     if not origins.is_name(host) and not _is_health(scope["path"]):
@@ -174,7 +174,7 @@ def _socket_token(scope: Scope) -> str:
 
 
 def _is_health(path: str) -> bool:
-    """Probes call by whatever name they have, and are told nothing else."""
+    """Probes may call under any host name: they learn nothing but the health."""
     return path.startswith("/v1/health/")
 
 
@@ -199,7 +199,7 @@ async def _refuse(error: WayfarerError, scope: Scope, receive: Receive, send: Se
         response.headers["cache-control"] = "no-store"
         await response(scope, receive, send)
         return
-    # Accepted first: a page is told the code and the reason of no other closing.
+    # Accepted first: browsers hide code and reason from a page otherwise.
     await receive()
     await send({"type": "websocket.accept"})
     reason = errors.message_of(error).encode()[:REASON_BYTES].decode(errors="ignore")

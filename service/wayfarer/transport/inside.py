@@ -17,7 +17,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from wayfarer.transport.connection import CERTIFICATE
 
 PREFIX: Final = "x-wayfarer-"
-"""Of headers that the front alone may set; it takes them out of what clients send."""
+"""Prefix of headers that only the front may set; it removes them from clients' requests."""
 
 _ADDRESS: Final = PREFIX + "address"
 _CERTIFICATE: Final = PREFIX + "certificate"
@@ -47,18 +47,18 @@ class Inside:
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Whom the front relays for."""
+    """The client for which the front relays."""
 
     address: str  # without port
     certificate: str = ""  # common name of a verified client certificate
 
     @classmethod
     def read(cls, headers: Mapping[str, str]) -> "Origin":
-        """As the front has told it."""
+        """Read it from the headers that the front sets."""
         return cls(unquote(headers.get(_ADDRESS, "")), unquote(headers.get(_CERTIFICATE, "")))
 
     def headers(self) -> dict[str, str]:
-        """To tell it."""
+        """The headers that carry it."""
         return {_ADDRESS: quote(self.address), _CERTIFICATE: quote(self.certificate)}
 
 

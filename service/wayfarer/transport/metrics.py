@@ -46,7 +46,7 @@ class Metrics:
     """All metrics. Implements the runtime's `MetricsSink`."""
 
     def __init__(self, traced: Callable[[int, float], None] | None = None) -> None:
-        """`traced` is told about every engine call, too: agents, seconds."""
+        """`traced` gets every engine call, too: agents, seconds."""
         self.registry = registry = CollectorRegistry()
         self._traced = traced
         ProcessCollector(registry=registry)
@@ -172,7 +172,7 @@ class Metrics:
 
 
 class _Stand(Collector):
-    """What the loop says of itself when it is asked."""
+    """The loop's own figures, read when metrics are collected."""
 
     def __init__(self) -> None:
         self.stats: LoopStats | None = None

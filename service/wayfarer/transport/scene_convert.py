@@ -17,7 +17,7 @@ from wayfarer.transport.units import in_world, place, vector
 from wayfarer.world.scenes import messages as runtime
 
 DECIMALS = 4
-"""Of the numbers that are there to be drawn."""
+"""Decimals of coordinates that are meant for drawing."""
 
 Array = NDArray[np.floating[Any]]
 Shape = schema.Box | schema.Cylinder | schema.Prism | schema.Ramp

@@ -33,7 +33,7 @@ from wayfarer.transport.ports import bind, http_url
 log = structlog.get_logger(__name__)
 
 WATCH_S: Final = 0.25
-"""Between looks at the health of the runtime."""
+"""Seconds between checks of the runtime's health."""
 
 
 class HttpServer(uvicorn.Server):
@@ -42,7 +42,7 @@ class HttpServer(uvicorn.Server):
     def __init__(
         self, app: ASGIApp, limits: Limits, operation: Operation, inside: Path | None = None
     ) -> None:
-        """On the sockets that `serve` is given, or on the one `inside`, which has no TLS."""
+        """HTTP on the sockets that `serve` gets, or on the socket `inside`, which has no TLS."""
         tls = operation.tls if inside is None else None
         super().__init__(
             uvicorn.Config(

@@ -53,7 +53,7 @@ class MotionStream:
         self._token = ""  # of what has been sent
         self._known: dict[int, str] = {}  # agents introduced, by alias
         self._gone = set(gone)  # aliases deleted: late chunks of theirs are dropped
-        self._removed = list(gone)  # deleted and not yet told
+        self._removed = list(gone)  # deleted and not yet reported
 
     def remove(self, alias: int) -> None:
         """Tell the reader, with the next message, that an agent was deleted."""
@@ -62,7 +62,7 @@ class MotionStream:
             self._removed.append(alias)
 
     def end(self, error: WayfarerError) -> bool:
-        """Let it end with `error`; False when it had been told to end before."""
+        """End it with `error`; False when it was ending already."""
         if self._error is not None:
             return False
         self._error = error
@@ -128,7 +128,7 @@ class MotionStream:
             raise self._error
 
     def _aliased(self, event: Event) -> Event:
-        """Of someone who has left by himself the runtime knows no more than the id."""
+        """The event with its alias: the runtime knows only the id of an agent that has left."""
         if event.kind is not EventKind.AGENT_LEFT:
             return event
         return replace(event, alias=self._alias(event.agent_id))
@@ -138,7 +138,7 @@ class MotionStream:
             self.remove(alias)
 
     def _alias(self, agent_id: str) -> int:
-        """Of an agent that has been introduced, and else 0."""
+        """The alias of an agent that has been introduced; else 0."""
         return next((alias for alias, name in self._known.items() if name == agent_id), 0)
 
     def _publications(self) -> AsyncGenerator[Publication | None]:
@@ -157,12 +157,12 @@ class MotionStream:
         return Event(EventKind.DRAINING, self._clock(), detail=SHUTDOWN)
 
     def _progress(self, published: Publication, events: int | None) -> str:
-        """The resume token of a publication of which so many events have been sent; None: all."""
+        """The resume token after `events` events of a publication; None: after all of it."""
         position = published.position
         return Progress(self._subscription.epoch, position, events, self._followed).token()
 
     def _fresh(self, published: Publication) -> tuple[MotionChunks, list[tuple[str, Event]]]:
-        """What the reader has not yet had of a publication; each event with its resume token."""
+        """The part of a publication that is new to the reader; each event with its resume token."""
         epoch, last = self._subscription.epoch, len(published.events)
         events = [
             (self._progress(published, None if i == last else i), event)

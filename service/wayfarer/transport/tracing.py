@@ -104,5 +104,5 @@ class OtlpTracing:
 
 
 def tracing(endpoint: str) -> Tracing:
-    """To an OTLP endpoint; none when that is empty."""
+    """A tracer that exports to an OTLP endpoint; None when that is empty."""
     return OtlpTracing(endpoint) if endpoint else NoTracing()

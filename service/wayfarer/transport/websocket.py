@@ -25,7 +25,7 @@ from wayfarer.v1 import control_pb2
 log = structlog.get_logger(__name__)
 
 STALL_S: Final = 30.0
-"""A reader that takes nothing for so long is left. It may resume."""
+"""Seconds after which a reader that takes nothing is disconnected. It may resume."""
 
 REASON_BYTES: Final = 123
 """RFC 6455, 5.5: a control frame has 125 bytes, two of them the code."""

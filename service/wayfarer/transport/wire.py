@@ -14,7 +14,7 @@ from wayfarer.transport.errors import invalid_request
 from wayfarer.v1 import common_pb2
 
 MOST_ITEMS: Final = 2048
-"""Of a list in a request; no schema allows more."""
+"""Most items of a list in a request; no schema allows more."""
 
 VECTOR: Final = common_pb2.Vector3.DESCRIPTOR
 
@@ -25,7 +25,7 @@ Proto = TypeVar("Proto", bound=ProtoMessage)
 def parse(twin: type[Twin], message: ProtoMessage, field: str = "") -> Twin:
     """The schema twin of a protobuf message, itself the `field` of a request.
 
-    Fields of the message that the twin lacks are left out. Raises InvalidArgument.
+    Fields that the twin does not have are left out. Raises InvalidArgument.
     """
     found = values(message, field)
     try:

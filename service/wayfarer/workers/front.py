@@ -1,8 +1,8 @@
 """The public ports of a server with several workers.
 
 Everything works through them: a call on a session goes to its worker, a new session to the least
-loaded one, what concerns all is asked of all. Who calls, and what they may do, is the workers'
-business: they are told what the caller has shown.
+loaded one, and calls that concern all workers go to all. The workers authenticate and authorise:
+the front passes the caller's credentials on.
 """
 
 import asyncio
@@ -32,10 +32,10 @@ from wayfarer.workers.supervisor import Supervisor
 
 METHODS: Final = ["GET", "HEAD", "OPTIONS", "POST", "PUT", "PATCH", "DELETE"]
 WATCH_S: Final = 0.1
-"""Between looks at the workers' health."""
+"""Seconds between checks of the workers' health."""
 
 METRICS_S: Final = 2.0
-"""A worker that is asked for its metrics has so long to tell them."""
+"""Timeout of a request for a worker's metrics."""
 
 
 class Front:
@@ -54,7 +54,7 @@ class Front:
         Raises Unavailable when a port is taken.
         """
         host, tls = settings.host, operation.tls
-        # what each worker may have, all may have here
+        # the limit of each worker, summed
         limits = settings.limits.model_copy(
             update={"streams": settings.limits.streams * len(doors)}
         )

@@ -30,7 +30,7 @@ OPTIONS: Final = [
 ]
 
 FIRST_S: Final = 30.0
-"""A call says within so long what it wants."""
+"""Seconds until the first message of a call must have come."""
 
 DETAILS: Final = "grpc-status-details-bin"
 
@@ -99,9 +99,9 @@ class GrpcRelay(grpc.GenericRpcHandler):
 
 
 async def _first(requests: AsyncIterator[bytes]) -> bytes | None:
-    """What the call begins with; None when nothing comes. Raises InvalidArgument when it tarries.
+    """The first message; None when none comes. Raises InvalidArgument when it takes too long.
 
-    Until then nobody knows who calls.
+    Until then the caller is not known.
     """
     try:
         async with asyncio.timeout(FIRST_S):

@@ -137,7 +137,7 @@ class Relayed(Pieces):
 
 
 def relayed_headers(scope: Any) -> Headers:
-    """Who the client is."""
+    """The client's identity, for the worker."""
     address = scope["client"][0] if scope.get("client") else ""
     origin = Origin(address, scope.get("state", {}).get(CERTIFICATE, ""))
     return [(key.encode(), value.encode()) for key, value in origin.headers().items()]

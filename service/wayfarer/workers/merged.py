@@ -17,7 +17,7 @@ LISTED: Final = ("sessions", "scenes")
 
 
 def merged_messages(replies: Sequence[Message]) -> Any:
-    """Of gRPC replies of one type: lists are joined, counts added; the first says all else."""
+    """One reply for gRPC replies of one type: lists joined, counts added, else the first's."""
     first: Any = replies[0]
     for reply in replies[1:]:
         for field in first.DESCRIPTOR.fields:
@@ -33,7 +33,7 @@ def merged_messages(replies: Sequence[Message]) -> Any:
 
 
 def merged_json(replies: Sequence[Any]) -> Any:
-    """Of HTTP's documents: the same."""
+    """HTTP documents as one, likewise."""
     first = replies[0]
     if not isinstance(first, dict):
         return first
@@ -51,7 +51,7 @@ def merged_json(replies: Sequence[Any]) -> Any:
 
 
 def merged_stats(found: Sequence[schema.Stats]) -> schema.Stats:
-    """Counts are added; of times, shares and rungs the worst is told, of uptimes the shortest."""
+    """Counts added; of times, shares and levels the worst; of uptimes the shortest."""
     merged: dict[str, Any] = {}
     for name in schema.Stats.model_fields:
         values = [getattr(stats, name) for stats in found]

@@ -28,7 +28,7 @@ class Assignment(BaseModel):
 
     @property
     def fleet(self) -> Fleet:
-        """Who else serves."""
+        """The other workers."""
         return Fleet(Shard(self.index, len(self.endpoints)), self.endpoints)
 
     @property
@@ -50,4 +50,4 @@ class Report(BaseModel):
 
 
 DOWN = Report()
-"""Of a worker that does not run."""
+"""The report of a worker that does not run."""

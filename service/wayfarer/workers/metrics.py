@@ -46,7 +46,7 @@ def _of_workers(workers: Iterable[WorkerProcess]) -> Iterator[Metric]:
 
 
 def merged_page(pages: Mapping[int, str], workers: Sequence[WorkerProcess]) -> bytes:
-    """In Prometheus' text format. `pages`: by worker, of those that run."""
+    """All in Prometheus' text format. `pages`: those of the running workers, by number."""
     registry = CollectorRegistry()
     registry.register(_Pages(pages, workers))
     return generate_latest(registry)

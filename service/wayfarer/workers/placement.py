@@ -1,7 +1,7 @@
 """Which worker a session lives in.
 
-The front asks no more than `Placement` of whoever decides, so that another way to decide, over
-many machines, can take its place.
+The front needs no more than `Placement`, so that another way to decide, over many machines, can
+replace this one.
 """
 
 import time
@@ -14,7 +14,7 @@ from wayfarer.shard import shard_of
 from wayfarer.workers.messages import Report
 
 UNSEEN_S: Final = 2.0
-"""A session that was placed so lately may be in no report yet."""
+"""Seconds after which a placed session is in the reports."""
 
 REMEMBERED: Final = 4096
 """Request ids whose worker is known, so that a create sent twice meets its first reply."""
@@ -86,11 +86,11 @@ class LeastLoaded:
         )
 
     def find(self, name: str) -> int:
-        """By the id itself."""
+        """The worker that the id itself names."""
         return shard_of(name, len(self._workers))
 
     def _unseen(self) -> Counter[int]:
-        """Sessions placed lately, by worker."""
+        """Placed sessions that may not be in the reports yet, by worker."""
         while self._placed and self._placed[0][0] < self._clock() - UNSEEN_S:
             self._placed.popleft()
         return Counter(index for _, index in self._placed)

@@ -1,4 +1,4 @@
-"""What each worker is told, and whether the server's folder and machine fit so many."""
+"""The assignment of each worker, and checks that folder and machine fit their number."""
 
 import os
 import socket
@@ -50,7 +50,7 @@ def shares_of(cores: list[int], workers: int) -> list[tuple[int, ...]]:
 
 
 def threads_of(settings: Settings) -> int:
-    """Of a worker's engine, when all have as many as the one with the fewest cores."""
+    """Threads of each worker's engine: the cores of the worker that has the fewest."""
     return settings.threads or len(shares_of(_cores(), settings.workers)[0])
 
 
@@ -58,7 +58,8 @@ def check_platform() -> None:
     """Raises InvalidArgument where workers cannot be had."""
     if sys.platform == "win32":
         raise InvalidArgument(
-            "setting workers: several need Unix sockets, which Windows lacks; set 1", "workers"
+            "setting workers: several need Unix sockets, which Windows has not; set 1",
+            "workers",
         )
 
 

@@ -26,7 +26,7 @@ class Patience:
     silence: float = 10.0  # without a report, or with a motion loop that hangs, and it is killed
     first_pause: float = 0.25  # before it is started again; twice as long each time
     longest_pause: float = 30.0
-    calm: float = 60.0  # of life after which the pauses begin anew
+    calm: float = 60.0  # seconds of life after which the pauses start again at the shortest
 
 
 PATIENCE: Final = Patience()
@@ -55,7 +55,7 @@ class WorkerProcess:
 
     @property
     def pid(self) -> int | None:
-        """Of the process; None while there is none."""
+        """Id of the process; None while there is none."""
         return self._process.pid if self._process else None
 
     async def keep(self) -> None:

@@ -115,7 +115,7 @@ _ADMIN: Final = re.compile(r"/v1/admin/[^/]+")
 
 
 def http_kind(method: str, path: str) -> Kind:
-    """Of a request."""
+    """The kind of an HTTP request."""
     if method == "POST" and _MADE.fullmatch(path):
         return Kind.NEW
     if path.startswith("/v1/scenes/examples"):

@@ -37,7 +37,7 @@ async def serve_workers(
 ) -> None:
     """Run until SIGINT, SIGTERM or AdminService.Drain.
 
-    `announce` is told the HTTP URL and the gRPC address once all workers are ready.
+    `announce` gets the HTTP URL and the gRPC address once all workers are ready.
     """
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()

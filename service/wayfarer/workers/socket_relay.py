@@ -25,7 +25,7 @@ from wayfarer.workers.placement import Placement
 from wayfarer.workers.routes import session_of
 
 OPEN_S: Final = 5.0
-"""A worker on this machine takes a connection within so long."""
+"""Timeout of a connection to a worker on this machine."""
 
 QUEUE: Final = 2
 """Frames that may wait here: what a slow reader leaves shall lie in the worker, which knows what to
@@ -156,7 +156,7 @@ async def _up(socket: WebSocket, upstream: ClientConnection) -> None:
 
 
 async def _refuse(socket: WebSocket, error: WayfarerError) -> None:
-    """Accepted first: a page is told the code and the reason of no other closing."""
+    """Accepted first: browsers hide code and reason from a page otherwise."""
     if socket.application_state is WebSocketState.CONNECTING:
         await socket.accept(_offered(socket))
     reason = str(error).encode()[:REASON_BYTES].decode(errors="ignore")

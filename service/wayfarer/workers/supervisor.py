@@ -12,7 +12,7 @@ from wayfarer.workers.process import WorkerProcess
 log = structlog.get_logger(__name__)
 
 LOOK_S: Final = 0.05
-"""Between looks at whether all are ready."""
+"""Seconds between checks whether all are ready."""
 
 
 class Supervisor:
@@ -44,7 +44,7 @@ class Supervisor:
                 return self._fail()
 
     async def until_one_ends(self) -> None:
-        """Return when a worker has ended of its own will: an admin has drained it."""
+        """Return when a worker has ended by itself: an admin has drained it."""
         await asyncio.wait(self._tasks, return_when=asyncio.FIRST_COMPLETED)
         self._fail()
 
@@ -55,7 +55,7 @@ class Supervisor:
                 worker.signal(signal.SIGHUP)
 
     async def stop(self, seconds: float) -> None:
-        """Let all drain; kill those that have not ended after so long. Safe to call twice."""
+        """Let all drain; kill those that have not ended after `seconds`. Safe to call twice."""
         for worker in self.workers:
             worker.stop()
         if not self._tasks:

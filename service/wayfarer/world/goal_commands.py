@@ -102,7 +102,7 @@ class GoalCommands:
             self._behaviours.feed(self._playback.due(frame))
 
     def restore(self, agent: Agent) -> None:
-        """Write the path of an agent who has been put into the world with it, or with none."""
+        """Write the path of an agent that was put into the world with it, or with none."""
         self._paths.put(agent.slot, agent.path, agent.path_start, agent.passed)
         self._behaviours.resume(agent)
 
@@ -148,7 +148,7 @@ class GoalCommands:
         behaves = agent.behaviour is not None
         self._behaviours.leave(agent)
         self._slots.goal_revision[agent.slot] += 1
-        # Nobody asked for the places that its behaviour has drawn beyond the present one.
+        # The places that its behaviour has drawn beyond the present one are no client's.
         kept = self._trails.so_far(agent) if behaves else self._trails.kept(agent)
         self._trails.write(agent, (*kept, *goals))
 

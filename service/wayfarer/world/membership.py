@@ -19,7 +19,7 @@ from wayfarer.world.stepping.load import Load
 
 
 class Membership:
-    """Who is in a world. `observers` hear of every change."""
+    """The sessions and agents of a world. `observers` get every change."""
 
     def __init__(
         self,

@@ -53,7 +53,7 @@ class WorldObserver(Protocol):
     def planned(
         self, agent_ids: Names, seqs: Index, candidates: int, models: Sequence[str]
     ) -> None:
-        """A chunk of each of these agents was planned with so many candidates; 0: it was held.
+        """A chunk of each of these agents was planned with `candidates` candidates; 0: it was held.
 
         `models` are the stamps of the models that move them. A chunk of the same number that was
         planned before is void.

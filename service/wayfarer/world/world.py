@@ -167,8 +167,8 @@ class World:
     def hold(self, session_id: str, until: float) -> None:
         """Let a session's agents wait: their next frames are shown at `until` or later.
 
-        They are neither planned nor sent before; nothing is lost, and sequence numbers and frames
-        go on. No other session notices. Raises NotFound.
+        They are not planned or sent before; nothing is lost, and sequence numbers and frames go on.
+        Other sessions are not affected. Raises NotFound.
         """
         slots = [agent.slot for agent in self.registry.session(session_id).agents.values()]
         self._playback.hold(np.array(slots, np.int64), self._timeline.frame(until))
@@ -238,7 +238,7 @@ class World:
         return self._info(self.registry.agent(agent_id))
 
     def list_agents(self, session_id: str) -> list[AgentInfo]:
-        """In order of creation. Raises NotFound."""
+        """Agents in order of creation. Raises NotFound."""
         return [self._info(agent) for agent in self.registry.session(session_id).agents.values()]
 
     def session_of(self, agent_id: str) -> str:
@@ -246,7 +246,7 @@ class World:
         return self.registry.agent(agent_id).session_id
 
     def update_agent(self, agent_id: str, change: AgentChange) -> AgentInfo:
-        """From the next chunk that is sent on. Raises NotFound, InvalidArgument."""
+        """Change an agent from the next chunk that is sent on. Raises NotFound, InvalidArgument."""
         agent = self.registry.agent(agent_id)
         check_change(change)
         self._population.change(agent, change)
@@ -364,7 +364,7 @@ class World:
     def next_event(self, planning: bool = True, early: float = 0.0) -> float | None:
         """When the next chunk is to be sent or, unless not asked for, planned; None without any.
 
-        Chunks are sent so many seconds `early`.
+        Chunks are sent `early` seconds early.
         """
         frame = self._playback.next_event(planning, early * FPS)
         return None if frame is None else self._timeline.time(frame)

@@ -10,10 +10,8 @@ import torch
 from wayfarer.errors import ArtifactError
 from wayfarer.marker_bodies import load_marker_bodies
 from wayfarer.motion.policy import GoalPolicy
-from wayfarer.motion.pose_prior import PosePrior
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer.motion.rotation import matrix_from_rotvec
 from wayfarer.stage import DEFAULT_MODEL
 from wayfarer_lab.evaluation.parts import (
     OnnxPolicy,
@@ -27,6 +25,8 @@ from wayfarer_lab.evaluation.parts import (
 from wayfarer_lab.training.graph import Graph
 from wayfarer_lab.training.network_graphs import policy_graph, predictor_graph, regressor_graph
 from wayfarer_lab.training.pose_graphs import pose_encoder_graph
+from wayfarer_lab.training.pose_networks import PosePrior
+from wayfarer_lab.training.rotation import matrix_from_rotvec
 from wayfarer_lab.training.step_graph import body_inputs, step_inputs
 
 

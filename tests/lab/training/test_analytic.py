@@ -9,7 +9,6 @@ from wayfarer.body.skeleton import joint_names
 from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer.motion.rotation import matrix_from_rotvec
 from wayfarer.spec import GENDERS
 from wayfarer_lab.training.analytic import (
     AnalyticConfig,
@@ -19,6 +18,7 @@ from wayfarer_lab.training.analytic import (
     train_analytic,
 )
 from wayfarer_lab.training.crowd import Crowd
+from wayfarer_lab.training.rotation import matrix_from_rotvec
 
 
 @pytest.fixture

@@ -8,15 +8,14 @@ import torch
 from tests.lab.training.walkers import environment
 from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.quality import Candidate
-from wayfarer.motion.reward import Outcome
-from wayfarer.motion.rotation import (
+from wayfarer.spec import LATENT
+from wayfarer_lab.training.environment import Task, judge, take
+from wayfarer_lab.training.reward import REWARDS, Outcome
+from wayfarer_lab.training.rotation import (
     matrix_from_quaternion,
     matrix_from_rotvec,
     quaternion_from_matrix,
 )
-from wayfarer.spec import LATENT
-from wayfarer.terms import REWARDS
-from wayfarer_lab.training.environment import Task, judge, take
 from wayfarer_lab.training.starts import about_z
 
 

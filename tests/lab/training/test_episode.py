@@ -3,13 +3,14 @@
 import pytest
 import torch
 
-from wayfarer.motion import reward
 from wayfarer.motion.policy import Condition, GoalPolicy
 from wayfarer.spec import LATENT
-from wayfarer.terms import REWARDS, TERMS
+from wayfarer.terms import TERMS
+from wayfarer_lab.training import reward
 from wayfarer_lab.training.environment import Agents, Feedback, State, Task
 from wayfarer_lab.training.episode import samples_of, simulate
 from wayfarer_lab.training.ppo import PpoSettings
+from wayfarer_lab.training.reward import REWARDS
 
 SPEEDS = torch.tensor([1.0, 2.0, 0.0, 1.0])  # metres a primitive, towards +Y
 BREAKS_AT = 3.0

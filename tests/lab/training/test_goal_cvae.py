@@ -1,4 +1,4 @@
-"""Training and export of the g-CVAE on made-up motion."""
+"""The g-CVAE: its network, and training and export on made-up motion."""
 
 import pytest
 import torch
@@ -7,17 +7,19 @@ from tests.lab.training.fakes import gliding_frames
 from wayfarer.body.library import load_body
 from wayfarer.engines.onnx_engine import INPUTS
 from wayfarer.marker_bodies import marker_body
-from wayfarer.motion.goal_cvae import GoalCvae
+from wayfarer.motion.policy import state
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer_lab.training.cli import read_config
 from wayfarer_lab.training.goal_cvae import (
+    GoalCvae,
     GoalCvaeConfig,
     GoalCvaeTrainer,
     load_goal_cvae_graphs,
     train_goal_cvae,
 )
 
+ROWS, CANDIDATES = 3, 2
 SMALL = GoalCvaeConfig(steps=30, batch=64, rate=2e-3, goal_seconds=1.0)
 
 
@@ -84,3 +86,45 @@ def test_the_graphs_of_the_baseline_look_at_the_goal(tmp_path):
         prior = step(**inputs | {"policy": 1 - inputs["policy"]})
     assert not torch.allclose(here.translation, there.translation, atol=1e-4)
     assert torch.equal(here.translation, prior.translation), "there is no policy to have a share"
+
+
+@pytest.fixture
+def seed() -> torch.Tensor:
+    return torch.randn(ROWS, 2, 201, generator=torch.Generator().manual_seed(0))
+
+
+@pytest.fixture
+def latent() -> torch.Tensor:
+    return torch.randn(ROWS, CANDIDATES, 128, generator=torch.Generator().manual_seed(1))
+
+
+def goal(x: float) -> torch.Tensor:
+    return torch.tensor([x, 5.0, 0.0]).expand(ROWS, 3)
+
+
+def test_it_begins_as_the_predictor_it_starts_from(seed, latent):
+    predictor, model = MarkerPredictor(2), GoalCvae(2)
+    model.start_from(predictor)
+    with torch.no_grad():
+        told = state(seed, goal(1.0))
+        assert torch.allclose(model.decode(told, latent), predictor.decode(seed, latent), atol=1e-6)
+        future = torch.randn(ROWS, 8, 201)
+        posterior, known = model.encode(told, future), predictor.encode(seed, future)
+        assert torch.allclose(posterior.mean, known.mean, atol=1e-6)
+
+
+def test_it_can_look_at_the_goal(seed, latent):
+    model = GoalCvae(2)
+    with torch.no_grad():
+        left, right = (model.decode(state(seed, goal(x)), latent) for x in (-5.0, 5.0))
+    assert left.shape == (ROWS, CANDIDATES, 8, 201)
+    assert not torch.allclose(left, right, atol=1e-3)
+
+
+def test_the_state_holds_unit_vectors_to_the_goal(seed):
+    made = state(seed, goal(1.0))
+    assert torch.equal(made[..., :201], seed)
+    ways = made[..., 201:].unflatten(-1, (67, 3))
+    assert torch.allclose(ways.norm(dim=-1), torch.ones(()), atol=1e-4)
+    first = torch.tensor([1.0, 5.0, 0.0]) - seed[0, 1, :3]
+    assert torch.allclose(ways[0, 1, 0], first / first.norm(), atol=1e-4)

@@ -4,7 +4,6 @@ import torch
 from tests.lab.training.walkers import environment
 from wayfarer.errors import ArtifactError, InvalidArgument
 from wayfarer.motion.predictor import MarkerPredictor
-from wayfarer.terms import REWARDS
 from wayfarer_lab.training.cli import CONFIGS, read_config
 from wayfarer_lab.training.policy import (
     PolicyConfig,
@@ -15,6 +14,7 @@ from wayfarer_lab.training.policy import (
 )
 from wayfarer_lab.training.ppo import PpoSettings
 from wayfarer_lab.training.predictor import PredictorConfig
+from wayfarer_lab.training.reward import REWARDS
 from wayfarer_lab.training.run import TrainingRun
 
 SMALL = PolicyConfig(

@@ -3,11 +3,11 @@
 import pytest
 import torch
 
-from wayfarer.motion.pose_prior import PosePrior
-from wayfarer.motion.rotation import matrix_from_rotvec
 from wayfarer_lab.training.export import TOLERANCE, parity, round_to_half, save_graph
 from wayfarer_lab.training.onnx_files import WeightStore
 from wayfarer_lab.training.pose_graphs import pose_decoder_graph, pose_encoder_graph
+from wayfarer_lab.training.pose_networks import PosePrior
+from wayfarer_lab.training.rotation import matrix_from_rotvec
 
 INPUTS = {
     pose_encoder_graph: lambda n: {"rotations": matrix_from_rotvec(torch.randn(n, 21, 3))},

@@ -2,19 +2,19 @@ import pytest
 import torch
 
 from wayfarer.errors import ArtifactError
-from wayfarer.motion.pose_prior import PosePrior
-from wayfarer.motion.rotation import (
-    matrix_from_quaternion,
-    matrix_from_rotvec,
-    quaternion_from_matrix,
-)
 from wayfarer_lab.training.dataset import Poses
+from wayfarer_lab.training.pose_networks import PosePrior
 from wayfarer_lab.training.pose_prior import (
     PosePriorConfig,
     PosePriorTrainer,
     angles,
     load_pose_prior,
     train_pose_prior,
+)
+from wayfarer_lab.training.rotation import (
+    matrix_from_quaternion,
+    matrix_from_rotvec,
+    quaternion_from_matrix,
 )
 
 SMALL = PosePriorConfig(steps=300, batch=128, rate=2e-3)

@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from wayfarer.errors import ArtifactError
-from wayfarer.motion.rotation import matrix_from_rotvec
 from wayfarer_lab.training.pose_prior import load_pose_prior
+from wayfarer_lab.training.rotation import matrix_from_rotvec
 from wayfarer_lab.training.vposer import load_vposer
 
 NEURONS = 16

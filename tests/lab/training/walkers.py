@@ -5,13 +5,13 @@ import torch
 from tests.lab.training.fakes import gliding_frames
 from wayfarer.body.library import load_body
 from wayfarer.marker_bodies import marker_body
-from wayfarer.motion.pose_prior import PosePrior
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS
 from wayfarer_lab.training.environment import GoalEnvironment, Task
+from wayfarer_lab.training.pose_networks import PosePrior
 from wayfarer_lab.training.starts import Starts
 
 STANDING = torch.tensor([0.0, 0, 0, 1]).expand(1, 22, 4)

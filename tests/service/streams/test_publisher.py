@@ -151,7 +151,7 @@ async def test_another_epoch_begins_anew_and_says_so():
     await stage.walk(1)
     opening, live = await take(again, 2)
     assert not again.resumed and again.epoch != first.epoch
-    assert kinds(opening) == [EventKind.GAP] and "begun the session anew" in (
+    assert kinds(opening) == [EventKind.GAP] and "restarted the session" in (
         opening.events[0].detail
     )
     assert (opening.position, live.position) == (0, 1)

@@ -1,4 +1,4 @@
-"""A step of so many agents, between arrays in host memory and tensors that stay on the device."""
+"""The inputs of a step as tensors that stay on the device, filled from arrays in host memory."""
 
 from dataclasses import fields
 from typing import Final

@@ -25,7 +25,7 @@ class CudaGraphStream:
     """A device, and a stream of its own there. For one thread at a time."""
 
     def __init__(self, device: torch.device, background: bool = False) -> None:
-        """In the `background`, others' work on the device goes first."""
+        """`background`: other streams' work on the device goes first."""
         self.device = device
         self.on_gpu = device.type == "cuda"
         self._stream: Any = None
@@ -36,7 +36,7 @@ class CudaGraphStream:
             self._pool = torch.cuda.graph_pool_handle()
 
     def use(self) -> AbstractContextManager[object]:
-        """Within it, torch's work goes to the stream."""
+        """Send torch's work to the stream within this context."""
         return torch.cuda.stream(self._stream) if self.on_gpu else nullcontext()
 
     def wait(self) -> None:

@@ -62,12 +62,12 @@ def load_networks(
 class TorchEngine(WarmEngine):
     """Steps agents on a GPU. Implements `Engine`, but for the last bits of its rows.
 
-    The same inputs give the same bits as long as the rows are padded to the same size (of one GPU
-    and one version of its libraries): so a single size in `batch_sizes` keeps rows independent of
-    their batch and logs fit for replay. Batches of different sizes are multiplied by different
-    kernels, whose sums differ in the last bits: a row's motion is then the same but for that.
+    The same inputs give the same bits if the rows are padded to the same size, on one GPU and one
+    version of its libraries. A single size in `batch_sizes` therefore keeps rows independent of
+    their batch and logs replayable. Batches of different sizes use different kernels, whose sums
+    differ in the last bits.
 
-    On a CPU it runs without graphs, on as many threads as torch is told to use, for tests.
+    On a CPU it runs without graphs, with torch's own number of threads, for tests.
     """
 
     setting: EngineKind = "torch"
@@ -116,5 +116,5 @@ class TorchEngine(WarmEngine):
 
 
 def open_gpu_engine(models: ModelFolder) -> TorchEngine:
-    """On the first GPU, in float32. Raises InvalidArgument without one, ArtifactError."""
+    """An engine on the first GPU, in float32. Raises ArtifactError, InvalidArgument (no GPU)."""
     return TorchEngine(load_networks(models))

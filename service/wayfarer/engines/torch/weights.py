@@ -88,16 +88,16 @@ def _output_bias(graph: onnx.GraphProto, weights: Weights, by_number: Tensor, pa
     names = {product.input[2] for product in products}
     if len(names) != 1:
         raise ArtifactError(
-            f"{path}: found {len(names)} biases of {LAST}, expected 1: export the model anew"
+            f"{path}: found {len(names)} biases of {LAST}, expected 1: export the model again"
         )
     ordered = weights[names.pop()]
     return torch.empty_like(ordered).index_copy(0, by_number, ordered)
 
 
 def _filled(network: Network, name: str, weights: Weights, path: Path) -> Network:
-    """With its weights. Raises ArtifactError when one is missing, or of another shape.
+    """The network with its weights. Raises ArtifactError when one is missing or of another shape.
 
-    A graph of before the prior was learned has none: the network's own is N(0, I) as it begins.
+    Graphs from before the learned prior have no weights for it; the network starts with N(0, I).
     """
     learned = any(key.startswith(f"{name}.prior.") for key in weights)
     unused = FOR_TRAINING if learned else (*FOR_TRAINING, "prior.")
@@ -109,7 +109,7 @@ def _filled(network: Network, name: str, weights: Weights, path: Path) -> Networ
             shown = "nothing" if found is None else f"shape {list(found.shape)}"
             raise ArtifactError(
                 f"{path}: {name}.{key}: found {shown}, expected shape {list(parameter.shape)}: "
-                "another version of the networks was exported; export the model anew"
+                "it was exported from another version of the networks; export the model again"
             )
         parameter.data.copy_(found)
     return network

@@ -69,7 +69,7 @@ class _Text:
 
     def length(self, at: int, kind: str) -> int:
         value = self._numbers[at]
-        if not value.is_integer():  # nor is a NaN
+        if not value.is_integer():  # false for a NaN, too
             raise bad(f"a list of length {value:g}")
         return int(value)
 
@@ -130,7 +130,7 @@ _Places: TypeAlias = tuple[dict[str, NDArray[np.int64]], dict[str, NDArray[np.in
 
 
 def _walk(element: _Element, cells: _Text | _Binary, start: int) -> _Places:
-    """Of an element that starts there."""
+    """The places of an element whose body begins at `start`."""
     if not element.count:
         none = dict.fromkeys(element.columns, np.empty(0, np.int64))
         return none, none, start
@@ -176,8 +176,8 @@ def _uneven(element: _Element, cells: _Text | _Binary, start: int) -> _Places:
 def _row(
     element: _Element, cells: _Text | _Binary, start: int
 ) -> tuple[dict[str, int], dict[str, int], int]:
-    """Of the row that starts there: where each column's cells begin, the lengths of its lists,
-    and its own length.
+    """Of the row at `start`: the offset of each column's cells, the lengths of its lists, and its
+    own length.
     """
     offsets, lengths, at = dict[str, int](), dict[str, int](), start
     for name, (size, kind) in element.columns.items():

@@ -1,4 +1,4 @@
-"""From two places to a path: search, pull the string, step back from corners."""
+"""Finds a path between two places: search, funnel, then a step back from corners."""
 
 from typing import Any, Final, Protocol
 
@@ -30,8 +30,8 @@ DETOUR: Final = 1.025
 """How much longer a path may become by it."""
 _SPACING: Final = 0.1
 _SURE: Final = 1.013
-"""Of the radius: what the field must show, which between its samples may be a little too much. The
-string's own corners pass: they are 2 % farther out."""
+"""Share of the radius that the clearance field must show; between its samples it may be slightly
+too large. The funnel's own corners pass: they are 2 % farther out."""
 
 
 def shortest(mesh: NavMesh, ground: Ground, start: Place, goal: Place) -> Array | None:

@@ -43,7 +43,7 @@ from wayfarer.world.scenes.scene_registry import SceneEntry
 log = structlog.get_logger(__name__)
 
 RETRY_SECONDS: Final = 1.0
-"""Between attempts to write to a disk that takes nothing."""
+"""Pause between attempts to write to a disk that fails."""
 
 
 class Journal:
@@ -75,7 +75,7 @@ class Journal:
     # Life
 
     def restore(self, limits: Limits) -> list[SessionRecord]:
-        """What the file held when it was opened, oldest first; what is unsound is told and lost."""
+        """The sessions that the file held at the start, oldest first; damaged ones are logged."""
         return decode(self._entries, limits)
 
     def restore_scenes(self) -> list[SceneRecord]:
@@ -97,7 +97,7 @@ class Journal:
         self._file.close()
 
     async def durable(self) -> None:
-        """Return when all that has been put before is on disk, or cannot be written now."""
+        """Return when everything put before is on disk, or cannot be written now."""
         loop = asyncio.get_running_loop()
         with self._changed:
             if self.failing or self._stopping or self._written >= self._noted:
@@ -127,7 +127,7 @@ class Journal:
         self._put({(Kind.SESSION, session.session_id): session})
 
     def refresh(self, crowd: CapturedAgents) -> None:
-        """Agents are new, have been told something, or stand elsewhere now."""
+        """Agents are new, got a command, or have moved."""
         values: dict[Key, Value] = {}
         for number, member in enumerate(crowd.members):
             name = member.part.agent_id
@@ -170,7 +170,7 @@ class Journal:
     def _try_write(self, taken: dict[Key, Value]) -> None:
         try:
             self._meter.journal(self._write(taken), failed=False)
-        except Exception as error:  # whatever it is, those who wait must not wait for ever
+        except Exception as error:  # whatever it is, the waiters must not wait for ever
             self._meter.journal(0, failed=True)
             if not self.failing:
                 log.error(

@@ -71,7 +71,7 @@ Value = BodyStamp | SessionPart | Member | Row | ScenePart | ObstaclesPart | Non
 
 
 def encode(values: Mapping[Key, Value]) -> dict[Key, bytes | None]:
-    """What can be written of them: one that cannot must not keep the others from the disk."""
+    """The entries as bytes. One that cannot be written is logged and does not stop the others."""
     found: dict[Key, bytes | None] = {}
     for key, value in values.items():
         try:
@@ -114,7 +114,7 @@ def check_origin(entries: Entries, body: BodyStamp, path: Path) -> None:
 
 
 def decode(entries: Entries, limits: Limits) -> list[SessionRecord]:
-    """All sessions that are sound, oldest first; what is not is told in the log, and lost."""
+    """All sound sessions, oldest first; damaged ones are logged and lost."""
     agents = _agents(entries, limits)
     records: list[SessionRecord] = []
     for name, text in entries.of(Kind.SESSION).items():

@@ -29,8 +29,8 @@ VERSION: Final = 1
 APPLICATION: Final = 0x57415946  # "WAYF"; tells our files from other SQLite files
 
 DAMAGE: Final = frozenset({sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_ERROR})
-"""Primary result codes of a file that is broken (SQLITE_ERROR: it lacks our table). Others speak
-of the disk or of rights, and blame nothing on the file."""
+"""Primary result codes of a broken file (SQLITE_ERROR: our table is missing). Other codes concern
+the disk or permissions, not the file."""
 
 
 class Kind(IntEnum):
@@ -94,7 +94,7 @@ class JournalFile:
 
     def close(self) -> None:
         """Give the folder back."""
-        with suppress(sqlite3.Error):  # what could not be written has been told already
+        with suppress(sqlite3.Error):  # what could not be written has been logged already
             self._connection.close()
         self._lock.release()
 
@@ -171,7 +171,7 @@ def _prepare(connection: sqlite3.Connection) -> None:
 
 
 def _read(path: Path) -> Entries:
-    """All that is sound in a file. Raises ArtifactError when it is not ours to judge."""
+    """All sound entries of a file. Raises ArtifactError for a file that is not a journal."""
     entries = Entries()
     try:
         with closing(_connect(path)) as connection:
@@ -182,7 +182,7 @@ def _read(path: Path) -> Entries:
     except sqlite3.DatabaseError as error:
         _note(entries, error)
     for direction in ("ASC", "DESC"):
-        # From both ends, each as far as it comes: so what lies behind a damaged page is found, too.
+        # From both ends, each as far as it gets: entries behind a damaged page are found, too.
         if _scan(path, direction, entries):
             break
     return entries

@@ -50,7 +50,7 @@ CHUNKS_PER_ENTRY: Final = 50
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """What a log's motion was made with: on anything else it would be another."""
+    """The body, models and settings that a log's motion was made with, and is replayed with."""
 
     body: BodyStamp
     models: tuple[str, ...]  # their stamps; see models.py
@@ -228,7 +228,7 @@ def _start(
         case None, AgentPart() as kept:
             row = next(rows, None)
             if row is None:
-                raise InvalidArgument("log lacks the motion it starts from", f"{where}.record")
+                raise InvalidArgument("log has no motion for it to start from", f"{where}.record")
             record = join_agent(kept, row)
             check_agent_record(record, limits, f"{where}.record")
             check_body(record, f"{where}.record")
@@ -263,7 +263,7 @@ def _check_origin(header: Header, origin: Origin) -> None:
     if missing := used - set(here.models):
         raise FailedPrecondition(
             f"log was made with model {', '.join(sorted(missing))}; loaded here are "
-            f"{', '.join(here.models)}: its motion would be another"
+            f"{', '.join(here.models)}, which would make other motion"
         )
     if made.candidates != here.candidates:
         raise FailedPrecondition(

@@ -1,8 +1,8 @@
-"""The command log of a session: all that its motion depended on.
+"""The command log of a session: everything that its motion depended on.
 
-An agent's motion follows from its start, from what it was told and the chunk with which each
-command took effect, and from how many candidates were tried for each chunk. Agents do not depend on
-each other, so each has a track of its own. Chunks are many and alike: they are kept as runs.
+An agent's motion follows from its start, from its commands and the chunk at which each took
+effect, and from the number of candidates for each chunk. Agents do not depend on each other, so
+each has its own track. Most chunks are alike, so they are stored as runs.
 """
 
 from collections.abc import Sequence

@@ -116,7 +116,7 @@ class SceneRecord:
 
 
 def scene_part(kept: SceneEntry) -> ScenePart:
-    """What never changes of a scene."""
+    """The part of a scene that never changes."""
     wish, spec = kept.wish, kept.wish.spec
     mesh = spec.mesh
     return ScenePart(
@@ -132,14 +132,14 @@ def scene_part(kept: SceneEntry) -> ScenePart:
 
 
 def obstacles_part(kept: SceneEntry) -> ObstaclesPart:
-    """What does."""
+    """The part of a scene that changes."""
     scene = kept.scene
     parts = {name: SolidPart.of(obstacle) for name, obstacle in scene.obstacles.items()}
     return ObstaclesPart(scene.version, parts)
 
 
 def decode_scenes(entries: Entries) -> list[SceneRecord]:
-    """All scenes that are sound, oldest first; what is not is told in the log, and lost."""
+    """All sound scenes, oldest first; damaged ones are logged and lost."""
     obstacles = entries.of(Kind.OBSTACLES)
     found: list[SceneRecord] = []
     for name, text in entries.of(Kind.SCENE).items():

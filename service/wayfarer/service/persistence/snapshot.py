@@ -43,7 +43,7 @@ REACH: Final = 3.0
 """Metres: no marker or sole of a body is farther from its hips."""
 
 NAMED_WITHIN: Final = 4096
-"""The session's id stands within so many bytes of the header's beginning."""
+"""The session's id stands within this many bytes from the start of the header."""
 
 _SESSION_ID: Final = re.compile(rb'"session_id":"([\w-]{1,64})"')
 
@@ -222,18 +222,18 @@ def join_agents(
 
 
 def most_bytes(limits: Limits) -> int:
-    """No snapshot that this server would take is longer, before it is compressed."""
+    """Upper bound of a snapshot that this server accepts, before compression."""
     agent = AGENT_BYTES + row_bytes(Standing) + 2 * GOAL_BYTES * (limits.path_goals + 8)
     return SESSION_BYTES + limits.agents_per_session * agent
 
 
 def most_values(limits: Limits) -> int:
-    """Nor has one more values in its header."""
+    """Upper bound of the values in its header."""
     return 1000 + limits.agents_per_session * (64 + 16 * 2 * (limits.path_goals + 8))
 
 
 def parse(model: type[M], text: bytes, kind: Kind, values: int) -> M:
-    """A header of up to so many values. Raises InvalidArgument that names the field at fault."""
+    """A header of up to `values` values. Raises InvalidArgument that names the field at fault."""
     if text.count(b",") > values:  # parsed values take up to a hundred times their bytes
         raise InvalidArgument(f"{kind.field} has more than {values} values", kind.field)
     try:

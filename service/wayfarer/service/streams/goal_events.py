@@ -29,7 +29,7 @@ class GoalEvents:
         self._stopping: dict[str, Place] = {}
 
     def events(self, chunks: MotionChunks) -> tuple[Event, ...]:
-        """Of chunks that leave now, in their order."""
+        """Events of the chunks that leave now, in their order."""
         arrived = chunks.flags & ChunkFlag.ARRIVED
         concerned = set(np.flatnonzero(arrived).tolist()) if arrived.any() else set()
         if self._stopping:

@@ -9,7 +9,7 @@ from wayfarer.world.events import Event
 
 @dataclass(frozen=True, slots=True)
 class Publication:
-    """What a session's subscribers are told at one moment."""
+    """What a session's subscribers get at one moment."""
 
     position: int  # 1, 2, 3 … per session
     chunks: MotionChunks = NO_CHUNKS  # that fell due together, at most one per agent
@@ -18,7 +18,7 @@ class Publication:
 
     @property
     def scheduled_at(self) -> float:
-        """Of its first chunk, or event."""
+        """Time of its first chunk or event."""
         return float(self.chunks.scheduled_at[0]) if self.chunks else self.events[0].at
 
 
@@ -46,4 +46,4 @@ class StreamOptions:
     agent_ids: tuple[str, ...] = ()  # none: all of the session, later ones too
     slow_reader: SlowReader = SlowReader.DROP_OLDEST
     resume: Resume | None = None  # of an earlier subscription to the same agents
-    hold_s: float = 30.0  # HOLD: agents wait at most so long; the session's lease
+    hold_s: float = 30.0  # HOLD: longest time that agents wait; the session's lease

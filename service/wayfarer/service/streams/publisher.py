@@ -1,4 +1,4 @@
-"""What sessions publish: positions, a ring for those who resume, and deliveries to subscribers.
+"""Publishes sessions' motion: positions, a ring for resuming readers, deliveries to subscribers.
 
 Lives on the motion thread. Subscribers are reached by their event loops, each of which is called
 once per `flush` whatever the number of its subscribers.
@@ -55,13 +55,13 @@ class Publisher:
         self._deliver(log, NO_CHUNKS, tuple(events))
 
     def flush(self) -> None:
-        """Send out what has been told since the last time."""
+        """Deliver the events that were noted since the last call."""
         deliveries, self._deliveries = self._deliveries, defaultdict(list)
         for loop, batch in deliveries.items():
             post(loop, _put, batch)
 
     def subscribe(self, subscription: Subscription, now: float) -> None:
-        """Let a subscription begin where it wishes. Raises InvalidArgument."""
+        """Start a subscription at the position that it asks for. Raises InvalidArgument."""
         log = self._log(subscription.session_id)
         start = self._start(log, subscription.wish.resume, now)
         log.follow(subscription)
@@ -99,7 +99,7 @@ class Publisher:
             self.end(session_id, error)
 
     def waiting_sessions(self, now: float) -> list[str]:
-        """Those whose agents shall wait now: all that read them ask to HOLD, and have stalled."""
+        """Sessions whose agents shall wait now: all their readers ask to HOLD and have stalled."""
         holders = [name for name in self._holders if self._logs[name].has_holders()]
         self._holders = set(holders)
         return [name for name in holders if self._logs[name].waits(now, self._limits.queue_s)]
@@ -127,7 +127,7 @@ class Publisher:
             return Start(log.epoch, log.position, log.motion)
         if resume.epoch != log.epoch:
             self._meter.resume(ResumeResult.NEW_EPOCH)
-            return log.present(0, _gap(now, "the server has begun the session anew since"))
+            return log.present(0, _gap(now, "the server has restarted the session since"))
         if not 0 <= resume.position <= log.position:
             raise InvalidArgument(
                 f"position is {resume.position}; allowed: 0 to {log.position}, the last one sent",

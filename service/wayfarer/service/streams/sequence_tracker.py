@@ -15,7 +15,7 @@ class SequenceTracker:
     """The last sequence number of each agent that the reader has got, to mark chunks by."""
 
     def __init__(self) -> None:
-        # Two generations: who is in neither has been silent for `SILENCE` at least.
+        # Two generations: an agent in neither has been silent for `SILENCE` at least.
         self._new: dict[int, int] = {}  # by alias
         self._old: dict[int, int] = {}
         self._next_turn = SILENCE

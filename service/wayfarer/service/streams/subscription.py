@@ -60,7 +60,7 @@ class Start(NamedTuple):
 
 @dataclass(slots=True)
 class _Loss:
-    """What a slow reader has lost and has not been told of yet."""
+    """Losses of a slow reader that no event has reported yet."""
 
     last: Publication
     count: int = 0
@@ -84,8 +84,8 @@ class _Loss:
 class Subscription:
     """A bounded queue of publications, for one reader, in order until the session ends.
 
-    An agent's first chunk carries FIRST, one that follows a lost one GAP. What a slow reader loses
-    is told by an event GAP, with the events that were lost, before the next publication.
+    An agent's first chunk carries FIRST, a chunk after a lost one GAP. A GAP event, with the events
+    that were lost, tells a slow reader of its losses before the next publication.
     """
 
     def __init__(
@@ -186,7 +186,7 @@ class Subscription:
     # From the motion thread, by way of the event loop
 
     def put(self, entry: Entry, spare: bool) -> None:
-        """Take a publication in; unless told to `spare` the oldest ones, keep to the bound."""
+        """Add a publication; drop the oldest ones beyond the bound, unless `spare`."""
         if self._ended:
             return
         wanted = self._wanted(entry.publication)

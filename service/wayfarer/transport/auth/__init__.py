@@ -1,4 +1,4 @@
-"""Who calls: API keys, JWTs, client certificates → `Caller`. One door for both transports."""
+"""Authentication: API keys, JWTs, client certificates → `Caller`, for both transports."""
 
 from wayfarer.transport.auth.authenticator import Authenticator, Presented
 

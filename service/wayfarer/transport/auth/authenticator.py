@@ -12,12 +12,12 @@ if TYPE_CHECKING:
     from wayfarer.transport.auth.tokens import TokenCheck
 
 MOST_BYTES = 8192
-"""Of a key or token; longer ones are not looked at."""
+"""Characters of a key or token; longer ones are refused unread."""
 
 
 @dataclass(frozen=True, slots=True)
 class Presented:
-    """What a call brings to show who makes it."""
+    """The credentials of a call."""
 
     bearer: str = field(default="", repr=False)  # key or JWT of `authorization: Bearer …`
     api_key: str = field(default="", repr=False)  # of `x-api-key`
@@ -68,7 +68,7 @@ class Authenticator:
             self._keys.reload()
 
     async def caller(self, shown: Presented) -> Caller:
-        """Who makes the call.
+        """The caller of a call with these credentials.
 
         Raises Unauthenticated; Unavailable while the keys of the JWT issuer cannot be had.
         """
@@ -90,9 +90,9 @@ class Authenticator:
         raise Unauthenticated(f"credentials are missing; accepted are {self._accepted()}")
 
     def is_good(self, caller: Caller) -> bool:
-        """Whether a caller who was let in has not been told off since: its API key is still good.
+        """Whether an authenticated caller is still good: its API key has not been revoked.
 
-        Tokens and certificates are good until they expire, and what was begun with them goes on.
+        Tokens and certificates are good until they expire, and calls begun with them go on.
         """
         return not caller.key or self._keys is None or self._keys.is_good(caller)
 

@@ -20,7 +20,7 @@ def _group() -> None:
 
 @app.command()
 def new(
-    name: Annotated[str, typer.Argument(help="Who will use it: the owner of what it creates.")],
+    name: Annotated[str, typer.Argument(help="Caller that will use it, and own what it creates.")],
     scopes: Annotated[
         str,
         typer.Option(help="read: describe and follow; control: change; admin: models, drain, all."),

@@ -29,7 +29,7 @@ log = structlog.get_logger(__name__)
 
 KEY_PREFIX: Final = "wf_"
 LOOK_S: Final = 1.0
-"""Between looks whether the file has changed."""
+"""Seconds between checks whether the file has changed."""
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._@-]{0,63}$")]
 

@@ -18,10 +18,10 @@ from wayfarer.transport.caller import Caller, Scope
 log = structlog.get_logger(__name__)
 
 FRESH_S: Final = 300.0
-"""Keys are fetched again after so long; until that succeeds the old ones stay good."""
+"""Seconds after which keys are fetched again; until that succeeds the old ones stay good."""
 
 PAUSE_S: Final = 30.0
-"""Between fetches, however many tokens name keys that are not known."""
+"""Least seconds between fetches, however many tokens name unknown keys."""
 
 FETCH_TIMEOUT_S: Final = 5.0
 NAME_LENGTH: Final = 128
@@ -35,7 +35,7 @@ _REASONS: Final[tuple[tuple[type[Exception], str], ...]] = (
     (jwt.InvalidAlgorithmError, "is signed with an algorithm that is not allowed here"),
     (jwt.InvalidSignatureError, "has a signature that does not hold"),
 )
-"""In our own words: the library's may quote the token."""
+"""The reason in our own words, since the library's may quote the token."""
 
 
 class IssuerKeys:
@@ -56,7 +56,7 @@ class IssuerKeys:
 
     @classmethod
     def of(cls, source: str) -> "IssuerKeys":
-        """Of a file, read at once, or of an https:// URL. Raises InvalidArgument."""
+        """The keys of a file, read at once, or of an https:// URL. Raises InvalidArgument."""
         if source.startswith("https://"):
             client = jwt.PyJWKClient(source, cache_jwk_set=False, timeout=FETCH_TIMEOUT_S)
             return cls(client.fetch_data)
@@ -138,7 +138,7 @@ class TokenCheck:
 
 
 def _scopes(claims: dict[str, Any]) -> frozenset[Scope]:
-    """Of `scope` ("read control") or `scp` (a list); those of other services are left out."""
+    """Scopes in `scope` ("read control") or `scp` (a list), without those of other services."""
     found = claims.get("scope", claims.get("scp", ""))
     names = found.split() if isinstance(found, str) else found if isinstance(found, list) else []
     scopes = set()

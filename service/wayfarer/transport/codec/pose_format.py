@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from wayfarer.body.skeleton import load_skeleton
 from wayfarer.errors import InvalidArgument
 from wayfarer.spec import FPS, JOINTS, POSED_JOINTS
-from wayfarer.v1 import motion_pb2
 
 RATES: Final = (FPS, FPS // 2, FPS // 4)
 """Frames per second that may be asked for; every first, second or fourth frame is sent."""
 
 SHOWN_NAMES: Final = 8
-"""So many of the names at fault are repeated in an error."""
+"""Names at fault that an error repeats at most."""
 
 
 class PoseEncoding(StrEnum):
@@ -30,7 +29,7 @@ class PoseEncoding(StrEnum):
 
     @property
     def rotation_type(self) -> np.dtype[Any]:
-        """Of one rotation: four floats, or three words of smallest_three.py."""
+        """Type of one rotation: four floats, or three words of smallest_three.py."""
         return ROTATION_TYPES[self]
 
 
@@ -66,7 +65,7 @@ class PoseFormat:
         fps: int = 0,
         field: str = "",
     ) -> Self:
-        """From what a client asks for; `fps` 0 is the full rate.
+        """The format that a client asks for; `fps` 0 is the full rate.
 
         Raises InvalidArgument, which names the part at fault below `field`.
         """
@@ -76,22 +75,9 @@ class PoseFormat:
             raise InvalidArgument(f"{fps} is none of {allowed} frames per second", f"{path}fps")
         return cls(encoding, _indices(profile, bones, f"{path}bones"), fps or FPS)
 
-    @classmethod
-    def from_proto(cls, message: motion_pb2.PoseFormat, field: str = "format") -> Self:
-        """As `choose`; unspecified values take their defaults."""
-        encoding = _named(PoseEncoding, motion_pb2.PoseEncoding, message.encoding, field)
-        profile = _named(PoseProfile, motion_pb2.PoseProfile, message.profile, field)
-        return cls.choose(
-            PoseEncoding(encoding or PoseEncoding.F32_LE),
-            PoseProfile(profile or PoseProfile.BODY),
-            message.bones,
-            message.fps,
-            field,
-        )
-
     @property
     def stride(self) -> int:
-        """Every so many-th frame is sent: 1, 2 or 4."""
+        """Stride of the frames that are sent: 1, 2 or 4."""
         return FPS // self.fps
 
     @cached_property
@@ -118,16 +104,6 @@ class PoseFormat:
             "bones": self.bones,
             "frame_bytes": self.frame_bytes,
         }
-
-
-def _named(kind: type[StrEnum], enum: Any, number: int, field: str) -> str:
-    """Value of `kind` for a number of a protobuf enum; empty when unspecified."""
-    prefix = enum.Name(0).removesuffix("UNSPECIFIED")
-    part = f"{field}.{kind.__name__.removeprefix('Pose').lower()}"
-    if number not in enum.values():
-        allowed = ", ".join(enum.keys()[1:])
-        raise InvalidArgument(f"{number} is none of {allowed}", part)
-    return "" if number == 0 else kind[enum.Name(number).removeprefix(prefix)].value
 
 
 def _indices(profile: PoseProfile, names: Sequence[str], field: str) -> tuple[int, ...]:

@@ -80,13 +80,13 @@ class AgentApi:
 
     @needs(Scope.CONTROL)
     async def delete(self, agent_id: str) -> None:
-        """Remove an agent; the session's streams are told. Raises NotFound."""
+        """Remove an agent; the session's streams report it. Raises NotFound."""
         session = await self._shared.session_of(agent_id)
         await self._shared.service.delete_agent(agent_id)
         self._shared.book.remove_agent(session, agent_id)
 
     async def _described(self, session: OpenSession, infos: Sequence[AgentInfo]) -> schema.Agents:
-        """A few at a time: half a millisecond each would add up for whoever waits meanwhile."""
+        """A few at a time: each takes half a millisecond, in which other calls wait."""
         described: list[schema.Agent] = []
         for info in infos:
             if len(described) % AT_ONCE == 0:

@@ -21,8 +21,7 @@ LEASE_S: Final = 60.0
 """Lease of a session that asks for none."""
 
 TOLD_GONE: Final = 1024
-"""Of so many agents of a session, the last that were created, a stream that resumes is told which
-have been deleted: it may have missed that."""
+"""A resumed stream is told about deletions among this many newest agents of its session."""
 
 
 @dataclass(eq=False)
@@ -169,7 +168,7 @@ class Book:
         return [s for s in self._sessions.values() if s.expires_at < now]
 
     def require_room(self, caller: Caller, agents: int | None = None) -> None:
-        """Whether the caller may have a session more, or so many agents.
+        """Check that the caller may have one more session, or `agents` more agents.
 
         Raises ResourceExhausted.
         """
@@ -191,7 +190,7 @@ class Book:
 
     @contextmanager
     def held(self, session: OpenSession) -> Iterator[None]:
-        """Keep the lease from ending; it begins anew afterwards."""
+        """Keep the lease from ending; it restarts afterwards."""
         session.holders += 1
         try:
             yield
@@ -221,7 +220,7 @@ class Book:
             session.places.discard(place)
 
     def end_streams(self, error: WayfarerError, of: Callable[[Caller], bool]) -> int:
-        """End the streams of some callers; how many had not been told to before."""
+        """End the streams of some callers; the number of those that were not ending already."""
         return sum(
             place.stream.end(error)
             for session in self._sessions.values()
@@ -256,5 +255,5 @@ def read_attributes(found: Mapping[str, str], limits: Limits) -> tuple[str, Basi
     except (KeyError, ValueError):
         raise InvalidArgument("the session was not opened by this kind of server") from None
     if not lease_s >= 1:
-        raise InvalidArgument("the session has a lease that this server lacks")
+        raise InvalidArgument("the session has a lease that is too short for this server")
     return owner, basis, min(lease_s, limits.lease_s)

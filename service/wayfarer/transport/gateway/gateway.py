@@ -82,7 +82,7 @@ class Gateway:
         return self._shared.book.streams
 
     async def loop_stats(self) -> LoopStats:
-        """For metrics, whoever reads them."""
+        """Figures for the metrics page; checks no scope."""
         return await self._shared.service.stats()
 
     async def take_over(self) -> None:

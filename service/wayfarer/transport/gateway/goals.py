@@ -1,9 +1,9 @@
 """Goal commands of clients, converted to world space."""
 
-from wayfarer.transport.goal_convert import Wish, fields_named, goal_command
 from wayfarer.transport.caller import Scope
 from wayfarer.transport.convert import in_basis
 from wayfarer.transport.gateway.shared import Shared, needs
+from wayfarer.transport.goal_convert import Wish, fields_named, goal_command
 
 
 class GoalApi:

@@ -33,7 +33,7 @@ class OpenScene:
 
     @property
     def axes(self) -> Axes:
-        """Of its basis."""
+        """The axes of its basis."""
         return self.basis.axes
 
     def describe(self, info: SceneInfo) -> schema.Scene:
@@ -83,7 +83,7 @@ class SceneBook:
         return found
 
     def renew(self, scene: OpenScene) -> None:
-        """Let its lease begin anew."""
+        """Restart its lease."""
         scene.expires_at = self._clock() + scene.lease_s
 
     def owned(self, caller: Caller) -> list[OpenScene]:

@@ -165,14 +165,14 @@ class SceneApi:
 
     @needs(Scope.READ)
     async def outlines(self, scene_id: str) -> schema.SceneOutlines:
-        """To draw it. Raises NotFound."""
+        """Outlines for drawing it. Raises NotFound."""
         scene = self._shared.scenes.scene(scene_id)
         found = await self._shared.service.scenes.scene_outlines(scene_id)
         return await asyncio.to_thread(scene_convert.outlines, found, scene.axes)
 
     @needs(Scope.READ)
     async def picture(self, scene_id: str) -> bytes:
-        """From above, PNG. Raises NotFound."""
+        """A picture from above, PNG. Raises NotFound."""
         self._shared.scenes.scene(scene_id)
         return await self._shared.service.scenes.scene_picture(scene_id)
 

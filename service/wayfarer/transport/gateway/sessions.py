@@ -70,7 +70,7 @@ class SessionApi:
 
     @needs(Scope.CONTROL)
     async def renew(self, session_id: str) -> schema.Renewal:
-        """Begin the lease anew. Raises NotFound."""
+        """Restart the lease. Raises NotFound."""
         session = self._shared.book.session(session_id)
         return schema.Renewal(expires_at_us=convert.microseconds(session.expires_at))
 

@@ -49,8 +49,8 @@ Call = Callable[[Any], Any]
 
 
 def methods(gateway: Gateway) -> dict[str, Call]:
-    """By name. A method gives what `wire.answer` turns into its response, or a coroutine of it; one
-    that streams gives a generator of messages.
+    """The methods by name. Each returns what `wire.answer` turns into its response, or a coroutine
+    of it; a streaming one returns a generator of messages.
     """
     scenes, sessions, agents = gateway.scenes, gateway.sessions, gateway.agents
     motion, snapshots = gateway.motion, gateway.snapshots

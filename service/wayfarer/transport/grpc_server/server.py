@@ -36,8 +36,8 @@ class GrpcServer:
         inside: Path | None = None,
         connections: int = 1024,
     ) -> None:
-        """Bind, to the socket `inside` too. `add` brings the services; of each socket so many
-        `connections` may be open, and one more is closed at once.
+        """Bind, to the socket `inside` too. `add` adds the services. Each socket takes up to
+        `connections` connections and closes further ones at once.
 
         Raises Unavailable when the port cannot be had.
         """
@@ -50,7 +50,7 @@ class GrpcServer:
                 # of one connection; that of a front brings everybody's
                 ("grpc.max_concurrent_streams", CALLS + (limits.streams if inside else 0)),
                 ("grpc.max_connection_idle_ms", 600_000),
-                # now and then a client connects anew, and so is balanced; its streams go on
+                # clients reconnect now and then and so are balanced; their streams go on
                 ("grpc.max_connection_age_ms", 3_600_000),
                 ("grpc.server_handshake_timeout_ms", 10_000),
                 ("grpc.so_reuseport", 0),  # else two servers would share a port in silence
@@ -93,7 +93,7 @@ class GrpcServer:
             await self._health.set(name, status.SERVING if serving else status.NOT_SERVING)
 
     async def enter_shutdown(self) -> None:
-        """Report NOT_SERVING for good."""
+        """Report NOT_SERVING from now on."""
         await self._health.enter_graceful_shutdown()
 
     async def stop(self, grace: float) -> None:

@@ -24,7 +24,7 @@ def agent_routes(gateway: Gateway) -> APIRouter:
         "/{agent_id}", status_code=204, operation_id="deleteAgent", summary="Remove an agent"
     )
     async def delete_agent(agent_id: AgentId) -> None:
-        """Its streams are told."""
+        """Its streams report the removal."""
         await gateway.agents.delete(agent_id)
 
     return router
@@ -39,14 +39,14 @@ def goal_routes(gateway: Gateway) -> APIRouter:
     async def set_goal(
         agent_id: AgentId, goal: schema.Goal, expected_revision: Expected = None
     ) -> schema.GoalRevision:
-        """In place of its present goal or path. Takes effect within one step (0.2 s)."""
+        """The goal replaces its present goal or path and takes effect within one step (0.2 s)."""
         return _revision(await goals.give(agent_id, goal, expected_revision))
 
     @router.put("/path", operation_id="setPath", summary="Give an agent goals to visit in turn")
     async def set_path(
         agent_id: AgentId, path: schema.Goals, expected_revision: Expected = None
     ) -> schema.GoalRevision:
-        """In place of its present goal or path. One revision for all."""
+        """The path replaces its present goal or path; it is one revision."""
         return _revision(await goals.give(agent_id, path, expected_revision))
 
     @router.post("/goals", operation_id="appendGoals", summary="Add goals to the end of the path")
@@ -60,17 +60,17 @@ def goal_routes(gateway: Gateway) -> APIRouter:
     async def wander(
         agent_id: AgentId, wish: schema.Wander, expected_revision: Expected = None
     ) -> schema.GoalRevision:
-        """In an area, or all over its scene, from one place drawn at random to the next."""
+        """It walks in an area, or all over its scene, from one random place to the next."""
         return _revision(await goals.give(agent_id, wish, expected_revision))
 
-    @router.put("/behaviour", operation_id="behave", summary="Let an agent do something of itself")
+    @router.put("/behaviour", operation_id="behave", summary="Give an agent a behaviour")
     async def behave(
         agent_id: AgentId, wish: schema.Behaviour, expected_revision: Expected = None
     ) -> schema.GoalRevision:
-        """Until it is told otherwise: patrol, follow another, keep away, queue, or a routine."""
+        """Patrol, follow, keep away, queue, or a routine of these, until the next goal command."""
         return _revision(await goals.give(agent_id, wish, expected_revision))
 
-    @router.delete("/goal", operation_id="clearGoal", summary="Take the goal or path away")
+    @router.delete("/goal", operation_id="clearGoal", summary="Remove the goal or path")
     async def clear_goal(
         agent_id: AgentId, expected_revision: Expected = None
     ) -> schema.GoalRevision:

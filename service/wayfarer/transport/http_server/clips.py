@@ -36,7 +36,7 @@ def clip_routes(gateway: Gateway) -> APIRouter:
         responses=LINES,
     )
     async def generate_clip(wish: schema.ClipWish) -> Response:
-        """Not in real time, but as fast as the server finds time for beside its streams."""
+        """It is made as fast as the server has time for beside its streams."""
         return await clip_lines(gateway.motion.generate_clip(wish))
 
     return router
@@ -66,7 +66,7 @@ def snapshot_routes(gateway: Gateway) -> APIRouter:
         openapi_extra=binary_body("as given by exportSession"),
     )
     async def import_session(request: Request) -> schema.Session:
-        """With the same ids: the next chunk of each agent follows its last one."""
+        """It keeps its ids, and the next chunk of each agent follows its last one."""
         return await snapshots.import_session(await request.body())
 
     @router.get(

@@ -47,7 +47,7 @@ def scene_routes(gateway: Gateway) -> APIRouter:
     async def create_scene(
         wish: schema.NewScene, idempotency_key: IdempotencyKey = ""
     ) -> schema.Scene:
-        """From floors and solids. Sessions are then created in it, with its id as `scene`."""
+        """A scene of floors and solids. Sessions name its id as `scene` to be created in it."""
         known_as = request_id(wish.request_id, idempotency_key)
         return await scenes.create(wish.model_copy(update={"request_id": known_as}))
 
@@ -63,7 +63,7 @@ def scene_routes(gateway: Gateway) -> APIRouter:
         wish: Annotated[schema.MeshScene, Depends(mesh_scene)],
         idempotency_key: IdempotencyKey = "",
     ) -> schema.Scene:
-        """From a GLB, OBJ or PLY file. 429 while others are sending theirs."""
+        """A scene of a GLB, OBJ or PLY file. 429 while other uploads take the room."""
         known_as = request_id(wish.scene.request_id, idempotency_key)
         scene = wish.scene.model_copy(update={"request_id": known_as})
         named = wish.model_copy(update={"scene": scene})
@@ -110,18 +110,18 @@ def scene_routes(gateway: Gateway) -> APIRouter:
     @router.put(
         "/{scene_id}/obstacles/{name}",
         operation_id="putObstacle",
-        summary="Let an obstacle stand somewhere, or move it there",
+        summary="Add or move an obstacle",
     )
     async def put_obstacle(
         scene_id: SceneId, name: ObstacleName, wish: schema.Obstacle
     ) -> schema.SceneVersion:
-        """Agents in whose way it is plan anew. 409 when no free ground would be left."""
+        """Agents whose way it blocks plan again. 409 when no free ground would be left."""
         return await scenes.put_obstacle(scene_id, name, wish)
 
     @router.delete(
         "/{scene_id}/obstacles/{name}",
         operation_id="removeObstacle",
-        summary="Take an obstacle away",
+        summary="Remove an obstacle",
     )
     async def remove_obstacle(scene_id: SceneId, name: ObstacleName) -> schema.SceneVersion:
         return await scenes.remove_obstacle(scene_id, name)
@@ -132,7 +132,7 @@ def scene_routes(gateway: Gateway) -> APIRouter:
         summary="The way that an agent would take",
     )
     async def query_path(scene_id: SceneId, wish: schema.PathQuery) -> schema.ScenePath:
-        """409 of type unreachable when no way leads there; `nearest` is how far one can get."""
+        """409 of type unreachable when no way leads there, with the `nearest` reachable place."""
         return await scenes.query_path(scene_id, wish)
 
     @router.get(
@@ -165,10 +165,10 @@ def crowd_routes(gateway: Gateway) -> APIRouter:
     @router.post(
         "/{session_id}/crowd",
         operation_id="populateSession",
-        summary="Let people walk about all over a session's scene",
+        summary="Populate a session's scene with walking people",
     )
     async def populate_session(session_id: SessionId, wish: schema.Crowd) -> schema.CrowdCame:
-        """In place of those whom an earlier call brought. 409 for a session in no scene."""
+        """They replace the crowd of an earlier call. 409 for a session without a scene."""
         return await gateway.scenes.populate(session_id, wish)
 
     return router

@@ -15,7 +15,7 @@ def session_routes(gateway: Gateway) -> APIRouter:
     async def create_session(
         wish: schema.NewSession | None = None, idempotency_key: IdempotencyKey = ""
     ) -> schema.Session:
-        """It lives on while it has a stream or is called at least once a lease."""
+        """It lives while it has a stream or a call in each lease period."""
         wish = wish or schema.NewSession()
         known_as = request_id(wish.request_id, idempotency_key)
         return await gateway.sessions.create(wish.model_copy(update={"request_id": known_as}))
@@ -50,7 +50,7 @@ def session_routes(gateway: Gateway) -> APIRouter:
     async def create_agents(
         session_id: SessionId, wish: schema.NewAgents, idempotency_key: IdempotencyKey = ""
     ) -> schema.Agents:
-        """429 when a limit is reached, or when the server could not step so many in time."""
+        """429 when a limit is reached, or when the server could not step them all in time."""
         known_as = request_id(wish.request_id, idempotency_key)
         wish = wish.model_copy(update={"request_id": known_as})
         return await gateway.agents.create(session_id, wish)
@@ -66,7 +66,7 @@ def session_routes(gateway: Gateway) -> APIRouter:
     @router.post(
         "/{session_id}/step",
         operation_id="stepAgents",
-        summary="Let time pass in a lock-step session",
+        summary="Advance the time of a lock-step session",
     )
     async def step_agents(
         session_id: SessionId, wish: schema.StepWish | None = None

@@ -15,13 +15,13 @@ from wayfarer.transport import errors, schema, wire
 log = structlog.get_logger(__name__)
 
 STALL_S: Final = 30.0
-"""A reader that takes nothing for so long is left."""
+"""Seconds after which a reader that takes nothing is disconnected."""
 
 Item = TypeVar("Item")
 
 
 class Pieces(StreamingResponse):
-    """Leaves a reader that stalls; nothing is stored for it but what lies in the socket."""
+    """Disconnects a reader that stalls; nothing is stored for it beyond the socket's buffer."""
 
     async def stream_response(self, send: Send) -> None:
         """As StreamingResponse."""
@@ -51,8 +51,8 @@ class ServerSentEvents(Pieces):
 async def begun(
     items: AsyncGenerator[Item], write: Callable[[Item], str], wrong: Callable[[Exception], str]
 ) -> AsyncGenerator[str]:
-    """The text of `items`. What the first one raises is raised here, before the answer begins;
-    what later ones raise is told as `wrong` writes it.
+    """The text of `items`. An error of the first item is raised here, before the answer begins; an
+    error of a later one becomes the text that `wrong` makes of it.
     """
     try:
         first = [await anext(items)]

@@ -31,7 +31,7 @@ class Gender(StrEnum):
 
 
 class Phenotype(Message):
-    """A body in everyday words; what is absent takes the mean."""
+    """A body in everyday words; absent fields take the mean."""
 
     height_m: Float | None = Field(
         default=None, ge=LIMITS["height_m"][0], le=LIMITS["height_m"][1], description="barefoot"
@@ -107,7 +107,7 @@ class NewAgents(Message):
 
 
 class AgentUpdate(Message):
-    """What to change of an agent; what is absent stays."""
+    """A change of an agent; absent fields stay."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"name": "Grace"}]})
 

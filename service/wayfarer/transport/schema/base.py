@@ -31,7 +31,7 @@ def _whole(value: object) -> object:
 
 
 Float = Annotated[float, Strict()]
-"""A JSON number; neither "1" nor true."""
+"""A JSON number; "1" and true are refused."""
 
 Uint32 = Annotated[int, Strict(), Field(ge=0, le=UINT32), BeforeValidator(_whole)]
 """A JSON number without a fraction; 7.0 is one.
@@ -45,8 +45,8 @@ Text = Annotated[str, Field(max_length=64, pattern=r"^[^\x00-\x1f\x7f]*$")]
 """A short line: no control characters."""
 
 Many = Annotated[tuple[Item, ...], FailFast()]
-"""A list in a request. The first item that is wrong is told, and no further one is looked at: in a
-long list, all of them would take seconds."""
+"""A list in a request. Validation ends at the first wrong item: in a long list, errors for all
+would take seconds."""
 
 
 class Message(BaseModel):
@@ -64,7 +64,7 @@ class OneOf(Message):
     def __get_pydantic_json_schema__(
         cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        """In a request that one, and not null."""
+        """In a request exactly one is given, and is not null."""
         made = handler(core_schema)
         if handler.mode == "serialization":
             return made

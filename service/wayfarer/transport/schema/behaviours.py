@@ -1,4 +1,4 @@
-"""What agents do of themselves, see goal.proto."""
+"""Behaviours of agents, see goal.proto."""
 
 from typing import ClassVar, Final
 
@@ -111,7 +111,7 @@ class Routine(Message):
 
 
 class Behaviour(OneOf):
-    """What an agent does of itself until it is told otherwise."""
+    """What an agent does by itself until its next goal command."""
 
     model_config = ConfigDict(
         json_schema_extra={

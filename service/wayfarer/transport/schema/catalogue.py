@@ -1,4 +1,4 @@
-"""What the server has and allows, how it fares, and its models."""
+"""What the server has and allows, its health, and its models."""
 
 from pydantic import ConfigDict, Field
 
@@ -22,7 +22,7 @@ class Skeleton(Message):
     """The bones of an agent; parents come before children."""
 
     bones: tuple[Bone, ...]
-    posed_bones: int = Field(description="so many, from the first, are moved by the model")
+    posed_bones: int = Field(description="number of bones, from the first, that the model moves")
 
 
 class Body(Message):
@@ -52,7 +52,7 @@ class Model(Message):
     seed_frames: int
     primitive_frames: int
     sha256: tuple[str, ...] = Field(description="of each graph, in the order of `genders`")
-    in_use: bool = Field(description="new agents are moved by it")
+    in_use: bool = Field(description="it moves new agents")
 
 
 class Models(Message):

@@ -60,9 +60,9 @@ class NewScene(Message):
         default=(), max_length=MAX_FLOORS, description="its ground: at least one, or a mesh"
     )
     solids: Many[Solid] = Field(
-        default=(), max_length=MAX_SOLIDS, description="what stands there for good"
+        default=(), max_length=MAX_SOLIDS, description="solids that never move"
     )
-    walkable: Walkable = Field(default=Walkable(), description="who walks there")
+    walkable: Walkable = Field(default=Walkable(), description="the walkers that it is baked for")
     entries: Many[Vector3] = Field(
         default=(),
         max_length=MAX_SOLIDS,
@@ -221,7 +221,7 @@ class SceneOutlines(Message):
     walkable: tuple[Polygon, ...] = Field(description="where the middle of an agent may be")
     vertices: tuple[float, ...] = Field(description="of the walkable ground, three numbers each")
     triangles: tuple[int, ...] = Field(description="three indices of vertices each")
-    solids: tuple[Block, ...] = Field(description="what stands there for good, but for meshes")
+    solids: tuple[Block, ...] = Field(description="solids that never move, without meshes")
     obstacles: tuple[Block, ...] = Field(description="what has been put there")
     version: int
 
@@ -231,7 +231,7 @@ class Crowd(Message):
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"count": 50, "seed": 7}]})
 
-    count: Uint32 = Field(default=0, description="how many shall be there at a time; 0: they leave")
+    count: Uint32 = Field(default=0, description="people to have at a time; 0: all leave")
     seed: Uint32 | None = Field(
         default=None, description="genders, shapes, places and goals follow; server's choice"
     )
@@ -259,6 +259,6 @@ class Crowd(Message):
 class CrowdCame(Message):
     """People come."""
 
-    came: int = Field(description="so many are there; streams introduce them and those to come")
-    waiting: int = Field(description="so many have yet to come: they do when there is room")
-    reason: str = Field(description="why they have not; empty: they are on their way")
+    came: int = Field(description="people that are there; streams introduce them and those to come")
+    waiting: int = Field(description="people that are still to come, when there is room")
+    reason: str = Field(description="why they wait; empty: they are coming")

@@ -7,7 +7,7 @@ from wayfarer.transport.schema.base import BasisInfo, Bool, Endpoint, Float, Mes
 
 
 class NewSession(Message):
-    """Asks for a session. All has a default: `{}` will do."""
+    """Asks for a session. Every field has a default, so `{}` is enough."""
 
     model_config = ConfigDict(
         json_schema_extra={"examples": [{"basis": "gltf", "seed": 7, "lease_s": 120}]}
@@ -63,6 +63,6 @@ class Sessions(Message):
 
 
 class Renewal(Message):
-    """The lease begins anew."""
+    """The lease was renewed."""
 
     expires_at_us: int = Field(description="when it ends now: microseconds since the Unix epoch")

@@ -115,7 +115,7 @@ class Ramp(Message):
 
 
 class Solid(OneOf):
-    """Something that stands in a scene for good: ground where it can be stepped on."""
+    """A solid that never moves; its top is ground where it can be stepped on."""
 
     box: Box | None = None
     cylinder: Cylinder | None = None
@@ -124,7 +124,7 @@ class Solid(OneOf):
 
 
 class Obstacle(OneOf):
-    """Something that comes and goes: always in the way."""
+    """A solid that can be added, moved and removed; it always blocks the way."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [CRATE]})
 
@@ -134,7 +134,7 @@ class Obstacle(OneOf):
 
 
 class Walkable(Message):
-    """Who walks in a scene. What is absent takes its default."""
+    """The walkers that a scene is baked for. Absent fields take their defaults."""
 
     radius: Length | None = length_field(
         "from the middle of an agent to walls and edges", RADIUS, WALKABLE.radius

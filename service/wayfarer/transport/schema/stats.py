@@ -19,18 +19,18 @@ class Stats(Message):
     uptime_s: float
     resets: int = Field(description="agents put back to a stand after a broken step, since start")
     failures: int = Field(description="turns of the loop that raised, since start")
-    rebased: int = Field(description="how often the schedule was moved, being > 1 s behind")
-    dropped_batches: int = Field(description="lost by the present streams, being too slow")
+    rebased: int = Field(description="shifts of the schedule, each because it was > 1 s late")
+    dropped_batches: int = Field(description="batches lost by present streams that were too slow")
     reduced_steps: int = Field(
-        description="agent steps with fewer candidates than usual for want of time, since start"
+        description="agent steps with fewer candidates because time was short, since start"
     )
-    held_sessions: int = Field(description="whose agents wait for a slow reader now")
+    held_sessions: int = Field(description="sessions whose agents wait for a slow reader now")
     states: dict[str, int] = Field(description="agents in each state")
     capacity: int = Field(description="agents that fit, by the measured cost; 0: not known yet")
     load: float = Field(
         description="share of the last seconds that the engine, or the loop, was busy"
     )
-    rung: int = Field(description="of the overload ladder; 0: all as wished")
-    held_steps: int = Field(description="agent steps left out, the agent being idle, since start")
-    refused_agents: int = Field(description="not created for want of time, since start")
-    journal_failing: bool = Field(description="what changes now would not survive the process")
+    rung: int = Field(description="degradation level; 0: nothing is left out")
+    held_steps: int = Field(description="steps of idle agents that were left out, since start")
+    refused_agents: int = Field(description="agents refused because time was short, since start")
+    journal_failing: bool = Field(description="present changes would not survive the process")

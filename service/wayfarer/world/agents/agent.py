@@ -1,4 +1,4 @@
-"""What the runtime is told and what it tells: plain frozen messages, world space.
+"""Messages to and from the world: plain and frozen, in world space.
 
 Transports convert their wire types to these and back, and nothing else crosses.
 """
@@ -114,7 +114,7 @@ class MotionChunk:
     rotations: NDArray[np.float32] = field(repr=False)  # [F, 22, 4]
     contacts: NDArray[np.bool_] = field(repr=False)  # [F, 2] left, right
     waypoint: int = 0  # place in the path of the goal these frames were planned for
-    candidates: int = 0  # so many were tried: with it and the seeds the chunk can be made again
+    candidates: int = 0  # number that was tried; with the seeds it reproduces the chunk
 
 
 @dataclass(slots=True, eq=False)

@@ -43,7 +43,7 @@ class Population:
         timeline: Timeline,
         models: Models,
     ) -> None:
-        """Steps are spread over so many `phases`; `lead` chunks are planned ahead."""
+        """Steps are spread over `phases` phases; `lead` chunks are planned ahead."""
         self._lead = lead
         self._registry = registry
         self._table = table

@@ -44,7 +44,7 @@ class Session:
     scene: int = 0  # number of its scene in this world; 0: none
 
     def info(self) -> SessionInfo:
-        """What is told of it."""
+        """Its description for callers."""
         return SessionInfo(self.session_id, tuple(self.agents), self.created_at, self.spec)
 
 

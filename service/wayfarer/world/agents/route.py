@@ -21,7 +21,7 @@ class Route(Rows):
     passage: Int8  # Passage
     revision: Int  # of the goals, and …
     waypoint: Int  # … the one that it leads to
-    points: Int  # so many
+    points: Int  # number of points
     length: Float  # metres, in plan
     progress: Float  # metres of it that lie behind the agent
     doubt: Flags  # the scene has changed since: is it still clear?

@@ -1,1 +1,1 @@
-"""Who gives way to whom: sampled reciprocal velocity obstacles. Pure numpy."""
+"""Collision avoidance: sampled reciprocal velocity obstacles. Pure numpy."""

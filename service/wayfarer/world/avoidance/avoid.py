@@ -78,7 +78,7 @@ def _candidates(way: Float, last: Float, rules: Rules) -> Float:
 def _remember(
     memory: Memory, people: People, rows: Index, wished: Float, chosen: Float, seconds: float
 ) -> Memory:
-    """How it went: who gets on in its own direction does not wait."""
+    """Update the waiting times: an agent that moves in its own direction does not wait."""
     speed = np.sqrt((wished * wished).sum(-1))
     velocity = people.velocity[rows]
     on = (velocity * wished).sum(-1) / np.maximum(speed, 1e-6)

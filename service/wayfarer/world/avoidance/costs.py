@@ -23,7 +23,7 @@ def costs(
     clear: Clearance | None,
     rules: Rules,
 ) -> Float:
-    """Of the velocities `tried` [A, C, 2] by people at `rows` who would go `way`. [A, C]"""
+    """Costs [A, C] of the velocities `tried` [A, C, 2] by people at `rows` who want to go `way`."""
     total = rules.deviation * _apart(tried, way) + rules.change * _apart(tried, last)
     total += meetings(people, rows, near, tried, rules)
     if clear is not None:
@@ -44,7 +44,7 @@ def meetings(people: People, rows: Index, near: Neighbours, tried: Float, rules:
     vx, vy = tried[:, :, 0, None], tried[:, :, 1, None]
     wx = share[:, None] * vx - base[:, None, :, 0]
     wy = share[:, None] * vy - base[:, None, :, 1]
-    # until the body does as it is told it goes on as it went
+    # until the body reacts it keeps its velocity
     dx = near.dx[:, None] - rules.reaction * (own[:, None, None, 0] - vx)
     dy = near.dy[:, None] - rules.reaction * (own[:, None, None, 1] - vy)
     along, fast = wx * dx + wy * dy, np.maximum(wx * wx + wy * wy, 1e-4)
@@ -54,7 +54,7 @@ def meetings(people: People, rows: Index, near: Neighbours, tried: Float, rules:
 
     mine = people.group[rows][:, None]
     same = (mine > 0) & (people.group[near.index] == mine)
-    # the longer somebody has waited, the less room it asks for
+    # the longer an agent has waited, the less room it asks for
     asked = rules.comfort / (1 + people.memory.waited[rows] / rules.push)
     comfort = np.where(same, 0.05, asked[:, None])
     room = touch + comfort
@@ -64,7 +64,7 @@ def meetings(people: People, rows: Index, near: Neighbours, tried: Float, rules:
     urgency = 1 / (0.1 + np.maximum(sooner, 0) / rules.horizon) - 1 / 1.1
     each = rules.collision * depth * urgency
 
-    # who comes towards one should stay on one's left
+    # oncoming people should pass on the left
     oncoming = ((own[:, None] * their).sum(-1) < -0.2) & ~same & ~near.nobody
     cross = (wx * dy - wy * dx) / np.sqrt(fast)  # metres by which it is passed on the right
     wrong = np.clip((0.35 - cross) / 0.7, 0, 1) * (along > 0) * oncoming[:, None]

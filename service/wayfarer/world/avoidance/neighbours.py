@@ -12,7 +12,7 @@ from wayfarer.world.rows import Index
 
 @dataclass(frozen=True, slots=True)
 class Neighbours:
-    """[A, K] of each person asked, relative to it; who is `nobody` is far away."""
+    """Neighbours [A, K] of each person asked, relative to it; `nobody` fills up, far away."""
 
     index: Index  # rows of `People`
     nobody: NDArray[np.bool_]
@@ -37,7 +37,7 @@ def neighbours(people: People, rows: Index, rules: Rules) -> Neighbours:
     far[np.arange(len(rows)), rows] = True
     urgency[far] = np.inf
     count = min(rules.neighbours, len(place))
-    # sorted, so that who is taken does not depend on how numpy divides them
+    # sorted, so that the choice does not depend on how numpy partitions
     index = np.argsort(urgency, axis=1, kind="stable")[:, :count]
     pick = np.arange(len(rows))[:, None], index
     return Neighbours(index, far[pick], dx[pick], dy[pick], np.sqrt(square[pick]))

@@ -22,12 +22,12 @@ class Rules:
     """How people avoid each other."""
 
     neighbours: int = 10  # of whom a person takes notice at most
-    sight: float = 8.0  # farther away nobody is noticed
+    sight: float = 8.0  # metres beyond which others are ignored
     horizon: float = 3.5  # seconds that are looked ahead
     soon: float = 0.3  # what happens before cannot be helped
     close: float = 1.5  # nearer nobody relies on others; twice as far, on half of the task
     comfort: float = 0.35  # room wished for between two, beside their radii
-    reaction: float = 0.25  # seconds until a body walks as it is told
+    reaction: float = 0.25  # seconds until a body follows a new velocity
     slowest: float = 0.5  # m/s: nobody walks well more slowly
     wall_room: float = 0.1  # wished for between a person's radius and a wall
     wall_times: tuple[float, ...] = (0.3, 0.7, 1.2)  # at which a way is looked at for walls
@@ -35,7 +35,7 @@ class Rules:
     deviation: float = 2.0  # costs, of 1 m/s: not to go where one would
     change: float = 0.7  # to go elsewhere than last time
     collision: float = 2.2  # to collide (at once: ten times that)
-    side: float = 0.5  # to pass somebody who comes towards one on one's left
+    side: float = 0.5  # for passing oncoming people on the left
     wall: float = 15.0  # to touch a wall
 
     patience: float = 1.2  # seconds of waiting until a person makes way for those before it

@@ -53,7 +53,7 @@ class Queue(Behaviour):
 
 
 class _Lines:
-    """Who stands where in a world: a line for each session and name, while somebody is in it."""
+    """The queues of a world: a line for each session and name, while an agent is in it."""
 
     def __init__(self, others: Others) -> None:
         self._others = others
@@ -86,7 +86,7 @@ class _Lines:
         return queue_place(first, number + (late if abs(late) < 1 else 0.0))
 
     def _comes_next(self, agent: Agent, name: str, end: Vector) -> bool:
-        """Whether it is at the end of the line, and of those who are not in it the nearest."""
+        """Whether it is at the end of the line, and the nearest of those that are not in it."""
         away = dist(self._place(agent.agent_id), end)
         if away >= JOINS:
             return False

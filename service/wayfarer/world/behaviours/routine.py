@@ -63,7 +63,7 @@ PartBehaviour = Visit | Stand | Wander | Patrol | Follow | KeepAway | Queue
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Of a routine."""
+    """A part of a routine."""
 
     does: PartBehaviour
     seconds: float = 0.0  # then the next part begins; 0: when it is done, as only a visit ever is

@@ -58,7 +58,7 @@ class BehaviourRunner:
         around: Surroundings,
         slow_seconds: float,
     ) -> None:
-        """`slow_seconds`: of steering; an agent that has been slow for so long stands."""
+        """`slow_seconds`: as steering; an agent that has been slow for this long stands."""
         self.slots = slots
         self.trails = trails
         self.registry = registry

@@ -24,7 +24,7 @@ from wayfarer.navigation.spec import Floor, SceneSpec
 NICE: Final = 10
 SQUARE: Final = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
 EVERYTHING: Final = SceneSpec((Floor(SQUARE), Floor(SQUARE, height=3.0)))
-"""To bake it loads every library that a bake may need."""
+"""Baking this loads every library that a bake may need."""
 
 
 def main(megabytes: int, seconds: float) -> None:

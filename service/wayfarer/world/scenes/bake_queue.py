@@ -49,7 +49,7 @@ class BakeQueue:
 
     @property
     def pid(self) -> int | None:
-        """Of the process; None before the first bake."""
+        """Id of the process; None before the first bake."""
         return self._oven.pid if self._oven else None
 
     def bake(self, spec: SceneSpec) -> Scene:

@@ -21,7 +21,7 @@ from wayfarer.world.scenes.world_scenes import WorldScenes
 from wayfarer.world.stepping.settings import WorldSettings
 
 MOST_EVENTS: Final = 10_000
-"""Events that wait to be taken, the latest ones: nobody may ask for them."""
+"""Events that wait to be taken; the latest are kept, for there may be no taker."""
 
 
 class Move(NamedTuple):
@@ -33,7 +33,7 @@ class Move(NamedTuple):
 
 
 class SceneContext:
-    """The scenes of a world, the ways through them, and what is to be told of both."""
+    """The scenes of a world, the ways through them, and the events of both."""
 
     def __init__(
         self,
@@ -81,13 +81,13 @@ class SceneContext:
                 return command, []
 
     def tell_moves(self, slot: int, moves: Sequence[Move], waypoints: int) -> None:
-        """Of the last goals of a path, which has so many now."""
+        """Report moves of the last goals of a path, which has `waypoints` goals now."""
         for move in moves:
             waypoint, text = waypoints - move.from_end, moved_text(move.metres, move.place)
             self.tell(slot, EventKind.GOAL_MOVED, waypoint, text)
 
     def take_events(self) -> list[Event]:
-        """What has happened since the last time."""
+        """The events since the last call."""
         events, self._events = self._events, []
         return events
 

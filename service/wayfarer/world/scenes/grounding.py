@@ -41,7 +41,7 @@ def _ground(slots: Slots, scene: Scene, sent: Sent, rows: Index) -> None:
     before = slots.footing.take(agents)
 
     def floor(points: Array) -> Array:
-        """Of the storey that the agents are on."""
+        """The storey that each agent is on."""
         storey = np.broadcast_to(before.hips[:, None, None], (*points.shape[:2], 1))
         return scene.floor(np.concatenate([points, storey], -1))
 

@@ -1,4 +1,4 @@
-"""What the runtime is told of scenes and what it tells: plain frozen messages, world space."""
+"""Messages about scenes to and from the world: plain and frozen, in world space."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -80,11 +80,11 @@ class Crowd:
 class CrowdState:
     """How a crowd is now."""
 
-    came: int  # of those wanted, who are there
+    came: int  # of those wanted, the ones that are there
     waiting: int  # who have yet to come
     reason: str = ""  # why they have not, a sentence; empty: they are about to
 
     @property
     def is_settled(self) -> bool:
-        """Whether all are there, or nobody comes before something changes."""
+        """Whether all are there, or none comes before something changes."""
         return not self.waiting or bool(self.reason)

@@ -1,4 +1,4 @@
-"""What is near a body, as the candidate search is told of it: see `StepInputs.obstacles`."""
+"""Obstacles near a body, as inputs of the candidate search: see `StepInputs.obstacles`."""
 
 from typing import Any, Final
 
@@ -19,13 +19,13 @@ STRETCH: Final = 0.3
 """Metres of wall to either side of its nearest point."""
 
 NEAR: Final = 1.2
-"""Metres from a probe beyond which a wall is not told of."""
+"""Metres from a probe beyond which walls are ignored."""
 
 PERSON: Final = 0.2
 """Metres: radius of a person's trunk."""
 
 PEOPLE_NEAR: Final = 2.0
-"""Metres beyond which a person is not told of."""
+"""Metres beyond which people are ignored."""
 
 
 def nearest_walls(scene: Scene, hips: Array, velocity: Array, floors: Array, count: int) -> Float:

@@ -1,8 +1,8 @@
-"""When an agent's way through its scene is looked for, and what is told when there is none.
+"""Finds agents' ways through their scenes, and reports goals that no way leads to.
 
-A way leads to one goal of the agent's path and is looked for when that goal's turn comes. It is
-looked for again when the scene has changed and it is not clear any more, when the agent has been
-pushed far off it, and when its goal has moved.
+A way leads to one goal of the agent's path and is searched when that goal's turn comes. It is
+searched again when a change of the scene has closed it, when the agent has been pushed far off it,
+and when its goal has moved.
 """
 
 from collections.abc import Callable
@@ -83,7 +83,7 @@ class Planner:
             self._look(slot, places[row], waypoint, goals.position[row], bool(known[row]))
 
     def _lost(self, rows: Index, places: Array, goals: Array) -> Flags:
-        """Of rows on open ways: those who are far off, and those whose goal has moved."""
+        """Rows on open ways that are far off their way, and rows whose goal has moved."""
         route = self._slots.route
         off = self._routes.follow(rows, places)
         moved = np.linalg.norm(self._routes.ends(rows)[:, :2] - goals[:, :2], axis=-1)
@@ -97,7 +97,7 @@ class Planner:
         return again
 
     def _closed(self, rows: Index, opened: Flags) -> Flags:
-        """Of open ways: those that a change of the scene has closed."""
+        """Open ways that a change of the scene has closed."""
         route = self._slots.route
         found = np.zeros(len(rows), np.bool_)
         for row in np.flatnonzero(opened & route.doubt[rows]).tolist():

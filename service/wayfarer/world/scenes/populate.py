@@ -36,7 +36,7 @@ AT_ONCE: Final = 4
 """People who come with one call: each takes about 2 ms."""
 
 APART: Final = 1.2
-"""Metres between a newcomer and everybody else."""
+"""Least metres between a newcomer and all others."""
 
 FROM_WALLS: Final = 0.45
 """Metres between a newcomer and any wall."""
@@ -54,7 +54,7 @@ NO_ROOM: Final = 2.0
 """… and somebody whom the server has refused for want of room."""
 
 LEAVES_WITHIN: Final = 60.0
-"""Seconds after which somebody leaves who has not stood since."""
+"""Seconds after which a person leaves even if it has not stood since."""
 
 SHAPES: Final = 24
 """Different bodies of each gender."""
@@ -104,7 +104,7 @@ class _People:
 
 @dataclass(frozen=True, slots=True)
 class _Person:
-    """Somebody of a crowd: follows from the crowd's seed and their number."""
+    """A person of a crowd; follows from the crowd's seed and the person's number."""
 
     spec: AgentSpec
     wander: Wander
@@ -124,9 +124,9 @@ class Crowds:
         self._crowds: dict[str, _People] = {}
 
     def set(self, session_id: str, crowd: Crowd, now: float) -> None:
-        """In place of an earlier crowd, whose people stay as far as the new one wants them.
+        """Replace an earlier crowd; its people stay as far as the new crowd needs them.
 
-        Those for whom there is no room wait. Raises NotFound, InvalidArgument; FailedPrecondition
+        People for whom there is no room wait. Raises NotFound, InvalidArgument; FailedPrecondition
         when the session is in no scene.
         """
         check_crowd(crowd)
@@ -143,7 +143,7 @@ class Crowds:
         self._crowds[session_id] = _People(crowd, now, leaves_at=stay)
 
     def state(self, session_id: str) -> CrowdState:
-        """How the session's crowd is; that of nobody where there is none. Raises NotFound."""
+        """The state of the session's crowd, which may be none. Raises NotFound."""
         here = set(self._whereabouts(session_id).agent_ids)
         people = self._crowds.get(session_id)
         if people is None:
@@ -153,7 +153,7 @@ class Crowds:
         return CrowdState(came, wanted - came, people.waits if came < wanted else "")
 
     def tend(self, now: float) -> list[tuple[str, str]]:
-        """Let people come and go. Who has gone: session and agent."""
+        """Let people come and go; returns session and agent of those that have gone."""
         gone = list[tuple[str, str]]()
         for session_id in list(self._crowds):
             scene = self._scene(session_id)

@@ -68,7 +68,7 @@ class Routes:
         return self._points[rows, -1]
 
     def at(self, rows: Index, metres: Array) -> Array:
-        """Points [A, S, 3] of the ways so many metres [A, S] from their starts."""
+        """Points [A, S, 3] of the ways at `metres` [A, S] from their starts."""
         self._reserve()
         along = self._along[rows]
         last = np.maximum(self._slots.route.points[rows] - 2, 0)[:, None]

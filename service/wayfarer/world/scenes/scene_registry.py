@@ -67,7 +67,7 @@ class SceneEntry:
 
 
 class SceneListener(Protocol):
-    """Is told of what changes in a book, in order."""
+    """Gets the changes of a registry, in order."""
 
     def put_scene(self, kept: SceneEntry) -> None:
         """A scene is new."""
@@ -172,7 +172,7 @@ class SceneRegistry:
         return {name: self._kept[name].scene for name in scene_ids if name in self._kept}
 
     def kept(self, scene_id: str) -> SceneEntry:
-        """All that is kept of one. Raises NotFound."""
+        """The entry of a scene. Raises NotFound."""
         return self._find(scene_id)
 
     def info(self, scene_id: str) -> SceneInfo:

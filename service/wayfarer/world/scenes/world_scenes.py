@@ -49,7 +49,7 @@ class WorldScenes:
             self.book.leave(spec.scene)
 
     def number(self, scene_id: str) -> int:
-        """Of a scene that a session is in; `NOWHERE` for the empty id."""
+        """The scene that a session is in; `NOWHERE` for the empty id."""
         return self._numbers[scene_id] if scene_id else NOWHERE
 
     def scene(self, number: int) -> Scene:

@@ -32,7 +32,7 @@ from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs, mirror_ou
 from wayfarer.world.stepping.noise import latents
 
 Watch = Callable[[int, int], None]
-"""Told, before each level, how many levels are done and how many agents are still under way."""
+"""Called before each level with the number of levels done and of agents still under way."""
 
 BLOCK: Final = 64
 """Rows of one engine call: larger ones are no faster on a CPU and take more memory."""

@@ -5,12 +5,12 @@ from typing import Final
 import numpy as np
 
 from wayfarer.navigation.examples import cubes_field
-from wayfarer.navigation.paths.optimum import shortest_lengths
 from wayfarer.navigation.scene import bake
 from wayfarer.world.agents.agent import Goal
 from wayfarer_lab.evaluation.figures import mean, quantile
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.goals import Watch
+from wayfarer_lab.evaluation.scenes.optimum import shortest_lengths
 from wayfarer_lab.evaluation.scenes.pairs import random_pairs
 from wayfarer_lab.evaluation.scenes.play import House, person, walked
 from wayfarer_lab.evaluation.scenes.scenarios.seen import Seen, errands

@@ -3,9 +3,8 @@
 import pytest
 import torch
 
-from wayfarer.motion.pose_prior import LATENT, PosePrior
-from wayfarer.motion.rotation import matrix_from_rotvec
-from wayfarer.motion.vposer import VPoser
+from wayfarer_lab.training.pose_networks import LATENT, PosePrior, VPoser
+from wayfarer_lab.training.rotation import matrix_from_rotvec
 
 
 @pytest.fixture(params=[PosePrior, lambda: VPoser(neurons=64)], ids=["ours", "vposer"])

@@ -3,7 +3,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wayfarer.motion import rotation as r
+from wayfarer_lab.training import rotation as r
 
 
 def random_matrices(seed: int, count: int = 64) -> torch.Tensor:

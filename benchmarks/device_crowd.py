@@ -15,7 +15,7 @@ from wayfarer.motion.primitive import StepResult
 from wayfarer.spec import SEED_FRAMES
 
 
-class Crowd:
+class DeviceCrowd:
     """Agents of one gender, all stepped together. Not safe to use from several threads."""
 
     def __init__(

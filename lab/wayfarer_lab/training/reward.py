@@ -1,4 +1,4 @@
-"""Rewards of a generated primitive: named functions (`terms.REWARDS`), paper Eq. 4-9.
+"""Rewards of a generated primitive: named functions (`REWARDS`), paper Eq. 4-9.
 
 Each gives 0…1, higher is better, for a batch of agents: [A]. They look at the body itself, at
 its reprojected markers and its hips joint, since that is what viewers see. "Start" is the last
@@ -10,6 +10,7 @@ Where the paper and GAMMA-release differ, the paper is followed: the squares in 
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import torch
 from torch import Tensor
@@ -17,7 +18,40 @@ from torch.nn.functional import normalize
 
 from wayfarer.motion.quality import FUNCTIONS, Candidate, facing
 from wayfarer.spec import FPS
-from wayfarer.terms import REWARD_SCALES, REWARDS
+
+REWARDS: Final = (
+    "path",  # Eq. 5: the hips move the way to the goal
+    "orientation",  # Eq. 6: the body faces the goal, or as wished
+    "contact",  # Eq. 7: hips keep their height, something stays where it is
+    "pose_prior",  # Eq. 8: the pose is a usual one
+    "speed",  # exp of the quality term of this name, and so on; not in the paper
+    "sliding",
+    "upright",
+    "seam",
+    "goal",  # Eq. 9: how close the agent came in the whole episode
+)
+"""Rewards of policy training (Eq. 4), each 0…1, higher is better."""
+
+PAPER_REWARD: Final = {
+    "path": 1.0,
+    "orientation": 1.0,
+    "contact": 1.0,
+    "pose_prior": 1.0,
+    "goal": 1.0,
+}
+"""Eq. 4. The paper names no β; in GAMMA's code all are 1 but the orientation's, which is 0.5."""
+
+REWARD: Final = PAPER_REWARD | {
+    "orientation": 0.5,
+    "speed": 1.0,
+    "sliding": 0.5,
+    "upright": 0.5,
+    "seam": 0.5,
+}
+"""What our policies are trained with."""
+
+REWARD_SCALES: Final = {"speed": 0.3, "sliding": 0.3, "upright": 0.06, "seam": 0.5}
+"""Value of a quality term at which its reward has fallen to 1/e: exp(-term / scale)."""
 
 
 @dataclass(frozen=True)
@@ -85,9 +119,9 @@ FUNCTIONS_OF_A_STEP: Mapping[str, Callable[[Outcome], Tensor]] = {
     f.__name__: f for f in (path, orientation, contact, pose_prior)
 } | {name: from_term(name) for name in REWARD_SCALES}
 if (*FUNCTIONS_OF_A_STEP, goal.__name__) != REWARDS:
-    raise ImportError(f"rewards {list(FUNCTIONS_OF_A_STEP)} differ from terms.REWARDS {REWARDS}")
+    raise ImportError(f"rewards {list(FUNCTIONS_OF_A_STEP)} differ from REWARDS {REWARDS}")
 
 
 def evaluate(o: Outcome) -> Tensor:
-    """All rewards but the goal's, in the order of `terms.REWARDS`. [A, R - 1]"""
+    """All rewards but the goal's, in the order of `REWARDS`. [A, R - 1]"""
     return torch.stack([function(o) for function in FUNCTIONS_OF_A_STEP.values()], -1)

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from benchmarks.device_crowd import DeviceCrowd
 
 from tests.engines.standing import standing_inputs
-from wayfarer.engines.torch.crowd import Crowd
 from wayfarer.engines.torch.engine import TorchEngine, load_networks
 from wayfarer.spec import SEED_FRAMES
 
@@ -21,7 +21,7 @@ def start():
 
 
 def test_it_goes_on_from_where_it_was(networks, start):
-    crowd, engine = Crowd(networks, GENDER, start), TorchEngine(networks, batch_sizes=(ROWS,))
+    crowd, engine = DeviceCrowd(networks, GENDER, start), TorchEngine(networks, batch_sizes=(ROWS,))
     asked = start
     for _ in range(2):
         found = crowd.step()
@@ -37,7 +37,7 @@ def test_it_goes_on_from_where_it_was(networks, start):
 
 
 def test_noise_is_new_in_every_step_and_the_same_for_the_same_seed(networks, start):
-    crowds = [Crowd(networks, GENDER, start, noise_seed=seed) for seed in (1, 1, 2)]
+    crowds = [DeviceCrowd(networks, GENDER, start, noise_seed=seed) for seed in (1, 1, 2)]
     drawn = []
     for crowd in crowds:
         crowd.step()
@@ -49,7 +49,7 @@ def test_noise_is_new_in_every_step_and_the_same_for_the_same_seed(networks, sta
 
 
 def test_what_is_asked_may_change_between_steps(networks, start):
-    here, there = Crowd(networks, GENDER, start), Crowd(networks, GENDER, start)
+    here, there = DeviceCrowd(networks, GENDER, start), DeviceCrowd(networks, GENDER, start)
     with there.lane.use():
         there.given["goal"].neg_()
     assert not torch.equal(here.step().translation, there.step().translation)
@@ -58,7 +58,7 @@ def test_what_is_asked_may_change_between_steps(networks, start):
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
 def test_on_a_gpu_it_begins_at_its_start_and_moves_on(models, start):
     networks = load_networks(models)
-    first, again = (Crowd(networks, GENDER, start) for _ in range(2))
+    first, again = (DeviceCrowd(networks, GENDER, start) for _ in range(2))
     for crowd in (first, again):
         crowd.step()
         crowd.lane.wait()

@@ -8,12 +8,12 @@ import torch
 
 from wayfarer.body.library import load_body
 from wayfarer.marker_bodies import marker_body
-from wayfarer.motion import reward
 from wayfarer.motion.obstacles import no_obstacles
-from wayfarer.motion.pose_prior import LATENT
 from wayfarer.motion.quality import Candidate, Sites
 from wayfarer.spec import FPS
-from wayfarer.terms import PAPER_REWARD, REWARD, REWARD_SCALES, REWARDS
+from wayfarer_lab.training import reward
+from wayfarer_lab.training.pose_networks import LATENT
+from wayfarer_lab.training.reward import PAPER_REWARD, REWARD, REWARD_SCALES, REWARDS
 
 FRAMES = 9
 
