@@ -45,9 +45,7 @@ class BeamSettings:
     reach: float = REACHED  # metres, horizontal, hips to the last goal
     memory: float = 0.0  # share of its parent's cost that a node inherits; 0: judged by itself
     weights: Mapping[str, float] | None = None  # of the ranking; None: steering's, by mode
-    tolerances: Mapping[str, float] = field(
-        default_factory=dict
-    )  # of a term, that cost nothing
+    tolerances: Mapping[str, float] = field(default_factory=dict)  # of a term, that cost nothing
     limits: Mapping[str, float] = field(default_factory=dict)  # a child above one is rejected
     policy: float | None = None  # share of the policy in the latents; None: as steering says
     temperature: float | None = None  # scale of the noise; None: as steering says
