@@ -111,7 +111,7 @@ def test_a_crate_dropped_in_the_way_is_walked_around(visit):
     out = np.array([start["x"], start["z"]]) / np.hypot(start["x"], start["z"])
     across = np.array([-out[1], out[0]])
     goal = 6.0 * out + 5.0 * across  # past the fountain's rim, before the stalls
-    page.evaluate("document.querySelector('#speed').value = '0.6'")  # time to put the crate there
+    page.evaluate("document.querySelector('#speed').value = '0.4'")  # time to put the crate there
     look_down(page, *(5.0 * out + 2.5 * across), 22.0)
     page.click(*on_screen(page, goal[0], 0.0, goal[1]))
     page.wait_for(f"{PEOPLE}[0].way !== null", 20)
@@ -122,7 +122,7 @@ def test_a_crate_dropped_in_the_way_is_walked_around(visit):
 
     before = way()
     reached = page.evaluate(f"(({{ ahead }}) => ahead[0])({PEOPLE}[0])")
-    crate = 0.35 * before[0] + 0.65 * before[-1]
+    crate = 0.25 * before[0] + 0.75 * before[-1]
     assert gap(crate, before) < 1.0
     page.evaluate("document.querySelector('[data-tool=crate]').click()")
     page.click(*on_screen(page, crate[0], 0.0, crate[1]))
