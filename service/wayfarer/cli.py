@@ -105,27 +105,40 @@ def _whole(
     version: Annotated[
         bool,
         typer.Option(
-            "--version", callback=_tell_version, is_eager=True, help="Tell the version, and end."
+            "--version", callback=_tell_version, is_eager=True, help="Show the version and exit."
         ),
     ] = False,
 ) -> None:
     pass  # the options of `wayfarer` itself
 
 
-_command(app, "serve", "wayfarer.serve:serve_command", "Start gRPC and HTTP with the models.")
+_command(
+    app, "serve", "wayfarer.serve:serve_command", "Start the server: gRPC, HTTP and the viewer."
+)
 _command(app, "worker", "wayfarer.serve:worker_command", "For `serve --workers`.", hidden=True)
-_command(app, "probe", "wayfarer.probe:probe", "Ask the service here whether it is ready.")
-_command(app, "keys", "wayfarer.transport.auth.commands:app", "API keys of the service.")
-_command(app, "config", "wayfarer.config_page:app", "Settings: the JSON schema of their file.")
-_command(app, "generate", "wayfarer.clips.generate:generate", "Write a walk as GLB, BVH or npz.")
-_command(app, "render", f"{LAB}.evaluation.render:render", "Draw motion: strips, sheets, films.")
-_command(app, "eval", f"{LAB}.evaluation.commands:app", "Measure motion and models, as tables.")
-_command(app, "load", f"{LAB}.load.cli:load", "Load a server, and measure how late it is.")
-_command(app, "train", f"{LAB}.training.cli:app", "Train the models of the method.")
-_command(app, "export", f"{LAB}.training.cli:export", "Write trained models as ONNX graphs.")
+_command(app, "probe", "wayfarer.probe:probe", "Check whether the server on this machine is ready.")
+_command(app, "keys", "wayfarer.transport.auth.commands:app", "Make API keys.")
+_command(
+    app, "config", "wayfarer.config_page:app", "Print the settings, as JSON schema or as a table."
+)
+_command(
+    app, "generate", "wayfarer.clips.generate:generate", "Write a person's walk as GLB, BVH or npz."
+)
+_command(
+    app, "render", f"{LAB}.evaluation.render:render", "Draw motion: film strips, sheets, films."
+)
+_command(app, "eval", f"{LAB}.evaluation.commands:app", "Measure motion and models.")
+_command(app, "load", f"{LAB}.load.cli:load", "Load a server and measure how late its motion is.")
+_command(app, "train", f"{LAB}.training.cli:app", "Train the networks.")
+_command(app, "export", f"{LAB}.training.cli:export", "Write trained networks as a model folder.")
 
 data = _group("Prepare motion capture for training.")
-_command(data, "prepare", f"{LAB}.training.mocap.cli:prepare", "Read, fit and cut BVH or ASF/AMC.")
+_command(
+    data,
+    "prepare",
+    f"{LAB}.training.mocap.cli:prepare",
+    "Read BVH or ASF/AMC and fit it to the body.",
+)
 app.add_typer(data, name="data")
 
 body = _group("Body models.")

@@ -1,8 +1,9 @@
 """All settings: one frozen, validated value, read only by the composition root (serve.py).
 
-A setting comes from, first wins: the command line; the environment (`WAYFARER_HTTP_PORT=9000`,
-nested `WAYFARER_LIMITS__AGENTS=128`); a TOML file (`--config` or `WAYFARER_CONFIG`); its default.
-Unknown keys are refused wherever they stand. Lists are written with commas in the environment.
+The first source that has a setting wins: the command line; the environment
+(`WAYFARER_HTTP_PORT=9000`, nested `WAYFARER_LIMITS__AGENTS=128`); a TOML file (`--config` or
+`WAYFARER_CONFIG`); its default. Unknown keys are errors in every source. In the environment, lists
+are written with commas.
 """
 
 import re
@@ -51,7 +52,7 @@ def _host(text: str) -> str:
 
 
 class Auth(BaseModel):
-    """How callers are authenticated. Nothing set: everybody may do everything."""
+    """How callers are authenticated. If nothing is set, every caller may do everything."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -59,19 +60,19 @@ class Auth(BaseModel):
         default=None, description="TOML file of API keys; `wayfarer keys new` makes entries"
     )
     jwt_keys: str = Field(
-        default="", description="JWKS of the issuer of JWTs: a file, or an https:// URL"
+        default="", description="JWKS of the issuer of JWTs: a file or an https:// URL"
     )
-    jwt_issuer: str = Field(default="", description="`iss` that a JWT must have")
-    jwt_audience: str = Field(default="wayfarer", description="`aud` that a JWT must have")
+    jwt_issuer: str = Field(default="", description="required `iss` of a JWT")
+    jwt_audience: str = Field(default="wayfarer", description="required `aud` of a JWT")
     jwt_algorithms: Annotated[
         Texts, AfterValidator(lambda found: tuple(_signature(name) for name in found))
-    ] = Field(default=("ES256", "RS256"), min_length=1, description="signatures that are accepted")
+    ] = Field(default=("ES256", "RS256"), min_length=1, description="accepted signature algorithms")
     jwt_leeway_s: float = Field(
-        default=30.0, ge=0, le=300, description="seconds that clocks may differ"
+        default=30.0, ge=0, le=300, description="accepted difference of clocks in seconds"
     )
     certificate_scopes: Texts = Field(
         default=("read", "control"),
-        description="scopes of a caller known by its client certificate alone",
+        description="scopes of callers with only a client certificate",
     )
 
     @model_validator(mode="after")
@@ -89,7 +90,7 @@ class Auth(BaseModel):
 
 
 def _signature(name: str) -> str:
-    """Public-key signatures only: with HS256 everybody who can check could also sign."""
+    """Allow public-key signatures only: with HS256, the verifier could also sign."""
     if name not in SIGNATURES:
         raise ValueError(f"{name!r} is not allowed; allowed are {', '.join(SIGNATURES)}")
     return name
@@ -104,23 +105,25 @@ class Settings(BaseSettings):
 
     host: str = Field(default="127.0.0.1", description="address to listen on")
     http_port: int = Field(
-        default=8080, ge=0, le=65535, description="HTTP and WebSocket; 0: any free port"
+        default=8080, ge=0, le=65535, description="port of HTTP and WebSocket; 0: any free port"
     )
-    grpc_port: int = Field(default=50051, ge=0, le=65535, description="gRPC; 0: any free port")
+    grpc_port: int = Field(
+        default=50051, ge=0, le=65535, description="port of gRPC; 0: any free port"
+    )
     model: str = Field(
         default="gamma-anny52",
-        description="motion model: a shipped name, one of models_dir, or a folder's path with a /",
+        description="motion model: a shipped name, a name in models_dir, or a path with a /",
     )
     models_dir: Path | None = Field(
-        default=None, description="folder with further model folders, for AdminService.LoadModel"
+        default=None, description="folder of further model folders, for AdminService.LoadModel"
     )
     state_dir: Path | None = Field(
-        default=None, description="folder of the journal: what it holds outlives the process"
+        default=None, description="folder of the journal, from which sessions survive a restart"
     )
     engine: EngineKind = Field(
         default="auto",
         description="engine: onnxruntime; openvino (`pip install wayfarer[openvino]`); "
-        "auto: the faster of these; torch (`pip install wayfarer[gpu]`), on a GPU",
+        "auto: the faster of these two; torch (`pip install wayfarer[gpu]`): on a GPU",
     )
     threads: int = Field(
         default=0,
@@ -132,65 +135,73 @@ class Settings(BaseSettings):
         default=1,
         ge=1,
         le=64,
-        description="worker processes that share the sessions; 1: all in one process",
+        description="worker processes that share the sessions; 1: one process",
     )
     pin_workers: bool = Field(
-        default=False, description="run each worker on its share of the cores only"
+        default=False, description="bind each worker to its share of the cores"
     )
     candidates: int = Field(
-        default=4, ge=1, le=256, description="candidate primitives that are tried per step"
+        default=4, ge=1, le=256, description="candidate primitives tried per step"
     )
     admission: bool = Field(
         default=True,
-        description="refuse new agents when the load is too high; false: only `limits` count",
+        description="refuse new agents when the measured load is too high; false: only by `limits`",
     )
     most_load: float = Field(
         default=0.75,
         gt=0,
         le=1,
-        description="largest share of the time that steps may take; agents beyond it are refused",
+        description="largest share of the time that steps may take before agents are refused",
     )
     limits: Limits = Limits()
     auth: Auth = Auth()
     connections: int = Field(
-        default=1024, ge=8, description="open connections of HTTP, and of gRPC"
+        default=1024, ge=8, description="most open connections, of HTTP and of gRPC each"
     )
     insecure_no_auth: bool = Field(
         default=False, description="accept calls from other machines without authentication"
     )
     tls_cert: Path | None = Field(
-        default=None, description="PEM file of the server's certificate chain: both ports speak TLS"
+        default=None, description="PEM file of the certificate chain; with it, both ports speak TLS"
     )
-    tls_key: Path | None = Field(default=None, description="PEM file of its private key")
+    tls_key: Path | None = Field(
+        default=None, description="PEM file of the private key of tls_cert"
+    )
     tls_client_ca: Path | None = Field(
         default=None, description="PEM file of the authority whose client certificates are accepted"
     )
     cors_origins: Annotated[
         Texts, AfterValidator(lambda found: tuple(_origin(text) for text in found))
-    ] = Field(default=(), description="origins of web pages that may call, as https://example.org")
+    ] = Field(
+        default=(), description="origins of web pages that may call, e.g. https://example.org"
+    )
     allowed_hosts: Annotated[
         Texts, AfterValidator(lambda found: tuple(_host(text) for text in found))
     ] = Field(
         default=(),
-        description="further names of the server, as wayfarer.example.org; *: any; checked only "
-        "where callers show no credentials",
+        description="further host names of the server, e.g. wayfarer.example.org; *: any; checked "
+        "only on servers without credentials",
     )
     metrics: Literal["guarded", "open", "off"] = Field(
-        default="guarded", description="who may read /metrics; guarded: callers with scope read"
+        default="guarded", description="/metrics is guarded (readable with scope read), open or off"
     )
     otlp_endpoint: str = Field(
-        default="", description="where traces are sent (OTLP over gRPC); empty: no traces"
+        default="",
+        description="OTLP/gRPC collector for traces, as http://host:4317; empty: no traces",
     )
     drain_s: float = Field(
-        default=2.0, ge=0, le=600, description="seconds for streams and calls to end at shutdown"
+        default=2.0,
+        ge=0,
+        le=600,
+        description="seconds that streams and calls get to end at shutdown",
     )
     log_level: Literal["debug", "info", "warning", "error"] = Field(
-        default="info", description="least severe level that is logged"
+        default="info", description="lowest level that is logged: debug, info, warning, error"
     )
     log_format: Literal["auto", "text", "json"] = Field(
-        default="auto", description="auto: text on a terminal, JSON elsewhere"
+        default="auto", description="text, json, or auto: text on a terminal, else JSON"
     )
-    access_log: bool = Field(default=False, description="a line in the log for every call")
+    access_log: bool = Field(default=False, description="log a line for every call")
 
     @model_validator(mode="after")
     def _consistent(self) -> "Settings":
@@ -227,7 +238,7 @@ class Settings(BaseSettings):
 
     @property
     def has_auth(self) -> bool:
-        """Whether callers must show who they are."""
+        """Whether callers must authenticate."""
         return bool(self.auth.keys_file or self.auth.jwt_keys or self.tls_client_ca)
 
     @property
@@ -247,5 +258,5 @@ class Settings(BaseSettings):
         dotenv_settings: PydanticBaseSettingsSource,
         file_secret_settings: PydanticBaseSettingsSource,
     ) -> tuple[PydanticBaseSettingsSource, ...]:
-        """What it is made of, and nothing else: config_sources.py reads the sources."""
+        """Only the given values: config_sources.py reads the sources."""
         return (init_settings,)

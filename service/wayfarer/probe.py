@@ -19,10 +19,15 @@ TIMEOUT_S = 2.0
 def probe(
     file: Annotated[
         Path | None,
-        typer.Option("--config", help="The service's settings file; its environment counts, too."),
+        typer.Option(
+            "--config", help="Settings file of the server. Environment variables count, too."
+        ),
     ] = None,
 ) -> None:
-    """Exit code 0 when the service with these settings is ready for work, else 2."""
+    """Check whether the server with these settings is ready: exit code 0, else 2.
+
+    For health checks of containers and supervisors.
+    """
     # who may call is the service's own business, and may have been said on its command line
     typer.echo(status(config_sources.load({"insecure_no_auth": True}, file)))
 

@@ -155,17 +155,21 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
 @with_options
 def serve_command(
     *,
-    config: Annotated[Path | None, typer.Option(help="TOML file with any of the settings.")] = None,
+    config: Annotated[Path | None, typer.Option(help="TOML file with settings.")] = None,
     check_config: Annotated[
         bool,
         typer.Option(
             "--check-config",
-            help="Print the settings and where each comes from, check their files, and end.",
+            help="Print all settings with their sources, check their files, and exit.",
         ),
     ] = False,
     **options: Any,
 ) -> None:
-    """Start the service: gRPC and HTTP. All settings: docs/operations.md."""
+    """Start the server: gRPC, HTTP and the viewer.
+
+    Each option is a setting. docs/operations.md lists all settings; those without an option here go
+    into the file or the environment. Ctrl-C drains and ends the server.
+    """
     file, given = config, {name: value for name, value in options.items() if value is not None}
     if "keys_file" in given:
         given["auth"] = {"keys_file": given.pop("keys_file")}

@@ -38,7 +38,7 @@ SECONDS_PER_GOAL: Final = 12.0
 
 def render(
     sources: Annotated[
-        list[Path] | None, typer.Argument(metavar="CLIP", help="Clips: .npz or .glb.")
+        list[Path] | None, typer.Argument(metavar="CLIP", help="Clips to draw: .npz or .glb.")
     ] = None,
     out: Annotated[
         Path, typer.Option("--out", "-o", help="Picture (.png) or film (.gif, .mp4) to write.")
@@ -51,38 +51,46 @@ def render(
             "(all on one floor)."
         ),
     ] = None,
-    goals: Annotated[int, typer.Option(help="Also make so many random runs to goals.", min=0)] = 0,
-    stops: Annotated[int, typer.Option(help="Goals of a random run, in turn.", min=1)] = 1,
+    goals: Annotated[
+        int, typer.Option(help="Also make this many random runs to goals.", min=0)
+    ] = 0,
+    stops: Annotated[int, typer.Option(help="Goals per random run, visited in turn.", min=1)] = 1,
     seed: Annotated[int, typer.Option(help="The same seed gives the same runs.", min=0)] = 0,
-    model: Annotated[Path, typer.Option(help="Model folder of the random runs.")] = DEFAULT_MODEL,
-    candidates: Annotated[int, typer.Option(help="Candidates of their search.", min=1)] = 4,
+    model: Annotated[
+        Path,
+        typer.Option(help="Model folder for the random runs.", show_default="the shipped model"),
+    ] = DEFAULT_MODEL,
+    candidates: Annotated[
+        int, typer.Option(help="Candidate primitives tried per step of the random runs.", min=1)
+    ] = 4,
     threads: Annotated[int, typer.Option(help="Threads of the engine; 0: all cores.", min=0)] = 0,
     data: Annotated[
-        Path | None, typer.Option(help="Folder of `wayfarer data prepare`, for --clip.")
+        Path | None, typer.Option(help="Folder made by `wayfarer data prepare`, for --clip.")
     ] = None,
     clip: Annotated[
-        list[str] | None, typer.Option(help="Also a recording in --data, by name; repeatable.")
+        list[str] | None, typer.Option(help="Also draw this recording of --data; repeatable.")
     ] = None,
-    start: Annotated[float, typer.Option(help="Second of the clips to begin at.", min=0)] = 0.0,
+    start: Annotated[float, typer.Option(help="Second at which to begin.", min=0)] = 0.0,
     seconds: Annotated[
-        float | None, typer.Option(help="Length to draw; all if absent.", min=0.025)
+        float | None, typer.Option(help="Seconds to draw; without it, all.", min=0.025)
     ] = None,
     view: Annotated[
-        str, typer.Option(help="quarter, side, front, back, or body (side, turning with it).")
+        str,
+        typer.Option(help="quarter, side, front, back, or body (the side, turning with the body)."),
     ] = "quarter",
     look: Annotated[
         str | None,
-        typer.Option(help="dressed (default of films), or sides: left red, right blue."),
+        typer.Option(help="dressed (default of films), or sides (left red, right blue)."),
     ] = None,
     every: Annotated[int, typer.Option(help="Strip: frames between two bodies.", min=1)] = 8,
     columns: Annotated[int, typer.Option(help="Strip, sheet: bodies in a row.", min=1)] = 10,
     size: Annotated[
         int | None,
-        typer.Option(help="Pixels: height of a film or of a cell, side of a plan.", min=32),
+        typer.Option(help="Pixels: height of a film or cell, or side of a plan.", min=32),
     ] = None,
     fps: Annotated[
         float | None,
-        typer.Option(help="Pictures per second; 20 for .gif and 40 for .mp4 if absent.", min=1),
+        typer.Option(help="Pictures per second; without it, 20 for .gif and 40 for .mp4.", min=1),
     ] = None,
 ) -> None:
     """Draw motion, without display or GPU. For example:

@@ -26,45 +26,58 @@ KEY_VARIABLE = "WAYFARER_LOAD_KEY"
 
 def load(
     target: Annotated[
-        str, typer.Option(help="gRPC address of a running server, host:port; none: start one.")
+        str,
+        typer.Option(help="gRPC address of a running server, host:port. Without it, start one."),
     ] = "",
     http: Annotated[
-        str, typer.Option(help="Its HTTP address, for --transport websocket.")
+        str, typer.Option(help="HTTP address of that server, for --transport websocket.")
     ] = "http://127.0.0.1:8080",
     sessions: Annotated[int, typer.Option(help="Sessions, each with a stream.", min=1)] = 8,
-    agents: Annotated[int, typer.Option(help="Agents of each session.", min=1)] = 8,
-    seconds: Annotated[float, typer.Option(help="Seconds that are measured.")] = 30.0,
-    warm_up: Annotated[float, typer.Option(help="Seconds before that.")] = 5.0,
+    agents: Annotated[int, typer.Option(help="Agents per session.", min=1)] = 8,
+    seconds: Annotated[float, typer.Option(help="Seconds to measure.")] = 30.0,
+    warm_up: Annotated[float, typer.Option(help="Seconds of load before the measurement.")] = 5.0,
     transport: Annotated[str, typer.Option(help="grpc or websocket.")] = "grpc",
     goal_rate: Annotated[
-        float, typer.Option(help="New goals a second for each agent, at random instants.")
+        float, typer.Option(help="New goals per second and agent, at random instants.")
     ] = 0.1,
-    slow: Annotated[int, typer.Option(help="Extra streams that are read too slowly.")] = 0,
+    slow: Annotated[int, typer.Option(help="Extra streams with a reader that is too slow.")] = 0,
     vanishing: Annotated[
-        int, typer.Option(help="Extra streams, each cut off every second or so.")
+        int, typer.Option(help="Extra streams that disconnect about every second.")
     ] = 0,
     knee: Annotated[
-        int, typer.Option(help="Find the most agents in all, up to this, that are served in time.")
+        int,
+        typer.Option(
+            help="Find the largest number of agents served in time, up to this; 0: do not."
+        ),
     ] = 0,
-    p99_ms: Annotated[float, typer.Option(help="In time: p99 of lateness within this.")] = 50.0,
-    seed: Annotated[int, typer.Option(help="The same seed asks for the same.")] = 0,
+    p99_ms: Annotated[
+        float, typer.Option(help="With --knee: largest p99 of lateness that counts as in time.")
+    ] = 50.0,
+    seed: Annotated[
+        int, typer.Option(help="The same seed gives the same goals at the same times.")
+    ] = 0,
     serve: Annotated[
         list[str] | None,
-        typer.Option("--serve", help="Option for the server that is started, e.g. --candidates=1."),
+        typer.Option(
+            "--serve", help="Option of the server that is started, e.g. --candidates=1; repeatable."
+        ),
     ] = None,
     json: Annotated[
-        Path | None, typer.Option(help="Write the figures here, and a plot beside it.")
+        Path | None, typer.Option(help="File for the figures; a plot goes beside it.")
     ] = None,
 ) -> None:
     """Load a server with streams and goals, and measure how late its motion is.
 
-    Lateness counts from the instant at which a primitive is to be shown, by the clock of this
-    machine: run it on the server's machine, or keep both clocks in step. A miss is a primitive that
-    never came, or after its last frame's time (0.2 s): also one that the server left out of its
-    schedule, or that a broken stream did not bring. Goals are given at random instants whatever the
-    answers do (open loop), and their latency counts from those. The generator's own use of the
-    processor is told beside the server's. A key for the server goes into the environment as
-    WAYFARER_LOAD_KEY; settings of a server that is started, as WAYFARER_ADMISSION=false, too.
+    Lateness is the time from the scheduled display of a primitive to its arrival, by the clock of
+    this machine: run the generator on the server's machine, or synchronise both clocks. A miss is a
+    primitive that never came, or came more than 0.2 s late. New goals are sent at random instants
+    without waiting for answers (open loop); their latency runs from those instants. The output
+    shows the CPU use of generator and server.
+
+    Environment variables: WAYFARER_LOAD_KEY is the API key for --target; others that begin with
+    WAYFARER_, such as WAYFARER_ADMISSION=false, are settings of the server that is started.
+
+    docs/measuring.md explains the figures.
     """
     plan = Plan(
         sessions, agents, seconds, warm_up, transport, goal_rate, slow, vanishing, seed=seed
@@ -74,7 +87,7 @@ def load(
 
 
 def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
-    """Of uvloop, where there is one: the generator shall take little from the server."""
+    """The loop of uvloop, if installed, so that the generator takes little CPU from the server."""
     try:
         import uvloop
     except ImportError:  # Windows has none

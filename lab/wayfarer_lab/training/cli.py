@@ -27,21 +27,30 @@ from wayfarer_lab.training.regressor import RegressorConfig, train_regressor
 from wayfarer_lab.training.unpack import unpack_models
 
 app = typer.Typer(
-    help="Train networks. Each run lives in a folder and resumes from its checkpoint."
+    help="Train the networks. A run lives in a folder and resumes from its checkpoint. "
+    "docs/models.md has the recipe.",
+    no_args_is_help=True,
+    add_completion=False,
 )
 CONFIGS = Path(__file__).parent / "configs"
 SHIPPED = ASSETS / "models" / "gamma-anny52"
 Config = TypeVar("Config", bound=BaseModel)
 
 ConfigOption = Annotated[
-    str, typer.Option(help="A TOML file, or the name of one in training/configs.")
+    str,
+    typer.Option(help="A TOML file, or the name of a config in lab/wayfarer_lab/training/configs."),
 ]
-DataOption = Annotated[Path, typer.Option(help="A folder made by `wayfarer data prepare`.")]
+DataOption = Annotated[Path, typer.Option(help="Folder made by `wayfarer data prepare`.")]
 OutOption = Annotated[
-    Path, typer.Option(help="Folder of this run; resumes when it has a checkpoint.")
+    Path, typer.Option(help="Folder of this run; if it has a checkpoint, the run resumes.")
 ]
-MinutesOption = Annotated[float, typer.Option(help="Stop after this long; run again to go on.")]
-ThreadsOption = Annotated[int, typer.Option(help="CPU threads; 0 leaves torch's choice.")]
+MinutesOption = Annotated[
+    float,
+    typer.Option(
+        help="Stop after this time; the same command resumes.", show_default="until finished"
+    ),
+]
+ThreadsOption = Annotated[int, typer.Option(help="CPU threads; 0: torch chooses.")]
 
 
 def read_config(kind: type[Config], name: str) -> Config:
@@ -58,7 +67,7 @@ def read_config(kind: type[Config], name: str) -> Config:
         ) from None
 
 
-@app.command()
+@app.command(short_help="Train a marker predictor (Eq. 1).")
 def predictor(
     data: DataOption,
     out: OutOption,
@@ -66,7 +75,7 @@ def predictor(
     minutes: MinutesOption = float("inf"),
     threads: ThreadsOption = 0,
 ) -> None:
-    """Train a marker predictor (paper Eq. 1): one primitive at a time, or over rollouts."""
+    """Train a marker predictor (Eq. 1 of the paper), on single primitives or on rollouts."""
     _threads(threads)
     settings = read_config(PredictorConfig, config)
     train, validation = (
@@ -75,7 +84,7 @@ def predictor(
     _finished(train_predictor(settings, train, validation, out, minutes), out)
 
 
-@app.command()
+@app.command(short_help="Train the body regressor of a gender (Eq. 2).")
 def regressor(
     data: DataOption,
     out: OutOption,
@@ -83,7 +92,7 @@ def regressor(
     minutes: MinutesOption = float("inf"),
     threads: ThreadsOption = 0,
 ) -> None:
-    """Train a body regressor (paper Eq. 2) for one gender."""
+    """Train the body regressor of one gender (Eq. 2 of the paper)."""
     _threads(threads)
     settings = read_config(RegressorConfig, config)
     body = load_body("anny52", settings.gender)
@@ -93,7 +102,7 @@ def regressor(
     _finished(train_regressor(settings, train, validation, body, out, minutes), out)
 
 
-@app.command()
+@app.command(short_help="Train the pose prior, a VAE of poses.")
 def pose_prior(
     data: DataOption,
     out: OutOption,
@@ -101,14 +110,14 @@ def pose_prior(
     minutes: MinutesOption = float("inf"),
     threads: ThreadsOption = 0,
 ) -> None:
-    """Train the pose prior, a VAE of poses in VPoser's role (for the policy and evaluation)."""
+    """Train the pose prior, a VAE of poses in the role of VPoser, for policy and evaluation."""
     _threads(threads)
     settings = read_config(PosePriorConfig, config)
     train, validation = (load_poses(data, split, settings.mix) for split in ("train", "validation"))
     _finished(train_pose_prior(settings, train, validation, out, minutes), out)
 
 
-@app.command()
+@app.command(short_help="Train the goal policy by PPO (Eq. 10).")
 def policy(
     data: DataOption,
     out: OutOption,
@@ -116,7 +125,10 @@ def policy(
     minutes: MinutesOption = float("inf"),
     threads: ThreadsOption = 0,
 ) -> None:
-    """Train the goal policy by PPO in simulation (paper Eq. 10) on trained networks."""
+    """Train the goal policy by PPO in simulation (Eq. 10 of the paper).
+
+    The config names the runs of the trained networks.
+    """
     _threads(threads)
     settings = read_config(PolicyConfig, config)
     moving = load_poses(data, "train", settings.moving_mix)
@@ -125,7 +137,7 @@ def policy(
     _finished(train_policy(settings, environment, out, minutes), out)
 
 
-@app.command("policy-analytic")
+@app.command("policy-analytic", short_help="Train the goal policy by analytic gradients.")
 def policy_analytic(
     data: DataOption,
     out: OutOption,
@@ -133,7 +145,10 @@ def policy_analytic(
     minutes: MinutesOption = float("inf"),
     threads: ThreadsOption = 0,
 ) -> None:
-    """Train the policy by analytic gradients of the quality terms: the start of the recipe."""
+    """Train the goal policy by analytic gradients of the quality terms, as the shipped one.
+
+    The config names the runs of the trained networks.
+    """
     _threads(threads)
     settings = read_config(AnalyticConfig, config)
     train, validation = (
@@ -142,7 +157,7 @@ def policy_analytic(
     _finished(train_analytic(settings, train, validation, out, minutes), out)
 
 
-@app.command("goal-cvae")
+@app.command("goal-cvae", short_help="Train the baseline, a goal-conditioned CVAE.")
 def goal_cvae(
     data: DataOption,
     out: OutOption,
@@ -150,7 +165,7 @@ def goal_cvae(
     minutes: MinutesOption = float("inf"),
     threads: ThreadsOption = 0,
 ) -> None:
-    """Train the baseline of `wayfarer eval control`, the goal-conditioned CVAE (paper Sec. 4.2)."""
+    """Train the goal-conditioned CVAE (Sec. 4.2), the baseline of `wayfarer eval control`."""
     _threads(threads)
     settings = read_config(GoalCvaeConfig, config)
     train, validation = (
@@ -159,14 +174,17 @@ def goal_cvae(
     _finished(train_goal_cvae(settings, train, validation, out, minutes), out)
 
 
-@app.command()
+@app.command(short_help="Turn a model folder into run folders.")
 def unpack(
-    runs: Annotated[Path, typer.Argument(help="Folder to write run folders into.")],
-    models: Annotated[Path, typer.Option(help="Model folder.")] = SHIPPED,
+    runs: Annotated[Path, typer.Argument(help="Folder in which to write the run folders.")],
+    models: Annotated[
+        Path, typer.Option(help="Model folder.", show_default="the shipped model")
+    ] = SHIPPED,
 ) -> None:
-    """Write run folders with a model folder's weights, to go on from (`start_from`) or to export.
+    """Write the weights of a model folder as run folders, for `start_from` or for export.
 
-    The predictor's encoder and the policy's critic are not in a model folder: they begin anew.
+    A model folder holds neither the predictor's encoder nor the policy's critic; a training that
+    starts from such a run initialises them.
     """
     for name, tensors in unpack_models(models, runs).items():
         typer.echo(f"{runs / name}: {tensors} tensors")
@@ -178,16 +196,20 @@ def _threads(count: int) -> None:
 
 
 def _finished(done: bool, out: Path) -> None:
-    typer.echo(f"{out}: finished" if done else f"{out}: stopped; run the same command to go on")
+    typer.echo(f"{out}: finished" if done else f"{out}: stopped; the same command resumes")
 
 
 def export(
     runs: Annotated[
-        Path, typer.Option(help="Folder of finished runs, named as their configs.")
+        Path, typer.Option(help="Folder of finished runs. Folders are named as in docs/models.md.")
     ] = Path("runs"),
-    out: Annotated[Path, typer.Option(help="Model folder to write.")] = SHIPPED,
+    out: Annotated[
+        Path,
+        typer.Option(help="Model folder to write.", show_default="the shipped model's folder"),
+    ] = SHIPPED,
     data: Annotated[
-        Path | None, typer.Option(help="Prepared folder, described in the card.")
+        Path | None,
+        typer.Option(help="Folder made by `wayfarer data prepare`; the card describes it."),
     ] = None,
     policy: Annotated[str, typer.Option(help="Run of the policy.")] = "policy",
     predictor_1f: Annotated[
@@ -197,13 +219,17 @@ def export(
         str, typer.Option(help="Run of the 2-frame predictor.")
     ] = "predictor_2f_rollout",
     goal_cvae: Annotated[
-        str, typer.Option(help="Run of the g-CVAE: write a folder of that baseline instead.")
+        str, typer.Option(help="Run of the goal-conditioned CVAE: write that baseline instead.")
     ] = "",
     passes: Annotated[
-        int, typer.Option(min=1, help="Of the regressor: 2 make a lighter model (docs/models.md).")
+        int,
+        typer.Option(min=1, help="Passes of the regressor; 2: a lighter model (docs/models.md)."),
     ] = PASSES,
 ) -> None:
-    """Write trained networks as the ONNX graphs that serve. Fails unless torch and ONNX agree."""
+    """Write trained networks as a model folder: ONNX graphs, manifest and card.
+
+    Fails unless torch and ONNX agree.
+    """
     sources = Sources(
         policy=runs / policy,
         predictor_1f=runs / predictor_1f,

@@ -60,42 +60,52 @@ def generate_clip(
 def generate(
     target: Annotated[Path, typer.Argument(help="File to write: .glb, .bvh or .npz.")],
     goal: Annotated[
-        list[str] | None, typer.Option(help="Place on the floor, X,Y in metres; may be repeated.")
+        list[str] | None, typer.Option(help="Goal on the floor: X,Y in metres; repeatable.")
     ] = None,
     gender: Annotated[str, typer.Option(help="female or male.")] = "female",
     height: Annotated[
-        float | None, typer.Option(help="Metres, e.g. 1.70; mean body if absent.")
+        float | None,
+        typer.Option(help="Standing height in metres, e.g. 1.70; without it, the mean body."),
     ] = None,
-    speed: Annotated[float, typer.Option(help="Wished for on the way, metres per second.")] = 1.2,
-    heading: Annotated[float, typer.Option(help="At the start; radians, 0 faces +Y.")] = 0.0,
-    seconds: Annotated[float, typer.Option(help="Length of the clip.")] = 20.0,
+    speed: Annotated[float, typer.Option(help="Target speed, metres per second.")] = 1.2,
+    heading: Annotated[
+        float, typer.Option(help="Heading at the start, in radians; 0 faces +Y.")
+    ] = 0.0,
+    seconds: Annotated[float, typer.Option(help="Length of the clip in seconds.")] = 20.0,
     seed: Annotated[int, typer.Option(help="The same seed gives the same motion.", min=0)] = 0,
     search: Annotated[
         SearchKind,
         typer.Option(
-            help="online: as the service chooses, step by step. beam: keep several ways open at "
-            "every step and take the best in the end; slower, by about children x keep."
+            help="online: choose step by step, as the server does. beam: keep several motions at "
+            "every step and choose the best at the end; slower by about children x keep."
         ),
     ] = SearchKind.ONLINE,
     candidates: Annotated[
         int | None,
-        typer.Option(help=f"online: candidate primitives a step; {CANDIDATES} if absent.", min=1),
+        typer.Option(
+            help=f"With online: candidate primitives per step; default {CANDIDATES}.", min=1
+        ),
     ] = None,
     children: Annotated[
-        int | None, typer.Option(help="beam: primitives tried after each kept one; 4 if absent.")
+        int | None, typer.Option(help="With beam: primitives tried after each kept one; default 4.")
     ] = None,
     keep: Annotated[
-        int | None, typer.Option(help="beam: primitives kept at every step; 4 if absent.")
+        int | None, typer.Option(help="With beam: primitives kept at every step; default 4.")
     ] = None,
     hard: Annotated[
-        bool, typer.Option("--hard", help="beam: reject feet that slide, float or sink.")
+        bool,
+        typer.Option("--hard", help="With beam: reject motions whose feet slide, float or sink."),
     ] = False,
     threads: Annotated[int, typer.Option(help="Threads of the engine; 0: all cores.", min=0)] = 0,
-    model: Annotated[Path, typer.Option(help="Folder of a motion model.")] = DEFAULT_MODEL,
+    model: Annotated[
+        Path, typer.Option(help="Folder of a motion model.", show_default="the shipped model")
+    ] = DEFAULT_MODEL,
 ) -> None:
-    """Let one person walk to goals in turn, from the origin, and write the motion.
+    """Let one person walk from the origin to goals in turn, and write the motion to a file.
 
-    Places are metres, Z up: X right, Y ahead of a person at heading 0.
+    Positions are in metres, Z up: X to the right, Y ahead of a person at heading 0. For example:
+
+    wayfarer generate walk.glb --goal 3,2 --goal -1,4
     """
     check_target(target)
     beam = _beam(search, candidates, children, keep, hard)

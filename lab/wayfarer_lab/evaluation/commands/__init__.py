@@ -14,6 +14,11 @@ from wayfarer_lab.evaluation.commands import (
     scenes,
 )
 
-app = typer.Typer(help="Measure motion and models.", no_args_is_help=True)
+app = typer.Typer(
+    help="Measure motion and models: one table per command. "
+    "docs/evaluation.md explains the tables.",
+    no_args_is_help=True,
+    add_completion=False,
+)
 for part in (rollouts, recorded, control, arrival, maneuvers, long, scenes, everything, define):
-    app.add_typer(part.app)  # without a name: its commands stand beside those of the others
+    app.add_typer(part.app)  # without a name: its commands are siblings of the others

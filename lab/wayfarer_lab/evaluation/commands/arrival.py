@@ -44,11 +44,11 @@ UNLOCKED = "from standing, no foot lock"
 WALKING = "from walking"
 
 
-@app.command()
+@app.command(short_help="Walk to goals, stop and stand; turns, waypoints, strafing.")
 def arrival(
     models: ModelsOption = DEFAULT_MODEL,
-    goals: Annotated[int, typer.Option(help="Goals 3 to 8 m away, of each kind.", min=1)] = 100,
-    agents: Annotated[int, typer.Option(help="Agents of each manoeuvre.", min=1)] = 24,
+    goals: Annotated[int, typer.Option(help="Goals 3 to 8 m away, per table row.", min=1)] = 100,
+    agents: Annotated[int, typer.Option(help="Agents per manoeuvre.", min=1)] = 24,
     data: DataOption = None,
     split: SplitOption = "heldout",
     candidates: CandidatesOption = 4,
@@ -57,11 +57,11 @@ def arrival(
     seed: SeedOption = 0,
     json: JsonOption = None,
 ) -> None:
-    """Send agents to goals 3 to 8 m away and watch them walk, stop and stand; then manoeuvres:
-    near goals, speeds, turns on the spot, waypoints, new goals while walking, strafing.
+    """Measure how agents walk to goals 3 to 8 m away, stop and stand, and how they manoeuvre.
 
-    With --data, runs from walking begin in recorded walking of the split, and its own figures are
-    given beside those of the agents; without, they begin after 2 s of walking.
+    Manoeuvres are near goals, speeds, turns on the spot, waypoints, new goals while walking, and
+    strafing. With --data, runs "from walking" begin in recorded walking of the split, and the
+    recordings have rows of their own. Without it, they begin after 2 s of walking.
     """
     recorded = Recorded(data, split) if data else None
     world, bodies = open_world(models, max(goals, agents), candidates, threads, engine)

@@ -51,18 +51,22 @@ class Method:
     run: Run
 
 
-@app.command()
+@app.command(short_help="Random bodies to random goals: policy and searches (Table 1).")
 def control(
     models: ModelsOption = DEFAULT_MODEL,
     policy_10: Annotated[
-        Path | None, typer.Option(help="Models whose policy is the paper's: PPO, KL weight 10.")
+        Path | None, typer.Option(help="Model folder with the paper's policy: PPO, KL weight 10.")
     ] = None,
-    policy_1: Annotated[Path | None, typer.Option(help="The same with KL weight 1.")] = None,
+    policy_1: Annotated[
+        Path | None, typer.Option(help="Model folder with the paper's policy: PPO, KL weight 1.")
+    ] = None,
     g_cvae: Annotated[
-        Path | None, typer.Option(help="Models of the goal-conditioned CVAE, the baseline.")
+        Path | None, typer.Option(help="Model folder of the baseline, the goal-conditioned CVAE.")
     ] = None,
-    pairs: Annotated[int, typer.Option(help="Random bodies, each with a goal.", min=1)] = 100,
-    speed: Annotated[float, typer.Option(help="Wished on the way, m/s.", min=0.2, max=4.0)] = 1.4,
+    pairs: Annotated[
+        int, typer.Option(help="Number of random bodies, each with a goal.", min=1)
+    ] = 100,
+    speed: Annotated[float, typer.Option(help="Target speed, m/s.", min=0.2, max=4.0)] = 1.4,
     data: DataOption = None,
     split: SplitOption = "heldout",
     threads: ThreadsOption = 0,
@@ -72,11 +76,11 @@ def control(
     """Send random bodies to random goals, by the paper's methods and by the service's (Table 1).
 
     Offline rows follow the paper (Sec. 4.2): 32 clones of each body and, with "& top k", a tree
-    search that keeps the k best of 32 primitives at every level. The row "policy" is that of
-    --models: the shipped one is trained by analytic gradients, which is no method of the paper's
-    (docs/models.md). policy(10) and policy(1) are the paper's, PPO with that weight of the KL term
-    (Eq. 10), and are there when such models are given. "search" rows are single bodies in the
-    world that serves, with K candidates a step. Only the last has the foot lock.
+    search that keeps the k best of 32 primitives at every level. The row "policy" is the policy of
+    --models; the shipped one is trained by analytic gradients, which the paper does not do
+    (docs/models.md). The rows policy(10) and policy(1) need --policy-10 and --policy-1: PPO with
+    that weight of the KL term (Eq. 10). "search" rows are single bodies in the world that serves,
+    with K candidates per step. Only the last row has the foot lock.
     """
     shipped = open_stage(models, threads)
     of_paper = {"policy(10)": policy_10, "policy(1)": policy_1}

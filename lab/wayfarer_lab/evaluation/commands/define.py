@@ -10,7 +10,7 @@ from wayfarer_lab.evaluation.definitions import GROUPS, as_markdown, definitions
 app = typer.Typer()
 
 
-@app.command()
+@app.command(short_help="Print what figures mean.")
 def define(
     figures: Annotated[
         list[str] | None, typer.Argument(help="Names, as in the tables; all if absent.")
@@ -20,7 +20,7 @@ def define(
 
     wayfarer eval define seam_ratio slide_cm_s
 
-    Without a name: docs/figures.md, the definitions of all.
+    Without a name, print docs/figures.md: the definitions of all figures.
     """
     if not figures:
         typer.echo(as_markdown())

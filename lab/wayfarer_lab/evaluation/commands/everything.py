@@ -41,13 +41,13 @@ TABLES: Final[dict[str, Callable[..., None]]] = {
 """In the order in which they are made: the long ones last."""
 
 PARTS: Final = ("realism", "skating", "bodies", "predictor", "regressor")
-"""Tables of networks that may come from training runs; the others judge the served graph."""
+"""Tables of networks that may come from training runs; the others measure the served graph."""
 
 SERVED: Final = ("scenes",)
-"""Tables of nothing but the served graph: recordings have no scenes."""
+"""Tables without a row of recordings, since these have no scenes."""
 
 EVERY_SPLIT: Final = ("maneuvers",)
-"""Tables that show all splits of the recordings beside each other."""
+"""Tables that show all splits of the recordings."""
 
 QUICK: Final[dict[str, dict[str, Any]]] = {
     "realism": {"poses": 20},
@@ -63,20 +63,22 @@ QUICK: Final[dict[str, dict[str, Any]]] = {
 }
 
 
-@app.command("all")
+@app.command("all", short_help="All tables at their default sizes.")
 def everything(
     data: RecordedOption,
     models: ModelsOption = DEFAULT_MODEL,
     runs: RunsOption = None,
     out: Annotated[Path, typer.Option(help="Folder for the tables.")] = Path("runs/eval"),
-    quick: Annotated[bool, typer.Option("--quick", help="A tenth of the size: to try.")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="A tenth of the size, for a trial.")
+    ] = False,
     split: SplitOption = "heldout",
     threads: ThreadsOption = 0,
     seed: SeedOption = 0,
 ) -> None:
-    """All tables at their default sizes: NAME.json, .md and .png of each in a folder.
+    """Make all tables at their default sizes: NAME.json, NAME.md and NAME.png of each in a folder.
 
-    Each table is written when it is finished, so Ctrl-C leaves those before.
+    Each table is written when it is finished, so Ctrl-C keeps the finished ones.
     """
     mocap(data, json=out / "mocap.json")
     for name, table in TABLES.items():

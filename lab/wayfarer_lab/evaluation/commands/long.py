@@ -1,4 +1,4 @@
-"""`wayfarer eval long`: minutes of goal after goal, and orders that nobody would expect."""
+"""`wayfarer eval long`: minutes of goal after goal, and adversarial goal commands."""
 
 from typing import Annotated
 
@@ -37,13 +37,13 @@ NAME = "goal after goal"
 PLOTS = (*(f"{fault}_agents" for fault in FAULTS), "slide_cm_s", "contact_strict")
 
 
-@app.command()
+@app.command(short_help="Minutes of goal after goal: falling, sinking, floating, spinning.")
 def long(
     models: ModelsOption = DEFAULT_MODEL,
-    agents: Annotated[int, typer.Option(help="Agents.", min=1)] = 256,
+    agents: Annotated[int, typer.Option(help="Number of agents.", min=1)] = 256,
     minutes: Annotated[float, typer.Option(help="Minutes of motion.", min=0.5)] = 10.0,
     scripted: Annotated[
-        int, typer.Option(help="Agents of each adversarial script; 0: none.", min=0)
+        int, typer.Option(help="Agents per adversarial script; 0: no scripts.", min=0)
     ] = 32,
     data: DataOption = None,
     split: SplitOption = "heldout",
@@ -53,10 +53,10 @@ def long(
     seed: SeedOption = 0,
     json: JsonOption = None,
 ) -> None:
-    """Let agents go from goal to goal for minutes, and count what goes wrong with their bodies.
+    """Let agents walk from goal to goal for minutes, and count faults of their bodies.
 
-    Who wanders is given a goal only when he stands. The scripts are not so kind: goals behind
-    somebody who walks, about-faces twice a second, another goal every quarter of a second.
+    These agents get a new goal only when they stand. The adversarial scripts put goals behind
+    walking agents, turn them round twice a second, and give a new goal every quarter of a second.
     """
     recorded = Recorded(data, split) if data else None
     stage = open_stage(models, threads, engine)
@@ -90,7 +90,7 @@ def _script(
     bodies: Bodies,
     watch: Watch,
 ) -> Row:
-    """What became of agents under orders that come too soon."""
+    """The row of one adversarial script."""
     courses = run_errands(world, case.errands(agents, random), case.seconds, watch=watch)
     shots = shots_of(courses, bodies)
     figures = robust.summary(shots, [robust.judge(shot) for shot in shots])

@@ -60,17 +60,17 @@ def _check_json(path: Path | None) -> Path | None:
     return path
 
 
-@app.command()
+@app.command(short_help="Every manoeuvre, compared with people and with bars to meet.")
 def maneuvers(
     models: ModelsOption = DEFAULT_MODEL,
     only: Annotated[
-        str, typer.Option(help="Manoeuvres, with commas between.", callback=_check_only)
+        str, typer.Option(help="Manoeuvres, separated by commas.", callback=_check_only)
     ] = ",".join(MANEUVERS),
     quick: Annotated[
-        bool, typer.Option("--quick", help="A seventh of the agents: to try, not to publish.")
+        bool, typer.Option("--quick", help="A seventh of the agents, for a trial.")
     ] = False,
     check: Annotated[
-        bool, typer.Option("--check", help="Exit with 1 when a bar is missed or not judged.")
+        bool, typer.Option("--check", help="Exit with 1 if any bar is missed or not judged.")
     ] = False,
     data: DataOption = None,
     candidates: CandidatesOption = 1,
@@ -80,7 +80,7 @@ def maneuvers(
     strips: Annotated[
         Path | None,
         typer.Option(
-            help="Also draw each case here: the worst take and a middling one. Takes minutes.",
+            help="Folder for film strips of the worst and the median take of each case (minutes).",
             file_okay=False,
         ),
     ] = None,
@@ -88,16 +88,16 @@ def maneuvers(
         Path | None,
         typer.Option(
             "--json",
-            help="Also write rows, bars and the figures of every take here, as they come.",
+            help="File for rows, bars and the figures of every take; written as they come.",
             callback=_check_json,
         ),
     ] = None,
 ) -> None:
-    """Let agents do everything that goals can ask for, and judge what is sent as a viewer would.
+    """Let agents perform every manoeuvre that goals can ask for, and measure the poses sent.
 
-    Of every manoeuvre a table: figures of what is sent, of the same without foot lock ("raw"), and
-    with --data of recorded people; beside them the bar and whether it is met. All bars once more
-    at the end. For example:
+    The table of a manoeuvre has the poses as sent, the same without foot lock ("raw"), and with
+    --data recorded people; then each bar, and whether it is met. A table of all bars ends the
+    output. For example:
 
     wayfarer eval maneuvers --quick
 
@@ -105,8 +105,8 @@ def maneuvers(
 
     wayfarer eval maneuvers --data data/prepared --engine openvino --check
 
-    `wayfarer eval define` says what the figures mean. Agents have random shapes of both genders;
-    the same seed gives the same agents whatever else is played.
+    `wayfarer eval define` explains the figures. Agents have random shapes of both genders. A seed
+    gives a manoeuvre the same agents whatever --only selects.
     """
     players = Players(open_stage(models, threads, engine), candidates, seed)
     results = Results(

@@ -11,8 +11,8 @@ from wayfarer_lab.evaluation.report import check_origin
 
 
 def _check_json(path: Path | None) -> Path | None:
-    """Refuse what would fail after an evaluation of minutes before it: bad names, no plots, and
-    sources that nobody could name.
+    """Fail before the evaluation, not minutes later: on a bad name, a missing plot library, or a
+    working tree whose commit is unknown.
     """
     if path is not None:
         if path.suffix != ".json":
@@ -22,27 +22,36 @@ def _check_json(path: Path | None) -> Path | None:
     return path
 
 
-ModelsOption = Annotated[Path, typer.Option(help="Folder of a motion model.")]
+ModelsOption = Annotated[
+    Path, typer.Option(help="Folder of a motion model.", show_default="the shipped model")
+]
 RunsOption = Annotated[
     Path | None,
-    typer.Option(help="Folder of training runs whose networks take the place of the models'."),
+    typer.Option(help="Folder of training runs; their networks replace those of the model."),
 ]
 DataOption = Annotated[
     Path | None,
-    typer.Option(help='Folder of `wayfarer data prepare`; without, there is no row "mocap".'),
+    typer.Option(
+        help='Folder made by `wayfarer data prepare`. Without it, there is no row "mocap".'
+    ),
 ]
-RecordedOption = Annotated[Path, typer.Option(help="Folder of `wayfarer data prepare`.")]
-SplitOption = Annotated[str, typer.Option(help="train, validation or heldout.")]
+RecordedOption = Annotated[Path, typer.Option(help="Folder made by `wayfarer data prepare`.")]
+SplitOption = Annotated[
+    str, typer.Option(help="Split of the recordings: train, validation or heldout.")
+]
 JsonOption = Annotated[
     Path | None,
     typer.Option(
-        "--json", help="Also write the rows here; beside it .md and .png.", callback=_check_json
+        "--json",
+        help="File for the rows (.json); tables (.md) and a plot (.png) go beside it.",
+        callback=_check_json,
     ),
 ]
 SeedOption = Annotated[int, typer.Option(help="The same seed gives the same rows.", min=0)]
-CandidatesOption = Annotated[int, typer.Option(help="Candidates of the search.", min=1)]
+CandidatesOption = Annotated[int, typer.Option(help="Candidate primitives tried per step.", min=1)]
 EngineOption = Annotated[
-    EngineKind, typer.Option(help="Engine that steps the agents; auto: the faster one here.")
+    EngineKind,
+    typer.Option(help="Engine that steps the agents; auto: the faster one on this machine."),
 ]
 ThreadsOption = Annotated[int, typer.Option(help="Threads of the engine; 0: all cores.", min=0)]
 CountOption = Annotated[int, typer.Option(help="Recorded primitives per gender.", min=1)]

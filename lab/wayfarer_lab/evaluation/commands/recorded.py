@@ -29,9 +29,9 @@ from wayfarer_lab.training.mocap.store import Dataset
 app = typer.Typer()
 
 
-@app.command()
+@app.command(short_help="The recordings themselves, one row per split.")
 def mocap(data: RecordedOption, json: JsonOption = None) -> None:
-    """Judge the recordings themselves, by the same code, one row for each split."""
+    """Measure the recordings with the code that measures the models: one row per split."""
     gait: list[Row] = []
     still: list[Row] = []
     for split in sorted({clip.split for clip in Dataset.load(data).clips}):
@@ -41,7 +41,7 @@ def mocap(data: RecordedOption, json: JsonOption = None) -> None:
     finish(json, {"Recorded locomotion": gait, "Recorded standing": still}, data=str(data))
 
 
-@app.command()
+@app.command(short_help="Errors and diversity of the marker predictors (Tab. S1).")
 def predictor(
     data: RecordedOption,
     models: ModelsOption = DEFAULT_MODEL,
@@ -53,10 +53,10 @@ def predictor(
     seed: SeedOption = 0,
     json: JsonOption = None,
 ) -> None:
-    """Errors and diversity of the predictors (Tab. S1), beside the simplest guesses.
+    """Measure errors and diversity of the marker predictors (Tab. S1), beside simple baselines.
 
-    The row "mocap" guesses the recorded futures of those primitives of the train split whose
-    seeds are nearest.
+    The row "mocap" predicts the recorded futures of the primitives of the train split with the
+    nearest seeds.
     """
     from wayfarer_lab.evaluation.models import ALIKE_SEEDS, predictor_rows
     from wayfarer_lab.evaluation.parts import load_parts
@@ -70,7 +70,7 @@ def predictor(
     )  # fmt: skip
 
 
-@app.command()
+@app.command(short_help="Errors of the body regressors (Tab. S2).")
 def regressor(
     data: RecordedOption,
     models: ModelsOption = DEFAULT_MODEL,
@@ -81,7 +81,7 @@ def regressor(
     seed: SeedOption = 0,
     json: JsonOption = None,
 ) -> None:
-    """Errors of the body regressors (Tab. S2), with the recorded shapes and with random ones."""
+    """Measure errors of the body regressors (Tab. S2), with recorded and with random shapes."""
     from wayfarer_lab.evaluation.models import regressor_rows
     from wayfarer_lab.evaluation.parts import load_parts
 

@@ -1,4 +1,4 @@
-"""Tables of open rollouts: bodies that go on from a pose as the models please."""
+"""Tables of open rollouts: random motion from a start pose."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -32,23 +32,23 @@ app = typer.Typer()
 PosesOption = Annotated[int, typer.Option(help="Start poses, half of each gender.", min=2)]
 
 
-@app.command()
+@app.command(short_help="Random motion of every variant of the models (Fig. 3).")
 def realism(
     models: ModelsOption = DEFAULT_MODEL,
     runs: RunsOption = None,
     poses: PosesOption = 100,
-    seconds: Annotated[float, typer.Option(help="Length of each motion.", min=1.0)] = 10.0,
+    seconds: Annotated[float, typer.Option(help="Seconds of each motion.", min=1.0)] = 10.0,
     data: DataOption = None,
     split: SplitOption = "heldout",
     threads: ThreadsOption = 0,
     seed: SeedOption = 0,
     json: JsonOption = None,
 ) -> None:
-    """Let bodies move at random and judge how real it is, variant by variant (Fig. 3).
+    """Measure the realism of random motion, for every variant of the models (Fig. 3).
 
-    Latents come from N(0, I), for `ro-policy` from the policy on the way to random goals; there is
-    no search. With --data, start poses are frames of the split; without, the shipped ones, and
-    there is neither a row "mocap" nor a Fréchet distance.
+    Latents come from N(0, I), or in the row `ro-policy` from the policy on the way to random
+    goals; there is no search. With --data, start poses are frames of the split. Without it, they
+    are the shipped ones, and the row "mocap" and the Fréchet distance are missing.
     """
     from wayfarer_lab.evaluation.metrics.frechet import FRAMES, Reference
     from wayfarer_lab.evaluation.random_motion import realism as make
@@ -71,25 +71,25 @@ def realism(
     )  # fmt: skip
 
 
-@app.command()
+@app.command(short_help="Influence of body shape and start pose (Sec. A.2).")
 def bodies(
     models: ModelsOption = DEFAULT_MODEL,
     runs: RunsOption = None,
     extent: Annotated[
-        float, typer.Option(help="Standard deviations of the outermost shapes.", min=0.1, max=5.0)
+        float, typer.Option(help="Outermost shapes, in standard deviations.", min=0.1, max=5.0)
     ] = 2.5,
-    futures: Annotated[int, typer.Option(help="Motions of each pose and gender.", min=1)] = 3,
-    seconds: Annotated[float, typer.Option(help="Length of each motion.", min=1.0)] = 5.0,
+    futures: Annotated[int, typer.Option(help="Motions per pose and gender.", min=1)] = 3,
+    seconds: Annotated[float, typer.Option(help="Seconds of each motion.", min=1.0)] = 5.0,
     data: DataOption = None,
     split: SplitOption = "heldout",
     threads: ThreadsOption = 0,
     seed: SeedOption = 0,
     json: JsonOption = None,
 ) -> None:
-    """Ten shapes of body from the same ten start poses, and each pose by itself (Sec. A.2).
+    """Compare ten body shapes from the same ten start poses, and each pose alone (Sec. A.2).
 
-    Every row has the same noise. With a policy, rows also tell how many of the bodies reach a goal
-    5 m ahead, and in how many primitives.
+    Every row has the same noise. With a policy, rows also show how many bodies reach a goal 5 m
+    ahead, and in how many primitives.
     """
     from wayfarer_lab.evaluation.random_motion import SHAPES
     from wayfarer_lab.evaluation.random_motion import bodies as make
@@ -105,19 +105,19 @@ def bodies(
     )  # fmt: skip
 
 
-@app.command()
+@app.command(short_help="Foot skating of random motion (Sec. A.3).")
 def skating(
     models: ModelsOption = DEFAULT_MODEL,
     runs: RunsOption = None,
     poses: PosesOption = 900,
-    primitives: Annotated[int, typer.Option(help="Length of each motion.", min=5)] = 20,
+    primitives: Annotated[int, typer.Option(help="Primitives of each motion.", min=5)] = 20,
     data: DataOption = None,
     split: SplitOption = "heldout",
     threads: ThreadsOption = 0,
     seed: SeedOption = 0,
     json: JsonOption = None,
 ) -> None:
-    """MOJO's measure of foot skating over random motion (Sec. A.3), beside stricter ones."""
+    """Measure foot skating of random motion, by MOJO's measure (Sec. A.3) and stricter ones."""
     from wayfarer_lab.evaluation.random_motion import skating as make
     from wayfarer_lab.evaluation.realism import Motion
 
@@ -140,7 +140,7 @@ def _poses(recorded: Recorded | None, count: int, seed: int) -> "list[Poses]":
 
 @contextmanager
 def _bench(models: Path, runs: Path | None, threads: int, seed: int) -> "Iterator[Bench]":
-    """What the rows of a table share, and a line that says which is being made."""
+    """What the rows of a table share, and a progress line that names the current row."""
     from wayfarer_lab.evaluation.parts import load_parts
     from wayfarer_lab.evaluation.random_motion import Bench
 

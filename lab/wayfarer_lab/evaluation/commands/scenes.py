@@ -1,4 +1,4 @@
-"""`wayfarer eval scenes`: how agents get about in scenes and among each other."""
+"""`wayfarer eval scenes`: how agents walk in scenes and among each other."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -42,7 +42,7 @@ SCENARIOS: Final[Mapping[str, tuple[Scenario, int]]] = {
     "doors": (doors, 8),
     "crates": (crates, 16),
 }
-"""What is tried, and with how many people; in the corridor so many at either end."""
+"""Scenario and number of people; in the corridor, at either end."""
 
 SQUARE, PEOPLE = "square", 200
 ALL: Final = (*SCENARIOS, SQUARE)
@@ -66,19 +66,21 @@ def _check_only(names: str) -> str:
     return names
 
 
-@app.command()
+@app.command(short_help="Example scenes: walls, other people, slopes, doors that shut.")
 def scenes(
     models: ModelsOption = DEFAULT_MODEL,
     only: Annotated[
-        str, typer.Option(help="Scenarios, with commas between.", callback=_check_only)
+        str, typer.Option(help="Scenarios, separated by commas.", callback=_check_only)
     ] = ",".join(ALL),
     scale: Annotated[
-        float, typer.Option(help="Share of the usual number of people.", min=0.01, max=4)
+        float, typer.Option(help="Factor on the number of people.", min=0.01, max=4)
     ] = 1.0,
-    minutes: Annotated[float, typer.Option(help="Minutes in the square.", min=0.05)] = 10.0,
+    minutes: Annotated[
+        float, typer.Option(help="Minutes of the scenario square.", min=0.05)
+    ] = 10.0,
     pictures: Annotated[
         Path | None,
-        typer.Option(help="Also write pictures here: everybody's way from above, and a view."),
+        typer.Option(help="Folder for pictures of each scene: all trails from above, and a view."),
     ] = None,
     candidates: CandidatesOption = 4,
     engine: EngineOption = "onnxruntime",
@@ -86,7 +88,7 @@ def scenes(
     seed: SeedOption = 0,
     json: JsonOption = None,
 ) -> None:
-    """Let people find their way through the example scenes, and see what they touch."""
+    """Let people find their way through example scenes, and measure what they touch."""
     house = House(open_stage(models, threads, engine), candidates)
     tried: dict[str, tuple[Scenario, int]] = {
         **SCENARIOS,

@@ -22,46 +22,55 @@ _Names = Annotated[str, typer.Option(help="Comma-separated.")]
 @app.command()
 def prepare(
     src: Annotated[
-        Path, typer.Argument(help="Folder of BVH or ASF/AMC files, maybe an index.csv.")
+        Path, typer.Argument(help="Folder of BVH or ASF/AMC files, optionally with index.csv.")
     ],
     dst: Annotated[
-        Path, typer.Argument(help="Folder for the prepared data; resumes when it exists.")
+        Path, typer.Argument(help="Folder for the prepared data; an earlier run is resumed.")
     ],
     index: Annotated[
         list[Path] | None,
-        typer.Option(help="Index CSV, more than once for several; default SRC/index.csv."),
+        typer.Option(help="Index table (CSV); repeatable. Default: SRC/index.csv."),
     ] = None,
     validation: Annotated[
-        str, typer.Option(help="Train subjects and clips to validate on, comma-separated.")
+        str, typer.Option(help="Subjects and clips to hold back for validation, comma-separated.")
     ] = "",
     shapes: Annotated[int, typer.Option(min=1, help="Shapes per gender and locomotion clip.")] = 2,
     other_shapes: Annotated[int, typer.Option(min=0, help="Shapes per other clip.")] = 1,
     acted: Annotated[
         str,
         typer.Option(
-            help="Clips whose acted upper body becomes a plain one, as 'Chicken_*,Drunk_*'."
+            help="Clips whose acted upper bodies become plain ones, e.g. 'Chicken_*,Drunk_*'."
         ),
     ] = "",
     augment: Annotated[
         bool, typer.Option(help="Add curved, warped, starting, stopping and standing motion.")
     ] = True,
     clips: Annotated[str, typer.Option(help="Only these clips, comma-separated.")] = "",
-    fps: Annotated[float, typer.Option(help="Rate of AMC files, which do not state it.")] = 120.0,
+    fps: Annotated[
+        float, typer.Option(help="Frame rate of AMC files, which do not state it.")
+    ] = 120.0,
     unit: Annotated[
-        float | None, typer.Option(help="Metres per BVH unit; default: from the legs' length.")
+        float | None,
+        typer.Option(
+            help="Metres per unit of a BVH file. Default: found from the length of the legs."
+        ),
     ] = None,
     up: Annotated[str, typer.Option(help="Upward axis of the files: y or z.")] = "y",
     bvh_fix: Annotated[
         bool, typer.Option(help="Mend CMU's BVH conversion (lost thorax and wrist bones).")
     ] = True,
     steps: Annotated[
-        int, typer.Option(min=1, help="Steps of the retargeting fit.")
+        int, typer.Option(min=1, help="Optimisation steps of the fit.")
     ] = FitOptions.steps,
     device: Annotated[str, typer.Option(help="Where to fit: cpu or cuda.")] = "cpu",
-    workers: Annotated[int, typer.Option(min=1, help="Processes that fit.")] = 1,
+    workers: Annotated[int, typer.Option(min=1, help="Worker processes.")] = 1,
     seed: Annotated[int, typer.Option(help="Seed of random shapes and augmentations.")] = 0,
 ) -> None:
-    """Read, mend, resample, level, retarget and select motion; write data and a report."""
+    """Read recordings, mend them, fit them to the body, and select what training uses.
+
+    Writes motion.npz and a report. After Ctrl-C the same command resumes. docs/data.md explains
+    every step.
+    """
     if up not in ("y", "z"):
         raise typer.BadParameter(f"up must be y or z, got '{up}'")
     bodies = {gender: load_body("anny52", gender) for gender in GENDERS}

@@ -15,18 +15,29 @@ app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_
 
 @app.callback()
 def _group() -> None:
-    """API keys of the service."""
+    """API keys of the server."""
 
 
 @app.command()
 def new(
-    name: Annotated[str, typer.Argument(help="Caller that will use it, and own what it creates.")],
+    name: Annotated[
+        str,
+        typer.Argument(help="Name of the caller who will use the key, and own what it creates."),
+    ],
     scopes: Annotated[
         str,
-        typer.Option(help="read: describe and follow; control: change; admin: models, drain, all."),
+        typer.Option(
+            help="read: describe and follow; control: create and change; admin: everything, "
+            "also models, drain and other callers' sessions."
+        ),
     ] = "read,control",
 ) -> None:
-    """Make a key. The entry for the keys file goes to stdout, the key, once, to stderr."""
+    """Make an API key.
+
+    Writes the entry for the keys file to stdout, and the key itself, once, to stderr. For example:
+
+    wayfarer keys new studio --scopes read,control >> keys.toml
+    """
     try:
         TypeAdapter(Name).validate_python(name)
         wanted = [Scope(scope) for scope in scopes.replace(",", " ").split()]
