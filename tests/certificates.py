@@ -17,6 +17,18 @@ from cryptography.x509.oid import NameOID
 
 DAY = timedelta(days=1)
 
+SIGNS_CERTIFICATES = x509.KeyUsage(
+    key_cert_sign=True,
+    crl_sign=True,
+    digital_signature=False,
+    content_commitment=False,
+    key_encipherment=False,
+    data_encipherment=False,
+    key_agreement=False,
+    encipher_only=False,
+    decipher_only=False,
+)
+
 
 class Authority:
     """Signs certificates and writes them into a folder: NAME.pem, NAME.key, and its own ca.pem."""
@@ -26,8 +38,10 @@ class Authority:
         self.folder = folder
         self._key = ec.generate_private_key(ec.SECP256R1())
         self._name = _named(name)
-        certificate = self._certificate(self._name, self._key, DAY).add_extension(
-            x509.BasicConstraints(ca=True, path_length=None), critical=True
+        certificate = (
+            self._certificate(self._name, self._key, DAY)
+            .add_extension(x509.BasicConstraints(ca=True, path_length=None), critical=True)
+            .add_extension(SIGNS_CERTIFICATES, critical=True)
         )
         self.path = folder / f"{name}.pem"
         self.path.write_bytes(self._signed(certificate))
@@ -48,14 +62,19 @@ class Authority:
         self, subject: x509.Name, key: ec.EllipticCurvePrivateKey, ends: timedelta
     ) -> x509.CertificateBuilder:
         now = datetime.now(UTC)
-        return (
+        own, issuer = key.public_key(), self._key.public_key()
+        return (  # Python 3.13 verifies strictly: it asks for both key identifiers (RFC 5280)
             x509.CertificateBuilder()
             .subject_name(subject)
             .issuer_name(self._name)
-            .public_key(key.public_key())
+            .public_key(own)
             .serial_number(x509.random_serial_number())
             .not_valid_before(now - 10 * DAY)
             .not_valid_after(now + ends)
+            .add_extension(x509.SubjectKeyIdentifier.from_public_key(own), critical=False)
+            .add_extension(
+                x509.AuthorityKeyIdentifier.from_issuer_public_key(issuer), critical=False
+            )
         )
 
     def _signed(self, certificate: x509.CertificateBuilder) -> bytes:
