@@ -6,31 +6,49 @@ every agent tells it the slope in all 128 dimensions, where PPO (`training/polic
 way) learns one number from it. PPO may go on from here.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from math import radians
 from pathlib import Path
+from typing import NamedTuple
 
 import torch
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, model_validator
 from torch import Tensor, nn
+from torch.optim import Optimizer
 
 from wayfarer.body.library import load_body
-from wayfarer.marker_bodies import marker_body
+from wayfarer.errors import InvalidArgument
+from wayfarer.marker_bodies import load_marker_bodies, marker_body
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
-from wayfarer.motion.primitive import BLEND, PrimitiveStep
+from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer.spec import GENDERS, LATENT
-from wayfarer.terms import TERMS
+from wayfarer.spec import GENDERS, LATENT, NEW_FRAMES
+from wayfarer.terms import TERMS, WALK
 from wayfarer_lab.training.crowd import Crowd, CrowdSampler
 from wayfarer_lab.training.dataset import Frames
-from wayfarer_lab.training.rotation import matrix_from_quaternion
+from wayfarer_lab.training.likeness import FRAMES
+from wayfarer_lab.training.mocap.store import Dataset
+from wayfarer_lab.training.posture import LOOSE, Posture, off_body
 from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_weights
-from wayfarer_lab.training.tasks import STANDING, STRAFING, TURNING, WALKING, Tasks, draw_tasks
+from wayfarer_lab.training.steady import (
+    LikenessConfig,
+    SteadyWalks,
+    WatchedDecoder,
+    shown_markers,
+)
+from wayfarer_lab.training.tasks import (
+    STANDING,
+    STRAFING,
+    TURNING,
+    WALKING,
+    TaskMix,
+    Tasks,
+    Weight,
+    draw_tasks,
+)
+from wayfarer_lab.training.walks import SPEEDS, Walks
 
 
 class AnalyticConfig(BaseModel):
@@ -48,6 +66,10 @@ class AnalyticConfig(BaseModel):
     strain_weight: float = 1.0  # of crouching and of knees beyond their limits, see `Posture`
     body_weight: float = 60.0  # of a metre by which predicted markers miss the body, see `off_body`
     renewal: float = 0.01  # chance at every step that an agent is replaced by a new one
+    speed_band: Weight = 0.0  # m/s off the wished speed that cost a walker nothing
+    noise: tuple[float, float] = (1.0, 1.0)  # temperatures of the latents' noise, drawn by agent
+    likeness: LikenessConfig | None = None  # a critic of steady walks; None: there is none
+    tasks: TaskMix = TaskMix()
     start_from: str = ""  # run folder of a policy to go on from
     mix: dict[str, float] = {
         "walk": 0.35,
@@ -58,71 +80,20 @@ class AnalyticConfig(BaseModel):
     }  # where new agents begin, see dataset.group_of
     seed: int = 0
 
+    @model_validator(mode="after")
+    def _fits(self) -> "AnalyticConfig":
+        if self.likeness and self.horizon * NEW_FRAMES >= FRAMES:
+            raise ValueError(
+                f"horizon {self.horizon} leaves nothing to remember of the critic's windows of "
+                f"{FRAMES} frames: at most {FRAMES // NEW_FRAMES - 1} with [likeness]"
+            )
+        if not 0 <= self.noise[0] <= self.noise[1]:
+            raise ValueError(f"noise {self.noise} is not a range of temperatures: low, high")
+        return self
+
 
 FALL = 20.0
 """What a fall costs: as much as the dearest step."""
-
-LOW_WAIST = 0.92
-"""Share of the waist's height in the T-pose below which a body crouches."""
-
-BENT, STRAIGHT = radians(115), radians(-3)
-"""Knees bend no farther than this, and not beyond straight."""
-
-
-@dataclass(frozen=True)
-class Posture:
-    """What no quality term of the service looks at: crouching, and knees beyond their limits."""
-
-    waist: list[int]
-    hips: list[int]  # left, right
-    knees: list[tuple[int, int]]  # of each side the marker on its left, and on its right
-    ankles: list[int]
-
-    @classmethod
-    def from_names(cls, names: Sequence[str]) -> "Posture":
-        """Of a body's markers."""
-        at = {name: i for i, name in enumerate(names)}
-        return cls(
-            waist=[at[n] for n in ("LFWT", "LBWT", "RFWT", "RBWT")],
-            hips=[at["LHIP"], at["RHIP"]],
-            knees=[(at["LKNE"], at["LKNI"]), (at["RKNI"], at["RKNE"])],
-            ankles=[at["LANK"], at["RANK"]],
-        )
-
-    def strain(self, markers: Tensor, resting: Tensor) -> Tensor:
-        """Cost [A] of poses [A, 67, 3] of bodies whose T-pose is `resting` [A, 3, 67].
-
-        5 cm of crouching cost 1, and so do 30 degrees beyond a knee's limits.
-        """
-        height = resting[:, 2, self.waist].mean(-1) - resting[:, 2].amin(-1)
-        crouching = (LOW_WAIST * height - markers[:, self.waist, 2].mean(-1)).clamp(min=0)
-        beyond = torch.zeros_like(crouching)
-        for hip, (left, right), ankle in zip(self.hips, self.knees, self.ankles, strict=True):
-            knee = (markers[:, left] + markers[:, right]) / 2
-            thigh, shin = knee - markers[:, hip], markers[:, ankle] - knee
-            axis = torch.nn.functional.normalize(markers[:, right] - markers[:, left], dim=-1)
-            sine = -(torch.cross(thigh, shin, dim=-1) * axis).sum(-1)
-            flexion = torch.atan2(sine, (thigh * shin).sum(-1))
-            beyond = beyond + (flexion - BENT).clamp(min=0) + (STRAIGHT - flexion).clamp(min=0)
-        return 20 * crouching + 2 * beyond
-
-
-LOOSE = 0.015
-"""Metres by which predicted markers may miss the body's: the prior's own miss it by 1.2 cm."""
-
-
-def off_body(after: Crowd, body: MarkerBody) -> Tensor:
-    """Mean distance [A], metres, from the last predicted markers to those of the body behind them.
-
-    The terms look at predicted markers, and people see the body. Without a price on what lies
-    between, a policy finds latents whose markers are no body's (soles on the floor, the body 8 cm
-    above it). The slope is that of the markers: the body is taken as it is.
-    """
-    with torch.no_grad():
-        rotations = matrix_from_quaternion(after.rotations)
-        skin, _ = body.skin(body.shaped(after.betas), after.translation, rotations)
-    # the next seed lies `BLEND` of the way from the predicted markers to the body's
-    return (after.markers - skin).norm(dim=-1).mean((-1, -2)) / (1 - BLEND)
 
 
 class Watched(nn.Module):
@@ -139,24 +110,53 @@ class Watched(nn.Module):
         return self.last
 
 
+SPEED = TERMS.index("speed")
+
+
+class Advance(NamedTuple):
+    """What one step of a crowd of A agents brings."""
+
+    after: Crowd
+    cost: Tensor  # [A]
+    terms: Tensor  # [A, T]
+    distribution: Gaussian  # π of the latents
+    shown: Tensor  # [A, 8, 67, 3], see `shown_markers`; without [likeness] empty
+
+
 class AnalyticTrainer:
     """Two crowds, one per gender, that never stop; every update continues one of them."""
 
-    def __init__(self, config: AnalyticConfig, train: Frames, validation: Frames) -> None:
+    def __init__(
+        self,
+        config: AnalyticConfig,
+        train: Frames,
+        validation: Frames,
+        walks: Walks | None = None,
+    ) -> None:
+        """Recorded `walks` are needed with [likeness]. Raises InvalidArgument without."""
+        if config.likeness and walks is None:
+            raise InvalidArgument("a critic ([likeness]) needs recorded walks", "walks")
         torch.manual_seed(config.seed)
         self.config = config
         self.policy = GoalPolicy()
         if config.start_from:
             load_weights(self.policy, Path(config.start_from)).train()
         self.watched = Watched(self.policy)
-        self.posture = Posture.from_names(load_body("anny52", GENDERS[0]).marker_names)
+        names = load_body("anny52", GENDERS[0]).marker_names
+        self.posture = Posture.from_names(names)
+        self.decoders: dict[str, WatchedDecoder] = {}
         self.steps = {g: self._step(g) for g in GENDERS}
         self.samplers = {g: CrowdSampler(train, s.body) for g, s in self.steps.items()}
         self.trials = {g: CrowdSampler(validation, s.body) for g, s in self.steps.items()}
         self.crowds = {g: s.draw(config.agents) for g, s in self.samplers.items()}
-        self.tasks = {g: draw_tasks(c.place, c.facing) for g, c in self.crowds.items()}
+        self.tasks = {
+            g: draw_tasks(c.place, c.facing, config.tasks) for g, c in self.crowds.items()
+        }
         self.optimizer = torch.optim.Adam(self.policy.parameters(), lr=config.rate, fused=True)
         self.run: TrainingRun | None = None
+        self.steady: SteadyWalks | None = None
+        if config.likeness and walks is not None:
+            self.steady = SteadyWalks(config.likeness, walks, names, config.agents, config.horizon)
 
     def _step(self, gender: str) -> PrimitiveStep:
         model = load_body("anny52", gender)
@@ -168,19 +168,21 @@ class AnalyticTrainer:
             network.requires_grad_(False)
         # matrix products in bfloat16; skinning and terms stay in float32
         half = torch.autocast("cpu", dtype=torch.bfloat16)
-        predictor.decode = half(predictor.decode)  # type: ignore[method-assign]
+        self.decoders[gender] = WatchedDecoder(half(predictor.decode))
+        predictor.decode = self.decoders[gender]  # type: ignore[method-assign,assignment]
         regressor.know = half(regressor.know)  # type: ignore[method-assign]
         regressor.correct = half(regressor.correct)  # type: ignore[method-assign]
         # No slope flows through the bodies: the terms are of the predicted markers.
         regressor.solve = torch.no_grad()(regressor.solve)  # type: ignore[method-assign]
         return PrimitiveStep(predictor, regressor, body, sites, self.watched)  # type: ignore[arg-type]
 
-    def advance(
-        self, gender: str, crowd: Crowd, tasks: Tasks
-    ) -> tuple[Crowd, Tensor, Tensor, Gaussian]:
-        """One step of a crowd: where it leaves them, cost [A], terms [A, T], π."""
+    def advance(self, gender: str, crowd: Crowd, tasks: Tasks) -> Advance:
+        """One step of a crowd."""
+        config, step = self.config, self.steps[gender]
         count, weight = len(crowd.betas), tasks.term_weights()
-        result = self.steps[gender](
+        low, high = config.noise
+        noise = (low + (high - low) * torch.rand(count, 1, 1)) * torch.randn(count, 1, LATENT)
+        result = step(
             crowd.markers,
             crowd.translation.detach(),
             crowd.rotations.detach(),
@@ -190,16 +192,24 @@ class AnalyticTrainer:
             tasks.wished_facing(crowd.facing.detach()),
             weight,
             torch.ones(count),
-            torch.randn(count, 1, LATENT),
+            noise,
             no_obstacles(count),
         )
-        assert self.watched.last is not None
-        cost = (result.terms * weight).sum(-1)
-        after, body = crowd.after(result), self.steps[gender].body
-        strain = self.posture.strain(after.markers[:, -1], body.resting(crowd.betas))
-        cost = cost + self.config.strain_weight * strain
-        cost = cost + self.config.body_weight * (off_body(after, body) - LOOSE).clamp(min=0)
-        return after, cost, result.terms, self.watched.last
+        future = self.decoders[gender].last
+        assert self.watched.last is not None and future is not None
+        terms, after = result.terms, crowd.after(result)
+        cost = (terms * weight).sum(-1)
+        if config.speed_band:  # who goes at a natural gait leaves his mean speed within a step
+            walks = (tasks.kind == WALKING) & (tasks.speed < SPEEDS[1])
+            free = terms[:, SPEED].clamp(max=config.speed_band)
+            cost = cost - torch.where(walks, WALK["speed"], 0.0) * free
+        strain = self.posture.strain(after.markers[:, -1], step.body.resting(crowd.betas))
+        cost = cost + config.strain_weight * strain
+        cost = cost + config.body_weight * (off_body(after, step.body) - LOOSE).clamp(min=0)
+        shown = torch.empty(0)
+        if self.steady is not None:
+            shown = shown_markers(step, crowd, result, future[:, 0])
+        return Advance(after, cost, terms, self.watched.last, shown)
 
     def update(self) -> dict[str, float]:
         """One optimiser step."""
@@ -210,16 +220,25 @@ class AnalyticTrainer:
         crowd, tasks = self.crowds[gender], self.tasks[gender]
         total, divergence = torch.zeros(()), torch.zeros(())
         sound = torch.ones(config.agents)
+        shown = []
         for _ in range(config.horizon):
-            crowd, cost, _, distribution = self.advance(gender, crowd, tasks)
+            crowd, cost, _, distribution, frames = self.advance(gender, crowd, tasks)
+            if self.steady is not None:
+                shown.append(frames)
+                self.steady.count(gender, crowd, tasks)
             # a cost is worth no more than a fall's: slopes of freak bodies would drown the rest
             cost = FALL * torch.tanh(cost.nan_to_num(FALL) / FALL)
             cost = torch.where(crowd.broken(), FALL, cost)
             total = total + (sound * cost).mean() / config.horizon
             sound = sound * (~crowd.broken()).float()  # what follows a fall teaches nothing
             divergence = divergence + distribution.kl().mean() / config.horizon
+        unlikely = torch.zeros(())
+        seen: dict[str, float] = {}
+        if self.steady is not None:
+            resting = self.steps[gender].body.resting(crowd.betas)
+            unlikely, seen = self.steady.judge(gender, torch.cat(shown, 1), tasks, resting)
         self.optimizer.zero_grad()
-        (total + config.kl_weight * divergence).backward()
+        (total + unlikely + config.kl_weight * divergence).backward()
         norm = torch.nn.utils.clip_grad_norm_(self.policy.parameters(), 1.0)
         if norm.isfinite():
             self.optimizer.step()
@@ -228,16 +247,17 @@ class AnalyticTrainer:
             "cost": float(total.detach()),
             "kl": float(divergence.detach()),
             "fallen": float(1 - sound.mean()),
-        }
+        } | seen
 
     def _go_on(self, gender: str, crowd: Crowd, tasks: Tasks) -> None:
         """Renew tasks; replace broken agents, and some others, by new ones."""
-        tasks.renew(crowd.place, crowd.facing)
+        tasks.renew(crowd.place, crowd.facing, self.config.tasks)
         leave = crowd.broken() | (torch.rand(self.config.agents) < self.config.renewal)
         rows = torch.nonzero(leave).squeeze(-1)
         if len(rows):
             crowd.put(rows, self.samplers[gender].draw(len(rows)))
-            tasks.put(rows, draw_tasks(crowd.place[rows], crowd.facing[rows]))
+            drawn = draw_tasks(crowd.place[rows], crowd.facing[rows], self.config.tasks)
+            tasks.put(rows, drawn)
         self.crowds[gender] = crowd
 
     @torch.no_grad()
@@ -250,14 +270,14 @@ class AnalyticTrainer:
         fallen = 0.0
         for gender, sampler in self.trials.items():
             crowd = sampler.draw(self.config.agents // 2)
-            tasks = draw_tasks(crowd.place, crowd.facing)
+            tasks = draw_tasks(crowd.place, crowd.facing, self.config.tasks)
             for _ in range(20):
-                crowd, _, terms, _ = self.advance(gender, crowd, tasks)
+                crowd, _, terms, _, _ = self.advance(gender, crowd, tasks)
                 for kind in KINDS:
                     of_kind = terms[tasks.kind == kind].nan_to_num()
                     sums[kind] += of_kind.sum(0)
                     counts[kind] += len(of_kind)
-                tasks.renew(crowd.place, crowd.facing)
+                tasks.renew(crowd.place, crowd.facing, self.config.tasks)
             fallen += float(crowd.broken().float().mean()) / len(self.trials)
         torch.set_rng_state(state)
         found = {"val/fallen": fallen}
@@ -276,14 +296,33 @@ SHOWN = {
 }
 
 
+def load_walks(folder: Path, split: str = "train") -> Walks:
+    """The critic's recorded walks from a prepared folder, which takes a minute.
+
+    Raises DataError when the folder is not prepared, InvalidArgument when it holds no such walk.
+    """
+    return Walks(Dataset.load(folder), split, load_marker_bodies("anny52"))
+
+
 def train_analytic(
     config: AnalyticConfig,
     train: Frames,
     validation: Frames,
     folder: Path,
     minutes: float = float("inf"),
+    walks: Walks | None = None,
 ) -> bool:
-    """Train or resume in `folder`. True when all steps are done."""
-    trainer = AnalyticTrainer(config, train, validation)
-    trainer.run = TrainingRun(folder, config, trainer.policy, trainer.optimizer)
-    return trainer.run.drive(config.steps, trainer.update, trainer.validate, minutes, every=200)
+    """Train or resume in `folder`, the critic included. True when all steps are done.
+
+    A training that starts from another run with a critic goes on with that critic.
+    """
+    trainer = AnalyticTrainer(config, train, validation, walks)
+    others: dict[str, nn.Module | Optimizer] = {}
+    if trainer.steady is not None:
+        others = {"critic": trainer.steady.critic, "critic_optimizer": trainer.steady.optimizer}
+        if config.start_from:
+            known = torch.load(Path(config.start_from) / "last.pt", weights_only=True)
+            if "critic" in known:
+                trainer.steady.critic.load_state_dict(known["critic"])
+    trainer.run = TrainingRun(folder, config, trainer.policy, trainer.optimizer, others)
+    return trainer.run.drive(config.steps, trainer.update, trainer.validate, minutes, every=100)

@@ -15,7 +15,7 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.motion.regressor import PASSES
 from wayfarer.spec import GENDERS
 from wayfarer.world.agents.spawn import load_start_poses
-from wayfarer_lab.training.analytic import AnalyticConfig, train_analytic
+from wayfarer_lab.training.analytic import AnalyticConfig, load_walks, train_analytic
 from wayfarer_lab.training.card import model_card
 from wayfarer_lab.training.dataset import load_frames, load_poses
 from wayfarer_lab.training.export import Sources, export_models, write_models
@@ -147,14 +147,22 @@ def policy_analytic(
 ) -> None:
     """Train the goal policy by analytic gradients of the quality terms, as the shipped one.
 
-    The config names the runs of the trained networks.
+    The config names the runs of the trained networks. With a section [likeness] a critic learns
+    beside the policy to tell its steady walks from those recorded in --data, and its verdict joins
+    the cost. The log then shows how many agents were judged ("steady"), the share of pairs that the
+    critic tells apart ("auc": 1 all, 0.5 none), and bob (cm) and knees (degrees) of made and of
+    recorded walks. For example:
+
+    wayfarer train policy-analytic --config policy_walks --data data/prepared
+    --out runs/policy_walks
     """
     _threads(threads)
     settings = read_config(AnalyticConfig, config)
     train, validation = (
         load_frames(data, split, settings.mix) for split in ("train", "validation")
     )
-    _finished(train_analytic(settings, train, validation, out, minutes), out)
+    walks = load_walks(data) if settings.likeness else None
+    _finished(train_analytic(settings, train, validation, out, minutes, walks), out)
 
 
 @app.command("goal-cvae", short_help="Train the baseline, a goal-conditioned CVAE.")

@@ -1,7 +1,8 @@
 """One training run in a folder: checkpoints, resume, logs, a progress bar, a time limit.
 
     runs/<name>/config.json    what was asked for
-    runs/<name>/last.pt        model, optimiser, step, random state (written atomically)
+    runs/<name>/last.pt        model, optimiser, step, random state, and what else the training
+                               has to remember (written atomically)
     runs/<name>/tensorboard/   curves
 
 Stopping by Ctrl-C, by `kill` or by the time limit writes `last.pt`; the same command goes on
@@ -12,7 +13,7 @@ import json
 import math
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -32,9 +33,16 @@ class TrainingRun:
     """Drives `steps` optimiser steps, resuming where the folder's checkpoint stands."""
 
     def __init__(
-        self, folder: Path, config: BaseModel, model: nn.Module, optimizer: Optimizer
+        self,
+        folder: Path,
+        config: BaseModel,
+        model: nn.Module,
+        optimizer: Optimizer,
+        others: Mapping[str, nn.Module | Optimizer] | None = None,
     ) -> None:
+        """`others` are saved and resumed with them, by name: a critic and its optimiser."""
         self.folder = folder
+        self.others = dict(others or {})
         self.model = model
         self.optimizer = optimizer
         self.step = 0
@@ -61,6 +69,10 @@ class TrainingRun:
         state = torch.load(self.folder / "last.pt", weights_only=True)
         self.model.load_state_dict(state["model"])
         self.optimizer.load_state_dict(state["optimizer"])
+        for name, other in self.others.items():
+            if name not in state:
+                raise ArtifactError(f"{self.folder / 'last.pt'}: holds no {name!r} to go on from")
+            other.load_state_dict(state[name])
         self.step = state["step"]
         torch.set_rng_state(state["rng"])
 
@@ -71,7 +83,7 @@ class TrainingRun:
             "optimizer": self.optimizer.state_dict(),
             "step": self.step,
             "rng": torch.get_rng_state(),
-        }
+        } | {name: other.state_dict() for name, other in self.others.items()}
         torch.save(state, self.folder / "last.tmp")
         (self.folder / "last.tmp").rename(self.folder / "last.pt")
 

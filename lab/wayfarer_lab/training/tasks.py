@@ -6,15 +6,16 @@ so that one policy learns them all.
 
 from dataclasses import dataclass, fields
 from math import cos, pi, radians, sin
+from typing import Annotated
 
 import torch
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 from torch import Tensor
 
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.terms import STAND, STRAFE, TURN, WALK, weights
 
 WALKING, STANDING, TURNING, STRAFING = range(4)
-SHARES = (0.38, 0.22, 0.2, 0.2)
 TABLES = torch.tensor([weights(table) for table in (WALK, STAND, TURN, STRAFE)])
 
 SPEEDS = (0.4, 1.8)
@@ -22,9 +23,6 @@ RUNNING = (1.8, 3.2)
 RUN_SHARE = 0.08
 STRAFING_SPEEDS = (0.3, 0.9)
 DISTANCES = (0.5, 8.0)
-BEHIND_SHARE = 0.25
-"""Of walkers' goals lie straight behind, give or take `ASIDE`: reversals, goals behind."""
-
 KEEP_FACING = 0.7
 """Share of strafers who are to face on as they do; the others first have to turn."""
 
@@ -32,16 +30,13 @@ STRAFING_WAYS = (0.5, -0.5, 1.0)
 """Half turns from the wished facing to the way of who strafes: left, right, back, …"""
 
 ASIDE = 0.35
-"""… give or take radians of this spread."""
+"""… give or take radians of this spread, as of walkers' goals straight ahead or behind."""
 
 TURN_STEP = radians(40)
 """As `Steering.turn_ahead`: nobody is asked to turn by more in one step."""
 
 STRAY = 0.25
 """Metres: spread of the place to stand at around where the agent is."""
-
-CHANGE = 1 / 14
-"""Chance at every step that an agent is asked for something else."""
 
 ARRIVED = 0.2
 """Metres from the goal at which a walker is asked to stand there."""
@@ -51,6 +46,39 @@ SLOWEST = 0.7
 ACCELERATION = 2.0
 """As `Steering`: from 0.7 m before the goal the target speed falls, to 0.7 m/s, and it is never
 more than what 2 m/s² add to the present speed in one step."""
+
+
+Weight = Annotated[float, Field(ge=0)]
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class TaskMix(BaseModel):
+    """Section [tasks] of an analytic training: what agents are asked to do, and how often."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    walk: Weight = 0.38  # shares of the tasks
+    stand: Weight = 0.22
+    turn: Weight = 0.2
+    strafe: Weight = 0.2
+    behind: Share = 0.25  # of walkers' goals: straight behind, give or take `ASIDE`
+    ahead: Share = 0.0  # … straight ahead, and twice as far
+    aside: float = Field(default=180.0, gt=0, le=180)  # degrees: the others are no farther aside
+    change: Share = 1 / 14  # chance at every step of another task, of who stays where he is
+    change_moving: Share = 1 / 14  # … of who is on the way
+
+    @model_validator(mode="after")
+    def _possible(self) -> "TaskMix":
+        if not sum(self.shares):
+            raise ValueError("walk, stand, turn and strafe are all 0: nothing is asked")
+        if self.behind + self.ahead > 1:
+            raise ValueError("behind and ahead are shares of the same goals: at most 1 together")
+        return self
+
+    @property
+    def shares(self) -> tuple[float, float, float, float]:
+        """By kind of task."""
+        return self.walk, self.stand, self.turn, self.strafe
 
 
 @dataclass
@@ -97,7 +125,7 @@ class Tasks:
         """[A, T]"""
         return TABLES[self.kind]
 
-    def renew(self, place: Tensor, facing: Tensor) -> None:
+    def renew(self, place: Tensor, facing: Tensor, mix: TaskMix) -> None:
         """Let walkers who are there stand, facing as they do; give some something else to do.
 
         Agents are at `place` [A, 2] and face the unit vectors `facing` [A, 2].
@@ -106,17 +134,17 @@ class Tasks:
         there = self.moves & (distance < ARRIVED)
         self.kind[there] = STANDING
         self.facing[there] = facing[there]
-        change = torch.nonzero(torch.rand(len(place)) < CHANGE).squeeze(-1)
-        self.put(change, draw_tasks(place[change], facing[change]))
+        chance = torch.where(self.moves, mix.change_moving, mix.change)
+        change = torch.nonzero(torch.rand(len(place)) < chance).squeeze(-1)
+        self.put(change, draw_tasks(place[change], facing[change], mix))
 
 
-def draw_tasks(place: Tensor, facing: Tensor) -> Tasks:
+def draw_tasks(place: Tensor, facing: Tensor, mix: TaskMix) -> Tasks:
     """Random tasks of agents at `place` [A, 2] who face the unit vectors `facing` [A, 2]."""
     count = len(place)
-    kind = (
-        torch.multinomial(torch.tensor(SHARES), count, replacement=True) if count else place[:, 0]
-    )
-    kind = kind.long()
+    kind = torch.zeros(0, dtype=torch.long)
+    if count:
+        kind = torch.multinomial(torch.tensor(mix.shares), count, replacement=True)
     walking, strafing = kind == WALKING, kind == STRAFING
     fast = (torch.rand(count) < RUN_SHARE) & walking
     speed = torch.where(fast, _uniform(count, *RUNNING), _uniform(count, *SPEEDS))
@@ -125,12 +153,16 @@ def draw_tasks(place: Tensor, facing: Tensor) -> Tasks:
     wished = torch.where(kept[:, None], facing, _direction(count))
 
     stray = ASIDE * torch.randn(count)
-    behind = (torch.rand(count) < BEHIND_SHARE) & walking
-    way = torch.where(behind[:, None], _turned(facing, pi + stray), _direction(count))
+    where = torch.rand(count)
+    behind, ahead = where < mix.behind, (where >= mix.behind) & (where < mix.behind + mix.ahead)
+    angle = radians(mix.aside) * (2 * torch.rand(count) - 1)
+    angle = torch.where(behind, pi + stray, torch.where(ahead, stray, angle))
+    way = _turned(facing, angle)
     ways = torch.tensor(STRAFING_WAYS)[torch.randint(len(STRAFING_WAYS), (count,))]
     way = torch.where(strafing[:, None], _turned(wished, pi * ways + stray), way)
     moves = walking | strafing
     distance = torch.where(moves, _uniform(count, *DISTANCES), STRAY * torch.randn(count).abs())
+    distance = torch.where(walking & ahead, 2 * distance, distance)
     ground = place + distance[:, None] * way
     return Tasks(
         kind=kind,

@@ -2,23 +2,18 @@
 
 import pytest
 import torch
+from pydantic import ValidationError
 
-from tests.lab.training.fakes import gliding_frames
+from tests.lab.training.fakes import gliding_frames, straight_walks
 from wayfarer.body.library import load_body
-from wayfarer.body.skeleton import joint_names
-from wayfarer.marker_bodies import marker_body
+from wayfarer.errors import ArtifactError, InvalidArgument
+from wayfarer.marker_bodies import load_marker_bodies, marker_body
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS
-from wayfarer_lab.training.analytic import (
-    AnalyticConfig,
-    AnalyticTrainer,
-    Posture,
-    off_body,
-    train_analytic,
-)
-from wayfarer_lab.training.crowd import Crowd
-from wayfarer_lab.training.rotation import matrix_from_rotvec
+from wayfarer_lab.training.analytic import AnalyticConfig, AnalyticTrainer, train_analytic
+from wayfarer_lab.training.steady import SETTLED, LikenessConfig
+from wayfarer_lab.training.walks import Walks
 
 
 @pytest.fixture
@@ -55,8 +50,8 @@ def test_slopes_reach_the_policy_through_later_steps(config):
     """The cost of the second step depends on the latent of the first."""
     trainer = AnalyticTrainer(config, gliding_frames(), gliding_frames(seed=1))
     crowd, tasks = trainer.crowds["male"], trainer.tasks["male"]
-    crowd, _, _, first = trainer.advance("male", crowd, tasks)
-    _, cost, _, _ = trainer.advance("male", crowd, tasks)
+    crowd, _, _, first, _ = trainer.advance("male", crowd, tasks)
+    cost = trainer.advance("male", crowd, tasks).cost
     (slope,) = torch.autograd.grad(cost.sum(), first.mean)
     assert slope.abs().sum() > 0
 
@@ -71,37 +66,69 @@ def test_a_run_ends_and_resumes_to_nothing(config, tmp_path):
     assert "val/walk_speed" in (tmp_path / "policy" / "log.txt").read_text()
 
 
-def test_crouching_and_knees_beyond_their_limits_are_priced():
-    model = load_body("anny52", "male")
-    body, posture = marker_body(model), Posture.from_names(model.marker_names)
-    betas = torch.zeros(1, 10)
-
-    def strain(knee_deg: float, hips: float = 0.0) -> float:
-        turns = torch.zeros(1, 22, 3)
-        for side in ("left", "right"):
-            turns[0, joint_names().index(f"{side}_knee"), 0] = -torch.deg2rad(
-                torch.tensor(knee_deg)
-            )
-        place = torch.tensor([[0.0, 0.0, hips]])
-        markers, _ = body(place, matrix_from_rotvec(turns), betas)
-        resting = body.resting(betas)
-        height = -resting[:, 2].amin(-1)  # hips stand at the origin of the T-pose
-        return float(posture.strain(markers + height, resting))
-
-    assert strain(0) == strain(60) == 0
-    assert 0.5 < strain(145) < 3
-    assert strain(-20) > 0.5
-    assert strain(30, hips=-0.2) > 1
+def with_critic(config: AnalyticConfig, **others) -> AnalyticConfig:
+    return config.model_copy(update={"likeness": LikenessConfig(), **others})
 
 
-def test_markers_that_are_no_bodys_are_told_by_how_far_they_miss_it():
-    body = marker_body(load_body("anny52", "male"))
-    rotations = torch.tensor([0.0, 0, 0, 1]).expand(1, 2, 22, 4)
-    place, betas = torch.zeros(1, 2, 3), torch.zeros(1, 10)
-    own, _ = body.skin(body.shaped(betas), place, matrix_from_rotvec(torch.zeros(1, 2, 22, 3)))
-    miss = torch.tensor([0.0, 0.0, 0.05], requires_grad=True)
-    blended = (own + (own + miss)) / 2  # as a step hands it on
-    off = off_body(Crowd(blended, place, rotations, betas), body)
-    assert off.item() == pytest.approx(0.05, abs=1e-4)
-    off.sum().backward()
-    assert miss.grad is not None and miss.grad[2] > 0
+@pytest.fixture(scope="module")
+def walks():
+    torch.manual_seed(0)
+    return Walks(straight_walks(), "train", load_marker_bodies("anny52"), windows=30)
+
+
+def test_a_training_with_a_critic_resumes_with_it_and_another_may_start_from_it(
+    config, walks, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("wayfarer_lab.training.steady.SETTLED", 0)  # untrained, nobody walks
+    data, folder = (gliding_frames(), gliding_frames(seed=1)), tmp_path / "policy"
+    asked = with_critic(config)
+    assert train_analytic(asked, *data, folder, walks=walks)
+    before = torch.load(folder / "last.pt", weights_only=True)
+    assert before["critic_optimizer"]["state"], "the critic never learnt"
+    assert train_analytic(asked, *data, folder, walks=walks)
+    after = torch.load(folder / "last.pt", weights_only=True)["critic"]
+    assert all(torch.equal(before["critic"][k], after[k]) for k in after)
+
+    further = asked.model_copy(update={"start_from": str(folder), "steps": 0})
+    assert train_analytic(further, *data, tmp_path / "further", walks=walks)
+    taken = torch.load(tmp_path / "further" / "last.pt", weights_only=True)["critic"]
+    assert all(torch.equal(taken[k], after[k]) for k in after)
+
+
+def test_a_checkpoint_that_lost_its_critic_is_an_error(config, walks, tmp_path):
+    data, folder = (gliding_frames(), gliding_frames(seed=1)), tmp_path / "policy"
+    asked = with_critic(config, steps=0)
+    train_analytic(asked, *data, folder, walks=walks)
+    state = torch.load(folder / "last.pt", weights_only=True)
+    del state["critic"]
+    torch.save(state, folder / "last.pt")
+    with pytest.raises(ArtifactError, match="'critic'"):
+        train_analytic(asked, *data, folder, walks=walks)
+
+
+def test_a_band_of_speeds_costs_walkers_nothing(config):
+    cost = []
+    for band in (0.0, 10.0):
+        asked = config.model_copy(update={"speed_band": band, "noise": (0.0, 0.0)})
+        trainer = AnalyticTrainer(asked, gliding_frames(), gliding_frames(seed=1))
+        tasks = trainer.tasks["male"]
+        tasks.kind[:], tasks.speed[:] = 0, 1.2
+        cost.append(trainer.advance("male", trainer.crowds["male"], tasks))
+    free = 0.7 * cost[0].terms[:, 2]
+    assert (free > 0).all()
+    assert torch.allclose(cost[0].cost - cost[1].cost, free, atol=1e-4)
+
+
+def test_impossible_settings_are_refused(config, walks):
+    fields = config.model_dump()
+    for wrong, told in (
+        ({"horizon": 8, "likeness": {}}, "at most 7"),
+        ({"noise": (1.0, 0.5)}, "not a range"),
+        ({"likeness": {"wieght": 1.0}}, "wieght"),
+        ({"speed_band": -0.1}, "greater than or equal to 0"),
+    ):
+        with pytest.raises(ValidationError, match=told):
+            AnalyticConfig.model_validate(fields | wrong)
+    assert SETTLED * 8 > 64  # a window never reaches back to before the walk
+    with pytest.raises(InvalidArgument, match="recorded walks"):
+        AnalyticTrainer(with_critic(config), gliding_frames(), gliding_frames())

@@ -1,8 +1,18 @@
+import pytest
 import torch
+from pydantic import ValidationError
 from torch import Tensor
 
 from wayfarer.terms import STRAFE, weights
-from wayfarer_lab.training.tasks import STANDING, STRAFING, TURNING, WALKING, Tasks, draw_tasks
+from wayfarer_lab.training.tasks import (
+    STANDING,
+    STRAFING,
+    TURNING,
+    WALKING,
+    TaskMix,
+    Tasks,
+    draw_tasks,
+)
 
 EAST = torch.tensor([1.0, 0.0])
 
@@ -18,7 +28,7 @@ def tasks(kind: int, goal: tuple[float, float] = (5.0, 0.0)) -> Tasks:
 
 def test_who_stands_is_asked_to_face_as_now_and_walkers_face_their_way():
     torch.manual_seed(0)
-    drawn = draw_tasks(torch.zeros(512, 2), EAST.expand(512, 2))
+    drawn = draw_tasks(torch.zeros(512, 2), EAST.expand(512, 2), TaskMix())
     assert (drawn.facing[drawn.kind == STANDING] == EAST).all()
     assert not drawn.facing[drawn.kind == WALKING].any()
     for kind in (TURNING, STRAFING):
@@ -36,11 +46,11 @@ def test_the_speed_wished_for_grows_from_the_present_one_and_falls_near_the_goal
     assert tasks(TURNING).target_speed(place, torch.ones(1)) == 0
 
 
-def test_who_has_arrived_stands_there_facing_as_he_does(monkeypatch):
-    monkeypatch.setattr("wayfarer_lab.training.tasks.CHANGE", 0.0)
+def test_who_has_arrived_stands_there_facing_as_he_does():
+    mix = TaskMix(change=0, change_moving=0)
     for kind in (WALKING, STRAFING):
         arrived = tasks(kind, goal=(0.1, 0.0))
-        arrived.renew(torch.zeros(1, 2), EAST[None])
+        arrived.renew(torch.zeros(1, 2), EAST[None], mix)
         assert arrived.kind == STANDING
         assert (arrived.facing == EAST).all()
 
@@ -63,7 +73,7 @@ def test_nobody_is_asked_to_turn_by_more_than_a_step_of_it():
 
 def test_strafers_go_to_both_sides_and_back_and_some_goals_lie_behind():
     torch.manual_seed(0)
-    drawn = draw_tasks(torch.zeros(4096, 2), EAST.expand(4096, 2))
+    drawn = draw_tasks(torch.zeros(4096, 2), EAST.expand(4096, 2), TaskMix())
     strafing = drawn.kind == STRAFING
     way = drawn.goal[strafing, :2]
     aside = relative(way, drawn.facing[strafing])
@@ -72,6 +82,40 @@ def test_strafers_go_to_both_sides_and_back_and_some_goals_lie_behind():
     assert 0.2 < (aside.abs() > 135).float().mean() < 0.45
     ahead = relative(drawn.goal[drawn.kind == WALKING, :2], EAST)
     assert (ahead.abs() > 135).float().mean() > 0.35  # a quarter, and what chance adds
+
+
+def test_a_mix_of_straight_walks_asks_for_little_else():
+    torch.manual_seed(0)
+    mix = TaskMix(walk=1, stand=0, turn=0, strafe=0, behind=0, ahead=0.8, aside=90)
+    drawn = draw_tasks(torch.zeros(4096, 2), EAST.expand(4096, 2), mix)
+    assert (drawn.kind == WALKING).all()
+    angle = relative(drawn.goal[:, :2], EAST).abs()
+    assert (angle < 40).float().mean() > 0.75
+    assert (angle > 110).float().mean() < 0.01
+    assert drawn.goal[:, :2].norm(dim=-1).max() > 12  # twice as far
+
+
+def test_who_walks_may_be_left_alone_longer_than_who_stands():
+    mix = TaskMix(change=1, change_moving=0)
+    walking, standing = tasks(WALKING), tasks(STANDING)
+    for asked in (walking, standing):
+        asked.renew(torch.zeros(1, 2), EAST[None], mix)
+    assert walking.goal.tolist() == [[5.0, 0.0, 0.0]]
+    assert standing.goal.tolist() != [[5.0, 0.0, 0.0]]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"walk": 0, "stand": 0, "turn": 0, "strafe": 0}, "nothing is asked"),
+        ({"behind": 0.6, "ahead": 0.6}, "at most 1 together"),
+        ({"change": 1.5}, "less than or equal to 1"),
+        ({"amble": 1}, "amble"),
+    ],
+)
+def test_an_impossible_mix_is_refused(wrong, told):
+    with pytest.raises(ValidationError, match=told):
+        TaskMix(**wrong)
 
 
 def relative(way: Tensor, facing: Tensor) -> Tensor:
