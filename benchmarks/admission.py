@@ -24,7 +24,7 @@ from tests.fuzz.server import served
 from tests.fuzz.streams import stats_of
 
 from wayfarer.v1 import agent_pb2, session_pb2
-from wayfarer_lab.load.plan import Plan
+from wayfarer_lab.load.plan import LoadPlan
 from wayfarer_lab.load.run import run
 from wayfarer_lab.load.tally import Latencies
 from wayfarer_lab.load.target import Target
@@ -82,7 +82,7 @@ async def overload(target: Target, times: float, clients: int, seconds: float) -
     """Figures of one run."""
     capacity = (await stats_of(target))["capacity"]
     each = math.ceil(times * capacity / clients)
-    plan = Plan(clients, each, seconds, WARM_UP, goal_rate=0.2)
+    plan = LoadPlan(clients, each, seconds, WARM_UP, goal_rate=0.2)
     knocks = Knocks()
 
     async def later() -> None:

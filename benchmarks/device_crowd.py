@@ -8,7 +8,7 @@ import torch
 from torch import Generator, Tensor
 
 from wayfarer.engines.engine import StepInputs
-from wayfarer.engines.torch.batch import Given
+from wayfarer.engines.torch.batch import DeviceInputs
 from wayfarer.engines.torch.cuda_graph_stream import CudaGraphStream
 from wayfarer.engines.torch.engine import Networks
 from wayfarer.motion.primitive import StepResult
@@ -29,7 +29,7 @@ class DeviceCrowd:
         rows, candidates = start.noise.shape[:2]
         self.lane = CudaGraphStream(networks.device)
         self._step = networks.steps[gender]
-        self._given = Given(self.lane, rows, candidates)
+        self._given = DeviceInputs(self.lane, rows, candidates)
         self._random = Generator(networks.device)
         self._given.fill(start)
         with torch.no_grad():

@@ -11,12 +11,12 @@ import numpy as np
 from wayfarer.body.library import load_body
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.limits import Limits
+from wayfarer.model_bundle import BODY, START_POSES
 from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.service.streams.publisher import Publisher
 from wayfarer.service.streams.subscription import Subscription
 from wayfarer.spec import GENDERS, NEW_FRAMES, SEED_FRAMES
-from wayfarer.stage import BODY, START_POSES
 from wayfarer.terms import TERMS
 from wayfarer.transport.metrics import Metrics
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec, Goal, SessionInfo, SessionSpec

@@ -17,7 +17,7 @@ from pathlib import Path
 from tests.fuzz.meshes import FORMATS, fuzz
 
 from wayfarer.limits import Limits
-from wayfarer.navigation.spec import MeshFormat
+from wayfarer.navigation.scene_spec import MeshFormat
 from wayfarer.world.scenes.bake_process import bound_memory
 
 SLOW = 5.0

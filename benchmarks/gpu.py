@@ -48,8 +48,8 @@ from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.engines.onnx_engine import OnnxEngine
 from wayfarer.engines.torch.engine import Networks, TorchEngine, load_networks
 from wayfarer.engines.torch.precision import Precision, products
+from wayfarer.model_bundle import DEFAULT_MODEL, load_models
 from wayfarer.spec import GENDERS, STEP_SECONDS
-from wayfarer.stage import DEFAULT_MODEL, load_models
 
 PRECISIONS: Final[tuple[Precision, ...]] = get_args(Precision)
 

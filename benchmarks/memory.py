@@ -15,7 +15,7 @@ from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.models import add_engine
 from benchmarks.servers import SESSIONS, loaded, settings
-from wayfarer_lab.load.plan import Plan
+from wayfarer_lab.load.plan import LoadPlan
 from wayfarer_lab.load.target import own_server
 
 AGENTS = (0, 64, 256, 1024)
@@ -39,7 +39,7 @@ def main() -> None:
     parser.add_argument("--candidates", type=int, default=1)
     add_engine(parser)
     asked: argparse.Namespace = parser.parse_args()
-    most = Plan(SESSIONS, max(max(asked.agents) // SESSIONS, 1), seconds=1.0)
+    most = LoadPlan(SESSIONS, max(max(asked.agents) // SESSIONS, 1), seconds=1.0)
     environment = settings(most, candidates=asked.candidates, engine=asked.engine)
     rows: list[Row] = []
     nothing = resting_megabytes(environment)
@@ -47,7 +47,7 @@ def main() -> None:
         megabytes = nothing
         if agents:
             seconds = 5.0 if asked.quick else 20.0
-            plan = Plan(SESSIONS, max(agents // SESSIONS, 1), seconds, warm_up=3.0)
+            plan = LoadPlan(SESSIONS, max(agents // SESSIONS, 1), seconds, warm_up=3.0)
             megabytes = loaded(plan, environment)["server_rss_mb"]["end"]
         each = 1e3 * (megabytes - nothing) / agents if agents else None
         rows.append({"agents": agents, "rss_mb": megabytes, "kb_per_agent": each})

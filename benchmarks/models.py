@@ -7,8 +7,8 @@ from typing import Final, cast
 
 from wayfarer.engines.choice import open_engine
 from wayfarer.engines.engine import Engine, EngineKind
+from wayfarer.model_bundle import DEFAULT_MODEL, load_models
 from wayfarer.spec import GENDERS, SEED_FRAMES
-from wayfarer.stage import DEFAULT_MODEL, load_models
 
 GENDER: Final = GENDERS[0]
 """Both step graphs have the same shapes; one is enough."""

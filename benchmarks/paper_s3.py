@@ -20,8 +20,8 @@ from benchmarks.bench import Row
 from benchmarks.models import GENDER, add_engine, opened
 from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.engine import Engine
+from wayfarer.model_bundle import DEFAULT_MODEL
 from wayfarer.spec import STEP_SECONDS
-from wayfarer.stage import DEFAULT_MODEL
 
 PAPER_SECONDS = {64: 0.1, 128: 0.15, 256: 0.25, 512: 0.5, 1024: 0.85}
 CALL_SIZES = (8, 16, 32, 64, 128, 256)

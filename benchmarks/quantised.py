@@ -49,8 +49,8 @@ from wayfarer.engines.onnx_engine import INPUTS, OnnxEngine
 from wayfarer.engines.openvino_engine import OpenVinoEngine
 from wayfarer.engines.padding import pick
 from wayfarer.engines.warm import WarmEngine
+from wayfarer.model_bundle import BODY, DEFAULT_MODEL, ModelBundle, load_models
 from wayfarer.spec import GENDERS, SEED_FRAMES, STEP_SECONDS
-from wayfarer.stage import BODY, DEFAULT_MODEL, Stage, load_models
 from wayfarer.world.agents.agent import AgentSpec, Goal, SessionSpec
 from wayfarer.world.goals.steering import Steering
 
@@ -91,7 +91,9 @@ def recorded(models: ModelFolder, seed: int, steps: int, every: int) -> Inputs:
     engine, random = Recorder(models), np.random.default_rng(seed)
     bodies = {gender: load_body(BODY, gender, "low") for gender in GENDERS}
     genders = GENDERS * ROWS
-    world = Stage(models, engine, bodies).world(len(genders), Steering().with_search(candidates=1))
+    world = ModelBundle(models, engine, bodies).world(
+        len(genders), Steering().with_search(candidates=1)
+    )
     specs = [AgentSpec(gender=g, noise_seed=int(random.integers(2**31))) for g in genders]
     session = world.create_session(SessionSpec(), 0.0)
     crowd = world.create_agents(session.session_id, specs, 0.0)

@@ -28,10 +28,10 @@ from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.driven import Driven, InstantEngine
 from wayfarer.limits import Limits
+from wayfarer.model_bundle import BODY
 from wayfarer.service.streams.publisher import Publisher
 from wayfarer.service.streams.subscription import Subscription
 from wayfarer.spec import GENDERS, STEP_SECONDS
-from wayfarer.stage import BODY
 from wayfarer.transport import schema
 from wayfarer.transport.batches import BatchWriter
 from wayfarer.transport.bodies import BodyLibrary

@@ -25,7 +25,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from wayfarer.stage import DEFAULT_MODEL, Stage, open_stage
+from wayfarer.model_bundle import DEFAULT_MODEL, ModelBundle, open_bundle
 from wayfarer.world.agents.agent import AgentSpec, Goal
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.search.beam import plan
@@ -65,15 +65,19 @@ def random_goals(specs: Sequence[AgentSpec], random: np.random.Generator) -> lis
 
 
 def row(
-    name: str, stage: Stage, specs: Sequence[AgentSpec], plans: Sequence[Plan], seconds: float
+    name: str,
+    bundle: ModelBundle,
+    specs: Sequence[AgentSpec],
+    plans: Sequence[Plan],
+    seconds: float,
 ) -> dict[str, Any]:
     """Figures of one search, made in so many seconds of CPU time."""
     windows = []
     for spec, found in zip(specs, plans, strict=True):
-        body = stage.bodies[spec.gender]
+        body = bundle.bodies[spec.gender]
         made = skin_track(body, np.array(spec.betas), found.translation, found.rotations)
         windows.append(made.windows())
-    gait = gait_row(name, Windows.join(windows), stage.bodies["female"].sole_markers)
+    gait = gait_row(name, Windows.join(windows), bundle.bodies["female"].sole_markers)
     return {
         "name": name,
         "stands": float(np.mean([found.ending is Ending.STANDING for found in plans])),
@@ -98,22 +102,22 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
 
-    stage = open_stage(asked.model, threads=1)
+    bundle = open_bundle(asked.model, threads=1)
     random = np.random.default_rng(asked.seed)
     specs = random_specs(asked.agents, random)
-    motions = stage.world(asked.agents, Steering()).prepare(specs)
+    motions = bundle.world(asked.agents, Steering()).prepare(specs)
     problem = Problem.of(specs, motions, random_goals(specs, random))
     rows: list[dict[str, Any]] = []
     online: dict[str, Any] = {}
     for latents, name in track(list(product(LATENTS, SEARCHES)), "searching"):
         settings = replace(LATENTS[latents], **SEARCHES[name])
         started = time.process_time()
-        plans = plan(stage.engine, problem, settings)
+        plans = plan(bundle.engine, problem, settings)
         seconds = time.process_time() - started
         costs = np.array([found.costs.sum() for found in plans])
         less = online.setdefault(latents, costs) - costs
         error = less.std() / np.sqrt(len(less))
-        made = row(f"{latents} {name}", stage, specs, plans, seconds)
+        made = row(f"{latents} {name}", bundle, specs, plans, seconds)
         rows.append({**made, "better": f"{less.mean():.2f} ± {error:.2f}"})
         if asked.json:
             asked.json.write_text(json.dumps({"rows": rows, "seed": asked.seed}, indent=1))

@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Mapping
 from typing import Any
 
-from wayfarer_lab.load.plan import Plan
+from wayfarer_lab.load.plan import LoadPlan
 from wayfarer_lab.load.run import run
 from wayfarer_lab.load.target import SERVE, own_server, room
 
@@ -13,13 +13,15 @@ Summary = dict[str, Any]
 SESSIONS = 8
 
 
-def settings(plan: Plan, **more: object) -> dict[str, str]:
+def settings(plan: LoadPlan, **more: object) -> dict[str, str]:
     """Of a server in whose way no limit stands: what it can do shall show, not what it may."""
     found = room(plan.sessions * plan.agents, plan) | {"WAYFARER_ADMISSION": "false"}
     return found | {f"WAYFARER_{name.upper()}": str(value) for name, value in more.items()}
 
 
-def loaded(plan: Plan, environment: Mapping[str, str], command: tuple[str, ...] = SERVE) -> Summary:
+def loaded(
+    plan: LoadPlan, environment: Mapping[str, str], command: tuple[str, ...] = SERVE
+) -> Summary:
     """A fresh server under one load: the summary of the run. Raises Unavailable."""
 
     async def whole() -> Summary:

@@ -28,7 +28,7 @@ from benchmarks.servers import SESSIONS, loaded, settings
 from wayfarer.engines.engine import Engine
 from wayfarer.spec import STEP_SECONDS
 from wayfarer_lab.load.knee import find_knee, in_time
-from wayfarer_lab.load.plan import TRANSPORTS, Plan
+from wayfarer_lab.load.plan import TRANSPORTS, LoadPlan
 from wayfarer_lab.load.run import run
 from wayfarer_lab.load.target import SERVE, own_server
 
@@ -48,7 +48,7 @@ def alone(engine: Engine, candidates: int, spend: float) -> int:
 
 
 async def search(
-    plan: Plan, most: int, command: tuple[str, ...], environment: dict[str, str]
+    plan: LoadPlan, most: int, command: tuple[str, ...], environment: dict[str, str]
 ) -> int:
     """The most agents that are served in time in runs as `plan` says."""
     async with own_server((), environment, command) as target:
@@ -62,7 +62,7 @@ async def search(
     return each * plan.sessions
 
 
-def held(plan: Plan, candidates: int, command: tuple[str, ...], tries: int = TRIES) -> Summary:
+def held(plan: LoadPlan, candidates: int, command: tuple[str, ...], tries: int = TRIES) -> Summary:
     """A long run with as many agents as `plan` says, or fewer until all are in time."""
     for _ in range(tries):
         summary = loaded(plan, settings(plan, candidates=candidates), command)
@@ -73,7 +73,7 @@ def held(plan: Plan, candidates: int, command: tuple[str, ...], tries: int = TRI
     return summary
 
 
-def tell(summary: Summary, plan: Plan) -> None:
+def tell(summary: Summary, plan: LoadPlan) -> None:
     """A line of progress."""
     late = summary["lateness_ms"]
     print(
@@ -84,7 +84,7 @@ def tell(summary: Summary, plan: Plan) -> None:
     )
 
 
-def row(engine: str, candidates: int, plan: Plan, engine_alone: int, summary: Summary) -> Row:
+def row(engine: str, candidates: int, plan: LoadPlan, engine_alone: int, summary: Summary) -> Row:
     """What is told of a long run."""
     late, goals = summary["lateness_ms"], summary["goal_latency_ms"]
     return {
@@ -128,11 +128,11 @@ def main() -> None:
         engine = opened(asked.engine, cores)
         could = alone(engine, candidates, 0.3 if asked.quick else 1.0)
         del engine
-        short = Plan(SESSIONS, 1, 6.0 if asked.quick else 15.0, warm_up=3.0)
+        short = LoadPlan(SESSIONS, 1, 6.0 if asked.quick else 15.0, warm_up=3.0)
         room = settings(replace(short, agents=asked.most), candidates=candidates)
         agents = asked.agents or asyncio.run(search(short, asked.most, command, room))
         for transport in asked.transports:
-            plan = Plan(SESSIONS, max(agents // SESSIONS, 1), seconds, WARM_UP, transport)
+            plan = LoadPlan(SESSIONS, max(agents // SESSIONS, 1), seconds, WARM_UP, transport)
             summary = held(plan, candidates, command, 1 if asked.agents else TRIES)
             rows.append(row(asked.engine, candidates, plan, could, summary))
             name = f"{asked.engine} K={candidates} over {transport}: agents in time / engine alone"

@@ -36,8 +36,8 @@ from wayfarer.artifacts import open_session
 from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.engine import Engine
 from wayfarer.engines.onnx_engine import INPUTS
+from wayfarer.model_bundle import DEFAULT_MODEL
 from wayfarer.spec import STEP_SECONDS
-from wayfarer.stage import DEFAULT_MODEL
 
 BATCHES = (8, 32, 64, 128, 256, 512, 1024)
 CANDIDATES = (1, 4, 8)

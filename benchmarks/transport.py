@@ -21,7 +21,7 @@ from benchmarks.servers import settings
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer_lab.load.client import SimulatedClient
-from wayfarer_lab.load.plan import TRANSPORTS, Plan
+from wayfarer_lab.load.plan import TRANSPORTS, LoadPlan
 from wayfarer_lab.load.run import run
 from wayfarer_lab.load.tally import Tally
 from wayfarer_lab.load.target import Target, own_server
@@ -34,12 +34,12 @@ MESSAGES_PER_SECOND = WorldSettings().phases / STEP_SECONDS
 
 async def measure(agents: int, seconds: float) -> list[Row]:
     """Rows for nobody, each transport, and the bare socket."""
-    quiet = Plan(1, agents, seconds, SETTLE, goal_rate=0.0)
+    quiet = LoadPlan(1, agents, seconds, SETTLE, goal_rate=0.0)
     async with _server(quiet) as target:
         alone = await _unread(target, quiet)
     rows = [_row("nobody", alone, 0.0, alone)]
     for transport in TRANSPORTS:
-        plan = Plan(1, agents, seconds, SETTLE, transport, goal_rate=0.0)
+        plan = LoadPlan(1, agents, seconds, SETTLE, transport, goal_rate=0.0)
         async with _server(plan) as target:
             summary, _ = await run(target, plan)
         if summary["misses"]:  # what was sent is not what should have been
@@ -56,7 +56,7 @@ async def measure(agents: int, seconds: float) -> list[Row]:
     return rows
 
 
-def _server(plan: Plan) -> AbstractAsyncContextManager[Target]:
+def _server(plan: LoadPlan) -> AbstractAsyncContextManager[Target]:
     return own_server((), settings(plan, candidates=1, engine=DEFAULT_ENGINE), INSTANT)
 
 
@@ -70,7 +70,7 @@ def _row(reader: str, cores: float, rate: float, alone: float) -> Row:
     }
 
 
-async def _unread(target: Target, plan: Plan) -> float:
+async def _unread(target: Target, plan: LoadPlan) -> float:
     """Cores of a server whose agents nobody follows."""
     client = SimulatedClient(target, plan, Tally(), 0)
     await client.open()

@@ -11,7 +11,7 @@ import yaml
 from wayfarer import config_sources
 from wayfarer.service.stats import LoopStats
 from wayfarer.transport.metrics import Metrics
-from wayfarer.transport.operation import Operation
+from wayfarer.transport.server_options import ServerOptions
 
 ROOT = Path(__file__).parent.parent
 DEPLOY = ROOT / "deploy"
@@ -112,7 +112,7 @@ def test_compose_sets_what_the_service_knows(monkeypatch):
         monkeypatch.setenv(name, value)
     settings = config_sources.load({})
     assert settings.insecure_no_auth
-    origins = Operation.from_settings(settings).origins
+    origins = ServerOptions.from_settings(settings).origins
     assert origins.is_name(scraped()) and not origins.is_name("evil.example")
 
 

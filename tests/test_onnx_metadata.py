@@ -2,8 +2,8 @@ import pytest
 
 from tests.engines.graphs import save, step_model
 from wayfarer.artifacts import METADATA_KEY
+from wayfarer.model_bundle import DEFAULT_MODEL
 from wayfarer.onnx_metadata import read_metadata
-from wayfarer.stage import DEFAULT_MODEL
 
 
 def test_it_reads_what_was_written(tmp_path):

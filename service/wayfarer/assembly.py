@@ -13,9 +13,10 @@ from wayfarer.body.library import body_file, load_body
 from wayfarer.config import Settings
 from wayfarer.engines.choice import open_engine
 from wayfarer.engines.model_store import ModelStore
-from wayfarer.engines.models import Models
+from wayfarer.engines.models import LoadedModels
 from wayfarer.engines.row_partitioner import cores
 from wayfarer.logs import configure_logging
+from wayfarer.model_bundle import BODY, DEFAULT_MODEL, START_POSES, load_models
 from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.motion_service import MotionService
 from wayfarer.service.persistence.journal import Journal
@@ -23,8 +24,7 @@ from wayfarer.service.persistence.snapshot import BodyStamp
 from wayfarer.service.worlds import Worlds
 from wayfarer.shard import Shard
 from wayfarer.spec import GENDERS, STEP_SECONDS
-from wayfarer.stage import BODY, DEFAULT_MODEL, START_POSES, load_models
-from wayfarer.workers.plan import threads_of
+from wayfarer.workers.assignments import threads_of
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.scenes.bake_queue import BakeQueue
@@ -102,7 +102,7 @@ def runtime(
             engine.warm_up(spread_out, measured, world.load.measured)
 
     worlds = Worlds(
-        models=Models(engine),
+        models=LoadedModels(engine),
         body=body,
         bodies={gender: load_body(BODY, gender, "low") for gender in GENDERS},
         start_poses=load_start_poses(START_POSES),

@@ -2,7 +2,7 @@
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from wayfarer.navigation.spec import MAX_MESH_BYTES
+from wayfarer.navigation.scene_spec import MAX_MESH_BYTES
 
 
 class Limits(BaseModel):

@@ -24,16 +24,16 @@ from wayfarer.assembly import model_folder, runtime, with_engine
 from wayfarer.config import Settings
 from wayfarer.config_page import as_toml
 from wayfarer.logs import configure_logging
+from wayfarer.model_bundle import BODY
 from wayfarer.service.live import steady_clock
-from wayfarer.stage import BODY
 from wayfarer.transport.bodies import BodyLibrary
-from wayfarer.transport.fleet import Fleet
 from wayfarer.transport.gateway import Gateway
-from wayfarer.transport.operation import Operation
 from wayfarer.transport.server import Server
+from wayfarer.transport.server_options import ServerOptions
+from wayfarer.transport.worker_topology import WorkerTopology
+from wayfarer.workers.assignments import check_state
 from wayfarer.workers.member import bind_to, read_assignment, supervised
 from wayfarer.workers.messages import Assignment
-from wayfarer.workers.plan import check_state
 
 log = structlog.get_logger(__name__)
 
@@ -62,11 +62,11 @@ async def serve(settings: Settings, worker: Assignment | None = None) -> None:
     if worker is None:
         warn_if_open(settings)
     clock = steady_clock()
-    operation = Operation.from_settings(settings)
+    operation = ServerOptions.from_settings(settings)
     if hasattr(signal, "SIGHUP"):
         loop.add_signal_handler(signal.SIGHUP, operation.guard.authenticator.reload)
     folder = model_folder(settings)
-    fleet = worker.fleet if worker else Fleet()
+    fleet = worker.fleet if worker else WorkerTopology()
     motion = runtime(settings, folder, clock, operation.metrics, fleet.shard)
     gateway = Gateway(motion, BodyLibrary(BODY), settings.limits, clock, stop.set, fleet)
     server = Server(
@@ -177,7 +177,7 @@ def serve_command(
     configure_logging(settings.log_level, settings.log_format)
     if check_config:
         typer.echo(as_toml(settings, config_sources.origins(given, file)))
-        Operation.from_settings(settings)
+        ServerOptions.from_settings(settings)
         model_folder(settings)
         check_state(settings)
         return

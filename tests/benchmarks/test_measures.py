@@ -9,7 +9,7 @@ from benchmarks.flops import Product
 from benchmarks import gemm, paper_s3, service, step, transport
 from wayfarer.spec import STEP_SECONDS
 from wayfarer_lab.load.knee import FAULTS
-from wayfarer_lab.load.plan import Plan
+from wayfarer_lab.load.plan import LoadPlan
 
 
 def test_the_ceiling_is_the_best_of_all_libraries():
@@ -84,7 +84,7 @@ def test_a_long_run_is_made_again_with_fewer_until_all_are_in_time(monkeypatch, 
         return summary(plan.agents, misses=max(plan.agents - limit, 0))
 
     monkeypatch.setattr(service, "loaded", loaded)
-    found = service.held(Plan(sessions=1, agents=100), 1, ("serve",))
+    found = service.held(LoadPlan(sessions=1, agents=100), 1, ("serve",))
     assert found["agents"] == held
     assert service.in_time(found, 50.0) == (limit != 10)  # it gives up after a few tries
 

@@ -71,7 +71,7 @@ def test_bad_arguments_are_refused_before_any_model_is_loaded(tmp_path):
 
 
 class Stage:
-    """A stage with models that are not there."""
+    """A bundle with models that are not there."""
 
     bodies = BODIES
 
@@ -85,7 +85,7 @@ class Stage:
 @pytest.fixture
 def engine(monkeypatch):
     made = FakeEngine()
-    monkeypatch.setattr("wayfarer.clips.generate.open_stage", lambda *_: Stage(made))
+    monkeypatch.setattr("wayfarer.clips.generate.open_bundle", lambda *_: Stage(made))
     return made
 
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from wayfarer.body.library import load_body
 from wayfarer.engines.engine import StepInputs, no_obstacles
+from wayfarer.model_bundle import BODY, START_POSES
 from wayfarer.spec import BETAS, GENDERS, LATENT
-from wayfarer.stage import BODY, START_POSES
 from wayfarer.terms import WALK, weights
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.spawn import Spawner, load_start_poses

@@ -9,7 +9,7 @@ import pytest
 
 from tests.world.fakes import BODIES, FakeEngine, people, start_poses
 from wayfarer.engines.model_store import ModelLoader
-from wayfarer.engines.models import MOST, Models
+from wayfarer.engines.models import MOST, LoadedModels
 from wayfarer.errors import (
     AlreadyExists,
     ArtifactError,
@@ -39,12 +39,12 @@ def new():
 
 @pytest.fixture
 def models(old, new):
-    models = Models(old)
+    models = LoadedModels(old)
     models.add(new)
     return models
 
 
-def make_world(models: Models, count: int = 0) -> World:
+def make_world(models: LoadedModels, count: int = 0) -> World:
     world = World(models, BODIES, start_poses())
     world.create_session(SessionSpec("s"), 0.0)
     world.create_agents("s", people(count), 0.0)
@@ -66,7 +66,7 @@ def test_agents_from_elsewhere_are_moved_by_the_model_that_moved_them_there(mode
     record = world.members.take_session("s")
     assert [agent.model.partition("@")[0] for agent in record.agents] == ["old", "old", "new"]
 
-    def there(found: Models) -> list[str]:
+    def there(found: LoadedModels) -> list[str]:
         other = World(found, BODIES, start_poses())
         other.members.put_session(record, 0.0)
         return moved_by(other)
@@ -74,10 +74,10 @@ def test_agents_from_elsewhere_are_moved_by_the_model_that_moved_them_there(mode
     assert there(models) == ["old", "old", "new"]
     changed = named("old")
     changed.graphs = ("better male", "better female")
-    retrained = Models(new)
+    retrained = LoadedModels(new)
     retrained.add(changed)
     assert there(retrained) == ["old", "old", "new"], "of the same name, if not the same"
-    assert there(Models(new)) == ["new", "new", "new"], "the one in use, if there is no other"
+    assert there(LoadedModels(new)) == ["new", "new", "new"], "the one in use, if there is no other"
 
 
 def test_who_has_come_from_elsewhere_is_counted(models):
@@ -167,11 +167,11 @@ def test_stamps_tell_models_apart_by_what_they_run(models, old):
     stamp = models.stamps[0]
     assert models.stamped(stamp).engine is old
     with pytest.raises(FailedPrecondition, match=r"no model old@\w+ is loaded; loaded are old@"):
-        Models(other).stamped(stamp)
+        LoadedModels(other).stamped(stamp)
 
 
 async def test_the_desk_loads_in_a_thread_of_its_own(old):
-    models, threads = Models(old), []
+    models, threads = LoadedModels(old), []
 
     def open_engine(name: str) -> FakeEngine:
         threads.append(threading.current_thread())
@@ -190,7 +190,7 @@ async def test_the_desk_loads_in_a_thread_of_its_own(old):
 
 
 async def test_one_model_at_a_time_is_loaded_even_if_nobody_waits_any_more(old):
-    models, go_on = Models(old), threading.Event()
+    models, go_on = LoadedModels(old), threading.Event()
 
     def open_engine(name: str) -> FakeEngine:
         go_on.wait(5)
@@ -216,7 +216,7 @@ async def test_one_model_at_a_time_is_loaded_even_if_nobody_waits_any_more(old):
 
 
 async def test_a_model_that_cannot_be_opened_leaves_all_as_it_was(old):
-    models = Models(old)
+    models = LoadedModels(old)
 
     def open_engine(name: str) -> FakeEngine:
         raise ArtifactError(f"{name}: sha256: found 'a', expected 'b'")

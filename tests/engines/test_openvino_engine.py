@@ -11,7 +11,7 @@ from wayfarer.engines.onnx_engine import OnnxEngine
 from wayfarer.engines.openvino_engine import SIZES, OpenVinoEngine, ends
 from wayfarer.engines.openvino_precision import ON_ROWS
 from wayfarer.engines.padding import part
-from wayfarer.stage import DEFAULT_MODEL, load_models
+from wayfarer.model_bundle import DEFAULT_MODEL, load_models
 from wayfarer.terms import TERMS
 
 pytest.importorskip("openvino")

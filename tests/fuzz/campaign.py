@@ -22,7 +22,7 @@ from wayfarer.v1 import (
     session_pb2_grpc,
 )
 from wayfarer_lab.load.client import SimulatedClient
-from wayfarer_lab.load.plan import Plan
+from wayfarer_lab.load.plan import LoadPlan
 from wayfarer_lab.load.tally import Tally as StreamTally
 from wayfarer_lab.load.target import Target
 
@@ -127,7 +127,7 @@ async def _send(
 @asynccontextmanager
 async def _healthy(target: Target, tally: StreamTally, agents: int) -> AsyncIterator[str]:
     """A client who does all as it should; yields its session."""
-    plan = Plan(sessions=1, agents=agents, goal_rate=0.2)
+    plan = LoadPlan(sessions=1, agents=agents, goal_rate=0.2)
     client = SimulatedClient(target, plan, tally, 0)
     await client.open()
     assert tally.agents == agents, f"only {tally.agents} of {agents} healthy agents fit"

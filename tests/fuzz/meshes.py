@@ -14,7 +14,7 @@ import trimesh
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.meshes.read import read_mesh
-from wayfarer.navigation.spec import MAX_TRIANGLES, MeshFile, MeshFormat
+from wayfarer.navigation.scene_spec import MAX_TRIANGLES, MeshFile, MeshFormat
 from wayfarer.spec import MAX_COORDINATE
 
 FORMATS: tuple[MeshFormat, ...] = ("glb", "obj", "ply")

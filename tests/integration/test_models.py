@@ -12,7 +12,7 @@ import wayfarer_client as wf
 from tests.fuzz.server import served
 from tests.integration.test_process import ANY_PORTS, refused
 from tests.serving import LIGHT
-from wayfarer.stage import DEFAULT_MODEL
+from wayfarer.model_bundle import DEFAULT_MODEL
 
 OLD = DEFAULT_MODEL.name
 

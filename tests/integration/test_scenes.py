@@ -5,12 +5,12 @@ steps.
 import numpy as np
 import pytest
 
-from tests.service.kept_worlds import shipped_stage
+from tests.service.kept_worlds import shipped_bundle
 from tests.world.scenes.grounds import BOX, field
+from wayfarer.model_bundle import START_POSES
 from wayfarer.navigation.examples import slope_with_steps
 from wayfarer.navigation.scene import bake
 from wayfarer.spec import FPS
-from wayfarer.stage import START_POSES
 from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, Goal, SessionSpec
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.output.legs import pose_legs
@@ -25,10 +25,10 @@ BODY = 0.2
 
 def walker(scene, place):
     """A world, its scenes, the scene's id, and an agent at a place."""
-    stage, book = shipped_stage(), SceneRegistry()
+    bundle, book = shipped_bundle(), SceneRegistry()
     scene_id = book.add(scene).scene_id
     poses = load_start_poses(START_POSES)
-    world = World(stage.engine, stage.bodies, poses, WorldSettings(), scenes=book)
+    world = World(bundle.engine, bundle.bodies, poses, WorldSettings(), scenes=book)
     world.create_session(SessionSpec("s", scene=scene_id), 0.0)
     [agent] = world.create_agents("s", [AgentSpec(position=place)], 0.0)
     return world, book, scene_id, agent.agent_id

@@ -5,7 +5,7 @@ import pytest
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.checks import check_obstacle, check_spec
-from wayfarer.navigation.spec import (
+from wayfarer.navigation.scene_spec import (
     MAX_MESH_BYTES,
     MAX_RING,
     MAX_SOLIDS,

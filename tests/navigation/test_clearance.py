@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 
 from wayfarer.navigation.clearance import REACH, clearance_field
 from wayfarer.navigation.grid import Grid
+from wayfarer.navigation.scene_spec import Box
 from wayfarer.navigation.solids import footprint
-from wayfarer.navigation.spec import Box
 
 CELL = 0.1
 FLOOR = shapely.box(0, 0, 8, 6)

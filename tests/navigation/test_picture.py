@@ -8,7 +8,7 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.examples import cubes_field, two_storeys
 from wayfarer.navigation.picture import top_view
 from wayfarer.navigation.scene import bake
-from wayfarer.navigation.spec import Box
+from wayfarer.navigation.scene_spec import Box
 
 
 def pixels(png: bytes) -> np.ndarray:

@@ -19,8 +19,8 @@ from wayfarer.navigation.examples import (
     two_storeys,
 )
 from wayfarer.navigation.scene import Scene, bake
+from wayfarer.navigation.scene_spec import Box, Cylinder, Floor, SceneSpec, Walkable
 from wayfarer.navigation.solids import footprint
-from wayfarer.navigation.spec import Box, Cylinder, Floor, SceneSpec, Walkable
 
 FAR_APART = {
     "cubes_field": ((1.0, 1.0), (19.0, 19.0)),

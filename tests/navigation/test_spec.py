@@ -1,7 +1,15 @@
 from dataclasses import replace
 
 from wayfarer.navigation.examples import EXAMPLES, cubes_field
-from wayfarer.navigation.spec import Box, Cylinder, Floor, MeshFile, Prism, SceneSpec, Walkable
+from wayfarer.navigation.scene_spec import (
+    Box,
+    Cylinder,
+    Floor,
+    MeshFile,
+    Prism,
+    SceneSpec,
+    Walkable,
+)
 
 SQUARE = ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))
 

@@ -7,7 +7,7 @@ import numpy as np
 from tests.world.fakes import ManualClock
 from wayfarer.limits import Limits
 from wayfarer.service.streams.publications import Publication, StreamOptions
-from wayfarer.service.streams.subscription import Entry, Start, Subscription
+from wayfarer.service.streams.subscription import QueuedPublication, Subscription, SubscriptionStart
 from wayfarer.world.agents.agent import (
     AgentInfo,
     AgentSpec,
@@ -72,7 +72,7 @@ def together(*chunks):
 def entry(seq, *agents, events=()):
     """Publication number seq + 1: chunk `seq` of each agent ("a" when none is named)."""
     chunks = together(*(chunk(seq, agent) for agent in agents or ("a",)))
-    return Entry(Publication(seq + 1, chunks, tuple(events)), STEP * seq)
+    return QueuedPublication(Publication(seq + 1, chunks, tuple(events)), STEP * seq)
 
 
 def subscription(*agent_ids, meter=None, clock=None, start=None, queue_s=0.5, lead_s=0.5, **wish):
@@ -83,7 +83,7 @@ def subscription(*agent_ids, meter=None, clock=None, start=None, queue_s=0.5, le
         meter or KeepingMeter(),
         clock or ManualClock(0.0),
     )
-    made.begin(start or Start("epoch", 0, 0.0))
+    made.begin(start or SubscriptionStart("epoch", 0, 0.0))
     return made
 
 

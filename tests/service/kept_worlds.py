@@ -4,12 +4,12 @@ from functools import cache
 from pathlib import Path
 
 from tests.world.fakes import BODIES, FakeEngine, start_poses
-from wayfarer.engines.models import Models
+from wayfarer.engines.models import LoadedModels
+from wayfarer.model_bundle import DEFAULT_MODEL, START_POSES, open_bundle
 from wayfarer.service.persistence.journal import Journal
 from wayfarer.service.persistence.snapshot import BodyStamp
 from wayfarer.service.worlds import Worlds
 from wayfarer.spec import GENDERS
-from wayfarer.stage import DEFAULT_MODEL, START_POSES, open_stage
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.stepping.budget import BudgetRules
 from wayfarer.world.stepping.settings import WorldSettings
@@ -19,7 +19,7 @@ STICK = BodyStamp("stick", dict.fromkeys(GENDERS, "0" * 64))
 
 def fake_worlds(journal=None, engine=None, **settings) -> Worlds:
     return Worlds(
-        Models(engine or FakeEngine()),
+        LoadedModels(engine or FakeEngine()),
         STICK,
         BODIES,
         start_poses(),
@@ -29,17 +29,17 @@ def fake_worlds(journal=None, engine=None, **settings) -> Worlds:
 
 
 @cache
-def shipped_stage():
-    return open_stage(DEFAULT_MODEL, threads=1)
+def shipped_bundle():
+    return open_bundle(DEFAULT_MODEL, threads=1)
 
 
 def shipped_worlds(**settings) -> Worlds:
-    stage = shipped_stage()
+    bundle = shipped_bundle()
     body = BodyStamp("anny52", dict.fromkeys(GENDERS, "0" * 64))
     return Worlds(
-        Models(stage.engine),
+        LoadedModels(bundle.engine),
         body,
-        stage.bodies,
+        bundle.bodies,
         load_start_poses(START_POSES),
         WorldSettings(**{"budget": BudgetRules(), **settings}),
     )

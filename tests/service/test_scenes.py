@@ -7,14 +7,14 @@ import pytest
 from tests.service.kept_worlds import open_journal
 from tests.world.scenes.grounds import BOX, FIELD, ISLANDS, WALL
 from wayfarer.errors import FailedPrecondition, InvalidArgument, NotFound, Unreachable
-from wayfarer.navigation.spec import Cylinder, MeshFile, Prism, Ramp, SceneSpec
+from wayfarer.navigation.scene_spec import Cylinder, MeshFile, Prism, Ramp, SceneSpec
 from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.world.agents.agent import AgentSpec, Goal, SessionSpec
 from wayfarer.world.events import EventKind
-from wayfarer.world.scenes.messages import SceneWish
+from wayfarer.world.scenes.messages import SceneSource
 
-WISH = SceneWish(SceneSpec((FIELD,), (BOX,)), "field", {"owner": "ada"})
-EMPTY = SceneWish(SceneSpec((FIELD,)))
+WISH = SceneSource(SceneSpec((FIELD,), (BOX,)), "field", {"owner": "ada"})
+EMPTY = SceneSource(SceneSpec((FIELD,)))
 SOUTH = AgentSpec(position=(6.0, 2.0))
 NORTH = Goal((6.0, 10.0, 0.0))
 
@@ -45,10 +45,10 @@ async def test_scenes_are_created_listed_drawn_and_deleted(servers):
 async def test_errors_reach_the_caller(servers):
     runtime = await servers.start()
     with pytest.raises(InvalidArgument):
-        await runtime.scenes.create_scene(SceneWish(SceneSpec()))
+        await runtime.scenes.create_scene(SceneSource(SceneSpec()))
     with pytest.raises(InvalidArgument, match="mesh"):
-        await runtime.scenes.create_scene(SceneWish(SceneSpec(mesh=MeshFile(b"no mesh", "glb"))))
-    scene = await runtime.scenes.create_scene(SceneWish(SceneSpec(ISLANDS)))
+        await runtime.scenes.create_scene(SceneSource(SceneSpec(mesh=MeshFile(b"no mesh", "glb"))))
+    scene = await runtime.scenes.create_scene(SceneSource(SceneSpec(ISLANDS)))
     with pytest.raises(Unreachable):
         await runtime.scenes.query_path(scene.scene_id, (6.0, 2.0), (25.0, 6.0))
     way = await runtime.scenes.query_path(scene.scene_id, (6.0, 2.0), (6.0, 99.0))
@@ -98,7 +98,7 @@ async def test_lock_step_sessions_are_in_scenes_too(servers):
 
 
 async def test_scenes_and_who_is_in_them_survive_a_restart(servers, tmp_path):
-    every = SceneWish(
+    every = SceneSource(
         SceneSpec(
             (FIELD,),
             (
@@ -142,7 +142,7 @@ async def test_scenes_and_who_is_in_them_survive_a_restart(servers, tmp_path):
 async def test_a_mesh_survives_a_restart(servers, tmp_path):
     obj = b"v 0 0 0\nv 9 0 0\nv 9 0 9\nv 0 0 9\nf 1 2 3\nf 1 3 4\n"
     first = await servers.start(open_journal(tmp_path))
-    made = await first.scenes.create_scene(SceneWish(SceneSpec(mesh=MeshFile(obj, "obj"))))
+    made = await first.scenes.create_scene(SceneSource(SceneSpec(mesh=MeshFile(obj, "obj"))))
     await servers.stop(first)
     second = await servers.start(open_journal(tmp_path))
     found = await second.scenes.get_scene(made.scene_id)

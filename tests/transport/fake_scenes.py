@@ -6,14 +6,14 @@ from dataclasses import replace
 from wayfarer.errors import FailedPrecondition, NotFound
 from wayfarer.navigation.picture import top_view
 from wayfarer.navigation.scene import Scene, bake
-from wayfarer.navigation.spec import Obstacle, Point3
+from wayfarer.navigation.scene_spec import Obstacle, Point3
 from wayfarer.world.scenes.messages import (
     Block,
     Crowd,
     CrowdState,
     Outlines,
     SceneInfo,
-    SceneWish,
+    SceneSource,
     Way,
 )
 
@@ -22,12 +22,12 @@ class FakeScenes:
     """Ids count from 1: scene-1, scene-2, …"""
 
     def __init__(self) -> None:
-        self.wishes: list[SceneWish] = []
+        self.wishes: list[SceneSource] = []
         self.crowds: list[tuple[str, Crowd]] = []
         self.guests: dict[str, str] = {}  # scene of each session
-        self._scenes: dict[str, tuple[SceneWish, Scene]] = {}
+        self._scenes: dict[str, tuple[SceneSource, Scene]] = {}
 
-    async def create_scene(self, wish: SceneWish) -> SceneInfo:
+    async def create_scene(self, wish: SceneSource) -> SceneInfo:
         scene = await asyncio.to_thread(bake, wish.spec)
         self.wishes.append(wish)
         scene_id = self.new_scene_id()

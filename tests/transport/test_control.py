@@ -8,7 +8,7 @@ import pytest
 from tests.transport.fakes import FakeService, opened
 from tests.transport.gateway.calls import called_by, caller, session_of_two
 from wayfarer.errors import InvalidArgument, NotFound
-from wayfarer.transport import limits
+from wayfarer.transport import call_rates as limits
 from wayfarer.transport.caller import Scope
 from wayfarer.transport.control import control
 from wayfarer.v1 import control_pb2

@@ -12,7 +12,7 @@ from tests.transport.auth.test_keys import STUDIO
 from tests.transport.test_http_guard import guarded
 from wayfarer.errors import InvalidArgument
 from wayfarer.limits import Limits
-from wayfarer.transport.caller import present_caller
+from wayfarer.transport.caller import current_caller
 from wayfarer.transport.grpc_guard import (
     OPEN_STREAMS,
     GuardInterceptor,
@@ -34,20 +34,20 @@ class Handlers:
     async def unary(self, request: bytes, context) -> bytes:
         if request == b"bad":
             raise InvalidArgument("bad", "request")
-        return f"{present_caller().name} {get_contextvars()['request_id']}".encode()
+        return f"{current_caller().name} {get_contextvars()['request_id']}".encode()
 
     async def stream(self, request: bytes, context):
         for _ in range(2):
-            yield present_caller().name.encode()
+            yield current_caller().name.encode()
         if request == b"wait":
             await asyncio.sleep(60)
 
     async def collect(self, requests, context) -> bytes:
-        return b"".join([request async for request in requests]) + present_caller().name.encode()
+        return b"".join([request async for request in requests]) + current_caller().name.encode()
 
     async def both(self, requests, context):
         async for request in requests:
-            yield request + present_caller().name.encode()
+            yield request + current_caller().name.encode()
 
 
 class Rig:

@@ -15,14 +15,14 @@ from tests.transport.auth.test_keys import FILE, STUDIO
 from wayfarer import config_sources
 from wayfarer.errors import Unavailable
 from wayfarer.service.stats import LoopStats
+from wayfarer.transport.asgi import front
 from wayfarer.transport.auth import Authenticator
 from wayfarer.transport.auth.keys import KeyFile
-from wayfarer.transport.caller import present_caller
-from wayfarer.transport.front import front
+from wayfarer.transport.call_rates import FAILURE_BURST, CallRates
+from wayfarer.transport.caller import current_caller
 from wayfarer.transport.guard import Guard
-from wayfarer.transport.limits import FAILURE_BURST, CallRates
-from wayfarer.transport.operation import Operation
 from wayfarer.transport.origins import Origins
+from wayfarer.transport.server_options import ServerOptions
 from wayfarer.world.agents.agent import AgentState
 
 STATS = LoopStats(*([0] * 9), states={AgentState.WALKING: 3})
@@ -32,13 +32,13 @@ ADMIN = f'[keys.root]\nsha256 = "{DIGEST}"\nscopes = ["admin"]'
 
 
 async def whoami(request):
-    return JSONResponse({"caller": present_caller().name})
+    return JSONResponse({"caller": current_caller().name})
 
 
 async def echo(socket):
     await socket.accept()
     await socket.send_json(
-        {"caller": present_caller().name, "offered": socket.scope["subprotocols"]}
+        {"caller": current_caller().name, "offered": socket.scope["subprotocols"]}
     )
     await socket.close()
 
@@ -66,7 +66,7 @@ def guarded(tmp_path, per_second: int = 1000) -> Guard:
     return Guard(Authenticator(KeyFile(path)), CallRates(1000, clock=lambda: 0.0))
 
 
-def client(operation: Operation, stats=None, **options) -> TestClient:
+def client(operation: ServerOptions, stats=None, **options) -> TestClient:
     async def told() -> LoopStats:
         return STATS
 
@@ -77,7 +77,7 @@ def client(operation: Operation, stats=None, **options) -> TestClient:
 @pytest.fixture
 def operation(tmp_path):
     listed = Origins(frozenset({"https://app.example"}), names=None)
-    return Operation(guarded(tmp_path), listed)
+    return ServerOptions(guarded(tmp_path), listed)
 
 
 @pytest.fixture
@@ -122,7 +122,7 @@ def test_a_caller_of_before_is_forgotten(http):
 
 
 def test_too_many_calls(tmp_path):
-    http = client(Operation(guarded(tmp_path, per_second=2)))
+    http = client(ServerOptions(guarded(tmp_path, per_second=2)))
     answers = [http.get("/v1/me/x", headers=KEY) for _ in range(5)]
     assert [a.status_code for a in answers] == [200] * 4 + [429]
     assert answers[-1].headers["retry-after"] == "1"
@@ -174,7 +174,7 @@ def test_listed_pages_may(http):
 
 
 def test_without_a_list_there_is_no_cors():
-    answer = client(Operation()).options(
+    answer = client(ServerOptions()).options(
         "/v1/me/x",
         headers={"origin": "https://app.example", "access-control-request-method": "GET"},
     )
@@ -186,7 +186,7 @@ FOREIGN = {"host": "evil.example"}
 
 @pytest.mark.parametrize("path", ["/v1/me/x", "/metrics", "/index.html", "/v1/nothing"])
 def test_a_foreign_name_that_points_here_reads_nothing(path):
-    answer = client(Operation()).get(path, headers=FOREIGN)
+    answer = client(ServerOptions()).get(path, headers=FOREIGN)
     assert answer.status_code == 403
     assert (
         "'evil.example'" in answer.json()["detail"] and "allowed_hosts" in answer.json()["detail"]
@@ -195,19 +195,19 @@ def test_a_foreign_name_that_points_here_reads_nothing(path):
 
 def test_a_foreign_name_that_points_here_changes_nothing():
     page = {**FOREIGN, "origin": "http://evil.example"}
-    http = client(Operation())
+    http = client(ServerOptions())
     assert http.post("/v1/me/x", headers=page).status_code == 403
     closed = closed_with(http, headers=page)
     assert closed.code == 4403 and "allowed_hosts" in closed.reason
 
 
 def test_probes_may_call_by_any_name():
-    assert client(Operation()).get("/v1/health/live", headers=FOREIGN).status_code == 200
+    assert client(ServerOptions()).get("/v1/health/live", headers=FOREIGN).status_code == 200
 
 
 def test_names_that_are_listed_will_do():
     settings = config_sources.load({"allowed_hosts": ["Wayfarer"]})
-    http = client(Operation.from_settings(settings))
+    http = client(ServerOptions.from_settings(settings))
     assert http.get("/metrics", headers={"host": "wayfarer:8080"}).status_code == 200
     assert http.get("/metrics", headers=FOREIGN).status_code == 403
 
@@ -218,7 +218,7 @@ def test_where_credentials_are_asked_for_any_name_will_do(http):
 
 @pytest.mark.parametrize("path", ["/v1/health/live", "/index.html", "/v1/me/x"])
 def test_answers_say_what_a_page_may_load_and_who_may_frame_it(http, path):
-    for answer in (http.get(path), client(Operation()).get(path)):
+    for answer in (http.get(path), client(ServerOptions()).get(path)):
         policy = answer.headers["content-security-policy"]
         assert "default-src 'none'" in policy and "script-src 'self';" in policy
         assert answer.headers["x-frame-options"] == "SAMEORIGIN"
@@ -286,21 +286,21 @@ def test_metrics_need_the_scope_read(http):
 
 def test_metrics_open_and_off(tmp_path):
     guard = guarded(tmp_path)
-    assert client(Operation(guard, metrics_access="open")).get("/metrics").status_code == 200
-    assert client(Operation(guard, metrics_access="off")).get("/metrics").status_code == 404
+    assert client(ServerOptions(guard, metrics_access="open")).get("/metrics").status_code == 200
+    assert client(ServerOptions(guard, metrics_access="off")).get("/metrics").status_code == 404
 
 
 def test_metrics_of_a_loop_that_has_ended():
     async def ended() -> LoopStats:
         raise Unavailable("ended")
 
-    page = client(Operation(), ended).get("/metrics")
+    page = client(ServerOptions(), ended).get("/metrics")
     assert page.status_code == 200
     assert "wayfarer_step_seconds" in page.text and "wayfarer_sessions" not in page.text
 
 
 def test_requests_are_counted_by_route_never_by_what_a_client_makes_up():
-    operation = Operation()
+    operation = ServerOptions()
     http = client(operation, raise_server_exceptions=False)
     http.get("/v1/me/ada")
     http.get("/v1/me/bob")

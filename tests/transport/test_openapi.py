@@ -121,8 +121,8 @@ BOUNDED = {
     "AgentSpec.seed": (0, 2**32 - 1),
     "Crowd.seed": (0, 2**32 - 1),
     "Crowd.count": (0, Limits().agents_per_session),
-    "StepWish.steps": (0, Limits().steps_per_call),
-    "ClipWish.seconds": (1 / 40, Limits().clip_s),
+    "StepRequest.steps": (0, Limits().steps_per_call),
+    "ClipRequest.seconds": (1 / 40, Limits().clip_s),
     "NewSession.lease_s": (1, Limits().lease_s),
     "Phenotype.height_m": LIMITS["height_m"],
     "Prism-Input.height": (0.01, 50_000),  # metres, or centimetres

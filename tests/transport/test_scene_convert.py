@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.navigation import spec as world
+from wayfarer.navigation import scene_spec as world
 from wayfarer.navigation.meshes.read import read_mesh
 from wayfarer.navigation.solids import footprint
 from wayfarer.transport import scene_convert, schema

@@ -26,7 +26,11 @@ EMPTY, BAD = goal_pb2.Goal(), goal_pb2.Goal(radius=float("nan"), speed=-1.0)
             agent_pb2.CreateAgentsRequest(agents=[agent_pb2.AgentSpec(betas=[9.0] * 100_000)]),
             "agents[0].betas",
         ),
-        (schema.StreamWish, motion_pb2.StreamMotionRequest(agent_ids=[""] * 250_000), "agent_ids"),
+        (
+            schema.StreamRequest,
+            motion_pb2.StreamMotionRequest(agent_ids=[""] * 250_000),
+            "agent_ids",
+        ),
     ],
 )
 def test_lists_that_no_schema_allows_are_not_looked_into(twin, message, field):

@@ -13,20 +13,20 @@ from tests.transport.rig import LIMITS
 from wayfarer.config import Settings
 from wayfarer.shard import Shard, agent_id
 from wayfarer.transport import schema
-from wayfarer.transport.auth import Authenticator, Presented
+from wayfarer.transport.auth import Authenticator, Credentials
 from wayfarer.transport.auth.keys import KeyFile
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.caller import LOCAL, Caller
-from wayfarer.transport.fleet import Fleet
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.guard import Guard
-from wayfarer.transport.inside import Inside
-from wayfarer.transport.operation import Operation
 from wayfarer.transport.server import Server
+from wayfarer.transport.server_options import ServerOptions
+from wayfarer.transport.worker_sockets import WorkerSockets
+from wayfarer.transport.worker_topology import WorkerTopology
+from wayfarer.workers.assignments import _ports
 from wayfarer.workers.front import Front
 from wayfarer.workers.messages import DOWN, Report
 from wayfarer.workers.placement import LeastLoaded
-from wayfarer.workers.plan import _ports
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec, SessionInfo, SessionSpec
 
 
@@ -56,9 +56,9 @@ class ShardedService(FakeService):
 class SeeingGuard(Guard):
     """Lets everybody in, and notes who came."""
 
-    seen: list[tuple[Presented, str]] = field(default_factory=list)
+    seen: list[tuple[Credentials, str]] = field(default_factory=list)
 
-    async def admit(self, shown: Presented, address: str) -> Caller:
+    async def admit(self, shown: Credentials, address: str) -> Caller:
         self.seen.append((shown, address))
         return LOCAL
 
@@ -104,7 +104,7 @@ class Rig:
         self.services, self.servers, self.gateways, doors = [], [], [], []
         self.guard = SeeingGuard()
         for i, endpoint in enumerate(endpoints):
-            doors.append(Inside(self.folder / str(i)))
+            doors.append(WorkerSockets(self.folder / str(i)))
             doors[i].folder.mkdir()
             self.services.append(ShardedService(Shard(i, self.count)))
             self.gateways.append(
@@ -114,7 +114,7 @@ class Rig:
                     LIMITS,
                     asyncio.get_running_loop().time,
                     lambda: None,
-                    Fleet(Shard(i, self.count), endpoints),
+                    WorkerTopology(Shard(i, self.count), endpoints),
                 )
             )
             self.servers.append(
@@ -123,7 +123,7 @@ class Rig:
                     "127.0.0.1",
                     endpoint.http_port,
                     endpoint.grpc_port,
-                    Operation(guard=self.guard, metrics_access="open", drain_s=0.2),
+                    ServerOptions(guard=self.guard, metrics_access="open", drain_s=0.2),
                     doors[i],
                 )
             )
@@ -133,7 +133,7 @@ class Rig:
         self.workers = [FakeWorker(i) for i in range(self.count)]
         self.front = Front(
             settings,
-            Operation(
+            ServerOptions(
                 Guard(Authenticator(KeyFile(self.keys))) if self.keys else Guard(), drain_s=0.2
             ),
             doors,

@@ -3,8 +3,8 @@ import pytest
 from wayfarer import config_sources
 from wayfarer.config import Settings
 from wayfarer.errors import InvalidArgument
+from wayfarer.workers.assignments import assignments, check_state, shares_of
 from wayfarer.workers.messages import Assignment
-from wayfarer.workers.plan import assignments, check_state, shares_of
 
 
 @pytest.mark.parametrize(

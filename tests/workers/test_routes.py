@@ -1,6 +1,6 @@
 import pytest
 
-from wayfarer.service.persistence.container import Kind as Container
+from wayfarer.service.persistence.container import ContainerKind as Container
 from wayfarer.service.persistence.container import seal
 from wayfarer.v1 import (
     admin_pb2,
@@ -11,7 +11,7 @@ from wayfarer.v1 import (
     session_pb2,
     snapshot_pb2,
 )
-from wayfarer.workers.routes import METHODS, Kind, http_kind, http_worker
+from wayfarer.workers.routes import METHODS, RouteKind, http_kind, http_worker
 
 # of worker 2 of 5; fixed, since parametrized tests need the same names in every process
 SESSION, SCENE = "session-35b8bb18b6d57bb7", "scene-6cfe141cc4da068c"
@@ -36,21 +36,21 @@ class Fixed:
         return {SESSION: 2, AGENT: 2, SCENE: 2}.get(name, 0)
 
 
-def kinds() -> dict[str, Kind]:
+def kinds() -> dict[str, RouteKind]:
     return {path.rpartition("/")[2]: method.kind for path, method in METHODS.items()}
 
 
 def test_every_method_goes_somewhere_sensible():
     found = kinds()
-    assert {n for n, k in found.items() if k is Kind.NEW} == {
+    assert {n for n, k in found.items() if k is RouteKind.NEW} == {
         "CreateSession",
         "CreateScene",
         "CreateMeshScene",
         "CreateExampleScene",
     }
-    assert {n for n, k in found.items() if k is Kind.IMPORT} == {"ImportSession"}
+    assert {n for n, k in found.items() if k is RouteKind.IMPORT} == {"ImportSession"}
     everywhere = {"ListSessions", "ListScenes", "LoadModel", "UseModel", "UnloadModel", "Drain"}
-    assert {n for n, k in found.items() if k is Kind.ALL} == everywhere
+    assert {n for n, k in found.items() if k is RouteKind.ALL} == everywhere
     anywhere = {
         "GetSkeleton",
         "ListExampleScenes",
@@ -60,8 +60,8 @@ def test_every_method_goes_somewhere_sensible():
         "GenerateClip",
         "Replay",
     }
-    assert {n for n, k in found.items() if k is Kind.ANY} == anywhere
-    assert len([k for k in found.values() if k is Kind.NAMED]) == len(found) - 18
+    assert {n for n, k in found.items() if k is RouteKind.ANY} == anywhere
+    assert len([k for k in found.values() if k is RouteKind.NAMED]) == len(found) - 18
 
 
 @pytest.mark.parametrize(
@@ -157,4 +157,4 @@ def test_an_imported_session_goes_where_its_id_says():
     ],
 )
 def test_what_concerns_all_is_asked_of_all(method, path):
-    assert http_kind(method, path) is Kind.ALL
+    assert http_kind(method, path) is RouteKind.ALL

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tests.world.fakes import FakeEngine, make_world, people, populated
+from wayfarer.model_bundle import DEFAULT_MODEL, open_bundle
 from wayfarer.service.walk import walk
-from wayfarer.stage import DEFAULT_MODEL, open_stage
 from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, Goal, SessionSpec
 from wayfarer.world.behaviours import (
     Follow,
@@ -83,10 +83,10 @@ def test_a_goal_is_told_at_the_floor():
 
 def test_the_shipped_model_walks_to_a_high_goal_as_to_one_on_the_floor():
     """To the last bit, so success and distance are the same too."""
-    stage = open_stage(DEFAULT_MODEL, threads=1)
+    bundle = open_bundle(DEFAULT_MODEL, threads=1)
 
     def motion(height):
-        world = stage.world(1, Steering())
+        world = bundle.world(1, Steering())
         goals = [Goal((0.4, 1.2, height))]
         made = walk(world, AgentSpec(noise_seed=3), goals, seconds=6.0, until_arrival=True)
         return [chunk for published in made for chunk in published.chunks]

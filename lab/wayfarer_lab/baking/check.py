@@ -14,7 +14,7 @@ from wayfarer.body import skeleton
 from wayfarer.body.library import body_from_arrays
 from wayfarer.body.model import BodyModel
 from wayfarer.body.rotation import matrix_from_quaternion, quaternion_from_rotvec
-from wayfarer_lab.baking.anny_source import AnnySource, People
+from wayfarer_lab.baking.anny_source import AnnyPeople, AnnySource
 
 Array = NDArray[np.floating[Any]]
 
@@ -34,7 +34,7 @@ AXIS_BONES: Final = {
 
 def report(
     source: AnnySource,
-    people: People,
+    people: AnnyPeople,
     arrays: Mapping[str, NDArray[Any]],
     progress: Callable[[int], None] = lambda done: None,
 ) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from wayfarer.body import skeleton
 from wayfarer.body.model import BodyModel, largest_weights
 from wayfarer.spec import BETAS
-from wayfarer_lab.baking.anny_source import Mesh, People
+from wayfarer_lab.baking.anny_source import AnnyMesh, AnnyPeople
 from wayfarer_lab.baking.rest_pose import bind_to_rest
 
 Array = NDArray[np.floating[Any]]
@@ -37,7 +37,7 @@ class ShapeSpace:
         return np.einsum("n...,nb->...b", values - values.mean(0), self.betas) / len(values)
 
 
-def shape_space(people: People, mesh: Mesh) -> ShapeSpace:
+def shape_space(people: AnnyPeople, mesh: AnnyMesh) -> ShapeSpace:
     """Floor and PCA of one gender's identities."""
     mean = person(mesh, people.vertices.mean(0), people.joints.mean(0))
     lift = -_lowest(mean, people)[:, None, None] * np.array([0.0, 0.0, 1.0])
@@ -51,7 +51,7 @@ def shape_space(people: People, mesh: Mesh) -> ShapeSpace:
     )
 
 
-def person(mesh: Mesh, vertices: Array, joints: Array) -> BodyModel:
+def person(mesh: AnnyMesh, vertices: Array, joints: Array) -> BodyModel:
     """One identity as a body of no betas, with the T-pose that suits its own joints."""
     skin_joints, skin_weights = largest_weights(mesh.weights)
     return BodyModel(
@@ -72,7 +72,7 @@ def person(mesh: Mesh, vertices: Array, joints: Array) -> BodyModel:
     )
 
 
-def _lowest(mean: BodyModel, people: People) -> Array:
+def _lowest(mean: BodyModel, people: AnnyPeople) -> Array:
     """Height of each identity's lowest vertex in the mean body's T-pose. [N]."""
     none = np.zeros(0)
     height = mean.rest_vertices(none)[:, 2]

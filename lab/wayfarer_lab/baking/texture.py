@@ -28,7 +28,7 @@ MARGIN: Final = 0.02
 
 
 @dataclass(frozen=True)
-class Mesh:
+class TextureMesh:
     """vertices [V, 3] in metres, faces [F, 3]."""
 
     vertices: Array
@@ -36,14 +36,14 @@ class Mesh:
 
 
 @dataclass(frozen=True)
-class Mapped(Mesh):
+class Mapped(TextureMesh):
     """uvs [T, 2], origin at the lower left as in OBJ; uv_faces [F, 3] are rows of them."""
 
     uvs: Array
     uv_faces: Index
 
 
-def texture_arrays(full: Mapped, low: Mesh) -> dict[str, NDArray[Any]]:
+def texture_arrays(full: Mapped, low: TextureMesh) -> dict[str, NDArray[Any]]:
     """What the texture file holds: coordinates, and of each corner of a face its row of them.
 
     From OBJ's origin at the lower left to glTF's at the upper left.
@@ -63,7 +63,7 @@ def _from_top(uvs: Array) -> NDArray[np.float32]:
     return (uvs * [1.0, -1.0] + [0.0, 1.0]).astype(np.float32)
 
 
-def transferred(full: Mapped, low: Mesh) -> tuple[Array, Index]:
+def transferred(full: Mapped, low: TextureMesh) -> tuple[Array, Index]:
     """Coordinates [T, 2] and each corner's row of them [F, 3] for another mesh of the same shape.
 
     Where a face lies across a seam, its corners beyond it take the coordinates of the seam.

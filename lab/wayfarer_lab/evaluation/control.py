@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from wayfarer.body.model import BodyModel
 from wayfarer.engines.engine import Engine
+from wayfarer.model_bundle import Bodies
 from wayfarer.spec import STEP_SECONDS
-from wayfarer.stage import Bodies
 from wayfarer.world.agents.agent import AgentSpec, Goal
 from wayfarer.world.rows import Index
 from wayfarer.world.search.beam import grow
@@ -28,7 +28,7 @@ from wayfarer_lab.evaluation.gait import Row, Windows, gait_row, lean
 from wayfarer_lab.evaluation.goals import Errand, Order, Plan, random_specs, run_errands
 from wayfarer_lab.evaluation.metrics.trunk import Trunk
 from wayfarer_lab.evaluation.outcome import NEAR, REACHED, STEP_LIMIT, judge
-from wayfarer_lab.evaluation.tracks import Track, skin_track
+from wayfarer_lab.evaluation.tracks import BodyTrack, skin_track
 
 Array = NDArray[np.floating[Any]]
 
@@ -57,7 +57,7 @@ class Trial:
     steps: float  # primitives until then; NaN: not reached
     near: bool  # a clone came within 0.3 m in 60 primitives
     distances: Array  # [clones] metres, hips to goal; 0 for those who have reached it
-    tracks: list[Track]  # of the clones that are judged
+    tracks: list[BodyTrack]  # of the clones that are judged
 
 
 def random_pairs(count: int, speed: float, random: np.random.Generator) -> list[Pair]:
@@ -191,7 +191,7 @@ def _tree_trial(
     )
 
 
-def _track(levels: Sequence[Level], row: int, spec: AgentSpec, body: BodyModel) -> Track:
+def _track(levels: Sequence[Level], row: int, spec: AgentSpec, body: BodyModel) -> BodyTrack:
     """Skinned path to row `row` of the last of `levels`."""
     hips, rotations = [], []
     for level in reversed(levels):

@@ -24,7 +24,7 @@ from wayfarer.world.agents.heading import facing_of
 from wayfarer.world.agents.slots import Motion
 from wayfarer.world.goals.commands import Path
 from wayfarer.world.world import World
-from wayfarer_lab.evaluation.tracks import Track, skin_track
+from wayfarer_lab.evaluation.tracks import BodyTrack, skin_track
 
 Array = NDArray[np.floating[Any]]
 Watch = Callable[[float, float], None]
@@ -62,7 +62,7 @@ class Errand:
 
 
 @dataclass(frozen=True)
-class Given:
+class CarriedOut:
     """An order as it was carried out."""
 
     path: tuple[Goal, ...]
@@ -76,7 +76,7 @@ class Course:
     """
 
     spec: AgentSpec
-    given: tuple[Given, ...]
+    given: tuple[CarriedOut, ...]
     hips: Array  # [T, 3]
     rotations: Array  # [T, 22, 4] x, y, z, w; joint 0 is the hips' world rotation
     standing: NDArray[np.bool_]  # [T] the agent says it stands
@@ -115,7 +115,7 @@ class Course:
             goals=tuple(goal.position for given in self.given for goal in given.path),
         )
 
-    def track(self, body: BodyModel, frames: slice = slice(None)) -> Track:
+    def track(self, body: BodyModel, frames: slice = slice(None)) -> BodyTrack:
         """Skinned markers of some of its frames."""
         betas = np.array(self.spec.betas)
         return skin_track(body, betas, self.hips[frames], self.rotations[frames])
@@ -202,7 +202,9 @@ def _course(
     given = [(revision, path) for revision, path in given if revision <= revisions[-1]]
     return Course(
         spec=spec,
-        given=tuple(Given(path, int(np.argmax(revisions >= revision))) for revision, path in given),
+        given=tuple(
+            CarriedOut(path, int(np.argmax(revisions >= revision))) for revision, path in given
+        ),
         hips=np.concatenate([c.translation for c in chunks]),
         rotations=np.concatenate([c.rotations for c in chunks]),
         standing=np.repeat([c.state == AgentState.STANDING for c in chunks], NEW_FRAMES),

@@ -11,7 +11,7 @@ from wayfarer.spec import FPS
 from wayfarer.world.agents.heading import facing_of
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.metrics.trunk import Trunk
-from wayfarer_lab.evaluation.tracks import Track
+from wayfarer_lab.evaluation.tracks import BodyTrack
 
 Array = NDArray[np.floating[Any]]
 Flags = NDArray[np.bool_]
@@ -87,7 +87,7 @@ class Spin:
 
 
 @dataclass
-class Health:
+class MotionHealth:
     """Faults of one agent, frame by frame; fed in any pieces, in order."""
 
     rest_height: float  # metres, hips in the T-pose
@@ -99,7 +99,7 @@ class Health:
     _below: Streak = field(default_factory=lambda: Streak(OFF_FLOOR_FRAMES))
     _spin: Spin = field(default_factory=Spin)
 
-    def watch(self, track: Track, hips: Array, near: Flags) -> None:
+    def watch(self, track: BodyTrack, hips: Array, near: Flags) -> None:
         """Count the frames of `track` with a fault.
 
         hips [T, 4] are the hips' world rotations (x, y, z, w); near [T]: within `SPIN_RANGE` of a
@@ -125,7 +125,7 @@ class Health:
             self.faults[fault] += frames
 
 
-def health_row(name: str, agents: list[Health], resets: int) -> Row:
+def health_row(name: str, agents: list[MotionHealth], resets: int) -> Row:
     """How many agents ever had each fault, and in what share of frames.
 
     `resets` are the times that the runtime put a broken agent back on its feet before any

@@ -37,7 +37,7 @@ DRIFT_SECONDS: Final = 2
 
 
 @dataclass(frozen=True)
-class Outcome:
+class GoalOutcome:
     """Of one goal; frames count from the first that was made for it. NaN: never happened."""
 
     reached: int | None  # frame at which the hips are first within 0.75 m, in 60 primitives
@@ -72,7 +72,7 @@ class Outcome:
         return slice(self.stopped + FPS, self.stopped + STAND_SECONDS * FPS)
 
 
-def judge(course: Course) -> Outcome:
+def judge(course: Course) -> GoalOutcome:
     """Outcome of the goal of the last order.
 
     A stand counts when it comes after the goal was reached and can be watched for 5 s.
@@ -93,7 +93,7 @@ def judge(course: Course) -> Outcome:
         drift = distances(hips[stopped : stopped + len(drift)], hips[stopped])
         if goal.heading is not None:
             facing_error = float(degrees_off(course.facing[stopped], facing_at(goal.heading)))
-    return Outcome(
+    return GoalOutcome(
         reached=reached,
         near=first(distance[:limit] <= NEAR),
         final_distance=float(distance[:limit][-1]),
@@ -105,7 +105,7 @@ def judge(course: Course) -> Outcome:
     )
 
 
-def goal_row(name: str, outcomes: Sequence[Outcome]) -> Row:
+def goal_row(name: str, outcomes: Sequence[GoalOutcome]) -> Row:
     """Figures of many runs. Averages are over the runs in which the thing happened."""
     return {
         "name": name,

@@ -19,6 +19,7 @@ from wayfarer.artifacts import GRAPHS, open_session
 from wayfarer.body.library import load_body
 from wayfarer.errors import ArtifactError, InvalidArgument
 from wayfarer.marker_bodies import load_marker_bodies
+from wayfarer.model_bundle import load_models
 from wayfarer.motion.marker_body import Shaped
 from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor, Posterior
@@ -26,7 +27,6 @@ from wayfarer.motion.primitive import BLEND, GROUNDING, PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor, Pose
 from wayfarer.spec import GENDERS, PRIMITIVE_FRAMES
-from wayfarer.stage import load_models
 from wayfarer_lab.training.pose_networks import PosePrior
 from wayfarer_lab.training.run import load_weights, read_run_config
 

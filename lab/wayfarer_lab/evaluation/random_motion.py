@@ -15,13 +15,13 @@ from wayfarer_lab.evaluation.outcome import REACHED, STEP_LIMIT
 from wayfarer_lab.evaluation.parts import Parts, Variant
 from wayfarer_lab.evaluation.realism import (
     Array,
-    Motion,
+    JudgedMotion,
     PoseScore,
     carried_figures,
     realism_row,
     skating_row,
 )
-from wayfarer_lab.evaluation.rollout import Goals, Poses, Rollout, random_goals, roll_out
+from wayfarer_lab.evaluation.rollout import FrozenPoses, Goals, Rollout, random_goals, roll_out
 from wayfarer_lab.training.rotation import matrix_from_quaternion
 
 Watch = Callable[[str], None]
@@ -58,7 +58,7 @@ class Bench:
 
         return score
 
-    def make(self, variant: Variant, poses: Sequence[Poses], frames: int) -> list[Rollout]:
+    def make(self, variant: Variant, poses: Sequence[FrozenPoses], frames: int) -> list[Rollout]:
         """Rollouts of both genders; the same noise and goals for every variant and shape."""
         made = []
         for number, group in enumerate(poses):
@@ -69,7 +69,7 @@ class Bench:
             made.append(self._roll(variant, group, frames, number, goals))
         return made
 
-    def reach(self, variant: Variant, poses: Sequence[Poses]) -> Row:
+    def reach(self, variant: Variant, poses: Sequence[FrozenPoses]) -> Row:
         """How many of `poses` get to a goal 5 m ahead of them in 60 primitives, and how soon."""
         steps = []
         for number, group in enumerate(poses):
@@ -85,7 +85,7 @@ class Bench:
         }
 
     def _roll(
-        self, variant: Variant, poses: Poses, frames: int, number: int, goals: Goals | None
+        self, variant: Variant, poses: FrozenPoses, frames: int, number: int, goals: Goals | None
     ) -> Rollout:
         random = torch.Generator().manual_seed(2 * self.seed + number)
         return roll_out(self.parts, variant, poses, frames, random, goals)
@@ -113,15 +113,15 @@ def variants(parts: Parts) -> list[Variant]:
 
 def realism(
     bench: Bench,
-    poses: Sequence[Poses],
+    poses: Sequence[FrozenPoses],
     seconds: float,
-    mocap: Motion | None = None,
+    mocap: JudgedMotion | None = None,
     reference: Reference | None = None,
 ) -> dict[str, list[Row]]:
     """Fig. 3: every variant from the same poses, beside the recordings; and when they walk."""
     body, walking = bench.body, list[Row]()
 
-    def judge(name: str, motion: Motion) -> Row:
+    def judge(name: str, motion: JudgedMotion) -> Row:
         windows = motion.windows().at_walking_speed()
         walking.append(gait_row(f"{name}, 0.9-1.4 m/s", windows, body.sole_markers))
         return realism_row(name, motion, body, reference, bench.pose_score)
@@ -139,11 +139,11 @@ def realism(
 
 
 def skating(
-    bench: Bench, poses: Sequence[Poses], primitives: int, mocap: Motion | None = None
+    bench: Bench, poses: Sequence[FrozenPoses], primitives: int, mocap: JudgedMotion | None = None
 ) -> dict[str, list[Row]]:
     """Sec. A.3: MOJO's measure of skating, and stricter ones, for each predictor and the policy."""
 
-    def judge(name: str, motion: Motion) -> Row:
+    def judge(name: str, motion: JudgedMotion) -> Row:
         return skating_row(name, motion, bench.body)
 
     rows = []
@@ -160,11 +160,11 @@ def skating(
 
 def bodies(
     bench: Bench,
-    poses: Sequence[Poses],
+    poses: Sequence[FrozenPoses],
     extent: float,
     futures: int,
     seconds: float,
-    mocap: Motion | None = None,
+    mocap: JudgedMotion | None = None,
 ) -> dict[str, list[Row]]:
     """Sec. A.2: ten shapes from the same start poses, and each start pose on the mean shape.
 
@@ -175,12 +175,12 @@ def bodies(
     plain = next(v for v in reversed(variants(bench.parts)) if v.name in bench.parts.predictors)
     steered = next((v for v in variants(bench.parts) if v.policy), None)
 
-    def judge(name: str, motion: Motion) -> Row:
+    def judge(name: str, motion: JudgedMotion) -> Row:
         return realism_row(name, motion, bench.body, pose_score=bench.pose_score)
 
     def row(name: str, turns: torch.Tensor, betas: torch.Tensor) -> Row:
         bench.watch(name)
-        group = [Poses(p.gender, turns, betas.expand(len(turns), -1)) for p in poses]
+        group = [FrozenPoses(p.gender, turns, betas.expand(len(turns), -1)) for p in poses]
         made = _judged(name, bench.make(plain, group, round(seconds * FPS)), judge)
         return made | bench.reach(steered, group) if steered else made
 
@@ -199,7 +199,7 @@ def bodies(
     return {"Shapes": shapes + real, "Start poses": starts, "Spread": spread}
 
 
-def _ahead(poses: Poses) -> torch.Tensor:
+def _ahead(poses: FrozenPoses) -> torch.Tensor:
     """Points [A, 3] on the floor, 5 m in front of bodies that stand at the origin."""
     right = matrix_from_quaternion(poses.rotations[:, 0])[:, :2, 0]
     right = right / right.norm(dim=-1, keepdim=True)
@@ -210,13 +210,13 @@ def _always(goals: torch.Tensor) -> Goals:
     return lambda hips: goals
 
 
-def _judged(name: str, made: Sequence[Rollout], judge: Callable[[str, Motion], Row]) -> Row:
+def _judged(name: str, made: Sequence[Rollout], judge: Callable[[str, JudgedMotion], Row]) -> Row:
     """The row of a variant: `lost` are those that did not stay bodies; only the others count."""
     sound = [rollout.sound() for rollout in made]
     tracks = [track for rollout in sound for track in rollout.tracks()]
     count = sum(len(rollout.hips) for rollout in made)
     row: Row = {"name": name, "motions": count, "lost": 1 - len(tracks) / count}
-    return row | judge(name, Motion(tracks, made[0].seam_every)) if tracks else row
+    return row | judge(name, JudgedMotion(tracks, made[0].seam_every)) if tracks else row
 
 
 def _spread(name: str, rows: Sequence[Row]) -> Row:

@@ -15,7 +15,7 @@ from wayfarer_lab.evaluation.metrics import contact, kinematics, prediction
 from wayfarer_lab.evaluation.metrics.frechet import NAME as FRECHET
 from wayfarer_lab.evaluation.metrics.frechet import Reference, features
 from wayfarer_lab.evaluation.rollout import Rollout
-from wayfarer_lab.evaluation.tracks import Recorded, Track
+from wayfarer_lab.evaluation.tracks import BodyTrack, Recorded
 from wayfarer_lab.training.mocap.selection import Use
 
 Array = NDArray[np.floating[Any]]
@@ -39,14 +39,14 @@ PoseScore = Callable[[Array], Array]
 
 
 @dataclass(frozen=True)
-class Motion:
+class JudgedMotion:
     """Tracks to be judged together. A seam lies before each multiple of `seam_every` frames."""
 
-    tracks: Sequence[Track]
+    tracks: Sequence[BodyTrack]
     seam_every: int = NEW_FRAMES
 
     @classmethod
-    def recorded(cls, recorded: Recorded, frames: int = WINDOW_FRAMES) -> "Motion":
+    def recorded(cls, recorded: Recorded, frames: int = WINDOW_FRAMES) -> "JudgedMotion":
         """Every stretch of recorded locomotion of at least `frames` frames in a split, once."""
         tracks = []
         for clip in recorded.once:
@@ -65,7 +65,7 @@ class Motion:
 
 def realism_row(
     name: str,
-    motion: Motion,
+    motion: JudgedMotion,
     body: BodyModel,
     reference: Reference | None = None,
     pose_score: PoseScore | None = None,
@@ -91,7 +91,7 @@ def realism_row(
     return row
 
 
-def skating_row(name: str, motion: Motion, body: BodyModel) -> Row:
+def skating_row(name: str, motion: JudgedMotion, body: BodyModel) -> Row:
     """Only what tells whether feet stay where they stand."""
     windows = motion.windows()
     feet = windows.markers[:, :, body.sole_markers]
@@ -106,7 +106,7 @@ def skating_row(name: str, motion: Motion, body: BodyModel) -> Row:
     }
 
 
-def heel_skating(motion: Motion, names: Sequence[str]) -> Row:
+def heel_skating(motion: JudgedMotion, names: Sequence[str]) -> Row:
     """Shares of steps in which both heels skate, by MOJO's limit and by 5 mm a frame."""
     heels = [names.index(heel) for heel in HEELS]
     shares: Row = {}

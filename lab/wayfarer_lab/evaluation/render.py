@@ -12,7 +12,7 @@ from PIL import Image
 from wayfarer.body.library import load_body
 from wayfarer.clips.clip import Clip
 from wayfarer.errors import InvalidArgument
-from wayfarer.stage import DEFAULT_MODEL, open_world
+from wayfarer.model_bundle import DEFAULT_MODEL, open_world
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.pictures.files import (
     FILMS,
@@ -24,7 +24,7 @@ from wayfarer_lab.evaluation.pictures.files import (
 from wayfarer_lab.evaluation.pictures.film import crowd_film, follow_film, gathered
 from wayfarer_lab.evaluation.pictures.framing import check_view
 from wayfarer_lab.evaluation.pictures.runs import caption, random_runs
-from wayfarer_lab.evaluation.pictures.scene import Actor, check_look
+from wayfarer_lab.evaluation.pictures.scene import ClipActor, check_look
 from wayfarer_lab.evaluation.pictures.sources import cut, read_files, recorded
 from wayfarer_lab.evaluation.pictures.stills import Watch, contact_sheet, strip
 from wayfarer_lab.evaluation.pictures.top import top_view
@@ -123,7 +123,7 @@ def render(
         clips = dict(zip(clips, gathered(list(clips.values())), strict=True))
 
     actors = [
-        Actor.of(found, load_body(found.body, found.gender), look, style)
+        ClipActor.of(found, load_body(found.body, found.gender), look, style)
         for style, found in enumerate(clips.values(), start=seed)
     ]
     size = size or SIZES[kind]
@@ -147,7 +147,7 @@ def render(
 
 def _still(
     kind: str,
-    actors: list[Actor],
+    actors: list[ClipActor],
     captions: list[str],
     view: str,
     size: int,

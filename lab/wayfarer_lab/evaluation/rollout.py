@@ -14,17 +14,17 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from wayfarer.errors import InvalidArgument
+from wayfarer.model_bundle import START_POSES
 from wayfarer.motion.marker_body import Shaped
 from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.primitive import PrimitiveStep, StepResult
 from wayfarer.spec import BETAS, GENDERS, LATENT
-from wayfarer.stage import START_POSES
 from wayfarer.terms import WALK, weights
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer_lab.evaluation.health import EXTENT
 from wayfarer_lab.evaluation.outcome import REACHED
 from wayfarer_lab.evaluation.parts import Parts, Variant
-from wayfarer_lab.evaluation.tracks import Recorded, Track
+from wayfarer_lab.evaluation.tracks import BodyTrack, Recorded
 from wayfarer_lab.training.rotation import matrix_from_quaternion
 
 Array = NDArray[np.floating[Any]]
@@ -40,7 +40,7 @@ Goals = Callable[[Tensor], Tensor]
 
 
 @dataclass(frozen=True)
-class Poses:
+class FrozenPoses:
     """A bodies of one gender, each frozen in a pose."""
 
     gender: str
@@ -78,10 +78,10 @@ class Rollout:
             self.seam_every,
         )
 
-    def tracks(self) -> list[Track]:
+    def tracks(self) -> list[BodyTrack]:
         """Body by body."""
         motions = zip(self.markers, self.hips, self.rotations, strict=True)
-        return [Track(*body) for body in motions]
+        return [BodyTrack(*body) for body in motions]
 
     def reprojected(self) -> Array:
         """Markers of the bodies at the frames of `carried` [A, P, S, 67, 3]."""
@@ -90,7 +90,9 @@ class Rollout:
         return cut[:, :, -frames:]
 
 
-def recorded_poses(recorded: Recorded, count: int, random: np.random.Generator) -> list[Poses]:
+def recorded_poses(
+    recorded: Recorded, count: int, random: np.random.Generator
+) -> list[FrozenPoses]:
     """`count` random frames in use, half of them of each gender, in the recorded shapes."""
     chosen = []
     for gender, number in _halves(count):
@@ -106,7 +108,7 @@ def recorded_poses(recorded: Recorded, count: int, random: np.random.Generator) 
     return chosen
 
 
-def standing_poses(count: int, random: np.random.Generator) -> list[Poses]:
+def standing_poses(count: int, random: np.random.Generator) -> list[FrozenPoses]:
     """`count` of the shipped start poses, half of each gender, in random shapes (σ 1, ≤ 2.5)."""
     known = load_start_poses(START_POSES)
     return [
@@ -139,7 +141,7 @@ def random_goals(count: int, random: np.random.Generator) -> Goals:
 def roll_out(
     parts: Parts,
     variant: Variant,
-    poses: Poses,
+    poses: FrozenPoses,
     frames: int,
     random: torch.Generator,
     goals: Goals | None = None,
@@ -185,7 +187,7 @@ def _lead(parts: Parts, variant: Variant, gender: str) -> PrimitiveStep | None:
     return parts.step(gender, replace(variant, predictor=name, policy=False))
 
 
-def _frozen(step: PrimitiveStep, poses: Poses) -> Seed:
+def _frozen(step: PrimitiveStep, poses: FrozenPoses) -> Seed:
     """One frame: hips over the origin, the lowest sole marker on the floor."""
     rotations = poses.rotations[:, None]
     places = torch.zeros(len(rotations), 1, 3)
@@ -197,7 +199,11 @@ def _frozen(step: PrimitiveStep, poses: Poses) -> Seed:
 
 
 def _advance(
-    step: PrimitiveStep, seed: Seed, poses: Poses, random: torch.Generator, goals: Goals | None
+    step: PrimitiveStep,
+    seed: Seed,
+    poses: FrozenPoses,
+    random: torch.Generator,
+    goals: Goals | None,
 ) -> StepResult:
     count = len(poses.betas)
     hips = seed.translation[:, -1, :2]
@@ -228,8 +234,8 @@ def _skin(step: PrimitiveStep, shape: Shaped, result: StepResult) -> Tensor:
     return step.body.skin(shape, result.translation, local)[0]
 
 
-def _poses(gender: str, rotations: Array, betas: Array) -> Poses:
-    return Poses(
+def _poses(gender: str, rotations: Array, betas: Array) -> FrozenPoses:
+    return FrozenPoses(
         gender,
         torch.from_numpy(np.asarray(rotations, np.float32)),
         torch.from_numpy(np.asarray(betas, np.float32)),

@@ -22,22 +22,22 @@ BLOCK = 1024
 
 
 @dataclass(frozen=True)
-class Track:
+class BodyTrack:
     """One body over T frames, world space, metres."""
 
     markers: Array  # [T, M, 3]
     hips: Array  # [T, 3]
     rotations: Array  # [T, 22, 4] local quaternions, joint 0 world
 
-    def __getitem__(self, frames: slice) -> "Track":
-        return Track(self.markers[frames], self.hips[frames], self.rotations[frames])
+    def __getitem__(self, frames: slice) -> "BodyTrack":
+        return BodyTrack(self.markers[frames], self.hips[frames], self.rotations[frames])
 
     def windows(self) -> Windows:
         """Whole windows of 1 s from its beginning."""
         return Windows.cut(self.markers, self.hips)
 
 
-def skin_track(body: BodyModel, betas: Array, translation: Array, rotations: Array) -> Track:
+def skin_track(body: BodyModel, betas: Array, translation: Array, rotations: Array) -> BodyTrack:
     """Markers of a motion: betas [10], translation [T, 3], rotations [T, 22, 4] (x, y, z, w)."""
     rest = body.rest_joints(betas)
     markers = np.empty((len(translation), len(body.marker_names), 3), np.float32)
@@ -46,7 +46,7 @@ def skin_track(body: BodyModel, betas: Array, translation: Array, rotations: Arr
         local = matrix_from_quaternion(rotations[frames].astype(np.float64))
         world, places = body.forward_kinematics(translation[frames].astype(np.float64), local, rest)
         markers[frames] = body.markers(betas, world, places)
-    return Track(markers, translation, rotations)
+    return BodyTrack(markers, translation, rotations)
 
 
 class Recorded:
@@ -74,7 +74,7 @@ class Recorded:
         one = next(gender for gender in GENDERS if gender in genders)
         return tuple(clip for clip in self.clips if clip.gender == one)
 
-    def track(self, clip: ClipRange) -> Track:
+    def track(self, clip: ClipRange) -> BodyTrack:
         """All frames of a clip."""
         frames = slice(clip.start, clip.stop)
         return skin_track(

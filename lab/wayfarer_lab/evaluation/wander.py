@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfarer.model_bundle import Bodies
 from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
-from wayfarer.stage import Bodies
 from wayfarer.world.agents.agent import (
     AgentSpec,
     AgentState,
@@ -23,9 +23,9 @@ from wayfarer.world.world import World
 from wayfarer_lab.evaluation.figures import distances
 from wayfarer_lab.evaluation.gait import Windows
 from wayfarer_lab.evaluation.goals import Watch
-from wayfarer_lab.evaluation.health import SPIN_RANGE, Health
+from wayfarer_lab.evaluation.health import SPIN_RANGE, MotionHealth
 from wayfarer_lab.evaluation.metrics.trunk import Trunk
-from wayfarer_lab.evaluation.tracks import Track, skin_track
+from wayfarer_lab.evaluation.tracks import BodyTrack, skin_track
 
 Array = NDArray[np.floating[Any]]
 
@@ -55,7 +55,7 @@ NOWHERE: Final = (np.inf, np.inf, 0.0)
 class Wandering:
     """What a long run has shown."""
 
-    health: list[Health]
+    health: list[MotionHealth]
     gait: list[Windows]
     goals_given: int
     goals_reached: int
@@ -109,17 +109,17 @@ def wander(
     return Wandering(list(health.values()), gait, given, reached, world.scheduler.resets)
 
 
-def _healthy(bodies: Bodies, spec: AgentSpec) -> Health:
+def _healthy(bodies: Bodies, spec: AgentSpec) -> MotionHealth:
     body, betas = bodies[spec.gender], np.array(spec.betas)
-    return Health(float(body.rest_joints(betas)[0, 2]), Trunk.of(body, betas))
+    return MotionHealth(float(body.rest_joints(betas)[0, 2]), Trunk.of(body, betas))
 
 
 def _watch(
-    health: Health,
+    health: MotionHealth,
     bodies: Bodies,
     spec: AgentSpec,
     chunks: Sequence[tuple[MotionChunk, tuple[float, float, float]]],
-) -> Track:
+) -> BodyTrack:
     """Tell `health` of chunks, each with the goal that was ahead; return their markers."""
     hips = np.concatenate([chunk.translation for chunk, _ in chunks])
     rotations = np.concatenate([chunk.rotations for chunk, _ in chunks])

@@ -16,7 +16,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from wayfarer import __version__
 from wayfarer_lab.load import report
 from wayfarer_lab.load.knee import find_knee
-from wayfarer_lab.load.plan import Plan
+from wayfarer_lab.load.plan import LoadPlan
 from wayfarer_lab.load.run import run
 from wayfarer_lab.load.tally import Tally
 from wayfarer_lab.load.target import Target, own_server, room
@@ -79,7 +79,7 @@ def load(
 
     docs/measuring.md explains the figures.
     """
-    plan = Plan(
+    plan = LoadPlan(
         sessions, agents, seconds, warm_up, transport, goal_rate, slow, vanishing, seed=seed
     )
     with asyncio.Runner(loop_factory=_loop_factory()) as runner:
@@ -97,7 +97,7 @@ def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
 
 
 async def _load(
-    plan: Plan, address: str, http: str, serve: tuple[str, ...], knee: int, p99_ms: float,
+    plan: LoadPlan, address: str, http: str, serve: tuple[str, ...], knee: int, p99_ms: float,
     json: Path | None,
 ) -> None:  # fmt: skip
     console = Console()
@@ -117,7 +117,7 @@ async def _load(
 
 
 async def _measure(
-    target: Target, plan: Plan, knee: int, p99_ms: float, json: Path | None,
+    target: Target, plan: LoadPlan, knee: int, p99_ms: float, json: Path | None,
     meta: dict[str, Any], console: Console,
 ) -> None:  # fmt: skip
     if not knee:
@@ -142,7 +142,9 @@ async def _measure(
         report.write_knee(json, found, trials, p99_ms, meta)
 
 
-async def _watched(target: Target, plan: Plan, console: Console) -> tuple[dict[str, Any], Tally]:
+async def _watched(
+    target: Target, plan: LoadPlan, console: Console
+) -> tuple[dict[str, Any], Tally]:
     """A run with a progress bar."""
     columns = (
         TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn(),

@@ -12,7 +12,7 @@ import grpc
 
 from wayfarer.v1 import agent_pb2, common_pb2, goal_pb2, session_pb2
 from wayfarer_lab.load.goals import GoalWatch
-from wayfarer_lab.load.plan import Plan
+from wayfarer_lab.load.plan import LoadPlan
 from wayfarer_lab.load.reader import LOST_S, Reader
 from wayfarer_lab.load.tally import Tally
 from wayfarer_lab.load.target import Target
@@ -36,7 +36,7 @@ Made = TypeVar("Made")
 class SimulatedClient:
     """One session with one healthy stream. Its commands keep their schedule (open loop)."""
 
-    def __init__(self, target: Target, plan: Plan, tally: Tally, number: int) -> None:
+    def __init__(self, target: Target, plan: LoadPlan, tally: Tally, number: int) -> None:
         self._target, self._plan, self._tally = target, plan, tally
         self._chance = random.Random(plan.seed * 100_003 + number)
         self._connection = Connection(target)

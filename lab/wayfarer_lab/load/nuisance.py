@@ -3,7 +3,7 @@
 import asyncio
 import random
 
-from wayfarer_lab.load.plan import Plan
+from wayfarer_lab.load.plan import LoadPlan
 from wayfarer_lab.load.tally import Tally
 from wayfarer_lab.load.target import Target
 from wayfarer_lab.load.wire import Connection, StreamError, followed
@@ -16,7 +16,7 @@ class Nuisance:
     """One more reader of a session."""
 
     def __init__(
-        self, target: Target, plan: Plan, tally: Tally, session_id: str, number: int
+        self, target: Target, plan: LoadPlan, tally: Tally, session_id: str, number: int
     ) -> None:
         self._target, self._plan, self._tally = target, plan, tally
         self._session_id = session_id

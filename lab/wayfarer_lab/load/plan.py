@@ -8,7 +8,7 @@ TRANSPORTS = ("grpc", "websocket")
 
 
 @dataclass(frozen=True)
-class Plan:
+class LoadPlan:
     """One run against one server."""
 
     sessions: int = 8

@@ -8,13 +8,13 @@ from typing import Any
 from wayfarer_lab.load.client import SimulatedClient
 from wayfarer_lab.load.memory import MemoryWatch
 from wayfarer_lab.load.nuisance import Nuisance
-from wayfarer_lab.load.plan import Plan
+from wayfarer_lab.load.plan import LoadPlan
 from wayfarer_lab.load.tally import Tally
 from wayfarer_lab.load.target import Target
 
 
 async def run(
-    target: Target, plan: Plan, progress: Callable[[float, Tally], None] = lambda _s, _t: None
+    target: Target, plan: LoadPlan, progress: Callable[[float, Tally], None] = lambda _s, _t: None
 ) -> tuple[dict[str, Any], Tally]:
     """The summary of a run, and its counts. `progress` hears of seconds done, twice a second."""
     tally = Tally()
@@ -44,7 +44,7 @@ async def run(
 
 
 def _nuisances(
-    target: Target, plan: Plan, tally: Tally, clients: list[SimulatedClient]
+    target: Target, plan: LoadPlan, tally: Tally, clients: list[SimulatedClient]
 ) -> list[Coroutine[Any, Any, None]]:
     """What the slow and the vanishing readers do, spread over the sessions."""
     readers = [

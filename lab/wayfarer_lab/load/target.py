@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import psutil
 
 from wayfarer.errors import Unavailable
-from wayfarer_lab.load.plan import Plan
+from wayfarer_lab.load.plan import LoadPlan
 
 SERVE = ("-m", "wayfarer.cli", "serve")
 
@@ -114,7 +114,7 @@ async def _drain(output: asyncio.StreamReader, lines: deque[str]) -> None:
         lines.append(line.decode(errors="replace"))
 
 
-def room(agents: int, plan: Plan) -> dict[str, str]:
+def room(agents: int, plan: LoadPlan) -> dict[str, str]:
     """Limits of our own server that do not stand in the way: only its speed shall."""
     streams = plan.sessions + plan.slow + plan.vanishing + 8
     limits = {

@@ -26,7 +26,7 @@ from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS, LATENT, NEW_FRAMES
 from wayfarer.terms import TERMS, WALK
-from wayfarer_lab.training.crowd import Crowd, CrowdSampler
+from wayfarer_lab.training.crowd import TrainingCrowd, CrowdSampler
 from wayfarer_lab.training.dataset import Frames
 from wayfarer_lab.training.likeness import FRAMES
 from wayfarer_lab.training.mocap.store import Dataset
@@ -116,7 +116,7 @@ SPEED = TERMS.index("speed")
 class Advance(NamedTuple):
     """What one step of a crowd of A agents brings."""
 
-    after: Crowd
+    after: TrainingCrowd
     cost: Tensor  # [A]
     terms: Tensor  # [A, T]
     distribution: Gaussian  # π of the latents
@@ -176,7 +176,7 @@ class AnalyticTrainer:
         regressor.solve = torch.no_grad()(regressor.solve)  # type: ignore[method-assign]
         return PrimitiveStep(predictor, regressor, body, sites, self.watched)  # type: ignore[arg-type]
 
-    def advance(self, gender: str, crowd: Crowd, tasks: Tasks) -> Advance:
+    def advance(self, gender: str, crowd: TrainingCrowd, tasks: Tasks) -> Advance:
         """One step of a crowd."""
         config, step = self.config, self.steps[gender]
         count, weight = len(crowd.betas), tasks.term_weights()
@@ -249,7 +249,7 @@ class AnalyticTrainer:
             "fallen": float(1 - sound.mean()),
         } | seen
 
-    def _go_on(self, gender: str, crowd: Crowd, tasks: Tasks) -> None:
+    def _go_on(self, gender: str, crowd: TrainingCrowd, tasks: Tasks) -> None:
         """Renew tasks; replace broken agents, and some others, by new ones."""
         tasks.renew(crowd.place, crowd.facing, self.config.tasks)
         leave = crowd.broken() | (torch.rand(self.config.agents) < self.config.renewal)

@@ -19,7 +19,7 @@ TILTED = 0.7
 
 
 @dataclass
-class Crowd:
+class TrainingCrowd:
     """Where A agents stand between two steps, world space."""
 
     markers: Tensor  # [A, S, 67, 3]
@@ -43,19 +43,19 @@ class Crowd:
         forward = matrix_from_quaternion(self.rotations[:, -1, 0])[:, :2, 1]
         return forward / forward.norm(dim=-1, keepdim=True).clamp(min=1e-6)
 
-    def put(self, rows: Tensor, other: "Crowd") -> None:
+    def put(self, rows: Tensor, other: "TrainingCrowd") -> None:
         """Replace some agents."""
         for column in fields(self):
             getattr(self, column.name)[rows] = getattr(other, column.name)
 
-    def detached(self) -> "Crowd":
+    def detached(self) -> "TrainingCrowd":
         """The same, cut off from the graph that made it."""
-        return Crowd(**{c.name: getattr(self, c.name).detach() for c in fields(self)})
+        return TrainingCrowd(**{c.name: getattr(self, c.name).detach() for c in fields(self)})
 
-    def after(self, result: StepResult) -> "Crowd":
+    def after(self, result: StepResult) -> "TrainingCrowd":
         """Where a step leaves the agents."""
         seed = self.markers.shape[1]
-        return Crowd(
+        return TrainingCrowd(
             markers=result.next_seed_markers,
             translation=result.translation[:, -seed:],
             rotations=result.rotations[:, -seed:],
@@ -81,7 +81,7 @@ class CrowdSampler:
         self.soles = frames.markers[..., 2].amin(-1)
 
     @torch.no_grad()
-    def draw(self, count: int) -> Crowd:
+    def draw(self, count: int) -> TrainingCrowd:
         """`count` agents whose first frame lies over the origin, facing as recorded."""
         rows = self.sampler.draw(count)[:, None] + torch.arange(self.seed_frames)
         betas = random_betas(count)
@@ -92,4 +92,4 @@ class CrowdSampler:
         recorded = self.soles[rows].amin(-1)
         lift = recorded - markers[..., 2].amin((-1, -2))
         up = lift[:, None, None] * torch.tensor([0.0, 0.0, 1.0])
-        return Crowd(markers + up[:, None], hips + up, rotations, betas)
+        return TrainingCrowd(markers + up[:, None], hips + up, rotations, betas)

@@ -22,7 +22,7 @@ from wayfarer_lab.training import reward
 from wayfarer_lab.training.dataset import random_betas
 from wayfarer_lab.training.pose_networks import PosePrior, VPoser
 from wayfarer_lab.training.rotation import matrix_from_quaternion, quaternion_from_matrix
-from wayfarer_lab.training.starts import Start, Starts, about_z
+from wayfarer_lab.training.starts import SeedPoses, StartSampler, about_z
 
 HIPS_HEIGHT = (0.45, 1.4)
 """Metres: lower, the body lies or has sunk; higher, it flies."""
@@ -30,7 +30,7 @@ MAX_TILT = 1 - math.cos(math.radians(60))
 """`Candidate.tilt` of a trunk that has fallen over."""
 
 
-class Agents(NamedTuple):
+class AgentBatch(NamedTuple):
     """Agents between two primitives. World, metres."""
 
     markers: Tensor  # [A, S, 67, 3]
@@ -79,7 +79,7 @@ class GoalEnvironment:
         self,
         steps: tuple[PrimitiveStep, ...],
         prior: PosePrior | VPoser,
-        starts: Starts,
+        starts: StartSampler,
         task: Task,
     ) -> None:
         self.steps = steps
@@ -89,7 +89,7 @@ class GoalEnvironment:
         self.walk = torch.tensor(weights(WALK))
 
     @torch.no_grad()
-    def reset(self, starts: int, clones: int) -> Agents:
+    def reset(self, starts: int, clones: int) -> AgentBatch:
         """`starts` bodies at random, each with its goal, `clones` times over: [starts · clones].
 
         Gender, shape, pose, heading, goal and target speed are drawn (Sec. 3.3.1).
@@ -101,9 +101,9 @@ class GoalEnvironment:
         hips = start.hips @ turn.transpose(-1, -2)
         rotations = start.rotations.clone()
         rotations[:, :, 0] = turn[:, None] @ rotations[:, :, 0]
-        markers, translation = self._on_floor(Start(hips, rotations), gender, betas)
+        markers, translation = self._on_floor(SeedPoses(hips, rotations), gender, betas)
         slowest, fastest = self.task.speeds
-        agents = Agents(
+        agents = AgentBatch(
             markers=markers,
             translation=translation,
             rotations=quaternion_from_matrix(rotations),
@@ -126,7 +126,7 @@ class GoalEnvironment:
         near = torch.rand(count, 1) < self.task.near_share
         return torch.cat([torch.where(near, close, anywhere), torch.zeros(count, 1)], -1)
 
-    def _on_floor(self, start: Start, gender: Tensor, betas: Tensor) -> tuple[Tensor, Tensor]:
+    def _on_floor(self, start: SeedPoses, gender: Tensor, betas: Tensor) -> tuple[Tensor, Tensor]:
         """Markers [N, S, 67, 3] and hips [N, S, 3], the lowest sole of all frames at z = 0."""
         parts = []
         for rows, step in self._by_gender(gender):
@@ -143,7 +143,7 @@ class GoalEnvironment:
         split = [(torch.nonzero(gender == g).squeeze(-1), s) for g, s in enumerate(self.steps)]
         return [(rows, step) for rows, step in split if len(rows)]
 
-    def observe(self, agents: Agents) -> State:
+    def observe(self, agents: AgentBatch) -> State:
         """Seeds and what is asked, in the canonical frame of each agent."""
         turn = matrix_from_quaternion(agents.rotations[:, 0, 0])
         frame = canonical_frame(agents.translation[:, 0], turn, self.steps[0].floor_origin)
@@ -157,18 +157,18 @@ class GoalEnvironment:
         return State(seed, condition)
 
     @torch.no_grad()
-    def step(self, agents: Agents, latents: Tensor) -> tuple[Agents, Feedback]:
+    def step(self, agents: AgentBatch, latents: Tensor) -> tuple[AgentBatch, Feedback]:
         """One primitive of every agent by its latent [A, 128], whichever way that was chosen."""
         parts = [
             (rows, self._step(step, take(agents, rows), latents[rows]))
             for rows, step in self._by_gender(agents.gender)
         ]
-        after = Agents(*_reunited([(rows, both[0]) for rows, both in parts]))
+        after = AgentBatch(*_reunited([(rows, both[0]) for rows, both in parts]))
         return after, Feedback(*_reunited([(rows, both[1]) for rows, both in parts]))
 
     def _step(
-        self, step: PrimitiveStep, agents: Agents, latents: Tensor
-    ) -> tuple[Agents, Feedback]:
+        self, step: PrimitiveStep, agents: AgentBatch, latents: Tensor
+    ) -> tuple[AgentBatch, Feedback]:
         """The same for agents of one gender."""
         result = step(
             seed_markers=agents.markers,
@@ -193,8 +193,8 @@ class GoalEnvironment:
         return after, judge(outcome)
 
     def _outcome(
-        self, step: PrimitiveStep, agents: Agents, translation: Tensor, rotations: Tensor
-    ) -> reward.Outcome:
+        self, step: PrimitiveStep, agents: AgentBatch, translation: Tensor, rotations: Tensor
+    ) -> reward.PrimitiveOutcome:
         """The body over seed and new frames: translation [A, F, 3], rotations [A, F, 22, 4]."""
         keep = agents.translation.shape[1]
         hips = torch.cat([agents.translation, translation], 1)
@@ -210,10 +210,10 @@ class GoalEnvironment:
             sites=step.sites,
         )
         pose = self.prior.encode(local[:, keep:, 1:]).mean
-        return reward.Outcome(body, hips[:, keep - 1 :], pose)
+        return reward.PrimitiveOutcome(body, hips[:, keep - 1 :], pose)
 
 
-def judge(outcome: reward.Outcome) -> Feedback:
+def judge(outcome: reward.PrimitiveOutcome) -> Feedback:
     """Rewards of a primitive, and whether the body is still one that stands and walks."""
     rewards = reward.evaluate(outcome)
     hips = outcome.hips[:, -1]
@@ -225,9 +225,9 @@ def judge(outcome: reward.Outcome) -> Feedback:
     return Feedback(torch.where(sound[:, None], rewards, 0.0), distance, ~sound, hips)
 
 
-def take(agents: Agents, rows: Tensor) -> Agents:
+def take(agents: AgentBatch, rows: Tensor) -> AgentBatch:
     """Some agents, by index or mask."""
-    return Agents(*(field[rows] for field in agents))
+    return AgentBatch(*(field[rows] for field in agents))
 
 
 def _reunited(parts: Sequence[tuple[Tensor, tuple[Tensor, ...]]]) -> list[Tensor]:

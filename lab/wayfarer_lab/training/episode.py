@@ -7,8 +7,8 @@ from torch import Tensor
 
 from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
 from wayfarer_lab.training import reward
-from wayfarer_lab.training.environment import Agents, GoalEnvironment, State, take
-from wayfarer_lab.training.ppo import Batch, PpoSettings, advantages, look, normalised
+from wayfarer_lab.training.environment import AgentBatch, GoalEnvironment, State, take
+from wayfarer_lab.training.ppo import PpoSettings, SampleBatch, advantages, look, normalised
 
 
 class Episode(NamedTuple):
@@ -29,7 +29,7 @@ class Episode(NamedTuple):
 
 @torch.no_grad()
 def simulate(
-    environment: GoalEnvironment, policy: GoalPolicy, agents: Agents, primitives: int
+    environment: GoalEnvironment, policy: GoalPolicy, agents: AgentBatch, primitives: int
 ) -> Episode:
     """Let agents go until each has reached its goal, has broken, or `primitives` are over.
 
@@ -86,7 +86,9 @@ def simulate(
     )
 
 
-def samples_of(episode: Episode, weights: Tensor, arrival: float, settings: PpoSettings) -> Batch:
+def samples_of(
+    episode: Episode, weights: Tensor, arrival: float, settings: PpoSettings
+) -> SampleBatch:
     """What PPO learns from. `weights` [R] are those of Eq. 4.
 
     Rewards are taken as shares of the most there is, and returns as (1 - γ) of their sum: 0…1, so
@@ -101,7 +103,7 @@ def samples_of(episode: Episode, weights: Tensor, arrival: float, settings: PpoS
     advantage, returns = advantages(
         scalar, episode.values, episode.alive, after, settings.discount, settings.gae
     )
-    return Batch(
+    return SampleBatch(
         seed=episode.state.seed,
         condition=episode.state.condition,
         latent=episode.latent,

@@ -32,7 +32,7 @@ from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import PASSES, BodyRegressor
 from wayfarer.spec import GENDERS
-from wayfarer_lab.training.graph import Graph
+from wayfarer_lab.training.graph import ExportGraph
 from wayfarer_lab.training.network_graphs import policy_graph, predictor_graph, regressor_graph
 from wayfarer_lab.training.onnx_files import WeightStore, externalise
 from wayfarer_lab.training.pose_graphs import pose_decoder_graph, pose_encoder_graph
@@ -53,7 +53,7 @@ def round_to_half(module: Network) -> Network:
     return module.eval()
 
 
-def to_onnx(graph: Graph) -> onnx.ModelProto:
+def to_onnx(graph: ExportGraph) -> onnx.ModelProto:
     """One graph with dynamic leading axes."""
     axes: dict[str, Any] = {}
     for names in graph.batch.values():
@@ -115,7 +115,7 @@ def parity(
     return worst
 
 
-def save_graph(graph: Graph, path: Path, store: WeightStore, contract: str) -> None:
+def save_graph(graph: ExportGraph, path: Path, store: WeightStore, contract: str) -> None:
     """Write one graph; its weights go to the store, its contract (JSON) into the metadata."""
     model = externalise(make_rows_independent(to_onnx(graph)), store)
     for node in model.graph.node:
@@ -138,7 +138,7 @@ class Sources:
     pose_prior: Path
 
 
-def load_graphs(sources: Sources, body: str, passes: int = PASSES) -> dict[str, Graph]:
+def load_graphs(sources: Sources, body: str, passes: int = PASSES) -> dict[str, ExportGraph]:
     """Every graph of a model folder by file name, from trained weights (rounded as shipped).
 
     The step canonicalises as its predictor was trained (`floor_origin` of that run). `passes` of
@@ -183,7 +183,7 @@ def export_models(
 
 
 def write_models(
-    graphs: Mapping[str, Graph],
+    graphs: Mapping[str, ExportGraph],
     out: Path,
     card: str,
     name: str,
@@ -216,7 +216,7 @@ def write_models(
     return differences
 
 
-def check_graph(path: Path, graph: Graph) -> float:
+def check_graph(path: Path, graph: ExportGraph) -> float:
     """Parity on the example inputs and, for steps, over batch sizes, candidates and real bodies.
 
     Rows of a step must not depend on their batch.

@@ -26,7 +26,7 @@ from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import FPS, PRIMITIVE_FRAMES
 from wayfarer_lab.training.dataset import Frames
 from wayfarer_lab.training.export import round_to_half
-from wayfarer_lab.training.graph import Graph
+from wayfarer_lab.training.graph import ExportGraph
 from wayfarer_lab.training.network_graphs import regressor_graph
 from wayfarer_lab.training.predictor import PredictorConfig, PredictorTrainer
 from wayfarer_lab.training.run import TrainingRun, load_weights, read_run_config
@@ -100,7 +100,7 @@ def train_goal_cvae(
 
 def load_goal_cvae_graphs(
     run: Path, regressors: Mapping[str, Path], body: str = "anny52"
-) -> dict[str, Graph]:
+) -> dict[str, ExportGraph]:
     """Step and regressor graphs of a model folder; `regressors` are runs by gender."""
     floor_origin = read_run_config(run)["floor_origin"]
     predictor = round_to_half(load_weights(GoalCvae(2), run))

@@ -7,7 +7,7 @@ from torch import Tensor, nn
 
 
 @dataclass(frozen=True)
-class Graph:
+class ExportGraph:
     """A module to export: names and example inputs, and which axes vary."""
 
     module: nn.Module

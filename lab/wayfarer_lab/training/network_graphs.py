@@ -8,7 +8,7 @@ from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import BETAS, LATENT, MARKERS, SEED_FRAMES
 from wayfarer.terms import TERMS
-from wayfarer_lab.training.graph import Graph
+from wayfarer_lab.training.graph import ExportGraph
 
 
 class _Decode(nn.Module):
@@ -22,13 +22,15 @@ class _Decode(nn.Module):
         return self.predictor.decode(seed, latent[:, None])[:, 0]
 
 
-def predictor_graph(predictor: MarkerPredictor) -> Graph:
+def predictor_graph(predictor: MarkerPredictor) -> ExportGraph:
     """Seed [N, S, 201] and latent [N, 128] → future [N, F, 201], canonical frame."""
     inputs = {
         "seed": torch.randn(3, predictor.seed_frames, MARKERS * 3),
         "latent": torch.randn(3, LATENT),
     }
-    return Graph(_Decode(predictor), inputs, ("future",), {"seed": ("rows",), "latent": ("rows",)})
+    return ExportGraph(
+        _Decode(predictor), inputs, ("future",), {"seed": ("rows",), "latent": ("rows",)}
+    )
 
 
 class _Act(nn.Module):
@@ -44,7 +46,7 @@ class _Act(nn.Module):
         return self.policy(seed, Condition(goal, target_speed, facing, weights))
 
 
-def policy_graph(policy: GoalPolicy) -> Graph:
+def policy_graph(policy: GoalPolicy) -> ExportGraph:
     """Seed [N, 2, 201], canonical frame, and what is asked → mean and log σ [N, 128] of latents."""
     inputs = {
         "seed": torch.randn(3, SEED_FRAMES, MARKERS * 3),
@@ -53,7 +55,7 @@ def policy_graph(policy: GoalPolicy) -> Graph:
         "facing": nn.functional.normalize(torch.randn(3, 2), dim=-1),
         "term_weights": torch.rand(3, len(TERMS)),
     }
-    return Graph(_Act(policy), inputs, Gaussian._fields, dict.fromkeys(inputs, ("rows",)))
+    return ExportGraph(_Act(policy), inputs, Gaussian._fields, dict.fromkeys(inputs, ("rows",)))
 
 
 class _Regress(nn.Module):
@@ -68,8 +70,8 @@ class _Regress(nn.Module):
         return place[:, 0], rotations[:, 0]
 
 
-def regressor_graph(regressor: BodyRegressor) -> Graph:
+def regressor_graph(regressor: BodyRegressor) -> ExportGraph:
     """Markers [N, 201] and betas [N, 10] → translation [N, 3], rotations [N, 22, 3, 3]."""
     inputs = {"markers": torch.randn(3, MARKERS * 3), "betas": torch.randn(3, BETAS)}
     batch = {"markers": ("rows",), "betas": ("rows",)}
-    return Graph(_Regress(regressor), inputs, ("translation", "rotations"), batch)
+    return ExportGraph(_Regress(regressor), inputs, ("translation", "rotations"), batch)

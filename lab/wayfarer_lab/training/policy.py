@@ -24,7 +24,7 @@ from wayfarer_lab.training.ppo import PpoSettings, improve
 from wayfarer_lab.training.reward import REWARD, REWARDS
 from wayfarer_lab.training.run import TrainingRun, load_weights, read_run_config
 from wayfarer_lab.training.snapshot import draw_trails
-from wayfarer_lab.training.starts import Starts
+from wayfarer_lab.training.starts import StartSampler
 
 
 class PolicyConfig(BaseModel):
@@ -165,7 +165,7 @@ def load_steps(config: PolicyConfig) -> tuple[PrimitiveStep, ...]:
 def load_environment(config: PolicyConfig, moving: Poses, standing: Tensor) -> GoalEnvironment:
     """The environment of trained networks. `standing` [P, 22, 4]: `assets/start_poses.npz`."""
     prior = load_pose_prior(Path(config.pose_prior)).requires_grad_(False)
-    starts = Starts(config.seed_frames, config.start_kinds, standing, moving, prior)
+    starts = StartSampler(config.seed_frames, config.start_kinds, standing, moving, prior)
     return GoalEnvironment(load_steps(config), prior, starts, config.task)
 
 

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor, nn
 
 from wayfarer.motion.predictor import Posterior
-from wayfarer_lab.training.graph import Graph
+from wayfarer_lab.training.graph import ExportGraph
 from wayfarer_lab.training.pose_networks import JOINTS, LATENT, PosePrior
 from wayfarer_lab.training.rotation import matrix_from_rotvec
 
@@ -29,15 +29,15 @@ class _Decode(nn.Module):
         return self.prior.decode(latent)
 
 
-def pose_encoder_graph(prior: PosePrior) -> Graph:
+def pose_encoder_graph(prior: PosePrior) -> ExportGraph:
     """Local rotations [N, 21, 3, 3] → mean and log_variance [N, 32] of their latents."""
     rotations = matrix_from_rotvec(torch.randn(3, JOINTS, 3) * 0.3)
-    return Graph(
+    return ExportGraph(
         _Encode(prior), {"rotations": rotations}, Posterior._fields, {"rotations": ("rows",)}
     )
 
 
-def pose_decoder_graph(prior: PosePrior) -> Graph:
+def pose_decoder_graph(prior: PosePrior) -> ExportGraph:
     """Latents [N, 32], N(0, I) for poses of people → local rotations [N, 21, 3, 3]."""
     inputs = {"latent": torch.randn(3, LATENT)}
-    return Graph(_Decode(prior), inputs, ("rotations",), {"latent": ("rows",)})
+    return ExportGraph(_Decode(prior), inputs, ("rotations",), {"latent": ("rows",)})

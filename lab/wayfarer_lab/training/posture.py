@@ -12,7 +12,7 @@ from torch import Tensor
 
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.primitive import BLEND
-from wayfarer_lab.training.crowd import Crowd
+from wayfarer_lab.training.crowd import TrainingCrowd
 from wayfarer_lab.training.rotation import matrix_from_quaternion
 
 LOW_WAIST = 0.92
@@ -70,7 +70,7 @@ LOOSE = 0.015
 """Metres by which predicted markers may miss the body's: the prior's own miss it by 1.2 cm."""
 
 
-def off_body(after: Crowd, body: MarkerBody) -> Tensor:
+def off_body(after: TrainingCrowd, body: MarkerBody) -> Tensor:
     """Mean distance [A], metres, from the last predicted markers to those of the body behind them.
 
     The terms look at predicted markers, and people see the body. Without a price on what lies

@@ -31,7 +31,7 @@ class PpoSettings(BaseModel):
     max_gradient: float = 1.0
 
 
-class Batch(NamedTuple):
+class SampleBatch(NamedTuple):
     """Samples to learn from; row n of every field is the same sample."""
 
     seed: Tensor  # [N, S, 201]
@@ -41,9 +41,9 @@ class Batch(NamedTuple):
     advantage: Tensor  # [N]
     returns: Tensor  # [N]
 
-    def take(self, rows: Tensor) -> "Batch":
+    def take(self, rows: Tensor) -> "SampleBatch":
         """Some samples; all fields are permuted alike."""
-        return Batch(
+        return SampleBatch(
             self.seed[rows],
             Condition(*(field[rows] for field in self.condition)),
             self.latent[rows],
@@ -121,7 +121,10 @@ def robust(divergence: Tensor) -> Tensor:
 
 
 def improve(
-    policy: GoalPolicy, optimizer: torch.optim.Optimizer, samples: Batch, settings: PpoSettings
+    policy: GoalPolicy,
+    optimizer: torch.optim.Optimizer,
+    samples: SampleBatch,
+    settings: PpoSettings,
 ) -> dict[str, float]:
     """Minimise Eq. 10 over some passes through the samples. Returns means of what was watched.
 

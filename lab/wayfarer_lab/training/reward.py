@@ -55,7 +55,7 @@ REWARD_SCALES: Final = {"speed": 0.3, "sliding": 0.3, "upright": 0.06, "seam": 0
 
 
 @dataclass(frozen=True)
-class Outcome:
+class PrimitiveOutcome:
     """What a reward is given: one primitive of each agent, frames as in `Candidate`."""
 
     body: Candidate  # of the body's reprojected markers, [A, 1 + F, M, 3]
@@ -63,7 +63,7 @@ class Outcome:
     pose: Tensor  # [A, F, 32] latent means μ(θ) of the new poses under the pose prior
 
 
-def path(o: Outcome) -> Tensor:
+def path(o: PrimitiveOutcome) -> Tensor:
     """Eq. 5: (1 + cos(angle from the way that the hips moved to the way to the goal)) / 2."""
     start = o.hips[:, 0, :2]
     moved = normalize(o.hips[:, -1, :2] - start, dim=-1)
@@ -71,7 +71,7 @@ def path(o: Outcome) -> Tensor:
     return ((moved * wanted).sum(-1) + 1) / 2
 
 
-def orientation(o: Outcome) -> Tensor:
+def orientation(o: PrimitiveOutcome) -> Tensor:
     """Eq. 6: (1 + cos(angle from the body's facing to the goal)) / 2 at the end.
 
     Of an agent that is asked to face some way, that way instead.
@@ -79,7 +79,7 @@ def orientation(o: Outcome) -> Tensor:
     return 1 - facing(o.body) / 2
 
 
-def contact(o: Outcome) -> Tensor:
+def contact(o: PrimitiveOutcome) -> Tensor:
     """Eq. 7: exp(-|change of the hips' height|) · exp(-min |marker velocity|²), metres and m/s.
 
     The minimum is over all markers and frames. The speed is squared, as in the paper (in
@@ -91,7 +91,7 @@ def contact(o: Outcome) -> Tensor:
     return torch.exp(-rise - slowest_squared)
 
 
-def pose_prior(o: Outcome) -> Tensor:
+def pose_prior(o: PrimitiveOutcome) -> Tensor:
     """Eq. 8 with a scale: exp(-|μ(θ)|² / 32), |μ|² averaged over the new frames.
 
     |μ|² is the squared length, as in the paper (GAMMA-release takes the length). Divided by the
@@ -101,7 +101,7 @@ def pose_prior(o: Outcome) -> Tensor:
     return torch.exp(-(o.pose * o.pose).mean((-1, -2)))
 
 
-def from_term(name: str) -> Callable[[Outcome], Tensor]:
+def from_term(name: str) -> Callable[[PrimitiveOutcome], Tensor]:
     """exp(-term / scale) of a quality term (not in the paper)."""
     return lambda o: torch.exp(-FUNCTIONS[name](o.body) / REWARD_SCALES[name])
 
@@ -115,13 +115,13 @@ def goal(closest: Tensor, area: float, reached: float) -> Tensor:
     return torch.where(closest > reached, ((area - closest) / area).clamp(min=0), 1.0)
 
 
-FUNCTIONS_OF_A_STEP: Mapping[str, Callable[[Outcome], Tensor]] = {
+FUNCTIONS_OF_A_STEP: Mapping[str, Callable[[PrimitiveOutcome], Tensor]] = {
     f.__name__: f for f in (path, orientation, contact, pose_prior)
 } | {name: from_term(name) for name in REWARD_SCALES}
 if (*FUNCTIONS_OF_A_STEP, goal.__name__) != REWARDS:
     raise ImportError(f"rewards {list(FUNCTIONS_OF_A_STEP)} differ from REWARDS {REWARDS}")
 
 
-def evaluate(o: Outcome) -> Tensor:
+def evaluate(o: PrimitiveOutcome) -> Tensor:
     """All rewards but the goal's, in the order of `REWARDS`. [A, R - 1]"""
     return torch.stack([function(o) for function in FUNCTIONS_OF_A_STEP.values()], -1)

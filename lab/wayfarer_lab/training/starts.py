@@ -16,7 +16,7 @@ from wayfarer_lab.training.pose_networks import LATENT, PosePrior, VPoser
 from wayfarer_lab.training.rotation import matrix_from_quaternion, matrix_from_rotvec
 
 
-class Start(NamedTuple):
+class SeedPoses(NamedTuple):
     """A seed without a body: S frames of N poses."""
 
     hips: Tensor  # [N, S, 3]; the height is of no account: bodies differ
@@ -24,7 +24,7 @@ class Start(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Starts:
+class StartSampler:
     """Draws starts of three kinds by their share."""
 
     frames: int  # S
@@ -33,9 +33,9 @@ class Starts:
     moving: Poses
     prior: PosePrior | VPoser
 
-    def draw(self, count: int) -> Start:
+    def draw(self, count: int) -> SeedPoses:
         """`count` starts. Raises InvalidArgument on an unknown kind."""
-        kinds: dict[str, Callable[[int], Start]] = {
+        kinds: dict[str, Callable[[int], SeedPoses]] = {
             "standing": self._standing,
             "moving": self._moving,
             "pose_prior": self._made_up,
@@ -49,24 +49,24 @@ class Starts:
         drawn = torch.multinomial(share, count, replacement=True).bincount(minlength=len(kinds))
         parts = [kind(n) for kind, n in zip(kinds.values(), drawn.tolist(), strict=True) if n]
         order = torch.randperm(count)
-        return Start(*(torch.cat(field)[order] for field in zip(*parts, strict=True)))
+        return SeedPoses(*(torch.cat(field)[order] for field in zip(*parts, strict=True)))
 
-    def _standing(self, count: int) -> Start:
+    def _standing(self, count: int) -> SeedPoses:
         rows = torch.randint(len(self.standing), (count,))
         return self._still(matrix_from_quaternion(self.standing[rows]))
 
-    def _made_up(self, count: int) -> Start:
+    def _made_up(self, count: int) -> SeedPoses:
         with torch.no_grad():
             body = self.prior.decode(torch.randn(count, LATENT))
         upright = torch.eye(3).expand(count, 1, 3, 3)
         return self._still(torch.cat([upright, body], 1))
 
-    def _still(self, pose: Tensor) -> Start:
+    def _still(self, pose: Tensor) -> SeedPoses:
         """The same frame S times: at rest."""
         rotations = pose[:, None].expand(-1, self.frames, -1, -1, -1)
-        return Start(torch.zeros(len(pose), self.frames, 3), rotations)
+        return SeedPoses(torch.zeros(len(pose), self.frames, 3), rotations)
 
-    def _moving(self, count: int) -> Start:
+    def _moving(self, count: int) -> SeedPoses:
         rows = WindowSampler(self.moving, self.frames).draw(count)
         window = rows[:, None] + torch.arange(self.frames)
         rotations = matrix_from_quaternion(self.moving.rotations[window])
@@ -75,7 +75,7 @@ class Starts:
         rotations[:, :, 0] = back[:, None] @ rotations[:, :, 0]
         hips = self.moving.hips[window]
         hips = (hips - hips[:, :1]) @ back.transpose(-1, -2)
-        return Start(hips, rotations)
+        return SeedPoses(hips, rotations)
 
 
 def about_z(angle: Tensor) -> Tensor:

@@ -15,7 +15,7 @@ from wayfarer.motion.frame import canonical_frame, to_world
 from wayfarer.motion.primitive import PrimitiveStep, StepResult
 from wayfarer.motion.quality import Sites
 from wayfarer.spec import GENDERS, NEW_FRAMES
-from wayfarer_lab.training.crowd import Crowd
+from wayfarer_lab.training.crowd import TrainingCrowd
 from wayfarer_lab.training.likeness import FRAMES, Critic, GaitFeatures
 from wayfarer_lab.training.posture import Posture
 from wayfarer_lab.training.rotation import matrix_from_quaternion
@@ -68,7 +68,7 @@ class WatchedDecoder:
         return self.last
 
 
-def shown_markers(step: PrimitiveStep, before: Crowd, result: StepResult, future: Tensor) -> Tensor:
+def shown_markers(step: PrimitiveStep, before: TrainingCrowd, result: StepResult, future: Tensor) -> Tensor:
     """Markers of the bodies that a step with one candidate shows [A, F, 67, 3], world.
 
     Values are those of the bodies, slopes those of the predicted markers `future` [A, F, 201]
@@ -111,7 +111,7 @@ class SteadyWalks:
         self.goals = {g: torch.zeros(agents, 3) for g in GENDERS}
         self.steps = {g: torch.zeros(agents, dtype=torch.long) for g in GENDERS}
 
-    def count(self, gender: str, crowd: Crowd, tasks: Tasks) -> None:
+    def count(self, gender: str, crowd: TrainingCrowd, tasks: Tasks) -> None:
         """After each step: for how many steps agents have been on the way to their goal.
 
         What is asked decides, not what is done: an agent that walks askew must not thereby escape

@@ -6,7 +6,7 @@ from torch import Tensor, nn
 from wayfarer.motion.primitive import PrimitiveStep, StepResult
 from wayfarer.spec import BETAS, LATENT, MARKERS, OBSTACLES, SEED_FRAMES
 from wayfarer.terms import TERMS
-from wayfarer_lab.training.graph import Graph
+from wayfarer_lab.training.graph import ExportGraph
 from wayfarer_lab.training.rotation import matrix_from_rotvec, quaternion_from_matrix
 
 
@@ -39,11 +39,11 @@ def _obstacles(places: Tensor, generator: torch.Generator) -> Tensor:
     return numbers
 
 
-def step_graph(step: PrimitiveStep) -> Graph:
+def step_graph(step: PrimitiveStep) -> ExportGraph:
     """The whole step, dynamic in agents and candidates."""
     inputs = step_inputs(3, 4, torch.Generator().manual_seed(0))
     batch = dict.fromkeys(inputs, ("agents",)) | {"noise": ("agents", "candidates")}
-    return Graph(step, inputs, StepResult._fields, batch)
+    return ExportGraph(step, inputs, StepResult._fields, batch)
 
 
 def body_inputs(step: PrimitiveStep, agents: int, generator: torch.Generator) -> dict[str, Tensor]:

@@ -13,9 +13,9 @@ from wayfarer.clips.clip import Clip, join_chunks
 from wayfarer.clips.files import check_target, write_clip
 from wayfarer.clips.planned import plan_clip
 from wayfarer.errors import InvalidArgument
+from wayfarer.model_bundle import DEFAULT_MODEL, open_bundle
 from wayfarer.service.walk import walk
 from wayfarer.spec import BETAS, FPS
-from wayfarer.stage import DEFAULT_MODEL, open_stage
 from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, Goal, MotionChunk
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.search.beam_settings import HARD, BeamSettings
@@ -112,8 +112,8 @@ def generate(
     goals = [Goal(_place(text), speed=speed) for text in goal or []]
     betas = (0.0,) * BETAS if height is None else tuple(betas_from_phenotype(gender, height))
     spec = AgentSpec(gender=gender, betas=betas, heading=heading, noise_seed=seed)
-    stage = open_stage(model, threads)
-    world = stage.world(1, Steering().with_search(candidates=candidates or CANDIDATES))
+    bundle = open_bundle(model, threads)
+    world = bundle.world(1, Steering().with_search(candidates=candidates or CANDIDATES))
     with Progress(transient=True) as progress:
         task = progress.add_task("generating", total=seconds)
 
@@ -124,8 +124,8 @@ def generate(
             clip = generate_clip(world, spec, goals, seconds, watch)
         else:
             [start] = world.prepare([spec])
-            body = stage.bodies[gender]
-            clip = plan_clip(stage.engine, body, spec, start, goals, seconds, beam, watch)
+            body = bundle.bodies[gender]
+            clip = plan_clip(bundle.engine, body, spec, start, goals, seconds, beam, watch)
     write_clip(target, clip)
     reached = f", {clip.meta['goals_reached']} of {len(goals)} goals reached" if goals else ""
     typer.echo(f"{target}: {clip.frames} frames, {clip.seconds:.1f} s{reached}")

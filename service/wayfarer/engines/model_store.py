@@ -11,7 +11,7 @@ from typing import Final
 
 from wayfarer.artifacts import MANIFEST, ModelFolder
 from wayfarer.engines.engine import Engine
-from wayfarer.engines.models import Models
+from wayfarer.engines.models import LoadedModels
 from wayfarer.engines.row_partitioner import give_way
 from wayfarer.engines.warm import WarmEngine
 from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted
@@ -76,7 +76,7 @@ class ModelStore:
 class ModelLoader:
     """Loads and unloads the models of a server while it serves."""
 
-    def __init__(self, models: Models, open_engine: Callable[[str], Engine]) -> None:
+    def __init__(self, models: LoadedModels, open_engine: Callable[[str], Engine]) -> None:
         """`open_engine(name)` is called in a thread of its own."""
         self._models = models
         self._open = open_engine

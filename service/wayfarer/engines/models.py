@@ -1,7 +1,7 @@
 """The motion models of a server, side by side: which moves new agents, and who is moved by which.
 
 Agents hold the number of their model in their slot; a number is never used twice. All worlds of a
-server share one `Models`; each keeps a `Roster` of its own.
+server share one `LoadedModels`; each keeps a `Roster` of its own.
 """
 
 import threading
@@ -51,7 +51,7 @@ class Loaded:
         return self.engine.name
 
 
-class Models:
+class LoadedModels:
     """Engines by number. Safe to use from several threads."""
 
     def __init__(self, engine: Engine) -> None:
@@ -101,10 +101,10 @@ class Models:
                 return model
         raise FailedPrecondition(f"no model {stamp} is loaded; loaded are {', '.join(self.stamps)}")
 
-    def copy(self) -> "Models":
+    def copy(self) -> "LoadedModels":
         """The models of now, whatever comes and goes later: for worlds that end soon."""
         with self._lock:
-            other = Models(self._in_use.engine)
+            other = LoadedModels(self._in_use.engine)
             other._loaded, other._in_use = self._loaded, self._in_use
             return other
 

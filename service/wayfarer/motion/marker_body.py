@@ -159,7 +159,7 @@ class MarkerBody(nn.Module):
         return markers.view(*shape, -1, 3), places.reshape(*shape, -1, 3)
 
 
-class Level(NamedTuple):
+class JointLevel(NamedTuple):
     """Joints at one depth of the tree: `first` to `end`."""
 
     first: int
@@ -190,7 +190,7 @@ def _posed_owner(parents: np.ndarray, posed: int) -> np.ndarray:
     return owner
 
 
-def _levels(parents: Sequence[int] | np.ndarray) -> list[Level]:
+def _levels(parents: Sequence[int] | np.ndarray) -> list[JointLevel]:
     """Joints by depth in the tree, the root first. Raises InvalidArgument for another order."""
     depth = [0] * len(parents)
     for j, parent in enumerate(parents):
@@ -204,5 +204,5 @@ def _levels(parents: Sequence[int] | np.ndarray) -> list[Level]:
         rows = [int(parents[j]) - above for j in members]
         alike = len(set(rows)) == 1 == depth.count(level - 1)
         own = rows == list(range(depth.count(level - 1)))
-        levels.append(Level(members[0], members[-1] + 1, None if alike or own else rows))
+        levels.append(JointLevel(members[0], members[-1] + 1, None if alike or own else rows))
     return levels

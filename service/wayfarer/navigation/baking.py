@@ -12,8 +12,8 @@ from wayfarer.errors import FailedPrecondition, InvalidArgument
 from wayfarer.navigation.ground.ground import Ground, Layer
 from wayfarer.navigation.ground.layers import ISLAND_SHARE
 from wayfarer.navigation.mesh import NavMesh, build
+from wayfarer.navigation.scene_spec import Obstacle, Point3, Walkable
 from wayfarer.navigation.solids import footprint, triangulate
-from wayfarer.navigation.spec import Obstacle, Point3, Walkable
 
 Array = NDArray[np.floating[Any]]
 Ints = NDArray[np.int64]

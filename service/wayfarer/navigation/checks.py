@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from wayfarer.errors import Heading, InvalidArgument, Metres, Place
-from wayfarer.navigation.spec import (
+from wayfarer.navigation.scene_spec import (
     MAX_EXTENT,
     MAX_FLOORS,
     MAX_MESH_BYTES,

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from wayfarer.navigation.spec import Box, Cylinder, Floor, Ramp, Ring, SceneSpec, Solid
+from wayfarer.navigation.scene_spec import Box, Cylinder, Floor, Ramp, Ring, SceneSpec, Solid
 
 
 def rectangle(x0: float, y0: float, x1: float, y1: float) -> Ring:

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from wayfarer.navigation.ground.ground import Ground
 from wayfarer.navigation.mesh import NavMesh
-from wayfarer.navigation.spec import Point2, Point3, Walkable
+from wayfarer.navigation.scene_spec import Point2, Point3, Walkable
 
 Ints = NDArray[np.int64]
 Array = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class MeshPoint:
     """A point of the mesh. `moved`: metres from the point asked for, in plan."""
 
     triangle: int
@@ -36,7 +36,7 @@ def nearest_place(
     point: Point2 | Point3,
     walkable: Walkable,
     among: Ints | None = None,
-) -> Place:
+) -> MeshPoint:
     """The place under the point, or else the nearest one; of the mesh, or of some triangles.
 
     A point with a height means the storey below it, even where that is not free: hips and table
@@ -46,7 +46,7 @@ def nearest_place(
     """
     among = np.arange(len(mesh.corners)) if among is None else among
 
-    def away(place: Place) -> float:
+    def away(place: MeshPoint) -> float:
         rise = place.height - point[2] if len(point) == 3 else 0.0
         return place.moved + abs(rise) + walkable.height * (rise > walkable.step_height)
 
@@ -60,6 +60,6 @@ def nearest_place(
     return min(places, key=lambda place: (away(place), place.height))
 
 
-def _place(mesh: NavMesh, ground: Ground, triangle: int, spot: Point2, moved: float) -> Place:
+def _place(mesh: NavMesh, ground: Ground, triangle: int, spot: Point2, moved: float) -> MeshPoint:
     height = float(ground.layers[mesh.layer[triangle]].heights.at(np.array(spot)))
-    return Place(triangle, spot, height, moved)
+    return MeshPoint(triangle, spot, height, moved)

@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.grid import Grid
-from wayfarer.navigation.paths.path import Path
+from wayfarer.navigation.paths.path import GroundPath
 from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.solids import footprint
 
@@ -25,7 +25,7 @@ _SMOOTH: Final = 2
 """Paths are drawn at this multiple of the size, then scaled down."""
 
 
-def top_view(scene: Scene, paths: Sequence[Path] = (), pixels: int = 800) -> bytes:
+def top_view(scene: Scene, paths: Sequence[GroundPath] = (), pixels: int = 800) -> bytes:
     """The scene as a PNG: x points right and y up. `pixels`: its longer side.
 
     Green: where an agent's middle may be (darker is higher); grey: the rest of the ground; brown:
@@ -78,7 +78,7 @@ def _extent(scene: Scene) -> tuple[float, float]:
     return min(float(h.min()) for h in heights), max(float(h.max()) for h in heights)
 
 
-def _draw(draw: ImageDraw.ImageDraw, path: Path, grid: Grid, ink: str) -> None:
+def _draw(draw: ImageDraw.ImageDraw, path: GroundPath, grid: Grid, ink: str) -> None:
     places = (grid.places(path.points) + 0.5) * _SMOOTH
     spots = [(float(x), float(grid.rows * _SMOOTH - y)) for x, y in places]
     wide = max(3, grid.columns * _SMOOTH // 200)

@@ -23,12 +23,12 @@ from wayfarer.navigation.checks import check_obstacle, check_point, check_spec
 from wayfarer.navigation.clearance import REACH, ClearanceField, clearance_field
 from wayfarer.navigation.grid import Grid
 from wayfarer.navigation.ground.ground import Ground, find_ground
-from wayfarer.navigation.locate import Place, nearest_place
+from wayfarer.navigation.locate import MeshPoint, nearest_place
 from wayfarer.navigation.mesh import NavMesh
 from wayfarer.navigation.paths.find import sampled, shortest, widened
-from wayfarer.navigation.paths.path import Path
+from wayfarer.navigation.paths.path import GroundPath
+from wayfarer.navigation.scene_spec import MAX_OBSTACLES, Obstacle, Point2, Point3, SceneSpec
 from wayfarer.navigation.solids import footprint
-from wayfarer.navigation.spec import MAX_OBSTACLES, Obstacle, Point2, Point3, SceneSpec
 
 Array = NDArray[np.floating[Any]]
 
@@ -94,7 +94,7 @@ class Scene:
         rest = {key: value for key, value in self.obstacles.items() if key != name}
         return self._next(self.obstacles[name], None, rest)
 
-    def path(self, start: Point2 | Point3, goal: Point2 | Point3) -> Path:
+    def path(self, start: Point2 | Point3, goal: Point2 | Point3) -> GroundPath:
         """A short way that keeps the radius free, and more around corners where there is room.
 
         A start or goal off the free ground is moved to the nearest that is (of the goal: that can
@@ -106,7 +106,7 @@ class Scene:
         assert points is not None  # one island
         points = widened(points, self, self.spec.walkable.radius)
         points[:, 2] = self.floor(points)
-        return Path(points, first.moved, last.moved, self.content_hash, self.version)
+        return GroundPath(points, first.moved, last.moved, self.content_hash, self.version)
 
     def reach(self, start: Point2 | Point3, goal: Point2 | Point3) -> Point3:
         """Where `path` would end, without looking for the way. Raises as it does."""
@@ -117,7 +117,7 @@ class Scene:
         check_point(point, "point")
         return self.place(point).point
 
-    def place(self, point: Point2 | Point3) -> Place:
+    def place(self, point: Point2 | Point3) -> MeshPoint:
         """The same on the navigation mesh, of a point that has been checked."""
         return nearest_place(self.mesh, self.ground, point, self.spec.walkable)
 
@@ -180,7 +180,7 @@ class Scene:
         ).argmin(0)
         return best
 
-    def _ends(self, start: Point2 | Point3, goal: Point2 | Point3) -> tuple[Place, Place]:
+    def _ends(self, start: Point2 | Point3, goal: Point2 | Point3) -> tuple[MeshPoint, MeshPoint]:
         check_point(start, "start")
         check_point(goal, "goal")
         first, last = self.place(start), self.place(goal)

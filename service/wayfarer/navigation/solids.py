@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from wayfarer.navigation.spec import Box, Cylinder, Floor, Ramp, Solid
+from wayfarer.navigation.scene_spec import Box, Cylinder, Floor, Ramp, Solid
 
 _ARC: Final = 8
 """Segments of a quarter of a cylinder."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Final, Protocol, TypeVar
 
 from wayfarer.service.persistence.capture import capture_session
-from wayfarer.service.persistence.log_format import Origin, decode_log, encode_log
+from wayfarer.service.persistence.log_format import LogOrigin, decode_log, encode_log
 from wayfarer.service.persistence.record import CommandLog
 from wayfarer.service.persistence.replay import replay
 from wayfarer.service.persistence.snapshot import decode_session, encode_session
@@ -74,7 +74,7 @@ class Archive:
         return self._worlds.recordings.copy(session_id)
 
     @property
-    def _origin(self) -> Origin:
+    def _origin(self) -> LogOrigin:
         steering = self._worlds.settings.steering
         wished = max(search.candidates for search in steering.searches.values())
-        return Origin(self._worlds.body, self._worlds.models.stamps, wished)
+        return LogOrigin(self._worlds.body, self._worlds.models.stamps, wished)

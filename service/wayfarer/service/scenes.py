@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Final, TypeVar
 
 from wayfarer.errors import FailedPrecondition
-from wayfarer.navigation.spec import Obstacle, Point2, Point3
+from wayfarer.navigation.scene_spec import Obstacle, Point2, Point3
 from wayfarer.service.live import LiveMotion
 from wayfarer.service.lockstep import LockSteps
 from wayfarer.service.persistence.persistence import Persistence
@@ -15,7 +15,7 @@ from wayfarer.world.scenes.messages import (
     CrowdState,
     Outlines,
     SceneInfo,
-    SceneWish,
+    SceneSource,
     Way,
 )
 from wayfarer.world.scenes.outlines import outlines
@@ -57,7 +57,7 @@ class SceneService:
         """Give up calls that have not started."""
         self._workers.shutdown(wait=False, cancel_futures=True)
 
-    async def create_scene(self, wish: SceneWish) -> SceneInfo:
+    async def create_scene(self, wish: SceneSource) -> SceneInfo:
         """Bake it, off the motion thread; equal content is baked once.
 
         Raises InvalidArgument that names the field, ResourceExhausted when too many are kept or

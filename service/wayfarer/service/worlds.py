@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.body.model import BodyModel
-from wayfarer.engines.models import Models
+from wayfarer.engines.models import LoadedModels
 from wayfarer.navigation.scene import bake
 from wayfarer.service.persistence.capture import JournalObserver
 from wayfarer.service.persistence.journal import Journal
@@ -31,7 +31,7 @@ as far as is sent."""
 class Worlds:
     """What worlds are made of."""
 
-    models: Models
+    models: LoadedModels
     body: BodyStamp  # whose bodies they are
     bodies: Mapping[str, BodyModel]
     start_poses: NDArray[np.float32]  # [P, 22, 4]

@@ -55,7 +55,7 @@ LOCAL: Final = Caller("local", frozenset(Scope))
 _present: ContextVar[Caller] = ContextVar("caller", default=LOCAL)
 
 
-def present_caller() -> Caller:
+def current_caller() -> Caller:
     """The caller of the call being handled; LOCAL where nobody was authenticated."""
     return _present.get()
 

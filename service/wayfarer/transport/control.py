@@ -9,11 +9,11 @@ import structlog
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.transport import errors, schema, wire
+from wayfarer.transport.call_rates import count_call
 from wayfarer.transport.framing import field
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.gateway.goals import GoalApi
 from wayfarer.transport.goal_requests import give
-from wayfarer.transport.limits import count_call
 from wayfarer.transport.merge import merged
 from wayfarer.transport.stream import MotionStream
 from wayfarer.v1 import common_pb2, control_pb2
@@ -47,7 +47,7 @@ async def control(gateway: Gateway, requests: Requests) -> AsyncGenerator[bytes]
                 yield b"".join(field(control_pb2.ControlResponse.MOTION_FIELD_NUMBER, [item]))
 
 
-async def _opening(requests: Requests) -> schema.StreamWish:
+async def _opening(requests: Requests) -> schema.StreamRequest:
     """What the first message asks for. Raises InvalidArgument."""
     wrong = InvalidArgument("the first message must be `open`, with a session_id", "open")
     try:
@@ -57,7 +57,7 @@ async def _opening(requests: Requests) -> schema.StreamWish:
         raise wrong from None
     if first.WhichOneof("payload") != "open":
         raise wrong
-    return wire.parse(schema.StreamWish, first.open, "open")
+    return wire.parse(schema.StreamRequest, first.open, "open")
 
 
 async def _replies(

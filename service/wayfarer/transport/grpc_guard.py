@@ -15,12 +15,12 @@ import structlog
 
 from wayfarer.errors import ResourceExhausted
 from wayfarer.transport import errors
-from wayfarer.transport.auth import Presented
+from wayfarer.transport.auth import Credentials
 from wayfarer.transport.guard import Guard, begin
 from wayfarer.transport.http_guard import bearer
-from wayfarer.transport.inside import Origin
 from wayfarer.transport.metrics import Metrics
 from wayfarer.transport.tracing import Tracing
+from wayfarer.transport.worker_sockets import ClientOrigin
 
 log = structlog.get_logger(__name__)
 
@@ -175,18 +175,20 @@ def _headers(context: Any) -> Headers:
     return found
 
 
-def origin_of(headers: Headers, context: Any) -> Origin:
+def origin_of(headers: Headers, context: Any) -> ClientOrigin:
     """The origin of a call; for a relayed call, the one that the front of the server names."""
     peer = context.peer()
     if peer.startswith("unix:"):  # bound only where there is a front
-        return Origin.read(headers)
+        return ClientOrigin.read(headers)
     names = context.auth_context().get("x509_common_name", ())
-    return Origin(address(peer), next((name.decode("utf-8", "replace") for name in names), ""))
+    return ClientOrigin(
+        address(peer), next((name.decode("utf-8", "replace") for name in names), "")
+    )
 
 
-def _presented(headers: Headers, origin: Origin) -> Presented:
+def _presented(headers: Headers, origin: ClientOrigin) -> Credentials:
     """Raises Unauthenticated."""
-    return Presented(
+    return Credentials(
         bearer=bearer(headers.get("authorization", "")),
         api_key=headers.get("x-api-key", ""),
         certificate=origin.certificate,

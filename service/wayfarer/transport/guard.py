@@ -7,11 +7,11 @@ from functools import partial
 import structlog
 
 from wayfarer.errors import Unauthenticated
+from wayfarer.transport import call_rates as limits
 from wayfarer.transport import caller as callers
-from wayfarer.transport import limits
-from wayfarer.transport.auth import Authenticator, Presented
+from wayfarer.transport.auth import Authenticator, Credentials
+from wayfarer.transport.call_rates import CallRates
 from wayfarer.transport.caller import Caller
-from wayfarer.transport.limits import CallRates
 
 log = structlog.get_logger(__name__)
 
@@ -25,7 +25,7 @@ class Guard:
     authenticator: Authenticator = field(default_factory=Authenticator)
     rates: CallRates = field(default_factory=lambda: CallRates(100))
 
-    async def authenticate(self, shown: Presented, address: str) -> Caller:
+    async def authenticate(self, shown: Credentials, address: str) -> Caller:
         """The caller. `address`: of the other end, without port.
 
         Raises Unauthenticated; ResourceExhausted after too many failures; Unavailable.
@@ -37,7 +37,7 @@ class Guard:
             log.info("call refused", address=address, reason=str(error))
             raise
 
-    async def admit(self, shown: Presented, address: str) -> Caller:
+    async def admit(self, shown: Credentials, address: str) -> Caller:
         """Let a call in and handle the rest of this task as its caller's.
 
         Raises what `authenticate` raises, and ResourceExhausted beyond the caller's rate.

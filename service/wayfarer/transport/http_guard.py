@@ -12,12 +12,12 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from wayfarer.errors import PermissionDenied, Unauthenticated, WayfarerError
 from wayfarer.transport import errors
-from wayfarer.transport.auth import Presented
+from wayfarer.transport.auth import Credentials
 from wayfarer.transport.connection import CERTIFICATE
 from wayfarer.transport.guard import Guard, begin
-from wayfarer.transport.http_edge import problem_response
 from wayfarer.transport.metrics import Metrics
 from wayfarer.transport.origins import Origins
+from wayfarer.transport.request_limits import problem_response
 from wayfarer.transport.tracing import Tracing
 
 log = structlog.get_logger(__name__)
@@ -136,9 +136,9 @@ def page_policy(origins: Origins) -> str:
     return f"{PAGE_POLICY}; frame-ancestors {framing}"
 
 
-def presented(scope: Scope, headers: Mapping[str, str]) -> Presented:
+def presented(scope: Scope, headers: Mapping[str, str]) -> Credentials:
     """What a request shows; a socket's token is taken out of it. Raises Unauthenticated."""
-    return Presented(
+    return Credentials(
         bearer=_socket_token(scope) or bearer(headers.get("authorization", "")),
         api_key=headers.get("x-api-key", ""),
         certificate=scope.get("state", {}).get(CERTIFICATE, ""),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.navigation import spec as world
+from wayfarer.navigation import scene_spec as world
 from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Axes, Basis
 from wayfarer.transport.schema.scenes import CROWD

@@ -13,8 +13,9 @@ from starlette.types import ASGIApp
 
 from wayfarer.errors import Unavailable
 from wayfarer.limits import Limits
+from wayfarer.transport.asgi import front
+from wayfarer.transport.call_rates import CallRates
 from wayfarer.transport.connection import HttpConnection, SocketConnection
-from wayfarer.transport.front import front
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.grpc_guard import GuardInterceptor
 from wayfarer.transport.grpc_server import (
@@ -25,10 +26,9 @@ from wayfarer.transport.grpc_server import (
 )
 from wayfarer.transport.guard import Guard
 from wayfarer.transport.http_server import http_app
-from wayfarer.transport.inside import FromFront, Inside
-from wayfarer.transport.limits import CallRates
-from wayfarer.transport.operation import Operation
 from wayfarer.transport.ports import bind, http_url
+from wayfarer.transport.server_options import ServerOptions
+from wayfarer.transport.worker_sockets import TrustedRelay, WorkerSockets
 
 log = structlog.get_logger(__name__)
 
@@ -40,7 +40,7 @@ class HttpServer(uvicorn.Server):
     """uvicorn, bounded. Signals are the composition root's business."""
 
     def __init__(
-        self, app: ASGIApp, limits: Limits, operation: Operation, inside: Path | None = None
+        self, app: ASGIApp, limits: Limits, operation: ServerOptions, inside: Path | None = None
     ) -> None:
         """HTTP on the sockets that `serve` gets, or on the socket `inside`, which has no TLS."""
         tls = operation.tls if inside is None else None
@@ -78,8 +78,8 @@ class Server:
         host: str,
         http_port: int,
         grpc_port: int,
-        operation: Operation | None = None,
-        inside: Inside | None = None,
+        operation: ServerOptions | None = None,
+        inside: WorkerSockets | None = None,
     ) -> None:
         """Ports 0: any free one. `inside`: where the front comes in, of a server with workers.
 
@@ -88,7 +88,7 @@ class Server:
         self._gateway = gateway
         if operation is None:
             rates = CallRates(gateway.limits.calls_per_second)
-            operation = Operation(guard=Guard(rates=rates))
+            operation = ServerOptions(guard=Guard(rates=rates))
         self._operation = operation
         self._socket = bind(host, http_port, grpc_port)
         tls = operation.tls
@@ -110,7 +110,7 @@ class Server:
         app = front(http_app(gateway), operation, gateway.loop_stats)
         self._http = [HttpServer(app, gateway.limits, operation)]
         if inside is not None:
-            relayed = FromFront(app)
+            relayed = TrustedRelay(app)
             self._http.append(HttpServer(relayed, gateway.limits, operation, inside.http))
         self.http_url = http_url(host, self._socket, bool(tls))
         self.grpc_address = f"{bracketed(host)}:{self._grpc.port}"

@@ -65,7 +65,7 @@ def add_sockets(app: FastAPI, gateway: Gateway) -> None:
             await _close(socket, None)
 
 
-def wish_of(query: QueryParams) -> schema.StreamWish:
+def wish_of(query: QueryParams) -> schema.StreamRequest:
     """What the query asks for; names as in StreamMotionRequest, lists by repetition.
 
     Raises InvalidArgument.
@@ -80,7 +80,7 @@ def wish_of(query: QueryParams) -> schema.StreamWish:
     packed["fps"] = int(fps)
     wish = {k: query[k] for k in ("slow_reader", "resume_token") if k in query}
     try:
-        return schema.StreamWish(
+        return schema.StreamRequest(
             session_id=query.get("session", ""),
             agent_ids=tuple(query.getlist("agent")),
             format=schema.PoseFormat(**packed),

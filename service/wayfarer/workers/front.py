@@ -18,11 +18,11 @@ from wayfarer.config import Settings
 from wayfarer.errors import Unavailable
 from wayfarer.limits import Limits
 from wayfarer.transport.grpc_server import GrpcServer, bracketed
-from wayfarer.transport.http_edge import Edge, add_problem_handlers
-from wayfarer.transport.inside import Inside
-from wayfarer.transport.operation import Operation
 from wayfarer.transport.ports import bind, http_url
+from wayfarer.transport.request_limits import RequestLimits, add_problem_handlers
 from wayfarer.transport.server import HttpServer
+from wayfarer.transport.server_options import ServerOptions
+from wayfarer.transport.worker_sockets import WorkerSockets
 from wayfarer.workers.grpc_relay import GrpcRelay
 from wayfarer.workers.http_relay import HttpRelay
 from wayfarer.workers.metrics import merged_page
@@ -44,8 +44,8 @@ class Front:
     def __init__(
         self,
         settings: Settings,
-        operation: Operation,
-        doors: list[Inside],
+        operation: ServerOptions,
+        doors: list[WorkerSockets],
         placement: Placement,
         supervisor: Supervisor,
     ) -> None:
@@ -105,7 +105,9 @@ class Front:
     def _app(self, sockets: SocketRelay, limits: Limits) -> FastAPI:
         app = FastAPI(openapi_url=None)
         add_problem_handlers(app)
-        app.add_middleware(Edge, body_bytes=limits.message_bytes, mesh_bytes=limits.mesh_bytes)
+        app.add_middleware(
+            RequestLimits, body_bytes=limits.message_bytes, mesh_bytes=limits.mesh_bytes
+        )
         app.router.routes += [
             WebSocketRoute("/v1/stream", sockets.stream),
             WebSocketRoute("/v1/control", sockets.control),

@@ -14,10 +14,10 @@ import grpc
 from wayfarer.errors import InvalidArgument, WayfarerError
 from wayfarer.transport import errors
 from wayfarer.transport.grpc_guard import origin_of
-from wayfarer.transport.inside import PREFIX
+from wayfarer.transport.worker_sockets import PREFIX
 from wayfarer.workers.merged import merged_messages
 from wayfarer.workers.placement import Placement
-from wayfarer.workers.routes import METHODS, Kind, Method
+from wayfarer.workers.routes import METHODS, RelayedMethod, RouteKind
 
 OPTIONS: Final = [
     ("grpc.max_receive_message_length", -1),  # the workers' own bounds hold
@@ -71,10 +71,12 @@ class GrpcRelay(grpc.GenericRpcHandler):
         for channel in self._channels:
             await channel.close(None)
 
-    async def _relay(self, method: Method, requests: AsyncIterator[bytes], context: Any) -> None:
+    async def _relay(
+        self, method: RelayedMethod, requests: AsyncIterator[bytes], context: Any
+    ) -> None:
         first = await _first(requests)
         metadata, timeout = _metadata(context), context.time_remaining()
-        if method.kind is Kind.ALL:
+        if method.kind is RouteKind.ALL:
             asked = (
                 channel.unary_unary(method.path)(first or b"", metadata=metadata, timeout=timeout)
                 for channel in self._channels

@@ -16,12 +16,12 @@ from starlette.types import Send
 from wayfarer.errors import Unavailable
 from wayfarer.transport import schema
 from wayfarer.transport.connection import CERTIFICATE
-from wayfarer.transport.http_edge import MESHES
-from wayfarer.transport.http_server.streamed import Pieces
-from wayfarer.transport.inside import PREFIX, Origin
+from wayfarer.transport.http_server.streaming import Pieces
+from wayfarer.transport.request_limits import MESHES
+from wayfarer.transport.worker_sockets import PREFIX, ClientOrigin
 from wayfarer.workers.merged import merged_json, merged_stats
 from wayfarer.workers.placement import Placement
-from wayfarer.workers.routes import Kind, http_kind, http_worker
+from wayfarer.workers.routes import RouteKind, http_kind, http_worker
 
 log = structlog.get_logger(__name__)
 
@@ -56,7 +56,7 @@ class HttpRelay:
         path = request.scope["path"]
         # a mesh goes on as it comes; the worker has room for few at a time
         body = request.stream() if path == MESHES else await request.body()
-        if http_kind(request.method, path) is Kind.ALL:
+        if http_kind(request.method, path) is RouteKind.ALL:
             return await self._ask_all(request, await request.body())
         key = request.headers.get("idempotency-key", "")
         query = request.url.query
@@ -139,7 +139,7 @@ class Relayed(Pieces):
 def relayed_headers(scope: Any) -> Headers:
     """The client's identity, for the worker."""
     address = scope["client"][0] if scope.get("client") else ""
-    origin = Origin(address, scope.get("state", {}).get(CERTIFICATE, ""))
+    origin = ClientOrigin(address, scope.get("state", {}).get(CERTIFICATE, ""))
     return [(key.encode(), value.encode()) for key, value in origin.headers().items()]
 
 

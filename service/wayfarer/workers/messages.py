@@ -11,8 +11,8 @@ from pydantic import BaseModel, ConfigDict
 from wayfarer.config import Settings
 from wayfarer.shard import Shard
 from wayfarer.transport import schema
-from wayfarer.transport.fleet import Fleet
-from wayfarer.transport.inside import Inside
+from wayfarer.transport.worker_sockets import WorkerSockets
+from wayfarer.transport.worker_topology import WorkerTopology
 
 
 class Assignment(BaseModel):
@@ -27,14 +27,14 @@ class Assignment(BaseModel):
     settings: Settings  # its own ports, state folder and threads are in them
 
     @property
-    def fleet(self) -> Fleet:
+    def fleet(self) -> WorkerTopology:
         """The other workers."""
-        return Fleet(Shard(self.index, len(self.endpoints)), self.endpoints)
+        return WorkerTopology(Shard(self.index, len(self.endpoints)), self.endpoints)
 
     @property
-    def inside(self) -> Inside:
+    def inside(self) -> WorkerSockets:
         """Where the front comes in."""
-        return Inside(self.folder)
+        return WorkerSockets(self.folder)
 
 
 class Report(BaseModel):

@@ -13,13 +13,13 @@ from google.protobuf.message_factory import GetMessageClass
 
 from wayfarer.service.persistence.snapshot import named_session
 from wayfarer.transport.grpc_server import FILES
-from wayfarer.transport.http_edge import MESHES
+from wayfarer.transport.request_limits import MESHES
 from wayfarer.workers.placement import Placement
 
 NAMES: Final = ("scene_id", "session_id", "agent_id")
 
 
-class Kind(Enum):
+class RouteKind(Enum):
     """What decides."""
 
     NEW = auto()  # a scene or a session is made: placement chooses, unless a scene is named
@@ -34,11 +34,11 @@ NEW: Final = ("CreateSession", "CreateScene", "CreateMeshScene", "CreateExampleS
 
 
 @dataclass(frozen=True, slots=True)
-class Method:
+class RelayedMethod:
     """A gRPC method."""
 
     path: str  # /package.Service/Method
-    kind: Kind
+    kind: RouteKind
     request: type[Message]
     reply: type[Message]
 
@@ -47,17 +47,17 @@ class Method:
 
         What cannot be read goes anywhere, to be refused there.
         """
-        if self.kind is Kind.ANY:
+        if self.kind is RouteKind.ANY:
             return placement.any()
         try:
             message: Any = self.request.FromString(data)
         except DecodeError:
             return placement.any()
-        if self.kind is Kind.NEW:
+        if self.kind is RouteKind.NEW:
             if scene := _scene_in(message):
                 return placement.find(scene)
             return placement.choose(_request_id_in(message))
-        if self.kind is Kind.IMPORT:
+        if self.kind is RouteKind.IMPORT:
             return placement.find(named_session(message.snapshot))
         return placement.find(_name_in(message))
 
@@ -80,24 +80,24 @@ def _request_id_in(message: Any) -> str:
     return str(message.request_id if "request_id" in fields else message.header.scene.request_id)
 
 
-def _kind(name: str, request: Any) -> Kind:
+def _kind(name: str, request: Any) -> RouteKind:
     if name in ALL:
-        return Kind.ALL
+        return RouteKind.ALL
     if name in NEW:
-        return Kind.NEW
+        return RouteKind.NEW
     if name == "ImportSession":
-        return Kind.IMPORT
+        return RouteKind.IMPORT
     named = {*NAMES, "open"} & set(request.fields_by_name)
-    return Kind.NAMED if named else Kind.ANY
+    return RouteKind.NAMED if named else RouteKind.ANY
 
 
-METHODS: Final[Mapping[str, Method]] = {
+METHODS: Final[Mapping[str, RelayedMethod]] = {
     method.path: method
     for file in FILES
     for service in file.DESCRIPTOR.services_by_name.values()
     for found in service.methods
     for method in [
-        Method(
+        RelayedMethod(
             f"/{service.full_name}/{found.name}",
             _kind(found.name, found.input_type),
             GetMessageClass(found.input_type),
@@ -114,21 +114,21 @@ _MADE: Final = re.compile(r"/v1/(?:sessions|scenes|scenes/mesh|scenes/examples/[
 _ADMIN: Final = re.compile(r"/v1/admin/[^/]+")
 
 
-def http_kind(method: str, path: str) -> Kind:
+def http_kind(method: str, path: str) -> RouteKind:
     """The kind of an HTTP request."""
     if method == "POST" and _MADE.fullmatch(path):
-        return Kind.NEW
+        return RouteKind.NEW
     if path.startswith("/v1/scenes/examples"):
-        return Kind.ANY
+        return RouteKind.ANY
     if _NAMED.match(path) or path == "/v1/events":
-        return Kind.NAMED
+        return RouteKind.NAMED
     if (method, path) == ("POST", "/v1/snapshots"):
-        return Kind.IMPORT
+        return RouteKind.IMPORT
     if method == "GET" and path in ("/v1/sessions", "/v1/scenes", "/v1/stats"):
-        return Kind.ALL
+        return RouteKind.ALL
     if method in ("POST", "DELETE") and _ADMIN.match(path):
-        return Kind.ALL
-    return Kind.ANY
+        return RouteKind.ALL
+    return RouteKind.ANY
 
 
 def http_worker(
@@ -136,16 +136,16 @@ def http_worker(
 ) -> int:
     """For a request that is not for all; `key`: its Idempotency-Key. Raises Unavailable."""
     kind = http_kind(method, path)
-    if kind is Kind.NEW:
+    if kind is RouteKind.NEW:
         if path == MESHES:
             return placement.choose(parse_qs(query).get("request_id", [""])[0] or key)
         wish = _wish(body)
         if path == "/v1/sessions" and (scene := _text(wish, "scene")):
             return placement.find(scene)
         return placement.choose(_text(wish, "request_id") or key)
-    if kind is Kind.IMPORT:
+    if kind is RouteKind.IMPORT:
         return placement.find(named_session(body))
-    if kind is Kind.NAMED:
+    if kind is RouteKind.NAMED:
         found = _NAMED.match(path)
         return placement.find(found[1] if found else session_of(query))
     return placement.any()

@@ -12,11 +12,11 @@ from typing import Any, Final
 import structlog
 
 from wayfarer.config import Settings
-from wayfarer.transport.inside import Inside
-from wayfarer.transport.operation import Operation
+from wayfarer.transport.server_options import ServerOptions
+from wayfarer.transport.worker_sockets import WorkerSockets
+from wayfarer.workers.assignments import assignments
 from wayfarer.workers.front import Front
 from wayfarer.workers.placement import LeastLoaded
-from wayfarer.workers.plan import assignments
 from wayfarer.workers.process import WorkerProcess
 from wayfarer.workers.supervisor import Supervisor
 
@@ -44,7 +44,7 @@ async def serve_workers(
     for sign in SIGNALS:
         loop.add_signal_handler(sign, stop.set)
     # the workers trace; files of keys and certificates are checked before any is started
-    operation = Operation.from_settings(settings.model_copy(update={"otlp_endpoint": ""}))
+    operation = ServerOptions.from_settings(settings.model_copy(update={"otlp_endpoint": ""}))
     with TemporaryDirectory(prefix="wayfarer-") as folder:  # its user's alone
         plan = assignments(settings, Path(folder))
         supervisor = Supervisor(
@@ -56,7 +56,7 @@ async def serve_workers(
             supervisor.reload()
 
         loop.add_signal_handler(signal.SIGHUP, reload)
-        doors = [Inside(a.folder) for a in plan]
+        doors = [WorkerSockets(a.folder) for a in plan]
         front = Front(settings, operation, doors, LeastLoaded(supervisor.workers), supervisor)
         await front.start()
         try:

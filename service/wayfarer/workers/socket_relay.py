@@ -16,7 +16,7 @@ from websockets.typing import Subprotocol
 from wayfarer.errors import Unavailable, WayfarerError
 from wayfarer.transport import errors
 from wayfarer.transport.http_guard import REASON_BYTES, SUBPROTOCOL, check_page, presented
-from wayfarer.transport.operation import Operation
+from wayfarer.transport.server_options import ServerOptions
 from wayfarer.transport.websocket import STALL_S
 from wayfarer.v1 import control_pb2
 from wayfarer.workers.grpc_relay import FIRST_S
@@ -43,7 +43,9 @@ class SocketRelay:
     which worker that is: so pages and credentials are looked at here, too, at the handshake.
     """
 
-    def __init__(self, sockets: Sequence[Path], placement: Placement, operation: Operation) -> None:
+    def __init__(
+        self, sockets: Sequence[Path], placement: Placement, operation: ServerOptions
+    ) -> None:
         """`sockets`: of the workers, in order."""
         self._sockets = sockets
         self._placement = placement

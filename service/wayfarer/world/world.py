@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from wayfarer.body.model import BodyModel
 from wayfarer.engines.engine import Engine
-from wayfarer.engines.models import Models
+from wayfarer.engines.models import LoadedModels
 from wayfarer.errors import ResourceExhausted
 from wayfarer.spec import FPS
 from wayfarer.world.agents.agent import (
@@ -62,7 +62,7 @@ class World:
 
     def __init__(
         self,
-        engine: Engine | Models,
+        engine: Engine | LoadedModels,
         bodies: Mapping[str, BodyModel],
         start_poses: NDArray[np.float32],
         settings: WorldSettings | None = None,
@@ -70,11 +70,11 @@ class World:
     ) -> None:
         """`bodies` by gender; `start_poses` [P, 22, 4] from `spawn.load_start_poses`.
 
-        Worlds may share `Models` and `scenes`, those that sessions may be in. A world of a single
-        engine needs no `Models`.
+        Worlds may share `LoadedModels` and `scenes`, those that sessions may be in. A world of one
+        engine needs no `LoadedModels`.
         """
         self.settings = settings = settings or WorldSettings()
-        self.models = engine if isinstance(engine, Models) else Models(engine)
+        self.models = engine if isinstance(engine, LoadedModels) else LoadedModels(engine)
         self._observers: list[WorldObserver] = []
         self._checkpoints = 0
         self._timeline = Timeline()

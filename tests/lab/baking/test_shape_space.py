@@ -8,7 +8,7 @@ import pytest
 
 from wayfarer.body.library import load_body
 from wayfarer_lab.baking import check
-from wayfarer_lab.baking.anny_source import Mesh, symmetric
+from wayfarer_lab.baking.anny_source import AnnyMesh, symmetric
 from wayfarer_lab.baking.shape_space import shape_space, vertex_areas
 
 
@@ -24,7 +24,7 @@ def population():
     people = SimpleNamespace(
         vertices=vertices + lift, joints=joints + lift, low_vertices=vertices[:, ::10] + lift
     )
-    return people, Mesh(body.faces, body._dense_weights)
+    return people, AnnyMesh(body.faces, body._dense_weights)
 
 
 def test_ten_betas_give_the_population_back(population):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wayfarer_lab.baking.texture import Mapped, Mesh, texture_arrays, transferred
+from wayfarer_lab.baking.texture import Mapped, TextureMesh, texture_arrays, transferred
 
 
 def tube(around: int, along: int) -> tuple[Mapped, np.ndarray]:
@@ -24,7 +24,7 @@ def tube(around: int, along: int) -> tuple[Mapped, np.ndarray]:
 def test_no_face_is_torn_at_a_seam():
     full, _ = tube(48, 40)
     coarse, truth = tube(8, 5)
-    uvs, uv_faces = transferred(full, Mesh(coarse.vertices, coarse.faces))
+    uvs, uv_faces = transferred(full, TextureMesh(coarse.vertices, coarse.faces))
     np.testing.assert_allclose(uvs[uv_faces], truth, atol=0.01)
 
 
@@ -39,14 +39,14 @@ def test_a_surface_inside_is_not_taken_for_the_one_outside():
         np.concatenate([full.uv_faces, full.uv_faces[:, ::-1] + len(full.uvs)]),
     )
     coarse, truth = tube(8, 5)
-    uvs, uv_faces = transferred(both, Mesh(coarse.vertices, coarse.faces))
+    uvs, uv_faces = transferred(both, TextureMesh(coarse.vertices, coarse.faces))
     np.testing.assert_allclose(uvs[uv_faces], truth, atol=0.01)
 
 
 def test_what_is_baked_has_its_origin_at_the_upper_left_and_nothing_unused():
     full, truth = tube(12, 5)
     spare = Mapped(full.vertices, full.faces, np.append(full.uvs, [[9.0, 9.0]], 0), full.uv_faces)
-    made = texture_arrays(spare, Mesh(full.vertices, full.faces))
+    made = texture_arrays(spare, TextureMesh(full.vertices, full.faces))
     flipped = truth * [1, -1] + [0, 1]
     np.testing.assert_allclose(made["uvs"][made["uv_faces"]], flipped, atol=1e-6)
     np.testing.assert_allclose(made["low_uvs"][made["low_uv_faces"]], flipped, atol=1e-5)

@@ -12,7 +12,7 @@ from wayfarer.spec import POSED_JOINTS
 from wayfarer.world.agents.agent import AgentSpec, Goal
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.world import World
-from wayfarer_lab.evaluation.goals import Course, Given
+from wayfarer_lab.evaluation.goals import CarriedOut, Course
 
 TRUNK = {"LFWT": (-0.1, 1.0), "LBWT": (-0.1, 1.0), "RFWT": (0.1, 1.0), "RBWT": (0.1, 1.0)}
 CHEST = {"C7": (0.0, 1.4), "CLAV": (0.0, 1.4)}
@@ -51,7 +51,7 @@ def course(
     path = (goals,) if isinstance(goals, Goal) else tuple(goals)
     return Course(
         spec=AgentSpec(),
-        given=(Given(path, frame),),
+        given=(CarriedOut(path, frame),),
         hips=np.concatenate([places, np.full((frames, 1), 0.9)], -1),
         rotations=rotations,
         standing=np.zeros(frames, bool) if standing is None else standing,

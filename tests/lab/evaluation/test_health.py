@@ -7,15 +7,15 @@ from hypothesis import strategies as st
 
 from tests.lab.evaluation.people import BODIES
 from wayfarer.spec import BETAS
-from wayfarer_lab.evaluation.health import OFF_FLOOR_FRAMES, TILTED_FRAMES, Health, health_row
+from wayfarer_lab.evaluation.health import OFF_FLOOR_FRAMES, TILTED_FRAMES, MotionHealth, health_row
 from wayfarer_lab.evaluation.metrics.trunk import Trunk
-from wayfarer_lab.evaluation.tracks import Track, skin_track
+from wayfarer_lab.evaluation.tracks import BodyTrack, skin_track
 
 BODY = BODIES["female"]
 
 
-def health() -> Health:
-    return Health(rest_height=0.9, trunk=Trunk.of(BODY))
+def health() -> MotionHealth:
+    return MotionHealth(rest_height=0.9, trunk=Trunk.of(BODY))
 
 
 def watched(
@@ -25,7 +25,7 @@ def watched(
     heading: float | np.ndarray = 0.0,
     near: bool | np.ndarray = False,
     pieces: int = 1,
-) -> Health:
+) -> MotionHealth:
     """A body in its T-pose, lifted so many metres, leaning or else facing so many radians."""
     hips = np.tile([0.0, 0.0, 0.9], (frames, 1))
     hips[:, 2] += lift
@@ -118,7 +118,7 @@ def test_a_row_counts_agents_and_frames() -> None:
 def test_a_track_of_nothing_changes_nothing() -> None:
     seen = health()
     seen.watch(
-        Track(np.zeros((0, 67, 3)), np.zeros((0, 3)), np.zeros((0, 22, 4))),
+        BodyTrack(np.zeros((0, 67, 3)), np.zeros((0, 3)), np.zeros((0, 22, 4))),
         np.zeros((0, 4)),
         np.zeros(0, bool),
     )

@@ -9,10 +9,10 @@ import torch
 
 from wayfarer.errors import ArtifactError
 from wayfarer.marker_bodies import load_marker_bodies
+from wayfarer.model_bundle import DEFAULT_MODEL
 from wayfarer.motion.policy import GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer.stage import DEFAULT_MODEL
 from wayfarer_lab.evaluation.parts import (
     OnnxPolicy,
     OnnxPosePrior,
@@ -22,7 +22,7 @@ from wayfarer_lab.evaluation.parts import (
     Variant,
     load_parts,
 )
-from wayfarer_lab.training.graph import Graph
+from wayfarer_lab.training.graph import ExportGraph
 from wayfarer_lab.training.network_graphs import policy_graph, predictor_graph, regressor_graph
 from wayfarer_lab.training.pose_graphs import pose_encoder_graph
 from wayfarer_lab.training.pose_networks import PosePrior
@@ -49,7 +49,7 @@ def run_folder(runs: Path, name: str, floor_origin: bool = True) -> MarkerPredic
 class TorchSession:
     """Runs what would be exported as a graph, by the names of its inputs."""
 
-    def __init__(self, graph: Graph) -> None:
+    def __init__(self, graph: ExportGraph) -> None:
         self.graph = graph
 
     def run(self, outputs: list[str], given: dict[str, np.ndarray]) -> list[np.ndarray]:

@@ -14,11 +14,11 @@ from wayfarer.spec import GENDERS
 from wayfarer_lab.evaluation import random_motion
 from wayfarer_lab.evaluation.parts import Parts
 from wayfarer_lab.evaluation.random_motion import Bench, bodies, realism, skating, variants
-from wayfarer_lab.evaluation.realism import Motion
-from wayfarer_lab.evaluation.rollout import Poses
+from wayfarer_lab.evaluation.realism import JudgedMotion
+from wayfarer_lab.evaluation.rollout import FrozenPoses
 from wayfarer_lab.evaluation.tracks import Recorded
 
-POSES = [Poses(gender, *upright_poses(2)) for gender in GENDERS]
+POSES = [FrozenPoses(gender, *upright_poses(2)) for gender in GENDERS]
 
 
 def bench(parts: Parts | None = None) -> Bench:
@@ -26,8 +26,8 @@ def bench(parts: Parts | None = None) -> Bench:
 
 
 @pytest.fixture
-def mocap(tmp_path: Path) -> Motion:
-    return Motion.recorded(Recorded(write_recordings(tmp_path), "heldout"))
+def mocap(tmp_path: Path) -> JudgedMotion:
+    return JudgedMotion.recorded(Recorded(write_recordings(tmp_path), "heldout"))
 
 
 def test_variants_are_those_that_the_parts_allow() -> None:
@@ -41,7 +41,7 @@ def test_variants_are_those_that_the_parts_allow() -> None:
     assert "ro-policy" not in [v.name for v in variants(known_parts(policy=None))]
 
 
-def test_realism_judges_made_and_recorded_motion_alike(mocap: Motion) -> None:
+def test_realism_judges_made_and_recorded_motion_alike(mocap: JudgedMotion) -> None:
     tables = realism(bench(), POSES, 2.0, mocap)
     rows = {row["name"]: row for row in tables["Realism"]}
     assert list(rows) == [v.name for v in variants(known_parts())] + ["mocap"]
@@ -65,14 +65,14 @@ def test_a_model_that_loses_its_bodies_is_told_and_not_judged() -> None:
         assert row["lost"] == 1.0 and "speed_mps" not in row
 
 
-def test_skating_is_that_of_the_plain_models(mocap: Motion) -> None:
+def test_skating_is_that_of_the_plain_models(mocap: JudgedMotion) -> None:
     rows = skating(bench(), POSES, 5, mocap)["Skating"]
     assert [row["name"] for row in rows] == ["ro-1f", "ro-2f", "ro-policy", "mocap"]
     assert rows[1]["slide_cm_s"] == pytest.approx(100 * SPEED, rel=1e-3)
 
 
 def test_bodies_differ_in_shape_or_pose_alone(
-    mocap: Motion, monkeypatch: pytest.MonkeyPatch
+    mocap: JudgedMotion, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(random_motion, "STEP_LIMIT", 18)
     tables = bodies(bench(), POSES, 2.0, 1, 1.0, mocap)
@@ -92,7 +92,7 @@ def test_goals_lie_ahead_of_the_pose_whatever_its_heading() -> None:
     for pose in POSES:
         rotations = pose.rotations.clone()
         rotations[:, 0] = turned
-        poses.append(Poses(pose.gender, rotations, pose.betas))
+        poses.append(FrozenPoses(pose.gender, rotations, pose.betas))
     wanted = variants(known_parts())[-1]
     reached = bench().reach(wanted, poses)
     assert wanted.policy and reached == {"success_075m": 1.0, "steps": 17.0}
@@ -103,8 +103,8 @@ def test_the_same_seed_gives_the_same_rows() -> None:
 
 
 def test_long_enough_stretches_of_locomotion_are_recorded_motion(
-    mocap: Motion, tmp_path: Path
+    mocap: JudgedMotion, tmp_path: Path
 ) -> None:
     assert [len(track.hips) for track in mocap.tracks] == [95], "5 frames are excluded"
     with pytest.raises(InvalidArgument, match="no stretch of 96 frames of locomotion"):
-        Motion.recorded(Recorded(tmp_path, "heldout"), 96)
+        JudgedMotion.recorded(Recorded(tmp_path, "heldout"), 96)

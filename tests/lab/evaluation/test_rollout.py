@@ -12,7 +12,7 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.spec import FPS
 from wayfarer_lab.evaluation.parts import Variant
 from wayfarer_lab.evaluation.rollout import (
-    Poses,
+    FrozenPoses,
     Rollout,
     random_goals,
     recorded_poses,
@@ -21,7 +21,7 @@ from wayfarer_lab.evaluation.rollout import (
 )
 from wayfarer_lab.evaluation.tracks import Recorded
 
-POSES = Poses("male", *upright_poses(3))
+POSES = FrozenPoses("male", *upright_poses(3))
 
 
 def rolled(variant: Variant, frames: int = 80, **changed: object) -> Rollout:

@@ -11,7 +11,7 @@ from wayfarer.spec import FPS
 from wayfarer.world.agents.slots import Mode
 from wayfarer_lab.evaluation.gait import gait_row
 from wayfarer_lab.evaluation.goals import random_specs
-from wayfarer_lab.evaluation.realism import Motion
+from wayfarer_lab.evaluation.realism import JudgedMotion
 from wayfarer_lab.evaluation.seeds import walking_seeds
 from wayfarer_lab.evaluation.tracks import Recorded
 from wayfarer_lab.training.mocap.selection import Use
@@ -45,7 +45,7 @@ def test_windows_hold_frames_in_use_only(recorded: Recorded) -> None:
 def test_a_clip_that_is_prepared_on_both_genders_counts_once(recorded: Recorded) -> None:
     assert {clip.gender for clip in recorded.clips} == {"male", "female"}
     assert len(recorded.once) == 1
-    assert len(Motion.recorded(recorded).tracks) == 1
+    assert len(JudgedMotion.recorded(recorded).tracks) == 1
 
 
 def test_recorded_gait_is_measured_on_the_skinned_body(recorded: Recorded) -> None:

@@ -1,7 +1,7 @@
 import pytest
 
 from wayfarer.errors import InvalidArgument
-from wayfarer_lab.load.plan import Plan
+from wayfarer_lab.load.plan import LoadPlan
 
 
 @pytest.mark.parametrize(
@@ -15,5 +15,5 @@ from wayfarer_lab.load.plan import Plan
 )
 def test_impossible_plans_are_refused_by_name(wrong, field):
     with pytest.raises(InvalidArgument) as error:
-        Plan(**wrong)
+        LoadPlan(**wrong)
     assert error.value.field == field

@@ -7,7 +7,7 @@ from wayfarer.motion.policy import Condition, GoalPolicy
 from wayfarer.spec import LATENT
 from wayfarer.terms import TERMS
 from wayfarer_lab.training import reward
-from wayfarer_lab.training.environment import Agents, Feedback, State, Task
+from wayfarer_lab.training.environment import AgentBatch, Feedback, State, Task
 from wayfarer_lab.training.episode import samples_of, simulate
 from wayfarer_lab.training.ppo import PpoSettings
 from wayfarer_lab.training.reward import REWARDS
@@ -21,9 +21,9 @@ class Points:
 
     task = Task(reached=0.5, area=20.0)
 
-    def agents(self) -> Agents:
+    def agents(self) -> AgentBatch:
         goal = torch.tensor([[0.0, 4.0, 0.0]] * 3 + [[0.0, 50.0, 0.0]])
-        return Agents(
+        return AgentBatch(
             markers=torch.zeros(4, 1, 67, 3),
             translation=torch.zeros(4, 1, 3),
             rotations=torch.zeros(4, 1, 22, 4),
@@ -35,7 +35,7 @@ class Points:
             term_weights=torch.zeros(4, len(TERMS)),
         )
 
-    def observe(self, agents: Agents) -> State:
+    def observe(self, agents: AgentBatch) -> State:
         """The seed tells where the agent is, so that samples can be told apart."""
         seed = torch.zeros(len(agents.goal), 1, 201)
         seed[:, 0, 1] = agents.translation[:, 0, 1]
@@ -44,7 +44,7 @@ class Points:
             Condition(agents.goal, agents.target_speed, agents.facing, agents.term_weights),
         )
 
-    def step(self, agents: Agents, latents: torch.Tensor) -> tuple[Agents, Feedback]:
+    def step(self, agents: AgentBatch, latents: torch.Tensor) -> tuple[AgentBatch, Feedback]:
         assert latents.shape == (len(agents.goal), LATENT)
         place = agents.translation.clone()
         place[:, 0, 1] += agents.target_speed

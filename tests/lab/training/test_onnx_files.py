@@ -4,14 +4,14 @@ import torch
 from torch import nn
 
 from wayfarer_lab.training.export import parity, round_to_half, save_graph
-from wayfarer_lab.training.graph import Graph
+from wayfarer_lab.training.graph import ExportGraph
 from wayfarer_lab.training.onnx_files import WEIGHTS_FILE, WeightStore
 
 
-def small_graph(seed: int) -> Graph:
+def small_graph(seed: int) -> ExportGraph:
     torch.manual_seed(seed)
     module = round_to_half(nn.Sequential(nn.Linear(40, 40), nn.Tanh(), nn.Linear(40, 40)))
-    return Graph(module, {"x": torch.randn(3, 40)}, ("y",), {"x": ("rows",)})
+    return ExportGraph(module, {"x": torch.randn(3, 40)}, ("y",), {"x": ("rows",)})
 
 
 def test_graphs_share_equal_weights_and_give_the_same_numbers(tmp_path):
@@ -51,7 +51,7 @@ def test_parity_fails_for_another_module(tmp_path):
 def test_values_that_half_cannot_hold_stay_float32(tmp_path):
     torch.manual_seed(0)
     module = nn.Linear(40, 40).eval()  # not rounded
-    graph = Graph(module, {"x": torch.randn(3, 40)}, ("y",), {"x": ("rows",)})
+    graph = ExportGraph(module, {"x": torch.randn(3, 40)}, ("y",), {"x": ("rows",)})
     store = WeightStore()
     save_graph(graph, tmp_path / "a.onnx", store, "")
     store.write(tmp_path)

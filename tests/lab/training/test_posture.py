@@ -4,7 +4,7 @@ import torch
 from wayfarer.body.library import load_body
 from wayfarer.body.skeleton import joint_names
 from wayfarer.marker_bodies import marker_body
-from wayfarer_lab.training.crowd import Crowd
+from wayfarer_lab.training.crowd import TrainingCrowd
 from wayfarer_lab.training.posture import Posture, off_body
 from wayfarer_lab.training.rotation import matrix_from_rotvec
 
@@ -39,7 +39,7 @@ def test_markers_that_are_no_bodys_are_told_by_how_far_they_miss_it():
     own, _ = body.skin(body.shaped(betas), place, matrix_from_rotvec(torch.zeros(1, 2, 22, 3)))
     miss = torch.tensor([0.0, 0.0, 0.05], requires_grad=True)
     blended = (own + (own + miss)) / 2  # as a step hands it on
-    off = off_body(Crowd(blended, place, rotations, betas), body)
+    off = off_body(TrainingCrowd(blended, place, rotations, betas), body)
     assert off.item() == pytest.approx(0.05, abs=1e-4)
     off.sum().backward()
     assert miss.grad is not None and miss.grad[2] > 0

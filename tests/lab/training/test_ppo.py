@@ -10,7 +10,7 @@ from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
 from wayfarer.spec import LATENT, MARKERS
 from wayfarer.terms import TERMS
 from wayfarer_lab.training import ppo
-from wayfarer_lab.training.ppo import Batch, PpoSettings
+from wayfarer_lab.training.ppo import PpoSettings, SampleBatch
 
 
 def test_returns_go_back_from_the_last_step():
@@ -103,7 +103,7 @@ def played(policy, count):
         reward = (latent[:, :2] * condition.goal[:, :2] / 3).sum(-1)
         going, end = torch.ones(1, count, dtype=torch.bool), torch.zeros(count)
         advantage, returns = ppo.advantages(reward[None], value[None], going, end, 0.99, 1.0)
-    batch = Batch(seed, condition, latent, drawn, ppo.normalised(advantage[0]), returns[0])
+    batch = SampleBatch(seed, condition, latent, drawn, ppo.normalised(advantage[0]), returns[0])
     return batch, float(reward.mean())
 
 

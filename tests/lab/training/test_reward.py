@@ -35,7 +35,7 @@ def standing():
         sites=Sites.from_names(body.marker_names),
     )
     hips = (rest - floor)[:, None].expand(1, FRAMES, 3)
-    return reward.Outcome(candidate, hips, torch.zeros(1, FRAMES - 1, LATENT))
+    return reward.PrimitiveOutcome(candidate, hips, torch.zeros(1, FRAMES - 1, LATENT))
 
 
 def gliding(o, velocity):
@@ -104,7 +104,9 @@ def test_every_reward_is_from_0_to_1_whatever_happens(standing):
             standing.body,
             markers=standing.body.markers + scale * torch.randn_like(standing.body.markers),
         )
-        o = reward.Outcome(body, standing.hips + scale, scale * torch.randn_like(standing.pose))
+        o = reward.PrimitiveOutcome(
+            body, standing.hips + scale, scale * torch.randn_like(standing.pose)
+        )
         values = reward.evaluate(o)
         assert values.shape == (1, len(REWARDS) - 1)
         assert ((values >= 0) & (values <= 1)).all()

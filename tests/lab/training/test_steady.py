@@ -7,7 +7,7 @@ from wayfarer.body.library import load_body
 from wayfarer.body.skeleton import joint_names
 from wayfarer.marker_bodies import load_marker_bodies
 from wayfarer.spec import FPS
-from wayfarer_lab.training.crowd import Crowd
+from wayfarer_lab.training.crowd import TrainingCrowd
 from wayfarer_lab.training.likeness import FRAMES, GaitFeatures
 from wayfarer_lab.training.rotation import matrix_from_rotvec
 from wayfarer_lab.training.steady import SETTLED, Gait, LikenessConfig, SteadyWalks
@@ -43,11 +43,11 @@ def steady(walks: Walks, **weights: float) -> SteadyWalks:
     return SteadyWalks(LikenessConfig(**weights), walks, NAMES, AGENTS, HORIZON)
 
 
-def crowd(y: float = 0.0) -> Crowd:
+def crowd(y: float = 0.0) -> TrainingCrowd:
     place = torch.tensor([0.0, y, 1.0]).expand(AGENTS, 2, 3)
     upright = torch.tensor([0.0, 0, 0, 1]).expand(AGENTS, 2, 22, 4)
     markers = place[:, :, None].expand(-1, -1, 67, -1)
-    return Crowd(markers, place, upright, torch.zeros(AGENTS, 10))
+    return TrainingCrowd(markers, place, upright, torch.zeros(AGENTS, 10))
 
 
 def asked(goal: tuple[float, float] = (0.0, 50.0), speed: float = 1.2) -> Tasks:

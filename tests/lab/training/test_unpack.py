@@ -12,7 +12,7 @@ from wayfarer.errors import ArtifactError
 from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.policy import GoalPolicy
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer_lab.training.graph import Graph
+from wayfarer_lab.training.graph import ExportGraph
 from wayfarer_lab.training.network_graphs import policy_graph, regressor_graph
 from wayfarer_lab.training.run import load_weights
 from wayfarer_lab.training.unpack import unpack_models
@@ -34,7 +34,7 @@ def test_networks_from_unpacked_weights_do_what_the_shipped_graphs_do(runs):
     same_as(policy_graph(load_weights(GoalPolicy(), runs / "policy")), "policy.onnx")
 
 
-def same_as(graph: Graph, file: str) -> None:
+def same_as(graph: ExportGraph, file: str) -> None:
     session = onnxruntime.InferenceSession(MODELS / file)
     got = session.run(list(graph.outputs), {k: v.numpy() for k, v in graph.inputs.items()})
     with torch.no_grad():

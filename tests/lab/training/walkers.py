@@ -12,14 +12,14 @@ from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS
 from wayfarer_lab.training.environment import GoalEnvironment, Task
 from wayfarer_lab.training.pose_networks import PosePrior
-from wayfarer_lab.training.starts import Starts
+from wayfarer_lab.training.starts import StartSampler
 
 STANDING = torch.tensor([0.0, 0, 0, 1]).expand(1, 22, 4)
 
 
-def starts(frames: int, **shares: float) -> Starts:
+def starts(frames: int, **shares: float) -> StartSampler:
     torch.manual_seed(5)
-    return Starts(frames, shares, STANDING, gliding_frames(), PosePrior())
+    return StartSampler(frames, shares, STANDING, gliding_frames(), PosePrior())
 
 
 def environment(frames: int = 2, task: Task | None = None) -> GoalEnvironment:

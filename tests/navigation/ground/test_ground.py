@@ -11,8 +11,7 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.examples import cubes_field, rectangle
 from wayfarer.navigation.ground import ground, layers, raster
 from wayfarer.navigation.ground.ground import find_ground
-from wayfarer.navigation.solids import footprint
-from wayfarer.navigation.spec import (
+from wayfarer.navigation.scene_spec import (
     Y_UP,
     Z_UP,
     Box,
@@ -25,6 +24,7 @@ from wayfarer.navigation.spec import (
     Solid,
     Walkable,
 )
+from wayfarer.navigation.solids import footprint
 
 FLOOR = Floor(rectangle(0, 0, 10, 10))
 

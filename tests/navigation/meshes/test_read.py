@@ -13,7 +13,7 @@ from tests.fuzz.meshes import fuzz
 from wayfarer.body.rotation import GLTF_FROM_CORE
 from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.meshes.read import READERS, read_mesh
-from wayfarer.navigation.spec import Y_UP, Z_UP, MeshFile, MeshFormat
+from wayfarer.navigation.scene_spec import Y_UP, Z_UP, MeshFile, MeshFormat
 
 FORMATS: tuple[MeshFormat, ...] = ("glb", "obj", "ply")
 

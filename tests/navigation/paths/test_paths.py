@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from wayfarer.errors import Unreachable
 from wayfarer.navigation.examples import cubes_field
-from wayfarer.navigation.paths.path import Path
+from wayfarer.navigation.paths.path import GroundPath
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer_lab.evaluation.scenes.optimum import shortest_lengths
 
@@ -21,7 +21,7 @@ spots = st.tuples(st.floats(0, 14), st.floats(0, 14))
 
 def path_or_none(
     scene: Scene, start: tuple[float, float], goal: tuple[float, float]
-) -> Path | None:
+) -> GroundPath | None:
     try:
         return scene.path(start, goal)
     except Unreachable:

@@ -19,7 +19,7 @@ from tests.world.fakes import people
 from wayfarer.errors import ArtifactError
 from wayfarer.limits import Limits
 from wayfarer.service.persistence.capture import capture_session
-from wayfarer.service.persistence.journal_file import NAME, VERSION, JournalFile, Kind
+from wayfarer.service.persistence.journal_file import NAME, VERSION, EntryKind, JournalFile
 from wayfarer.service.persistence.snapshot import BodyStamp
 from wayfarer.world.agents.agent import AgentChange, Goal, SessionSpec
 from wayfarer.world.behaviours import Wander
@@ -384,18 +384,18 @@ async def test_an_entry_that_cannot_be_written_keeps_no_other_back(kept, caplog)
 
 def test_entries_are_written_all_or_none(tmp_path):
     file = JournalFile(tmp_path)
-    file.write({(Kind.SESSION, "a"): b"1"})
+    file.write({(EntryKind.SESSION, "a"): b"1"})
     with pytest.raises(sqlite3.Error):
-        file.write({(Kind.SESSION, "b"): b"2", (Kind.SESSION, object()): b"3"})
-    file.write({(Kind.SESSION, "c"): b"4"})
+        file.write({(EntryKind.SESSION, "b"): b"2", (EntryKind.SESSION, object()): b"3"})
+    file.write({(EntryKind.SESSION, "c"): b"4"})
     file.close()
     again = JournalFile(tmp_path)
-    assert again.entries.of(Kind.SESSION) == {"a": b"1", "c": b"4"}
+    assert again.entries.of(EntryKind.SESSION) == {"a": b"1", "c": b"4"}
     again.close()
 
 
 def test_the_stamp_of_the_body_is_kept(kept):
     kept.close()
     again = JournalFile(kept.folder)
-    assert STICK.name.encode() in again.entries.of(Kind.BODY)[""]
+    assert STICK.name.encode() in again.entries.of(EntryKind.BODY)[""]
     again.close()

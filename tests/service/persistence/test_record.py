@@ -12,9 +12,9 @@ from tests.service.kept_worlds import STICK, fake_worlds
 from tests.world.fakes import people
 from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
 from wayfarer.limits import Limits
-from wayfarer.service.persistence.container import Kind, seal, unseal
-from wayfarer.service.persistence.log_format import Origin, decode_log, encode_log
-from wayfarer.service.persistence.record import Run, Track
+from wayfarer.service.persistence.container import ContainerKind, seal, unseal
+from wayfarer.service.persistence.log_format import LogOrigin, decode_log, encode_log
+from wayfarer.service.persistence.record import AgentTrack, ChunkRun
 from wayfarer.service.persistence.replay import replay
 from wayfarer.world.agents.agent import Goal, SessionSpec
 from wayfarer.world.behaviours import Wander
@@ -38,7 +38,7 @@ def recorded(log_entries=ENTRIES):
 
 def origin(worlds, **changes):
     found = {"body": worlds.body, "models": worlds.models.stamps, "candidates": 4}
-    return Origin(**(found | changes))
+    return LogOrigin(**(found | changes))
 
 
 def test_chunks_that_are_alike_are_one_run():
@@ -52,10 +52,14 @@ def test_chunks_that_are_alike_are_one_run():
 
 
 def test_what_is_planned_again_is_counted_once_and_said():
-    track = Track("a", 1, 0.0, people(1)[0])
+    track = AgentTrack("a", 1, 0.0, people(1)[0])
     for seq, candidates in [(0, 4), (1, 4), (2, 4), (1, 2), (2, 2), (3, 2)]:
-        track.plan(Run(seq, candidates, "m"))
-    assert track.runs == [Run(0, 4, "m"), Run(1, 2, "m", replanned=True), Run(2, 2, "m")]
+        track.plan(ChunkRun(seq, candidates, "m"))
+    assert track.runs == [
+        ChunkRun(0, 4, "m"),
+        ChunkRun(1, 2, "m", replanned=True),
+        ChunkRun(2, 2, "m"),
+    ]
 
 
 def test_only_recorded_sessions_have_a_log():
@@ -115,13 +119,15 @@ def test_more_entries_than_a_server_records_are_refused():
 
 def edited(path, value):
     worlds, _world, _ = recorded()
-    content = unseal(Kind.LOG, encode_log(worlds.recordings.copy("s"), origin(worlds)), 1 << 20)
+    content = unseal(
+        ContainerKind.LOG, encode_log(worlds.recordings.copy("s"), origin(worlds)), 1 << 20
+    )
     whole = header = json.loads(content.header)
     *way, last = path.split(".")
     for step in way:
         header = header[int(step) if step.isdigit() else step]
     header[int(last) if last.isdigit() else last] = value
-    return worlds, seal(Kind.LOG, json.dumps(whole).encode(), content.arrays)
+    return worlds, seal(ContainerKind.LOG, json.dumps(whole).encode(), content.arrays)
 
 
 def play(worlds, data, most=None):
@@ -177,7 +183,7 @@ def test_held_chunks_that_nobody_would_hold_are_noticed():
 def some_log():
     worlds, _world, _ = recorded()
     return worlds, unseal(
-        Kind.LOG, encode_log(worlds.recordings.copy("s"), origin(worlds)), 1 << 20
+        ContainerKind.LOG, encode_log(worlds.recordings.copy("s"), origin(worlds)), 1 << 20
     )
 
 
@@ -190,7 +196,11 @@ def test_no_change_of_bytes_does_more_than_be_refused(data):
         place = data.draw(st.integers(0, len(inner) - 1))
         inner[place : place + data.draw(st.integers(0, 5))] = data.draw(st.binary(max_size=5))
     try:
-        play(worlds, seal(Kind.LOG, bytes(inner), data.draw(st.binary(max_size=30))), most=20)
+        play(
+            worlds,
+            seal(ContainerKind.LOG, bytes(inner), data.draw(st.binary(max_size=30))),
+            most=20,
+        )
     except WayfarerError as error:
         assert str(error)
 

@@ -9,7 +9,7 @@ import pytest
 from tests.service.kept_worlds import assert_same_poses, fake_worlds, shipped_worlds
 from tests.world.fakes import FakeEngine, people
 from wayfarer.errors import FailedPrecondition
-from wayfarer.service.persistence.log_format import Origin, decode_log, encode_log
+from wayfarer.service.persistence.log_format import LogOrigin, decode_log, encode_log
 from wayfarer.service.persistence.replay import replay
 from wayfarer.world.agents.agent import AgentChange, ChunkFlag, Goal, SessionSpec
 from wayfarer.world.behaviours import Part, Patrol, Routine, Stand, Visit, Wander
@@ -35,7 +35,7 @@ def run(world, seconds, plan, rungs=lambda now: None, start=0.0):
 
 def replayed(worlds, world):
     """Through the bytes that a client would keep."""
-    origin = Origin(worlds.body, worlds.models.stamps, 4)
+    origin = LogOrigin(worlds.body, worlds.models.stamps, 4)
     data = encode_log(worlds.recordings.copy("s"), origin)
     log = decode_log(data, origin, worlds.settings.limits, worlds.settings.limits.log_entries)
     return list(replay(log, worlds.solo))

@@ -16,14 +16,14 @@ from tests.world.fakes import people
 from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
 from wayfarer.limits import Limits
 from wayfarer.service.persistence.capture import capture_session
-from wayfarer.service.persistence.container import Kind, seal, unseal
+from wayfarer.service.persistence.container import ContainerKind, seal, unseal
 from wayfarer.service.persistence.packing import get, pack, unpack
 from wayfarer.service.persistence.snapshot import (
     AgentPart,
+    AgentRows,
     BodyStamp,
-    Header,
     SessionPart,
-    Standing,
+    SnapshotHeader,
     decode_session,
     encode_session,
     most_bytes,
@@ -71,10 +71,10 @@ def decode(data, body=STICK, limits=LIMITS):
 
 def changed(data, edit=lambda header: None, rows=lambda rows: rows):
     """A snapshot made up by somebody who knows the format: dicts and packed rows are edited."""
-    content = unseal(Kind.SNAPSHOT, data, most_bytes(LIMITS))
+    content = unseal(ContainerKind.SNAPSHOT, data, most_bytes(LIMITS))
     header = json.loads(content.header)
     edit(header)
-    return seal(Kind.SNAPSHOT, json.dumps(header).encode(), rows(content.arrays))
+    return seal(ContainerKind.SNAPSHOT, json.dumps(header).encode(), rows(content.arrays))
 
 
 def test_it_goes_on_elsewhere_bit_for_bit():
@@ -142,15 +142,19 @@ def test_what_does_not_belong_here_is_refused(snapshot, stamp, limits, error, te
     [
         (b"", InvalidArgument, "cut short"),
         (b"x" * 100, InvalidArgument, "does not begin"),
-        (seal(Kind.LOG, b"{}", b""), InvalidArgument, "does not begin"),
+        (seal(ContainerKind.LOG, b"{}", b""), InvalidArgument, "does not begin"),
         (struct.pack("<8sHI", b"WAYFSNAP", 9, 0), FailedPrecondition, "format 9"),
         (struct.pack("<8sHI", b"WAYFSNAP", 1, 0) + b"junk", InvalidArgument, "damaged"),
         (struct.pack("<8sHI", b"WAYFSNAP", 1, 9) + zlib.compress(b"{}"), InvalidArgument, "header"),
-        (seal(Kind.SNAPSHOT, b"{}", b"") + b"more", InvalidArgument, "after its end"),
-        (seal(Kind.SNAPSHOT, b"{}", b"")[:-3], InvalidArgument, "cut short"),
-        (seal(Kind.SNAPSHOT, b"[" * 100_000, b""), InvalidArgument, "snapshot"),
-        (seal(Kind.SNAPSHOT, b"[0" + b",0" * 100_000 + b"]", b""), InvalidArgument, "values"),
-        (seal(Kind.SNAPSHOT, b"{}", b""), InvalidArgument, "snapshot.fps"),
+        (seal(ContainerKind.SNAPSHOT, b"{}", b"") + b"more", InvalidArgument, "after its end"),
+        (seal(ContainerKind.SNAPSHOT, b"{}", b"")[:-3], InvalidArgument, "cut short"),
+        (seal(ContainerKind.SNAPSHOT, b"[" * 100_000, b""), InvalidArgument, "snapshot"),
+        (
+            seal(ContainerKind.SNAPSHOT, b"[0" + b",0" * 100_000 + b"]", b""),
+            InvalidArgument,
+            "values",
+        ),
+        (seal(ContainerKind.SNAPSHOT, b"{}", b""), InvalidArgument, "snapshot.fps"),
     ],
 )
 def test_what_is_no_snapshot_is_refused(data, error, text):
@@ -159,7 +163,7 @@ def test_what_is_no_snapshot_is_refused(data, error, text):
 
 
 def test_a_bomb_is_not_inflated():
-    bomb = seal(Kind.SNAPSHOT, b"{}", bytes(20_000_000))
+    bomb = seal(ContainerKind.SNAPSHOT, b"{}", bytes(20_000_000))
     assert len(bomb) < 100_000
     with pytest.raises(InvalidArgument, match="more than"):
         decode(bomb)
@@ -229,7 +233,7 @@ def decode_and_put(data):
 
 def rows_with(path, value):
     def edit(arrays):
-        rows = unpack(Standing, arrays, "rows")
+        rows = unpack(AgentRows, arrays, "rows")
         get(rows, path)[0] = value
         return pack(rows).tobytes()
 
@@ -279,7 +283,7 @@ def test_flags_are_flags_and_rows_are_whole(snapshot):
 @given(st.data())
 def test_no_change_of_bytes_does_more_than_be_refused(data):
     whole = some_snapshot()
-    content = unseal(Kind.SNAPSHOT, whole, most_bytes(LIMITS))
+    content = unseal(ContainerKind.SNAPSHOT, whole, most_bytes(LIMITS))
     inner = bytearray(content.header + content.arrays)
     for _ in range(data.draw(st.integers(1, 4))):
         place = data.draw(st.integers(0, len(inner) - 1))
@@ -287,9 +291,11 @@ def test_no_change_of_bytes_does_more_than_be_refused(data):
     cut = data.draw(st.integers(0, len(content.header) + 9))
     for mutant in (
         seal(
-            Kind.SNAPSHOT, bytes(inner[: len(content.header)]), bytes(inner[len(content.header) :])
+            ContainerKind.SNAPSHOT,
+            bytes(inner[: len(content.header)]),
+            bytes(inner[len(content.header) :]),
         ),
-        seal(Kind.SNAPSHOT, bytes(inner[:cut]), bytes(inner[cut:])),
+        seal(ContainerKind.SNAPSHOT, bytes(inner[:cut]), bytes(inner[cut:])),
         whole[: data.draw(st.integers(0, len(whole)))],
     ):
         try:
@@ -310,4 +316,4 @@ def test_the_header_names_every_part_of_a_record():
     assert {f.name for f in fields(SessionRecord)} == {f.name for f in fields(SessionPart)} | {
         "agents"
     }
-    assert set(Header.model_fields) == {"fps", "body", "session", "agents"}
+    assert set(SnapshotHeader.model_fields) == {"fps", "body", "session", "agents"}

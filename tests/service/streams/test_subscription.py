@@ -13,7 +13,7 @@ from wayfarer.errors import (
 )
 from wayfarer.service.streams.publications import Publication, SlowReader
 from wayfarer.service.streams.sequence_tracker import SILENCE
-from wayfarer.service.streams.subscription import MAX_EVENTS, Entry, Start
+from wayfarer.service.streams.subscription import MAX_EVENTS, QueuedPublication, SubscriptionStart
 from wayfarer.world.agents.agent import ChunkFlag
 from wayfarer.world.events import Event, EventKind
 
@@ -56,7 +56,7 @@ async def test_first_chunk_of_each_agent_is_marked():
 async def test_marks_are_added_to_those_of_the_chunk():
     queue = subscription()
     arrived = chunk(0, flags=ChunkFlag.ARRIVED)
-    queue.put(Entry(Publication(1, together(arrived)), 0.0), False)
+    queue.put(QueuedPublication(Publication(1, together(arrived)), 0.0), False)
     assert flags(await take(queue, 1)) == [[ChunkFlag.FIRST | ChunkFlag.ARRIVED]]
     assert arrived.flags == ChunkFlag.ARRIVED, "others get it unmarked"
 
@@ -97,7 +97,7 @@ async def test_publications_far_apart_are_kept_all_the_same():
 async def test_a_schedule_that_was_moved_drops_nothing():
     queue = subscription()
     moved = [
-        Entry(Publication(i + 1, together(chunk(i, at=at))), 0.2 * i)
+        QueuedPublication(Publication(i + 1, together(chunk(i, at=at))), 0.2 * i)
         for i, at in enumerate((0.0, 0.2, 60.4, 60.6))
     ]
     put(queue, moved[:3])
@@ -116,7 +116,7 @@ async def test_the_filter_passes_over_what_does_not_concern_the_reader():
             entry(1, "a", "b", events=[other, own]),
             entry(2),
             entry(3, "b"),
-            Entry(Publication(5, events=(server,)), 0.8),
+            QueuedPublication(Publication(5, events=(server,)), 0.8),
         ],
     )
     got = await take(queue, 3)
@@ -140,7 +140,7 @@ def ring(*numbers, agents=("a",)):
 
 
 async def test_a_resumed_subscription_replays_without_marks():
-    start = Start("epoch", 3, 0.6, resumed=True, held=ring(1, 2, 3, 4))
+    start = SubscriptionStart("epoch", 3, 0.6, resumed=True, held=ring(1, 2, 3, 4))
     queue = subscription(start=start)
     put(queue, [entry(5)])
     got = await take(queue, 3)
@@ -149,16 +149,16 @@ async def test_a_resumed_subscription_replays_without_marks():
 
 
 async def test_an_agent_that_began_after_the_resumed_position_is_first():
-    born = Entry(Publication(5, together(chunk(4, "a"), chunk(0, "z"))), 0.8)
-    after = Entry(Publication(6, together(chunk(5, "a"), chunk(1, "z"))), 1.0)
-    start = Start("epoch", 3, 0.6, resumed=True, held=(*ring(2, 3), born, after))
+    born = QueuedPublication(Publication(5, together(chunk(4, "a"), chunk(0, "z"))), 0.8)
+    after = QueuedPublication(Publication(6, together(chunk(5, "a"), chunk(1, "z"))), 1.0)
+    start = SubscriptionStart("epoch", 3, 0.6, resumed=True, held=(*ring(2, 3), born, after))
     got = await take(subscription(start=start), 3)
     none = ChunkFlag.NONE
     assert flags(got) == [[none], [none, ChunkFlag.FIRST], [none, none]]
 
 
 async def test_a_replay_longer_than_the_queue_is_not_dropped_at_once():
-    start = Start("epoch", 1, 0.0, resumed=True, held=ring(*range(20)))
+    start = SubscriptionStart("epoch", 1, 0.0, resumed=True, held=ring(*range(20)))
     queue = subscription(start=start)
     put(queue, map(entry, range(20, 22)))
     assert seqs(await take(queue, 21)) == list(range(1, 22))
@@ -168,7 +168,7 @@ async def test_a_replay_longer_than_the_queue_is_not_dropped_at_once():
 
 
 async def test_a_stalled_reader_that_has_resumed_is_bounded_too():
-    start = Start("epoch", 1, 0.0, resumed=True, held=ring(*range(20)))
+    start = SubscriptionStart("epoch", 1, 0.0, resumed=True, held=ring(*range(20)))
     meter = KeepingMeter()
     queue = subscription(start=start, meter=meter)
     put(queue, map(entry, range(20, 400)))
@@ -179,7 +179,7 @@ async def test_a_stalled_reader_that_has_resumed_is_bounded_too():
 
 async def test_the_opening_comes_first():
     gap = Event(EventKind.GAP, 0.0, detail="lost")
-    start = Start("new", 7, 1.4, opening=Publication(7, events=(gap,)))
+    start = SubscriptionStart("new", 7, 1.4, opening=Publication(7, events=(gap,)))
     queue = subscription(start=start)
     put(queue, [entry(7)])
     opening, live = await take(queue, 2)

@@ -3,7 +3,7 @@ import pytest
 from tests.transport.auth.issuer import AUDIENCE, ISSUER, Issuer
 from tests.transport.auth.test_keys import FILE, STUDIO
 from wayfarer.errors import Unauthenticated
-from wayfarer.transport.auth import Authenticator, Presented
+from wayfarer.transport.auth import Authenticator, Credentials
 from wayfarer.transport.auth.keys import KeyFile
 from wayfarer.transport.auth.tokens import IssuerKeys, TokenCheck
 from wayfarer.transport.caller import LOCAL, Scope
@@ -29,22 +29,22 @@ def tokens(issuer):
 
 
 async def test_without_any_way_everybody_is_local():
-    assert await Authenticator().caller(Presented(bearer="whatever")) is LOCAL
+    assert await Authenticator().caller(Credentials(bearer="whatever")) is LOCAL
 
 
 async def test_a_key_in_either_header(keys):
     known = Authenticator(keys)
-    for shown in (Presented(api_key=STUDIO), Presented(bearer=STUDIO)):
+    for shown in (Credentials(api_key=STUDIO), Credentials(bearer=STUDIO)):
         assert (await known.caller(shown)).name == "key:studio"
 
 
 async def test_keys_and_tokens_side_by_side(keys, tokens, issuer):
     known = Authenticator(keys, tokens)
-    assert (await known.caller(Presented(bearer=STUDIO))).name == "key:studio"
-    assert (await known.caller(Presented(bearer=issuer.token()))).name == "jwt:ada"
+    assert (await known.caller(Credentials(bearer=STUDIO))).name == "key:studio"
+    assert (await known.caller(Credentials(bearer=issuer.token()))).name == "jwt:ada"
 
 
-@pytest.mark.parametrize("shown", [Presented(), Presented(certificate="ada")])
+@pytest.mark.parametrize("shown", [Credentials(), Credentials(certificate="ada")])
 async def test_nothing_shown_says_what_is_accepted(keys, tokens, shown):
     with pytest.raises(Unauthenticated, match=r"missing; .*API key.*x-api-key.*JWT"):
         await Authenticator(keys, tokens).caller(shown)
@@ -53,36 +53,36 @@ async def test_nothing_shown_says_what_is_accepted(keys, tokens, shown):
 async def test_a_token_where_only_keys_are_known(keys, issuer):
     token = issuer.token()
     with pytest.raises(Unauthenticated, match="unknown credentials") as caught:
-        await Authenticator(keys).caller(Presented(bearer=token))
+        await Authenticator(keys).caller(Credentials(bearer=token))
     assert token not in str(caught.value)
 
 
 async def test_an_endless_token_is_not_looked_at(keys, tokens):
     with pytest.raises(Unauthenticated, match="8192"):
-        await Authenticator(keys, tokens).caller(Presented(bearer="e" * 9000))
+        await Authenticator(keys, tokens).caller(Credentials(bearer="e" * 9000))
 
 
 async def test_a_certificate_stands_for_its_name():
     known = Authenticator(certificate_scopes=READ)
-    caller = await known.caller(Presented(certificate="ada"))
+    caller = await known.caller(Credentials(certificate="ada"))
     assert (caller.name, caller.scopes) == ("certificate:ada", READ)
     with pytest.raises(Unauthenticated, match="client certificate is required"):
-        await known.caller(Presented())
+        await known.caller(Credentials())
 
 
 async def test_with_client_certificates_a_key_does_not_do_alone(keys):
     known = Authenticator(keys, certificate_scopes=READ)
     with pytest.raises(Unauthenticated, match="certificate"):
-        await known.caller(Presented(api_key=STUDIO))
-    both = Presented(api_key=STUDIO, certificate="ada")
+        await known.caller(Credentials(api_key=STUDIO))
+    both = Credentials(api_key=STUDIO, certificate="ada")
     assert (await known.caller(both)).name == "key:studio"
 
 
 async def test_certificates_may_be_no_credentials(keys):
     known = Authenticator(keys, certificate_scopes=frozenset())
     with pytest.raises(Unauthenticated, match="missing"):
-        await known.caller(Presented(certificate="ada"))
+        await known.caller(Credentials(certificate="ada"))
 
 
 def test_what_is_shown_is_not_printed():
-    assert "secret" not in repr(Presented(bearer="secret-1", api_key="secret-2"))
+    assert "secret" not in repr(Credentials(bearer="secret-1", api_key="secret-2"))

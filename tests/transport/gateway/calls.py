@@ -40,7 +40,7 @@ async def session_of_two(api, **wish: object) -> tuple[str, list[schema.Agent]]:
 
 
 async def stream(api, session_id: str, **wish: object):
-    sent = api.motion.stream(schema.StreamWish(session_id=session_id, **wish))
+    sent = api.motion.stream(schema.StreamRequest(session_id=session_id, **wish))
     async with aclosing(sent):
         async for message in sent:
             yield motion_pb2.StreamMotionResponse.FromString(message)

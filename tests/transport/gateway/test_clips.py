@@ -12,7 +12,7 @@ from wayfarer.transport import schema
 async def test_a_clip_is_a_header_and_batches():
     service = FakeService()
     api = await opened(service)
-    wish = schema.ClipWish(
+    wish = schema.ClipRequest(
         agent=schema.AgentSpec(seed=3, position=schema.Vector3(x=0, y=0, z=1)),
         goals=[schema.Goal(position=schema.Vector3(x=0, y=0, z=4))],
         seconds=0.6,
@@ -38,7 +38,7 @@ async def test_a_clip_is_a_header_and_batches():
 async def test_a_clip_that_cannot_be_made_names_the_field(wish, field):
     api = await opened()
     with pytest.raises(InvalidArgument) as caught:
-        await anext(api.motion.generate_clip(schema.ClipWish.model_validate(wish)))
+        await anext(api.motion.generate_clip(schema.ClipRequest.model_validate(wish)))
     assert caught.value.field == field
 
 
@@ -46,14 +46,14 @@ async def test_time_passes_step_by_step():
     service = FakeService()
     api = await opened(service, Limits(steps_per_call=2))
     session_id, _ = await session_of_two(api, lock_step=True)
-    reply = await api.motion.step(session_id, schema.StepWish())
+    reply = await api.motion.step(session_id, schema.StepRequest())
     assert len(reply.batches) == 1 and len(reply.batches[0].added) == 2
-    reply = await api.motion.step(session_id, schema.StepWish(steps=2))
+    reply = await api.motion.step(session_id, schema.StepRequest(steps=2))
     assert [seq for b in reply.batches for seq in b.chunks.seqs] == [1, 1, 2, 2]
     assert not any(b.added for b in reply.batches)
     with pytest.raises(InvalidArgument, match="1 to 2 primitives per call, not 3"):
-        await api.motion.step(session_id, schema.StepWish(steps=3))
+        await api.motion.step(session_id, schema.StepRequest(steps=3))
     with pytest.raises(FailedPrecondition, match="lock-step"):
-        await api.motion.step(await session(api), schema.StepWish())
+        await api.motion.step(await session(api), schema.StepRequest())
     await api.agents.create(session_id, TWO)
-    assert len((await api.motion.step(session_id, schema.StepWish())).batches[0].added) == 2
+    assert len((await api.motion.step(session_id, schema.StepRequest())).batches[0].added) == 2

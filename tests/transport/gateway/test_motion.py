@@ -202,7 +202,7 @@ async def test_drain_tells_streams_ends_them_and_refuses_work():
             async for message in messages:
                 got.append(message)  # noqa: PERF401 what came before the error counts
 
-    wish = schema.StreamWish(session_id=session_id)
+    wish = schema.StreamRequest(session_id=session_id)
     readers = [
         asyncio.create_task(read(messages))
         for messages in (stream(api, session_id), api.motion.events(wish))

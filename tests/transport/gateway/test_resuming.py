@@ -73,7 +73,7 @@ async def test_a_token_knows_which_agents_were_followed():
         return await token_of(api, service, session_id, agent_ids=agent_ids)
 
     async def is_same(token: str, *agent_ids: str) -> bool:
-        wish = schema.StreamWish(session_id=session_id, resume_token=token, agent_ids=agent_ids)
+        wish = schema.StreamRequest(session_id=session_id, resume_token=token, agent_ids=agent_ids)
         async with contextlib.aclosing(api.motion.stream(wish)) as messages:
             await anext(messages)
             return service.subscriptions[-1].wish.resume.same_agents
@@ -102,7 +102,7 @@ async def test_events_that_arrived_are_not_told_again():
     service = FakeService()
     api = await opened(service)
     session_id, _ = await session_of_two(api)
-    events = api.motion.events(schema.StreamWish(session_id=session_id))
+    events = api.motion.events(schema.StreamRequest(session_id=session_id))
     async with contextlib.aclosing(events):
         assert await anext(events) is None  # a sign of life at once
         service.emit(session_id, REACHED, DONE)

@@ -17,7 +17,7 @@ from wayfarer.limits import Limits
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.gateway import Gateway, uploads
-from wayfarer.transport.gateway.scene_book import SCENE_LEASE_S
+from wayfarer.transport.gateway.scene_access import SCENE_LEASE_S
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.events import Event, EventKind
 

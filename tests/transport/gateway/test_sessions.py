@@ -52,7 +52,7 @@ async def test_unknown_ids_are_not_found():
         api.agents.update("x", schema.AgentUpdate()),
         api.agents.delete("x"),
         api.goals.give("x", GOAL),
-        api.motion.step("x", schema.StepWish()),
+        api.motion.step("x", schema.StepRequest()),
         api.snapshots.export_session("x"),
         api.snapshots.export_log("x"),
         anext(stream(api, "x")),

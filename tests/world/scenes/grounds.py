@@ -5,7 +5,7 @@ from functools import cache
 from tests.world.fakes import BODIES, FakeEngine, start_poses
 from wayfarer.navigation.examples import rectangle
 from wayfarer.navigation.scene import Scene, bake
-from wayfarer.navigation.spec import Box, Floor, SceneSpec
+from wayfarer.navigation.scene_spec import Box, Floor, SceneSpec
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec, SessionSpec
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.stepping.settings import WorldSettings

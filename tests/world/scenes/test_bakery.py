@@ -17,9 +17,9 @@ from wayfarer.errors import InvalidArgument, ResourceExhausted, Unavailable
 from wayfarer.limits import Limits
 from wayfarer.navigation.examples import cubes_field, slope_with_steps, town_square, two_storeys
 from wayfarer.navigation.scene import bake
-from wayfarer.navigation.spec import Box, Floor, MeshFile, SceneSpec
+from wayfarer.navigation.scene_spec import Box, Floor, MeshFile, SceneSpec
 from wayfarer.world.scenes import bake_queue as module
-from wayfarer.world.scenes.bake_queue import BakeQueue, Oven
+from wayfarer.world.scenes.bake_queue import BakeQueue, BakeWorker
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of POSIX")
 
@@ -254,7 +254,7 @@ def test_runs_at_low_priority(bakery):
 
 
 def test_nothing_printed_is_taken_for_an_answer():
-    oven = Oven((sys.executable, "-c", NOISY))
+    oven = BakeWorker((sys.executable, "-c", NOISY))
     try:
         assert oven.await_answer(60.0) is True
         assert oven.ask(cubes_field(), 60.0).islands == 1

@@ -14,13 +14,13 @@ from wayfarer.errors import (
 )
 from wayfarer.limits import Limits
 from wayfarer.navigation.scene import bake
-from wayfarer.navigation.spec import SceneSpec
+from wayfarer.navigation.scene_spec import SceneSpec
 from wayfarer.shard import Shard, shard_of
 from wayfarer.world.scenes import scene_registry
-from wayfarer.world.scenes.messages import SceneWish
+from wayfarer.world.scenes.messages import SceneSource
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 
-WISH = SceneWish(SceneSpec((FIELD,)), "field", {"owner": "me"})
+WISH = SceneSource(SceneSpec((FIELD,)), "field", {"owner": "me"})
 
 
 class Counted:
@@ -47,7 +47,7 @@ def test_equal_content_is_baked_once_whatever_has_been_put_into_the_first():
     assert counted.bakes == 1
     assert first.scene_id != second.scene_id and first.content_hash == second.content_hash
     assert second.version == 0 and not second.obstacles
-    book.create(SceneWish(SceneSpec((FIELD,), (BOX,))), 3.0)
+    book.create(SceneSource(SceneSpec((FIELD,), (BOX,))), 3.0)
     assert counted.bakes == 2
     assert [info.created_at for info in book.infos()] == [1.0, 2.0, 3.0]
 
@@ -109,7 +109,7 @@ def test_refuses_bakes_that_would_have_to_wait_long(monkeypatch):
 
     def create(*solids):
         try:
-            book.create(SceneWish(SceneSpec((FIELD,), solids)), 0.0)
+            book.create(SceneSource(SceneSpec((FIELD,), solids)), 0.0)
         except ResourceExhausted as error:
             refused.put(error)
 
@@ -130,7 +130,7 @@ def test_a_bake_that_fails_leaves_nothing_behind():
     book = SceneRegistry()
     for _ in range(4):
         with pytest.raises(InvalidArgument):
-            book.create(SceneWish(SceneSpec()), 0.0)
+            book.create(SceneSource(SceneSpec()), 0.0)
     assert book.infos() == []
     book.create(WISH, 0.0)
 

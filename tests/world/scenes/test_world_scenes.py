@@ -10,7 +10,7 @@ from tests.world.scenes.grounds import BOX, WALL, enter, field, islands, world_i
 from wayfarer.errors import AlreadyExists, FailedPrecondition, Unreachable
 from wayfarer.navigation.examples import two_storeys
 from wayfarer.navigation.scene import bake
-from wayfarer.navigation.spec import Box, Floor, SceneSpec
+from wayfarer.navigation.scene_spec import Box, Floor, SceneSpec
 from wayfarer.world.agents.agent import AgentSpec, AgentState, ChunkFlag, Goal, SessionSpec
 from wayfarer.world.behaviours import Follow, Patrol
 from wayfarer.world.events import EventKind

@@ -10,7 +10,7 @@ import pytest
 
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.engines.padding import pad
-from wayfarer.stage import DEFAULT_MODEL, START_POSES, open_stage
+from wayfarer.model_bundle import DEFAULT_MODEL, START_POSES, open_bundle
 from wayfarer.world.agents.agent import AgentSpec, Goal, MotionChunk, SessionSpec
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.goals.steering import Steering
@@ -39,7 +39,7 @@ class Recorder:
 @pytest.fixture(scope="module")
 def stages():
     """By number of threads."""
-    return {threads: open_stage(DEFAULT_MODEL, threads) for threads in (1, 2, 3)}
+    return {threads: open_bundle(DEFAULT_MODEL, threads) for threads in (1, 2, 3)}
 
 
 def person(number: int) -> AgentSpec:
@@ -53,9 +53,9 @@ def person(number: int) -> AgentSpec:
     )
 
 
-def walk(stage, people: list[AgentSpec], settings: WorldSettings) -> dict[int, list[MotionChunk]]:
+def walk(bundle, people: list[AgentSpec], settings: WorldSettings) -> dict[int, list[MotionChunk]]:
     """Chunks by noise seed: each walks to a goal of its own."""
-    world = World(stage.engine, stage.bodies, load_start_poses(START_POSES), settings)
+    world = World(bundle.engine, bundle.bodies, load_start_poses(START_POSES), settings)
     world.create_session(SessionSpec("s"), 0.0)
     seeds = {}
     for agent in world.create_agents("s", people, 0.0):
@@ -100,11 +100,11 @@ def same(a: StepOutputs, row: int, b: StepOutputs, other: int) -> bool:
 def test_a_row_is_the_same_in_every_batch(stages, recorded, gender, candidates):
     inputs, rng = recorded[gender], np.random.default_rng(1)
     alone = [stages[1].engine.step(gender, take(inputs, [row], candidates)) for row in range(8)]
-    for threads, stage in stages.items():
+    for threads, bundle in stages.items():
         for size in (1, 2, 3, 5, 7, 8, 31):
             rows = rng.integers(0, 8, size)
             batch = pad(take(inputs, rows, candidates), (1, 2, 4, 8, 64))
-            outputs = stage.engine.step(gender, batch)
+            outputs = bundle.engine.step(gender, batch)
             for place, row in enumerate(rows):
                 assert same(outputs, place, alone[row], 0), (threads, size, place)
 

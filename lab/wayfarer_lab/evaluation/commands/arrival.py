@@ -8,8 +8,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from wayfarer.model_bundle import DEFAULT_MODEL, Bodies, open_world
 from wayfarer.spec import STEP_SECONDS
-from wayfarer.stage import DEFAULT_MODEL, Bodies, open_world
 from wayfarer.world.world import World
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.commands.options import (

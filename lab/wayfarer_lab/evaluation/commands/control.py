@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.stage import DEFAULT_MODEL, Stage, open_stage
+from wayfarer.model_bundle import DEFAULT_MODEL, ModelBundle, open_bundle
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.search.beam_settings import BeamSettings
 from wayfarer_lab.evaluation import report
@@ -44,7 +44,7 @@ Run = Callable[[list[Pair]], Iterator[Trial]]
 
 
 @dataclass(frozen=True)
-class Method:
+class ControlMethod:
     """One row: how pairs become trials."""
 
     name: str
@@ -82,7 +82,7 @@ def control(
     that weight of the KL term (Eq. 10). "search" rows are single bodies in the world that serves,
     with K candidates per step. Only the last row has the foot lock.
     """
-    shipped = open_stage(models, threads)
+    shipped = open_bundle(models, threads)
     of_paper = {"policy(10)": policy_10, "policy(1)": policy_1}
     methods = list(_methods(shipped, of_paper, g_cvae, pairs, threads, seed))
     everyone = random_pairs(pairs, speed, np.random.default_rng(seed))
@@ -107,51 +107,53 @@ def control(
 
 
 def _methods(
-    shipped: Stage,
+    shipped: ModelBundle,
     of_paper: Mapping[str, Path | None],
     g_cvae: Path | None,
     pairs: int,
     threads: int,
     seed: int,
-) -> Iterator[Method]:
+) -> Iterator[ControlMethod]:
     """Rows in the order of Table 1, then those of the service.
 
     Raises ArtifactError for a folder that does not fit, InvalidArgument for one without a policy.
     """
     tops = {"": 0, " & top1": 1, " & top4": 4}
     if g_cvae:
-        stage = open_stage(g_cvae, threads)
-        yield Method("g-CVAE", _offline(stage, seed, BeamSettings.paper(policy=0.0, reach=NEAR)))
+        bundle = open_bundle(g_cvae, threads)
+        yield ControlMethod(
+            "g-CVAE", _offline(bundle, seed, BeamSettings.paper(policy=0.0, reach=NEAR))
+        )
     trained = {"policy": shipped} if shipped.has_policy else {}
     for name, folder in of_paper.items():
         if folder is None:
             continue
-        trained[name] = open_stage(folder, threads)
+        trained[name] = open_bundle(folder, threads)
         if not trained[name].has_policy:
             raise InvalidArgument(f"{folder} holds no policy.onnx", name)
     for ending, top in tops.items():
-        for name, stage in trained.items():
+        for name, bundle in trained.items():
             settings = BeamSettings.paper(top, reach=NEAR)
-            yield Method(name + ending, _offline(stage, seed, settings))
+            yield ControlMethod(name + ending, _offline(bundle, seed, settings))
     prior = BeamSettings.paper(1, policy=0.0, reach=NEAR)
-    yield Method(f"{PRIOR} & top1", _offline(shipped, seed, prior))
+    yield ControlMethod(f"{PRIOR} & top1", _offline(shipped, seed, prior))
 
-    yield Method(f"search K=8 {PRIOR}", _online(shipped, pairs, candidates=8, policy=0.0))
+    yield ControlMethod(f"search K=8 {PRIOR}", _online(shipped, pairs, candidates=8, policy=0.0))
     for candidates in (8, 4, 1) if shipped.has_policy else ():
         run = _online(shipped, pairs, candidates=candidates, policy=1.0)
-        yield Method(f"search K={candidates} π", run)
+        yield ControlMethod(f"search K={candidates} π", run)
     if shipped.has_policy:
         run = _online(shipped, pairs, candidates=8, policy=1.0, foot_lock=True)
-        yield Method("search K=8 π, foot lock", run)
+        yield ControlMethod("search K=8 π, foot lock", run)
 
 
-def _offline(stage: Stage, seed: int, settings: BeamSettings) -> Run:
-    world, random = stage.world(TOGETHER, Steering()), np.random.default_rng(seed)
-    return lambda pairs: offline(stage.engine, world, stage.bodies, pairs, settings, random)
+def _offline(bundle: ModelBundle, seed: int, settings: BeamSettings) -> Run:
+    world, random = bundle.world(TOGETHER, Steering()), np.random.default_rng(seed)
+    return lambda pairs: offline(bundle.engine, world, bundle.bodies, pairs, settings, random)
 
 
 def _online(
-    stage: Stage, agents: int, candidates: int, policy: float, foot_lock: bool = False
+    bundle: ModelBundle, agents: int, candidates: int, policy: float, foot_lock: bool = False
 ) -> Run:
     steering = Steering().with_search(candidates=candidates, policy=policy)
-    return lambda pairs: online(stage.world(agents, steering), stage.bodies, pairs, foot_lock)
+    return lambda pairs: online(bundle.world(agents, steering), bundle.bodies, pairs, foot_lock)

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Final
 
 import typer
 
-from wayfarer.stage import DEFAULT_MODEL
+from wayfarer.model_bundle import DEFAULT_MODEL
 from wayfarer_lab.evaluation.commands.arrival import arrival
 from wayfarer_lab.evaluation.commands.control import control
 from wayfarer_lab.evaluation.commands.long import long

@@ -5,7 +5,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from wayfarer.stage import DEFAULT_MODEL, Bodies, open_stage
+from wayfarer.model_bundle import DEFAULT_MODEL, Bodies, open_bundle
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.world import World
 from wayfarer_lab.evaluation import report
@@ -59,9 +59,9 @@ def long(
     walking agents, turn them round twice a second, and give a new goal every quarter of a second.
     """
     recorded = Recorded(data, split) if data else None
-    stage = open_stage(models, threads, engine)
-    steering, bodies = Steering().with_search(candidates=candidates), stage.bodies
-    world, random = stage.world(agents, steering), np.random.default_rng(seed)
+    bundle = open_bundle(models, threads, engine)
+    steering, bodies = Steering().with_search(candidates=candidates), bundle.bodies
+    world, random = bundle.world(agents, steering), np.random.default_rng(seed)
     specs = random_specs(agents, random)
     with progress(NAME) as watch:
         seen = wander(world, bodies, specs, minutes * 60, random, watch)
@@ -72,7 +72,7 @@ def long(
         gait += posed_gait_rows(report.MOCAP, recorded.windows(Use.LOCOMOTION), bodies["male"])
     scripts = []
     for case in (*SCRIPTS, *MORE_SCRIPTS) if scripted else ():
-        alone = stage.world(scripted, steering)
+        alone = bundle.world(scripted, steering)
         with progress(case.name) as watch:
             scripts.append(_script(case, alone, scripted, random, bodies, watch))
     finish(

@@ -6,7 +6,7 @@ from typing import Annotated, Final
 
 import typer
 
-from wayfarer.stage import DEFAULT_MODEL, open_stage
+from wayfarer.model_bundle import DEFAULT_MODEL, open_bundle
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.commands.options import (
     CandidatesOption,
@@ -20,7 +20,7 @@ from wayfarer_lab.evaluation.commands.shared import origin, progress
 from wayfarer_lab.evaluation.maneuvers.crowd import CROWD
 from wayfarer_lab.evaluation.maneuvers.likeness import LIKENESS
 from wayfarer_lab.evaluation.maneuvers.maneuver import Maneuver
-from wayfarer_lab.evaluation.maneuvers.recorded import Recordings
+from wayfarer_lab.evaluation.maneuvers.recorded import RecordedClips
 from wayfarer_lab.evaluation.maneuvers.robust import RANDOM, REVERSALS
 from wayfarer_lab.evaluation.maneuvers.run import no_recordings, play
 from wayfarer_lab.evaluation.maneuvers.sessions import Players
@@ -108,14 +108,14 @@ def maneuvers(
     `wayfarer eval define` explains the figures. Agents have random shapes of both genders. A seed
     gives a manoeuvre the same agents whatever --only selects.
     """
-    players = Players(open_stage(models, threads, engine), candidates, seed)
+    players = Players(open_bundle(models, threads, engine), candidates, seed)
     results = Results(
         report.meta(
             origin(models, None, data, "", seed)
             | {"engine": engine, "candidates": candidates, "quick": quick}
         )
     )
-    recorded = Recordings(data) if data else no_recordings
+    recorded = RecordedClips(data) if data else no_recordings
     chosen = [MANEUVERS[name] for name in only.split(",")]
     for played in play(players, chosen, QUICK if quick else 1.0, progress, recorded):
         before = len(results.verdicts)

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from wayfarer.stage import DEFAULT_MODEL
+from wayfarer.model_bundle import DEFAULT_MODEL
 from wayfarer_lab.evaluation.commands.options import (
     CountOption,
     JsonOption,

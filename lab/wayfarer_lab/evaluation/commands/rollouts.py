@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from wayfarer.body.library import load_body
-from wayfarer.stage import BODY, DEFAULT_MODEL
+from wayfarer.model_bundle import BODY, DEFAULT_MODEL
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.commands.options import (
     DataOption,
@@ -25,7 +25,7 @@ from wayfarer_lab.evaluation.tracks import Recorded
 
 if TYPE_CHECKING:  # these load torch, which `wayfarer eval --help` must not
     from wayfarer_lab.evaluation.random_motion import Bench
-    from wayfarer_lab.evaluation.rollout import Poses
+    from wayfarer_lab.evaluation.rollout import FrozenPoses
 
 app = typer.Typer()
 
@@ -52,14 +52,14 @@ def realism(
     """
     from wayfarer_lab.evaluation.metrics.frechet import FRAMES, Reference
     from wayfarer_lab.evaluation.random_motion import realism as make
-    from wayfarer_lab.evaluation.realism import Motion
+    from wayfarer_lab.evaluation.realism import JudgedMotion
 
     recorded = Recorded(data, split) if data else None
     reference = mocap = None
     if data and recorded:
-        train, mocap = Recorded(data, "train"), Motion.recorded(recorded)
+        train, mocap = Recorded(data, "train"), JudgedMotion.recorded(recorded)
         names = train.bodies["male"].marker_names
-        long = Motion.recorded(train, FRAMES)
+        long = JudgedMotion.recorded(train, FRAMES)
         reference = Reference.of((track.markers for track in long.tracks), names)
     with _bench(models, runs, threads, seed) as bench:
         tables = make(bench, _poses(recorded, poses, seed), seconds, mocap, reference)
@@ -93,10 +93,10 @@ def bodies(
     """
     from wayfarer_lab.evaluation.random_motion import SHAPES
     from wayfarer_lab.evaluation.random_motion import bodies as make
-    from wayfarer_lab.evaluation.realism import Motion
+    from wayfarer_lab.evaluation.realism import JudgedMotion
 
     recorded = Recorded(data, split) if data else None
-    mocap = Motion.recorded(recorded) if recorded else None
+    mocap = JudgedMotion.recorded(recorded) if recorded else None
     with _bench(models, runs, threads, seed) as bench:
         tables = make(bench, _poses(recorded, 2 * SHAPES, seed), extent, futures, seconds, mocap)
     finish(
@@ -119,10 +119,10 @@ def skating(
 ) -> None:
     """Measure foot skating of random motion, by MOJO's measure (Sec. A.3) and stricter ones."""
     from wayfarer_lab.evaluation.random_motion import skating as make
-    from wayfarer_lab.evaluation.realism import Motion
+    from wayfarer_lab.evaluation.realism import JudgedMotion
 
     recorded = Recorded(data, split) if data else None
-    mocap = Motion.recorded(recorded) if recorded else None
+    mocap = JudgedMotion.recorded(recorded) if recorded else None
     with _bench(models, runs, threads, seed) as bench:
         tables = make(bench, _poses(recorded, poses, seed), primitives, mocap)
     finish(
@@ -130,7 +130,7 @@ def skating(
     )
 
 
-def _poses(recorded: Recorded | None, count: int, seed: int) -> "list[Poses]":
+def _poses(recorded: Recorded | None, count: int, seed: int) -> "list[FrozenPoses]":
     """Start poses from the split, or the shipped ones."""
     from wayfarer_lab.evaluation.rollout import recorded_poses, standing_poses
 

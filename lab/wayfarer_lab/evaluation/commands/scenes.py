@@ -8,7 +8,7 @@ from typing import Annotated, Final
 import typer
 from rich.progress import Progress, TaskID
 
-from wayfarer.stage import DEFAULT_MODEL, open_stage
+from wayfarer.model_bundle import DEFAULT_MODEL, open_bundle
 from wayfarer_lab.evaluation.commands.options import (
     CandidatesOption,
     EngineOption,
@@ -89,7 +89,7 @@ def scenes(
     json: JsonOption = None,
 ) -> None:
     """Let people find their way through example scenes, and measure what they touch."""
-    house = House(open_stage(models, threads, engine), candidates)
+    house = House(open_bundle(models, threads, engine), candidates)
     tried: dict[str, tuple[Scenario, int]] = {
         **SCENARIOS,
         SQUARE: (partial(square, 60 * minutes), PEOPLE),

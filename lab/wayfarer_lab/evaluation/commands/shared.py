@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from wayfarer.stage import Bodies
+from wayfarer.model_bundle import Bodies
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.gait import Row, Windows, gait_row, stillness_row
 from wayfarer_lab.evaluation.goals import Watch

@@ -53,7 +53,7 @@ def judge(shot: Shot) -> Figures:
     }
 
 
-def _steps(shot: Shot) -> tuple[stride.Steps, int] | None:
+def _steps(shot: Shot) -> tuple[stride.FootStrikes, int] | None:
     """Steps of the steady part, and the frame of the take at which that begins."""
     take, start = steady(shot), 0 if shot.goal is None else SPEEDING
     walked = None if take is None else stride.steps(take.ankles, take.hips)

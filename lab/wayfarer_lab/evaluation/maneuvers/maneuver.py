@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.navigation.spec import SceneSpec
+from wayfarer.navigation.scene_spec import SceneSpec
 from wayfarer.spec import FPS
 from wayfarer.world.agents.agent import AgentInfo, Goal
 from wayfarer_lab.evaluation.figures import mean, quantile

@@ -78,7 +78,7 @@ STRETCH: Final = 2 * FPS
 """Frames of a straight walk at least."""
 
 
-class Recordings:
+class RecordedClips:
     """The recordings of a prepared data folder, as recorded, each clip once."""
 
     def __init__(self, folder: Path) -> None:

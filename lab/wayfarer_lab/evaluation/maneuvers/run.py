@@ -18,8 +18,8 @@ from wayfarer_lab.evaluation.maneuvers.maneuver import (
 Progress = Callable[[str], AbstractContextManager[Watch]]
 
 
-class Players(Protocol):
-    """Who plays a case; see `sessions.Players`."""
+class CasePlayers(Protocol):
+    """Who plays a case; see `sessions.CasePlayers`."""
 
     def play(self, maneuver: str, case: Case, agents: int, lock: bool, watch: Watch) -> list[Shot]:
         """What so many agents do."""
@@ -72,7 +72,7 @@ class Played:
 
 
 def play(
-    players: Players,
+    players: CasePlayers,
     chosen: Sequence[Maneuver],
     scale: float,
     progress: Progress,

@@ -8,8 +8,8 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfarer.model_bundle import Bodies, ModelBundle
 from wayfarer.navigation.scene import Scene, bake
-from wayfarer.stage import Bodies, Stage
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.scenes.scene_registry import SceneRegistry
@@ -25,7 +25,7 @@ Array = NDArray[np.floating[Any]]
 class Players:
     """A motion model, opened, and how many candidates its search has."""
 
-    stage: Stage
+    bundle: ModelBundle
     candidates: int
     seed: int
 
@@ -46,9 +46,9 @@ class Players:
             scene = book.scene(info.scene_id)
             session = SessionSpec(scene=info.scene_id, avoid=False)
         steering = Steering().with_search(candidates=self.candidates)
-        world = self.stage.world(agents, steering, book)
+        world = self.bundle.world(agents, steering, book)
         courses = run_errands(world, errands, case.seconds, session=session, watch=watch)
-        return shots_of(courses, self.stage.bodies, scene)
+        return shots_of(courses, self.bundle.bodies, scene)
 
 
 def shots_of(courses: Sequence[Course], bodies: Bodies, scene: Scene | None = None) -> list[Shot]:

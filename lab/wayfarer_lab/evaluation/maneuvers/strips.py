@@ -13,7 +13,7 @@ from wayfarer.clips.clip import Clip
 from wayfarer_lab.evaluation.maneuvers.maneuver import SENT, Figures, Maneuver
 from wayfarer_lab.evaluation.maneuvers.run import Played
 from wayfarer_lab.evaluation.pictures.files import write_still
-from wayfarer_lab.evaluation.pictures.scene import Actor
+from wayfarer_lab.evaluation.pictures.scene import ClipActor
 from wayfarer_lab.evaluation.pictures.stills import contact_sheet
 from wayfarer_lab.evaluation.takes import Take
 
@@ -39,7 +39,9 @@ def draw(played: Played, folder: Path) -> list[Path]:
             for word, take, number in zip(("worst", "middle"), takes, numbers, strict=True)
         ]
         actors = [
-            Actor.of(_few_goals(take.clip), load_body(take.clip.body, take.clip.gender), "sides")
+            ClipActor.of(
+                _few_goals(take.clip), load_body(take.clip.body, take.clip.gender), "sides"
+            )
             for take in takes
         ]
         name = re.sub(r"[^0-9a-z.]+", "_", f"{maneuver.name} {case.name}".lower()).strip("_")

@@ -106,7 +106,7 @@ def judge(shot: Shot) -> Figures:
     return row | gait(take, walked)
 
 
-def gait(take: Take, walked: stride.Steps) -> Figures:
+def gait(take: Take, walked: stride.FootStrikes) -> Figures:
     """Figures of a steady, straight walk."""
     along, left = stride.way(take.hips)
     around = walked.stride_frames

@@ -28,7 +28,7 @@ ENOUGH: Final = 4
 
 
 @dataclass(frozen=True)
-class Steps:
+class FootStrikes:
     """Strikes of both feet in order of time, alternating. N strikes."""
 
     frames: NDArray[np.int64]  # [N]
@@ -59,7 +59,7 @@ def way(hips: Array) -> tuple[Array, Array]:
     return along, np.array([-along[1], along[0]])
 
 
-def steps(ankles: Array, hips: Array) -> Steps | None:
+def steps(ankles: Array, hips: Array) -> FootStrikes | None:
     """Steps of a walk: ankles [T, 2, 3], hips [T, 3]. None when there are less than 4 strikes.
 
     Where a foot strikes twice in a row, the earlier strike is left out.
@@ -83,7 +83,7 @@ def steps(ankles: Array, hips: Array) -> Steps | None:
     step = np.diff(places, axis=0)
     # from a right foot to a left one is to the left: positive; back again is negative
     side = np.where(feet[1:] == 0, 1.0, -1.0)
-    return Steps(frames, feet, step @ along, (step @ left) * side, np.diff(frames) / FPS)
+    return FootStrikes(frames, feet, step @ along, (step @ left) * side, np.diff(frames) / FPS)
 
 
 def oscillation(values: Array, stride: int) -> float:

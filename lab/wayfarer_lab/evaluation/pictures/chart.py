@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw
 
 from wayfarer.body.model import BodyModel
 from wayfarer_lab.evaluation.pictures.paper import FAINT, FEET, FONT, INK, PAPER
-from wayfarer_lab.evaluation.pictures.scene import Actor
+from wayfarer_lab.evaluation.pictures.scene import ClipActor
 
 Array = NDArray[np.floating[Any]]
 
@@ -20,7 +20,7 @@ EDGES: Final = (60, 8)  # pixels left and right of the curves
 SMOOTH: Final = 2
 
 
-def foot_chart(actor: Actor, width: int) -> Image.Image:
+def foot_chart(actor: ClipActor, width: int) -> Image.Image:
     """Sole height and horizontal speed of its lowest point, so that rolling is not sliding."""
     picture = Image.new("RGB", (width * SMOOTH, HEIGHT * SMOOTH), PAPER)
     draw = ImageDraw.Draw(picture)
@@ -79,7 +79,7 @@ def sole_vertices(body: BodyModel) -> list[NDArray[np.int64]]:
     return found
 
 
-def _curves(actor: Actor, soles: NDArray[np.int64]) -> tuple[Array, Array]:
+def _curves(actor: ClipActor, soles: NDArray[np.int64]) -> tuple[Array, Array]:
     """Centimetres over the floor [N], metres per second [N], of the sole's lowest vertex."""
     betas = np.asarray(actor.clip.betas)
     points = actor.body.skin(betas, *actor.pose, soles)

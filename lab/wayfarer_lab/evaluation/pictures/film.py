@@ -14,7 +14,7 @@ from wayfarer_lab.evaluation.pictures.camera import Size
 from wayfarer_lab.evaluation.pictures.floor import ring
 from wayfarer_lab.evaluation.pictures.framing import check_view, following, marks, wide
 from wayfarer_lab.evaluation.pictures.paper import FONT, GOAL, INK, PAPER
-from wayfarer_lab.evaluation.pictures.scene import Actor, picture
+from wayfarer_lab.evaluation.pictures.scene import ClipActor, picture
 
 Array = NDArray[np.floating[Any]]
 
@@ -37,7 +37,11 @@ class Film:
 
 
 def follow_film(
-    actors: Sequence[Actor], captions: Sequence[str], size: int, fps: float, view: str = "quarter"
+    actors: Sequence[ClipActor],
+    captions: Sequence[str],
+    size: int,
+    fps: float,
+    view: str = "quarter",
 ) -> Film:
     """A square of `size` pixels for each clip, in rows; who is done first stays as he is."""
     check_view(view)
@@ -57,7 +61,7 @@ def follow_film(
     return Film(_length(actors, fps), fps, whole, draw)
 
 
-def crowd_film(actors: Sequence[Actor], height: int, fps: float) -> Film:
+def crowd_film(actors: Sequence[ClipActor], height: int, fps: float) -> Film:
     """All clips on one floor, where they are in the world, before a camera that stands still.
 
     Its pictures are 16 : 9.
@@ -109,5 +113,5 @@ def _frame_at(clip: Clip, seconds: float) -> int:
     return min(round(seconds * clip.fps), clip.frames - 1)
 
 
-def _length(actors: Sequence[Actor], fps: float) -> int:
+def _length(actors: Sequence[ClipActor], fps: float) -> int:
     return max(1, round(max(actor.clip.seconds for actor in actors) * fps))

@@ -87,7 +87,7 @@ def _blurred(texels: NDArray[np.uint8], size: tuple[int, int], radius: float) ->
     return np.asarray(picture.filter(ImageFilter.GaussianBlur(radius)))
 
 
-class Floor:
+class FloorImage:
     """The floor as a view sees it from a height: what does not change when the camera slides."""
 
     def __init__(self, view: View, height: float) -> None:
@@ -144,9 +144,9 @@ class Floor:
 
 
 @lru_cache(maxsize=8)
-def floor_of(view: View, height: float) -> Floor:
+def floor_of(view: View, height: float) -> FloorImage:
     """The floor of a view; a camera that only slides uses one for all its pictures."""
-    return Floor(view, height)
+    return FloorImage(view, height)
 
 
 def painted(camera: Camera, marks: Sequence[Mark], smooth: int = 2) -> tuple[Array, Array]:

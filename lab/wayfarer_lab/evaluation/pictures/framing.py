@@ -11,7 +11,7 @@ from wayfarer.errors import InvalidArgument
 from wayfarer_lab.evaluation.pictures.camera import Camera, Size, View
 from wayfarer_lab.evaluation.pictures.floor import Mark, ring
 from wayfarer_lab.evaluation.pictures.paper import GOAL, TRAIL
-from wayfarer_lab.evaluation.pictures.scene import Actor
+from wayfarer_lab.evaluation.pictures.scene import ClipActor
 
 Array = NDArray[np.floating[Any]]
 
@@ -44,13 +44,13 @@ def check_view(name: str) -> str:
     return name
 
 
-def way_heading(actor: Actor) -> float:
+def way_heading(actor: ClipActor) -> float:
     """Direction (radians, 0 is +Y) of the whole way, or of a body that stays on its spot."""
     way = actor.hips[-1] - actor.hips[0]
     return body_heading(actor, 0) if np.linalg.norm(way[:2]) < 0.5 else atan2(-way[0], way[1])
 
 
-def body_heading(actor: Actor, frame: int) -> float:
+def body_heading(actor: ClipActor, frame: int) -> float:
     """Direction in which the hips look in a frame."""
     x, y = actor.pose[0][min(frame, actor.clip.frames - 1), 0, :2, 1]
     return atan2(-x, y)
@@ -62,14 +62,14 @@ def view_of(name: str, heading: float, size: Size) -> View:
     return View(heading + azimuth, elevation, DISTANCE, METRES, size)
 
 
-def close_up(actor: Actor, frame: int, name: str, size: Size) -> Camera:
+def close_up(actor: ClipActor, frame: int, name: str, size: Size) -> Camera:
     """One body in the middle of the picture."""
     heading = body_heading(actor, frame) if name == "body" else way_heading(actor)
     x, y, _ = actor.hips[min(frame, actor.clip.frames - 1)].tolist()
     return Camera(view_of(name, heading, size), (x, y, MIDDLE))
 
 
-def following(actor: Actor, name: str, size: Size) -> list[Camera]:
+def following(actor: ClipActor, name: str, size: Size) -> list[Camera]:
     """A camera for each frame that goes calmly along with the body."""
     view = view_of(name, way_heading(actor), size)
     return [Camera(view, (x, y, MIDDLE)) for x, y in calm_way(actor.hips, actor.clip.fps).tolist()]
@@ -84,7 +84,7 @@ def calm_way(hips: Array, fps: float) -> Array:
     return np.stack(columns, -1)
 
 
-def wide(actors: Sequence[Actor], size: Size) -> Camera:
+def wide(actors: Sequence[ClipActor], size: Size) -> Camera:
     """A fixed camera that has all of the ways, from sole to crown, in its picture."""
     head = np.array([0, 0, HEAD])
     floor = np.concatenate([actor.hips * [1, 1, 0] for actor in actors])
@@ -108,7 +108,7 @@ def wide(actors: Sequence[Actor], size: Size) -> Camera:
     return camera(high)
 
 
-def marks(actor: Actor, until: int) -> list[Mark]:
+def marks(actor: ClipActor, until: int) -> list[Mark]:
     """A clip's goals as rings, and the way so far."""
     rings = [ring(goal, 0.3, 0.045, GOAL) for goal in actor.clip.goals]
     way = calm_way(actor.hips[: until + 1], actor.clip.fps)

@@ -63,7 +63,7 @@ class Dress:
 
 
 @dataclass(frozen=True)
-class Actor:
+class ClipActor:
     """A clip with the body that performs it."""
 
     clip: Clip
@@ -71,7 +71,7 @@ class Actor:
     dress: Dress
 
     @classmethod
-    def of(cls, clip: Clip, body: BodyModel, look: str, style: int = 0) -> "Actor":
+    def of(cls, clip: Clip, body: BodyModel, look: str, style: int = 0) -> "ClipActor":
         """Its look: "dressed" in clothes of a style, or its "sides" in two colours."""
         dressed = check_look(look) == "dressed"
         return cls(clip, body, Dress.clothes(body, style) if dressed else Dress.sides(body))
@@ -110,7 +110,7 @@ class Prop:
 
 def picture(
     camera: Camera,
-    poses: Sequence[tuple[Actor, int]],
+    poses: Sequence[tuple[ClipActor, int]],
     marks: Sequence[Mark] = (),
     props: Sequence[Prop] = (),
 ) -> Image.Image:

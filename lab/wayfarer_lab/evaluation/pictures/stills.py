@@ -11,7 +11,7 @@ from wayfarer_lab.evaluation.pictures.camera import Size
 from wayfarer_lab.evaluation.pictures.chart import contact_lane, foot_chart
 from wayfarer_lab.evaluation.pictures.framing import check_view, close_up, marks
 from wayfarer_lab.evaluation.pictures.paper import FEET, FONT, INK, PAPER, TRAIL
-from wayfarer_lab.evaluation.pictures.scene import Actor, picture
+from wayfarer_lab.evaluation.pictures.scene import ClipActor, picture
 from wayfarer_lab.evaluation.pictures.top import top_view
 
 Watch = Callable[[int, int], None]
@@ -25,7 +25,7 @@ CHART_LEAST: Final = 900  # pixels that the foot chart is wide at least
 
 
 def strip(
-    actor: Actor,
+    actor: ClipActor,
     every: int = 8,
     view: str = "quarter",
     columns: int = 10,
@@ -55,7 +55,7 @@ def strip(
 
 
 def contact_sheet(
-    actors: Sequence[Actor],
+    actors: Sequence[ClipActor],
     captions: Sequence[str],
     columns: int = 10,
     view: str = "quarter",
@@ -93,7 +93,7 @@ def contact_sheet(
     return sheet
 
 
-def _cell(actor: Actor, frame: int, view: str, size: Size, bars: bool = True) -> Image.Image:
+def _cell(actor: ClipActor, frame: int, view: str, size: Size, bars: bool = True) -> Image.Image:
     cell = picture(close_up(actor, frame, view, size), [(actor, frame)], marks(actor, frame))
     draw = ImageDraw.Draw(cell)
     draw.text((5, 2), f"{frame / actor.clip.fps:.2f} s", TRAIL, FONT)

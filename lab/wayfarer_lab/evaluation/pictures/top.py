@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw
 
 from wayfarer_lab.evaluation.pictures.camera import Size
 from wayfarer_lab.evaluation.pictures.paper import FAINT, FEET, FONT, GOAL, INK, PAPER, TRAIL
-from wayfarer_lab.evaluation.pictures.scene import Actor
+from wayfarer_lab.evaluation.pictures.scene import ClipActor
 
 Array = NDArray[np.floating[Any]]
 
@@ -21,7 +21,7 @@ TICK: Final = 0.4  # seconds between two facing ticks
 TRAILS: Final = (TRAIL, "#b5651d", "#6a4c93", "#00798c", "#8f2d56", "#7a7d1f", "#3d5a80", "#9c6644")
 
 
-class Plan:
+class ScaleDrawing:
     """A drawing to scale, +X right and +Y up. Strokes are soft, letters are set last."""
 
     def __init__(self, low: Array, high: Array, size: Size) -> None:
@@ -76,7 +76,7 @@ class Plan:
         return small
 
 
-def top_view(actors: Sequence[Actor], size: Size) -> Image.Image:
+def top_view(actors: Sequence[ClipActor], size: Size) -> Image.Image:
     """Hips trails from a dot on, facing ticks each 0.4 s, goals as rings in their order.
 
     Small dots are places where a foot was flagged as touching (red left, blue right): a still
@@ -85,7 +85,7 @@ def top_view(actors: Sequence[Actor], size: Size) -> Image.Image:
     everything = np.concatenate([_places(actor) for actor in actors])
     middle = (everything.min(0) + everything.max(0)) / 2
     half = np.maximum((everything.max(0) - everything.min(0)) / 2 + MARGIN, LEAST / 2)
-    plan = Plan(middle - half, middle + half, size)
+    plan = ScaleDrawing(middle - half, middle + half, size)
     _grid(plan)
     for number, actor in enumerate(actors):
         for order, goal in enumerate(actor.clip.goals, start=1):
@@ -101,12 +101,12 @@ def top_view(actors: Sequence[Actor], size: Size) -> Image.Image:
     return plan.picture()
 
 
-def _places(actor: Actor) -> Array:
+def _places(actor: ClipActor) -> Array:
     goals = np.array([goal[:2] for goal in actor.clip.goals]).reshape(-1, 2)
     return np.concatenate([actor.hips[:, :2], goals])
 
 
-def _grid(plan: Plan) -> None:
+def _grid(plan: ScaleDrawing) -> None:
     """A line each metre, or at each 1, 2, 5, 10 … where metres would lie too close."""
     apart = next(m for m in (1, 2, 5, 10, 20, 50, 100, 1000) if m * plan.scale >= 14)
     for axis in (0, 1):
@@ -121,7 +121,7 @@ def _grid(plan: Plan) -> None:
         plan.write(plan.low, (3, -15), f"grid {apart} m", TRAIL)
 
 
-def _prints(plan: Plan, actor: Actor) -> None:
+def _prints(plan: ScaleDrawing, actor: ClipActor) -> None:
     names = actor.body.joint_names
     for foot, (side, ink) in enumerate(zip(("left", "right"), FEET, strict=True)):
         balls = actor.pose[1][actor.clip.contacts[:, foot], names.index(f"{side}_foot"), :2]
@@ -129,7 +129,7 @@ def _prints(plan: Plan, actor: Actor) -> None:
             plan.disc(place, max(0.015 * plan.scale, 1.2), ink)
 
 
-def _facing(plan: Plan, actor: Actor) -> None:
+def _facing(plan: ScaleDrawing, actor: ClipActor) -> None:
     forward = actor.pose[0][:, 0, :2, 1]
     forward = forward / np.maximum(np.linalg.norm(forward, axis=-1, keepdims=True), 1e-9)
     for frame in range(0, actor.clip.frames, max(1, round(TICK * actor.clip.fps))):

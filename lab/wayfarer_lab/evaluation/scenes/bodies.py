@@ -50,7 +50,7 @@ class Capsules:
 
 
 @dataclass(frozen=True)
-class Posed:
+class PosedBodies:
     """R bodies, each in one frame. J joints, C capsules."""
 
     turns: Array  # [R, J, 3, 3] world
@@ -118,7 +118,7 @@ class Form:
         return self.body.joint_names.index(name)
 
 
-def pose(forms: Sequence[Form], who: Index, translation: Array, rotations: Array) -> Posed:
+def pose(forms: Sequence[Form], who: Index, translation: Array, rotations: Array) -> PosedBodies:
     """Frames of bodies of one gender: row r is of `forms[who[r]]`.
 
     who [R], translation [R, 3], rotations [R, 22, 4] (x, y, z, w).
@@ -132,7 +132,7 @@ def pose(forms: Sequence[Form], who: Index, translation: Array, rotations: Array
     offsets = np.stack([f.capsules.offsets for f in mine])[form]
     ends = places[:, joints] + (turns[:, joints] @ offsets[..., None])[..., 0]
     radii = np.stack([f.capsules.radii for f in mine])[form]
-    return Posed(turns, places, ends[:, :, 0], ends[:, :, 1], radii)
+    return PosedBodies(turns, places, ends[:, :, 0], ends[:, :, 1], radii)
 
 
 def _bones() -> list[tuple[str, str, tuple[str, ...]]]:

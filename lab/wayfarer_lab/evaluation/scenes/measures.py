@@ -94,7 +94,7 @@ class Gaps:
 
 
 @dataclass
-class Progress:
+class ProgressWatch:
     """Whether an agent gets on while it has somewhere to go."""
 
     stuck_seconds: float = 0.0

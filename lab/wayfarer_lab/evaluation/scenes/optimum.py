@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from wayfarer.navigation.scene import Scene
-from wayfarer.navigation.spec import Point2
+from wayfarer.navigation.scene_spec import Point2
 
 Array = NDArray[np.floating[Any]]
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from wayfarer.errors import Unreachable
 from wayfarer.navigation.scene import Scene
-from wayfarer.navigation.spec import Point2
+from wayfarer.navigation.scene_spec import Point2
 
 Pair = tuple[Point2, Point2]
 

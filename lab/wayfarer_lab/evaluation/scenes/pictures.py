@@ -15,7 +15,7 @@ from wayfarer.navigation.solids import footprint, solid_triangles
 from wayfarer_lab.evaluation.pictures.camera import Camera, Size, View
 from wayfarer_lab.evaluation.pictures.floor import Mark
 from wayfarer_lab.evaluation.pictures.scene import Prop, picture
-from wayfarer_lab.evaluation.pictures.top import TRAILS, Plan
+from wayfarer_lab.evaluation.pictures.top import TRAILS, ScaleDrawing
 from wayfarer_lab.evaluation.scenes.solids import standing
 from wayfarer_lab.evaluation.scenes.witness import Witness
 
@@ -46,7 +46,7 @@ def plan(scene: Scene, ways: Sequence[Array], pixels: int = 720) -> Image.Image:
     """
     x0, y0, x1, y1 = scene.bounds
     scale = pixels / max(x1 - x0, y1 - y0)
-    drawing = Plan(np.array([x0, y0]), np.array([x1, y1]), _pixels(x1 - x0, y1 - y0, scale))
+    drawing = ScaleDrawing(np.array([x0, y0]), np.array([x1, y1]), _pixels(x1 - x0, y1 - y0, scale))
     for layer in scene.ground.layers:
         drawing.area(layer.own, GROUND, SOLID)
     _walkable(drawing, scene)
@@ -65,7 +65,7 @@ def _pixels(width: float, depth: float, scale: float) -> Size:
     return round(width * scale), round(depth * scale)
 
 
-def _walkable(drawing: Plan, scene: Scene) -> None:
+def _walkable(drawing: ScaleDrawing, scene: Scene) -> None:
     """The mesh's triangles, lower ones first, coloured by height."""
     middles = scene.mesh.corners.mean(1)
     height = np.empty(len(middles))

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfarer.model_bundle import ModelBundle
 from wayfarer.navigation.scene import Scene
-from wayfarer.navigation.spec import Obstacle, Point2
+from wayfarer.navigation.scene_spec import Obstacle, Point2
 from wayfarer.spec import BETAS, GENDERS
-from wayfarer.stage import Stage
 from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, MotionChunk, SessionSpec
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.scenes.scene_registry import SceneRegistry
@@ -38,7 +38,7 @@ def person(number: int, random: np.random.Generator, at: Point2, towards: Point2
 class House:
     """What plays are made with: models, bodies, and the search of the service."""
 
-    stage: Stage
+    bundle: ModelBundle
     candidates: int
 
     def play(
@@ -54,7 +54,7 @@ class House:
 
         Of its frames each `every`-th is judged, unless there is a `witness` who has seen others.
         """
-        witness = witness or Witness(self.stage.bodies, scene, every, strangers=avoid)
+        witness = witness or Witness(self.bundle.bodies, scene, every, strangers=avoid)
         return Play(self, scene, agents, avoid, witness)
 
 
@@ -69,9 +69,9 @@ class Play:
         witness.change(scene)
         self._book = SceneRegistry()
         self._scene_id = self._book.add(scene).scene_id
-        stage = replace(house.stage, engine=self.cost.engine(house.stage.engine))
+        bundle = replace(house.bundle, engine=self.cost.engine(house.bundle.engine))
         steering = Steering().with_search(candidates=house.candidates)
-        self.world = stage.world(agents, steering, self._book)
+        self.world = bundle.world(agents, steering, self._book)
         self.cost.watch(self.world)
         spec = SessionSpec(scene=self._scene_id, avoid=avoid)
         self.session_id = self.world.create_session(spec, 0.0).session_id

@@ -10,8 +10,8 @@ import shapely
 from numpy.typing import NDArray
 
 from wayfarer.navigation.scene import Scene
+from wayfarer.navigation.scene_spec import Box, Cylinder, Obstacle, Ramp, Solid
 from wayfarer.navigation.solids import floor_polygon, footprint
-from wayfarer.navigation.spec import Box, Cylinder, Obstacle, Ramp, Solid
 
 Array = NDArray[np.floating[Any]]
 
@@ -20,7 +20,7 @@ ON_TOP: Final = 0.1
 
 
 @dataclass(frozen=True)
-class Standing:
+class SceneSolid:
     """A solid of a scene."""
 
     solid: Solid | Obstacle
@@ -33,10 +33,10 @@ class Standing:
         return (x0 + x1) / 2, (y0 + y1) / 2, float(np.hypot(x1 - x0, y1 - y0)) / 2
 
 
-def standing(scene: Scene) -> list[Standing]:
+def standing(scene: Scene) -> list[SceneSolid]:
     """All solids and obstacles of one version of a scene. Those of a mesh file are not known."""
-    solids = [Standing(solid, _is_walked_on(scene, solid)) for solid in scene.spec.solids]
-    return solids + [Standing(obstacle, False) for obstacle in scene.obstacles.values()]
+    solids = [SceneSolid(solid, _is_walked_on(scene, solid)) for solid in scene.spec.solids]
+    return solids + [SceneSolid(obstacle, False) for obstacle in scene.obstacles.values()]
 
 
 def _is_walked_on(scene: Scene, solid: Solid) -> bool:
@@ -47,7 +47,7 @@ def _is_walked_on(scene: Scene, solid: Solid) -> bool:
     return bool(abs(ground - top) < ON_TOP)
 
 
-def ground_height(scene: Scene, solids: Sequence[Standing], points: Array) -> Array:
+def ground_height(scene: Scene, solids: Sequence[SceneSolid], points: Array) -> Array:
     """Height of the highest ground below points [..., 3], or up to a step above them. [...]
 
     From the geometry itself, not from the samples that paths are planned on; -inf where there is

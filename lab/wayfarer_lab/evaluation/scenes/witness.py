@@ -8,16 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.clips.clip import join_chunks
+from wayfarer.model_bundle import Bodies
 from wayfarer.navigation.scene import Scene
 from wayfarer.spec import FPS
-from wayfarer.stage import Bodies
 from wayfarer.world.agents.agent import AgentSpec, MotionChunk
 from wayfarer_lab.evaluation.gait import Row
-from wayfarer_lab.evaluation.pictures.scene import Actor
-from wayfarer_lab.evaluation.scenes.bodies import Form, Posed, pose
-from wayfarer_lab.evaluation.scenes.measures import Depths, Gaps, Progress
+from wayfarer_lab.evaluation.pictures.scene import ClipActor
+from wayfarer_lab.evaluation.scenes.bodies import Form, PosedBodies, pose
+from wayfarer_lab.evaluation.scenes.measures import Depths, Gaps, ProgressWatch
 from wayfarer_lab.evaluation.scenes.overlap import overlaps
-from wayfarer_lab.evaluation.scenes.solids import Standing, ground_height, signed_distance, standing
+from wayfarer_lab.evaluation.scenes.solids import (
+    SceneSolid,
+    ground_height,
+    signed_distance,
+    standing,
+)
 
 Array = NDArray[np.floating[Any]]
 Index = NDArray[np.int64]
@@ -41,7 +46,7 @@ UNEVEN: Final = 0.02
 
 
 @dataclass(frozen=True)
-class Frames:
+class WitnessFrames:
     """R frames of agents, by their number."""
 
     agent: Index  # [R]
@@ -50,8 +55,8 @@ class Frames:
     rotations: Array  # [R, 22, 4]
     contacts: NDArray[np.bool_]  # [R, 2]
 
-    def __getitem__(self, rows: NDArray[Any]) -> "Frames":
-        return Frames(
+    def __getitem__(self, rows: NDArray[Any]) -> "WitnessFrames":
+        return WitnessFrames(
             self.agent[rows],
             self.frame[rows],
             self.translation[rows],
@@ -60,7 +65,7 @@ class Frames:
         )
 
     @classmethod
-    def join(cls, parts: Sequence["Frames"]) -> "Frames":
+    def join(cls, parts: Sequence["WitnessFrames"]) -> "WitnessFrames":
         """One after the other."""
         return cls(
             np.concatenate([part.agent for part in parts]),
@@ -81,7 +86,7 @@ class Witness:
         self.walls, self.people = Depths(), Depths()
         self.gaps, self.uneven = Gaps("foot_gap"), Gaps("foot_gap_uneven")
         self.ids: list[str] = []
-        self.progress: list[Progress] = []
+        self.progress: list[ProgressWatch] = []
         self._bodies, self._every, self._strangers = bodies, every, strangers
         self._forms: list[Form] = []
         self._specs: list[AgentSpec] = []
@@ -89,7 +94,7 @@ class Witness:
         self._still: list[MotionChunk | None] = []
         self._number: dict[str, int] = {}
         self._scene, self._solids = scene, standing(scene)
-        self._waiting: list[Frames] = []
+        self._waiting: list[WitnessFrames] = []
         self._until = BLOCK
 
     def meet(self, agent_id: str, spec: AgentSpec) -> None:
@@ -97,7 +102,7 @@ class Witness:
         self._number[agent_id] = len(self.ids)
         self.ids.append(agent_id)
         self._forms.append(Form.of(self._bodies[spec.gender], spec))
-        self.progress.append(Progress())
+        self.progress.append(ProgressWatch())
         self._specs.append(spec)
         self._ways.append([])
         self._still.append(None)
@@ -120,7 +125,7 @@ class Witness:
         frame = start + np.arange(len(chunk.translation))
         chosen = frame % self._every == 0
         self._waiting.append(
-            Frames(
+            WitnessFrames(
                 np.full(int(chosen.sum()), number),
                 frame[chosen],
                 chunk.translation[chosen],
@@ -170,10 +175,10 @@ class Witness:
             if p.stuck_at is not None
         ]
 
-    def actors(self) -> list[tuple[Actor, int]]:
+    def actors(self) -> list[tuple[ClipActor, int]]:
         """Everybody as he was after `STILL` seconds: to be drawn."""
         return [
-            (Actor.of(join_chunks([chunk], spec), body, "dressed", number), 0)
+            (ClipActor.of(join_chunks([chunk], spec), body, "dressed", number), 0)
             for number, (chunk, spec) in enumerate(zip(self._still, self._specs, strict=True))
             if chunk is not None
             for body in (self._bodies[spec.gender],)
@@ -193,11 +198,11 @@ class Witness:
         """All frames before `until`, of which none is missing any more."""
         if not self._waiting:
             return
-        every = Frames.join(self._waiting)
+        every = WitnessFrames.join(self._waiting)
         ready = every.frame < until if until is not None else np.ones(len(every.frame), bool)
         self._waiting = [every[~ready]]
         known = every[ready]
-        bodies: list[tuple[Frames, Posed]] = []
+        bodies: list[tuple[WitnessFrames, PosedBodies]] = []
         genders = np.array([form.body.gender for form in self._forms])[known.agent]
         for gender in np.unique(genders):
             part = known[genders == gender]
@@ -208,7 +213,7 @@ class Witness:
         if self._strangers and bodies:
             self._in_people(bodies)
 
-    def _in_walls(self, part: Frames, posed: Posed) -> Array:
+    def _in_walls(self, part: WitnessFrames, posed: PosedBodies) -> Array:
         """How deep the skin of each body is in any solid. [R]"""
         depth = np.zeros(len(part.agent))
         if not self._solids:
@@ -226,7 +231,7 @@ class Witness:
                     depth[rows[close]] = np.maximum(depth[rows[close]], inside)
         return depth
 
-    def _feet(self, part: Frames, posed: Posed) -> None:
+    def _feet(self, part: WitnessFrames, posed: PosedBodies) -> None:
         """Gaps of all feet that are said to touch the ground."""
         touching = np.flatnonzero(part.contacts.any(1))
         for who in np.unique(part.agent[touching]):
@@ -242,7 +247,7 @@ class Witness:
     def _ground(self, points: Array) -> Array:
         return ground_height(self._scene, self._solids, points)
 
-    def _in_people(self, bodies: Sequence[tuple[Frames, Posed]]) -> None:
+    def _in_people(self, bodies: Sequence[tuple[WitnessFrames, PosedBodies]]) -> None:
         agent, frame = (np.concatenate([getattr(f, k) for f, _ in bodies]) for k in _WHO)
         hips = np.concatenate([posed.places[:, 0] for _, posed in bodies])
         start, end, radii = (
@@ -259,7 +264,7 @@ _WHO: Final = ("agent", "frame")
 _CAPSULES: Final = ("start", "end", "radii")
 
 
-def _near(standing: Standing, places: Array) -> NDArray[np.bool_]:
+def _near(standing: SceneSolid, places: Array) -> NDArray[np.bool_]:
     """Bodies, by their joints [R, J, 3], that may touch it. [R]"""
     x, y, radius = standing.disc
     near = np.hypot(places[:, 0, 0] - x, places[:, 0, 1] - y) < radius + NEAR

@@ -11,7 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from wayfarer.errors import DataError
-from wayfarer_lab.training.mocap.skeleton import Array, Motion, Skeleton, euler_matrices
+from wayfarer_lab.training.mocap.skeleton import (
+    Array,
+    MocapSkeleton,
+    SkeletonMotion,
+    euler_matrices,
+)
 
 INCH = 0.0254
 
@@ -20,7 +25,7 @@ INCH = 0.0254
 class AsfSkeleton:
     """An ASF file: the skeleton, and what its AMC files need to be read."""
 
-    skeleton: Skeleton
+    skeleton: MocapSkeleton
     dofs: tuple[tuple[str, ...], ...]  # J, degrees of freedom in file order, e.g. ("rx", "ry")
     axes: Array  # [J, 3, 3] C
     orders: tuple[str, ...]  # J, e.g. "ZYX" for the file's "XYZ"
@@ -138,7 +143,7 @@ def _assemble(
     axes = [np.zeros(3)] + [np.asarray(by_name[n].axis) for n in names[1:]]
     orders = [root_axis[::-1].upper()] + [by_name[n].order[::-1].upper() for n in names[1:]]
     return AsfSkeleton(
-        skeleton=Skeleton(tuple(names), tuple(parents), np.array(offsets), tips),
+        skeleton=MocapSkeleton(tuple(names), tuple(parents), np.array(offsets), tips),
         dofs=(root_dofs, *(by_name[n].dofs for n in names[1:])),
         axes=np.stack(
             [euler_matrices(_ordered(a, o), o) for a, o in zip(axes, orders, strict=True)]
@@ -153,7 +158,7 @@ def _ordered(xyz: Array, order: str) -> Array:
     return xyz[["XYZ".index(axis) for axis in order]]
 
 
-def read_amc(text: str, asf: AsfSkeleton, path: str = "") -> Motion:
+def read_amc(text: str, asf: AsfSkeleton, path: str = "") -> SkeletonMotion:
     """Parse an AMC motion of this skeleton. Raises DataError with the line that is wrong.
 
     AMC files do not state their frame rate: `fps` is None.
@@ -200,7 +205,7 @@ def read_amc(text: str, asf: AsfSkeleton, path: str = "") -> Motion:
     return _motion(table, asf, start)
 
 
-def _motion(table: Array, asf: AsfSkeleton, start: dict[str, int]) -> Motion:
+def _motion(table: Array, asf: AsfSkeleton, start: dict[str, int]) -> SkeletonMotion:
     frames, names = len(table), asf.skeleton.names
     root = np.zeros((frames, 3))
     local = np.broadcast_to(np.eye(3), (frames, len(names), 3, 3)).copy()
@@ -214,7 +219,7 @@ def _motion(table: Array, asf: AsfSkeleton, start: dict[str, int]) -> Motion:
                 angles[:, asf.orders[j].index(dof[1].upper())] = column
         c = asf.axes[j]
         local[:, j] = c @ euler_matrices(angles, asf.orders[j]) @ c.T
-    return Motion(asf.skeleton, root, local, None)
+    return SkeletonMotion(asf.skeleton, root, local, None)
 
 
 def load_asf(path: Path) -> AsfSkeleton:

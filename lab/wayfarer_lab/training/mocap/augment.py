@@ -14,7 +14,7 @@ from wayfarer.body.model import BodyModel
 from wayfarer.spec import FPS
 from wayfarer_lab.training.mocap.curve import curve
 from wayfarer_lab.training.mocap.fit import FittedClip
-from wayfarer_lab.training.mocap.posed import Posed, at_times, hips_speed, pose
+from wayfarer_lab.training.mocap.posed import PosedMotion, at_times, hips_speed, pose
 from wayfarer_lab.training.mocap.retarget import FitProblem
 from wayfarer_lab.training.mocap.shape import random_shape
 from wayfarer_lab.training.mocap.standing import StandingPose, stand
@@ -36,7 +36,7 @@ def augment(
     seed: int = 0,
 ) -> list[FitProblem]:
     """All augmentations of the train split's walking clips, and standing for every pose."""
-    made: list[Posed] = []
+    made: list[PosedMotion] = []
     for clip in _one_shape_each(fits, seed):
         generator = _generator(seed, clip.info.name, clip.shape.gender)
         made += _walks(pose(clip, bodies[clip.shape.gender]), poses, bodies, generator)
@@ -62,11 +62,11 @@ def _one_shape_each(fits: list[FittedClip], seed: int) -> list[FittedClip]:
 
 
 def _walks(
-    motion: Posed,
+    motion: PosedMotion,
     poses: list[StandingPose],
     bodies: dict[str, BodyModel],
     generator: np.random.Generator,
-) -> Iterator[Posed]:
+) -> Iterator[PosedMotion]:
     speed = float(hips_speed(motion).mean())
     if not WALKING[0] < speed < WALKING[1]:
         return
@@ -75,7 +75,7 @@ def _walks(
         warped = at_times(motion, np.arange(0, len(motion) - 1, factor))
         yield warped.tagged("warp", f"warp{factor:.2f}")
 
-    def bent(walk: Posed, begin: float) -> Posed:
+    def bent(walk: PosedMotion, begin: float) -> PosedMotion:
         return curve(walk, generator.choice([-1, 1]) * generator.uniform(*CURVE), begin)
 
     straight = np.ptp(motion.heading()) < STRAIGHT
@@ -98,7 +98,7 @@ def _walks(
 
 def _standing(
     poses: list[StandingPose], body: BodyModel, generator: np.random.Generator
-) -> Iterator[Posed]:
+) -> Iterator[PosedMotion]:
     for stance in poses:
         standing = stand(stance, random_shape(body, generator), body, STAND_SECONDS, generator)
         yield standing

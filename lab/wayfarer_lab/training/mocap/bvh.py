@@ -3,7 +3,12 @@
 import numpy as np
 
 from wayfarer.errors import DataError
-from wayfarer_lab.training.mocap.skeleton import Array, Motion, Skeleton, euler_matrices
+from wayfarer_lab.training.mocap.skeleton import (
+    Array,
+    MocapSkeleton,
+    SkeletonMotion,
+    euler_matrices,
+)
 
 
 class _Lines:
@@ -40,7 +45,7 @@ class _Lines:
         return values
 
 
-def read_bvh(text: str, path: str = "") -> Motion:
+def read_bvh(text: str, path: str = "") -> SkeletonMotion:
     """Parse a BVH file. Raises DataError with the line that is wrong."""
     lines = _Lines(text, path)
     lines.next("HIERARCHY")
@@ -89,7 +94,7 @@ def read_bvh(text: str, path: str = "") -> Motion:
     table = np.empty((frames, size))
     for i in range(frames):
         table[i] = lines.numbers(lines.next(), size, f"frame {i}")
-    skeleton = Skeleton(tuple(names), tuple(parents), np.array(offsets), ends)
+    skeleton = MocapSkeleton(tuple(names), tuple(parents), np.array(offsets), ends)
     return _motion(skeleton, channels, table, 1.0 / step)
 
 
@@ -101,7 +106,9 @@ def _channels(lines: _Lines, words: list[str]) -> list[str]:
     return found
 
 
-def _motion(skeleton: Skeleton, channels: list[list[str]], table: Array, fps: float) -> Motion:
+def _motion(
+    skeleton: MocapSkeleton, channels: list[list[str]], table: Array, fps: float
+) -> SkeletonMotion:
     frames = len(table)
     root = np.zeros((frames, 3)) + skeleton.offsets[0]
     local = np.empty((frames, len(skeleton.names), 3, 3))
@@ -115,4 +122,4 @@ def _motion(skeleton: Skeleton, channels: list[list[str]], table: Array, fps: fl
             for k, n in enumerate(names):
                 if n.endswith("position"):
                     root[:, "XYZ".index(n[0])] += values[:, k]
-    return Motion(skeleton, root, local, fps)
+    return SkeletonMotion(skeleton, root, local, fps)

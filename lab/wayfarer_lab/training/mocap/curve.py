@@ -12,7 +12,7 @@ import numpy as np
 from wayfarer.spec import FPS
 from wayfarer_lab.training.mocap.posed import (
     LEGS,
-    Posed,
+    PosedMotion,
     hips_speed,
     smoothstep,
     stances,
@@ -25,7 +25,9 @@ FULL_RATE_SPEED = 0.5  # m/s: below it the yaw rate fades, since feet that stand
 ONSET = 0.5  # seconds over which the yaw rate builds up
 
 
-def curve(motion: Posed, rate: float, onset_at: float = 0.0, label: str = "curve") -> Posed:
+def curve(
+    motion: PosedMotion, rate: float, onset_at: float = 0.0, label: str = "curve"
+) -> PosedMotion:
     """The motion on a path that turns by `rate` rad/s (left positive) from `onset_at` seconds.
 
     The rate is limited by `MAX_SIDEWAYS` at each speed.

@@ -20,7 +20,7 @@ from wayfarer.spec import FPS
 from wayfarer_lab.training.mocap.kinematics import FrameKinematics, from_rotvec, multiply
 from wayfarer_lab.training.mocap.retarget import FitProblem
 from wayfarer_lab.training.mocap.rig import JOINT_NAMES, ClipInfo, J
-from wayfarer_lab.training.mocap.shape import Shape
+from wayfarer_lab.training.mocap.shape import RetargetShape
 from wayfarer_lab.training.mocap.skeleton import Array
 
 # Accepted deviation of a joint from its target, metres. Spine joints and head have no target:
@@ -55,7 +55,7 @@ class FittedClip:
     """A clip on our body: what a `FitProblem` becomes."""
 
     info: ClipInfo
-    shape: Shape
+    shape: RetargetShape
     translation: Array  # [N, 3] hips, float32
     rotations: Array  # [N, 22, 4] quaternions x, y, z, w, float32
     touch: Array  # [N, 2, 2] bool: left, right foot × heel, ball

@@ -12,8 +12,8 @@ from wayfarer_lab.training.mocap.asf import load_asf, read_amc
 from wayfarer_lab.training.mocap.bvh import read_bvh
 from wayfarer_lab.training.mocap.resample import resample
 from wayfarer_lab.training.mocap.rig import ClipInfo, J, to_our_joints
-from wayfarer_lab.training.mocap.skeleton import Array, Motion
-from wayfarer_lab.training.mocap.sources import Entry
+from wayfarer_lab.training.mocap.skeleton import Array, SkeletonMotion
+from wayfarer_lab.training.mocap.sources import MotionFile
 
 MIN_FRAMES = 20  # shorter pieces (0.5 s) hold no two primitives
 
@@ -38,7 +38,7 @@ class ReadOptions:
     bvh_fix: bool = True  # mend CMU's BVH conversion where its pattern is seen
 
 
-def load_pieces(entry: Entry, asf_path: Path | None, options: ReadOptions) -> list[Piece]:
+def load_pieces(entry: MotionFile, asf_path: Path | None, options: ReadOptions) -> list[Piece]:
     """Read, repair and resample one file. Raises DataError, which names file and line."""
     motion, unit = _read(entry, asf_path, options)
     fps = entry.fps or motion.fps or options.fps
@@ -72,7 +72,9 @@ def load_pieces(entry: Entry, asf_path: Path | None, options: ReadOptions) -> li
     return pieces
 
 
-def _read(entry: Entry, asf_path: Path | None, options: ReadOptions) -> tuple[Motion, float | None]:
+def _read(
+    entry: MotionFile, asf_path: Path | None, options: ReadOptions
+) -> tuple[SkeletonMotion, float | None]:
     text = entry.path.read_text(errors="replace")
     if entry.path.suffix.lower() == ".amc":
         if asf_path is None:
@@ -83,5 +85,5 @@ def _read(entry: Entry, asf_path: Path | None, options: ReadOptions) -> tuple[Mo
     if options.bvh_fix:
         asf_skeleton = load_asf(asf_path).skeleton if asf_path else None
         skeleton = repair.mend_cmu_bvh(motion.skeleton, asf_skeleton)
-        motion = Motion(skeleton, motion.root, motion.local, motion.fps)
+        motion = SkeletonMotion(skeleton, motion.root, motion.local, motion.fps)
     return motion, options.unit

@@ -11,7 +11,7 @@ from wayfarer_lab.training.mocap.fit import FittedClip
 from wayfarer_lab.training.mocap.resample import nearest_rotations, slerp
 from wayfarer_lab.training.mocap.retarget import FitProblem
 from wayfarer_lab.training.mocap.rig import PARENTS, ClipInfo, J
-from wayfarer_lab.training.mocap.shape import Shape
+from wayfarer_lab.training.mocap.shape import RetargetShape
 from wayfarer_lab.training.mocap.skeleton import Array
 
 HIPS = [J["left_hip"], J["right_hip"]]
@@ -19,11 +19,11 @@ LEGS = [[J[f"{side}_{part}"] for part in ("knee", "ankle", "foot")] for side in 
 
 
 @dataclass(frozen=True)
-class Posed:
+class PosedMotion:
     """Motion of one body: N frames, world frame, metres."""
 
     info: ClipInfo
-    shape: Shape
+    shape: RetargetShape
     places: Array  # [N, 22, 3]
     world: Array  # [N, 22, 3, 3]
     touch: Array  # [N, 2, 2] bool: left, right foot × heel, ball
@@ -32,7 +32,7 @@ class Posed:
     def __len__(self) -> int:
         return len(self.places)
 
-    def frames(self, index: Array | slice) -> "Posed":
+    def frames(self, index: Array | slice) -> "PosedMotion":
         """Only some frames."""
         return replace(
             self,
@@ -42,7 +42,7 @@ class Posed:
             use=self.use[index],
         )
 
-    def tagged(self, augmentation: str, suffix: str = "") -> "Posed":
+    def tagged(self, augmentation: str, suffix: str = "") -> "PosedMotion":
         """The same motion under a new name, marked as augmented; tags add up."""
         tags = "+".join(t for t in (self.info.augmentation, augmentation) if t)
         name = f"{self.info.name}~{suffix or augmentation}"
@@ -53,7 +53,7 @@ class Posed:
         forward = self.world[:, 0, :2, 1]
         return np.unwrap(np.arctan2(-forward[:, 0], forward[:, 1]))
 
-    def turned(self, angle: float, pivot: Array, to: Array) -> "Posed":
+    def turned(self, angle: float, pivot: Array, to: Array) -> "PosedMotion":
         """Rotated about the vertical through `pivot` [2], which moves to `to` [2]."""
         spin = yaw_matrix(np.array(angle))
         shift = np.array([*to, 0.0]) - spin @ np.array([*pivot, 0.0])
@@ -68,7 +68,7 @@ class Posed:
         )
 
 
-def pose(clip: FittedClip, body: BodyModel) -> Posed:
+def pose(clip: FittedClip, body: BodyModel) -> PosedMotion:
     """Joint places and world rotations of a fitted clip."""
     local = matrix_from_quaternion(clip.rotations.astype(np.float64))
     return pose_local(clip.info, clip.shape, clip.translation, local, clip.touch, clip.use, body)
@@ -76,17 +76,17 @@ def pose(clip: FittedClip, body: BodyModel) -> Posed:
 
 def pose_local(
     info: ClipInfo,
-    shape: Shape,
+    shape: RetargetShape,
     translation: Array,
     local: Array,
     touch: Array,
     use: Array,
     body: BodyModel,
-) -> Posed:
+) -> PosedMotion:
     """The same from local rotations [N, 22, 3, 3]."""
     rest = body.rest_joints(shape.betas)
     world, places = body.forward_kinematics(translation.astype(np.float64), local, rest)
-    return Posed(info, shape, places[:, :POSED_JOINTS], world[:, :POSED_JOINTS], touch, use)
+    return PosedMotion(info, shape, places[:, :POSED_JOINTS], world[:, :POSED_JOINTS], touch, use)
 
 
 def yaw_matrix(angle: Array) -> Array:
@@ -105,7 +105,7 @@ def smoothstep(x: Array) -> Array:
     return x * x * x * (x * (6 * x - 15) + 10)
 
 
-def at_times(motion: Posed, times: Array) -> Posed:
+def at_times(motion: PosedMotion, times: Array) -> PosedMotion:
     """The motion at fractional frames [K]; contacts and use from the nearest frame."""
     times = np.clip(times, 0, len(motion) - 1)
     first = np.minimum(times.astype(int), len(motion) - 2)
@@ -119,7 +119,7 @@ def at_times(motion: Posed, times: Array) -> Posed:
     )
 
 
-def blend(a: Posed, b: Posed, weight: Array) -> Posed:
+def blend(a: PosedMotion, b: PosedMotion, weight: Array) -> PosedMotion:
     """Motion a where weight [N] is 0, b where it is 1; contacts and use of the nearer one."""
     w = weight[:, None]
     far = weight > 0.5
@@ -132,7 +132,7 @@ def blend(a: Posed, b: Posed, weight: Array) -> Posed:
     )
 
 
-def join(parts: list[Posed]) -> Posed:
+def join(parts: list[PosedMotion]) -> PosedMotion:
     """One after the other; info and shape of the first."""
     return replace(
         parts[0],
@@ -150,7 +150,7 @@ def stances(touch: Array) -> list[tuple[int, int]]:
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-def hips_speed(motion: Posed) -> Array:
+def hips_speed(motion: PosedMotion) -> Array:
     """Horizontal speed [N] of the hips, m/s, averaged over a quarter second."""
     middle = motion.places[:, HIPS, :2].mean(1)
     velocity = np.gradient(middle, axis=0) * FPS

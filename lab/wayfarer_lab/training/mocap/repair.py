@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from wayfarer_lab.training.mocap.resample import nearest_rotations
-from wayfarer_lab.training.mocap.skeleton import Array, Motion, Skeleton
+from wayfarer_lab.training.mocap.skeleton import Array, MocapSkeleton, SkeletonMotion
 
 SKIP_SECONDS = 10 / 120  # the solver settles in the first frames of a CMU clip
 GUARD_SECONDS = 6 / 120  # cut on both sides of a glitch
@@ -14,7 +14,7 @@ MAX_ROOT_SPEED = 9.0  # m/s
 MAX_JOINT_SPEED = 18.0  # m/s, relative to the root
 
 
-def mend_cmu_bvh(skeleton: Skeleton, asf: Skeleton | None = None) -> Skeleton:
+def mend_cmu_bvh(skeleton: MocapSkeleton, asf: MocapSkeleton | None = None) -> MocapSkeleton:
     """Give back the two bones that CMU's BVH conversion lost, if this skeleton lacks them.
 
     The conversion wrote a zero OFFSET for Neck and the shoulders (the thorax bone, 12 cm) and
@@ -41,7 +41,7 @@ def mend_cmu_bvh(skeleton: Skeleton, asf: Skeleton | None = None) -> Skeleton:
     return skeleton.with_offsets(offsets)
 
 
-def drop_t_pose(motion: Motion) -> Motion:
+def drop_t_pose(motion: SkeletonMotion) -> SkeletonMotion:
     """Drop frame 0 when it is an added T-pose: all rotations zero there and not in frame 1."""
     if len(motion) < 2:
         return motion

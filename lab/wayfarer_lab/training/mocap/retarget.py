@@ -18,7 +18,7 @@ from wayfarer_lab.training.mocap.repair import despike
 from wayfarer_lab.training.mocap.resample import nearest_rotations
 from wayfarer_lab.training.mocap.rig import PARENTS, ClipInfo, J, SourceClip
 from wayfarer_lab.training.mocap.selection import classify
-from wayfarer_lab.training.mocap.shape import Shape
+from wayfarer_lab.training.mocap.shape import RetargetShape
 from wayfarer_lab.training.mocap.skeleton import Array
 
 LIMBS = [
@@ -53,7 +53,7 @@ class FitProblem:
     """A clip to be fitted to a shape: first guess, targets, contacts. World frame, floor z = 0."""
 
     info: ClipInfo
-    shape: Shape
+    shape: RetargetShape
     translation: Array  # [N, 3] initial
     local: Array  # [N, 22, 3, 3] initial
     targets: Array  # [N, 22, 3]
@@ -135,7 +135,9 @@ def bend_knee(hip: Array, ankle: Array, hint: Array, thigh: float, shin: float) 
     return hip + (along * distance / reach) * line + across * side
 
 
-def make_problem(clip: SourceClip, subject: Subject, body: BodyModel, shape: Shape) -> FitProblem:
+def make_problem(
+    clip: SourceClip, subject: Subject, body: BodyModel, shape: RetargetShape
+) -> FitProblem:
     """Scale a clip to the legs of a shape and copy its rotations."""
     every = body.rest_joints(shape.betas)
     rest = every[:POSED_JOINTS]

@@ -12,7 +12,7 @@ import numpy as np
 from wayfarer.body.skeleton import joint_names, mirrored, parents
 from wayfarer.errors import DataError
 from wayfarer.spec import POSED_JOINTS
-from wayfarer_lab.training.mocap.skeleton import Array, Motion, Skeleton
+from wayfarer_lab.training.mocap.skeleton import Array, MocapSkeleton, SkeletonMotion
 
 JOINT_NAMES = joint_names()[:POSED_JOINTS]
 J = {name: index for index, name in enumerate(JOINT_NAMES)}
@@ -52,7 +52,7 @@ LEG = (0.6, 1.15)
 """Metres from hip to ankle that count as an adult's leg."""
 
 
-def joint_map(skeleton: Skeleton) -> list[int]:
+def joint_map(skeleton: MocapSkeleton) -> list[int]:
     """Index of the file's joint for each of our 22. Raises DataError naming what is missing."""
     plain = {n.split(":")[-1].lower(): i for i, n in enumerate(skeleton.names)}
     found: list[int] = []
@@ -150,7 +150,9 @@ class SourceClip:
         )
 
 
-def to_our_joints(motion: Motion, unit: float | None, up: str) -> tuple[Array, Array, Array]:
+def to_our_joints(
+    motion: SkeletonMotion, unit: float | None, up: str
+) -> tuple[Array, Array, Array]:
     """Places [N, 22, 3], world rotations [N, 22, 3, 3] and rest places [22, 3] in our frame."""
     rows = joint_map(motion.skeleton)
     rest = motion.skeleton.rest_places()[rows]

@@ -24,7 +24,7 @@ RANDOM_LIMIT = 2.0  # standard deviations of random adults' coefficients
 
 
 @dataclass(frozen=True)
-class Shape:
+class RetargetShape:
     """A body to retarget to."""
 
     gender: str
@@ -52,7 +52,7 @@ def segment_lengths(places: Array) -> Array:
     return np.array(lengths)
 
 
-def own_shape(body: BodyModel, rest: Array) -> Shape:
+def own_shape(body: BodyModel, rest: Array) -> RetargetShape:
     """The body of this gender whose segments are nearest to the subject's rest places [22, 3]."""
     wanted = segment_lengths(rest)
     trust = np.array([t for *_, t in SEGMENTS] + [TORSO_TRUST, WIDTH_TRUST, WIDTH_TRUST])
@@ -62,10 +62,10 @@ def own_shape(body: BodyModel, rest: Array) -> Shape:
         return np.concatenate([trust * (lengths - wanted) / SIGMA, betas])
 
     betas = least_squares(misfit, np.zeros(BETAS), diff_step=1e-3).x
-    return Shape(body.gender, np.clip(betas, -3, 3), "own")
+    return RetargetShape(body.gender, np.clip(betas, -3, 3), "own")
 
 
-def random_shape(body: BodyModel, generator: np.random.Generator) -> Shape:
+def random_shape(body: BodyModel, generator: np.random.Generator) -> RetargetShape:
     """A random adult: unit-variance coefficients, no extremes."""
     betas = np.clip(generator.standard_normal(BETAS), -RANDOM_LIMIT, RANDOM_LIMIT)
-    return Shape(body.gender, betas, "random")
+    return RetargetShape(body.gender, betas, "random")

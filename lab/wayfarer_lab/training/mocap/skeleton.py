@@ -34,7 +34,7 @@ def euler_matrices(angles: Array, order: str) -> Array:
 
 
 @dataclass(frozen=True)
-class Skeleton:
+class MocapSkeleton:
     """Joint names, parents (-1 for the root; parents come first) and zero-pose offsets.
 
     `ends` holds the bone tips of joints without children (end sites), by joint name.
@@ -53,7 +53,7 @@ class Skeleton:
                 places[j] = places[parent] + self.offsets[j]
         return places
 
-    def with_offsets(self, offsets: dict[str, Array]) -> "Skeleton":
+    def with_offsets(self, offsets: dict[str, Array]) -> "MocapSkeleton":
         """The same skeleton with some offsets replaced."""
         changed = self.offsets.copy()
         for name, offset in offsets.items():
@@ -62,10 +62,10 @@ class Skeleton:
 
 
 @dataclass(frozen=True)
-class Motion:
+class SkeletonMotion:
     """Joint rotations of a clip on its skeleton, in the file's units and axes."""
 
-    skeleton: Skeleton
+    skeleton: MocapSkeleton
     root: Array  # [N, 3]
     local: Array  # [N, J, 3, 3] relative to the parent
     fps: float | None  # None: the file does not say
@@ -73,7 +73,7 @@ class Motion:
     def __len__(self) -> int:
         return len(self.root)
 
-    def cut(self, start: int, stop: int | None = None) -> "Motion":
+    def cut(self, start: int, stop: int | None = None) -> "SkeletonMotion":
         """Frames start..stop."""
         return replace(self, root=self.root[start:stop], local=self.local[start:stop])
 

@@ -19,7 +19,7 @@ SPLITS = ("train", "validation", "heldout")
 
 
 @dataclass(frozen=True)
-class Entry:
+class MotionFile:
     """One motion file to read."""
 
     name: str
@@ -35,7 +35,7 @@ class Entry:
 
 def list_entries(
     src: Path, unpacked: Path, index: Sequence[Path] = (), skip: Callable[[str], None] = print
-) -> list[Entry]:
+) -> list[MotionFile]:
     """All motion files of `src`, in a stable order. `skip` is told of rows that lead nowhere.
 
     `index` names the tables that list them; without one, `src/index.csv` if there is one, else
@@ -49,7 +49,7 @@ def list_entries(
         index = [src / "index.csv"]
     if not index:
         files = sorted(p for p in src.rglob("*") if p.suffix.lower() in SUFFIXES)
-        entries = [Entry(p.stem, p, _subject(p)) for p in files]
+        entries = [MotionFile(p.stem, p, _subject(p)) for p in files]
     else:
         entries = [e for table in index for e in _read_index(table, src, unpacked, skip)]
     if not entries:
@@ -63,7 +63,9 @@ def _subject(path: Path) -> str:
     return head if tail.isdigit() else path.parent.name
 
 
-def _read_index(index: Path, src: Path, unpacked: Path, skip: Callable[[str], None]) -> list[Entry]:
+def _read_index(
+    index: Path, src: Path, unpacked: Path, skip: Callable[[str], None]
+) -> list[MotionFile]:
     entries = []
     with index.open(newline="") as file:
         for row in (reader := csv.DictReader(file)):
@@ -75,7 +77,7 @@ def _read_index(index: Path, src: Path, unpacked: Path, skip: Callable[[str], No
             try:
                 path = _locate(row, src, unpacked, split)
                 entries.append(
-                    Entry(
+                    MotionFile(
                         name=row.get("clip") or path.stem,
                         path=path,
                         subject=row.get("subject") or _subject(path),
@@ -134,7 +136,7 @@ def unpack(archive: Path, into: Path) -> Path:
     return folder
 
 
-def find_asf(entry: Entry, skeletons: dict[str, Path]) -> Path | None:
+def find_asf(entry: MotionFile, skeletons: dict[str, Path]) -> Path | None:
     """The ASF of a clip's subject: beside the clip, or anywhere in the source under its name."""
     beside = entry.path.parent / f"{entry.subject}.asf"
     if beside.is_file():

@@ -10,10 +10,10 @@ from wayfarer.body.model import BodyModel
 from wayfarer.body.rotation import matrix_from_quaternion
 from wayfarer.spec import FPS
 from wayfarer_lab.training.mocap.fit import FittedClip, matrix_quaternions
-from wayfarer_lab.training.mocap.posed import Posed, average_pose, pose_local, yaw_matrix
+from wayfarer_lab.training.mocap.posed import PosedMotion, average_pose, pose_local, yaw_matrix
 from wayfarer_lab.training.mocap.rig import ClipInfo, J
 from wayfarer_lab.training.mocap.selection import Use
-from wayfarer_lab.training.mocap.shape import Shape
+from wayfarer_lab.training.mocap.shape import RetargetShape
 from wayfarer_lab.training.mocap.skeleton import Array
 from wayfarer_lab.training.mocap.store import atomically, mirror
 
@@ -153,11 +153,11 @@ def save_start_poses(folder: Path, poses: list[StandingPose]) -> None:
 
 def stand(
     pose: StandingPose,
-    shape: Shape,
+    shape: RetargetShape,
     body: BodyModel,
     seconds: float,
     generator: np.random.Generator,
-) -> Posed:
+) -> PosedMotion:
     """Quiet standing in a pose, swaying as people do, feet planted; hips above the origin.
 
     Sway is a sum of slow sines: hips shift by millimetres to a centimetre, trunk and arms turn by

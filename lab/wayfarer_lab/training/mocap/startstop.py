@@ -15,7 +15,7 @@ from wayfarer.body.model import BodyModel
 from wayfarer.spec import FPS
 from wayfarer_lab.training.mocap.posed import (
     LEGS,
-    Posed,
+    PosedMotion,
     at_times,
     blend,
     hips_speed,
@@ -34,7 +34,7 @@ MIN_WALK, MAX_WALK = 0.4, 1.7  # m/s: walks to start and stop
 AFTER = round(0.9 * FPS)  # frames of the walk that must follow (or precede) the mid-stance
 
 
-def mid_stances(motion: Posed) -> list[tuple[int, int]]:
+def mid_stances(motion: PosedMotion) -> list[tuple[int, int]]:
     """(frame, carrying foot) where the other foot passes beside it, in steady walking."""
     found = []
     speed = hips_speed(motion)
@@ -56,13 +56,13 @@ def mid_stances(motion: Posed) -> list[tuple[int, int]]:
 
 
 def start(
-    motion: Posed,
+    motion: PosedMotion,
     frame: int,
     foot: int,
     pose: StandingPose,
     body: BodyModel,
     generator: np.random.Generator,
-) -> Posed:
+) -> PosedMotion:
     """Stand, then walk on from mid-stance `frame`, carried by `foot` (0 left, 1 right)."""
     still_for = generator.uniform(0.8, 1.6)
     ramp = round(RAMP * FPS)
@@ -86,13 +86,13 @@ def start(
 
 
 def stop(
-    motion: Posed,
+    motion: PosedMotion,
     frame: int,
     foot: int,
     pose: StandingPose,
     body: BodyModel,
     generator: np.random.Generator,
-) -> Posed:
+) -> PosedMotion:
     """Walk to mid-stance `frame`, set the passing foot down beside `foot`, stand."""
     still_for = generator.uniform(1.0, 2.0)
     ramp = round(RAMP * FPS)
@@ -115,11 +115,11 @@ def stop(
     return replace(done, info=motion.info).tagged("stop", f"stop{frame}")
 
 
-def _beside(standing: Posed, motion: Posed, frame: int, foot: int) -> Posed:
+def _beside(standing: PosedMotion, motion: PosedMotion, frame: int, foot: int) -> PosedMotion:
     """Standing moved so that its `foot` is where the walk has it in `frame`."""
     _, ankle, ball = LEGS[foot]
 
-    def footprint(m: Posed, k: int) -> tuple[Array, float]:
+    def footprint(m: PosedMotion, k: int) -> tuple[Array, float]:
         along = m.places[k, ball, :2] - m.places[k, ankle, :2]
         return m.places[k, ball, :2], float(np.arctan2(along[1], along[0]))
 
@@ -128,7 +128,9 @@ def _beside(standing: Posed, motion: Posed, frame: int, foot: int) -> Posed:
     return standing.turned(wanted - angle, here, there)
 
 
-def _mix(standing: Posed, walk: Posed, body_weight: Array, foot_weight: Array, foot: int) -> Posed:
+def _mix(
+    standing: PosedMotion, walk: PosedMotion, body_weight: Array, foot_weight: Array, foot: int
+) -> PosedMotion:
     """Body from standing (0) to walk (1) by `body_weight`; the free foot by `foot_weight`.
 
     The carrying foot stays as planted in the standing; where the walk already lifts it

@@ -11,10 +11,10 @@ import numpy as np
 
 from wayfarer.body.model import BodyModel
 from wayfarer.spec import FPS
-from wayfarer_lab.training.mocap.posed import LEGS, Posed, smoothstep, yaw_matrix
+from wayfarer_lab.training.mocap.posed import LEGS, PosedMotion, smoothstep, yaw_matrix
 from wayfarer_lab.training.mocap.rig import J
 from wayfarer_lab.training.mocap.selection import Use
-from wayfarer_lab.training.mocap.shape import Shape
+from wayfarer_lab.training.mocap.shape import RetargetShape
 from wayfarer_lab.training.mocap.skeleton import Array
 from wayfarer_lab.training.mocap.standing import StandingPose, stand
 
@@ -28,11 +28,11 @@ LEAD = 0.15  # seconds that the head is ahead
 
 def step_turn(
     pose: StandingPose,
-    shape: Shape,
+    shape: RetargetShape,
     body: BodyModel,
     angle: float,
     generator: np.random.Generator,
-) -> Posed:
+) -> PosedMotion:
     """Stand, turn by `angle` radians (left positive) in steps, stand."""
     pairs = max(1, round(abs(angle) / STEP_TURN))
     wait = generator.uniform(0.5, 1.0)

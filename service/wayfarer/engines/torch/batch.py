@@ -15,7 +15,7 @@ from wayfarer.motion.primitive import PrimitiveStep
 INPUTS: Final = tuple(field.name for field in fields(StepInputs))
 
 
-class Given:
+class DeviceInputs:
     """Inputs of a step on a device, filled by way of pinned memory, from which copies overlap."""
 
     def __init__(self, lane: CudaGraphStream, rows: int, candidates: int) -> None:
@@ -36,14 +36,14 @@ class Given:
                     self.tensors[name][:rows].copy_(values[:rows], non_blocking=True)
 
 
-class Batch:
+class DeviceStep:
     """A step with inputs and outputs of its own. Its lane must be free when it is used."""
 
     def __init__(
         self, step: PrimitiveStep, lane: CudaGraphStream, rows: int, candidates: int
     ) -> None:
         self._lane = lane
-        self._given = Given(lane, rows, candidates)
+        self._given = DeviceInputs(lane, rows, candidates)
         self._run = lane.record(lambda: step(**self._given.tensors))
         self._pinned: list[Tensor] = []
 

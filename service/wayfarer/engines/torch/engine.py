@@ -16,7 +16,7 @@ import torch
 from wayfarer.artifacts import ModelFolder, sha256_of
 from wayfarer.engines.engine import EngineKind, StepInputs, StepOutputs, variant
 from wayfarer.engines.padding import join, part
-from wayfarer.engines.torch.batch import Batch
+from wayfarer.engines.torch.batch import DeviceStep
 from wayfarer.engines.torch.cuda_graph_stream import CudaGraphStream, chosen_device
 from wayfarer.engines.torch.precision import MixedStep, Precision
 from wayfarer.engines.torch.weights import load_step
@@ -88,7 +88,7 @@ class TorchEngine(WarmEngine):
         self.networks = networks
         self._lane = CudaGraphStream(networks.device, background)
         self._turn = threading.Lock()
-        self._batches: dict[tuple[str, int, int], Batch] = {}
+        self._batches: dict[tuple[str, int, int], DeviceStep] = {}
 
     @cached_property
     def alone(self) -> "TorchEngine":
@@ -111,7 +111,7 @@ class TorchEngine(WarmEngine):
         key = (gender, size, candidates)
         if key not in self._batches:
             step = self.networks.steps[gender]
-            self._batches[key] = Batch(step, self._lane, size, candidates)
+            self._batches[key] = DeviceStep(step, self._lane, size, candidates)
         return self._batches[key].step(inputs)
 
 

@@ -20,6 +20,7 @@ from wayfarer.navigation.grid import Grid
 from wayfarer.navigation.ground.layers import outline, sheets
 from wayfarer.navigation.ground.levels import stands
 from wayfarer.navigation.meshes.read import read_mesh
+from wayfarer.navigation.scene_spec import MAX_EXTENT, Ramp, SceneSpec
 from wayfarer.navigation.solids import (
     at_height,
     floor_polygon,
@@ -27,7 +28,6 @@ from wayfarer.navigation.solids import (
     solid_triangles,
     triangulate,
 )
-from wayfarer.navigation.spec import MAX_EXTENT, Ramp, SceneSpec
 
 Array = NDArray[np.floating[Any]]
 

@@ -19,7 +19,7 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.algorithms import count_pieces, nearest_cell
 from wayfarer.navigation.grid import Grid
 from wayfarer.navigation.ground.levels import Stands, without_edges
-from wayfarer.navigation.spec import Point3, Walkable
+from wayfarer.navigation.scene_spec import Point3, Walkable
 
 Array = NDArray[np.floating[Any]]
 Ints = NDArray[np.int64]

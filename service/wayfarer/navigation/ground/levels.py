@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from wayfarer.navigation.algorithms import components, links
 from wayfarer.navigation.grid import Grid, expand
 from wayfarer.navigation.ground.raster import Spans, covered, touched
-from wayfarer.navigation.spec import Walkable
+from wayfarer.navigation.scene_spec import Walkable
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.navigation.spec import MAX_TRIANGLES
+from wayfarer.navigation.scene_spec import MAX_TRIANGLES
 
 
 def bad(why: str) -> InvalidArgument:

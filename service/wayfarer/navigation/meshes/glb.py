@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.meshes.faces import bad, check_count, corners_of
-from wayfarer.navigation.spec import MAX_TRIANGLES
+from wayfarer.navigation.scene_spec import MAX_TRIANGLES
 
 _MAGIC: Final = 0x46546C67
 _JSON, _BIN = 0x4E4F534A, 0x004E4942

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.navigation.meshes.faces import bad, check_count, corners_of, fan
-from wayfarer.navigation.spec import MAX_TRIANGLES
+from wayfarer.navigation.scene_spec import MAX_TRIANGLES
 
 _TYPES: Final = {
     **dict.fromkeys(("char", "int8"), "i1"),

@@ -10,7 +10,7 @@ from wayfarer.errors import InvalidArgument, Metres
 from wayfarer.navigation.meshes.glb import read_glb
 from wayfarer.navigation.meshes.obj import read_obj
 from wayfarer.navigation.meshes.ply import read_ply
-from wayfarer.navigation.spec import MAX_TRIANGLES, MeshFile, MeshFormat
+from wayfarer.navigation.scene_spec import MAX_TRIANGLES, MeshFile, MeshFormat
 from wayfarer.spec import MAX_COORDINATE
 
 READERS: Final[dict[MeshFormat, Callable[[bytes], NDArray[np.float64]]]] = {

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.navigation.ground.ground import Ground
-from wayfarer.navigation.locate import Place
+from wayfarer.navigation.locate import MeshPoint
 from wayfarer.navigation.mesh import NavMesh, Portal
 from wayfarer.navigation.paths.funnel import length, pull
 from wayfarer.navigation.paths.search import corridor
@@ -34,7 +34,7 @@ _SURE: Final = 1.013
 too large. The funnel's own corners pass: they are 2 % farther out."""
 
 
-def shortest(mesh: NavMesh, ground: Ground, start: Place, goal: Place) -> Array | None:
+def shortest(mesh: NavMesh, ground: Ground, start: MeshPoint, goal: MeshPoint) -> Array | None:
     """Waypoints [P, 3] of a short way; None where there is none.
 
     The best of three searches, which are the same three from goal to start: there and back are
@@ -57,7 +57,7 @@ def shortest(mesh: NavMesh, ground: Ground, start: Place, goal: Place) -> Array 
 def _lifted(
     mesh: NavMesh,
     ground: Ground,
-    start: Place,
+    start: MeshPoint,
     portals: list[Portal],
     way: list[tuple[tuple[float, float], int]],
 ) -> Array:

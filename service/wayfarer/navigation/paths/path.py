@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.navigation.spec import Point3
+from wayfarer.navigation.scene_spec import Point3
 
 Array = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class GroundPath:
     """A way over free ground. World space, metres."""
 
     points: Array

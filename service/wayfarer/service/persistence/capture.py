@@ -7,7 +7,7 @@ import numpy as np
 
 from wayfarer.service.persistence.journal import Journal
 from wayfarer.service.persistence.journal_entries import CapturedAgents, Member
-from wayfarer.service.persistence.snapshot import AgentPart, SessionPart, Standing
+from wayfarer.service.persistence.snapshot import AgentPart, AgentRows, SessionPart
 from wayfarer.world.agents.agent import AgentChange
 from wayfarer.world.agents.registry import Agent, Session
 from wayfarer.world.agents.slots import Mode
@@ -38,7 +38,7 @@ def capture_agents(world: World, agents: Sequence[Agent]) -> CapturedAgents:
     models = [world.models.numbered(number).stamp for number in slots.model[rows].tolist()]
     return CapturedAgents(
         [_member(*known) for known in zip(agents, revisions, models, strict=True)],
-        Standing(
+        AgentRows(
             seq,
             motion,
             slots.feet.take(rows),

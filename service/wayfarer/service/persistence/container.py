@@ -22,7 +22,7 @@ _HEAD: Final = struct.Struct("<8sHI")
 _LEVEL: Final = 1  # poses hardly shrink; the goals and names beside them do at any level
 
 
-class Kind(Enum):
+class ContainerKind(Enum):
     """What a container holds."""
 
     SNAPSHOT = b"WAYFSNAP"
@@ -31,7 +31,7 @@ class Kind(Enum):
     @property
     def field(self) -> str:
         """Name of the request's field that brings it."""
-        return "snapshot" if self is Kind.SNAPSHOT else "log"
+        return "snapshot" if self is ContainerKind.SNAPSHOT else "log"
 
 
 class Content(NamedTuple):
@@ -41,13 +41,13 @@ class Content(NamedTuple):
     arrays: bytes
 
 
-def seal(kind: Kind, header: bytes, arrays: bytes) -> bytes:
+def seal(kind: ContainerKind, header: bytes, arrays: bytes) -> bytes:
     """The container."""
     body = zlib.compress(header + arrays, _LEVEL)
     return _HEAD.pack(kind.value, VERSION, len(header)) + body
 
 
-def beginning(kind: Kind, data: bytes, most: int) -> bytes:
+def beginning(kind: ContainerKind, data: bytes, most: int) -> bytes:
     """The first `most` bytes of what was sealed, or less. What follows is not looked at.
 
     Raises as `unseal`.
@@ -59,7 +59,7 @@ def beginning(kind: Kind, data: bytes, most: int) -> bytes:
         raise InvalidArgument(f"{kind.field} is damaged: {error}", kind.field) from None
 
 
-def unseal(kind: Kind, data: bytes, most: int) -> Content:
+def unseal(kind: ContainerKind, data: bytes, most: int) -> Content:
     """What was sealed, if it is no longer than `most` bytes.
 
     Raises InvalidArgument; FailedPrecondition when it is of another version.
@@ -71,7 +71,7 @@ def unseal(kind: Kind, data: bytes, most: int) -> Content:
     return Content(body[:header], body[header:])
 
 
-def _header_bytes(kind: Kind, data: bytes) -> int:
+def _header_bytes(kind: ContainerKind, data: bytes) -> int:
     """Length that the header should have. Raises as `unseal`."""
     if len(data) < _HEAD.size:
         raise InvalidArgument(f"{kind.field} is cut short: it has {len(data)} bytes", kind.field)
@@ -87,7 +87,7 @@ def _header_bytes(kind: Kind, data: bytes) -> int:
     return int(header)
 
 
-def _inflate(kind: Kind, data: memoryview, most: int) -> bytes:
+def _inflate(kind: ContainerKind, data: memoryview, most: int) -> bytes:
     stream = zlib.decompressobj()
     try:
         body = stream.decompress(data, most + 1)

@@ -29,7 +29,7 @@ from wayfarer.service.persistence.journal_entries import (
     decode,
     encode,
 )
-from wayfarer.service.persistence.journal_file import Entries, JournalFile, Key, Kind
+from wayfarer.service.persistence.journal_file import Entries, EntryKind, JournalFile, Key
 from wayfarer.service.persistence.scene_entries import (
     SceneRecord,
     decode_scenes,
@@ -63,7 +63,7 @@ class Journal:
             raise
         self._stored = set(self._entries.found)
         self._members: dict[Key, Member] = {}  # as they stand in the file
-        self._pending: dict[Key, Value] = {(Kind.BODY, ""): body}
+        self._pending: dict[Key, Value] = {(EntryKind.BODY, ""): body}
         self._noted = self._written = 0  # puts, and how many of them have been written
         self._waiting: list[_Waiter] = []
         self._changed = threading.Condition()
@@ -110,40 +110,40 @@ class Journal:
 
     def put_scene(self, kept: SceneEntry) -> None:
         """A scene is new."""
-        self._put({(Kind.SCENE, kept.scene_id): scene_part(kept)})
+        self._put({(EntryKind.SCENE, kept.scene_id): scene_part(kept)})
 
     def put_obstacles(self, kept: SceneEntry) -> None:
         """Something has come, gone or been moved in a scene."""
-        self._put({(Kind.OBSTACLES, kept.scene_id): obstacles_part(kept)})
+        self._put({(EntryKind.OBSTACLES, kept.scene_id): obstacles_part(kept)})
 
     def drop_scene(self, scene_id: str) -> None:
         """A scene is gone."""
-        self._put({(kind, scene_id): None for kind in (Kind.SCENE, Kind.OBSTACLES)})
+        self._put({(kind, scene_id): None for kind in (EntryKind.SCENE, EntryKind.OBSTACLES)})
 
     # From the motion thread
 
     def put_session(self, session: SessionPart) -> None:
         """A session is new or has changed; its agents are put on their own."""
-        self._put({(Kind.SESSION, session.session_id): session})
+        self._put({(EntryKind.SESSION, session.session_id): session})
 
     def refresh(self, crowd: CapturedAgents) -> None:
         """Agents are new, got a command, or have moved."""
         values: dict[Key, Value] = {}
         for number, member in enumerate(crowd.members):
             name = member.part.agent_id
-            values[Kind.AGENT, name] = member
-            values[Kind.MOTION, name] = Row(crowd, number)
+            values[EntryKind.AGENT, name] = member
+            values[EntryKind.MOTION, name] = Row(crowd, number)
         self._put(values)
 
     def drop_agents(self, agent_ids: Iterable[str]) -> None:
         """Agents are gone."""
-        kinds = (Kind.AGENT, Kind.MOTION)
+        kinds = (EntryKind.AGENT, EntryKind.MOTION)
         self._put({(kind, name): None for name in agent_ids for kind in kinds})
 
     def drop_session(self, session_id: str, agent_ids: Iterable[str]) -> None:
         """A session and its agents are gone."""
         self.drop_agents(agent_ids)
-        self._put({(Kind.SESSION, session_id): None})
+        self._put({(EntryKind.SESSION, session_id): None})
 
     def _put(self, values: Mapping[Key, Value]) -> None:
         with self._changed:

@@ -13,14 +13,14 @@ from pydantic import TypeAdapter, ValidationError
 
 from wayfarer.errors import ArtifactError, InvalidArgument
 from wayfarer.limits import Limits
-from wayfarer.service.persistence.journal_file import Entries, Key, Kind
+from wayfarer.service.persistence.journal_file import Entries, EntryKind, Key
 from wayfarer.service.persistence.packing import pack, unpack
 from wayfarer.service.persistence.scene_entries import OBSTACLES, SCENE, ObstaclesPart, ScenePart
 from wayfarer.service.persistence.snapshot import (
     AgentPart,
+    AgentRows,
     BodyStamp,
     SessionPart,
-    Standing,
     check_body,
     join_agent,
     join_session,
@@ -50,7 +50,7 @@ class CapturedAgents:
     """Agents at rest, together: rows in the order of `members`."""
 
     members: Sequence[Member]
-    rows: Standing
+    rows: AgentRows
 
     @cached_property
     def packed(self) -> NDArray[np.uint8]:
@@ -104,7 +104,7 @@ def _bytes(value: Value) -> bytes | None:
 
 def check_origin(entries: Entries, body: BodyStamp, path: Path) -> None:
     """Raises ArtifactError when the journal was kept for another body."""
-    for text in entries.of(Kind.BODY).values():
+    for text in entries.of(EntryKind.BODY).values():
         kept = _BODY.validate_json(text)
         if kept != body:
             raise ArtifactError(
@@ -117,7 +117,7 @@ def decode(entries: Entries, limits: Limits) -> list[SessionRecord]:
     """All sound sessions, oldest first; damaged ones are logged and lost."""
     agents = _agents(entries, limits)
     records: list[SessionRecord] = []
-    for name, text in entries.of(Kind.SESSION).items():
+    for name, text in entries.of(EntryKind.SESSION).items():
         own = tuple(sorted(agents.pop(name, ()), key=lambda agent: agent.alias))
         try:
             records.append(join_session(_SESSION.validate_json(text), own, limits))
@@ -132,11 +132,11 @@ def decode(entries: Entries, limits: Limits) -> list[SessionRecord]:
 def _agents(entries: Entries, limits: Limits) -> dict[str, list[AgentRecord]]:
     """Those that are sound, by session."""
     found: dict[str, list[AgentRecord]] = {}
-    motion = entries.of(Kind.MOTION)
-    for name, text in entries.of(Kind.AGENT).items():
+    motion = entries.of(EntryKind.MOTION)
+    for name, text in entries.of(EntryKind.AGENT).items():
         try:
             member = _MEMBER.validate_json(text)
-            row = unpack(Standing, motion.get(name, b""), "motion")
+            row = unpack(AgentRows, motion.get(name, b""), "motion")
             if len(row.seq) != 1:
                 raise InvalidArgument("its motion could not be read", "motion")
             record = join_agent(member.part, row)

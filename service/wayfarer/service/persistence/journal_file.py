@@ -33,7 +33,7 @@ DAMAGE: Final = frozenset({sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite
 the disk or permissions, not the file."""
 
 
-class Kind(IntEnum):
+class EntryKind(IntEnum):
     """What an entry is about; numbers are kept in files."""
 
     BODY = 0
@@ -44,7 +44,7 @@ class Kind(IntEnum):
     OBSTACLES = 5
 
 
-Key = tuple[Kind, str]
+Key = tuple[EntryKind, str]
 Changes = Mapping[Key, bytes | None]
 """New contents of entries; None: gone."""
 
@@ -56,7 +56,7 @@ class Entries:
     found: dict[Key, bytes] = field(default_factory=dict)
     damage: list[str] = field(default_factory=list)  # what could not be read, in words
 
-    def of(self, kind: Kind) -> dict[str, bytes]:
+    def of(self, kind: EntryKind) -> dict[str, bytes]:
         """Entries of a kind by id."""
         return {key[1]: body for key, body in self.found.items() if key[0] is kind}
 
@@ -125,8 +125,8 @@ class JournalFile:
         log.error(
             "the journal is damaged: what can be read of it is kept, the file is set aside",
             damage=entries.damage[:8],
-            sessions_kept=len(entries.of(Kind.SESSION)),
-            agents_kept=len(entries.of(Kind.AGENT)),
+            sessions_kept=len(entries.of(EntryKind.SESSION)),
+            agents_kept=len(entries.of(EntryKind.AGENT)),
             set_aside=str(aside),
         )
 
@@ -224,8 +224,8 @@ def _rows(connection: sqlite3.Connection, direction: str) -> Iterator[tuple[obje
 
 def _enter(entries: Entries, kind: object, name: object, body: object, crc: object) -> None:
     match kind, name, body:
-        case int(), str(), bytes() if kind in set(Kind) and zlib.crc32(body) == crc:
-            entries.found[Kind(kind), name] = body
+        case int(), str(), bytes() if kind in set(EntryKind) and zlib.crc32(body) == crc:
+            entries.found[EntryKind(kind), name] = body
         case _:
             _add(entries, f"entry {kind} {name!r} is damaged")
 

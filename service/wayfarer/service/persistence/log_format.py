@@ -15,16 +15,24 @@ from pydantic import BaseModel, ConfigDict
 
 from wayfarer.errors import FailedPrecondition, InvalidArgument
 from wayfarer.limits import Limits
-from wayfarer.service.persistence.container import Kind, seal, unseal
+from wayfarer.service.persistence.container import ContainerKind, seal, unseal
 from wayfarer.service.persistence.packing import unpack
-from wayfarer.service.persistence.record import CommandLog, Entry, Run, Schedule, Told, Track, cost
+from wayfarer.service.persistence.record import (
+    AgentTrack,
+    ChunkRun,
+    CommandLog,
+    LogEntry,
+    Schedule,
+    Told,
+    cost,
+)
 from wayfarer.service.persistence.snapshot import (
     AGENT_BYTES,
     GOAL_BYTES,
     SESSION_BYTES,
     AgentPart,
+    AgentRows,
     BodyStamp,
-    Standing,
     agent_part,
     check_body,
     check_origin,
@@ -49,7 +57,7 @@ CHUNKS_PER_ENTRY: Final = 50
 
 
 @dataclass(frozen=True, slots=True)
-class Origin:
+class LogOrigin:
     """The body, models and settings that a log's motion was made with, and is replayed with."""
 
     body: BodyStamp
@@ -59,7 +67,7 @@ class Origin:
 
 @dataclass(frozen=True, slots=True)
 class EntryPart:
-    """`Entry`; exactly one of the commands is there."""
+    """`LogEntry`; exactly one of the commands is there."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
@@ -74,7 +82,7 @@ class EntryPart:
 
 @dataclass(frozen=True, slots=True)
 class TrackPart:
-    """`Track` without its arrays; exactly one of the starts is there."""
+    """`AgentTrack` without its arrays; exactly one of the starts is there."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
@@ -82,29 +90,29 @@ class TrackPart:
     alias: int
     created_at: float
     entries: tuple[EntryPart, ...]
-    runs: tuple[Run, ...]
+    runs: tuple[ChunkRun, ...]
     schedules: tuple[Schedule, ...]
     end: int
     spec: AgentSpec | None = None
     record: AgentPart | None = None
 
 
-class Header(BaseModel):
+class LogHeader(BaseModel):
     """The JSON of a log."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     fps: int
-    origin: Origin
+    origin: LogOrigin
     session_id: str
     spec: SessionSpec
     created_at: float
     tracks: tuple[TrackPart, ...]
 
 
-def encode_log(log: CommandLog, origin: Origin) -> bytes:
+def encode_log(log: CommandLog, origin: LogOrigin) -> bytes:
     """The log, as far as its chunks have been sent."""
-    header = Header(
+    header = LogHeader(
         fps=FPS,
         origin=origin,
         session_id=log.session_id,
@@ -114,18 +122,18 @@ def encode_log(log: CommandLog, origin: Origin) -> bytes:
     )
     records = [t.start for t in log.tracks.values() if isinstance(t.start, AgentRecord)]
     text = header.model_dump_json(exclude_none=True)
-    return seal(Kind.LOG, text.encode(), pack_agents(records))
+    return seal(ContainerKind.LOG, text.encode(), pack_agents(records))
 
 
-def decode_log(data: bytes, origin: Origin, limits: Limits, most_entries: int) -> CommandLog:
+def decode_log(data: bytes, origin: LogOrigin, limits: Limits, most_entries: int) -> CommandLog:
     """A log that anybody may have made, with up to `most_entries`.
 
     Raises InvalidArgument that names what is wrong, FailedPrecondition when it is sound but was
     made with another model, body or format.
     """
     most = SESSION_BYTES + most_entries * (GOAL_BYTES + AGENT_BYTES // 64)
-    content = unseal(Kind.LOG, data, most)
-    header = parse(Header, content.header, Kind.LOG, values=32 * most_entries)
+    content = unseal(ContainerKind.LOG, data, most)
+    header = parse(LogHeader, content.header, ContainerKind.LOG, values=32 * most_entries)
     _check_origin(header, origin)
     check_session_id(header.session_id)
     log = CommandLog(header.session_id, header.spec, header.created_at)
@@ -142,7 +150,7 @@ def decode_log(data: bytes, origin: Origin, limits: Limits, most_entries: int) -
     return log
 
 
-def size(track: Track) -> int:
+def size(track: AgentTrack) -> int:
     """Entries that a track takes of a log."""
     commands = sum(cost(entry.command) for entry in track.entries)
     return 1 + commands + len(track.runs) + len(track.schedules)
@@ -151,7 +159,7 @@ def size(track: Track) -> int:
 # To parts
 
 
-def _track_part(track: Track) -> TrackPart:
+def _track_part(track: AgentTrack) -> TrackPart:
     start = track.start
     return TrackPart(
         agent_id=track.agent_id,
@@ -166,7 +174,7 @@ def _track_part(track: Track) -> TrackPart:
     )
 
 
-def _entry_part(entry: Entry) -> EntryPart:
+def _entry_part(entry: LogEntry) -> EntryPart:
     match entry.command:
         case Goal() as goal:
             return EntryPart(entry.seq, set_goal=goal)
@@ -185,13 +193,13 @@ def _entry_part(entry: Entry) -> EntryPart:
 # And back
 
 
-def _rows(arrays: bytes) -> Iterator[Standing]:
-    rows = unpack(Standing, arrays, "log")
+def _rows(arrays: bytes) -> Iterator[AgentRows]:
+    rows = unpack(AgentRows, arrays, "log")
     for number in range(len(rows.seq)):
         yield rows.take(np.array([number]))
 
 
-def _track(part: TrackPart, rows: Iterator[Standing], limits: Limits, where: str) -> Track:
+def _track(part: TrackPart, rows: Iterator[AgentRows], limits: Limits, where: str) -> AgentTrack:
     check_agent_id(part.agent_id, f"{where}.agent_id")
     start = _start(part, rows, limits, where)
     first = start.seq if isinstance(start, AgentRecord) else 0
@@ -205,7 +213,7 @@ def _track(part: TrackPart, rows: Iterator[Standing], limits: Limits, where: str
         all(isfinite(s.at) and abs(s.at) < MAX_TIME for s in part.schedules), where, "schedules"
     )
     _require(all(first <= e.seq < part.end for e in part.entries), where, "entries")
-    return Track(
+    return AgentTrack(
         agent_id=part.agent_id,
         alias=part.alias,
         created_at=part.created_at,
@@ -219,7 +227,7 @@ def _track(part: TrackPart, rows: Iterator[Standing], limits: Limits, where: str
 
 
 def _start(
-    part: TrackPart, rows: Iterator[Standing], limits: Limits, where: str
+    part: TrackPart, rows: Iterator[AgentRows], limits: Limits, where: str
 ) -> AgentSpec | AgentRecord:
     match part.spec, part.record:
         case AgentSpec() as spec, None:
@@ -237,7 +245,7 @@ def _start(
             raise InvalidArgument("needs a spec or a record to start from, and not both", where)
 
 
-def _entry(part: EntryPart, where: str) -> Entry:
+def _entry(part: EntryPart, where: str) -> LogEntry:
     given: list[Told] = []
     if part.set_goal is not None:
         given.append(part.set_goal)
@@ -250,14 +258,14 @@ def _entry(part: EntryPart, where: str) -> Entry:
     given += [told for told in (part.behaviour, part.change) if told is not None]
     if len(given) != 1:
         raise InvalidArgument(f"an entry holds {len(given)} commands; allowed: 1", where)
-    return Entry(part.seq, given[0])
+    return LogEntry(part.seq, given[0])
 
 
 # Checks
 
 
-def _check_origin(header: Header, origin: Origin) -> None:
-    check_origin(header.fps, header.origin.body, origin.body, Kind.LOG)
+def _check_origin(header: LogHeader, origin: LogOrigin) -> None:
+    check_origin(header.fps, header.origin.body, origin.body, ContainerKind.LOG)
     made, here = header.origin, origin
     used = {run.model for track in header.tracks for run in track.runs}
     if missing := used - set(here.models):

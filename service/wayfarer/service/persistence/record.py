@@ -27,7 +27,7 @@ Told = GoalCommand | AgentChange
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class LogEntry:
     """A command, and the first chunk that it counts for."""
 
     seq: int
@@ -35,7 +35,7 @@ class Entry:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class ChunkRun:
     """Chunks from `first` on, up to the next run, were made alike."""
 
     first: int
@@ -57,20 +57,20 @@ class Schedule:
 
 
 @dataclass(slots=True)
-class Track:
+class AgentTrack:
     """What became of one agent. Chunks before `end` were sent; what counts is theirs."""
 
     agent_id: str
     alias: int
     created_at: float  # Unix seconds
     start: AgentSpec | AgentRecord
-    entries: list[Entry] = field(default_factory=list)
-    runs: list[Run] = field(default_factory=list)
+    entries: list[LogEntry] = field(default_factory=list)
+    runs: list[ChunkRun] = field(default_factory=list)
     schedules: list[Schedule] = field(default_factory=list)
     planned: int = 0  # = seq of the next chunk to plan
     end: int = 0  # = seq of the next chunk to send
 
-    def copy(self) -> "Track":
+    def copy(self) -> "AgentTrack":
         """A track that does not change any more."""
         return replace(
             self,
@@ -79,7 +79,7 @@ class Track:
             schedules=self.schedules.copy(),
         )
 
-    def plan(self, run: Run) -> int:
+    def plan(self, run: ChunkRun) -> int:
         """A chunk was planned; returns by how many runs the track has grown."""
         before = len(self.runs)
         again = run.first < self.planned
@@ -109,7 +109,7 @@ class CommandLog:
     session_id: str
     spec: SessionSpec
     created_at: float
-    tracks: dict[str, Track] = field(default_factory=dict)
+    tracks: dict[str, AgentTrack] = field(default_factory=dict)
     size: int = 0  # entries, goals in them, runs and schedules
     overflowed: bool = False
 
@@ -124,7 +124,7 @@ class Recordings:
         """Each log has up to `limit` entries."""
         self._limit = limit
         self._logs: dict[str, CommandLog] = {}
-        self._tracks: dict[str, tuple[CommandLog, Track]] = {}  # of agents that live
+        self._tracks: dict[str, tuple[CommandLog, AgentTrack]] = {}  # of agents that live
 
     def copy(self, session_id: str) -> CommandLog:
         """A log as it is now, which does not change any more.
@@ -164,11 +164,11 @@ class Recordings:
 
     def commanded(self, agent: Agent, command: GoalCommand, seq: int) -> None:
         """Note a goal command."""
-        self._enter(agent, Entry(seq, command))
+        self._enter(agent, LogEntry(seq, command))
 
     def changed(self, agent: Agent, change: AgentChange, seq: int) -> None:
         """Note a change."""
-        self._enter(agent, Entry(seq, change))
+        self._enter(agent, LogEntry(seq, change))
 
     def deleted(self, agent: Agent, seq: int) -> None:
         """The track is complete."""
@@ -181,7 +181,7 @@ class Recordings:
         for agent_id, seq, model in zip(agent_ids, seqs.tolist(), models, strict=True):
             if found := self._tracks.get(agent_id):
                 log, track = found
-                self._grow(log, track.plan(Run(seq, candidates, model)))
+                self._grow(log, track.plan(ChunkRun(seq, candidates, model)))
 
     def stood(self, agents: Sequence[Agent]) -> None:
         """A log holds no places."""
@@ -198,7 +198,7 @@ class Recordings:
                 log, track = found
                 self._grow(log, track.send(seq, at))
 
-    def _enter(self, agent: Agent, entry: Entry) -> None:
+    def _enter(self, agent: Agent, entry: LogEntry) -> None:
         if found := self._tracks.get(agent.agent_id):
             log, track = found
             track.entries.append(entry)
@@ -206,7 +206,9 @@ class Recordings:
 
     def _begin(self, log: CommandLog, agent: Agent, start: Start) -> None:
         seq = start.seq if isinstance(start, AgentRecord) else 0
-        track = Track(agent.agent_id, agent.alias, agent.created_at, start, planned=seq, end=seq)
+        track = AgentTrack(
+            agent.agent_id, agent.alias, agent.created_at, start, planned=seq, end=seq
+        )
         log.tracks[agent.agent_id] = track
         self._tracks[agent.agent_id] = log, track
         self._grow(log, 1)

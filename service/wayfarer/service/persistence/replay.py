@@ -13,7 +13,7 @@ from itertools import accumulate
 from typing import Final
 
 from wayfarer.errors import FailedPrecondition
-from wayfarer.service.persistence.record import CommandLog, Entry, Run, Track
+from wayfarer.service.persistence.record import AgentTrack, ChunkRun, CommandLog, LogEntry
 from wayfarer.service.streams.publications import Publication
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import (
@@ -51,7 +51,7 @@ Played = tuple[MotionChunk, AgentInfo | None]
 """A chunk, and who it is of if it is that agent's first."""
 
 
-def _play(session_id: str, track: Track, make_world: Callable[[], World]) -> Iterator[Played]:
+def _play(session_id: str, track: AgentTrack, make_world: Callable[[], World]) -> Iterator[Played]:
     world, start = make_world(), track.start
     world.create_session(SessionSpec(SESSION), 0.0)
     if isinstance(start, AgentSpec):
@@ -82,7 +82,7 @@ def _play(session_id: str, track: Track, make_world: Callable[[], World]) -> Ite
         told = None
 
 
-def _as_it_was(chunk: MotionChunk, track: Track) -> MotionChunk:
+def _as_it_was(chunk: MotionChunk, track: AgentTrack) -> MotionChunk:
     replanned = _at(track.runs, chunk.seq).replanned
     return replace(
         chunk,
@@ -93,7 +93,7 @@ def _as_it_was(chunk: MotionChunk, track: Track) -> MotionChunk:
     )
 
 
-def _step(world: World, run: Run, now: float) -> MotionChunk:
+def _step(world: World, run: ChunkRun, now: float) -> MotionChunk:
     """Plan the next chunk and send it: what is planned has always been sent before."""
     world.step(now, DegradationLevel(max(run.candidates, 1), hold_idle=run.candidates == 0))
     chunks = world.collect(now + world.settings.lead * STEP_SECONDS)
@@ -105,7 +105,7 @@ def _step(world: World, run: Run, now: float) -> MotionChunk:
     return chunks[0]
 
 
-def _orders(entries: list[Entry]) -> deque[tuple[int, GoalCommand]]:
+def _orders(entries: list[LogEntry]) -> deque[tuple[int, GoalCommand]]:
     """Orders, each with the chunk by which it had been given in any case.
 
     A later order may have thrown away the chunk that an earlier one first counted for.
@@ -115,15 +115,15 @@ def _orders(entries: list[Entry]) -> deque[tuple[int, GoalCommand]]:
     return deque((seq, order) for seq, (_, order) in zip(earliest, orders, strict=True))
 
 
-def _changes(entries: list[Entry]) -> deque[tuple[int, AgentChange]]:
+def _changes(entries: list[LogEntry]) -> deque[tuple[int, AgentChange]]:
     return deque((e.seq, e.command) for e in entries if isinstance(e.command, AgentChange))
 
 
-def _at(runs: list[Run], seq: int) -> Run:
+def _at(runs: list[ChunkRun], seq: int) -> ChunkRun:
     return runs[bisect_right(runs, seq, key=lambda run: run.first) - 1]
 
 
-def _time(track: Track, seq: int) -> float:
+def _time(track: AgentTrack, seq: int) -> float:
     place = bisect_right(track.schedules, seq, key=lambda schedule: schedule.first) - 1
     return track.schedules[place].time(seq)
 

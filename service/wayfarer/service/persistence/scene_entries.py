@@ -7,7 +7,7 @@ from typing import ClassVar, Final
 import structlog
 from pydantic import Base64Bytes, ConfigDict, TypeAdapter, ValidationError
 
-from wayfarer.navigation.spec import (
+from wayfarer.navigation.scene_spec import (
     Box,
     Cylinder,
     Floor,
@@ -22,8 +22,8 @@ from wayfarer.navigation.spec import (
     Solid,
     Walkable,
 )
-from wayfarer.service.persistence.journal_file import Entries, Kind
-from wayfarer.world.scenes.messages import SceneWish
+from wayfarer.service.persistence.journal_file import Entries, EntryKind
+from wayfarer.world.scenes.messages import SceneSource
 from wayfarer.world.scenes.scene_registry import SceneEntry
 
 log = structlog.get_logger(__name__)
@@ -109,7 +109,7 @@ class SceneRecord:
     """A scene at rest."""
 
     scene_id: str
-    wish: SceneWish
+    wish: SceneSource
     created_at: float
     version: int
     obstacles: Mapping[str, Obstacle]
@@ -140,9 +140,9 @@ def obstacles_part(kept: SceneEntry) -> ObstaclesPart:
 
 def decode_scenes(entries: Entries) -> list[SceneRecord]:
     """All sound scenes, oldest first; damaged ones are logged and lost."""
-    obstacles = entries.of(Kind.OBSTACLES)
+    obstacles = entries.of(EntryKind.OBSTACLES)
     found: list[SceneRecord] = []
-    for name, text in entries.of(Kind.SCENE).items():
+    for name, text in entries.of(EntryKind.SCENE).items():
         try:
             found.append(_record(name, text, obstacles.get(name)))
         except (ValidationError, ValueError) as error:
@@ -161,7 +161,7 @@ def _record(name: str, text: bytes, obstacles: bytes | None) -> SceneRecord:
         walkable=part.walkable,
         entries=part.entries,
     )
-    wish = SceneWish(spec, part.name, part.attributes)
+    wish = SceneSource(spec, part.name, part.attributes)
     return SceneRecord(name, wish, part.created_at, stands.version, _obstacles(stands.obstacles))
 
 

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
 from wayfarer.limits import Limits
-from wayfarer.service.persistence.container import Kind, beginning, seal, unseal
+from wayfarer.service.persistence.container import ContainerKind, beginning, seal, unseal
 from wayfarer.service.persistence.packing import pack, row_bytes, unpack
 from wayfarer.spec import FPS
 from wayfarer.world.agents.agent import AgentSpec, Goal, SessionSpec
@@ -64,7 +64,7 @@ class BodyStamp:
 
 
 @dataclass(slots=True)
-class Standing(Rows):
+class AgentRows(Rows):
     """Agents at rest: the arrays of `AgentRecord`."""
 
     seq: Int
@@ -106,7 +106,7 @@ class SessionPart:
     last_alias: int
 
 
-class Header(BaseModel):
+class SnapshotHeader(BaseModel):
     """The JSON of a snapshot."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -118,11 +118,11 @@ class Header(BaseModel):
 
 
 def encode_session(
-    session: SessionPart, agents: Sequence[AgentPart], rows: Standing, body: BodyStamp
+    session: SessionPart, agents: Sequence[AgentPart], rows: AgentRows, body: BodyStamp
 ) -> bytes:
     """The snapshot; `rows` are those of the agents, in the same order."""
-    header = Header(fps=FPS, body=body, session=session, agents=tuple(agents))
-    return seal(Kind.SNAPSHOT, header.model_dump_json().encode(), pack(rows).tobytes())
+    header = SnapshotHeader(fps=FPS, body=body, session=session, agents=tuple(agents))
+    return seal(ContainerKind.SNAPSHOT, header.model_dump_json().encode(), pack(rows).tobytes())
 
 
 def decode_session(data: bytes, body: BodyStamp, limits: Limits) -> SessionRecord:
@@ -131,9 +131,9 @@ def decode_session(data: bytes, body: BodyStamp, limits: Limits) -> SessionRecor
     Raises InvalidArgument that names what is wrong, FailedPrecondition when it is sound but was
     made for another body, frame rate or format.
     """
-    content = unseal(Kind.SNAPSHOT, data, most_bytes(limits))
-    header = parse(Header, content.header, Kind.SNAPSHOT, most_values(limits))
-    check_origin(header.fps, header.body, body, Kind.SNAPSHOT)
+    content = unseal(ContainerKind.SNAPSHOT, data, most_bytes(limits))
+    header = parse(SnapshotHeader, content.header, ContainerKind.SNAPSHOT, most_values(limits))
+    check_origin(header.fps, header.body, body, ContainerKind.SNAPSHOT)
     agents = join_agents(header.agents, content.arrays, limits)
     return join_session(header.session, agents, limits)
 
@@ -144,7 +144,7 @@ def named_session(data: bytes) -> str:
     Anybody may have made it, and only `decode_session` tells whether it is sound.
     """
     try:
-        found = _SESSION_ID.search(beginning(Kind.SNAPSHOT, data, NAMED_WITHIN))
+        found = _SESSION_ID.search(beginning(ContainerKind.SNAPSHOT, data, NAMED_WITHIN))
     except WayfarerError:
         return ""
     return found[1].decode() if found else ""
@@ -158,10 +158,10 @@ def agent_part(record: AgentRecord) -> AgentPart:
     return AgentPart(**{part.name: getattr(record, part.name) for part in fields(AgentPart)})
 
 
-def standing(record: AgentRecord) -> Standing:
+def standing(record: AgentRecord) -> AgentRows:
     """The arrays of an agent: one row."""
     begun = record.feet is not None
-    return Standing(
+    return AgentRows(
         seq=np.array([record.seq]),
         motion=record.motion,
         feet=LockState.empty(1) if record.feet is None else record.feet,
@@ -189,7 +189,7 @@ def join_session(
     return record
 
 
-def join_agent(part: AgentPart, row: Standing) -> AgentRecord:
+def join_agent(part: AgentPart, row: AgentRows) -> AgentRecord:
     """An agent's record; `row` is one."""
     return AgentRecord(
         **{field.name: getattr(part, field.name) for field in fields(AgentPart)},
@@ -208,7 +208,7 @@ def join_agents(
         raise InvalidArgument(
             f"there are {len(parts)} agents; allowed: {limits.agents_per_session}", "agents"
         )
-    rows = unpack(Standing, arrays, "agents")
+    rows = unpack(AgentRows, arrays, "agents")
     if len(rows.seq) != len(parts):
         raise InvalidArgument(
             f"there are {len(parts)} agents and the motion of {len(rows.seq)}", "agents"
@@ -223,7 +223,7 @@ def join_agents(
 
 def most_bytes(limits: Limits) -> int:
     """Upper bound of a snapshot that this server accepts, before compression."""
-    agent = AGENT_BYTES + row_bytes(Standing) + 2 * GOAL_BYTES * (limits.path_goals + 8)
+    agent = AGENT_BYTES + row_bytes(AgentRows) + 2 * GOAL_BYTES * (limits.path_goals + 8)
     return SESSION_BYTES + limits.agents_per_session * agent
 
 
@@ -232,7 +232,7 @@ def most_values(limits: Limits) -> int:
     return 1000 + limits.agents_per_session * (64 + 16 * 2 * (limits.path_goals + 8))
 
 
-def parse(model: type[M], text: bytes, kind: Kind, values: int) -> M:
+def parse(model: type[M], text: bytes, kind: ContainerKind, values: int) -> M:
     """A header of up to `values` values. Raises InvalidArgument that names the field at fault."""
     if text.count(b",") > values:  # parsed values take up to a hundred times their bytes
         raise InvalidArgument(f"{kind.field} has more than {values} values", kind.field)
@@ -244,7 +244,7 @@ def parse(model: type[M], text: bytes, kind: Kind, values: int) -> M:
         raise InvalidArgument(f"{where}: {first['msg']}", where) from None
 
 
-def check_origin(fps: int, made_for: BodyStamp, body: BodyStamp, kind: Kind) -> None:
+def check_origin(fps: int, made_for: BodyStamp, body: BodyStamp, kind: ContainerKind) -> None:
     """Raises FailedPrecondition when motion of that body cannot go on here."""
     if fps != FPS:
         raise FailedPrecondition(f"{kind.field} has {fps} frames per second; this server has {FPS}")

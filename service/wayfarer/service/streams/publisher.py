@@ -17,7 +17,7 @@ from wayfarer.service.inbox import post
 from wayfarer.service.metrics_sink import MetricsSink, ResumeResult
 from wayfarer.service.streams.goal_events import GoalEvents
 from wayfarer.service.streams.publications import Publication, Resume, SlowReader
-from wayfarer.service.streams.subscription import Entry, Start, Subscription
+from wayfarer.service.streams.subscription import QueuedPublication, Subscription, SubscriptionStart
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import NO_CHUNKS, AgentInfo, MotionChunks
 from wayfarer.world.agents.records import SessionRecord
@@ -26,7 +26,7 @@ from wayfarer.world.events import Event, EventKind
 LEAST_STEP: Final = 1e-3
 """Seconds that a publication counts at least, so that a bound in seconds bounds their number."""
 
-Delivery = tuple[Subscription, Entry, bool]
+Delivery = tuple[Subscription, QueuedPublication, bool]
 
 
 class Publisher:
@@ -122,9 +122,9 @@ class Publisher:
         for reader, spare in readers:
             self._deliveries[reader.loop].append((reader, entry, spare))
 
-    def _start(self, log: "_Log", resume: Resume | None, now: float) -> Start:
+    def _start(self, log: "_Log", resume: Resume | None, now: float) -> SubscriptionStart:
         if resume is None:
-            return Start(log.epoch, log.position, log.motion)
+            return SubscriptionStart(log.epoch, log.position, log.motion)
         if resume.epoch != log.epoch:
             self._meter.resume(ResumeResult.NEW_EPOCH)
             return log.present(0, _gap(now, "the server has restarted the session since"))
@@ -152,18 +152,18 @@ class _Log:
         self.awaited: dict[str, tuple[int, float]] = {}  # goal revision, asked at; by agent
         self.is_waiting = False  # the agents wait for their readers
         self._resume_s = resume_s
-        self._ring: deque[Entry] = deque()
+        self._ring: deque[QueuedPublication] = deque()
         self.motion = 0.0  # seconds of motion so far
         self._last_at: float | None = None
         self._subscribers: list[weakref.ref[Subscription]] = []
         self._waiting_since: float | None = None
 
-    def add(self, chunks: MotionChunks, events: tuple[Event, ...]) -> Entry:
+    def add(self, chunks: MotionChunks, events: tuple[Event, ...]) -> QueuedPublication:
         """Enter a publication into the ring."""
         self.position += 1
         publication = Publication(self.position, chunks, events)
         self.motion += self._step(publication)
-        self._ring.append(Entry(publication, self.motion))
+        self._ring.append(QueuedPublication(publication, self.motion))
         while self.motion - self._ring[0].motion > self._resume_s:
             self._ring.popleft()
         return self._ring[-1]
@@ -188,24 +188,24 @@ class _Log:
 
     # Starts
 
-    def present(self, position: int, gap: Event) -> Start:
+    def present(self, position: int, gap: Event) -> SubscriptionStart:
         """Begin with what falls due next, having lost all since a position."""
         opening = Publication(position, events=(gap,))
-        return Start(self.epoch, self.position, self.motion, opening=opening)
+        return SubscriptionStart(self.epoch, self.position, self.motion, opening=opening)
 
     def holds_after(self, position: int) -> bool:
         """All that followed a position is in the ring."""
         first = self._ring[0].publication.position if self._ring else self.position + 1
         return first <= position + 1
 
-    def after(self, position: int) -> Start:
+    def after(self, position: int) -> SubscriptionStart:
         """Begin right after a position."""
         motion = self.motion
         for entry in self._ring:
             if entry.publication.position > position:
                 motion = entry.motion
                 break
-        return Start(self.epoch, position, motion, resumed=True, held=tuple(self._ring))
+        return SubscriptionStart(self.epoch, position, motion, resumed=True, held=tuple(self._ring))
 
     # Subscribers
 

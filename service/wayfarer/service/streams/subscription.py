@@ -35,25 +35,27 @@ MAX_AHEAD: Final = 60.0
 """Seconds by which a playhead may be ahead of the clock; beyond lies a mistaken unit or clock."""
 
 
-class Entry(NamedTuple):
+class QueuedPublication(NamedTuple):
     """A publication and its place in the motion of its session."""
 
     publication: Publication
     motion: float  # seconds of motion before it
 
 
-class Start(NamedTuple):
+class SubscriptionStart(NamedTuple):
     """Where a subscription begins."""
 
     epoch: str
     position: int  # of the last publication before it
     motion: float  # place of that
     resumed: bool = False  # nothing is missing between the reader's last one and what follows
-    held: tuple[Entry, ...] = ()  # of a subscription that resumes: all that the server holds
+    held: tuple[
+        QueuedPublication, ...
+    ] = ()  # of a subscription that resumes: all that the server holds
     opening: Publication | None = None  # to be yielded first
 
     @property
-    def replay(self) -> list[Entry]:
+    def replay(self) -> list[QueuedPublication]:
         """What a subscription that resumes has missed."""
         return [entry for entry in self.held if entry.publication.position > self.position]
 
@@ -113,7 +115,7 @@ class Subscription:
         self._meter = meter
         self._clock = clock
         self._bound = limits.queue_s
-        self._waiting: deque[Entry] = deque()
+        self._waiting: deque[QueuedPublication] = deque()
         self._loss: _Loss | None = None
         self._opening: Publication | None = None
         self._position = 0  # of the last publication yielded
@@ -123,7 +125,7 @@ class Subscription:
         self._error: WayfarerError | None = None
         self._waiter: asyncio.Future[None] | None = None
 
-    def begin(self, start: Start) -> None:
+    def begin(self, start: SubscriptionStart) -> None:
         """Set where it begins. On the reader's event loop, before the first `put`."""
         self.epoch, self.resumed = start.epoch, start.resumed
         self.taken, self._position, self._opening = start.motion, start.position, start.opening
@@ -185,7 +187,7 @@ class Subscription:
 
     # From the motion thread, by way of the event loop
 
-    def put(self, entry: Entry, spare: bool) -> None:
+    def put(self, entry: QueuedPublication, spare: bool) -> None:
         """Add a publication; drop the oldest ones beyond the bound, unless `spare`."""
         if self._ended:
             return
@@ -194,7 +196,7 @@ class Subscription:
             if not self._waiting:
                 self.taken = entry.motion
             return
-        self._waiting.append(Entry(wanted, entry.motion))
+        self._waiting.append(QueuedPublication(wanted, entry.motion))
         if not spare:
             self._keep_to_bound()
         self._meter.queue(self._span())

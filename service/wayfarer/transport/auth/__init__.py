@@ -1,5 +1,5 @@
 """Authentication: API keys, JWTs, client certificates → `Caller`, for both transports."""
 
-from wayfarer.transport.auth.authenticator import Authenticator, Presented
+from wayfarer.transport.auth.authenticator import Authenticator, Credentials
 
-__all__ = ["Authenticator", "Presented"]
+__all__ = ["Authenticator", "Credentials"]

@@ -16,7 +16,7 @@ MOST_BYTES = 8192
 
 
 @dataclass(frozen=True, slots=True)
-class Presented:
+class Credentials:
     """The credentials of a call."""
 
     bearer: str = field(default="", repr=False)  # key or JWT of `authorization: Bearer …`
@@ -67,7 +67,7 @@ class Authenticator:
         if self._keys:
             self._keys.reload()
 
-    async def caller(self, shown: Presented) -> Caller:
+    async def caller(self, shown: Credentials) -> Caller:
         """The caller of a call with these credentials.
 
         Raises Unauthenticated; Unavailable while the keys of the JWT issuer cannot be had.

@@ -6,8 +6,8 @@ import structlog
 
 from wayfarer.errors import ArtifactError, FailedPrecondition
 from wayfarer.transport import convert, schema
-from wayfarer.transport.caller import Scope, present_caller
-from wayfarer.transport.gateway.shared import Shared, needs
+from wayfarer.transport.caller import Scope, current_caller
+from wayfarer.transport.gateway.context import GatewayContext, needs
 
 log = structlog.get_logger(__name__)
 
@@ -15,7 +15,7 @@ log = structlog.get_logger(__name__)
 class AdminApi:
     """AdminService."""
 
-    def __init__(self, shared: Shared, stop: Callable[[], None]) -> None:
+    def __init__(self, shared: GatewayContext, stop: Callable[[], None]) -> None:
         """`stop` begins the shutdown, as SIGTERM does."""
         self._shared = shared
         self._stop = stop
@@ -27,7 +27,7 @@ class AdminApi:
             await self._shared.service.load_model(wish.name)
         except ArtifactError as error:
             raise FailedPrecondition(f"model {wish.name!r} cannot be loaded: {error}") from error
-        log.info("model loaded", model=wish.name, caller=present_caller().name)
+        log.info("model loaded", model=wish.name, caller=current_caller().name)
         infos = await self._shared.service.list_models()
         return next(convert.model(info) for info in infos if info.name == wish.name)
 
@@ -35,17 +35,17 @@ class AdminApi:
     async def use_model(self, name: str, wish: schema.ModelUse) -> schema.ModelUsed:
         """Let agents be moved by a loaded model. Raises NotFound."""
         moved = await self._shared.service.use_model(name, wish.move_agents)
-        log.info("model in use", model=name, moved=moved, caller=present_caller().name)
+        log.info("model in use", model=name, moved=moved, caller=current_caller().name)
         return schema.ModelUsed(moved=moved)
 
     @needs(Scope.ADMIN)
     async def unload_model(self, name: str) -> None:
         """Unload a model. Raises NotFound, FailedPrecondition."""
         await self._shared.service.unload_model(name)
-        log.info("model unloaded", model=name, caller=present_caller().name)
+        log.info("model unloaded", model=name, caller=current_caller().name)
 
     @needs(Scope.ADMIN)
     async def drain(self) -> None:
         """Begin to shut down."""
-        log.info("drain asked for", caller=present_caller().name)
+        log.info("drain asked for", caller=current_caller().name)
         self._stop()

@@ -6,9 +6,9 @@ from typing import Final
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.transport import convert, schema
-from wayfarer.transport.caller import Scope, present_caller
-from wayfarer.transport.gateway.book import OpenSession
-from wayfarer.transport.gateway.shared import Shared, needs
+from wayfarer.transport.caller import Scope, current_caller
+from wayfarer.transport.gateway.context import GatewayContext, needs
+from wayfarer.transport.gateway.session_registry import OpenSession
 from wayfarer.world.agents.agent import AgentInfo
 
 AT_ONCE: Final = 4
@@ -18,7 +18,7 @@ AT_ONCE: Final = 4
 class AgentApi:
     """AgentService."""
 
-    def __init__(self, shared: Shared) -> None:
+    def __init__(self, shared: GatewayContext) -> None:
         self._shared = shared
 
     @needs(Scope.CONTROL)
@@ -35,7 +35,7 @@ class AgentApi:
         most, asked = self._shared.limits.agents_per_call, len(wish.agents)
         if asked > most:
             raise InvalidArgument(f"1 to {most} agents per call, not {asked}", "agents")
-        self._shared.book.require_room(present_caller(), asked)
+        self._shared.book.require_room(current_caller(), asked)
         first = session.created
         session.created += asked  # before the first await: two calls at a time draw other seeds
         try:

@@ -5,13 +5,13 @@ from wayfarer.spec import FPS, NEW_FRAMES
 from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.caller import Scope
-from wayfarer.transport.gateway.shared import Shared, needs
+from wayfarer.transport.gateway.context import GatewayContext, needs
 
 
 class CatalogueApi:
     """CatalogService."""
 
-    def __init__(self, shared: Shared) -> None:
+    def __init__(self, shared: GatewayContext) -> None:
         self._shared = shared
 
     @needs(Scope.READ)

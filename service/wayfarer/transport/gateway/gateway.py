@@ -16,17 +16,17 @@ from wayfarer.service.motion_service import MotionService
 from wayfarer.service.stats import LoopStats
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.caller import Caller
-from wayfarer.transport.fleet import Fleet
 from wayfarer.transport.gateway.admin import AdminApi
 from wayfarer.transport.gateway.agents import AgentApi
 from wayfarer.transport.gateway.catalogue import CatalogueApi
+from wayfarer.transport.gateway.context import GatewayContext
 from wayfarer.transport.gateway.goals import GoalApi
 from wayfarer.transport.gateway.motion import MotionApi
 from wayfarer.transport.gateway.scenes import SceneApi
 from wayfarer.transport.gateway.sessions import SessionApi
-from wayfarer.transport.gateway.shared import Shared
 from wayfarer.transport.gateway.snapshots import SnapshotApi
 from wayfarer.transport.stream import SHUTDOWN
+from wayfarer.transport.worker_topology import WorkerTopology
 
 log = structlog.get_logger(__name__)
 
@@ -41,10 +41,12 @@ class Gateway:
         limits: Limits,
         clock: Callable[[], float],
         stop: Callable[[], None],
-        fleet: Fleet | None = None,
+        fleet: WorkerTopology | None = None,
     ) -> None:
         """`stop` begins the shutdown of the server, as SIGTERM does; AdminService calls it."""
-        self._shared = shared = Shared(service, bodies, limits, clock, fleet or Fleet())
+        self._shared = shared = GatewayContext(
+            service, bodies, limits, clock, fleet or WorkerTopology()
+        )
         self.limits = limits
         self.body_library = bodies
         self.scenes = SceneApi(shared)

@@ -2,14 +2,14 @@
 
 from wayfarer.transport.caller import Scope
 from wayfarer.transport.convert import in_basis
-from wayfarer.transport.gateway.shared import Shared, needs
+from wayfarer.transport.gateway.context import GatewayContext, needs
 from wayfarer.transport.goal_convert import Wish, fields_named, goal_command
 
 
 class GoalApi:
     """GoalService."""
 
-    def __init__(self, shared: Shared) -> None:
+    def __init__(self, shared: GatewayContext) -> None:
         self._shared = shared
 
     @needs(Scope.CONTROL)

@@ -9,9 +9,9 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.transport import convert, schema
 from wayfarer.transport.batches import event_message, parsed
-from wayfarer.transport.caller import Scope, present_caller
-from wayfarer.transport.gateway.book import OpenSession
-from wayfarer.transport.gateway.shared import Shared, needs
+from wayfarer.transport.caller import Scope, current_caller
+from wayfarer.transport.gateway.context import GatewayContext, needs
+from wayfarer.transport.gateway.session_registry import OpenSession
 from wayfarer.transport.resume import Progress, filter_mark
 from wayfarer.transport.stream import MotionStream
 from wayfarer.v1 import motion_pb2
@@ -21,11 +21,11 @@ from wayfarer.world.events import Event
 class MotionApi:
     """MotionService."""
 
-    def __init__(self, shared: Shared) -> None:
+    def __init__(self, shared: GatewayContext) -> None:
         self._shared = shared
 
     @needs(Scope.READ)
-    async def stream(self, wish: schema.StreamWish) -> AsyncGenerator[bytes]:
+    async def stream(self, wish: schema.StreamRequest) -> AsyncGenerator[bytes]:
         """Messages until the session ends, each a StreamMotionResponse, encoded. Close it with
         `aclose`.
 
@@ -36,7 +36,7 @@ class MotionApi:
                 yield message
 
     @needs(Scope.READ)
-    async def events(self, wish: schema.StreamWish) -> AsyncGenerator[tuple[str, Event] | None]:
+    async def events(self, wish: schema.StreamRequest) -> AsyncGenerator[tuple[str, Event] | None]:
         """Events with their resume tokens, None for a sign of life. Otherwise as `stream`."""
         async with self._followed(wish) as (_, stream), aclosing(stream.events()) as events:
             async for event in events:
@@ -44,7 +44,7 @@ class MotionApi:
 
     @asynccontextmanager
     async def follow(
-        self, wish: schema.StreamWish
+        self, wish: schema.StreamRequest
     ) -> AsyncIterator[tuple[MotionStream, AsyncGenerator[bytes]]]:
         """A stream, for its acknowledgements, and its messages. Raises as `stream`."""
         pose_format = convert.pose_format(wish.format)
@@ -56,7 +56,7 @@ class MotionApi:
 
     @needs(Scope.CONTROL)
     async def generate_clip(
-        self, wish: schema.ClipWish
+        self, wish: schema.ClipRequest
     ) -> AsyncGenerator[motion_pb2.GenerateClipResponse]:
         """A header, then batches in order of time. Close it with `aclose`.
 
@@ -83,7 +83,9 @@ class MotionApi:
                     yield motion_pb2.GenerateClipResponse(header=header, batch=batch)
 
     @needs(Scope.CONTROL)
-    async def step(self, session_id: str, wish: schema.StepWish) -> motion_pb2.StepAgentsResponse:
+    async def step(
+        self, session_id: str, wish: schema.StepRequest
+    ) -> motion_pb2.StepAgentsResponse:
         """Let primitives pass in a lock-step session.
 
         Raises NotFound, InvalidArgument, FailedPrecondition.
@@ -108,11 +110,11 @@ class MotionApi:
 
     @asynccontextmanager
     async def _followed(
-        self, wish: schema.StreamWish
+        self, wish: schema.StreamRequest
     ) -> AsyncIterator[tuple[OpenSession, MotionStream]]:
         shared = self._shared
         shared.require_ready()
-        caller = present_caller()
+        caller = current_caller()
         session = shared.book.session(wish.session_id)
         if len(wish.agent_ids) > shared.limits.agents_per_session:
             raise InvalidArgument(f"{shared.limits.agents_per_session} agents at most", "agent_ids")

@@ -16,14 +16,14 @@ from wayfarer.errors import (
     Unavailable,
 )
 from wayfarer.navigation.examples import EXAMPLES
-from wayfarer.navigation.spec import MeshFile, SceneSpec
+from wayfarer.navigation.scene_spec import MeshFile, SceneSpec
 from wayfarer.transport import convert, scene_convert, schema
-from wayfarer.transport.caller import Scope, present_caller
-from wayfarer.transport.gateway.scene_book import SCENE_LEASE_S, scene_attributes
-from wayfarer.transport.gateway.shared import Shared, needs
+from wayfarer.transport.caller import Scope, current_caller
+from wayfarer.transport.gateway.context import GatewayContext, needs
+from wayfarer.transport.gateway.scene_access import SCENE_LEASE_S, scene_attributes
 from wayfarer.transport.gateway.uploads import Uploads
 from wayfarer.transport.units import place
-from wayfarer.world.scenes.messages import SceneWish
+from wayfarer.world.scenes.messages import SceneSource
 
 log = structlog.get_logger(__name__)
 
@@ -36,7 +36,7 @@ NewScene = schema.NewScene | schema.NewExampleScene
 class SceneApi:
     """SceneService."""
 
-    def __init__(self, shared: Shared) -> None:
+    def __init__(self, shared: GatewayContext) -> None:
         self._shared = shared
         self._uploads = Uploads(shared.limits.mesh_bytes)
 
@@ -100,13 +100,13 @@ class SceneApi:
     async def _create(
         self, wish: NewScene, name: str, spec: Callable[[], SceneSpec]
     ) -> schema.Scene:
-        caller, limits, service = present_caller(), self._shared.limits, self._shared.service
+        caller, limits, service = current_caller(), self._shared.limits, self._shared.service
         lease_s = min(SCENE_LEASE_S, limits.lease_s) if wish.lease_s is None else wish.lease_s
         if lease_s > limits.lease_s:
             raise InvalidArgument(f"from 1 to {limits.lease_s:g} s, not {lease_s:g}", "lease_s")
         with self._shared.scenes.room(caller):
             attributes = scene_attributes(caller.name, wish.basis, lease_s)
-            made = SceneWish(await asyncio.to_thread(spec), name, attributes)
+            made = SceneSource(await asyncio.to_thread(spec), name, attributes)
             with convert.in_basis(wish.basis.axes):
                 info = await service.scenes.create_scene(made)
             return self._shared.scenes.open(info).describe(info)
@@ -121,7 +121,7 @@ class SceneApi:
     async def list_own(self) -> schema.Scenes:
         """The caller's, oldest first; an admin sees all. Renews no lease."""
         infos = {info.scene_id: info for info in await self._shared.service.scenes.list_scenes()}
-        owned = self._shared.scenes.owned(present_caller())
+        owned = self._shared.scenes.owned(current_caller())
         return schema.Scenes(
             scenes=tuple(s.describe(infos[s.scene_id]) for s in owned if s.scene_id in infos)
         )
@@ -190,7 +190,7 @@ class SceneApi:
         most = self._shared.limits.agents_per_session
         if wish.count > most:
             raise InvalidArgument(f"is {wish.count}; allowed: {most}", "count")
-        self._shared.book.require_room(present_caller(), wish.count)
+        self._shared.book.require_room(current_caller(), wish.count)
         crowd = scene_convert.crowd(wish, session.basis, secrets.randbits(32))
         with convert.in_basis(session.basis.axes):
             state = await self._shared.service.scenes.populate(session_id, crowd)

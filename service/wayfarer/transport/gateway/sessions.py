@@ -7,10 +7,10 @@ import structlog
 
 from wayfarer.errors import InvalidArgument, NotFound, Unavailable
 from wayfarer.transport import convert, schema
-from wayfarer.transport.caller import Scope, present_caller
-from wayfarer.transport.gateway.book import LEASE_S, OpenSession, attributes
-from wayfarer.transport.gateway.replies import finish
-from wayfarer.transport.gateway.shared import Shared, needs
+from wayfarer.transport.caller import Scope, current_caller
+from wayfarer.transport.gateway.context import GatewayContext, needs
+from wayfarer.transport.gateway.idempotency import finish
+from wayfarer.transport.gateway.session_registry import LEASE_S, OpenSession, attributes
 from wayfarer.world.agents.agent import SessionInfo, SessionSpec
 
 log = structlog.get_logger(__name__)
@@ -19,7 +19,7 @@ log = structlog.get_logger(__name__)
 class SessionApi:
     """SessionService."""
 
-    def __init__(self, shared: Shared) -> None:
+    def __init__(self, shared: GatewayContext) -> None:
         self._shared = shared
 
     @needs(Scope.CONTROL)
@@ -31,7 +31,7 @@ class SessionApi:
         )
 
     async def _create(self, wish: schema.NewSession) -> schema.Session:
-        caller, limits = present_caller(), self._shared.limits
+        caller, limits = current_caller(), self._shared.limits
         if wish.scene:
             self._shared.scenes.scene(wish.scene)
         lease_s = min(LEASE_S, limits.lease_s) if wish.lease_s is None else wish.lease_s
@@ -59,7 +59,7 @@ class SessionApi:
     async def list_own(self) -> schema.Sessions:
         """The caller's, oldest first; an admin sees all. Renews no lease."""
         infos = {info.session_id: info for info in await self._shared.service.list_sessions()}
-        owned = self._shared.book.owned(present_caller())
+        owned = self._shared.book.owned(current_caller())
         return schema.Sessions(
             sessions=tuple(
                 session.describe(infos[session.session_id])

@@ -8,9 +8,9 @@ from typing import Final
 from wayfarer.errors import InvalidArgument, NotFound
 from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Basis
-from wayfarer.transport.caller import Scope, present_caller
-from wayfarer.transport.gateway.replies import finish
-from wayfarer.transport.gateway.shared import Shared, needs
+from wayfarer.transport.caller import Scope, current_caller
+from wayfarer.transport.gateway.context import GatewayContext, needs
+from wayfarer.transport.gateway.idempotency import finish
 from wayfarer.v1 import snapshot_pb2
 
 MARK: Final = b"wayfarer-log "
@@ -20,7 +20,7 @@ MARK: Final = b"wayfarer-log "
 class SnapshotApi:
     """SnapshotService."""
 
-    def __init__(self, shared: Shared) -> None:
+    def __init__(self, shared: GatewayContext) -> None:
         self._shared = shared
 
     @needs(Scope.CONTROL)
@@ -39,7 +39,7 @@ class SnapshotApi:
         return await finish(self._import(snapshot))
 
     async def _import(self, snapshot: bytes) -> schema.Session:
-        caller, service = present_caller(), self._shared.service
+        caller, service = current_caller(), self._shared.service
         self._shared.book.require_room(caller)
         info = await service.import_session(snapshot, {"owner": caller.name})
         try:

@@ -17,7 +17,7 @@ from google.protobuf.message_factory import GetMessageClass
 from grpc.aio import ServicerContext as Context
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.navigation.spec import MAX_POINTS
+from wayfarer.navigation.scene_spec import MAX_POINTS
 from wayfarer.transport import schema
 from wayfarer.transport.control import control
 from wayfarer.transport.gateway import Gateway
@@ -84,9 +84,9 @@ def methods(gateway: Gateway) -> dict[str, Call]:
         "UpdateAgent": lambda r: agents.update(r.agent_id, parse(schema.AgentUpdate, r)),
         "DeleteAgent": lambda r: agents.delete(r.agent_id),
         **dict.fromkeys(GOAL_METHODS, lambda r: give(r, gateway.goals)),
-        "StreamMotion": lambda r: motion.stream(parse(schema.StreamWish, r)),
-        "GenerateClip": lambda r: motion.generate_clip(parse(schema.ClipWish, r)),
-        "StepAgents": lambda r: motion.step(r.session_id, parse(schema.StepWish, r)),
+        "StreamMotion": lambda r: motion.stream(parse(schema.StreamRequest, r)),
+        "GenerateClip": lambda r: motion.generate_clip(parse(schema.ClipRequest, r)),
+        "StepAgents": lambda r: motion.step(r.session_id, parse(schema.StepRequest, r)),
         "Control": lambda requests: control(gateway, requests),
         "ExportSession": lambda r: snapshots.export_session(r.session_id),
         "ImportSession": lambda r: snapshots.import_session(r.snapshot),

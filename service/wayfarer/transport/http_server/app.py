@@ -12,16 +12,21 @@ from wayfarer import __version__
 from wayfarer.limits import Limits
 from wayfarer.transport import schema
 from wayfarer.transport.gateway import Gateway
-from wayfarer.transport.http_edge import PROBLEMS, Edge, RevalidatedFiles, add_problem_handlers
 from wayfarer.transport.http_server.admin import admin_routes
 from wayfarer.transport.http_server.agents import agent_routes, goal_routes
 from wayfarer.transport.http_server.catalogue import catalogue_routes
 from wayfarer.transport.http_server.clips import clip_routes, snapshot_routes
-from wayfarer.transport.http_server.elsewhere import Elsewhere
 from wayfarer.transport.http_server.events import event_routes
 from wayfarer.transport.http_server.health import health_routes
 from wayfarer.transport.http_server.scenes import crowd_routes, scene_routes
 from wayfarer.transport.http_server.sessions import session_routes
+from wayfarer.transport.http_server.unknown_path import UnknownPath
+from wayfarer.transport.request_limits import (
+    PROBLEMS,
+    RequestLimits,
+    RevalidatedFiles,
+    add_problem_handlers,
+)
 from wayfarer.transport.websocket import add_sockets
 
 VIEWER: Final = Path(__file__).parent.parent / "viewer"
@@ -46,9 +51,9 @@ LIMITED: Final = {
     "Goals.goals": ("maxItems", "path_goals"),
     "Patrol.goals": ("maxItems", "path_goals"),
     "Visit.goals": ("maxItems", "path_goals"),
-    "ClipWish.goals": ("maxItems", "path_goals"),
-    "ClipWish.seconds": ("maximum", "clip_s"),
-    "StepWish.steps": ("maximum", "steps_per_call"),
+    "ClipRequest.goals": ("maxItems", "path_goals"),
+    "ClipRequest.seconds": ("maximum", "clip_s"),
+    "StepRequest.steps": ("maximum", "steps_per_call"),
     "Crowd.count": ("maximum", "agents_per_session"),
     "NewSession.lease_s": ("maximum", "lease_s"),
     "NewScene.lease_s": ("maximum", "lease_s"),
@@ -77,9 +82,9 @@ def http_app(gateway: Gateway, viewer: Path = VIEWER) -> FastAPI:
     add_sockets(app, gateway)
     add_problem_handlers(app)
     limits = gateway.limits
-    app.add_middleware(Edge, body_bytes=limits.message_bytes, mesh_bytes=limits.mesh_bytes)
+    app.add_middleware(RequestLimits, body_bytes=limits.message_bytes, mesh_bytes=limits.mesh_bytes)
     app.openapi = lambda: _document(app, limits)  # type: ignore[method-assign]
-    app.router.routes.append(Route("/v1/{rest:path}", Elsewhere(app.openapi)))
+    app.router.routes.append(Route("/v1/{rest:path}", UnknownPath(app.openapi)))
     app.router.routes.append(Route("/docs", lambda request: RedirectResponse("docs/")))
     app.mount("/docs", RevalidatedFiles(directory=REFERENCE, html=True), name="docs")
     if viewer.is_dir():

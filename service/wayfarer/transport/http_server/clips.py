@@ -13,7 +13,7 @@ from wayfarer.transport.http_server.parameters import (
     binary_body,
     pose_format,
 )
-from wayfarer.transport.http_server.streamed import Lines, clip_lines
+from wayfarer.transport.http_server.streaming import Lines, clip_lines
 
 LINES: Final[dict[int | str, dict[str, Any]]] = {
     200: {
@@ -35,7 +35,7 @@ def clip_routes(gateway: Gateway) -> APIRouter:
         response_class=Lines,
         responses=LINES,
     )
-    async def generate_clip(wish: schema.ClipWish) -> Response:
+    async def generate_clip(wish: schema.ClipRequest) -> Response:
         """It is made as fast as the server has time for beside its streams."""
         return await clip_lines(gateway.motion.generate_clip(wish))
 

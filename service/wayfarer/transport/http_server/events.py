@@ -7,7 +7,7 @@ from fastapi import APIRouter, Header, Query, Response
 from wayfarer.transport import errors, schema, wire
 from wayfarer.transport.batches import event_message
 from wayfarer.transport.gateway import Gateway
-from wayfarer.transport.http_server.streamed import ServerSentEvents, begun
+from wayfarer.transport.http_server.streaming import ServerSentEvents, begun
 from wayfarer.world.events import Event
 
 Id = Annotated[str, Query(max_length=schema.ID_LENGTH)]
@@ -39,7 +39,7 @@ def event_routes(gateway: Gateway) -> APIRouter:
         """Goals reached, paths done, gaps, draining; no poses. A comment each second when there
         is nothing to tell. `event:` is the kind, `id:` the token that resumes after it.
         """
-        wish = schema.StreamWish(
+        wish = schema.StreamRequest(
             session_id=session,
             agent_ids=tuple(agent or ()),
             resume_token=last_event_id or resume_token,

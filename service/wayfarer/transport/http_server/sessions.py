@@ -69,10 +69,10 @@ def session_routes(gateway: Gateway) -> APIRouter:
         summary="Advance the time of a lock-step session",
     )
     async def step_agents(
-        session_id: SessionId, wish: schema.StepWish | None = None
+        session_id: SessionId, wish: schema.StepRequest | None = None
     ) -> schema.Steps:
         """409 for a session that was not made with lock_step."""
-        reply = await gateway.motion.step(session_id, wish or schema.StepWish())
+        reply = await gateway.motion.step(session_id, wish or schema.StepRequest())
         return schema.Steps.model_validate(wire.values(reply))
 
     return router

@@ -51,7 +51,7 @@ class PoseFormat(Message):
     )
 
 
-class StreamWish(Message):
+class StreamRequest(Message):
     """Asks for a stream."""
 
     session_id: str = Field(max_length=ID_LENGTH, description="the session to follow")
@@ -63,7 +63,7 @@ class StreamWish(Message):
     resume_token: str = Field(default="", description="the last one of an earlier stream")
 
 
-class ClipWish(Message):
+class ClipRequest(Message):
     """Asks for a clip."""
 
     model_config = ConfigDict(
@@ -91,7 +91,7 @@ class ClipWish(Message):
     format: PoseFormat = PoseFormat()
 
 
-class StepWish(Message):
+class StepRequest(Message):
     """Asks that time pass in a lock-step session."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"steps": 5}]})

@@ -6,7 +6,7 @@ from typing import Annotated, Final
 from pydantic import ConfigDict, Field, JsonValue
 
 from wayfarer.navigation.checks import UNIT
-from wayfarer.navigation.spec import MAX_FLOORS, MAX_SOLIDS
+from wayfarer.navigation.scene_spec import MAX_FLOORS, MAX_SOLIDS
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.schema.base import (
     BasisInfo,

@@ -4,9 +4,9 @@ from typing import Annotated, Final
 
 from pydantic import ConfigDict, Field, JsonValue
 
-from wayfarer.navigation import spec
+from wayfarer.navigation import scene_spec as spec
 from wayfarer.navigation.checks import HEIGHT, RADIUS, SLOPE_DEG, STEP_HEIGHT
-from wayfarer.navigation.spec import (
+from wayfarer.navigation.scene_spec import (
     MAX_EXTENT,
     MAX_OBSTACLE_RING,
     MAX_RING,

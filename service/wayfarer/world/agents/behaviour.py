@@ -24,7 +24,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
-class Body:
+class BodyState:
     """An agent as others see it."""
 
     place: Vector
@@ -92,7 +92,7 @@ class Actor(Protocol):
         ...
 
     @property
-    def body(self) -> Body:
+    def body(self) -> BodyState:
         """The agent as planned."""
         ...
 
@@ -119,7 +119,7 @@ class Actor(Protocol):
         """A goal where it is planned to be."""
         ...
 
-    def look_at(self, agent_id: str) -> Body | None:
+    def look_at(self, agent_id: str) -> BodyState | None:
         """Another agent at the moment that this one is planned to.
 
         None: it has been deleted; then the activity has been ended.

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.body.model import BodyModel
-from wayfarer.engines.models import Loaded, Models
+from wayfarer.engines.models import Loaded, LoadedModels
 from wayfarer.spec import GENDERS, NEW_FRAMES
 from wayfarer.world.agents.agent import AgentChange, AgentSpec
 from wayfarer.world.agents.heading import heading_of
@@ -41,7 +41,7 @@ class Population:
         registry: Registry,
         table: SlotTable,
         timeline: Timeline,
-        models: Models,
+        models: LoadedModels,
     ) -> None:
         """Steps are spread over `phases` phases; `lead` chunks are planned ahead."""
         self._lead = lead

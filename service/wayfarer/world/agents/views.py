@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from wayfarer.engines.models import Models
+from wayfarer.engines.models import LoadedModels
 from wayfarer.world.agents.agent import AgentInfo, AgentState
 from wayfarer.world.agents.heading import heading_of
 from wayfarer.world.agents.registry import Agent
 from wayfarer.world.agents.slots import Mode, Slots
 
 
-def agent_info(agent: Agent, slots: Slots, models: Models) -> AgentInfo:
+def agent_info(agent: Agent, slots: Slots, models: LoadedModels) -> AgentInfo:
     """A snapshot: the motion as far as it has been sent, the path as far as it is planned."""
     slot = agent.slot
     seed, waypoint = slots.committed.seed, int(slots.planned.gait.waypoint[slot])

@@ -26,7 +26,7 @@ FACING: Final = 0.3
 
 
 @dataclass(frozen=True, slots=True)
-class NextTarget:
+class NextVelocity:
     """What [A] people shall do next."""
 
     velocity: Float  # [A, 2] m/s; zero for those who wait
@@ -41,7 +41,7 @@ def avoid(
     clear: Callable[[Float], Float] | None,
     seconds: float,
     rules: Rules = RULES,
-) -> NextTarget:
+) -> NextVelocity:
     """The velocities that some people shall take.
 
     rows [A] of `people` who would walk at `preferred` [A, 2] m/s, not zero. `clear`: metres to the
@@ -58,7 +58,7 @@ def avoid(
     chosen = tried[np.arange(len(rows)), best]
     waits = ~chosen.any(-1)
     memory = _remember(memory, people, rows, wished, chosen, seconds)
-    return NextTarget(chosen, waits, _make_way(memory, people, rows, near, rules))
+    return NextVelocity(chosen, waits, _make_way(memory, people, rows, near, rules))
 
 
 def _candidates(way: Float, last: Float, rules: Rules) -> Float:

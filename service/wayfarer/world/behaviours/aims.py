@@ -5,10 +5,10 @@ from typing import Final
 
 import numpy as np
 
-from wayfarer.navigation.spec import Point3
+from wayfarer.navigation.scene_spec import Point3
 from wayfarer.spec import FPS, NEW_FRAMES
 from wayfarer.world.agents.agent import Goal
-from wayfarer.world.agents.behaviour import Aim, Body
+from wayfarer.world.agents.behaviour import Aim, BodyState
 from wayfarer.world.agents.heading import facing_of
 from wayfarer.world.agents.registry import Agent
 from wayfarer.world.agents.slots import Goals, Slots
@@ -27,7 +27,7 @@ class MovingGoals:
         self._slots = slots
         self._paths = paths
 
-    def body(self, slot: int, other: int) -> Body:
+    def body(self, slot: int, other: int) -> BodyState:
         """An agent as it will be, if it goes on so, at the moment another one is planned to."""
         slots, seed = self._slots, self._slots.planned.seed
         hips = seed.translation[[slot]]
@@ -37,7 +37,7 @@ class MovingGoals:
         x, y = (hips[0, -1, :2] + ahead * velocity).tolist()
         vx, vy = velocity.tolist()
         ahead_x, ahead_y = facing_of(seed.rotations[slot, -1, 0]).tolist()
-        return Body((x, y), (vx, vy), (ahead_x, ahead_y))
+        return BodyState((x, y), (vx, vy), (ahead_x, ahead_y))
 
     def place(self, agent: Agent) -> tuple[float, float]:
         """Where an agent is planned to be."""

@@ -6,7 +6,7 @@ from typing import ClassVar, Final, Literal
 
 from wayfarer.errors import InvalidArgument, Metres
 from wayfarer.limits import Limits
-from wayfarer.world.agents.behaviour import Actor, Aim, Behaviour, Body, Others, Start, Vector
+from wayfarer.world.agents.behaviour import Actor, Aim, Behaviour, BodyState, Others, Start, Vector
 from wayfarer.world.agents.registry import Agent
 from wayfarer.world.goals.checks import check_agent_id, check_range
 
@@ -89,7 +89,7 @@ class Follow(Behaviour):
             actor.aim(aim, on_floor_of=self.agent_id)
 
 
-def follow(wish: Follow, me: Body, leader: Body, last: Vector | None) -> Aim:
+def follow(wish: Follow, me: BodyState, leader: BodyState, last: Vector | None) -> Aim:
     """Keep to a place relative to `leader`; `last` is where that was while it stood."""
     if leader.speed < WALKING:
         place = _beside(wish, leader.place, leader.facing)

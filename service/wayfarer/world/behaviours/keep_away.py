@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from wayfarer.errors import InvalidArgument, Metres, MetresPerSecond
 from wayfarer.limits import Limits
-from wayfarer.world.agents.behaviour import STAND, Actor, Aim, Behaviour, Body, Start, Vector
+from wayfarer.world.agents.behaviour import STAND, Actor, Aim, Behaviour, BodyState, Start, Vector
 from wayfarer.world.goals.checks import SPEED, check_agent_id, check_place, check_range
 
 DISTANCE: Final = (0.5, 50.0)
@@ -90,7 +90,7 @@ def _room(actor: Actor) -> Room | None:
 
 def keep_away(
     wish: KeepAway,
-    me: Body,
+    me: BodyState,
     threat: Vector,
     flees: bool,
     room: Room | None,

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.navigation.scene import Scene
-from wayfarer.navigation.spec import Point2, Point3
+from wayfarer.navigation.scene_spec import Point2, Point3
 
 Array = NDArray[np.floating[Any]]
 

@@ -10,10 +10,10 @@ from typing import Final, Protocol, TypeVar, cast
 import numpy as np
 
 from wayfarer.navigation.scene import Scene
-from wayfarer.navigation.spec import Point3
+from wayfarer.navigation.scene_spec import Point3
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import Goal
-from wayfarer.world.agents.behaviour import Aim, Behaviour, Body, Others, Vector
+from wayfarer.world.agents.behaviour import Aim, Behaviour, BodyState, Others, Vector
 from wayfarer.world.agents.registry import Agent, Registry
 from wayfarer.world.agents.slots import Feeding, Slots
 from wayfarer.world.behaviours.aims import MovingGoals
@@ -245,7 +245,7 @@ class _Actor:
         return int(self._slots.goal_revision[self.agent.slot])
 
     @property
-    def body(self) -> Body:
+    def body(self) -> BodyState:
         """See `Actor`."""
         return self._runner.goals.body(self.agent.slot, self.agent.slot)
 
@@ -273,7 +273,7 @@ class _Actor:
         x, y = self._runner.goals.place(self.agent)
         return Goal((x, y, self.height))
 
-    def look_at(self, agent_id: str) -> Body | None:
+    def look_at(self, agent_id: str) -> BodyState | None:
         """See `Actor`."""
         other = self._runner.registry.sessions[self.agent.session_id].agents.get(agent_id)
         if other is not None:

@@ -19,7 +19,7 @@ from typing import BinaryIO, Final
 
 from wayfarer.errors import WayfarerError
 from wayfarer.navigation.scene import bake
-from wayfarer.navigation.spec import Floor, SceneSpec
+from wayfarer.navigation.scene_spec import Floor, SceneSpec
 
 NICE: Final = 10
 SQUARE: Final = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))

@@ -20,7 +20,7 @@ import structlog
 from wayfarer.errors import ResourceExhausted, Unavailable
 from wayfarer.limits import Limits
 from wayfarer.navigation.scene import Scene
-from wayfarer.navigation.spec import SceneSpec
+from wayfarer.navigation.scene_spec import SceneSpec
 
 log = structlog.get_logger(__name__)
 
@@ -44,7 +44,7 @@ class BakeQueue:
         self._limits = limits
         self._turn = Lock()
         self._door = Lock()  # an oven is not lit when the bakery has been closed
-        self._oven: Oven | None = None
+        self._oven: BakeWorker | None = None
         self._closed = False
 
     @property
@@ -75,33 +75,33 @@ class BakeQueue:
         oven = self._lit()
         try:
             answer: Scene | Exception = oven.ask(spec, PATIENCE * self._limits.bake_s)
-        except OvenError as ended:
+        except BakeWorkerError as ended:
             return self._why(ended)
         if isinstance(answer, MemoryError):
             oven.kill()  # what it holds is given back
             return self._too_large()
         return answer
 
-    def _lit(self) -> "Oven":
+    def _lit(self) -> "BakeWorker":
         """The oven that is on, or a new one."""
         if self._oven and self._oven.is_on:
             return self._oven
         with self._door:
             if self._closed:
                 raise Unavailable("the server is stopping")
-            oven = self._oven = Oven(
+            oven = self._oven = BakeWorker(
                 (*COMMAND, str(self._limits.bake_mb), str(self._limits.bake_s))
             )
         try:
             oven.await_answer(START_S)
-        except OvenError as ended:
+        except BakeWorkerError as ended:
             raise Unavailable(
                 f"the process that makes scenes did not start ({ended}); the server's log may say "
                 "why"
             ) from None
         return oven
 
-    def _why(self, ended: "OvenError") -> Exception:
+    def _why(self, ended: "BakeWorkerError") -> Exception:
         if self._closed:
             return Unavailable("the server is stopping")
         if ended.late:
@@ -122,7 +122,7 @@ class BakeQueue:
         )
 
 
-class OvenError(Exception):
+class BakeWorkerError(Exception):
     """The process is gone. `late`: because it took too long."""
 
     def __init__(self, code: int, late: bool) -> None:
@@ -130,7 +130,7 @@ class OvenError(Exception):
         self.late = late or -code == getattr(signal, "SIGXCPU", None)
 
 
-class Oven:
+class BakeWorker:
     """The process (oven.py) as its parent sees it."""
 
     def __init__(self, command: tuple[str, ...]) -> None:
@@ -190,7 +190,7 @@ class Oven:
         timer.join()
         if answer is None or late.is_set():
             self._close()
-            raise OvenError(self._process.returncode, late.is_set())
+            raise BakeWorkerError(self._process.returncode, late.is_set())
         return answer
 
     def _close(self) -> None:

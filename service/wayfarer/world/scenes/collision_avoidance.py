@@ -11,7 +11,7 @@ from wayfarer.world.agents.heading import angle_between
 from wayfarer.world.agents.slots import Goals, Slots
 from wayfarer.world.avoidance.avoid import avoid
 from wayfarer.world.rows import Flags, Index
-from wayfarer.world.scenes.people import Others, people_of
+from wayfarer.world.scenes.people import SessionPeople, people_of
 from wayfarer.world.scenes.world_scenes import WorldScenes
 
 Array = NDArray[np.floating[Any]]
@@ -32,7 +32,7 @@ class CollisionAvoidance:
     def __init__(self, slots: Slots, scenery: WorldScenes) -> None:
         self._slots = slots
         self._scenery = scenery
-        self._seen: dict[int, Others] = {}
+        self._seen: dict[int, SessionPeople] = {}
 
     def forget(self) -> None:
         """A new step begins: everybody may have moved."""
@@ -59,7 +59,7 @@ class CollisionAvoidance:
             slots.memory.put(rows[mine], course.memory)
             self._turn(ahead, led[mine], hips[mine], preferred, course.velocity, course.waits)
 
-    def others(self, session: int, rows: Index) -> Others:
+    def others(self, session: int, rows: Index) -> SessionPeople:
         """The people of a session, once for the course and the obstacles of a step."""
         if session not in self._seen:
             self._seen[session] = people_of(self._slots, session, rows)

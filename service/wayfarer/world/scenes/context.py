@@ -5,7 +5,7 @@ from math import dist
 from typing import Final, NamedTuple
 
 from wayfarer.navigation.scene import Scene
-from wayfarer.navigation.spec import Point3
+from wayfarer.navigation.scene_spec import Point3
 from wayfarer.spec import NEW_FRAMES
 from wayfarer.world.agents.agent import Goal
 from wayfarer.world.agents.slots import Slots

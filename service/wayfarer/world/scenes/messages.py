@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from wayfarer.navigation.spec import Obstacle, Point3, Ring, SceneSpec
+from wayfarer.navigation.scene_spec import Obstacle, Point3, Ring, SceneSpec
 
 
 @dataclass(frozen=True, slots=True)
-class SceneWish:
+class SceneSource:
     """A scene to create."""
 
     spec: SceneSpec

@@ -6,8 +6,8 @@ import numpy as np
 import shapely
 
 from wayfarer.navigation.scene import Scene
+from wayfarer.navigation.scene_spec import Obstacle, Point3, Ramp, Ring, Solid
 from wayfarer.navigation.solids import footprint
-from wayfarer.navigation.spec import Obstacle, Point3, Ramp, Ring, Solid
 from wayfarer.world.scenes.messages import Block, Outlines
 
 _UPHILL: Final = (0.0, 0.0, 1.0, 1.0)

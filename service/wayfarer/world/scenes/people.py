@@ -15,7 +15,7 @@ RADIUS: Final = 0.25
 """Metres: of a person among others."""
 
 
-class Others(NamedTuple):
+class SessionPeople(NamedTuple):
     """Everybody of a session."""
 
     people: People
@@ -26,7 +26,7 @@ class Others(NamedTuple):
         return np.searchsorted(self.slots, slots)
 
 
-def people_of(slots: Slots, session: int, rows: Index) -> Others:
+def people_of(slots: Slots, session: int, rows: Index) -> SessionPeople:
     """Everybody of a session when `rows` of it are about to be stepped.
 
     Agents are planned to different moments; they are carried on to that of `rows`.
@@ -50,4 +50,4 @@ def people_of(slots: Slots, session: int, rows: Index) -> Others:
         radius=np.full(len(members), RADIUS, np.float32),
         memory=slots.memory.take(members),
     )
-    return Others(people, members)
+    return SessionPeople(people, members)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.errors import Unreachable
-from wayfarer.navigation.spec import Point3
+from wayfarer.navigation.scene_spec import Point3
 from wayfarer.world.agents.route import Passage
 from wayfarer.world.agents.slots import Gait, Goals, Slots
 from wayfarer.world.events import EventKind

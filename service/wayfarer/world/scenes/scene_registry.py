@@ -21,9 +21,9 @@ from wayfarer.errors import (
 )
 from wayfarer.limits import Limits
 from wayfarer.navigation.scene import Scene, bake
-from wayfarer.navigation.spec import Obstacle, SceneSpec
+from wayfarer.navigation.scene_spec import Obstacle, SceneSpec
 from wayfarer.shard import Shard
-from wayfarer.world.scenes.messages import SceneInfo, SceneWish
+from wayfarer.world.scenes.messages import SceneInfo, SceneSource
 
 NAME: Final = 64
 """Characters of the names of scenes and obstacles."""
@@ -39,7 +39,7 @@ class SceneEntry:
     """A scene under its id. `scene` is replaced as a whole."""
 
     scene_id: str
-    wish: SceneWish
+    wish: SceneSource
     baked: Scene  # without obstacles
     scene: Scene  # as it is now
     created_at: float
@@ -103,7 +103,7 @@ class SceneRegistry:
 
     # Life of a scene
 
-    def create(self, wish: SceneWish, now: float) -> SceneInfo:
+    def create(self, wish: SceneSource, now: float) -> SceneInfo:
         """Bake it, unless one of equal content is here. Takes time.
 
         Raises InvalidArgument that names the field, ResourceExhausted.
@@ -117,7 +117,7 @@ class SceneRegistry:
     def restore(
         self,
         scene_id: str,
-        wish: SceneWish,
+        wish: SceneSource,
         created_at: float,
         version: int,
         obstacles: Mapping[str, Obstacle],
@@ -135,7 +135,7 @@ class SceneRegistry:
 
     def add(self, scene: Scene, now: float = 0.0, name: str = "") -> SceneInfo:
         """Keep a scene that has been baked elsewhere. Raises ResourceExhausted."""
-        return self._add(SceneWish(scene.spec, name), scene, now, 0.0)
+        return self._add(SceneSource(scene.spec, name), scene, now, 0.0)
 
     def delete(self, scene_id: str) -> None:
         """Raises NotFound, FailedPrecondition while sessions are in it."""
@@ -235,7 +235,7 @@ class SceneRegistry:
         finally:
             self._queue.release()
 
-    def _add(self, wish: SceneWish, scene: Scene, now: float, bake_s: float) -> SceneInfo:
+    def _add(self, wish: SceneSource, scene: Scene, now: float, bake_s: float) -> SceneInfo:
         kept = SceneEntry(self._shard.scene_id(), wish, scene, scene, now, bake_s)
         with self._lock:
             self._enter(kept)

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from wayfarer.engines.engine import StepInputs, StepOutputs
-from wayfarer.engines.models import Models
+from wayfarer.engines.models import LoadedModels
 from wayfarer.engines.padding import cut, pad, pick, whole
 from wayfarer.spec import FPS, GENDERS, NEW_FRAMES
 from wayfarer.world.agents.agent import ChunkFlag
@@ -93,7 +93,7 @@ class Scheduler:
         table: SlotTable,
         playback: Playback,
         paths: Paths,
-        models: Models,
+        models: LoadedModels,
         settings: WorldSettings,
         reset: Callable[[int], Motion],
         planned: Callable[[Index, Index, int], None],

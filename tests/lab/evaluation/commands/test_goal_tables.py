@@ -11,27 +11,29 @@ from typer.testing import CliRunner
 from tests.lab.evaluation.people import BODIES
 from tests.lab.evaluation.recordings import write_recordings
 from tests.world.fakes import FakeEngine
-from wayfarer.stage import Stage
+from wayfarer.model_bundle import ModelBundle
 from wayfarer.world.goals.steering import Steering
 from wayfarer_lab.evaluation import scenarios
 from wayfarer_lab.evaluation.commands import app, arrival, control, long
 from wayfarer_lab.evaluation.maneuvers.robust import SCRIPTS
 
 
-def stage(path: Path, threads: int) -> Stage:
+def made_bundle(path: Path, threads: int) -> ModelBundle:
     """Gliding models; those in a folder called `plain` have no policy."""
     files = () if path.name == "plain" else ("policy.onnx",)
-    return Stage(SimpleNamespace(contracts=files), FakeEngine(), BODIES)
+    return ModelBundle(SimpleNamespace(contracts=files), FakeEngine(), BODIES)
 
 
 @pytest.fixture(autouse=True)
 def gliding(monkeypatch: pytest.MonkeyPatch) -> None:
     def world(models: Path, agents: int, candidates: int, threads: int, engine: str):
-        made = stage(models, threads)
+        made = made_bundle(models, threads)
         return made.world(agents, Steering().with_search(candidates=candidates)), made.bodies
 
-    monkeypatch.setattr(control, "open_stage", stage)
-    monkeypatch.setattr(long, "open_stage", lambda models, threads, engine: stage(models, threads))
+    monkeypatch.setattr(control, "open_bundle", made_bundle)
+    monkeypatch.setattr(
+        long, "open_bundle", lambda path, threads, engine: made_bundle(path, threads)
+    )
     monkeypatch.setattr(arrival, "open_world", world)
 
 

@@ -11,8 +11,8 @@ from typer.testing import CliRunner, Result
 from tests.lab.evaluation.recordings import write_recordings
 from tests.world.fakes import FakeEngine
 from wayfarer.body.library import load_body
+from wayfarer.model_bundle import ModelBundle
 from wayfarer.spec import GENDERS
-from wayfarer.stage import Stage
 from wayfarer_lab.evaluation.commands import app, maneuvers
 from wayfarer_lab.evaluation.maneuvers.maneuver import Shot
 
@@ -21,8 +21,8 @@ BODIES = {gender: load_body("anny52", gender, "low") for gender in GENDERS}
 
 @pytest.fixture(autouse=True)
 def gliding(monkeypatch: pytest.MonkeyPatch) -> None:
-    stage = Stage(SimpleNamespace(contracts=("policy.onnx",)), FakeEngine(), BODIES)
-    monkeypatch.setattr(maneuvers, "open_stage", lambda models, threads, engine: stage)
+    bundle = ModelBundle(SimpleNamespace(contracts=("policy.onnx",)), FakeEngine(), BODIES)
+    monkeypatch.setattr(maneuvers, "open_bundle", lambda models, threads, engine: bundle)
     monkeypatch.setattr(maneuvers, "QUICK", 0.03)
 
 

@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 from tests.world.fakes import FakeEngine
 from wayfarer.body.library import load_body
+from wayfarer.model_bundle import ModelBundle
 from wayfarer.spec import GENDERS
-from wayfarer.stage import Stage
 from wayfarer_lab.evaluation.commands import app, scenes
 
 BODIES = {gender: load_body("anny52", gender, "low") for gender in GENDERS}
@@ -19,8 +19,8 @@ BODIES = {gender: load_body("anny52", gender, "low") for gender in GENDERS}
 
 @pytest.fixture(autouse=True)
 def gliding(monkeypatch: pytest.MonkeyPatch) -> None:
-    stage = Stage(SimpleNamespace(contracts=("policy.onnx",)), FakeEngine(), BODIES)
-    monkeypatch.setattr(scenes, "open_stage", lambda models, threads, engine: stage)
+    bundle = ModelBundle(SimpleNamespace(contracts=("policy.onnx",)), FakeEngine(), BODIES)
+    monkeypatch.setattr(scenes, "open_bundle", lambda models, threads, engine: bundle)
 
 
 def report(tmp_path: Path, *arguments: str) -> dict:

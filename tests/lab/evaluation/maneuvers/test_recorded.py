@@ -72,7 +72,7 @@ def test_stops_end_walks() -> None:
 
 
 def test_a_folder_gives_takes_of_one_gender_by_case_and_split(tmp_path: Path) -> None:
-    recordings = recorded.Recordings(write_recordings(tmp_path, "heldout", "train"))
+    recordings = recorded.RecordedClips(write_recordings(tmp_path, "heldout", "train"))
     found = recordings(WALK)
     assert set(found) == {
         ("1.1-1.5 m/s", recorded.RECORDED), ("1.1-1.5 m/s", recorded.HELDOUT)
@@ -89,17 +89,17 @@ def test_acted_styles_are_left_out_where_there_is_enough_without(tmp_path: Path)
     for style, takes in (("Chicken", 0), ("Neutral", 1)):
         clips = tuple(replace(clip, name=f"{style}_FW") for clip in data.clips)
         replace(data, clips=clips).save(folder)
-        assert len(recorded.Recordings(folder)(WALK)) == takes
+        assert len(recorded.RecordedClips(folder)(WALK)) == takes
     assert recorded.person_of(clips[0]) == "07 Neutral"
 
 
 def test_a_folder_without_recordings_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DataError):
-        recorded.Recordings(tmp_path)
+        recorded.RecordedClips(tmp_path)
     data = Dataset.load(write_recordings(tmp_path, "train"))
     replace(data, clips=tuple(replace(c, augmentation="warp") for c in data.clips)).save(tmp_path)
     with pytest.raises(InvalidArgument, match="no male clips"):
-        recorded.Recordings(tmp_path)
+        recorded.RecordedClips(tmp_path)
 
 
 def _with_use(made: Take) -> tuple[Take, np.ndarray]:

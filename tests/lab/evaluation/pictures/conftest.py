@@ -7,7 +7,7 @@ import pytest
 
 from wayfarer.body.library import load_body
 from wayfarer.clips.clip import Clip
-from wayfarer_lab.evaluation.pictures.scene import Actor
+from wayfarer_lab.evaluation.pictures.scene import ClipActor
 
 FRAMES = 20
 
@@ -35,7 +35,7 @@ def act(body, clip):
 
     def make(by=(0.0, 0.0, 0.0), look="sides", **fields):
         moved = replace(clip, translation=clip.translation + np.array(by))
-        return Actor.of(replace(moved, **fields), body, look)
+        return ClipActor.of(replace(moved, **fields), body, look)
 
     return make
 

@@ -4,7 +4,7 @@ import pytest
 from wayfarer.errors import InvalidArgument
 from wayfarer_lab.evaluation.pictures.camera import Camera, View
 from wayfarer_lab.evaluation.pictures.floor import Mark, ring
-from wayfarer_lab.evaluation.pictures.scene import Actor, picture
+from wayfarer_lab.evaluation.pictures.scene import ClipActor, picture
 
 VIEW = View(azimuth=0.5, elevation=0.3, distance=5.0, metres=2.3, size=(120, 120))
 CAMERA = Camera(VIEW, (0.0, 0.0, 0.9))
@@ -80,9 +80,9 @@ def test_the_floor_is_fixed_in_the_world(pixels):
 
 
 def test_clothes_differ_by_style_and_sides_by_left_and_right(body, clip):
-    styles = [Actor.of(clip, body, "dressed", style).dress.albedo for style in (1, 2)]
+    styles = [ClipActor.of(clip, body, "dressed", style).dress.albedo for style in (1, 2)]
     assert not np.array_equal(*styles)
-    sides = Actor.of(clip, body, "sides").dress
+    sides = ClipActor.of(clip, body, "sides").dress
     hand = {side: body.joint_names.index(f"{side}_wrist") for side in ("left", "right")}
     owner = body.skin_joints[np.arange(len(body.skin_joints)), body.skin_weights.argmax(-1)]
     left, right = (sides.albedo[owner == hand[side]].mean(0) for side in ("left", "right"))
@@ -91,4 +91,4 @@ def test_clothes_differ_by_style_and_sides_by_left_and_right(body, clip):
 
 def test_an_unknown_look_is_refused(body, clip):
     with pytest.raises(InvalidArgument, match="allowed: dressed, sides"):
-        Actor.of(clip, body, "naked")
+        ClipActor.of(clip, body, "naked")

@@ -5,7 +5,7 @@ import pytest
 
 from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
 from wayfarer.world.agents.agent import AgentState, ChunkFlag, MotionChunk
-from wayfarer_lab.evaluation.scenes.measures import WORST, Depths, Gaps, Progress
+from wayfarer_lab.evaluation.scenes.measures import WORST, Depths, Gaps, ProgressWatch
 
 
 def test_depths_count_frames_from_1_and_from_5_cm() -> None:
@@ -54,7 +54,7 @@ def chunk(number: int, x: float, revision: int = 1, waypoint: int = 0, arrived: 
 
 
 def test_who_stays_within_30_cm_for_10_s_on_the_way_is_stuck() -> None:
-    progress = Progress()
+    progress = ProgressWatch()
     for number in range(100):
         progress.see(chunk(number, 0.1 * (number % 2)))
     assert progress.stuck_at == pytest.approx(10.0)
@@ -62,14 +62,14 @@ def test_who_stays_within_30_cm_for_10_s_on_the_way_is_stuck() -> None:
 
 
 def test_who_creeps_is_not_stuck() -> None:
-    progress = Progress()
+    progress = ProgressWatch()
     for number in range(200):
         progress.see(chunk(number, 0.01 * number))
     assert progress.stuck_at is None
 
 
 def test_who_has_no_goal_or_has_arrived_may_stand() -> None:
-    idle, there = Progress(), Progress()
+    idle, there = ProgressWatch(), ProgressWatch()
     for number in range(200):
         idle.see(chunk(number, 0.0, revision=0))
         there.see(chunk(number, 0.0, arrived=number == 5))
@@ -78,7 +78,7 @@ def test_who_has_no_goal_or_has_arrived_may_stand() -> None:
 
 
 def test_a_next_goal_starts_the_wait_anew() -> None:
-    progress = Progress()
+    progress = ProgressWatch()
     for number in range(45):
         progress.see(chunk(number, 0.0, arrived=number == 3))
     for number in range(45, 90):

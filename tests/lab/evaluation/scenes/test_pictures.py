@@ -8,7 +8,7 @@ from PIL import Image
 from tests.lab.evaluation.scenes.test_witness import BODIES, chunk, scene
 from wayfarer.navigation.examples import two_storeys
 from wayfarer.navigation.scene import bake
-from wayfarer.navigation.spec import Box
+from wayfarer.navigation.scene_spec import Box
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer_lab.evaluation.scenes.pictures import Focus, plan, save, view
 from wayfarer_lab.evaluation.scenes.witness import Witness

@@ -5,7 +5,7 @@ import pytest
 
 from wayfarer.navigation.examples import PLATFORM, slope_with_steps, two_storeys
 from wayfarer.navigation.scene import bake
-from wayfarer.navigation.spec import Box, Cylinder, Prism, Ramp
+from wayfarer.navigation.scene_spec import Box, Cylinder, Prism, Ramp
 from wayfarer_lab.evaluation.scenes.solids import ground_height, signed_distance, standing
 
 BOX = Box((1.0, 2.0), (2.0, 1.0), 0.4)

@@ -6,7 +6,7 @@ import pytest
 from wayfarer.body.library import load_body
 from wayfarer.navigation.examples import rectangle
 from wayfarer.navigation.scene import Scene, bake
-from wayfarer.navigation.spec import Box, Floor, SceneSpec
+from wayfarer.navigation.scene_spec import Box, Floor, SceneSpec
 from wayfarer.spec import FPS, GENDERS, NEW_FRAMES, POSED_JOINTS
 from wayfarer.world.agents.agent import AgentSpec, AgentState, ChunkFlag, MotionChunk
 from wayfarer_lab.evaluation.scenes.witness import Witness

@@ -5,23 +5,23 @@ from tests.lab.training.mocap.synthetic import stepping
 from wayfarer.body.library import load_body
 from wayfarer.spec import FPS
 from wayfarer_lab.training.mocap.curve import curve
-from wayfarer_lab.training.mocap.posed import LEGS, Posed, at_times, stances
+from wayfarer_lab.training.mocap.posed import LEGS, PosedMotion, at_times, stances
 from wayfarer_lab.training.mocap.selection import Use
-from wayfarer_lab.training.mocap.shape import Shape
+from wayfarer_lab.training.mocap.shape import RetargetShape
 from wayfarer_lab.training.mocap.standing import StandingPose, stand
 from wayfarer_lab.training.mocap.startstop import mid_stances, start, stop
 from wayfarer_lab.training.mocap.stepturn import step_turn
 
-SHAPE = Shape("male", np.zeros(10), "own")
+SHAPE = RetargetShape("male", np.zeros(10), "own")
 
 
-def walk(frames: int = 160) -> Posed:
+def walk(frames: int = 160) -> PosedMotion:
     clip = stepping(frames)
     use = np.full(frames, Use.LOCOMOTION, np.uint8)
-    return Posed(clip.info, SHAPE, clip.places, clip.rotations, clip.contacts, use)
+    return PosedMotion(clip.info, SHAPE, clip.places, clip.rotations, clip.contacts, use)
 
 
-def stance_slide(motion: Posed) -> float:
+def stance_slide(motion: PosedMotion) -> float:
     """Largest distance that a ball joint moves over the floor during a stance."""
     longest = 0.0
     for foot, (_, _, ball) in enumerate(LEGS):

@@ -4,16 +4,16 @@ from scipy.spatial.transform import Rotation
 from tests.lab.training.mocap.synthetic import bvh_text, standing_rows
 from wayfarer_lab.training.mocap import repair
 from wayfarer_lab.training.mocap.bvh import read_bvh
-from wayfarer_lab.training.mocap.skeleton import Skeleton
+from wayfarer_lab.training.mocap.skeleton import MocapSkeleton
 
 
-def cgspeed_skeleton() -> Skeleton:
+def cgspeed_skeleton() -> MocapSkeleton:
     names = ["Spine1", "Neck", "LeftShoulder", "RightShoulder"]
     names += ["LeftHand", "LeftFingerBase", "LThumb", "RightHand", "RightFingerBase", "RThumb"]
     parents = (-1, 0, 0, 0, 2, 4, 4, 3, 7, 7)
     offsets = np.zeros((10, 3))
     offsets[0], offsets[4], offsets[7] = (0, 2, 0), (4, 0, 0), (-4, 0, 0)
-    return Skeleton(tuple(names), parents, offsets, {})
+    return MocapSkeleton(tuple(names), parents, offsets, {})
 
 
 def test_lost_cmu_bones_are_estimated() -> None:
@@ -25,7 +25,7 @@ def test_lost_cmu_bones_are_estimated() -> None:
 
 
 def test_lost_cmu_bones_are_taken_from_the_asf() -> None:
-    asf = Skeleton(
+    asf = MocapSkeleton(
         ("root", "lowerneck", "lhand", "rhand"),
         (-1, 0, 0, 0),
         np.array([[0, 0, 0], [0, 3, 0], [1.5, 0, 0], [-1.5, 0, 0.0]]),

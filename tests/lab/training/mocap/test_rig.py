@@ -5,7 +5,7 @@ import pytest
 
 from wayfarer.errors import DataError
 from wayfarer_lab.training.mocap.rig import JOINT_NAMES, joint_map
-from wayfarer_lab.training.mocap.skeleton import Skeleton
+from wayfarer_lab.training.mocap.skeleton import MocapSkeleton
 
 LEGS = ("Hip", "Knee", "Ankle", "Toe")
 SPINE = ("Hips", "Chest", "Chest2", "Chest3", "Chest4", "Neck", "Head")
@@ -14,7 +14,7 @@ SPINE = ("Hips", "Chest", "Chest2", "Chest3", "Chest4", "Neck", "Head")
 def mapped(arm: tuple[str, ...]) -> dict[str, str]:
     """Ours → theirs, of a skeleton with 100STYLE's legs and spine."""
     names = (*SPINE, *(f"{side}{part}" for side in ("Left", "Right") for part in (*LEGS, *arm)))
-    skeleton = Skeleton(names, (-1, *range(len(names) - 1)), np.zeros((len(names), 3)), {})
+    skeleton = MocapSkeleton(names, (-1, *range(len(names) - 1)), np.zeros((len(names), 3)), {})
     return {ours: names[row] for ours, row in zip(JOINT_NAMES, joint_map(skeleton), strict=True)}
 
 

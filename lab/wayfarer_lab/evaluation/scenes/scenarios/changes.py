@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from wayfarer.navigation.examples import corridor, corridor_doors, cubes_field
 from wayfarer.navigation.scene import Scene, bake
-from wayfarer.navigation.spec import Box, Point2
+from wayfarer.navigation.scene_spec import Box, Point2
 from wayfarer.spec import FPS
 from wayfarer.world.agents.agent import AgentSpec, Goal, MotionChunk
 from wayfarer_lab.evaluation.figures import mean, quantile, share
@@ -52,7 +52,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Run:
+class ScenarioWalk:
     """How somebody walked."""
 
     start: float  # seconds at which its first frame is shown
@@ -68,7 +68,7 @@ def doors(house: House, seed: int, people: int, watch: Watch) -> Seen:
     """The door of the room somebody goes to shuts before him, and opens after 6 s."""
     random = np.random.default_rng(seed)
     scene, shutters = bake(corridor()), corridor_doors()
-    witness = Witness(house.stage.bodies, scene, 1, strangers=False)
+    witness = Witness(house.bundle.bodies, scene, 1, strangers=False)
     shuts, opens, success = [], [], []
     for number in range(people):
         name = list(shutters)[int(random.integers(len(shutters)))]
@@ -97,7 +97,7 @@ def crates(house: House, seed: int, people: int, watch: Watch) -> Seen:
     """A crate is dropped 2 m before somebody, on his way."""
     random = np.random.default_rng(seed)
     scene = bake(cubes_field(seed))
-    witness = Witness(house.stage.bodies, scene, 1, strangers=False)
+    witness = Witness(house.bundle.bodies, scene, 1, strangers=False)
     felt, success = list[tuple[float, float]](), list[bool]()
     pairs = iter(random_pairs(scene, 20 * people, random))
     while len(felt) < people:
@@ -128,7 +128,7 @@ def _walk(
     changes: Sequence[Change],
     witness: Witness | None = None,
     limit: float = LIMIT,
-) -> Run:
+) -> ScenarioWalk:
     """Somebody alone in the scene, until he is there or the time is over."""
     play = house.play(scene, 1, avoid=False, every=1, witness=witness)
     [agent] = play.enter([spec])
@@ -142,10 +142,10 @@ def _walk(
             change.make(play)
     play.witness.finish()
     hips = np.concatenate([chunk.translation for chunk in chunks])
-    return Run(chunks[0].scheduled_at, hips, there)
+    return ScenarioWalk(chunks[0].scheduled_at, hips, there)
 
 
-def _felt(before: Run, after: Run, at: float) -> tuple[float, float]:
+def _felt(before: ScenarioWalk, after: ScenarioWalk, at: float) -> tuple[float, float]:
     """Seconds from a change until the motion differs, and until that can be seen; NaN: never."""
     frames = min(len(before.hips), len(after.hips))
     first = before.frame(at)

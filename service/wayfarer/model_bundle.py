@@ -39,7 +39,7 @@ def load_models(path: Path) -> ModelFolder:
 
 
 @dataclass(frozen=True)
-class Stage:
+class ModelBundle:
     """A motion model, opened: the engine and bodies of the service."""
 
     models: ModelFolder
@@ -67,19 +67,19 @@ class Stage:
         return World(self.engine, self.bodies, start_poses, settings, scenes=scenes)
 
 
-def open_stage(models: Path, threads: int, engine: EngineKind = "onnxruntime") -> Stage:
+def open_bundle(models: Path, threads: int, engine: EngineKind = "onnxruntime") -> ModelBundle:
     """Raises ArtifactError when body or models are missing or do not fit together.
 
     Raises InvalidArgument for an engine that is not installed.
     """
     bodies = {gender: load_body(BODY, gender, "low") for gender in GENDERS}
     folder = load_models(models)
-    return Stage(folder, open_engine(folder, engine, threads), bodies)
+    return ModelBundle(folder, open_engine(folder, engine, threads), bodies)
 
 
 def open_world(
     models: Path, agents: int, candidates: int, threads: int, engine: EngineKind = "onnxruntime"
 ) -> tuple[World, Bodies]:
-    """A world with the search of the service. Raises what `open_stage` does; see `Stage`."""
-    stage = open_stage(models, threads, engine)
-    return stage.world(agents, Steering().with_search(candidates=candidates)), stage.bodies
+    """A world with the search of the service. Raises what `open_bundle` does; see `ModelBundle`."""
+    bundle = open_bundle(models, threads, engine)
+    return bundle.world(agents, Steering().with_search(candidates=candidates)), bundle.bodies

@@ -51,7 +51,7 @@ COMPRESSED: Final = HTTPException(
 )
 
 
-class Edge:
+class RequestLimits:
     """ASGI middleware: bounds request bodies and sets headers that hold for every answer."""
 
     def __init__(self, app: ASGIApp, body_bytes: int, mesh_bytes: int) -> None:

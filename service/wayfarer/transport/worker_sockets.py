@@ -24,7 +24,7 @@ _CERTIFICATE: Final = PREFIX + "certificate"
 
 
 @dataclass(frozen=True, slots=True)
-class Inside:
+class WorkerSockets:
     """Where the sockets are."""
 
     folder: Path
@@ -46,14 +46,14 @@ class Inside:
 
 
 @dataclass(frozen=True, slots=True)
-class Origin:
+class ClientOrigin:
     """The client for which the front relays."""
 
     address: str  # without port
     certificate: str = ""  # common name of a verified client certificate
 
     @classmethod
-    def read(cls, headers: Mapping[str, str]) -> "Origin":
+    def read(cls, headers: Mapping[str, str]) -> "ClientOrigin":
         """Read it from the headers that the front sets."""
         return cls(unquote(headers.get(_ADDRESS, "")), unquote(headers.get(_CERTIFICATE, "")))
 
@@ -62,7 +62,7 @@ class Origin:
         return {_ADDRESS: quote(self.address), _CERTIFICATE: quote(self.certificate)}
 
 
-class FromFront:
+class TrustedRelay:
     """ASGI middleware of the inner socket: the caller is who the front says it is."""
 
     def __init__(self, app: ASGIApp) -> None:
@@ -71,7 +71,7 @@ class FromFront:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handle one request or socket."""
         if scope["type"] in ("http", "websocket"):
-            origin = Origin.read(Headers(scope=scope))
+            origin = ClientOrigin.read(Headers(scope=scope))
             scope["client"] = (origin.address, 0)
             if origin.certificate:
                 scope.setdefault("state", {})[CERTIFICATE] = origin.certificate

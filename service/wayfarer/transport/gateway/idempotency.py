@@ -10,7 +10,7 @@ from typing import Any, Final, TypeVar
 from pydantic import BaseModel
 
 from wayfarer.errors import Aborted
-from wayfarer.transport.caller import present_caller
+from wayfarer.transport.caller import current_caller
 
 KEPT_S: Final = 600.0
 KEPT: Final = 128
@@ -42,7 +42,7 @@ class _Kept:
     until: float
 
 
-class Replies:
+class IdempotencyCache:
     """Those of the last ten minutes, by caller and request id."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
@@ -82,7 +82,7 @@ class Replies:
 
     def _of_caller(self) -> OrderedDict[str, _Kept]:
         """Replies of the present caller, without those that are too old."""
-        name, now = present_caller().name, self._clock()
+        name, now = current_caller().name, self._clock()
         kept = self._callers.setdefault(name, OrderedDict())
         self._callers.move_to_end(name)
         if len(self._callers) > CALLERS:

@@ -11,9 +11,9 @@ from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted, Wayfar
 from wayfarer.limits import Limits
 from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Basis
-from wayfarer.transport.caller import Caller, present_caller
-from wayfarer.transport.fleet import Fleet
+from wayfarer.transport.caller import Caller, current_caller
 from wayfarer.transport.stream import MotionStream
+from wayfarer.transport.worker_topology import WorkerTopology
 from wayfarer.world.agents.agent import AgentInfo, SessionInfo
 
 ID_LENGTH: Final = schema.ID_LENGTH
@@ -25,7 +25,7 @@ TOLD_GONE: Final = 1024
 
 
 @dataclass(eq=False)
-class Place:
+class StreamPlace:
     """A stream of a session, counted before it is open."""
 
     caller: Caller
@@ -44,7 +44,7 @@ class OpenSession:
     created: int = 0  # agents ever created in it
     endpoint: schema.Endpoint | None = None  # where it is called, if not everywhere
     aliases: dict[str, int] = field(default_factory=dict)  # by agent id, those that live
-    places: set[Place] = field(default_factory=set)  # its streams
+    places: set[StreamPlace] = field(default_factory=set)  # its streams
     holders: int = 0  # streams and long calls that keep it alive
 
     @property
@@ -87,15 +87,15 @@ def attributes(owner: str, basis: Basis, lease_s: float) -> dict[str, str]:
     return {"owner": owner, "basis": basis.value, "lease_s": repr(lease_s)}
 
 
-class Book:
+class SessionRegistry:
     """All open sessions, and who may do what with them."""
 
     def __init__(
-        self, limits: Limits, clock: Callable[[], float], fleet: Fleet | None = None
+        self, limits: Limits, clock: Callable[[], float], fleet: WorkerTopology | None = None
     ) -> None:
         self._limits = limits
         self._clock = clock
-        self._fleet = fleet or Fleet()
+        self._fleet = fleet or WorkerTopology()
         self._sessions: dict[str, OpenSession] = {}
         self._by_agent: dict[str, OpenSession] = {}
 
@@ -199,7 +199,7 @@ class Book:
             session.expires_at = self._clock() + session.lease_s
 
     @contextmanager
-    def place(self, caller: Caller, session: OpenSession) -> Iterator[Place]:
+    def place(self, caller: Caller, session: OpenSession) -> Iterator[StreamPlace]:
         """Room for a stream of the session, which holds it. Raises ResourceExhausted."""
         limits, quota = self._limits, caller.quota.streams
         if len(session.places) >= limits.streams_per_session:
@@ -211,7 +211,7 @@ class Book:
             raise ResourceExhausted(f"the server has {limits.streams} streams at most", 5.0)
         if quota is not None and callers.count(caller.name) >= quota:
             raise ResourceExhausted(f"{caller.name!r} may have {quota} streams at a time", 1.0)
-        place = Place(caller)
+        place = StreamPlace(caller)
         session.places.add(place)
         try:
             with self.held(session):
@@ -234,7 +234,7 @@ class Book:
         return sum(len(session.places) for session in self._sessions.values())
 
     def _renewed(self, found: OpenSession | None, kind: str, name: str) -> OpenSession:
-        caller, now = present_caller(), self._clock()
+        caller, now = current_caller(), self._clock()
         if found is None:
             self._fleet.require_own(name[:ID_LENGTH])
         if (

@@ -10,8 +10,8 @@ from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted
 from wayfarer.limits import Limits
 from wayfarer.transport import scene_convert, schema
 from wayfarer.transport.basis import Axes, Basis
-from wayfarer.transport.caller import Caller, present_caller
-from wayfarer.transport.fleet import Fleet
+from wayfarer.transport.caller import Caller, current_caller
+from wayfarer.transport.worker_topology import WorkerTopology
 from wayfarer.world.scenes.messages import SceneInfo
 
 SCENE_LEASE_S: Final = 3600.0
@@ -46,10 +46,10 @@ def scene_attributes(owner: str, basis: Basis, lease_s: float) -> dict[str, str]
     return {"owner": owner, "basis": basis.value, "lease_s": repr(lease_s)}
 
 
-class SceneBook:
+class SceneAccess:
     """All scenes, and who may do what with them."""
 
-    def __init__(self, limits: Limits, clock: Callable[[], float], fleet: Fleet) -> None:
+    def __init__(self, limits: Limits, clock: Callable[[], float], fleet: WorkerTopology) -> None:
         self._limits = limits
         self._clock = clock
         self._fleet = fleet
@@ -73,7 +73,7 @@ class SceneBook:
 
     def scene(self, scene_id: str) -> OpenScene:
         """A scene of the present caller, its lease renewed. Raises NotFound, Misdirected."""
-        found, caller = self._scenes.get(scene_id), present_caller()
+        found, caller = self._scenes.get(scene_id), current_caller()
         if found is None:
             self._fleet.require_own(scene_id[:ID_LENGTH])
         if found is None or (found.owner != caller.name and not caller.is_admin):

@@ -13,12 +13,12 @@ from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.batches import BatchWriter
 from wayfarer.transport.bodies import BodyLibrary
-from wayfarer.transport.caller import Scope, present_caller
+from wayfarer.transport.caller import Scope, current_caller
 from wayfarer.transport.codec import PoseEncoder, PoseFormat
-from wayfarer.transport.fleet import Fleet
-from wayfarer.transport.gateway.book import Book, OpenSession
-from wayfarer.transport.gateway.replies import Replies
-from wayfarer.transport.gateway.scene_book import SceneBook
+from wayfarer.transport.gateway.idempotency import IdempotencyCache
+from wayfarer.transport.gateway.scene_access import SceneAccess
+from wayfarer.transport.gateway.session_registry import OpenSession, SessionRegistry
+from wayfarer.transport.worker_topology import WorkerTopology
 
 Method = TypeVar("Method", bound=Callable[..., Any])
 
@@ -29,7 +29,7 @@ def needs(scope: Scope) -> Callable[[Method], Method]:
     def guarded(method: Method) -> Method:
         @functools.wraps(method)
         def checked(*args: Any, **kwargs: Any) -> Any:
-            present_caller().require(scope)
+            current_caller().require(scope)
             return method(*args, **kwargs)
 
         checked.scope = scope  # type: ignore[attr-defined]
@@ -39,17 +39,17 @@ def needs(scope: Scope) -> Callable[[Method], Method]:
 
 
 @dataclass
-class Shared:
+class GatewayContext:
     """One per server. `clock` returns Unix seconds and is the runtime's own."""
 
     service: MotionService
     bodies: BodyLibrary
     limits: Limits
     clock: Callable[[], float]
-    fleet: Fleet = field(default_factory=Fleet)
-    book: Book = field(init=False)
-    scenes: SceneBook = field(init=False)
-    replies: Replies = field(init=False)
+    fleet: WorkerTopology = field(default_factory=WorkerTopology)
+    book: SessionRegistry = field(init=False)
+    scenes: SceneAccess = field(init=False)
+    replies: IdempotencyCache = field(init=False)
     encoder: PoseEncoder = field(default_factory=PoseEncoder)
     skeleton: schema.Skeleton = field(default_factory=convert.skeleton)
     draining: asyncio.Event = field(default_factory=asyncio.Event)
@@ -58,9 +58,9 @@ class Shared:
     )
 
     def __post_init__(self) -> None:
-        self.book = Book(self.limits, self.clock, self.fleet)
-        self.scenes = SceneBook(self.limits, self.clock, self.fleet)
-        self.replies = Replies(self.clock)
+        self.book = SessionRegistry(self.limits, self.clock, self.fleet)
+        self.scenes = SceneAccess(self.limits, self.clock, self.fleet)
+        self.replies = IdempotencyCache(self.clock)
 
     @property
     def ready(self) -> bool:

@@ -11,7 +11,7 @@ from starlette.routing import compile_path
 from starlette.types import Receive, Scope, Send
 
 
-class Elsewhere:
+class UnknownPath:
     """The last route below /v1.
 
     Starlette's own answer names the methods of the first route of a path only, and leaves GET to

@@ -9,7 +9,7 @@ from wayfarer.transport import schema
 
 
 @dataclass(frozen=True, slots=True)
-class Fleet:
+class WorkerTopology:
     """`endpoints` of all workers, in order; none of them for a server that is one process."""
 
     shard: Shard = field(default_factory=Shard)

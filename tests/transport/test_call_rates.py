@@ -3,8 +3,7 @@ import asyncio
 import pytest
 
 from wayfarer.errors import ResourceExhausted
-from wayfarer.transport.caller import Caller, Quota
-from wayfarer.transport.limits import (
+from wayfarer.transport.call_rates import (
     FAILURE_BURST,
     REMEMBERED,
     Buckets,
@@ -12,6 +11,7 @@ from wayfarer.transport.limits import (
     count_call,
     count_with,
 )
+from wayfarer.transport.caller import Caller, Quota
 
 ADA = Caller("ada", frozenset())
 BOB = Caller("bob", frozenset())

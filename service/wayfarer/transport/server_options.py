@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 from wayfarer.config import Settings
 from wayfarer.transport.auth import Authenticator
+from wayfarer.transport.call_rates import CallRates
 from wayfarer.transport.guard import Guard
-from wayfarer.transport.limits import CallRates
 from wayfarer.transport.metrics import Metrics
 from wayfarer.transport.origins import Origins, own_names
 from wayfarer.transport.tls import Tls
@@ -13,7 +13,7 @@ from wayfarer.transport.tracing import NoTracing, Tracing, tracing
 
 
 @dataclass(frozen=True, slots=True)
-class Operation:
+class ServerOptions:
     """One per server; the defaults are those of a server on loopback without auth."""
 
     guard: Guard = field(default_factory=Guard)
@@ -27,7 +27,7 @@ class Operation:
     access_log: bool = False
 
     @classmethod
-    def from_settings(cls, settings: Settings) -> "Operation":
+    def from_settings(cls, settings: Settings) -> "ServerOptions":
         """Reads keys and certificates. Raises InvalidArgument that names setting and file."""
         tls = None
         if settings.tls_cert and settings.tls_key:

@@ -11,11 +11,11 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from wayfarer.errors import WayfarerError
 from wayfarer.service.stats import LoopStats
 from wayfarer.transport.caller import Scope as CallerScope
-from wayfarer.transport.caller import present_caller
-from wayfarer.transport.http_edge import problem_response
+from wayfarer.transport.caller import current_caller
 from wayfarer.transport.http_guard import HttpGuard
 from wayfarer.transport.metrics import Metrics
-from wayfarer.transport.operation import Operation
+from wayfarer.transport.request_limits import problem_response
+from wayfarer.transport.server_options import ServerOptions
 
 STATS_S = 1.0
 """How long /metrics waits for the motion loop before it does without its figures."""
@@ -23,7 +23,7 @@ STATS_S = 1.0
 Stats = Callable[[], Awaitable[LoopStats]]
 
 
-def front(app: ASGIApp, operation: Operation, stats: Stats) -> ASGIApp:
+def front(app: ASGIApp, operation: ServerOptions, stats: Stats) -> ASGIApp:
     """`app` with all that stands before it."""
     if operation.metrics_access != "off":
         app = MetricsEndpoint(app, operation.metrics, stats, operation.metrics_access == "guarded")
@@ -66,7 +66,7 @@ class MetricsEndpoint:
             return
         try:
             if self._guarded:
-                present_caller().require(CallerScope.READ)
+                current_caller().require(CallerScope.READ)
         except WayfarerError as error:
             await problem_response(error)(scope, receive, send)
             return

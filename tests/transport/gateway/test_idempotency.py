@@ -8,7 +8,7 @@ from tests.transport.fakes import Clock, FakeService, opened
 from tests.transport.gateway.calls import called_by, caller, session
 from wayfarer.errors import Aborted, ResourceExhausted
 from wayfarer.transport import schema
-from wayfarer.transport.gateway.replies import KEPT, Replies
+from wayfarer.transport.gateway.idempotency import KEPT, IdempotencyCache
 
 WISH = schema.NewSession(request_id="a", basis="unity")
 AGENTS = schema.NewAgents(request_id="b", agents=[schema.AgentSpec()])
@@ -94,7 +94,7 @@ async def test_replies_of_a_caller_are_bounded():
         done.append(None)
         return len(done)
 
-    replies = Replies(Clock())
+    replies = IdempotencyCache(Clock())
     for number in range(KEPT + 1):
         await replies.once(f"id-{number}", ("here", WISH), act)
     assert await replies.once(f"id-{KEPT}", ("here", WISH), act) == KEPT + 1  # remembered
