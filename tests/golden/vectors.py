@@ -55,10 +55,10 @@ class Vector:
         names = CHOSEN if self.profile is PoseProfile.BONES else ()
         return PoseFormat.choose(self.encoding, self.profile, names, self.fps)
 
-    def pack(self, motion: MotionChunk) -> codec.Poses:
+    def pack(self, motion: MotionChunk) -> codec.PackedPoses:
         return codec.encode(MotionChunks.of([motion]), self.basis, self.pose_format)
 
-    def describe(self, packed: codec.Poses) -> dict[str, Any]:
+    def describe(self, packed: codec.PackedPoses) -> dict[str, Any]:
         count = len(packed.contacts)
         return {
             "name": self.name,

@@ -1,7 +1,7 @@
 """Poses ↔ bytes. docs/wire-format.md shows every encoding byte by byte."""
 
 from wayfarer.transport.codec.encoder import PoseEncoder
-from wayfarer.transport.codec.packing import DecodedPoses, Poses, decode, encode
+from wayfarer.transport.codec.packing import DecodedPoses, PackedPoses, decode, encode
 from wayfarer.transport.codec.pose_format import PoseEncoding, PoseFormat, PoseProfile
 
 __all__ = [
@@ -10,7 +10,7 @@ __all__ = [
     "PoseEncoding",
     "PoseFormat",
     "PoseProfile",
-    "Poses",
+    "PackedPoses",
     "decode",
     "encode",
 ]

@@ -5,7 +5,7 @@ from collections import OrderedDict
 from numpy.typing import NDArray
 
 from wayfarer.transport.basis import Basis
-from wayfarer.transport.codec.packing import Poses, encode
+from wayfarer.transport.codec.packing import PackedPoses, encode
 from wayfarer.transport.codec.pose_format import PoseFormat
 from wayfarer.world.agents.agent import MotionChunks
 
@@ -24,11 +24,11 @@ class PoseEncoder:
         self._capacity = capacity
         self._bytes = 0
         # the array is kept beside its id, which would otherwise be given to another one
-        self._packed: OrderedDict[Key, tuple[Poses, NDArray]] = OrderedDict()
+        self._packed: OrderedDict[Key, tuple[PackedPoses, NDArray]] = OrderedDict()
 
     def encode(
         self, chunks: MotionChunks, basis: Basis, pose_format: PoseFormat = PoseFormat()
-    ) -> Poses:
+    ) -> PackedPoses:
         """As the function `encode`, from memory where another stream was first."""
         key = basis, pose_format, id(chunks.rotations)
         if key in self._packed:

@@ -22,7 +22,7 @@ AT_REST: Final = np.array([0.0, 0.0, 0.0, 1.0], np.float32)
 """The same in every basis."""
 
 
-class Poses(NamedTuple):
+class PackedPoses(NamedTuple):
     """The frames of chunks, one chunk after the other, as they go on the wire."""
 
     poses: memoryview
@@ -37,7 +37,9 @@ class DecodedPoses(NamedTuple):
     contacts: NDArray[np.bool_]  # [F, 2] left, right
 
 
-def encode(chunks: MotionChunks, basis: Basis, pose_format: PoseFormat = PoseFormat()) -> Poses:
+def encode(
+    chunks: MotionChunks, basis: Basis, pose_format: PoseFormat = PoseFormat()
+) -> PackedPoses:
     """Pack chunks into the basis and the format.
 
     Each begins with a frame whose number is a multiple of `spec.NEW_FRAMES`, and so of the stride
@@ -51,7 +53,7 @@ def encode(chunks: MotionChunks, basis: Basis, pose_format: PoseFormat = PoseFor
         basis.axes.points_to_wire(translation[block], out=packed["translation"][block])
         _pack(rotations[block], basis.axes, pose_format, packed["rotations"][block])
     contacts = (chunks.contacts[:, ::stride] * FOOT_BITS).sum(-1, dtype=np.uint8)
-    return Poses(packed.reshape(-1).view(np.uint8).data, contacts.tobytes())
+    return PackedPoses(packed.reshape(-1).view(np.uint8).data, contacts.tobytes())
 
 
 def decode(
