@@ -6,11 +6,11 @@ from wayfarer.transport.codec.pose_format import PoseEncoding, PoseFormat, PoseP
 
 __all__ = [
     "DecodedPoses",
+    "PackedPoses",
     "PoseEncoder",
     "PoseEncoding",
     "PoseFormat",
     "PoseProfile",
-    "PackedPoses",
     "decode",
     "encode",
 ]
