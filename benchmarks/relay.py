@@ -23,7 +23,7 @@ from starlette.routing import WebSocketRoute
 from wayfarer.transport.connection import HttpConnection, SocketConnection
 from wayfarer.workers.grpc_relay import GrpcRelay
 from wayfarer.workers.messages import Report
-from wayfarer.workers.placement import LeastLoaded
+from wayfarer.workers.placement import Placement
 from wayfarer.workers.socket_relay import SocketRelay
 
 SIZES: Final = (3_000, 24_000, 190_000)
@@ -38,7 +38,7 @@ class OneWorker:
 
 async def measure(folder: Path, messages: int) -> dict[str, float]:
     """CPU seconds of this process per message, by transport."""
-    placement = LeastLoaded([OneWorker()])
+    placement = Placement([OneWorker()])
     relay = GrpcRelay([folder / "grpc"], placement)
     server = grpc.aio.server()
     server.add_generic_rpc_handlers((relay,))

@@ -26,7 +26,7 @@ from wayfarer.transport.worker_topology import WorkerTopology
 from wayfarer.workers.assignments import _ports
 from wayfarer.workers.front import Front
 from wayfarer.workers.messages import DOWN, Report
-from wayfarer.workers.placement import LeastLoaded
+from wayfarer.workers.placement import Placement
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec, SessionInfo, SessionSpec
 
 
@@ -137,7 +137,7 @@ class Rig:
                 Guard(Authenticator(KeyFile(self.keys))) if self.keys else Guard(), drain_s=0.2
             ),
             doors,
-            LeastLoaded(self.workers, lambda: 0.0),
+            Placement(self.workers, lambda: 0.0),
             FakeSupervisor(self.workers),  # type: ignore[arg-type]
         )
         await self.front.start()

@@ -5,7 +5,7 @@ import pytest
 from wayfarer.errors import Unavailable
 from wayfarer.shard import Shard
 from wayfarer.workers.messages import DOWN, Report
-from wayfarer.workers.placement import REMEMBERED, LeastLoaded
+from wayfarer.workers.placement import REMEMBERED, Placement
 
 
 @dataclass
@@ -25,12 +25,12 @@ class Clock:
 
 
 def test_new_sessions_are_spread_before_any_report_tells_of_them():
-    placement = LeastLoaded([ready(), ready(), ready()])
+    placement = Placement([ready(), ready(), ready()])
     assert sorted(placement.choose() for _ in range(6)) == [0, 0, 1, 1, 2, 2]
 
 
 def test_sessions_go_where_the_fewest_people_are():
-    placement = LeastLoaded([ready(40, 2), ready(10, 2), ready(30, 2)], Clock())
+    placement = Placement([ready(40, 2), ready(10, 2), ready(30, 2)], Clock())
     assert placement.choose() == 1
     # a new session counts as much as the mean one holds: 13
     assert [placement.choose() for _ in range(3)] == [1, 2, 1]
@@ -39,7 +39,7 @@ def test_sessions_go_where_the_fewest_people_are():
 def test_what_was_placed_is_forgotten_once_reports_tell_of_it():
     clock = Clock()
     workers = [ready(), ready()]
-    placement = LeastLoaded(workers, clock)
+    placement = Placement(workers, clock)
     assert [placement.choose() for _ in range(2)] == [0, 1]
     clock.now = 10.0
     workers[1].report = ready(5, 1).report
@@ -47,14 +47,14 @@ def test_what_was_placed_is_forgotten_once_reports_tell_of_it():
 
 
 def test_a_request_that_is_sent_twice_goes_where_it_went():
-    placement = LeastLoaded([ready(), ready()])
+    placement = Placement([ready(), ready()])
     first = placement.choose("a")
     assert {placement.choose("a") for _ in range(5)} == {first}
     assert placement.choose("b") != first
 
 
 def test_request_ids_are_remembered_within_bounds():
-    placement = LeastLoaded([ready(), ready()])
+    placement = Placement([ready(), ready()])
     for number in range(REMEMBERED + 10):
         placement.choose(str(number))
     assert len(placement._chosen) == REMEMBERED
@@ -62,7 +62,7 @@ def test_request_ids_are_remembered_within_bounds():
 
 def test_workers_that_are_not_ready_get_nothing_new():
     workers = [Worker(DOWN), ready(50, 5)]
-    placement = LeastLoaded(workers)
+    placement = Placement(workers)
     assert {placement.choose() for _ in range(4)} | {placement.any()} == {1}
     workers[1].report = DOWN
     with pytest.raises(Unavailable, match="no worker is ready"):
@@ -70,5 +70,5 @@ def test_workers_that_are_not_ready_get_nothing_new():
 
 
 def test_a_session_is_found_by_its_id_even_while_its_worker_is_down():
-    placement = LeastLoaded([ready(), Worker(DOWN), ready()])
+    placement = Placement([ready(), Worker(DOWN), ready()])
     assert placement.find(Shard(1, 3).session_id()) == 1

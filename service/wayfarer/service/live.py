@@ -15,7 +15,7 @@ from typing import Final, TypeVar
 
 from wayfarer.errors import NotFound, ResourceExhausted
 from wayfarer.service.inbox import Inbox
-from wayfarer.service.metrics_sink import MetricsSink, NoMetrics
+from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.model_events import model_changed
 from wayfarer.service.streams.publications import StreamOptions
@@ -55,7 +55,7 @@ class LiveMotion:
         """`warm_up` is called on the motion thread before its first turn."""
         self._world = world
         self._clock = clock or steady_clock()
-        self._meter = meter or NoMetrics()
+        self._meter = meter or MetricsSink()
         self._inbox = Inbox(INBOX)
         self._workshop = ThreadPoolExecutor(1, "newcomers")
         self._publisher = Publisher(world.settings.limits, self._meter, world.get_agent)

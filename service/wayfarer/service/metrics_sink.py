@@ -1,7 +1,6 @@
 """Where the loop's figures go; the service counts them for Prometheus, tests and tools do not."""
 
 from enum import StrEnum
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,68 +19,33 @@ class ResumeResult(StrEnum):
     NEW_EPOCH = "new_epoch"  # the session has started again since
 
 
-class MetricsSink(Protocol):
-    """Takes figures. Called from the motion thread and from event loops.
+class MetricsSink:
+    """Takes figures from the motion thread and from event loops; this one drops them.
 
-    Every method must be thread-safe, take microseconds, and never raise. Seconds throughout.
+    Methods of subclasses must be thread-safe, take microseconds, and never raise. Seconds
+    throughout.
     """
 
     def step(self, seconds: float, agents: int) -> None:
         """One engine call, and for how many agents."""
-        ...
 
     def chunks(self, lateness: Seconds) -> None:
         """Chunks left together; seconds of each after its scheduled time (below 0: before it)."""
-        ...
 
     def queue(self, seconds: float) -> None:
         """Seconds of motion that wait for a subscriber, after a publication was added."""
-        ...
 
     def drops(self, policy: SlowReader, publications: int) -> None:
         """Publications were dropped for a subscriber that was too slow."""
-        ...
 
     def resume(self, result: ResumeResult) -> None:
         """A subscription asked to resume."""
-        ...
 
     def goal_to_motion(self, seconds: float) -> None:
         """Seconds from a goal command to the scheduled time of the first chunk planned for it."""
-        ...
 
     def refusal(self, command: str) -> None:
         """A command, by its name in `MotionService`, ended with ResourceExhausted."""
-        ...
 
     def journal(self, entries: int, failed: bool) -> None:
         """The journal wrote `entries` in one transaction, or failed to."""
-        ...
-
-
-class NoMetrics:
-    """A `MetricsSink` that lets everything go."""
-
-    def step(self, seconds: float, agents: int) -> None:
-        """See `MetricsSink`, as for all below."""
-
-    def chunks(self, lateness: Seconds) -> None:
-        """See `MetricsSink`."""
-
-    def queue(self, seconds: float) -> None:
-        """See `MetricsSink`."""
-
-    def drops(self, policy: SlowReader, publications: int) -> None:
-        """See `MetricsSink`."""
-
-    def resume(self, result: ResumeResult) -> None:
-        """See `MetricsSink`."""
-
-    def goal_to_motion(self, seconds: float) -> None:
-        """See `MetricsSink`."""
-
-    def refusal(self, command: str) -> None:
-        """See `MetricsSink`."""
-
-    def journal(self, entries: int, failed: bool) -> None:
-        """See `MetricsSink`."""

@@ -22,7 +22,7 @@ from prometheus_client.registry import Collector
 from prometheus_client.utils import floatToGoString
 
 from wayfarer import __version__
-from wayfarer.service.metrics_sink import ResumeResult, Seconds
+from wayfarer.service.metrics_sink import MetricsSink, ResumeResult, Seconds
 from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.publications import SlowReader
 from wayfarer.spec import FPS, NEW_FRAMES
@@ -42,8 +42,8 @@ GOAL_BUCKETS: Final = (0.025, 0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 1.0, 
 BATCH_BUCKETS: Final = (1, 2, 4, 8, 16, 32, 64, 128, 256)
 
 
-class Metrics:
-    """All metrics. Implements the runtime's `MetricsSink`."""
+class Metrics(MetricsSink):
+    """All metrics of the server."""
 
     def __init__(self, traced: Callable[[int, float], None] | None = None) -> None:
         """`traced` gets every engine call, too: agents, seconds."""

@@ -1,8 +1,4 @@
-"""Which worker a session lives in.
-
-The front needs no more than `Placement`, so that another way to decide, over many machines, can
-replace this one.
-"""
+"""Which worker a session lives in."""
 
 import time
 from collections import Counter, OrderedDict, deque
@@ -20,22 +16,6 @@ REMEMBERED: Final = 4096
 """Request ids whose worker is known, so that a create sent twice meets its first reply."""
 
 
-class Placement(Protocol):
-    """Chooses and finds workers, by their number."""
-
-    def choose(self, request_id: str = "") -> int:
-        """The worker for a new session; the same for the same `request_id`. Raises Unavailable."""
-        ...
-
-    def any(self) -> int:
-        """A worker for what all can do as well. Raises Unavailable."""
-        ...
-
-    def find(self, name: str) -> int:
-        """The worker in which the session or agent of this id lives, if it lives."""
-        ...
-
-
 class Reporting(Protocol):
     """What is known of a worker."""
 
@@ -45,7 +25,7 @@ class Reporting(Protocol):
         ...
 
 
-class LeastLoaded:
+class Placement:
     """New sessions go to the ready worker with the fewest people.
 
     Agents come only after their session, and reports later still. So a session counts as the mean

@@ -16,7 +16,7 @@ from wayfarer.transport.server_options import ServerOptions
 from wayfarer.transport.worker_sockets import WorkerSockets
 from wayfarer.workers.assignments import assignments
 from wayfarer.workers.front import Front
-from wayfarer.workers.placement import LeastLoaded
+from wayfarer.workers.placement import Placement
 from wayfarer.workers.process import WorkerProcess
 from wayfarer.workers.supervisor import Supervisor
 
@@ -57,7 +57,7 @@ async def serve_workers(
 
         loop.add_signal_handler(signal.SIGHUP, reload)
         doors = [WorkerSockets(a.folder) for a in plan]
-        front = Front(settings, operation, doors, LeastLoaded(supervisor.workers), supervisor)
+        front = Front(settings, operation, doors, Placement(supervisor.workers), supervisor)
         await front.start()
         try:
             if await _either(supervisor.start(), stop):

@@ -19,7 +19,7 @@ import structlog
 from wayfarer.errors import ArtifactError
 from wayfarer.limits import Limits
 from wayfarer.service.inbox import post
-from wayfarer.service.metrics_sink import MetricsSink, NoMetrics
+from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.persistence.journal_entries import (
     CapturedAgents,
     Member,
@@ -53,7 +53,7 @@ class Journal:
         """Open the journal of a folder. Raises ArtifactError: see `JournalFile`; or when it was
         kept for another body.
         """
-        self._meter = meter or NoMetrics()
+        self._meter = meter or MetricsSink()
         self._file = JournalFile(folder)
         self._entries = self._file.entries
         try:
