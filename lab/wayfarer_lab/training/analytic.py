@@ -26,7 +26,7 @@ from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS, LATENT, NEW_FRAMES
 from wayfarer.terms import TERMS, WALK
-from wayfarer_lab.training.crowd import TrainingCrowd, CrowdSampler
+from wayfarer_lab.training.crowd import CrowdSampler, TrainingCrowd
 from wayfarer_lab.training.dataset import Frames
 from wayfarer_lab.training.likeness import FRAMES
 from wayfarer_lab.training.mocap.store import Dataset

@@ -68,7 +68,9 @@ class WatchedDecoder:
         return self.last
 
 
-def shown_markers(step: PrimitiveStep, before: TrainingCrowd, result: StepResult, future: Tensor) -> Tensor:
+def shown_markers(
+    step: PrimitiveStep, before: TrainingCrowd, result: StepResult, future: Tensor
+) -> Tensor:
     """Markers of the bodies that a step with one candidate shows [A, F, 67, 3], world.
 
     Values are those of the bodies, slopes those of the predicted markers `future` [A, F, 201]
