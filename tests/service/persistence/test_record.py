@@ -99,7 +99,7 @@ def test_an_exported_log_does_not_change():
     ("changes", "text"),
     [
         ({"body": type(STICK)("other", {})}, "made with body 'stick'"),
-        ({"models": ("another@00",)}, "its motion would be another"),
+        ({"models": ("another@00",)}, "would make other motion"),
         ({"candidates": 8}, "`candidates` 4; this server has 8"),
     ],
 )
