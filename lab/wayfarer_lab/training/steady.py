@@ -102,7 +102,7 @@ class SteadyWalks:
         self.config = config
         self.walks = walks
         self.features = GaitFeatures.from_names(names)
-        self.gait = Gait.from_names(names, self.features)
+        self.gait = SteadyGait.from_names(names, self.features)
         self.critic = Critic(self.features.size)
         self.critic.fit(torch.cat([self.features.of(m) for m in walks.markers.values()]))
         self.optimizer = torch.optim.Adam(
@@ -160,14 +160,14 @@ class SteadyWalks:
         return figures
 
 
-class Gait:
+class SteadyGait:
     """Figures of a window that are compared with recorded windows, or held in bounds."""
 
     def __init__(self, waist: Tensor, posture: Posture, parts: Mapping[str, list[int]]) -> None:
         self.waist, self.posture, self.parts = waist, posture, parts
 
     @classmethod
-    def from_names(cls, names: Sequence[str], features: GaitFeatures) -> "Gait":
+    def from_names(cls, names: Sequence[str], features: GaitFeatures) -> "SteadyGait":
         """For bodies whose markers have these names."""
         at, sites = {name: i for i, name in enumerate(names)}, Sites.from_names(names)
         parts = {

@@ -10,7 +10,7 @@ from wayfarer.spec import FPS
 from wayfarer_lab.training.crowd import TrainingCrowd
 from wayfarer_lab.training.likeness import FRAMES, GaitFeatures
 from wayfarer_lab.training.rotation import matrix_from_rotvec
-from wayfarer_lab.training.steady import SETTLED, Gait, LikenessConfig, SteadyWalks
+from wayfarer_lab.training.steady import SETTLED, LikenessConfig, SteadyGait, SteadyWalks
 from wayfarer_lab.training.tasks import WALKING, Tasks
 from wayfarer_lab.training.walks import Walks
 
@@ -101,7 +101,7 @@ def test_a_verdict_teaches_the_critic_and_reaches_the_new_frames(walks):
 
 
 def test_the_waists_swings_knees_trunk_and_head_are_measured():
-    gait = Gait.from_names(NAMES, GaitFeatures.from_names(NAMES))
+    gait = SteadyGait.from_names(NAMES, GaitFeatures.from_names(NAMES))
     rest = BODIES["male"].resting(torch.zeros(1, 10))
     swinging = poses()[None].clone()
     swinging[..., 2] += (0.015 * torch.sin(12 * TIME) + 0.1 * TIME)[:, None]  # and climbs
@@ -121,7 +121,10 @@ def test_the_waists_swings_knees_trunk_and_head_are_measured():
 
 
 def test_steps_are_measured_from_ankle_to_ankle_and_a_limp_is_told():
-    gait, window = Gait.from_names(NAMES, GaitFeatures.from_names(NAMES)), poses()[None].clone()
+    gait, window = (
+        SteadyGait.from_names(NAMES, GaitFeatures.from_names(NAMES)),
+        poses()[None].clone(),
+    )
     window[:, :, NAMES.index("LANK"), 1] += 0.6 * torch.sin(6 * TIME)
     step, limp = gait.steps(window)
     assert step.item() == pytest.approx(60, abs=1) and limp.item() < 2
