@@ -41,7 +41,7 @@ def test_one_network_takes_seeds_of_one_and_two_frames():
     for frames in (1, 2):
         pi = policy(seeds(frames), condition)
         assert pi.mean.shape == pi.log_std.shape == (AGENTS, LATENT)
-        assert policy.value(seeds(frames), condition).shape == (AGENTS,)
+        assert policy.value(policy.features(seeds(frames), condition)).shape == (AGENTS,)
 
 
 def test_deviations_stay_within_their_limits():

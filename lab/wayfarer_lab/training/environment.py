@@ -190,7 +190,7 @@ class GoalEnvironment:
             rotations=result.rotations[:, -keep:],
         )
         outcome = self._outcome(step, agents, result.translation, result.rotations)
-        return after, judge(outcome)
+        return after, feedback_of(outcome)
 
     def _outcome(
         self, step: PrimitiveStep, agents: AgentBatch, translation: Tensor, rotations: Tensor
@@ -213,8 +213,8 @@ class GoalEnvironment:
         return reward.PrimitiveOutcome(body, hips[:, keep - 1 :], pose)
 
 
-def judge(outcome: reward.PrimitiveOutcome) -> Feedback:
-    """Rewards of a primitive, and whether the body is still one that stands and walks."""
+def feedback_of(outcome: reward.PrimitiveOutcome) -> Feedback:
+    """Rewards of a primitive, and whether the body is broken: fallen, sunk or not finite."""
     rewards = reward.evaluate(outcome)
     hips = outcome.hips[:, -1]
     low, high = HIPS_HEIGHT

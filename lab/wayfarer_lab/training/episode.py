@@ -8,7 +8,7 @@ from torch import Tensor
 from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
 from wayfarer_lab.training import reward
 from wayfarer_lab.training.environment import AgentBatch, GoalEnvironment, State, take
-from wayfarer_lab.training.ppo import PpoSettings, SampleBatch, advantages, look, normalised
+from wayfarer_lab.training.ppo import PpoSettings, SampleBatch, advantages, evaluate, normalised
 
 
 class Episode(NamedTuple):
@@ -31,7 +31,7 @@ class Episode(NamedTuple):
 def simulate(
     environment: GoalEnvironment, policy: GoalPolicy, agents: AgentBatch, primitives: int
 ) -> Episode:
-    """Let agents go until each has reached its goal, has broken, or `primitives` are over.
+    """Step agents until each has reached its goal or has broken, for at most `primitives` steps.
 
     Latents are drawn from the policy.
     """
@@ -46,7 +46,7 @@ def simulate(
     samples: list[tuple[Tensor, ...]] = []
     for t in range(primitives):
         state = environment.observe(agents)
-        distribution, _, value = look(policy, *state)
+        distribution, _, value = evaluate(policy, *state)
         noise = torch.randn_like(distribution.mean)[:, None]
         latent = distribution.sample(noise, torch.ones(len(rows)))[:, 0]
         agents, feedback = environment.step(agents, latent)
@@ -65,7 +65,7 @@ def simulate(
             break
     future = torch.zeros(count)
     if len(rows):
-        future[rows] = look(policy, *environment.observe(agents))[2]
+        future[rows] = evaluate(policy, *environment.observe(agents))[2]
     # Eq. 9 counts for all primitives of the episode
     to_goal = reward.goal(closest, task.area, task.reached).expand(primitives, -1)
     seed, goal, speed, facing, weights, latent, mean, log_std = (

@@ -20,7 +20,7 @@ from wayfarer_lab.training.dataset import Poses
 from wayfarer_lab.training.environment import GoalEnvironment, Task
 from wayfarer_lab.training.episode import Episode, samples_of, simulate
 from wayfarer_lab.training.pose_prior import load_pose_prior
-from wayfarer_lab.training.ppo import PpoSettings, improve
+from wayfarer_lab.training.ppo import PpoSettings, update
 from wayfarer_lab.training.reward import REWARD, REWARDS
 from wayfarer_lab.training.run import TrainingRun, load_weights, read_run_config
 from wayfarer_lab.training.snapshot import draw_trails
@@ -39,7 +39,9 @@ class PolicyConfig(BaseModel):
     pose_prior: str = "runs/pose_prior"  # or a VPoser v2 checkpoint of your own
     start_from: str = ""  # run folder of a policy to begin with
     epochs: int = 500
-    critic_epochs: int = 0  # first ones in which the actor rests: for a policy without a critic
+    critic_epochs: int = (
+        0  # first epochs, in which only the critic trains: for a policy without one
+    )
     starts: int = 8  # simulations per epoch
     clones: int = 32  # agents per simulation
     primitives: int = 60
@@ -89,7 +91,7 @@ class PolicyTrainer:
         samples = samples_of(episode, self.weights, config.arrival, config.ppo)
         limit = -1.0 if self.run.step < config.critic_epochs else config.ppo.kl_limit
         settings = config.ppo.model_copy(update={"kl_limit": limit})
-        learning = improve(self.model, self.optimizer, samples, settings)
+        learning = update(self.model, self.optimizer, samples, settings)
         speed = {
             "time/agent_steps_per_second": len(samples.latent) / (simulated - began),
             "time/learning_seconds": time.perf_counter() - simulated,

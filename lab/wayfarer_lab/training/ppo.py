@@ -1,7 +1,7 @@
 """Proximal policy optimisation as pure functions (paper Eq. 10, 13-15; Schulman et al. 2017).
 
-T = primitives of an episode, A = agents, N = samples: the primitives of all agents that were still
-going, one after the other in the order of time, agents in the order of rows.
+T = primitives of an episode, A = agents, N = samples: the primitives of all agents whose episode
+has not ended, in order of time, then of rows.
 """
 
 from typing import NamedTuple
@@ -42,7 +42,7 @@ class SampleBatch(NamedTuple):
     returns: Tensor  # [N]
 
     def take(self, rows: Tensor) -> "SampleBatch":
-        """Some samples; all fields are permuted alike."""
+        """Some samples, by index; all fields are permuted alike."""
         return SampleBatch(
             self.seed[rows],
             Condition(*(field[rows] for field in self.condition)),
@@ -53,31 +53,33 @@ class SampleBatch(NamedTuple):
         )
 
 
-def look(policy: GoalPolicy, seed: Tensor, condition: Condition) -> tuple[Gaussian, Tensor, Tensor]:
-    """π(z | s), features and V(s) [N]. Most of it in bfloat16; what becomes a ratio in float32."""
+def evaluate(
+    policy: GoalPolicy, seed: Tensor, condition: Condition
+) -> tuple[Gaussian, Tensor, Tensor]:
+    """π(z | s), features and V(s) [N]. In bfloat16, except for what enters a ratio: float32."""
     with torch.autocast(seed.device.type, dtype=torch.bfloat16):
         features = policy.features(seed, condition)
-        value = policy.judge(features)
+        value = policy.value(features)
     return policy.act(features.float()), features, value.float()
 
 
 def advantages(
     rewards: Tensor, values: Tensor, alive: Tensor, after: Tensor, discount: float, gae: float
 ) -> tuple[Tensor, Tensor]:
-    """Advantages [T, A] and returns [T, A], zero where an agent was no longer going.
+    """Advantages [T, A] and returns [T, A], zero after the end of an agent's episode.
 
-    rewards, values [T, A]; alive [T, A] is true up to each agent's last primitive, whose end is
-    worth `after` [A]. With λ = 1, R_t = Σ γ^(τ-t) r_τ (Eq. 13, worked out from the last step to
-    the first), A_t = R_t - V(s_t) (Eq. 14); with less, generalised advantages (Schulman et al.
-    2016), R_t = A_t + V(s_t).
+    rewards, values [T, A]; alive [T, A] is true up to each agent's last primitive, and `after` [A]
+    is the value of its end. With λ = 1, R_t = Σ γ^(τ-t) r_τ (Eq. 13, summed from the last step to
+    the first) and A_t = R_t - V(s_t) (Eq. 14); with smaller λ, generalised advantages (Schulman et
+    al. 2016) and R_t = A_t + V(s_t).
     """
     advantage = torch.zeros_like(rewards)
-    following, coming = after, torch.zeros_like(after)  # V(s_t+1), A_t+1
+    next_value, next_advantage = after, torch.zeros_like(after)  # V(s_t+1), A_t+1
     for t in range(len(rewards) - 1, -1, -1):
-        error = rewards[t] + discount * following - values[t]
-        coming = torch.where(alive[t], error + discount * gae * coming, 0.0)
-        following = torch.where(alive[t], values[t], after)
-        advantage[t] = coming
+        delta = rewards[t] + discount * next_value - values[t]
+        next_advantage = torch.where(alive[t], delta + discount * gae * next_advantage, 0.0)
+        next_value = torch.where(alive[t], values[t], after)
+        advantage[t] = next_advantage
     return advantage, torch.where(alive, advantage + values, 0.0)
 
 
@@ -120,16 +122,16 @@ def robust(divergence: Tensor) -> Tensor:
     return torch.sqrt(1 + divergence * divergence) - 1
 
 
-def improve(
+def update(
     policy: GoalPolicy,
     optimizer: torch.optim.Optimizer,
     samples: SampleBatch,
     settings: PpoSettings,
 ) -> dict[str, float]:
-    """Minimise Eq. 10 over some passes through the samples. Returns means of what was watched.
+    """Minimise Eq. 10 over `settings.passes` passes through the samples. Returns mean losses.
 
-    Once π has moved too far from π^k the actor and the shared encoder rest, and the critic alone
-    goes on.
+    Once KL(π^k ‖ π) exceeds `settings.kl_limit`, only the critic trains on; the actor and the
+    shared encoder stay as they are.
     """
     watched: list[dict[str, float]] = []
     acting = True
@@ -137,11 +139,11 @@ def improve(
         for rows in torch.randperm(len(samples.latent)).split(settings.batch):
             part = samples.take(rows)
             with torch.set_grad_enabled(acting):
-                now, features, value = look(policy, part.seed, part.condition)
+                now, features, value = evaluate(policy, part.seed, part.condition)
             moved = divergence(part.old, now).mean()
             acting = acting and bool(moved <= settings.kl_limit)
             if not acting:
-                value = policy.judge(features.detach().float())
+                value = policy.value(features.detach().float())
             error = value_loss(value, part.returns)
             loss = settings.value_weight * error
             if acting:

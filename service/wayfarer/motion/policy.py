@@ -100,18 +100,14 @@ class GoalPolicy(nn.Module):
         """Seed [A, S, 201], canonical frame → the distribution of latents."""
         return self.act(self.features(seed, condition))
 
-    def value(self, seed: Tensor, condition: Condition) -> Tensor:
-        """The critic's guess of the return [A]."""
-        return self.judge(self.features(seed, condition))
-
     def act(self, features: Tensor) -> Gaussian:
         """The actor on shared features [A, 512]."""
         mean, log_std = self.output(self.actor(features)).chunk(2, -1)
         low, high = LOG_STD
         return Gaussian(mean, log_std.clamp(low, high))
 
-    def judge(self, features: Tensor) -> Tensor:
-        """The critic on shared features [A, 512]: [A]."""
+    def value(self, features: Tensor) -> Tensor:
+        """The critic on shared features [A, 512]: the expected return [A]."""
         return self.critic(features).squeeze(-1)
 
     def features(self, seed: Tensor, condition: Condition) -> Tensor:

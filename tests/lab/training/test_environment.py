@@ -9,7 +9,7 @@ from tests.lab.training.walkers import environment
 from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.quality import Candidate
 from wayfarer.spec import LATENT
-from wayfarer_lab.training.environment import Task, judge, take
+from wayfarer_lab.training.environment import Task, feedback_of, take
 from wayfarer_lab.training.reward import REWARDS, PrimitiveOutcome
 from wayfarer_lab.training.rotation import (
     matrix_from_quaternion,
@@ -140,6 +140,6 @@ def test_who_lies_has_fallen(world, tilt, fallen):
     body = Candidate(
         markers, zero, goal, torch.ones(1), torch.zeros(1, 2), no_obstacles(1), step.sites
     )
-    feedback = judge(PrimitiveOutcome(body, hips, torch.zeros(1, 8, 32)))
+    feedback = feedback_of(PrimitiveOutcome(body, hips, torch.zeros(1, 8, 32)))
     assert feedback.broken.item() is fallen
     assert feedback.distance.item() == pytest.approx(5)

@@ -98,7 +98,7 @@ def played(policy, count):
     """A bandit: the latent's first two entries should point the way to the goal."""
     with torch.no_grad():
         seed, condition = world(count)
-        drawn, _, value = ppo.look(policy, seed, condition)
+        drawn, _, value = ppo.evaluate(policy, seed, condition)
         latent = drawn.sample(torch.randn(count, 1, LATENT), torch.ones(count))[:, 0]
         reward = (latent[:, :2] * condition.goal[:, :2] / 3).sum(-1)
         going, end = torch.ones(1, count, dtype=torch.bool), torch.zeros(count)
@@ -127,7 +127,7 @@ def test_ppo_learns_which_way_to_go():
     got = []
     for _ in range(10):
         batch, reward = played(policy, 512)
-        ppo.improve(policy, optimizer, batch, settings)
+        ppo.update(policy, optimizer, batch, settings)
         got.append(reward)
     assert abs(got[0]) < 0.15  # the prior knows nothing
     assert got[-1] > 0.5
@@ -141,7 +141,7 @@ def test_the_critic_learns_each_state_s_return_not_the_mean():
     for _ in range(25):
         batch, _ = played(policy, 128)
         batch = batch._replace(returns=batch.condition.goal[:, 0] / 3)
-        error = ppo.improve(policy, optimizer, batch, settings)["ppo/value_loss"]
+        error = ppo.update(policy, optimizer, batch, settings)["ppo/value_loss"]
     assert error < 0.5 * float(batch.returns.var())
 
 
@@ -152,13 +152,13 @@ def test_the_actor_stops_when_it_has_moved_too_far_and_the_critic_goes_on():
 
     def now():
         with torch.no_grad():
-            actor, _, value = ppo.look(policy, batch.seed, batch.condition)
+            actor, _, value = ppo.evaluate(policy, batch.seed, batch.condition)
         return actor.mean, value
 
     def learn(limit):
         optimizer = torch.optim.SGD(policy.parameters(), lr=0.1)
         settings = PpoSettings(batch=64, passes=6, kl_limit=limit)
-        return ppo.improve(policy, optimizer, batch, settings)["ppo/updates"]
+        return ppo.update(policy, optimizer, batch, settings)["ppo/updates"]
 
     assert learn(limit=1e-9) == 1  # of six: the first finds π where π^k was
     mean, value = now()
