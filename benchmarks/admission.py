@@ -3,9 +3,9 @@
     python -m benchmarks.admission --seconds 60
 
 First `clients` ask at once, together for `times` as many agents as the server says that fit. Then,
-while those who were let in are streamed, given goals and watched, others go on knocking.
-Ends with 1 when somebody who was let in missed a primitive, when a refusal took 50 ms or longer, or
-when nobody was refused.
+while the admitted agents are streamed, given goals and watched, clients keep asking for more.
+Ends with 1 when an admitted agent missed a primitive, when a refusal took 50 ms or longer, or when
+nothing was refused.
 """
 
 import argparse
@@ -42,7 +42,7 @@ LIMITS = {
     name: str(MOST)
     for name in ("AGENTS", "SESSIONS", "SESSIONS_PER_CALLER", "STREAMS", "AGENTS_PER_SESSION")
 } | {"CALLS_PER_SECOND": "100000"}
-"""Only time shall be short."""
+"""Settings with which only time is short."""
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""Has anything become worse? Ratios of two records, never their times.
+"""Compares the ratios of two records, never their times: has any become worse?
 
     python -m benchmarks.compare BEFORE.json AFTER.json [--tolerance 0.1]
 

@@ -1,6 +1,6 @@
 """A crowd that stays on the device: each step begins where the last one ended.
 
-For simulations and measurements in which nobody has to see every frame: nothing is copied from or
+For simulations and measurements that do not need every frame: nothing is copied from or
 to host memory but what the caller asks for.
 """
 

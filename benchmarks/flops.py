@@ -15,7 +15,7 @@ UNCOUNTED = ("Einsum", "GRU", "LSTM", "RNN", "Conv", "Attention", "If", "Loop", 
 
 @dataclass(frozen=True)
 class Product:
-    """So many products of [m, k] by [k, n]."""
+    """Matrix products of [m, k] by [k, n], with their number."""
 
     m: int
     k: int

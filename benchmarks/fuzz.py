@@ -1,4 +1,4 @@
-"""Hostile inputs into a server of its own: what does it answer, and does it stay well?
+"""Hostile inputs into a server of its own: what does it answer, and does it stay healthy?
 
     python -m benchmarks.fuzz --inputs 100000 --seed 1
 

@@ -75,7 +75,7 @@ Seconds = Callable[[Networks, StepInputs, float], float]
 
 
 def people(agents: int, candidates: int) -> StepInputs:
-    """So many bodies, of which 64 differ: zeros would be multiplied faster than numbers."""
+    """Bodies, of which 64 differ: zeros would be multiplied faster than numbers."""
     some = standing_inputs(GENDER, min(agents, LEAST), candidates)
     rows = np.arange(agents) % len(some.goal)
     return StepInputs(**{f.name: getattr(some, f.name)[rows] for f in fields(StepInputs)})

@@ -1,4 +1,4 @@
-"""`wayfarer serve` whose engine computes nothing: for what the service takes beside its step.
+"""`wayfarer serve` whose engine computes nothing: to measure the rest of the service.
 
 python -m benchmarks.instant [options of `wayfarer serve`]
 """

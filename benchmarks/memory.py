@@ -1,4 +1,4 @@
-"""What a server takes in memory: with no agents, and with more and more of them.
+"""Memory of a server, without agents and with more and more of them.
 
     python -m benchmarks.memory [--agents 0 64 256 1024] [--candidates 1]
                                 [--engine onnxruntime] [--json FILE] [--quick]

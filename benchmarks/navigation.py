@@ -36,7 +36,7 @@ def best(work: Callable[[], Any], times: int) -> float:
 
 
 def level(triangles: int) -> SceneSpec:
-    """The cubes field as an OBJ of so many triangles: they are split in four, again and again."""
+    """The cubes field as an OBJ with at least this many triangles, split in four repeatedly."""
     spec = cubes_field()
     corners = np.concatenate([_floor(20.0), *(solid_triangles(solid) for solid in spec.solids)])
     while len(corners) < triangles:

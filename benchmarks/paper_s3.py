@@ -1,4 +1,4 @@
-"""Table S3 of the paper in our form: seconds in which so many bodies move by one primitive.
+"""Table S3 of the paper in our form: seconds for N bodies to move by one primitive.
 
     python -m benchmarks.paper_s3 [--engine onnxruntime] [--threads 0] [--json FILE] [--quick]
 

@@ -1,4 +1,4 @@
-"""Pictures of the performance page, where one would rather look than read."""
+"""Plots of the performance page."""
 
 from pathlib import Path
 from typing import Any

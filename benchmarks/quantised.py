@@ -1,4 +1,4 @@
-"""What int8 would save, and what it would cost in exactness.
+"""The time that int8 saves, and its errors.
 
     python -m benchmarks.quantised [--json FILE] [--quick]
 
@@ -87,7 +87,7 @@ class Recorder(OnnxEngine):
 
 
 def recorded(models: ModelFolder, seed: int, steps: int, every: int) -> Inputs:
-    """Inputs of every so many steps of a crowd that is given goals now and then."""
+    """Inputs of some steps of a crowd that gets goals now and then."""
     engine, random = Recorder(models), np.random.default_rng(seed)
     bodies = {gender: load_body(BODY, gender, "low") for gender in GENDERS}
     genders = GENDERS * ROWS

@@ -1,4 +1,4 @@
-"""Run all performance benchmarks, and write down what they found with where and when.
+"""Run all performance benchmarks, and record results, machine and time.
 
     python -m benchmarks.record [--name default] [--only step service] [--quick]
 

@@ -1,4 +1,4 @@
-"""What the front of `serve --workers N` costs: CPU of its process per message that it relays.
+"""Cost of the front of `serve --workers N`: CPU time per relayed message.
 
     python -m benchmarks.relay [MESSAGES]
 

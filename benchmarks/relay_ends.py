@@ -19,7 +19,7 @@ REQUEST: Final = b"\x0a\x0csession-0000"
 
 
 async def send(folder: str, size: int, messages: int) -> None:
-    """Send messages to whoever asks, as fast as they are taken, for ever."""
+    """Send messages to every client for ever, as fast as it takes them."""
     data = bytes(size)
 
     async def stream(request: bytes, context: Any) -> AsyncIterator[bytes]:

@@ -1,4 +1,4 @@
-"""What the service takes beside its engine: CPU time of each part per 0.2 s of real time.
+"""CPU time of each part of the service except the engine, per 0.2 s of real time.
 
     python -m benchmarks.runtime_overhead [--agents 1024] [--sessions 8] [--candidates 1]
         [--batch 256] [--phases 4] [--steps 25] [--json FILE] [--quick]
@@ -104,7 +104,7 @@ class Clocked:
         self.calls: Counter[str] = Counter()
 
     def clear(self) -> None:
-        """Begin anew."""
+        """Reset the counts."""
         self.seconds.clear()
         self.calls.clear()
 
@@ -146,7 +146,7 @@ async def measure(asked: argparse.Namespace, reader: str, clocked: Clocked) -> l
     try:
         while readers and len(service.subscriptions) < len(sessions):
             await asyncio.sleep(0.05)
-        await service.advance(5 * STEP_SECONDS)  # everybody is introduced
+        await service.advance(5 * STEP_SECONDS)  # every agent is announced
         await drained(service)
         clocked.clear()
         began = time.process_time()

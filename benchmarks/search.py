@@ -2,7 +2,7 @@
 
     python benchmarks/search.py [--agents 96] [--seed 1] [--json FILE]
 
-Half of the agents get a goal 3 to 8 m away in any direction, half one 1.5 m beside or behind them;
+Half of the agents get a goal 3 to 8 m away in any direction, half one 1.5 m to the side or behind;
 all start from standing, and a run ends when they stand at their goal or after 60 primitives.
 *N x K*: N children of each of K kept nodes. *N x 1* is what the service does online with N
 candidates, but for its price: it tries them within one row. *cost*: sum over the path of the
@@ -71,7 +71,7 @@ def row(
     plans: Sequence[Plan],
     seconds: float,
 ) -> dict[str, Any]:
-    """Figures of one search, made in so many seconds of CPU time."""
+    """Figures of one search, and its seconds of CPU time."""
     windows = []
     for spec, found in zip(specs, plans, strict=True):
         body = bundle.bodies[spec.gender]

@@ -1,4 +1,4 @@
-"""A server to be measured: `wayfarer serve` as a process of its own, and what it takes."""
+"""A server to measure: `wayfarer serve` in its own process, with its CPU time and memory."""
 
 import asyncio
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ SESSIONS = 8
 
 
 def settings(plan: LoadPlan, **more: object) -> dict[str, str]:
-    """Of a server in whose way no limit stands: what it can do shall show, not what it may."""
+    """Settings of a server without limits: it is measured by what it can do."""
     found = room(plan.sessions * plan.agents, plan) | {"WAYFARER_ADMISSION": "false"}
     return found | {f"WAYFARER_{name.upper()}": str(value) for name, value in more.items()}
 

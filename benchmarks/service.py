@@ -85,7 +85,7 @@ def tell(summary: Summary, plan: LoadPlan) -> None:
 
 
 def row(engine: str, candidates: int, plan: LoadPlan, engine_alone: int, summary: Summary) -> Row:
-    """What is told of a long run."""
+    """The figures of a long run."""
     late, goals = summary["lateness_ms"], summary["goal_latency_ms"]
     return {
         "engine": engine,
@@ -116,7 +116,9 @@ def main() -> None:
     parser.add_argument("--candidates", type=int, nargs="+", default=[1, 8])
     parser.add_argument("--transports", nargs="+", choices=TRANSPORTS, default=TRANSPORTS)
     parser.add_argument("--most", type=int, default=2048, help="where the search begins")
-    parser.add_argument("--agents", type=int, help="so many, in place of the search")
+    parser.add_argument(
+        "--agents", type=int, help="hold this number of agents instead of searching for the most"
+    )
     parser.add_argument("--seconds", type=float, help="of the long runs: 300, or 15 when quick")
     asked: argparse.Namespace = parser.parse_args()
     seconds = asked.seconds or (15.0 if asked.quick else 300.0)

@@ -1,4 +1,4 @@
-"""How soon a server is ready, and what it takes in memory then.
+"""Seconds until a server is ready, and its memory then.
 
     python -m benchmarks.startup [--runs 5] [--engine onnxruntime] [--json FILE] [--quick]
 

@@ -1,4 +1,4 @@
-"""What a step costs: by engine, batch, candidates and threads, beside the machine's ceiling.
+"""Time of a step by engine, batch, candidates and threads, compared with the machine's ceiling.
 
     python -m benchmarks.step [--engines onnxruntime] [--batches 32 128] [--candidates 1 8]
                               [--threads 1 2] [--model FOLDER] [--json FILE] [--quick]

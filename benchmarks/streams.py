@@ -1,4 +1,4 @@
-"""Readers who stall and readers who leave, at length, with a server of their own.
+"""Readers that stall and readers that leave, on a server of their own, for long.
 
     python -m benchmarks.streams --seconds 60 --cycles 1000
 

@@ -1,4 +1,4 @@
-"""What sending takes of the server: 1,024 agents to one client, over gRPC and over WebSocket.
+"""Cost of sending for the server: 1,024 agents to one client, over gRPC and over WebSocket.
 
     python -m benchmarks.transport [--agents 1024] [--seconds 20] [--json FILE] [--quick]
 
@@ -29,7 +29,7 @@ from wayfarer_lab.load.target import Target, own_server
 INSTANT = ("-m", "benchmarks.instant")
 SETTLE = 3.0
 MESSAGES_PER_SECOND = WorldSettings().phases / STEP_SECONDS
-"""Chunks fall due in so many phases of the 0.2 s."""
+"""Number of phases of the 0.2 s in which chunks are due."""
 
 
 async def measure(agents: int, seconds: float) -> list[Row]:
@@ -71,7 +71,7 @@ def _row(reader: str, cores: float, rate: float, alone: float) -> Row:
 
 
 async def _unread(target: Target, plan: LoadPlan) -> float:
-    """Cores of a server whose agents nobody follows."""
+    """Cores of a server without streams."""
     client = SimulatedClient(target, plan, Tally(), 0)
     await client.open()
     await asyncio.sleep(SETTLE)

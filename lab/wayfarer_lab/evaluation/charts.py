@@ -1,6 +1,6 @@
-"""Dots of a report's figures: a panel each, the recordings as a line to hold the others against.
+"""A report's figures as dots: a panel per figure, with a line for the recordings.
 
-Dots rather than bars, since they need no zero: scores that crowd near 1 can be told apart.
+Dots rather than bars, since they need no zero: scores close to 1 stay distinguishable.
 """
 
 import math
@@ -17,10 +17,10 @@ from wayfarer_lab.evaluation.report import MOCAP
 
 COLUMNS: Final = 4
 PANEL: Final = (4.2, 0.6)
-"""Inches: width of a panel, and the height that it has besides its rows."""
+"""Inches: width of a panel, and its height without its rows."""
 
 LINE: Final = 0.24
-"""Inches that a row takes."""
+"""Height of a row in inches."""
 
 MADE, RECORDED = "#2a6fb0", "#d1495b"
 
@@ -28,7 +28,7 @@ MADE, RECORDED = "#2a6fb0", "#d1495b"
 def draw(path: Path, tables: Mapping[str, Sequence[Row]], plots: Sequence[str] = ()) -> None:
     """Write a PNG with a panel for each of the figures `plots` (all that are floats if empty).
 
-    A figure with companions named …_q25 and …_q75 gets whiskers from the one to the other.
+    A figure with companions named …_q25 and …_q75 gets whiskers between them.
     """
     panels = [
         (title, figure, [row for row in rows if math.isfinite(_number(row.get(figure)))])
@@ -71,7 +71,7 @@ def _dots(axes: Axes, title: str, figure: str, rows: Sequence[Row]) -> None:
 
 
 def _floats(rows: Sequence[Row]) -> list[str]:
-    """Figures that are not counts and not whiskers of others."""
+    """Figures that are neither counts nor whiskers."""
     found = dict.fromkeys(k for row in rows for k, v in row.items() if isinstance(v, float))
     return [name for name in found if not name.endswith(("_q25", "_q75"))]
 

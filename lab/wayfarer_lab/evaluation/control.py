@@ -3,7 +3,7 @@
 A body stands in the centre of an area of 20 × 20 m; its goal lies anywhere in it. *Offline* methods
 grow a tree of primitives for each pair (`world.search.beam`), as the paper does: all nodes of a
 level are the body's clones, and the simulation ends when one of them reaches the goal or after 60
-primitives. *Online* methods are the service's own: one body, which takes no step back.
+primitives. *Online* methods are the service's own: one body, without going back.
 """
 
 from collections.abc import Iterator, Sequence
@@ -39,7 +39,7 @@ TOGETHER: Final = 20
 """Pairs whose trees grow together: bounds memory."""
 
 JUDGED: Final = 4
-"""Clones of a body whose gait is judged, chosen at random: skinning all would take minutes."""
+"""Clones of a body whose gait is measured, chosen at random: skinning all takes minutes."""
 
 
 @dataclass(frozen=True)
@@ -52,16 +52,16 @@ class Pair:
 
 @dataclass(frozen=True)
 class Trial:
-    """What became of one pair, when its first clone reached the goal or after 60 primitives."""
+    """Result of one pair: when its first clone reached the goal, or after 60 primitives."""
 
     steps: float  # primitives until then; NaN: not reached
     near: bool  # a clone came within 0.3 m in 60 primitives
-    distances: Array  # [clones] metres, hips to goal; 0 for those who have reached it
-    tracks: list[BodyTrack]  # of the clones that are judged
+    distances: Array  # [clones] metres, hips to goal; 0 if reached
+    tracks: list[BodyTrack]  # of the measured clones
 
 
 def random_pairs(count: int, speed: float, random: np.random.Generator) -> list[Pair]:
-    """Genders in turn; shape, pose, facing and goal by chance, the goal uniform over the area."""
+    """Genders alternate; shape, pose, facing and goal are random, goals uniform over the area."""
     return [Pair(spec, _random_goal(spec, speed, random)) for spec in random_specs(count, random)]
 
 
@@ -125,7 +125,7 @@ def control_row(name: str, trials: Sequence[Trial], body: BodyModel) -> Row:
 
 
 def mocap_row(name: str, motion: Windows, body: BodyModel) -> Row:
-    """Recorded locomotion, by the same code: it was sent to no goal."""
+    """Recorded locomotion, by the same code; it has no goals."""
     goal = dict.fromkeys(("success", "success_03m", "steps", "avg_dist"), float("nan"))
     return {"name": name, "pairs": 0, **goal, **gait_figures(motion, body)}
 
@@ -144,7 +144,7 @@ def gait_figures(motion: Windows, body: BodyModel) -> Row:
 def _random_goal(spec: AgentSpec, speed: float, random: np.random.Generator) -> Goal:
     while True:
         way = random.uniform(-AREA, AREA, 2)
-        if np.linalg.norm(way) > REACHED:  # else it would be reached without a step
+        if np.linalg.norm(way) > REACHED:  # else it is reached without a step
             x, y = (spec.position + way).tolist()
             return Goal((x, y, 0.0), speed=speed)
 
@@ -172,7 +172,7 @@ def _tree_trial(
 
     `nodes` are the tree's own rows of each level.
     """
-    if not tree.depth:  # nothing that could be shown came out of the first step
+    if not tree.depth:  # the first step had no valid node
         start = distances(np.array(pair.spec.position), pair.goal)
         return Trial(float("nan"), False, start[None], [])
     ways = [

@@ -1,4 +1,4 @@
-"""What the figures of all tables mean. `wayfarer eval define` prints it; docs/figures.md is it.
+"""Definitions of all figures, as `wayfarer eval define` prints them and docs/figures.md shows them.
 
 A name may hold `*`: `drift_2s_*` defines `drift_2s_mean_m` and its like. Where a name is in several
 groups, the group of the table counts.

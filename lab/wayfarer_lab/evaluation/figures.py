@@ -1,4 +1,4 @@
-"""Small figures of courses, and averages that know what never happened (NaN)."""
+"""Small figures of courses, and averages over values of which NaN means "never happened"."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -35,33 +35,33 @@ def smooth_speed(hips: Array, seconds: float = 0.5) -> Array:
 
 
 def first(happens: NDArray[np.bool_]) -> int | None:
-    """The first frame at which it happens."""
+    """The first frame that is true."""
     return int(happens.argmax()) if happens.any() else None
 
 
 def primitives(frame: int | None) -> float:
-    """How many primitives have been made when a frame comes; NaN when it never does."""
+    """Number of primitives made before a frame; NaN for None."""
     return float("nan") if frame is None else float(frame // NEW_FRAMES + 1)
 
 
 def mean(values: Sequence[float]) -> float:
-    """Mean of those that are not NaN; NaN when none is."""
+    """Mean of the values that are not NaN; NaN if all are."""
     known = [v for v in values if not np.isnan(v)]
     return float(np.mean(known)) if known else float("nan")
 
 
 def quantile(values: Sequence[float], at: float) -> float:
-    """Quantile of those that are not NaN; NaN when none is."""
+    """Quantile of the values that are not NaN; NaN if all are."""
     known = [v for v in values if not np.isnan(v)]
     return float(np.quantile(known, at)) if known else float("nan")
 
 
 def median_of_all(values: Sequence[float]) -> float:
-    """Median in which NaN, what never happened, comes after all else; NaN when it is that."""
+    """Median that sorts NaN last, as what never happened."""
     middle = float(np.median([np.inf if np.isnan(v) else v for v in values]))
     return middle if np.isfinite(middle) else float("nan")
 
 
 def share(happened: Sequence[bool]) -> float:
-    """Share of those for whom it happened."""
+    """Share of the values that are not NaN."""
     return sum(happened) / len(happened)

@@ -1,4 +1,4 @@
-"""One row of gait figures for any motion, made or captured: the same code judges both."""
+"""One row of gait figures for any motion, made or recorded, by the same code."""
 
 from dataclasses import dataclass
 from typing import Any, Final
@@ -49,7 +49,7 @@ class Windows:
         )
 
     def at_walking_speed(self) -> "Windows":
-        """Those at 0.9 … 1.4 m/s: contact falls with speed, so only like is compared with like."""
+        """Windows at 0.9 … 1.4 m/s: contact falls with speed, so only equal speeds are compared."""
         chosen = kinematics.at_walking_speed(self.hips)
         return Windows(self.markers[chosen], self.hips[chosen], self.seam_every)
 

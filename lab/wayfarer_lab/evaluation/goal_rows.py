@@ -1,7 +1,7 @@
-"""Rows of `eval arrival`: near goals, speeds, turns, waypoints, changes of mind, strafing.
+"""Rows of `eval arrival`: near goals, speeds, turns, waypoints, changed goals, strafing.
 
-Each is a pure function of courses (`goals.Course`) and gives one row. Frames count from the first
-that was made for the order at hand; *primitives* are counted as in `outcome`.
+Each is a pure function of courses (`goals.Course`) and gives one row. Frames count from the
+first one made for the order; *primitives* are counted as in `outcome`.
 """
 
 from collections.abc import Sequence
@@ -38,20 +38,20 @@ CRUISE_AFTER: Final = 2 * FPS
 """Frames from the order until an agent has its speed: 2 s."""
 
 CRUISE_BEFORE: Final = 2.0
-"""Metres before the goal, from which on an agent may slow down."""
+"""Metres before the goal within which an agent may slow down."""
 
 FACED: Final = 15.0
 """Degrees within which a heading is met."""
 
 HEADED: Final = 30.0
-"""Degrees between the facing and the way to the goal: so much or less heads towards it."""
+"""Degrees between facing and way to the goal, up to which an agent heads towards it."""
 
 DIP: Final = FPS
 """Frames on either side of passing a waypoint in which the speed may dip: 1 s."""
 
 
 def near_row(name: str, courses: Sequence[Course]) -> Row:
-    """How soon hips come within 0.3 m of a near goal. Those that never do count as later."""
+    """When hips come within 0.3 m of a near goal. Agents that never do are sorted last."""
     steps = [primitives(_reaches(course, NEAR)) for course in courses]
     return {
         "name": name,
@@ -63,7 +63,7 @@ def near_row(name: str, courses: Sequence[Course]) -> Row:
 
 
 def speed_row(name: str, courses: Sequence[Course]) -> Row:
-    """Mean speed on the way against the wished one, from 2 s after the order to 2 m before the
+    """Mean speed on the way and its target, from 2 s after the order to 2 m before the
     goal; the error is of each agent's mean.
     """
     wished = courses[0].goal.speed
@@ -79,7 +79,7 @@ def speed_row(name: str, courses: Sequence[Course]) -> Row:
 
 
 def turn_row(name: str, courses: Sequence[Course]) -> Row:
-    """Turning on the spot: how soon the asked heading is met within 15°, and what it costs.
+    """Turning on the spot: time until the heading is within 15° of the target, and drift.
 
     Errors are those of the last frame; the drift is the farthest that hips were from the place.
     """
@@ -130,7 +130,7 @@ def waypoint_row(name: str, courses: Sequence[Course]) -> Row:
 
 
 def change_row(name: str, courses: Sequence[Course]) -> Row:
-    """A new goal while walking: how soon the body faces the way to it within 30°, and arrives.
+    """A new goal while walking: time until the body faces it within 30°, and until it arrives.
 
     `detour`: metres walked until the goal is reached ÷ metres straight to it.
     """
@@ -176,13 +176,13 @@ def strafe_row(name: str, courses: Sequence[Course]) -> Row:
 
 
 def _reaches(course: Course, metres: float) -> int | None:
-    """First frame, within 60 primitives of the last order, that is so near its last goal."""
+    """First frame within 60 primitives of the last order and `metres` of its last goal."""
     hips = course.latest().hips[: STEP_LIMIT * NEW_FRAMES]
     return first(distances(hips, course.goal) <= metres)
 
 
 def _off_heading(course: Course) -> Array:
-    """Degrees off the asked heading, from the last order on. [T]"""
+    """Degrees from the target heading, from the last order on. [T]"""
     heading = course.goal.heading
     if heading is None:
         raise InvalidArgument("this manoeuvre is judged by a heading, and none was asked for")

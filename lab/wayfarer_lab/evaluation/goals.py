@@ -1,4 +1,4 @@
-"""Agents on errands, through the world that serves: all at once, on their own clock."""
+"""Agents that carry out orders in the world that serves, all at once, without real time."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -28,10 +28,10 @@ from wayfarer_lab.evaluation.tracks import BodyTrack, skin_track
 
 Array = NDArray[np.floating[Any]]
 Watch = Callable[[float, float], None]
-"""Told how many seconds of motion are done, of how many."""
+"""Called with the seconds of motion done, and their total."""
 
 Plan = Callable[[AgentInfo], Sequence[Goal]]
-"""The path that an agent is given, from what it is doing at that moment."""
+"""Makes an agent's path from its present state."""
 
 MAX_BETA: Final = 2.0
 
@@ -42,12 +42,12 @@ EARLY: Final = 1e-3
 """Seconds by which times of chunks may differ from sums of steps."""
 
 FLOOR: Final = SessionSpec()
-"""A session on a flat floor without end."""
+"""A session on an endless flat floor."""
 
 
 @dataclass(frozen=True)
 class Order:
-    """A path of one goal or more, and when it is given."""
+    """A path of one or more goals, and when it is given."""
 
     at: float  # seconds after the lead-in
     plan: Plan
@@ -55,24 +55,24 @@ class Order:
 
 @dataclass(frozen=True)
 class Errand:
-    """What one agent is to do."""
+    """An agent and its orders."""
 
     spec: AgentSpec
-    orders: tuple[Order, ...]  # in order of time, the first at 0; none: it stands where it is
+    orders: tuple[Order, ...]  # in order of time, the first at 0; none: it stands
 
 
 @dataclass(frozen=True)
 class CarriedOut:
-    """An order as it was carried out."""
+    """An order that was given."""
 
     path: tuple[Goal, ...]
-    frame: int  # the first that was made for it
+    frame: int  # the first one made for it
 
 
 @dataclass(frozen=True)
 class Course:
-    """What an agent did, as it was sent: from the first frame that was made for its first order
-    or, if it has none, after the lead-in. World space.
+    """The frames sent for an agent, from the first one made for its first order, or without
+    orders after the lead-in. World space.
     """
 
     spec: AgentSpec
@@ -93,7 +93,7 @@ class Course:
         return self.given[-1].path[-1]
 
     def latest(self) -> "Course":
-        """The part from the first frame that was made for the last order."""
+        """The part from the first frame made for the last order."""
         frame = self.given[-1].frame
         return replace(
             self,
@@ -105,7 +105,7 @@ class Course:
         )
 
     def clip(self) -> Clip:
-        """All of it, with the goals of its orders."""
+        """The whole course as a clip, with the goals of its orders."""
         return Clip(
             self.hips,
             self.rotations,
@@ -137,7 +137,7 @@ def random_specs(count: int, random: np.random.Generator) -> list[AgentSpec]:
 
 
 def relative(agent: AgentInfo, ahead: float, left: float) -> tuple[float, float, float]:
-    """The place so many metres ahead of an agent and to its left, on the floor."""
+    """The place `ahead` metres ahead of an agent and `left` metres to its left, on the floor."""
     x, y, _ = agent.position
     s, c = sin(agent.heading), cos(agent.heading)
     return (x - ahead * s - left * c, y + ahead * c - left * s, 0.0)
@@ -152,10 +152,9 @@ def run_errands(
     seeds: Sequence[Motion] | None = None,
     watch: Watch = lambda done, total: None,
 ) -> list[Course]:
-    """Let all agents go about their errands for `seconds` from the first order, in a session of
-    their own.
+    """Let all agents carry out their orders in one session, for `seconds` from the first order.
 
-    That comes after 2 s of standing; with `seeds`, at once: agents then begin in these motions.
+    The first order comes after 2 s of standing, or at once with `seeds`, the motions to begin in.
     """
     session_id = world.create_session(session, 0.0).session_id
     agents = [

@@ -1,4 +1,4 @@
-"""Is a body still a walking person? Counts what has gone wrong over a long run."""
+"""Faults of bodies over a long run: falls, floating, sinking, spinning."""
 
 from dataclasses import dataclass, field
 from math import degrees
@@ -17,10 +17,10 @@ Array = NDArray[np.floating[Any]]
 Flags = NDArray[np.bool_]
 
 FALLEN_HEIGHT: Final = 0.6
-"""Of the hips' height in the T-pose: lower hips have fallen."""
+"""Share of the hips' height in the T-pose below which a body has fallen."""
 
 FALLEN_TILT: Final = 60.0
-"""Degrees between the hips' up axis and the vertical: more has fallen."""
+"""Degrees between the hips' up axis and the vertical above which a body has fallen."""
 
 TILTED: Final = 25.0
 """Degrees between the trunk and that of the T-pose (`trunk.Trunk`), for a second."""
@@ -33,27 +33,27 @@ OFF_FLOOR: Final = 0.08
 OFF_FLOOR_FRAMES: Final = FPS // 2
 
 EXTENT: Final = 3.0
-"""Metres from the hips to a marker: more has exploded."""
+"""Metres from the hips to a marker above which a body has exploded."""
 
 SPIN_RANGE: Final = 1.5
-"""Metres, horizontal, hips to a goal that has not been reached: turning there may be spinning."""
+"""Metres, horizontal, from hips to a goal that was not reached, within which turning counts."""
 
 SPUN: Final = 540.0
-"""Degrees turned within that range, left turns against right ones: more is spinning."""
+"""Degrees of net turn within that range above which an agent spins."""
 
 FAULTS: Final = ("nan", "exploded", "fallen", "tilted", "floating", "sunk", "spinning")
 
 
 @dataclass
 class Streak:
-    """Counts frames of faults that must last: `needed` bad frames in a row, or they are none."""
+    """Counts bad frames of a fault that counts only after `needed` bad frames in a row."""
 
     needed: int
     length: int = 0  # bad frames up to now, without a break
 
     def count(self, bad: Flags) -> int:
-        """Go on with `bad` [T]: the frames in long streaks. A streak's earlier frames count when
-        it gets long.
+        """Add `bad` [T] and return the newly counted frames. The earlier frames of a streak count
+        once it is long enough.
         """
         counted = 0
         for frame in bad.tolist():
@@ -70,10 +70,10 @@ class Spin:
     """How far an agent has turned since it came near a goal that it has not reached."""
 
     turned: float = 0.0  # degrees, left turns positive
-    heading: float | None = None  # of the frame before; None: it was not near
+    heading: float | None = None  # of the previous frame; None: not near
 
     def count(self, headings: Array, near: Flags) -> int:
-        """Go on with headings [T] (radians) and `near` [T]: the frames that spin."""
+        """Add headings [T] (radians) and `near` [T]; return the number of spinning frames."""
         counted = 0
         for heading, is_near in zip(headings.tolist(), near.tolist(), strict=True):
             if not is_near:

@@ -34,7 +34,7 @@ BLOCK: Final = 256
 """Rows computed at once: bounds memory."""
 
 MEMORY: Final = 10_000
-"""Recorded primitives per gender among which the row "mocap" looks for alike seeds."""
+"""Recorded primitives per gender in which the row "mocap" searches for similar seeds."""
 
 
 @dataclass(frozen=True)
@@ -88,10 +88,10 @@ def predictor_rows(
     seed: int,
     memory: Recorded | None = None,
 ) -> list[Row]:
-    """Every predictor beside repeating the last frame, a straight line, and recordings.
+    """Every predictor, and as baselines the last frame, a straight line, and recordings.
 
-    The row "mocap" guesses as a predictor would that only remembers: the futures of those
-    `samples` primitives of `memory` (the train split) whose 2-frame seeds are nearest.
+    The row "mocap" is a nearest-neighbour predictor: the futures of the `samples` primitives of
+    `memory` (the train split) with the nearest 2-frame seeds.
     """
     if not parts.predictors:
         raise InvalidArgument("these models hold no predictor_1f.onnx or predictor_2f.onnx")
@@ -158,7 +158,7 @@ def _reshape(poses: Primitives, seed: int) -> Primitives:
 
 
 def _regressed(regressor: BodyRegressor, poses: Primitives, body: MarkerBody) -> Primitives:
-    """What the regressor makes of the markers of canonical `poses`."""
+    """The regressor's solution for the markers of canonical `poses`."""
     place, rotations = zip(
         *(
             regressor(markers, betas)

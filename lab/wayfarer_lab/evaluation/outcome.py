@@ -1,4 +1,4 @@
-"""What became of an agent on its way to one goal: a pure function of its course."""
+"""How an agent reached one goal and stood: a pure function of its course."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,22 +30,22 @@ STEP_LIMIT: Final = 60
 """Primitives within which the goal has to be reached (paper Sec. 4.2)."""
 
 STAND_SECONDS: Final = 5
-"""How long an agent is watched after it has come to a stand."""
+"""Seconds of standing that are measured after a stop."""
 
 DRIFT_SECONDS: Final = 2
-"""After the stand, for the drift that is nearest to the stop itself."""
+"""Seconds after the stop for the shorter of the two drifts."""
 
 
 @dataclass(frozen=True)
 class GoalOutcome:
-    """Of one goal; frames count from the first that was made for it. NaN: never happened."""
+    """Of one goal; frames count from the first one made for it. NaN: never happened."""
 
     reached: int | None  # frame at which the hips are first within 0.75 m, in 60 primitives
     near: int | None  # within 0.3 m, in 60 primitives
     final_distance: float  # metres, after 60 primitives
     stopped: int | None  # first frame of standing after the goal was reached
     arrival_error: float  # metres, hips to goal at that frame
-    facing_error: float  # degrees off the asked heading at that frame; NaN: none was asked
+    facing_error: float  # degrees from the target heading at that frame; NaN: there was none
     drift_2s: float  # metres, farthest from there in the 2 s after that frame
     drift_5s: float  # the same for 5 s
 
@@ -106,7 +106,7 @@ def judge(course: Course) -> GoalOutcome:
 
 
 def goal_row(name: str, outcomes: Sequence[GoalOutcome]) -> Row:
-    """Figures of many runs. Averages are over the runs in which the thing happened."""
+    """Figures of many runs. Averages are over the runs in which the event happened."""
     return {
         "name": name,
         "runs": len(outcomes),

@@ -1,4 +1,4 @@
-"""The trained networks one by one, to be joined in ways that the served graph does not offer.
+"""The trained networks one by one, for combinations that the served graph does not offer.
 
 They come from a model folder (the ONNX graphs that other engines run) or from training runs (torch
 weights, base predictors included), with the same interface: that of the modules in `motion`.
@@ -31,7 +31,7 @@ from wayfarer_lab.training.pose_networks import PosePrior
 from wayfarer_lab.training.run import load_weights, read_run_config
 
 SHIPPED: Final = {"ro-1f": "predictor_1f.onnx", "ro-2f": "predictor_2f.onnx"}
-"""Predictors of a model folder by the paper's names: those that ship are trained over rollouts."""
+"""Predictors of a model folder by the paper's names; the shipped ones are trained on rollouts."""
 
 TRAINED: Final = {
     "1f": "predictor_1f",
@@ -64,7 +64,7 @@ class Parts:
     floor_origin: bool
 
     def step(self, gender: str, variant: Variant) -> PrimitiveStep:
-        """The step that `variant` asks for. Raises InvalidArgument when a part is missing."""
+        """The step of `variant`. Raises InvalidArgument when a part is missing."""
         if variant.predictor not in self.predictors:
             raise InvalidArgument(
                 f"variant {variant.name!r} needs predictor {variant.predictor!r}; "
@@ -86,7 +86,7 @@ class Parts:
 
 
 def load_parts(models: Path, runs: Path | None = None, threads: int = 0) -> Parts:
-    """The parts of a model folder; with `runs`, those that are trained there take their places.
+    """The parts of a model folder; with `runs`, networks trained there replace them.
 
     `threads` go to onnxruntime and to torch; 0: all cores. Raises ArtifactError.
     """
@@ -115,7 +115,7 @@ def _from_models(path: Path, threads: int) -> Parts:
         if (found := session(f"regressor_{gender}.onnx"))
     }
     if missing := [g for g in GENDERS if g not in regressors]:
-        raise ArtifactError(f"{path}: holds no regressor of {missing}: export the models anew")
+        raise ArtifactError(f"{path}: holds no regressor of {missing}: export the models again")
     found = session("policy.onnx")
     policy = cast(GoalPolicy, OnnxPolicy(found)) if found else None
     found = session("pose_encoder.onnx")

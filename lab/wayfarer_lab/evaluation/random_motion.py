@@ -25,7 +25,7 @@ from wayfarer_lab.evaluation.rollout import FrozenPoses, Goals, Rollout, random_
 from wayfarer_lab.training.rotation import matrix_from_quaternion
 
 Watch = Callable[[str], None]
-"""Told the name of each row before it is made."""
+"""Called with the name of each row before it is made."""
 
 SHAPES: Final = 10
 """Bodies between the two ends of the shape space, and start poses (Sec. A.2)."""
@@ -36,7 +36,7 @@ TARGET: Final = 5.0
 
 @dataclass(frozen=True)
 class Bench:
-    """What all rows of a table share: they differ in nothing else."""
+    """What all rows of a table share."""
 
     parts: Parts
     body: BodyModel  # of either gender: it only names the markers
@@ -70,7 +70,7 @@ class Bench:
         return made
 
     def reach(self, variant: Variant, poses: Sequence[FrozenPoses]) -> Row:
-        """How many of `poses` get to a goal 5 m ahead of them in 60 primitives, and how soon."""
+        """How many of `poses` reach a goal 5 m ahead within 60 primitives, and in how many."""
         steps = []
         for number, group in enumerate(poses):
             targets = _ahead(group)
@@ -92,7 +92,7 @@ class Bench:
 
 
 def variants(parts: Parts) -> list[Variant]:
-    """All that Fig. 3 compares, and some of ours, as far as `parts` has them.
+    """All variants of Fig. 3, and some of ours, as far as `parts` has them.
 
     *ro*: trained over rollouts. *reproj*: only reprojected markers are handed on; *pred*: only
     predicted ones; neither: their average. *ungrounded*: heights are left as they come.
@@ -118,7 +118,7 @@ def realism(
     mocap: JudgedMotion | None = None,
     reference: Reference | None = None,
 ) -> dict[str, list[Row]]:
-    """Fig. 3: every variant from the same poses, beside the recordings; and when they walk."""
+    """Fig. 3: every variant from the same poses, and the recordings; all motion, and walking."""
     body, walking = bench.body, list[Row]()
 
     def judge(name: str, motion: JudgedMotion) -> Row:

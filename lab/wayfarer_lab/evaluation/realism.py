@@ -28,7 +28,7 @@ RIGID_PARTS: Final = {
 """Markers that a rigid part carries (MOJO, Tab. 3)."""
 
 HEELS: Final = ("LHEE", "RHEE")
-"""Markers that MOJO's skating looks at."""
+"""Markers of MOJO's skating measure."""
 
 SKATING: Final = {"heel_skating_75mm_s": 0.075, "heel_skating_200mm_s": 0.005 * FPS}
 """Name of the figure → limit, m/s: 5 mm a frame at MOJO's 15 fps, and at our 40."""
@@ -40,7 +40,7 @@ PoseScore = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class JudgedMotion:
-    """Tracks to be judged together. A seam lies before each multiple of `seam_every` frames."""
+    """Tracks measured together. A seam lies before each multiple of `seam_every` frames."""
 
     tracks: Sequence[BodyTrack]
     seam_every: int = NEW_FRAMES
@@ -92,7 +92,7 @@ def realism_row(
 
 
 def skating_row(name: str, motion: JudgedMotion, body: BodyModel) -> Row:
-    """Only what tells whether feet stay where they stand."""
+    """Only the figures of skating."""
     windows = motion.windows()
     feet = windows.markers[:, :, body.sole_markers]
     return {
@@ -117,7 +117,7 @@ def heel_skating(motion: JudgedMotion, names: Sequence[str]) -> Row:
 
 
 def carried_figures(rollouts: Sequence[Rollout], names: Sequence[str]) -> Row:
-    """What became of the markers that primitives hand on, which are not wholly those of a body.
+    """Errors of the markers that primitives hand on, which are not exactly those of a body.
 
     `carried_error_mm`: mean distance from the body's own. `carried_deformation_mm`: deformation
     over whole motions, mean of the rigid parts.

@@ -30,10 +30,10 @@ from wayfarer_lab.evaluation.pictures.stills import Watch, contact_sheet, strip
 from wayfarer_lab.evaluation.pictures.top import top_view
 
 SIZES: Final = {"strip": 260, "sheet": 180, "top": 900, "film": 480, "crowd": 480}
-"""Pixels by kind, where none are asked for."""
+"""Default pixels of each kind."""
 
 SECONDS_PER_GOAL: Final = 12.0
-"""Within which a random run must end: 60 primitives, as in the paper (Sec. 4.2)."""
+"""Seconds after which a random run ends: 60 primitives, as in the paper (Sec. 4.2)."""
 
 
 def render(

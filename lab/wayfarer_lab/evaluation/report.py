@@ -1,4 +1,4 @@
-"""Rows of figures → a table on the screen; JSON that says how they were made, Markdown and plots.
+"""Rows of figures → a table on the screen; JSON with its origin, Markdown and plots.
 
 A report is a few titled tables. Every table's rows share their figures, and the recordings' own
 row is called "mocap" (`MOCAP`), made by the same code.
@@ -26,7 +26,7 @@ from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.metrics import VERSION
 
 UNKNOWN: Final = "unknown"
-"""Stands for a commit."""
+"""Used where no commit is known."""
 
 MOCAP: Final = "mocap"
 """Name of the row of recorded motion; rows of a part of it begin with it."""
@@ -81,7 +81,7 @@ def write(path: Path, tables: Tables, plots: Sequence[str] = (), **about: Any) -
 
 
 def markdown(title: str, tables: Tables, made: Mapping[str, Any]) -> str:
-    """The tables and what they were made with, as one page. Names go along the shorter side."""
+    """The tables and their origin, as one page. The shorter of rows and figures become columns."""
     parts = [f"# {title}\n"]
     for name, rows in tables.items():
         if rows:
@@ -104,7 +104,7 @@ def _markdown_table(rows: Sequence[Row]) -> str:
 
 
 def _figures(rows: Sequence[Row]) -> list[str]:
-    """Names of all figures, in the order in which they first come."""
+    """Names of all figures, in order of first appearance."""
     return list(dict.fromkeys(key for row in rows for key in row if key != "name"))
 
 
@@ -164,7 +164,7 @@ def commit() -> str:
 
 
 def check_origin() -> None:
-    """Raises FailedPrecondition when nobody could say what made the figures."""
+    """Raises FailedPrecondition when the commit or version of the code is unknown."""
     if commit() == UNKNOWN:
         raise FailedPrecondition(
             "these sources are neither a git checkout nor an installed package, so nobody could "

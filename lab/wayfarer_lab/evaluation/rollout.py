@@ -30,7 +30,7 @@ from wayfarer_lab.training.rotation import matrix_from_quaternion
 Array = NDArray[np.floating[Any]]
 
 WALKING_SPEED: Final = 1.2
-"""m/s that the policy is asked for."""
+"""Target speed of the policy, m/s."""
 
 AREA: Final = 10.0
 """Metres from the start on either axis within which random goals lie (20 × 20 m, Sec. 4.2)."""
@@ -67,7 +67,7 @@ class Rollout:
     seam_every: int  # frames; a seam lies before frame 0 and before each of its multiples
 
     def sound(self) -> "Rollout":
-        """Only those that stayed bodies: finite, every marker within 3 m of the hips."""
+        """Only the sound bodies: finite, every marker within 3 m of the hips."""
         reach = np.linalg.norm(self.markers - self.hips[:, :, None], axis=-1).max((-2, -1))
         rows = reach < EXTENT  # a NaN fails
         return Rollout(

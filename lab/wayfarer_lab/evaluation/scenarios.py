@@ -1,4 +1,4 @@
-"""What `wayfarer eval arrival` asks of agents: where they are sent, how, and who judges it."""
+"""Scenarios of `wayfarer eval arrival`: goals, and the row that measures them."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from wayfarer_lab.evaluation.goals import Course, Errand, Order, Plan, random_sp
 from wayfarer_lab.evaluation.outcome import STAND_SECONDS, STEP_LIMIT, goal_row, judge
 
 DISTANCE: Final = (3.0, 8.0)
-"""Metres to a goal whose arrival is judged."""
+"""Metres to a goal whose arrival is measured."""
 
 SLACK: Final = 6.0
 """Seconds after the 60 primitives in which a late stand can still begin."""
@@ -25,18 +25,18 @@ NEAR: Final = 1.5
 
 SPEEDS: Final = (0.6, 0.8, 1.0, 1.2, 1.4, 1.6)
 RUNS: Final = (2.0, 2.5, 3.0)
-"""Wished speeds, m/s; the goal is 12 m away, and for runs 8 s of running."""
+"""Target speeds, m/s; the goal is 12 m away, and for runs 8 s of running."""
 
 LEG: Final = 4.0
 """Metres between waypoints."""
 
 Orders = Callable[[np.random.Generator], tuple[Order, ...]]
-"""What one agent is to do; chance chooses sides."""
+"""Makes the orders of one agent, with random sides."""
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """One row: every agent is given such orders, and stands before the first."""
+    """One row: agents that stand and then get these orders."""
 
     name: str
     seconds: float  # from the first order
@@ -44,7 +44,7 @@ class Scenario:
     row: Callable[[str, Sequence[Course]], Row]
 
     def errands(self, agents: int, random: np.random.Generator) -> list[Errand]:
-        """As many random people, with their orders."""
+        """Random people with their orders."""
         return [Errand(spec, self.orders(random)) for spec in random_specs(agents, random)]
 
 
@@ -130,7 +130,7 @@ def _strafe(name: str, angle: float) -> Scenario:
 
 
 def _at(angle: float, metres: float, speed: float = 1.2) -> Plan:
-    """One goal so many metres away, `angle` degrees to the left of straight ahead."""
+    """One goal `metres` away, `angle` degrees to the left of straight ahead."""
     return lambda agent: [Goal(_place(agent, angle, metres), speed=speed)]
 
 

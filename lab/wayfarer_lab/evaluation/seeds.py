@@ -1,4 +1,4 @@
-"""Walking seeds: two frames of recorded walking on another body, for an agent to go on from."""
+"""Walking seeds: two frames of recorded walking on another body, from which an agent starts."""
 
 from collections.abc import Sequence
 from typing import Final

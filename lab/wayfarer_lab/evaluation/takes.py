@@ -1,4 +1,4 @@
-"""A take: some seconds of one body as a viewer sees them, made or recorded alike."""
+"""A take: some seconds of one body as a viewer sees them, made or recorded."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -100,7 +100,7 @@ class Take:
 
     @property
     def contacts(self) -> NDArray[np.bool_]:
-        """Of each foot, as it is told. [T, 2]"""
+        """Contact flags of each foot, as sent. [T, 2]"""
         return self.clip.contacts
 
     @cached_property
@@ -110,7 +110,7 @@ class Take:
 
     @cached_property
     def heading(self) -> Array:
-        """Of the hips, degrees about +Z, without jumps. [T]"""
+        """Heading of the hips, degrees about +Z, without jumps. [T]"""
         return np.degrees(np.unwrap(np.arctan2(-self.facing[:, 0], self.facing[:, 1])))
 
     @cached_property

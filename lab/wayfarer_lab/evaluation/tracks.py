@@ -1,4 +1,4 @@
-"""Motion as markers: recorded clips and streamed chunks become the same thing here."""
+"""Motion as markers, of recorded clips and of streamed chunks."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,7 +53,7 @@ class Recorded:
     """The clips of one split of a prepared data folder, as recorded (no augmentation)."""
 
     def __init__(self, folder: Path, split: str, body: str = "anny52") -> None:
-        """Raises InvalidArgument when the split is empty, DataError when the folder is unfit."""
+        """Raises InvalidArgument when the split is empty, DataError for an unprepared folder."""
         self.data = Dataset.load(folder)
         self.bodies = {gender: load_body(body, gender) for gender in GENDERS}
         self.clips = tuple(

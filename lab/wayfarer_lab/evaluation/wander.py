@@ -1,4 +1,4 @@
-"""A long run: agents go from goal to goal for minutes, and their health is watched."""
+"""A long run: agents walk from goal to goal for minutes, and faults are counted."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ PATIENCE: Final = 20.0
 """Seconds after which a goal that was not reached is replaced."""
 
 REST: Final = 2.0
-"""Seconds that an agent stands before it is sent on."""
+"""Seconds that an agent stands before its next goal."""
 
 RANGE: Final = 50.0
 """Metres from the origin within which goals lie."""
@@ -48,12 +48,12 @@ KEPT: Final = 2000
 """Windows of gait kept at most, spread over the run: bounds memory (64 MB)."""
 
 NOWHERE: Final = (np.inf, np.inf, 0.0)
-"""Stands for a goal while there is none that has to be reached."""
+"""Used as the goal of an agent that has none."""
 
 
 @dataclass(frozen=True)
 class Wandering:
-    """What a long run has shown."""
+    """Results of a long run."""
 
     health: list[MotionHealth]
     gait: list[Windows]
@@ -120,7 +120,7 @@ def _watch(
     spec: AgentSpec,
     chunks: Sequence[tuple[MotionChunk, tuple[float, float, float]]],
 ) -> BodyTrack:
-    """Tell `health` of chunks, each with the goal that was ahead; return their markers."""
+    """Feed chunks, each with the goal ahead, to `health`; return their markers."""
     hips = np.concatenate([chunk.translation for chunk, _ in chunks])
     rotations = np.concatenate([chunk.rotations for chunk, _ in chunks])
     goals = np.repeat([goal for _, goal in chunks], NEW_FRAMES, axis=0)
@@ -134,6 +134,6 @@ def _next_goal(world: World, agent: str, random: np.random.Generator) -> Goal:
     while True:
         angle, distance = random.uniform(0, tau), random.uniform(*DISTANCE)
         there = (x + distance * np.cos(angle), y + distance * np.sin(angle))
-        # someone outside the range is let back in by any goal that is nearer than he is
+        # an agent outside the range may take any goal nearer to the origin than itself
         if hypot(*there) < max(RANGE, hypot(x, y)):
             return Goal((float(there[0]), float(there[1]), 0.0))

@@ -25,7 +25,7 @@ IN_FLIGHT = 256
 """Goal commands of one client that may wait for their answers; more are counted as failed."""
 
 FIRST_GOALS = 2.0
-"""Seconds over which everybody gets a first goal: a server takes only so many calls at once."""
+"""Seconds over which first goals are spread: a server takes a limited number of calls at once."""
 
 RECONNECT_SECONDS = 0.5
 READY_SECONDS = 10.0
@@ -78,7 +78,7 @@ class SimulatedClient:
         self._tally.agents += len(made.agents)
 
     async def _when_ready(self, call: Callable[[], Awaitable[Made]]) -> Made:
-        """Make the call again while the server says that it is not ready; it may be starved."""
+        """Repeat the call while the server is unavailable, which a starved one may be."""
         until = time.monotonic() + READY_SECONDS
         while True:
             try:
@@ -111,7 +111,7 @@ class SimulatedClient:
         try:
             await asyncio.sleep(max(until - time.time(), 0.0))
             giving.cancel()
-            await asyncio.sleep(LOST_S)  # what falls due at the end has so long to come
+            await asyncio.sleep(LOST_S)  # time for the last primitives to arrive
         finally:
             reading.cancel()
             giving.cancel()
@@ -122,7 +122,7 @@ class SimulatedClient:
                 raise error
 
     async def _read(self, reader: Reader) -> None:
-        """Whatever ends the stream, follow the session again: its agents go on meanwhile."""
+        """Follow the session again whenever the stream ends; its agents keep walking meanwhile."""
         while True:
             messages = followed(
                 self._connection, self.session_id, self._plan.transport, self._tally.first_chunk
@@ -135,7 +135,7 @@ class SimulatedClient:
             await asyncio.sleep(RECONNECT_SECONDS)
 
     async def _give_goals(self, goals: GoalWatch, measuring_from: float) -> None:
-        """A goal for everybody, then more of them at random instants that wait for no answer."""
+        """Give every agent a goal, then more at random instants without waiting for answers."""
         for agent in self._agents:
             self._command(agent, goals, time.time(), measuring_from)
             await asyncio.sleep(FIRST_GOALS / len(self._agents))

@@ -1,11 +1,11 @@
-"""When goals show: from the instant a goal was to be given to the first pose planned for it."""
+"""Goal latency: from the instant planned for a goal to the first pose planned for it."""
 
 from collections import defaultdict
 
 from wayfarer_lab.load.tally import Tally
 
 UNANSWERED_S = 1.0
-"""A goal given longer ago than this that has not shown by the end counts as unanswered."""
+"""A goal older than this without a pose at the end counts as unanswered."""
 
 
 class GoalWatch:
@@ -34,7 +34,7 @@ class GoalWatch:
             self._tally.goal_latency.add(now - waiting.pop(known))
 
     def finish(self, now: float) -> None:
-        """Count those that never showed, as late as they are by now."""
+        """Count the goals without a pose, as late as they are by now."""
         for waiting in self._asked.values():
             for since in waiting.values():
                 if now - since > UNANSWERED_S:

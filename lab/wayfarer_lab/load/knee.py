@@ -11,7 +11,7 @@ Trial = Callable[[int], Awaitable[dict[str, Any]]]
 def in_time(summary: dict[str, Any], p99_ms: float) -> bool:
     """All admitted, no primitive missed, and p99 of lateness within the limit.
 
-    Nor was time gained at the cost of quality: none held, none with fewer candidates than wished.
+    Quality must not suffer: no agent held, none with fewer candidates.
     """
     lateness = summary["lateness_ms"]
     fits = lateness is not None and lateness["p99"] <= p99_ms

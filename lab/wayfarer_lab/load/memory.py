@@ -1,4 +1,4 @@
-"""The server's memory over a load run: does it come to rest, or grow for ever?"""
+"""The server's memory over a load run: does it settle or keep growing?"""
 
 import asyncio
 import time
@@ -26,7 +26,7 @@ class MemoryWatch:
             await asyncio.sleep(self._interval)
 
     def sample(self) -> bool:
-        """Take one; False when the server is not ours to look at."""
+        """Take a sample; False for a server that we did not start."""
         megabytes = self._target.resident_megabytes()
         if megabytes is not None:
             self.samples.append((round(time.time() - self._start, 3), round(megabytes, 2)))

@@ -1,4 +1,4 @@
-"""Readers who are no good: some too slow, some who vanish. Each beside a healthy stream."""
+"""Misbehaving readers: some too slow, some that vanish, each next to a healthy stream."""
 
 import asyncio
 import random
@@ -23,7 +23,7 @@ class Nuisance:
         self._chance = random.Random(plan.seed * 100_003 - number)
 
     async def read_slowly(self) -> None:
-        """Take a message every few seconds; begin again when the server has had enough of it."""
+        """Take a message every few seconds; reconnect when the server ends the stream."""
         while True:
             connection = Connection(self._target)
             try:
@@ -36,7 +36,7 @@ class Nuisance:
             await asyncio.sleep(SLOW_SECONDS)
 
     async def vanish(self) -> None:
-        """Streams that are cut off without a word, one after the other."""
+        """Open streams and cut them off, one after the other."""
         while True:
             connection = Connection(self._target)
             reading = asyncio.create_task(self._glance(connection))

@@ -1,11 +1,11 @@
-"""Whether poses are poses: seen in a sample of chunks, so that looking costs next to nothing."""
+"""Checks that chunks hold valid poses, in a small sample, so that it costs next to nothing."""
 
 import numpy as np
 
 from wayfarer.v1 import motion_pb2
 
 EVERY = 64
-"""One chunk of so many is unpacked."""
+"""One chunk in this number is unpacked."""
 
 TRANSLATION_FLOATS = 3
 ROTATION_FLOATS = 4
@@ -13,16 +13,16 @@ NORM_TOLERANCE = 1e-3
 
 
 class PoseCheck:
-    """Looks into chunks of one stream: float32, which streams have unless they ask for another."""
+    """Checks chunks of one stream in float32, the default encoding."""
 
     def __init__(self, header: motion_pb2.StreamHeader | None = None) -> None:
-        """`header` tells the layout; without one no chunk passes."""
+        """`header` has the layout; without a header no chunk is valid."""
         bones = 0 if header is None else len(header.bones)
         self._frame_floats = TRANSLATION_FLOATS + ROTATION_FLOATS * bones if bones else 0
         self._seen = 0
 
     def passes(self, chunks: motion_pb2.MotionChunks, row: int) -> bool:
-        """False when this one is looked at and is no motion: finite numbers, unit quaternions."""
+        """False if this chunk is in the sample and is not finite or has no unit quaternions."""
         self._seen += 1
         return self._seen % EVERY != 1 or self._is_motion(chunks, row)
 

@@ -1,4 +1,4 @@
-"""The reading side of a simulated client: which primitives came, when, and which never did."""
+"""The reading side of a simulated client: when primitives came, and which never did."""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ STANDING = agent_pb2.AGENT_STATE_STANDING
 REDUCED, HELD = motion_pb2.CHUNK_FLAG_REDUCED, motion_pb2.CHUNK_FLAG_HELD
 
 LOST_S = STEP_SECONDS
-"""A primitive that comes later than this has nothing left to show: a miss."""
+"""A primitive that comes later than this is a miss: its last frame is over."""
 
 
 @dataclass(slots=True)
@@ -79,7 +79,7 @@ class Reader:
             tally.held += bool(flags & HELD)
 
     def _lose(self, latest: Latest, count: int, now: float) -> None:
-        """So many primitives after the latest have not come by `now`."""
+        """Number of primitives after the latest that have not come by `now`."""
         for number in range(1, count + 1):
             due = latest.due + number * STEP_SECONDS
             if self._since <= due < self._until:
@@ -93,7 +93,7 @@ class Reader:
             self._lose(latest, math.ceil((last - latest.due) / STEP_SECONDS) - 1, now)
         silent = max(agents - len(self._latest), 0)
         self._tally.silent += silent
-        for _ in range(silent):  # their schedule is not known: as if it began with the measuring
+        for _ in range(silent):  # unknown schedule: as if it began with the measurement
             begun = Latest(-1, self._since - STEP_SECONDS)
             self._lose(begun, math.ceil((last - begun.due) / STEP_SECONDS) - 1, now)
         self.goals.finish(now)

@@ -1,4 +1,4 @@
-"""What a load run shows: a table, a JSON file, a plot."""
+"""Results of a load run: a table, a JSON file, a plot."""
 
 import json
 from datetime import UTC, datetime
@@ -21,7 +21,7 @@ SHOWN = {
 FAULTS = ("silent", "unanswered", "repeated", "malformed")
 
 MOST_GENERATOR = 0.7
-"""Cores: a generator that takes more of its one may itself be late."""
+"""Cores used by the generator above which it may itself be late."""
 
 
 def show(summary: dict[str, Any], console: Console) -> None:

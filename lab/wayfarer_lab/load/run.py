@@ -16,7 +16,7 @@ from wayfarer_lab.load.target import Target
 async def run(
     target: Target, plan: LoadPlan, progress: Callable[[float, Tally], None] = lambda _s, _t: None
 ) -> tuple[dict[str, Any], Tally]:
-    """The summary of a run, and its counts. `progress` hears of seconds done, twice a second."""
+    """The summary of a run, and its counts. `progress` gets the seconds done, twice a second."""
     tally = Tally()
     clients = [SimulatedClient(target, plan, tally, i) for i in range(plan.sessions)]
     try:
@@ -46,7 +46,7 @@ async def run(
 def _nuisances(
     target: Target, plan: LoadPlan, tally: Tally, clients: list[SimulatedClient]
 ) -> list[Coroutine[Any, Any, None]]:
-    """What the slow and the vanishing readers do, spread over the sessions."""
+    """The slow and the vanishing readers, spread over the sessions."""
     readers = [
         Nuisance(target, plan, tally, clients[number % len(clients)].session_id, number)
         for number in range(plan.slow + plan.vanishing)
@@ -57,7 +57,7 @@ def _nuisances(
 
 
 async def _usage(target: Target, start: float, until: float) -> dict[str, Any]:
-    """Cores that server and generator use while it is measured."""
+    """Cores that server and generator use during the measurement."""
     await asyncio.sleep(max(start - time.time(), 0.0))
     began, server, own = time.monotonic(), target.cpu_seconds(), time.process_time()
     await asyncio.sleep(max(until - time.time(), 0.0))

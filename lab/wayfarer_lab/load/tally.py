@@ -47,11 +47,11 @@ class Tally:
     chunks: int = 0
     late: int = 0  # chunks that came after their last frame's time
     lost: int = 0  # primitives that never came
-    silent: int = 0  # agents of whom nothing came at all
+    silent: int = 0  # agents without any chunk
     repeated: int = 0  # chunks that had come before: a fault
     malformed: int = 0  # of a sample of chunks, those that hold no poses: a fault
     idle: int = 0  # chunks of agents who stand
-    reduced: int = 0  # chunks made with fewer candidates than wished
+    reduced: int = 0  # chunks with fewer candidates than set
     held: int = 0  # chunks that hold a pose
     goals: int = 0  # commands that were taken
     unanswered: int = 0  # goals that never showed
@@ -60,7 +60,7 @@ class Tally:
 
     @property
     def misses(self) -> int:
-        """Primitives that nobody could show in time."""
+        """Primitives that came too late or never."""
         return self.late + self.lost
 
     def failed(self, status: str) -> None:

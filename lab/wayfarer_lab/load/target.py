@@ -1,4 +1,4 @@
-"""The server under load: one that runs already, or one of our own."""
+"""The server under load: a running one, or one that we start."""
 
 import asyncio
 import json
@@ -26,7 +26,7 @@ LINES_SHOWN = 20
 
 @dataclass(frozen=True)
 class Target:
-    """Where a server is, and how to get in."""
+    """Addresses and credentials of a server."""
 
     grpc: str  # host:port
     http: str  # http://host:port
@@ -115,7 +115,7 @@ async def _drain(output: asyncio.StreamReader, lines: deque[str]) -> None:
 
 
 def room(agents: int, plan: LoadPlan) -> dict[str, str]:
-    """Limits of our own server that do not stand in the way: only its speed shall."""
+    """Limits of our own server that are out of the way, so that only its speed counts."""
     streams = plan.sessions + plan.slow + plan.vanishing + 8
     limits = {
         "AGENTS": agents,

@@ -114,7 +114,7 @@ def load_poses(folder: Path, split: str, mix: Mapping[str, float], mirrored: boo
     """One split of a prepared folder, with its mirror image, as tensors.
 
     `mix` gives each group's share of the draws (`group_of`); within a group a subject's frames
-    weigh less the more there are of them (square root), so nobody's gait dominates.
+    weigh less the more there are of them (square root), so that no person's gait dominates.
     Raises DataError when the folder is not prepared, InvalidArgument when the split is empty.
     """
     return _read(folder, split, mix, mirrored)[0]

@@ -85,7 +85,7 @@ def parity(
     """Largest difference between torch and the graph in `path` over rows that chose alike.
 
     The share `freaks` of the rows that differ most is left out: where inputs are no bodies, one of
-    them may lie where a rotation can hardly be told, and the last digit decides.
+    them may lie where a rotation is ill-conditioned, and the last digit decides.
     Raises ArtifactError above `TOLERANCE`, or when more than one row in a hundred chose
     another candidate (two candidates may cost the same to the last digit).
     """

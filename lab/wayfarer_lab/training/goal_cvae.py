@@ -2,7 +2,7 @@
 
 The goal is a further condition of the generative model itself, in place of a policy over its
 latents. The condition is the state of Eq. 3: the seed, and for each of its markers the direction
-to the goal. All else is the marker predictor's: training starts from a trained one and goes on by
+to the goal. All else is the marker predictor's: training starts from a trained one and continues
 the same loss (Eq. 1) and over rollouts. A goal is
 where the hips of the same recording will be some time later: goals in training can only come from
 the data, which is the weakness that the paper sees in this baseline.
@@ -63,7 +63,7 @@ class GoalCvaeConfig(PredictorConfig):
 
 
 class GoalCvaeTrainer(PredictorTrainer):
-    """Trains a predictor that is told the goal."""
+    """Trains a predictor with the goal as input."""
 
     config: GoalCvaeConfig
 

@@ -21,7 +21,7 @@ from wayfarer.spec import FPS
 
 REWARDS: Final = (
     "path",  # Eq. 5: the hips move the way to the goal
-    "orientation",  # Eq. 6: the body faces the goal, or as wished
+    "orientation",  # Eq. 6: the body faces the goal, or the target heading
     "contact",  # Eq. 7: hips keep their height, something stays where it is
     "pose_prior",  # Eq. 8: the pose is a usual one
     "speed",  # exp of the quality term of this name, and so on; not in the paper

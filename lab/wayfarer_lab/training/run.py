@@ -5,7 +5,7 @@
                                has to remember (written atomically)
     runs/<name>/tensorboard/   curves
 
-Stopping by Ctrl-C, by `kill` or by the time limit writes `last.pt`; the same command goes on
+Stopping by Ctrl-C, by `kill` or by the time limit writes `last.pt`; the same command resumes
 from it.
 """
 
@@ -61,7 +61,7 @@ class TrainingRun:
             if changed:
                 raise InvalidArgument(
                     f"{path} was made with other values of {changed}; "
-                    "choose another folder to train anew"
+                    "choose another folder to start a new training"
                 )
         path.write_text(json.dumps(wanted, indent=2) + "\n")
 

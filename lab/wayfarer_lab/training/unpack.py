@@ -1,7 +1,7 @@
-"""Run folders from a model folder: to go on from weights that ship, without their runs.
+"""Run folders from a model folder, to continue from shipped weights without their runs.
 
 What only training needs is not in a model folder (the predictor's encoder, the policy's critic):
-those parts begin anew. Weights are those that ship, rounded to float16.
+those parts are initialised. Weights are those that ship, rounded to float16.
 """
 
 import json

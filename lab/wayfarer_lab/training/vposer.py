@@ -1,6 +1,6 @@
 """Read a user's VPoser v2 checkpoint into our own network, by the names and shapes of its tensors.
 
-The file is a checkpoint of PyTorch Lightning. Beside tensors it may hold pickled objects of other
+The file is a checkpoint of PyTorch Lightning. Besides tensors it may hold pickled objects of other
 libraries; these are neither imported nor run: an inert stand-in takes the place of each.
 """
 

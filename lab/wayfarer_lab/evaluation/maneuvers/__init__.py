@@ -1,1 +1,1 @@
-"""Every manoeuvre as people would do it: what is asked, how it is judged, what is good enough."""
+"""Manoeuvres, compared with people: orders, figures, and the bars that figures have to meet."""

@@ -1,4 +1,4 @@
-"""A crowd that is told the same: who starts when, walks in step, and walks like whom."""
+"""A crowd with the same orders: how alike its people start and walk."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -26,7 +26,7 @@ SPEED: Final = 1.2
 METRES: Final = 12.0
 SECONDS: Final = 8.0
 LONGEST: Final = round((METRES - BRAKING) / SPEED * FPS)
-"""Frames from the order on in which nobody brakes yet."""
+"""Frames from the order on in which no one brakes yet."""
 
 
 def _case(name: str, one_body: bool) -> Case:

@@ -30,8 +30,8 @@ def stance_figures(takes: Sequence[Take]) -> Figures:
 
 def contact_figures(takes: Sequence[Take]) -> Figures:
     """Of all frames: `float_share` (lower sole more than 3 cm up), `airborne_share` (neither foot
-    bears: mean over takes); of told contacts: `contact_up`
-    (that foot more than 2 cm up); of floating frames: `contact_floating` (any contact told).
+    bears: mean over takes); of contact flags: `contact_up` (that foot more than 2 cm up); of
+    floating frames: `contact_floating` (any contact flag).
     """
     height = np.concatenate([take.height for take in takes])
     contacts = np.concatenate([take.contacts for take in takes])
@@ -44,5 +44,5 @@ def contact_figures(takes: Sequence[Take]) -> Figures:
 
 
 def all_takes(shots: Sequence[Shot]) -> list[Take]:
-    """Their takes."""
+    """The takes of some shots."""
     return [shot.take for shot in shots]

@@ -1,4 +1,4 @@
-"""Can a machine tell walks that are sent from recorded ones? As many of each, at like speeds."""
+"""Can a classifier distinguish sent walks from recorded ones? Matched in number and speed."""
 
 from collections.abc import Sequence
 from math import nan
@@ -28,19 +28,19 @@ Array = NDArray[np.floating[Any]]
 
 CASE: Final = "straight walks"
 SPEEDS: Final = (0.8, 1.6)
-"""Metres per second that are wished."""
+"""Target speeds, m/s."""
 
 RANGE: Final = (0.9, 1.5)
-"""Metres per second of the windows that are compared."""
+"""Speeds of the compared windows, m/s."""
 
 USED: Final = [k for k, name in enumerate(frechet.NAMES) if not name.endswith("height")]
-"""Heights of body parts say how tall somebody is, not how he walks."""
+"""Features left out: heights of body parts measure the person, not the walk."""
 
 ENOUGH: Final = 40
-"""Windows of either, without which nothing can be told."""
+"""Least number of windows of each kind."""
 
 DRAWS: Final = 5
-"""Matched samples that a figure is the mean of: chance chooses the windows."""
+"""Random matched samples over which a figure is averaged."""
 
 
 def _errands(agents: int, random: np.random.Generator) -> list[Errand]:
@@ -53,7 +53,7 @@ def _errands(agents: int, random: np.random.Generator) -> list[Errand]:
 
 
 def windows(shots: Sequence[Shot]) -> tuple[Array, NDArray[np.int64]]:
-    """Features [W, 37] of all 2 s of steady walks at 0.9 to 1.5 m/s, and whose each is [W]."""
+    """Features [W, 37] of all 2 s of steady walks at 0.9 to 1.5 m/s, and the owner of each [W]."""
     found: list[Array] = [np.zeros((0, frechet.SIZE))]
     owners: list[NDArray[np.int64]] = [np.zeros(0, np.int64)]
     people = {person: k for k, person in enumerate(sorted({s.take.person for s in shots}))}

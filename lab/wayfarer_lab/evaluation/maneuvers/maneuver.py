@@ -1,4 +1,4 @@
-"""What a manoeuvre is made of: cases to be played, a judge of each take, and bars."""
+"""A manoeuvre: cases to play, figures of each take, and bars."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,31 +22,31 @@ Figures = dict[str, float]
 SENT: Final = "sent"
 RAW: Final = "raw"
 RECORDED: Final = "recorded"
-"""Sources of a row: as served, the same without foot lock, and people."""
+"""Sources of a row: as sent, the same without foot lock, recorded people."""
 
 
 @dataclass(frozen=True)
 class Shot:
-    """A take, and what was asked for in it; no goal: a recorded one."""
+    """A take and its goal; a recorded take has none."""
 
     take: Take
-    goal: Goal | None = None  # the last that was given
+    goal: Goal | None = None  # the last one
 
 
 @dataclass(frozen=True)
 class Case:
-    """One way to do a manoeuvre. Every agent is given such orders after 2 s of standing."""
+    """One variant of a manoeuvre. Every agent gets these orders after 2 s of standing."""
 
     name: str
     seconds: float  # from the first order
-    errands: Callable[[int, np.random.Generator], list[Errand]]  # for so many agents
-    scene: Callable[[], SceneSpec] | None = None  # None: a flat floor without end
+    errands: Callable[[int, np.random.Generator], list[Errand]]  # of N agents
+    scene: Callable[[], SceneSpec] | None = None  # None: an endless flat floor
     share: float = 1.0  # of the manoeuvre's agents
 
 
 @dataclass(frozen=True)
 class Bar:
-    """What a figure of the rows `source` has to be. `case` None: in every case."""
+    """The range that a figure has to be in. `case` None: in every case."""
 
     figure: str
     low: float = -np.inf
@@ -55,11 +55,11 @@ class Bar:
     origin: str = "quality target"
 
     def met(self, value: float) -> bool | None:
-        """None: there is no figure to judge."""
+        """Whether `value` is in range; None for NaN."""
         return None if np.isnan(value) else bool(self.low <= value <= self.high)
 
     def text(self) -> str:
-        """For a table."""
+        """The range as text."""
         if np.isinf(self.low):
             return f"≤ {self.high:g}"
         return f"≥ {self.low:g}" if np.isinf(self.high) else f"{self.low:g} … {self.high:g}"
@@ -74,13 +74,13 @@ Shots = Mapping[tuple[str, str], Sequence[Shot]]
 
 
 def nothing_more(rows: Rows, shots: Shots) -> dict[tuple[str, str], Figures]:
-    """No row that needs those of several cases."""
+    """The default of `Maneuver.across`: no further rows."""
     return {}
 
 
 @dataclass(frozen=True)
 class Maneuver:
-    """What is played, and who judges it."""
+    """What is played, and how it is measured."""
 
     name: str
     about: str  # a line
@@ -91,12 +91,14 @@ class Maneuver:
     bars: tuple[Bar, ...]
     across: Callable[[Rows, Shots], dict[tuple[str, str], Figures]] = nothing_more
     # rows that need several cases or sources
-    worst: str = ""  # the figure of a take that is largest in the worst one: that is drawn
-    strip: Callable[[Shot], Take] = lambda shot: shot.take[: 4 * FPS]  # what is drawn of a take
+    worst: str = ""  # figure whose largest value marks the worst take, for the pictures
+    strip: Callable[[Shot], Take] = lambda shot: shot.take[
+        : 4 * FPS
+    ]  # the part of a take that is drawn
 
 
 def part(take: Take, start: float, stop: float) -> Take:
-    """From one second of a take to another, as far as there is any; a frame at least."""
+    """The part of a take between two seconds, clipped to the take; at least a frame."""
     first = min(max(round(start * FPS), 0), len(take) - 1)
     return take[first : max(round(stop * FPS), first + 1)]
 
@@ -125,7 +127,7 @@ def pooled(values: Sequence[Array], at: float) -> float:
 
 
 def way_to(angle: float, metres: float, speed: float = 1.2, **how: Any) -> Plan:
-    """One goal so many metres away, `angle` degrees to the left of straight ahead."""
+    """One goal `metres` away, `angle` degrees to the left of straight ahead."""
 
     def plan(agent: AgentInfo) -> list[Goal]:
         ahead, left = metres * cos(radians(angle)), metres * sin(radians(angle))
@@ -135,6 +137,6 @@ def way_to(angle: float, metres: float, speed: float = 1.2, **how: Any) -> Plan:
 
 
 def facing(agent: AgentInfo, turn: float) -> Goal:
-    """The agent's own place, faced `turn` degrees further to the left."""
+    """The agent's own place, with a heading `turn` degrees further to the left."""
     x, y, _ = agent.position
     return Goal((x, y, 0.0), heading=(agent.heading + radians(turn) + pi) % (2 * pi) - pi)

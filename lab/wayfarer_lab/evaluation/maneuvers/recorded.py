@@ -1,6 +1,6 @@
-"""Recorded people doing what agents are asked to do, cut out of prepared recordings.
+"""Recorded people who perform the manoeuvres, cut out of prepared recordings.
 
-What somebody does is told from how the body moves, not from the name of the clip. Only frames that
+The motion of the body decides what a person does, not the name of the clip. Only frames that
 are in use (`training.mocap.selection`) count. Bodies are male: a clip is prepared on both, and
 counting it twice would make the sample look larger than it is.
 """
@@ -31,14 +31,14 @@ Uses = NDArray[np.uint8]
 
 PLAIN_STYLES: Final = ("Neutral", "Rushed")
 PLAIN: Final = ("walk", "crowd", "likeness", "random")
-"""Manoeuvres of which there is enough without acted styles."""
+"""Manoeuvres with enough recordings without acted styles."""
 
 GENDER: Final = "male"
 HELDOUT: Final = f"{RECORDED}, held out"
-"""The split that nothing is trained on, beside all of them."""
+"""The split that nothing is trained on; it has rows of its own."""
 
 SHORTEST: Final = FPS
-"""Frames of a take at least: 1 s."""
+"""Shortest take in frames: 1 s."""
 
 SIDEWAYS: Final = (55.0, 125.0)
 BACKWARD: Final = 145.0
@@ -48,10 +48,10 @@ STROLLING: Final = 0.25
 """Metres per second: slower is standing."""
 
 STANDING: Final = 3 * FPS
-"""Frames of a stand at least."""
+"""Shortest stand in frames."""
 
 TURNING: Final = 20.0
-"""Degrees per second over 0.5 s: a slower turn is none."""
+"""Degrees per second over 0.5 s: slowest turn."""
 
 TURNED: Final[dict[str, tuple[float, float]]] = {"90°": (60.0, 135.0), "180°": (135.0, 225.0)}
 """Degrees, and the case that they count to."""
@@ -72,10 +72,10 @@ EVEN: Final = 0.3
 """… and metres per second by which the speed may."""
 
 AHEAD: Final = 25.0
-"""Degrees between facing and way of somebody who walks straight ahead."""
+"""Largest angle between facing and way of a straight walk, in degrees."""
 
 STRETCH: Final = 2 * FPS
-"""Frames of a straight walk at least."""
+"""Shortest straight walk in frames."""
 
 
 class RecordedClips:
@@ -129,12 +129,12 @@ class RecordedClips:
 
 
 def person_of(clip: ClipRange) -> str:
-    """The subject; of one who acts in styles, subject and style."""
+    """The person of a clip: the subject, and for acted styles also the style."""
     return f"{clip.subject} {_style(clip)}".strip()
 
 
 def is_acted(clip: ClipRange) -> bool:
-    """Whether somebody walks as he never would but for the camera."""
+    """Whether the take is in an acted style."""
     return clip.category == "walk_styled" or _style(clip) not in ("", *PLAIN_STYLES)
 
 
@@ -148,7 +148,7 @@ Cut = Iterator[tuple[str, Take]]
 
 
 def _smooth(values: Array, seconds: float) -> Array:
-    """Mean of values [T, ...] over so long around each frame; shorter at the ends."""
+    """Moving mean of values [T, ...], centred on each frame; shorter at the ends."""
     frames = max(round(seconds * FPS), 1)
     kernel = np.ones(frames)
     count = np.convolve(np.ones(len(values)), kernel, "same")
@@ -278,7 +278,7 @@ def crowds(take: Take, use: Uses) -> Cut:
 
 
 def everything(take: Take, use: Uses) -> Cut:
-    """All locomotion: nobody was recorded under such orders."""
+    """All locomotion, since no recordings follow such orders."""
     for part in _parts(take, use == Use.LOCOMOTION, SHORTEST):
         yield robust.RANDOM.cases[0].name, part
 

@@ -1,4 +1,4 @@
-"""Orders that nobody would expect: goals behind, again and again; and random sessions."""
+"""Adversarial orders: goals behind, again and again; and random sessions."""
 
 from collections.abc import Callable, Sequence
 from math import pi
@@ -98,7 +98,7 @@ BARS: Final = (
 def repeated(
     name: str, every: float, seconds: float, plan: Callable[[int, AgentSpec, Chance], Plan]
 ) -> Case:
-    """An order every so many seconds: `plan` makes each from its number, the agent and chance."""
+    """Periodic orders: `plan` makes each from its number, the agent and a random generator."""
 
     def errands(agents: int, random: np.random.Generator) -> list[Errand]:
         moments = [round(float(at), 3) for at in np.arange(0.0, seconds - 1e-6, every)]
@@ -118,7 +118,7 @@ def _behind(metres: float) -> Callable[[int, AgentSpec, Chance], Plan]:
 
 
 def _about_face(number: int, spec: AgentSpec, random: Chance) -> Plan:
-    """Away from and back to how it stood first, in its first place."""
+    """About-faces at the first place: away from the first heading and back."""
     turned = spec.heading + (pi if number % 2 == 0 else 0.0)
     goal = Goal((*spec.position, 0.0), heading=(turned + pi) % (2 * pi) - pi)
     return lambda agent: [goal]
@@ -150,7 +150,7 @@ MORE_SCRIPTS: Final = (
     repeated("here every 0.25 s", 0.25, 30.0, _here),
     repeated("0.4 and 3 m/s in turn each second", 1.0, 30.0, _by_turns),
 )
-"""Which never did harm: in `eval long` only."""
+"""Scripts that never caused faults: in `eval long` only."""
 
 REVERSALS: Final = Maneuver(
     name="reversals",

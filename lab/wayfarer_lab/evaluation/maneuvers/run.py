@@ -1,4 +1,4 @@
-"""Plays manoeuvres one after the other and judges each as soon as it is over."""
+"""Plays manoeuvres one after the other, and measures each when it is over."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -22,7 +22,7 @@ class CasePlayers(Protocol):
     """Who plays a case; see `sessions.CasePlayers`."""
 
     def play(self, maneuver: str, case: Case, agents: int, lock: bool, watch: Watch) -> list[Shot]:
-        """What so many agents do."""
+        """Play a case with a number of agents."""
 
 
 Recorded = Callable[[Maneuver], Mapping[tuple[str, str], Sequence[Shot]]]
@@ -30,13 +30,13 @@ Recorded = Callable[[Maneuver], Mapping[tuple[str, str], Sequence[Shot]]]
 
 
 def no_recordings(maneuver: Maneuver) -> Mapping[tuple[str, str], Sequence[Shot]]:
-    """Where there is no data."""
+    """Without data: no takes."""
     return {}
 
 
 @dataclass
 class Played:
-    """A manoeuvre that is over."""
+    """A finished manoeuvre."""
 
     maneuver: Maneuver
     shots: dict[tuple[str, str], Sequence[Shot]] = field(default_factory=dict)

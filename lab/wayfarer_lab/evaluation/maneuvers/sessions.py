@@ -1,4 +1,4 @@
-"""Manoeuvres through the world that serves: the only file here that knows how it is stepped."""
+"""Manoeuvres in the world that serves: the only file here that steps it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -23,16 +23,16 @@ Array = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True)
 class Players:
-    """A motion model, opened, and how many candidates its search has."""
+    """An opened motion model, and the candidates of its search."""
 
     bundle: ModelBundle
     candidates: int
     seed: int
 
     def play(self, maneuver: str, case: Case, agents: int, lock: bool, watch: Watch) -> list[Shot]:
-        """What so many agents do, in a session of their own; the same whatever else is played.
+        """Play a case in a session of its own; the result does not depend on other cases.
 
-        `lock`: with the foot lock, as agents have it unless told otherwise.
+        `lock`: with the foot lock, the default of agents.
         """
         random = np.random.default_rng([self.seed, crc32(f"{maneuver} {case.name}".encode())])
         errands = [
@@ -52,7 +52,7 @@ class Players:
 
 
 def shots_of(courses: Sequence[Course], bodies: Bodies, scene: Scene | None = None) -> list[Shot]:
-    """What agents did, to be judged; in a scene their feet are over its ground."""
+    """Takes of courses; in a scene, heights of feet are above its ground."""
     found = []
     for number, course in enumerate(courses):
         take = Take.of(course.clip(), bodies[course.spec.gender], f"agent {number}")

@@ -1,4 +1,4 @@
-"""Fifteen stairs of 20 cm up to a gallery, and down from it, whatever speed is wished."""
+"""Fifteen stairs of 20 cm up to a gallery, and down from it, at three target speeds."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -24,7 +24,7 @@ from wayfarer_lab.evaluation.metrics import feet, joints
 from wayfarer_lab.evaluation.takes import Take
 
 SPEEDS: Final = (0.6, 1.2, 1.8)
-"""m/s that are wished, in turn."""
+"""Target speeds, m/s, in turn."""
 
 FOOT: Final = 2.0
 TOP: Final = 6.2
@@ -39,10 +39,10 @@ PLACED_SPEED: Final = 0.3
 """Metres per second: an ankle slower than this stands, …"""
 
 PLACED_FRAMES: Final = 3
-"""… if it does for so many frames, …"""
+"""… after this number of frames, …"""
 
 PLACED_APART: Final = 0.10
-"""… and stands anew if it is so many metres from where it stood before."""
+"""… and stands on another step if it is this far (metres) from where it stood before."""
 
 
 def _case(up: bool) -> Case:
@@ -149,7 +149,7 @@ def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
 
 STAIRS: Final = Maneuver(
     name="stairs",
-    about="15 stairs of 20 × 30 cm up and down; wished 0.6, 1.2, 1.8 m/s in turn",
+    about="15 stairs of 20 × 30 cm up and down; target speeds 0.6, 1.2, 1.8 m/s in turn",
     agents=18,
     cases=(_case(up=True), _case(up=False)),
     judge=judge,

@@ -22,7 +22,7 @@ from wayfarer_lab.evaluation.takes import Take
 
 SECONDS: Final = 60.0
 WALK: Final = 10.0
-"""Seconds in which a walk of 3 m has ended: standing is judged after them."""
+"""Seconds after which a walk of 3 m has ended and standing is measured."""
 
 
 def _at_once(agents: int, random: np.random.Generator) -> list[Errand]:
@@ -37,7 +37,7 @@ def _after_a_walk(agents: int, random: np.random.Generator) -> list[Errand]:
 
 
 def the_stand(shot: Shot) -> Take:
-    """The part that is judged."""
+    """The measured part."""
     return shot.take if shot.goal is None else shot.take[round(WALK * FPS) :]
 
 

@@ -1,4 +1,4 @@
-"""Coming to a stand: walks of 3 to 8 m at 0.6 to 2.0 m/s, and what the body is like after."""
+"""Coming to a stand: walks of 3 to 8 m at 0.6 to 2.0 m/s, and the posture after it."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -30,10 +30,10 @@ REST_SPEED: Final = 0.08
 """Metres per second, horizontal: hips and ankles that are all slower rest, …"""
 
 REST_SECONDS: Final = 1.0
-"""… if they do for so long."""
+"""… for this number of frames."""
 
 AFTER: Final = 2.0
-"""Seconds after rest begins at which feet and knees are looked at: time for a closing step."""
+"""Seconds from rest to the measurement of feet and knees: time for a closing step."""
 
 REACH: Final = 2
 """Frames on either side over which speeds are taken."""
@@ -76,7 +76,7 @@ def _braked(shot: Shot) -> int:
 
 def judge(shot: Shot) -> Figures:
     """Two seconds after rest: `apart_cm` from ankle to ankle along the facing, `heel_up`: a heel is
-    more than 2 cm up. `rest_s` from 0.75 m on. Somebody who never rests is judged at the end.
+    more than 2 cm up. `rest_s` from 0.75 m on. An agent that never rests is measured at the end.
     """
     take = shot.take
     start = 0 if shot.goal is None else _braked(shot)
@@ -104,7 +104,7 @@ def judge(shot: Shot) -> Figures:
 
 
 def the_stop(shot: Shot) -> Take:
-    """From two seconds before rest, or before the end, until it is looked at."""
+    """From two seconds before rest, or before the end, until the measurement."""
     start = 0 if shot.goal is None else _braked(shot)
     begun = rest(shot.take[start:])
     seconds = (len(shot.take) if begun is None else start + begun) / FPS

@@ -28,7 +28,7 @@ from wayfarer_lab.evaluation.takes import HEAD, Take
 
 METRES: Final = 2.5
 SPEEDS: Final = (0.4, 0.6, 1.2)
-"""m/s that are wished, in turn."""
+"""Target speeds, m/s, in turn."""
 
 ARRIVED: Final = 0.3
 """Metres from the goal at the end of the take, at most."""
@@ -123,7 +123,7 @@ POINTS: Final = ("hips_p5", "float_share", "contact_up", "arrive")
 
 
 def across(rows: Rows, shots: Shots) -> dict[tuple[str, str], Figures]:
-    """How far left and right differ."""
+    """Differences between left and right."""
     found = {}
     for source in {source for _, source in rows}:
         left, right = rows.get(("left", source)), rows.get(("right", source))
@@ -141,7 +141,7 @@ def _every_side(bar: Bar) -> list[Bar]:
 
 STRAFE = Maneuver(
     name="strafe",
-    about="2.5 m to the left, right, back with the heading kept; wished 0.4, 0.6, 1.2 m/s in turn",
+    about="2.5 m to the left, right, back, heading kept; target speeds 0.4, 0.6, 1.2 m/s in turn",
     agents=48,
     cases=tuple(_case(name, angle) for name, angle in SIDES.items()),
     judge=judge,

@@ -1,4 +1,4 @@
-"""Pictures of manoeuvres: of each case the worst take and a middling one, moment by moment."""
+"""Pictures of manoeuvres: the worst and the median take of each case, moment by moment."""
 
 import re
 from dataclasses import replace
@@ -26,7 +26,7 @@ HEIGHT: Final = 200
 def draw(played: Played, folder: Path) -> list[Path]:
     """One sheet for each case of what was sent: `MANEUVER_CASE.png`, written as they are made.
 
-    Above the take in which the manoeuvre's `worst` figure is largest, below the middle one.
+    Above the take in which the manoeuvre's `worst` figure is largest, below the median one.
     """
     maneuver, made = played.maneuver, []
     for case in maneuver.cases:
@@ -58,7 +58,7 @@ def worst_and_middle(values: list[float]) -> tuple[int, int]:
 
 
 def _few_goals(clip: Clip) -> Clip:
-    """Goals that come every quarter of a second would hide the floor."""
+    """The take without its goals: one every quarter of a second would hide the floor."""
     return replace(clip, goals=clip.goals if len(clip.goals) <= MOST_GOALS else ())
 
 

@@ -21,7 +21,7 @@ VERDICTS: Final = {True: "met", False: "missed", None: "not judged"}
 
 @dataclass(frozen=True)
 class Verdict:
-    """A bar, the figure that it was held against, and whether it is met."""
+    """A bar, its figure, and whether it is met."""
 
     maneuver: str
     case: str
@@ -30,7 +30,7 @@ class Verdict:
 
     @property
     def met(self) -> bool | None:
-        """None: there was no figure."""
+        """Whether the bar is met; None without a figure."""
         return self.bar.met(self.value)
 
     def row(self) -> dict[str, Any]:
@@ -48,7 +48,7 @@ class Verdict:
 
 @dataclass
 class Results:
-    """All that has been measured so far."""
+    """All results so far."""
 
     meta: dict[str, Any]
     rows: list[dict[str, Any]] = field(default_factory=list)
@@ -87,8 +87,8 @@ class Results:
 
 
 def judged(maneuver: Maneuver, rows: Mapping[Key, Figures]) -> list[Verdict]:
-    """Every bar of a manoeuvre, held against what was sent; where there is no such figure, as for
-    a comparison with recordings that were not given, it is not judged.
+    """Verdicts of a manoeuvre's bars on its rows as sent. A bar without a figure, such as a
+    comparison with recordings that were not given, is not judged.
     """
     verdicts = []
     for bar in maneuver.bars:
@@ -101,7 +101,7 @@ def judged(maneuver: Maneuver, rows: Mapping[Key, Figures]) -> list[Verdict]:
 
 
 def show(maneuver: Maneuver, rows: Mapping[Key, Figures], verdicts: Sequence[Verdict]) -> None:
-    """A manoeuvre's table: a row for each figure of each case; sent, raw and recorded beside."""
+    """A manoeuvre's table: a row for each figure of each case; columns sent, raw, recorded."""
     sources = sorted({source for _, source in rows}, key=_order)
     table = Table(title=f"{maneuver.name}: {maneuver.about}", title_justify="left")
     table.add_column("case")

@@ -67,7 +67,7 @@ def judge(shot: Shot) -> Figures:
 
 
 def _asked(shot: Shot) -> float:
-    """Degrees from the first heading to the asked one, on the side to which it was turned."""
+    """Degrees from the first heading to the target, on the side of the turn."""
     assert shot.goal is not None and shot.goal.heading is not None
     first, last = shot.take.heading[0], shot.take.heading[-1]
     asked = float(np.degrees(shot.goal.heading)) - first

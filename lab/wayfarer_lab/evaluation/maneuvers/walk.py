@@ -1,4 +1,4 @@
-"""Steady walks straight ahead at 0.6 to 2.5 m/s: rhythm, posture, and what swings in time."""
+"""Steady walks straight ahead at 0.6 to 2.5 m/s: rhythm, posture, and swing of body parts."""
 
 from collections.abc import Sequence
 from math import nan
@@ -37,7 +37,7 @@ SPEEDS: Final[dict[str, tuple[float, float]]] = {
     "2.0 m/s": (1.9, 2.2),
     "2.5 m/s": (2.2, 2.8),
 }
-"""Speeds that are walked, and those of the recorded stretches beside them."""
+"""Target speeds, and the speeds of the recorded stretches compared with them."""
 
 USUAL: Final = "1.1-1.5 m/s"
 """People's own speed: the bars are for it, and as many walk it as all others but one."""
@@ -52,7 +52,7 @@ LEAST: Final = round(1.5 * FPS)
 """Frames of a steady walk that is measured."""
 
 MOVING: Final = 0.3
-"""Metres per second: somebody who is faster has started."""
+"""Metres per second: an agent that is faster has started."""
 
 SAME_SPEED: Final = 0.1
 """Metres per second: power grows with speed, so only like is compared with like."""
@@ -72,7 +72,7 @@ def _case(name: str) -> Case:
             found.append(Errand(spec, (Order(0.0, way),)))
         return found
 
-    # the slowest are watched for the longest
+    # the slowest need the longest
     return Case(name, min(16.0, 12.0 / low), errands, share=1.0 if usual else 1 / 3)
 
 
@@ -86,7 +86,7 @@ def steady(shot: Shot) -> Take | None:
 
 
 def start_seconds(take: Take) -> float:
-    """Seconds until somebody who stood is under way; NaN when he never is."""
+    """Seconds until a standing agent has started; NaN if it never does."""
     moving = first(smooth_speed(take.hips, 0.2) > MOVING)
     return nan if moving is None else moving / FPS
 
@@ -198,8 +198,8 @@ def _measured(shots: Sequence[Shot]) -> list[Figures]:
 
 
 def power_shares(mine: Sequence[Figures], people: Sequence[Figures]) -> Figures:
-    """Power in each band, of walks as a share of people's at the same speeds: each of theirs
-    stands beside the one of ours that is nearest in speed, if that is within 0.1 m/s.
+    """Power in each band, of walks as a share of people's at the same speeds: each recorded walk
+    is compared with our walk of the nearest speed, within 0.1 m/s.
     """
     speeds = np.array([figures["speed_mps"] for figures in mine])
     pairs = []

@@ -1,4 +1,4 @@
-"""How different people are from each other who were told the same."""
+"""Differences between people with the same orders."""
 
 import itertools
 from collections.abc import Sequence
@@ -14,8 +14,8 @@ PHASES: Final = 32
 
 
 def phase_order(phases: Array) -> Array:
-    """How far N people walk in step: |mean exp(2πi phase)| of phases [N, T] in 0 … 1, where 1 is a
-    march and 0 no order at all (Kuramoto's order parameter). NaN phases are left out. [T]
+    """Degree to which N people walk in step: |mean exp(2πi phase)| of phases [N, T], NaN left
+    out: from 0, no order, to 1, a march (Kuramoto's order parameter). [T]
 
     N people at random have 0.9 / √N in the mean.
     """
@@ -46,7 +46,7 @@ def mean_rotation(quaternions: Array) -> Array:
 
 
 def cycle_spread(cycles: Sequence[Array]) -> float:
-    """Degrees by which people's mean cycles [PHASES, J, 4] differ: the standard deviation over
+    """Degrees by which people's mean gait cycles [PHASES, J, 4] differ: the standard deviation over
     people of each joint's rotation about each of three axes, mean over joints and moments.
     """
     every = np.stack(cycles)

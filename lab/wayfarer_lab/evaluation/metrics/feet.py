@@ -27,7 +27,7 @@ UP: Final = 0.03
 """Metres: with both feet higher than this the body floats (or jumps, or runs)."""
 
 CONTACT_UP: Final = 0.02
-"""Metres: contact that is told of a higher foot is not true."""
+"""Metres: a contact flag of a higher foot is wrong."""
 
 PATCH: Final = 0.010
 """Metres above the lowest point of a foot, up to which points touch the ground with it."""
@@ -36,10 +36,10 @@ SWING_SPEED: Final = 0.7
 """Metres per second: a low foot that is faster swings, if the other foot bears the body."""
 
 SHORTEST: Final = 3
-"""Frames of a stance at least."""
+"""Shortest stance in frames."""
 
 RESTING: Final = round(0.2 * FPS)
-"""Frames of floating at least, before a viewer sees it as floating: 0.2 s."""
+"""Frames after which a viewer sees floating: 0.2 s."""
 
 
 @dataclass(frozen=True)
@@ -113,8 +113,8 @@ def bearing(soles: Array, height: Array | None = None) -> Flags:
     """Feet that bear the body. [T, 2]
 
     A foot that is not lifted (lower than `LIFTED`) bears, unless it swings: it is faster than
-    `SWING_SPEED` while the other one is low and slower. Where both are fast, both bear: somebody
-    who skates on both feet is not in the air.
+    `SWING_SPEED` while the other one is low and slower. Where both are fast, both bear: a body
+    that skates on both feet is not in the air.
     """
     height = heights(soles) if height is None else height
     low = height < LIFTED
@@ -150,7 +150,7 @@ def slides(soles: Array, height: Array) -> list[float]:
     """Metres that a foot came while it was not lifted, for each time between two lifts of either
     foot: the farthest that its patch on the ground was from where it began.
 
-    Whether the foot bears is not asked: one that hovers low for ever slides, too.
+    It need not bear: a foot that hovers low for ever slides, too.
     """
     shift, found = patch_shift(soles), []
     for foot, mine in enumerate(lifts(height)):
@@ -184,15 +184,15 @@ def floats_seen(height: Array) -> bool:
 
 
 def false_contact(contacts: Flags, height: Array) -> float:
-    """Of the told contacts [T, 2], the share in which that foot is higher than `CONTACT_UP`.
+    """Share of the contact flags [T, 2] whose foot is higher than `CONTACT_UP`.
 
-    NaN when none is told.
+    NaN without flags.
     """
     return float((height > CONTACT_UP)[contacts].mean()) if contacts.any() else float("nan")
 
 
 def contact_while_floating(contacts: Flags, height: Array) -> float:
-    """Of the frames that float, the share in which contact is told. NaN when none floats."""
+    """Share of the floating frames with a contact flag. NaN when no frame floats."""
     up = floating(height)
     return float(contacts[up].any(-1).mean()) if up.any() else float("nan")
 

@@ -1,4 +1,4 @@
-"""Fréchet distance between motions on a frozen, learnt-by-nobody feature of 2 s of movement.
+"""Fréchet distance between motions on a fixed, hand-made feature of 2 s of movement.
 
 `frechet_v1`, 37 numbers of a window of 80 frames at 40 fps. Six sites are means of markers:
 hips (LFWT RFWT LBWT RBWT), head (LFHD RFHD LBHD RBHD), hands (IWR OWR) and feet (ANK HEE MT1 MT5).
@@ -37,7 +37,7 @@ FRAMES: Final = 2 * FPS
 HOP: Final = NEW_FRAMES
 SIZE: Final = 37
 ENOUGH: Final = 2 * SIZE
-"""Fewer windows give no covariance worth the name, and no distance."""
+"""With fewer windows there is no useful covariance, and no distance."""
 
 WAIST: Final = ("LFWT", "LBWT", "RFWT", "RBWT")
 SITES: Final = {
@@ -103,7 +103,7 @@ def features(markers: Array, names: Sequence[str]) -> Array:
 
 @dataclass(frozen=True)
 class Reference:
-    """The motion that others are held against: features [W, 37] of it."""
+    """Reference motion: its features [W, 37]."""
 
     values: Array
 

@@ -1,4 +1,4 @@
-"""Can a machine tell what was made from what was recorded? A two-sample test, matched.
+"""A two-sample test: can a classifier distinguish made motion from recorded motion?
 
 A classifier whose area under the ROC curve (AUC) is 0.5 on people it has not seen sees no
 difference; with 1 it always does (Lopez-Paz and Oquab 2017, "Revisiting classifier two-sample
@@ -19,7 +19,7 @@ SHRINKAGE: Final = 0.1
 FOLDS: Final = 4
 
 SPEED_BIN: Final = 0.1
-"""Metres per second: windows of two sets are matched within bins so wide."""
+"""Width of the speed bins in which two sets are matched, m/s."""
 
 
 def matched(one: Array, other: Array, random: np.random.Generator) -> tuple[Index, Index]:

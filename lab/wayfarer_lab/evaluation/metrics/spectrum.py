@@ -1,4 +1,6 @@
-"""Power of movement by band: a walk without its fast parts is rubbery, with too many it shakes."""
+"""Power of movement by frequency band: with too little at high frequencies a walk looks
+rubbery, with too much it shakes.
+"""
 
 from typing import Any, Final
 

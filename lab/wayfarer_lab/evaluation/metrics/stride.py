@@ -1,4 +1,4 @@
-"""The rhythm of a steady, straight walk: strikes, steps, and what swings in time with them.
+"""The rhythm of a steady, straight walk: strikes, steps, and the swing of body parts.
 
 A strike is the moment in which an ankle is farthest ahead of the hips (Zeni, Richards and
 Higginson 2008, "Two simple methods for determining gait events"): it needs no floor and no
@@ -21,10 +21,10 @@ LEAST_STRIDE: Final = round(0.45 * FPS)
 """Frames from a strike of a foot to its next at least: 133 strides a minute, beyond any run."""
 
 LEAST_REACH: Final = 0.05
-"""Metres by which a foot swings ahead of what it was beside at least."""
+"""Least swing of a foot relative to the hips, in metres."""
 
 ENOUGH: Final = 4
-"""Strikes that make a walk worth measuring."""
+"""Least number of strikes of a measured walk."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""How a body holds itself: the tilt of the trunk."""
+"""Posture: the tilt of the trunk."""
 
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,1 +1,1 @@
-"""Pictures of motion for people to judge, drawn without GPU or display: stills, sheets, films."""
+"""Pictures of motion, drawn without GPU or display: stills, sheets, films."""

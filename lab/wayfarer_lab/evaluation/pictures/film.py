@@ -43,7 +43,7 @@ def follow_film(
     fps: float,
     view: str = "quarter",
 ) -> Film:
-    """A square of `size` pixels for each clip, in rows; who is done first stays as he is."""
+    """A square of `size` pixels for each clip, in rows; ended clips hold their last frame."""
     check_view(view)
     cameras = [following(actor, view, (size, size)) for actor in actors]
     across = ceil(sqrt(len(actors)))
@@ -62,7 +62,7 @@ def follow_film(
 
 
 def crowd_film(actors: Sequence[ClipActor], height: int, fps: float) -> Film:
-    """All clips on one floor, where they are in the world, before a camera that stands still.
+    """All clips on one floor, where they are in the world, before a fixed camera.
 
     Its pictures are 16 : 9.
     """
@@ -78,7 +78,7 @@ def crowd_film(actors: Sequence[ClipActor], height: int, fps: float) -> Film:
 
 
 def gathered(clips: Sequence[Clip]) -> list[Clip]:
-    """The clips moved close together, so that nobody comes nearer than 0.9 m to anybody.
+    """The clips moved close together, with all people at least 0.9 m apart.
 
     Each clip is moved as a whole, its goals with it: the motion is untouched.
     """
@@ -103,7 +103,7 @@ def _moved(clip: Clip, by: Array) -> Clip:
 
 
 def _nearest(a: Clip, b: Clip) -> float:
-    """Least horizontal distance of two people's hips; who is done first stays where he is."""
+    """Least horizontal distance of two people's hips; ended clips hold their last frame."""
     times = np.arange(0, max(a.seconds, b.seconds), 0.1)
     ways = [c.translation[[_frame_at(c, float(t)) for t in times], :2] for c in (a, b)]
     return float(np.linalg.norm(ways[0] - ways[1], axis=-1).min())

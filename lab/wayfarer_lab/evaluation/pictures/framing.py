@@ -1,4 +1,4 @@
-"""Where to put the camera: beside one walker, or before many."""
+"""Where to put the camera, for one walker or for many."""
 
 from collections.abc import Sequence
 from math import atan2, pi, radians
@@ -57,7 +57,7 @@ def body_heading(actor: ClipActor, frame: int) -> float:
 
 
 def view_of(name: str, heading: float, size: Size) -> View:
-    """A named view of somebody who goes in the direction `heading`."""
+    """A named view of a person who walks in the direction `heading`."""
     azimuth, elevation = VIEWS[name]
     return View(heading + azimuth, elevation, DISTANCE, METRES, size)
 

@@ -1,4 +1,4 @@
-"""Random runs to look at: people sent to places, through the world that serves."""
+"""Random runs to goals, in the world that serves."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -27,7 +27,7 @@ LEAD_IN: Final = 0.6
 """Seconds of standing before the first goal."""
 
 LINGER: Final = 1.0
-"""Seconds that a run goes on after the last stand, and that somebody stands at a goal before."""
+"""Seconds of standing at each goal, and at the end of the run."""
 
 
 @dataclass
@@ -39,7 +39,7 @@ class _Runner:
     goals: list[Goal] = field(default_factory=list)
     chunks: list[MotionChunk] = field(default_factory=list)
     arrived: bool = False
-    stood: float = 0.0  # seconds that it has stood where it was sent
+    stood: float = 0.0  # seconds of standing at the goal
 
     def next_goal(self, x: float, y: float) -> Goal:
         """A place 2 … 6 m away in any direction."""
@@ -60,7 +60,7 @@ def random_runs(
     """People of both genders in turn, of random shape and heading, each sent to `stops` goals.
 
     Run i depends on `seed` and i alone, not on `count`. A run ends 1 s after the last stand, or
-    after so many seconds. `watch` hears of the seconds done.
+    after so many seconds. `watch` is called with the seconds done.
     """
     frames = round(seconds * FPS)
     runners = [_runner(number, seed) for number in range(count)]

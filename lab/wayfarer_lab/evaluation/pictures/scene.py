@@ -52,7 +52,7 @@ class Dress:
 
     @classmethod
     def sides(cls, body: BodyModel) -> "Dress":
-        """Grey, left limbs red and right ones blue: legs that cross can be told apart."""
+        """Grey, left limbs red and right ones blue: crossing legs stay distinguishable."""
         by_joint = np.tile(colour("#d5d3d0"), (len(body.joint_names), 1))
         for joint, name in enumerate(body.joint_names):
             for side, paint in (("left", "#dd8078"), ("right", "#6f9bd6")):

@@ -1,4 +1,4 @@
-"""Stills: a body at intervals in cells beside each other, and sheets with a row for each clip."""
+"""Stills: strips of one body at intervals, and sheets with a row per clip."""
 
 from collections.abc import Callable, Sequence
 from typing import Final
@@ -15,7 +15,7 @@ from wayfarer_lab.evaluation.pictures.scene import ClipActor, picture
 from wayfarer_lab.evaluation.pictures.top import top_view
 
 Watch = Callable[[int, int], None]
-"""Told how many pictures are drawn, of how many."""
+"""Called with the number of pictures drawn, and their total."""
 
 NARROW: Final = 0.62  # width of a cell, in heights
 BAR: Final = 5  # pixels of a contact bar

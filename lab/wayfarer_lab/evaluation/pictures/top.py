@@ -25,7 +25,7 @@ class ScaleDrawing:
     """A drawing to scale, +X right and +Y up. Strokes are soft, letters are set last."""
 
     def __init__(self, low: Array, high: Array, size: Size) -> None:
-        """Show at least low … high [2] (metres), in the middle of so many pixels."""
+        """Show at least low … high [2] (metres), centred in a picture of `size` pixels."""
         self.size = size
         self.scale = float(min(np.array(size) / (high - low)))  # pixels per metre
         self._middle = (low + high) / 2
@@ -41,7 +41,7 @@ class ScaleDrawing:
         return (points - self._middle) * [self.scale, -self.scale] + np.array(self.size) / 2
 
     def line(self, way: Array, ink: str, width: float = 1.0) -> None:
-        """A line [N, 2], so many pixels wide."""
+        """A line [N, 2], `width` pixels wide."""
         points = [tuple(point) for point in self.at(way) * SMOOTH]
         self._draw.line(points, ink, max(round(width * SMOOTH), 1), joint="curve")
 
@@ -54,7 +54,7 @@ class ScaleDrawing:
                 self._draw.polygon([tuple(spot) for spot in spots.tolist()], fill=paint)
 
     def disc(self, place: Array, radius: float, ink: str, width: float | None = None) -> None:
-        """A disc of so many pixels, or with a width a ring."""
+        """A disc with a radius in pixels, or with `width` a ring."""
         x, y = self.at(place) * SMOOTH
         box = [x - radius * SMOOTH, y - radius * SMOOTH, x + radius * SMOOTH, y + radius * SMOOTH]
         if width is None:

@@ -1,1 +1,1 @@
-"""How well agents get about in scenes and among each other: measures, scenarios, pictures."""
+"""How well agents walk in scenes and among each other: measures, scenarios, pictures."""

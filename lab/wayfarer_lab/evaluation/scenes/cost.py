@@ -47,7 +47,7 @@ class Cost:
             setattr(owner, method, self.timed(getattr(owner, method), part))
 
     def figures(self, motion: float) -> Row:
-        """Of `motion` seconds of the world: load of one core; parts of it beside the engine."""
+        """Load of one core over `motion` seconds of the world: all, and parts but the engine."""
         world, guide, crowd = (self.seconds[part] for part in (WORLD, GUIDE, CROWD))
         return {
             "cpu_load": world / motion,

@@ -1,5 +1,5 @@
-"""Counts of what goes wrong in a scene: bodies in walls and in each other, feet off the ground,
-agents who do not get on. Each gathers as motion passes and tells its figures at the end.
+"""Counts of faults in a scene: bodies in walls and in each other, feet off the ground, agents
+that are stuck. Each measure collects while motion passes and gives its figures at the end.
 """
 
 from dataclasses import dataclass, field
@@ -18,14 +18,14 @@ TOUCHING: Final = 0.01
 """Metres of skin in an obstacle from which a frame counts: less cannot be seen."""
 
 DEEP: Final = 0.05
-"""Metres that anybody sees; bodies overlap from here on."""
+"""Metres of depth from which bodies overlap visibly."""
 
 STUCK_SECONDS: Final = 10.0
 STUCK_METRES: Final = 0.3
-"""Who has somewhere to go and moves less than this in that time is stuck."""
+"""An agent with a goal ahead that moves less than this distance in this time is stuck."""
 
 WORST: Final = 5
-"""Moments that are kept to be looked at."""
+"""Number of moments that are kept for inspection."""
 
 
 @dataclass
@@ -39,7 +39,7 @@ class Depths:
     worst: list[tuple[float, int, int]] = field(default_factory=list)  # metres, agent, frame
 
     def add(self, depth: Array, agent: NDArray[np.int64], frame: NDArray[np.int64]) -> None:
-        """Depths [R] of agents in frames; 0 for those that are in nothing."""
+        """Depths [R] of agents in frames; 0 if it touches nothing."""
         self.frames += len(depth)
         touching = depth > TOUCHING
         self.touching += int(touching.sum())
@@ -95,7 +95,7 @@ class Gaps:
 
 @dataclass
 class ProgressWatch:
-    """Whether an agent gets on while it has somewhere to go."""
+    """Whether an agent makes progress while it has a goal ahead."""
 
     stuck_seconds: float = 0.0
     stuck_at: float | None = None  # when it was first found stuck

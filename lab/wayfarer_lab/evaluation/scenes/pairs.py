@@ -1,4 +1,4 @@
-"""Starts and goals that a way leads between."""
+"""Pairs of start and goal that a path connects."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from wayfarer.navigation.scene_spec import Point2
 Pair = tuple[Point2, Point2]
 
 SHORTEST = 1.0
-"""Metres: nearer goals say nothing about a way."""
+"""Least distance in metres: nearer goals do not test a path."""
 
 
 def random_pairs(scene: Scene, count: int, random: np.random.Generator) -> list[Pair]:

@@ -1,4 +1,4 @@
-"""Scenes to look at: from above with everybody's way, and as a camera sees people in them."""
+"""Pictures of scenes: from above with all trails, and as a camera sees people in them."""
 
 from collections.abc import Sequence
 from math import radians, tan
@@ -81,7 +81,7 @@ def _walkable(drawing: ScaleDrawing, scene: Scene) -> None:
 
 
 def props(scene: Scene) -> list[Prop]:
-    """All that stands in a scene, to be seen by a camera."""
+    """Everything that stands in a scene, as props."""
     crates = list(scene.obstacles.values())
     return [
         *(Prop(solid_triangles(solid), "#b9bec6") for solid in scene.spec.solids),

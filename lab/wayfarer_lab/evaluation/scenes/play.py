@@ -1,4 +1,4 @@
-"""A session in a scene: who is in it, what happens there, and the witness of it."""
+"""A session in a scene: its people, its changes, and the monitor of its motion."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ Array = NDArray[np.floating[Any]]
 
 
 def person(number: int, random: np.random.Generator, at: Point2, towards: Point2) -> AgentSpec:
-    """Both genders in turn, of random shape, facing a point."""
+    """People of alternating gender and random shape who face a point."""
     return AgentSpec(
         gender=GENDERS[number % len(GENDERS)],
         betas=tuple(random.uniform(-MAX_BETA, MAX_BETA, BETAS).tolist()),
@@ -36,7 +36,7 @@ def person(number: int, random: np.random.Generator, at: Point2, towards: Point2
 
 @dataclass(frozen=True)
 class House:
-    """What plays are made with: models, bodies, and the search of the service."""
+    """Models, bodies and search settings that sessions share."""
 
     bundle: ModelBundle
     candidates: int
@@ -78,19 +78,19 @@ class Play:
         self.gone: set[str] = set()
 
     def enter(self, specs: Sequence[AgentSpec]) -> list[str]:
-        """People who come now; their ids."""
+        """Add people now; return their ids."""
         infos = self.world.create_agents(self.session_id, specs, self.now)
         for info, spec in zip(infos, specs, strict=True):
             self.witness.meet(info.agent_id, spec)
         return [info.agent_id for info in infos]
 
     def leave(self, agent_id: str) -> None:
-        """Somebody goes; of what he has done nothing is lost."""
+        """Remove a person; the frames so far stay measured."""
         self.world.delete_agent(agent_id)
         self.gone.add(agent_id)
 
     def run(self, until: float) -> Iterator[MotionChunk]:
-        """All chunks up to a time, as they are sent."""
+        """Send all chunks up to a time."""
         chunks = self.world.advance(until)
         step = self.cost.timed(lambda: next(chunks, None), WORLD)
         while (chunk := step()) is not None:
@@ -104,17 +104,17 @@ class Play:
         self.now = until
 
     def put(self, name: str, obstacle: Obstacle) -> None:
-        """An obstacle comes, or is moved."""
+        """Put or move an obstacle."""
         self._book.put(self._scene_id, name, obstacle)
         self._changed()
 
     def remove(self, name: str) -> None:
-        """An obstacle goes."""
+        """Remove an obstacle."""
         self._book.remove(self._scene_id, name)
         self._changed()
 
     def figures(self) -> Row:
-        """All that was seen so far, and what it cost."""
+        """All measures so far, and their cost."""
         self.witness.finish()
         return self.witness.figures() | self.cost.figures(self.now)
 

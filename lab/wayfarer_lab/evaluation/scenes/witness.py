@@ -1,4 +1,4 @@
-"""Who watches what is sent from a scene: every body, against walls, ground and other bodies."""
+"""Measures the motion sent from a scene: every body against walls, ground and other bodies."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ Array = NDArray[np.floating[Any]]
 Index = NDArray[np.int64]
 
 BLOCK: Final = 5 * FPS
-"""Frames judged together."""
+"""Frames measured together: bounds memory."""
 
 NEAR: Final = 1.0
 """Metres from the hips within which all of a walking body is, in plan."""
@@ -38,7 +38,7 @@ UNDER_SKIN: Final = 0.3
 
 
 STILL: Final = 8.0
-"""Seconds after which everybody is kept as he is, to be drawn."""
+"""Seconds after which the pose of every agent is kept for the picture."""
 
 AROUND: Final = 0.25 * np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
 UNEVEN: Final = 0.02
@@ -77,7 +77,7 @@ class WitnessFrames:
 
 
 class Witness:
-    """Judges every `every`-th frame of all agents it has met, in the scene as it is then."""
+    """Measures every `every`-th frame of all added agents, in the scene as it is then."""
 
     def __init__(
         self, bodies: Bodies, scene: Scene, every: int = 4, strangers: bool = True
@@ -98,7 +98,7 @@ class Witness:
         self._until = BLOCK
 
     def meet(self, agent_id: str, spec: AgentSpec) -> None:
-        """An agent that will be seen."""
+        """Add an agent."""
         self._number[agent_id] = len(self.ids)
         self.ids.append(agent_id)
         self._forms.append(Form.of(self._bodies[spec.gender], spec))
@@ -108,7 +108,7 @@ class Witness:
         self._still.append(None)
 
     def __contains__(self, agent_id: str) -> bool:
-        """Whether it has been met."""
+        """Whether the agent has been added."""
         return agent_id in self._number
 
     def see(self, chunk: MotionChunk) -> None:
@@ -135,16 +135,16 @@ class Witness:
         )
 
     def change(self, scene: Scene) -> None:
-        """From now on the scene is another."""
+        """Use another version of the scene from now on."""
         self.finish()
         self._scene, self._solids, self._until = scene, standing(scene), 0
 
     def finish(self) -> None:
-        """Judge all that has been seen."""
+        """Measure all frames so far."""
         self._judge(None)
 
     def figures(self) -> Row:
-        """Of all that has been judged."""
+        """Figures of all measured frames."""
         walls, people = self.walls, self.people
         row: Row = {
             "agents": len(self.ids),
@@ -176,7 +176,7 @@ class Witness:
         ]
 
     def actors(self) -> list[tuple[ClipActor, int]]:
-        """Everybody as he was after `STILL` seconds: to be drawn."""
+        """Every agent's pose after `STILL` seconds, for the picture."""
         return [
             (ClipActor.of(join_chunks([chunk], spec), body, "dressed", number), 0)
             for number, (chunk, spec) in enumerate(zip(self._still, self._specs, strict=True))
@@ -185,7 +185,7 @@ class Witness:
         ]
 
     def trails(self) -> list[Array]:
-        """Everybody's way, as `trail`."""
+        """Every agent's `trail`."""
         return [self.trail(number) for number in range(len(self.ids))]
 
     def trail(self, number: int) -> Array:
@@ -232,7 +232,7 @@ class Witness:
         return depth
 
     def _feet(self, part: WitnessFrames, posed: PosedBodies) -> None:
-        """Gaps of all feet that are said to touch the ground."""
+        """Gaps under all feet with a contact flag."""
         touching = np.flatnonzero(part.contacts.any(1))
         for who in np.unique(part.agent[touching]):
             rows = touching[part.agent[touching] == who]

@@ -115,7 +115,7 @@ def fit_all(
     workers: int,
     progress: Callable[[int], None],
 ) -> list[Fits]:
-    """Fit what the cache lacks; `progress` hears of frames done. Ctrl-C keeps finished batches."""
+    """Fit clips that are not cached; `progress` gets the frames done. Ctrl-C keeps done batches."""
     cache.mkdir(parents=True, exist_ok=True)
     prints = {gender: body_fingerprint(body) for gender, body in bodies.items()}
     keyed = [(problem_key(p, options, prints[p.shape.gender]), p) for p in problems]

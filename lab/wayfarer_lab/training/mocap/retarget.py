@@ -70,7 +70,7 @@ def flat_feet(clip: SourceClip) -> Array:
 
 
 def mean_sole(clips: list[SourceClip]) -> Array:
-    """World up [2, 3] seen from the flat foot's frame: tells how soles are mounted in the file."""
+    """World up [2, 3] seen from the flat foot's frame: shows how soles are mounted in the file."""
     soles = []
     for foot, ankle in enumerate(ANKLES):
         ups = [c.rotations[flat_feet(c)[:, foot], ankle, 2, :] for c in clips]

@@ -114,7 +114,7 @@ def guess_unit(rest: Array) -> float:
 
 @dataclass(frozen=True)
 class ClipInfo:
-    """What is known of a clip besides its motion."""
+    """Metadata of a clip."""
 
     name: str
     source: str  # clip it was cut or derived from

@@ -36,7 +36,7 @@ class MotionFile:
 def list_entries(
     src: Path, unpacked: Path, index: Sequence[Path] = (), skip: Callable[[str], None] = print
 ) -> list[MotionFile]:
-    """All motion files of `src`, in a stable order. `skip` is told of rows that lead nowhere.
+    """All motion files of `src`, in a stable order. `skip` is called with rows of missing files.
 
     `index` names the tables that list them; without one, `src/index.csv` if there is one, else
     every file counts.

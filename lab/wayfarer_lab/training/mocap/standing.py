@@ -28,7 +28,7 @@ AVERAGED = 5  # frames that make one pose: takes away marker noise
 
 @dataclass(frozen=True)
 class StandingPose:
-    """How somebody stood: local rotations [22, 3, 3], heading 0, and from which clip."""
+    """A standing pose: local rotations [22, 3, 3], heading 0, and its clip."""
 
     local: Array
     source: str

@@ -59,7 +59,7 @@ class Dataset:
         return np.repeat(np.arange(len(self.clips)), [c.stop - c.start for c in self.clips])
 
     def windows(self, frames: int) -> NDArray[np.int64]:
-        """Start frames of all windows of so many frames within one clip, all of them in use."""
+        """Start frames of all windows of `frames` frames within one clip, all of them in use."""
         starts = []
         for clip in self.clips:
             good = np.cumsum(np.concatenate([[0], self.use[clip.start : clip.stop] > 0]))

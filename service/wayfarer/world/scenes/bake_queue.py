@@ -95,10 +95,12 @@ class BakeQueue:
         try:
             oven.await_answer(START_S)
         except BakeWorkerError as ended:
-            raise Unavailable(
-                f"the process that makes scenes did not start ({ended}); the server's log may say "
-                "why"
-            ) from None
+            why = (
+                f"within {START_S:g} s: the machine is too busy"
+                if ended.late
+                else f"({ended}); the server's log may say why"
+            )
+            raise Unavailable(f"the process that bakes scenes did not start {why}") from None
         return oven
 
     def _why(self, ended: "BakeWorkerError") -> Exception:

@@ -1,1 +1,1 @@
-"""What is tried in the example scenes: each scenario makes a row or two."""
+"""Scenarios in the example scenes; each makes one or two rows."""

@@ -1,4 +1,4 @@
-"""Scenes that change while somebody walks: a door shuts and opens again, a crate is dropped.
+"""Scenes that change while an agent walks: a door shuts and opens again, a crate is dropped.
 
 Each run is compared with one in which nothing changed: the same seeds give the same motion until
 the change is felt.
@@ -45,7 +45,7 @@ LEAD: Final = 2.5
 
 @dataclass(frozen=True)
 class Change:
-    """What happens at a moment."""
+    """A change at a moment."""
 
     at: float
     make: Callable[[Play], None]
@@ -53,7 +53,7 @@ class Change:
 
 @dataclass(frozen=True)
 class ScenarioWalk:
-    """How somebody walked."""
+    """The walk of one agent."""
 
     start: float  # seconds at which its first frame is shown
     hips: Array  # [T, 3]
@@ -65,7 +65,7 @@ class ScenarioWalk:
 
 
 def doors(house: House, seed: int, people: int, watch: Watch) -> Seen:
-    """The door of the room somebody goes to shuts before him, and opens after 6 s."""
+    """The door of the agent's goal shuts in front of it, and opens after 6 s."""
     random = np.random.default_rng(seed)
     scene, shutters = bake(corridor()), corridor_doors()
     witness = Witness(house.bundle.bodies, scene, 1, strangers=False)
@@ -94,7 +94,7 @@ def doors(house: House, seed: int, people: int, watch: Watch) -> Seen:
 
 
 def crates(house: House, seed: int, people: int, watch: Watch) -> Seen:
-    """A crate is dropped 2 m before somebody, on his way."""
+    """A crate is dropped 2 m ahead of an agent, on its way."""
     random = np.random.default_rng(seed)
     scene = bake(cubes_field(seed))
     witness = Witness(house.bundle.bodies, scene, 1, strangers=False)
@@ -129,7 +129,7 @@ def _walk(
     witness: Witness | None = None,
     limit: float = LIMIT,
 ) -> ScenarioWalk:
-    """Somebody alone in the scene, until he is there or the time is over."""
+    """One agent alone in the scene, until it arrives or the time is over."""
     play = house.play(scene, 1, avoid=False, every=1, witness=witness)
     [agent] = play.enter([spec])
     play.world.give(agent, Goal((*goal, 0.0)), 0.0)

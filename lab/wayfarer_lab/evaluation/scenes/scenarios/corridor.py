@@ -22,7 +22,7 @@ CLEAR: Final = 90.0
 
 
 def corridor(house: House, seed: int, each: int, watch: Watch) -> Seen:
-    """`each` people at either end, who change sides: those in front go to the far end."""
+    """`each` people at either end walk to the other end; those in front go farthest."""
     random = np.random.default_rng(seed)
     scene = bake(corridor_spec())
     ends: list[tuple[Point2, Point2]] = []

@@ -16,11 +16,11 @@ from wayfarer_lab.evaluation.scenes.play import House, person, walked
 from wayfarer_lab.evaluation.scenes.scenarios.seen import Seen, errands
 
 PACE: Final = 0.5
-"""m/s: who takes longer than this and 10 s has failed."""
+"""m/s: an agent that is slower than this on average, plus 10 s, has failed."""
 
 
 def cubes(house: House, seed: int, pairs: int, watch: Watch) -> Seen:
-    """Everybody is alone in the field: nobody sees the others."""
+    """Every agent is alone in the field; agents do not see each other."""
     random = np.random.default_rng(seed)
     scene = bake(cubes_field(seed))
     asked = random_pairs(scene, pairs, random)

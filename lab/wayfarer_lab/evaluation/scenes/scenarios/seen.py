@@ -1,4 +1,4 @@
-"""What all scenarios give, and people who go about their errands in them."""
+"""The result of a scenario, and people who walk their paths in it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from wayfarer_lab.evaluation.scenes.witness import Witness
 Array = NDArray[np.floating[Any]]
 
 AFTER: Final = 1.0
-"""Seconds that somebody who has arrived is still watched."""
+"""Seconds for which an agent is measured after its arrival."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def errands(
     limit: float,
     watch: Watch,
 ) -> Array:
-    """Let people go about their paths; seconds until each has reached its last goal, or NaN. [n]
+    """Let people walk their paths; seconds until each has reached its last goal, or NaN. [n]
 
     They leave a second later: the way counts, and not the standing at its end.
     """

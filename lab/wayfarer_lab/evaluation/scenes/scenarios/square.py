@@ -13,11 +13,11 @@ from wayfarer_lab.evaluation.scenes.play import House
 from wayfarer_lab.evaluation.scenes.scenarios.seen import Seen
 
 EVERY: Final = 8
-"""Frames from one that is judged to the next: 5 a second."""
+"""Frames between measured ones: 5 a second."""
 
 
 def square(seconds: float, house: House, seed: int, people: int, watch: Watch) -> Seen:
-    """One call populates it; after that nobody tells anybody anything."""
+    """One call populates it; after that there are no commands."""
     scene = bake(town_square())
     play = house.play(scene, people, avoid=True, every=EVERY)
     play.world.crowds.set(play.session_id, Crowd(people, seed), 0.0)

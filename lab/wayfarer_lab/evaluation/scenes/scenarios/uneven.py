@@ -16,7 +16,7 @@ from wayfarer_lab.evaluation.scenes.play import House, person
 from wayfarer_lab.evaluation.scenes.scenarios.seen import Seen, errands
 
 PACE = 0.4
-"""m/s: who takes longer than this and 15 s has failed."""
+"""m/s: an agent that is slower than this on average, plus 15 s, has failed."""
 
 
 def slope(house: House, seed: int, people: int, watch: Watch) -> Seen:
@@ -43,7 +43,7 @@ def _climb(
     people: int,
     watch: Watch,
 ) -> Seen:
-    """Everybody alone, from a place within `starts` (x, y), stop by stop."""
+    """Agents one by one, from a place within `starts` (x, y), stop by stop."""
     random = np.random.default_rng(seed)
     places = [(float(random.uniform(*starts[0])), float(random.uniform(*starts[1])))
               for _ in range(people)]  # fmt: skip
