@@ -100,7 +100,7 @@ def read_asf(text: str, path: str = "") -> AsfSkeleton:
             elif key == "end":
                 missing = [k for k in ("direction", "length", "axis") if getattr(bone, k) is None]
                 if not bone.name or missing:
-                    raise DataError(f"bone '{bone.name}' has no {missing or 'name'}", path, number)
+                    raise DataError(f"bone '{bone.name}' lacks {missing or 'name'}", path, number)
                 bones.append(bone)
         elif section == ":hierarchy" and key not in ("begin", "end"):
             hierarchy.append((words[0], words[1:], number))
@@ -178,7 +178,7 @@ def read_amc(text: str, asf: AsfSkeleton, path: str = "") -> SkeletonMotion:
         if len(words) == 1 and name.isdigit():
             if rows and seen != expected:
                 missing = sorted(expected - seen)
-                raise DataError(f"frame {len(rows)} has no {missing}", path, number - 1)
+                raise DataError(f"frame {len(rows)} lacks {missing}", path, number - 1)
             row, seen = [0.0] * size, set()
             rows.append(row)
             continue
