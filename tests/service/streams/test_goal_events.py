@@ -3,7 +3,7 @@
 import pytest
 
 from tests.service.chunks import chunk, info, together
-from tests.service.streams.bundle import ARRIVED, Stage, kinds, take
+from tests.service.streams.stage import ARRIVED, Stage, kinds, take
 from wayfarer.limits import Limits
 from wayfarer.service.streams.publications import Resume
 from wayfarer.world.agents.agent import AgentSpec, AgentState, Goal, SessionSpec
@@ -17,13 +17,13 @@ def goal_chunk(seq, **values):
     return chunk(seq, **{"goal_revision": 1, "state": AgentState.WALKING, **values})
 
 
-async def told(bundle, *chunks):
+async def told(stage, *chunks):
     """Position, kind and waypoint of every event that goes with these chunks."""
-    bundle.settings = Limits(queue_s=10.0)
-    reader = await bundle.subscribe()
+    stage.settings = Limits(queue_s=10.0)
+    reader = await stage.subscribe()
     for each in chunks:
-        bundle.publisher.publish("s", together(each))
-    bundle.publisher.flush()
+        stage.publisher.publish("s", together(each))
+    stage.publisher.flush()
     return [
         (p.position, e.kind, e.waypoint) for p in await take(reader, len(chunks)) for e in p.events
     ]
@@ -49,11 +49,11 @@ async def test_a_goal_reached_in_a_stand_is_done_at_once():
 
 
 async def test_the_last_goal_passed_ends_the_path_at_once_and_others_do_not():
-    bundle = Stage()
+    stage = Stage()
     path = tuple(Goal((x, 0.0, 0.0), stop=False) for x in (1.0, 2.0))
-    bundle.info = info(path=path, waypoint=1)
+    stage.info = info(path=path, waypoint=1)
     events = await told(
-        bundle,
+        stage,
         goal_chunk(0, flags=ARRIVED, waypoint=0),
         goal_chunk(1, waypoint=1),
         goal_chunk(2, flags=ARRIVED, waypoint=1),
@@ -64,15 +64,15 @@ async def test_the_last_goal_passed_ends_the_path_at_once_and_others_do_not():
 
 
 async def test_a_goal_given_before_the_stand_leaves_the_old_path_undone():
-    bundle = Stage()
-    reader = await bundle.subscribe()
-    bundle.publisher.publish("s", together(goal_chunk(0, flags=ARRIVED)))
-    bundle.info = info(revision=2)
-    bundle.publisher.publish("s", together(goal_chunk(1, goal_revision=2)))
-    bundle.publisher.publish(
+    stage = Stage()
+    reader = await stage.subscribe()
+    stage.publisher.publish("s", together(goal_chunk(0, flags=ARRIVED)))
+    stage.info = info(revision=2)
+    stage.publisher.publish("s", together(goal_chunk(1, goal_revision=2)))
+    stage.publisher.publish(
         "s", together(goal_chunk(2, goal_revision=2, state=AgentState.STANDING))
     )
-    bundle.publisher.flush()
+    stage.publisher.flush()
     assert [kinds(p) for p in await take(reader, 3)] == [[EventKind.GOAL_REACHED], [], []]
 
 
@@ -109,20 +109,20 @@ def record(mode, arrived=True, stop=True):
     ],
 )
 async def test_an_agent_that_came_on_its_last_steps_ends_its_path(record, done):
-    bundle = Stage()
-    bundle.publisher.adopt(record)
-    events = await told(bundle, goal_chunk(7), goal_chunk(8, state=AgentState.STANDING))
+    stage = Stage()
+    stage.publisher.adopt(record)
+    events = await told(stage, goal_chunk(7), goal_chunk(8, state=AgentState.STANDING))
     assert events == [(2, EventKind.PATH_DONE, 0)] * done
 
 
 async def test_events_of_other_origin_have_positions_and_are_resumed():
-    bundle = Stage()
-    first = await bundle.subscribe()
+    stage = Stage()
+    first = await stage.subscribe()
     event = Event(EventKind.MODEL_CHANGED, 5.0, "a", detail="moved")
-    bundle.publisher.tell("s", [event])
-    await bundle.walk(1)
+    stage.publisher.tell("s", [event])
+    await stage.walk(1)
     alone, walk = await take(first, 2)
     assert alone.events == (event,) and not alone.chunks and alone.scheduled_at == 5.0
     assert (alone.position, walk.position) == (1, 2)
-    again = await bundle.subscribe(resume=Resume(first.epoch, 0))
+    again = await stage.subscribe(resume=Resume(first.epoch, 0))
     assert (await take(again, 1))[0].events == (event,)

@@ -4,7 +4,7 @@ import random
 import pytest
 
 from tests.service.chunks import chunk, together
-from tests.service.streams.bundle import HOLD, Stage, kinds, seqs, take
+from tests.service.streams.stage import HOLD, Stage, kinds, seqs, take
 from wayfarer.errors import InvalidArgument, Unavailable
 from wayfarer.service.metrics_sink import ResumeResult
 from wayfarer.service.streams.publications import Resume, SlowReader
@@ -15,28 +15,28 @@ from wayfarer.world.events import EventKind
 
 
 async def test_positions_count_per_session():
-    bundle = Stage()
-    one, other = await bundle.subscribe(), await bundle.subscribe(session="t")
-    await bundle.walk(2)
-    await bundle.walk(1, session="t")
-    await bundle.walk(1)
+    stage = Stage()
+    one, other = await stage.subscribe(), await stage.subscribe(session="t")
+    await stage.walk(2)
+    await stage.walk(1, session="t")
+    await stage.walk(1)
     assert [p.position for p in await take(one, 3)] == [1, 2, 3]
     assert [p.position for p in await take(other, 1)] == [1]
     assert one.epoch != other.epoch
 
 
 async def test_one_call_reaches_all_subscribers_of_an_event_loop(monkeypatch):
-    bundle = Stage()
-    readers = [await bundle.subscribe() for _ in range(8)]
+    stage = Stage()
+    readers = [await stage.subscribe() for _ in range(8)]
     calls = []
     monkeypatch.setattr(
         "wayfarer.service.streams.publisher.post",
         lambda loop, call, *args: calls.append((call, args)),
     )
-    bundle.publisher.publish("s", together(chunk(0, "a")))
-    bundle.publisher.publish("t", together(chunk(0, "b")))
-    bundle.publisher.publish("s", together(chunk(1, "a")))
-    bundle.publisher.flush()
+    stage.publisher.publish("s", together(chunk(0, "a")))
+    stage.publisher.publish("t", together(chunk(0, "b")))
+    stage.publisher.publish("s", together(chunk(1, "a")))
+    stage.publisher.flush()
     [(call, args)] = calls
     call(*args)
     assert [seqs(await take(r, 2)) for r in readers] == [[0, 1]] * 8
@@ -46,49 +46,49 @@ async def test_one_call_reaches_all_subscribers_of_an_event_loop(monkeypatch):
 
 
 async def test_resume_goes_on_without_a_gap():
-    bundle = Stage()
-    first = await bundle.subscribe()
-    await bundle.walk(3)
+    stage = Stage()
+    first = await stage.subscribe()
+    await stage.walk(3)
     got = await take(first, 3)
-    await bundle.walk(2)
+    await stage.walk(2)
     await first.close()
-    await bundle.walk(4)
-    again = await bundle.subscribe(resume=Resume(first.epoch, got[-1].position))
-    await bundle.walk(2)
+    await stage.walk(4)
+    again = await stage.subscribe(resume=Resume(first.epoch, got[-1].position))
+    await stage.walk(2)
     rest = await take(again, 8)
     assert again.resumed and again.epoch == first.epoch
     assert seqs(got + rest) == list(range(11))
     assert [p.position for p in got + rest] == list(range(1, 12))
     assert {c.flags for p in rest for c in p.chunks} == {ChunkFlag.NONE}
-    assert bundle.meter.resumes == {ResumeResult.RESUMED: 1}
+    assert stage.meter.resumes == {ResumeResult.RESUMED: 1}
 
 
 @pytest.mark.parametrize("position", [0, 4])
 async def test_the_first_and_the_last_position_can_be_resumed_from(position):
-    bundle = Stage()
-    first = await bundle.subscribe()
-    await bundle.walk(4)
-    again = await bundle.subscribe(resume=Resume(first.epoch, position))
-    await bundle.walk(1)
+    stage = Stage()
+    first = await stage.subscribe()
+    await stage.walk(4)
+    again = await stage.subscribe(resume=Resume(first.epoch, position))
+    await stage.walk(1)
     assert again.resumed
     assert (await take(again, 1))[0].position == position + 1
 
 
 async def test_a_resume_keeps_its_filter():
-    bundle = Stage()
-    first = await bundle.subscribe("b")
-    await bundle.walk(3, "a", "b")
-    again = await bundle.subscribe("b", resume=Resume(first.epoch, 1))
+    stage = Stage()
+    first = await stage.subscribe("b")
+    await stage.walk(3, "a", "b")
+    again = await stage.subscribe("b", resume=Resume(first.epoch, 1))
     got = await take(again, 2)
     assert [[c.agent_id for c in p.chunks] for p in got] == [["b"], ["b"]]
 
 
 async def test_who_resumes_with_other_agents_begins_with_each_of_them():
-    bundle = Stage()
-    first = await bundle.subscribe("b")
-    await bundle.walk(3, "a", "b")
+    stage = Stage()
+    first = await stage.subscribe("b")
+    await stage.walk(3, "a", "b")
     resume = Resume(first.epoch, 2, same_agents=False)
-    got = await take(await bundle.subscribe(resume=resume), 1)
+    got = await take(await stage.subscribe(resume=resume), 1)
     assert [(c.agent_id, c.seq, c.flags) for p in got for c in p.chunks] == [
         ("a", 2, ChunkFlag.FIRST),
         ("b", 2, ChunkFlag.FIRST),
@@ -96,59 +96,59 @@ async def test_who_resumes_with_other_agents_begins_with_each_of_them():
 
 
 async def test_what_is_no_longer_held_is_told():
-    bundle = Stage(resume_s=1.0)
-    first = await bundle.subscribe()
-    await bundle.walk(20)
-    again = await bundle.subscribe(resume=Resume(first.epoch, 3))
-    await bundle.walk(1)
+    stage = Stage(resume_s=1.0)
+    first = await stage.subscribe()
+    await stage.walk(20)
+    again = await stage.subscribe(resume=Resume(first.epoch, 3))
+    await stage.walk(1)
     opening, live = await take(again, 2)
     assert not again.resumed and again.epoch == first.epoch
     assert kinds(opening) == [EventKind.GAP] and not opening.chunks
     assert "17 publications were lost" in opening.events[0].detail
     assert opening.position == 3, "who goes away now has still got no more"
     assert live.position == 21 and live.chunks[0].flags == ChunkFlag.FIRST
-    assert bundle.meter.resumes == {ResumeResult.GAP: 1}
+    assert stage.meter.resumes == {ResumeResult.GAP: 1}
 
 
 async def test_the_ring_is_as_long_as_asked_for_and_no_longer():
-    bundle = Stage(resume_s=1.0)
-    first = await bundle.subscribe()
-    await bundle.walk(500)
+    stage = Stage(resume_s=1.0)
+    first = await stage.subscribe()
+    await stage.walk(500)
     oldest = 500 - 6  # 1 s: chunks 494 to 499, positions 495 to 500
-    assert (await bundle.subscribe(resume=Resume(first.epoch, oldest))).resumed
-    assert not (await bundle.subscribe(resume=Resume(first.epoch, oldest - 1))).resumed
+    assert (await stage.subscribe(resume=Resume(first.epoch, oldest))).resumed
+    assert not (await stage.subscribe(resume=Resume(first.epoch, oldest - 1))).resumed
 
 
 async def test_who_goes_away_on_news_of_a_loss_gets_what_is_still_held():
-    bundle = Stage()
-    first = await bundle.subscribe()
-    await bundle.walk(1)
+    stage = Stage()
+    first = await stage.subscribe()
+    await stage.walk(1)
     await take(first, 1)
-    await bundle.walk(9)
+    await stage.walk(9)
     [told] = await take(first, 1)
     assert kinds(told) == [EventKind.GAP]
-    again = await bundle.subscribe(resume=Resume(first.epoch, told.position))
+    again = await stage.subscribe(resume=Resume(first.epoch, told.position))
     assert again.resumed and seqs(await take(again, 9)) == list(range(1, 10))
 
 
 async def test_who_resumes_from_the_start_knows_nobody():
-    bundle = Stage()
-    bundle.seq = 700  # an agent that was restored
-    first = await bundle.subscribe()
-    await bundle.walk(2)
-    again = await bundle.subscribe(resume=Resume(first.epoch, 0))
+    stage = Stage()
+    stage.seq = 700  # an agent that was restored
+    first = await stage.subscribe()
+    await stage.walk(2)
+    again = await stage.subscribe(resume=Resume(first.epoch, 0))
     got = await take(again, 2)
     assert again.resumed
     assert [p.chunks[0].flags for p in got] == [ChunkFlag.FIRST, ChunkFlag.NONE]
 
 
 async def test_another_epoch_begins_anew_and_says_so():
-    bundle = Stage()
-    first = await bundle.subscribe()
-    await bundle.walk(3)
-    bundle.publisher.end("s")
-    again = await bundle.subscribe(resume=Resume(first.epoch, 3))
-    await bundle.walk(1)
+    stage = Stage()
+    first = await stage.subscribe()
+    await stage.walk(3)
+    stage.publisher.end("s")
+    again = await stage.subscribe(resume=Resume(first.epoch, 3))
+    await stage.walk(1)
     opening, live = await take(again, 2)
     assert not again.resumed and again.epoch != first.epoch
     assert kinds(opening) == [EventKind.GAP] and "restarted the session" in (
@@ -156,59 +156,59 @@ async def test_another_epoch_begins_anew_and_says_so():
     )
     assert (opening.position, live.position) == (0, 1)
     assert live.chunks[0].flags == ChunkFlag.FIRST
-    assert bundle.meter.resumes == {ResumeResult.NEW_EPOCH: 1}
+    assert stage.meter.resumes == {ResumeResult.NEW_EPOCH: 1}
 
 
 @pytest.mark.parametrize("position", [-1, 4, 2**63])
 async def test_a_position_that_never_was_is_refused(position):
-    bundle = Stage()
-    first = await bundle.subscribe()
-    await bundle.walk(3)
+    stage = Stage()
+    first = await stage.subscribe()
+    await stage.walk(3)
     with pytest.raises(InvalidArgument, match=r"allowed: 0 to 3"):
-        await bundle.subscribe(resume=Resume(first.epoch, position))
+        await stage.subscribe(resume=Resume(first.epoch, position))
 
 
 async def test_a_stalled_reader_does_not_lengthen_the_ring():
-    bundle = Stage(resume_s=1.0)
-    stalled = await bundle.subscribe(slow_reader=SlowReader.DROP_OLDEST)
-    await bundle.walk(1000)
-    log = bundle.publisher._logs["s"]
+    stage = Stage(resume_s=1.0)
+    stalled = await stage.subscribe(slow_reader=SlowReader.DROP_OLDEST)
+    await stage.walk(1000)
+    log = stage.publisher._logs["s"]
     assert len(log._ring) == 6 and len(stalled._waiting) == 3
-    assert bundle.meter.dropped[SlowReader.DROP_OLDEST] == 997
+    assert stage.meter.dropped[SlowReader.DROP_OLDEST] == 997
 
 
 async def test_a_schedule_that_was_moved_keeps_what_the_ring_holds():
-    bundle = Stage()
-    first = await bundle.subscribe()
-    await bundle.walk(3)
-    bundle.publisher.publish("s", together(chunk(3, at=600.0)))
-    assert (await bundle.subscribe(resume=Resume(first.epoch, 1))).resumed
+    stage = Stage()
+    first = await stage.subscribe()
+    await stage.walk(3)
+    stage.publisher.publish("s", together(chunk(3, at=600.0)))
+    assert (await stage.subscribe(resume=Resume(first.epoch, 1))).resumed
 
 
 @pytest.mark.parametrize("seed", range(25))
 async def test_whatever_readers_do_nothing_is_lost_without_a_word(seed):
     """A reader reads, stalls, goes and resumes at random; agents come and go."""
     chance = random.Random(seed)
-    bundle = Stage(resume_s=2.0)
+    stage = Stage(resume_s=2.0)
     policy = chance.choice([SlowReader.DROP_OLDEST, HOLD])
-    reader, position, last = await bundle.subscribe(slow_reader=policy), 0, {}
+    reader, position, last = await stage.subscribe(slow_reader=policy), 0, {}
     numbers, names = {"a": 0}, iter(map(chr, range(0x4E00, 0x9000)))
     for _ in range(300):
         if chance.random() < 0.1:
             numbers[next(names)] = 0
         if chance.random() < 0.1 and len(numbers) > 2:
             del numbers[chance.choice([name for name in numbers if name != "a"])]
-        bundle.now += 0.2
-        bundle.publisher.publish(
-            "s", together(*(chunk(n, a, at=bundle.now) for a, n in numbers.items()))
+        stage.now += 0.2
+        stage.publisher.publish(
+            "s", together(*(chunk(n, a, at=stage.now) for a, n in numbers.items()))
         )
-        bundle.publisher.flush()
+        stage.publisher.flush()
         numbers = {name: seq + 1 for name, seq in numbers.items()}
         await asyncio.sleep(0)
         if chance.random() < 0.1:
             await reader.close()
             resume = Resume(reader.epoch, position)
-            reader = await bundle.subscribe(resume=resume, slow_reader=policy)
+            reader = await stage.subscribe(resume=resume, slow_reader=policy)
         while chance.random() < 0.6 and (reader._waiting or reader._opening or reader._loss):
             [got] = await take(reader, 1)
             assert got.position > position or (got.position == position and not got.chunks)
@@ -226,47 +226,47 @@ async def test_whatever_readers_do_nothing_is_lost_without_a_word(seed):
 
 
 async def test_a_session_that_ends_gives_the_last_and_then_ends_its_readers():
-    bundle = Stage()
-    reader = await bundle.subscribe()
-    bundle.publisher.publish("s", together(chunk(0)))
-    bundle.publisher.end("s")
+    stage = Stage()
+    reader = await stage.subscribe()
+    stage.publisher.publish("s", together(chunk(0)))
+    stage.publisher.end("s")
     assert seqs([p async for p in reader]) == [0]
-    assert not bundle.publisher._logs, "forgotten"
+    assert not stage.publisher._logs, "forgotten"
 
 
 async def test_all_readers_are_told_of_a_failure():
-    bundle = Stage()
-    readers = [await bundle.subscribe(session=name) for name in "st"]
-    bundle.publisher.end_all(Unavailable("the loop has failed"))
+    stage = Stage()
+    readers = [await stage.subscribe(session=name) for name in "st"]
+    stage.publisher.end_all(Unavailable("the loop has failed"))
     for reader in readers:
         with pytest.raises(Unavailable, match="has failed"):
             await take(reader, 1)
 
 
 async def test_closed_and_vanished_readers_are_forgotten():
-    bundle = Stage()
-    closed, vanished, open_ = [await bundle.subscribe() for _ in range(3)]
+    stage = Stage()
+    closed, vanished, open_ = [await stage.subscribe() for _ in range(3)]
     await closed.close()
     del vanished
-    assert list(bundle.publisher.open()) == [open_]
+    assert list(stage.publisher.open()) == [open_]
 
 
 async def test_readers_who_come_and_go_leave_nothing_where_nothing_is_published():
-    bundle = Stage()
+    stage = Stage()
     for _ in range(100):
-        await (await bundle.subscribe()).close()
-    assert len(bundle.publisher._logs["s"]._subscribers) == 1
+        await (await stage.subscribe()).close()
+    assert len(stage.publisher._logs["s"]._subscribers) == 1
 
 
 async def test_goal_to_motion_is_measured_to_the_first_chunk_planned_for_it():
-    bundle = Stage()
-    bundle.publisher.await_goal("s", "a", 2, asked_at=0.1)
-    bundle.publisher.await_goal("s", "b", 1, asked_at=0.1)
-    bundle.publisher.forget_agent("s", "b")
-    bundle.publisher.publish(
+    stage = Stage()
+    stage.publisher.await_goal("s", "a", 2, asked_at=0.1)
+    stage.publisher.await_goal("s", "b", 1, asked_at=0.1)
+    stage.publisher.forget_agent("s", "b")
+    stage.publisher.publish(
         "s", together(chunk(1, goal_revision=1), chunk(1, "b", goal_revision=1))
     )
-    assert bundle.meter.goals == []
-    bundle.publisher.publish("s", together(chunk(2, goal_revision=2)))
-    bundle.publisher.publish("s", together(chunk(3, goal_revision=2)))
-    assert bundle.meter.goals == [pytest.approx(0.3)]
+    assert stage.meter.goals == []
+    stage.publisher.publish("s", together(chunk(2, goal_revision=2)))
+    stage.publisher.publish("s", together(chunk(3, goal_revision=2)))
+    assert stage.meter.goals == [pytest.approx(0.3)]
