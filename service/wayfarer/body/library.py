@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from wayfarer.artifacts import ASSETS, sha256_of
 from wayfarer.body import skeleton
+from wayfarer.body.hands import relaxed
 from wayfarer.body.model import BodyModel
 from wayfarer.body.smplx import load_smplx
 from wayfarer.errors import ArtifactError, NotFound
@@ -121,7 +123,8 @@ def _load(name: str, gender: str, detail: Detail, path: Path) -> BodyModel:
             f"{path}: {len(body.marker_names)} markers and {body.betas} betas, "
             f"expected {MARKERS} and {BETAS}"
         )
-    return body
+    turns = relaxed(body.joint_names, body.bind_joints, body.bind_to_rest)
+    return replace(body, bind_to_rest=turns)
 
 
 def body_from_arrays(
