@@ -38,7 +38,7 @@ def test_goals_are_visited_in_turn_and_the_rest_of_the_time_is_spent_standing():
 @pytest.mark.parametrize("foot_lock", [True, False])
 def test_keeping_one_it_is_the_clip_made_online(foot_lock):
     spec = AgentSpec(noise_seed=9, foot_lock=foot_lock)
-    world = make_world(steering=Steering().with_search(candidates=8))
+    world = make_world(steering=Steering(reactions=1).with_search(candidates=8))
     online = generate_clip(world, spec, GOALS[:1], 4.0)
     clip = planned(GOALS[:1], 4.0, BeamSettings(keep=1, children=8), spec=spec)
     on_the_way = slice(None, 80)  # then it stands, and a plan plants no feet

@@ -8,6 +8,7 @@ from wayfarer.spec import BETAS, GENDERS, JOINTS, MARKERS, NEW_FRAMES, STEP_SECO
 from wayfarer.terms import TERMS
 from wayfarer.world.agents.agent import AgentSpec, Goal, SessionSpec
 from wayfarer.world.agents.heading import facing_of
+from wayfarer.world.goals.steering import Steering
 from wayfarer.world.observer import WorldObserver
 from wayfarer.world.output.quaternion import multiply
 from wayfarer.world.stepping.settings import WorldSettings
@@ -130,6 +131,7 @@ def start_poses(count: int = 2) -> np.ndarray:
 def make_world(
     engine: FakeEngine | None = None, observer: WorldObserver | None = None, **settings: object
 ) -> World:
+    settings = {"steering": Steering(reactions=1)} | settings  # nobody hesitates
     world = World(engine or FakeEngine(), BODIES, start_poses(), WorldSettings(**settings))
     if observer is not None:
         world.observe(observer)

@@ -13,8 +13,10 @@ from wayfarer.errors import FailedPrecondition, InvalidArgument
 from wayfarer.spec import FPS, NEW_FRAMES, STEP_SECONDS
 from wayfarer.world.agents.agent import AgentSpec, Goal
 from wayfarer.world.agents.slots import Motion
+from wayfarer.world.agents.style import draws
 from wayfarer.world.output.footlock import begin, lock_feet
 from wayfarer.world.output.legs import measure_legs
+from wayfarer.world.output.posture import DRAWN, habits, hold
 from wayfarer.world.rows import Flags, Float
 from wayfarer.world.search.beam import plan
 from wayfarer.world.search.beam_settings import BeamSettings
@@ -49,11 +51,11 @@ def plan_clip(
         )
     watch(seconds)
     gait = found.end.gait
-    rotations, contacts = found.rotations, found.contacts
+    hips, rotations, contacts = found.translation, found.rotations, found.contacts
     if spec.foot_lock:
-        rotations, contacts = _locked(body, spec, found)
+        hips, rotations, contacts = _cleaned(body, spec, found)
     return Clip(
-        translation=found.translation,
+        translation=hips,
         rotations=rotations,
         contacts=contacts,
         gender=spec.gender,
@@ -66,10 +68,11 @@ def plan_clip(
     )[:frames]
 
 
-def _locked(body: BodyModel, spec: AgentSpec, found: Plan) -> tuple[Float, Flags]:
-    """Rotations [N, 22, 4] and contacts [N, 2] with the feet locked, as the service does."""
+def _cleaned(body: BodyModel, spec: AgentSpec, found: Plan) -> tuple[Float, Float, Flags]:
+    """Hips [N, 3], rotations [N, 22, 4] and contacts [N, 2] as the service would send them."""
     legs = measure_legs(body, np.array(spec.betas))
     hips, rotations = found.translation[None], found.rotations[None]
     state = begin(legs, hips[:, 0], rotations[:, 0])
-    locked = lock_feet(state, legs, hips, rotations, np.zeros(1, np.bool_))
-    return locked.rotations[0], locked.contacts[0]
+    locked = lock_feet(state, legs, hips, rotations, np.zeros(1, np.bool_), np.zeros(1, np.float32))
+    own = habits(draws(np.array([spec.noise_seed], np.uint64), DRAWN))
+    return locked.translation[0], hold(locked.rotations, own)[0], locked.contacts[0]

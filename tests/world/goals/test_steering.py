@@ -389,11 +389,13 @@ def test_weights_and_noise_follow_the_mode():
     assert table.shape == (5, len(TERMS))
     expected = [weights(t) for t in (STAND, WALK, STAND, TURN, STAND)]
     np.testing.assert_allclose(table, expected, rtol=1e-6)
-    noise = STEERING.scale_noise(modes, np.ones((5, 3, 128), np.float32))
+    manner = np.full((5, 128), 0.5, np.float32)
+    noise = STEERING.scale_noise(modes, np.ones((5, 3, 128), np.float32), manner)
     for row, mode in zip(noise, modes, strict=True):
         search = STEERING.searches[Mode(mode)]
-        assert (row[0] == 0).all() == search.zero_latent
-        np.testing.assert_allclose(row[1:], search.temperature)
+        own = 0.5 * search.manner
+        assert (row[0] == own).all() == search.zero_latent
+        np.testing.assert_allclose(row[1:], search.temperature + own)
 
 
 def test_the_search_can_be_set_in_all_modes():
@@ -407,3 +409,34 @@ def test_the_search_can_be_set_in_all_modes():
     hot = STEERING.with_search(temperature=2.0)
     assert {s.temperature for s in hot.searches.values()} == {2.0}
     assert STEERING.with_search() == STEERING
+
+
+@pytest.mark.parametrize("mode", [Mode.STANDING, Mode.WALKING])
+def test_who_stands_and_is_not_ready_stands_on_and_keeps_his_place(mode):
+    """A goal that is given turns the mode into WALKING before anybody has moved."""
+    now = gait(mode, 0.0)
+    now.planted[:] = True
+    now.stop_place[:] = [0.1, 0.2]
+    for asked in (goal(3.0), goal(-3.0)):
+        waits = STEERING.decide(now, at(0), asked, np.array([False]))
+        assert waits.mode[0] == Mode.STANDING
+        np.testing.assert_allclose(waits.stop_place[0], [0.1, 0.2])
+        np.testing.assert_allclose(waits.stop_facing, now.stop_facing)
+        sets_off = STEERING.decide(waits, at(0), asked, np.array([True]))
+        assert sets_off.mode[0] in (Mode.WALKING, Mode.TURNING)
+
+
+def test_who_is_under_way_need_not_be_ready():
+    """Side steps begin slowly, on planted feet."""
+    for mode, speed, planted in (
+        (Mode.WALKING, 1.0, False),
+        (Mode.WALKING, 0.1, False),
+        (Mode.STRAFING, 0.1, True),
+    ):
+        now = gait(mode, speed)
+        now.planted[:] = planted
+        asked = goal(3.0)
+        if mode == Mode.STRAFING:
+            asked.strafe[:], asked.heading[:] = True, [1.0, 0.0]
+        after = STEERING.decide(now, at(0), asked, np.array([False]))
+        assert after.mode[0] == mode

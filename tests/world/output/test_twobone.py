@@ -53,6 +53,15 @@ def test_a_straight_knee_bends_forwards(bend):
     assert (dot(cross(thigh, shin), side) > 0).all()
 
 
+@pytest.mark.parametrize("bend", [-0.02, -0.1, -0.3])
+def test_a_knee_beyond_straight_is_bent_forwards_again(bend):
+    before, after = moved_pose(bend, np.array([0.01, 0.02, 0.01]))
+    thigh, shin = after.knee - after.hip, after.ankle - after.knee
+    side = rotate(after.hip_turn, np.array([-1.0, 0, 0]).reshape(3, 1, 1, 1))
+    assert (dot(cross(thigh, shin), side) > -1e-3).all()
+    np.testing.assert_allclose(after.ankle_turn, before.ankle_turn, atol=1e-5)
+
+
 def test_no_move_changes_nothing():
     before, after = moved_pose(0.5, np.zeros(3))
     for name in ("hip_turn", "knee_turn", "ankle_turn"):

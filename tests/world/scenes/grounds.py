@@ -7,6 +7,7 @@ from wayfarer.navigation.examples import rectangle
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.scene_spec import Box, Floor, SceneSpec
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec, SessionSpec
+from wayfarer.world.goals.steering import Steering
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.world import World
@@ -39,6 +40,7 @@ def world_in(
     """A world of the fake engine, whose session "s" is in the scene; and the scene's id."""
     book = book or SceneRegistry()
     scene_id = book.add(scene).scene_id
+    settings = {"steering": Steering(reactions=1)} | settings  # nobody hesitates
     world = World(FakeEngine(), BODIES, start_poses(), WorldSettings(**settings), scenes=book)
     world.create_session(SessionSpec("s", scene=scene_id, avoid=avoid), 0.0)
     return world, book, scene_id

@@ -10,10 +10,13 @@ from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.spec import NEW_FRAMES
 from wayfarer.world.agents.agent import AgentState, Goal, SessionSpec
 from wayfarer.world.agents.slots import Mode
-from wayfarer.world.goals.steering import Search, Steering
+from wayfarer.world.goals.steering import Search, Steering, default_searches
 from wayfarer.world.search.beam import BLOCK, fan_out, grow, plan
 from wayfarer.world.search.beam_settings import HARD, BeamSettings
 from wayfarer.world.search.plan import Ending, Level, Problem
+
+ALIKE = Steering(searches={m: replace(s, manner=0.0) for m, s in default_searches().items()})
+"""Nobody has a manner of his own: the latents are those that are drawn."""
 
 # Search
 
@@ -45,8 +48,8 @@ def test_frames_of_a_plan_join_each_other():
 def test_a_wide_beam_leaves_the_trap_in_which_greedy_search_stays():
     settings = BeamSettings(roots=8, depth=6, weights={"skating": 1.0}, zero_latent=False)
     ways = problem(1, way=(0.0, 50.0))
-    [greedy] = plan(Lanes(), ways, replace(settings, keep=1))
-    [wide] = plan(Lanes(), ways, replace(settings, keep=8))
+    [greedy] = plan(Lanes(), ways, replace(settings, keep=1), ALIKE)
+    [wide] = plan(Lanes(), ways, replace(settings, keep=8), ALIKE)
     np.testing.assert_allclose(greedy.costs, [0.1, 1, 1, 1, 1, 1], atol=1e-6)
     np.testing.assert_allclose(wide.costs, [0.5, 0, 0, 0, 0, 0], atol=1e-6)
     assert greedy.translation[-1, 0] == -1 and wide.translation[-1, 0] == 1
@@ -60,7 +63,7 @@ def test_memory_weighs_the_whole_path_against_its_last_primitive(memory, lane):
     settings = BeamSettings(
         roots=8, keep=8, depth=2, weights={"skating": 1.0}, memory=memory, zero_latent=False
     )
-    [found] = plan(Short(), problem(1, way=(0.0, 50.0)), settings)
+    [found] = plan(Short(), problem(1, way=(0.0, 50.0)), settings, ALIKE)
     assert found.translation[-1, 0] == lane
 
 
@@ -71,7 +74,8 @@ def test_keeping_one_is_the_online_search(children):
     """
     specs = people(3)
     goals = [Goal((s.position[0] + 1.0, 2.0, 0.0), heading=0.0) for s in specs]
-    world = make_world(Walker(), steering=Steering().with_search(candidates=children))
+    steering = Steering(reactions=1).with_search(candidates=children)
+    world = make_world(Walker(), steering=steering)
     session = world.create_session(SessionSpec(), 0.0).session_id
     agents = [a.agent_id for a in world.create_agents(session, specs, 0.0)]
     for agent, goal in zip(agents, goals, strict=True):

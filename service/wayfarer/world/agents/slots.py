@@ -65,6 +65,7 @@ class Gait(Rows):
     arrived: Flags  # the goal has been reached
     waypoint: Int  # place of that goal in the path
     carried: Annotated[Float, Shape(2)]  # m/s at which it is moved in side steps
+    shortened: Float  # share that its steps are shortened by; see strides.py
     planted: Flags  # it stands on both feet, which stay where they are; see planting.py
     soles: Annotated[Float, Shape(2, SOLES, 2)]  # horizontal places of its sole markers then
 
@@ -92,6 +93,7 @@ class Goals(Rows):
     more: Flags  # another goal follows
     bend: Float  # radians by which the path turns here
     onward: Annotated[Float, Shape(2)]  # unit vector of the path after here
+    tread: Float  # metres from riser to riser where the way leads over stairs; 0: it does not
 
 
 @dataclass(slots=True)

@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import radians
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,11 @@ class Search:
     temperature: float  # scale of the latent noise
     policy: float = 1.0  # share of the learned policy in the latents; 0: the prior alone
     zero_latent: bool = False  # candidate 0 has no noise: the policy's mean, or the zero latent
+    manner: float = 0.0  # scale of the agent's own latent, which is added to all noise
+
+
+MANNER: Final = 1.3
+"""Of walking: so much do people differ."""
 
 
 def default_searches() -> dict[Mode, Search]:
@@ -47,7 +52,7 @@ def default_searches() -> dict[Mode, Search]:
     """
     return {
         Mode.STANDING: Search(STAND, candidates=4, temperature=0.5, zero_latent=True),
-        Mode.WALKING: Search(WALK, candidates=4, temperature=0.7, zero_latent=True),
+        Mode.WALKING: Search(WALK, candidates=4, temperature=0.7, zero_latent=True, manner=MANNER),
         Mode.STOPPING: Search(STAND, candidates=4, temperature=0.7, zero_latent=True),
         Mode.TURNING: Search(TURN, candidates=4, temperature=0.7, zero_latent=True),
         Mode.STRAFING: Search(STAND, candidates=4, temperature=0.7, zero_latent=True),
@@ -70,6 +75,7 @@ class Tables(NamedTuple):
     policy: Float
     temperature: Float
     zero_latent: Flags
+    manner: Float
 
     @classmethod
     def of(cls, searches: Mapping[Mode, Search]) -> "Tables":
@@ -81,6 +87,7 @@ class Tables(NamedTuple):
             policy=np.array([s.policy for s in ordered], np.float32),
             temperature=np.array([s.temperature for s in ordered], np.float32),
             zero_latent=np.array([s.zero_latent for s in ordered]),
+            manner=np.array([s.manner for s in ordered], np.float32),
         )
 
 
@@ -106,6 +113,7 @@ class Steering:
     faced: float = radians(8)  # turning ends when the heading is met within this …
     astray: float = radians(14)  # … and begins when it is missed by more
     turn_ahead: float = radians(40)  # a turn on the spot is asked for by so much at a time
+    reactions: int = 3  # who stands sets off at one of so many steps, each at its own
     side_step_speed: float = 0.6  # at most, when it faces elsewhere than where it goes …
     side_step_acceleration: float = 1.0  # … m/s² …
     side_step_faced: float = radians(20)  # … and only once it faces that way
@@ -139,8 +147,11 @@ class Steering:
             waypoint=gait.waypoint + onward,
         )
 
-    def decide(self, gait: Gait, seed: Seeds, goals: Goals) -> Gait:
-        """The gait of the next step, from the gait so far and the seed that it starts from."""
+    def decide(self, gait: Gait, seed: Seeds, goals: Goals, ready: Flags | None = None) -> Gait:
+        """The gait of the next step, from the gait so far and the seed that it starts from.
+
+        Who stands with planted feet and is not `ready` [A] stands on; None: all are.
+        """
         hips = seed.translation[:, -1, :2]
         way = goals.position[:, :2] - hips
         distance = np.linalg.norm(way, axis=-1)
@@ -164,6 +175,10 @@ class Steering:
         far = (distance > braking) & ~(gait.arrived & is_slow)  # who rests within reach is there
         at_rest = still | standing | turning | (walking & is_slow)
 
+        waits = np.zeros_like(missed) if ready is None else ~ready
+        waits &= gait.planted & is_slow & (standing | (gait.mode == Mode.WALKING))
+        missed, strayed = missed & ~waits, strayed & ~waits
+
         facing = facing_of(seed.rotations[:, -1, 0])
         direction = way / np.maximum(distance, 1e-6)[:, None]
         aside = angle_between(facing, direction)
@@ -171,11 +186,11 @@ class Steering:
         reverses = missed & far & behind & ~goals.strafe
         about = reverses & (at_rest | is_slow)
         walks = (
-            (walking & holds & (goals.through | far))
+            (walking & holds & (goals.through | far) & ~waits)
             | ((still | standing | turning) & missed)
             | (~walking & strayed)
         ) & ~reverses
-        wished = goals.given & goals.heading.any(-1)
+        wished = goals.given & goals.heading.any(-1) & ~waits
         off = angle_between(facing, goals.heading)
         astray = wished & (off > np.where(turning, self.faced, self.astray))
         # Side steps begin at rest, and facing as is wished.
@@ -186,7 +201,7 @@ class Steering:
         stops_first = walks & goals.strafe & ~at_rest & ~side_steps
         walks &= ~(turns_first | stops_first)
         turns = about | turns_first | (at_rest & astray & ~walks)
-        stands = (standing | still) & ~walks & ~turns
+        stands = waits | (standing | still) & ~walks & ~turns
         mode = np.select(
             [side_steps, walks, turns, stands],
             [Mode.STRAFING, Mode.WALKING, Mode.TURNING, Mode.STANDING],
@@ -194,7 +209,7 @@ class Steering:
         )
 
         # Without a goal an agent stops as soon as it can; then it stands where it came to rest.
-        brakes, rests = walking & ~walks, still & ~walks
+        brakes, rests = walking & ~walks & ~waits, still & ~walks
         turns_away = (about | turns_first) & ~turning
         reaches = holds & ~reverses & ~stops_first
         rest = np.where(reaches[:, None], goals.position[:, :2], self._rest(gait, seed.translation))
@@ -202,6 +217,7 @@ class Steering:
             gait,
             mode=mode.astype(np.int8),
             slow_seconds=slow_seconds.astype(np.float32),
+            planted=gait.planted & (mode != Mode.WALKING) & (mode != Mode.TURNING),
             stop_place=_choose([(rests | turns_away, hips), (brakes, rest)], gait.stop_place),
             # A stopping agent keeps its facing, unless another heading is wished.
             stop_facing=_choose(
@@ -273,11 +289,13 @@ class Steering:
         """Share of the policy [A] in each agent's latents."""
         return self._tables.policy[mode]
 
-    def scale_noise(self, mode: NDArray[np.int8], noise: Float) -> Float:
-        """Standard normal `noise` [A, K, 128] at each mode's temperature."""
+    def scale_noise(self, mode: NDArray[np.int8], noise: Float, manner: Float) -> Float:
+        """Standard normal `noise` [A, K, 128] at each mode's temperature, around the share that it
+        has of each agent's own `manner` [A, 128].
+        """
         scaled = noise * self._tables.temperature[mode][:, None, None]
         scaled[self._tables.zero_latent[mode], 0] = 0.0
-        return scaled
+        return scaled + (self._tables.manner[mode][:, None] * manner)[:, None]
 
     @cached_property
     def _tables(self) -> Tables:
@@ -289,7 +307,8 @@ class Steering:
         at_goal = np.where(goals.bend > self.sharp, self.corner_speed, goals.speed)
         at_goal = np.where(goals.through, at_goal, self.slowest)
         slowing = goals.speed * distance / self.slowing_distance
-        reachable = gait.speed + self.acceleration * STEP_SECONDS
+        # The model does not know that its steps are shortened, as they are on stairs.
+        reachable = gait.speed / (1 - gait.shortened) + self.acceleration * STEP_SECONDS
         return np.minimum(np.minimum(goals.speed, reachable), np.maximum(slowing, at_goal))
 
     def _rest(self, gait: Gait, path: Float) -> Float:

@@ -13,6 +13,8 @@ An agent that stands or turns on the spot *steps*: the lock keeps the turn of it
 foot that has come too far from where the model has it is lifted and set down there a moment later,
 one foot after the other. So a body that turns, or is moved, takes its feet along as people do.
 
+The hips rise and fall a little more than the model's do, see `LOWERED`, while a foot bears.
+
 The point that bears is the lowest of the sole (a soft minimum over heel, balls and toe), so a foot
 rolls over its ball. Only motion is taken off, never a place set, so nothing jumps when the bearing
 point changes, at contact, or at a seam, over which the state carries the shift. A shift that grows
@@ -31,8 +33,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.spec import FPS
-from wayfarer.world.output.legs import SOLES, Legs, pose_legs
-from wayfarer.world.output.quaternion import Array, bounded, length
+from wayfarer.world.output.legs import SOLES, LegPose, Legs, pose_legs
+from wayfarer.world.output.quaternion import Array, bounded, length, stacked
 from wayfarer.world.output.twobone import MOVED, move_feet
 from wayfarer.world.rows import Flags, Float, Int8, Rows, Shape
 
@@ -106,6 +108,25 @@ APART: Final = 0.11
 RESTING: Final = (0.03, radians(12))
 """Metres and radians per second below which it has."""
 
+RAISED: Final = 0.006
+LOWERED: Final = 0.008
+"""Metres by which hips are raised over feet that are `CLOSE` to each other, as far as knees are
+bent, and lowered over those that are `WIDE` apart: people come down with each step."""
+
+KICK: Final = 0.45
+"""Share that is taken off what an ankle is higher than …"""
+
+KICKED: Final = (0.12, 0.24)
+"""… the first of these, by degrees up to the second, in metres, while the other foot bears: the
+model's walkers kick up their heels. Nothing is taken off …"""
+
+CLEAR: Final = (TOLD_HEIGHT, 0.08)
+"""… while its sole is lower than the first of these, and all of it from the second on."""
+
+CLOSE: Final = 0.2
+WIDE: Final = 0.75
+"""Metres from ankle to ankle."""
+
 SOFTNESS: Final = 0.001
 """Metres above the lowest sole point at which a point bears 1/e of what that one bears."""
 
@@ -120,12 +141,14 @@ class LockState(Rows):
     shift: Annotated[Float, Shape(2, 3)]  # how far the foot is moved
     turn: Annotated[Float, Shape(2)]  # radians that it is turned by, about the vertical
     swing: Annotated[Int8, Shape(2)]  # frames that its corrective step still takes; 0: none
+    shortened: Float  # share that the last step was shortened by
 
 
 @dataclass(frozen=True, slots=True)
 class Locked:
     """Cleaned frames."""
 
+    translation: Float  # [A, F, 3] hips; lower while the feet are apart
     rotations: Float  # [A, F, 22, 4]; hips, knees and ankles of both legs differ from the input
     contacts: Flags  # [A, F, 2] feet that are held and on the floor
     state: LockState
@@ -144,14 +167,23 @@ def begin(legs: Legs, translation: Float, rotations: Float) -> LockState:
 
 
 def lock_feet(
-    before: LockState, legs: Legs, translation: Float, rotations: Float, steps: Flags
+    before: LockState,
+    legs: Legs,
+    translation: Float,
+    rotations: Float,
+    steps: Flags,
+    shortened: Float,
 ) -> Locked:
     """Clean the next F frames of A agents: translation [A, F, 3], rotations [A, F, 22, 4].
 
-    `steps` [A]: those that are on the spot, whose feet step. Many frames at once or in pieces, the
-    result is the same; every agent's is its own.
+    `steps` [A]: those that are on the spot, whose feet step. `shortened` [A]: the share that the
+    way of the hips is shortened by at the last of these frames, see `strides.py`. Many frames at
+    once or in pieces, the result is the same; every agent's is its own.
     """
     pose = pose_legs(legs, translation, rotations)
+    drawn = _drawn_in(pose, rotations, before.shortened, shortened)
+    if drawn is not None:
+        pose.soles[:2] += drawn[:, None]
     path = np.concatenate([before.soles.T[:, :, :, None], pose.soles], -2)  # [3, P, 2, 1 + F, A]
     height = pose.soles[2].min(0)
     bearing, turning = _slide(path, height), _turning(path)
@@ -167,6 +199,7 @@ def lock_feet(
     shifts = np.empty((3, *height.shape), np.float32)
     turns = np.empty(height.shape, np.float32)
     held = np.empty(height.shape, np.bool_)
+    bears = np.empty(height.shape[1:], np.float32)
     goals, goal_turns, rests = _landings(slide, turning)
     turning = turning * steps
     apart = np.diff(pose.soles[:2].mean(1), axis=1)[:, 0]  # [2, F, A] from left to right foot
@@ -175,6 +208,7 @@ def lock_feet(
     for frame in range(height.shape[1]):
         contact = np.where(contact, stays[:, frame], touches[:, frame])
         hold = bounded(hold + np.where(contact, RISE, -RISE), 0, 1)
+        bears[frame] = np.maximum(hold[0], hold[1])
         swing = _begun(swing, contact & steps, shift, turn, rests[frame], across[:, frame])
         flies = _FLIES[swing]
         leashed = firmness[:, frame] * (1 - _smooth(length(shift[:2]), *LEASH))
@@ -192,17 +226,59 @@ def lock_feet(
         moved[2] += _LIFT[swing]
         held[:, frame] = contact & (grip >= 0.5) & (height[:, frame] + moved[2] <= TOLD_HEIGHT)
 
-    cleaned = rotations.astype(np.float32)
+    sunk = _sunk(pose, drawn) * bears
+    shifts[2] += sunk - _kick(pose.ankle[2] + translation[..., 2].T, height) * bears
+    if drawn is not None:
+        shifts[:2] += drawn
+        pose.soles[:2] -= drawn[:, None]
+    lowered, cleaned = translation.astype(np.float32), rotations.astype(np.float32)
+    lowered[..., 2] -= sunk.T
     cleaned[:, :, MOVED] = move_feet(pose, translation, shifts, turns)
     after = LockState(
-        soles=pose.soles[:, :, :, -1].T,
+        soles=path[:, :, :, -1].T,
         contact=contact.T,
         hold=hold.T,
         shift=shift.T,
         turn=turn.T,
         swing=swing.T,
+        shortened=shortened,
     )
-    return Locked(cleaned, held.T, after)
+    return Locked(lowered, cleaned, held.T, after)
+
+
+def _drawn_in(pose: LegPose, rotations: Float, before: Float, after: Float) -> Array | None:
+    """Way [2, 2, F, A] of ankles towards the hips where steps are shortened by these shares [A]:
+    along the direction that the hips face. None: nobody's are.
+    """
+    if not (before.any() or after.any()):
+        return None
+    frames = rotations.shape[1]
+    rise = np.arange(1, frames + 1, dtype=np.float32)[:, None] / frames
+    x, y, z, w = rotations[:, :, 0].T  # [F, A]
+    ahead = stacked(-2 * (x * y + z * w), 1 - 2 * (y * y + z * z))
+    facing = (ahead / np.maximum(length(ahead), 1e-9))[:, None]
+    along = (pose.ankle[:2] * facing).sum(0)  # [2, F, A]
+    drawn: Array = -(before + rise * (after - before)) * along * facing
+    return drawn
+
+
+def _sunk(pose: LegPose, drawn: Array | None) -> Array:
+    """Metres by which hips are lowered over their feet [F, A]."""
+    ankle = pose.ankle[:2] if drawn is None else pose.ankle[:2] + drawn
+    apart = ankle[:, 0] - ankle[:, 1]
+    square = bounded((apart * apart).sum(0), CLOSE**2, WIDE**2)
+    wide = (square - CLOSE**2) / (WIDE**2 - CLOSE**2)
+    leg = length(pose.knee - pose.hip) + length(pose.ankle - pose.knee)
+    spare = (leg - length(pose.ankle - pose.hip)).min(0)  # straight knees lift nobody
+    return LOWERED * wide - np.minimum(RAISED, spare / 2) * (1 - wide)
+
+
+def _kick(ankle: Array, sole: Array) -> Array:
+    """Metres by which feet [2, F, A] are lowered whose ankles and soles are so high."""
+    low, high = KICKED
+    over = bounded(ankle - low, 0, high - low)
+    over = over * over / (2 * (high - low)) + np.maximum(ankle - high, 0)
+    return KICK * over * _smooth(sole, *CLEAR)
 
 
 def _slide(path: Array, height: Array) -> Array:

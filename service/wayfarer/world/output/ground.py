@@ -28,16 +28,16 @@ Floor = Callable[[Array], Array]
 AHEAD: Final = 0.12
 """Seconds that a foot looks ahead."""
 
-FOOT_SHARE: Final = 1 - np.exp(-1 / (0.035 * FPS))
-"""Of the height that a foot lacks, the share that it makes up for in a frame, …"""
-
 TILT_SHARE: Final = 1 - np.exp(-1 / (0.06 * FPS))
-"""… and of a slope the foot's turn."""
+"""Of a slope that a foot is not turned to yet, the share that it makes up for in a frame."""
 
 STIFFNESS: Final = 12.0 / FPS
 """Of the critically damped spring that lifts the hips, per frame: they have weight."""
 
-CROUCH: Final = 0.35
+FOOT_STIFFNESS: Final = 34.0 / FPS
+"""And of that which lifts a foot."""
+
+CROUCH: Final = 0.2
 """Of the height between the feet: so much less than their mean the hips are raised."""
 
 SPAN: Final = 0.06
@@ -54,6 +54,7 @@ class Footing(Rows):
     hips: Float  # metres that the hips are raised
     rise: Float  # metres a frame by which they have just been raised more
     feet: Annotated[Float, Shape(2)]  # and the feet, left and right
+    lift: Annotated[Float, Shape(2)]  # metres a frame by which these have just been raised more
     slope: Annotated[Float, Shape(2, 2)]  # rise over run along x and y that each foot is turned to
     ankles: Annotated[Float, Shape(2, 2)]  # metres: where they were
     begun: Flags  # `ankles` means something
@@ -99,9 +100,11 @@ def set_on_ground(
         height - _lowest(pose.soles, 0 * way, floor),
         height - _lowest(pose.soles, AHEAD * FPS * way, floor),
     )
-    feet = _followed(before.feet.T, needed, FOOT_SHARE)
+    each = np.ascontiguousarray(needed.transpose(1, 0, 2))  # [F, 2, A]
+    feet, lift = _sprung(before.feet.T, before.lift.T, each, FOOT_STIFFNESS)
+    feet = feet.transpose(1, 0, 2)
     wanted = feet.mean(0) - CROUCH * np.abs(feet[0] - feet[1])
-    hips, rise = _sprung(before.hips, before.rise, wanted)
+    hips, rise = _sprung(before.hips, before.rise, wanted, STIFFNESS)
     shift = np.zeros((3, *feet.shape), np.float32)
     shift[2] = feet - hips
 
@@ -112,6 +115,7 @@ def set_on_ground(
         hips=hips[-1].astype(np.float32),
         rise=rise.astype(np.float32),
         feet=feet[:, -1].T.astype(np.float32),
+        lift=lift.T.astype(np.float32),
         slope=slopes[:, :, -1].T.astype(np.float32),
         ankles=ankles[:, :, -1].T.astype(np.float32),
         begun=np.ones(len(translation), np.bool_),
@@ -128,11 +132,11 @@ def _followed(before: Array, wanted: Array, share: float) -> Array:
     return found
 
 
-def _sprung(height: Array, rise: Array, wanted: Array) -> tuple[Array, Array]:
-    """Heights [F, A] that a damped spring pulls to those `wanted`, and the last rise [A]."""
+def _sprung(height: Array, rise: Array, wanted: Array, stiffness: float) -> tuple[Array, Array]:
+    """Heights [F, ...] that a damped spring pulls to those `wanted`, and the last rise [...]."""
     found = np.empty(wanted.shape, np.float32)
     for frame, target in enumerate(wanted):
-        rise = (rise + STIFFNESS**2 * (target - height)) / (1 + STIFFNESS) ** 2
+        rise = (rise + stiffness**2 * (target - height)) / (1 + stiffness) ** 2
         height = height + rise
         found[frame] = height
     return found, rise

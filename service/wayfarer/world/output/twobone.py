@@ -34,8 +34,9 @@ FOLD: Final = 0.3
 TINY: Final = 1e-9
 """Square metres: a leg without length is not swung."""
 
-STRAIGHT: Final = 1e-3
-"""Sine of the knee's bend below which its plane is taken from the hip's side axis instead."""
+STRAIGHT: Final = 0.05
+"""Sine of the knee's bend below which its plane is taken from the hip's side axis by degrees: that
+of a straight leg is nobody's, and that of one bent the wrong way is the wrong way round."""
 
 
 def move_feet(pose: LegPose, translation: Float, shift: Array, turn: Array) -> Array:
@@ -63,10 +64,15 @@ def move_ankles(pose: LegPose, shift: Array, turn: Array | None = None) -> Array
     before = length(straight)
     after = reach(before, length(target), upper + lower)
 
-    # Law of cosines: the inner angle of the knee before and after; their difference bends it.
-    half_bend = 0.5 * (_knee(upper, lower, before) - _knee(upper, lower, after))
     side = rotate(pose.hip_turn, np.array([-1, 0, 0], shift.dtype).reshape(3, 1, 1, 1))
-    axis = unit(cross(thigh, shin) + STRAIGHT * upper * lower * side)
+    plane = cross(thigh, shin) / np.maximum(upper * lower, TINY)
+    forward = dot(plane, side)  # sine of the bend; below 0 where the knee is beyond straight
+    axis = unit(plane + (np.maximum(-2 * forward, 0) + STRAIGHT) * side)
+    # Law of cosines: the inner angle of the knee before and after; their difference bends it, from
+    # beyond straight, too.
+    inner = _knee(upper, lower, before)
+    inner = np.where(forward < 0, 2 * np.pi - inner, inner).astype(shift.dtype)
+    half_bend = 0.5 * (inner - _knee(upper, lower, after))
     bend = unit(_quaternion(axis * np.sin(half_bend), np.cos(half_bend)))
 
     # The shortest arc that swings the bent leg onto its target; half angles by |a||b| + a·b.

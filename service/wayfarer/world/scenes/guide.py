@@ -15,6 +15,7 @@ from wayfarer.world.scenes.collision_avoidance import (
     angle_between_ways,
     pass_through,
 )
+from wayfarer.world.scenes.grounding import is_level
 from wayfarer.world.scenes.near import nearest_people, nearest_walls
 from wayfarer.world.scenes.people import moving
 from wayfarer.world.scenes.planner import Planner
@@ -61,6 +62,23 @@ CORNER_SPEED: Final = (1.5, 0.75)
 NARROW: Final = (0.02, 0.15)
 NARROW_SPEED: Final = (0.8, 1.5)
 """m/s, by the room (m) that the way leaves beside the radius: nobody runs through a gap."""
+
+
+STAIRS: Final = np.arange(-0.45, 0.86, 0.05)
+"""Metres along the way, from behind an agent on, in which stairs are looked for."""
+
+RISER: Final = (0.08, 0.35)
+"""Metres that a floor rises or falls by from one of these points to the next where there is one."""
+
+TREAD: Final = (0.2, 0.6)
+"""Metres from riser to riser that make stairs."""
+
+STAIRS_SPEED: Final = 0.9
+"""m/s that the model walks on them at most: its steps are then shortened, see `strides.py`."""
+
+SLOPES: Final = (0.15, 0.45)
+SLOPE_SPEED: Final = (1.5, 0.8)
+"""m/s on ways as steep, rise over run, up or down: nobody hurries there."""
 
 
 class SceneGuide:
@@ -158,6 +176,26 @@ class SceneGuide:
             np.interp(bend, BENDS, CORNER_SPEED), np.interp(room, NARROW, NARROW_SPEED)
         )
         ahead.speed[led] = np.minimum(ahead.speed[led], most)
+        self._slow_on_stairs(rows, led, ahead)
+
+    def _slow_on_stairs(self, rows: Index, led: Index, ahead: Goals) -> None:
+        """Write into rows `led` of `ahead` how stairs and slopes on their ways are taken."""
+        route, numbers = self._slots.route, self._slots.scene[rows]
+        for number in np.unique(numbers).tolist():
+            scene = self._scenery.scene(number)
+            if is_level(scene):
+                continue
+            mine = np.flatnonzero(numbers == number)
+            agents = rows[mine]
+            here, length = route.progress[agents][:, None], route.length[agents][:, None]
+            metres = np.clip(here + STAIRS, 0.0, length)
+            points = self._routes.at(agents, metres)
+            points[..., 2] = self._slots.footing.hips[agents][:, None]
+            tread, slope = stairs_of(scene.floor(points), metres)
+            speed = np.interp(slope, SLOPES, SLOPE_SPEED)
+            speed = np.where(tread > 0, STAIRS_SPEED, speed)
+            ahead.tread[led[mine]] = tread
+            ahead.speed[led[mine]] = np.minimum(ahead.speed[led[mine]], speed)
 
     def _visible(self, rows: Index, hips: Array, targets: Array) -> tuple[Index, Array]:
         """Of targets [A, S, 3], farthest first: the first that a straight line leads to [A].
@@ -195,3 +233,20 @@ class SceneGuide:
             lacks = np.clip(scene.spec.walkable.radius + ELBOW - distance, 0.0, PUSH[1])
             found[mine] = PUSH[0] * lacks[:, None] * away
         return found
+
+
+def stairs_of(heights: Array, metres: Array) -> tuple[Array, Array]:
+    """Of floors of these heights [A, P] so many metres [A, P] along ways: from riser to riser [A],
+    0 where there are no stairs; and the steepest slope [A], rise over run, without them.
+    """
+    steps = np.abs(np.diff(heights, axis=1))
+    risers = (steps > RISER[0]) & (steps < RISER[1])
+    count = risers.sum(1)
+    middles = (metres[:, 1:] + metres[:, :-1]) / 2
+    first = np.where(risers, middles, np.inf).min(1)
+    last = np.where(risers, middles, -np.inf).max(1)
+    tread = np.where(count > 1, last - first, 0.0) / np.maximum(count - 1, 1)
+    tread = np.where((tread > TREAD[0]) & (tread < TREAD[1]), tread, 0.0)
+    run = metres[:, -1] - metres[:, 0]
+    slope = np.abs(heights[:, -1] - heights[:, 0]) / np.maximum(run, 0.3)
+    return tread, np.where(count > 0, 0.0, slope)

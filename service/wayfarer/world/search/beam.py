@@ -122,7 +122,7 @@ class _Search:
         starts = self._problem.starts.take(nodes.agent)
         seed, gait, goals = self._steer(nodes)
         noise = self._noise(starts, nodes)
-        asked = assemble(seed, starts.betas, gait, goals, noise, self._steering)
+        asked = assemble(seed, starts.betas, gait, goals, noise, starts.noise_seed, self._steering)
         count = noise.shape[1]
         mirrored = is_mirrored(starts.noise_seed)
         rows = fan_out(mirror_inputs(asked, mirrored))

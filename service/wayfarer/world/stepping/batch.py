@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from wayfarer.engines.engine import Float, StepInputs, StepOutputs, no_obstacles
 from wayfarer.world.agents.slots import Gait, Goals, Seeds, Slots
+from wayfarer.world.agents.style import manner
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.rows import Index
 from wayfarer.world.stepping.noise import latents
@@ -25,7 +26,8 @@ def gather(
 ) -> StepInputs:
     """Engine inputs of `rows`; `seed`, the gait to come and the goals are theirs."""
     noise = latents(slots.noise_seed[rows], slots.planned_chunks[rows], candidates)
-    return assemble(seed, slots.betas[rows], gait, goals, noise, steering, obstacles)
+    seeds = slots.noise_seed[rows]
+    return assemble(seed, slots.betas[rows], gait, goals, noise, seeds, steering, obstacles)
 
 
 def assemble(
@@ -34,6 +36,7 @@ def assemble(
     gait: Gait,
     goals: Goals,
     noise: Float,
+    noise_seed: NDArray[np.uint64],
     steering: Steering,
     obstacles: Float | None = None,
 ) -> StepInputs:
@@ -49,7 +52,7 @@ def assemble(
         facing=target.facing,
         term_weights=steering.term_weights(gait.mode),
         policy=steering.policy(gait.mode),
-        noise=steering.scale_noise(gait.mode, noise),
+        noise=steering.scale_noise(gait.mode, noise, manner(noise_seed)),
         obstacles=no_obstacles(len(betas)) if obstacles is None else obstacles,
     )
 

@@ -10,7 +10,9 @@ import numpy as np
 
 from wayfarer.world.agents.agent import ChunkFlag
 from wayfarer.world.agents.slots import Gait, Mode, Slots
+from wayfarer.world.agents.style import draws
 from wayfarer.world.output.footlock import begin, lock_feet
+from wayfarer.world.output.posture import DRAWN, habits, hold
 from wayfarer.world.rows import Flags
 from wayfarer.world.stepping.playback import Sent
 
@@ -36,10 +38,12 @@ def clean_feet(slots: Slots, sent: Sent) -> None:
     if len(new := np.flatnonzero(jumps | ~slots.feet_begun[rows])):
         feet.put(new, begin(legs.take(new), translation[new, 0], rotations[new, 0]))
     steps = _on_the_spot(chunks.end.gait)[wanted]
-    locked = lock_feet(feet, legs, translation, rotations, steps)
+    shortened = chunks.end.gait.shortened[wanted]
+    locked = lock_feet(feet, legs, translation, rotations, steps, shortened)
     slots.feet.put(rows, locked.state)
     slots.feet_begun[rows] = True
-    chunks.rotations[wanted] = locked.rotations
+    chunks.translation[wanted] = locked.translation
+    chunks.rotations[wanted] = hold(locked.rotations, habits(draws(slots.noise_seed[rows], DRAWN)))
     chunks.contacts[wanted] = locked.contacts
 
 

@@ -14,15 +14,18 @@ from wayfarer.engines.padding import cut, pad, pick, whole
 from wayfarer.spec import FPS, GENDERS, NEW_FRAMES
 from wayfarer.world.agents.agent import ChunkFlag
 from wayfarer.world.agents.slots import Gait, Goals, Mode, Motion, Seeds, SlotTable
+from wayfarer.world.agents.style import sets_off
 from wayfarer.world.goals.paths import Paths
 from wayfarer.world.goals.steering import observe
 from wayfarer.world.rows import Flags, Float, Index
 from wayfarer.world.stepping.batch import broken, gather
+from wayfarer.world.stepping.guards import fallen, got_up, smoothed
 from wayfarer.world.stepping.guide import Guide, NextTarget
 from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
 from wayfarer.world.stepping.planting import Step, plant
 from wayfarer.world.stepping.playback import Chunks, Playback
 from wayfarer.world.stepping.settings import WorldSettings
+from wayfarer.world.stepping.strides import shorten, shortened_gait
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +103,7 @@ class Scheduler:
         guide: Guide,
         soles: Index,
     ) -> None:
-        """`reset(slot)` gives the standing motion from which a broken agent goes on.
+        """`reset(slot)` gives the standing motion from which an agent goes on that has fallen.
 
         `planned(slots, seqs, candidates)` is called with all new chunks, 0 candidates for those
         that are held. `soles` [2, P]: the markers under the left and the right foot.
@@ -120,7 +123,7 @@ class Scheduler:
         self._full = settings.batch_multiple
         self._flights = 0  # begun so far
         self.under_way = 0  # of them, those that are not finished
-        self.resets = 0  # broken rows so far
+        self.resets = 0  # rows so far that could not be shown, or had fallen
         self.reduced_steps = 0  # rows stepped with fewer candidates than wished
         self.held_steps = 0  # rows held in place of a step
 
@@ -239,11 +242,19 @@ class Scheduler:
         slots, rows = self._table.rows, batch.rows
         start = batch.seed.translation[:, -1]
         is_broken = broken(start, outputs)
-        translation = np.where(is_broken[:, None, None], start[:, None], outputs.translation)
+        still = is_broken[:, None, None]
+        translation = np.where(still, start[:, None], outputs.translation)
+        rotations = np.where(still[..., None], batch.seed.rotations[:, -1:], outputs.rotations)
+        legs = slots.legs.take(rows)
         step = Step(
-            translation, outputs.rotations, outputs.next_seed_markers, outputs.contacts > 0.5
+            translation,
+            smoothed(batch.seed, rotations, legs),
+            outputs.next_seed_markers,
+            outputs.contacts > 0.5,
         )
         gait, step, seed = plant(self._soles, batch.gait, batch.seed, step, batch.carried)
+        before = slots.planned.gait.shortened[rows]
+        step, seed = shorten(before, gait, start, step, seed)
         gait = observe(gait, start, step.translation, batch.goals)
         flags = np.where(slots.replanned[rows], ChunkFlag.REPLANNED, ChunkFlag.NONE)
         flags |= np.where(gait.arrived & ~batch.gait.arrived, ChunkFlag.ARRIVED, ChunkFlag.NONE)
@@ -257,8 +268,10 @@ class Scheduler:
             candidates=np.full(len(rows), batch.candidates, np.int16),
             end=Motion(seed, gait),
         )
-        if is_broken.any():
-            chunks = self._mend(rows, chunks, np.flatnonzero(is_broken))
+        gets_up = is_broken | fallen(step.translation, step.rotations, legs)
+        if gets_up.any():
+            chunks.flags[is_broken] |= np.uint8(ChunkFlag.FIRST)  # it may jump
+            chunks = self._mend(rows, chunks, batch.seed, np.flatnonzero(gets_up))
         self._append(rows, chunks, batch.candidates)
         self.reduced_steps += int(batch.reduced.sum())
 
@@ -269,7 +282,13 @@ class Scheduler:
         gait = self._steering.advance(gait, self._paths.at(rows, gait.waypoint))
         goals = self._paths.at(rows, gait.waypoint)
         course = self._guide.course(rows, seed, gait, goals)
-        return seed, self._steering.decide(gait, seed, course.ahead), course
+        slots = self._table.rows
+        chunk = slots.planned_chunks[rows]
+        ready = sets_off(slots.noise_seed[rows], chunk, self._steering.reactions)
+        gait = self._steering.decide(gait, seed, course.ahead, ready)
+        if slots.scene[rows].any():
+            gait = shortened_gait(gait, course.ahead)
+        return seed, gait, course
 
     def _append(self, rows: Index, chunks: Chunks, candidates: int) -> None:
         slots = self._table.rows
@@ -278,16 +297,14 @@ class Scheduler:
         slots.replanned[rows] = False
         slots.held[rows] = not candidates
 
-    def _mend(self, rows: Index, chunks: Chunks, broken_rows: Index) -> Chunks:
-        """Let agents that could not be stepped stand where they were; the others are untouched."""
+    def _mend(self, rows: Index, chunks: Chunks, seed: Seeds, mended_rows: Index) -> Chunks:
+        """Let agents get up to a stand where they were; the others are untouched."""
         mended = chunks.take(np.arange(len(rows)))  # a copy: the arrays are the engine's
-        for row in broken_rows:
-            motion = self._reset(int(rows[row]))
-            mended.translation[row] = motion.seed.translation[0, -1]
-            mended.rotations[row] = motion.seed.rotations[0, -1]
-            mended.contacts[row] = True
-            mended.flags[row] |= ChunkFlag.FIRST  # the pose jumps: do not blend into it
-            motion.gait.waypoint[:] = chunks.end.gait.waypoint[row]
-            mended.end.put(np.array([row]), motion)
-            self.resets += 1
+        stands = Motion.join([self._reset(int(rows[row])) for row in mended_rows])
+        frames = got_up(seed.take(mended_rows), stands)
+        mended.translation[mended_rows], mended.rotations[mended_rows] = frames
+        mended.contacts[mended_rows] = True
+        stands.gait.waypoint[:] = chunks.end.gait.waypoint[mended_rows]
+        mended.end.put(mended_rows, stands)
+        self.resets += len(mended_rows)
         return mended

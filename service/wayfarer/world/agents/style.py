@@ -1,0 +1,63 @@
+"""What is an agent's own: people who are told the same do not do the same.
+
+Everything follows from the noise seed, so the same seed gives the same motion.
+
+    reaction   who stands sets off at one of several moments of its own, 0.2 s apart: it needs no
+               memory of when the order came, and orders that come again and again delay nobody
+    manner     a latent of its own, which every step of it is drawn towards
+"""
+
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.spec import LATENT
+from wayfarer.world.rows import Flags, Float, Index
+
+Seeds = NDArray[np.uint64]
+
+REMEMBERED: Final = 4096
+"""Agents whose manner is kept."""
+
+_REACTION, _MANNER, _HABITS = range(1, 4)
+"""Draws of one seed that do not depend on each other."""
+
+_STEP: Final = 0x9E3779B97F4A7C15
+
+
+def sets_off(noise_seed: Seeds, chunk: Index, moments: int) -> Flags:
+    """Whether agents [A] who stand may set off with this chunk: each with one in `moments`."""
+    own = _mixed(noise_seed, _REACTION) % np.uint64(moments)
+    found: Flags = (chunk.astype(np.uint64) + own) % np.uint64(moments) == 0
+    return found
+
+
+def manner(noise_seed: Seeds) -> Float:
+    """Latents [A, 128] ~ N(0, I), one of each agent for ever."""
+    return np.stack([_manner(seed) for seed in noise_seed.tolist()])
+
+
+@lru_cache(REMEMBERED)
+def _manner(noise_seed: int) -> Float:
+    bits = np.random.Philox(key=np.array([noise_seed, _MANNER], np.uint64))
+    return np.random.Generator(bits).standard_normal(LATENT, dtype=np.float32)
+
+
+def draws(noise_seed: Seeds, count: int) -> list[Float]:
+    """So many numbers [A] of each agent, 0 … 1, for how it holds itself."""
+    return [_share(noise_seed, _HABITS + number) for number in range(count)]
+
+
+def _share(noise_seed: Seeds, draw: int) -> Float:
+    """A number of each seed, 0 … 1."""
+    return (_mixed(noise_seed, draw) >> np.uint64(40)).astype(np.float32) / np.float32(2**24)
+
+
+def _mixed(noise_seed: Seeds, draw: int) -> Seeds:
+    """64 bits of each seed, spread evenly (the finaliser of SplitMix64)."""
+    bits = noise_seed + np.uint64(draw * _STEP % 2**64)
+    bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return bits ^ (bits >> np.uint64(31))

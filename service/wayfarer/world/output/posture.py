@@ -1,0 +1,155 @@
+"""Posture: how trunk, head and arms are held in what is sent.
+
+The model bends its walkers forward, and their eyes are on the floor; and all of them hold their
+arms alike. Frame by frame, and without a memory:
+
+    trunk   a part of what it leans forward beyond `UPRIGHT` is taken off, by 4 degrees at most
+    head    is levelled: most of its pitch away from `LEVEL` is taken off, as people keep their
+            eyes on what is ahead of them, half in the neck and half in the head
+    arms    swing wider or less, and hang farther from the body or with elbows more bent: each
+            agent's have a habit of their own, see `habits`
+
+Legs and hips are untouched, and so is the motion that the next primitive starts from. Arrays have
+their components first, see `quaternion.py`; angles are radians about axes of the joint above: X to
+the right, Y ahead, Z up.
+"""
+
+from collections.abc import Sequence
+from math import radians
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from wayfarer.body.skeleton import joint_names
+from wayfarer.world.output.quaternion import Array, bounded, multiply, stacked, unit
+from wayfarer.world.rows import Float
+
+UPRIGHT: Final = radians(0.5)
+"""A trunk that leans forward less is left as it is; …"""
+
+TRUNK_SHARE: Final = 0.8
+"""… of what it leans more, so much is taken off, …"""
+
+TRUNK_MOST: Final = radians(5)
+"""… but not more than this."""
+
+LEVEL: Final = radians(-8)
+"""Pitch of a head that looks ahead: people's is a little below the horizon."""
+
+HEAD_SHARE: Final = 0.6
+"""Of its pitch away from that, the share that is taken off, …"""
+
+HEAD_MOST: Final = radians(15)
+"""… but not more than this."""
+
+SWING: Final = (0.75, 1.3)
+"""Factors of the arms' swing, from the one that holds them still to the one that lets them go."""
+
+SWING_MOST: Final = radians(15)
+"""An arm is not moved by more: one that points or is lifted is no swinging arm."""
+
+ASIDE: Final = (radians(-1), radians(7))
+"""By so much more arms hang away from the body, …"""
+
+ELBOWS: Final = (radians(0), radians(16))
+"""… elbows are bent, …"""
+
+UNEVEN: Final = radians(4)
+"""… and left and right differ by so much either way."""
+
+
+DRAWN: Final = 7
+"""Numbers that the habits of an agent follow from."""
+
+
+def _numbers(*names: str) -> list[int]:
+    return [joint_names().index(name) for name in names]
+
+
+TRUNK: Final = _numbers("pelvis", "spine1", "spine2", "spine3", "neck", "head")
+SHOULDERS: Final = _numbers("left_shoulder", "right_shoulder")
+ELBOW_JOINTS: Final = _numbers("left_elbow", "right_elbow")
+SPINE, NECK, HEAD = (TRUNK[k] for k in (1, 4, 5))
+
+_SIDES: Final = np.array([-1.0, 1.0], np.float32)[:, None, None]
+"""Arms of the T-pose point along X: the left one to its negative."""
+
+
+class Habits(NamedTuple):
+    """How A agents hold their arms, left before right."""
+
+    swing: Array  # [A] factor
+    aside: Array  # [2, A] radians
+    elbows: Array  # [2, A] radians
+
+
+def habits(numbers: Sequence[Array]) -> Habits:
+    """Those of agents [A] from `DRAWN` numbers of each, 0 … 1."""
+    swing, aside, elbows, *uneven = numbers
+
+    def between(low: float, high: float, share: Array) -> Array:
+        return low + (high - low) * share
+
+    more = (2 * np.stack(uneven) - 1) * UNEVEN
+    return Habits(
+        between(*SWING, swing),
+        between(*ASIDE, aside) + more[:2] / 2,
+        np.maximum(between(*ELBOWS, elbows) + more[2:], 0),  # never beyond straight
+    )
+
+
+def hold(rotations: Float, own: Habits) -> Float:
+    """Rotations [A, F, 22, 4] of frames as the model makes them, as they are sent."""
+    used = [*TRUNK, *SHOULDERS, *ELBOW_JOINTS]
+    local = np.ascontiguousarray(rotations.take(used, axis=2).transpose(3, 2, 1, 0))
+    trunk, neck, head = local[:, :4], local[:, 4], local[:, 5]
+    spine = [trunk[:, k] for k in range(4)]
+    chest = spine[0]
+    for turn in spine[1:]:
+        chest = multiply(chest, turn)
+
+    back = bounded(TRUNK_SHARE * (-_pitch(chest) - UPRIGHT), 0, TRUNK_MOST)
+    pitch = _pitch(multiply(multiply(chest, neck), head)) + back
+    up = bounded(HEAD_SHARE * (LEVEL - pitch), -HEAD_MOST, HEAD_MOST)
+    held = rotations.copy()
+    for joint, turned in (
+        (SPINE, _about_x(back, spine[1])),
+        (NECK, _about_x(up / 2, neck)),
+        (HEAD, _about_x(up / 2, head)),
+    ):
+        held[:, :, joint] = turned.transpose(2, 1, 0)
+    arms = _arms(local[:, 6:8], local[:, 8:10], own)
+    for joints, turned in zip((SHOULDERS, ELBOW_JOINTS), arms, strict=True):
+        held[:, :, joints] = turned.transpose(3, 2, 1, 0)
+    return held
+
+
+def _arms(shoulders: Array, elbows: Array, own: Habits) -> tuple[Array, Array]:
+    """Local rotations [4, 2, F, A] of shoulders and elbows, held as agents do."""
+    x, y, z, w = shoulders
+    # where the upper arm points, seen from the chest
+    ahead, down = _SIDES * 2 * (x * y + w * z), -_SIDES * 2 * (x * z - w * y)
+    hangs = bounded(2 * down - 0.4, 0, 1)  # not while it is lifted
+    swung = np.arctan2(ahead, np.maximum(down, 0.2))
+    more = bounded((own.swing - 1) * swung, -SWING_MOST, SWING_MOST) * hangs
+    aside = own.aside[:, None] * hangs
+    # an arm that hangs is moved away from the body about Y, to its own side
+    half = 0.5 * more, -0.5 * _SIDES * aside
+    zero = np.zeros_like(half[0])
+    moved = multiply(stacked(half[0], half[1], zero, np.ones_like(zero)), shoulders)
+    bend = 0.5 * _SIDES * own.elbows[:, None] * np.ones_like(zero)
+    bent = multiply(stacked(zero, zero, bend, np.ones_like(zero)), elbows)
+    return unit(moved), unit(bent)
+
+
+def _pitch(turn: Array) -> Array:
+    """Radians that what points ahead in rotations [4, ...] looks up."""
+    x, y, z, w = turn
+    return np.arcsin(bounded(2 * (y * z + x * w), -1, 1))
+
+
+def _about_x(angle: Array, turn: Array) -> Array:
+    """Rotations [4, ...] turned, after themselves, about X by radians [...]."""
+    x, y, z, w = turn
+    sin, cos = np.sin(angle / 2), np.cos(angle / 2)
+    return stacked(cos * x + sin * w, cos * y - sin * z, cos * z + sin * y, cos * w - sin * x)

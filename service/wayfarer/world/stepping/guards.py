@@ -1,0 +1,160 @@
+"""Guards: a step that no body could take is mended before anybody sees it, or starts from it.
+
+    knees   are kept within what a knee can do
+    jerks   a joint that jumps, as one that is turned inside out does, goes from where it was to
+            where it ends by the smoothest way
+    falls   a body that leans or squats as no walker does, or that cannot be shown at all, gets up
+            to a stand in the course of one step
+
+Everything here is rare: with nothing to mend nothing is changed, to the last bit. Pure functions of
+columns; rows do not influence each other. Angles in radians, frames at 40 per second.
+"""
+
+from math import cos, radians
+from typing import Final
+
+import numpy as np
+
+from wayfarer.body.skeleton import joint_names
+from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
+from wayfarer.world.agents.slots import Motion, Seeds
+from wayfarer.world.output.legs import KNEES, Legs
+from wayfarer.world.output.quaternion import Array, bounded, inverse, length, multiply, stacked
+from wayfarer.world.rows import Flags, Float
+
+KNEE: Final = (radians(-5), radians(150))
+"""A knee is bent within these, from straight."""
+
+FELL: Final = cos(radians(32))
+"""A trunk that leans by more has fallen; people who walk never do."""
+
+FOLDED: Final = 0.76
+"""And so has somebody whose hips are lower than this share of their height."""
+
+JERK: Final = {
+    "spine": 5.0, "neck": 12.0, "head": 15.0, "collar": 7.0, "shoulder": 8.0, "elbow": 15.0,
+    "wrist": 25.0, "hip": 5.0, "knee": 9.0, "ankle": 25.0, "foot": 40.0,
+}  # fmt: skip
+"""Degrees per frame by which the turning of a joint may change from frame to frame: what hangs on
+it then moves by about 7 cm per frame²."""
+
+
+def _limits() -> Float:
+    """Of the second difference of quaternions, which is half that of the angle. [22]"""
+    found = np.full(POSED_JOINTS, np.inf)
+    for number, name in enumerate(joint_names()[1:POSED_JOINTS], start=1):
+        part = name.split("_")[-1].rstrip("123")
+        found[number] = radians(JERK[part]) / 2
+    return found.astype(np.float32)
+
+
+_LIMITS: Final = _limits()
+
+
+def smoothed(seed: Seeds, rotations: Float, legs: Legs) -> Float:
+    """Rotations [A, F, 22, 4] of a step from `seed`, without impossible knees and jerks."""
+    rotations = _bendable(rotations, legs)
+    path = np.concatenate([seed.rotations, rotations], 1)
+    change = path[:, 2:] - 2 * path[:, 1:-1] + path[:, :-2]
+    jerks = np.sqrt((change * change).sum(-1)) > _LIMITS  # [A, F, 22]
+    if not jerks.any():
+        return rotations
+    rows, joints = np.nonzero(jerks.any(1))
+    mended = rotations.copy()
+    mended[rows, :, joints] = _smoothest(path[rows, :, joints])
+    return mended
+
+
+def _smoothest(path: Float) -> Float:
+    """Turns [N, F, 4] between the second and the last of a joint's path [N, 2 + F, 4]: the cubic
+    that begins and ends as fast as that path does.
+    """
+    turns = np.moveaxis(path, -1, 0).astype(np.float64)
+    start = turns[:, :, 1]
+    whole = _vector(multiply(inverse(start), turns[:, :, -1]))
+    into = _vector(multiply(inverse(turns[:, :, 0]), start))
+    out = _vector(multiply(inverse(turns[:, :, -2]), turns[:, :, -1]))
+    frames = path.shape[1] - 2
+    fast = np.maximum(length(whole), 1e-6) * 3 / frames
+    into, out = (v * np.minimum(1, fast / np.maximum(length(v), 1e-9)) for v in (into, out))
+    t = np.arange(1, frames + 1) / frames
+    way = (
+        whole[..., None] * (3 * t**2 - 2 * t**3)
+        + frames * into[..., None] * (t - 2 * t**2 + t**3)
+        + frames * out[..., None] * (t**3 - t**2)
+    )
+    angle = np.maximum(length(way), 1e-12)
+    turn = np.concatenate([way / angle * np.sin(angle / 2), np.cos(angle / 2)[None]])
+    found: Float = np.moveaxis(multiply(start[..., None], turn), 0, -1).astype(np.float32)
+    return found
+
+
+def _vector(turn: Array) -> Array:
+    """Axis times angle [3, ...] of rotations [4, ...], the shorter way round."""
+    turn = turn * np.where(turn[3] < 0, -1, 1)
+    sine = length(turn[:3])
+    angle = 2 * np.arctan2(sine, turn[3])
+    vector: Array = turn[:3] * (angle / np.maximum(sine, 1e-12))
+    return vector
+
+
+def _bendable(rotations: Float, legs: Legs) -> Float:
+    """The same with knees bent within `KNEE`."""
+    knees = np.moveaxis(rotations[:, :, KNEES], -1, 0)  # [4, A, F, 2]
+    bend = _flexion(knees, legs)
+    low, high = KNEE
+    excess = bend - bounded(bend, low, high)
+    if not excess.any():
+        return rotations
+    half = excess / 2
+    zero = np.zeros_like(half)
+    limited = rotations.copy()
+    turned = multiply(stacked(np.sin(half), zero, zero, np.cos(half)), knees)
+    fits = (excess == 0)[..., None]
+    limited[:, :, KNEES] = np.where(fits, rotations[:, :, KNEES], np.moveaxis(turned, 0, -1))
+    return limited
+
+
+def _flexion(knees: Array, legs: Legs) -> Array:
+    """Radians that knees [4, A, F, 2] are bent from straight, -90° … 270°: a knee that is beyond
+    straight by more than a quarter turn has been folded through the thigh.
+    """
+    rest = np.moveaxis(legs.ankle, -1, 0)[:, :, None]  # [3, A, 1, 2] from the knee
+    x, y, z, w = knees
+    ahead = 2 * (x * y + w * z) * rest[0] + (1 - 2 * (x * x + z * z)) * rest[1]
+    ahead += 2 * (y * z - w * x) * rest[2]
+    up = 2 * (x * z - w * y) * rest[0] + 2 * (y * z + w * x) * rest[1]
+    up += (1 - 2 * (x * x + y * y)) * rest[2]
+    bend = np.arctan2(-ahead, -up) - np.arctan2(-rest[1], -rest[2])
+    found: Array = (bend + np.pi / 2) % (2 * np.pi) - np.pi / 2
+    return found
+
+
+def fallen(translation: Float, rotations: Float, legs: Legs) -> Flags:
+    """Bodies [A] that lean or squat at the end of their step: [A, F, 3], [A, F, 22, 4]."""
+    trunk = np.moveaxis(rotations[:, -1, [0, *_SPINE]], -1, 0)  # [4, A, 4]
+    turn = trunk[:, :, 0]
+    upright = np.zeros(len(translation), np.float32)
+    for joint in range(1, 4):
+        turn = multiply(turn, trunk[:, :, joint])
+        x, y, _, _ = turn
+        upright += (1 - 2 * (x * x + y * y)) / 3
+    heel = legs.sole_of_ankle[:, :, 0, 2]
+    height = -(legs.hip + legs.knee + legs.ankle)[..., 2].mean(1) - heel.mean(1)
+    found: Flags = (upright < FELL) | (translation[:, -1, 2] < FOLDED * height)
+    return found
+
+
+_SPINE: Final = [joint_names().index(f"spine{k}") for k in (1, 2, 3)]
+
+
+def got_up(seed: Seeds, stand: Motion) -> tuple[Float, Float]:
+    """Translation [A, F, 3] and rotations [A, F, 22, 4] from the end of `seed` to a `stand`."""
+    share = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, NEW_FRAMES + 1) / NEW_FRAMES)
+    start, end = seed.translation[:, -1:], stand.seed.translation[:, -1:]
+    translation = start + share[:, None] * (end - start)
+    before, after = seed.rotations[:, -1:], stand.seed.rotations[:, -1:]
+    near = np.where((before * after).sum(-1, keepdims=True) < 0, -1, 1)
+    turns = before + share[:, None, None] * (near * after - before)
+    turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
+    return translation.astype(np.float32), turns.astype(np.float32)

@@ -1,0 +1,125 @@
+"""Trunk, head and arms of what is sent."""
+
+import numpy as np
+import pytest
+
+from tests.world.output.legwork import body, standing
+from wayfarer.body.rotation import matrix_from_quaternion, quaternion_from_rotvec
+from wayfarer.body.skeleton import joint_names
+from wayfarer.world.output.posture import (
+    DRAWN,
+    ELBOW_JOINTS,
+    HEAD,
+    LEVEL,
+    NECK,
+    SHOULDERS,
+    SPINE,
+    TRUNK_MOST,
+    Habits,
+    habits,
+    hold,
+)
+
+NAMES = joint_names()
+TOUCHED = [SPINE, NECK, HEAD, *SHOULDERS, *ELBOW_JOINTS]
+PLAIN = Habits(np.ones(1), np.zeros((2, 1)), np.zeros((2, 1)))
+"""Arms as the model has them."""
+
+
+def hanging(frames: int = 1) -> np.ndarray:
+    """Somebody who stands with arms that hang."""
+    _, rotations = standing(frames)
+    for joint, side in zip(SHOULDERS, (1, -1), strict=True):
+        rotations[:, :, joint] = quaternion_from_rotvec(np.array([0, -side * 1.35, 0]))
+    return rotations
+
+
+def pitched(rotations: np.ndarray, joint: int, degrees: float) -> np.ndarray:
+    turned = rotations.copy()
+    turned[:, :, joint] = quaternion_from_rotvec(np.radians([-degrees, 0, 0]))
+    return turned
+
+
+def pose(rotations: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """World rotations and places by joint, of the first frame."""
+    local = matrix_from_quaternion(rotations[0, 0].astype(np.float64))
+    turns, places = body().forward_kinematics(np.zeros(3), local, body().rest_joints(np.zeros(10)))
+    return dict(zip(NAMES, turns, strict=True)), dict(zip(NAMES, places, strict=True))
+
+
+def pitch(rotations: np.ndarray, name: str) -> float:
+    return float(np.degrees(np.arcsin(pose(rotations)[0][name][2, 1])))
+
+
+def test_only_trunk_head_and_arms_are_touched():
+    rotations = hanging()
+    before = rotations.copy()
+    made = hold(rotations, habits(np.full((DRAWN, 1), 0.3)))
+    others = [joint for joint in range(22) if joint not in TOUCHED]
+    np.testing.assert_array_equal(made[:, :, others], before[:, :, others])
+    np.testing.assert_array_equal(rotations, before)
+    np.testing.assert_allclose(np.linalg.norm(made, axis=-1), 1, atol=1e-5)
+
+
+@pytest.mark.parametrize(("lean", "left"), [(5.0, 1.4), (8.0, 3.0), (20.0, 15.0), (-3.0, -3.0)])
+def test_a_trunk_that_leans_forward_is_righted_a_little(lean, left):
+    made = hold(pitched(hanging(), SPINE, lean), PLAIN)
+    assert -pitch(made, "spine3") == pytest.approx(left, abs=0.1)
+    assert lean - left <= np.degrees(TRUNK_MOST) + 0.01
+
+
+@pytest.mark.parametrize("down", [-10.0, 0.0, 8.0, 25.0])
+def test_heads_are_levelled_most_of_the_way(down):
+    made = hold(pitched(hanging(), NECK, down), PLAIN)
+    level = np.degrees(LEVEL)
+    assert pitch(made, "head") == pytest.approx(level + 0.4 * (-down - level), abs=0.5)
+
+
+def test_arms_hang_and_swing_as_their_owner_does():
+    ahead = hanging()
+    for joint in SHOULDERS:
+        swung = quaternion_from_rotvec(np.radians([20.0, 0, 0]))
+        local = matrix_from_quaternion(swung) @ matrix_from_quaternion(
+            ahead[0, 0, joint].astype(np.float64)
+        )
+        angle = np.arccos(np.clip((np.trace(local) - 1) / 2, -1, 1))
+        axis = np.array(
+            [local[2, 1] - local[1, 2], local[0, 2] - local[2, 0], local[1, 0] - local[0, 1]]
+        )
+        ahead[:, :, joint] = quaternion_from_rotvec(axis / (2 * np.sin(angle)) * angle)
+    own = Habits(np.array([1.5]), np.radians([[6.0], [6.0]]), np.radians([[20.0], [20.0]]))
+    (_, before), (_, after) = pose(hold(ahead, PLAIN)), pose(hold(ahead, own))
+    for side, outwards in (("left", -1), ("right", 1)):
+        shoulder, elbow, wrist = (f"{side}_{part}" for part in ("shoulder", "elbow", "wrist"))
+        was, now = before[elbow] - before[shoulder], after[elbow] - after[shoulder]
+        assert now[1] > was[1] + 0.02, "it swings farther"
+        assert outwards * (now[0] - was[0]) > 0.01, "and hangs farther from the body"
+        bends = [
+            np.degrees(
+                np.arccos(
+                    (p[elbow] - p[shoulder])
+                    @ (p[wrist] - p[elbow])
+                    / np.linalg.norm(p[elbow] - p[shoulder])
+                    / np.linalg.norm(p[wrist] - p[elbow])
+                )
+            )
+            for p in (before, after)
+        ]
+        assert bends[1] > bends[0] + 15, "with its elbow bent"
+
+
+def test_lifted_arms_are_left_to_the_model():
+    _, tee = standing(1)
+    own = Habits(np.array([1.5]), np.radians([[6.0], [6.0]]), np.zeros((2, 1)))
+    made = hold(tee, own)
+    np.testing.assert_allclose(made[:, :, SHOULDERS], tee[:, :, SHOULDERS], atol=1e-6)
+
+
+def test_agents_differ_and_rows_do_not_touch_each_other():
+    numbers = np.random.default_rng(0).random((DRAWN, 5), np.float32)
+    rotations = np.repeat(hanging(3), 5, axis=0)
+    together = hold(rotations, habits(numbers))
+    for row in range(5):
+        alone = hold(rotations[row : row + 1], habits(numbers[:, row : row + 1]))
+        np.testing.assert_array_equal(alone[0], together[row])
+    assert np.ptp(together[:, 0, SHOULDERS[0]], axis=0).max() > 0.01
