@@ -19,6 +19,7 @@ PACKAGE := pyproject.toml proto/build_hook.py $(shell find proto -name '*.proto'
 CLIENT := clients/python/pyproject.toml clients/python/build_hook.py
 VIEWER_TESTS := $(wildcard tests/viewer/*.test.mjs)
 NODE := clients/node
+WEB := clients/web
 NPM_TOOLS := tests/node_modules/.package-lock.json
 BUF := tests/node_modules/.bin/buf
 RELEASED := tests/proto/released.binpb
@@ -42,8 +43,8 @@ serve: $(VENV)/.serve ## set up and start gRPC (50051) and HTTP (8080) with the 
 lab: $(VENV)/.lab ## set up training, evaluation, data preparation and load tools (torch)
 
 test: $(VENV)/.dev ## set up and run all tests
-	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory $(NODE)/src/gen $(NPM_TOOLS); \
-	else echo "skipped: clients/node and the glTF validator need npm (apt-get install npm)" >&2; [ -z "$${CI:-}" ]; fi
+	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory $(NODE)/src/gen $(WEB)/node_modules/.package-lock.json $(NPM_TOOLS); \
+	else echo "skipped: clients/node, clients/web and the glTF validator need npm (apt-get install npm)" >&2; [ -z "$${CI:-}" ]; fi
 	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile $(ARGS)
 	@if command -v node >/dev/null; then node --test $(VIEWER_TESTS); \
 	else echo "skipped: tests/viewer needs node (apt-get install nodejs)" >&2; [ -z "$${CI:-}" ]; fi
@@ -86,7 +87,7 @@ image-check: $(VENV)/.client ## build the image, run it, let an agent walk in it
 
 clean: ## remove the virtual environment, generated code and caches
 	rm -rf $(VENV) build dist service/wayfarer/v1 clients/python/wayfarer_client/v1
-	rm -rf $(NODE)/node_modules $(NODE)/src/gen tests/node_modules
+	rm -rf $(NODE)/node_modules $(NODE)/src/gen $(WEB)/node_modules $(WEB)/types tests/node_modules
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	find service lab clients tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
@@ -94,6 +95,10 @@ clean: ## remove the virtual environment, generated code and caches
 $(NODE)/src/gen: $(NODE)/package-lock.json $(NODE)/generate.js $(wildcard proto/wayfarer/v1/*.proto)
 	@echo "installing the packages of $(NODE) and generating its code (once)"
 	@cd $(NODE) && npm ci --silent --ignore-scripts && npm run --silent generate && touch src/gen
+
+# What the web client's tests need: engines, types.
+$(WEB)/node_modules/.package-lock.json: $(WEB)/package-lock.json
+	@cd $(WEB) && npm ci --silent --ignore-scripts && touch node_modules/.package-lock.json
 
 # What tests and `make lint` take from npm.
 $(NPM_TOOLS): tests/package.json

@@ -16,23 +16,27 @@ pytestmark = pytest.mark.skipif(
 # The page reads the stream with the modules that the server itself hands out.
 FOLLOW = """
 (async () => {
-  const { decodeStreamMessage } = await import("/messages.js");
-  const { unpackPoses } = await import("/poses.js");
+  const { StreamDecoder, unpackPoses } = await import("/client/index.js");
   globalThis.follow = (address, enough) => new Promise((resolve) => {
     const found = { header: null, chunks: [], events: [], token: "", close: null };
+    const decoder = new StreamDecoder();
     const socket = new WebSocket(address);
     socket.binaryType = "arraybuffer";
     const end = () => socket.close();
     socket.onclose = ({ code, reason }) => resolve({ ...found, close: [code, reason] });
     socket.onmessage = ({ data }) => {
-      const { header, batch, event } = decodeStreamMessage(new Uint8Array(data));
-      if (header) found.header = header;
-      if (event) found.events.push(event.kind);
-      if (batch) {
-        found.token = batch.resumeToken;
-        for (const { alias, seq, goalRevision, poses } of batch.chunks) {
-          const layout = { encoding: found.header.encoding, bones: found.header.bones.length };
-          const last = [...unpackPoses(poses, layout).at(-1).subarray(0, 3)];
+      const kind = decoder.decode(new Uint8Array(data));
+      if (kind === "header") found.header = decoder.header;
+      if (kind === "event") found.events.push(decoder.event.kind);
+      if (kind === "batch") {
+        found.token = decoder.resumeToken;
+        const { encoding, bones } = found.header;
+        for (let row = 0; row < decoder.chunks; row += 1) {
+          const { alias, seq, goalRevision, poses, frames } = decoder.chunk(row);
+          const width = 3 + 4 * bones.length;
+          const out = new Float32Array(frames * width);
+          unpackPoses(decoder.view, poses, frames, encoding, bones.length, out);
+          const last = [...out.subarray(-width).subarray(0, 3)];
           found.chunks.push({ alias, seq, goalRevision, last });
         }
       }

@@ -113,6 +113,10 @@ def test_a_map_can_be_shown_and_corrected():
         bones.corrected({"tail": "head"})
     with pytest.raises(InvalidArgument, match="lacks left_knee"):
         bones.corrected({"left_knee": None})
+    with pytest.raises(InvalidArgument, match="left_knee: 'head' does not hang from the hip"):
+        bones.corrected({"left_knee": "head"})
+    with pytest.raises(InvalidArgument, match="hangs from"):
+        bones.corrected({"spine3": "head", "head": "spine3"})
 
 
 def test_what_is_no_humanoid_is_refused_in_words():

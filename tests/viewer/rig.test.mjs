@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { headingOf, Rig } from "../../service/wayfarer/transport/viewer/rig.js";
+import { Rig } from "../../service/wayfarer/transport/viewer/rig.js";
 
 const IDENTITY = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
 const about = (axis, angle) => [0, 1, 2].map((k) => (k === axis ? Math.sin(angle / 2) : 0)).concat(Math.cos(angle / 2));
@@ -44,12 +44,4 @@ test("hips that turn take all with them", () => {
 
 test("a body without a bone of the stream is refused", () => {
   assert.throws(() => new Rig(LEG, ["hips", "tail"]), /no bone tail/);
-});
-
-test("a heading is 0 towards +Z and grows towards +X", () => {
-  for (const angle of [0, 1, -2, 3]) {
-    assert.ok(Math.abs(headingOf(Float32Array.from([9, ...about(1, angle)]), 1) - angle) < 1e-6);
-  }
-  const bent = about(0, 0.5); // leaning forward is no turn
-  assert.ok(Math.abs(headingOf(Float32Array.from(bent))) < 1e-6);
 });

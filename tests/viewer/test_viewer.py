@@ -160,7 +160,7 @@ def test_wandering_begins_and_ends_with_its_button(page: Page):
     press(page, "w")
     assert page.evaluate(state) == "true"
     page.wait_for(f"{CROWD}.people.every((person) => person.wanders)")
-    walking = f"{CROWD}.people.filter((p) => {CROWD}.stateOf(p) === 'walking').length"
+    walking = f"{CROWD}.people.filter((p) => p.played.state === 'walking').length"
     page.wait_for(f"{walking} >= 8", 60)
     press(page, "w")
     assert page.evaluate(state) == "false"
@@ -170,14 +170,14 @@ def test_wandering_begins_and_ends_with_its_button(page: Page):
 
 def test_a_lost_connection_is_made_again_without_a_gap(page: Page):
     page.evaluate(
-        "(() => { const { crowd, stream } = globalThis.wayfarer; globalThis.seqs = {};"
-        " const chunk = stream.on.chunk; stream.on.chunk = (found, ...rest) => {"
-        "  (globalThis.seqs[found.alias] ??= []).push(found.seq); chunk(found, ...rest); }; })()"
+        "(() => { const { on } = globalThis.wayfarer.player; globalThis.seqs = {};"
+        " const { chunk } = on; on.chunk = (played, found) => {"
+        "  (globalThis.seqs[found.alias] ??= []).push(found.seq); chunk(played, found); }; })()"
     )
     page.wait_for("Object.values(seqs).length === 16 && seqs[1].length > 2")
-    page.evaluate("globalThis.wayfarer.stream.socket.close()")
+    page.evaluate("globalThis.wayfarer.stream.reconnect()")
     page.wait_for(f"{CONNECTION} !== 'open'", 5)
-    page.wait_for(f"{CONNECTION} === 'open' && globalThis.wayfarer.stream.header.resumed", 20)
+    page.wait_for(f"{CONNECTION} === 'open' && globalThis.wayfarer.player.header.resumed", 20)
     before = page.evaluate("Math.max(...Object.values(seqs).map((found) => found.length))")
     page.wait_for(f"Object.values(seqs).every((found) => found.length > {before} + 3)")
     for numbers in page.evaluate("Object.values(seqs)"):
@@ -260,7 +260,7 @@ def test_a_guarded_server_asks_once_for_a_key(tmp_path, tmp_path_factory):
         opened.wait_for(f"globalThis.wayfarer && {CONNECTION} === 'open'", 30)
         opened.evaluate("document.querySelector('#add-one').click()")
         opened.wait_for(f"{CROWD}.people.filter((person) => person.shown).length === 1", 60)
-        header = opened.evaluate("globalThis.wayfarer.stream.header")
+        header = opened.evaluate("globalThis.wayfarer.player.header")
         assert (header["encoding"], header["sentFps"]) == (3, 20)
         opened.call("Page.reload")
         opened.wait_for(f"globalThis.wayfarer && {CONNECTION} === 'open'", 60)

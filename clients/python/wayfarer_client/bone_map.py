@@ -91,7 +91,14 @@ def _checked(rig: Rig, bones: dict[str, int]) -> dict[str, int]:
                 raise InvalidArgument(f"{side}_{lower}: {name!r} does not hang from the {upper}")
         if bones["pelvis"] not in rig.ancestors(bones[f"{side}_hip"]):
             raise InvalidArgument(f"{side}_hip does not hang from the pelvis")
-    return {bone: bones[bone] for bone in BONES if bone in bones}
+    found = {bone: bones[bone] for bone in BONES if bone in bones}
+    names = {node: bone for bone, node in found.items()}
+    for bone, node in found.items():
+        above = next((names[k] for k in rig.ancestors(node) if k in names), None)
+        top = bone == "pelvis"
+        if (above is None) != top or (above and BONES.index(above) > BONES.index(bone)):
+            raise InvalidArgument(f"{bone}: {rig.nodes[node].name!r} hangs from {above or 'no bone'}")
+    return found
 
 
 def spread_spine(chain: list[int]) -> dict[str, int]:

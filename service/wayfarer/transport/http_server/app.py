@@ -88,7 +88,9 @@ def http_app(gateway: Gateway, viewer: Path = VIEWER) -> FastAPI:
     app.router.routes.append(Route("/docs", lambda request: RedirectResponse("docs/")))
     app.mount("/docs", RevalidatedFiles(directory=REFERENCE, html=True), name="docs")
     if viewer.is_dir():
-        app.mount("/", RevalidatedFiles(directory=viewer, html=True), name="viewer")
+        # client/ is a link to clients/web/src in a checkout; an installed package has the files
+        files = RevalidatedFiles(directory=viewer, html=True, follow_symlink=True)
+        app.mount("/", files, name="viewer")
     return app
 
 

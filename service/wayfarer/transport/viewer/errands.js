@@ -1,6 +1,6 @@
 // What people are told to do: where to go, whom to follow. Throws what the server refuses.
 
-import { onFloor } from "./api.js";
+import { onFloor } from "./client/index.js";
 import { dragHeading, escort, formation, othersThan, recipients } from "./choices.js";
 import { mention, tell } from "./hud.js";
 

@@ -1,7 +1,6 @@
 // Puts the page together: session, scene, stage, controls.
 
-import { Access } from "./access.js";
-import { Api } from "./api.js";
+import { Access, Api, clock } from "./client/index.js";
 import { Chase } from "./chase.js";
 import { crowdText, eventText, randomAgents } from "./choices.js";
 import { Crowd } from "./crowd.js";
@@ -17,8 +16,8 @@ import { Tools } from "./tools.js";
 const DETAILED = 24; // so many people get the fine mesh; later ones the light one
 const STATS_SECONDS = 1;
 const WANDER_SECONDS = 1;
+const TOKEN = "wayfarer.token";
 
-const clock = () => performance.now() / 1000;
 const attempt = (action) => (...given) => (
   Promise.resolve().then(() => action(...given)).catch((error) => tell(error.message))
 );
@@ -26,17 +25,24 @@ const page = new URLSearchParams(location.search);
 const wish = Object.fromEntries(["encoding", "fps"].filter((key) => page.has(key)).map((key) => [key, page.get(key)]));
 const view = byId("view");
 
-const access = new Access(askToken);
-const api = new Api("", access, undefined, (seconds, { message }) => {
-  mention(`${message}; trying again in ${Math.ceil(seconds)} s`);
-  return new Promise((done) => setTimeout(done, 1000 * seconds));
+const access = new Access(sessionStorage.getItem(TOKEN) ?? "", async (reason) => {
+  const token = await askToken(reason);
+  sessionStorage.setItem(TOKEN, token); // typed once, kept for this tab
+  return token;
+});
+const api = new Api("", {
+  access,
+  pause: (seconds, { message }) => {
+    mention(`${message}; trying again in ${Math.ceil(seconds)} s`);
+    return new Promise((done) => setTimeout(done, 1000 * seconds));
+  },
 });
 const stage = new Stage(view);
 const readout = new Readout();
 const place = new ScenePanel(api, stage, { enter, changed: attempt(() => errands.replan()), attempt });
 const { level, book } = place;
 const crowd = new Crowd(stage, (x, z, y) => level.heightAt(x, z, y), mesh, refresh, tell);
-const session = new PageSession(api, access, crowd, wish, clock, { event: onEvent, ended: () => setTimeout(start, 1000) });
+const session = new PageSession(api, crowd, wish, clock, { event: onEvent, ended: () => setTimeout(start, 1000) });
 const errands = new Errands(api, crowd, {
   ask: () => ({ mode: sendMode(), selected, speed: Number(byId("speed").value) }),
   heightAt: (x, z, y) => level.heightAt(x, z, y),
@@ -73,7 +79,7 @@ async function enter(scene) {
 }
 
 function onEvent(event) {
-  const person = crowd.members.get(event.alias)?.person;
+  const person = crowd.members.get(event.alias);
   const goals = person ? person.passed + person.ahead.length : 0;
   if (event.kind === "goal_reached" && (person?.wanders || !goals)) return; // on and on
   const text = eventText(event, person?.agent.name || "somebody", goals);
@@ -89,7 +95,7 @@ function mesh(agent) {
 }
 
 function refresh() {
-  if (selected && crowd.members.get(selected.agent.alias)?.person !== selected) select(null);
+  if (selected && crowd.members.get(selected.agent.alias) !== selected) select(null);
   else listPeople(crowd.people, selected);
 }
 
@@ -174,7 +180,7 @@ byId("follow").onchange = ({ target }) => follow(target.checked);
 byId("trails").onchange = ({ target }) => crowd.mark("trails", target.checked);
 byId("labels").onchange = ({ target }) => crowd.mark("labels", target.checked);
 byId("selected").onchange = ({ target }) => {
-  select(crowd.members.get(Number(target.value))?.person ?? null);
+  select(crowd.members.get(Number(target.value)) ?? null);
 };
 watchPointer(view, stage.controls, {
   press: (event) => tools.press(event),
@@ -218,15 +224,18 @@ addEventListener("keydown", (event) => {
 let last = clock();
 stage.renderer.setAnimationLoop(() => {
   const now = clock();
-  const moment = crowd.play(now);
+  const { player } = session;
+  player?.advance(now);
+  crowd.play(now);
   moveCamera(now - last);
   level.reveal(stage.camera.position, stage.controls.target);
   stage.render();
   const fps = readout.frame(now, () => ({
     people: crowd.members.size,
-    delay: crowd.members.size ? crowd.clock.delay(now) : null,
+    delay: crowd.members.size ? player.clock.delay(now) : null,
     pressure: crowd.members.size ? crowd.pressure(now) : "–",
-    ...crowd.health(moment),
+    buffered: player?.buffered ?? Infinity,
+    holds: player?.underruns ?? 0,
   }));
   if (fps !== null) stage.keepUp(fps);
   last = now;
@@ -255,5 +264,6 @@ setInterval(wander, WANDER_SECONDS * 1000);
 globalThis.wayfarer = {
   crowd, stage, api, level, book, tools,
   get session() { return session.id; },
-  get stream() { return session.stream; },
+  get player() { return session.player; },
+  get stream() { return session.current?.stream; },
 };

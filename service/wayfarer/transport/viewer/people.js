@@ -4,7 +4,7 @@ import {
   BufferAttribute, BufferGeometry, CanvasTexture, Group, Line, LineBasicMaterial, Mesh, MeshBasicMaterial,
   RingGeometry, SRGBColorSpace, Sprite, SpriteMaterial,
 } from "./vendor/three.min.js";
-import { headingOf } from "./rig.js";
+import { BASES, headingOf } from "./client/index.js";
 
 const ACCENT = "#0b7285";
 const RING_LIFT = 0.014; // metres over the ground
@@ -22,10 +22,12 @@ export function floorRing(inner, outer, colour, opacity = 0.9, { heading = 0, wi
   return ring;
 }
 
-/** What is seen of one agent. */
+/** What is seen of one agent of the session's player. */
 export class Person {
   /** `bodies`, `trails`: all people's; `heightAt(x, z, y)`: of the ground there. */
-  constructor(agent, { bodies, trails, heightAt }) {
+  constructor(played, { bodies, trails, heightAt }) {
+    const { agent } = played;
+    this.played = played;
     this.agent = agent;
     this.bodies = bodies;
     this.heightAt = heightAt;
@@ -74,7 +76,7 @@ export class Person {
   pose(frame) {
     [this.x, , this.z] = frame;
     this.y = this.heightAt(this.x, this.z, frame[1] - 0.5);
-    this.heading = headingOf(frame, 3);
+    this.heading = headingOf(BASES.gltf, frame, 3);
     this.marker.position.set(this.x, this.y + RING_LIFT, this.z);
     this.label?.position.set(this.x, this.y + this.height + 0.22, this.z);
     this.trail.add(this.x, this.y, this.z);

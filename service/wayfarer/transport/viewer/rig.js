@@ -65,12 +65,6 @@ export class Rig {
   }
 }
 
-/** Which way a turn (x, y, z, w at `at`) makes a body face: 0 is +Z, positive towards +X. */
-export function headingOf(turns, at = 0) {
-  const [x, y, z, w] = turns.subarray(at, at + 4);
-  return Math.atan2(2 * (x * z + w * y), 1 - 2 * (x * x + y * y));
-}
-
 function rotate(q, i, v, j, out, k) {
   const x = q[i], y = q[i + 1], z = q[i + 2], w = q[i + 3];
   const a = v[j], b = v[j + 1], c = v[j + 2];

@@ -1,7 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Access } from "../../service/wayfarer/transport/viewer/access.js";
-import { Api, ApiError } from "../../service/wayfarer/transport/viewer/api.js";
+import { Access, Api, ApiError } from "../src/index.js";
 
 /** An Api whose server gives one answer, and the requests it was asked. */
 function api(status, body) {
@@ -10,7 +9,7 @@ function api(status, body) {
     asked.push([method, url, sent && JSON.parse(sent)]);
     return new Response(status === 204 ? null : body, { status });
   };
-  return { api: new Api("", undefined, fetcher), asked };
+  return { api: new Api("", { fetcher }), asked };
 }
 
 test("calls have the method, path and body of the API", async () => {
@@ -72,10 +71,11 @@ test("calls on scenes have the method, path and body of the API", async () => {
 
 test("a mesh is sent as it is", async () => {
   let sent;
-  const client = new Api("", undefined, async (url, request) => {
+  const fetcher = async (url, request) => {
     sent = [url, request.headers["content-type"], request.body];
     return new Response('{"scene_id": "scene-1"}');
-  });
+  };
+  const client = new Api("", { fetcher });
   const bytes = new ArrayBuffer(8);
   await client.createMeshScene(bytes, "glb", "my level.glb");
   assert.deepEqual(sent, ["/v1/scenes/mesh?format=glb&name=my+level.glb", "application/octet-stream", bytes]);
@@ -99,9 +99,10 @@ test("a refusal says what the problem document says", async () => {
 });
 
 test("no answer is an error of its own", async () => {
-  const client = new Api("", undefined, async () => {
+  const fetcher = async () => {
     throw new TypeError("fetch failed");
-  });
+  };
+  const client = new Api("", { fetcher });
   await assert.rejects(client.stats(), { name: "ApiError", status: 0, message: /does not answer/ });
 });
 
@@ -115,32 +116,36 @@ test("the stream's address follows the page's", () => {
   );
 });
 
-test("a server that asks who calls gets a token, asked for once and kept", async () => {
-  const kept = new Map();
-  const storage = { getItem: (key) => kept.get(key) ?? null, setItem: (key, value) => kept.set(key, value) };
+test("a server that asks who calls gets a token, asked for once", async () => {
   const typed = ["wrong", "a+b?~"];
   const reasons = [];
-  const access = new Access(async (reason) => {
+  const access = new Access("", async (reason) => {
     reasons.push(reason);
     return typed.shift();
-  }, storage);
+  });
   const good = "Bearer a+b?~";
   const fetcher = async (url, { headers }) => (headers.authorization === good
     ? new Response('{"bodies": []}')
     : new Response('{"detail": "credentials are missing"}', { status: 401 }));
-  const client = new Api("", access, fetcher);
+  const client = new Api("", { access, fetcher });
   await Promise.all([client.bodies(), client.bodies(), client.bodies()]);
   assert.deepEqual(reasons, ["credentials are missing", "credentials are missing"]);
-  assert.deepEqual([...kept.values()], ["a+b?~"]);
+  assert.equal(access.token, "a+b?~");
   assert.deepEqual(client.streamAddress("s", {}, "", new URL("http://h/")).protocols, [
     "wayfarer.v1", "wayfarer.token.YStiP34",
   ]);
 });
 
-test("where nobody asks, nothing is shown", () => {
-  const access = new Access(() => {}, { getItem: () => null });
-  assert.deepEqual(access.headers, {});
-  assert.deepEqual(access.protocols, ["wayfarer.v1"]);
+test("where nobody can be asked, the call is refused", async () => {
+  const fetcher = async () => new Response('{"detail": "credentials are missing"}', { status: 401 });
+  await assert.rejects(new Api("", { fetcher }).bodies(), { status: 401, message: "credentials are missing" });
+  assert.deepEqual(new Access().headers, {});
+  assert.deepEqual(new Access().protocols, ["wayfarer.v1"]);
+});
+
+test("outside of a page, the server's address is said", () => {
+  const { url } = new Api("https://walk.example").streamAddress("s", {}, "", undefined);
+  assert.equal(url, "wss://walk.example/v1/stream?session=s");
 });
 
 /** An Api whose server refuses the first calls, and how long it waited before each further one. */
@@ -151,7 +156,7 @@ function refusing(...refusals) {
     return problem ? new Response(JSON.stringify(problem), { status: 429 }) : new Response("{}");
   };
   const pause = async (seconds, error) => waited.push([seconds, error.message]);
-  return { api: new Api("", undefined, fetcher, pause), waited };
+  return { api: new Api("", { fetcher, pause }), waited };
 }
 
 test("a call that is refused for now is sent again when the server has said", async () => {

@@ -1,11 +1,15 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { PlayoutClock, PoseTrack, mixPoses } from "../../service/wayfarer/transport/viewer/jitter.js";
+import { PlayoutClock, PoseTrack, mixPoses } from "../src/core/index.js";
 
 const CHUNK = 0.2;
 const FPS = 40;
 const identity = [0, 0, 0, 1];
 const at = (x) => Float32Array.from([x, 0, 0, ...identity]);
+
+function push(track, time, fps, frames) {
+  track.push(time, fps, frames.flatMap((frame) => [...frame]), frames.length, new Uint8Array(frames.length));
+}
 
 /** Deterministic noise in 0…1. */
 function noise(seed) {
@@ -16,7 +20,7 @@ function noise(seed) {
 /** Play `seconds` of a body that moves 1 m/s, chunks arriving `late(k)` after their time. */
 function play(seconds, late, transit = 0.02, local = 500) {
   const clock = new PlayoutClock();
-  const track = new PoseTrack();
+  const track = new PoseTrack(7);
   const arrivals = [];
   for (let k = 0; k * CHUNK < seconds; k += 1) arrivals.push({ k, when: k * CHUNK + late(k) });
   const shown = [];
@@ -29,7 +33,7 @@ function play(seconds, late, transit = 0.02, local = 500) {
       const now = local + lastArrival + transit;
       clock.observe(now, lastArrival);
       clock.observeChunk(now, k * CHUNK);
-      track.push(k * CHUNK, FPS, Array.from({ length: 8 }, (_, f) => at(k * CHUNK + f / FPS)));
+      push(track, k * CHUNK, FPS, Array.from({ length: 8 }, (_, f) => at(k * CHUNK + f / FPS)));
     }
     const moment = clock.advance(local + t);
     if (track.sample(moment, out)) shown.push({ t, x: out[0], moment });
@@ -77,13 +81,13 @@ test("a tab that slept jumps to the present", () => {
 });
 
 test("an underrun holds the pose, and the stream is joined again without a jump", () => {
-  const track = new PoseTrack();
+  const track = new PoseTrack(7);
   const out = new Float32Array(7);
-  track.push(0, FPS, [at(0), at(1)]);
+  push(track, 0, FPS, [at(0), at(1)]);
   for (const t of [0, 0.02, 0.1, 0.5]) track.sample(t, out);
   assert.equal(out[0], 1);
   assert.equal(track.underruns, 1);
-  track.push(0.05, FPS, Array.from({ length: 40 }, (_, k) => at(2 + k)));
+  push(track, 0.05, FPS, Array.from({ length: 40 }, (_, k) => at(2 + k)));
   let last = out[0];
   track.sample(0.51, out);
   assert.ok(Math.abs(out[0] - last) < 0.5, `jumped to ${out[0]}`);
@@ -96,26 +100,26 @@ test("an underrun holds the pose, and the stream is joined again without a jump"
 });
 
 test("before the first frame there is no pose; before its time it waits on the first", () => {
-  const track = new PoseTrack();
+  const track = new PoseTrack(7);
   const out = new Float32Array(7);
   assert.equal(track.sample(0, out), false);
-  track.push(10, FPS, [at(3), at(4)]);
+  push(track, 10, FPS, [at(3), at(4)]);
   assert.equal(track.sample(9, out), true);
   assert.equal(out[0], 3);
   assert.equal(track.underruns, 0);
 });
 
 test("frames sent twice are dropped and a hidden tab's memory is bounded", () => {
-  const track = new PoseTrack();
+  const track = new PoseTrack(7);
   const frames = Array.from({ length: 8 }, (_, k) => at(k));
-  track.push(0, FPS, frames);
-  track.push(0, FPS, frames.map(() => at(99)));
+  push(track, 0, FPS, frames);
+  push(track, 0, FPS, frames.map(() => at(99)));
   const out = new Float32Array(7);
   track.sample(0.1, out);
   assert.equal(out[0], 4);
-  for (let k = 1; k < 1000; k += 1) track.push(k * CHUNK, FPS, frames);
+  for (let k = 1; k < 1000; k += 1) push(track, k * CHUNK, FPS, frames);
   assert.ok(track.buffered(999 * CHUNK + 0.175) < 1e-6);
-  assert.ok(track.frameCount <= 400);
+  assert.ok(track.length <= 400);
 });
 
 test("rotations take the shorter arc and stay of unit length", () => {
@@ -123,11 +127,11 @@ test("rotations take the shorter arc and stay of unit length", () => {
   const a = Float32Array.from([0, 0, 0, 0, 0, 0, 1]);
   const b = Float32Array.from([2, 0, 0, 0, 0, -half, -half]); // 90° about z, opposite sign
   const out = new Float32Array(7);
-  mixPoses(a, b, 0.5, out);
+  mixPoses(a, 0, b, 0, 0.5, out, 7);
   assert.equal(out[0], 1);
   const angle = 2 * Math.atan2(out[5], out[6]);
   assert.ok(Math.abs(angle - Math.PI / 4) < 1e-6);
   assert.ok(Math.abs(Math.hypot(...out.slice(3)) - 1) < 1e-6);
-  mixPoses(a, a, 0.3, out);
+  mixPoses(a, 0, a, 0, 0.3, out, 7);
   assert.deepEqual([...out], [...a]);
 });

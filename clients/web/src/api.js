@@ -1,13 +1,23 @@
-// The HTTP API as functions. See /docs for its reference.
+// The HTTP API as functions: basis glTF, metres. A server's /docs is its reference.
+
+import { Access } from "./access.js";
 
 const ANSWER_SECONDS = 10;
 const BAKE_SECONDS = 60; // for what may take the server longer
 const PATIENCE_SECONDS = 15; // that a call which is refused for now is sent again
-const NOBODY = { token: "", headers: {}, protocols: [] };
+
+/** @typedef {{ x: number, y: number, z: number }} Place */
+/**
+ * A place to go to, metres. `y` says which storey is meant, in a scene; `heading`: to face there, radians.
+ * @typedef {{ x: number, y?: number, z: number, speed?: number, heading?: number, radius?: number, stop?: boolean, dwell?: number, strafe?: boolean }} Goal
+ */
 
 /** A refusal of the server, or no answer at all (status 0). */
 export class ApiError extends Error {
-  /** `problem`: the whole problem document (RFC 9457), as far as there is one. */
+  /**
+   * `problem`: the whole problem document (RFC 9457), as far as there is one.
+   * @param {string} message @param {number} status @param {Record<string, any>} [problem]
+   */
   constructor(message, status, problem = {}) {
     super(message);
     this.name = "ApiError";
@@ -18,27 +28,30 @@ export class ApiError extends Error {
 
 export class Api {
   /**
-   * `base` is the server's address without a final slash; "" is the one this page came from. `access`
-   * (access.js) shows who calls, and gets another token where the one it has is refused. A call that is
-   * refused for now (429) is sent again when the server has said; `pause(seconds, error)` waits until then.
+   * `base` is the server's address without a final slash; "" is the one this page came from. `access` shows who
+   * calls, and gets another token where the one it has is refused. A call that is refused for now (429) is sent again
+   * when the server has said; `pause(seconds, error)` waits until then.
+   * @param {string} [base]
+   * @param {{ access?: Access, fetcher?: typeof fetch, pause?: (seconds: number, error: ApiError) => Promise<unknown> }} [options]
    */
-  constructor(base = "", access = NOBODY, fetcher = (...request) => fetch(...request), pause = sleep) {
+  constructor(base = "", { access = new Access(), fetcher = (...request) => fetch(...request), pause = sleep } = {}) {
     this.base = base;
     this.access = access;
     this.fetcher = fetcher;
     this.pause = pause;
   }
 
-  /** A session in a scene, or with "" on a floor without end. */
+  /** A session in a scene, or with "" on a floor without end. @param {number} leaseSeconds @param {string} [scene] */
   createSession(leaseSeconds, scene = "") {
     return this.#call("POST", "/v1/sessions", { basis: "gltf", lease_s: leaseSeconds, ...(scene && { scene }) });
   }
 
+  /** @param {string} sessionId */
   renewSession(sessionId) {
     return this.#call("POST", `/v1/sessions/${encodeURIComponent(sessionId)}/renew`);
   }
 
-  /** End a session while the page goes away. */
+  /** End a session while the page goes away. @param {string} sessionId */
   abandonSession(sessionId) {
     this.fetcher(`${this.base}/v1/sessions/${encodeURIComponent(sessionId)}`, {
       method: "DELETE",
@@ -56,45 +69,58 @@ export class Api {
     return (await this.#call("GET", "/v1/bodies")).bodies;
   }
 
+  /** @param {string} sessionId @param {object[]} agents @returns {Promise<any[]>} */
   async createAgents(sessionId, agents) {
     const path = `/v1/sessions/${encodeURIComponent(sessionId)}/agents`;
     return (await this.#call("POST", path, { agents })).agents;
   }
 
+  /** @param {string} sessionId @returns {Promise<any[]>} */
   async agents(sessionId) {
     return (await this.#call("GET", `/v1/sessions/${encodeURIComponent(sessionId)}/agents`)).agents;
   }
 
+  /** @param {string} agentId */
   deleteAgent(agentId) {
     return this.#call("DELETE", agentPath(agentId));
   }
 
-  /** Send an agent to points of the floor in turn: [{ x, z, speed, heading … }], glTF basis. */
+  /**
+   * Send an agent to points of the floor in turn: [{ x, z, speed, heading … }], glTF basis.
+   * @param {string} agentId @param {Goal[]} goals
+   */
   setPath(agentId, goals) {
     return this.#call("PUT", `${agentPath(agentId)}/path`, { goals: goals.map(onFloor) });
   }
 
-  /** Add points to the end of its path. */
+  /** Add points to the end of its path. @param {string} agentId @param {Goal[]} goals */
   appendGoals(agentId, goals) {
     return this.#call("POST", `${agentPath(agentId)}/goals`, { goals: goals.map(onFloor) });
   }
 
-  /** Let an agent walk about within `radius` metres of { x, z }. */
+  /**
+   * Let an agent walk about within `radius` metres of { x, z }.
+   * @param {string} agentId @param {{ x: number, z: number }} middle @param {number} radius @param {object} [how]
+   */
   wander(agentId, { x, z }, radius, how) {
     const area = { center: { x, y: 0, z }, radius };
     return this.#call("PUT", `${agentPath(agentId)}/wander`, { area, ...how });
   }
 
-  /** Let an agent walk about all over its scene. */
+  /** Let an agent walk about all over its scene. @param {string} agentId @param {object} [how] */
   roam(agentId, how) {
     return this.#call("PUT", `${agentPath(agentId)}/wander`, how);
   }
 
-  /** Let an agent do something of itself: { patrol } or { follow }, { keep_away }, { queue } … */
+  /**
+   * Let an agent do something of itself: { patrol } or { follow }, { keep_away }, { queue } …
+   * @param {string} agentId @param {object} behaviour
+   */
   behave(agentId, behaviour) {
     return this.#call("PUT", `${agentPath(agentId)}/behaviour`, behaviour);
   }
 
+  /** @param {string} agentId */
   clearGoal(agentId) {
     return this.#call("DELETE", `${agentPath(agentId)}/goal`);
   }
@@ -104,11 +130,15 @@ export class Api {
     return (await this.#call("GET", "/v1/scenes/examples")).examples;
   }
 
+  /** @param {string} name */
   createExampleScene(name) {
     return this.#call("POST", `/v1/scenes/examples/${encodeURIComponent(name)}`, {}, BAKE_SECONDS);
   }
 
-  /** A scene of a mesh file (its bytes): `format` is "glb", "obj" or "ply". */
+  /**
+   * A scene of a mesh file (its bytes): `format` is "glb", "obj" or "ply".
+   * @param {ArrayBuffer} bytes @param {string} format @param {string} name
+   */
   createMeshScene(bytes, format, name) {
     const query = new URLSearchParams({ format, name });
     return this.#call("POST", `/v1/scenes/mesh?${query}`, bytes, BAKE_SECONDS);
@@ -118,30 +148,38 @@ export class Api {
     return (await this.#call("GET", "/v1/scenes")).scenes;
   }
 
+  /** @param {string} sceneId */
   scene(sceneId) {
     return this.#call("GET", scenePath(sceneId));
   }
 
-  /** What is needed to draw it: see `outlinesOf` in scenes.js. */
+  /** What is needed to draw it: see `outlinesOf` in scenes.js. @param {string} sceneId */
   sceneOutlines(sceneId) {
     return this.#call("GET", `${scenePath(sceneId)}/outlines`);
   }
 
-  /** Let an obstacle stand there, or move there: { box } … */
+  /**
+   * Let an obstacle stand there, or move there: { box } …
+   * @param {string} sceneId @param {string} name @param {object} obstacle
+   */
   putObstacle(sceneId, name, obstacle) {
     return this.#call("PUT", `${scenePath(sceneId)}/obstacles/${encodeURIComponent(name)}`, obstacle);
   }
 
+  /** @param {string} sceneId @param {string} name */
   removeObstacle(sceneId, name) {
     return this.#call("DELETE", `${scenePath(sceneId)}/obstacles/${encodeURIComponent(name)}`);
   }
 
-  /** The way an agent would take between two points { x, y, z }. */
+  /**
+   * The way an agent would take between two points { x, y, z }.
+   * @param {string} sceneId @param {Place} start @param {Place} goal
+   */
   queryPath(sceneId, start, goal) {
     return this.#call("POST", `${scenePath(sceneId)}/path`, { start, goal });
   }
 
-  /** Let so many people come and walk about in the session's scene. */
+  /** Let so many people come and walk about in the session's scene. @param {string} sessionId @param {number} count */
   populate(sessionId, count) {
     return this.#call("POST", `/v1/sessions/${encodeURIComponent(sessionId)}/crowd`, { count }, BAKE_SECONDS);
   }
@@ -150,16 +188,21 @@ export class Api {
     return this.#call("GET", "/v1/stats");
   }
 
-  /** Where MotionStream connects: `wish` has encoding, fps … as in the query of WS /v1/stream. */
+  /**
+   * Where MotionStream connects: `wish` has encoding, fps … as in the query of WS /v1/stream.
+   * @param {string} sessionId @param {Record<string, string | number>} [wish] @param {string} [resumeToken]
+   * @param {{ href: string }} [location]
+   */
   streamAddress(sessionId, wish = {}, resumeToken = "", location = globalThis.location) {
-    const url = new URL(`${this.base}/v1/stream`, location.href);
+    const url = new URL(`${this.base}/v1/stream`, location?.href);
     url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
     url.searchParams.set("session", sessionId);
-    for (const [key, value] of Object.entries(wish)) url.searchParams.set(key, value);
+    for (const [key, value] of Object.entries(wish)) url.searchParams.set(key, String(value));
     if (resumeToken) url.searchParams.set("resume_token", resumeToken);
     return { url: url.href, protocols: this.access.protocols };
   }
 
+  /** @param {string} method @param {string} path @param {unknown} [body] @param {number} [seconds] @returns {Promise<any>} */
   async #call(method, path, body, seconds = ANSWER_SECONDS) {
     let patience = PATIENCE_SECONDS;
     for (;;) {
@@ -167,20 +210,21 @@ export class Api {
       try {
         return await this.#ask(method, path, body, seconds);
       } catch (error) {
+        if (!(error instanceof ApiError)) throw error;
         const wait = error.status === 429 ? error.problem.retry_after_s : 0;
         if (wait && wait <= patience) {
           patience -= wait;
           await this.pause(wait, error);
-        } else if (error.status === 401 && this.access.renew) {
-          await this.access.renew(token, error.message);
-        } else {
+        } else if (error.status !== 401 || !(await this.access.renew(token, error.message))) {
           throw error;
         }
       }
     }
   }
 
+  /** @param {string} method @param {string} path @param {unknown} body @param {number} seconds @returns {Promise<any>} */
   async #ask(method, path, body, seconds) {
+    /** @type {RequestInit & { headers: Record<string, string> }} */
     const request = {
       method,
       headers: { accept: "application/json", ...this.access.headers },
@@ -197,7 +241,7 @@ export class Api {
     try {
       response = await this.fetcher(this.base + path, request);
     } catch (error) {
-      throw new ApiError(`the server does not answer (${error.message})`, 0);
+      throw new ApiError(`the server does not answer (${/** @type {Error} */ (error).message})`, 0);
     }
     const text = await response.text();
     if (!response.ok) throw refusal(text, response.status);
@@ -205,22 +249,24 @@ export class Api {
   }
 }
 
-const sleep = (seconds) => new Promise((done) => setTimeout(done, 1000 * seconds));
+const sleep = (/** @type {number} */ seconds) => new Promise((done) => setTimeout(done, 1000 * seconds));
 
+/** @param {string} agentId */
 function agentPath(agentId) {
   return `/v1/agents/${encodeURIComponent(agentId)}`;
 }
 
+/** @param {string} sceneId */
 function scenePath(sceneId) {
   return `/v1/scenes/${encodeURIComponent(sceneId)}`;
 }
 
-/** A goal { x, y, z, speed … } as the API has it. `y` says which storey is meant, in a scene. */
+/** A goal as the API has it. @param {Goal} goal */
 export function onFloor({ x, y = 0, z, ...how }) {
   return { position: { x, y, z }, ...how };
 }
 
-/** What an RFC 9457 problem document says, fields named; or the bare status. */
+/** What an RFC 9457 problem document says, fields named; or the bare status. @param {string} text @param {number} status */
 function refusal(text, status) {
   let problem;
   try {
@@ -228,7 +274,7 @@ function refusal(text, status) {
   } catch {
     return new ApiError(`HTTP ${status}`, status); // not JSON: a proxy's page
   }
-  const fields = (problem.errors ?? []).map(({ field, detail }) => `${field}: ${detail}`);
+  const fields = (problem.errors ?? []).map((/** @type {any} */ { field, detail }) => `${field}: ${detail}`);
   const said = fields.length ? fields.join("; ") : (problem.detail ?? problem.title ?? `HTTP ${status}`);
   return new ApiError(said, status, problem);
 }

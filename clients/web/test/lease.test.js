@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { keepAlive } from "../../service/wayfarer/transport/viewer/lease.js";
+import { keepAlive } from "../src/lease.js";
 
 function harness(answers) {
   const asked = [];

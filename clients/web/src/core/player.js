@@ -1,0 +1,176 @@
+// The agents of a stream, played smoothly: messages and times go in, poses come out.
+
+import { FLAG, StreamDecoder } from "./messages.js";
+import { PlayoutClock, PoseTrack } from "./playout.js";
+import { unpackPoses } from "./poses.js";
+
+/** @typedef {import("./messages.js").Agent} Agent */
+/** @typedef {import("./messages.js").Chunk} Chunk */
+/** @typedef {import("./messages.js").Header} Header */
+
+/** An agent, as it is shown. */
+export class PlayedAgent {
+  /** @param {Agent} agent @param {number} width numbers per frame */
+  constructor(agent, width) {
+    this.agent = agent;
+    /** Hips x, y, z, then x, y, z, w for each of the header's bones. */
+    this.frame = new Float32Array(width);
+    this.track = new PoseTrack(width);
+    /** Whether there is a pose in `frame`. */
+    this.shown = false;
+    /** "standing", "walking", "stopping", "turning": of the last chunk. */
+    this.state = "standing";
+  }
+}
+
+/**
+ * What a player tells, all as it comes: `header(header, again)`; `added(played)`, `removed(played)`;
+ * `chunk(played, chunk)`, of which `chunk` is one object, filled anew each time; `event(event)`.
+ * @typedef {object} PlayerEvents
+ * @property {(header: Header, again: boolean) => void} [header]
+ * @property {(played: PlayedAgent) => void} [added]
+ * @property {(played: PlayedAgent) => void} [removed]
+ * @property {(played: PlayedAgent, chunk: Chunk) => void} [chunk]
+ * @property {(event: import("./messages.js").MotionEvent) => void} [event]
+ */
+
+/** Plays a stream. Times are seconds of any clock of this machine. Allocates nothing but for agents that are new. */
+export class MotionPlayer {
+  #decoder = new StreamDecoder();
+  #unpacked = new Float32Array(0);
+  #goneUnderruns = 0;
+  #begun = false;
+  #caughtUpAt = -Infinity; // server time at which the stream was resumed
+
+  /** @param {PlayerEvents} [on] */
+  constructor(on = {}) {
+    this.on = on;
+    this.clock = new PlayoutClock();
+    /** By alias. @type {Map<number, PlayedAgent>} */
+    this.agents = new Map();
+    /** @type {Header | null} */
+    this.header = null;
+    /** The moment shown: server time, seconds since 1970. */
+    this.moment = NaN;
+    /** Counted since the start; `gaps`, `reduced`, `held`: chunks with that flag. */
+    this.stats = { messages: 0, bytes: 0, chunks: 0, frames: 0, gaps: 0, reduced: 0, held: 0 };
+  }
+
+  /** What to ask the next stream to go on from; "" at first. */
+  get resumeToken() {
+    return this.#decoder.resumeToken;
+  }
+
+  /** How often an agent's frames ran out. */
+  get underruns() {
+    let sum = this.#goneUnderruns;
+    for (const played of this.agents.values()) sum += played.track.underruns;
+    return sum;
+  }
+
+  /** Seconds of motion in hand, of the agent that has the least; Infinity when there is none. */
+  get buffered() {
+    let least = Infinity;
+    for (const played of this.agents.values()) least = Math.min(least, played.track.buffered(this.moment));
+    return least;
+  }
+
+  /** A connection begins: its first message is a header. */
+  begin() {
+    this.#begun = false;
+  }
+
+  /**
+   * A message of the stream (StreamMotionResponse) has come at local `now`. Returns its kind. Throws when it cannot
+   * be read: the connection is of no more use then.
+   * @param {Uint8Array} message @param {number} now
+   */
+  receive(message, now) {
+    const decoder = this.#decoder;
+    const kind = decoder.decode(message);
+    this.stats.messages += 1;
+    this.stats.bytes += message.length;
+    if (kind === "header") this.#header(/** @type {Header} */ (decoder.header));
+    this.clock.observe(now, decoder.sentAt);
+    if (kind === "batch") this.#batch(now);
+    else if (kind === "event" && decoder.event) this.on.event?.(decoder.event);
+    return kind;
+  }
+
+  /** Show everybody as at local `now`. Returns the moment shown, in server time. @param {number} now */
+  advance(now) {
+    this.moment = this.clock.advance(now);
+    this.agents.forEach(this.#show);
+    return this.moment;
+  }
+
+  /** Forget everybody, as if they were removed, and the clock. */
+  clear() {
+    for (const alias of [...this.agents.keys()]) this.remove(alias);
+    this.clock = new PlayoutClock();
+    this.#caughtUpAt = -Infinity;
+  }
+
+  /** Forget an agent. @param {number} alias */
+  remove(alias) {
+    const played = this.agents.get(alias);
+    if (!played) return;
+    this.#goneUnderruns += played.track.underruns;
+    this.agents.delete(alias);
+    this.on.removed?.(played);
+  }
+
+  #show = (/** @type {PlayedAgent} */ played) => {
+    played.shown = played.track.sample(this.moment, played.frame);
+  };
+
+  /** @param {Header} header */
+  #header(header) {
+    const again = this.header !== null;
+    this.#begun = true;
+    this.header = header;
+    this.#decoder.checkFrames(header); // an unknown encoding is told at once
+    // what was missed meanwhile is late for once, and says nothing of the next
+    if (again) this.#caughtUpAt = this.#decoder.sentAt;
+    this.on.header?.(header, again);
+  }
+
+  /** @param {number} now */
+  #batch(now) {
+    const decoder = this.#decoder, { header } = this;
+    if (!this.#begun || !header) throw new Error("motion came before the header");
+    decoder.checkFrames(header);
+    const width = 3 + 4 * header.bones.length;
+    for (const agent of decoder.added) this.#add(agent, width);
+    for (let row = 0; row < decoder.chunks; row += 1) this.#chunk(decoder.chunk(row), header, width, now);
+    for (let row = 0; row < decoder.removed; row += 1) this.remove(decoder.removedAlias(row));
+  }
+
+  /** A new agent, or one that is known already, when a stream begins again. @param {Agent} agent @param {number} width */
+  #add(agent, width) {
+    const known = this.agents.get(agent.alias);
+    if (known?.agent.id === agent.id && known.track.width === width) return;
+    if (known) this.remove(agent.alias);
+    const played = new PlayedAgent(agent, width);
+    this.agents.set(agent.alias, played);
+    this.on.added?.(played);
+  }
+
+  /** @param {Chunk} chunk @param {Header} header @param {number} width @param {number} now */
+  #chunk(chunk, header, width, now) {
+    const { stats } = this;
+    stats.chunks += 1;
+    stats.frames += chunk.frames;
+    if (chunk.flags & FLAG.GAP) stats.gaps += 1;
+    if (chunk.flags & FLAG.REDUCED) stats.reduced += 1;
+    if (chunk.flags & FLAG.HELD) stats.held += 1;
+    const played = this.agents.get(chunk.alias);
+    if (!played) return; // removed here, its last chunks still on the way
+    if (chunk.scheduledAt >= this.#caughtUpAt) this.clock.observeChunk(now, chunk.scheduledAt);
+    if (this.#unpacked.length < chunk.frames * width) this.#unpacked = new Float32Array(2 * chunk.frames * width);
+    unpackPoses(this.#decoder.view, chunk.poses, chunk.frames, header.encoding, header.bones.length, this.#unpacked);
+    played.track.push(chunk.scheduledAt, header.sentFps, this.#unpacked, chunk.frames, this.#decoder.bytes, chunk.contacts);
+    played.state = chunk.state;
+    this.on.chunk?.(played, chunk);
+  }
+}

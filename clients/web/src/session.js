@@ -1,0 +1,93 @@
+// A session of a server: made, kept alive, streamed and played.
+
+import { Access } from "./access.js";
+import { Api } from "./api.js";
+import { MotionPlayer } from "./core/player.js";
+import { keepAlive } from "./lease.js";
+import { MotionStream, clock } from "./stream.js";
+
+/**
+ * `scene`: id of a scene, "" for a floor without end. `wish`: `encoding`, `fps` … of the stream (docs/wire-format.md).
+ * `on`: what the player and the stream tell. `token`: an API key or JWT.
+ * @typedef {object} SessionOptions
+ * @property {string} [token]
+ * @property {string} [scene]
+ * @property {number} [leaseSeconds] for which the session outlives its last sign of life
+ * @property {Record<string, string | number>} [wish]
+ * @property {import("./core/player.js").PlayerEvents & import("./stream.js").StreamEvents} [on]
+ * @property {import("./stream.js").StreamOptions} [stream]
+ */
+
+/** People who walk, and where they are. */
+export class Session {
+  /** @type {() => void} */
+  #stopRenewing = () => {};
+
+  /**
+   * A session of your own. It ends when you close it, or `leaseSeconds` after this program has.
+   * @param {string | Api} server its address, as "http://localhost:8080"; "" is the one this page came from
+   * @param {SessionOptions} [options] @returns {Promise<Session>} rejects with ApiError
+   */
+  static async open(server, options = {}) {
+    const api = apiOf(server, options);
+    const lease = options.leaseSeconds ?? 60;
+    const { session_id: id } = await api.createSession(lease, options.scene ?? "");
+    const session = new Session(api, id, options);
+    session.#stopRenewing = keepAlive(api, id, lease, options.stream?.schedule);
+    session.own = true;
+    return session;
+  }
+
+  /**
+   * Somebody else's session, to watch or to give goals in.
+   * @param {string | Api} server @param {string} id @param {SessionOptions} [options]
+   */
+  static join(server, id, options = {}) {
+    return new Session(apiOf(server, options), id, options);
+  }
+
+  /** @param {Api} api @param {string} id @param {SessionOptions} options */
+  constructor(api, id, { on = {}, wish = {}, scene = "", stream = {} }) {
+    this.api = api;
+    this.id = id;
+    this.scene = scene;
+    this.own = false;
+    this.player = new MotionPlayer(on);
+    this.now = stream.now ?? clock;
+    this.stream = new MotionStream((token) => api.streamAddress(id, wish, token), this.player, {
+      ...on,
+      refused: async (reason) => {
+        if (await api.access.renew(api.access.token, reason)) this.stream.open();
+        else on.refused?.(reason);
+      },
+    }, stream);
+  }
+
+  /** Everybody, as shown, by alias. */
+  get agents() {
+    return this.player.agents;
+  }
+
+  /** Create agents: [{ gender, position, name … }], as in `POST /v1/sessions/…/agents`. @param {object[]} specs */
+  createAgents(specs) {
+    return this.api.createAgents(this.id, specs);
+  }
+
+  /** Once per picture: show everybody as at this moment. Their `frame`s are filled. */
+  update() {
+    return this.player.advance(this.now());
+  }
+
+  /** Leave it; one of your own ends. */
+  close() {
+    this.#stopRenewing();
+    this.stream.close();
+    if (this.own) this.api.abandonSession(this.id);
+    this.player.clear();
+  }
+}
+
+/** @param {string | Api} server @param {SessionOptions} options */
+function apiOf(server, { token = "" }) {
+  return server instanceof Api ? server : new Api(server, { access: new Access(token) });
+}

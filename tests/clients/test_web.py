@@ -1,0 +1,66 @@
+"""The npm package: its own tests, its types, and what a user gets of it."""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).parents[2] / "clients" / "web"
+
+pytestmark = pytest.mark.skipif(
+    not shutil.which("node"), reason="needs node: apt-get install nodejs"
+)
+with_tools = pytest.mark.skipif(
+    not (FOLDER / "node_modules").is_dir(), reason="needs its tools: cd clients/web && npm ci"
+)
+
+
+def run(*command: str, cwd: Path = FOLDER) -> str:
+    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_its_own_tests_pass():
+    """Golden vectors and traces, messages, stream, calls, and that nothing is allocated."""
+    said = run("node", "--test", *sorted(map(str, FOLDER.glob("test/*.test.js"))))
+    assert "# fail 0" in said and "# skipped 0" in said
+
+
+@with_tools
+def test_its_types_are_right_and_it_is_fit_to_publish(tmp_path):
+    """`npm pack` writes the types; publint looks at what a user would get."""
+    (packed,) = json.loads(run("npm", "pack", "--json", "--pack-destination", str(tmp_path)))
+    files = {entry["path"] for entry in packed["files"]}
+    assert {"README.md", "LICENSE", "src/index.js", "types/index.d.ts"} <= files
+    assert not any(path.startswith(("test/", "node_modules/")) for path in files)
+    said = run("node_modules/.bin/publint", "--strict", str(tmp_path / packed["filename"]))
+    assert "All good!" in said
+
+
+@with_tools
+def test_an_empty_typescript_project_uses_it(tmp_path):
+    """Installed from the packed file, checked by tsc in strict mode, and run."""
+    (packed,) = json.loads(run("npm", "pack", "--json", "--pack-destination", str(tmp_path)))
+    (tmp_path / "package.json").write_text('{"private": true, "type": "module"}')
+    (tmp_path / "use.ts").write_text(
+        'import { MotionPlayer, type PlayedAgent, Session } from "wayfarer-client";\n'
+        'import { BONES, Retarget } from "wayfarer-client/core";\n'
+        "const shown = (played: PlayedAgent): number => played.frame.length;\n"
+        "const player = new MotionPlayer({ added: (played) => shown(played) });\n"
+        "console.log(BONES.length, player.agents.size, typeof Session.open, typeof Retarget);\n"
+    )
+    run(
+        "npm",
+        "install",
+        "--offline",
+        "--no-audit",
+        str(tmp_path / packed["filename"]),
+        cwd=tmp_path,
+    )
+    tsc = str(FOLDER / "node_modules" / ".bin" / "tsc")
+    options = ("--strict", "--module", "nodenext", "--target", "es2022", "--lib", "es2022,dom")
+    run(tsc, *options, "--types", "", "--typeRoots", str(tmp_path / "none"), "use.ts", cwd=tmp_path)
+    assert run("node", "use.js", cwd=tmp_path).split() == ["22", "0", "function", "function"]
