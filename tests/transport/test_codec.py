@@ -88,36 +88,6 @@ def test_float32_bytes():
     assert packed.contacts == b"\x01\x03"
 
 
-def test_float16_bytes():
-    made = replace(chunk(), rotations=np.full((8, 22, 4), 0.5, np.float32))
-    packed = encode(made, Basis.ROS, PoseFormat(PoseEncoding.F16_LE))
-    assert len(packed.poses) == 8 * (12 + 22 * 8)
-    assert packed.poses[:12] == struct.pack(
-        "<3f", *made.translation[0, [1]], -1, made.translation[0, 2]
-    )
-    assert packed.poses[12:20] == struct.pack("<4e", 0.5, -0.5, 0.5, 0.5)
-
-
-@pytest.mark.parametrize(
-    ("quaternion", "words"),
-    [
-        ((0, 0, 0, 1), (16383 | 0x8000, 16383 | 0x8000, 16383)),  # w left out: index 3
-        ((1, 0, 0, 0), (16383, 16383, 16383)),  # index 0
-        ((0, -1, 0, 0), (16383 | 0x8000, 16383, 16383)),  # index 1
-        ((0.5, 0.5, 0.5, 0.5), (27968, 27968, 27968)),  # the first of equals is left out
-        # z is left out and negative, so the signs of all are turned: x 0.6 becomes -0.6
-        ((0.6, 0, -0.8, 0), (16383 - 13901, 16383 | 0x8000, 16383)),
-        ((0, 0, 0.8, 0.6), (16383, 16383 | 0x8000, 16383 + 13901)),
-        ((2**-0.5, 2**-0.5, 0, 0), (2 * 16383, 16383, 16383)),  # the greatest count
-    ],
-)
-def test_words_of_smallest_three(quaternion, words):
-    """The table of docs/wire-format.md."""
-    packed = smallest_three.pack(np.array(quaternion, np.float32))
-    assert tuple(packed.tolist()) == words
-    assert degrees_between(smallest_three.unpack(packed), quaternion) < 0.009
-
-
 @given(
     arrays.arrays(
         np.float64,

@@ -11,7 +11,7 @@ from grpc_status import rpc_status
 from tests.transport.rig import LIMITS, others_are_undisturbed
 from wayfarer.errors import InvalidArgument
 from wayfarer.transport.grpc_server.methods import check_points
-from wayfarer.v1 import goal_pb2, scene_pb2, session_pb2
+from wayfarer.v1 import scene_pb2, session_pb2
 
 SQUARE = [{"x": x, "z": z} for x, z in ((-5, -5), (5, -5), (5, 5), (-5, 5))]
 YARD = {"floors": [{"outline": [{"y": 0.0, **corner} for corner in SQUARE]}]}
@@ -166,13 +166,6 @@ async def test_hostile_glb_is_refused_and_nobody_is_disturbed(rig, data):
     await others_are_undisturbed(rig, session_id)
 
 
-async def test_an_index_beyond_64_bits_is_refused(rig):
-    data = b"v -5 0 -5\nv 5 0 -5\nv 0 0 5\nf 1 2 99999999999999999999\n"
-    answer = await rig.http.post("/v1/scenes/mesh?format=obj", content=data)
-    assert answer.status_code == 422, answer.text
-    assert "line 4" in answer.text
-
-
 async def test_a_mesh_that_is_too_large_is_refused_before_it_is_read(rig):
     most = LIMITS.mesh_bytes
     assert (await rig.http.post("/v1/scenes/mesh", content=bytes(most + 1))).status_code == 413
@@ -220,22 +213,6 @@ async def test_numbers_that_are_none_are_refused(rig):
     with pytest.raises(grpc.aio.AioRpcError) as caught:
         await rig.scenes.CreateScene(scene_pb2.CreateSceneRequest(floors=[floor]))
     assert bad_field(caught.value) == "floors[0].outline[3].x"
-
-
-async def test_behaviours_by_both_transports(rig):
-    _, (one, other) = await rig.session("unreal")
-    agent, leader = one["agent_id"], other["agent_id"]
-    body = {"follow": {"agent_id": leader, "behind": 150}}
-    answer = await rig.http.put(f"/v1/agents/{agent}/behaviour", json=body)
-    assert answer.json() == {"revision": 1}
-    request = goal_pb2.BehaveRequest(agent_id=agent, behaviour={"keep_away": {"place": {"x": 200}}})
-    assert (await rig.goals.Behave(request)).revision == 2
-    (_, follow), (_, away) = rig.service.commands
-    assert (follow.agent_id, follow.behind, follow.right) == (leader, 1.5, 0.0)
-    assert away.place == pytest.approx((0.0, 2.0)) and away.distance == 4.0
-    for wrong in ({}, {"follow": {"agent_id": "a"}, "wander": {}}, {"routine": {"parts": []}}):
-        answer = await rig.http.put(f"/v1/agents/{agent}/behaviour", json=wrong)
-        assert answer.status_code == 422
 
 
 def test_points_too_many_to_be_read_are_only_counted():

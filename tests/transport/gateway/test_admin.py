@@ -1,6 +1,6 @@
 import pytest
 
-from tests.transport.fakes import Clock, FakeService, opened
+from tests.transport.fakes import Clock, FakeService
 from tests.transport.gateway.calls import session_of_two
 from wayfarer.errors import AlreadyExists, FailedPrecondition, NotFound
 from wayfarer.limits import Limits
@@ -10,8 +10,7 @@ from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
 
 
-async def test_a_model_is_loaded_used_and_unloaded():
-    api = await opened()
+async def test_a_model_is_loaded_used_and_unloaded(api):
     await session_of_two(api)
     loaded = await api.admin.load_model(schema.NewModel(name="next"))
     assert (loaded.name, loaded.in_use) == ("next", False)
@@ -23,8 +22,7 @@ async def test_a_model_is_loaded_used_and_unloaded():
     assert [(m.name, m.in_use) for m in (await api.catalogue.models()).models] == [("next", True)]
 
 
-async def test_what_cannot_be_loaded_says_why():
-    api = await opened()
+async def test_what_cannot_be_loaded_says_why(api):
     for name, error in (
         ("none", NotFound),
         ("fake", AlreadyExists),
@@ -44,8 +42,7 @@ async def test_drain_stops_the_server():
     assert stops == [None]
 
 
-async def test_catalogue():
-    api = await opened()
+async def test_catalogue(api):
     bodies = api.catalogue.bodies().bodies
     assert [b.gender for b in bodies] == ["female", "male"]
     assert all(b.glb_path == f"/v1/bodies/anny52-{b.gender}.glb" for b in bodies)

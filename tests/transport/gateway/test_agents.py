@@ -1,6 +1,6 @@
 import pytest
 
-from tests.transport.fakes import FakeService, opened
+from tests.transport.fakes import opened
 from tests.transport.gateway.calls import TWO, session, session_of_two
 from wayfarer.errors import InvalidArgument, ResourceExhausted
 from wayfarer.limits import Limits
@@ -20,8 +20,7 @@ async def seeds(api, session_id: str) -> list[int]:
     return [agent.seed for agent in (await api.agents.list_of(session_id)).agents]
 
 
-async def test_seeds_are_drawn_from_the_sessions_and_the_agents_before():
-    api = await opened()
+async def test_seeds_are_drawn_from_the_sessions_and_the_agents_before(api):
     one, same, other = [await session(api, seed=seed) for seed in (7, 7, 8)]
     for session_id in (one, same, other):
         await api.agents.create(session_id, UNSEEDED)
@@ -32,9 +31,7 @@ async def test_seeds_are_drawn_from_the_sessions_and_the_agents_before():
     assert len({drawn[0], drawn[2], *(await seeds(api, other))}) == 5  # two, two others, and 5
 
 
-async def test_a_deleted_agent_counts_and_a_refused_one_does_not():
-    service = FakeService()
-    api = await opened(service)
+async def test_a_deleted_agent_counts_and_a_refused_one_does_not(service, api):
     plain, deleted, refused = [await session(api, seed=7) for _ in range(3)]
     for session_id in (plain, deleted, refused):
         (first, _) = (await api.agents.create(session_id, UNSEEDED)).agents
@@ -49,8 +46,7 @@ async def test_a_deleted_agent_counts_and_a_refused_one_does_not():
     assert await seeds(api, plain) == await seeds(api, refused)
 
 
-async def test_what_is_absent_from_an_update_stays():
-    api = await opened()
+async def test_what_is_absent_from_an_update_stays(api):
     _, (agent, _) = await session_of_two(api)
     named = await api.agents.update(agent.agent_id, schema.AgentUpdate(name="Ada"))
     assert named == agent.model_copy(update={"name": "Ada"})

@@ -9,9 +9,7 @@ from wayfarer.limits import Limits
 from wayfarer.transport import schema
 
 
-async def test_a_clip_is_a_header_and_batches():
-    service = FakeService()
-    api = await opened(service)
+async def test_a_clip_is_a_header_and_batches(service, api):
     wish = schema.ClipRequest(
         agent=schema.AgentSpec(seed=3, position=schema.Vector3(x=0, y=0, z=1)),
         goals=[schema.Goal(position=schema.Vector3(x=0, y=0, z=4))],
@@ -35,8 +33,7 @@ async def test_a_clip_is_a_header_and_batches():
         ({"seconds": 1, "goals": [{"position": {"x": 0, "y": 0, "z": 0}}] * 257}, "goals"),
     ],
 )
-async def test_a_clip_that_cannot_be_made_names_the_field(wish, field):
-    api = await opened()
+async def test_a_clip_that_cannot_be_made_names_the_field(wish, field, api):
     with pytest.raises(InvalidArgument) as caught:
         await anext(api.motion.generate_clip(schema.ClipRequest.model_validate(wish)))
     assert caught.value.field == field

@@ -1,52 +1,69 @@
 import pytest
 
-from tests.transport.fakes import FakeService, opened
-from tests.transport.gateway.calls import GOAL, session_of_two
-from wayfarer.errors import Aborted
+from tests.transport.gateway.calls import session_of_two
+from wayfarer.errors import InvalidArgument
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
+from wayfarer.world import behaviours as world
 from wayfarer.world.agents.agent import Goal
-from wayfarer.world.behaviours import Patrol, Wander
-from wayfarer.world.goals.commands import Append, Path, Stop
 
-GOALS = schema.Goals(goals=[GOAL, GOAL])
-PLACE = Goal((0.0, 0.0, 0.0))
-
-
-async def test_every_wish_becomes_a_command_with_the_revision_that_it_expects():
-    service = FakeService()
-    api = await opened(service)
-    _, (agent, _) = await session_of_two(api)
-    area = schema.Wander(area={"center": {"x": 0, "y": 0, "z": 0}, "radius": 3})
-    patrol = schema.Behaviour(patrol={"goals": GOALS.goals})
-    give = api.goals.give
-    assert await give(agent.agent_id, GOAL, 0) == 1
-    assert await give(agent.agent_id, GOALS, 1) == 2
-    assert await give(agent.agent_id, GOALS, 2, append=True) == 3
-    assert await give(agent.agent_id, area, 3) == 4
-    assert await give(agent.agent_id, patrol, 4) == 5
-    assert await give(agent.agent_id, None) == 6
-    assert service.expected == [0, 1, 2, 3, 4, None]
-    both = (PLACE, PLACE)
-    assert [command for _, command in service.commands] == [
-        PLACE,
-        Path(both),
-        Append(both),
-        Wander((0.0, 0.0), 3.0),
-        Patrol(both),
-        Stop(),
-    ]
-    with pytest.raises(Aborted, match="stale"):
-        await give(agent.agent_id, None, 7)
+# Unreal: centimetres, x is forward (+Y of the world), y is right, headings turn the other way
+HERE = {"x": 200, "y": 100, "z": 0}
+SPOT = pytest.approx((1.0, 2.0))
+GOAL = {"position": HERE}
+MEANT = Goal(pytest.approx((1.0, 2.0, 0.0)))
+AREA = {"area": {"center": HERE, "radius": 300}, "speed": 150}
+WANDER = world.Wander(SPOT, pytest.approx(3.0), pytest.approx(1.5))
+BEHAVIOURS = [
+    ({"wander": AREA}, WANDER),
+    ({"patrol": {"goals": [GOAL, GOAL], "to_and_fro": True}}, world.Patrol((MEANT, MEANT), True)),
+    ({"follow": {"agent_id": "a", "behind": 150, "right": -50}}, world.Follow("a", 1.5, -0.5)),
+    ({"keep_away": {"place": HERE}}, world.KeepAway(place=SPOT)),
+    ({"keep_away": {"agent_id": "a", "distance": 300}}, world.KeepAway("a", distance=3.0)),
+    (
+        {"queue": {"name": "till", "head": HERE, "heading": 0.5, "spacing": 80}},
+        world.Queue("till", SPOT, -0.5, pytest.approx(0.8)),
+    ),
+    (
+        {"routine": {"parts": [{"visit": {"goals": [GOAL]}}, {"wander": AREA, "seconds": 9}]}},
+        world.Routine((world.Part(world.Visit((MEANT,))), world.Part(WANDER, 9.0))),
+    ),
+]
 
 
-async def test_wandering_is_in_the_basis_of_the_session():
-    service = FakeService()
-    api = await opened(service)
+@pytest.mark.parametrize(("wish", "meant"), BEHAVIOURS)
+async def test_behaviours_are_in_the_basis_of_the_session(service, api, wish, meant):
     _, (agent, _) = await session_of_two(api, basis=Basis.UNREAL)
-    center = schema.Vector3(x=200, y=100, z=0)
-    area = schema.Wander(area=schema.Area(center=center, radius=300), speed=150)
-    await api.goals.give(agent.agent_id, area)
-    assert service.commands[-1][1] == Wander(
-        pytest.approx((1.0, 2.0)), pytest.approx(3.0), pytest.approx(1.5), 0.0
-    )
+    await api.goals.give(agent.agent_id, schema.Behaviour.model_validate(wish))
+    assert service.commands == [(agent.agent_id, meant)]
+
+
+async def test_wandering_of_its_own_verb_is_the_same(service, api):
+    _, (agent, _) = await session_of_two(api, basis=Basis.UNREAL)
+    await api.goals.give(agent.agent_id, schema.Wander.model_validate(AREA))
+    assert service.commands == [(agent.agent_id, WANDER)]
+
+
+@pytest.mark.parametrize(
+    ("told", "wish", "named"),
+    [
+        ("behaviour.radius", {"wander": AREA}, "behaviour.wander.area.radius"),
+        (
+            "behaviour.parts[0].radius",
+            {"routine": {"parts": [{"wander": AREA}]}},
+            "behaviour.routine.parts[0].wander.area.radius",
+        ),
+    ],
+)
+async def test_what_the_world_refuses_is_named_as_the_client_wrote_it(
+    service, api, told, wish, named
+):
+    _, (agent, _) = await session_of_two(api)
+
+    async def refuse(*_: object) -> int:
+        raise InvalidArgument(f"{told} is 9", told)
+
+    service.give = refuse
+    with pytest.raises(InvalidArgument) as caught:
+        await api.goals.give(agent.agent_id, schema.Behaviour.model_validate(wish))
+    assert caught.value.field == named and str(caught.value) == f"{named} is 9"

@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from tests.transport.fakes import Clock, FakeService, opened
+from tests.transport.fakes import Clock
 from tests.transport.gateway.calls import called_by, caller, session
 from wayfarer.errors import Aborted, ResourceExhausted
 from wayfarer.transport import schema
@@ -14,9 +14,7 @@ WISH = schema.NewSession(request_id="a", basis="unity")
 AGENTS = schema.NewAgents(request_id="b", agents=[schema.AgentSpec()])
 
 
-async def test_the_same_request_is_done_once():
-    service = FakeService()
-    api = await opened(service)
+async def test_the_same_request_is_done_once(service, api):
     first = await api.sessions.create(WISH)
     assert await api.sessions.create(WISH) == first
     agents = await api.agents.create(first.session_id, AGENTS)
@@ -24,13 +22,11 @@ async def test_the_same_request_is_done_once():
     assert service.created == 2
 
 
-async def test_without_an_id_each_is_another():
-    api = await opened()
+async def test_without_an_id_each_is_another(api):
     assert await session(api) != await session(api)
 
 
-async def test_an_id_that_was_used_for_another_request_is_refused():
-    api = await opened()
+async def test_an_id_that_was_used_for_another_request_is_refused(api):
     one = await api.sessions.create(WISH)
     other = await session(api)
     await api.agents.create(one.session_id, AGENTS)
@@ -43,8 +39,7 @@ async def test_an_id_that_was_used_for_another_request_is_refused():
             await call
 
 
-async def test_callers_do_not_share_ids():
-    api = await opened()
+async def test_callers_do_not_share_ids(api):
     made = set()
     for name in ("ada", "bob"):
         with called_by(caller(name)):
@@ -52,9 +47,7 @@ async def test_callers_do_not_share_ids():
     assert len(made) == 2
 
 
-async def test_duplicates_wait_for_the_first_even_when_it_has_gone_away():
-    service = FakeService()
-    api = await opened(service)
+async def test_duplicates_wait_for_the_first_even_when_it_has_gone_away(service, api):
     service.slow = asyncio.Event()
     calls = [asyncio.create_task(api.sessions.create(WISH)) for _ in range(3)]
     for _ in range(3):
@@ -65,9 +58,7 @@ async def test_duplicates_wait_for_the_first_even_when_it_has_gone_away():
     assert second == third and service.created == 1
 
 
-async def test_a_request_that_failed_may_be_tried_again():
-    service = FakeService()
-    api = await opened(service)
+async def test_a_request_that_failed_may_be_tried_again(service, api):
     session_id = await session(api)
     service.fail_with = ResourceExhausted("full")
     with pytest.raises(ResourceExhausted):
@@ -75,9 +66,7 @@ async def test_a_request_that_failed_may_be_tried_again():
     assert len((await api.agents.create(session_id, AGENTS)).agents) == 1
 
 
-async def test_replies_are_forgotten_after_ten_minutes():
-    clock, service = Clock(), FakeService()
-    api = await opened(service, clock=clock)
+async def test_replies_are_forgotten_after_ten_minutes(service, clock, api):
     await api.sessions.create(WISH)
     clock.now += 599
     await api.sessions.create(WISH)

@@ -30,9 +30,7 @@ from wayfarer.v1 import motion_pb2
 from wayfarer.world.events import EventKind
 
 
-async def test_stream_introduces_agents_with_their_first_chunk():
-    service = FakeService()
-    api = await opened(service)
+async def test_stream_introduces_agents_with_their_first_chunk(service, api):
     session_id, (first, second) = await session_of_two(api)
     async with contextlib.aclosing(stream(api, session_id)) as messages:
         header = (await anext(messages)).header
@@ -53,9 +51,7 @@ async def test_stream_introduces_agents_with_their_first_chunk():
         assert [a.name for a in (await anext(messages)).batch.added] == [third.name]
 
 
-async def test_stream_tells_of_deleted_agents_and_drops_their_late_chunks():
-    service = FakeService()
-    api = await opened(service)
+async def test_stream_tells_of_deleted_agents_and_drops_their_late_chunks(service, api):
     session_id, (first, second) = await session_of_two(api)
     async with contextlib.aclosing(stream(api, session_id)) as messages:
         await anext(messages)
@@ -68,9 +64,7 @@ async def test_stream_tells_of_deleted_agents_and_drops_their_late_chunks():
         assert list(batch.chunks.aliases) == [second.alias]
 
 
-async def test_an_agent_deleted_before_its_first_chunk_is_never_shown():
-    service = FakeService()
-    api = await opened(service)
+async def test_an_agent_deleted_before_its_first_chunk_is_never_shown(service, api):
     session_id, (first, second) = await session_of_two(api)
     async with contextlib.aclosing(stream(api, session_id)) as messages:
         await anext(messages)
@@ -80,9 +74,7 @@ async def test_an_agent_deleted_before_its_first_chunk_is_never_shown():
         assert [a.alias for a in batch.added] == list(batch.chunks.aliases) == [second.alias]
 
 
-async def test_chosen_agents_only():
-    service = FakeService()
-    api = await opened(service)
+async def test_chosen_agents_only(service, api):
     session_id, (_, second) = await session_of_two(api)
     chosen = stream(api, session_id, agent_ids=[second.agent_id], slow_reader="hold")
     async with contextlib.aclosing(chosen) as messages:
@@ -95,9 +87,7 @@ async def test_chosen_agents_only():
         await anext(stream(api, session_id, agent_ids=["stranger"]))
 
 
-async def test_a_format_decides_the_frames():
-    service = FakeService()
-    api = await opened(service)
+async def test_a_format_decides_the_frames(service, api):
     session_id, _ = await session_of_two(api)
     wish = schema.PoseFormat(encoding="f16_le", profile="bones", bones=("head", "pelvis"), fps=10)
     async with contextlib.aclosing(stream(api, session_id, format=wish)) as messages:
@@ -122,9 +112,7 @@ async def test_heartbeat_when_nothing_happens(monkeypatch):
         assert kinds(await take(messages, 3)) == ["header", "heartbeat", "heartbeat"]
 
 
-async def test_events_follow_their_chunks():
-    service = FakeService()
-    api = await opened(service)
+async def test_events_follow_their_chunks(service, api):
     session_id, _ = await session_of_two(api)
     async with contextlib.aclosing(stream(api, session_id)) as messages:
         await anext(messages)
@@ -146,9 +134,7 @@ async def test_events_follow_their_chunks():
 # the end
 
 
-async def test_stream_ends_with_its_session():
-    service = FakeService()
-    api = await opened(service)
+async def test_stream_ends_with_its_session(service, api):
     session_id = await session(api)
     messages = stream(api, session_id)
     await anext(messages)
@@ -191,9 +177,7 @@ async def test_streams_of_the_server_are_limited():
     await messages.aclose()
 
 
-async def test_drain_tells_streams_ends_them_and_refuses_work():
-    service = FakeService()
-    api = await opened(service)
+async def test_drain_tells_streams_ends_them_and_refuses_work(service, api):
     session_id = await session(api)
     got = []
 
@@ -221,9 +205,7 @@ async def test_drain_tells_streams_ends_them_and_refuses_work():
         await api.sessions.create(schema.NewSession())
 
 
-async def test_a_broken_runtime_ends_streams_with_its_error():
-    service = FakeService()
-    api = await opened(service)
+async def test_a_broken_runtime_ends_streams_with_its_error(service, api):
     messages = stream(api, await session(api))
     await anext(messages)
     service.break_down()

@@ -4,7 +4,6 @@ import contextlib
 
 import pytest
 
-from tests.transport.fakes import FakeService, opened
 from tests.transport.gateway.calls import (
     DONE,
     REACHED,
@@ -33,9 +32,7 @@ async def resumed(api, session_id: str, token: str, number: int):
         return await take(messages, 1 + number)
 
 
-async def test_a_stream_goes_on_where_its_token_left_off():
-    service = FakeService()
-    api = await opened(service)
+async def test_a_stream_goes_on_where_its_token_left_off(service, api):
     session_id, _ = await session_of_two(api)
     token = await token_of(api, service, session_id)
     for _ in range(2):
@@ -46,9 +43,7 @@ async def test_a_stream_goes_on_where_its_token_left_off():
     assert len(batches[0].batch.added) == 2  # told again: it is another connection
 
 
-async def test_a_stream_that_resumes_is_told_who_was_deleted_meanwhile():
-    service = FakeService()
-    api = await opened(service)
+async def test_a_stream_that_resumes_is_told_who_was_deleted_meanwhile(service, api):
     session_id, (first, second) = await session_of_two(api)
     token = await token_of(api, service, session_id)
     service.emit(session_id)
@@ -63,9 +58,7 @@ async def test_a_stream_that_resumes_is_told_who_was_deleted_meanwhile():
         assert not (await anext(messages)).batch.removed
 
 
-async def test_a_token_knows_which_agents_were_followed():
-    service = FakeService()
-    api = await opened(service)
+async def test_a_token_knows_which_agents_were_followed(service, api):
     session_id, (first, second) = await session_of_two(api)
     ids = (first.agent_id, second.agent_id)
 
@@ -86,10 +79,8 @@ async def test_a_token_knows_which_agents_were_followed():
     assert await is_same(await following())
 
 
-async def test_events_that_did_not_arrive_are_told_again():
+async def test_events_that_did_not_arrive_are_told_again(service, api):
     """The client went away between a batch and the second of its events."""
-    service = FakeService()
-    api = await opened(service)
     session_id, _ = await session_of_two(api)
     with_events = await token_of(api, service, session_id, REACHED, DONE)
     service.emit(session_id)
@@ -98,9 +89,7 @@ async def test_events_that_did_not_arrive_are_told_again():
     assert list(rest[2].batch.chunks.seqs) == [1, 1]
 
 
-async def test_events_that_arrived_are_not_told_again():
-    service = FakeService()
-    api = await opened(service)
+async def test_events_that_arrived_are_not_told_again(service, api):
     session_id, _ = await session_of_two(api)
     events = api.motion.events(schema.StreamRequest(session_id=session_id))
     async with contextlib.aclosing(events):
@@ -117,9 +106,7 @@ async def test_events_that_arrived_are_not_told_again():
     assert list(batch.batch.chunks.seqs) == [1, 1]
 
 
-async def test_a_token_of_another_life_does_not_resume():
-    service = FakeService()
-    api = await opened(service)
+async def test_a_token_of_another_life_does_not_resume(service, api):
     session_id, _ = await session_of_two(api)
     (header,) = await resumed(api, session_id, "before-restart.7", 0)
     assert not header.header.resumed
@@ -127,8 +114,7 @@ async def test_a_token_of_another_life_does_not_resume():
 
 
 @pytest.mark.parametrize("token", ["x", "1", ".", "a.b", "a.-1", "a.1.", "a.1.2.3", "a.1 ", "é.1"])
-async def test_a_malformed_token_is_refused(token):
-    api = await opened()
+async def test_a_malformed_token_is_refused(token, api):
     with pytest.raises(InvalidArgument, match="not a resume token") as caught:
         await anext(stream(api, await session(api), resume_token=token))
     assert caught.value.field == "resume_token"

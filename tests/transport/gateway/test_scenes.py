@@ -2,7 +2,7 @@ import asyncio
 
 import pytest
 
-from tests.transport.fakes import Clock, FakeService, opened
+from tests.transport.fakes import FakeService, opened
 from tests.transport.gateway.calls import called_by, caller, session, stream, take
 from tests.transport.samples import NOW
 from wayfarer.errors import (
@@ -44,8 +44,7 @@ OBJ = b"v -10 0 -10\nv 10 0 -10\nv 10 0 10\nv -10 0 10\nf 1 2 3 4\n"
 OBJ_WISH = schema.MeshScene(mesh=schema.Mesh(format="obj"))
 
 
-async def test_a_scene_lives_until_it_is_deleted():
-    api = await opened()
+async def test_a_scene_lives_until_it_is_deleted(api):
     made = await yard(api)
     assert (made.name, made.islands, made.sessions) == ("yard", 1, 0)
     assert 300 < made.area_m2 < 400 - 2 and made.basis.basis is Basis.GLTF
@@ -59,9 +58,7 @@ async def test_a_scene_lives_until_it_is_deleted():
     assert (await api.scenes.list_own()).scenes == ()
 
 
-async def test_sessions_are_in_scenes_of_their_caller():
-    service = FakeService()
-    api = await opened(service)
+async def test_sessions_are_in_scenes_of_their_caller(api):
     made = await yard(api)
     session_id = await session(api, scene=made.scene_id, avoid=False)
     found = await api.sessions.get(session_id)
@@ -81,8 +78,7 @@ async def test_sessions_are_in_scenes_of_their_caller():
     await api.scenes.delete(made.scene_id)
 
 
-async def test_what_is_wrong_with_a_scene_is_told_by_the_clients_names():
-    api = await opened()
+async def test_what_is_wrong_with_a_scene_is_told_by_the_clients_names(api):
     small = CRATE.model_copy(update={"size": schema.Extents(x=1, y=1, z=0.001)})
     with pytest.raises(InvalidArgument, match=r"allowed is 0\.01 m to 500 m") as caught:
         await yard(api, solids=(schema.Solid(box=small),))
@@ -97,9 +93,7 @@ async def test_what_is_wrong_with_a_scene_is_told_by_the_clients_names():
         await yard(api, lease_s=1e9)
 
 
-async def test_a_request_sent_twice_makes_one_scene():
-    service = FakeService()
-    api = await opened(service)
+async def test_a_request_sent_twice_makes_one_scene(service, api):
     made = [await yard(api, request_id="r") for _ in range(2)]
     assert made[0] == made[1] and len(service.wishes) == 1
     with pytest.raises(Aborted):
@@ -124,9 +118,7 @@ async def test_scenes_of_a_caller_are_limited_also_those_in_the_making():
         await yard(api)  # no room is lost by failing
 
 
-async def test_a_scene_outlives_its_last_session_and_call_by_its_lease():
-    service, clock = FakeService(), Clock()
-    api = await opened(service, clock=clock)
+async def test_a_scene_outlives_its_last_session_and_call_by_its_lease(service, clock, api):
     made, forgotten = await yard(api, lease_s=50), await yard(api)
     assert (made.lease_s, forgotten.lease_s) == (50, SCENE_LEASE_S)
     session_id = await session(api, scene=made.scene_id, lease_s=500)
@@ -153,9 +145,7 @@ async def test_scenes_are_taken_over_after_a_restart():
     assert (await again.scenes.get(made.scene_id)).basis.basis is Basis.UNITY
 
 
-async def test_obstacles_come_move_and_go():
-    service = FakeService()
-    api = await opened(service)
+async def test_obstacles_come_move_and_go(api):
     made = await yard(api)
     first = await api.scenes.put_obstacle(made.scene_id, "crate", schema.Obstacle(box=CRATE))
     second = await api.scenes.put_obstacle(
@@ -176,8 +166,7 @@ async def test_obstacles_come_move_and_go():
         await api.scenes.remove_obstacle(made.scene_id, "crate")
 
 
-async def test_ways_are_told_or_how_far_one_gets():
-    api = await opened()
+async def test_ways_are_told_or_how_far_one_gets(api):
     made = await yard(api)
     asked = schema.PathQuery(start=vector(0, 0, -5), goal=vector(0, 0, 8))
     way = await api.scenes.query_path(made.scene_id, asked)
@@ -198,8 +187,7 @@ async def test_ways_are_told_or_how_far_one_gets():
     assert (x, y) == pytest.approx((0, 0)) and 5 < z < 6
 
 
-async def test_examples_are_listed_and_made():
-    api = await opened()
+async def test_examples_are_listed_and_made(api):
     names = [example.name for example in api.scenes.examples().examples]
     assert "corridor" in names and all(e.summary for e in api.scenes.examples().examples)
     made = await api.scenes.create_example("corridor", schema.NewExampleScene(basis=Basis.UNREAL))
@@ -261,9 +249,7 @@ async def test_people_come_to_a_session_that_is_in_a_scene():
         await api.scenes.populate(await session(api), schema.Crowd(count=1))
 
 
-async def test_people_of_a_crowd_can_be_told_what_to_do_though_no_call_created_them():
-    service = FakeService()
-    api = await opened(service)
+async def test_people_of_a_crowd_can_be_told_what_to_do_though_no_call_created_them(service, api):
     session_id = await session(api)
     (guest,) = await service.create_agents(session_id, [AgentSpec()])
     goal = schema.Goal(position=vector(1, 0, 2))
@@ -273,9 +259,7 @@ async def test_people_of_a_crowd_can_be_told_what_to_do_though_no_call_created_t
         await api.goals.give(guest.agent_id, goal)
 
 
-async def test_an_unreachable_goal_is_told_in_the_basis_of_the_session():
-    service = FakeService()
-    api = await opened(service)
+async def test_an_unreachable_goal_is_told_in_the_basis_of_the_session(service, api):
     session_id = await session(api, basis=Basis.UNREAL)
     agents = await api.agents.create(session_id, schema.NewAgents(agents=[schema.AgentSpec()]))
 
@@ -289,9 +273,7 @@ async def test_an_unreachable_goal_is_told_in_the_basis_of_the_session():
     assert caught.value.nearest == pytest.approx((200, 100, 300))
 
 
-async def test_a_stream_is_told_who_of_a_crowd_has_left():
-    service = FakeService()
-    api = await opened(service)
+async def test_a_stream_is_told_who_of_a_crowd_has_left(service, api):
     made = await yard(api)
     session_id = await session(api, scene=made.scene_id)
     one, other = await service.create_agents(session_id, [AgentSpec()] * 2)

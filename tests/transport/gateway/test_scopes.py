@@ -4,7 +4,6 @@ import inspect
 
 import pytest
 
-from tests.transport.fakes import opened
 from tests.transport.gateway.calls import called_by, caller, session
 from wayfarer.errors import PermissionDenied
 from wayfarer.transport.caller import Scope
@@ -23,8 +22,7 @@ CHANGES = {"create", "update", "delete", "set", "clear", "append", "wander", "im
 CHANGES |= {"behave", "put", "remove", "populate"}
 
 
-async def test_every_public_method_has_a_scope():
-    api = await opened()
+async def test_every_public_method_has_a_scope(api):
     scopes = {
         (part, name): getattr(method, "scope", None)
         for part in PARTS
@@ -41,8 +39,7 @@ async def test_every_public_method_has_a_scope():
             assert scope is Scope.CONTROL, name
 
 
-async def test_a_reader_may_not_change_and_a_controller_not_administrate():
-    api = await opened()
+async def test_a_reader_may_not_change_and_a_controller_not_administrate(api):
     session_id = await session(api)
     with called_by(caller("ada", Scope.READ)):
         with pytest.raises(PermissionDenied, match=r"scope control; .* 'ada' are: read"):

@@ -21,9 +21,7 @@ from wayfarer.transport.caller import Quota, Scope
 from wayfarer.world.agents.agent import SessionSpec
 
 
-async def test_each_session_keeps_its_basis():
-    service = FakeService()
-    api = await opened(service)
+async def test_each_session_keeps_its_basis(service, api):
     for basis in Basis:
         session_id = await session(api, basis)
         one = basis.axes.points_to_wire(basis.axes.points_to_core(basis.axes.forward))
@@ -40,8 +38,7 @@ async def test_each_session_keeps_its_basis():
         assert (await api.sessions.get(session_id)).basis.basis == basis
 
 
-async def test_unknown_ids_are_not_found():
-    api = await opened()
+async def test_unknown_ids_are_not_found(api):
     for call in (
         api.sessions.get("x"),
         api.sessions.renew("x"),
@@ -62,9 +59,7 @@ async def test_unknown_ids_are_not_found():
         assert (caught.value.kind, caught.value.name) in (("session", "x"), ("agent", "x"))
 
 
-async def test_a_session_says_what_was_asked_for():
-    service, api = FakeService(), None
-    api = await opened(service)
+async def test_a_session_says_what_was_asked_for(api):
     wish = schema.NewSession(basis="ros", seed=7, lease_s=5.5, lock_step=True, record=True)
     made = await api.sessions.create(wish)
     assert (made.seed, made.lease_s, made.lock_step, made.record) == (7, 5.5, True, True)
@@ -91,9 +86,7 @@ async def test_a_lease_has_an_upper_limit_and_scenes_are_unknown():
     assert (missing.value.kind, missing.value.name) == ("scene", "flat")
 
 
-async def test_nothing_starts_before_the_runtime_is_ready():
-    service = FakeService()
-    api = await opened(service)
+async def test_nothing_starts_before_the_runtime_is_ready(service, api):
     session_id = await session(api)
     service.ready = False
     assert not api.ready
@@ -110,9 +103,7 @@ async def test_nothing_starts_before_the_runtime_is_ready():
 # leases
 
 
-async def test_a_session_ends_a_lease_after_its_last_call():
-    clock = Clock()
-    api = await opened(clock=clock)
+async def test_a_session_ends_a_lease_after_its_last_call(clock, api):
     idle, called, renewed = [await session(api, lease_s=60) for _ in range(3)]
     clock.now += 59
     await api.sessions.get(called)
@@ -125,9 +116,7 @@ async def test_a_session_ends_a_lease_after_its_last_call():
     assert {s.session_id for s in (await api.sessions.list_own()).sessions} == {called, renewed}
 
 
-async def test_calls_on_an_agent_renew_its_session():
-    clock = Clock()
-    api = await opened(clock=clock)
+async def test_calls_on_an_agent_renew_its_session(clock, api):
     session_id, (agent, _) = await session_of_two(api, lease_s=10)
     for call in (api.goals.give, lambda a, _: api.agents.get(a)):
         clock.now += 9
@@ -135,9 +124,7 @@ async def test_calls_on_an_agent_renew_its_session():
     assert (await api.sessions.get(session_id)).expires_at_us == round((clock.now + 10) * 1e6)
 
 
-async def test_listing_renews_nothing():
-    clock = Clock()
-    api = await opened(clock=clock)
+async def test_listing_renews_nothing(clock, api):
     session_id = await session(api, lease_s=10)
     clock.now += 9
     await api.sessions.list_own()
@@ -145,9 +132,7 @@ async def test_listing_renews_nothing():
     assert await api.end_expired_sessions() == [session_id]
 
 
-async def test_an_ended_lease_cannot_be_renewed_though_nobody_has_looked_yet():
-    clock = Clock()
-    api = await opened(clock=clock)
+async def test_an_ended_lease_cannot_be_renewed_though_nobody_has_looked_yet(clock, api):
     session_id, (agent, _) = await session_of_two(api, lease_s=10)
     clock.now += 11
     for call in (api.sessions.renew(session_id), api.agents.get(agent.agent_id)):
@@ -155,9 +140,7 @@ async def test_an_ended_lease_cannot_be_renewed_though_nobody_has_looked_yet():
             await call
 
 
-async def test_a_stream_keeps_its_session_and_its_end_begins_the_lease():
-    clock = Clock()
-    api = await opened(clock=clock)
+async def test_a_stream_keeps_its_session_and_its_end_begins_the_lease(clock, api):
     session_id = await session(api, lease_s=10)
     messages = stream(api, session_id)
     await anext(messages)
@@ -175,8 +158,7 @@ async def test_a_stream_keeps_its_session_and_its_end_begins_the_lease():
 # callers
 
 
-async def test_a_session_belongs_to_its_creator():
-    api = await opened()
+async def test_a_session_belongs_to_its_creator(api):
     with called_by(caller("ada")):
         session_id, (agent, _) = await session_of_two(api)
     with called_by(caller("eve")):
@@ -211,8 +193,7 @@ async def test_a_caller_has_so_many_sessions_and_no_more():
         await session(api)
 
 
-async def test_quotas_of_agents_and_streams():
-    api = await opened()
+async def test_quotas_of_agents_and_streams(api):
     with called_by(caller("ada", quota=Quota(agents=3, streams=1))):
         session_id, _ = await session_of_two(api)
         other = await session(api)
@@ -256,9 +237,7 @@ async def test_a_kept_session_that_is_not_the_transports_is_ended():
     assert api.ready and await service.list_sessions() == []
 
 
-async def test_a_caller_that_goes_away_leaves_no_session_behind_that_nobody_knows():
-    service = FakeService()
-    api = await opened(service)
+async def test_a_caller_that_goes_away_leaves_no_session_behind_that_nobody_knows(service, api):
     service.slow = asyncio.Event()
     call = asyncio.create_task(session(api))
     await asyncio.sleep(0)

@@ -45,15 +45,13 @@ async def test_an_import_counts_against_the_limits_of_its_caller():
         await there.snapshots.import_session(snapshot)
 
 
-async def test_a_malformed_snapshot_is_refused():
-    api = await opened()
+async def test_a_malformed_snapshot_is_refused(api):
     with pytest.raises(InvalidArgument) as caught:
         await api.snapshots.import_session(b"nonsense")
     assert caught.value.field == "snapshot"
 
 
-async def test_a_log_is_replayed_in_the_basis_of_its_session():
-    api = await opened()
+async def test_a_log_is_replayed_in_the_basis_of_its_session(api):
     session_id, _ = await session_of_two(api, basis=Basis.UNREAL, record=True)
     log = await api.snapshots.export_log(session_id)
     wish = schema.PoseFormat(profile="full")
@@ -63,8 +61,7 @@ async def test_a_log_is_replayed_in_the_basis_of_its_session():
     assert len(batches[0].batch.added) == 1
 
 
-async def test_a_session_that_is_not_recorded_has_no_log():
-    api = await opened()
+async def test_a_session_that_is_not_recorded_has_no_log(api):
     with pytest.raises(FailedPrecondition, match="not recorded"):
         await api.snapshots.export_log(await session(api))
 
@@ -72,8 +69,7 @@ async def test_a_session_that_is_not_recorded_has_no_log():
 @pytest.mark.parametrize(
     "log", [b"", b"x", MARK, MARK + b"maya\nlog of x", MARK + b"gltf\nx", b"\xff"]
 )
-async def test_a_malformed_log_is_refused(log):
-    api = await opened()
+async def test_a_malformed_log_is_refused(log, api):
     with pytest.raises(InvalidArgument) as caught:
         await anext(api.snapshots.replay(log, schema.PoseFormat()))
     assert caught.value.field == "log"
