@@ -19,7 +19,6 @@ from wayfarer_client.v1 import (
     agent_pb2,
     catalog_pb2,
     common_pb2,
-    goal_pb2,
     motion_pb2,
     session_pb2,
     snapshot_pb2,
@@ -58,14 +57,8 @@ async def test_refusals_say_which_field_and_when_to_come_back(server, client):
     assert server.asked("SetPath")[1].expected_revision == 3
 
 
-async def test_goals(server, client):
+async def test_what_is_absent_from_an_update_is_not_sent(server, client):
     session = await client.create_session()
-    server.answers["AppendGoals"] = lambda _: goal_pb2.AppendGoalsResponse(revision=3)
-    server.answers["Wander"] = lambda _: goal_pb2.WanderResponse(revision=4)
-    assert await session.append_goals("a", [wf.Goal((1, 0, 0))], expected=2) == 3
-    assert await session.wander("a", (1, 0, 2), 5.0, speed=0.8) == 4
-    (wander,) = server.asked("Wander")
-    assert (wander.area.center.z, wander.area.radius, wander.speed) == (2, 5.0, 0.8)
     changed = agent_pb2.Agent(agent_id="a", name="Bo", foot_lock=False, gender=2, state=1)
     server.answers["UpdateAgent"] = lambda _: agent_pb2.UpdateAgentResponse(agent=changed)
     agent = await session.update_agent("a", foot_lock=False)
@@ -168,6 +161,7 @@ def test_sync_client_steps_and_streams():
             assert [found.resume_token for found in session.stream()] == ["t0", "t1"]
             clip = client.generate_clip(wf.AgentSpec(), [], 1.0)
             assert math.isclose(wf.tracks(clip).popitem()[1].times[-1], 7 / 40)
+            session.set_path("a", [wf.Goal((1, 0, 0)), wf.Goal((2, 0, 0))])
             session.wander("a", (0, 0, 0), 3.0)
             session.append_goals("a", [wf.Goal((0, 0, 1))])
         assert len(fake.asked("DeleteSession")) == 1

@@ -10,10 +10,12 @@ import pytest
 
 import wayfarer_client as wf
 from tests.transport.fakes import FakeService, gateway
-from wayfarer.errors import Unavailable
 from wayfarer.limits import Limits
 from wayfarer.transport import errors as server_errors
 from wayfarer.transport.server import Server
+from wayfarer.world.agents.agent import Goal
+from wayfarer.world.behaviours import Follow, Wander
+from wayfarer.world.goals.commands import Append, Path, Stop
 from wayfarer_client.errors import CLASSES
 
 
@@ -61,23 +63,6 @@ async def test_from_session_to_frames(service, client):
         assert service.specs[1].position == pytest.approx((2.0, 1.0))
         assert [spec.foot_lock for spec in service.specs] == [True, False]
 
-        assert await session.set_goal(ada, (300, 0, 0), radius=50) == 1
-        _, goal = service.commands[0]
-        assert goal.position == pytest.approx((0, 3, 0)) and goal.radius == pytest.approx(0.5)
-        assert await session.clear_goal(ada.agent_id) == 2
-        path = [wf.Goal((100, 0, 0), stop=False), wf.Goal((0, 0, 0), heading=0.5, dwell=1.5)]
-        assert await session.set_path(ada, path) == 3
-        first, second = service.commands[2][1].goals
-        assert (first.stop, first.heading) == (False, None)
-        assert (second.stop, second.heading, second.dwell) == (True, -0.5, 1.5)  # left-handed
-        assert await session.set_goal(ada, (0, 0, 0), heading=1.0, strafe=True) == 4
-        _, goal = service.commands[3]
-        assert (goal.heading, goal.strafe) == (-1.0, True)
-
-        assert await session.set_goal(ada, wf.Goal((100, 0, 0), dwell=2.0), expected=4) == 5
-        assert await session.set_goal(ada, (100, 0, 0), dwell=2.0, radius=20) == 6
-        assert [goal.dwell for _, goal in service.commands[4:]] == [2.0, 2.0]
-
         stream = session.stream()
         reading = asyncio.create_task(anext(stream))
         while not service.subscriptions:
@@ -102,6 +87,42 @@ async def test_from_session_to_frames(service, client):
         await stream.aclose()
     with pytest.raises(wf.NotFound):
         await client.session(session.session_id)
+
+
+async def test_every_goal_command_arrives(service, client):
+    """By calls of a session and, with the same arguments, over its control stream."""
+    through = Goal((1.0, 0.0, 0.0), stop=False)
+    aside = Goal((0.0, 0.0, 0.0), heading=0.5, strafe=True, dwell=1.5)
+    goals = [
+        wf.Goal((0, -1, 0), stop=False),
+        wf.Goal((0, 0, 0), heading=0.5, strafe=True, dwell=1.5),
+    ]
+    async with await client.create_session("ros") as session, session.control() as control:
+        (ada,) = await session.create_agents(wf.AgentSpec())
+        for number, way in enumerate((session, control)):
+            first = 7 * number
+            assert await way.set_goal(ada, goals[0]) == first + 1
+            assert (
+                await way.set_goal(ada, (0, 0, 0), heading=0.5, strafe=True, dwell=1.5) == first + 2
+            )
+            assert await way.set_path(ada, goals, expected=first + 2) == first + 3
+            assert await way.append_goals(ada, goals) == first + 4
+            assert await way.wander(ada, (1, 0, 0), 5.0, speed=0.8) == first + 5
+            assert await way.behave(ada, wf.Follow("bo")) == first + 6
+            assert await way.clear_goal(ada.agent_id) == first + 7
+            with pytest.raises(wf.Aborted):
+                await way.clear_goal(ada, expected=1)
+    both = (through, aside)
+    meant = [
+        through,
+        aside,
+        Path(both),
+        Append(both),
+        Wander((0.0, 1.0), 5.0, 0.8),
+        Follow("bo"),
+        Stop(),
+    ]
+    assert [command for _, command in service.commands] == meant * 2
 
 
 async def test_catalogue(client):
@@ -149,35 +170,6 @@ async def test_stream_ends_with_its_session(client):
     assert await reading is None
 
 
-async def test_stream_connects_again(service, client):
-    session = await client.create_session()
-    await session.create_agents(wf.AgentSpec(name="Ada"))
-    stream = session.stream()
-    for connection in range(2):
-        reading = asyncio.create_task(anext(stream))
-        while len(service.subscriptions) == connection:
-            await asyncio.sleep(0.01)
-        service.emit(session.session_id)
-        assert [frames.agent.name for frames in await reading] == ["Ada"]
-        service.subscriptions[connection].queue.put_nowait(Unavailable("hiccup"))
-    assert stream.reconnections == 1
-    await stream.aclose()
-
-
-async def test_stream_gives_up_after_its_deadline(service):
-    async with serving(service) as server:
-        client = await wf.Client(server.grpc_address).connect()
-        session = await client.create_session()
-        stream = session.stream(deadline=0.5)
-        reading = asyncio.create_task(anext(stream))
-        while not service.subscriptions:
-            await asyncio.sleep(0.01)
-    assert [event.kind for event in (await reading).events] == ["draining"]
-    with pytest.raises(wf.Unavailable, match=r"no stream for 0\.5 s"):
-        await anext(stream)
-    await client.close()
-
-
 async def test_a_slow_stream_is_not_cut(client, monkeypatch):
     """Heartbeats are signs of life, though nothing moves."""
     monkeypatch.setattr("wayfarer.transport.stream.HEARTBEAT_S", 0.05)
@@ -187,35 +179,6 @@ async def test_a_slow_stream_is_not_cut(client, monkeypatch):
     done, _ = await asyncio.wait({reading}, timeout=1.0)
     assert not done
     reading.cancel()
-
-
-async def test_sync_client(service, server):
-    """In a thread, as a program without an event loop would use it."""
-    found = {}
-
-    def program() -> None:
-        with wf.SyncClient(server.grpc_address) as client, client.create_session() as session:
-            found["fps"] = client.server_info().fps
-            (ada,) = session.create_agents(wf.AgentSpec(name="Ada"))
-            found["revision"] = session.set_goal(ada, (1, 0, 1), heading=0.5)
-            session.set_goal(ada, wf.Goal((1, 0, 1), dwell=1.0))
-            session.set_goal(ada, (1, 0, 1), dwell=1.0)
-            found["path"] = session.set_path(ada, [wf.Goal((1, 0, 0)), wf.Goal((2, 0, 0))])
-            for batch in session.stream():
-                found["frames"] = batch.frames[0]
-                break
-            found["agents"] = session.agents()
-
-    thread = threading.Thread(target=program)
-    thread.start()
-    while not service.subscriptions:
-        await asyncio.sleep(0.01)
-    service.emit(service.subscriptions[0].session_id)
-    await asyncio.to_thread(thread.join)
-    assert (found["fps"], found["revision"], found["path"]) == (40, 1, 4)
-    assert found["frames"].agent.name == "Ada" and len(found["agents"]) == 1
-    while not service.subscriptions[0].closed:
-        await asyncio.sleep(0.01)
 
 
 def test_sync_client_without_a_server(unused_tcp_port):

@@ -48,28 +48,6 @@ async def test_the_playhead_goes_on_while_nothing_moves(server, client):
     assert {ack.resume_token for ack in acks} == {"t0"}
 
 
-async def test_every_command_of_control(server, client):
-    session = await client.create_session()
-    server.scripts["Control"] = [
-        [ASKED, moved(HEADER)] + [step for _ in range(6) for step in (ASKED, replied(revision=1))]
-    ]
-    async with session.control() as control:
-        await control.set_path("a", [wf.Goal((1, 0, 0)), wf.Goal((2, 0, 0))])
-        await control.append_goals("a", [wf.Goal((3, 0, 0))], expected=0)
-        await control.wander("a", (0, 0, 0), 4.0, dwell=2.0)
-        await control.set_goal("a", wf.Goal((0, 0, 0), speed=2.0))
-        await control.set_goal("a", (0, 0, 0), dwell=2.0, expected=5)
-        await control.wander("a", speed=1.5)
-    _, path, append, wander, goal, loose, roam = server.asked("Control")
-    assert (loose.set_goal.goal.dwell, loose.set_goal.expected_revision) == (2.0, 5)
-    assert not roam.wander.HasField("area") and roam.wander.speed == 1.5
-    assert len(path.set_path.goals) == 2
-    assert append.append_goals.HasField("expected_revision")
-    assert (wander.wander.area.radius, wander.wander.dwell) == (4.0, 2.0)
-    assert not wander.wander.HasField("speed")
-    assert goal.set_goal.goal.speed == 2.0
-
-
 async def test_control_comes_back_and_commands_under_way_fail(server, client):
     session = await client.create_session()
     server.scripts["Control"] = [
