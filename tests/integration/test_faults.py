@@ -6,7 +6,6 @@ import signal
 import time
 
 import numpy as np
-import pytest
 
 import wayfarer_client as wf
 from tests.serving import Service
@@ -109,19 +108,3 @@ async def test_a_snapshot_goes_on_in_another_process_without_a_jump():
         # between the export and the look at the agents at most one more primitive was sent
         assert math.dist((x, z), place(frames, 0)) < SPEED * (0.2 + 1 / 40)
         assert frames.goal_revision == 1
-
-
-async def test_sigterm_tells_streams_and_ends_in_time():
-    with Service() as service:
-        async with wf.Client(service.grpc_address) as client:
-            session = await client.create_session()
-            await session.create_agents(wf.AgentSpec())
-            stream = session.stream(deadline=0.5)
-            await watch(stream, 0.5)
-            service.process.send_signal(signal.SIGTERM)
-            kinds = []
-            with pytest.raises(wf.Unavailable):
-                async for batch in stream:
-                    kinds += [event.kind for event in batch.events]
-            assert kinds == ["draining"]
-        assert service.process.wait(timeout=15) == 0

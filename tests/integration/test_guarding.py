@@ -239,9 +239,7 @@ async def _certificates_over_grpc(service: Process, ca: Path, ada: tuple, eve: t
     ("options", "what"),
     [
         (["--host", "0.0.0.0"], "--insecure-no-auth"),
-        (["--keys-file", "nowhere.toml"], "nowhere.toml"),
         (["--tls-cert", "nowhere.pem", "--tls-key", "nowhere.key"], "tls_cert: nowhere.pem"),
-        (["--tls-cert", "nowhere.pem"], "belong together"),
     ],
 )
 def test_a_guard_that_cannot_stand_stops_the_start_in_one_line(options, what):
