@@ -13,7 +13,7 @@ from tests.world.fakes import GOAL, people
 from wayfarer.errors import Aborted, AlreadyExists, InvalidArgument, NotFound, ResourceExhausted
 from wayfarer.service.live import steady_clock
 from wayfarer.service.streams.publications import StreamOptions
-from wayfarer.world.agents.agent import AgentChange, ChunkFlag, Goal, SessionSpec
+from wayfarer.world.agents.agent import ChunkFlag, Goal, SessionSpec
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.events import EventKind
 from wayfarer.world.goals.commands import Append, Path, Stop
@@ -112,23 +112,6 @@ async def test_every_change_of_goals_has_a_revision_and_stale_ones_are_refused()
             with pytest.raises(Aborted, match=f"revision {present}"):
                 await loop.give(agent.agent_id, order, expected=present + 7)
             assert await loop.give(agent.agent_id, order, expected=present) == present + 1
-
-
-async def test_sessions_are_listed_and_agents_changed():
-    async with Running() as loop:
-        for name in "ts":
-            await loop.create_session(SessionSpec(name))
-        assert [s.session_id for s in await world_of(loop, "list_sessions")] == [
-            "t",
-            "s",
-        ]
-        [agent] = await loop.create_agents("s", people(1))
-        changed = await world_of(loop, "update_agent", agent.agent_id, AgentChange(name="Ada"))
-        assert (
-            changed.spec.name
-            == "Ada"
-            == (await world_of(loop, "get_agent", agent.agent_id)).spec.name
-        )
 
 
 async def test_a_session_that_was_taken_out_goes_on_where_it_stood():

@@ -62,16 +62,6 @@ def test_what_is_planned_again_is_counted_once_and_said():
     ]
 
 
-def test_only_recorded_sessions_have_a_log():
-    worlds = fake_worlds()
-    world = worlds.live()
-    world.create_session(SessionSpec("quiet"), 0.0)
-    world.create_agents("quiet", people(1), 0.0)
-    list(world.advance(1.0))
-    with pytest.raises(FailedPrecondition, match="not recorded; create it with `record`"):
-        worlds.recordings.copy("quiet")
-
-
 def test_a_log_that_outgrows_its_limit_is_given_up_and_says_so():
     worlds, world, b = recorded(log_entries=20)
     for number in range(10):

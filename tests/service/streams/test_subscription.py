@@ -4,6 +4,7 @@ import math
 import pytest
 
 from tests.service.chunks import KeepingMeter, chunk, entry, subscription, together
+from tests.service.streams.stage import seqs, take
 from tests.world.fakes import ManualClock
 from wayfarer.errors import (
     FailedPrecondition,
@@ -23,11 +24,6 @@ def put(queue, entries, spare=False):
         queue.put(each, spare)
 
 
-async def take(queue, count):
-    async with asyncio.timeout(1):
-        return [await anext(queue) for _ in range(count)]
-
-
 async def is_empty(queue):
     """Nothing may be had now."""
     reader = asyncio.ensure_future(anext(queue))
@@ -36,10 +32,6 @@ async def is_empty(queue):
     reader.cancel()
     await asyncio.gather(reader, return_exceptions=True)
     return idle
-
-
-def seqs(publications):
-    return [p.chunks[0].seq for p in publications]
 
 
 def flags(publications):
