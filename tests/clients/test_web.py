@@ -30,6 +30,13 @@ def test_its_own_tests_pass():
 
 
 @with_tools
+def test_an_agent_walks_to_its_goal_on_characters_of_each_engine(real_server):
+    said = run("node", "--experimental-websocket", "test/live.js", real_server.url)
+    walked = [line.partition(":")[0] for line in said.splitlines() if ": walked to " in line]
+    assert walked == ["three", "vrm", "babylon", "glb"]
+
+
+@with_tools
 def test_its_types_are_right_and_it_is_fit_to_publish(tmp_path):
     """`npm pack` writes the types; publint looks at what a user would get."""
     (packed,) = json.loads(run("npm", "pack", "--json", "--pack-destination", str(tmp_path)))

@@ -1,0 +1,34 @@
+// three-vrm: agents on VRM 0 and VRM 1 avatars. Springs and constraints go on: call `vrm.update(seconds)` after `pose`.
+
+import { Character } from "./character.js";
+import { WORDS } from "./core/bone_names.js";
+import { THREE_NODES } from "./three.js";
+
+/** @typedef {import("three").Object3D} Object3D */
+/** @typedef {Pick<import("@pixiv/three-vrm").VRM, "scene" | "humanoid">} Avatar */
+
+const NAMES = Object.values(WORDS.vrm).flat();
+
+/**
+ * A VRM avatar. It is posed by its normalized bones. The space around `vrm.scene` is the agents' world, whether the
+ * scene was turned by `VRMUtils.rotateVRM0` or not.
+ * @extends {Character<Object3D>}
+ */
+export class VrmCharacter extends Character {
+  /**
+   * @param {Avatar} vrm @param {ArrayLike<number>} restOffsets `played.agent.restOffsets`
+   * @param {import("./character.js").CharacterOptions} [options]
+   */
+  constructor(vrm, restOffsets, options) {
+    const { humanoid, scene } = vrm;
+    /** @type {Map<string, Object3D>} */
+    const bones = new Map();
+    for (const name of NAMES) {
+      const node = humanoid.getNormalizedBoneNode(/** @type {any} */ (name));
+      if (node) bones.set(name, node);
+    }
+    const root = humanoid.normalizedHumanBonesRoot;
+    const nodes = { ...THREE_NODES, children: (/** @type {Object3D} */ node) => (node === scene ? [root] : node.children) };
+    super(nodes, [scene], restOffsets, options, bones);
+  }
+}
