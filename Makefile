@@ -37,7 +37,7 @@ help: ## show this list
 	@echo "Wayfarer. Usage: make <target>"
 	@sed -nE 's/^([a-z-]+):.*## (.*)/  \1\t\2/p' Makefile | expand -t 16
 
-serve: $(VENV)/.serve ## set up and start gRPC (50051) and HTTP (8080) with the shipped models
+serve: $(VENV)/.serve ## set up and start the server with the shipped models: gRPC 50051, HTTP and viewer 8080
 	@exec $(BIN)/wayfarer serve $(ARGS)
 
 lab: $(VENV)/.lab ## set up training, evaluation, data preparation and load tools (torch)
@@ -58,31 +58,31 @@ lint: $(VENV)/.dev ## check style, types, the import rules and the protos
 	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory lint-proto; \
 	else echo "skipped: buf needs npm (apt-get install npm)" >&2; [ -z "$${CI:-}" ]; fi
 
-lint-proto: $(NPM_TOOLS) ## check the protos: style, and that nothing of the last release breaks
+lint-proto: $(NPM_TOOLS) ## check the protos: style, and compatibility with the last release
 	@$(BUF) lint proto
 	@$(BUF) breaking proto --against $(RELEASED) || { echo "proto/ breaks what the last release" \
 	  "promised ($(RELEASED)): see CONTRIBUTING.md" >&2; exit 1; }
 
-release-proto: $(NPM_TOOLS) ## at a release: the present protos are what later ones must not break
+release-proto: $(NPM_TOOLS) ## at a release: make the present protos the reference of lint-proto
 	@$(BUF) build proto --exclude-source-info -o $(RELEASED)
 
-format: $(VENV)/.dev ## rewrite the code in the project's style
+format: $(VENV)/.dev ## format the code
 	$(BIN)/ruff check --fix $(CHECKED)
 	$(BIN)/ruff format $(CHECKED)
 
-proto: $(VENV)/.serve ## generate the Python code of proto/ again
+proto: $(VENV)/.serve ## generate the Python code of proto/
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable . --editable clients/python
 
-lock: | $(BIN)/python ## choose the versions of requirements/ again, as new as pyproject.toml allows
+lock: | $(BIN)/python ## pin the newest versions that pyproject.toml allows in requirements/
 	@$(BIN)/python requirements/renew.py $(ARGS)
 
-matrix: | $(BIN)/python ## start it with every Python here, pinned and newest; an agent walks in each
+matrix: | $(BIN)/python ## test pinned and newest dependencies with every Python here; an agent walks in each
 	@$(BIN)/python -m tests.installed.matrix $(ARGS)
 
 docker: ## build the image wayfarer:latest
 	docker build --tag wayfarer .
 
-image-check: $(VENV)/.client ## build the image, run it, let an agent walk in it (docker, or buildah)
+image-check: $(VENV)/.client ## build and run the image; an agent walks in it (docker, or buildah)
 	@$(BIN)/python -m tests.installed.image $(ARGS)
 
 clean: ## remove the virtual environment, generated code and caches

@@ -48,7 +48,7 @@ def load_skeleton(path: Path = SKELETON_FILE) -> tuple[Bone, ...]:
         names = [getattr(bone, column) for bone in bones]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
-            raise ArtifactError(f"{path}: column {column}: {twice} stand there more than once")
+            raise ArtifactError(f"{path}: column {column}: {twice} occur more than once")
     return bones
 
 

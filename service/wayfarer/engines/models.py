@@ -133,7 +133,7 @@ class LoadedModels:
         with self._lock:
             model = self.named(name)
             if model is self._in_use:
-                raise FailedPrecondition(f"model {name!r} is in use: let another be used first")
+                raise FailedPrecondition(f"model {name!r} is in use: use another model first")
             agents = sum(roster.agents[model.number] for roster in self._rosters)
             if agents:
                 raise FailedPrecondition(

@@ -292,7 +292,7 @@ def _check_size(log: CommandLog, most_entries: int) -> None:
     chunks = sum(track.end - track.runs[0].first for track in log.tracks.values() if track.runs)
     if chunks > CHUNKS_PER_ENTRY * most_entries:
         raise InvalidArgument(
-            f"log tells of {chunks} chunks; allowed: {CHUNKS_PER_ENTRY * most_entries}", "log"
+            f"log has {chunks} chunks; allowed: {CHUNKS_PER_ENTRY * most_entries}", "log"
         )
 
 

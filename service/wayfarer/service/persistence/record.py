@@ -138,7 +138,7 @@ class Recordings:
             )
         if log.overflowed:
             raise FailedPrecondition(
-                f"the log of session {session_id!r} was given up: it has outgrown "
+                f"the log of session {session_id!r} was dropped: it has outgrown "
                 f"limits.log_entries, {self._limit}"
             )
         return replace(log, tracks={name: track.copy() for name, track in log.tracks.items()})
