@@ -92,7 +92,7 @@ clean: ## remove the virtual environment, generated code and caches
 	find service lab clients tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The node client: its packages, then its code of proto/.
-$(NODE)/src/gen: $(NODE)/package-lock.json $(NODE)/generate.js $(wildcard proto/wayfarer/v1/*.proto)
+$(NODE)/src/gen: $(NODE)/package-lock.json $(NODE)/buf.gen.yaml $(wildcard proto/wayfarer/v1/*.proto)
 	@echo "installing the packages of $(NODE) and generating its code (once)"
 	@cd $(NODE) && npm ci --silent --ignore-scripts && npm run --silent generate && touch src/gen
 

@@ -13,7 +13,7 @@ for await (const { payload } of follow(client, { sessionId })) {
   if (payload.case === "header") header = payload.value;
   if (payload.case === "batch") {
     for (const { firstFrame, frames } of unpackChunks(payload.value.chunks, header)) {
-      const [x, , z] = frames.at(-1).translation;
+      const [x, , z] = frames.at(-1);
       console.log(`frame ${firstFrame}: (${x.toFixed(2)}, ${z.toFixed(2)})`);
     }
   }
