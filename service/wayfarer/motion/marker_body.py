@@ -1,9 +1,10 @@
 """Markers and joints of a body from its body parameters, in torch: differentiable, exportable.
 
-Linear blend skinning restricted to the marker vertices and the posed joints: fingers stay at
-rest, so their skinning weight is folded into the wrists. Inside, arrays are *poses last* (see
-`posing.py`): kinematics run level by level down the tree in long rows, and blending is one matrix
-product per body, since small products and gathers dominate otherwise.
+Linear blend skinning restricted to the marker vertices and the posed joints: fingers stay as they
+are modelled, so their skinning weight is folded into the wrists. What the hands of a served body
+are curled by (`body/hands.py`) moves a finger's marker by less than 2 mm and is left out. Inside,
+arrays are *poses last* (see `posing.py`): kinematics run level by level down the tree in long rows,
+and blending is one matrix product per body, since small products and gathers dominate otherwise.
 """
 
 from collections.abc import Sequence
@@ -50,7 +51,7 @@ class MarkerBody(nn.Module):
         parents: ArrayLike,  # [J], numbered level by level
         bind_joints: ArrayLike,  # [J, 3]
         bind_joints_dirs: ArrayLike,  # [J, 3, B]
-        bind_to_rest: ArrayLike,  # [J, 3, 3]
+        bind_to_rest: ArrayLike,  # [J, 3, 3]; of the posed joints
         bind_markers: ArrayLike,  # [M, 3]
         bind_markers_dirs: ArrayLike,  # [M, 3, B]
         skin_joints: ArrayLike,  # [M, 4]
@@ -61,10 +62,6 @@ class MarkerBody(nn.Module):
         posed = POSED_JOINTS
         turned = np.asarray(bind_to_rest, dtype=np.float64)
         owner = _posed_owner(tree, posed)
-        if np.abs(turned - turned[owner]).max() > 1e-5:
-            raise InvalidArgument(
-                "unposed joints must share the bind_to_rest of the joint they hang from"
-            )
         self.levels = _levels(tree[:posed])
 
         joints = np.asarray(bind_joints, dtype=np.float64)[:posed]
