@@ -192,8 +192,7 @@ class MotionService:
         if home is None:
             await self._live.ask(lambda world, _: world.get_session(session_id))
             raise FailedPrecondition(
-                f"session {session_id!r} runs in real time; create it with `lock_step` to "
-                "step it"
+                f"session {session_id!r} runs in real time; create it with `lock_step` to step it"
             )
         return await home.step(steps)
 

@@ -24,32 +24,35 @@ Beta = Annotated[Float, Field(ge=-5, le=5)]
 
 
 class Gender(StrEnum):
-    """Which of the shipped bodies an agent has."""
+    """Gender of an agent's body."""
 
     FEMALE = "female"
     MALE = "male"
 
 
 class Phenotype(Message):
-    """A body in everyday words; absent fields take the mean."""
+    """A body in everyday terms; an absent field takes the mean."""
 
     height_m: Float | None = Field(
-        default=None, ge=LIMITS["height_m"][0], le=LIMITS["height_m"][1], description="barefoot"
+        default=None,
+        ge=LIMITS["height_m"][0],
+        le=LIMITS["height_m"][1],
+        description="standing height barefoot, in metres in every basis",
     )
     weight: Float | None = Field(
         default=None,
         ge=LIMITS["weight"][0],
         le=LIMITS["weight"][1],
-        description="thin (0) to heavy (1)",
+        description="from thin (0) to heavy (1); average 0.5",
     )
     muscle: Float | None = Field(
         default=None,
         ge=LIMITS["muscle"][0],
         le=LIMITS["muscle"][1],
-        description="slack (0) to athletic (1)",
+        description="from slack (0) to athletic (1); average 0.5",
     )
     age: Float | None = Field(
-        default=None, ge=LIMITS["age"][0], le=LIMITS["age"][1], description="years"
+        default=None, ge=LIMITS["age"][0], le=LIMITS["age"][1], description="age in years"
     )
 
 
@@ -65,19 +68,21 @@ class AgentSpec(Message):
     )
     phenotype: Phenotype | None = None
     position: Vector3 | None = Field(
-        default=None, description="start, on the floor; the origin if absent"
+        default=None,
+        description="where it starts, on the ground below this point; the origin if absent",
     )
     heading: Heading = Field(
-        default=0.0, description="radians about up; 0 faces the basis's forward"
+        default=0.0,
+        description="direction it faces: radians about up, 0 faces the basis's forward",
     )
     seed: Uint32 | None = Field(
         default=None,
-        description="the motion is reproducible from it; drawn from the session's seed if absent",
+        description="determines the motion; drawn from the session's seed if absent",
     )
-    name: Text = Field(default="", description="to show; need not be unique")
+    name: Text = Field(default="", description="name for display; need not be unique")
     foot_lock: Bool = Field(
         default=True,
-        description="keep feet on the floor from sliding; false: poses as the model makes them",
+        description="keep feet from sliding on the floor; false: the model's own poses",
     )
 
     @model_validator(mode="after")
@@ -90,7 +95,7 @@ class AgentSpec(Message):
 
 
 class NewAgents(Message):
-    """Asks for agents, all or none."""
+    """Agents to create, all or none."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -107,19 +112,21 @@ class NewAgents(Message):
 
 
 class AgentUpdate(Message):
-    """A change of an agent; absent fields stay."""
+    """A change of an agent; absent fields stay as they are."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"name": "Grace"}]})
 
-    name: Text | None = Field(default=None, description="a new name to show")
-    foot_lock: Bool | None = Field(default=None, description="from the next chunk on")
+    name: Text | None = Field(default=None, description="new name for display")
+    foot_lock: Bool | None = Field(
+        default=None, description="keep feet from sliding, from the next chunk on"
+    )
 
 
 class Agent(Message):
     """A snapshot of one agent."""
 
     agent_id: str
-    alias: int = Field(description="stands for agent_id in the chunks of this session")
+    alias: int = Field(description="replaces agent_id in the chunks of this session")
     session_id: str
     name: str
     body: str = Field(description="name of its body model")
@@ -127,17 +134,17 @@ class Agent(Message):
     betas: tuple[float, ...]
     seed: int
     state: AgentState
-    position: Vector3 = Field(description="hips, last sent frame")
+    position: Vector3 = Field(description="position of the hips in the last frame sent")
     heading: float
     goal: Goal | None = None
-    goal_revision: int = Field(description="of the goal or path; 0 before the first")
+    goal_revision: int = Field(description="number of goal commands so far; 0 before the first")
     created_at_us: int
     rest_offsets: tuple[float, ...] = Field(
         description=f"{JOINTS} × 3 numbers: each joint relative to its parent's in the T-pose"
     )
-    waypoint: int = Field(default=0, description="place of `goal` in its path, from 0")
-    waypoints: int = Field(default=0, description="goals of its path")
-    foot_lock: bool = Field(default=True, description="feet on the floor are kept from sliding")
+    waypoint: int = Field(default=0, description="index of `goal` in its path, from 0")
+    waypoints: int = Field(default=0, description="number of goals of its path so far")
+    foot_lock: bool = Field(default=True, description="feet are kept from sliding on the floor")
     model: str = Field(default="", description="the motion model that moves it; see /v1/models")
 
 

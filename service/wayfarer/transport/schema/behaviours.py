@@ -25,62 +25,69 @@ from wayfarer.world.behaviours.routine import MAX_PARTS, MAX_SECONDS
 
 BESIDE: Final = (-MAX_BESIDE, MAX_BESIDE)
 QUEUE: Final = queue.Queue("", (0.0, 0.0), 0.0)
-GOALS = Field(min_length=1, max_length=1024, description="in turn; at most limits.path_goals")
+GOALS = Field(
+    min_length=1, max_length=1024, description="goals in order; at most limits.path_goals"
+)
 
 
 class Patrol(Message):
-    """Visiting goals again and again."""
+    """Visits goals again and again."""
 
     goals: Many[Goal] = GOALS
     to_and_fro: Bool = Field(
-        default=False, description="back the way it came; false: from the last to the first"
+        default=False,
+        description="true: back the way it came; false: from the last goal to the first",
     )
 
 
 class Follow(Message):
-    """Keeping to a place relative to another agent, walking as it walks."""
+    """Keeps a place relative to another agent, at its pace."""
 
-    agent_id: str = Field(max_length=64, description="the other, of the same session")
+    agent_id: str = Field(max_length=64, description="the other agent, of the same session")
     behind: Length | None = length_field(
-        "how far behind it, negative before it", BESIDE, follow.Follow("").behind
+        "distance behind it, negative ahead of it", BESIDE, follow.Follow("").behind
     )
     right: Length | None = length_field(
-        "how far to its right, negative to its left", BESIDE, follow.Follow("").right
+        "distance to its right, negative to its left", BESIDE, follow.Follow("").right
     )
 
 
 class KeepAway(Message):
-    """Standing until somebody, or a place, is too near, then walking away."""
+    """Stands until another agent, or a place, is too near, then walks away."""
 
-    agent_id: str = Field(default="", max_length=64, description="from this agent; or give `place`")
-    place: Spot | None = Field(default=None, description="from this place; or give `agent_id`")
-    distance: Length | None = length_field(
-        "nearer is too near", DISTANCE, keep_away.KeepAway().distance
+    agent_id: str = Field(
+        default="", max_length=64, description="the agent to keep away from; or `place`"
     )
-    speed: Length | None = speed_field("of walking away", keep_away.KeepAway().speed)
+    place: Spot | None = Field(
+        default=None, description="the place to keep away from; or `agent_id`"
+    )
+    distance: Length | None = length_field(
+        "distance below which it walks away", DISTANCE, keep_away.KeepAway().distance
+    )
+    speed: Length | None = speed_field("target speed", keep_away.KeepAway().speed)
 
 
 class Queue(Message):
-    """Lining up; queues of one name in a session are one, and the first in it says where it is."""
+    """Lines up. Agents of a session with one queue name form one line; the first places it."""
 
-    name: str = Field(min_length=1, max_length=64)
-    head: Spot = Field(description="where the first one stands")
+    name: str = Field(min_length=1, max_length=64, description="name of the queue")
+    head: Spot = Field(description="where the first agent stands")
     heading: Heading = Field(
         default=0.0,
-        description="which way the waiting agents face; the line grows to the other side",
+        description="heading of the waiting agents; the line grows in the opposite direction",
     )
-    spacing: Length | None = length_field("between neighbours", SPACING, QUEUE.spacing)
-    speed: Length | None = speed_field("of moving up", QUEUE.speed)
+    spacing: Length | None = length_field("distance between neighbours", SPACING, QUEUE.spacing)
+    speed: Length | None = speed_field("target speed", QUEUE.speed)
 
 
 class Visit(Message):
-    """Visiting goals in turn, once."""
+    """Visits goals in turn, once."""
 
     goals: Many[Goal] = GOALS
 
 
 class Stand(Message):
-    """Standing where one is."""
+    """Stands where the agent is."""
 
 
 class Part(OneOf):
@@ -99,15 +106,17 @@ class Part(OneOf):
         default=0.0,
         ge=0,
         le=MAX_SECONDS,
-        description="then the next; 0: when it is done, as a visit is",
+        description="seconds until the next part; 0: when this part is done, as a visit is",
     )
 
 
 class Routine(Message):
-    """One thing after the other."""
+    """Several parts one after the other."""
 
-    parts: Many[Part] = Field(min_length=1, max_length=MAX_PARTS, description="in order")
-    repeat: Bool = Field(default=False, description="begin again after the last; false: stand")
+    parts: Many[Part] = Field(min_length=1, max_length=MAX_PARTS, description="the parts in order")
+    repeat: Bool = Field(
+        default=False, description="after the last part, begin again; false: stand"
+    )
 
 
 class Behaviour(OneOf):

@@ -8,10 +8,10 @@ from wayfarer.transport.schema.base import BasisInfo, Bool, Message
 
 
 class Bone(Message):
-    """One bone, with its name in common engines (empty: it has no such bone)."""
+    """One bone, with its name in common engines; empty where an engine has no such bone."""
 
     name: str
-    parent: int = Field(description="index in `bones`; -1 for the root")
+    parent: int = Field(description="index of the parent in `bones`; -1 for the root")
     mixamo: str = ""
     unity: str = ""
     vrm: str = ""
@@ -22,7 +22,7 @@ class Skeleton(Message):
     """The bones of an agent; parents come before children."""
 
     bones: tuple[Bone, ...]
-    posed_bones: int = Field(description="number of bones, from the first, that the model moves")
+    posed_bones: int = Field(description="the model moves the first bones, this many")
 
 
 class Body(Message):
@@ -51,18 +51,18 @@ class Model(Message):
     genders: tuple[Gender, ...]
     seed_frames: int
     primitive_frames: int
-    sha256: tuple[str, ...] = Field(description="of each graph, in the order of `genders`")
-    in_use: bool = Field(description="it moves new agents")
+    sha256: tuple[str, ...] = Field(description="SHA-256 of each graph, in the order of `genders`")
+    in_use: bool = Field(description="this model moves new agents")
 
 
 class Models(Message):
-    """The motion models that are loaded."""
+    """The loaded motion models."""
 
     models: tuple[Model, ...]
 
 
 class NewModel(Message):
-    """Names a model to load."""
+    """A model to load."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"name": "gamma-anny52"}]})
 
@@ -73,7 +73,7 @@ class NewModel(Message):
 
 
 class ModelUse(Message):
-    """How to bring a loaded model into use."""
+    """How to use a loaded model."""
 
     move_agents: Bool = Field(default=False, description="move the present agents too")
 
@@ -81,11 +81,11 @@ class ModelUse(Message):
 class ModelUsed(Message):
     """The model is in use."""
 
-    moved: int = Field(description="agents that change their model")
+    moved: int = Field(description="number of agents that change their model")
 
 
 class ServerInfo(Message):
-    """What the server is."""
+    """A description of the server."""
 
     version: str
     fps: int

@@ -33,22 +33,26 @@ class Goal(Message):
     )
 
     position: Vector3 = Field(
-        description="the ground below it is walked to: without a scene the component along up is "
-        "ignored, in a scene it says on which storey"
+        description="place on the ground; the component along up selects the storey of a scene, "
+        "and is ignored without one"
     )
-    radius: Length | None = length_field("arrived when this near", RADIUS, GOAL.radius)
-    speed: Length | None = speed_field("on the way", GOAL.speed)
+    radius: Length | None = length_field(
+        "distance of the hips at which it is reached", RADIUS, GOAL.radius
+    )
+    speed: Length | None = speed_field("target speed", GOAL.speed)
     heading: Heading | None = Field(
         default=None,
-        description="to face once stopped there: radians about up, 0 faces the basis's forward",
+        description="heading after stopping there: radians about up, 0 faces the basis's forward; "
+        "any if absent",
     )
     stop: Bool | None = Field(
         default=None,
-        description="false: pass through without slowing, stop after the last; default true",
+        description="false: pass through without slowing; if no goal follows, stop beyond it; "
+        "default true",
     )
     strafe: Bool | None = Field(
         default=None,
-        description="face `heading` on the way, too: side steps, up to 0.6 m/s; default false",
+        description="hold `heading` on the way, too: side steps, up to 0.6 m/s; default false",
     )
     dwell: Dwell | None = Field(
         default=None, description="seconds to stand there before the next goal; default 0"
@@ -72,22 +76,22 @@ class Goals(Message):
     )
 
     goals: Many[Goal] = Field(
-        min_length=1, max_length=1024, description="at most limits.path_goals"
+        min_length=1, max_length=1024, description="goals in order; at most limits.path_goals"
     )
 
 
 class Area(Message):
-    """An area to walk about in."""
+    """A disc to walk about in."""
 
-    center: Spot = Field(description="the component along up is ignored")
+    center: Spot = Field(description="its centre; the component along up is ignored")
     radius: Length = Field(
-        description=f"from {MIN_RADIUS:g} m to limits.goal_distance_m",
+        description=f"{MIN_RADIUS:g} m to limits.goal_distance_m",
         json_schema_extra=bounds(MIN_RADIUS, None),
     )
 
 
 class Wander(Message):
-    """Asks an agent to walk about until its next goal command."""
+    """Walk from one random place to the next, until the next goal command."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -95,14 +99,18 @@ class Wander(Message):
         }
     )
 
-    area: Area | None = Field(default=None, description="none: all over the scene")
-    speed: Length | None = speed_field("on the way", GOAL.speed)
+    area: Area | None = Field(
+        default=None, description="where to walk about; absent: all over the scene"
+    )
+    speed: Length | None = speed_field("target speed", GOAL.speed)
     dwell: Dwell | None = Field(
         default=None, description="seconds to stand at each place; default 0"
     )
 
 
 class GoalRevision(Message):
-    """The change was taken."""
+    """The command was accepted."""
 
-    revision: int = Field(description="of the agent's goal; chunks planned for it carry it")
+    revision: int = Field(
+        description="the agent's new revision; chunks planned for the command carry it"
+    )

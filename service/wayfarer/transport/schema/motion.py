@@ -1,4 +1,4 @@
-"""Streams, clips, lock-step. Poses stand in JSON as base64 of their bytes (docs/wire-format.md)."""
+"""Streams, clips, lock-step. In JSON, poses are base64 of their bytes (docs/wire-format.md)."""
 
 from typing import Annotated
 
@@ -30,7 +30,7 @@ BONES = tuple(bone.name for bone in load_skeleton())
 BoneName = Annotated[str, Field(json_schema_extra={"enum": list(BONES)})]
 
 ID_LENGTH = 64
-"""Characters of a session's or agent's id at most."""
+"""Most characters of a session's or agent's id."""
 
 
 class PoseFormat(Message):
@@ -43,11 +43,13 @@ class PoseFormat(Message):
     bones: Many[BoneName] = Field(
         default=(),
         max_length=len(BONES),
-        description="with profile `bones`, and only then: canonical names, each once",
+        description="only with profile `bones`: canonical names, each once",
         json_schema_extra={"uniqueItems": True},
     )
     fps: Uint32 = Field(
-        default=0, description="0: 40", json_schema_extra={"enum": [0, *sorted(RATES)]}
+        default=0,
+        description="frames per second; 0: 40",
+        json_schema_extra={"enum": [0, *sorted(RATES)]},
     )
 
 
@@ -55,12 +57,16 @@ class StreamRequest(Message):
     """Asks for a stream."""
 
     session_id: str = Field(max_length=ID_LENGTH, description="the session to follow")
-    agent_ids: tuple[str, ...] = Field(default=(), description="none: all, later ones too")
+    agent_ids: tuple[str, ...] = Field(
+        default=(), description="agents to follow; none: all, including later ones"
+    )
     format: PoseFormat = PoseFormat()
     slow_reader: SlowReader = Field(
-        default=SlowReader.DROP_OLDEST, description="what to do when the reader is too slow"
+        default=SlowReader.DROP_OLDEST, description="what happens when the reader is too slow"
     )
-    resume_token: str = Field(default="", description="the last one of an earlier stream")
+    resume_token: str = Field(
+        default="", description="last resume_token of an earlier stream, to continue after it"
+    )
 
 
 class ClipRequest(Message):
@@ -79,31 +85,31 @@ class ClipRequest(Message):
         }
     )
 
-    agent: AgentSpec = Field(default=AgentSpec(), description="who walks")
+    agent: AgentSpec = Field(default=AgentSpec(), description="the agent that walks")
     goals: Many[Goal] = Field(
-        default=(), max_length=1024, description="to visit in turn; none: the agent stands"
+        default=(), max_length=1024, description="goals to visit in turn; none: the agent stands"
     )
-    seconds: Float = Field(ge=1 / FPS, description="length; at most limits.clip_s")
+    seconds: Float = Field(ge=1 / FPS, description="length in seconds; at most limits.clip_s")
     until_arrival: Bool = Field(
-        default=False, description="end once the agent stands at the last goal"
+        default=False, description="end when the agent stands at the last goal"
     )
     basis: Basis = Field(default=Basis.GLTF, description="basis of the request and of the clip")
     format: PoseFormat = PoseFormat()
 
 
 class StepRequest(Message):
-    """Asks that time pass in a lock-step session."""
+    """How far to advance a lock-step session."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"steps": 5}]})
 
     steps: Uint32 = Field(
-        default=0, description="primitives of 0.2 s; 0: one; at most limits.steps_per_call"
+        default=0, description="steps of 0.2 s; 0: one; at most limits.steps_per_call"
     )
     format: PoseFormat = PoseFormat()
 
 
 class StreamHeader(Message):
-    """What holds for all that follows."""
+    """What holds for the whole stream."""
 
     server_version: str
     session_id: str
@@ -111,34 +117,42 @@ class StreamHeader(Message):
     basis: BasisInfo
     skeleton: Skeleton
     pose_encoding: PoseEncoding
-    sent_fps: int = Field(description="frames per second that are sent")
-    bones: tuple[int, ...] = Field(description="indices of the bones whose rotations are sent")
+    sent_fps: int = Field(description="frames per second sent")
+    bones: tuple[int, ...] = Field(
+        description="indices into `skeleton.bones` of the rotations that are sent"
+    )
     frame_bytes: int = Field(description="bytes of one frame in `poses`")
-    resume_s: float = Field(description="seconds of motion held for a stream that resumes")
-    resumed: bool = Field(description="goes on without a gap where resume_token left off")
+    resume_s: float = Field(description="seconds of motion kept for streams that resume")
+    resumed: bool = Field(description="continues without a gap after the requested resume_token")
 
 
 class MotionChunks(Message):
-    """Chunks, each the new frames of one agent, as columns: one value of each chunk."""
+    """Chunks, each with the new frames of one agent, as columns: the i-th values are chunk i."""
 
     aliases: tuple[int, ...]
-    seqs: tuple[int, ...] = Field(description="0, 1, 2 … per agent")
-    first_frames: tuple[int, ...] = Field(description="since the agent was created")
-    scheduled_at_us: tuple[int, ...] = Field(description="when to show the first frame")
+    seqs: tuple[int, ...] = Field(description="sequence number: 0, 1, 2 … per agent")
+    first_frames: tuple[int, ...] = Field(
+        description="number of the first frame since the agent was created, at 40 per second"
+    )
+    scheduled_at_us: tuple[int, ...] = Field(
+        description="display time of the first frame: microseconds since the Unix epoch"
+    )
     goal_revisions: tuple[int, ...]
     states: tuple[AgentState, ...]
     flags: tuple[int, ...] = Field(description="sums of ChunkFlag values")
     poses: str = Field(description="base64 of the packed frames, chunk after chunk")
-    contacts: str = Field(description="base64; one byte per frame: 1 left foot, 2 right foot")
+    contacts: str = Field(
+        description="base64; one byte per frame, the sum of 1 (left foot) and 2 (right foot)"
+    )
     waypoints: tuple[int, ...]
     candidates: tuple[int, ...]
 
 
 class MotionBatch(Message):
-    """Chunks that fell due together, and news of agents."""
+    """Chunks that are due together, and agents that were added or removed."""
 
     added: tuple[Agent, ...] = Field(description="agents whose first chunk is in this batch")
-    chunks: MotionChunks | None = Field(default=None, description="one of an agent at most")
+    chunks: MotionChunks | None = Field(default=None, description="at most one chunk per agent")
     removed: tuple[int, ...] = Field(description="aliases of deleted agents")
     resume_token: str
 
@@ -156,9 +170,9 @@ class Event(Message):
 
 
 class Steps(Message):
-    """What happened meanwhile."""
+    """Motion and events of the steps."""
 
-    batches: tuple[MotionBatch, ...] = Field(description="one for each primitive")
+    batches: tuple[MotionBatch, ...] = Field(description="one per step")
     events: tuple[Event, ...]
 
 

@@ -32,13 +32,11 @@ Lease = Annotated[
     Float | None,
     Field(
         ge=1,
-        description="seconds it outlives its last session and call; to limits.lease_s; 3600",
+        description="seconds it outlives its last session and call; to limits.lease_s; default 1 h",
     ),
 ]
 
-RequestId = Annotated[
-    Text, Field(description="see createSession; the header Idempotency-Key is the same")
-]
+RequestId = Annotated[Text, Field(description="as in createSession, or the header Idempotency-Key")]
 
 SQUARE: Final[JsonValue] = [
     {"x": x, "y": 0, "z": z} for x, z in ((-10, -10), (10, -10), (10, 10), (-10, 10))
@@ -46,7 +44,7 @@ SQUARE: Final[JsonValue] = [
 
 
 class NewScene(Message):
-    """Asks for a scene."""
+    """A scene to create."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -55,19 +53,19 @@ class NewScene(Message):
     )
 
     basis: Basis = Field(default=Basis.GLTF, description="basis of all calls on the scene")
-    name: Text = Field(default="", description="to show; need not be unique")
+    name: Text = Field(default="", description="name for display; need not be unique")
     floors: Many[Floor] = Field(
-        default=(), max_length=MAX_FLOORS, description="its ground: at least one, or a mesh"
+        default=(),
+        max_length=MAX_FLOORS,
+        description="level ground: at least one floor, unless there is a mesh",
     )
-    solids: Many[Solid] = Field(
-        default=(), max_length=MAX_SOLIDS, description="solids that never move"
-    )
-    walkable: Walkable = Field(default=Walkable(), description="the walkers that it is baked for")
+    solids: Many[Solid] = Field(default=(), max_length=MAX_SOLIDS, description="permanent solids")
+    walkable: Walkable = Field(default=Walkable(), description="what ground can be walked on")
     entries: Many[Vector3] = Field(
         default=(),
         max_length=MAX_SOLIDS,
-        description="where agents enter: ground not reached from there is left out; none: all is "
-        "kept that is worth it",
+        description="where agents enter: only ground reachable from there is kept; none: islands "
+        "of at least a twentieth of the largest one's area",
     )
     lease_s: Lease = None
     request_id: RequestId = ""
@@ -82,29 +80,30 @@ class MeshFormat(StrEnum):
 
 
 class Mesh(Message):
-    """What a mesh file is."""
+    """What a mesh file holds."""
 
     format: MeshFormat = MeshFormat.GLB
     basis: Basis | None = Field(
-        default=None, description="axes of its coordinates; gltf for GLB, else those of the scene"
+        default=None,
+        description="axes of its coordinates; if absent gltf for GLB, else the scene's",
     )
     unit: Float | None = Field(
         default=None,
         ge=UNIT[0],
         le=UNIT[1],
-        description="metres per unit of the file; as its basis has them",
+        description="metres per unit of the file; as in its basis if absent",
     )
 
 
 class MeshScene(Message):
-    """Asks for a scene with a mesh."""
+    """A scene to create from a mesh."""
 
     scene: NewScene = NewScene()
     mesh: Mesh = Mesh()
 
 
 class NewExampleScene(Message):
-    """Asks for a scene that comes with the server."""
+    """How to create a scene that comes with the server."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"basis": "gltf"}]})
 
@@ -116,7 +115,7 @@ class NewExampleScene(Message):
 class ExampleScene(Message):
     """A scene that comes with the server."""
 
-    name: str = Field(description="for createExampleScene")
+    name: str = Field(description="name for createExampleScene")
     summary: str
 
 
@@ -127,7 +126,7 @@ class ExampleScenes(Message):
 
 
 class NamedObstacle(Message):
-    """An obstacle that stands in a scene."""
+    """An obstacle in a scene."""
 
     name: str
     obstacle: Obstacle
@@ -136,22 +135,24 @@ class NamedObstacle(Message):
 class Scene(Message):
     """A scene as it is now."""
 
-    scene_id: str = Field(description="for createSession")
+    scene_id: str = Field(description="id, also for createSession")
     name: str
     basis: BasisInfo
-    content_hash: str = Field(description="SHA-256 of what it was made of")
-    version: int = Field(description="counts the changes of its obstacles")
-    area_m2: float = Field(description="where the middle of an agent may be: square metres")
-    islands: int = Field(description="parts of its ground with no way between them")
+    content_hash: str = Field(
+        description="SHA-256 of its content; scenes of equal content share their navigation data"
+    )
+    version: int = Field(description="number of changes of its obstacles")
+    area_m2: float = Field(description="square metres on which the middle of an agent may be")
+    islands: int = Field(description="parts of its ground that no way connects")
     min: Vector3 = Field(description="least coordinates of its ground; 0 along up")
     max: Vector3 = Field(description="greatest coordinates of its ground; 0 along up")
-    obstacles: tuple[NamedObstacle, ...] = Field(description="what has been put there")
-    sessions: int = Field(description="that are in it")
+    obstacles: tuple[NamedObstacle, ...] = Field(description="its obstacles")
+    sessions: int = Field(description="number of sessions in it")
     created_at_us: int = Field(description="microseconds since the Unix epoch")
-    bake_s: float = Field(description="seconds that its making took")
+    bake_s: float = Field(description="seconds that baking took")
     lease_s: float = Field(description="seconds it outlives its last session and call")
     endpoint: Endpoint | None = Field(
-        default=None, description="the worker it lives in; null on a server without workers"
+        default=None, description="the worker that holds it; null on a server of one process"
     )
 
 
@@ -162,7 +163,7 @@ class Scenes(Message):
 
 
 class SceneVersion(Message):
-    """What a change of a scene has made of it."""
+    """A scene after a change."""
 
     version: int
     area_m2: float
@@ -170,7 +171,7 @@ class SceneVersion(Message):
 
 
 class PathQuery(Message):
-    """Asks for a way."""
+    """A path to find."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -178,18 +179,24 @@ class PathQuery(Message):
         }
     )
 
-    start: Vector3 = Field(description="the component along up says on which storey")
-    goal: Vector3
+    start: Vector3 = Field(
+        description="start of the path; the component along up selects the storey"
+    )
+    goal: Vector3 = Field(description="end of the path")
 
 
 class ScenePath(Message):
-    """A way."""
+    """A path."""
 
-    points: tuple[Vector3, ...] = Field(description="from start to goal, on the ground")
-    length: float = Field(description="seen from above")
-    start_moved: float = Field(description="how far to the nearest free ground; 0: it was free")
-    goal_moved: float = Field(description="how far to the nearest that can be reached")
-    version: int = Field(description="of the scene for which this is the way")
+    points: tuple[Vector3, ...] = Field(description="points from start to goal, on the ground")
+    length: float = Field(description="length seen from above")
+    start_moved: float = Field(
+        description="distance by which start was moved to free ground; 0 if it was free"
+    )
+    goal_moved: float = Field(
+        description="distance by which goal was moved to ground that can be reached"
+    )
+    version: int = Field(description="version of the scene in which the path was found")
 
 
 class Ring(Message):
@@ -206,37 +213,42 @@ class Polygon(Message):
 
 
 class Block(Message):
-    """Something that stands there, upright from its foot to its top."""
+    """A solid or obstacle, upright from its bottom to its top."""
 
     top: tuple[float, ...] = Field(
-        description="its outline, three numbers per point: level, but for a ramp's"
+        description="outline of its top, three numbers per point; level, except for a ramp"
     )
-    bottom: float = Field(description="height of its foot: its component along up")
-    name: str = Field(default="", description="of an obstacle")
+    bottom: float = Field(description="component along up of its bottom")
+    name: str = Field(default="", description="name of an obstacle")
 
 
 class SceneOutlines(Message):
-    """A scene to be drawn; numbers as graphics libraries take them."""
+    """Everything needed to draw a scene, with numbers as graphics libraries take them."""
 
-    walkable: tuple[Polygon, ...] = Field(description="where the middle of an agent may be")
-    vertices: tuple[float, ...] = Field(description="of the walkable ground, three numbers each")
+    walkable: tuple[Polygon, ...] = Field(
+        description="ground on which the middle of an agent may be"
+    )
+    vertices: tuple[float, ...] = Field(
+        description="vertices of the walkable ground, three numbers each"
+    )
     triangles: tuple[int, ...] = Field(description="three indices of vertices each")
-    solids: tuple[Block, ...] = Field(description="solids that never move, without meshes")
-    obstacles: tuple[Block, ...] = Field(description="what has been put there")
+    solids: tuple[Block, ...] = Field(description="permanent solids, without meshes")
+    obstacles: tuple[Block, ...] = Field(description="its obstacles")
     version: int
 
 
 class Crowd(Message):
-    """Asks for people in a session's scene."""
+    """People who walk about in a session's scene."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"count": 50, "seed": 7}]})
 
-    count: Uint32 = Field(default=0, description="people to have at a time; 0: all leave")
+    count: Uint32 = Field(default=0, description="number of people at a time; 0: all leave")
     seed: Uint32 | None = Field(
-        default=None, description="genders, shapes, places and goals follow; server's choice"
+        default=None,
+        description="determines genders, shapes, places and goals; chosen by the server if absent",
     )
-    min_speed: Length | None = speed_field("of the slowest", CROWD.speed[0])
-    max_speed: Length | None = speed_field("of the fastest", CROWD.speed[1])
+    min_speed: Length | None = speed_field("speed of the slowest person", CROWD.speed[0])
+    max_speed: Length | None = speed_field("speed of the fastest person", CROWD.speed[1])
     min_dwell: Dwell | None = Field(
         default=None,
         description=f"least seconds to stand at each place; default {CROWD.dwell[0]:g}",
@@ -249,16 +261,21 @@ class Crowd(Message):
         default=0.0,
         ge=0,
         le=MAX_RATE,
-        description="people a second; 0: all there is room for, at once",
+        description="arrivals per second; 0: all at once, as far as there is room",
     )
     stay: Float = Field(
-        default=0.0, ge=0, le=MAX_STAY, description="mean seconds until one leaves; 0: they stay"
+        default=0.0,
+        ge=0,
+        le=MAX_STAY,
+        description="mean seconds until a person leaves and another comes; 0: they stay",
     )
 
 
 class CrowdCame(Message):
-    """People come."""
+    """How many people have come."""
 
-    came: int = Field(description="people that are there; streams introduce them and those to come")
-    waiting: int = Field(description="people that are still to come, when there is room")
-    reason: str = Field(description="why they wait; empty: they are coming")
+    came: int = Field(
+        description="people who are there; streams announce them, and later ones, in `added`"
+    )
+    waiting: int = Field(description="people who come when there is room")
+    reason: str = Field(description="why they wait; empty: nothing keeps them")

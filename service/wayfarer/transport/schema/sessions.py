@@ -7,32 +7,35 @@ from wayfarer.transport.schema.base import BasisInfo, Bool, Endpoint, Float, Mes
 
 
 class NewSession(Message):
-    """Asks for a session. Every field has a default, so `{}` is enough."""
+    """A session to create. Every field has a default, so `{}` is enough."""
 
     model_config = ConfigDict(
         json_schema_extra={"examples": [{"basis": "gltf", "seed": 7, "lease_s": 120}]}
     )
 
-    basis: Basis = Field(default=Basis.GLTF, description="basis of all it sends and receives")
+    basis: Basis = Field(
+        default=Basis.GLTF, description="coordinate basis of everything it sends and receives"
+    )
     seed: Uint32 | None = Field(
-        default=None, description="agents without a seed draw theirs from it; server's choice"
+        default=None,
+        description="agents without a seed draw theirs from it; chosen by the server if absent",
     )
     lease_s: Float | None = Field(
         default=None,
         ge=1,
-        description="seconds it outlives its last call and stream; to limits.lease_s; 60",
+        description="seconds it outlives its last call and stream: 1 to limits.lease_s; default 60",
     )
     scene: Text = Field(
-        default="", description="id of a scene, see createScene; empty: the endless flat floor"
+        default="", description="id of a scene (createScene); empty: the endless flat floor"
     )
-    lock_step: Bool = Field(default=False, description="time passes only in StepAgents; no streams")
-    record: Bool = Field(default=False, description="record its commands, for its log")
+    lock_step: Bool = Field(default=False, description="time advances only by steps; no streams")
+    record: Bool = Field(default=False, description="record its commands for its log")
     request_id: Text = Field(
         default="",
-        description="the same request sent again within ten minutes does nothing and gets the "
-        "same reply; the header Idempotency-Key means the same",
+        description="for ten minutes, the same request with this id does nothing and gets the same "
+        "reply, so that it can be retried; as the header Idempotency-Key",
     )
-    avoid: Bool = Field(default=True, description="in a scene: agents keep out of each other's way")
+    avoid: Bool = Field(default=True, description="in a scene: its agents avoid each other")
 
 
 class Session(Message):
@@ -45,15 +48,15 @@ class Session(Message):
     seed: int = Field(description="agents without a seed draw theirs from it")
     lease_s: float = Field(description="seconds it outlives its last call and stream")
     expires_at_us: int = Field(
-        description="when the lease ends unless renewed; moves on while a stream is open"
+        description="when the lease ends unless renewed; an open stream renews it"
     )
     lock_step: bool
     record: bool
     scene: str = Field(description="id of its scene; empty: the endless flat floor")
     endpoint: Endpoint | None = Field(
-        default=None, description="the worker it lives in; null on a server without workers"
+        default=None, description="the worker that holds it; null on a server of one process"
     )
-    avoid: bool = Field(description="in a scene: agents keep out of each other's way")
+    avoid: bool = Field(description="in a scene: its agents avoid each other")
 
 
 class Sessions(Message):
@@ -65,4 +68,6 @@ class Sessions(Message):
 class Renewal(Message):
     """The lease was renewed."""
 
-    expires_at_us: int = Field(description="when it ends now: microseconds since the Unix epoch")
+    expires_at_us: int = Field(
+        description="when the lease ends now: microseconds since the Unix epoch"
+    )

@@ -1,4 +1,4 @@
-"""Shapes of which scenes are made. Points and lengths are in the basis of the scene."""
+"""Shapes of scenes. Points and lengths are in the basis of the scene."""
 
 from typing import Annotated, Final
 
@@ -30,13 +30,11 @@ Corners = Annotated[
     Field(
         min_length=3,
         max_length=MAX_RING,
-        description="corners in order, either way round; the component along up is ignored",
+        description="corners in order, in either direction; the component along up is ignored",
     ),
 ]
-Turn = Annotated[
-    Heading, Field(description="by how much it is turned: radians about up, as an agent's heading")
-]
-Base = Annotated[Vector3, Field(description="the middle of its base")]
+Turn = Annotated[Heading, Field(description="rotation about up in radians, as an agent's heading")]
+Base = Annotated[Vector3, Field(description="middle of its base")]
 
 
 SIZES: Final = bounds(MIN_SIZE, MAX_EXTENT)
@@ -55,7 +53,9 @@ class Extents(Message):
 
 Size = Annotated[
     Extents,
-    Field(description="extents along the axes of the basis, before it is turned; 0.01 to 500 m"),
+    Field(
+        description="extents along the axes of the basis, before `heading` turns it; 0.01 to 500 m"
+    ),
 ]
 Height = Annotated[
     Float, Field(description="extent along up; 0.01 to 500 m", json_schema_extra=SIZES)
@@ -76,12 +76,14 @@ class Floor(Message):
     """A level piece of ground."""
 
     outline: Corners
-    holes: Many[Outline] = Field(default=(), max_length=MAX_SOLIDS, description="inside of it")
+    holes: Many[Outline] = Field(
+        default=(), max_length=MAX_SOLIDS, description="holes inside the outline"
+    )
     height: Float = Field(default=0.0, description="its component along up")
 
 
 class Box(Message):
-    """A box, standing upright."""
+    """An upright box."""
 
     position: Base
     size: Size
@@ -89,11 +91,11 @@ class Box(Message):
 
 
 class Cylinder(Message):
-    """A cylinder, standing upright."""
+    """An upright cylinder."""
 
     position: Base
     radius: Float = Field(
-        description="0.005 to 500 m", json_schema_extra=bounds(MIN_SIZE / 2, MAX_EXTENT)
+        description="radius; 0.005 to 500 m", json_schema_extra=bounds(MIN_SIZE / 2, MAX_EXTENT)
     )
     height: Height
 
@@ -102,12 +104,12 @@ class Prism(Message):
     """An outline raised along up."""
 
     outline: Corners
-    bottom: Float = Field(default=0.0, description="height of its base")
+    bottom: Float = Field(default=0.0, description="component along up of its base")
     height: Height
 
 
 class Ramp(Message):
-    """A wedge that can be walked up: it rises along the basis's forward before it is turned."""
+    """A wedge: it rises along the basis's forward before `heading` turns it."""
 
     position: Base
     size: Size
@@ -115,7 +117,7 @@ class Ramp(Message):
 
 
 class Solid(OneOf):
-    """A solid that never moves; its top is ground where it can be stepped on."""
+    """A permanent part of a scene; surfaces that can be walked on are ground."""
 
     box: Box | None = None
     cylinder: Cylinder | None = None
@@ -130,22 +132,24 @@ class Obstacle(OneOf):
 
     box: Box | None = None
     cylinder: Cylinder | None = None
-    prism: Prism | None = Field(default=None, description=f"of at most {MAX_OBSTACLE_RING} points")
+    prism: Prism | None = Field(
+        default=None, description=f"an extruded outline of at most {MAX_OBSTACLE_RING} points"
+    )
 
 
 class Walkable(Message):
-    """The walkers that a scene is baked for. Absent fields take their defaults."""
+    """What ground can be walked on. Absent fields take their defaults."""
 
     radius: Length | None = length_field(
-        "from the middle of an agent to walls and edges", RADIUS, WALKABLE.radius
+        "clearance of the middle of an agent from walls and edges", RADIUS, WALKABLE.radius
     )
     step_height: Length | None = length_field(
-        "up or down in one step, less than `height`", STEP_HEIGHT, WALKABLE.step_height
+        "greatest height of a step, less than `height`", STEP_HEIGHT, WALKABLE.step_height
     )
     slope_deg: Float | None = Field(
         default=None,
         ge=SLOPE_DEG[0],
         le=SLOPE_DEG[1],
-        description=f"steeper ground is a wall; degrees; default {WALKABLE.slope_deg:g}",
+        description=f"steepest slope in degrees, else a wall; default {WALKABLE.slope_deg:g}",
     )
-    height: Length | None = length_field("free above the ground", HEIGHT, WALKABLE.height)
+    height: Length | None = length_field("headroom above the ground", HEIGHT, WALKABLE.height)

@@ -12,25 +12,31 @@ class Stats(Message):
     sessions: int
     subscribers: int
     steps: int = Field(description="agent steps since start")
-    step_ms_mean: float = Field(description="one engine call")
+    step_ms_mean: float = Field(description="mean of one engine call")
     step_ms_p95: float
-    late_chunks: int = Field(description="ready after their scheduled time, since start")
+    late_chunks: int = Field(description="chunks that were late, since start")
     lateness_ms_p95: float
     uptime_s: float
     resets: int = Field(description="agents put back to a stand after a broken step, since start")
     failures: int = Field(description="turns of the loop that raised, since start")
-    rebased: int = Field(description="shifts of the schedule, each because it was > 1 s late")
-    dropped_batches: int = Field(description="batches lost by present streams that were too slow")
+    rebased: int = Field(
+        description="shifts of the schedule, each because it was more than 1 s late"
+    )
+    dropped_batches: int = Field(
+        description="batches that open streams lost because they were too slow"
+    )
     reduced_steps: int = Field(
         description="agent steps with fewer candidates because time was short, since start"
     )
-    held_sessions: int = Field(description="sessions whose agents wait for a slow reader now")
+    held_sessions: int = Field(description="sessions whose agents now wait for a slow reader")
     states: dict[str, int] = Field(description="agents in each state")
     capacity: int = Field(description="agents that fit, by the measured cost; 0: not known yet")
     load: float = Field(
         description="share of the last seconds that the engine, or the loop, was busy"
     )
     rung: int = Field(description="degradation level; 0: nothing is left out")
-    held_steps: int = Field(description="steps of idle agents that were left out, since start")
+    held_steps: int = Field(description="steps not made for idle agents, since start")
     refused_agents: int = Field(description="agents refused because time was short, since start")
-    journal_failing: bool = Field(description="present changes would not survive the process")
+    journal_failing: bool = Field(
+        description="true: changes cannot be written, and would not survive a restart"
+    )
