@@ -70,7 +70,7 @@ class Stand:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Of a routine."""
+    """A part of a routine."""
 
     does: "Visit | Stand | Wander | Patrol | Follow | KeepAway | Queue"
     seconds: float = 0.0  # then the next begins; 0: when it is done, as only a visit ever is
@@ -104,7 +104,7 @@ def behaviour_to_wire(behaviour: Behaviour) -> goal_pb2.Behaviour:
 
 
 def _arguments(does: Any) -> dict[str, Any]:
-    """Of the protobuf message."""
+    """The behaviour as a protobuf message."""
     given = {field.name: getattr(does, field.name) for field in fields(does)}
     if isinstance(does, Routine):
         parts = [

@@ -37,7 +37,7 @@ class BoneMap:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Bones that the rig lacks; their turns go on into their children."""
+        """Bones that the rig does not have; their turns go on into their children."""
         return tuple(bone for bone in BONES if bone not in self.bones)
 
     def table(self) -> dict[str, str]:
@@ -46,7 +46,7 @@ class BoneMap:
         return {bone: nodes[self.bones[bone]].name for bone in BONES if bone in self.bones}
 
     def corrected(self, changes: Mapping[str, str | None]) -> "BoneMap":
-        """With other nodes for some bones (by node name), or without them (None)."""
+        """The map with other nodes for some bones (by node name), or without them (None)."""
         names = [node.name for node in self.rig.nodes]
         bones = dict(self.bones)
         for bone, name in changes.items():
@@ -65,7 +65,7 @@ def map_bones(
 ) -> BoneMap:
     """The map of a rig. `humanoid`: VRM's names → nodes; `basis`: of the rig's space, for its up.
 
-    Raises InvalidArgument, with what was looked for, when hips or legs cannot be told.
+    Raises InvalidArgument that says what was looked for when hips or legs cannot be found.
     """
     if humanoid:
         return BoneMap(rig, _checked(rig, _by_vrm(humanoid)), "vrm")

@@ -21,7 +21,7 @@ from wayfarer_client.v1 import (
 from wayfarer_client.wire import BatchReader
 
 REACH_S: Final = 1.0
-"""A worker's port that takes no connection within so long is behind a firewall."""
+"""Seconds after which a worker's port that takes no connection counts as behind a firewall."""
 
 
 class Client:
@@ -55,7 +55,7 @@ class Client:
 
     @property
     def address(self) -> str:
-        """Of the server."""
+        """Version, limits and bases of the server."""
         return self.connection.address
 
     async def connect(self) -> Self:

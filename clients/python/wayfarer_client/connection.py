@@ -117,7 +117,7 @@ class Connection:
             raise Unavailable(f"no server at {self.address} within {self.timeout:g} s") from None
 
     async def reached(self, seconds: float) -> bool:
-        """Whether the server can be reached, known after so long at most; closed if not."""
+        """Whether the server can be reached within `seconds`; closes the channel if not."""
         state = self._channel.get_state(try_to_connect=True)
         try:
             async with asyncio.timeout(seconds):
@@ -198,7 +198,7 @@ class Connection:
 
 
 async def come_again(refusal: WayfarerError, ends_at: float) -> bool:
-    """Wait as long as the server has asked for; False, at once, when it has not, or in vain."""
+    """Wait as long as the server asks; False at once when it does not ask, or time is up."""
     wait = refusal.retry_after * random.uniform(1.0, 1.2)  # so that not all come back together
     if not (isinstance(refusal, ResourceExhausted) and 0 < wait <= ends_at - _now()):
         return False

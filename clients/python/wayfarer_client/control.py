@@ -10,8 +10,7 @@ from wayfarer_client import goals as requests
 from wayfarer_client.behaviours import Behaviour
 from wayfarer_client.connection import Backoff, Connection
 from wayfarer_client.errors import ResourceExhausted, Unavailable, WayfarerError, from_problem
-from wayfarer_client.goals import GoalOptions
-from wayfarer_client.messages import Agent, Batch, Event, Goal, Place, StreamInfo
+from wayfarer_client.messages import Agent, Batch, Event, Goal, GoalOptions, Place, StreamInfo
 from wayfarer_client.stream import heard, read, refuses
 from wayfarer_client.v1 import control_pb2, motion_pb2
 from wayfarer_client.wire import BatchReader
@@ -66,7 +65,7 @@ class Control:
 
     @property
     def resume_token(self) -> str:
-        """Of the last batch that was received."""
+        """The resume token of the last batch that was received."""
         return self._request.resume_token
 
     def __aiter__(self) -> Self:
@@ -77,7 +76,7 @@ class Control:
         if isinstance(item, Batch):
             await self._acknowledge(item)
             return item
-        self._batches.put_nowait(item)  # for whoever asks again
+        self._batches.put_nowait(item)  # for the next reader
         if item is None:
             raise StopAsyncIteration
         raise item
@@ -191,7 +190,7 @@ class Control:
         finally:
             self._ended = end or Unavailable("the control stream has ended")
             self._hang_up(self._ended)
-            self._opened.set()  # whoever waits for a connection learns that there will be none
+            self._opened.set()  # waiters for a connection learn that there will be none
             self._batches.put_nowait(end)
 
     async def _received(self) -> AsyncGenerator[Batch]:
@@ -250,7 +249,7 @@ class Control:
                 waiting.set_exception(error)
 
     def _keep(self, batch: Batch) -> None:
-        """For the program to take; one that does not is told what it has lost."""
+        """Queue it for the program; a program that does not take it gets a notice of the loss."""
         if self._batches.qsize() >= QUEUE:
             self._batches.get_nowait()
             lost = Event("gap", batch.sent_at, None, 0, 0, "this program did not read in time")

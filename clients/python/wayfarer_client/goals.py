@@ -1,28 +1,16 @@
 """Requests for goals, the same over GoalService and Control."""
 
 from collections.abc import Iterable
-from typing import TypedDict
 
 from wayfarer_client.behaviours import Behaviour, behaviour_to_wire
 from wayfarer_client.errors import InvalidArgument
-from wayfarer_client.messages import Agent, Goal, Place, vector
+from wayfarer_client.messages import Agent, Goal, GoalOptions, Place, vector
 from wayfarer_client.v1 import goal_pb2
 
 
 def id_of(agent: Agent | str) -> str:
-    """Of an agent or of its id."""
+    """The id of an agent, which may be given as its id."""
     return agent if isinstance(agent, str) else agent.agent_id
-
-
-class GoalOptions(TypedDict, total=False):
-    """How to walk to a place: the fields of `Goal` but for its position."""
-
-    radius: float | None
-    speed: float | None
-    heading: float | None
-    stop: bool
-    strafe: bool
-    dwell: float
 
 
 def set_goal(
@@ -92,7 +80,7 @@ def wander(
 def behave(
     agent: Agent | str, behaviour: Behaviour, expected: int | None
 ) -> goal_pb2.BehaveRequest:
-    """Do something of itself."""
+    """Follow a behaviour until the next goal command."""
     return goal_pb2.BehaveRequest(
         agent_id=id_of(agent),
         behaviour=behaviour_to_wire(behaviour),

@@ -7,7 +7,7 @@ Unix clock.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import IntFlag
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,6 +107,23 @@ class Goal:
         given = {name: getattr(self, name) for name in Goal.__slots__ if name != "position"}
         return goal_pb2.Goal(position=vector(self.position), **given)
 
+    @classmethod
+    def from_wire(cls, message: goal_pb2.Goal) -> "Goal":
+        """The goal of a protobuf message; absent fields take their defaults."""
+        given = {f.name: value for f, value in message.ListFields() if f.name != "position"}
+        return cls((message.position.x, message.position.y, message.position.z), **given)
+
+
+class GoalOptions(TypedDict, total=False):
+    """How to walk to a place: the fields of `Goal` but for its position."""
+
+    radius: float | None
+    speed: float | None
+    heading: float | None
+    stop: bool
+    strafe: bool
+    dwell: float
+
 
 @dataclass(frozen=True, slots=True)
 class CrowdCame:
@@ -182,7 +199,7 @@ class Frames:
     rotations: Float = field(repr=False)  # [F, B, 4] x, y, z, w; hips: world; else: local
     contacts: NDArray[np.bool_] = field(repr=False)  # [F, 2] left, right foot on the ground
     waypoint: int = 0  # place in its path of the goal they were planned for
-    candidates: int = 0  # so many were tried for them
+    candidates: int = 0  # candidates that were tried for them
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ MARGIN: Final = 0.06
 """Over the worst lateness of the last LATENESS_WINDOW."""
 LATENESS_WINDOW: Final = 20.0
 OFFSET_WINDOW: Final = 30.0
-"""The fastest message of so long a time is taken to have come without delay."""
+"""Seconds whose fastest message counts as one without delay."""
 STRETCH: Final = 0.05
 """Playback runs at most this much faster or slower, to reach the delay aimed at."""
 JUMP: Final = 1.0
@@ -187,5 +187,5 @@ class PoseTrack:
 
 
 def mix(a: tuple[Array, Array], b: tuple[Array, Array], share: float) -> tuple[Array, Array]:
-    """Between two poses (hips [3], rotations [B, 4]): straight, and along the shorter arc."""
+    """Interpolate two poses (hips [3], rotations [B, 4]): linearly, and along the shorter arc."""
     return (1 - share) * a[0] + share * b[0], slerp(a[1], b[1], share)

@@ -62,7 +62,7 @@ def from_axes(columns: Array) -> Array:
 
 
 def slerp(a: Array, b: Array, share: float) -> Array:
-    """Between unit quaternions [..., 4], the short way round."""
+    """Interpolate unit quaternions [..., 4] along the shorter arc."""
     cosine = (a * b).sum(-1, keepdims=True)
     b = np.where(cosine < 0, -b, b)
     angle = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))

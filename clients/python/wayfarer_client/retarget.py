@@ -25,13 +25,13 @@ from wayfarer_client.rig import BONES, PARENTS
 SNAP: Final = np.cos(np.radians(25))
 """A rig's up or left that lies so near to one of its axes is meant to be that axis."""
 REACH: Final = 0.999
-"""Of a leg's length: how far it is stretched at most."""
+"""Largest stretch of a leg, as a share of its length."""
 BEND: Final = 0.1
-"""Of the thigh's length: a knee that bends less than this bends forwards."""
+"""Share of the thigh's length; a knee that bends less than this bends forwards."""
 HEEL: Final = 0.35
-"""Of the way from ankle to ball: how far the heel is behind the ankle."""
+"""Distance of the heel behind the ankle, as a share of the way from ankle to ball."""
 TIP: Final = 0.45
-"""Of the way from ankle to ball: how far the tip of the toes is before the ball."""
+"""Distance of the tip of the toes before the ball, as a share of that way."""
 LEGS: Final = tuple(
     tuple(BONES.index(f"{side}_{bone}") for bone in ("hip", "knee", "ankle", "foot"))
     for side in SIDES
@@ -44,7 +44,7 @@ ARMS: Final = tuple(
 
 @dataclass(frozen=True)
 class CharacterPose:
-    """Of the mapped bones, in the space of the character and by canonical bone number."""
+    """Turns of the mapped bones, in the character's space and by canonical bone number."""
 
     rotations: dict[int, Array] = field(repr=False)  # [4] in the world
     places: dict[int, Array] = field(repr=False)  # [3] in the world
@@ -170,7 +170,7 @@ class Retarget:
         """Hips' height of the character by that of the agent."""
 
     def _sole(self, ball: Array, height: float) -> tuple[Array, Array, Array]:
-        """Of a foot that stands: heel and ball from the ankle, tip of the toes from the ball."""
+        """A standing foot: heel and ball relative to the ankle, tip of the toes to the ball."""
         ahead, down = self.basis.level(ball), -height * self.basis.up
         return down - HEEL * ahead, down + ahead, TIP * ahead
 

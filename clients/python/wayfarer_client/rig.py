@@ -82,7 +82,7 @@ class Rig:
         return tuple(map(tuple, found))
 
     def ancestors(self, node: int) -> list[int]:
-        """From its parent to the top."""
+        """Its ancestors, from the parent to the top."""
         found = []
         while (node := self.nodes[node].parent) >= 0:
             found.append(node)

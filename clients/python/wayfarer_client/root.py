@@ -48,7 +48,7 @@ class SmoothRoot:
     def update(self, time: float, hips: Array, turn: Array, ground: float) -> tuple[Array, float]:
         """At `time`: hips' place [3] and rotation [4], height of the ground → point [3], heading.
 
-        The heading goes on beyond π: it never jumps.
+        The heading continues beyond π, so it never jumps.
         """
         step = 0.0 if self._last is None else max(0.0, time - self._last)
         self._last = time

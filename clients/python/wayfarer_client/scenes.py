@@ -75,7 +75,7 @@ class Scene:
         return await self._call("GetSceneOutlines", request)
 
     async def picture(self) -> bytes:
-        """From above, PNG; forward is up."""
+        """A picture from above, PNG; forward is up."""
         request = scene_pb2.GetScenePictureRequest(scene_id=self.scene_id)
         return bytes((await self._call("GetScenePicture", request)).picture)
 

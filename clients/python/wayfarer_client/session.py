@@ -11,13 +11,14 @@ from wayfarer_client.behaviours import Behaviour
 from wayfarer_client.connection import Connection
 from wayfarer_client.control import Control
 from wayfarer_client.errors import NotFound, Unavailable
-from wayfarer_client.goals import GoalOptions, id_of
+from wayfarer_client.goals import id_of
 from wayfarer_client.messages import (
     Agent,
     AgentSpec,
     Batch,
     CrowdCame,
     Goal,
+    GoalOptions,
     Place,
     PoseFormat,
     enum_label,
@@ -85,7 +86,7 @@ class Session:
                 raise
 
     async def _keep_alive(self) -> None:
-        """Renew the lease until the session is no more, which whoever uses it will be told."""
+        """Renew the lease until the session has ended, which its next call reports."""
         with contextlib.suppress(NotFound):
             while True:
                 await asyncio.sleep(self.lease_s / RENEWALS_PER_LEASE)
@@ -95,7 +96,7 @@ class Session:
     # life
 
     async def renew(self) -> float:
-        """Begin the lease anew; return when it ends (Unix seconds, server's clock)."""
+        """Restart the lease; return when it ends (Unix seconds, server's clock)."""
         request = session_pb2.RenewSessionRequest(session_id=self.session_id)
         reply = await self._connection.call(self._connection.sessions.RenewSession, request)
         return float(reply.expires_at_us / 1e6)
@@ -197,7 +198,7 @@ class Session:
         dwell: float | None = None,
         expected: int | None = None,
     ) -> int:
-        """Let an agent walk about until it is told otherwise: in a disc, or all over its scene."""
+        """Let an agent walk about, in a disc or all over its scene, until its next goal command."""
         request = requests.wander(agent, center, radius, speed, dwell, expected)
         reply = await self._connection.call(self._connection.goals.Wander, request)
         return int(reply.revision)
@@ -205,7 +206,7 @@ class Session:
     async def behave(
         self, agent: Agent | str, behaviour: Behaviour, expected: int | None = None
     ) -> int:
-        """Let an agent do something of itself until it is told otherwise."""
+        """Give an agent a behaviour that it follows until its next goal command."""
         request = requests.behave(agent, behaviour, expected)
         reply = await self._connection.call(self._connection.goals.Behave, request)
         return int(reply.revision)
@@ -228,13 +229,12 @@ class Session:
         spawn_rate: float = 0.0,
         stay: float = 0.0,
     ) -> CrowdCame:
-        """Let so many people walk about all over the session's scene; how many have come.
+        """Populate the session's scene with `count` walking people; return how many have come.
 
-        Returns once all are there, or it is known why the rest must wait. In place of those of an
-        earlier call; with 0 they leave. `speed`: of the slowest and the
-        fastest; `dwell`: seconds to stand at each place, from and to; `spawn_rate`: people a
-        second, 0: all at once; `stay`: mean seconds until one leaves and another comes, 0: for
-        ever.
+        Returns once all are there, or the reason why the rest must wait is known. They replace
+        the people of an earlier call; with 0 all leave. `speed`: of the slowest and the fastest;
+        `dwell`: least and most seconds to stand at each place; `spawn_rate`: people a second,
+        0: all at once; `stay`: mean seconds until one leaves and another comes, 0: for ever.
         """
         slowest, fastest = speed or (None, None)
         shortest, longest = dwell or (None, None)

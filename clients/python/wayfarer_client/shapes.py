@@ -63,7 +63,7 @@ class Floor:
 
 @dataclass(frozen=True, slots=True)
 class Walkable:
-    """Who walks in a scene; None takes the server's default. Lengths in units of the basis."""
+    """The walkers of a scene; None takes the server's default. Lengths in units of the basis."""
 
     radius: float | None = None  # from the middle of an agent to walls and edges; 0.3 m
     step_height: float | None = None  # up or down in one step; 0.25 m

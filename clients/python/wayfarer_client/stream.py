@@ -14,7 +14,7 @@ from wayfarer_client.v1 import motion_pb2
 from wayfarer_client.wire import BatchReader
 
 SILENCE_S: Final = 5.0
-"""A stream without even a heartbeat (one per second) for so long is dead."""
+"""Seconds after which a stream without even a heartbeat (one per second) is dead."""
 
 
 class MotionStream:
@@ -46,7 +46,7 @@ class MotionStream:
 
     @property
     def resume_token(self) -> str:
-        """Of the last batch: hand it to `Session.stream` to go on later, in another program too."""
+        """The resume token of the last batch: `Session.stream` goes on from it, in any program."""
         return self._request.resume_token
 
     def __aiter__(self) -> Self:

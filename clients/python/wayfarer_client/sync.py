@@ -9,8 +9,16 @@ from typing import Any, Self, TypeVar, Unpack
 from wayfarer_client.behaviours import Behaviour
 from wayfarer_client.client import Client
 from wayfarer_client.connection import Tls
-from wayfarer_client.goals import GoalOptions
-from wayfarer_client.messages import Agent, AgentSpec, Batch, CrowdCame, Goal, Place, PoseFormat
+from wayfarer_client.messages import (
+    Agent,
+    AgentSpec,
+    Batch,
+    CrowdCame,
+    Goal,
+    GoalOptions,
+    Place,
+    PoseFormat,
+)
 from wayfarer_client.session import Session
 from wayfarer_client.stream import MotionStream
 from wayfarer_client.sync_scenes import SyncScene, SyncScenes

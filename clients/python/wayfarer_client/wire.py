@@ -8,7 +8,7 @@ import numpy as np
 from wayfarer_client.errors import WayfarerError
 from wayfarer_client.messages import Agent, Batch, Event, Flag, Frames, Goal, Place, StreamInfo
 from wayfarer_client.poses import PoseLayout
-from wayfarer_client.v1 import agent_pb2, common_pb2, goal_pb2, motion_pb2
+from wayfarer_client.v1 import agent_pb2, common_pb2, motion_pb2
 
 
 def _words(enum: Any) -> Mapping[int, str]:
@@ -25,7 +25,7 @@ COLUMNS: Final = (
     *("aliases", "seqs", "first_frames", "scheduled_at_us", "goal_revisions", "states"),
     *("flags", "waypoints", "candidates"),
 )
-"""Of MotionChunks, those with a number for each chunk."""
+"""Columns of MotionChunks with a number for each chunk."""
 
 
 class BatchReader:
@@ -66,7 +66,7 @@ class BatchReader:
         )
 
     def _frames(self, chunks: motion_pb2.MotionChunks) -> Iterator[Frames]:
-        """Of the agents that are known. Raises WayfarerError when the columns do not fit."""
+        """Chunks of the known agents. Raises WayfarerError when the columns do not fit."""
         if not chunks.aliases:
             return
         assert self._layout is not None, "the server sent a batch before its header"
@@ -130,7 +130,7 @@ def agent_from_wire(message: agent_pb2.Agent) -> Agent:
         state=STATES.get(message.state, ""),
         position=_place(message.position),
         heading=message.heading,
-        goal=_goal(goal) if message.HasField("goal") else None,
+        goal=Goal.from_wire(goal) if message.HasField("goal") else None,
         goal_revision=message.goal_revision,
         created_at=message.created_at_us / 1e6,
         rest_offsets=np.array(message.rest_offsets, np.float32).reshape(-1, 3),
@@ -138,18 +138,6 @@ def agent_from_wire(message: agent_pb2.Agent) -> Agent:
         waypoints=message.waypoints,
         foot_lock=message.foot_lock,
         model=message.model,
-    )
-
-
-def _goal(message: goal_pb2.Goal) -> Goal:
-    return Goal(
-        position=_place(message.position),
-        radius=message.radius,
-        speed=message.speed,
-        heading=message.heading if message.HasField("heading") else None,
-        stop=message.stop if message.HasField("stop") else True,
-        strafe=message.strafe,
-        dwell=message.dwell,
     )
 
 
