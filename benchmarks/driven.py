@@ -48,11 +48,11 @@ class InstantEngine:
         )
 
     @property
-    def alone(self) -> "InstantEngine":
+    def single_threaded(self) -> "InstantEngine":
         """See `Engine`."""
         return self
 
-    scoring = alone
+    scoring = single_threaded
 
 
 FAR: Final = Goal((9_000.0, 0.0, 0.0))

@@ -30,7 +30,7 @@ from wayfarer.world.agents.agent import AgentSpec, Goal
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.search.beam import plan
 from wayfarer.world.search.beam_settings import HARD, BeamSettings
-from wayfarer.world.search.plan import Ending, Plan, Problem
+from wayfarer.world.search.problem import Ending, MotionPlan, PlanningProblem
 from wayfarer_lab.evaluation.gait import Windows, gait_row
 from wayfarer_lab.evaluation.goals import random_specs
 from wayfarer_lab.evaluation.tracks import skin_track
@@ -68,7 +68,7 @@ def row(
     name: str,
     bundle: ModelBundle,
     specs: Sequence[AgentSpec],
-    plans: Sequence[Plan],
+    plans: Sequence[MotionPlan],
     seconds: float,
 ) -> dict[str, Any]:
     """Figures of one search, and its seconds of CPU time."""
@@ -106,7 +106,7 @@ def main() -> None:
     random = np.random.default_rng(asked.seed)
     specs = random_specs(asked.agents, random)
     motions = bundle.world(asked.agents, Steering()).prepare(specs)
-    problem = Problem.of(specs, motions, random_goals(specs, random))
+    problem = PlanningProblem.of(specs, motions, random_goals(specs, random))
     rows: list[dict[str, Any]] = []
     online: dict[str, Any] = {}
     for latents, name in track(list(product(LATENTS, SEARCHES)), "searching"):

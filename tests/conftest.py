@@ -36,7 +36,7 @@ SLOW = (
     "workers/test_front.py",
     "workers/test_scenes.py",
     "world/behaviours",  # minutes of a crowd's time
-    "world/scenes/test_bakery.py",  # processes that hang, and are killed
+    "world/scenes/test_bake_queue.py",  # processes that hang, and are killed
     "world/scenes/test_populate.py",
     "world/scenes/test_world_scenes.py",
 )

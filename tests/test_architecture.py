@@ -9,7 +9,6 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 WIRE = ROOT / "service/wayfarer/transport/schema"
 
-LATER = {"Goals", "Problem"}  # when work on their files is done
 TWINS = {
     "Agent", "AgentSpec", "Behaviour", "Block", "Bone", "Box", "Crowd", "Cylinder", "Event",
     "Floor", "Follow", "Goal", "KeepAway", "MotionChunks", "Part", "Patrol", "PoseFormat", "Prism",
@@ -46,9 +45,7 @@ def test_a_class_name_means_one_thing() -> None:
     twice = {
         name: [str(path.relative_to(ROOT)) for path in paths]
         for name, paths in public_classes().items()
-        if len(paths) > 1
-        and name not in LATER
-        and not (name in TWINS and sum(WIRE in p.parents for p in paths) == 1)
+        if len(paths) > 1 and not (name in TWINS and sum(WIRE in p.parents for p in paths) == 1)
     }
     assert not twice, f"public classes of one name that mean different things: {twice}"
 

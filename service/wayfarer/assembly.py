@@ -28,7 +28,7 @@ from wayfarer.workers.assignments import threads_of
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.scenes.bake_queue import BakeQueue
-from wayfarer.world.stepping.budget import BudgetRules, rungs
+from wayfarer.world.stepping.budget import BudgetRules, candidate_counts
 from wayfarer.world.stepping.settings import AdmissionRules, WorldSettings
 from wayfarer.world.world import World
 
@@ -56,7 +56,7 @@ def model_store(settings: Settings) -> ModelStore:
             candidates=settings.candidates,
         ),
         settings.limits.agents,
-        rungs(settings.candidates),
+        candidate_counts(settings.candidates),
     )
 
 
@@ -92,7 +92,7 @@ def runtime(
     body = BodyStamp(BODY, {gender: sha256_of(body_file(BODY, gender)) for gender in GENDERS})
 
     def warm_up(world: World) -> None:
-        tried = rungs(settings.candidates)
+        tried = candidate_counts(settings.candidates)
         measured = (tried[0], tried[-1])
         # memory is allocated for the largest batch; larger ones are never asked for
         compiled = [size for size in engine.to_compile if size <= sizes[-1]]
@@ -108,7 +108,7 @@ def runtime(
         start_poses=load_start_poses(START_POSES),
         settings=world_settings,
         journal=Journal(settings.state_dir, body, meter) if settings.state_dir else None,
-        bakery=BakeQueue(settings.limits),
+        bake_queue=BakeQueue(settings.limits),
     )
     return MotionService(worlds, warm_up, clock, meter, open_model=model_store(settings).open)
 

@@ -91,10 +91,10 @@ def test_several_candidates_are_always_scored(exact):
 
 
 def test_an_engine_that_scores_may_run_alone_and_the_other_way_round(mixed, inputs):
-    for engine in (mixed.alone.scoring, mixed.scoring.alone):
-        assert engine.batch_sizes == mixed.alone.batch_sizes
+    for engine in (mixed.single_threaded.scoring, mixed.scoring.single_threaded):
+        assert engine.batch_sizes == mixed.single_threaded.batch_sizes
         assert engine.step(GENDER, inputs).terms.any()
-    assert not mixed.alone.step(GENDER, inputs).terms.size
+    assert not mixed.single_threaded.step(GENDER, inputs).terms.size
 
 
 def test_what_it_gave_is_not_written_over(exact, inputs):
@@ -131,9 +131,9 @@ def test_rows_are_parted_into_the_sizes_there_are(rows, expected):
 
 def test_alone_it_is_the_same_engine(mixed, inputs):
     assert np.array_equal(
-        mixed.alone.step(GENDER, inputs).rotations, mixed.step(GENDER, inputs).rotations
+        mixed.single_threaded.step(GENDER, inputs).rotations, mixed.step(GENDER, inputs).rotations
     )
-    assert mixed.alone.kind == mixed.kind
+    assert mixed.single_threaded.kind == mixed.kind
 
 
 def test_only_hidden_layers_are_in_bfloat16(models, mixed):

@@ -34,7 +34,7 @@ class FakeEngine:
         self.nan_for_beta: float | None = None  # rows with this first beta come out as NaN
 
     @property
-    def alone(self) -> "FakeEngine":
+    def single_threaded(self) -> "FakeEngine":
         return self
 
     @property

@@ -349,9 +349,9 @@ def test_an_observer_learns_how_many_candidates_were_tried():
     list(world.advance(0.5))
     notes.chunks.clear()
     now = world.next_event()
-    for rung in (DegradationLevel(2), DegradationLevel(1, hold_idle=True)):
+    for level in (DegradationLevel(2), DegradationLevel(1, hold_idle=True)):
         world.collect(now)
-        world.step(now, rung)
+        world.step(now, level)
         now += 0.2
     assert [candidates for _, _, candidates in notes.chunks] == [2, 0]
 

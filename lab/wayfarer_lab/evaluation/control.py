@@ -21,7 +21,7 @@ from wayfarer.world.agents.agent import AgentSpec, Goal
 from wayfarer.world.rows import Index
 from wayfarer.world.search.beam import grow
 from wayfarer.world.search.beam_settings import BeamSettings
-from wayfarer.world.search.plan import Level, Problem, Tree
+from wayfarer.world.search.problem import BeamLevel, PlanningProblem, Tree
 from wayfarer.world.world import World
 from wayfarer_lab.evaluation.figures import distances, first, mean, share
 from wayfarer_lab.evaluation.gait import Row, Windows, gait_row, lean
@@ -77,7 +77,7 @@ def offline(
     for begin in range(0, len(pairs), TOGETHER):
         some = pairs[begin : begin + TOGETHER]
         specs, goals = [p.spec for p in some], [[p.goal] for p in some]
-        problem = Problem.of(specs, world.prepare(specs), goals)
+        problem = PlanningProblem.of(specs, world.prepare(specs), goals)
         trees = grow(engine, problem, settings)
         owners = _owners(trees[0].levels)
         for row, (pair, tree) in enumerate(zip(some, trees, strict=True)):
@@ -153,7 +153,7 @@ def _always(path: Sequence[Goal]) -> Plan:
     return lambda agent: path
 
 
-def _owners(levels: Sequence[Level]) -> list[Index]:
+def _owners(levels: Sequence[BeamLevel]) -> list[Index]:
     """For each level, the pair that each of its nodes belongs to."""
     owners: list[Index] = []
     for level in levels:
@@ -191,7 +191,7 @@ def _tree_trial(
     )
 
 
-def _track(levels: Sequence[Level], row: int, spec: AgentSpec, body: BodyModel) -> BodyTrack:
+def _track(levels: Sequence[BeamLevel], row: int, spec: AgentSpec, body: BodyModel) -> BodyTrack:
     """Skinned path to row `row` of the last of `levels`."""
     hips, rotations = [], []
     for level in reversed(levels):

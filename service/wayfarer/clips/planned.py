@@ -20,7 +20,7 @@ from wayfarer.world.output.posture import DRAWN, habits, hold
 from wayfarer.world.rows import Flags, Float
 from wayfarer.world.search.beam import plan
 from wayfarer.world.search.beam_settings import BeamSettings
-from wayfarer.world.search.plan import Ending, Plan, Problem
+from wayfarer.world.search.problem import Ending, MotionPlan, PlanningProblem
 
 
 def plan_clip(
@@ -42,7 +42,7 @@ def plan_clip(
     if frames < 1:
         raise InvalidArgument(f"seconds is {seconds:g}; at least one frame is needed", "seconds")
     whole = replace(settings, depth=ceil(frames / NEW_FRAMES), until="depth")
-    problem = Problem.of([spec], [start], [goals])
+    problem = PlanningProblem.of([spec], [start], [goals])
     [found] = plan(engine, problem, whole, watch=lambda level, _: watch(level * STEP_SECONDS))
     if found.ending is Ending.BROKEN:
         raise FailedPrecondition(
@@ -68,7 +68,7 @@ def plan_clip(
     )[:frames]
 
 
-def _cleaned(body: BodyModel, spec: AgentSpec, found: Plan) -> tuple[Float, Float, Flags]:
+def _cleaned(body: BodyModel, spec: AgentSpec, found: MotionPlan) -> tuple[Float, Float, Flags]:
     """Hips [N, 3], rotations [N, 22, 4] and contacts [N, 2] as the service would send them."""
     legs = measure_legs(body, np.array(spec.betas))
     hips, rotations = found.translation[None], found.rotations[None]

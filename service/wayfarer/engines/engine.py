@@ -67,7 +67,7 @@ class Engine(Protocol):
     term_names: tuple[str, ...]
 
     @property
-    def alone(self) -> "Engine":
+    def single_threaded(self) -> "Engine":
         """The same engine on the calling thread only: it leaves the other cores alone."""
         ...
 

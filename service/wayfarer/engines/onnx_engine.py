@@ -47,7 +47,7 @@ class OnnxEngine(WarmEngine):
         self.batch_sizes = self._partitioner.sizes(SIZES)
 
     @cached_property
-    def alone(self) -> "OnnxEngine":
+    def single_threaded(self) -> "OnnxEngine":
         """See `Engine`."""
         other = copy(self)
         other._partitioner = RowPartitioner(1)

@@ -71,7 +71,7 @@ class OpenVinoEngine(WarmEngine):
         self.batch_sizes = batch_sizes(self._partitioner.count)
 
     @property
-    def alone(self) -> "OpenVinoEngine":
+    def single_threaded(self) -> "OpenVinoEngine":
         """See `Engine`."""
         other = copy(self)
         other._partitioner = RowPartitioner(1)

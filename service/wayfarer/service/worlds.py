@@ -37,12 +37,12 @@ class Worlds:
     start_poses: NDArray[np.float32]  # [P, 22, 4]
     settings: WorldSettings  # of the world in real time
     journal: Journal | None = None
-    bakery: BakeQueue | None = None  # a process that bakes scenes; None: the caller's thread does
+    bake_queue: BakeQueue | None = None  # None: the caller's thread bakes
 
     @cached_property
     def scenes(self) -> SceneRegistry:
         """That their sessions may be in."""
-        bake_there = self.bakery.bake if self.bakery else bake
+        bake_there = self.bake_queue.bake if self.bake_queue else bake
         return SceneRegistry(self.settings.limits, self.settings.shard, bake_there, self.journal)
 
     @cached_property
@@ -52,8 +52,8 @@ class Worlds:
 
     def stop(self) -> None:
         """No scene is baked from now on."""
-        if self.bakery:
-            self.bakery.stop()
+        if self.bake_queue:
+            self.bake_queue.stop()
 
     def live(self) -> World:
         """A world in real time."""

@@ -16,10 +16,10 @@ from wayfarer.world.agents.registry import Agent, Registry
 from wayfarer.world.agents.slots import Feeding, Motion, Slots
 from wayfarer.world.agents.timeline import Timeline
 from wayfarer.world.behaviours.runner import BehaviourRunner, Surroundings, parts_of
+from wayfarer.world.goals.agent_paths import AgentPaths, set_out
 from wayfarer.world.goals.checks import check_goal, check_path
 from wayfarer.world.goals.commands import Append, GoalCommand, Path, Stop
-from wayfarer.world.goals.paths import Paths
-from wayfarer.world.goals.trail import Trails, set_out
+from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.stepping.playback import Playback
 from wayfarer.world.stepping.settings import WorldSettings
 
@@ -31,7 +31,7 @@ class GoalCommands:
         self,
         *,
         slots: Slots,
-        paths: Paths,
+        paths: PathColumns,
         playback: Playback,
         timeline: Timeline,
         settings: WorldSettings,
@@ -45,11 +45,11 @@ class GoalCommands:
         self._settings = settings
         self._registry = registry
         self._around = around
-        self._trails = Trails(slots, paths)
+        self._agent_paths = AgentPaths(slots, paths)
         self._behaviours = BehaviourRunner(
             slots=slots,
             paths=paths,
-            trails=self._trails,
+            agent_paths=self._agent_paths,
             registry=registry,
             around=around,
             slow_seconds=settings.steering.slow_seconds,
@@ -112,9 +112,9 @@ class GoalCommands:
         Goals before are forgotten.
         """
         slots, slot = self._slots, agent.slot
-        self._trails.kept(agent)
+        self._agent_paths.kept(agent)
         motion = slots.committed.take(np.array([slot]))
-        if self._trails.is_ahead_of_sent(slot):
+        if self._agent_paths.is_ahead_of_sent(slot):
             set_out(motion.gait, 0, 0, walks=bool(agent.path))
         return motion
 
@@ -128,7 +128,7 @@ class GoalCommands:
         x, y = slots.planned.seed.translation[slot, -1, :2].tolist()
         agent.path, agent.passed, agent.path_start = (), 0, (x, y)
         self._behaviours.leave(agent)
-        self._trails.write(agent, self._first_goals(agent, command))
+        self._agent_paths.write(agent, self._first_goals(agent, command))
         walks = bool(agent.path) and self._behaviours.sets_out(agent)
         set_out(slots.planned.gait, slot, 0, walks)
 
@@ -149,8 +149,8 @@ class GoalCommands:
         self._behaviours.leave(agent)
         self._slots.goal_revision[agent.slot] += 1
         # The places that its behaviour has drawn beyond the present one are no client's.
-        kept = self._trails.so_far(agent) if behaves else self._trails.kept(agent)
-        self._trails.write(agent, (*kept, *goals))
+        kept = self._agent_paths.so_far(agent) if behaves else self._agent_paths.kept(agent)
+        self._agent_paths.write(agent, (*kept, *goals))
 
     def _ahead(self, agent: Agent) -> int:
         """Goals of its path that the agent has not reached."""

@@ -34,7 +34,7 @@ from wayfarer.world.events import Event
 from wayfarer.world.goal_commands import GoalCommands
 from wayfarer.world.goals.checks import check_change, check_session, check_specs
 from wayfarer.world.goals.commands import GoalCommand
-from wayfarer.world.goals.paths import Paths
+from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.membership import Membership
 from wayfarer.world.observer import WorldObserver
 from wayfarer.world.rows import Index
@@ -84,7 +84,7 @@ class World:
         self._playback = Playback(self.slots, settings.lead)
         # What is planned may be a goal ahead of what is sent for each chunk of it; an agent that
         # wanders has one more.
-        paths = Paths(self.slots, settings.limits.path_goals + settings.lead + 2)
+        paths = PathColumns(self.slots, settings.limits.path_goals + settings.lead + 2)
         self._scene_context = SceneContext(
             book=scenes or SceneRegistry(),
             slots=self.slots,
@@ -302,30 +302,30 @@ class World:
     # Time
 
     def schedule(
-        self, now: float, launch: Launch = at_once, rung: DegradationLevel | None = None
+        self, now: float, launch: Launch = at_once, level: DegradationLevel | None = None
     ) -> PendingStep | None:
         """Start an engine call for the agents most urgently due; see `Scheduler.begin`.
 
-        On the level of degradation that the load asks for, unless `rung` is given. If the level
+        On the level of degradation that the load asks for, unless `level` is given. If the level
         says so, agents that are due and have nothing to do are held before. None: nobody is due.
         """
         frame = self._timeline.frame(now)
         self._scene_context.refresh()
         self._goals.walk_on(frame + self.settings.batch_lookahead_s * FPS)
-        if rung is None:
+        if level is None:
             slack, scheduler = self._playback.slack(frame) / FPS, self.scheduler
-            rung = self.load.allow(now, slack, scheduler.held_share, scheduler.under_way)
-        if rung.hold_idle:
+            level = self.load.allow(now, slack, scheduler.held_share, scheduler.under_way)
+        if level.hold_idle:
             self.scheduler.hold(frame)
-        return self.scheduler.begin(frame, rung.candidates, launch)
+        return self.scheduler.begin(frame, level.candidates, launch)
 
     def apply(self, step: PendingStep) -> int:
         """Plan the chunks that a scheduled step has made; returns how many agents it stepped."""
         return self.scheduler.finish(step)
 
-    def step(self, now: float, rung: DegradationLevel | None = None) -> int:
+    def step(self, now: float, level: DegradationLevel | None = None) -> int:
         """`schedule`, then `apply`. Returns how many agents were stepped."""
-        step = self.schedule(now, rung=rung)
+        step = self.schedule(now, level=level)
         return 0 if step is None else self.apply(step)
 
     def take_due(self, until: float) -> list[Due]:

@@ -79,8 +79,11 @@ def test_inputs_are_not_written_to(engine, inputs):
 
 
 def test_alone_it_is_the_same_engine(engine, inputs):
-    assert same(engine.alone.step(GENDER, inputs), engine.step(GENDER, inputs))
-    assert (engine.alone.kind, engine.alone.graphs) == (engine.kind, engine.graphs)
+    assert same(engine.single_threaded.step(GENDER, inputs), engine.step(GENDER, inputs))
+    assert (engine.single_threaded.kind, engine.single_threaded.graphs) == (
+        engine.kind,
+        engine.graphs,
+    )
 
 
 def test_it_names_what_it_runs_apart_from_the_graphs_it_was_made_of(models, onnx, engine):

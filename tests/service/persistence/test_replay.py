@@ -19,7 +19,7 @@ from wayfarer.world.stepping.budget import DegradationLevel
 RECORDED = SessionSpec("s", record=True)
 
 
-def run(world, seconds, plan, rungs=lambda now: None, start=0.0):
+def run(world, seconds, plan, levels=lambda now: None, start=0.0):
     """Let time pass in steps of 10 ms; `plan` holds (when, call) pairs in order of time."""
     sent, plan = [], list(plan)
     for tick in range(round(seconds * 100)):
@@ -28,7 +28,7 @@ def run(world, seconds, plan, rungs=lambda now: None, start=0.0):
             plan.pop(0)[1](now)
         sent += world.collect(now)
         while (event := world.next_event()) is not None and event <= now:
-            world.step(now, rungs(now))
+            world.step(now, levels(now))
             sent += world.collect(now)
     return sent
 

@@ -7,7 +7,7 @@ import pytest
 from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
 from wayfarer.terms import STAND, TERMS, TURN, WALK, weights
 from wayfarer.world.agents.heading import facing_at
-from wayfarer.world.agents.slots import Gait, Goals, Mode, Seeds
+from wayfarer.world.agents.slots import Gait, GoalColumns, Mode, Seeds
 from wayfarer.world.goals.steering import Steering, observe
 
 # Of numbers of its own, so that tuning breaks no test.
@@ -30,7 +30,7 @@ def gait(mode, speed=0.0, **values):
 
 
 def goal(x=None, radius=0.3, speed=1.2, **values):
-    made = Goals.empty(1)
+    made = GoalColumns.empty(1)
     if x is None:
         return made
     made.given[:], made.position[:], made.radius[:], made.speed[:] = True, (x, 0, 0), radius, speed

@@ -13,7 +13,7 @@ from wayfarer.world.agents.slots import Mode
 from wayfarer.world.goals.steering import Search, Steering, default_searches
 from wayfarer.world.search.beam import BLOCK, fan_out, grow, plan
 from wayfarer.world.search.beam_settings import HARD, BeamSettings
-from wayfarer.world.search.plan import Ending, Level, Problem
+from wayfarer.world.search.problem import BeamLevel, Ending, PlanningProblem
 
 ALIKE = Steering(searches={m: replace(s, manner=0.0) for m, s in default_searches().items()})
 """Nobody has a manner of his own: the latents are those that are drawn."""
@@ -84,7 +84,7 @@ def test_keeping_one_is_the_online_search(children):
     for chunk in world.advance(12.0):
         chunks[chunk.agent_id].append(chunk)
 
-    asked = Problem.of(specs, world.prepare(specs), [[goal] for goal in goals])
+    asked = PlanningProblem.of(specs, world.prepare(specs), [[goal] for goal in goals])
     settings = BeamSettings(keep=1, children=children, until="standing")
     for agent, found in zip(agents, plan(Walker(), asked, settings), strict=True):
         assert found.ending is Ending.STANDING
@@ -101,10 +101,10 @@ def test_a_plan_does_not_depend_on_the_other_agents():
     motions = make_world().prepare(specs)
     paths = [[Goal((s.position[0] + x, y, 0.0))] for s, (x, y) in zip(specs, ways, strict=True)]
     settings = BeamSettings(children=3, keep=8, limits={"skating": 0.1})
-    together = plan(Walker(), Problem.of(specs, motions, paths), settings)
+    together = plan(Walker(), PlanningProblem.of(specs, motions, paths), settings)
     assert len({found.steps for found in together}) > 2
     for row in range(len(specs)):
-        one = Problem.of([specs[row]], [motions[row]], [paths[row]])
+        one = PlanningProblem.of([specs[row]], [motions[row]], [paths[row]])
         assert same(plan(Walker(), one, settings)[0], together[row])
 
 
@@ -188,7 +188,7 @@ def test_a_goal_that_is_reached_already_needs_no_primitive():
     engine = Walker()
     near, far = Goal((0.3, 0.3, 0.0)), Goal((2.0, 3.0, 0.0))
     specs = people(2)
-    asked = Problem.of(specs, make_world().prepare(specs), [[near], [far]])
+    asked = PlanningProblem.of(specs, make_world().prepare(specs), [[near], [far]])
     found, other = plan(engine, asked, BeamSettings())
     assert (found.steps, found.ending) == (0, Ending.REACHED)
     assert found.translation.shape == (0, 3) and found.rotations.shape == (0, 22, 4)
@@ -206,7 +206,7 @@ def test_until_standing_it_goes_on_to_a_stand_within_the_radius():
 def test_a_path_is_visited_goal_by_goal():
     specs = people(1)
     path = [Goal((0.0, 2.0, 0.0), stop=False), Goal((2.0, 2.0, 0.0)), Goal((2.0, 0.0, 0.0))]
-    asked = Problem.of(specs, make_world().prepare(specs), [path])
+    asked = PlanningProblem.of(specs, make_world().prepare(specs), [path])
     [found] = plan(Walker(), asked, BeamSettings(until="standing"))
     assert found.ending is Ending.STANDING and found.end.gait.waypoint[0] == 2
     way = [np.linalg.norm(found.translation[:, :2] - g.position[:2], axis=-1) for g in path]
@@ -229,7 +229,7 @@ def test_a_broken_primitive_is_not_kept_and_an_agent_without_any_other_ends_befo
     specs = people(2)
     specs[1] = replace(specs[1], betas=(2.5,) + (0.0,) * 9)
     paths = [[Goal((s.position[0], 3.0, 0.0))] for s in specs]
-    asked = Problem.of(specs, make_world().prepare(specs), paths)
+    asked = PlanningProblem.of(specs, make_world().prepare(specs), paths)
     sound, lost = plan(engine, asked, BeamSettings(limits=HARD))
     assert sound.ending is Ending.REACHED
     assert (lost.ending, lost.steps) == (Ending.BROKEN, 0)
@@ -252,10 +252,12 @@ def test_a_plan_goes_on_where_another_ended():
     goal = Goal((0.0, 9.0, 0.0))
     world = make_world()
     [whole] = plan(
-        Walker(), Problem.of(specs, world.prepare(specs), [[goal]]), replace(settings, depth=6)
+        Walker(),
+        PlanningProblem.of(specs, world.prepare(specs), [[goal]]),
+        replace(settings, depth=6),
     )
-    [first] = plan(Walker(), Problem.of(specs, world.prepare(specs), [[goal]]), settings)
-    rest = Problem.of(specs, [first.end], [[goal]], first.next_chunk)
+    [first] = plan(Walker(), PlanningProblem.of(specs, world.prepare(specs), [[goal]]), settings)
+    rest = PlanningProblem.of(specs, [first.end], [[goal]], first.next_chunk)
     # From its second level on a plan tries 4 children, on its first 4 as well: keep is 1.
     [second] = plan(Walker(), rest, settings)
     joined = np.concatenate([first.translation, second.translation])
@@ -271,9 +273,9 @@ def test_memory_holds_nothing_but_kept_nodes():
     trees = grow(Walker(), standing(count), BeamSettings(children=16, keep=keep, depth=depth))
     levels = trees[0].levels
     assert all(tree.levels is levels for tree in trees)
-    arrays = [getattr(level, f.name) for level in levels for f in fields(Level)]
+    arrays = [getattr(level, f.name) for level in levels for f in fields(BeamLevel)]
     assert all(array.base is None for array in arrays), "a view would hold all that were tried"
-    node = sum(getattr(Level.empty(1), f.name).nbytes for f in fields(Level))
+    node = sum(getattr(BeamLevel.empty(1), f.name).nbytes for f in fields(BeamLevel))
     assert sum(array.nbytes for array in arrays) <= count * keep * depth * node
 
 

@@ -12,7 +12,7 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.world.agents.agent import Goal
 from wayfarer.world.search.beam import grow
 from wayfarer.world.search.beam_settings import CLONES, BeamSettings
-from wayfarer.world.search.plan import Problem
+from wayfarer.world.search.problem import PlanningProblem
 
 
 @pytest.mark.parametrize(
@@ -78,10 +78,12 @@ def test_lists_of_unequal_length_are_refused(specs, motions, paths):
     prepared = make_world().prepare(made)
     goals: Sequence[Sequence[Goal]] = [[Goal((0.0, 1.0, 0.0))]] * 2
     with pytest.raises(InvalidArgument, match="one of each"):
-        Problem.of(made[:specs], prepared[:motions], goals[:paths])
+        PlanningProblem.of(made[:specs], prepared[:motions], goals[:paths])
 
 
 def test_a_bad_goal_is_refused():
     specs = people(1)
     with pytest.raises(InvalidArgument, match=r"goals\[0\]\.radius"):
-        Problem.of(specs, make_world().prepare(specs), [[Goal((0.0, 1.0, 0.0), radius=-1.0)]])
+        PlanningProblem.of(
+            specs, make_world().prepare(specs), [[Goal((0.0, 1.0, 0.0), radius=-1.0)]]
+        )

@@ -9,7 +9,7 @@ from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.spec import NEW_FRAMES
 from wayfarer.terms import TERMS
 from wayfarer.world.agents.agent import Goal
-from wayfarer.world.search.plan import Plan, Problem
+from wayfarer.world.search.problem import MotionPlan, PlanningProblem
 
 TERM = {name: number for number, name in enumerate(TERMS)}
 
@@ -60,19 +60,19 @@ class Lanes(FakeEngine):
         return outputs
 
 
-def problem(count: int, way=(0.0, 3.0), **values) -> Problem:
+def problem(count: int, way=(0.0, 3.0), **values) -> PlanningProblem:
     """Agents of both genders, each with a goal `way` from where it stands."""
     specs = people(count, **values)
     paths = [[Goal((s.position[0] + way[0], s.position[1] + way[1], 0.0))] for s in specs]
-    return Problem.of(specs, make_world().prepare(specs), paths)
+    return PlanningProblem.of(specs, make_world().prepare(specs), paths)
 
 
-def standing(count: int) -> Problem:
+def standing(count: int) -> PlanningProblem:
     specs = people(count)
-    return Problem.of(specs, make_world().prepare(specs), [()] * count)
+    return PlanningProblem.of(specs, make_world().prepare(specs), [()] * count)
 
 
-def same(a: Plan, b: Plan) -> bool:
+def same(a: MotionPlan, b: MotionPlan) -> bool:
     return a.steps == b.steps and all(
         np.array_equal(getattr(a, name), getattr(b, name))
         for name in ("translation", "rotations", "contacts", "modes", "costs", "rejected")

@@ -299,14 +299,14 @@ def test_at_the_end_of_the_ladder_nobody_is_let_in_until_there_is_time_again():
     world.create_session(SessionSpec("s"), 0.0)
     world.create_agents("s", people(2), 0.0)
     now = 0.0
-    while not world.load.rung.refuse:
+    while not world.load.level.refuse:
         now = world.next_event() + 0.25
         world.tick(now)
     with pytest.raises(ResourceExhausted, match=r"add 1 agent: 2 are in use, .* late") as error:
         world.create_agents("s", people(1), now)
     assert error.value.retry_after > 0
     list(world.advance(now + 30.0))
-    assert world.load.rung_number == 0
+    assert world.load.level_number == 0
     world.create_agents("s", people(1), now + 30.0)
 
 
@@ -316,7 +316,7 @@ def test_a_world_that_everybody_has_left_is_not_late():
     world.create_session(SessionSpec("s"), 0.0)
     (agent,) = world.create_agents("s", people(1), 0.0)
     now = 0.0
-    while not world.load.rung.refuse:
+    while not world.load.level.refuse:
         now = world.next_event() + 0.25
         world.tick(now)
     world.delete_agent(agent.agent_id)

@@ -1,6 +1,12 @@
 import pytest
 
-from wayfarer.world.stepping.budget import Budget, BudgetRules, DegradationLevel, ladder, rungs
+from wayfarer.world.stepping.budget import (
+    Budget,
+    BudgetRules,
+    DegradationLevel,
+    candidate_counts,
+    ladder,
+)
 
 RULES = BudgetRules()
 CALL = 0.05  # seconds of one engine call with all candidates
@@ -18,7 +24,7 @@ def candidates(budget, now, slack):
     [(8, (8, 4, 2, 1)), (10, (10, 8, 4, 2, 1)), (1, (1,)), (32, (32, 16, 8, 4, 2, 1))],
 )
 def test_the_ladder_begins_with_what_is_wished_and_ends_with_a_refusal(most, counts):
-    assert rungs(most) == counts
+    assert candidate_counts(most) == counts
     assert ladder(most) == (*map(DegradationLevel, counts), HOLD, REFUSE)
 
 

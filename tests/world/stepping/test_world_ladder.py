@@ -16,12 +16,12 @@ from wayfarer.world.stepping.budget import BudgetRules, DegradationLevel
 HOLD = DegradationLevel(1, hold_idle=True)
 
 
-def run(world, until, rung=None):
-    """As `World.advance`, on one rung of the ladder."""
+def run(world, until, level=None):
+    """As `World.advance`, on one level of the ladder."""
     chunks = []
     while (event := world.next_event()) <= until:
         chunks += world.collect(event)
-        world.step(event, rung)
+        world.step(event, level)
     return chunks
 
 
@@ -103,21 +103,21 @@ def test_who_has_arrived_is_held_and_stays_where_it_is():
 
 
 def test_who_dwells_on_its_path_goes_on_in_time():
-    def arrival(rung):
+    def arrival(level):
         world, [agent] = populated()
         world.give(agent, Path((Goal((0.0, 1.0, 0.0), dwell=2.0), Goal((0.0, 3.0, 0.0)))), 0.0)
-        chunks = run(world, 12.0, rung)
+        chunks = run(world, 12.0, level)
         return [c.seq for c in chunks if c.flags & ChunkFlag.ARRIVED]
 
     assert arrival(HOLD) == arrival(DegradationLevel(1))
 
 
 def test_held_agents_leave_the_time_to_others_and_do_not_move_them():
-    def walk(rung):
+    def walk(level):
         engine = FakeEngine()
         world, agents = populated(6, engine)
         world.give(agents[2], GOAL, 0.0)
-        return own(run(world, 3.0, rung), 3), sum(rows for _, rows, _ in engine.calls)
+        return own(run(world, 3.0, level), 3), sum(rows for _, rows, _ in engine.calls)
 
     (held, few), (stepped, many) = walk(HOLD), walk(DegradationLevel(1))
     assert few == many / 6
@@ -129,18 +129,18 @@ def test_under_pressure_candidates_go_first_then_the_idle_are_held_then_it_comes
     steering = Steering().with_search(candidates=2)
     world, agents = populated(4, budget=BudgetRules(), steering=steering, phases=1)
     world.give(agents[0], Goal((0.0, 90.0, 0.0)), 0.0)
-    chunks, rungs = [], []
+    chunks, levels = [], []
     for _ in range(10):
         chunks += world.tick(world.next_event() + 0.23)
-        rungs.append(world.load.rung_number)
-    assert rungs == sorted(rungs) and rungs[-1] == 3
+        levels.append(world.load.level_number)
+    assert levels == sorted(levels) and levels[-1] == 3
     walker = own(chunks, 1)
     assert not any(c.flags & ChunkFlag.HELD for c in walker)
     assert walker[-1].flags & ChunkFlag.REDUCED
     assert all(own(chunks, alias)[-1].flags & ChunkFlag.HELD for alias in (2, 3, 4))
     assert world.scheduler.held_steps > 0
     calm = list(world.advance(40.0))
-    assert world.load.rung_number == 0
+    assert world.load.level_number == 0
     last = [own(calm, alias)[-1] for alias in (1, 2, 3, 4)]
     assert all(c.candidates == 2 and not c.flags & ChunkFlag.HELD for c in last)
     for alias in (1, 2, 3, 4):

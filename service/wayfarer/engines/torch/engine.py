@@ -91,7 +91,7 @@ class TorchEngine(WarmEngine):
         self._batches: dict[tuple[str, int, int], DeviceStep] = {}
 
     @cached_property
-    def alone(self) -> "TorchEngine":
+    def single_threaded(self) -> "TorchEngine":
         """See `Engine`: on the same weights, in the background of the GPU."""
         return TorchEngine(self.networks, self.batch_sizes, background=True)
 

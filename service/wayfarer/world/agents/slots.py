@@ -79,7 +79,7 @@ class Motion(Rows):
 
 
 @dataclass(slots=True)
-class Goals(Rows):
+class GoalColumns(Rows):
     """Goals as columns."""
 
     given: Flags  # False: no goal, and the rest means nothing
@@ -118,7 +118,7 @@ class Slots(Rows):
     start_frame: Int  # world frame of the agent's frame 0
     planned_chunks: Int  # = seq of the next chunk to plan
     sent_chunks: Int  # = seq of the next chunk to send
-    flight: Int  # number of the engine call that makes its next chunk; 0: none
+    engine_call: Int  # number of the engine call that makes its next chunk; 0: none
     replanned: Flags  # the next chunk replaces one that was thrown away
     held: Flags  # the last chunk planned was held
     foot_lock: Flags  # the agent wants its feet locked in what is sent
@@ -168,7 +168,7 @@ class SlotTable:
     def release(self, slot: int) -> None:
         """Give a slot back."""
         self.rows.active[slot] = False
-        self.rows.flight[slot] = 0
+        self.rows.engine_call[slot] = 0
         self._free.append(slot)
 
     def _grow(self) -> None:

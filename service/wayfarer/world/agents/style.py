@@ -1,10 +1,10 @@
-"""What is an agent's own: people who are told the same do not do the same.
+"""An agent's individual style: agents with the same command do not move alike.
 
 Everything follows from the noise seed, so the same seed gives the same motion.
 
-    reaction   who stands sets off at one of several moments of its own, 0.2 s apart: it needs no
-               memory of when the order came, and orders that come again and again delay nobody
-    manner     a latent of its own, which every step of it is drawn towards
+    reaction   a standing agent sets off at its own one of several moments, 0.2 s apart: that needs
+               no memory of when the command came, and repeated commands do not delay it
+    manner     a latent of its own, which each of its steps is drawn towards
 """
 
 from functools import lru_cache

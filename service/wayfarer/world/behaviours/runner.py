@@ -16,12 +16,12 @@ from wayfarer.world.agents.agent import Goal
 from wayfarer.world.agents.behaviour import Aim, Behaviour, BodyState, Others, Vector
 from wayfarer.world.agents.registry import Agent, Registry
 from wayfarer.world.agents.slots import Feeding, Slots
-from wayfarer.world.behaviours.aims import MovingGoals
+from wayfarer.world.behaviours.moving_goals import MovingGoals
 from wayfarer.world.behaviours.places import free_place
 from wayfarer.world.behaviours.routine import Part, Routine, Stand
 from wayfarer.world.events import EventKind
-from wayfarer.world.goals.paths import Paths
-from wayfarer.world.goals.trail import Trails, is_done
+from wayfarer.world.goals.agent_paths import AgentPaths, is_done
+from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.rows import Index
 
 T = TypeVar("T")
@@ -52,15 +52,15 @@ class BehaviourRunner:
         self,
         *,
         slots: Slots,
-        paths: Paths,
-        trails: Trails,
+        paths: PathColumns,
+        agent_paths: AgentPaths,
         registry: Registry,
         around: Surroundings,
         slow_seconds: float,
     ) -> None:
         """`slow_seconds`: as steering; an agent that has been slow for this long stands."""
         self.slots = slots
-        self.trails = trails
+        self.agent_paths = agent_paths
         self.registry = registry
         self.around = around
         self.slow_seconds = slow_seconds
@@ -179,8 +179,8 @@ class BehaviourRunner:
         doing, slot = self.doing(agent), agent.slot
         assert doing is not None  # its slot is fed
         self.slots.memory.waited[slot], self.slots.near_since[slot] = 0, 0
-        number = agent.passed + len(self.trails.so_far(agent))
-        self.trails.turn_to(agent, (doing.next_goal(_Actor(self, agent), number),))
+        number = agent.passed + len(self.agent_paths.so_far(agent))
+        self.agent_paths.turn_to(agent, (doing.next_goal(_Actor(self, agent), number),))
 
     def _is_over(self, agent: Agent, routine: Routine) -> bool:
         if agent.part >= len(routine.parts):
@@ -198,8 +198,8 @@ class BehaviourRunner:
         self._begin_part(agent)
 
     def _begin_part(self, agent: Agent) -> None:
-        agent.begun = agent.passed + len(self.trails.so_far(agent))
-        self.trails.turn_to(agent, self._first_goals(agent), self.sets_out(agent))
+        agent.begun = agent.passed + len(self.agent_paths.so_far(agent))
+        self.agent_paths.turn_to(agent, self._first_goals(agent), self.sets_out(agent))
 
     def _first_goals(self, agent: Agent) -> tuple[Goal, ...]:
         self._enlist(agent)
@@ -289,8 +289,8 @@ class _Actor:
 
     def extend(self, goal: Goal) -> None:
         """See `Actor`."""
-        trails = self._runner.trails
-        trails.write(self.agent, (*trails.kept(self.agent), goal))
+        agent_paths = self._runner.agent_paths
+        agent_paths.write(self.agent, (*agent_paths.kept(self.agent), goal))
 
     def aim(self, aim: Aim, on_floor_of: str | None = None) -> None:
         """See `Actor`."""

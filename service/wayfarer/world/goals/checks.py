@@ -52,7 +52,7 @@ def check_spec(spec: AgentSpec, where: str) -> None:
 
 
 def check_specs(specs: Sequence[AgentSpec]) -> None:
-    """Of agents to be created together. Raises InvalidArgument."""
+    """Check agents to be created together. Raises InvalidArgument."""
     for number, spec in enumerate(specs):
         check_spec(spec, f"agents[{number}]")
 

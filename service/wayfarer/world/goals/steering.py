@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.terms import STAND, TURN, WALK, weights
 from wayfarer.world.agents.heading import angle_between, facing_of
-from wayfarer.world.agents.slots import Gait, Goals, Mode, Seeds
+from wayfarer.world.agents.slots import Gait, GoalColumns, Mode, Seeds
 from wayfarer.world.rows import Flags, Float, Index
 
 
@@ -42,7 +42,7 @@ class Search:
 
 
 MANNER: Final = 1.3
-"""Of walking: so much do people differ."""
+"""`Search.manner` of walking: how much agents differ."""
 
 
 def default_searches() -> dict[Mode, Search]:
@@ -105,15 +105,15 @@ class Steering:
     sharp: float = radians(60)  # a path that turns by more is passed at `corner_speed`
     corner_speed: float = 0.7
     slow: float = 0.15  # below this an agent counts as slow
-    slow_seconds: float = 0.4  # slow for so long: it stands
+    slow_seconds: float = 0.4  # an agent that has been slow for this long stands
     resume_margin: float = 0.3  # stopped or pushed so far outside the goal's radius: walk again
     lookahead: float = 1.0  # a point to pass through is aimed at so far ahead
     behind: float = radians(120)  # at rest, an agent first turns to a goal farther aside …
     abeam: float = radians(70)  # … until it is so far aside
     faced: float = radians(8)  # turning ends when the heading is met within this …
     astray: float = radians(14)  # … and begins when it is missed by more
-    turn_ahead: float = radians(40)  # a turn on the spot is asked for by so much at a time
-    reactions: int = 3  # who stands sets off at one of so many steps, each at its own
+    turn_ahead: float = radians(40)  # largest part of a turn on the spot that one step asks for
+    reactions: int = 3  # a standing agent sets off at its own one of this many steps
     side_step_speed: float = 0.6  # at most, when it faces elsewhere than where it goes …
     side_step_acceleration: float = 1.0  # … m/s² …
     side_step_faced: float = radians(20)  # … and only once it faces that way
@@ -130,7 +130,7 @@ class Steering:
         searches = {mode: replace(s, **given) for mode, s in self.searches.items()}
         return replace(self, searches=searches)
 
-    def advance(self, gait: Gait, goals: Goals) -> Gait:
+    def advance(self, gait: Gait, goals: GoalColumns) -> Gait:
         """Send those on who are done with their goal and have another one after it.
 
         A goal to pass through is done with once it is reached; else an agent has to come to a
@@ -147,7 +147,9 @@ class Steering:
             waypoint=gait.waypoint + onward,
         )
 
-    def decide(self, gait: Gait, seed: Seeds, goals: Goals, ready: Flags | None = None) -> Gait:
+    def decide(
+        self, gait: Gait, seed: Seeds, goals: GoalColumns, ready: Flags | None = None
+    ) -> Gait:
         """The gait of the next step, from the gait so far and the seed that it starts from.
 
         Who stands with planted feet and is not `ready` [A] stands on; None: all are.
@@ -230,7 +232,7 @@ class Steering:
             ),
         )
 
-    def targets(self, gait: Gait, seed: Seeds, goals: Goals) -> Targets:
+    def targets(self, gait: Gait, seed: Seeds, goals: GoalColumns) -> Targets:
         """What the next step, which `gait` is for, aims at."""
         hips = seed.translation[:, -1, :2]
         walking = _walks(gait)
@@ -252,7 +254,7 @@ class Steering:
             ),
         )
 
-    def carried(self, gait: Gait, seed: Seeds, goals: Goals) -> Float:
+    def carried(self, gait: Gait, seed: Seeds, goals: GoalColumns) -> Float:
         """Velocity [A, 2] at the end of the step, m/s, of bodies that go in side steps.
 
         0 for all others, who come to rest by degrees if they have just gone in them.
@@ -268,7 +270,7 @@ class Steering:
         carried = gait.carried + change * np.minimum(1, most / length)[:, None]
         return carried.astype(np.float32)
 
-    def _ahead(self, hips: Float, goals: Goals) -> Float:
+    def _ahead(self, hips: Float, goals: GoalColumns) -> Float:
         """What to walk to [A, 2]: the goal or, near one to pass through, a point beyond it.
 
         So nobody slows to meet it. Where the path turns the point is nearer: no corner is cut.
@@ -301,7 +303,7 @@ class Steering:
     def _tables(self) -> Tables:
         return Tables.of(self.searches)
 
-    def _speed(self, hips: Float, gait: Gait, goals: Goals) -> Float:
+    def _speed(self, hips: Float, gait: Gait, goals: GoalColumns) -> Float:
         """Speed wished for on the way [A]: less at the start, before a stop, and at a corner."""
         distance = np.linalg.norm(goals.position[:, :2] - hips, axis=-1)
         at_goal = np.where(goals.bend > self.sharp, self.corner_speed, goals.speed)
@@ -342,7 +344,7 @@ def _choose(cases: Sequence[tuple[Flags, Float]], default: Float) -> Float:
     return default.astype(np.float32)
 
 
-def observe(gait: Gait, start: Float, translation: Float, goals: Goals) -> Gait:
+def observe(gait: Gait, start: Float, translation: Float, goals: GoalColumns) -> Gait:
     """What the step brought: the gait with its speed, and whether the goal has been reached.
 
     start [A, 3] is the last frame before the step, translation [A, F, 3] the new frames.

@@ -73,7 +73,7 @@ DROP: Final = 0.02
 """Metres: a foot in contact is pulled down less, the higher it is; from here on, not at all."""
 
 STEP_FRAMES: Final = 12
-"""A corrective step takes so long: 0.3 s."""
+"""Frames of a corrective step: 0.3 s."""
 
 STEP_HEIGHT: Final = 0.05
 """Metres that it lifts the foot by."""

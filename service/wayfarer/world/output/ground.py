@@ -29,16 +29,16 @@ AHEAD: Final = 0.12
 """Seconds that a foot looks ahead."""
 
 TILT_SHARE: Final = 1 - np.exp(-1 / (0.06 * FPS))
-"""Of a slope that a foot is not turned to yet, the share that it makes up for in a frame."""
+"""Share of the remaining slope that a foot turns to in a frame."""
 
 STIFFNESS: Final = 12.0 / FPS
-"""Of the critically damped spring that lifts the hips, per frame: they have weight."""
+"""Stiffness per frame of the critically damped spring that lifts the hips."""
 
 FOOT_STIFFNESS: Final = 34.0 / FPS
-"""And of that which lifts a foot."""
+"""Stiffness per frame of the spring that lifts a foot."""
 
 CROUCH: Final = 0.2
-"""Of the height between the feet: so much less than their mean the hips are raised."""
+"""Share of the height between the feet by which the hips stay below the feet's mean."""
 
 SPAN: Final = 0.06
 """Metres to either side of an ankle between which the slope is taken."""
@@ -70,7 +70,7 @@ class Grounded:
 
 
 def standing(floors: Sequence[float]) -> Footing:
-    """Of agents who stand on floors of these heights."""
+    """The footing of agents that stand on floors of these heights."""
     footing = Footing.empty(len(floors))
     footing.hips[:] = floors
     footing.feet[:] = footing.hips[:, None]

@@ -25,22 +25,22 @@ from wayfarer.world.output.quaternion import Array, bounded, multiply, stacked, 
 from wayfarer.world.rows import Float
 
 UPRIGHT: Final = radians(0.5)
-"""A trunk that leans forward less is left as it is; …"""
+"""Forward lean of the trunk that is left as it is."""
 
 TRUNK_SHARE: Final = 0.8
-"""… of what it leans more, so much is taken off, …"""
+"""Share of the lean beyond it that is removed."""
 
 TRUNK_MOST: Final = radians(5)
-"""… but not more than this."""
+"""Largest lean that is removed."""
 
 LEVEL: Final = radians(-8)
 """Pitch of a head that looks ahead: people's is a little below the horizon."""
 
 HEAD_SHARE: Final = 0.6
-"""Of its pitch away from that, the share that is taken off, …"""
+"""Share of the head's pitch away from that which is removed."""
 
 HEAD_MOST: Final = radians(15)
-"""… but not more than this."""
+"""Largest pitch that is removed."""
 
 SWING: Final = (0.75, 1.3)
 """Factors of the arms' swing, from the one that holds them still to the one that lets them go."""
@@ -49,13 +49,13 @@ SWING_MOST: Final = radians(15)
 """An arm is not moved by more: one that points or is lifted is no swinging arm."""
 
 ASIDE: Final = (radians(-1), radians(7))
-"""By so much more arms hang away from the body, …"""
+"""Range over agents of the angle by which arms hang farther from the body."""
 
 ELBOWS: Final = (radians(0), radians(16))
-"""… elbows are bent, …"""
+"""Range over agents of the elbows' bend."""
 
 UNEVEN: Final = radians(4)
-"""… and left and right differ by so much either way."""
+"""Largest difference between left and right, either way."""
 
 
 DRAWN: Final = 7

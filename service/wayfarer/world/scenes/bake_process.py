@@ -1,8 +1,8 @@
 """The process that bakes scenes: `python -m wayfarer.world.scenes.bake_process MEGABYTES SECONDS`.
 
-It reads specs from its parent (bakery.py) and answers each with the scene or with the error; both
-are pickled, which is safe between the two of them alone. It says True once it can begin, and ends
-with its parent, however that ends.
+It reads specs from its parent (bake_queue.py) and answers each with the scene or the error. Both
+are pickled, which is safe between these two processes. It sends True once it is ready, and ends
+with its parent, even when that is killed.
 """
 
 import contextlib

@@ -43,20 +43,20 @@ class BakeQueue:
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._turn = Lock()
-        self._door = Lock()  # an oven is not lit when the bakery has been closed
-        self._oven: BakeWorker | None = None
+        self._starting = Lock()  # no process starts after `stop`
+        self._worker: BakeWorker | None = None
         self._closed = False
 
     @property
     def pid(self) -> int | None:
         """Id of the process; None before the first bake."""
-        return self._oven.pid if self._oven else None
+        return self._worker.pid if self._worker else None
 
     def bake(self, spec: SceneSpec) -> Scene:
         """What `navigation.scene.bake` gives. Takes time.
 
         Raises as that does; ResourceExhausted when it takes too much time or memory, Unavailable
-        when the bakery is closed.
+        after `stop`.
         """
         with self._turn:
             answer = self._baked(spec)
@@ -66,34 +66,34 @@ class BakeQueue:
 
     def stop(self) -> None:
         """End the process, and so the bake that is under way."""
-        with self._door:
+        with self._starting:
             self._closed = True
-            if self._oven:
-                self._oven.kill()
+            if self._worker:
+                self._worker.kill()
 
     def _baked(self, spec: SceneSpec) -> Scene | Exception:
-        oven = self._lit()
+        worker = self._started()
         try:
-            answer: Scene | Exception = oven.ask(spec, PATIENCE * self._limits.bake_s)
+            answer: Scene | Exception = worker.ask(spec, PATIENCE * self._limits.bake_s)
         except BakeWorkerError as ended:
             return self._why(ended)
         if isinstance(answer, MemoryError):
-            oven.kill()  # what it holds is given back
+            worker.kill()  # what it holds is given back
             return self._too_large()
         return answer
 
-    def _lit(self) -> "BakeWorker":
-        """The oven that is on, or a new one."""
-        if self._oven and self._oven.is_on:
-            return self._oven
-        with self._door:
+    def _started(self) -> "BakeWorker":
+        """The running process, or a new one."""
+        if self._worker and self._worker.is_running:
+            return self._worker
+        with self._starting:
             if self._closed:
                 raise Unavailable("the server is stopping")
-            oven = self._oven = BakeWorker(
+            worker = self._worker = BakeWorker(
                 (*COMMAND, str(self._limits.bake_mb), str(self._limits.bake_s))
             )
         try:
-            oven.await_answer(START_S)
+            worker.await_answer(START_S)
         except BakeWorkerError as ended:
             why = (
                 f"within {START_S:g} s: the machine is too busy"
@@ -101,7 +101,7 @@ class BakeQueue:
                 else f"({ended}); the server's log may say why"
             )
             raise Unavailable(f"the process that bakes scenes did not start {why}") from None
-        return oven
+        return worker
 
     def _why(self, ended: "BakeWorkerError") -> Exception:
         if self._closed:
@@ -133,7 +133,7 @@ class BakeWorkerError(Exception):
 
 
 class BakeWorker:
-    """The process (oven.py) as its parent sees it."""
+    """The process (worker.py) as its parent sees it."""
 
     def __init__(self, command: tuple[str, ...]) -> None:
         self._process = subprocess.Popen(
@@ -152,7 +152,7 @@ class BakeWorker:
         return self._process.pid
 
     @property
-    def is_on(self) -> bool:
+    def is_running(self) -> bool:
         """Whether it lives."""
         return self._process.poll() is None
 

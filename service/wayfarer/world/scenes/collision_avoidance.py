@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from wayfarer.engines.engine import Float
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.heading import angle_between
-from wayfarer.world.agents.slots import Goals, Slots
+from wayfarer.world.agents.slots import GoalColumns, Slots
 from wayfarer.world.avoidance.avoid import avoid
 from wayfarer.world.rows import Flags, Index
 from wayfarer.world.scenes.people import SessionPeople, people_of
@@ -38,7 +38,7 @@ class CollisionAvoidance:
         """A new step begins: everybody may have moved."""
         self._seen.clear()
 
-    def bend(self, rows: Index, hips: Array, led: Index, ahead: Goals) -> None:
+    def bend(self, rows: Index, hips: Array, led: Index, ahead: GoalColumns) -> None:
         """Let rows `led` of `ahead` walk around others, or wait for them.
 
         `rows` are their slots, `hips` [A, 2] where they are.
@@ -66,7 +66,13 @@ class CollisionAvoidance:
         return self._seen[session]
 
     def _turn(
-        self, ahead: Goals, led: Index, hips: Array, preferred: Array, chosen: Array, waits: Flags
+        self,
+        ahead: GoalColumns,
+        led: Index,
+        hips: Array,
+        preferred: Array,
+        chosen: Array,
+        waits: Flags,
     ) -> None:
         speed = np.linalg.norm(chosen, axis=-1)
         ahead.given[led[waits]] = False
@@ -90,7 +96,7 @@ class CollisionAvoidance:
         return clear
 
 
-def pass_through(ahead: Goals, rows: Index, way: Array) -> None:
+def pass_through(ahead: GoalColumns, rows: Index, way: Array) -> None:
     """Let positions of some rows be passed through, the way there [R, 2] being straight on."""
     ahead.through[rows] = True
     ahead.radius[rows] = PASSED

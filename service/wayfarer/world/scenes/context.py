@@ -12,7 +12,7 @@ from wayfarer.world.agents.slots import Slots
 from wayfarer.world.agents.timeline import Timeline
 from wayfarer.world.events import Event, EventKind
 from wayfarer.world.goals.commands import Append, GoalCommand, Path
-from wayfarer.world.goals.paths import Paths
+from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.scenes.guide import SceneGuide
 from wayfarer.world.scenes.planner import MOVED, Planner, moved_text
 from wayfarer.world.scenes.routes import Routes
@@ -40,7 +40,7 @@ class SceneContext:
         *,
         book: SceneRegistry,
         slots: Slots,
-        paths: Paths,
+        paths: PathColumns,
         timeline: Timeline,
         settings: WorldSettings,
     ) -> None:

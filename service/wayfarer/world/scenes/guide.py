@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from wayfarer.engines.engine import Float, no_obstacles
 from wayfarer.world.agents.route import Passage
-from wayfarer.world.agents.slots import Gait, Goals, Seeds, Slots
+from wayfarer.world.agents.slots import Gait, GoalColumns, Seeds, Slots
 from wayfarer.world.rows import Index
 from wayfarer.world.scenes.collision_avoidance import (
     CollisionAvoidance,
@@ -32,7 +32,7 @@ SHARES: Final = np.array([1.0, 0.75, 0.5, 0.3, 0.15])
 """Shares of `REACH` that are tried in turn, until the straight line there cuts no corner."""
 
 LINE: Final = np.linspace(0.0, 1.0, 8)
-"""Points of that line that are looked at."""
+"""Points of that line that are tested."""
 
 ROOM: Final = 0.2
 """Metres beyond the radius that this line keeps from walls, where the way itself does."""
@@ -57,18 +57,18 @@ CURVE: Final = (0.4, 1.6)
 
 BENDS: Final = np.radians([25.0, 80.0])
 CORNER_SPEED: Final = (1.5, 0.75)
-"""m/s at these bends and, in between, in proportion: nobody turns sharply at full speed."""
+"""m/s at these bends, linear in between: sharp turns are taken slowly."""
 
 NARROW: Final = (0.02, 0.15)
 NARROW_SPEED: Final = (0.8, 1.5)
-"""m/s, by the room (m) that the way leaves beside the radius: nobody runs through a gap."""
+"""m/s, by the room (m) that the way leaves beside the radius: gaps are passed slowly."""
 
 
 STAIRS: Final = np.arange(-0.45, 0.86, 0.05)
 """Metres along the way, from behind an agent on, in which stairs are looked for."""
 
 RISER: Final = (0.08, 0.35)
-"""Metres that a floor rises or falls by from one of these points to the next where there is one."""
+"""Metres that a floor rises or falls by between two of these points where there is a riser."""
 
 TREAD: Final = (0.2, 0.6)
 """Metres from riser to riser that make stairs."""
@@ -93,7 +93,7 @@ class SceneGuide:
         self._planner = planner
         self.avoidance = CollisionAvoidance(slots, scenery)
 
-    def course(self, rows: Index, seed: Seeds, gait: Gait, goals: Goals) -> NextTarget:
+    def course(self, rows: Index, seed: Seeds, gait: Gait, goals: GoalColumns) -> NextTarget:
         """See `Guide`."""
         self.avoidance.forget()
         inside = np.flatnonzero(self._slots.scene[rows] != NOWHERE)
@@ -135,7 +135,7 @@ class SceneGuide:
 
     # Within
 
-    def _led(self, rows: Index, hips: Array, gait: Gait, goals: Goals) -> NextTarget:
+    def _led(self, rows: Index, hips: Array, gait: Gait, goals: GoalColumns) -> NextTarget:
         """The same for rows that are all in scenes."""
         route = self._slots.route
         away = np.linalg.norm(goals.position[:, :2] - hips, axis=-1)
@@ -156,7 +156,7 @@ class SceneGuide:
             self.avoidance.bend(rows[led], hips[led], led, ahead)
         return NextTarget(ahead, replace(goals, radius=radius))
 
-    def _lead(self, rows: Index, hips: Array, led: Index, ahead: Goals) -> None:
+    def _lead(self, rows: Index, hips: Array, led: Index, ahead: GoalColumns) -> None:
         """Write into rows `led` of `ahead` the points of their ways to head for."""
         route = self._slots.route
         progress, length = route.progress[rows][:, None], route.length[rows][:, None]
@@ -178,7 +178,7 @@ class SceneGuide:
         ahead.speed[led] = np.minimum(ahead.speed[led], most)
         self._slow_on_stairs(rows, led, ahead)
 
-    def _slow_on_stairs(self, rows: Index, led: Index, ahead: Goals) -> None:
+    def _slow_on_stairs(self, rows: Index, led: Index, ahead: GoalColumns) -> None:
         """Write into rows `led` of `ahead` how stairs and slopes on their ways are taken."""
         route, numbers = self._slots.route, self._slots.scene[rows]
         for number in np.unique(numbers).tolist():
@@ -236,8 +236,10 @@ class SceneGuide:
 
 
 def stairs_of(heights: Array, metres: Array) -> tuple[Array, Array]:
-    """Of floors of these heights [A, P] so many metres [A, P] along ways: from riser to riser [A],
-    0 where there are no stairs; and the steepest slope [A], rise over run, without them.
+    """Treads and slopes of floors: heights [A, P] at `metres` [A, P] along ways.
+
+    Returns metres from riser to riser [A], 0 without stairs; and the steepest slope [A] beside
+    them, rise over run.
     """
     steps = np.abs(np.diff(heights, axis=1))
     risers = (steps > RISER[0]) & (steps < RISER[1])

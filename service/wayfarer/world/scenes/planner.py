@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from wayfarer.errors import Unreachable
 from wayfarer.navigation.scene_spec import Point3
 from wayfarer.world.agents.route import Passage
-from wayfarer.world.agents.slots import Gait, Goals, Slots
+from wayfarer.world.agents.slots import Gait, GoalColumns, Slots
 from wayfarer.world.events import EventKind
 from wayfarer.world.rows import Flags, Index
 from wayfarer.world.scenes.routes import Routes
@@ -62,7 +62,9 @@ class Planner:
         self._tell = tell
         self._at_once = at_once
 
-    def update(self, rows: Index, places: Array, gait: Gait, goals: Goals, wanted: Flags) -> None:
+    def update(
+        self, rows: Index, places: Array, gait: Gait, goals: GoalColumns, wanted: Flags
+    ) -> None:
         """Look for ways of those rows that are `wanted` and need one: places [A, 2]."""
         route = self._slots.route
         known = (

@@ -22,11 +22,18 @@ from wayfarer.engines.engine import Engine, Float, StepInputs, StepOutputs
 from wayfarer.engines.padding import pick
 from wayfarer.spec import GENDERS, SEED_FRAMES
 from wayfarer.terms import TERMS
-from wayfarer.world.agents.slots import Gait, Goals, Mode, Motion, Seeds
+from wayfarer.world.agents.slots import Gait, GoalColumns, Mode, Motion, Seeds
 from wayfarer.world.goals.steering import Steering, observe
 from wayfarer.world.rows import Double, Flags, Index, Int, Rows
 from wayfarer.world.search.beam_settings import BeamSettings
-from wayfarer.world.search.plan import Ending, Level, Plan, Problem, Starts, Tree
+from wayfarer.world.search.problem import (
+    BeamLevel,
+    Ending,
+    MotionPlan,
+    PlanningProblem,
+    PlanningStart,
+    Tree,
+)
 from wayfarer.world.stepping.batch import assemble, broken
 from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
 from wayfarer.world.stepping.noise import latents
@@ -40,18 +47,18 @@ BLOCK: Final = 64
 
 def plan(
     engine: Engine,
-    problem: Problem,
+    problem: PlanningProblem,
     settings: BeamSettings | None = None,
     steering: Steering | None = None,
     watch: Watch = lambda level, agents: None,
-) -> list[Plan]:
+) -> list[MotionPlan]:
     """The best path found for each agent of the problem."""
     return [tree.plan() for tree in grow(engine, problem, settings, steering, watch)]
 
 
 def grow(
     engine: Engine,
-    problem: Problem,
+    problem: PlanningProblem,
     settings: BeamSettings | None = None,
     steering: Steering | None = None,
     watch: Watch = lambda level, agents: None,
@@ -68,8 +75,8 @@ def grow(
 class Nodes(Rows):
     """The deepest nodes of all trees: agent after agent, best first."""
 
-    agent: Int  # row of `Problem.starts`
-    row: Int  # row of the last `Level`
+    agent: Int  # row of `PlanningProblem.starts`
+    row: Int  # row of the last `BeamLevel`
     rank: Int  # within its agent, 0 is the best
     cost: Double  # of the path, as far as it is remembered
     done: Flags  # at its goal
@@ -84,13 +91,13 @@ class _Search:
     """The trees while they grow."""
 
     def __init__(
-        self, engine: Engine, problem: Problem, settings: BeamSettings, steering: Steering
+        self, engine: Engine, problem: PlanningProblem, settings: BeamSettings, steering: Steering
     ) -> None:
         self._engine = engine
         self._problem = problem
         self._settings = settings
         self._steering = settings.steer(steering)
-        self._levels: list[Level] = []
+        self._levels: list[BeamLevel] = []
         self._trees: dict[int, Tree] = {}
 
     def run(self, watch: Watch) -> list[Tree]:
@@ -117,7 +124,7 @@ class _Search:
             motion=motion,
         )
 
-    def _grow(self, nodes: Nodes) -> tuple[Level, Nodes]:
+    def _grow(self, nodes: Nodes) -> tuple[BeamLevel, Nodes]:
         """Try children of all nodes and keep the best of each agent."""
         starts = self._problem.starts.take(nodes.agent)
         seed, gait, goals = self._steer(nodes)
@@ -143,7 +150,7 @@ class _Search:
         frames, rotations = outputs.translation[kept], outputs.rotations[kept]
         goals = goals.take(mother)
         after = observe(gait.take(mother), start[mother], frames, goals)
-        level = Level(
+        level = BeamLevel(
             parent=nodes.row[mother],
             mode=after.mode,
             cost=own[kept].astype(np.float32),
@@ -167,14 +174,14 @@ class _Search:
         )
         return level, following
 
-    def _steer(self, nodes: Nodes) -> tuple[Seeds, Gait, Goals]:
+    def _steer(self, nodes: Nodes) -> tuple[Seeds, Gait, GoalColumns]:
         """Seed, gait and goal of each node's next step, as the scheduler finds them."""
         seed, gait = nodes.motion.seed, nodes.motion.gait
         gait = self._steering.advance(gait, self._problem.goals_of(nodes.agent, gait))
         goals = self._problem.goals_of(nodes.agent, gait)
         return seed, self._steering.decide(gait, seed, goals), goals
 
-    def _noise(self, starts: Starts, nodes: Nodes) -> Float:
+    def _noise(self, starts: PlanningStart, nodes: Nodes) -> Float:
         """Standard normal [N, C, 128]: the node of rank r has the r-th C draws of its agent."""
         level = len(self._levels)
         count = self._settings.children if level else self._settings.first
@@ -193,7 +200,7 @@ class _Search:
             return np.broadcast_to(_row(self._settings.weights, 0.0), asked.term_weights.shape)
         return asked.term_weights[np.searchsorted(nodes.agent, nodes.agent)]
 
-    def _done(self, gait: Gait, frames: Float, goals: Goals) -> Flags:
+    def _done(self, gait: Gait, frames: Float, goals: GoalColumns) -> Flags:
         """Nodes at their last goal; frames [N, F, 3] are the hips of the last primitive."""
         last = goals.given & ~goals.more
         if self._settings.until == "depth":

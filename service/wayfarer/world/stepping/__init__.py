@@ -1,1 +1,1 @@
-"""Who is stepped when: scheduler, batches, playback, load."""
+"""The timing of agents' steps: scheduler, batches, playback, load."""

@@ -61,11 +61,11 @@ class Admission:
         self.refused = 0  # agents so far
 
     def measured(self, rows: int, candidates: int, seconds: float) -> None:
-        """An engine call of this size took so long in the warm-up."""
+        """An engine call of this size took `seconds` in the warm-up."""
         self._warm.measured(rows, candidates, seconds)
 
     def spent(self, now: float, call: Call, stepped: int, seconds: float, agents: Counts) -> None:
-        """A call for so many of the agents has taken so long."""
+        """A call for `stepped` of the agents took `seconds`."""
         with self._lock:
             self._steps.add(now, seconds)
             thread = self._thread(agents, *self._rest.line(now))
@@ -75,7 +75,7 @@ class Admission:
                 self._excess.add(now, seconds, of_all * stepped / sum(agents), usual)
 
     def worked(self, now: float, seconds: float, chunks: int) -> None:
-        """A turn of the loop took so long, waiting and stepping aside; it published `chunks`."""
+        """A turn took `seconds`, without waiting and stepping, and published `chunks`."""
         with self._lock:
             self._rest.add(now, seconds, chunks)
 
@@ -143,10 +143,10 @@ class Admission:
 
 
 def with_more(agents: Counts, genders: Sequence[int]) -> list[int]:
-    """Counts with those of these genders besides."""
+    """Counts with the further agents of these genders."""
     return [count + genders.count(gender) for gender, count in enumerate(agents)]
 
 
 def in_turn(agents: int) -> list[int]:
-    """Counts of so many, of all genders in turn."""
+    """Counts of `agents` agents, genders in turn."""
     return [len(range(gender, agents, len(GENDERS))) for gender in range(len(GENDERS))]

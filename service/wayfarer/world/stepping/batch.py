@@ -1,10 +1,10 @@
-"""From slots to one engine call and back: gather rows, and find broken ones."""
+"""Gathers slots for one engine call, puts the results back, and finds broken rows."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.engines.engine import Float, StepInputs, StepOutputs, no_obstacles
-from wayfarer.world.agents.slots import Gait, Goals, Seeds, Slots
+from wayfarer.world.agents.slots import Gait, GoalColumns, Seeds, Slots
 from wayfarer.world.agents.style import manner
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.rows import Index
@@ -19,7 +19,7 @@ def gather(
     rows: Index,
     seed: Seeds,
     gait: Gait,
-    goals: Goals,
+    goals: GoalColumns,
     candidates: int,
     steering: Steering,
     obstacles: Float,
@@ -34,7 +34,7 @@ def assemble(
     seed: Seeds,
     betas: Float,
     gait: Gait,
-    goals: Goals,
+    goals: GoalColumns,
     noise: Float,
     noise_seed: NDArray[np.uint64],
     steering: Steering,

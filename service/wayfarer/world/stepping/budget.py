@@ -6,7 +6,7 @@ Frames must be there at their time whatever the load; quality gives way first:
     hold idle agents      who stands with nothing to do keeps its pose, unstepped     (HELD)
     refuse new agents     ResourceExhausted
 
-One goes down a rung at a time, and up again after a calm while. Time is an argument.
+One goes down a level at a time, and up again after a calm while. Time is an argument.
 """
 
 from dataclasses import dataclass
@@ -28,15 +28,15 @@ class DegradationLevel:
     refuse: bool = False
 
 
-def rungs(most: int) -> tuple[int, ...]:
-    """Numbers of candidates that may be tried where steering wishes for `most`."""
+def candidate_counts(most: int) -> tuple[int, ...]:
+    """Numbers of candidates to choose from where steering asks for `most`."""
     return (most, *(k for k in COUNTS if k < most))
 
 
 def ladder(most: int) -> tuple[DegradationLevel, ...]:
-    """All rungs, from the top."""
+    """All levels, best first."""
     return (
-        *map(DegradationLevel, rungs(most)),
+        *map(DegradationLevel, candidate_counts(most)),
         DegradationLevel(1, hold_idle=True),
         DegradationLevel(1, hold_idle=True, refuse=True),
     )
@@ -58,13 +58,13 @@ class Budget:
     """The ladder that one world stands on.
 
     A busy engine is no reason to go down: it works beside all else, and while every call is over
-    in time all is well. Whether there is room one rung up is known only by trying.
+    in time all is well. Whether there is room one level up is known only by trying.
     """
 
     def __init__(self, most: int, rules: BudgetRules) -> None:
-        self._rungs = ladder(most)
+        self._levels = ladder(most)
         self._rules = rules
-        self.number = 0  # of the rung, from the top
+        self.number = 0  # of the level, from the top
         self._changed_at = float("-inf")
         self._climbed_at = float("-inf")
         self._is_trial = False  # it has not gone down since
@@ -72,29 +72,29 @@ class Budget:
         self._calls = Window(WINDOW)
 
     @property
-    def rung(self) -> DegradationLevel:
+    def level(self) -> DegradationLevel:
         """Where it stands now."""
-        return self._rungs[self.number]
+        return self._levels[self.number]
 
     def spent(self, now: float, seconds: float) -> None:
-        """An engine call that took so long has ended."""
+        """An engine call has ended that took `seconds`."""
         self._calls.add(now, seconds)
 
     def allow(
         self, now: float, slack: float, held: float = 0.0, ahead: int = 0
     ) -> DegradationLevel:
-        """The rung for a call that begins now, `slack` seconds before its deadline.
+        """The level for a call that begins now, `slack` seconds before its deadline.
 
-        `held` is the share of the agents, below 1, who are held at present; so many calls `ahead`
-        of it are under way.
+        `held` is the share of the agents, below 1, that are held at present; `ahead` calls are
+        under way before it.
         """
         rules, since = self._rules, now - self._changed_at
         calls = sorted(self._calls.values(now))
-        # of few rows and of many: three in four take no longer
+        # calls have few rows or many: three in four take no longer
         call, busy = (calls[len(calls) * 3 // 4], sum(calls)) if calls else (0.0, 0.0)
         slack -= max(ahead - 0.5, 0.0) * call  # the first of them is half done
         if slack < call - rules.late:
-            if since >= rules.settle and self.number < len(self._rungs) - 1:
+            if since >= rules.settle and self.number < len(self._levels) - 1:
                 self._fall(now)
         elif self.number > 0 and since >= self._patience:
             longer, more = self._growth(held)
@@ -102,14 +102,14 @@ class Budget:
             if fits and busy * longer * more <= rules.most_busy * WINDOW:
                 self.number, self._changed_at = self.number - 1, now
                 self._climbed_at, self._is_trial = now, True
-        return self.rung
+        return self.level
 
     def _growth(self, held: float) -> tuple[float, float]:
-        """One rung up a call takes so many times as long, and there are so many times more."""
-        above = self._rungs[self.number - 1]
-        if above.candidates > self.rung.candidates:
+        """Factors of one level up: of the time of a call, and of the number of calls."""
+        above = self._levels[self.number - 1]
+        if above.candidates > self.level.candidates:
             return self._rules.headroom, 1.0
-        releases = self.rung.hold_idle and not above.hold_idle
+        releases = self.level.hold_idle and not above.hold_idle
         return 1.0, 1 / (1 - min(held, 0.99)) if releases else 1.0
 
     def _fall(self, now: float) -> None:

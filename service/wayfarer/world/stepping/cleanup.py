@@ -23,7 +23,7 @@ HALTED: Final = 0.25
 def clean_feet(slots: Slots, sent: Sent) -> None:
     """Lock the feet, in the chunks of `sent`, of those agents that want it.
 
-    A pose that begins or jumps begins its lock anew, and so does a lock that is switched on.
+    A pose that begins or jumps restarts its lock, and so does a lock that is switched on.
     """
     wishes = slots.foot_lock[sent.slots]
     slots.feet_begun[sent.slots] &= wishes

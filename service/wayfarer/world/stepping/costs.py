@@ -26,7 +26,7 @@ FIRST_EXCESS: Final = 1.2
 who has been let in stays."""
 
 OUTLIER: Final = 3.0
-"""Calls are taken to be no more than so many times as long as those of their size usually are."""
+"""Longest call that is believed, as a multiple of the usual time of its size."""
 
 Counts = Sequence[int]
 """Agents by gender (index into `spec.GENDERS`)."""
@@ -36,7 +36,7 @@ class WarmCalls:
     """What engine calls take in the warm-up, with nothing beside them."""
 
     def __init__(self, full: int) -> None:
-        """`full`: rows to which batches are filled where there are so many agents."""
+        """`full`: rows to which batches are filled where there are enough agents."""
         self._full = full
         self._seconds: dict[int, dict[int, float]] = {}  # candidates → rows → seconds
 
@@ -46,7 +46,7 @@ class WarmCalls:
         return bool(self._seconds)
 
     def measured(self, rows: int, candidates: int, seconds: float) -> None:
-        """A call of this size took so long; the shortest counts."""
+        """A call of this size took `seconds`; the shortest counts."""
         by_rows = self._seconds.setdefault(candidates, {})
         by_rows[rows] = min(seconds, by_rows.get(rows, inf))
 
@@ -63,9 +63,9 @@ class WarmCalls:
         return sum(max(count / self._full, 1.0) for count in agents if count)
 
     def share(self, agents: Counts, candidates: int | None = None) -> float:
-        """Of the time, for a step of them all every 0.2 s; None: as few as were measured.
+        """Share of the time that steps of all agents take; None: the fewest measured candidates.
 
-        Infinite where nothing is known of so many candidates, or of batches so large.
+        Infinite where this number of candidates, or batches as large, were not measured.
         """
         if candidates is None:
             candidates = min(self._seconds, default=0)
@@ -103,13 +103,13 @@ class Excess:
 
 
 class Rest:
-    """What the loop does besides stepping: a line, fitted to its turns of the last seconds."""
+    """Time of the loop without stepping: a line, fitted to its turns of the last seconds."""
 
     def __init__(self) -> None:
         self._seconds, self._chunks = Window(WINDOW), Window(WINDOW)
 
     def add(self, now: float, seconds: float, chunks: int) -> None:
-        """A turn took so long, waiting and stepping aside, and published so many chunks."""
+        """A turn took `seconds`, without waiting and stepping, and published `chunks`."""
         self._seconds.add(now, seconds)
         self._chunks.add(now, chunks)
 

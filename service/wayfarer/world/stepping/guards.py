@@ -1,4 +1,4 @@
-"""Guards: a step that no body could take is mended before anybody sees it, or starts from it.
+"""Guards: a step that no body could take is repaired before it is sent, or continued from.
 
     knees   are kept within what a knee can do
     jerks   a joint that jumps, as one that is turned inside out does, goes from where it was to
@@ -6,7 +6,7 @@
     falls   a body that leans or squats as no walker does, or that cannot be shown at all, gets up
             to a stand in the course of one step
 
-Everything here is rare: with nothing to mend nothing is changed, to the last bit. Pure functions of
+Repairs are rare; without one the output has the same bits. Pure functions of
 columns; rows do not influence each other. Angles in radians, frames at 40 per second.
 """
 
@@ -23,13 +23,13 @@ from wayfarer.world.output.quaternion import Array, bounded, inverse, length, mu
 from wayfarer.world.rows import Flags, Float
 
 KNEE: Final = (radians(-5), radians(150))
-"""A knee is bent within these, from straight."""
+"""Range of a knee's bend, from straight."""
 
 FELL: Final = cos(radians(32))
-"""A trunk that leans by more has fallen; people who walk never do."""
+"""Cosine of the lean beyond which a body has fallen; walking people never lean as far."""
 
 FOLDED: Final = 0.76
-"""And so has somebody whose hips are lower than this share of their height."""
+"""Share of its standing hips' height below which a body has fallen."""
 
 JERK: Final = {
     "spine": 5.0, "neck": 12.0, "head": 15.0, "collar": 7.0, "shoulder": 8.0, "elbow": 15.0,
@@ -40,7 +40,7 @@ it then moves by about 7 cm per frame²."""
 
 
 def _limits() -> Float:
-    """Of the second difference of quaternions, which is half that of the angle. [22]"""
+    """Limits [22] of the second difference of quaternions, which is half that of the angle."""
     found = np.full(POSED_JOINTS, np.inf)
     for number, name in enumerate(joint_names()[1:POSED_JOINTS], start=1):
         part = name.split("_")[-1].rstrip("123")

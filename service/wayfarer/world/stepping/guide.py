@@ -3,18 +3,18 @@
 from typing import NamedTuple, Protocol
 
 from wayfarer.engines.engine import Float
-from wayfarer.world.agents.slots import Gait, Goals, Seeds
+from wayfarer.world.agents.slots import Gait, GoalColumns, Seeds
 from wayfarer.world.rows import Index
 
 
 class NextTarget(NamedTuple):
     """What some rows do next."""
 
-    ahead: Goals
+    ahead: GoalColumns
     """The goals that steering sees: in a scene, the next stretch of the way. A row that is not
     `given` waits: it stops, and walks on when it is given again."""
 
-    judged: Goals
+    judged: GoalColumns
     """The goals by which arrival is judged: a goal that is near in a straight line but far to walk
     has a radius below 0."""
 
@@ -22,7 +22,7 @@ class NextTarget(NamedTuple):
 class Guide(Protocol):
     """Asked by the scheduler before every step, for the rows about to be stepped together."""
 
-    def course(self, rows: Index, seed: Seeds, gait: Gait, goals: Goals) -> NextTarget:
+    def course(self, rows: Index, seed: Seeds, gait: Gait, goals: GoalColumns) -> NextTarget:
         """Where the way of these rows leads for now. The arguments are not changed."""
         ...
 

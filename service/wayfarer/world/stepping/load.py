@@ -33,12 +33,12 @@ class Load:
         self._reservations = Reservations()
 
     @property
-    def rung(self) -> DegradationLevel:
+    def level(self) -> DegradationLevel:
         """The present level of degradation; see budget.py."""
-        return self._full if self._budget is None else self._budget.rung
+        return self._full if self._budget is None else self._budget.level
 
     @property
-    def rung_number(self) -> int:
+    def level_number(self) -> int:
         """The number of that level; 0: nothing is left out."""
         return 0 if self._budget is None else self._budget.number
 
@@ -56,17 +56,17 @@ class Load:
         return self._budget.allow(now, slack, held_share, under_way)
 
     def measured(self, agents: int, candidates: int, seconds: float) -> None:
-        """An engine call of this size took so long during warm-up."""
+        """An engine call of this size took `seconds` during warm-up."""
         self._admission.measured(agents, candidates, seconds)
 
     def spent(self, now: float, step: PendingStep, seconds: float) -> None:
-        """A step has ended, and the engine was busy with it for so long."""
+        """A step has ended that kept the engine busy for `seconds`."""
         self._admission.spent(now, step.call, len(step.batch.rows), seconds, self._agents())
         if self._budget is not None:
             self._budget.spent(now, seconds)
 
     def worked(self, now: float, seconds: float, chunks: int) -> None:
-        """The thread itself worked so long since the last step and published so many chunks."""
+        """The thread itself worked `seconds` since the last step and published `chunks`."""
         self._admission.worked(now, seconds, chunks)
 
     def share(self, now: float) -> float:
@@ -90,7 +90,7 @@ class Load:
         self._reservations.release(reservation)
 
     def room_for(self, session_id: str, genders: Sequence[str], now: float) -> None:
-        """Raises NotFound, ResourceExhausted when so many agents could not be stepped in time."""
+        """Raises NotFound, ResourceExhausted when the agents could not be stepped in time."""
         self.check_room(Reservation.of(session_id, genders), now, self._reservations.all())
 
     def check_room(
@@ -103,7 +103,7 @@ class Load:
         self._registry.check_room(wanted, held)
         if admit and self._refuses:
             # the level is looked at with each step: without agents it stays where it was left
-            late = self.rung.refuse and bool(self._registry.agents)
+            late = self.level.refuse and bool(self._registry.agents)
             coming = [gender for other in held for gender in other.genders]
             agents = with_more(self._agents(), coming)
             self._admission.check(agents, wanted.genders, now, late)

@@ -23,7 +23,7 @@ def latents(
     noise = np.empty((len(noise_seed), candidates, LATENT), np.float32)
     bits = np.random.Philox(key=0)
     generator = np.random.Generator(bits)
-    state = bits.state  # set anew for each row, which takes a third of making a generator
+    state = bits.state  # set for each row, which costs a third of making a generator
     key, counter = state["state"]["key"], state["state"]["counter"]
     key[1] = _STREAM
     for row, seed, number in zip(noise, noise_seed.tolist(), chunk.tolist(), strict=True):

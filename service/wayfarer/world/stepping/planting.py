@@ -84,7 +84,7 @@ class _Motion(NamedTuple):
         return turned + self.centre + share[..., None] * self.shift
 
     def spread(self, axes: int) -> "_Motion":
-        """The same for each of several points: with so many axes more behind the first."""
+        """The same with `axes` more axes behind the first, for several points each."""
         ones = (1,) * axes
         return _Motion(
             self.centre.reshape(len(self.centre), *ones, 2),

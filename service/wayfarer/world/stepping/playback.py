@@ -67,14 +67,14 @@ class Playback:
         return rows[order][when[order] <= frame]
 
     def is_due(self, rows: Index, frame: float) -> Flags:
-        """Of slots that may be planned, those whose next chunk is to be by world frame `frame`."""
+        """Which slots [A], all of which may be planned, need their next chunk by `frame`."""
         due: Flags = self._plan_frame(rows) <= frame
         return due
 
     def next_event(self, planning: bool = True, early: float = 0.0) -> float | None:
         """World frame of the next sending or, unless not asked for, planning; None without any.
 
-        Chunks are sent so many frames `early`.
+        Chunks are sent `early` frames early.
         """
         slots = self._slots
         waits = slots.active & (slots.planned_chunks > slots.sent_chunks)
@@ -131,7 +131,7 @@ class Playback:
         And the one that is being made.
         """
         slots = self._slots
-        slots.flight[slot] = 0
+        slots.engine_call[slot] = 0
         row = np.array([slot])
         first, planned = int(slots.sent_chunks[slot]), int(slots.planned_chunks[slot])
         kept = first
@@ -160,7 +160,7 @@ class Playback:
     @property
     def _grounded(self) -> Flags:
         """Slots whose next chunk is not being made."""
-        grounded: Flags = self._slots.active & (self._slots.flight == 0)
+        grounded: Flags = self._slots.active & (self._slots.engine_call == 0)
         return grounded
 
     def _plan_frame(self, rows: Index) -> Index:

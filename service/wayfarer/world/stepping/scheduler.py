@@ -13,9 +13,9 @@ from wayfarer.engines.models import LoadedModels
 from wayfarer.engines.padding import cut, pad, pick, whole
 from wayfarer.spec import FPS, GENDERS, NEW_FRAMES
 from wayfarer.world.agents.agent import ChunkFlag
-from wayfarer.world.agents.slots import Gait, Goals, Mode, Motion, Seeds, SlotTable
+from wayfarer.world.agents.slots import Gait, GoalColumns, Mode, Motion, Seeds, SlotTable
 from wayfarer.world.agents.style import sets_off
-from wayfarer.world.goals.paths import Paths
+from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.goals.steering import observe
 from wayfarer.world.rows import Flags, Float, Index
 from wayfarer.world.stepping.batch import broken, gather
@@ -37,7 +37,7 @@ class Batch:
     gender: str
     seed: Seeds
     gait: Gait  # of the step to come
-    goals: Goals  # as their being reached is judged
+    goals: GoalColumns  # as their being reached is judged
     inputs: StepInputs
     candidates: int
     reduced: Flags  # rows for which steering wished for more candidates
@@ -95,7 +95,7 @@ class Scheduler:
         *,
         table: SlotTable,
         playback: Playback,
-        paths: Paths,
+        paths: PathColumns,
         models: LoadedModels,
         settings: WorldSettings,
         reset: Callable[[int], Motion],
@@ -121,7 +121,7 @@ class Scheduler:
         self._single_threaded = settings.single_threaded
         self._company = settings.batch_lookahead_s * FPS  # frames
         self._full = settings.batch_multiple
-        self._flights = 0  # begun so far
+        self._engine_calls = 0  # begun so far
         self.under_way = 0  # of them, those that are not finished
         self.resets = 0  # rows so far that could not be shown, or had fallen
         self.reduced_steps = 0  # rows stepped with fewer candidates than wished
@@ -146,19 +146,19 @@ class Scheduler:
             return None
         inputs = pad(mirror_inputs(batch.inputs, batch.mirrored), self._sizes)
         engine = self._models.numbered(batch.model).engine
-        step = (engine.alone if self._single_threaded else engine).step
-        self._flights += 1
+        step = (engine.single_threaded if self._single_threaded else engine).step
+        self._engine_calls += 1
         self.under_way += 1
-        self._table.rows.flight[batch.rows] = self._flights
+        self._table.rows.engine_call[batch.rows] = self._engine_calls
         call = Call(len(inputs.goal), batch.candidates)
         outputs = launch(partial(step, batch.gender, inputs))
-        return PendingStep(self._flights, batch, call, outputs)
+        return PendingStep(self._engine_calls, batch, call, outputs)
 
     def finish(self, step: PendingStep) -> int:
         """Plan the next chunk of the agents that are under way. Returns how many there were."""
         slots, rows = self._table.rows, step.batch.rows
-        still = slots.flight[rows] == step.number
-        slots.flight[rows[still]] = 0
+        still = slots.engine_call[rows] == step.number
+        slots.engine_call[rows[still]] = 0
         self.under_way -= 1
         outputs = mirror_outputs(cut(step.outputs(), len(rows)), step.batch.mirrored)
         kept = np.flatnonzero(still)

@@ -16,22 +16,22 @@ from typing import Final
 import numpy as np
 
 from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
-from wayfarer.world.agents.slots import Gait, Goals, Mode, Seeds
+from wayfarer.world.agents.slots import Gait, GoalColumns, Mode, Seeds
 from wayfarer.world.output.quaternion import bounded
 from wayfarer.world.rows import Float
 from wayfarer.world.stepping.planting import Step
 
 STEP: Final = (0.27, 0.31)
-"""Metres that the model steps when it hardly moves, and more for each m/s that it is asked for."""
+"""Metres of the model's step when it hardly moves, and further metres per m/s of its speed."""
 
 MOST: Final = 0.65
-"""Share of a step that is taken off at most."""
+"""Largest share of a step that is removed."""
 
 RATE: Final = 0.6 * STEP_SECONDS
-"""By so much that share changes in a step."""
+"""Largest change of that share in a step."""
 
 
-def shortened_gait(gait: Gait, goals: Goals) -> Gait:
+def shortened_gait(gait: Gait, goals: GoalColumns) -> Gait:
     """The gait [A] of the next step, with the share that its steps are shortened by at its end."""
     on_stairs = (goals.tread > 0) & (gait.mode == Mode.WALKING)
     step = STEP[0] + STEP[1] * goals.speed

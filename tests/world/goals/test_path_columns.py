@@ -5,7 +5,7 @@ import pytest
 
 from wayfarer.world.agents.agent import Goal
 from wayfarer.world.agents.slots import SlotTable
-from wayfarer.world.goals.paths import Paths, goal_columns
+from wayfarer.world.goals.path_columns import PathColumns, goal_columns
 
 HERE = (0.0, 0.0)
 
@@ -16,7 +16,7 @@ def row(number):
 
 def test_each_slot_has_its_own_goals():
     table = SlotTable(limit=4, capacity=2)
-    paths = Paths(table.rows, limit=3)
+    paths = PathColumns(table.rows, limit=3)
     paths.put(0, [Goal((1, 0, 0)), Goal((2, 0, 0)), Goal((3, 0, 0))], HERE)
     paths.put(1, [Goal((9, 0, 0), heading=radians(90), dwell=2.0)], HERE)
     found = paths.at(np.array([0, 1, 0]), np.array([2, 0, 1]))
@@ -27,7 +27,7 @@ def test_each_slot_has_its_own_goals():
 
 
 def test_a_shorter_path_replaces_a_longer_one_and_none_all():
-    paths = Paths(SlotTable(limit=1).rows, limit=3)
+    paths = PathColumns(SlotTable(limit=1).rows, limit=3)
     paths.put(0, [Goal((1, 0, 0)), Goal((2, 0, 0))], HERE)
     paths.put(0, [Goal((5, 0, 0), stop=False)], HERE)
     found = paths.at(row(0), row(0))
@@ -38,7 +38,7 @@ def test_a_shorter_path_replaces_a_longer_one_and_none_all():
 
 def test_grows_with_the_table():
     table = SlotTable(limit=8, capacity=1)
-    paths = Paths(table.rows, limit=2)
+    paths = PathColumns(table.rows, limit=2)
     paths.put(table.acquire(1)[0], [Goal((1, 0, 0))], HERE)
     slots = [table.acquire(1)[0] for _ in range(7)]
     assert not paths.at(np.array(slots), np.zeros(7, int)).given.any()
@@ -57,7 +57,7 @@ def line(*xs):
 
 
 def test_goals_keep_their_numbers_while_a_path_goes_round_its_ring():
-    paths = Paths(SlotTable(limit=2, capacity=2).rows, limit=4)
+    paths = PathColumns(SlotTable(limit=2, capacity=2).rows, limit=4)
     paths.put(1, line(100), HERE)
     for first in range(20):
         paths.put(0, line(first, first + 1, first + 2), (first - 1.0, 0.0), first)
@@ -69,6 +69,6 @@ def test_goals_keep_their_numbers_while_a_path_goes_round_its_ring():
 
 
 def test_a_slot_without_goals_has_no_next_one():
-    paths = Paths(SlotTable(limit=1).rows, limit=2)
+    paths = PathColumns(SlotTable(limit=1).rows, limit=2)
     paths.put(0, [], HERE, 7)
     assert paths.is_last(row(0), row(7)).all() and not paths.at(row(0), row(7)).given.any()

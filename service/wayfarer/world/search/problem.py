@@ -15,14 +15,14 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.limits import Limits
 from wayfarer.spec import BETAS, GENDERS, NEW_FRAMES, POSED_JOINTS
 from wayfarer.world.agents.agent import AgentSpec, Goal
-from wayfarer.world.agents.slots import Gait, Goals, Mode, Motion
+from wayfarer.world.agents.slots import Gait, GoalColumns, Mode, Motion
 from wayfarer.world.goals.checks import check_path
-from wayfarer.world.goals.paths import goal_columns
+from wayfarer.world.goals.path_columns import goal_columns
 from wayfarer.world.rows import Flags, Float, Index, Int, Int8, Rows, Shape, UInt64
 
 
 @dataclass(slots=True)
-class Starts(Rows):
+class PlanningStart(Rows):
     """Agents before the first primitive."""
 
     gender: Int8  # index into spec.GENDERS
@@ -34,11 +34,11 @@ class Starts(Rows):
 
 
 @dataclass(frozen=True)
-class Problem:
+class PlanningProblem:
     """Agents, each with the goals that it shall visit in turn."""
 
-    starts: Starts
-    goals: Goals  # of all agents, agent after agent; one without goals has a row of zeros
+    starts: PlanningStart
+    goals: GoalColumns  # of all agents, agent after agent; one without goals has a row of zeros
 
     @classmethod
     def of(
@@ -48,10 +48,10 @@ class Problem:
         paths: Sequence[Sequence[Goal]],
         first_chunk: int = 0,
     ) -> Self:
-        """`motions` as of `World.prepare` or `Plan.end`; an agent with an empty path stands.
+        """`motions` as of `World.prepare` or `MotionPlan.end`; an agent with an empty path stands.
 
         `first_chunk` goes on with the agents' noise where an earlier plan ended
-        (`Plan.next_chunk`). Raises InvalidArgument for a bad goal and for lists of unequal length.
+        (`MotionPlan.next_chunk`). Raises InvalidArgument for bad goals and lists of unequal length.
         """
         if not specs or not len(specs) == len(motions) == len(paths):
             raise InvalidArgument(
@@ -59,9 +59,9 @@ class Problem:
                 "there must be one of each for every agent, and at least one agent",
                 "specs",
             )
-        starts = Starts.empty(len(specs))
+        starts = PlanningStart.empty(len(specs))
         starts.chunk[:] = first_chunk
-        goals: list[Goals] = []
+        goals: list[GoalColumns] = []
         for row, (spec, motion, path) in enumerate(zip(specs, motions, paths, strict=True)):
             x, y, z = motion.seed.translation[0, -1].tolist()
             starts.gender[row] = GENDERS.index(spec.gender)
@@ -72,12 +72,12 @@ class Problem:
             if path:
                 check_path(path, (x, y, z), Limits())
                 starts.motion.gait.mode[row] = Mode.WALKING
-            goals.append(goal_columns(path, (x, y)) if path else Goals.empty(1))
+            goals.append(goal_columns(path, (x, y)) if path else GoalColumns.empty(1))
         starts.motion.gait.arrived[:] = False
         starts.motion.gait.waypoint[:] = 0
-        return cls(starts, Goals.join(goals))
+        return cls(starts, GoalColumns.join(goals))
 
-    def goals_of(self, agent: Index, gait: Gait) -> Goals:
+    def goals_of(self, agent: Index, gait: Gait) -> GoalColumns:
         """The present goals of some agents, by the waypoints of `gait`."""
         return self.goals.take(self.starts.path[agent] + gait.waypoint)
 
@@ -99,7 +99,7 @@ class Ending(StrEnum):
 
 
 @dataclass(slots=True)
-class Level(Rows):
+class BeamLevel(Rows):
     """Kept nodes of one depth, all agents: each a primitive's new frames."""
 
     parent: Int  # row in the level before; in the first, of the problem
@@ -112,7 +112,7 @@ class Level(Rows):
 
 
 @dataclass(frozen=True)
-class Plan:
+class MotionPlan:
     """One path from the root: L primitives, N = 8 L frames; world, as `engine.StepOutputs`."""
 
     translation: Float = field(repr=False)  # [N, 3] hips joint
@@ -136,22 +136,24 @@ class Plan:
 class Tree:
     """What was kept of one agent's tree."""
 
-    levels: Sequence[Level] = field(repr=False)  # shared; deeper than `depth` where others went on
+    levels: Sequence[BeamLevel] = field(
+        repr=False
+    )  # shared; deeper than `depth` where others went on
     depth: int
     ending: Ending
     leaves: Index = field(repr=False)  # rows in level `depth - 1`; best first
     ends: Motion = field(repr=False)  # of the leaves
-    distances: Float  # [leaves] as `Plan.distance`
+    distances: Float  # [leaves] as `MotionPlan.distance`
     first_chunk: int
 
-    def plan(self, leaf: int = 0) -> Plan:
+    def plan(self, leaf: int = 0) -> MotionPlan:
         """The path to a leaf; 0 is the best."""
         row, path = int(self.leaves[leaf]), []
         for level in reversed(self.levels[: self.depth]):
             path.append(level.take(np.array([row])))
             row = int(level.parent[row])
-        nodes = Level.join([Level.empty(0), *path[::-1]])
-        return Plan(
+        nodes = BeamLevel.join([BeamLevel.empty(0), *path[::-1]])
+        return MotionPlan(
             translation=nodes.translation.reshape(-1, 3),
             rotations=nodes.rotations.reshape(-1, POSED_JOINTS, 4),
             contacts=nodes.contacts.reshape(-1, 2),

@@ -11,9 +11,9 @@ from wayfarer.world.agents.agent import Goal
 from wayfarer.world.agents.behaviour import Aim, BodyState
 from wayfarer.world.agents.heading import facing_of
 from wayfarer.world.agents.registry import Agent
-from wayfarer.world.agents.slots import Goals, Slots
+from wayfarer.world.agents.slots import GoalColumns, Slots
 from wayfarer.world.agents.velocity import FORESIGHT, moving
-from wayfarer.world.goals.paths import Paths
+from wayfarer.world.goals.path_columns import PathColumns
 
 RADIUS: Final = 0.25
 AGAIN: Final = 0.35
@@ -23,7 +23,7 @@ AGAIN: Final = 0.35
 class MovingGoals:
     """The moving goals of a world; each is the last of its agent's path."""
 
-    def __init__(self, slots: Slots, paths: Paths) -> None:
+    def __init__(self, slots: Slots, paths: PathColumns) -> None:
         self._slots = slots
         self._paths = paths
 
@@ -56,12 +56,12 @@ class MovingGoals:
     def stand(self, agent: Agent) -> None:
         """Let it stand where it comes to rest."""
         agent.path = (*agent.path[:-1], Goal(agent.path[-1].position))
-        self._put(agent, Goals.empty(1))
+        self._put(agent, GoalColumns.empty(1))
 
     def go(self, agent: Agent, aim: Aim, place: Point3) -> None:
         """Let it walk to a place for now, and stand there unless it is to be passed."""
         gait, slot = self._slots.planned.gait, agent.slot
-        row = Goals.empty(1)
+        row = GoalColumns.empty(1)
         row.given[:] = True
         row.position[0], row.speed[:] = place, aim.speed
         if aim.onward is not None:
@@ -76,6 +76,6 @@ class MovingGoals:
         agent.path = (*agent.path[:-1], Goal(place, RADIUS, speed=aim.speed, stop=stops))
         self._put(agent, row)
 
-    def _put(self, agent: Agent, row: Goals) -> None:
+    def _put(self, agent: Agent, row: GoalColumns) -> None:
         waypoint = agent.passed + len(agent.path) - 1
         self._paths.rewrite(agent.slot, waypoint, row)

@@ -7,13 +7,13 @@ import numpy as np
 from wayfarer.world.agents.agent import Goal
 from wayfarer.world.agents.registry import Agent
 from wayfarer.world.agents.slots import Gait, Mode, Slots
-from wayfarer.world.goals.paths import Paths
+from wayfarer.world.goals.path_columns import PathColumns
 
 
-class Trails:
+class AgentPaths:
     """Paths of a world's agents. A path is fed for ever: what was passed is forgotten."""
 
-    def __init__(self, slots: Slots, paths: Paths) -> None:
+    def __init__(self, slots: Slots, paths: PathColumns) -> None:
         self._slots = slots
         self._paths = paths
 
@@ -34,7 +34,7 @@ class Trails:
         return agent.path
 
     def so_far(self, agent: Agent) -> tuple[Goal, ...]:
-        """Of those, the ones up to the present one."""
+        """The kept goals up to the present one."""
         kept = self.kept(agent)
         return kept[: int(self._slots.planned.gait.waypoint[agent.slot]) - agent.passed + 1]
 

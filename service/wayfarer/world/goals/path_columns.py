@@ -14,18 +14,18 @@ from numpy.typing import NDArray
 
 from wayfarer.world.agents.agent import Goal
 from wayfarer.world.agents.heading import angle_between, facing_at
-from wayfarer.world.agents.slots import Goals, Slots
+from wayfarer.world.agents.slots import GoalColumns, Slots
 from wayfarer.world.rows import Flags, Index
 
 
-class Paths:
+class PathColumns:
     """The paths of all slots of a table."""
 
     def __init__(self, slots: Slots, limit: int) -> None:
         """At most `limit` goals per slot are known at a time."""
         self._slots = slots
         self.limit = limit
-        self._goals = Goals.empty(len(slots.active) * limit)
+        self._goals = GoalColumns.empty(len(slots.active) * limit)
 
     def put(
         self, slot: int, goals: Sequence[Goal], start: tuple[float, float], first: int = 0
@@ -36,10 +36,10 @@ class Paths:
         """
         self._reserve()
         waypoints = first + np.arange(max(len(goals), 1))
-        columns = goal_columns(goals, start) if goals else Goals.empty(1)
+        columns = goal_columns(goals, start) if goals else GoalColumns.empty(1)
         self._goals.put(self._place(np.array([slot]), waypoints), columns)
 
-    def at(self, slots: Index, waypoints: Index) -> Goals:
+    def at(self, slots: Index, waypoints: Index) -> GoalColumns:
         """The goals of some slots at these places of their paths."""
         self._reserve()
         return self._goals.take(self._place(slots, waypoints))
@@ -53,7 +53,7 @@ class Paths:
         """Put a goal of a slot's path elsewhere, place [3]."""
         self._goals.position[slot * self.limit + waypoint % self.limit] = place
 
-    def rewrite(self, slot: int, waypoint: int, row: Goals) -> None:
+    def rewrite(self, slot: int, waypoint: int, row: GoalColumns) -> None:
         """Put another goal, one row, in the place of one of a slot's path."""
         self._reserve()
         self._goals.put(self._place(np.array([slot]), np.array([waypoint])), row)
@@ -72,9 +72,9 @@ class Paths:
             self._goals.grow(rows)
 
 
-def goal_columns(goals: Sequence[Goal], start: tuple[float, float]) -> Goals:
+def goal_columns(goals: Sequence[Goal], start: tuple[float, float]) -> GoalColumns:
     """One row for each goal of a path that is walked from `start`."""
-    made = Goals.empty(len(goals))
+    made = GoalColumns.empty(len(goals))
     made.given[:] = True
     made.position[:] = [goal.position for goal in goals]
     made.radius[:] = [goal.radius for goal in goals]

@@ -42,12 +42,12 @@ def make():
         return made[-1]
 
     yield one
-    for bakery in made:
-        bakery.stop()
+    for bake_queue in made:
+        bake_queue.stop()
 
 
 @pytest.fixture(scope="module")
-def bakery():
+def bake_queue():
     shared = BakeQueue(Limits())
     yield shared
     shared.stop()
@@ -101,8 +101,8 @@ def lives(pid):
 
 
 @pytest.mark.parametrize("spec", [cubes_field(), town_square(), slope_with_steps(), two_storeys()])
-def test_a_scene_is_bit_for_bit_what_a_bake_here_gives(bakery, spec):
-    there, here = bakery.bake(spec), bake(spec)
+def test_a_scene_is_bit_for_bit_what_a_bake_here_gives(bake_queue, spec):
+    there, here = bake_queue.bake(spec), bake(spec)
     assert there.spec is spec
     assert whole(there) == whole(here)
     for layer, same in zip(there.ground.layers, here.ground.layers, strict=True):
@@ -119,91 +119,93 @@ def test_a_scene_with_obstacles_can_be_pickled_and_still_cannot_be_changed():
         other.obstacles["more"] = BOX
 
 
-def test_errors_keep_their_type_and_say_which_field(bakery):
+def test_errors_keep_their_type_and_say_which_field(bake_queue):
     with pytest.raises(InvalidArgument, match="up axis") as caught:
-        bakery.bake(SceneSpec((FIELD,), (Box((6.0, 6.0), (90.0, 90.0), 9.0, bottom=0.3),)))
+        bake_queue.bake(SceneSpec((FIELD,), (Box((6.0, 6.0), (90.0, 90.0), 9.0, bottom=0.3),)))
     assert caught.value.field == "floors"
     with pytest.raises(InvalidArgument) as caught:
-        bakery.bake(SceneSpec(mesh=MeshFile(b"no mesh", "glb")))
+        bake_queue.bake(SceneSpec(mesh=MeshFile(b"no mesh", "glb")))
     assert caught.value.field == "mesh.data"
-    pid = bakery.pid
-    bakery.bake(cubes_field())
-    assert bakery.pid == pid, "a scene that is refused costs no process"
+    pid = bake_queue.pid
+    bake_queue.bake(cubes_field())
+    assert bake_queue.pid == pid, "a scene that is refused costs no process"
 
 
-def test_what_is_no_scene_at_all_is_our_own_mistake_and_costs_no_process(bakery):
+def test_what_is_no_scene_at_all_is_our_own_mistake_and_costs_no_process(bake_queue):
     with pytest.raises(RuntimeError, match="AttributeError"):
-        bakery.bake("no spec")
-    assert bakery.bake(cubes_field()).islands == 1
+        bake_queue.bake("no spec")
+    assert bake_queue.bake(cubes_field()).islands == 1
 
 
 def test_a_bake_that_takes_too_much_memory(make):
-    bakery = make(bake_mb=300)
+    bake_queue = make(bake_mb=300)
     with pytest.raises(ResourceExhausted, match=r"300 MB of memory \(limits.bake_mb\)"):
-        bakery.bake(HUGE)
-    assert bakery.bake(cubes_field()).islands == 1
+        bake_queue.bake(HUGE)
+    assert bake_queue.bake(cubes_field()).islands == 1
 
 
 def test_a_bake_that_keeps_a_processor_too_long(make):
-    bakery = make(bake_s=1, bake_mb=8192)
+    bake_queue = make(bake_s=1, bake_mb=8192)
     with pytest.raises(ResourceExhausted, match=r"more than 1 s .*\(limits.bake_s\): leave out"):
-        bakery.bake(HUGE)
-    assert bakery.bake(cubes_field()).islands == 1
+        bake_queue.bake(HUGE)
+    assert bake_queue.bake(cubes_field()).islands == 1
 
 
 def test_a_process_that_hangs_is_given_up(make):
-    bakery = make(bake_s=2)
-    bakery.bake(cubes_field())
-    first = bakery.pid
+    bake_queue = make(bake_s=2)
+    bake_queue.bake(cubes_field())
+    first = bake_queue.pid
     os.kill(first, signal.SIGSTOP)
     with pytest.raises(ResourceExhausted, match=r"limits\.bake_s"):
-        bakery.bake(cubes_field())
+        bake_queue.bake(cubes_field())
     until(lambda: not lives(first))
 
 
 @pytest.fixture
 def baking(make):
-    """A bakery in the middle of a bake, the thread that waits and what it gets."""
-    bakery = make(bake_s=600, bake_mb=8192)
-    bakery.bake(cubes_field())
-    thread, found = in_background(lambda: bakery.bake(HUGE))
-    until(bakery._turn.locked)
+    """A bake_queue in the middle of a bake, the thread that waits and what it gets."""
+    bake_queue = make(bake_s=600, bake_mb=8192)
+    bake_queue.bake(cubes_field())
+    thread, found = in_background(lambda: bake_queue.bake(HUGE))
+    until(bake_queue._turn.locked)
     time.sleep(0.2)
     assert not found
-    return bakery, thread, found
+    return bake_queue, thread, found
 
 
 def test_a_process_killed_in_mid_bake_is_replaced(baking):
-    bakery, thread, found = baking
-    os.kill(bakery.pid, signal.SIGKILL)
+    bake_queue, thread, found = baking
+    os.kill(bake_queue.pid, signal.SIGKILL)
     thread.join()
     assert isinstance(found[0], ResourceExhausted) and "signal 9" in str(found[0])
-    assert bakery.bake(cubes_field()).islands == 1
+    assert bake_queue.bake(cubes_field()).islands == 1
 
 
 def test_a_process_killed_between_bakes_is_replaced_unnoticed(make):
-    bakery = make()
-    bakery.bake(cubes_field())
-    pid = bakery.pid
+    bake_queue = make()
+    bake_queue.bake(cubes_field())
+    pid = bake_queue.pid
     os.kill(pid, signal.SIGKILL)
     time.sleep(0.2)
-    assert bakery.bake(cubes_field()).islands == 1
-    assert bakery.pid != pid
+    assert bake_queue.bake(cubes_field()).islands == 1
+    assert bake_queue.pid != pid
 
 
 def test_stopping_ends_the_bake_under_way_and_those_after_it(baking):
-    bakery, thread, found = baking
-    pid = bakery.pid
-    bakery.stop()
+    bake_queue, thread, found = baking
+    pid = bake_queue.pid
+    bake_queue.stop()
     thread.join()
     assert isinstance(found[0], Unavailable)
     assert not lives(pid)
     with pytest.raises(Unavailable, match="stopping"):
-        bakery.bake(cubes_field())
+        bake_queue.bake(cubes_field())
 
 
-def test_two_at_once_take_turns_in_one_process(bakery):
-    both = [in_background(lambda s=spec: bakery.bake(s)) for spec in (cubes_field(), town_square())]
+def test_two_at_once_take_turns_in_one_process(bake_queue):
+    both = [
+        in_background(lambda s=spec: bake_queue.bake(s)) for spec in (cubes_field(), town_square())
+    ]
     for thread, _ in both:
         thread.join()
     assert [found[0].content_hash for _, found in both] == [
@@ -237,37 +239,37 @@ import sys, time
 from wayfarer.world.scenes.bake_queue import BakeQueue
 from wayfarer.limits import Limits
 from wayfarer.navigation.examples import cubes_field
-from tests.world.scenes.test_bakery import HUGE
-bakery = BakeQueue(Limits(bake_s=600, bake_mb=8192))
-bakery.bake(cubes_field())
-print(bakery.pid, flush=True)
+from tests.world.scenes.test_bake_queue import HUGE
+bake_queue = BakeQueue(Limits(bake_s=600, bake_mb=8192))
+bake_queue.bake(cubes_field())
+print(bake_queue.pid, flush=True)
 if sys.argv[1] == "busy":
-    bakery.bake(HUGE)
+    bake_queue.bake(HUGE)
 time.sleep(600)
 """
 
 
-def test_runs_at_low_priority(bakery):
-    bakery.bake(cubes_field())
+def test_runs_at_low_priority(bake_queue):
+    bake_queue.bake(cubes_field())
     mine = os.getpriority(os.PRIO_PROCESS, 0)
-    assert os.getpriority(os.PRIO_PROCESS, bakery.pid) == min(mine + 10, 19)
+    assert os.getpriority(os.PRIO_PROCESS, bake_queue.pid) == min(mine + 10, 19)
 
 
 def test_nothing_printed_is_taken_for_an_answer():
-    oven = BakeWorker((sys.executable, "-c", NOISY))
+    worker = BakeWorker((sys.executable, "-c", NOISY))
     try:
-        assert oven.await_answer(60.0) is True
-        assert oven.ask(cubes_field(), 60.0).islands == 1
+        assert worker.await_answer(60.0) is True
+        assert worker.ask(cubes_field(), 60.0).islands == 1
     finally:
-        oven.kill()
+        worker.kill()
 
 
 NOISY = """
-from wayfarer.world.scenes import bake_process as oven
-bake = oven.bake
+from wayfarer.world.scenes import bake_process
+bake = bake_process.bake
 def noisy(spec):
     print("a library says something")
     return bake(spec)
-oven.bake = noisy
-oven.main(1024, 20.0)
+bake_process.bake = noisy
+bake_process.main(1024, 20.0)
 """
