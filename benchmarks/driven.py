@@ -19,7 +19,8 @@ from wayfarer.service.streams.subscription import Subscription
 from wayfarer.spec import GENDERS, NEW_FRAMES, SEED_FRAMES
 from wayfarer.terms import TERMS
 from wayfarer.transport.metrics import Metrics
-from wayfarer.world.agents.agent import AgentInfo, AgentSpec, Goal, SessionInfo, SessionSpec
+from wayfarer.world.agents.agent import AgentInfo, AgentSpec, SessionInfo, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.scenes.messages import SceneInfo

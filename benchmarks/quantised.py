@@ -51,7 +51,8 @@ from wayfarer.engines.padding import pick
 from wayfarer.engines.warm import WarmEngine
 from wayfarer.model_bundle import BODY, DEFAULT_MODEL, ModelBundle, load_models
 from wayfarer.spec import GENDERS, SEED_FRAMES, STEP_SECONDS
-from wayfarer.world.agents.agent import AgentSpec, Goal, SessionSpec
+from wayfarer.world.agents.agent import AgentSpec, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.steering import Steering
 
 INT8: Final[Mapping[str, tuple[str, ...]]] = {

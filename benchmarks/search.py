@@ -26,7 +26,8 @@ from rich.progress import track
 from rich.table import Table
 
 from wayfarer.model_bundle import DEFAULT_MODEL, ModelBundle, open_bundle
-from wayfarer.world.agents.agent import AgentSpec, Goal
+from wayfarer.world.agents.agent import AgentSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.search.beam import plan
 from wayfarer.world.search.beam_settings import HARD, BeamSettings

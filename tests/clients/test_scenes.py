@@ -8,7 +8,7 @@ import pytest
 import wayfarer_client as wf
 from tests.transport.rig import Rig
 from wayfarer.world import behaviours
-from wayfarer.world.agents import agent
+from wayfarer.world.agents.goal import Goal
 
 SQUARE = [(-5, 0, -5), (5, 0, -5), (5, 0, 5), (-5, 0, 5)]
 OBJ = b"v -5 0 -5\nv 5 0 -5\nv 5 0 5\nv -5 0 5\nf 1 2 3 4\n"
@@ -90,7 +90,7 @@ async def test_examples_and_the_synchronous_client(rig):
 
 async def test_behaviours_arrive_as_they_were_meant(rig, client):
     goal = wf.Goal((1, 0, 2))
-    meant = (agent.Goal((-1.0, 2.0, 0.0)),)
+    meant = (Goal((-1.0, 2.0, 0.0)),)
     async with await client.create_session() as session:
         ada, bo = await session.create_agents(wf.AgentSpec(), wf.AgentSpec())
         told = [

@@ -6,7 +6,8 @@ from wayfarer.clips.clip import Clip
 from wayfarer.clips.files import write_clip
 from wayfarer.clips.generate import SearchKind, generate, generate_clip
 from wayfarer.errors import InvalidArgument
-from wayfarer.world.agents.agent import AgentSpec, Goal
+from wayfarer.world.agents.agent import AgentSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.search.beam_settings import BeamSettings
 

@@ -5,7 +5,8 @@ from tests.world.fakes import BODIES, FakeEngine, make_world
 from wayfarer.clips.generate import generate_clip
 from wayfarer.clips.planned import plan_clip
 from wayfarer.errors import FailedPrecondition, InvalidArgument
-from wayfarer.world.agents.agent import AgentSpec, Goal
+from wayfarer.world.agents.agent import AgentSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.search.beam_settings import BeamSettings
 

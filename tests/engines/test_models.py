@@ -17,7 +17,8 @@ from wayfarer.errors import (
     NotFound,
     ResourceExhausted,
 )
-from wayfarer.world.agents.agent import Goal, SessionSpec
+from wayfarer.world.agents.agent import SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.world import World
 
 

@@ -13,7 +13,8 @@ from wayfarer import artifacts
 from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.engines.onnx_engine import OnnxEngine
 from wayfarer.errors import ArtifactError
-from wayfarer.world.agents.agent import Goal, SessionSpec
+from wayfarer.world.agents.agent import SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.world import World
 
 

@@ -11,7 +11,8 @@ from wayfarer.model_bundle import START_POSES
 from wayfarer.navigation.examples import slope_with_steps
 from wayfarer.navigation.scene import bake
 from wayfarer.spec import FPS
-from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, Goal, SessionSpec
+from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.output.legs import pose_legs
 from wayfarer.world.scenes.scene_registry import SceneRegistry

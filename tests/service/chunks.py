@@ -13,10 +13,10 @@ from wayfarer.world.agents.agent import (
     AgentSpec,
     AgentState,
     ChunkFlag,
-    Goal,
     MotionChunk,
     MotionChunks,
 )
+from wayfarer.world.agents.goal import Goal
 
 STEP = 0.2
 

@@ -14,7 +14,8 @@ from wayfarer.service import live
 from wayfarer.service.inbox import Inbox
 from wayfarer.service.live import LiveMotion
 from wayfarer.service.thread import FAILURES
-from wayfarer.world.agents.agent import Goal, SessionSpec
+from wayfarer.world.agents.agent import SessionSpec
+from wayfarer.world.agents.goal import Goal
 
 
 async def test_a_cancelled_caller_does_no_harm():

@@ -20,7 +20,8 @@ from wayfarer.limits import Limits
 from wayfarer.service.motion_service import MotionService
 from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.spec import STEP_SECONDS
-from wayfarer.world.agents.agent import AgentChange, ChunkFlag, Goal, SessionSpec
+from wayfarer.world.agents.agent import AgentChange, ChunkFlag, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.events import EventKind
 
 LOCKED = SessionSpec("tool", lock_step=True)

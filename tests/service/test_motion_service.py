@@ -18,7 +18,8 @@ from wayfarer.errors import (
 from wayfarer.limits import Limits
 from wayfarer.service.motion_service import MotionService
 from wayfarer.service.streams.publications import StreamOptions
-from wayfarer.world.agents.agent import Goal, SessionSpec
+from wayfarer.world.agents.agent import SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import Path
 

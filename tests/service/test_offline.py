@@ -12,7 +12,8 @@ from wayfarer.errors import InvalidArgument, ResourceExhausted
 from wayfarer.service.offline import Offline
 from wayfarer.service.walk import walk
 from wayfarer.spec import NEW_FRAMES
-from wayfarer.world.agents.agent import AgentState, Goal
+from wayfarer.world.agents.agent import AgentState
+from wayfarer.world.agents.goal import Goal
 
 
 async def until(condition):

@@ -9,7 +9,8 @@ from tests.world.scenes.grounds import BOX, FIELD, ISLANDS, WALL
 from wayfarer.errors import FailedPrecondition, InvalidArgument, NotFound, Unreachable
 from wayfarer.navigation.scene_spec import Cylinder, MeshFile, Prism, Ramp, SceneSpec
 from wayfarer.service.streams.publications import StreamOptions
-from wayfarer.world.agents.agent import AgentSpec, Goal, SessionSpec
+from wayfarer.world.agents.agent import AgentSpec, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.events import EventKind
 from wayfarer.world.scenes.messages import SceneSource
 

@@ -31,12 +31,12 @@ from wayfarer.world.agents.agent import (
     AgentChange,
     AgentInfo,
     AgentSpec,
-    Goal,
     MotionChunk,
     MotionChunks,
     SessionInfo,
     SessionSpec,
 )
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.events import Event
 from wayfarer.world.goals.commands import GoalCommand
 

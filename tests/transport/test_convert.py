@@ -26,7 +26,8 @@ from wayfarer.v1 import (
     scene_pb2,
     session_pb2,
 )
-from wayfarer.world.agents.agent import AgentInfo, AgentSpec, AgentState, Goal
+from wayfarer.world.agents.agent import AgentInfo, AgentSpec, AgentState
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.heading import facing_at
 from wayfarer.world.events import EventKind
 

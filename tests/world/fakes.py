@@ -6,7 +6,8 @@ from wayfarer.body.model import BodyModel
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.spec import BETAS, GENDERS, JOINTS, MARKERS, NEW_FRAMES, STEP_SECONDS
 from wayfarer.terms import TERMS
-from wayfarer.world.agents.agent import AgentSpec, Goal, SessionSpec
+from wayfarer.world.agents.agent import AgentSpec, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.heading import facing_of
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.observer import WorldObserver

@@ -11,7 +11,8 @@ import pytest
 from tests.world.fakes import FakeEngine, make_world, people, populated
 from wayfarer.model_bundle import DEFAULT_MODEL, open_bundle
 from wayfarer.service.walk import walk
-from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, Goal, SessionSpec
+from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import (
     Follow,
     KeepAway,

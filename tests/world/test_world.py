@@ -9,7 +9,8 @@ import pytest
 from tests.world.fakes import GOAL, FakeEngine, make_world, people, populated
 from wayfarer.limits import Limits
 from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
-from wayfarer.world.agents.agent import AgentState, ChunkFlag, Goal, SessionSpec
+from wayfarer.world.agents.agent import AgentState, ChunkFlag, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Mode
 from wayfarer.world.goals.commands import Stop
 from wayfarer.world.goals.steering import Steering

@@ -9,13 +9,8 @@ import pytest
 from tests.world.fakes import make_world, people, populated
 from wayfarer.errors import Aborted, InvalidArgument, NotFound
 from wayfarer.limits import Limits
-from wayfarer.world.agents.agent import (
-    AgentChange,
-    AgentState,
-    ChunkFlag,
-    Goal,
-    SessionSpec,
-)
+from wayfarer.world.agents.agent import AgentChange, AgentState, ChunkFlag, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import (
     Append,

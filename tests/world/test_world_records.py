@@ -8,7 +8,8 @@ import pytest
 from tests.world.fakes import make_world, people
 from wayfarer.errors import AlreadyExists, InvalidArgument, NotFound, ResourceExhausted
 from wayfarer.limits import Limits
-from wayfarer.world.agents.agent import AgentChange, ChunkFlag, Goal, SessionSpec
+from wayfarer.world.agents.agent import AgentChange, ChunkFlag, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import Append, Path, Stop
 from wayfarer.world.stepping.settings import AdmissionRules

@@ -7,7 +7,8 @@ import pytest
 from tests.world.fakes import GOAL, make_world, people, populated
 from wayfarer.errors import AlreadyExists, InvalidArgument, NotFound, ResourceExhausted
 from wayfarer.limits import Limits
-from wayfarer.world.agents.agent import ChunkFlag, Goal, SessionSpec
+from wayfarer.world.agents.agent import ChunkFlag, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.commands import Path, Stop
 from wayfarer.world.stepping.settings import WorldSettings
 

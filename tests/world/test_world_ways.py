@@ -8,7 +8,8 @@ import pytest
 from tests.world.fakes import FakeEngine, people, populated
 from wayfarer.limits import Limits
 from wayfarer.spec import STEP_SECONDS
-from wayfarer.world.agents.agent import AgentState, ChunkFlag, Goal
+from wayfarer.world.agents.agent import AgentState, ChunkFlag
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.commands import Path, Stop
 
 SQUARE = [(0.0, 3.0, 0.0), (3.0, 3.0, 0.0), (3.0, 0.0, 0.0), (0.0, 0.0, 0.0)]

@@ -17,7 +17,8 @@ from wayfarer.body.model import BodyModel
 from wayfarer.engines.engine import Engine
 from wayfarer.model_bundle import Bodies
 from wayfarer.spec import STEP_SECONDS
-from wayfarer.world.agents.agent import AgentSpec, Goal
+from wayfarer.world.agents.agent import AgentSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.rows import Index
 from wayfarer.world.search.beam import grow
 from wayfarer.world.search.beam_settings import BeamSettings

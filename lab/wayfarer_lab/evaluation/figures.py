@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.spec import FPS, NEW_FRAMES
-from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.goal import Goal
 
 Array = NDArray[np.floating[Any]]
 

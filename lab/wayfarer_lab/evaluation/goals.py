@@ -12,14 +12,8 @@ from numpy.typing import NDArray
 from wayfarer.body.model import BodyModel
 from wayfarer.clips.clip import Clip
 from wayfarer.spec import BETAS, GENDERS, NEW_FRAMES
-from wayfarer.world.agents.agent import (
-    AgentInfo,
-    AgentSpec,
-    AgentState,
-    Goal,
-    MotionChunk,
-    SessionSpec,
-)
+from wayfarer.world.agents.agent import AgentInfo, AgentSpec, AgentState, MotionChunk, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.heading import facing_of
 from wayfarer.world.agents.slots import Motion
 from wayfarer.world.goals.commands import Path

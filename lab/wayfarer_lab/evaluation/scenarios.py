@@ -8,7 +8,8 @@ from typing import Final
 import numpy as np
 
 from wayfarer.spec import STEP_SECONDS
-from wayfarer.world.agents.agent import AgentInfo, Goal
+from wayfarer.world.agents.agent import AgentInfo
+from wayfarer.world.agents.goal import Goal
 from wayfarer_lab.evaluation import goal_rows
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.goals import Course, Errand, Order, Plan, random_specs, relative

@@ -11,14 +11,8 @@ from numpy.typing import NDArray
 
 from wayfarer.model_bundle import Bodies
 from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
-from wayfarer.world.agents.agent import (
-    AgentSpec,
-    AgentState,
-    ChunkFlag,
-    Goal,
-    MotionChunk,
-    SessionSpec,
-)
+from wayfarer.world.agents.agent import AgentSpec, AgentState, ChunkFlag, MotionChunk, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.world import World
 from wayfarer_lab.evaluation.figures import distances
 from wayfarer_lab.evaluation.gait import Windows

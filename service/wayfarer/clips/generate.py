@@ -16,7 +16,8 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.model_bundle import DEFAULT_MODEL, open_bundle
 from wayfarer.service.walk import walk
 from wayfarer.spec import BETAS, FPS
-from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, Goal, MotionChunk
+from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, MotionChunk
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.search.beam_settings import HARD, BeamSettings
 from wayfarer.world.world import World

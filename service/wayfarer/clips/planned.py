@@ -11,7 +11,8 @@ from wayfarer.clips.clip import Clip
 from wayfarer.engines.engine import Engine
 from wayfarer.errors import FailedPrecondition, InvalidArgument
 from wayfarer.spec import FPS, NEW_FRAMES, STEP_SECONDS
-from wayfarer.world.agents.agent import AgentSpec, Goal
+from wayfarer.world.agents.agent import AgentSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Motion
 from wayfarer.world.agents.style import draws
 from wayfarer.world.output.footlock import begin, lock_feet

@@ -25,14 +25,8 @@ from wayfarer.service.streams.publications import Publication, StreamOptions
 from wayfarer.service.streams.subscription import Subscription
 from wayfarer.service.walk import walk
 from wayfarer.service.worlds import Worlds
-from wayfarer.world.agents.agent import (
-    AgentChange,
-    AgentInfo,
-    AgentSpec,
-    Goal,
-    SessionInfo,
-    SessionSpec,
-)
+from wayfarer.world.agents.agent import AgentChange, AgentInfo, AgentSpec, SessionInfo, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.goals.commands import GoalCommand
 from wayfarer.world.world import World

@@ -10,11 +10,11 @@ from wayfarer.world.agents.agent import (
     AgentSpec,
     AgentState,
     ChunkFlag,
-    Goal,
     MotionChunk,
     MotionChunks,
     SessionSpec,
 )
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.commands import Path
 from wayfarer.world.world import World
 

@@ -29,6 +29,7 @@ from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.codec import PoseFormat
 from wayfarer.transport.units import in_world, on_wire, place, vector
 from wayfarer.world.agents import agent as runtime
+from wayfarer.world.agents.goal import Goal
 
 UNITS: Final = {1.0: "m", 0.01: "cm"}
 """Names of the bases' units of length."""
@@ -135,12 +136,12 @@ def drawn_seed(session_seed: int, number: int) -> int:
     return int.from_bytes(drawn[:4], "little")
 
 
-def goal(wish: schema.Goal, basis: Basis) -> runtime.Goal:
+def goal(wish: schema.Goal, basis: Basis) -> Goal:
     """The goal in world space; what is absent takes the runtime's default."""
-    return runtime.Goal(**in_world(wish, basis.axes))
+    return Goal(**in_world(wish, basis.axes))
 
 
-def goal_message(found: runtime.Goal, axes: Axes) -> schema.Goal:
+def goal_message(found: Goal, axes: Axes) -> schema.Goal:
     """A goal as its client sees it."""
     return schema.Goal(**on_wire(schema.Goal, found, axes))
 

@@ -10,7 +10,7 @@ from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.units import in_world
 from wayfarer.world import behaviours
-from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.commands import Append, GoalCommand, Path, Stop
 
 Wish = schema.Goal | schema.Goals | schema.Wander | schema.Behaviour | None

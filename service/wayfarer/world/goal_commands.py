@@ -9,15 +9,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from wayfarer.errors import Aborted, FailedPrecondition, InvalidArgument
-from wayfarer.world.agents.agent import Goal
 from wayfarer.world.agents.behaviour import Behaviour
+from wayfarer.world.agents.goal import Goal, check_goal, check_path
 from wayfarer.world.agents.records import AgentRecord
 from wayfarer.world.agents.registry import Agent, Registry
 from wayfarer.world.agents.slots import Feeding, Motion, Slots
 from wayfarer.world.agents.timeline import Timeline
 from wayfarer.world.behaviours.runner import BehaviourRunner, Surroundings, parts_of
 from wayfarer.world.goals.agent_paths import AgentPaths, set_out
-from wayfarer.world.goals.checks import check_goal, check_path
 from wayfarer.world.goals.commands import Append, GoalCommand, Path, Stop
 from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.stepping.playback import Playback

@@ -9,15 +9,11 @@ import numpy as np
 from wayfarer.errors import InvalidArgument
 from wayfarer.limits import Limits
 from wayfarer.spec import MAX_COORDINATE
+from wayfarer.world.agents.checks import check_agent_id, check_session_id, check_spec
+from wayfarer.world.agents.goal import check_goal
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
 from wayfarer.world.agents.slots import Mode
 from wayfarer.world.behaviours import Routine, Stand
-from wayfarer.world.goals.checks import (
-    check_agent_id,
-    check_goal,
-    check_session_id,
-    check_spec,
-)
 from wayfarer.world.rows import Rows, flat_columns
 
 MAX_COUNT: Final = 2**31

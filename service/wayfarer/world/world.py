@@ -24,6 +24,7 @@ from wayfarer.world.agents.agent import (
     SessionInfo,
     SessionSpec,
 )
+from wayfarer.world.agents.checks import check_change, check_session, check_specs
 from wayfarer.world.agents.population import Population
 from wayfarer.world.agents.registry import Agent, Registry
 from wayfarer.world.agents.reservations import Reservation
@@ -32,7 +33,6 @@ from wayfarer.world.agents.timeline import Timeline
 from wayfarer.world.agents.views import agent_info
 from wayfarer.world.events import Event
 from wayfarer.world.goal_commands import GoalCommands
-from wayfarer.world.goals.checks import check_change, check_session, check_specs
 from wayfarer.world.goals.commands import GoalCommand
 from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.membership import Membership

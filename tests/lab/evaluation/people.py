@@ -9,7 +9,8 @@ from tests.world.fakes import BODIES as STICKS
 from tests.world.fakes import FakeEngine, start_poses
 from wayfarer.body.model import BodyModel
 from wayfarer.spec import POSED_JOINTS
-from wayfarer.world.agents.agent import AgentSpec, Goal
+from wayfarer.world.agents.agent import AgentSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.world import World
 from wayfarer_lab.evaluation.goals import CarriedOut, Course

@@ -10,7 +10,7 @@ from tests.lab.evaluation.people import BODIES, make_world
 from tests.world.fakes import FakeEngine
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.spec import NEW_FRAMES
-from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.search.beam_settings import BeamSettings
 from wayfarer_lab.evaluation import control as module
 from wayfarer_lab.evaluation.control import (

@@ -8,7 +8,7 @@ import pytest
 from tests.lab.evaluation.people import course, line
 from wayfarer.errors import InvalidArgument
 from wayfarer.spec import FPS, NEW_FRAMES
-from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.goal import Goal
 from wayfarer_lab.evaluation import goal_rows
 
 SECONDS = np.arange(1, 12 * FPS + 1) / FPS

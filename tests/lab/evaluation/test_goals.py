@@ -5,7 +5,8 @@ import pytest
 
 from tests.lab.evaluation.people import BODIES, make_world
 from wayfarer.spec import FPS, GENDERS
-from wayfarer.world.agents.agent import AgentInfo, Goal
+from wayfarer.world.agents.agent import AgentInfo
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Mode
 from wayfarer_lab.evaluation.goals import Course, Errand, Order, random_specs, relative, run_errands
 

@@ -7,7 +7,7 @@ import pytest
 
 from tests.lab.evaluation.people import course, line
 from wayfarer.spec import FPS, NEW_FRAMES
-from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.goal import Goal
 from wayfarer_lab.evaluation.goals import Course
 from wayfarer_lab.evaluation.outcome import STEP_LIMIT, goal_row, judge
 

@@ -21,7 +21,8 @@ from wayfarer.limits import Limits
 from wayfarer.service.persistence.capture import capture_session
 from wayfarer.service.persistence.journal_file import NAME, VERSION, EntryKind, JournalFile
 from wayfarer.service.persistence.snapshot import BodyStamp
-from wayfarer.world.agents.agent import AgentChange, Goal, SessionSpec
+from wayfarer.world.agents.agent import AgentChange, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import Path
 
@@ -145,7 +146,8 @@ import asyncio, sys, time
 from pathlib import Path
 from tests.world.fakes import people
 from tests.service.kept_worlds import fake_worlds, open_journal
-from wayfarer.world.agents.agent import Goal, SessionSpec
+from wayfarer.world.agents.agent import SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.service.motion_service import MotionService
 
 async def main():

@@ -16,7 +16,8 @@ from wayfarer.service.persistence.container import ContainerKind, seal, unseal
 from wayfarer.service.persistence.log_format import LogOrigin, decode_log, encode_log
 from wayfarer.service.persistence.record import AgentTrack, ChunkRun
 from wayfarer.service.persistence.replay import replay
-from wayfarer.world.agents.agent import Goal, SessionSpec
+from wayfarer.world.agents.agent import SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import Path, Stop
 from wayfarer.world.stepping.budget import DegradationLevel

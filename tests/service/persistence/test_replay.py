@@ -11,7 +11,8 @@ from tests.world.fakes import FakeEngine, people
 from wayfarer.errors import FailedPrecondition
 from wayfarer.service.persistence.log_format import LogOrigin, decode_log, encode_log
 from wayfarer.service.persistence.replay import replay
-from wayfarer.world.agents.agent import AgentChange, ChunkFlag, Goal, SessionSpec
+from wayfarer.world.agents.agent import AgentChange, ChunkFlag, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import Part, Patrol, Routine, Stand, Visit, Wander
 from wayfarer.world.goals.commands import Append, Path, Stop
 from wayfarer.world.stepping.budget import DegradationLevel

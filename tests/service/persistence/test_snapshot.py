@@ -28,7 +28,8 @@ from wayfarer.service.persistence.snapshot import (
     encode_session,
     most_bytes,
 )
-from wayfarer.world.agents.agent import Goal, SessionSpec
+from wayfarer.world.agents.agent import SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import Path

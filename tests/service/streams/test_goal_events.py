@@ -6,7 +6,8 @@ from tests.service.chunks import chunk, info, together
 from tests.service.streams.stage import ARRIVED, Stage, kinds, take
 from wayfarer.limits import Limits
 from wayfarer.service.streams.publications import Resume
-from wayfarer.world.agents.agent import AgentSpec, AgentState, Goal, SessionSpec
+from wayfarer.world.agents.agent import AgentSpec, AgentState, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
 from wayfarer.world.agents.slots import Mode, Motion
 from wayfarer.world.events import Event, EventKind

@@ -9,7 +9,8 @@ import pytest
 from tests.world.fakes import make_world, people
 from wayfarer.errors import FailedPrecondition, InvalidArgument
 from wayfarer.limits import Limits
-from wayfarer.world.agents.agent import AgentState, Goal, SessionSpec
+from wayfarer.world.agents.agent import AgentState, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import (
     Follow,
     KeepAway,

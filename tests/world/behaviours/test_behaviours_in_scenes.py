@@ -3,7 +3,8 @@
 import numpy as np
 
 from tests.world.scenes.grounds import BOX, enter, field, islands, world_in
-from wayfarer.world.agents.agent import AgentState, Goal
+from wayfarer.world.agents.agent import AgentState
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import Follow, KeepAway, Part, Patrol, Queue, Routine, Wander
 
 

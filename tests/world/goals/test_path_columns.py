@@ -3,9 +3,9 @@ from math import radians
 import numpy as np
 import pytest
 
-from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.goal import Goal, goal_columns
 from wayfarer.world.agents.slots import SlotTable
-from wayfarer.world.goals.path_columns import PathColumns, goal_columns
+from wayfarer.world.goals.path_columns import PathColumns
 
 HERE = (0.0, 0.0)
 

@@ -6,8 +6,9 @@ import pytest
 
 from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
 from wayfarer.terms import STAND, TERMS, TURN, WALK, weights
+from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.heading import facing_at
-from wayfarer.world.agents.slots import Gait, GoalColumns, Mode, Seeds
+from wayfarer.world.agents.slots import Gait, Mode, Seeds
 from wayfarer.world.goals.steering import Steering, observe
 
 # Of numbers of its own, so that tuning breaks no test.

@@ -11,7 +11,8 @@ from wayfarer.errors import AlreadyExists, FailedPrecondition, Unreachable
 from wayfarer.navigation.examples import two_storeys
 from wayfarer.navigation.scene import bake
 from wayfarer.navigation.scene_spec import Box, Floor, SceneSpec
-from wayfarer.world.agents.agent import AgentSpec, AgentState, ChunkFlag, Goal, SessionSpec
+from wayfarer.world.agents.agent import AgentSpec, AgentState, ChunkFlag, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import Follow, Patrol
 from wayfarer.world.events import EventKind
 from wayfarer.world.goals.commands import Append, Path

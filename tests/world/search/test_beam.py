@@ -8,7 +8,8 @@ from tests.world.fakes import HIPS_HEIGHT, FakeEngine, make_world, people
 from tests.world.search.walkers import TERM, Lanes, Walker, problem, same, standing
 from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.spec import NEW_FRAMES
-from wayfarer.world.agents.agent import AgentState, Goal, SessionSpec
+from wayfarer.world.agents.agent import AgentState, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Mode
 from wayfarer.world.goals.steering import Search, Steering, default_searches
 from wayfarer.world.search.beam import BLOCK, fan_out, grow, plan

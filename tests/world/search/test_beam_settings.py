@@ -9,7 +9,7 @@ import pytest
 from tests.world.fakes import FakeEngine, make_world, people
 from tests.world.search.walkers import Walker, standing
 from wayfarer.errors import InvalidArgument
-from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.search.beam import grow
 from wayfarer.world.search.beam_settings import CLONES, BeamSettings
 from wayfarer.world.search.problem import PlanningProblem

@@ -8,7 +8,7 @@ from tests.world.fakes import FakeEngine, make_world, people
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.spec import NEW_FRAMES
 from wayfarer.terms import TERMS
-from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.search.problem import MotionPlan, PlanningProblem
 
 TERM = {name: number for number, name in enumerate(TERMS)}

@@ -6,14 +6,8 @@ import numpy as np
 
 from tests.world.fakes import FakeEngine
 from tests.world.output.legwork import body, soles_of, standing
-from wayfarer.world.agents.agent import (
-    AgentChange,
-    AgentSpec,
-    ChunkFlag,
-    Goal,
-    MotionChunk,
-    SessionSpec,
-)
+from wayfarer.world.agents.agent import AgentChange, AgentSpec, ChunkFlag, MotionChunk, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.output.posture import ELBOW_JOINTS, HEAD, NECK, SHOULDERS, SPINE
 from wayfarer.world.output.twobone import MOVED

@@ -10,7 +10,8 @@ from wayfarer.body.library import load_body
 from wayfarer.body.rotation import matrix_from_quaternion
 from wayfarer.engines.dummy import dummy_inputs
 from wayfarer.spec import BETAS, GENDERS
-from wayfarer.world.agents.agent import Goal, SessionSpec
+from wayfarer.world.agents.agent import SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
 
 BOTH = np.array([True, False])

@@ -11,7 +11,8 @@ import pytest
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.engines.padding import pad
 from wayfarer.model_bundle import DEFAULT_MODEL, START_POSES, open_bundle
-from wayfarer.world.agents.agent import AgentSpec, Goal, MotionChunk, SessionSpec
+from wayfarer.world.agents.agent import AgentSpec, MotionChunk, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.stepping.settings import WorldSettings

@@ -6,7 +6,8 @@ import pytest
 from tests.world.fakes import GOAL, FakeEngine, make_world, people, populated
 from wayfarer.errors import NotFound
 from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
-from wayfarer.world.agents.agent import AgentState, ChunkFlag, Goal, SessionSpec
+from wayfarer.world.agents.agent import AgentState, ChunkFlag, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.views import agents_by_state
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import Append, Path

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from wayfarer.navigation.scene_spec import SceneSpec
 from wayfarer.spec import FPS
-from wayfarer.world.agents.agent import AgentInfo, Goal
+from wayfarer.world.agents.agent import AgentInfo
+from wayfarer.world.agents.goal import Goal
 from wayfarer_lab.evaluation.figures import mean, quantile
 from wayfarer_lab.evaluation.goals import Errand, Plan, relative
 from wayfarer_lab.evaluation.takes import Take

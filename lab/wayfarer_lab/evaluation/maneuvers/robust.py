@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 
 from wayfarer.spec import FPS
-from wayfarer.world.agents.agent import AgentSpec, Goal
+from wayfarer.world.agents.agent import AgentSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer_lab.evaluation.figures import distances
 from wayfarer_lab.evaluation.goals import Errand, Order, Plan, random_specs
 from wayfarer_lab.evaluation.maneuvers.feet_figures import contact_figures

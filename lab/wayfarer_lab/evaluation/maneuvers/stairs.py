@@ -9,7 +9,7 @@ import numpy as np
 
 from wayfarer.navigation.examples import two_storeys
 from wayfarer.spec import FPS
-from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.goal import Goal
 from wayfarer_lab.evaluation.figures import distances
 from wayfarer_lab.evaluation.goals import Errand, Order, Plan, random_specs
 from wayfarer_lab.evaluation.maneuvers.maneuver import (

@@ -6,7 +6,8 @@ from typing import Final
 import numpy as np
 
 from wayfarer.spec import FPS
-from wayfarer.world.agents.agent import AgentInfo, Goal
+from wayfarer.world.agents.agent import AgentInfo
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.heading import facing_at
 from wayfarer_lab.evaluation.figures import degrees_off, distances, first, smooth_speed
 from wayfarer_lab.evaluation.goals import Errand, Order, random_specs

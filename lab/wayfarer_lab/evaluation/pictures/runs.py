@@ -9,14 +9,8 @@ import numpy as np
 
 from wayfarer.clips.clip import Clip, join_chunks
 from wayfarer.spec import BETAS, FPS, GENDERS, NEW_FRAMES, STEP_SECONDS
-from wayfarer.world.agents.agent import (
-    AgentSpec,
-    AgentState,
-    ChunkFlag,
-    Goal,
-    MotionChunk,
-    SessionSpec,
-)
+from wayfarer.world.agents.agent import AgentSpec, AgentState, ChunkFlag, MotionChunk, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.world import World
 
 DISTANCE: Final = (2.0, 6.0)

@@ -41,10 +41,11 @@ from wayfarer.service.persistence.snapshot import (
     parse,
 )
 from wayfarer.spec import FPS
-from wayfarer.world.agents.agent import AgentChange, AgentSpec, Goal, SessionSpec
+from wayfarer.world.agents.agent import AgentChange, AgentSpec, SessionSpec
+from wayfarer.world.agents.checks import check_agent_id, check_session_id, check_spec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import AgentRecord
 from wayfarer.world.behaviours import AnyBehaviour, known_behaviour
-from wayfarer.world.goals.checks import check_agent_id, check_session_id, check_spec
 from wayfarer.world.goals.commands import Append, Path, Stop
 from wayfarer.world.record_checks import MAX_COUNT, check_agent_record
 

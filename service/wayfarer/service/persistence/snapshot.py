@@ -19,7 +19,8 @@ from wayfarer.limits import Limits
 from wayfarer.service.persistence.container import ContainerKind, beginning, seal, unseal
 from wayfarer.service.persistence.packing import pack, row_bytes, unpack
 from wayfarer.spec import FPS
-from wayfarer.world.agents.agent import AgentSpec, Goal, SessionSpec
+from wayfarer.world.agents.agent import AgentSpec, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
 from wayfarer.world.agents.slots import Motion
 from wayfarer.world.behaviours import AnyBehaviour

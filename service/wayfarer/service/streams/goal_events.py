@@ -4,14 +4,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from wayfarer.world.agents.agent import (
-    AgentInfo,
-    AgentState,
-    ChunkFlag,
-    Goal,
-    MotionChunk,
-    MotionChunks,
-)
+from wayfarer.world.agents.agent import AgentInfo, AgentState, ChunkFlag, MotionChunk, MotionChunks
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import AgentRecord
 from wayfarer.world.agents.slots import Mode
 from wayfarer.world.events import Event, EventKind

@@ -18,7 +18,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from wayfarer.transport.basis import Basis
-from wayfarer.world.goals.checks import MAX_DWELL, MAX_HEADING, SPEED
+from wayfarer.world.agents.goal import MAX_DWELL, MAX_HEADING, SPEED
 
 Item = TypeVar("Item")
 

@@ -17,11 +17,11 @@ from wayfarer.transport.schema.base import (
     length_field,
     speed_field,
 )
-from wayfarer.world.agents import agent
+from wayfarer.world.agents import goal
+from wayfarer.world.agents.goal import RADIUS
 from wayfarer.world.behaviours.wander import MIN_RADIUS
-from wayfarer.world.goals.checks import RADIUS
 
-GOAL: Final = agent.Goal((0.0, 0.0, 0.0))
+GOAL: Final = goal.Goal((0.0, 0.0, 0.0))
 """Its fields are the defaults."""
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.rows import (
     Double,
     Flags,
@@ -38,19 +39,6 @@ class AgentSpec:
     name: str = ""  # shown by clients; need not be unique
     foot_lock: bool = True  # feet on the floor are kept from sliding in the frames that are sent
     floor: float = 0.0  # metres; in a scene of several storeys: the one below this height
-
-
-@dataclass(frozen=True, slots=True)
-class Goal:
-    """A place to walk to, and how."""
-
-    position: tuple[float, float, float]  # metres, world; the ground below it is walked to
-    radius: float = 0.3  # metres: arrived when the pelvis is this near, horizontally
-    speed: float = 1.2  # metres per second, wished for on the way
-    heading: float | None = None  # radians about +Z, 0 faces +Y: to face once stopped there
-    stop: bool = True  # False: pass through without slowing; with no goal to follow, stop after it
-    strafe: bool = False  # face `heading` on the way, too: walk sideways or backwards
-    dwell: float = 0.0  # seconds to stand there before going on to the next goal of a path
 
 
 class AgentState(StrEnum):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, Protocol, TypeVar
 
 from wayfarer.limits import Limits
 from wayfarer.navigation.scene import Scene
-from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.goal import Goal
 
 if TYPE_CHECKING:
     from wayfarer.world.agents.registry import Agent

@@ -6,8 +6,9 @@ into one. Both are as of the last chunk sent; what was planned beyond it is made
 
 from dataclasses import dataclass
 
-from wayfarer.world.agents.agent import AgentSpec, Goal, SessionSpec
+from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.behaviour import Behaviour
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Motion
 from wayfarer.world.output.footlock import LockState
 from wayfarer.world.output.ground import Footing

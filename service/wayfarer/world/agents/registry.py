@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 from wayfarer.errors import AlreadyExists, NotFound, ResourceExhausted
 from wayfarer.limits import Limits
 from wayfarer.shard import Shard, agent_id
-from wayfarer.world.agents.agent import AgentSpec, Goal, SessionInfo, SessionSpec
+from wayfarer.world.agents.agent import AgentSpec, SessionInfo, SessionSpec
 from wayfarer.world.agents.behaviour import Behaviour
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.reservations import Reservation
 
 

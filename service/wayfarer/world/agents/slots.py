@@ -79,24 +79,6 @@ class Motion(Rows):
 
 
 @dataclass(slots=True)
-class GoalColumns(Rows):
-    """Goals as columns."""
-
-    given: Flags  # False: no goal, and the rest means nothing
-    position: Annotated[Float, Shape(3)]
-    radius: Float
-    speed: Float
-    heading: Annotated[Float, Shape(2)]  # unit vector to face, or zero: none is wished
-    strafe: Flags  # face the heading on the way, too
-    through: Flags  # pass through without stopping
-    dwell: Float  # seconds to stand there before the next goal
-    more: Flags  # another goal follows
-    bend: Float  # radians by which the path turns here
-    onward: Annotated[Float, Shape(2)]  # unit vector of the path after here
-    tread: Float  # metres from riser to riser where the way leads over stairs; 0: it does not
-
-
-@dataclass(slots=True)
 class Slots(Rows):
     """All columns of a slot. Frames count at 40 per second."""
 

@@ -7,8 +7,9 @@ from typing import ClassVar, Final, Literal
 from wayfarer.errors import InvalidArgument, Metres
 from wayfarer.limits import Limits
 from wayfarer.world.agents.behaviour import Actor, Aim, Behaviour, BodyState, Others, Start, Vector
+from wayfarer.world.agents.checks import check_agent_id
 from wayfarer.world.agents.registry import Agent
-from wayfarer.world.goals.checks import check_agent_id, check_range
+from wayfarer.world.ranges import check_range
 
 MAX_BESIDE: Final = 10.0
 """Metres, behind or to the right."""

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from wayfarer.errors import InvalidArgument, Metres, MetresPerSecond
 from wayfarer.limits import Limits
 from wayfarer.world.agents.behaviour import STAND, Actor, Aim, Behaviour, BodyState, Start, Vector
-from wayfarer.world.goals.checks import SPEED, check_agent_id, check_place, check_range
+from wayfarer.world.agents.checks import check_agent_id
+from wayfarer.world.agents.goal import SPEED
+from wayfarer.world.ranges import check_place, check_range
 
 DISTANCE: Final = (0.5, 50.0)
 """Metres to keep."""

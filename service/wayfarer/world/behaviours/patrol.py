@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from wayfarer.limits import Limits
-from wayfarer.world.agents.agent import Goal
 from wayfarer.world.agents.behaviour import Actor, Behaviour, Start
-from wayfarer.world.goals.checks import check_goal, check_path
+from wayfarer.world.agents.goal import Goal, check_goal, check_path
 
 
 @dataclass(frozen=True, slots=True)

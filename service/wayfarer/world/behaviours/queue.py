@@ -10,8 +10,10 @@ import numpy as np
 from wayfarer.errors import Heading, Metres, MetresPerSecond
 from wayfarer.limits import Limits
 from wayfarer.world.agents.behaviour import Actor, Aim, Behaviour, Others, Start, Vector
+from wayfarer.world.agents.checks import check_name
+from wayfarer.world.agents.goal import MAX_HEADING, SPEED
 from wayfarer.world.agents.registry import Agent
-from wayfarer.world.goals.checks import MAX_HEADING, SPEED, check_name, check_place, check_range
+from wayfarer.world.ranges import check_place, check_range
 
 SPACING: Final = (0.5, 5.0)
 """Metres."""

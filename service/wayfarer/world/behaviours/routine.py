@@ -5,14 +5,14 @@ from typing import ClassVar, Final, Literal
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.limits import Limits
-from wayfarer.world.agents.agent import Goal
 from wayfarer.world.agents.behaviour import STAND, Actor, Behaviour, Start
+from wayfarer.world.agents.goal import Goal, check_path
 from wayfarer.world.behaviours.follow import Follow
 from wayfarer.world.behaviours.keep_away import KeepAway
 from wayfarer.world.behaviours.patrol import Patrol
 from wayfarer.world.behaviours.queue import Queue
 from wayfarer.world.behaviours.wander import Wander
-from wayfarer.world.goals.checks import check_path, check_range
+from wayfarer.world.ranges import check_range
 
 MAX_PARTS: Final = 32
 MAX_SECONDS: Final = 86_400.0

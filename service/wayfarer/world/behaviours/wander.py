@@ -13,10 +13,10 @@ from wayfarer.errors import InvalidArgument, Metres, MetresPerSecond
 from wayfarer.limits import Limits
 from wayfarer.navigation.scene import Scene
 from wayfarer.spec import MAX_COORDINATE
-from wayfarer.world.agents.agent import Goal
 from wayfarer.world.agents.behaviour import Actor, Behaviour, Start
+from wayfarer.world.agents.goal import MAX_DWELL, SPEED, Goal
 from wayfarer.world.behaviours.places import drawn_places, island_at
-from wayfarer.world.goals.checks import MAX_DWELL, SPEED, check_place, check_range
+from wayfarer.world.ranges import check_place, check_range
 
 APART: Final = 1.0
 """Metres: the next place of an area is at least so far away, where the area allows it."""

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from wayfarer.world.agents.agent import Goal
 from wayfarer.world.agents.behaviour import Behaviour
+from wayfarer.world.agents.goal import Goal
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.world.agents.agent import Goal
-from wayfarer.world.agents.heading import angle_between, facing_at
-from wayfarer.world.agents.slots import GoalColumns, Slots
+from wayfarer.world.agents.goal import Goal, GoalColumns, goal_columns
+from wayfarer.world.agents.slots import Slots
 from wayfarer.world.rows import Flags, Index
 
 
@@ -70,22 +69,3 @@ class PathColumns:
         rows = len(self._slots.active) * self.limit
         if rows > len(self._goals.given):
             self._goals.grow(rows)
-
-
-def goal_columns(goals: Sequence[Goal], start: tuple[float, float]) -> GoalColumns:
-    """One row for each goal of a path that is walked from `start`."""
-    made = GoalColumns.empty(len(goals))
-    made.given[:] = True
-    made.position[:] = [goal.position for goal in goals]
-    made.radius[:] = [goal.radius for goal in goals]
-    made.speed[:] = [goal.speed for goal in goals]
-    made.dwell[:] = [goal.dwell for goal in goals]
-    made.heading[:] = [(0, 0) if g.heading is None else facing_at(g.heading) for g in goals]
-    made.strafe[:] = [goal.strafe for goal in goals]
-    made.through[:] = [not goal.stop for goal in goals]
-    made.more[:-1] = True
-    ways = np.diff(np.concatenate([np.array([start]), made.position[:, :2]]), axis=0)
-    ways /= np.maximum(np.linalg.norm(ways, axis=-1, keepdims=True), 1e-6)
-    made.onward[:] = np.concatenate([ways[1:], ways[-1:]])  # past the last one, straight on
-    made.bend[:] = angle_between(ways, made.onward)
-    return made

@@ -24,8 +24,9 @@ from numpy.typing import NDArray
 
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.terms import STAND, TURN, WALK, weights
+from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.heading import angle_between, facing_of
-from wayfarer.world.agents.slots import Gait, GoalColumns, Mode, Seeds
+from wayfarer.world.agents.slots import Gait, Mode, Seeds
 from wayfarer.world.rows import Flags, Float, Index
 
 

@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from wayfarer.engines.engine import Float
 from wayfarer.spec import STEP_SECONDS
+from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.heading import angle_between
-from wayfarer.world.agents.slots import GoalColumns, Slots
+from wayfarer.world.agents.slots import Slots
 from wayfarer.world.avoidance.avoid import avoid
 from wayfarer.world.rows import Flags, Index
 from wayfarer.world.scenes.people import SessionPeople, people_of

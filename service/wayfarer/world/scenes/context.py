@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 from wayfarer.navigation.scene import Scene
 from wayfarer.navigation.scene_spec import Point3
 from wayfarer.spec import NEW_FRAMES
-from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.agents.timeline import Timeline
 from wayfarer.world.events import Event, EventKind

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.engines.engine import Float, no_obstacles
+from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.route import Passage
-from wayfarer.world.agents.slots import Gait, GoalColumns, Seeds, Slots
+from wayfarer.world.agents.slots import Gait, Seeds, Slots
 from wayfarer.world.rows import Index
 from wayfarer.world.scenes.collision_avoidance import (
     CollisionAvoidance,

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from wayfarer.errors import Unreachable
 from wayfarer.navigation.scene_spec import Point3
+from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.route import Passage
-from wayfarer.world.agents.slots import Gait, GoalColumns, Slots
+from wayfarer.world.agents.slots import Gait, Slots
 from wayfarer.world.events import EventKind
 from wayfarer.world.rows import Flags, Index
 from wayfarer.world.scenes.routes import Routes

@@ -23,12 +23,13 @@ from wayfarer.errors import (
 from wayfarer.navigation.scene import Scene
 from wayfarer.spec import BETAS, GENDERS
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec
+from wayfarer.world.agents.goal import MAX_DWELL, SPEED
 from wayfarer.world.agents.registry import Registry
 from wayfarer.world.agents.slots import Mode, Slots
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.behaviours.places import drawn_places, largest_island
-from wayfarer.world.goals.checks import MAX_DWELL, SPEED, check_range
 from wayfarer.world.goals.commands import GoalCommand
+from wayfarer.world.ranges import check_range
 from wayfarer.world.scenes.messages import Crowd, CrowdState
 from wayfarer.world.scenes.world_scenes import WorldScenes
 

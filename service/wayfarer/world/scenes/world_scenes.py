@@ -7,7 +7,8 @@ import numpy as np
 
 from wayfarer.errors import FailedPrecondition, NotFound
 from wayfarer.navigation.scene import Scene
-from wayfarer.world.agents.agent import AgentSpec, Goal, SessionSpec
+from wayfarer.world.agents.agent import AgentSpec, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.rows import Index
 from wayfarer.world.scenes.scene_registry import SceneRegistry

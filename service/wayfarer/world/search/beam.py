@@ -22,7 +22,8 @@ from wayfarer.engines.engine import Engine, Float, StepInputs, StepOutputs
 from wayfarer.engines.padding import pick
 from wayfarer.spec import GENDERS, SEED_FRAMES
 from wayfarer.terms import TERMS
-from wayfarer.world.agents.slots import Gait, GoalColumns, Mode, Motion, Seeds
+from wayfarer.world.agents.goal import GoalColumns
+from wayfarer.world.agents.slots import Gait, Mode, Motion, Seeds
 from wayfarer.world.goals.steering import Steering, observe
 from wayfarer.world.rows import Double, Flags, Index, Int, Rows
 from wayfarer.world.search.beam_settings import BeamSettings

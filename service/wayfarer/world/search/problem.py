@@ -14,10 +14,9 @@ import numpy as np
 from wayfarer.errors import InvalidArgument
 from wayfarer.limits import Limits
 from wayfarer.spec import BETAS, GENDERS, NEW_FRAMES, POSED_JOINTS
-from wayfarer.world.agents.agent import AgentSpec, Goal
-from wayfarer.world.agents.slots import Gait, GoalColumns, Mode, Motion
-from wayfarer.world.goals.checks import check_path
-from wayfarer.world.goals.path_columns import goal_columns
+from wayfarer.world.agents.agent import AgentSpec
+from wayfarer.world.agents.goal import Goal, GoalColumns, check_path, goal_columns
+from wayfarer.world.agents.slots import Gait, Mode, Motion
 from wayfarer.world.rows import Flags, Float, Index, Int, Int8, Rows, Shape, UInt64
 
 

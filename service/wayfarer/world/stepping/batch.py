@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.engines.engine import Float, StepInputs, StepOutputs, no_obstacles
-from wayfarer.world.agents.slots import Gait, GoalColumns, Seeds, Slots
+from wayfarer.world.agents.goal import GoalColumns
+from wayfarer.world.agents.slots import Gait, Seeds, Slots
 from wayfarer.world.agents.style import manner
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.rows import Index

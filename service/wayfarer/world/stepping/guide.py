@@ -3,7 +3,8 @@
 from typing import NamedTuple, Protocol
 
 from wayfarer.engines.engine import Float
-from wayfarer.world.agents.slots import Gait, GoalColumns, Seeds
+from wayfarer.world.agents.goal import GoalColumns
+from wayfarer.world.agents.slots import Gait, Seeds
 from wayfarer.world.rows import Index
 
 

@@ -13,7 +13,8 @@ from wayfarer.engines.models import LoadedModels
 from wayfarer.engines.padding import cut, pad, pick, whole
 from wayfarer.spec import FPS, GENDERS, NEW_FRAMES
 from wayfarer.world.agents.agent import ChunkFlag
-from wayfarer.world.agents.slots import Gait, GoalColumns, Mode, Motion, Seeds, SlotTable
+from wayfarer.world.agents.goal import GoalColumns
+from wayfarer.world.agents.slots import Gait, Mode, Motion, Seeds, SlotTable
 from wayfarer.world.agents.style import sets_off
 from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.goals.steering import observe

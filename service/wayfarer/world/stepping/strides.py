@@ -16,7 +16,8 @@ from typing import Final
 import numpy as np
 
 from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
-from wayfarer.world.agents.slots import Gait, GoalColumns, Mode, Seeds
+from wayfarer.world.agents.goal import GoalColumns
+from wayfarer.world.agents.slots import Gait, Mode, Seeds
 from wayfarer.world.output.quaternion import bounded
 from wayfarer.world.rows import Float
 from wayfarer.world.stepping.planting import Step

@@ -6,7 +6,7 @@ from wayfarer.body.library import load_body
 from wayfarer.body.rotation import quaternion_from_rotvec
 from wayfarer.clips.clip import Clip
 from wayfarer.spec import BETAS, FPS, POSED_JOINTS
-from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.goal import Goal
 from wayfarer_lab.evaluation.maneuvers.maneuver import Shot
 from wayfarer_lab.evaluation.takes import JOINT, Take
 

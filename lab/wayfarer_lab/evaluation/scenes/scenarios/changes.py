@@ -17,7 +17,8 @@ from wayfarer.navigation.examples import corridor, corridor_doors, cubes_field
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.scene_spec import Box, Point2
 from wayfarer.spec import FPS
-from wayfarer.world.agents.agent import AgentSpec, Goal, MotionChunk
+from wayfarer.world.agents.agent import AgentSpec, MotionChunk
+from wayfarer.world.agents.goal import Goal
 from wayfarer_lab.evaluation.figures import mean, quantile, share
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.goals import Watch

@@ -7,7 +7,7 @@ import numpy as np
 from wayfarer.navigation.examples import corridor as corridor_spec
 from wayfarer.navigation.scene import bake
 from wayfarer.navigation.scene_spec import Point2
-from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.goal import Goal
 from wayfarer_lab.evaluation.figures import quantile
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.goals import Watch

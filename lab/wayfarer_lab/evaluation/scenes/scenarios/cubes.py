@@ -6,7 +6,7 @@ import numpy as np
 
 from wayfarer.navigation.examples import cubes_field
 from wayfarer.navigation.scene import bake
-from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.goal import Goal
 from wayfarer_lab.evaluation.figures import mean, quantile
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.goals import Watch

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from wayfarer.navigation.scene import Scene
 from wayfarer.spec import STEP_SECONDS
-from wayfarer.world.agents.agent import AgentSpec, Goal
+from wayfarer.world.agents.agent import AgentSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.commands import Path
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.goals import Watch

@@ -8,7 +8,7 @@ import numpy as np
 from wayfarer.navigation.examples import PLATFORM, slope_with_steps, two_storeys
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.scene_spec import Point2, Point3
-from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.goal import Goal
 from wayfarer_lab.evaluation.figures import quantile
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.goals import Watch

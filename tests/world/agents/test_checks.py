@@ -7,14 +7,10 @@ import pytest
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.limits import Limits
-from wayfarer.world.agents.agent import AgentChange, Goal, SessionSpec
+from wayfarer.world.agents.agent import AgentChange, SessionSpec
+from wayfarer.world.agents.checks import check_agent_id, check_change, check_session
+from wayfarer.world.agents.goal import Goal, check_path
 from wayfarer.world.behaviours import Wander
-from wayfarer.world.goals.checks import (
-    check_agent_id,
-    check_change,
-    check_path,
-    check_session,
-)
 
 HERE = (0.0, 0.0, 0.0)
 LIMITS = Limits(path_goals=3, goal_distance_m=100.0)
