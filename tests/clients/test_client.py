@@ -13,7 +13,7 @@ from tests.transport.fakes import FakeService, gateway
 from wayfarer.limits import Limits
 from wayfarer.transport import errors as server_errors
 from wayfarer.transport.server import Server
-from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import Follow, Wander
 from wayfarer.world.goals.commands import Append, Path, Stop
 from wayfarer_client.errors import CLASSES

@@ -13,7 +13,8 @@ from tests.world.fakes import GOAL, people
 from wayfarer.errors import Aborted, AlreadyExists, InvalidArgument, NotFound, ResourceExhausted
 from wayfarer.service.live import steady_clock
 from wayfarer.service.streams.publications import StreamOptions
-from wayfarer.world.agents.agent import ChunkFlag, Goal, SessionSpec
+from wayfarer.world.agents.agent import ChunkFlag, SessionSpec
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.events import EventKind
 from wayfarer.world.goals.commands import Append, Path, Stop

@@ -4,7 +4,7 @@ import grpc
 import pytest
 
 from wayfarer.v1 import control_pb2, goal_pb2
-from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import Follow, Wander
 from wayfarer.world.goals.commands import Append, Path, Stop
 

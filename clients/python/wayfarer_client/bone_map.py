@@ -97,7 +97,9 @@ def _checked(rig: Rig, bones: dict[str, int]) -> dict[str, int]:
         above = next((names[k] for k in rig.ancestors(node) if k in names), None)
         top = bone == "pelvis"
         if (above is None) != top or (above and BONES.index(above) > BONES.index(bone)):
-            raise InvalidArgument(f"{bone}: {rig.nodes[node].name!r} hangs from {above or 'no bone'}")
+            raise InvalidArgument(
+                f"{bone}: {rig.nodes[node].name!r} hangs from {above or 'no bone'}"
+            )
     return found
 
 

@@ -5,7 +5,7 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
 from wayfarer.world import behaviours as world
-from wayfarer.world.agents.agent import Goal
+from wayfarer.world.agents.goal import Goal
 
 # Unreal: centimetres, x is forward (+Y of the world), y is right, headings turn the other way
 HERE = {"x": 200, "y": 100, "z": 0}
