@@ -128,8 +128,15 @@ def unpack(archive: Path, into: Path) -> Path:
     wanted = (*SUFFIXES, ".asf")
     try:
         with tarfile.open(archive) as tar:
-            members = [m for m in tar if m.isfile() and m.name.lower().endswith(wanted)]
-            tar.extractall(folder, members=members, filter="data")
+            for member in tar:  # Python 3.11.2 of Debian 12 has no `filter` of `extractall`
+                if not (member.isfile() and member.name.lower().endswith(wanted)):
+                    continue
+                path = (folder / member.name.lstrip("/")).resolve()
+                if not path.is_relative_to(folder.resolve()):
+                    raise DataError(f"'{member.name}' leads outside the archive", str(archive))
+                path.parent.mkdir(parents=True, exist_ok=True)
+                if content := tar.extractfile(member):
+                    path.write_bytes(content.read())
     except (tarfile.TarError, OSError, EOFError) as error:
         raise DataError(f"cannot unpack: {error}", str(archive)) from error
     done.touch()
