@@ -159,7 +159,7 @@ export class Errands {
 
   #others(person) {
     const { mode, selected } = this.ask();
-    return this.#some(othersThan(person, mode, this.crowd.people, selected), "Nobody else is meant: select somebody first, or choose all");
+    return this.#some(othersThan(person, mode, this.crowd.people, selected), "There is no one else to send: select people first, or choose all");
   }
 
   #some(people, hint) {

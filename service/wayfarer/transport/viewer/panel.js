@@ -17,7 +17,7 @@ export class ScenePanel {
     this.book = new SceneBook(api, {
       changed: (outlines) => this.#show(outlines),
       moved: (obstacles) => this.level.showObstacles(obstacles),
-      gone: () => tell("The scene is no more; its session ends with it."),
+      gone: () => tell("The scene was deleted, and its session with it."),
       failed: (error) => tell(error.message),
     });
     this.choices = [];
@@ -38,7 +38,7 @@ export class ScenePanel {
   async begin(wanted) {
     await this.#list();
     const known = this.choices.some(({ value }) => value === wanted);
-    if (wanted && !known) tell(`There is no scene ${wanted}; the list has those there are.`);
+    if (wanted && !known) tell(`There is no scene ${wanted}; choose one from the list.`);
     await this.#while(this.#choose(known ? wanted : ""));
   }
 

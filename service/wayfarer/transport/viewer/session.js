@@ -34,7 +34,7 @@ export class PageSession {
         status: (state, detail) => showConnection(state, detail ? `${STATES[state]} (${detail})` : STATES[state]),
         failed: (reason) => tell(`${reason}. Reload the page to begin anew.`),
         ended: (reason) => {
-          tell(`The session is no more (${reason}). A new one begins.`);
+          tell(`The session has ended (${reason}). A new one begins.`);
           this.on.ended();
         },
       },
