@@ -19,15 +19,14 @@ IMAGES = ROOT / "docs" / "images"
 
 INTRO = """# Performance
 
-Made by `python -m benchmarks.record` from what it measured; nothing is typed in, and the page is
-written again by `python -m benchmarks.performance_page`. Each benchmark says with `--help` what it
-measures and what its columns mean. *Ratios* hold a cost against a floor that was measured in the
-same run, so they can be compared between machines:
+Measured by `python -m benchmarks.record`, written by `python -m benchmarks.performance_page`; nothing is
+typed in. The `--help` of each benchmark explains what it measures and its columns. *Ratios* divide a
+cost by a floor that was measured in the same run, so they can be compared between machines:
 `python -m benchmarks.compare OLD.json NEW.json`.
 
-An agent keeps real time only if it is stepped every 0.2 s. Lateness counts from the instant at
-which a primitive was to be shown to its arrival at the client, who shares the machine with the
-server (`wayfarer load --help`).
+An agent keeps real time only if it is stepped every 0.2 s. Lateness is the time from the scheduled
+display of a primitive to its arrival at the client, on the same machine as the server
+(`wayfarer load --help`).
 
 {which}
 """
@@ -39,12 +38,12 @@ BATCH = 128
 
 TITLES = {
     "step": "The step",
-    "quantised": "What int8 would save, and what it would cost in exactness",
+    "quantised": "What int8 saves, and its errors",
     "paper_s3": "Table S3 of the paper",
     "startup": "Start",
     "memory": "Memory",
     "transport": "Sending to one client",
-    "overhead": "Beside the engine",
+    "overhead": "Everything but the engine",
     "gpu": "The torch engine, on a GPU where there is one",
     "navigation": "Scenes and paths",
     "service": "The whole service",

@@ -20,7 +20,7 @@ ALL = RESULTS / "README.md"
 INTRO = """# Results
 
 Made by `python benchmarks/results_page.py` from `benchmarks/results/*.json`; nothing is typed in.
-{which} "mocap" rows are recordings, judged by the same code. [figures.md]({docs}figures.md)
+{which} "mocap" rows are recordings, measured by the same code. [figures.md]({docs}figures.md)
 defines the figures.
 
 **What `heldout` means.** No network was trained on three people of the CMU recordings (08, 09,
@@ -30,11 +30,11 @@ and hurry more than other people's. No held-out person takes part in `control`, 
 `arrival` from standing: agents begin in the shipped start poses, with random shapes, and the split
 changes the mocap row only.
 """
-SHORT = "These are the figures worth a first look; [all are here](../benchmarks/results/README.md)."
-FULL = "All figures; the ones worth a first look are in [docs/results.md](../../docs/results.md)."
+SHORT = "These are the main figures; [all are here](../benchmarks/results/README.md)."
+FULL = "All figures; the main ones are in [docs/results.md](../../docs/results.md)."
 
 STALE = """**Not of one release.** Tables marked stale were made by another commit than most of this
-page, or by one that nobody can name: their figures need not hold for the shipped models.
+page, or by an unknown one: their figures need not hold for the shipped models.
 """
 
 HELDOUT = "--data PREPARED --split heldout"
