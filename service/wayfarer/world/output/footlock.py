@@ -113,7 +113,7 @@ LOWERED: Final = 0.008
 """Metres by which hips are raised over feet that are `CLOSE` to each other, as far as knees are
 bent, and lowered over those that are `WIDE` apart: people come down with each step."""
 
-KICK: Final = 0.45
+KICK: Final = 0.5
 """Share that is taken off what an ankle is higher than …"""
 
 KICKED: Final = (0.12, 0.24)
@@ -226,7 +226,7 @@ def lock_feet(
         moved[2] += _LIFT[swing]
         held[:, frame] = contact & (grip >= 0.5) & (height[:, frame] + moved[2] <= TOLD_HEIGHT)
 
-    sunk = _sunk(pose, drawn) * bears
+    sunk = _sunk(pose, legs, drawn) * bears
     shifts[2] += sunk - _kick(pose.ankle[2] + translation[..., 2].T, height) * bears
     if drawn is not None:
         shifts[:2] += drawn
@@ -262,13 +262,13 @@ def _drawn_in(pose: LegPose, rotations: Float, before: Float, after: Float) -> A
     return drawn
 
 
-def _sunk(pose: LegPose, drawn: Array | None) -> Array:
+def _sunk(pose: LegPose, legs: Legs, drawn: Array | None) -> Array:
     """Metres by which hips are lowered over their feet [F, A]."""
     ankle = pose.ankle[:2] if drawn is None else pose.ankle[:2] + drawn
     apart = ankle[:, 0] - ankle[:, 1]
     square = bounded((apart * apart).sum(0), CLOSE**2, WIDE**2)
     wide = (square - CLOSE**2) / (WIDE**2 - CLOSE**2)
-    leg = length(pose.knee - pose.hip) + length(pose.ankle - pose.knee)
+    leg = (length(legs.knee.T) + length(legs.ankle.T))[:, None]  # [2, 1, A]
     spare = (leg - length(pose.ankle - pose.hip)).min(0)  # straight knees lift nobody
     return LOWERED * wide - np.minimum(RAISED, spare / 2) * (1 - wide)
 

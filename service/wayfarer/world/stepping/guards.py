@@ -40,11 +40,11 @@ it then moves by about 7 cm per frame²."""
 
 
 def _limits() -> Float:
-    """Limits [22] of the second difference of quaternions, which is half that of the angle."""
+    """Limits [22] of the squared second difference of quaternions; the angle's is twice its root."""
     found = np.full(POSED_JOINTS, np.inf)
     for number, name in enumerate(joint_names()[1:POSED_JOINTS], start=1):
         part = name.split("_")[-1].rstrip("123")
-        found[number] = radians(JERK[part]) / 2
+        found[number] = (radians(JERK[part]) / 2) ** 2
     return found.astype(np.float32)
 
 
@@ -55,8 +55,10 @@ def smoothed(seed: Seeds, rotations: Float, legs: Legs) -> Float:
     """Rotations [A, F, 22, 4] of a step from `seed`, without impossible knees and jerks."""
     rotations = _bendable(rotations, legs)
     path = np.concatenate([seed.rotations, rotations], 1)
-    change = path[:, 2:] - 2 * path[:, 1:-1] + path[:, :-2]
-    jerks = np.sqrt((change * change).sum(-1)) > _LIMITS  # [A, F, 22]
+    turns = path[:, 1:] - path[:, :-1]
+    change = turns[:, 1:] - turns[:, :-1]
+    x, y, z, w = np.moveaxis(change * change, -1, 0)
+    jerks = x + y + z + w > _LIMITS  # [A, F, 22]
     if not jerks.any():
         return rotations
     rows, joints = np.nonzero(jerks.any(1))

@@ -243,9 +243,11 @@ class Scheduler:
         slots, rows = self._table.rows, batch.rows
         start = batch.seed.translation[:, -1]
         is_broken = broken(start, outputs)
-        still = is_broken[:, None, None]
-        translation = np.where(still, start[:, None], outputs.translation)
-        rotations = np.where(still[..., None], batch.seed.rotations[:, -1:], outputs.rotations)
+        translation, rotations = outputs.translation, outputs.rotations
+        if is_broken.any():
+            still = is_broken[:, None, None]
+            translation = np.where(still, start[:, None], translation)
+            rotations = np.where(still[..., None], batch.seed.rotations[:, -1:], rotations)
         legs = slots.legs.take(rows)
         step = Step(
             translation,
