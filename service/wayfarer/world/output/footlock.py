@@ -96,6 +96,10 @@ AHEAD_SHIFT: Final = 0.10
 AHEAD_TURN: Final = radians(20)
 """… and radians."""
 
+AIM: Final = 0.2
+"""Share by which the landing follows that place in a frame: the model's speed may change at once,
+a foot in the air does not."""
+
 TIDY: Final = 0.6
 """Share of those bounds from which a foot steps when the model has come to rest."""
 
@@ -140,6 +144,7 @@ class LockState(Rows):
     hold: Annotated[Float, Shape(2)]  # 0…1, follows `contact`
     shift: Annotated[Float, Shape(2, 3)]  # how far the foot is moved
     turn: Annotated[Float, Shape(2)]  # radians that it is turned by, about the vertical
+    aim: Annotated[Float, Shape(2, 3)]  # shift and turn at which a step would land
     swing: Annotated[Int8, Shape(2)]  # frames that its corrective step still takes; 0: none
     shortened: Float  # share that the last step was shortened by
 
@@ -195,12 +200,12 @@ def lock_feet(
     settling = -height * (1 - _smooth(height, 0, DROP))
 
     contact, hold, shift = before.contact.T, before.hold.T, before.shift.T
-    turn, swing = before.turn.T, before.swing.T
+    turn, swing, aim = before.turn.T, before.swing.T, before.aim.T
     shifts = np.empty((3, *height.shape), np.float32)
     turns = np.empty(height.shape, np.float32)
     held = np.empty(height.shape, np.bool_)
     bears = np.empty(height.shape[1:], np.float32)
-    goals, goal_turns, rests = _landings(slide, turning)
+    landings, rests = _landings(slide, turning)
     turning = turning * steps
     apart = np.diff(pose.soles[:2].mean(1), axis=1)[:, 0]  # [2, F, A] from left to right foot
     between = length(apart)
@@ -218,10 +223,12 @@ def lock_feet(
         swing = np.maximum(swing - 1, 0)
         level = shift[2] + SETTLE * (hold * settling[:, frame] - shift[2])
         moved, twist = shifts[:, :, frame], turns[:, frame]
-        goal = _uncrossed(goals[:, :, frame], shift, between[frame], across[:, frame])
-        moved[:2] = kept * shift[:2] + ahead * goal - grip * slide[:, :, frame]
+        landing = landings[:, :, frame] * steps
+        landing[:2] = _uncrossed(landing[:2], shift, between[frame], across[:, frame])
+        aim = aim + AIM * (landing - aim)
+        moved[:2] = kept * shift[:2] + ahead * aim[:2] - grip * slide[:, :, frame]
         moved[2] = level
-        twist[:] = kept * turn + ahead * goal_turns[:, frame] - grip * turning[:, frame]
+        twist[:] = kept * turn + ahead * aim[2] - grip * turning[:, frame]
         shift, turn = moved.copy(), twist
         moved[2] += _LIFT[swing]
         held[:, frame] = contact & (grip >= 0.5) & (height[:, frame] + moved[2] <= TOLD_HEIGHT)
@@ -240,6 +247,7 @@ def lock_feet(
         hold=hold.T,
         shift=shift.T,
         turn=turn.T,
+        aim=aim.T,
         swing=swing.T,
         shortened=shortened,
     )
@@ -299,16 +307,16 @@ def _turning(path: Array) -> Array:
     return turning
 
 
-def _landings(slide: Array, turning: Array) -> tuple[Array, Array, Flags]:
-    """Where a foot that steps now is to land, ahead of the model: shift [2, 2, F, A] and turn
-    [2, F, A]; and whether the model's feet rest [F, A].
+def _landings(slide: Array, turning: Array) -> tuple[Array, Flags]:
+    """Where a foot that steps now is to land, ahead of the model: shift (x, y) and turn
+    [3, 2, F, A]; and whether the model's feet rest [F, A].
     """
     way, speed = STEP_AHEAD * FPS * slide, FPS * length(slide)
     shift = way * np.minimum(1, AHEAD_SHIFT / np.maximum(STEP_AHEAD * speed, 1e-9))
     turn = bounded(STEP_AHEAD * FPS * turning, -AHEAD_TURN, AHEAD_TURN)
     slow, quiet = RESTING
     rests: Flags = np.all((speed < slow) & (FPS * np.abs(turning) < quiet), axis=0)
-    return shift, turn, rests
+    return np.concatenate([shift, turn[None]]), rests
 
 
 def _begun(

@@ -42,16 +42,16 @@ HEAD_SHARE: Final = 0.6
 HEAD_MOST: Final = radians(15)
 """Largest pitch that is removed."""
 
-SWING: Final = (0.75, 1.3)
+SWING: Final = (0.7, 1.35)
 """Factors of the arms' swing, from the one that holds them still to the one that lets them go."""
 
 SWING_MOST: Final = radians(15)
 """An arm is not moved by more: one that points or is lifted is no swinging arm."""
 
-ASIDE: Final = (radians(-1), radians(7))
+ASIDE: Final = (radians(-1), radians(8))
 """Range over agents of the angle by which arms hang farther from the body."""
 
-ELBOWS: Final = (radians(0), radians(16))
+ELBOWS: Final = (radians(0), radians(18))
 """Range over agents of the elbows' bend."""
 
 UNEVEN: Final = radians(4)
