@@ -61,6 +61,7 @@ def test_how_the_loop_stands(metrics):
         load=0.4,
         rung=1,
         reduced_steps=9,
+        mended_steps=2,
     )
     metrics.refresh(stats)
     states = {s: value(metrics, "agents", state=s) for s in AgentState}
@@ -68,6 +69,7 @@ def test_how_the_loop_stands(metrics):
     names = ("sessions", "streams", "capacity_agents", "load", "overload_rung")
     assert [value(metrics, name) for name in names] == [2, 3, 60, 0.4, 1]
     assert value(metrics, "reduced_steps_total") == 9
+    assert value(metrics, "mended_steps_total") == 2
 
 
 def test_series_are_there_before_anything_happens(metrics):

@@ -29,7 +29,7 @@ class LoopStats:
     late_chunks: int  # chunks ready after their scheduled time, since start
     lateness_ms_p95: float
     uptime_s: float
-    resets: int = 0  # agents put back to a stand because their step was broken, since start
+    resets: int = 0  # agents put back to a stand: they fell or their step was broken, since start
     failures: int = 0  # turns of the loop that raised, since start
     rebased: int = 0  # how often the schedule was moved because the loop was > 1 s behind
     dropped_batches: int = 0  # lost by the present subscribers, who were too slow
@@ -41,6 +41,7 @@ class LoopStats:
     rung: int = 0  # of the overload ladder: 0 is its top, where all is as wished
     held_steps: int = 0  # agent steps left out because time was short and they idle, since start
     refused_agents: int = 0  # not created, because they could not be stepped in time, since start
+    mended_steps: int = 0  # agent steps with a joint kept within what bodies can do, since start
     journal_failing: bool = False  # nothing that changes now would survive the process
 
 

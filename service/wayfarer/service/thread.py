@@ -115,6 +115,7 @@ class MotionThread:
             subscribers=len(open_),
             uptime_s=now - self._started_at,
             resets=world.scheduler.resets,
+            mended_steps=world.scheduler.mended_steps,
             dropped_batches=sum(subscription.dropped for subscription in open_),
             reduced_steps=world.scheduler.reduced_steps,
             states=agents_by_state(world.slots),

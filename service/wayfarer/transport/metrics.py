@@ -204,6 +204,7 @@ class _Stand(Collector):
             ("reduced_steps", "Those with fewer candidates than wished", now.reduced_steps),
             ("held_steps", "Those left out, the agent being idle", now.held_steps),
             ("refused_agents", "Agents refused for want of time", now.refused_agents),
+            ("mended_steps", "Those with a joint kept within its limits", now.mended_steps),
             ("agent_resets", "Agents put back to a stand", now.resets),
             ("loop_failures", "Turns of the loop that raised", now.failures),
             ("loop_rebases", "Times the schedule was moved", now.rebased),

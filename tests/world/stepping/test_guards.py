@@ -137,3 +137,21 @@ def test_somebody_who_falls_stands_within_a_second_is_counted_and_walks_on():
     assert chunks[-1].state is AgentState.STANDING
     assert np.linalg.norm(places[-1, :2] - GOAL.position[:2]) < 0.3
     assert all(b.seq == a.seq + 1 for a, b in pairwise(chunks))
+
+
+class Bender(FakeEngine):
+    """The left knee bends the wrong way."""
+
+    def step(self, gender, inputs):
+        outputs = super().step(gender, inputs)
+        outputs.rotations[:, :, KNEES[0]] = turn(60).astype(np.float32)
+        return outputs
+
+
+def test_steps_that_are_mended_are_counted():
+    for engine, some in ((FakeEngine(), False), (Bender(), True)):
+        world, [agent] = populated(1, engine)
+        world.give(agent, GOAL, 0.0)
+        assert list(world.advance(2.0))
+        assert (world.scheduler.mended_steps > 0) is some
+        assert world.scheduler.resets == 0

@@ -17,7 +17,7 @@ class Stats(Message):
     late_chunks: int = Field(description="chunks that were late, since start")
     lateness_ms_p95: float
     uptime_s: float
-    resets: int = Field(description="agents put back to a stand after a broken step, since start")
+    resets: int = Field(description="agents put back to a stand because they fell, since start")
     failures: int = Field(description="turns of the loop that raised, since start")
     rebased: int = Field(
         description="shifts of the schedule, each because it was more than 1 s late"
@@ -37,6 +37,9 @@ class Stats(Message):
     rung: int = Field(description="degradation level; 0: nothing is left out")
     held_steps: int = Field(description="steps not made for idle agents, since start")
     refused_agents: int = Field(description="agents refused because time was short, since start")
+    mended_steps: int = Field(
+        description="agent steps with a joint kept within what bodies can do, since start"
+    )
     journal_failing: bool = Field(
         description="true: changes cannot be written, and would not survive a restart"
     )

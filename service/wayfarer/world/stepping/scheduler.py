@@ -18,6 +18,7 @@ from wayfarer.world.agents.slots import Gait, Mode, Motion, Seeds, SlotTable
 from wayfarer.world.agents.style import sets_off
 from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.goals.steering import observe
+from wayfarer.world.output.legs import Legs
 from wayfarer.world.rows import Flags, Float, Index
 from wayfarer.world.stepping.batch import broken, gather
 from wayfarer.world.stepping.guards import fallen, got_up, smoothed
@@ -125,6 +126,7 @@ class Scheduler:
         self._engine_calls = 0  # begun so far
         self.under_way = 0  # of them, those that are not finished
         self.resets = 0  # rows so far that could not be shown, or had fallen
+        self.mended_steps = 0  # rows in which a joint did what no body can do
         self.reduced_steps = 0  # rows stepped with fewer candidates than wished
         self.held_steps = 0  # rows held in place of a step
 
@@ -251,7 +253,7 @@ class Scheduler:
         legs = slots.legs.take(rows)
         step = Step(
             translation,
-            smoothed(batch.seed, rotations, legs),
+            self._smoothed(batch.seed, rotations, legs),
             outputs.next_seed_markers,
             outputs.contacts > 0.5,
         )
@@ -299,6 +301,13 @@ class Scheduler:
         self._playback.append(rows, chunks)
         slots.replanned[rows] = False
         slots.held[rows] = not candidates
+
+    def _smoothed(self, seed: Seeds, rotations: Float, legs: Legs) -> Float:
+        """Rotations of a step within what bodies can do; counts the rows that were not."""
+        mended = smoothed(seed, rotations, legs)
+        if mended is not rotations:
+            self.mended_steps += int((mended != rotations).any((1, 2, 3)).sum())
+        return mended
 
     def _mend(self, rows: Index, chunks: Chunks, seed: Seeds, mended_rows: Index) -> Chunks:
         """Let agents get up to a stand where they were; the others are untouched."""
