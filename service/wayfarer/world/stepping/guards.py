@@ -40,7 +40,7 @@ it then moves by about 7 cm per frame²."""
 
 
 def _limits() -> Float:
-    """Limits [22] of the squared second difference of quaternions; the angle's is twice its root."""
+    """Limits [22] of the squared second difference of quaternions, which is half the angle's."""
     found = np.full(POSED_JOINTS, np.inf)
     for number, name in enumerate(joint_names()[1:POSED_JOINTS], start=1):
         part = name.split("_")[-1].rstrip("123")
