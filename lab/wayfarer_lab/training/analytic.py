@@ -6,6 +6,7 @@ every agent tells it the slope in all 128 dimensions, where PPO (`training/polic
 way) learns one number from it. PPO may go on from here.
 """
 
+import copy
 from pathlib import Path
 from typing import NamedTuple
 
@@ -43,6 +44,7 @@ from wayfarer_lab.training.tasks import (
     STRAFING,
     TURNING,
     WALKING,
+    Share,
     TaskMix,
     Tasks,
     Weight,
@@ -66,6 +68,7 @@ class AnalyticConfig(BaseModel):
     strain_weight: float = 1.0  # of crouching and of knees beyond their limits, see `Posture`
     body_weight: float = 60.0  # of a metre by which predicted markers miss the body, see `off_body`
     renewal: float = 0.01  # chance at every step that an agent is replaced by a new one
+    average: Share = 0.0  # of the weights' moving average is kept at each update; 0: no average
     speed_band: Weight = 0.0  # m/s off the wished speed that cost a walker nothing
     noise: tuple[float, float] = (1.0, 1.0)  # temperatures of the latents' noise, drawn by agent
     likeness: LikenessConfig | None = None  # a critic of steady walks; None: there is none
@@ -141,6 +144,7 @@ class AnalyticTrainer:
         self.policy = GoalPolicy()
         if config.start_from:
             load_weights(self.policy, Path(config.start_from)).train()
+        self.average = copy.deepcopy(self.policy).requires_grad_(False)
         self.watched = Watched(self.policy)
         names = load_body("anny52", GENDERS[0]).marker_names
         self.posture = Posture.from_names(names)
@@ -242,6 +246,8 @@ class AnalyticTrainer:
         norm = torch.nn.utils.clip_grad_norm_(self.policy.parameters(), 1.0)
         if norm.isfinite():
             self.optimizer.step()
+        for kept, new in zip(self.average.parameters(), self.policy.parameters(), strict=True):
+            kept.lerp_(new.detach(), 1 - config.average)
         self._go_on(gender, crowd.detached(), tasks)
         return {
             "cost": float(total.detach()),
@@ -318,8 +324,11 @@ def train_analytic(
     """
     trainer = AnalyticTrainer(config, train, validation, walks)
     others: dict[str, nn.Module | Optimizer] = {}
+    if config.average:
+        others["average"] = trainer.average
     if trainer.steady is not None:
-        others = {"critic": trainer.steady.critic, "critic_optimizer": trainer.steady.optimizer}
+        others["critic"] = trainer.steady.critic
+        others["critic_optimizer"] = trainer.steady.optimizer
         if config.start_from:
             known = torch.load(Path(config.start_from) / "last.pt", weights_only=True)
             if "critic" in known:

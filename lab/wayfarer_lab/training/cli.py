@@ -16,6 +16,7 @@ from wayfarer.motion.regressor import PASSES
 from wayfarer.spec import GENDERS
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer_lab.training.analytic import AnalyticConfig, load_walks, train_analytic
+from wayfarer_lab.training.blend import blend_runs
 from wayfarer_lab.training.card import model_card
 from wayfarer_lab.training.dataset import load_frames, load_poses
 from wayfarer_lab.training.export import Sources, export_models, write_models
@@ -196,6 +197,30 @@ def unpack(
     """
     for name, tensors in unpack_models(models, runs).items():
         typer.echo(f"{runs / name}: {tensors} tensors")
+
+
+@app.command(short_help="Write the mean of the weights of two runs or more.")
+def blend(
+    runs: Annotated[
+        list[str], typer.Argument(help="Run folders, each with its share: runs/policy_walks:0.65")
+    ],
+    out: Annotated[Path, typer.Option(help="Run folder to write; it must not exist.")],
+) -> None:
+    """Write a run folder with the weighted mean of the weights of runs that share a start.
+
+    A policy that was trained further and the policy it started from, for example:
+
+    wayfarer train blend runs/policy_walks:0.65 runs/policy:0.35 --out runs/policy_blend
+    """
+    shares = {}
+    for run in runs:
+        folder, _, share = run.rpartition(":")
+        try:
+            shares[Path(folder)] = float(share)
+        except ValueError:
+            raise InvalidArgument(f"{run!r} is not FOLDER:SHARE", "runs") from None
+    blend_runs(shares, out)
+    typer.echo(f"{out}: {(out / 'log.txt').read_text().strip()}")
 
 
 def _threads(count: int) -> None:

@@ -177,10 +177,13 @@ def read_run_config(folder: Path) -> dict[str, Any]:
 
 
 def load_weights(model: Network, folder: Path) -> Network:
-    """Weights of a run's last checkpoint into `model`. Raises ArtifactError."""
+    """Weights of a run's last checkpoint into `model`: their moving average, if the run has one.
+
+    Raises ArtifactError.
+    """
     path = folder / "last.pt"
     if not path.exists():
         raise ArtifactError(f"no checkpoint {path}; train it first (wayfarer train --help)")
     state: dict[str, Any] = torch.load(path, weights_only=True)
-    model.load_state_dict(state["model"])
+    model.load_state_dict(state.get("average", state["model"]))
     return model.eval()

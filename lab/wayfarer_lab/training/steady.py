@@ -14,7 +14,7 @@ from torch import Tensor
 from wayfarer.motion.frame import canonical_frame, to_world
 from wayfarer.motion.primitive import PrimitiveStep, StepResult
 from wayfarer.motion.quality import Sites
-from wayfarer.spec import GENDERS, NEW_FRAMES
+from wayfarer.spec import FPS, GENDERS, NEW_FRAMES
 from wayfarer_lab.training.crowd import TrainingCrowd
 from wayfarer_lab.training.likeness import FRAMES, Critic, GaitFeatures
 from wayfarer_lab.training.posture import Posture
@@ -29,7 +29,7 @@ class LikenessConfig(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     weight: Weight = 1.5  # of (verdict - 1)² / 4: 0 taken for recorded, 1 for made
-    pace_weight: Weight = 3.0  # of a window's mean speed off the wished one, m/s
+    pace_weight: Weight = 3.0  # of a window's mean speed towards the goal off the wished one, m/s
     gait_weight: Weight = 0.5  # of figures of gait that are off, see `UNITS`
     rate: float = Field(default=3e-4, gt=0)  # the critic's learning rate
 
@@ -145,12 +145,21 @@ class SteadyWalks:
         features = self.features.of(made)
         learnt = self._teach(self.features.of(recorded), features)
         unlikely = (self.critic(features) - 1).square().mean() / 4
-        pace = (speed - tasks.speed[rows]).abs().mean()
+        pace = (self.progress(made, tasks.goal[rows]) - tasks.speed[rows]).abs().mean()
         off, gait = self.gait.compare(made, recorded, resting[rows])
         config = self.config
         cost = config.weight * unlikely + config.pace_weight * pace + config.gait_weight * off
         figures = {"steady": float(len(rows)), "pace": float(pace.detach())} | learnt | gait
         return cost * min(1.0, len(rows) / MANY), figures
+
+    def progress(self, markers: Tensor, goal: Tensor) -> Tensor:
+        """Mean speed [B] towards goals [B, 3] in windows [B, T, 67, 3], m/s.
+
+        Speed alone is not enough: agents then walked like people, past their goals.
+        """
+        ends = markers[:, [0, -1], :, :2].transpose(-1, -2) @ self.features.waist
+        left = (goal[:, None, :2] - ends).norm(dim=-1)
+        return (left[:, 0] - left[:, 1]) * FPS / (markers.shape[1] - 1)
 
     def _teach(self, recorded: Tensor, made: Tensor) -> dict[str, float]:
         loss, figures = self.critic.loss(recorded, made)

@@ -8,10 +8,12 @@ from tests.lab.training.fakes import gliding_frames, straight_walks
 from wayfarer.body.library import load_body
 from wayfarer.errors import ArtifactError, InvalidArgument
 from wayfarer.marker_bodies import load_marker_bodies, marker_body
+from wayfarer.motion.policy import GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS
 from wayfarer_lab.training.analytic import AnalyticConfig, AnalyticTrainer, train_analytic
+from wayfarer_lab.training.run import load_weights
 from wayfarer_lab.training.steady import SETTLED, LikenessConfig
 from wayfarer_lab.training.walks import Walks
 
@@ -132,3 +134,12 @@ def test_impossible_settings_are_refused(config, walks):
     assert SETTLED * 8 > 64  # a window never reaches back to before the walk
     with pytest.raises(InvalidArgument, match="recorded walks"):
         AnalyticTrainer(with_critic(config), gliding_frames(), gliding_frames())
+
+
+def test_a_moving_average_of_the_weights_is_what_others_load(config, tmp_path):
+    asked = config.model_copy(update={"average": 0.9, "steps": 2})
+    train_analytic(asked, gliding_frames(), gliding_frames(seed=1), tmp_path / "policy")
+    state = torch.load(tmp_path / "policy" / "last.pt", weights_only=True)
+    served = load_weights(GoalPolicy(), tmp_path / "policy").output.weight
+    assert torch.equal(served, state["average"]["output.weight"])
+    assert not torch.equal(served, state["model"]["output.weight"])

@@ -132,3 +132,11 @@ def test_steps_are_measured_from_ankle_to_ankle_and_a_limp_is_told():
     step, limp = gait.steps(window)
     assert step.item() == pytest.approx(60, abs=1)
     assert limp.item() == pytest.approx(20, abs=2)
+
+
+def test_pace_is_progress_towards_the_goal(walks):
+    watch, window = steady(walks), poses().expand(2, -1, -1, -1)  # at 1.2 m/s along +Y
+    goals = torch.tensor([[0.0, 50.0, 0.0], [50.0, 0.0, 0.0]])
+    ahead, aside = watch.progress(window, goals).tolist()
+    assert ahead == pytest.approx(1.2, abs=0.01)
+    assert aside < 0.05
