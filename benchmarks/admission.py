@@ -1,8 +1,8 @@
-"""Three times as many agents as fit, into a server of its own with the real engine.
+"""Requests for three times as many agents as fit, to a server of its own with the real engine.
 
     python -m benchmarks.admission --seconds 60
 
-First `clients` ask at once, together for `times` as many agents as the server says that fit. Then,
+First `clients` ask at once, together for `times` as many agents as the server says fit. Then,
 while the admitted agents are streamed, given goals and watched, clients keep asking for more.
 Ends with 1 when an admitted agent missed a primitive, when a refusal took 50 ms or longer, or when
 nothing was refused.
@@ -35,7 +35,7 @@ WARM_UP = 3.0
 KNOCKS_PER_SECOND = 10
 KNOCKERS = 4
 GROUP = 8
-"""Agents that each of these asks for."""
+"""Agents per request."""
 
 MOST = 1024
 LIMITS = {
@@ -47,15 +47,15 @@ LIMITS = {
 
 @dataclass
 class Knocks:
-    """Creations that are tried while others walk."""
+    """Requests for agents while others walk."""
 
     refused: int = 0
-    admitted: int = 0  # agents: room that was left, or has come up meanwhile
+    admitted: int = 0  # agents admitted into room that was left or became free
     refusal: Latencies = field(default_factory=Latencies)
 
 
 async def knock(target: Target, knocks: Knocks) -> None:
-    """Ask for agents again and again, and let go at once those who are let in."""
+    """Ask for agents again and again, and delete admitted ones at once."""
     connection = Connection(target)
     made = await connection.sessions.CreateSession(session_pb2.CreateSessionRequest())
     specs = [agent_pb2.AgentSpec(gender=1 + number % 2) for number in range(GROUP)]
@@ -86,7 +86,7 @@ async def overload(target: Target, times: float, clients: int, seconds: float) -
     knocks = Knocks()
 
     async def later() -> None:
-        await asyncio.sleep(WARM_UP)  # by then all have been answered who asked at once
+        await asyncio.sleep(WARM_UP)  # by then the first requests have been answered
         async with asyncio.TaskGroup() as knockers:
             for _ in range(KNOCKERS):
                 knockers.create_task(knock(target, knocks))
@@ -116,7 +116,7 @@ async def overload(target: Target, times: float, clients: int, seconds: float) -
 
 
 def faults(found: dict[str, Any]) -> list[str]:
-    """What must not be."""
+    """Faults of the run."""
     wrong = []
     if found["misses"]:
         wrong.append(f"{found['misses']} of {found['chunks']} primitives were missed")

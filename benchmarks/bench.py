@@ -19,13 +19,13 @@ from wayfarer_lab.evaluation.report import meta as report_meta
 Row = dict[str, Any]
 
 FLAGS = ("avx2", "avx512f", "avx512_vnni", "avx512_bf16", "amx_bf16", "amx_int8", "amx_tile")
-"""Instruction sets that decide how fast matrix products are."""
+"""Instruction sets that determine the speed of matrix products."""
 
 PACKAGES = ("numpy", "onnxruntime", "openvino", "torch", "grpcio", "protobuf", "uvloop")
 
 
 WIDE = 12
-"""Rows of more columns are printed downwards."""
+"""Rows with more columns are printed as columns."""
 
 
 def ratio(value: float, better: str) -> dict[str, Any]:
@@ -76,9 +76,9 @@ def text(value: object) -> str:
 
 
 def best(call: Callable[[], object], seconds: float, clock: Callable[[], float]) -> float:
-    """The shortest of as many calls as fit into `seconds`, three at least; one more comes before.
+    """The shortest of the calls that fit into `seconds`, at least three, after a warm-up call.
 
-    Other work on the machine can only lengthen a call: the shortest is the nearest to its cost.
+    Other work on the machine can only lengthen a call: the shortest is closest to its cost.
     """
     call()
     found: list[float] = []
@@ -91,15 +91,15 @@ def best(call: Callable[[], object], seconds: float, clock: Callable[[], float])
 
 
 def clock_of(threads: int) -> Callable[[], float]:
-    """Time of the processor for one thread, which others' work hardly lengthens; else real.
+    """Time of the processor for one thread, which other work hardly lengthens; else real.
 
-    That of the whole process: an engine may have its one thread beside the caller's.
+    That of the whole process: an engine may use one thread next to the caller's.
     """
     return time.process_time if threads == 1 else time.perf_counter
 
 
 def meta(**about: Any) -> dict[str, Any]:
-    """When, where and of what figures were made."""
+    """Date, machine, commit and versions of the figures."""
     made = report_meta(about)
     del made["metrics_version"]  # of quality, not of time
     made["machine"] |= {

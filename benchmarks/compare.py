@@ -2,8 +2,8 @@
 
     python -m benchmarks.compare BEFORE.json AFTER.json [--tolerance 0.1]
 
-Both are files of `benchmarks.record`, or of single benchmarks (`--json`). Ratios hold a cost
-against a floor that was measured in the same run (a step against its matrix products at the
+Both are files of `benchmarks.record`, or of single benchmarks (`--json`). Ratios divide a cost
+by a floor that was measured in the same run (a step against its matrix products at the
 machine's ceiling, sending against a bare socket), so files of different machines may be compared. A
 ratio may be worse by the tolerance (0.1: a tenth). Ends with 1 when one is worse, or is missing
 although its benchmark was run.
@@ -28,7 +28,7 @@ Ratios = dict[tuple[str, str], dict[str, Any]]
 
 @dataclass(frozen=True)
 class Change:
-    """Of one ratio."""
+    """The comparison of one ratio."""
 
     part: str
     name: str
@@ -73,7 +73,7 @@ def _verdict(before: float, after: float, better: str, tolerance: float) -> str:
 
 
 def main() -> int:
-    """Print a table; 1 when something is worse or gone."""
+    """Print a table; 1 when a ratio is worse or missing."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

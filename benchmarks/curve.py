@@ -1,4 +1,4 @@
-"""The largest batch that is in time, found by doubling and bisection."""
+"""The largest batch that keeps real time, found by doubling and bisection."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -19,7 +19,7 @@ class Point:
     """A batch that was timed."""
 
     agents: int
-    seconds: float  # infinite when memory did not suffice
+    seconds: float  # infinite when it ran out of memory
     memory: int = 0  # bytes
 
     @property
@@ -51,7 +51,7 @@ def curve(timed: Callable[[int], Point], until: float) -> Iterator[Point]:
 
 
 def ended_by(points: list[Point]) -> str:
-    """What a larger batch would exceed."""
+    """The limit that a larger batch would exceed."""
     late = min((p for p in points if not p.in_time), key=lambda p: p.agents, default=None)
     if late is None:
         return "largest batch" if points and points[-1].agents == MOST else "time of the benchmark"

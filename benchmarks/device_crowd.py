@@ -1,7 +1,7 @@
 """A crowd that stays on the device: each step begins where the last one ended.
 
-For simulations and measurements that do not need every frame: nothing is copied from or
-to host memory but what the caller asks for.
+For simulations and measurements that do not need every frame: only what the
+caller asks for is copied from or to host memory.
 """
 
 import torch
@@ -21,10 +21,10 @@ class DeviceCrowd:
     def __init__(
         self, networks: Networks, gender: str, start: StepInputs, noise_seed: int = 0
     ) -> None:
-        """They begin with the seeds of `start`, and want what it says until `given` is changed.
+        """Begin with the seeds of `start`, and keep its goals until `given` is changed.
 
-        Of its noise, the number of candidates counts: standard normal noise is drawn on the
-        device, anew in every step and the same for the same `noise_seed`, device and numbers.
+        Only the shape of its noise counts: standard normal noise is drawn on the device in every
+        step, the same for the same `noise_seed`, device and sizes.
         """
         rows, candidates = start.noise.shape[:2]
         self.lane = CudaGraphStream(networks.device)
@@ -47,9 +47,9 @@ class DeviceCrowd:
         return self._given.tensors
 
     def step(self) -> StepResult:
-        """A primitive for all. On a GPU it is under way when this returns: see `lane.wait()`.
+        """Step all agents. On a GPU the step is still running when this returns: see `lane.wait()`.
 
-        The next step writes over its tensors.
+        The next step overwrites its tensors.
         """
         with torch.no_grad():
             return self._advance()

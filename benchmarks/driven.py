@@ -29,7 +29,7 @@ from wayfarer.world.world import World
 
 
 class InstantEngine:
-    """Moves everybody one way without computing anything."""
+    """Moves all agents one way without computing anything."""
 
     name = "instant"
     graphs = ("0" * 64, "1" * 64)
@@ -62,7 +62,7 @@ PAUSE: Final = 0.01
 
 
 class Driven:
-    """What a gateway needs of a `MotionService` for streams, with a clock by hand."""
+    """The part of `MotionService` that streams need, with a clock driven by hand."""
 
     ready = alive = True
 
@@ -74,7 +74,7 @@ class Driven:
                 agents_per_session=asked.agents,
                 sessions=asked.sessions,
                 goal_distance_m=20_000.0,
-            ).model_copy(update={"queue_s": 1e6}),  # nobody is too slow here,
+            ).model_copy(update={"queue_s": 1e6}),  # no reader is too slow here,
             steering=Steering().with_search(candidates=asked.candidates),
             admission=AdmissionRules(refuse=False),
             batch_sizes=sizes,
@@ -129,7 +129,7 @@ class Driven:
         return LoopStats(0, 0, 0, 0, 0.0, 0.0, 0, 0.0, 0.0)
 
     async def advance(self, seconds: float) -> float:
-        """Let time pass; the CPU seconds that a motion thread would have taken."""
+        """Advance time; return the CPU seconds that a motion thread would have taken."""
         until, spent = self.now + seconds, 0.0
         while (event := self._world.next_event()) is not None and event <= until:
             self.now = event

@@ -1,4 +1,4 @@
-"""What a graph costs in matrix products, counted from its shapes."""
+"""Operations of a graph's matrix products, counted from its shapes."""
 
 from dataclasses import dataclass
 from math import prod
@@ -10,7 +10,7 @@ from onnx import shape_inference
 PRODUCTS = ("MatMul", "Gemm")
 
 UNCOUNTED = ("Einsum", "GRU", "LSTM", "RNN", "Conv", "Attention", "If", "Loop", "Scan")
-"""These multiply, or may hold what does."""
+"""Operators that multiply, or may contain some that do."""
 
 
 @dataclass(frozen=True)
@@ -24,14 +24,14 @@ class Product:
 
     @property
     def flops(self) -> int:
-        """A multiplication and an addition each."""
+        """Operations: a multiplication and an addition each."""
         return 2 * self.count * self.m * self.k * self.n
 
 
 def products(path: Path, **sizes: int) -> list[Product]:
     """The matrix products of an ONNX graph whose named dimensions have these sizes.
 
-    Raises ValueError for one that cannot be counted: a sum without it would be wrong.
+    Raises ValueError for an operator that cannot be counted, since the sum would be wrong.
     """
     model = onnx.load(path)
     if found := {node.op_type for node in model.graph.node} & set(UNCOUNTED):

@@ -4,8 +4,8 @@
 
 Raw bytes into every gRPC method, frames into both WebSockets, bodies into every HTTP route, and
 plain garbage into both ports: random, mutated, truncated and oversized messages, and well-formed
-ones with values such as NaN, infinities and the largest numbers. A client who behaves streams
-agents beside all that. Ends with 1 when an input was answered with an internal error (or none at
+ones with values such as NaN, infinities and the largest numbers. A well-behaved client streams
+agents meanwhile. Ends with 1 when an input was answered with an internal error (or none at
 all), when the server logged an error or ended, when a chunk left late, or when memory grew.
 """
 
@@ -38,13 +38,13 @@ def arguments() -> argparse.Namespace:
 
 
 class Progress:
-    """A line now and then of a run that takes minutes."""
+    """Progress lines of a run that takes minutes."""
 
     def __init__(self) -> None:
         self._next = SAY_EVERY
 
     def __call__(self, report: Report) -> None:
-        """Say how far it has come, when it has come far enough since."""
+        """Print a line when enough inputs have passed since the last one."""
         if report.answers.inputs >= self._next:
             self._next += SAY_EVERY
             answers = report.answers
@@ -52,7 +52,7 @@ class Progress:
 
 
 def faults(report: Report, errors: list[str]) -> list[str]:
-    """What must not be."""
+    """Faults of the run."""
     found = list(report.answers.failures)
     found += [f"logged: {error}" for error in errors[:10]]
     if report.failed_turns or report.resets:

@@ -2,9 +2,9 @@
 
     python -m benchmarks.fuzz_meshes --files 100000 --seed 1
 
-So many of each format, each made from a sound one by changing bytes, numbers, lines, and values of
+N files of each format, each made from a sound one by changing bytes, numbers, lines, and values of
 glTF's JSON. The process has the memory of the one that bakes scenes (`limits.bake_mb`). Ends with 1
-when a reader raised anything but InvalidArgument for `mesh.data`, gave triangles that it must not,
+when a reader raised anything but InvalidArgument for `mesh.data`, gave invalid triangles,
 or took long for one file; such files are written to --out.
 """
 
@@ -37,7 +37,7 @@ def main() -> int:
 
 
 def shown(form: MeshFormat, files: int, seed: int, out: Path) -> int:
-    """Run one format and print what came of it; 0 when all is well."""
+    """Run one format and print the result; 0 when all is well."""
     began = time.monotonic()
     report = fuzz(form, files, seed)
     seconds, refused = time.monotonic() - began, sum(report.refused.values())

@@ -1,11 +1,11 @@
-"""The machine's ceiling: how fast its libraries multiply matrices, of any size and of the net's.
+"""The machine's ceiling: how fast libraries multiply large matrices, and those of a step.
 
     python -m benchmarks.gemm [--threads 1 2] [--quick]
 
-Rows say which library multiplied what, in which precision, and how many billion operations a second
-that made. *large* are square matrices, where a processor comes nearest to its limit; *ours* are all
-products of a step, one after the other, each as it stands in the graph. The ceiling of a precision
-is the best of all its rows with so many threads; torch and onnxruntime both get their chance.
+A row shows library, matrices, precision, and billions of operations per second. *large* are square
+matrices, where a processor comes nearest to its limit; *ours* are all products of a step, one after
+the other, each as in the graph. The ceiling of a precision is the best of all its rows with this
+number of threads, of torch or onnxruntime.
 """
 
 import argparse

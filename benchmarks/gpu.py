@@ -3,10 +3,9 @@
     python -m benchmarks.gpu [--precisions float32 tf32 bfloat16] [--candidates 1 8] [--minutes 9]
                              [--model FOLDER] [--json FILE] [--quick]
 
-First the torch engine is held against onnxruntime, on bodies that stand and shall walk; when they
-differ, it ends there with 1. Then batches of 64 agents and on, doubled until a step takes longer
-than the 0.2 s that it covers, or memory ends; between the last two, the most agents that are in
-time are found by bisection. The columns:
+First the torch engine is compared with onnxruntime, on standing bodies with goals; if they differ,
+it ends with 1. Then batches from 64 agents on are doubled until a step takes longer than the 0.2 s
+that it covers, or memory runs out; bisection finds the largest batch in time. The columns:
 
   kept_on    "host": calls of `Engine.step`, inputs and outputs copied from and to arrays in host
              memory; "device": a crowd that stays there, each step beginning where the last ended
@@ -17,8 +16,8 @@ time are found by bisection. The columns:
   memory_mb  of the GPU, at most
   ended_by   what a larger batch would exceed
 
-Without a GPU, the first part runs on the CPU, and nothing is said of speed. When the time is up, it
-says what was not measured.
+Without a GPU, only the first part runs, on the CPU. When the time is up, the output lists what was
+not measured.
 """
 
 import argparse
@@ -56,10 +55,10 @@ PRECISIONS: Final[tuple[Precision, ...]] = get_args(Precision)
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far an engine may be from onnxruntime."""
+    """Largest accepted differences from onnxruntime."""
 
     difference: float  # of markers and places in metres, and of the numbers of rotations
-    same_choice: float  # share of rows: some candidates are all but as good as others
+    same_choice: float  # share of rows: some candidates are almost equally good
 
 
 ALLOWED: Final[dict[Precision, Tolerance]] = {
@@ -82,7 +81,7 @@ def people(agents: int, candidates: int) -> StepInputs:
 
 
 def parity(models: ModelFolder, precision: Precision, device: str | None, agents: int) -> Row:
-    """How far the torch engine is from onnxruntime, over both genders."""
+    """Differences of the torch engine from onnxruntime, over both genders."""
     engine = TorchEngine(load_networks(models, device, precision), batch_sizes=(agents,))
     exact = OnnxEngine(models, 1)
     off, alike = [], []
@@ -137,7 +136,7 @@ KEPT_ON: Final[dict[str, Seconds]] = {"device": device_seconds, "host": host_sec
 
 @dataclass(frozen=True)
 class Case:
-    """What one curve is of."""
+    """The settings of one curve."""
 
     networks: Networks
     candidates: int

@@ -3,11 +3,11 @@
     wayfarer serve
     locust -f benchmarks/locustfile.py --host http://127.0.0.1:8080 --headless -u 20 -r 5 -t 60s
 
-Each user has a session with one agent, gives it goals, and now and then a path, or takes the goal
-away, or looks at the agent. What Locust shows are calls; how late motion is, `wayfarer load` shows.
-Locust waits for answers (a closed loop): beyond the knee its figures flatter.
+Each user has a session with one agent, gives it goals and sometimes a path, clears the goal, or
+reads the agent. Locust measures calls; `wayfarer load` measures how late motion is. Locust waits
+for answers (a closed loop), so its figures flatter beyond the knee.
 
-A key for the server goes into the environment as WAYFARER_LOAD_KEY.
+The environment variable WAYFARER_LOAD_KEY is the API key for the server.
 """
 
 import math
@@ -33,7 +33,7 @@ class Walker(FastHttpUser):
     session = ""
 
     def on_start(self) -> None:
-        """Make the session and its agent; without them there is nothing to load."""
+        """Create the session and its agent; without them there is nothing to load."""
         self.session = self._made("/v1/sessions", {})["session_id"]
         made = self._made(f"/v1/sessions/{self.session}/agents", {"agents": [{}]})
         self.agent = f"/v1/agents/{made['agents'][0]['agent_id']}"
@@ -62,7 +62,7 @@ class Walker(FastHttpUser):
 
     @task(5)
     def look(self) -> None:
-        """Where is it?"""
+        """Read the agent."""
         self._call("GET", "")
 
     def _goal(self) -> dict[str, dict[str, float]]:

@@ -22,7 +22,7 @@ AGENTS = (0, 64, 256, 1024)
 
 
 def resting_megabytes(environment: dict[str, str]) -> float:
-    """Of a server that has nothing to do."""
+    """Resident set of an idle server."""
 
     async def look() -> float:
         async with own_server((), environment) as target:

@@ -16,7 +16,7 @@ GENDER: Final = GENDERS[0]
 DEFAULT_ENGINE: Final = "onnxruntime"
 
 ENGINES: Final = (DEFAULT_ENGINE, *(("openvino",) if find_spec("openvino") else ()))
-"""For the processor; those of them that are installed. The GPU has a benchmark of its own."""
+"""Engines for the CPU that are installed. The GPU has its own benchmark."""
 
 
 def opened(engine: str, threads: int, model: Path = DEFAULT_MODEL) -> Engine:

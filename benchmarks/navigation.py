@@ -1,4 +1,4 @@
-"""What scenes cost: bake, change, query, look-up; and how short the paths are.
+"""Cost of scenes: bake, change, query, look-up; and length of paths.
 
     python -m benchmarks.navigation [--seeds 3] [--pairs 100] [--json FILE] [--quick]
 
@@ -92,7 +92,7 @@ def lookups(scene: Scene, points: int = 10_000) -> float:
 
 
 def main() -> None:
-    """Measure, print, and write what was asked for."""
+    """Measure, print, and write the file of --json."""
     parser = bench.parser(__doc__)
     parser.add_argument("--seeds", type=int, help="3, or 1 when quick")
     parser.add_argument("--pairs", type=int, default=100)

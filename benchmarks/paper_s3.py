@@ -3,8 +3,8 @@
     python -m benchmarks.paper_s3 [--engine onnxruntime] [--threads 0] [--json FILE] [--quick]
 
 The paper (Tab. S3, one Quadro 6000) steps a batch of bodies with one latent each; so does this, on
-the processor: 64 … 1024, and on, doubling, until a primitive takes longer than it lasts. *one call*
-steps all bodies at once; *best calls* cuts them into calls of the size that costs least for each
+the CPU, from 64 bodies on, doubling until a primitive takes longer than it lasts. *one call*
+steps all bodies at once; *best calls* cuts them into calls of the size with the least cost per
 body. A primitive of ours has 10 frames as theirs, two of them shared with the one before: it has to
 be there every 0.2 s (the paper counts with 0.25 s).
 """

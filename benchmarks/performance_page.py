@@ -19,10 +19,10 @@ IMAGES = ROOT / "docs" / "images"
 
 INTRO = """# Performance
 
-Measured by `python -m benchmarks.record`, written by `python -m benchmarks.performance_page`; nothing is
-typed in. The `--help` of each benchmark explains what it measures and its columns. *Ratios* divide a
-cost by a floor that was measured in the same run, so they can be compared between machines:
-`python -m benchmarks.compare OLD.json NEW.json`.
+Measured by `python -m benchmarks.record`, written by `python -m benchmarks.performance_page`;
+nothing is typed in. The `--help` of each benchmark explains what it measures and its columns.
+*Ratios* divide a cost by a floor that was measured in the same run, so they can be compared between
+machines: `python -m benchmarks.compare OLD.json NEW.json`.
 
 An agent keeps real time only if it is stepped every 0.2 s. Lateness is the time from the scheduled
 display of a primitive to its arrival at the client, on the same machine as the server

@@ -11,7 +11,7 @@ SERIES = ("engine", "candidates", "threads")
 
 
 def draw(folder: Path, file: str, name: str, part: Part) -> str | None:
-    """Draw a part, if there is something to look at; returns `file`, or None."""
+    """Draw a part, if it has a plot; returns `file`, or None."""
     pictures = {"step": step, "paper_s3": paper_s3, "memory": memory}
     drawn = next((draw for kind, draw in pictures.items() if name.startswith(kind)), None)
     if drawn is None or not part.get("rows"):
@@ -55,7 +55,7 @@ def step(part: Part) -> Figure:
 
 
 def paper_s3(part: Part) -> Figure:
-    """Seconds of a primitive over bodies, beside the paper's."""
+    """Seconds of a primitive over bodies, with the paper's."""
     figure = Figure(figsize=(5, 3.4), layout="constrained")
     axes = figure.subplots()
     rows = part["rows"]

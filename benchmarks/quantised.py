@@ -4,8 +4,8 @@
 
 A crowd walks in lock-step on the shipped model in float32, and inputs of its steps are kept. With
 those of one crowd the step graphs are made into int8 ones: the products of the networks with their
-weights, the latter with a scale for each channel. With those of another crowd, variants are held
-against float32. Nothing of it is served; the graphs lie in a temporary folder.
+weights, the latter with a scale for each channel. With those of another crowd, variants are
+compared with float32. Nothing of it is served; the graphs lie in a temporary folder.
 
 The scales of what the weights are multiplied with are fixed beforehand ("static"). Dynamic ones,
 taken of the numbers at hand, would be more exact; but they would be of the whole batch, so a row
@@ -239,7 +239,7 @@ def seconds_each(engines: Mapping[str, WarmEngine], inputs: StepInputs, rounds: 
 
 
 def rows_of(engines: Mapping[str, WarmEngine], compared: Inputs, rounds: int) -> Iterator[Row]:
-    """A row for each variant; that of FLOAT32 is what the others are held against."""
+    """A row for each variant, compared with FLOAT32."""
     seconds = seconds_each(engines, compared[GENDER][0], rounds)
     calls = [(gender, inputs) for gender in GENDERS for inputs in compared[gender]]
     expected = [engines[FLOAT32].step(*call) for call in calls]

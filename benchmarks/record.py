@@ -4,10 +4,10 @@
 
 Writes benchmarks/results/performance_NAME.json (machine, date, commit, versions, and each
 benchmark's rows and ratios), then docs/performance.md from all such files. Each benchmark runs in a
-process of its own; one that fails is told with its last words, and the record ends with 1. Leave
+process of its own; one that fails is listed with its last output, and the record ends with 1. Leave
 the machine alone meanwhile: about 30 minutes, 10 with `--quick`, which is a first look, no record
 to publish. `--only` runs some, and keeps what the file has of the others; with `--agents` the whole
-service is held at so many, in place of a search for the most, which takes half an hour each.
+service is held at this number, instead of a search for the most, which takes half an hour each.
 
 Against an older record: python -m benchmarks.compare OLD NEW
 """
@@ -57,7 +57,7 @@ SECONDS_LEFT = 1800.0
 
 
 def command(part: str, quick: bool, agents: int | None = None) -> list[str]:
-    """What runs a part, without where to write."""
+    """The command of a part, without its output file."""
     words = list(PARTS[part])
     if part.startswith("service") and agents:
         words += ("--agents", str(agents), "--transports", "grpc")

@@ -1,7 +1,7 @@
 """Write docs/results.md from the JSON files of `wayfarer eval … --json benchmarks/results/…`.
 
-The page has the figures of each table that are worth a first look. All of them are in
-benchmarks/results/README.md, which is written at the same time.
+The page has the main figures of each table. All of them are in benchmarks/results/README.md,
+which is written at the same time.
 
 python benchmarks/results_page.py            # refuses tables that are not all of one commit
 python benchmarks/results_page.py --stale    # marks them instead

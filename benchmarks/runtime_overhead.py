@@ -3,13 +3,12 @@
     python -m benchmarks.runtime_overhead [--agents 1024] [--sessions 8] [--candidates 1]
         [--batch 256] [--phases 4] [--steps 25] [--json FILE] [--quick]
 
-World, streams and servers are those of the service, with agents who walk; the engine is a stand-in
-that returns at once. Time is driven by hand, 0.2 s of it so many times, so that the figures do not
-depend on whether this machine keeps up. It runs three times: nobody reads, then one reader for each
-session over gRPC, then over WebSocket; the readers are a process of their own and throw away what
-they get. *world* is what the motion thread does: to step, and to send and publish. *transport* is
-all else: the event loop, and gRPC's own threads. Parts are measured around calls, inner ones
-included.
+World, streams and servers are those of the service, with walking agents; the engine is a stand-in
+that returns at once. Time advances by hand in steps of 0.2 s, so that the figures do not depend on
+whether this machine keeps up. It runs three times: without readers (*nobody*), with one reader per
+session over gRPC, and over WebSocket; the readers are another process and discard what they get.
+*world* is the work of the motion thread: stepping, sending and publishing. *transport* is all else:
+the event loop, and gRPC's own threads. Parts are measured around calls, inner ones included.
 """
 
 import argparse

@@ -4,13 +4,13 @@
                                  [--transports grpc websocket] [--most 2048] [--agents N]
                                  [--json FILE] [--quick]
 
-In real time: every agent is stepped every 0.2 s, all with as many candidates as wished; no
-primitive is missed, and p99 of their lateness at the client is within 50 ms. The most agents of
-whom that holds are found by bisection, in short runs over gRPC; then they are held for `--seconds`
-over each transport, by a fresh server, and by 5 % fewer where that fails, thrice at most.
-`--agents` takes a number in place of the search, and holds it once. Server and generator share the
-machine; *server* and *generator* are the cores that they take. *alone* is how many agents the
-engine could step in the same time, if all cores did nothing else.
+In real time: every agent is stepped every 0.2 s, all with the full number of candidates; no
+primitive is missed, and p99 of lateness at the client is within 50 ms. Bisection in short runs over
+gRPC finds the most agents for which that holds. A fresh server then holds them for `--seconds` over
+each transport, or 5 % fewer if that fails, at most three times. `--agents` replaces the search by a
+number, which is held once. Server and generator share the machine; *server* and *generator* are the
+cores that they use. *alone* is the number of agents that the engine could step in the same time if
+all cores did nothing else.
 """
 
 import argparse
@@ -36,13 +36,13 @@ P99_MS = 50.0
 FEWER = 0.95
 TRIES = 3
 WARM_UP = 20.0
-"""Seconds: all agents come at once, and then all stand up and walk."""
+"""Seconds before the measurement: all agents come at once, and then all start to walk."""
 
 Summary = dict[str, Any]
 
 
 def alone(engine: Engine, candidates: int, spend: float) -> int:
-    """Agents that the engine steps every 0.2 s in calls of the size that suits it best."""
+    """Agents that the engine steps every 0.2 s in calls of its best size."""
     each = min(call_seconds(engine, size, spend, candidates) / size for size in CALL_SIZES)
     return int(STEP_SECONDS / each)
 

@@ -3,7 +3,7 @@
     python -m benchmarks.startup [--runs 5] [--engine onnxruntime] [--json FILE] [--quick]
 
 From the start of the process to the line that says where it listens: models are checked, opened and
-warmed by then. The floor is a process that only imports the libraries; what lies above it is ours.
+warmed by then. The floor is a process that only imports the libraries.
 """
 
 import argparse

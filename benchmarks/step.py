@@ -10,13 +10,13 @@ benchmarks.gemm) is measured in the same run. The columns of a row:
   us_per_agent  that, for each agent of the batch
   mflop         of matrix products, for each agent
   of_gemm       ms, as a multiple of what its products would take at the fp32 ceiling: 1 is perfect;
-                below 1 stands who computes in a lower precision
+                below 1: a lower precision
   of_bf16       the same by the bf16 ceiling
-  real_time     agents that could be stepped every 0.2 s if nothing else were to do
+  real_time     agents that could be stepped every 0.2 s if the machine did nothing else
 
 The last table shows where the time goes, by kind of operator, as onnxruntime's own profile has it.
-Time is that of the processor with one thread, which other work on the machine does not lengthen,
-and real time with more.
+With one thread, time is CPU time, which other work on the machine does not lengthen; with more, it
+is real time.
 """
 
 import argparse
@@ -44,7 +44,7 @@ CANDIDATES = (1, 4, 8)
 THREADS = (1, 2)
 QUICK_BATCHES = (8, 128, 1024)
 COMPARED_BATCH = 128
-"""At which ratios are written down: issue 5 asks for at most 2 here."""
+"""Batch of the ratios; the target is a ratio of at most 2."""
 
 GROUPS = {
     **dict.fromkeys(("MatMul", "Gemm", "FusedMatMul", "FusedGemm"), "matrix products"),
@@ -56,7 +56,7 @@ GROUPS = {
     **dict.fromkeys(("Sigmoid", "Tanh", "Relu", "LeakyRelu", "Exp", "QuickGelu"), "activations"),
     **dict.fromkeys(("Add", "Sub", "Mul", "Div", "Neg", "Abs", "Sqrt", "Pow"), "arithmetic"),
 }
-"""Operators by what they are for; the others stand together."""
+"""Operators by purpose; the others form one group."""
 
 
 def step_seconds(engine: Engine, agents: int, candidates: int, threads: int, spend: float) -> float:

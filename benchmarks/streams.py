@@ -2,8 +2,8 @@
 
     python -m benchmarks.streams --seconds 60 --cycles 1000
 
-One reader stalls for `seconds` beside 63 healthy ones (8 sessions, 1 agent each, 4 that of the
-stalled one), once over gRPC and once over WebSocket; then so many streams are opened and left.
+One reader stalls for `seconds` among 63 healthy ones (8 sessions of 1 agent, that of the stalled
+reader of 4), once over gRPC and once over WebSocket; then `cycles` streams are opened and left.
 Ends with 1 when a healthy reader lost a chunk or got one after its time, or when memory grew.
 """
 
@@ -20,7 +20,7 @@ HEALTHY = 63
 SESSIONS = 8
 AGENTS = 1
 SHOWN_MS = 200.0
-"""A chunk that comes later has nothing left to show."""
+"""Seconds of lateness after which all frames of a chunk are over."""
 
 GROWTH = 0.05
 """Share of its memory by which the server may grow."""

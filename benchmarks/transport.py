@@ -3,7 +3,7 @@
     python -m benchmarks.transport [--agents 1024] [--seconds 20] [--json FILE] [--quick]
 
 The server's step is a stand-in that costs nothing (benchmarks.instant); cores are CPU seconds of
-the whole server for each second. *nobody* is the server while nobody reads; what a reader adds to
+the whole server for each second. *nobody* is the server without readers; what a reader adds to
 that is serialisation and transport. *bare socket* is the floor: as many bytes in messages of the
 same size through asyncio and a socket of the loopback, with nothing done to them.
 """
@@ -42,7 +42,7 @@ async def measure(agents: int, seconds: float) -> list[Row]:
         plan = LoadPlan(1, agents, seconds, SETTLE, transport, goal_rate=0.0)
         async with _server(plan) as target:
             summary, _ = await run(target, plan)
-        if summary["misses"]:  # what was sent is not what should have been
+        if summary["misses"]:  # not everything was sent
             raise SystemExit(
                 f"{summary['misses']} of the primitives did not come in time over {transport}, "
                 "though the engine does nothing: is the machine busy with something else?"
