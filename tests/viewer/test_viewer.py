@@ -205,6 +205,33 @@ def test_figures_are_shown(page: Page):
         page.wait_for(f"/\\d/.test(document.querySelector('#figure-{figure}').textContent)", 10)
 
 
+def test_on_a_phone_panels_are_folded_and_nothing_covers_another(page: Page):
+    boxes = (
+        "['#panel', '#place', '#readout'].map((id) => document.querySelector(id))"
+        ".map((box) => { const { left, right, top, bottom } = box.getBoundingClientRect();"
+        " return [left, right, top, bottom]; })"
+    )
+
+    def resize(width: int, height: int) -> None:
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": True}
+        page.call("Emulation.setDeviceMetricsOverride", **size)
+
+    for width, height in ((390, 844), (844, 390)):
+        resize(1000, 700)
+        page.wait_for("document.querySelector('#panel').open", 20)
+        resize(width, height)
+        page.wait_for("!document.querySelector('#panel').open", 20)
+        for opened, other in (("panel", "place"), ("place", "panel")):
+            page.evaluate(f"document.querySelector('#{opened}').open = true")
+            page.wait_for(f"!document.querySelector('#{other}').open")
+            found = page.evaluate(boxes)
+            for k, (left, right, top, bottom) in enumerate(found):
+                assert left >= 0 and right <= width and top >= 0 and bottom <= height
+                for first, last, high, low in found[:k]:
+                    assert first >= right or last <= left or high >= bottom or low <= top
+    page.call("Emulation.clearDeviceMetricsOverride")
+
+
 def test_a_refusal_is_shown_to_the_user(page: Page):
     page.evaluate(
         f"globalThis.ids = {CROWD}.people.map((person) => person.agent.id);"

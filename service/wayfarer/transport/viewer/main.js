@@ -219,6 +219,19 @@ addEventListener("keydown", (event) => {
   if (!typing && !event.ctrlKey && !event.metaKey && !event.altKey) KEYS[event.key.toLowerCase()]?.();
 });
 
+// On a phone the panels are folded, and one opens at a time.
+
+const small = matchMedia("(max-width: 700px), (max-height: 500px)");
+const sheets = [byId("panel"), byId("place")];
+function fold() {
+  for (const sheet of sheets) sheet.open = !small.matches;
+}
+small.addEventListener("change", fold);
+sheets.forEach((sheet, k) => sheet.addEventListener("toggle", () => {
+  if (small.matches && sheet.open) sheets[1 - k].open = false;
+}));
+fold();
+
 // ---- clocks
 
 let last = clock();
