@@ -165,9 +165,12 @@ class ManualClock:
 
 
 def populated(
-    count: int = 1, engine: FakeEngine | None = None, **settings: object
+    count: int = 1,
+    engine: FakeEngine | None = None,
+    spec: SessionSpec | None = None,
+    **settings: object,
 ) -> tuple[World, list[str]]:
-    """A world with so many agents in a session; their ids."""
+    """A world with so many agents in session "s"; their ids."""
     world = make_world(engine, **settings)
-    world.create_session(SessionSpec("s"), 0.0)
+    world.create_session(spec or SessionSpec("s"), 0.0)
     return world, [a.agent_id for a in world.create_agents("s", people(count), 0.0)]

@@ -12,9 +12,12 @@ from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
 from wayfarer.world.agents.agent import AgentState, ChunkFlag, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Mode
-from wayfarer.world.goals.commands import Stop
+from wayfarer.world.behaviours import Wander
+from wayfarer.world.goals.commands import Path, Stop
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.stepping.budget import BudgetRules
+
+FAR = Goal((0.0, 50.0, 0.0))
 
 
 def by_agent(chunks):
@@ -172,16 +175,18 @@ def test_replan_with_a_longer_lead_goes_back_to_the_last_sent_frame():
     assert np.abs(after[0].translation[0] - sent[-1].translation[-1]).max() < 0.1
 
 
-def test_cleared_goal_brings_the_agent_to_a_stand():
+@pytest.mark.parametrize("command", [FAR, Path((FAR, GOAL))])
+def test_who_is_stopped_comes_to_a_stand(command):
     world, [agent] = populated()
-    world.give(agent, Goal((0.0, 50.0, 0.0)), 0.0)
+    world.give(agent, command, 0.0)
     list(world.advance(3.0))
     assert world.give(agent, Stop(), 3.0) == 2
-    before = world.get_agent(agent).position[1]
+    before = world.get_agent(agent)
+    assert (before.goal, before.waypoint, before.waypoints) == (None, 0, 0)
     chunks = list(world.advance(6.0))
     info = world.get_agent(agent)
     assert info.state is AgentState.STANDING and info.goal is None
-    assert -0.01 < info.position[1] - before < 1.0
+    assert -0.01 < info.position[1] - before.position[1] < 1.0
     assert not any(c.flags & ChunkFlag.ARRIVED for c in chunks)
 
 
@@ -211,9 +216,12 @@ def test_without_a_budget_nothing_depends_on_when_it_is_called():
     assert world.scheduler.reduced_steps == 0
 
 
-def test_a_slot_that_is_used_again_starts_afresh():
+@pytest.mark.parametrize(
+    "command", [GOAL, Path((GOAL, Goal((3.0, 5.0, 0.0)))), Wander((5.0, 5.0), 3.0)]
+)
+def test_a_slot_that_is_used_again_starts_afresh(command):
     world, [first] = populated(limits=Limits(agents=1))
-    world.give(first, GOAL, 0.0)
+    world.give(first, command, 0.0)
     list(world.advance(1.1))  # a chunk is planned and waits
     world.delete_agent(first)
     assert world.collect(9.0) == []
@@ -223,6 +231,7 @@ def test_a_slot_that_is_used_again_starts_afresh():
     chunks = list(world.advance(3.0))
     assert chunks[0].seq == 0 and chunks[0].agent_id == second.agent_id
     assert math.dist(chunks[0].translation[0, :2], (7, 7)) < 0.1
+    assert {chunk.state for chunk in chunks} == {AgentState.STANDING}
 
 
 def test_a_broken_row_stands_where_it_was_and_spoils_no_other():

@@ -244,6 +244,7 @@ def test_goals_added_to_wandering_end_it_after_the_present_place():
     ("area", "field", "words"),
     [
         (Wander((math.nan, 0.0), 2.0), "behaviour.center", "allowed: at most 10000 m"),
+        (Wander((0.0, 0.0, 0.0), 2.0), "behaviour.center", "x, y on the floor"),
         (Wander((0.0, 0.0), 0.4), "behaviour.radius", "allowed: 0.5 m to 50 m"),
         (Wander((0.0, 0.0), math.inf), "behaviour.radius", "allowed: 0.5 m to 50 m"),
         (
@@ -252,7 +253,9 @@ def test_goals_added_to_wandering_end_it_after_the_present_place():
             "55 m from the agent; allowed: at most 50 m",
         ),
         (Wander((0.0, 0.0), 2.0, speed=9.0), "behaviour.speed", "holds 9 m/s"),
+        (Wander((0.0, 0.0), 2.0, speed=math.nan), "behaviour.speed", "holds nan"),
         (Wander((0.0, 0.0), 2.0, dwell=-1.0), "behaviour.dwell", "holds -1"),
+        (Wander((0.0, 0.0), 2.0, dwell=math.inf), "behaviour.dwell", "holds inf"),
     ],
 )
 def test_impossible_areas_are_refused(area, field, words):
@@ -263,13 +266,14 @@ def test_impossible_areas_are_refused(area, field, words):
     assert world.get_agent(agent).goal_revision == 0
 
 
-def test_a_slot_that_is_used_again_does_not_wander():
-    world, [first] = populated(limits=Limits(agents=1))
-    world.give(first, AREA, 0.0)
-    list(world.advance(1.0))
-    world.delete_agent(first)
-    world.create_agents("s", people(1), 1.0)
-    assert {c.state for c in world.advance(3.0)} == {AgentState.STANDING}
+def test_an_area_must_not_leave_the_world():
+    world = make_world()
+    world.create_session(SessionSpec("s"), 0.0)
+    [agent] = world.create_agents("s", people(1, position=(9990.0, 0.0)), 0.0)
+    world.give(agent.agent_id, Wander((9990.0, 0.0), 10.0), 0.0)
+    with pytest.raises(InvalidArgument, match="10005 m") as error:
+        world.give(agent.agent_id, Wander((9995.0, 0.0), 10.0), 0.0)
+    assert error.value.field == "behaviour.center"
 
 
 # Changes of agents
@@ -278,27 +282,29 @@ def test_a_slot_that_is_used_again_does_not_wander():
 def test_name_and_foot_lock_can_be_changed():
     world, [agent] = populated()
     list(world.advance(1.0))
-    assert world.update_agent(agent, AgentChange(name="Ada")).spec.name == "Ada"
+    assert world.update_agent(agent, AgentChange(name="A" * 64)).spec.name == "A" * 64
     info = world.update_agent(agent, AgentChange(foot_lock=False))
-    assert (info.spec.name, info.spec.foot_lock) == ("Ada", False)
+    assert (info.spec.name, info.spec.foot_lock) == ("A" * 64, False)
     assert world.update_agent(agent, AgentChange()) == info
     with pytest.raises(InvalidArgument, match="64 characters") as error:
         world.update_agent(agent, AgentChange(name="x" * 65, foot_lock=True))
     assert error.value.field == "name" and world.get_agent(agent) == info
+    assert world.update_agent(agent, AgentChange(name="")).spec.name == ""
     with pytest.raises(NotFound):
         world.update_agent("nobody", AgentChange(name="x"))
 
 
 def test_sessions_are_told_as_they_were_opened():
     world = make_world()
-    spec = SessionSpec("b", seed=7, record=True, attributes={"basis": "unity"})
+    spec = SessionSpec("b", seed=2**64 - 1, record=True, attributes={"basis": "unity"})
     world.create_session(spec, 1.0)
     world.create_session(SessionSpec(), 2.0)
     infos = world.list_sessions()
     assert [info.created_at for info in infos] == [1.0, 2.0]
     assert infos[0] == world.get_session("b") and infos[0].spec == spec
-    with pytest.raises(InvalidArgument, match="seed"):
-        world.create_session(SessionSpec(seed=-1), 0.0)
+    for seed in (-1, 2**64):
+        with pytest.raises(InvalidArgument, match="seed"):
+            world.create_session(SessionSpec(seed=seed), 0.0)
 
 
 # Observers

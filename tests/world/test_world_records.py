@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.world.fakes import make_world, people
+from tests.world.fakes import make_world, people, populated
 from wayfarer.errors import AlreadyExists, InvalidArgument, NotFound, ResourceExhausted
 from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import AgentChange, ChunkFlag, SessionSpec
@@ -16,6 +16,7 @@ from wayfarer.world.stepping.settings import AdmissionRules
 
 GOAL = Goal((0.0, 9.0, 0.0))
 PATH = [Goal((0.0, y, 0.0), stop=False) for y in (1.0, 2.0, 3.0)] + [GOAL]
+SPEC = SessionSpec("s", seed=5, attributes={"basis": "ros"})
 
 ORDERS = {
     "stand": lambda w, a, now: None,
@@ -24,12 +25,6 @@ ORDERS = {
     "wander": lambda w, a, now: w.give(a, Wander((2.0, 2.0), 3.0), now),
     "clear": lambda w, a, now: (w.give(a, GOAL, now - 0.5), w.give(a, Stop(), now)),
 }
-
-
-def populated(count=2, **settings):
-    world = make_world(**settings)
-    world.create_session(SessionSpec("s", seed=5, attributes={"basis": "ros"}), 0.0)
-    return world, [a.agent_id for a in world.create_agents("s", people(count), 0.0)]
 
 
 def moved(world, now, **settings):
@@ -53,7 +48,7 @@ def same(a, b):
 @pytest.mark.parametrize("order", ORDERS.values(), ids=ORDERS)
 @pytest.mark.parametrize("settings", [{}, {"lead": 3, "phases": 2}], ids=["alike", "other"])
 def test_a_session_goes_on_elsewhere_frame_for_frame(order, settings):
-    world, [agent, other] = populated()
+    world, [agent, other] = populated(2, spec=SPEC)
     order(world, agent, 1.0)
     list(world.advance(4.0))
     there = moved(world, 1000.0, **settings)
@@ -75,7 +70,7 @@ def test_a_session_goes_on_elsewhere_frame_for_frame(order, settings):
 @pytest.mark.parametrize("asked", np.arange(3.0, 3.2, 0.025).round(3))
 def test_an_order_that_has_not_shown_yet_goes_along(asked):
     """Whatever is still planned for the path before it is thrown away, and the order is not."""
-    world, [agent, _] = populated()
+    world, [agent, _] = populated(2, spec=SPEC)
     world.give(agent, Path(tuple(PATH)), 0.0)
     sent = by_agent(world.advance(asked), agent)
     world.give(agent, Path((Goal((4.0, 2.0, 0.0)), Goal((4.0, 4.0, 0.0)))), asked)
@@ -89,7 +84,7 @@ def test_an_order_that_has_not_shown_yet_goes_along(asked):
 
 
 def test_a_path_that_is_fed_can_be_moved():
-    world, [agent, _] = populated(limits=Limits(path_goals=4))
+    world, [agent, _] = populated(2, spec=SPEC, limits=Limits(path_goals=4))
     world.give(agent, Path(tuple(PATH[:3])), 0.0)
     list(world.advance(2.5))
     world.give(agent, Append((Goal((0.0, 5.0, 0.0), stop=False), GOAL)), 2.5)
@@ -102,8 +97,8 @@ def test_a_path_that_is_fed_can_be_moved():
 
 
 def test_taking_leaves_everything_as_it_was():
-    world, [agent, _] = populated()
-    reference, [same_agent, _] = populated()
+    world, [agent, _] = populated(2, spec=SPEC)
+    reference, [same_agent, _] = populated(2, spec=SPEC)
     for w, a in ((world, agent), (reference, same_agent)):
         w.give(a, Wander((0.0, 0.0), 4.0), 0.0)
     found = []
@@ -115,7 +110,7 @@ def test_taking_leaves_everything_as_it_was():
 
 
 def test_aliases_and_ids_go_on_where_they_were():
-    world, [first, second] = populated()
+    world, [first, second] = populated(2, spec=SPEC)
     world.delete_agent(second)
     there = moved(world, 5.0)
     [new] = there.create_agents("s", people(1), 5.0)
@@ -128,7 +123,7 @@ def test_aliases_and_ids_go_on_where_they_were():
 
 
 def test_an_agent_can_be_put_into_another_session():
-    world, [first, _] = populated()
+    world, [first, _] = populated(2, spec=SPEC)
     list(world.advance(1.0))
     there = make_world()
     there.create_session(SessionSpec("t"), 0.0)
@@ -144,7 +139,7 @@ def test_an_agent_can_be_put_into_another_session():
 
 
 def test_room_and_time_are_asked_for_all_or_nothing():
-    world, _ = populated(4)
+    world, _ = populated(4, spec=SPEC)
     record = world.members.take_session("s")
     small = make_world(limits=Limits(agents=3))
     with pytest.raises(ResourceExhausted, match="0 of 3"):
@@ -159,7 +154,7 @@ def test_room_and_time_are_asked_for_all_or_nothing():
 
 
 def test_the_foot_lock_goes_along_and_can_be_switched_on_the_way():
-    world, [_, other] = populated()
+    world, [_, other] = populated(2, spec=SPEC)
     world.update_agent(other, AgentChange(foot_lock=False))
     list(world.advance(1.0))
     record = world.members.take_session("s")
@@ -193,28 +188,17 @@ def spoil(record, path, value):
         (lambda r: replace(r, session_id="../x"), "session_id"),
         (lambda r: replace(r, last_alias=1), "alias is 2; allowed: at most last_alias, 1"),
         (lambda r: replace(r, agents=(r.agents[0],) * 2), "same agent_id"),
-        (lambda r: change(r, agent_id=""), "agent_id must be"),
         (lambda r: change(r, alias=2), "same alias"),
-        (lambda r: change(r, seq=-1), "allowed: 0 to"),
         (lambda r: change(r, model="m" * 300), "300 characters; allowed"),
         (lambda r: change(r, seq=2**60), "allowed: 0 to"),
-        (lambda r: change(r, goal_revision=2**40), "allowed: 0 to"),
-        (lambda r: change(r, created_at=float("nan")), "finite"),
-        (lambda r: change(r, spec=replace(r.agents[0].spec, gender="robot")), "gender"),
-        (lambda r: change(r, path=(Goal((0, 0, 0), speed=99.0),)), "speed holds 99"),
-        (lambda r: change(r, path=(GOAL,) * 500), "500 goals; allowed"),
-        (lambda r: change(r, path_start=(float("inf"), 0.0)), "finite"),
         (lambda r: change(r, passed=3), "waypoint is 0; allowed: 3 to 3"),
-        (lambda r: change(r, behaviour=Wander((0.0, 0.0), -1.0)), "radius"),
-        (lambda r: spoil(r, "seed.translation", np.nan), "seed.translation holds numbers"),
-        (lambda r: spoil(r, "seed.markers", 1e9), "seed.markers holds numbers"),
         (lambda r: spoil(r, "seed.rotations", 0.0), "unit quaternions"),
         (lambda r: spoil(r, "gait.mode", 17), "unknown mode"),
-        (lambda r: spoil(r, "gait.waypoint", 4), "waypoint is 4; allowed: 0 to 0"),
     ],
 )
 def test_records_that_cannot_be_are_refused_and_change_nothing(damage, words):
-    world, _ = populated()
+    """More of them in `service/persistence/test_snapshot.py`, as bytes that a client makes up."""
+    world, _ = populated(2)
     list(world.advance(1.0))
     there = make_world()
     with pytest.raises(InvalidArgument, match=words):

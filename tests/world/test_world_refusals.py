@@ -125,16 +125,15 @@ def test_limits_are_kept_all_or_none():
 
 def test_session_ids():
     world = make_world()
-    world.create_session(SessionSpec("a.b-c_1"), 0.0)
+    world.create_session(SessionSpec("a.B-c_1"), 0.0)
     with pytest.raises(AlreadyExists):
-        world.create_session(SessionSpec("a.b-c_1"), 0.0)
-    for bad in ("", "../x", "a b", "x" * 65):
-        with pytest.raises(InvalidArgument, match="session_id"):
+        world.create_session(SessionSpec("a.B-c_1"), 0.0)
+    for bad in ("", "../x", "a b", "-a", "ä", "a\n", "x" * 65):
+        with pytest.raises(InvalidArgument, match="1 to 64") as error:
             world.create_session(SessionSpec(bad), 0.0)
-    assert (
-        world.create_session(SessionSpec(), 0.0).session_id
-        != world.create_session(SessionSpec(), 0.0).session_id
-    )
+        assert error.value.field == "session_id"
+    made = {world.create_session(SessionSpec(), 0.0).session_id for _ in range(2)}
+    assert len(made) == 2
 
 
 def test_settings_are_checked():

@@ -5,12 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from tests.world.fakes import FakeEngine, people, populated
-from wayfarer.limits import Limits
+from tests.world.fakes import FakeEngine, populated
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import AgentState, ChunkFlag
 from wayfarer.world.agents.goal import Goal
-from wayfarer.world.goals.commands import Path, Stop
+from wayfarer.world.goals.commands import Path
 
 SQUARE = [(0.0, 3.0, 0.0), (3.0, 3.0, 0.0), (3.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
 
@@ -108,26 +107,6 @@ def test_a_reset_on_the_way_keeps_the_place_in_the_path():
     chunks = list(world.advance(9.0))
     assert {c.waypoint for c in chunks} == {1}
     assert math.dist(world.get_agent(agent).position[:2], (0.0, 4.0)) < 0.3
-
-
-def test_a_slot_that_is_used_again_has_no_path():
-    world, [first] = populated(limits=Limits(agents=1))
-    world.give(first, Path(tuple(Goal(place) for place in SQUARE)), 0.0)
-    list(world.advance(1.0))
-    world.delete_agent(first)
-    world.create_agents("s", people(1), 1.0)
-    assert {c.state for c in world.advance(3.0)} == {AgentState.STANDING}
-
-
-def test_a_cleared_path_is_gone():
-    world, [agent] = populated()
-    world.give(agent, Path(tuple(Goal(place) for place in SQUARE)), 0.0)
-    list(world.advance(2.0))
-    assert world.give(agent, Stop(), 2.0) == 2
-    info = world.get_agent(agent)
-    assert (info.goal, info.waypoint, info.waypoints) == (None, 0, 0)
-    list(world.advance(6.0))
-    assert world.get_agent(agent).state is AgentState.STANDING
 
 
 def test_turns_on_the_spot_to_the_heading_of_its_goal():

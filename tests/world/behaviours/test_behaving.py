@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tests.world.fakes import make_world, people
+from tests.world.fakes import make_world, populated
 from wayfarer.errors import FailedPrecondition, InvalidArgument
 from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import AgentState, SessionSpec
@@ -29,12 +29,6 @@ from wayfarer.world.goals.commands import Append
 STOPS = tuple(Goal((x, y, 0.0), speed=1.5) for x, y in ((2.0, 0.0), (2.0, 2.0), (0.0, 2.0)))
 
 
-def populated(count=1, spec=None, **settings):
-    world = make_world(**settings)
-    world.create_session(spec or SessionSpec("s"), 0.0)
-    return world, [a.agent_id for a in world.create_agents("s", people(count), 0.0)]
-
-
 def place(world, agent_id):
     return np.array(world.get_agent(agent_id).position[:2])
 
@@ -49,12 +43,6 @@ def state(world, agent_id):
 
 def run(world, until):
     return list(world.advance(until))
-
-
-def reached(world, agent_id, until):
-    """Places in the path, in turn, that the agent was on the way to."""
-    waypoints = [c.waypoint for c in world.advance(until) if c.agent_id == agent_id]
-    return sorted(set(waypoints)), world.get_agent(agent_id)
 
 
 @pytest.mark.parametrize(
@@ -280,7 +268,7 @@ def test_the_same_calls_give_the_same_motion():
 
 @pytest.mark.parametrize("kind", ["follow", "keep_away", "queue", "routine"])
 def test_in_a_recorded_session_nobody_depends_on_others(kind):
-    world, [a, b] = populated(2, SessionSpec("s", record=True))
+    world, [a, b] = populated(2, spec=SessionSpec("s", record=True))
     with pytest.raises(FailedPrecondition, match="recorded"):
         world.give(a, wishes(b)[kind], 0.0)
     world.give(a, Patrol(STOPS), 0.0)
