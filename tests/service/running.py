@@ -3,7 +3,7 @@
 import asyncio
 import threading
 
-from tests.world.fakes import make_world
+from tests.world.fakes import FakeEngine, make_world
 from wayfarer.limits import Limits
 from wayfarer.service.live import LiveMotion
 from wayfarer.service.streams.publications import StreamOptions
@@ -25,6 +25,19 @@ class Running:
     async def __aexit__(self, *_):
         await self.loop.stop()
         assert "motion-loop" not in {t.name for t in threading.enumerate()}
+
+
+class HeldEngine(FakeEngine):
+    """Its calls last until they are let go."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.let_go, self.is_busy = threading.Event(), threading.Event()
+
+    def step(self, gender, inputs):
+        self.is_busy.set()
+        self.let_go.wait(30)
+        return super().step(gender, inputs)
 
 
 async def until(condition, seconds=5.0):

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from tests.service.running import ALL, Running, first, until, world_of
+from tests.service.running import ALL, HeldEngine, Running, first, until, world_of
 from tests.world.fakes import FakeEngine, make_world, people
 from wayfarer.errors import ResourceExhausted, Unavailable
 from wayfarer.service import live
@@ -120,19 +120,6 @@ async def test_who_has_no_room_is_told_so_whatever_the_motion_thread_is_at():
             let_go.set()
         await held
         assert len(await coming) == 2
-
-
-class HeldEngine(FakeEngine):
-    """Whose calls last until they are let go."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.let_go, self.is_busy = threading.Event(), threading.Event()
-
-    def step(self, gender, inputs):
-        self.is_busy.set()
-        self.let_go.wait(30)
-        return super().step(gender, inputs)
 
 
 async def test_commands_are_answered_while_the_engine_is_at_work():

@@ -1,12 +1,12 @@
 """Sessions in which time passes only when it is asked to."""
 
 import asyncio
-import threading
 
 import numpy as np
 import pytest
 
 from tests.service.kept_worlds import fake_worlds
+from tests.service.running import HeldEngine
 from tests.world.fakes import FakeEngine, people
 from wayfarer.errors import (
     AlreadyExists,
@@ -157,22 +157,8 @@ async def test_limits_hold(runtime):
     await runtime.create_agents("b", people(5))
 
 
-class SlowEngine(FakeEngine):
-    """Waits for leave to step."""
-
-    def __init__(self):
-        super().__init__()
-        self.gate = threading.Event()
-        self.is_waiting = threading.Event()
-
-    def step(self, gender, inputs):
-        self.is_waiting.set()
-        self.gate.wait(5)
-        return super().step(gender, inputs)
-
-
 async def test_a_busy_session_keeps_nobody_else_waiting():
-    engine = SlowEngine()
+    engine = HeldEngine()
     runtime = MotionService(fake_worlds(engine=engine, limits=Limits(offline_jobs=1)))
     runtime.start()
     await until_ready(runtime)
@@ -180,7 +166,7 @@ async def test_a_busy_session_keeps_nobody_else_waiting():
     await runtime.create_session(SessionSpec("other", lock_step=True))
     [agent] = await runtime.create_agents("tool", people(1))
     steps = asyncio.create_task(runtime.step_session("tool", 1))
-    assert await asyncio.to_thread(engine.is_waiting.wait, 5)
+    assert await asyncio.to_thread(engine.is_busy.wait, 5)
     await asyncio.wait_for(runtime.list_agents("other"), 1)
     listed, _ = await asyncio.wait_for(runtime.list_sessions(), 1)
     assert listed.agent_ids == (agent.agent_id,) and not steps.done()
@@ -189,7 +175,7 @@ async def test_a_busy_session_keeps_nobody_else_waiting():
     waiting = asyncio.create_task(runtime.list_agents("tool"))
     await asyncio.sleep(0.05)
     assert not waiting.done()
-    engine.gate.set()
+    engine.let_go.set()
     assert len(await steps) == 1
     assert len(await waiting) == 1
     await runtime.stop()

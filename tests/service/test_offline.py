@@ -7,6 +7,7 @@ import time
 import pytest
 
 from tests.service.kept_worlds import fake_worlds
+from tests.service.running import until
 from tests.world.fakes import make_world, people
 from wayfarer.errors import InvalidArgument, ResourceExhausted
 from wayfarer.service.offline import Offline
@@ -14,14 +15,6 @@ from wayfarer.service.walk import walk
 from wayfarer.spec import NEW_FRAMES
 from wayfarer.world.agents.agent import AgentState
 from wayfarer.world.agents.goal import Goal
-
-
-async def until(condition):
-    for _ in range(500):
-        if condition():
-            return
-        await asyncio.sleep(0.01)
-    raise AssertionError("it did not come about")
 
 
 async def test_items_come_in_order_and_the_place_is_given_back():

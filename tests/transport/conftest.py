@@ -1,7 +1,9 @@
 import pytest
 
-from tests.transport.fakes import Clock, FakeService, opened
+from tests.transport.fakes import FakeService, opened
 from tests.transport.rig import Rig
+from tests.transport.samples import NOW
+from tests.world.fakes import ManualClock
 
 
 @pytest.fixture
@@ -17,7 +19,7 @@ def service():
 
 @pytest.fixture
 def clock():
-    return Clock()
+    return ManualClock(NOW)
 
 
 @pytest.fixture

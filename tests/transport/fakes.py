@@ -10,6 +10,7 @@ import numpy as np
 
 from tests.transport.fake_scenes import FakeScenes
 from tests.transport.samples import MODEL, NOW, agent_info, chunk
+from tests.world.fakes import ManualClock
 from wayfarer.engines.models import ModelInfo
 from wayfarer.errors import (
     Aborted,
@@ -316,31 +317,25 @@ def found(snapshot: bytes) -> Any:
 KEPT: list[Any] = []
 
 
-class Clock:
-    """Turned by hand."""
-
-    def __init__(self) -> None:
-        self.now = NOW
-
-    def __call__(self) -> float:
-        return self.now
-
-
 def gateway(
-    service: FakeService | None = None, limits: Limits | None = None, clock: Clock | None = None
+    service: FakeService | None = None,
+    limits: Limits | None = None,
+    clock: ManualClock | None = None,
 ) -> Gateway:
     """Not yet taking work: `await api.take_over()`."""
     return Gateway(
         service or FakeService(),
         BodyLibrary("anny52"),
         limits or Limits(),
-        clock or Clock(),
+        clock or ManualClock(NOW),
         lambda: None,
     )
 
 
 async def opened(
-    service: FakeService | None = None, limits: Limits | None = None, clock: Clock | None = None
+    service: FakeService | None = None,
+    limits: Limits | None = None,
+    clock: ManualClock | None = None,
 ) -> Gateway:
     """Taking work."""
     api = gateway(service, limits, clock)

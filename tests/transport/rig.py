@@ -81,7 +81,7 @@ class Rig:
         return self.server.http_url.replace("http", "ws")
 
 
-async def until(condition, seconds: float = 10.0) -> None:
+async def until(condition, seconds: float = 30.0) -> None:
     async with asyncio.timeout(seconds):
         while not condition():
             await asyncio.sleep(0.01)

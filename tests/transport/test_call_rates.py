@@ -2,6 +2,7 @@ import asyncio
 
 import pytest
 
+from tests.world.fakes import ManualClock
 from wayfarer.errors import ResourceExhausted
 from wayfarer.transport.call_rates import (
     FAILURE_BURST,
@@ -17,16 +18,9 @@ ADA = Caller("ada", frozenset())
 BOB = Caller("bob", frozenset())
 
 
-class Clock:
-    now = 0.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
 @pytest.fixture
 def clock():
-    return Clock()
+    return ManualClock(0.0)
 
 
 @pytest.fixture

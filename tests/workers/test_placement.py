@@ -2,6 +2,7 @@ from dataclasses import dataclass
 
 import pytest
 
+from tests.world.fakes import ManualClock
 from wayfarer.errors import Unavailable
 from wayfarer.shard import Shard
 from wayfarer.workers.messages import DOWN, Report
@@ -17,27 +18,20 @@ def ready(agents: int = 0, sessions: int = 0) -> Worker:
     return Worker(Report(alive=True, ready=True, started=True, agents=agents, sessions=sessions))
 
 
-class Clock:
-    now = 0.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
 def test_new_sessions_are_spread_before_any_report_tells_of_them():
     placement = Placement([ready(), ready(), ready()])
     assert sorted(placement.choose() for _ in range(6)) == [0, 0, 1, 1, 2, 2]
 
 
 def test_sessions_go_where_the_fewest_people_are():
-    placement = Placement([ready(40, 2), ready(10, 2), ready(30, 2)], Clock())
+    placement = Placement([ready(40, 2), ready(10, 2), ready(30, 2)], ManualClock(0.0))
     assert placement.choose() == 1
     # a new session counts as much as the mean one holds: 13
     assert [placement.choose() for _ in range(3)] == [1, 2, 1]
 
 
 def test_what_was_placed_is_forgotten_once_reports_tell_of_it():
-    clock = Clock()
+    clock = ManualClock(0.0)
     workers = [ready(), ready()]
     placement = Placement(workers, clock)
     assert [placement.choose() for _ in range(2)] == [0, 1]

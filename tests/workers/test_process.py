@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.transport.rig import until
 from wayfarer.errors import Unavailable
 from wayfarer.workers.process import Patience, WorkerProcess
 from wayfarer.workers.supervisor import Supervisor
@@ -28,12 +29,6 @@ QUICK = Patience(start=20.0, silence=0.7, first_pause=0.01, longest_pause=0.05)
 def worker(script: str, patience: Patience = QUICK) -> WorkerProcess:
     command = [sys.executable, "-S", "-c", HEAD + script]
     return WorkerProcess(0, command, b'{"index": 0}', patience)
-
-
-async def until(condition) -> None:
-    async with asyncio.timeout(30):
-        while not condition():
-            await asyncio.sleep(0.01)
 
 
 async def test_is_ready_when_all_are_and_stops_when_told():

@@ -3,6 +3,7 @@ from hashlib import sha256
 import pytest
 from structlog.testing import capture_logs
 
+from tests.world.fakes import ManualClock
 from wayfarer.errors import InvalidArgument, Unauthenticated
 from wayfarer.transport.auth.keys import LOOK_S, KeyFile, new_key
 from wayfarer.transport.caller import Quota, Scope
@@ -21,13 +22,6 @@ ADDED = f"""
 sha256 = "{OTHER_DIGEST}"
 scopes = ["admin"]
 """
-
-
-class Clock:
-    now = 0.0
-
-    def __call__(self) -> float:
-        return self.now
 
 
 @pytest.fixture
@@ -51,7 +45,7 @@ def test_other_keys_are_unknown(path, key):
 
 
 def test_a_changed_file_is_read_again(path):
-    clock = Clock()
+    clock = ManualClock()
     keys = KeyFile(path, clock)
     path.write_text(FILE + ADDED)
     with pytest.raises(Unauthenticated):  # looked at just now
@@ -65,7 +59,7 @@ def test_a_changed_file_is_read_again(path):
 
 
 def test_reload_does_not_wait(path):
-    keys = KeyFile(path, Clock())
+    keys = KeyFile(path, ManualClock())
     path.write_text(ADDED)
     keys.reload()
     assert keys.caller(OTHER)
@@ -73,7 +67,7 @@ def test_reload_does_not_wait(path):
 
 @pytest.mark.parametrize("damage", ["keys = 3", "[keys.", None])
 def test_a_file_that_has_gone_bad_changes_nothing_and_is_logged(path, damage):
-    clock = Clock()
+    clock = ManualClock()
     keys = KeyFile(path, clock)
     if damage is None:
         path.unlink()
@@ -115,7 +109,7 @@ def test_keys_are_new_each_time():
 
 
 def test_a_caller_is_good_as_long_as_its_key_opens_as_much(path):
-    clock = Clock()
+    clock = ManualClock()
     keys = KeyFile(path, clock)
     studio = keys.caller(STUDIO)
 

@@ -9,16 +9,10 @@ import jwt
 import pytest
 
 from tests.transport.auth.issuer import AUDIENCE, ISSUER, Issuer
+from tests.world.fakes import ManualClock
 from wayfarer.errors import InvalidArgument, Unauthenticated, Unavailable
 from wayfarer.transport.auth.tokens import FRESH_S, PAUSE_S, IssuerKeys, TokenCheck
 from wayfarer.transport.caller import Scope
-
-
-class Clock:
-    now = 1000.0
-
-    def __call__(self) -> float:
-        return self.now
 
 
 class Source:
@@ -48,7 +42,7 @@ def source(issuer):
 
 @pytest.fixture
 def clock():
-    return Clock()
+    return ManualClock()
 
 
 @pytest.fixture

@@ -1,7 +1,9 @@
 import pytest
 
-from tests.transport.fakes import Clock, FakeService
+from tests.transport.fakes import FakeService
 from tests.transport.gateway.calls import session_of_two
+from tests.transport.samples import NOW
+from tests.world.fakes import ManualClock
 from wayfarer.errors import AlreadyExists, FailedPrecondition, NotFound
 from wayfarer.limits import Limits
 from wayfarer.transport import schema
@@ -36,7 +38,7 @@ async def test_what_cannot_be_loaded_says_why(api):
 async def test_drain_stops_the_server():
     stops = []
     api = Gateway(
-        FakeService(), BodyLibrary("anny52"), Limits(), Clock(), lambda: stops.append(None)
+        FakeService(), BodyLibrary("anny52"), Limits(), ManualClock(NOW), lambda: stops.append(None)
     )
     await api.admin.drain()
     assert stops == [None]

@@ -4,8 +4,9 @@ import asyncio
 
 import pytest
 
-from tests.transport.fakes import Clock
 from tests.transport.gateway.calls import called_by, caller, session
+from tests.transport.samples import NOW
+from tests.world.fakes import ManualClock
 from wayfarer.errors import Aborted, ResourceExhausted
 from wayfarer.transport import schema
 from wayfarer.transport.gateway.idempotency import KEPT, IdempotencyCache
@@ -83,7 +84,7 @@ async def test_replies_of_a_caller_are_bounded():
         done.append(None)
         return len(done)
 
-    replies = IdempotencyCache(Clock())
+    replies = IdempotencyCache(ManualClock(NOW))
     for number in range(KEPT + 1):
         await replies.once(f"id-{number}", ("here", WISH), act)
     assert await replies.once(f"id-{KEPT}", ("here", WISH), act) == KEPT + 1  # remembered

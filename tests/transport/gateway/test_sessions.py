@@ -2,7 +2,7 @@ import asyncio
 
 import pytest
 
-from tests.transport.fakes import Clock, FakeService, gateway, opened
+from tests.transport.fakes import FakeService, gateway, opened
 from tests.transport.gateway.calls import (
     GOAL,
     TWO,
@@ -13,6 +13,7 @@ from tests.transport.gateway.calls import (
     stream,
 )
 from tests.transport.samples import NOW
+from tests.world.fakes import ManualClock
 from wayfarer.errors import InvalidArgument, NotFound, ResourceExhausted, Unavailable
 from wayfarer.limits import Limits
 from wayfarer.transport import schema
@@ -210,7 +211,7 @@ async def test_quotas_of_agents_and_streams(api):
 
 
 async def test_sessions_of_the_journal_are_taken_over_with_a_fresh_lease():
-    clock, service = Clock(), FakeService()
+    clock, service = ManualClock(NOW), FakeService()
     before = await opened(service, clock=clock)
     with called_by(caller("ada")):
         session_id, (agent, _) = await session_of_two(

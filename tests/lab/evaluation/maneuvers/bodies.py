@@ -7,6 +7,7 @@ from wayfarer.body.rotation import quaternion_from_rotvec
 from wayfarer.clips.clip import Clip
 from wayfarer.spec import BETAS, FPS, POSED_JOINTS
 from wayfarer.world.agents.goal import Goal
+from wayfarer.world.output.quaternion import multiply
 from wayfarer_lab.evaluation.maneuvers.maneuver import Shot
 from wayfarer_lab.evaluation.takes import JOINT, Take
 
@@ -45,7 +46,7 @@ def take(
     rotations = quaternion_from_rotvec(turns)
     yaw = np.zeros((frames, 3))
     yaw[:, 2] = np.radians(heading)
-    rotations[:, 0] = _multiplied(quaternion_from_rotvec(yaw), rotations[:, 0])
+    rotations[:, 0] = multiply(quaternion_from_rotvec(yaw).T, rotations[:, 0].T).T
     contacts = np.broadcast_to(np.asarray(told), (frames, 2))
     clip = Clip(hips, rotations, contacts, "female", (0.0,) * BETAS)
     return Take.of(clip, BODY, name, person)
@@ -73,18 +74,4 @@ def walker(seconds: float = 8.0, bob: float = 0.03, **joints: tuple[float, float
         left_knee=(-knees, 0, 0),
         right_knee=(-np.roll(knees, FPS // 2), 0, 0),
         **joints,
-    )
-
-
-def _multiplied(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    ax, ay, az, aw = a.T
-    bx, by, bz, bw = b.T
-    return np.stack(
-        [
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-            aw * bw - ax * bx - ay * by - az * bz,
-        ],
-        -1,
     )
