@@ -93,25 +93,25 @@ async def test_every_goal_command_arrives(service, client):
     """By calls of a session and, with the same arguments, over its control stream."""
     through = Goal((1.0, 0.0, 0.0), stop=False)
     aside = Goal((0.0, 0.0, 0.0), heading=0.5, strafe=True, dwell=1.5)
-    goals = [
-        wf.Goal((0, -1, 0), stop=False),
-        wf.Goal((0, 0, 0), heading=0.5, strafe=True, dwell=1.5),
-    ]
+    how = {"heading": 0.5, "strafe": True, "dwell": 1.5}
+    goals = [wf.Goal((0, -1, 0), stop=False), wf.Goal((0, 0, 0), **how)]
+    calls = (
+        ("set_goal", (goals[0],), {}),
+        ("set_goal", ((0, 0, 0),), how),
+        ("set_path", (goals,), {}),
+        ("append_goals", (goals,), {}),
+        ("wander", ((1, 0, 0), 5.0), {"speed": 0.8}),
+        ("behave", (wf.Follow("bo"),), {}),
+        ("clear_goal", (), {}),
+    )
     async with await client.create_session("ros") as session, session.control() as control:
         (ada,) = await session.create_agents(wf.AgentSpec())
-        for number, way in enumerate((session, control)):
-            first = 7 * number
-            assert await way.set_goal(ada, goals[0]) == first + 1
-            assert (
-                await way.set_goal(ada, (0, 0, 0), heading=0.5, strafe=True, dwell=1.5) == first + 2
-            )
-            assert await way.set_path(ada, goals, expected=first + 2) == first + 3
-            assert await way.append_goals(ada, goals) == first + 4
-            assert await way.wander(ada, (1, 0, 0), 5.0, speed=0.8) == first + 5
-            assert await way.behave(ada, wf.Follow("bo")) == first + 6
-            assert await way.clear_goal(ada.agent_id) == first + 7
-            with pytest.raises(wf.Aborted):
-                await way.clear_goal(ada, expected=1)
+        for way in (session, control):
+            for name, given, named in calls:
+                call, at = getattr(way, name), len(service.commands)
+                assert await call(ada, *given, **named, expected=at) == at + 1
+                with pytest.raises(wf.Aborted):
+                    await call(ada, *given, **named, expected=99)
     both = (through, aside)
     meant = [
         through,
