@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from wayfarer.body.library import load_body
+from wayfarer.body.library import SHIPPED, load_body
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.limits import Limits
-from wayfarer.model_bundle import BODY, START_POSES
+from wayfarer.model_bundle import START_POSES
 from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.service.streams.publisher import Publisher
@@ -80,7 +80,7 @@ class Driven:
             batch_sizes=sizes,
             phases=asked.phases,
         )
-        bodies = {gender: load_body(BODY, gender, "low") for gender in GENDERS}
+        bodies = {gender: load_body(SHIPPED, gender, "low") for gender in GENDERS}
         self.now = 0.0
         self._meter = Metrics()
         self._world = World(InstantEngine(), bodies, load_start_poses(START_POSES), settings)

@@ -43,13 +43,13 @@ from benchmarks.bench import Row
 from benchmarks.flops import PRODUCTS
 from benchmarks.models import ENGINES, GENDER
 from wayfarer.artifacts import ModelFolder
-from wayfarer.body.library import load_body
+from wayfarer.body.library import SHIPPED, load_body
 from wayfarer.engines.engine import Engine, Float, StepInputs, StepOutputs
 from wayfarer.engines.onnx_engine import INPUTS, OnnxEngine
 from wayfarer.engines.openvino_engine import OpenVinoEngine
 from wayfarer.engines.padding import pick
 from wayfarer.engines.warm import WarmEngine
-from wayfarer.model_bundle import BODY, DEFAULT_MODEL, ModelBundle, load_models
+from wayfarer.model_bundle import DEFAULT_MODEL, ModelBundle, load_models
 from wayfarer.spec import GENDERS, SEED_FRAMES, STEP_SECONDS
 from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.goal import Goal
@@ -90,7 +90,7 @@ class Recorder(OnnxEngine):
 def recorded(models: ModelFolder, seed: int, steps: int, every: int) -> Inputs:
     """Inputs of some steps of a crowd that gets goals now and then."""
     engine, random = Recorder(models), np.random.default_rng(seed)
-    bodies = {gender: load_body(BODY, gender, "low") for gender in GENDERS}
+    bodies = {gender: load_body(SHIPPED, gender, "low") for gender in GENDERS}
     genders = GENDERS * ROWS
     world = ModelBundle(models, engine, bodies).world(
         len(genders), Steering().with_search(candidates=1)

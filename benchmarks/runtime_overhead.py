@@ -26,8 +26,8 @@ import uvloop
 from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.driven import Driven, InstantEngine
+from wayfarer.body.library import SHIPPED
 from wayfarer.limits import Limits
-from wayfarer.model_bundle import BODY
 from wayfarer.service.streams.publisher import Publisher
 from wayfarer.service.streams.subscription import Subscription
 from wayfarer.spec import GENDERS, STEP_SECONDS
@@ -131,7 +131,7 @@ async def measure(asked: argparse.Namespace, reader: str, clocked: Clocked) -> l
         sessions=asked.sessions,
         lease_s=3600,
     )
-    gateway = Gateway(service, BodyLibrary(BODY), limits, time.time, lambda: None)  # type: ignore[arg-type]
+    gateway = Gateway(service, BodyLibrary(SHIPPED), limits, time.time, lambda: None)  # type: ignore[arg-type]
     server = Server(gateway, "127.0.0.1", 0, 0)
     await server.start()
     await server.until_ready()

@@ -189,14 +189,7 @@ def load_model_folder(
     Raises:
         ArtifactError: names file, field, found and expected.
     """
-    manifest_path = path / MANIFEST
-    try:
-        text = manifest_path.read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ArtifactError(f"{manifest_path}: cannot be read: {error}") from error
-    manifest = _json_object(text, str(manifest_path))
-    _same_keys(manifest, ["schema", "name", "files", "body", "card"], str(manifest_path))
-    _expect(f"{manifest_path}: schema", manifest["schema"], SCHEMA)
+    manifest, manifest_path = _manifest(path), path / MANIFEST
     for body in bodies.values():
         _expect(f"{manifest_path}: body", manifest["body"], body.body)
     _check_files(path, manifest, required)
@@ -214,6 +207,11 @@ def load_model_folder(
         card=path / manifest["card"],
         contracts=contracts,
     )
+
+
+def body_name(path: Path) -> str:
+    """The body that a model folder's manifest names. Raises ArtifactError."""
+    return str(_manifest(path)["body"])
 
 
 def read_contract(path: Path) -> Contract:
@@ -269,6 +267,19 @@ def _check_contract(
 def _expect(what: str, found: object, expected: object) -> None:
     if found != expected:
         raise ArtifactError(f"{what}: found {found!r}, expected {expected!r}")
+
+
+def _manifest(path: Path) -> dict[str, Any]:
+    """The manifest of a model folder. Raises ArtifactError."""
+    file = path / MANIFEST
+    try:
+        text = file.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ArtifactError(f"{file}: cannot be read: {error}") from error
+    manifest = _json_object(text, str(file))
+    _same_keys(manifest, ["schema", "name", "files", "body", "card"], str(file))
+    _expect(f"{file}: schema", manifest["schema"], SCHEMA)
+    return manifest
 
 
 def _json_object(text: str, where: str) -> dict[str, Any]:

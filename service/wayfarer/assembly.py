@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Final
 
 from wayfarer.artifacts import ModelFolder, sha256_of
-from wayfarer.body.library import body_file, load_body
+from wayfarer.body.library import body_file
 from wayfarer.config import Settings
 from wayfarer.engines.choice import open_engine
 from wayfarer.engines.model_store import ModelStore
 from wayfarer.engines.models import LoadedModels
 from wayfarer.engines.row_partitioner import cores
 from wayfarer.logs import configure_logging
-from wayfarer.model_bundle import BODY, DEFAULT_MODEL, START_POSES, load_models
+from wayfarer.model_bundle import DEFAULT_MODEL, START_POSES, load_bodies, load_models
 from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.motion_service import MotionService
 from wayfarer.service.persistence.journal import Journal
@@ -43,12 +43,15 @@ LOOKAHEAD: Final = STEP_SECONDS
 less per agent, and an agent with a new goal need not be stepped alone."""
 
 
-def model_store(settings: Settings) -> ModelStore:
-    """The models that can be loaded by name: those shipped, then those of `models_dir`."""
+def model_store(settings: Settings, body: str = "") -> ModelStore:
+    """The models that can be loaded by name: those shipped, then those of `models_dir`.
+
+    `body`: what they must be made for; empty: any.
+    """
     shipped = DEFAULT_MODEL.parent
     return ModelStore(
         (shipped,) if settings.models_dir is None else (shipped, settings.models_dir),
-        load_models,
+        partial(load_models, body=body),
         partial(
             open_engine,
             kind=settings.engine,
@@ -89,7 +92,9 @@ def runtime(
         admission=AdmissionRules(settings.most_load, refuse=settings.admission),
         shard=shard,
     )
-    body = BodyStamp(BODY, {gender: sha256_of(body_file(BODY, gender)) for gender in GENDERS})
+    body = BodyStamp(
+        folder.body, {gender: sha256_of(body_file(folder.body, gender)) for gender in GENDERS}
+    )
 
     def warm_up(world: World) -> None:
         tried = candidate_counts(settings.candidates)
@@ -104,13 +109,15 @@ def runtime(
     worlds = Worlds(
         models=LoadedModels(engine),
         body=body,
-        bodies={gender: load_body(BODY, gender, "low") for gender in GENDERS},
+        bodies=load_bodies(folder.body),
         start_poses=load_start_poses(START_POSES),
         settings=world_settings,
         journal=Journal(settings.state_dir, body, meter) if settings.state_dir else None,
         bake_queue=BakeQueue(settings.limits),
     )
-    return MotionService(worlds, warm_up, clock, meter, open_model=model_store(settings).open)
+    return MotionService(
+        worlds, warm_up, clock, meter, open_model=model_store(settings, folder.body).open
+    )
 
 
 def with_engine(settings: Settings) -> Settings:

@@ -6,12 +6,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from wayfarer.artifacts import ASSETS, BodyIdentity, ModelFolder, load_model_folder, sha256_of
+from wayfarer.artifacts import (
+    ASSETS,
+    BodyIdentity,
+    ModelFolder,
+    body_name,
+    load_model_folder,
+    sha256_of,
+)
 from wayfarer.body.library import body_file, load_body
 from wayfarer.body.model import BodyModel
 from wayfarer.engines.choice import open_engine
 from wayfarer.engines.engine import EngineKind
 from wayfarer.engines.warm import WarmEngine
+from wayfarer.errors import ArtifactError, NotFound
 from wayfarer.limits import Limits
 from wayfarer.spec import GENDERS
 from wayfarer.world.agents.spawn import load_start_poses
@@ -22,20 +30,30 @@ from wayfarer.world.world import World
 
 Bodies = dict[str, BodyModel]
 
-BODY: Final = "anny52"
 START_POSES: Final = ASSETS / "start_poses.npz"
 DEFAULT_MODEL: Final = ASSETS / "models" / "gamma-anny52"
 
 
-def load_models(path: Path) -> ModelFolder:
-    """A motion model's folder, which must be made for the shipped body. Raises ArtifactError."""
+def load_models(path: Path, body: str = "") -> ModelFolder:
+    """A motion model's folder, checked against the `body` that it must be made for.
+
+    By default that is the body which the folder's manifest names. Raises ArtifactError.
+    """
+    body = body or body_name(path)
+    try:
+        bodies = load_bodies(body)
+    except NotFound as error:
+        raise ArtifactError(f"{path}: its body cannot be used: {error}") from error
     identities = {
-        gender: BodyIdentity(
-            BODY, sha256_of(body_file(BODY, gender)), load_body(BODY, gender, "low").marker_names
-        )
-        for gender in GENDERS
+        gender: BodyIdentity(body, sha256_of(body_file(body, gender)), found.marker_names)
+        for gender, found in bodies.items()
     }
     return load_model_folder(path, identities)
+
+
+def load_bodies(name: str) -> Bodies:
+    """The bodies of a name, by gender, with few vertices. Raises NotFound, ArtifactError."""
+    return {gender: load_body(name, gender, "low") for gender in GENDERS}
 
 
 @dataclass(frozen=True)
@@ -72,9 +90,8 @@ def open_bundle(models: Path, threads: int, engine: EngineKind = "onnxruntime") 
 
     Raises InvalidArgument for an engine that is not installed.
     """
-    bodies = {gender: load_body(BODY, gender, "low") for gender in GENDERS}
     folder = load_models(models)
-    return ModelBundle(folder, open_engine(folder, engine, threads), bodies)
+    return ModelBundle(folder, open_engine(folder, engine, threads), load_bodies(folder.body))
 
 
 def open_world(

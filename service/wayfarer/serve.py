@@ -24,7 +24,6 @@ from wayfarer.assembly import model_folder, runtime, with_engine
 from wayfarer.config import Settings
 from wayfarer.config_page import as_toml
 from wayfarer.logs import configure_logging
-from wayfarer.model_bundle import BODY
 from wayfarer.service.live import steady_clock
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
@@ -68,7 +67,7 @@ async def serve(settings: Settings, worker: Assignment | None = None) -> None:
     folder = model_folder(settings)
     fleet = worker.fleet if worker else WorkerTopology()
     motion = runtime(settings, folder, clock, operation.metrics, fleet.shard)
-    gateway = Gateway(motion, BodyLibrary(BODY), settings.limits, clock, stop.set, fleet)
+    gateway = Gateway(motion, BodyLibrary(folder.body), settings.limits, clock, stop.set, fleet)
     server = Server(
         gateway,
         settings.host,

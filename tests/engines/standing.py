@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from wayfarer.body.library import load_body
+from wayfarer.body.library import SHIPPED, load_body
 from wayfarer.engines.engine import StepInputs, no_obstacles
-from wayfarer.model_bundle import BODY, START_POSES
+from wayfarer.model_bundle import START_POSES
 from wayfarer.spec import BETAS, GENDERS, LATENT
 from wayfarer.terms import WALK, weights
 from wayfarer.world.agents.agent import AgentSpec
@@ -15,7 +15,7 @@ def standing_inputs(gender: str, agents: int, candidates: int = 1, seed: int = 1
     """`agents` bodies of random shapes at random places, their goals ahead and aside."""
     random = np.random.default_rng(seed)
     spawner = Spawner(
-        {g: load_body(BODY, g, "low") for g in GENDERS}, load_start_poses(START_POSES)
+        {g: load_body(SHIPPED, g, "low") for g in GENDERS}, load_start_poses(START_POSES)
     )
     betas = random.normal(size=(agents, BETAS)).astype(np.float32)
     seeds = [

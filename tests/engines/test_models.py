@@ -115,6 +115,7 @@ def test_agents_go_on_with_another_model_at_their_next_primitive(models, old, ne
     assert [c.seq for c in before + after] == list(range(len(before + after)))
     frames = [c.translation[i, 1] for c in before + after for i in range(8)]
     way = [b - a for a, b in pairwise(frames)]
+    way = way[next(i for i, metres in enumerate(way) if metres) :]  # agents set off one by one
     assert max(way) < 1.3 * sum(way) / len(way)  # it walks through the seam
     assert world.use_model("new") == []
 

@@ -24,8 +24,11 @@ Detail = Literal["high", "low"]
 LAYOUT: Final = 1
 """Version of the arrays in a body file."""
 
+SHIPPED: Final = "anny52"
+"""The body that comes with the service."""
+
 GENDERS_OF: Final[Mapping[str, tuple[str, ...]]] = {
-    "anny52": GENDERS,
+    SHIPPED: GENDERS,
     "smplx": (*GENDERS, "neutral"),
 }
 """Bodies and their genders. anny52 is shipped; smplx is a user's own (`SMPLX_FOLDER`)."""
@@ -58,7 +61,7 @@ def load_body(name: str, gender: str, detail: Detail = "high") -> BodyModel:
         ArtifactError: its file is missing, damaged or of another layout.
     """
     path = body_file(name, gender)
-    _check("detail", detail, DETAILS if name == "anny52" else DETAILS[:1])
+    _check("detail", detail, DETAILS if name == SHIPPED else DETAILS[:1])
     return _load(name, gender, detail, path)
 
 
@@ -71,7 +74,7 @@ def body_file(name: str, gender: str) -> Path:
     """Where a body's file lies. Raises NotFound."""
     _check("body", name, tuple(GENDERS_OF))
     _check("gender", gender, GENDERS_OF[name])
-    if name == "anny52":
+    if name == SHIPPED:
         return FOLDER / f"{name}_{gender}.npz"
     folder = os.environ.get(SMPLX_FOLDER)
     if not folder:

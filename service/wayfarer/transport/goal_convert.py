@@ -47,7 +47,7 @@ def _behaviour(wish: schema.Message, basis: Basis) -> Any:
             given |= in_world(area, axes) if area else {"center": None}
         case schema.Patrol() | schema.Visit():
             given["goals"] = _goals(wish.goals, basis)
-    return getattr(behaviours, type(wish).__name__)(**given)
+    return behaviours.KINDS[type(wish).__name__](**given)
 
 
 def _goals(wishes: tuple[schema.Goal, ...], basis: Basis) -> tuple[Goal, ...]:

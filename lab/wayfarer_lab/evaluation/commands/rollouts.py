@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from wayfarer.body.library import load_body
-from wayfarer.model_bundle import BODY, DEFAULT_MODEL
+from wayfarer.body.library import SHIPPED, load_body
+from wayfarer.model_bundle import DEFAULT_MODEL
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.commands.options import (
     DataOption,
@@ -151,4 +151,4 @@ def _bench(models: Path, runs: Path | None, threads: int, seed: int) -> "Iterato
         def watch(name: str) -> None:
             bar.update(task, description=f"{name} (rows)", advance=1)
 
-        yield Bench(parts, load_body(BODY, "male", "low"), seed, watch)
+        yield Bench(parts, load_body(SHIPPED, "male", "low"), seed, watch)

@@ -5,6 +5,8 @@ Each kind is a file: a frozen dataclass (world space) with its checks and its ne
 (routine.py), the registry of kinds.
 """
 
+from typing import Final, get_args
+
 from wayfarer.world.agents.behaviour import Behaviour
 from wayfarer.world.behaviours.follow import Follow
 from wayfarer.world.behaviours.keep_away import KeepAway
@@ -17,6 +19,10 @@ AnyBehaviour = PartBehaviour | Routine
 """Every kind, as journals and logs read them."""
 
 
+KINDS: Final = {kind.__name__: kind for kind in get_args(AnyBehaviour)}
+"""Every kind by its name."""
+
+
 def known_behaviour(behaviour: Behaviour) -> AnyBehaviour:
     """The same, for journals and logs. Raises TypeError for a kind that is not registered."""
     if not isinstance(behaviour, AnyBehaviour):
@@ -25,6 +31,7 @@ def known_behaviour(behaviour: Behaviour) -> AnyBehaviour:
 
 
 __all__ = [
+    "KINDS",
     "AnyBehaviour",
     "Behaviour",
     "Follow",
