@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
@@ -250,6 +251,33 @@ def test_events_are_mentioned(page: Page):
     page.wait_for(
         "/full|reduced|held/.test(document.querySelector('#figure-quality').textContent)", 10
     )
+
+
+def call(method: str, url: str, body: object = None) -> dict:
+    headers = {"content-type": "application/json"}
+    request = Request(url, json.dumps(body).encode(), headers, method=method)
+    with urlopen(request) as answer:
+        return json.load(answer)
+
+
+def test_a_session_of_a_program_is_shown_and_outlives_the_page(page: Page):
+    url = page.evaluate("location.origin")
+    page.call("Page.navigate", url="about:blank")  # its people make room
+    api = f"{url}/v1/sessions"
+    session = call("POST", api, {"lease_s": 120})["session_id"]
+    (ada,) = call("POST", f"{api}/{session}/agents", {"agents": [{"name": "Ada"}]})["agents"]
+    page.call("Page.navigate", url=f"{url}/?detail=low&session={session}")
+    page.wait_for(f"globalThis.wayfarer && {CONNECTION} === 'open'", 60)
+    page.wait_for(f"{CROWD}.people.filter((person) => person.shown).length === 1", 60)
+    assert page.evaluate(f"[{CROWD}.people[0].agent.name, globalThis.wayfarer.session]") == [
+        "Ada",
+        session,
+    ]
+    page.call("Page.navigate", url=f"{url}/?detail=low&session=session-nobody")
+    page.wait_for("document.querySelector('#messages')?.textContent.includes('nobody')", 60)
+    page.wait_for(f"globalThis.wayfarer && {CONNECTION} === 'open'", 60)  # one of its own
+    assert call("GET", f"{api}/{session}")["agent_ids"] == [ada["agent_id"]]
+    page.problems.clear()  # the browser logs the 404 itself
 
 
 @pytest.mark.skipif("VIEWER_URL" in os.environ, reason="the server is not ours to stop")

@@ -46,6 +46,11 @@ export class Api {
     return this.#call("POST", "/v1/sessions", { basis: "gltf", lease_s: leaseSeconds, ...(scene && { scene }) });
   }
 
+  /** Its `basis`, `scene`, `agent_ids` … @param {string} sessionId */
+  session(sessionId) {
+    return this.#call("GET", `/v1/sessions/${encodeURIComponent(sessionId)}`);
+  }
+
   /** @param {string} sessionId */
   renewSession(sessionId) {
     return this.#call("POST", `/v1/sessions/${encodeURIComponent(sessionId)}/renew`);

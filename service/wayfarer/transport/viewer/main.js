@@ -56,6 +56,7 @@ stage.add(cursor);
 
 let bodies = new Map(); // gender → body
 let selected = null;
+let joining = page.get("session"); // somebody's session to show; one of this page's own after that
 start();
 
 async function start() {
@@ -64,18 +65,36 @@ async function start() {
     bodies = new Map(all.map((body) => [body.gender, body]));
     byId("count").max = Math.min(200, limits.agents_per_session);
     byId("count").oninput({ target: byId("count") }); // what it stands for may be less now
-    await place.begin(place.value ?? page.get("scene") ?? "");
+    const watched = joining && await othersSession(joining);
+    if (watched) await place.attend(watched.scene);
+    else await place.begin(place.value ?? page.get("scene") ?? "");
   } catch (error) {
     showConnection("lost", `${error.message}; trying again`);
     setTimeout(start, 2000);
   }
 }
 
+/** The session that the page's address names, if it can be shown; then it is joined. */
+async function othersSession(id) {
+  try {
+    const found = await api.session(id);
+    if (found.basis.basis === "gltf") return found;
+    tell(`The session is in the basis ${found.basis.basis}; this page shows those in gltf.`);
+  } catch (error) {
+    if (error.status !== 404) throw error;
+    tell(error.message);
+  }
+  joining = null;
+  return null;
+}
+
 /** Begin a session in a scene, or with "" in none. */
 async function enter(scene) {
   if (errands.wandering) toggleWander();
   tools.use("send");
-  await session.open(scene);
+  if (joining) session.join(joining, scene);
+  else await session.open(scene);
+  joining = null;
 }
 
 function onEvent(event) {

@@ -42,6 +42,14 @@ export class ScenePanel {
     await this.#while(this.#choose(known ? wanted : ""));
   }
 
+  /** At the start: a session in the scene of this id, or in none, is there already. */
+  async attend(id) {
+    await this.#list();
+    this.value = this.choices.find(({ scene }) => scene === id)?.value ?? "";
+    byId("scene").value = this.value;
+    await this.#while(this.#open(id));
+  }
+
   #while(opening) {
     this.settled = opening.catch(() => {}); // whoever asked is told
     return opening;

@@ -11,7 +11,7 @@ export class PageSession {
     Object.assign(this, { api, crowd, wish, clock, on });
     this.current = null;
     this.scene = "";
-    addEventListener("pagehide", () => this.current && api.abandonSession(this.current.id));
+    addEventListener("pagehide", () => this.current?.own && api.abandonSession(this.current.id));
   }
 
   get id() {
@@ -24,7 +24,22 @@ export class PageSession {
 
   /** A new one in a scene, or with "" on a floor without end; the one before ends. Throws ApiError. */
   async open(scene = "") {
-    const opened = await Session.open(this.api, {
+    this.#enter(await Session.open(this.api, this.#options(scene)));
+  }
+
+  /** Somebody else's, to watch it and give goals in it; the one before ends. */
+  join(id, scene) {
+    this.#enter(Session.join(this.api, id, this.#options(scene)));
+  }
+
+  #enter(session) {
+    this.current?.close();
+    this.current = session;
+    this.scene = session.scene;
+  }
+
+  #options(scene) {
+    return {
       scene,
       wish: this.wish,
       stream: { now: this.clock },
@@ -38,9 +53,6 @@ export class PageSession {
           this.on.ended();
         },
       },
-    });
-    this.current?.close();
-    this.current = opened;
-    this.scene = scene;
+    };
   }
 }
