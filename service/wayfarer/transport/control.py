@@ -1,6 +1,5 @@
 """Goals and motion over one connection, with acknowledgements: Control and `WS /v1/control`."""
 
-import asyncio
 from collections.abc import AsyncGenerator, AsyncIterator
 from contextlib import aclosing
 from typing import Final
@@ -13,7 +12,6 @@ from wayfarer.transport.call_rates import count_call
 from wayfarer.transport.framing import field
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.gateway.goals import GoalApi
-from wayfarer.transport.goal_requests import give
 from wayfarer.transport.merge import merged
 from wayfarer.transport.stream import MotionStream
 from wayfarer.v1 import common_pb2, control_pb2
@@ -49,15 +47,9 @@ async def control(gateway: Gateway, requests: Requests) -> AsyncGenerator[bytes]
 
 async def _opening(requests: Requests) -> schema.StreamRequest:
     """What the first message asks for. Raises InvalidArgument."""
-    wrong = InvalidArgument("the first message must be `open`, with a session_id", "open")
-    try:
-        async with asyncio.timeout(OPEN_TIMEOUT_S):
-            first = await anext(requests)
-    except (TimeoutError, StopAsyncIteration):
-        raise wrong from None
-    if first.WhichOneof("payload") != "open":
-        raise wrong
-    return wire.parse(schema.StreamRequest, first.open, "open")
+    hint = "the first message must be `open`, with a session_id"
+    opening = await wire.first(requests, "open", OPEN_TIMEOUT_S, hint)
+    return wire.parse(schema.StreamRequest, opening, "open")
 
 
 async def _replies(
@@ -85,7 +77,7 @@ async def _give(request: control_pb2.ControlRequest, goals: GoalApi) -> int:
         raise InvalidArgument(
             f"after `open` comes one of ack, {', '.join(COMMANDS)}", payload or "payload"
         )
-    return await give(getattr(request, payload), goals)
+    return await goals.carry_out(getattr(request, payload))
 
 
 def _problem(error: Exception) -> common_pb2.Problem:

@@ -3,7 +3,9 @@
 Among values enums stand as their short lower-case names, bytes as base64 text.
 """
 
+import asyncio
 from base64 import b64decode, b64encode
+from collections.abc import AsyncIterator
 from typing import Any, Final, TypeVar
 
 from google.protobuf.message import Message as ProtoMessage
@@ -32,6 +34,22 @@ def parse(twin: type[Twin], message: ProtoMessage, field: str = "") -> Twin:
         return twin.model_validate({k: v for k, v in found.items() if k in twin.model_fields})
     except ValidationError as error:
         raise invalid_request(error, field) from None
+
+
+async def first(requests: AsyncIterator[Any], payload: str, seconds: float, hint: str) -> Any:
+    """The `payload` of the first message, which must come within `seconds`.
+
+    Raises InvalidArgument with `hint`.
+    """
+    wrong = InvalidArgument(hint, payload)
+    try:
+        async with asyncio.timeout(seconds):
+            found = await anext(requests)
+    except (TimeoutError, StopAsyncIteration):
+        raise wrong from None
+    if found.WhichOneof("payload") != payload:
+        raise wrong
+    return getattr(found, payload)
 
 
 def message(kind: type[Proto], twin: BaseModel) -> Proto:

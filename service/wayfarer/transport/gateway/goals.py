@@ -1,9 +1,20 @@
 """Goal commands of clients, converted to world space."""
 
+from wayfarer.transport import schema, wire
 from wayfarer.transport.caller import Scope
 from wayfarer.transport.convert import in_basis
 from wayfarer.transport.gateway.context import GatewayContext, needs
 from wayfarer.transport.goal_convert import Wish, fields_named, goal_command
+from wayfarer.v1 import goal_pb2
+
+GoalRequest = (
+    goal_pb2.SetGoalRequest
+    | goal_pb2.SetPathRequest
+    | goal_pb2.AppendGoalsRequest
+    | goal_pb2.WanderRequest
+    | goal_pb2.BehaveRequest
+    | goal_pb2.ClearGoalRequest
+)
 
 
 class GoalApi:
@@ -26,3 +37,25 @@ class GoalApi:
         command = goal_command(wish, basis, append)
         with fields_named(wish), in_basis(basis.axes):
             return await self._shared.service.give(agent_id, command, expected)
+
+    @needs(Scope.CONTROL)
+    async def carry_out(self, request: GoalRequest) -> int:
+        """Carry out a request of GoalService, from gRPC or Control; return the new revision.
+
+        Raises as `give`.
+        """
+        expected = request.expected_revision if request.HasField("expected_revision") else None
+        wish: Wish
+        match request:
+            case goal_pb2.SetGoalRequest():
+                wish = wire.parse(schema.Goal, request.goal, "goal")
+            case goal_pb2.SetPathRequest() | goal_pb2.AppendGoalsRequest():
+                wish = wire.parse(schema.Goals, request)
+            case goal_pb2.WanderRequest():
+                wish = wire.parse(schema.Wander, request)
+            case goal_pb2.BehaveRequest():
+                wish = wire.parse(schema.Behaviour, request.behaviour, "behaviour")
+            case goal_pb2.ClearGoalRequest():
+                wish = None
+        append = isinstance(request, goal_pb2.AppendGoalsRequest)
+        return await self.give(request.agent_id, wish, expected, append=append)

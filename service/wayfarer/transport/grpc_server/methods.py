@@ -21,8 +21,7 @@ from wayfarer.navigation.scene_spec import MAX_POINTS
 from wayfarer.transport import schema
 from wayfarer.transport.control import control
 from wayfarer.transport.gateway import Gateway
-from wayfarer.transport.goal_requests import give
-from wayfarer.transport.wire import answer, parse
+from wayfarer.transport.wire import answer, first, parse
 from wayfarer.v1 import (
     admin_pb2,
     agent_pb2,
@@ -83,7 +82,7 @@ def methods(gateway: Gateway) -> dict[str, Call]:
         "ListAgents": lambda r: agents.list_of(r.session_id),
         "UpdateAgent": lambda r: agents.update(r.agent_id, parse(schema.AgentUpdate, r)),
         "DeleteAgent": lambda r: agents.delete(r.agent_id),
-        **dict.fromkeys(GOAL_METHODS, lambda r: give(r, gateway.goals)),
+        **dict.fromkeys(GOAL_METHODS, gateway.goals.carry_out),
         "StreamMotion": lambda r: motion.stream(parse(schema.StreamRequest, r)),
         "GenerateClip": lambda r: motion.generate_clip(parse(schema.ClipRequest, r)),
         "StepAgents": lambda r: motion.step(r.session_id, parse(schema.StepRequest, r)),
@@ -155,7 +154,7 @@ async def _create_scene(gateway: Gateway, request: scene_pb2.CreateSceneRequest)
 
 
 async def _create_mesh_scene(gateway: Gateway, requests: Pieces) -> schema.Scene:
-    header = await _header(requests)
+    header = await first(requests, "header", HEADER_S, "the first message must be `header`")
     check_points(header.scene, "header.scene.")
     wish = await asyncio.to_thread(parse, schema.MeshScene, header, "header")
     return await gateway.scenes.create_from_mesh(wish, _data(requests))
@@ -172,19 +171,6 @@ def check_points(request: scene_pb2.CreateSceneRequest, where: str = "") -> None
     if (points := holes + outlines + prisms) > MAX_POINTS:
         field = where + ("solids" if prisms > holes + outlines else "floors")
         raise InvalidArgument(f"outlines have {points} points; allowed: {MAX_POINTS}", field)
-
-
-async def _header(requests: Pieces) -> scene_pb2.MeshScene:
-    """What the first message says. Raises InvalidArgument."""
-    wrong = InvalidArgument("the first message must be `header`", "header")
-    try:
-        async with asyncio.timeout(HEADER_S):
-            first = await anext(requests)
-    except (TimeoutError, StopAsyncIteration):
-        raise wrong from None
-    if first.WhichOneof("payload") != "header":
-        raise wrong
-    return first.header
 
 
 async def _data(requests: Pieces) -> AsyncIterator[bytes]:
