@@ -1,4 +1,4 @@
-"""docs/measuring.md tells of all figures, and its calls exist."""
+"""docs/measuring.md explains all figures, and its calls exist."""
 
 import json
 import re
@@ -8,7 +8,7 @@ from google.protobuf import json_format
 from google.protobuf.descriptor_pool import Default
 from google.protobuf.message_factory import GetMessageClass
 
-from wayfarer.v1 import agent_pb2, goal_pb2  # noqa: F401  their descriptors
+from wayfarer.v1 import goal_pb2  # noqa: F401  its descriptors
 from wayfarer_lab.load.tally import Tally
 
 PAGE = (Path(__file__).parents[3] / "docs" / "measuring.md").read_text()
@@ -22,7 +22,7 @@ def test_every_key_of_the_json_file_is_told():
 def test_the_calls_of_the_ghz_recipe_exist_and_take_its_data():
     recipe = PAGE.replace("\\\n", " ")
     calls = re.findall(r"--call wayfarer\.v1\.(\w+)\.(\w+)\s+--data '(.*?)'\s", recipe)
-    assert [method for _, method, _ in calls] == ["SetGoal", "GetAgent"]
+    assert [method for _, method, _ in calls] == ["SetGoal"]
     for service, method, data in calls:
         found = Default().FindServiceByName(f"wayfarer.v1.{service}").FindMethodByName(method)
         request = json.loads(data.replace("'$A'", "a-1"))
