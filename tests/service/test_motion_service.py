@@ -151,7 +151,9 @@ async def test_a_server_goes_on_where_the_last_one_stopped(servers, tmp_path):
     await first.create_session(SessionSpec("tool", lock_step=True))
     await first.create_agents("tool", people(2))
     await first.step_session("tool", 3)
-    await asyncio.sleep(0.8)
+    async with asyncio.timeout(30):  # people set off when they are ready
+        while min(a.position[1] for a in await first.list_agents("s")) < 0.5:
+            await asyncio.sleep(0.1)
     assert not (await first.stats()).journal_failing
     await servers.stop(first)
 
