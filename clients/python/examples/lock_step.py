@@ -1,4 +1,4 @@
-"""Motion for a renderer or a test: time passes when it is told to. Writes an npz per person.
+"""Motion for a renderer or a test, where each call advances time. Writes an npz per person.
 
 python clients/python/examples/lock_step.py [folder] [address]
 """

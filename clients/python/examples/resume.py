@@ -39,7 +39,7 @@ async def second_life(address: str, session_id: str, token: str) -> None:
 
 
 async def show(stream: MotionStream, chunks: int) -> None:
-    """Print the numbers of so many chunks."""
+    """Print the numbers of `chunks` chunks."""
     async for batch in stream:
         for event in batch.events:
             print(event.kind, event.detail)

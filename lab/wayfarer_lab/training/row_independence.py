@@ -28,7 +28,7 @@ PACKET = 4
 """Numbers that onnxruntime's builds for x86-64 and ARM add at a time."""
 
 IN_ORDER = range(1, PACKET)
-"""So few numbers are added one by one."""
+"""Largest count of numbers that are added one by one."""
 
 SUMS = ("ReduceSum", "ReduceMean")
 """Operators that begin on such a boundary; `ReduceL2` does not."""

@@ -109,7 +109,7 @@ class Tasks:
         return torch.where(self.moves, wished, torch.zeros_like(wished))
 
     def wished_facing(self, facing: Tensor) -> Tensor:
-        """What agents who face `facing` [A, 2] are told to face at the end of a step [A, 2].
+        """The facing [A, 2] that a step asks for at its end, of agents that face `facing` [A, 2].
 
         It is no farther than `TURN_STEP` from where they face now: a floor on the time to turn.
         """

@@ -47,7 +47,7 @@ class Loaded:
 
     @property
     def name(self) -> str:
-        """Of the model."""
+        """The name of the model."""
         return self.engine.name
 
 

@@ -32,7 +32,7 @@ class Home(Protocol):
 
 
 class Archive:
-    """Of the sessions of some worlds."""
+    """Exports and imports sessions of some worlds, and their logs."""
 
     def __init__(self, worlds: Worlds) -> None:
         self._worlds = worlds

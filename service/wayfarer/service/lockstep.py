@@ -212,7 +212,7 @@ class LockSteps:
         return found
 
     async def use_model(self, name: str) -> int:
-        """In all of them; see `LockStep.use_model`."""
+        """Use a model in all of them; see `LockStep.use_model`."""
         moved = 0
         for home in list(self._sessions.values()):
             with suppress(NotFound):  # deleted meanwhile

@@ -46,7 +46,7 @@ def _manner(noise_seed: int) -> Float:
 
 
 def draws(noise_seed: Seeds, count: int) -> list[Float]:
-    """So many numbers [A] of each agent, 0 … 1, for how it holds itself."""
+    """Numbers of each agent, 0 … 1, that its posture follows from."""
     return [_share(noise_seed, _HABITS + number) for number in range(count)]
 
 

@@ -1,13 +1,12 @@
-"""What each agent does next: stand, walk, stop or turn; and what the search is told to look for.
+"""What each agent does next: stand, walk, stop or turn; and what its search looks for.
 
     STANDING ──goal──▶ WALKING ──braking distance──▶ STOPPING ──slow for 0.4 s──▶ STANDING
                           ▲──────not there after all──────┘  ▲
                                                              └─faces its heading─ TURNING
 
-An agent who has come to rest (stopping or standing) and does not face the heading it was given is
-TURNING until it does. Goals that are passed through know no braking. An agent whose goal comes to
-lie behind it, at rest or on the way, stops, turns on the spot and walks on: a walk that is bent
-round as far as that leans by 30 degrees and more.
+An agent at rest (stopping or standing) that does not face its heading is TURNING until it does.
+Goals to pass through cause no braking. An agent whose goal comes to lie behind it stops, turns on
+the spot and walks on: on a curve as tight as that it would lean by 30 degrees and more.
 
 Pure functions of columns, vectorised over agents. Everything that is tuned stands in the two
 tables at the top.

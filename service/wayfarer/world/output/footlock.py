@@ -356,8 +356,8 @@ def _smooth(value: Array, low: float, high: float) -> Array:
 
 
 def _step_tables() -> tuple[Flags, Array, Array]:
-    """By the frames that are left of a step: whether the foot flies in the next one, the share of
-    its shift and turn that stays then, and metres that it is raised by.
+    """From the remaining frames of a step: whether the foot flies in the next frame, the share of
+    its shift and turn that stays then, and the metres that it is raised by.
 
     It moves and turns in the air: not while it is lifted, nor while it is set down.
     """

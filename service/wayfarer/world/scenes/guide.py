@@ -199,9 +199,9 @@ class SceneGuide:
             ahead.speed[led[mine]] = np.minimum(ahead.speed[led[mine]], speed)
 
     def _visible(self, rows: Index, hips: Array, targets: Array) -> tuple[Index, Array]:
-        """Of targets [A, S, 3], farthest first: the first that a straight line leads to [A].
+        """The first of the targets [A, S, 3], farthest first, that a straight line leads to [A].
 
-        And the room that the way leaves up to the farthest: metres beyond the radius [A].
+        Also the room that the way leaves up to the farthest: metres beyond the radius [A].
         """
         lines = np.empty((*targets.shape[:2], len(LINE), 3))
         lines[..., :2] = hips[:, None, None] + LINE[:, None] * (

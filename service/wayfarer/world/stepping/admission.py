@@ -28,8 +28,8 @@ from wayfarer.world.stepping.window import Window
 REFRESH: Final = 1.0
 """Seconds after which the number of agents that fit is computed again."""
 
-MOST_TOLD: Final = 10.0
-"""Of a projected load; it may be infinite."""
+MOST_REPORTED: Final = 10.0
+"""Largest projected load that is reported; the load itself may be infinite."""
 
 BESIDE: Final = 2.0
 """Ratio of the CPU that loop and transport use together to what the loop uses."""
@@ -99,7 +99,7 @@ class Admission:
         else:
             # of these genders fewer fit than were asked for, whatever fits of both in turn
             fit = min(self.capacity(now), sum(agents) + len(coming) - 1)
-            load = f"{busy:.0%}" if busy < MOST_TOLD else f"more than {MOST_TOLD:.0%}"
+            load = f"{busy:.0%}" if busy < MOST_REPORTED else f"more than {MOST_REPORTED:.0%}"
             why = (
                 f"{sum(agents)} of about {fit} are in use, and the projected load would be {load} "
                 f"(limit {self._rules.most_load:.0%})"
