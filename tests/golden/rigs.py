@@ -97,6 +97,11 @@ def vocabulary(column: str, prefix: str = "") -> Callable[[str], str]:
     return table.__getitem__
 
 
+SPINE = ("spine1", "spine2", "spine3")
+RIGIFY = {
+    "hip": "thigh.{}", "knee": "shin.{}", "ankle": "foot.{}", "foot": "toe.{}",
+    "collar": "shoulder.{}", "shoulder": "upper_arm.{}", "elbow": "forearm.{}", "wrist": "hand.{}",
+}  # fmt: skip
 A_POSE = {
     "left_shoulder": turned("z", -48), "right_shoulder": turned("z", 48),
     "left_elbow": turned("y", -15), "right_elbow": turned("y", 15),
@@ -148,6 +153,14 @@ def cases() -> list[Case]:
         "centimetres": Body(own, top=centimetres, axes=TILTED, names=vocabulary("mixamo", "Rig|")),
         "z_up": Body(own, facing=ABOUT_X, names=unity),
     }
+    numbered = dict(zip(("pelvis", *SPINE, "neck", "head"), range(6), strict=True))
+    bodies["numbered"] = Body(
+        tall,
+        names=lambda bone: (
+            RIGIFY.get(bone[bone.find("_") + 1 :], "").format(bone[0].upper())
+            or (f"spine.{numbered[bone]:03}" if numbered[bone] else "spine")
+        ),
+    )
     unnamed = Body(tall, pose=A_POSE, names=lambda bone: f"b{BONES.index(bone)}")
     return [
         *(Case(name, body.rig(), "names") for name, body in bodies.items()),

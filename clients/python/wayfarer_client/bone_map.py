@@ -178,7 +178,33 @@ def _by_names(rig: Rig) -> dict[str, int]:
     top = bones.get("neck", bones.get("head"))
     if "pelvis" in bones and top is not None:
         bones |= spread_spine(_between(rig, bones["pelvis"], top, words))
+    elif "pelvis" in bones:
+        bones |= _trunk(rig, bones, words)
     return bones
+
+
+def _trunk(rig: Rig, bones: dict[str, int], words: list[tuple[str, str]]) -> dict[str, int]:
+    """Spine, neck and head of a rig that only numbers them, as Rigify: by where arms branch off."""
+    arms = [bones.get(f"{side}_collar", bones.get(f"{side}_shoulder")) for side in SIDES]
+    if arms[0] is None or arms[1] is None:
+        return {}
+    chest = next((k for k in rig.ancestors(arms[0]) if k in rig.ancestors(arms[1])), None)
+    if chest is None or bones["pelvis"] not in rig.ancestors(chest):
+        return {}
+    chain, node = [], chest
+    while True:
+        onward = [k for k in rig.children[node] if words[k][1] and not words[k][0]]
+        if len(onward) != 1:
+            break
+        node = onward[0]
+        chain.append(node)
+    found = spread_spine([*_between(rig, bones["pelvis"], chest, words), chest])
+    rest = _joints(rig, chain, 0.01 * float(np.ptp(rig.places, axis=0).max()))
+    if len(rest) > 1:
+        found["neck"] = rest[0]
+    if rest:
+        found["head"] = rest[-1]
+    return found
 
 
 def _between(

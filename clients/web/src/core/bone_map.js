@@ -162,9 +162,36 @@ function byNames(rig) {
   find("neck", "neck");
   find("head", "head", "", bones.get("neck") ?? -1);
   const low = bones.get("pelvis"), top = bones.get("neck") ?? bones.get("head");
+  if (low !== undefined && top === undefined) return new Map([...bones, ...trunk(rig, bones, named, above)]);
   if (low === undefined || top === undefined || !above[top].includes(low)) return bones;
   const line = above[top].slice(0, above[top].indexOf(low)).reverse().filter((k) => named[k].rest);
   return new Map([...bones, ...spreadSpine(line)]);
+}
+
+/**
+ * Spine, neck and head of a rig that only numbers them, as Rigify: by where arms branch off.
+ * @param {Rig} rig @param {Map<string, number>} bones @param {{ side: string, rest: string }[]} named
+ * @param {number[][]} above @returns {[string, number][]}
+ */
+function trunk(rig, bones, named, above) {
+  const [left, right] = SIDES.map((side) => bones.get(`${side}_collar`) ?? bones.get(`${side}_shoulder`) ?? -1);
+  const pelvis = bones.get("pelvis") ?? -1;
+  const chest = left < 0 || right < 0 ? undefined : above[left].find((k) => above[right].includes(k));
+  if (chest === undefined || !above[chest].includes(pelvis)) return [];
+  const chain = [];
+  const onward = (/** @type {number} */ node) => rig.children[node].filter((k) => named[k].rest && !named[k].side);
+  for (let next = onward(chest); next.length === 1; next = onward(next[0])) chain.push(next[0]);
+  const line = above[chest].slice(0, above[chest].indexOf(pelvis)).reverse().filter((k) => named[k].rest);
+  const found = spreadSpine([...line, chest]);
+  const extent = [0, 1, 2].map((n) => {
+    const values = rig.nodes.map((_, k) => rig.places[3 * k + n]);
+    return Math.max(...values) - Math.min(...values);
+  });
+  const rest = joints(rig, chain, 0.01 * Math.max(...extent));
+  if (rest.length > 1) found.push(["neck", rest[0]]);
+  const head = rest.at(-1);
+  if (head !== undefined) found.push(["head", head]);
+  return found;
 }
 
 /** Legs end lowest, the spine goes up between them, arms branch to both sides. @param {Rig} rig @param {Basis} basis */
