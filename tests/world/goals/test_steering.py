@@ -441,3 +441,22 @@ def test_who_is_under_way_need_not_be_ready():
             asked.strafe[:], asked.heading[:] = True, [1.0, 0.0]
         after = STEERING.decide(now, at(0), asked, np.array([False]))
         assert after.mode[0] == mode
+
+
+@pytest.mark.parametrize("error", [0.9, 1.12])
+def test_who_walks_too_fast_or_too_slowly_is_asked_for_less_or_more(error):
+    """A walker that goes at `error` times the speed it is asked for comes to the wished one."""
+    now, place = gait(Mode.WALKING, 1.0), 0.0
+    ahead = goal(100.0, speed=1.0)
+    for _ in range(60):
+        asked = STEERING.targets(now, at(place), ahead).speed[0]
+        start, place = place, place + error * float(asked) * STEP_SECONDS
+        frames = np.linspace([start, 0, 0.9], [place, 0, 0.9], 9, dtype=np.float32)
+        now = observe(now, frames[:1], frames[None, 1:], ahead)
+    assert now.speed[0] == pytest.approx(1.0, abs=0.01)
+    kept = now.trim[0]
+    for mode, speed in ((Mode.STANDING, 0.0), (Mode.WALKING, 0.5), (Mode.WALKING, 2.0)):
+        still = gait(mode, speed)
+        still.trim[:] = kept
+        frames = np.linspace([0, 0, 0.9], [speed * STEP_SECONDS, 0, 0.9], 9, dtype=np.float32)
+        assert observe(still, frames[:1], frames[None, 1:], ahead).trim[0] == kept

@@ -45,6 +45,16 @@ MANNER: Final = 1.3
 """`Search.manner` of walking: how much agents differ."""
 
 
+TRIM_GAIN: Final = 0.06
+"""Share of a speed error that a step adds to the trim."""
+
+TRIM_MOST: Final = 0.15
+"""Bound of the trim, either way."""
+
+STEADY: Final = 0.3
+"""Share of the wished speed: who is off it by more is setting off or slowing, and not trimmed."""
+
+
 def default_searches() -> dict[Mode, Search]:
     """The search of each mode.
 
@@ -306,12 +316,13 @@ class Steering:
     def _speed(self, hips: Float, gait: Gait, goals: GoalColumns) -> Float:
         """Speed wished for on the way [A]: less at the start, before a stop, and at a corner."""
         distance = np.linalg.norm(goals.position[:, :2] - hips, axis=-1)
-        at_goal = np.where(goals.bend > self.sharp, self.corner_speed, goals.speed)
+        wished = goals.speed * (1 + gait.trim)
+        at_goal = np.where(goals.bend > self.sharp, self.corner_speed, wished)
         at_goal = np.where(goals.through, at_goal, self.slowest)
-        slowing = goals.speed * distance / self.slowing_distance
+        slowing = wished * distance / self.slowing_distance
         # The model does not know that its steps are shortened, as they are on stairs.
         reachable = gait.speed / (1 - gait.shortened) + self.acceleration * STEP_SECONDS
-        return np.minimum(np.minimum(goals.speed, reachable), np.maximum(slowing, at_goal))
+        return np.minimum(np.minimum(wished, reachable), np.maximum(slowing, at_goal))
 
     def _rest(self, gait: Gait, path: Float) -> Float:
         """Where an agent that begins to brake now would come to rest [A, 2]."""
@@ -347,13 +358,22 @@ def _choose(cases: Sequence[tuple[Flags, Float]], default: Float) -> Float:
 def observe(gait: Gait, start: Float, translation: Float, goals: GoalColumns) -> Gait:
     """What the step brought: the gait with its speed, and whether the goal has been reached.
 
+    Walkers do not go exactly as fast as the model is asked for, and each errs in a way of its own:
+    the *trim* follows the error of those who walk steadily, and `Steering` asks for so much more.
+
     start [A, 3] is the last frame before the step, translation [A, F, 3] the new frames.
     """
     way = translation[:, -1, :2] - start[:, :2]
     distance = np.linalg.norm(translation[:, :, :2] - goals.position[:, None, :2], axis=-1)
     there = goals.given & (distance <= goals.radius[:, None]).any(-1)
+    speed = np.linalg.norm(way, axis=-1) / STEP_SECONDS
+    lacks = 1 - speed / np.maximum(goals.speed, 1e-3)
+    steady = goals.given & (gait.mode == Mode.WALKING) & (gait.shortened == 0)
+    steady &= np.abs(lacks) < STEADY
+    trim = gait.trim + TRIM_GAIN * np.where(steady, lacks, 0)
     return replace(
         gait,
-        speed=(np.linalg.norm(way, axis=-1) / STEP_SECONDS).astype(np.float32),
+        speed=speed.astype(np.float32),
+        trim=np.clip(trim, -TRIM_MOST, TRIM_MOST).astype(np.float32),
         arrived=gait.arrived | there,
     )

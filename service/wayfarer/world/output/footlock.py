@@ -117,7 +117,7 @@ LOWERED: Final = 0.008
 """Metres by which hips are raised over feet that are `CLOSE` to each other, as far as knees are
 bent, and lowered over those that are `WIDE` apart: people come down with each step."""
 
-KICK: Final = 0.5
+KICK: Final = 0.55
 """Share that is taken off what an ankle is higher than …"""
 
 KICKED: Final = (0.12, 0.24)
