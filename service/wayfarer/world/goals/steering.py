@@ -45,7 +45,7 @@ MANNER: Final = 1.3
 """`Search.manner` of walking: how much agents differ."""
 
 
-TRIM_GAIN: Final = 0.06
+TRIM_GAIN: Final = 0.12
 """Share of a speed error that a step adds to the trim."""
 
 TRIM_MOST: Final = 0.15
