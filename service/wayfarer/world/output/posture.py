@@ -48,13 +48,13 @@ SWING: Final = (0.7, 1.35)
 SWING_MOST: Final = radians(15)
 """An arm is not moved by more: one that points or is lifted is no swinging arm."""
 
-ASIDE: Final = (radians(-1), radians(8))
+ASIDE: Final = (radians(-1), radians(10))
 """Range over agents of the angle by which arms hang farther from the body."""
 
-ELBOWS: Final = (radians(0), radians(18))
+ELBOWS: Final = (radians(0), radians(22))
 """Range over agents of the elbows' bend."""
 
-UNEVEN: Final = radians(4)
+UNEVEN: Final = radians(5)
 """Largest difference between left and right, either way."""
 
 
