@@ -2,13 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 
 from tests.world.fakes import BODIES as STICKS
 from tests.world.fakes import FakeEngine, start_poses
+from wayfarer.body.library import load_body
 from wayfarer.body.model import BodyModel
-from wayfarer.spec import POSED_JOINTS
+from wayfarer.model_bundle import ModelBundle
+from wayfarer.spec import GENDERS, POSED_JOINTS
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.stepping.settings import WorldSettings
@@ -29,6 +32,12 @@ def with_trunk(body: BodyModel) -> BodyModel:
 
 
 BODIES = {gender: with_trunk(body) for gender, body in STICKS.items()}
+ANNY = {gender: load_body("anny52", gender, "low") for gender in GENDERS}
+
+
+def gliding_bundle(bodies: dict[str, BodyModel], *files: str) -> ModelBundle:
+    """What stands for a folder of models that has `files`: its people glide."""
+    return ModelBundle(SimpleNamespace(contracts=files), FakeEngine(), bodies)
 
 
 def make_world(engine: FakeEngine | None = None) -> World:

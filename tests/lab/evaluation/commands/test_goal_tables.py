@@ -3,14 +3,12 @@
 import json
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
 
-from tests.lab.evaluation.people import BODIES
+from tests.lab.evaluation.people import BODIES, gliding_bundle
 from tests.lab.evaluation.recordings import write_recordings
-from tests.world.fakes import FakeEngine
 from wayfarer.model_bundle import ModelBundle
 from wayfarer.world.goals.steering import Steering
 from wayfarer_lab.evaluation import scenarios
@@ -20,8 +18,7 @@ from wayfarer_lab.evaluation.maneuvers.robust import SCRIPTS
 
 def made_bundle(path: Path, threads: int) -> ModelBundle:
     """Gliding models; those in a folder called `plain` have no policy."""
-    files = () if path.name == "plain" else ("policy.onnx",)
-    return ModelBundle(SimpleNamespace(contracts=files), FakeEngine(), BODIES)
+    return gliding_bundle(BODIES, *([] if path.name == "plain" else ["policy.onnx"]))
 
 
 @pytest.fixture(autouse=True)

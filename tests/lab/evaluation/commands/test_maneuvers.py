@@ -3,25 +3,20 @@
 import json
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner, Result
 
+from tests.lab.evaluation.people import ANNY, gliding_bundle
 from tests.lab.evaluation.recordings import write_recordings
-from tests.world.fakes import FakeEngine
-from wayfarer.body.library import load_body
-from wayfarer.model_bundle import ModelBundle
 from wayfarer.spec import GENDERS
 from wayfarer_lab.evaluation.commands import app, maneuvers
 from wayfarer_lab.evaluation.maneuvers.maneuver import Shot
 
-BODIES = {gender: load_body("anny52", gender, "low") for gender in GENDERS}
-
 
 @pytest.fixture(autouse=True)
 def gliding(monkeypatch: pytest.MonkeyPatch) -> None:
-    bundle = ModelBundle(SimpleNamespace(contracts=("policy.onnx",)), FakeEngine(), BODIES)
+    bundle = gliding_bundle(ANNY, "policy.onnx")
     monkeypatch.setattr(maneuvers, "open_bundle", lambda models, threads, engine: bundle)
     monkeypatch.setattr(maneuvers, "QUICK", 0.03)
 

@@ -2,24 +2,18 @@
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from tests.world.fakes import FakeEngine
-from wayfarer.body.library import load_body
-from wayfarer.model_bundle import ModelBundle
-from wayfarer.spec import GENDERS
+from tests.lab.evaluation.people import ANNY, gliding_bundle
 from wayfarer_lab.evaluation.commands import app, scenes
-
-BODIES = {gender: load_body("anny52", gender, "low") for gender in GENDERS}
 
 
 @pytest.fixture(autouse=True)
 def gliding(monkeypatch: pytest.MonkeyPatch) -> None:
-    bundle = ModelBundle(SimpleNamespace(contracts=("policy.onnx",)), FakeEngine(), BODIES)
+    bundle = gliding_bundle(ANNY, "policy.onnx")
     monkeypatch.setattr(scenes, "open_bundle", lambda models, threads, engine: bundle)
 
 

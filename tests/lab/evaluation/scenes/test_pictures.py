@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from tests.lab.evaluation.scenes.test_witness import BODIES, chunk, scene
+from tests.lab.evaluation.people import ANNY
+from tests.lab.evaluation.scenes.test_witness import chunk, scene
 from wayfarer.navigation.examples import two_storeys
 from wayfarer.navigation.scene import bake
 from wayfarer.navigation.scene_spec import Box
@@ -46,7 +47,7 @@ def test_an_upper_storey_covers_the_lower_and_is_darker() -> None:
 def test_a_view_shows_boxes_and_people_as_they_were(tmp_path: Path) -> None:
     place, seen = scene(BOX), []
     for agents in ((), ("a",)):
-        witness = Witness(BODIES, place)
+        witness = Witness(ANNY, place)
         for agent in agents:
             witness.meet(agent, AgentSpec())
             witness.see(chunk(agent, 0, (0.0, 0.0, 0.0)))
@@ -54,7 +55,7 @@ def test_a_view_shows_boxes_and_people_as_they_were(tmp_path: Path) -> None:
     empty, peopled = map(pixels, seen)
     changed = np.argwhere((empty != peopled).any(-1))
     assert 100 < len(changed) < 6000, "one body and its shadow"
-    bare = pixels(view(scene(), Witness(BODIES, scene()), Focus((0.0, 0.0), 6.0), (160, 120)))
+    bare = pixels(view(scene(), Witness(ANNY, scene()), Focus((0.0, 0.0), 6.0), (160, 120)))
     assert (bare != empty).any(-1).sum() > 300, "the box"
     save(tmp_path / "new" / "view.png", seen[1])
     assert Image.open(tmp_path / "new" / "view.png").size == (160, 120)

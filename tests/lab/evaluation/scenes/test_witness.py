@@ -3,16 +3,15 @@
 import numpy as np
 import pytest
 
-from wayfarer.body.library import load_body
+from tests.lab.evaluation.people import ANNY
 from wayfarer.navigation.examples import rectangle
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.scene_spec import Box, Floor, SceneSpec
-from wayfarer.spec import FPS, GENDERS, NEW_FRAMES, POSED_JOINTS
+from wayfarer.spec import FPS, NEW_FRAMES, POSED_JOINTS
 from wayfarer.world.agents.agent import AgentSpec, AgentState, ChunkFlag, MotionChunk
 from wayfarer_lab.evaluation.scenes.witness import Witness
 
-BODIES = {gender: load_body("anny52", gender, "low") for gender in GENDERS}
-HIPS = float(BODIES["female"].rest_joints(np.zeros(10))[0, 2])
+HIPS = float(ANNY["female"].rest_joints(np.zeros(10))[0, 2])
 
 
 def scene(*boxes: Box) -> Scene:
@@ -38,7 +37,7 @@ def chunk(agent: str, number: int, at: tuple[float, float, float]) -> MotionChun
 
 
 def watched(where: Scene, ways: dict[str, list[tuple[float, float, float]]], **options) -> Witness:
-    witness = Witness(BODIES, where, **options)
+    witness = Witness(ANNY, where, **options)
     for agent in ways:
         witness.meet(agent, AgentSpec())
     for number, places in enumerate(zip(*ways.values(), strict=True)):
@@ -91,7 +90,7 @@ def test_the_edge_of_the_floor_is_no_step() -> None:
 
 
 def test_a_change_of_the_scene_counts_from_then_on() -> None:
-    witness = Witness(BODIES, scene(), every=1)
+    witness = Witness(ANNY, scene(), every=1)
     witness.meet("a", AgentSpec())
     witness.see(chunk("a", 0, (0.0, 0.0, 0.0)))
     witness.change(scene().put("crate", Box((0.5, 0.0), (0.6, 0.6), 2.0)))
