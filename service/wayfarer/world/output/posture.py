@@ -3,7 +3,7 @@
 The model bends its walkers forward, and their eyes are on the floor; and all of them hold their
 arms alike. Frame by frame, and without a memory:
 
-    trunk   a part of what it leans forward beyond `UPRIGHT` is taken off, by 4 degrees at most
+    trunk   a part of what it leans forward beyond `UPRIGHT` is removed, up to `TRUNK_MOST`
     head    is levelled: most of its pitch away from `LEVEL` is taken off, as people keep their
             eyes on what is ahead of them, half in the neck and half in the head
     arms    swing wider or less, and hang farther from the body or with elbows more bent: each
