@@ -85,4 +85,5 @@ def test_feet_are_on_a_slope_and_on_steps():
     assert (gaps < -0.05).mean() < 0.01
     rise = FPS * np.diff(translation[:, 2])
     assert np.abs(rise).max() < 2.0  # m/s: nothing jumps
-    assert world.get_agent(agent).position[2] == pytest.approx(translation[-1, 2], abs=1e-4)
+    # An agent's place is the model's; the foot lock sends the hips up to 8 mm lower (`LOWERED`).
+    assert world.get_agent(agent).position[2] == pytest.approx(translation[-1, 2], abs=0.009)

@@ -14,6 +14,7 @@ from wayfarer.model_bundle import ModelBundle
 from wayfarer.spec import GENDERS, POSED_JOINTS
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal
+from wayfarer.world.goals.steering import Steering, default_searches
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.world import World
 from wayfarer_lab.evaluation.goals import CarriedOut, Course
@@ -40,9 +41,17 @@ def gliding_bundle(bodies: dict[str, BodyModel], *files: str) -> ModelBundle:
     return ModelBundle(SimpleNamespace(contracts=files), FakeEngine(), bodies)
 
 
+ALIKE = Steering(
+    reactions=1,
+    searches={mode: replace(s, manner=0.0) for mode, s in default_searches().items()},
+)
+"""Nobody hesitates, and nobody has a manner of their own."""
+
+
 def make_world(engine: FakeEngine | None = None) -> World:
-    """A world whose agents step at the same moments."""
-    return World(engine or FakeEngine(), BODIES, start_poses(), WorldSettings(phases=1))
+    """A world whose agents are alike and step at the same moments."""
+    settings = WorldSettings(phases=1, steering=ALIKE)
+    return World(engine or FakeEngine(), BODIES, start_poses(), settings)
 
 
 def course(

@@ -58,15 +58,15 @@ def test_clones_glide_to_the_goal() -> None:
 
 
 class ShyEngine(FakeEngine):
-    """Walks in a straight line to half a metre from the goal and no nearer; a clone whose noise is
-    negative walks the other way."""
+    """Walks in a straight line to half a metre from the goal and no nearer; by its noise, a clone
+    walks the other way."""
 
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
         way = inputs.goal[:, :2] - inputs.seed_translation[:, -1, :2]
         length = np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-6)
         goal = inputs.goal.copy()
         goal[:, :2] -= way / length * np.float32(0.5)
-        flee = inputs.noise[:, 0, 0] < 0
+        flee = np.sin(1e3 * inputs.noise[:, 0, 0]) < 0  # even if an agent's own latent is added
         goal[flee, :2] = (inputs.seed_translation[:, -1, :2] - 10 * way)[flee]
         return super().step(gender, replace(inputs, goal=goal))
 
