@@ -13,6 +13,7 @@ import { golden } from "./golden.js";
 
 const GOAL = { x: 1.5, z: 2 };
 const PATIENCE = 60; // seconds
+const STOOD = 0.5; // seconds on both feet that end a walk: in mid-stride both touch the ground for 0.2 s at most
 const RIGS = { three: "a_pose", vrm: "vrm1", babylon: "centimetres" };
 const { cases } = golden("retarget.json");
 
@@ -32,6 +33,7 @@ async function bodyFile(api) {
 const characters = [];
 let walker = null;
 let arrived = 0;
+let standsSince = NaN; // moment from which both feet have been on the ground
 const session = await Session.open(process.argv[2], {
   wish: { encoding: "smallest_three", fps: 20 },
   on: {
@@ -72,8 +74,11 @@ while (performance.now() < end) {
     const standing = character.feet.filter((_, leg) => walker.track.contacts & (1 << leg)).map((foot) => character.place(foot)[1]);
     character.most = Math.max(character.most, ...standing);
   }
+  const { moment } = session.player;
+  if (walker.track.contacts !== 3) standsSince = NaN;
+  else if (Number.isNaN(standsSince)) standsSince = moment;
   // the event is ahead of the picture by the playout delay, and a last step may follow
-  if (arrived && session.player.moment > arrived + 0.5 && walker.track.contacts === 3) break;
+  if (arrived && moment > arrived && moment >= standsSince + STOOD) break;
 }
 assert.ok(arrived, "it has not arrived");
 for (const { engine, place, hips, feet, most, character } of characters) {
