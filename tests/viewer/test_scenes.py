@@ -110,7 +110,8 @@ def test_a_crate_dropped_in_the_way_is_walked_around(visit):
     start = page.evaluate(f"(({{ x, y, z }}) => ({{ x, y, z }}))({PEOPLE}[0])")
     out = np.array([start["x"], start["z"]]) / np.hypot(start["x"], start["z"])
     across = np.array([-out[1], out[0]])
-    goal = 6.0 * out + 5.0 * across  # past the fountain's rim, before the stalls
+    # past the fountain's rim, and before the stalls: a goal under one is moved by up to 0.7 m
+    goal = 5.0 * out + 4.5 * across
     page.evaluate("document.querySelector('#speed').value = '0.4'")  # time to put the crate there
     look_down(page, *(5.0 * out + 2.5 * across), 22.0)
     page.click(*on_screen(page, goal[0], 0.0, goal[1]))
