@@ -148,6 +148,7 @@ def test_bounds_of_numbers_are_told(name):
 
 def test_every_number_of_a_request_has_bounds_unless_they_depend_on_the_basis():
     free = {"Vector3.x", "Vector3.y", "Vector3.z", "Floor.height", "Prism.bottom"}
+    free.add("CharacterJoints.floor")
     found = set()
     for name in request_schemas():
         for field, part in DOCUMENT["components"]["schemas"][name].get("properties", {}).items():

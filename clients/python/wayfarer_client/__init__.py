@@ -40,6 +40,7 @@ from wayfarer_client.messages import (
     Agent,
     AgentSpec,
     Batch,
+    BodyFit,
     CrowdCame,
     Event,
     Flag,
@@ -50,7 +51,7 @@ from wayfarer_client.messages import (
     StreamInfo,
 )
 from wayfarer_client.playout import PlayoutClock, PoseTrack
-from wayfarer_client.retarget import CharacterPose, Retarget
+from wayfarer_client.retarget import CharacterPose, Retarget, character_joints
 from wayfarer_client.rig import Node, Rig
 from wayfarer_client.root import SmoothRoot
 from wayfarer_client.scenes import Scene, Scenes, Way
@@ -79,6 +80,7 @@ __all__ = [
     "Basis",
     "Batch",
     "Behaviour",
+    "BodyFit",
     "BoneMap",
     "Box",
     "CharacterPose",
@@ -138,6 +140,7 @@ __all__ = [
     "Wander",
     "Way",
     "WayfarerError",
+    "character_joints",
     "map_bones",
     "tracks",
 ]

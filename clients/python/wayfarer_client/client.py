@@ -1,24 +1,28 @@
 """The asynchronous client."""
 
 import asyncio
-from collections.abc import AsyncGenerator, Callable, Iterable
+from collections.abc import AsyncGenerator, Callable, Iterable, Mapping, Sequence
 from contextlib import aclosing
 from types import TracebackType
 from typing import Any, Final, Self
 
 from wayfarer_client.admin import Admin
+from wayfarer_client.bases import BASES
+from wayfarer_client.bone_map import BoneMap
 from wayfarer_client.connection import Access, Connection, Tls
-from wayfarer_client.messages import AgentSpec, Batch, Goal, PoseFormat, enum_label
+from wayfarer_client.messages import AgentSpec, Batch, BodyFit, Goal, PoseFormat, enum_label, vector
+from wayfarer_client.retarget import character_joints
 from wayfarer_client.scenes import Scene, Scenes
 from wayfarer_client.session import Session
 from wayfarer_client.v1 import (
+    agent_pb2,
     catalog_pb2,
     common_pb2,
     motion_pb2,
     session_pb2,
     snapshot_pb2,
 )
-from wayfarer_client.wire import BatchReader
+from wayfarer_client.wire import GENDERS, BatchReader
 
 REACH_S: Final = 1.0
 """Seconds after which a worker's port that takes no connection counts as behind a firewall."""
@@ -205,6 +209,44 @@ class Client:
         request = catalog_pb2.ListBodiesRequest()
         reply = await self.connection.call(self.connection.catalog.ListBodies, request)
         return list(reply.bodies)
+
+    async def fit_body(
+        self,
+        character: BoneMap | Mapping[str, Sequence[float]],
+        *,
+        floor: float | None = None,
+        gender: str = "",
+        basis: str = "gltf",
+    ) -> BodyFit:
+        """The body whose bones are as long as a character's: `fit.spec()` makes such an agent.
+
+        `character`: the map of its bones, or places of its joints by bone; hips, knees and ankles
+        are needed. `floor`: height under its soles; a map knows it where the character stands on
+        the ground. `gender`: of the body; empty: the one that fits better. Raises InvalidArgument.
+        """
+        if isinstance(character, BoneMap):
+            places, ground = character_joints(character, BASES[basis])
+            floor = ground if floor is None else floor
+            joints = {bone: place.tolist() for bone, place in places.items()}
+        else:
+            joints = dict(character)
+        request = catalog_pb2.FitBodyRequest(
+            joints=(
+                catalog_pb2.CharacterJoint(bone=bone, position=vector(place))
+                for bone, place in joints.items()
+            ),
+            floor=floor,
+            gender=enum_label(agent_pb2.Gender, gender, "gender") if gender else None,
+            basis=enum_label(common_pb2.Basis, basis, "basis"),
+        )
+        reply = await self.connection.call(self.connection.catalog.FitBody, request)
+        return BodyFit(
+            body=reply.body,
+            gender=GENDERS.get(reply.gender, ""),
+            betas=tuple(reply.betas),
+            scale=reply.scale,
+            errors_cm={length.name: length.error_cm for length in reply.lengths},
+        )
 
     async def models(self) -> list[catalog_pb2.Model]:
         """Motion models that are loaded."""

@@ -4,7 +4,7 @@ All places, lengths and headings are in the session's basis; times are seconds o
 Unix clock.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntFlag
 from typing import Any, TypedDict
@@ -88,6 +88,23 @@ class AgentSpec:
             words = {name: getattr(self.phenotype, name) for name in Phenotype.__slots__}
             spec.phenotype.CopyFrom(agent_pb2.Phenotype(**words))
         return spec
+
+
+@dataclass(frozen=True, slots=True)
+class BodyFit:
+    """A body with the proportions of a character."""
+
+    body: str
+    gender: str
+    betas: tuple[float, ...]
+    scale: float
+    """Size of the character by that of the body: 1 where a person can have such legs."""
+    errors_cm: Mapping[str, float]
+    """By which thigh, shin, foot … of the body × scale are longer than the character's."""
+
+    def spec(self, **more: Any) -> AgentSpec:
+        """An agent with this body; `more`: further fields of `AgentSpec`."""
+        return AgentSpec(gender=self.gender, betas=self.betas, **more)
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,7 +71,7 @@ class Retarget:
         self.nodes = {BONES.index(bone): node for bone, node in bone_map.bones.items()}
         self.above = {b: _nearest(rig.ancestors(n), self.nodes) for b, n in self.nodes.items()}
         self._source(np.asarray(rest_offsets, float)[: len(BONES)])
-        turn = self._alignment(rig.places)
+        turn = _alignment(bone_map, basis)
         rest = {b: multiply(turn, rig.rotations[n]) for b, n in self.nodes.items()}
         place = {b: rotate(turn, rig.places[n]) for b, n in self.nodes.items()}
         correct = self._corrections(place)
@@ -99,19 +99,6 @@ class Retarget:
         for b, parent in enumerate(PARENTS):
             above = self.source_rest[parent] if parent >= 0 else 0
             self.source_rest[b] = above + offsets[b]
-
-    def _alignment(self, places: Array) -> Array:
-        """The rotation from the character's axes to the basis, by where hips and legs are."""
-        at = {b: places[n] for b, n in self.nodes.items()}
-        up = _snapped(at[0] - (at[LEGS[0][2]] + at[LEGS[1][2]]) / 2)
-        left = at[LEGS[0][0]] - at[LEGS[1][0]]
-        left = _snapped(left - (left @ up) * up)
-        left = left - (left @ up) * up
-        left /= np.linalg.norm(left)
-        basis = self.basis
-        forward = basis.handed * np.cross(left, up)
-        own = np.stack([left, up, forward], 1)
-        return from_axes(np.stack([basis.left, basis.up, basis.forward], 1) @ own.T)
 
     def _corrections(self, place: dict[int, Array]) -> dict[int, Array]:
         """What turns each bone from the character's rest pose into a T-pose."""
@@ -147,12 +134,10 @@ class Retarget:
         source = self.source_rest
         legs = sum((stand[0] - stand[leg[2]]) @ up for leg in LEGS)
         scale = legs / sum((source[0] - source[leg[2]]) @ up for leg in LEGS)
-        if floor is None:
-            lowest = min(place[b] @ up for leg in LEGS for b in leg[2:] if b in place)
-            floor = 0.0
-            if not 0 <= lowest <= 0.25 * (place[0] @ up - lowest):
-                sole = min(source[b] @ up for leg in LEGS for b in leg[2:])
-                floor = lowest - scale * sole
+        if floor is None and not _stands(place, up):
+            sole = min(source[b] @ up for leg in LEGS for b in leg[2:])
+            floor = _lowest_joint(place, up) - scale * sole
+        floor = floor or 0.0
         self.foot, self.source_foot, self.stance, high = [], [], [], 0.0
         for _, _, ankle, toe in LEGS:
             ball = source[toe] - source[ankle]
@@ -285,6 +270,42 @@ class Retarget:
                 parent = multiply(world[self.above[b]], self._between[b])
                 local[b] = multiply(inverse(parent), world[b])
         return local, rotate(inverse(turn), hips - place) / scale
+
+
+def character_joints(
+    bone_map: BoneMap, basis: Basis = BASES["gltf"]
+) -> tuple[dict[str, Array], float | None]:
+    """Joints [3] of a character at rest by bone, upright in the basis; height of its floor.
+
+    None: it does not stand on the origin's level, and its file does not say where its floor is.
+    """
+    turn = _alignment(bone_map, basis)
+    places = {bone: rotate(turn, bone_map.rig.places[n]) for bone, n in bone_map.bones.items()}
+    numbered = {BONES.index(bone): place for bone, place in places.items()}
+    return places, 0.0 if _stands(numbered, basis.up) else None
+
+
+def _alignment(bone_map: BoneMap, basis: Basis) -> Array:
+    """The rotation from the character's axes to the basis, by where hips and legs are."""
+    at = {BONES.index(bone): bone_map.rig.places[n] for bone, n in bone_map.bones.items()}
+    up = _snapped(at[0] - (at[LEGS[0][2]] + at[LEGS[1][2]]) / 2)
+    left = at[LEGS[0][0]] - at[LEGS[1][0]]
+    left = _snapped(left - (left @ up) * up)
+    left = left - (left @ up) * up
+    left /= np.linalg.norm(left)
+    forward = basis.handed * np.cross(left, up)
+    own = np.stack([left, up, forward], 1)
+    return from_axes(np.stack([basis.left, basis.up, basis.forward], 1) @ own.T)
+
+
+def _lowest_joint(place: dict[int, Array], up: Array) -> float:
+    return min(float(place[b] @ up) for leg in LEGS for b in leg[2:] if b in place)
+
+
+def _stands(place: dict[int, Array], up: Array) -> bool:
+    """Its feet are so near over the origin's level that this is its floor."""
+    lowest = _lowest_joint(place, up)
+    return 0 <= lowest <= 0.25 * (float(place[0] @ up) - lowest)
 
 
 def _nearest(ancestors: list[int], nodes: dict[int, int]) -> int:

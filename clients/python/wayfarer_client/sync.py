@@ -2,17 +2,27 @@
 
 import asyncio
 import threading
-from collections.abc import AsyncGenerator, Callable, Coroutine, Iterable, Iterator
+from collections.abc import (
+    AsyncGenerator,
+    Callable,
+    Coroutine,
+    Iterable,
+    Iterator,
+    Mapping,
+    Sequence,
+)
 from types import TracebackType
 from typing import Any, Self, TypeVar, Unpack
 
 from wayfarer_client.behaviours import Behaviour
+from wayfarer_client.bone_map import BoneMap
 from wayfarer_client.client import Client
 from wayfarer_client.connection import Tls
 from wayfarer_client.messages import (
     Agent,
     AgentSpec,
     Batch,
+    BodyFit,
     CrowdCame,
     Goal,
     GoalOptions,
@@ -146,6 +156,10 @@ class SyncClient:
     def bodies(self) -> list[catalog_pb2.Body]:
         """See `Client.bodies`."""
         return self._run(self._client.bodies())
+
+    def fit_body(self, character: BoneMap | Mapping[str, Sequence[float]], **how: Any) -> BodyFit:
+        """See `Client.fit_body`."""
+        return self._run(self._client.fit_body(character, **how))
 
     def models(self) -> list[catalog_pb2.Model]:
         """See `Client.models`."""

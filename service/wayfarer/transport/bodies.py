@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from wayfarer.body.library import Detail, load_body
 from wayfarer.body.model import Array, BodyModel
 from wayfarer.body.phenotype import LIMITS, betas_from_phenotype, height_of
+from wayfarer.body.proportions import BodyFit, fit_betas
 from wayfarer.spec import BETAS
 
 
@@ -26,6 +27,10 @@ class BodyLibrary:
         """
         height = phenotype.get("height_m", height_of(gender, (0.0,) * BETAS, self.name))
         return betas_from_phenotype(gender, **{**phenotype, "height_m": height})
+
+    def fit(self, joints: Mapping[str, Array], floor: float | None, gender: str | None) -> BodyFit:
+        """See `fit_betas`."""
+        return fit_betas(joints, floor, gender, self.name)
 
     def height_range(self) -> tuple[float, float]:
         """Least and greatest standing height in metres that a phenotype may ask for."""

@@ -186,6 +186,32 @@ def body(bodies: BodyLibrary, gender: schema.Gender) -> schema.Body:
     )
 
 
+def fitted_body(wish: schema.CharacterJoints, bodies: BodyLibrary) -> schema.FittedBody:
+    """The body with a character's proportions. Raises InvalidArgument."""
+    axes = wish.basis.axes
+    joints: dict[str, NDArray[np.floating[Any]]] = {}
+    for k, joint in enumerate(wish.joints):
+        if joint.bone in joints:
+            raise InvalidArgument(f"{joint.bone!r} is there twice", f"joints[{k}].bone")
+        joints[joint.bone] = np.array(place(joint.position, axes))
+    found = bodies.fit(joints, in_world(wish, axes).get("floor"), wish.gender)
+    return schema.FittedBody(
+        body=bodies.name,
+        gender=schema.Gender(found.gender),
+        betas=found.betas,
+        scale=found.scale,
+        lengths=tuple(
+            schema.FittedLength(
+                name=length.name,
+                character_m=length.character_m,
+                body_m=length.body_m,
+                error_cm=length.error_cm,
+            )
+            for length in found.lengths
+        ),
+    )
+
+
 def stats(figures: LoopStats) -> schema.Stats:
     """Field by field."""
     return schema.Stats(**asdict(figures))

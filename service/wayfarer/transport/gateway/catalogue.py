@@ -1,5 +1,7 @@
 """What the server has and allows."""
 
+import asyncio
+
 from wayfarer import __version__
 from wayfarer.spec import FPS, NEW_FRAMES
 from wayfarer.transport import convert, schema
@@ -25,6 +27,11 @@ class CatalogueApi:
         return schema.Bodies(
             bodies=tuple(convert.body(self._shared.bodies, gender) for gender in schema.Gender)
         )
+
+    @needs(Scope.READ)
+    async def fit_body(self, wish: schema.CharacterJoints) -> schema.FittedBody:
+        """The body with a character's proportions. Raises InvalidArgument."""
+        return await asyncio.to_thread(convert.fitted_body, wish, self._shared.bodies)
 
     @needs(Scope.READ)
     async def models(self) -> schema.Models:

@@ -93,6 +93,7 @@ def methods(gateway: Gateway) -> dict[str, Call]:
         "Replay": lambda r: snapshots.replay(r.log, parse(schema.PoseFormat, r.format, "format")),
         "GetSkeleton": lambda r: catalogue.skeleton(),
         "ListBodies": lambda r: catalogue.bodies(),
+        "FitBody": lambda r: catalogue.fit_body(parse(schema.CharacterJoints, r)),
         "ListModels": lambda r: catalogue.models(),
         "GetServerInfo": lambda r: catalogue.info(),
         "LoadModel": lambda r: admin.load_model(parse(schema.NewModel, r)),

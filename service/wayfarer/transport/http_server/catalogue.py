@@ -35,6 +35,15 @@ def catalogue_routes(gateway: Gateway) -> APIRouter:
     async def list_bodies() -> schema.Bodies:
         return catalogue.bodies()
 
+    @router.post(
+        "/bodies:fit",
+        operation_id="fitBody",
+        summary="The body with the proportions of a character",
+    )
+    async def fit_body(wish: schema.CharacterJoints) -> schema.FittedBody:
+        """An agent made with its betas takes the steps of that character's legs."""
+        return await catalogue.fit_body(wish)
+
     @router.get("/models", operation_id="listModels", summary="Motion models that are loaded")
     async def list_models() -> schema.Models:
         return await catalogue.models()

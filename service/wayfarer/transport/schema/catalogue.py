@@ -2,9 +2,19 @@
 
 from pydantic import ConfigDict, Field
 
+from wayfarer.body.skeleton import joint_names
 from wayfarer.limits import Limits
+from wayfarer.spec import POSED_JOINTS
+from wayfarer.transport.basis import Basis
 from wayfarer.transport.schema.agents import Gender
-from wayfarer.transport.schema.base import BasisInfo, Bool, Message
+from wayfarer.transport.schema.base import (
+    BasisInfo,
+    Bool,
+    Length,
+    Many,
+    Message,
+    Vector3,
+)
 
 
 class Bone(Message):
@@ -42,6 +52,75 @@ class Bodies(Message):
     """The bodies that agents can have."""
 
     bodies: tuple[Body, ...]
+
+
+class CharacterJoint(Message):
+    """A joint of a character at rest."""
+
+    bone: str = Field(
+        max_length=64,
+        description="canonical name of its bone",
+        json_schema_extra={"enum": list(joint_names()[:POSED_JOINTS])},
+    )
+    position: Vector3
+
+
+class CharacterJoints(Message):
+    """Asks for a body with the proportions of a character."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "joints": [
+                        {"bone": f"{side}_{bone}", "position": {"x": x, "y": y, "z": 0}}
+                        for side, x in (("left", 0.1), ("right", -0.1))
+                        for bone, y in (("hip", 0.95), ("knee", 0.52), ("ankle", 0.09))
+                    ],
+                    "floor": 0,
+                }
+            ]
+        }
+    )
+
+    joints: Many[CharacterJoint] = Field(
+        min_length=6,
+        max_length=POSED_JOINTS,
+        description="in any pose, each once; hips, knees and ankles are needed",
+    )
+    floor: Length | None = Field(
+        default=None,
+        description="height of the floor under its soles along the basis's up axis; "
+        "absent: the height of its ankles is left out",
+    )
+    gender: Gender | None = Field(
+        default=None, description="of the body; absent: the one that fits better"
+    )
+    basis: Basis = Field(default=Basis.GLTF, description="basis of the places")
+
+
+class FittedLength(Message):
+    """A length of a character, and of the body found for it."""
+
+    name: str = Field(
+        description="thigh, shin, foot, upper_arm, forearm (means of both sides); hips, shoulders "
+        "(from left to right), torso (between the middles of these); ankle_height"
+    )
+    character_m: float
+    body_m: float = Field(description="of the body × scale")
+    error_cm: float = Field(description="above 0 where the body is longer")
+
+
+class FittedBody(Message):
+    """A body with the proportions of a character."""
+
+    body: str
+    gender: Gender = Field(description="for AgentSpec.gender")
+    betas: tuple[float, ...] = Field(description="for AgentSpec.betas")
+    scale: float = Field(
+        description="size of the character by that of the body: 1 where a person can have such legs"
+    )
+    lengths: tuple[FittedLength, ...]
 
 
 class Model(Message):
