@@ -59,11 +59,11 @@ async def knock(target: Target, knocks: Knocks) -> None:
     connection = Connection(target)
     made = await connection.sessions.CreateSession(session_pb2.CreateSessionRequest())
     specs = [agent_pb2.AgentSpec(gender=1 + number % 2) for number in range(GROUP)]
-    wish = agent_pb2.CreateAgentsRequest(session_id=made.session.session_id, agents=specs)
+    request = agent_pb2.CreateAgentsRequest(session_id=made.session.session_id, agents=specs)
     while True:
         began = time.monotonic()
         try:
-            let_in = await connection.agents.CreateAgents(wish)
+            let_in = await connection.agents.CreateAgents(request)
         except grpc.aio.AioRpcError as error:
             if error.code() is not grpc.StatusCode.RESOURCE_EXHAUSTED:
                 raise

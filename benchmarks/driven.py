@@ -115,10 +115,10 @@ class Driven:
         """See `SceneService`. There are none."""
         return []
 
-    async def subscribe(self, session_id: str, wish: StreamOptions) -> Subscription:
+    async def subscribe(self, session_id: str, options: StreamOptions) -> Subscription:
         """See `MotionService`."""
         made = Subscription(
-            session_id, wish, self._world.settings.limits, self._meter, lambda: self.now
+            session_id, options, self._world.settings.limits, self._meter, lambda: self.now
         )
         self._publisher.subscribe(made, self.now)
         self.subscriptions.append(made)

@@ -200,12 +200,12 @@ async def _furnish(channel: grpc.aio.Channel, inputs: Inputs) -> None:
     sessions = session_pb2_grpc.SessionServiceStub(channel)
     agents = agent_pb2_grpc.AgentServiceStub(channel)
     scene_id = await _scene(channel)
-    wishes = (
+    requests = (
         session_pb2.CreateSessionRequest(record=True),
         session_pb2.CreateSessionRequest(scene=scene_id, lock_step=True),
         session_pb2.CreateSessionRequest(lock_step=True),
     )
-    made = [(await sessions.CreateSession(wish)).session.session_id for wish in wishes]
+    made = [(await sessions.CreateSession(request)).session.session_id for request in requests]
     names: list[str] = []
     for session_id in made:
         try:

@@ -78,8 +78,8 @@ async def people(connection: Connection, agents: int) -> str:
     made = await connection.sessions.CreateSession(session_pb2.CreateSessionRequest())
     session_id = str(made.session.session_id)
     specs = [agent_pb2.AgentSpec(gender=1 + i % 2, seed=i) for i in range(agents)]
-    wish = agent_pb2.CreateAgentsRequest(session_id=session_id, agents=specs)
-    for agent in (await connection.agents.CreateAgents(wish)).agents:
+    request = agent_pb2.CreateAgentsRequest(session_id=session_id, agents=specs)
+    for agent in (await connection.agents.CreateAgents(request)).agents:
         goal = goal_pb2.Goal(position=common_pb2.Vector3(z=500.0))
         await connection.goals.SetGoal(goal_pb2.SetGoalRequest(agent_id=agent.agent_id, goal=goal))
     return session_id

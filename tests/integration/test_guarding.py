@@ -162,10 +162,10 @@ async def _take_back(service: Process, keys: Keys) -> None:
 
         async def followed(name: str) -> tuple[str, grpc.aio.UnaryStreamCall]:
             sessions = session_pb2_grpc.SessionServiceStub(channel)
-            wish, own = session_pb2.CreateSessionRequest(), keys.grpc(name)
-            session_id = (await sessions.CreateSession(wish, metadata=own)).session.session_id
-            wish = motion_pb2.StreamMotionRequest(session_id=session_id)
-            stream = stub.StreamMotion(wish, metadata=own)
+            request, own = session_pb2.CreateSessionRequest(), keys.grpc(name)
+            session_id = (await sessions.CreateSession(request, metadata=own)).session.session_id
+            request = motion_pb2.StreamMotionRequest(session_id=session_id)
+            stream = stub.StreamMotion(request, metadata=own)
             assert (await stream.read()).HasField("header")
             return session_id, stream
 
@@ -281,8 +281,8 @@ async def _drain(service: Process, keys: Keys, how: str) -> None:
     async with grpc.aio.insecure_channel(service.grpc) as channel:
         sessions = session_pb2_grpc.SessionServiceStub(channel)
         made = await sessions.CreateSession(session_pb2.CreateSessionRequest(), metadata=own)
-        wish = motion_pb2.StreamMotionRequest(session_id=made.session.session_id)
-        stream = motion_pb2_grpc.MotionServiceStub(channel).StreamMotion(wish, metadata=own)
+        request = motion_pb2.StreamMotionRequest(session_id=made.session.session_id)
+        stream = motion_pb2_grpc.MotionServiceStub(channel).StreamMotion(request, metadata=own)
         assert (await stream.read()).HasField("header")
         if how == "SIGTERM":
             service.process.send_signal(signal.SIGTERM)

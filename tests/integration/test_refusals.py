@@ -144,8 +144,8 @@ async def test_an_area_is_named_as_it_was_sent(http):
 async def test_scenes_too(http, solid, field, told):
     corners = ((-900, -900), (900, -900), (900, 900), (-900, 900))
     floor = {"outline": [{"x": x, "y": y, "z": 0} for x, y in corners]}
-    wish = {"basis": "unreal", "floors": [floor], "solids": [solid]}
-    name, detail = await refused(http.post("/v1/scenes", json=wish))
+    request = {"basis": "unreal", "floors": [floor], "solids": [solid]}
+    name, detail = await refused(http.post("/v1/scenes", json=request))
     assert name == field and told in detail
 
 

@@ -75,10 +75,12 @@ def entry(seq, *agents, events=()):
     return QueuedPublication(Publication(seq + 1, chunks, tuple(events)), STEP * seq)
 
 
-def subscription(*agent_ids, meter=None, clock=None, start=None, queue_s=0.5, lead_s=0.5, **wish):
+def subscription(
+    *agent_ids, meter=None, clock=None, start=None, queue_s=0.5, lead_s=0.5, **options
+):
     made = Subscription(
         "s",
-        StreamOptions(agent_ids, **wish),
+        StreamOptions(agent_ids, **options),
         Limits(queue_s=queue_s, lead_s=lead_s),
         meter or KeepingMeter(),
         clock or ManualClock(0.0),

@@ -14,7 +14,7 @@ from wayfarer.world.agents.goal import Goal
 from wayfarer.world.events import EventKind
 from wayfarer.world.scenes.messages import SceneSource
 
-WISH = SceneSource(SceneSpec((FIELD,), (BOX,)), "field", {"owner": "ada"})
+SOURCE = SceneSource(SceneSpec((FIELD,), (BOX,)), "field", {"owner": "ada"})
 EMPTY = SceneSource(SceneSpec((FIELD,)))
 SOUTH = AgentSpec(position=(6.0, 2.0))
 NORTH = Goal((6.0, 10.0, 0.0))
@@ -22,7 +22,7 @@ NORTH = Goal((6.0, 10.0, 0.0))
 
 async def test_scenes_are_created_listed_drawn_and_deleted(servers):
     runtime = await servers.start()
-    scene = await runtime.scenes.create_scene(WISH)
+    scene = await runtime.scenes.create_scene(SOURCE)
     assert [s.scene_id for s in await runtime.scenes.list_scenes()] == [scene.scene_id]
     assert await runtime.scenes.get_scene(scene.scene_id) == scene
     drawn = await runtime.scenes.scene_outlines(scene.scene_id)

@@ -22,20 +22,20 @@ class FakeScenes:
     """Ids count from 1: scene-1, scene-2, …"""
 
     def __init__(self) -> None:
-        self.wishes: list[SceneSource] = []
+        self.sources: list[SceneSource] = []
         self.crowds: list[tuple[str, Crowd]] = []
         self.guests: dict[str, str] = {}  # scene of each session
         self._scenes: dict[str, tuple[SceneSource, Scene]] = {}
 
-    async def create_scene(self, wish: SceneSource) -> SceneInfo:
-        scene = await asyncio.to_thread(bake, wish.spec)
-        self.wishes.append(wish)
+    async def create_scene(self, source: SceneSource) -> SceneInfo:
+        scene = await asyncio.to_thread(bake, source.spec)
+        self.sources.append(source)
         scene_id = self.new_scene_id()
-        self._scenes[scene_id] = wish, scene
+        self._scenes[scene_id] = source, scene
         return await self.get_scene(scene_id)
 
     def new_scene_id(self) -> str:
-        return f"scene-{len(self.wishes)}"
+        return f"scene-{len(self.sources)}"
 
     def _scene(self, scene_id: str) -> Scene:
         if scene_id not in self._scenes:
@@ -44,10 +44,10 @@ class FakeScenes:
 
     async def get_scene(self, scene_id: str) -> SceneInfo:
         scene = self._scene(scene_id)
-        wish = self._scenes[scene_id][0]
+        source = self._scenes[scene_id][0]
         return SceneInfo(
             scene_id=scene_id,
-            name=wish.name,
+            name=source.name,
             content_hash=scene.content_hash,
             version=scene.version,
             area=scene.area,
@@ -57,7 +57,7 @@ class FakeScenes:
             sessions=list(self.guests.values()).count(scene_id),
             created_at=1_700_000_000.0,
             bake_s=0.01,
-            attributes=wish.attributes,
+            attributes=source.attributes,
         )
 
     async def list_scenes(self) -> list[SceneInfo]:

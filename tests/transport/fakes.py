@@ -45,11 +45,11 @@ from wayfarer.world.goals.commands import GoalCommand
 class FakeSubscription:
     epoch = "epoch-1"
 
-    def __init__(self, session_id: str, wish: StreamOptions) -> None:
+    def __init__(self, session_id: str, options: StreamOptions) -> None:
         self.session_id = session_id
-        self.wish = wish
-        self.agent_ids = set(wish.agent_ids)
-        self.resumed = wish.resume is not None and wish.resume.epoch == self.epoch
+        self.options = options
+        self.agent_ids = set(options.agent_ids)
+        self.resumed = options.resume is not None and options.resume.epoch == self.epoch
         self.acks: list[tuple[int, float]] = []
         self.queue: asyncio.Queue[Publication | WayfarerError | None] = asyncio.Queue()
         self.closed = False
@@ -182,16 +182,16 @@ class FakeService(FakeScenes):
         self.commands.append((agent_id, command))
         return len(self.commands)
 
-    async def subscribe(self, session_id: str, wish: StreamOptions) -> FakeSubscription:
+    async def subscribe(self, session_id: str, options: StreamOptions) -> FakeSubscription:
         known = {agent.agent_id for agent in self._session(session_id)}
         if self._infos[session_id].spec.lock_step:
             raise FailedPrecondition("a lock-step session has no streams")
-        if unknown := set(wish.agent_ids) - known:
+        if unknown := set(options.agent_ids) - known:
             raise NotFound(f"no agents {sorted(unknown)}")
-        subscription = FakeSubscription(session_id, wish)
+        subscription = FakeSubscription(session_id, options)
         self.subscriptions.append(subscription)
         if subscription.resumed:
-            for published in self._published[session_id][wish.resume.position :]:
+            for published in self._published[session_id][options.resume.position :]:
                 subscription.queue.put_nowait(published)
         return subscription
 

@@ -32,9 +32,9 @@ def turned(count: int = 8, seed: int = 0):
     return replace(chunk(), rotations=rotations.astype(np.float32))
 
 
-def chosen(wish):
+def chosen(request):
     """The format that a client asks for, as every call reads it."""
-    return convert.pose_format(wire.parse(schema.PoseFormat, wish, "format"))
+    return convert.pose_format(wire.parse(schema.PoseFormat, request, "format"))
 
 
 def encode(made, basis, pose_format=PoseFormat()):
@@ -197,13 +197,13 @@ def test_defaults():
 
 
 def test_a_choice():
-    wish = motion_pb2.PoseFormat(
+    request = motion_pb2.PoseFormat(
         encoding=motion_pb2.POSE_ENCODING_SMALLEST_THREE,
         profile=motion_pb2.POSE_PROFILE_BONES,
         bones=["head", "pelvis"],
         fps=10,
     )
-    found = chosen(wish)
+    found = chosen(request)
     assert found == PoseFormat(PoseEncoding.SMALLEST_THREE, (0, 15), 10)
     assert (found.frame_bytes, found.stride) == (24, 4)
     full = chosen(motion_pb2.PoseFormat(profile=motion_pb2.POSE_PROFILE_FULL))
@@ -211,7 +211,7 @@ def test_a_choice():
 
 
 @pytest.mark.parametrize(
-    ("wish", "field", "message"),
+    ("choice", "field", "message"),
     [
         ({"fps": 30}, "format.fps", "30 is none of 40, 20, 10 frames per second"),
         ({"encoding": 9}, "format.encoding", "9 is none of POSE_ENCODING_F32_LE, "),
@@ -226,9 +226,9 @@ def test_a_choice():
         ({"profile": 3, "bones": ["head"] * 53}, "format.bones", "at most 52 items"),
     ],
 )
-def test_wrong_wishes_are_explained(wish, field, message):
+def test_wrong_choices_are_explained(choice, field, message):
     with pytest.raises(InvalidArgument) as caught:
-        chosen(motion_pb2.PoseFormat(**wish))
+        chosen(motion_pb2.PoseFormat(**choice))
     assert caught.value.field == field
     assert message in str(caught.value)
 

@@ -177,8 +177,8 @@ def test_ranges_of_an_agent(fields, field):
 
 
 def test_agent_spec_in_unreal_is_in_centimetres_and_turns_clockwise():
-    wish = schema.AgentSpec(position=schema.Vector3(x=200, y=100, z=55), heading=0.5, seed=3)
-    made = convert.agent_spec(wish, Basis.UNREAL, BODIES, 0)
+    request = schema.AgentSpec(position=schema.Vector3(x=200, y=100, z=55), heading=0.5, seed=3)
+    made = convert.agent_spec(request, Basis.UNREAL, BODIES, 0)
     assert made.position == pytest.approx((1.0, 2.0))  # Unreal x is forward, core +Y
     assert made.heading == -0.5
     assert made.betas == (0.0,) * 10
@@ -197,14 +197,14 @@ def test_a_body_in_everyday_words():
 
 @pytest.mark.parametrize(("sent", "wanted"), [({}, True), ({"foot_lock": False}, False)])
 def test_feet_are_locked_unless_it_is_refused(sent, wanted):
-    wish = wire.parse(schema.AgentSpec, agent_pb2.AgentSpec(**sent))
-    assert convert.agent_spec(wish, Basis.GLTF, BODIES, 0).foot_lock is wanted
+    request = wire.parse(schema.AgentSpec, agent_pb2.AgentSpec(**sent))
+    assert convert.agent_spec(request, Basis.GLTF, BODIES, 0).foot_lock is wanted
 
 
 def test_a_seed_of_its_own_goes_before_the_drawn_one():
     for own, made in ((None, 7), (0, 0), (3, 3)):
-        wish = schema.AgentSpec(seed=own)
-        assert convert.agent_spec(wish, Basis.GLTF, BODIES, 7).noise_seed == made
+        request = schema.AgentSpec(seed=own)
+        assert convert.agent_spec(request, Basis.GLTF, BODIES, 7).noise_seed == made
 
 
 @given(st.integers(0, (1 << 32) - 1), st.integers(0, 1000))
@@ -245,8 +245,8 @@ def test_goals_there_and_back(basis):
 def test_a_goal_heading_faces_what_the_basis_means_by_it(basis, heading):
     """The wire's own turn about its up axis takes its forward axis to where the body faces."""
     axes = basis.axes
-    wish = schema.Goal(position=schema.Vector3(x=0, y=0, z=0), heading=heading)
-    facing = axes.matrix @ np.array([*facing_at(convert.goal(wish, basis).heading), 0.0])
+    request = schema.Goal(position=schema.Vector3(x=0, y=0, z=0), heading=heading)
+    facing = axes.matrix @ np.array([*facing_at(convert.goal(request, basis).heading), 0.0])
     side = np.cross(axes.up, axes.forward)  # where +90 degrees about +up points, either handedness
     np.testing.assert_allclose(
         facing, np.cos(heading) * axes.forward + np.sin(heading) * side, atol=1e-9

@@ -192,9 +192,9 @@ async def test_beyond_the_limit_connections_are_closed_and_room_comes_back():
         return grpc.aio.insecure_channel(f"127.0.0.1:{server.port}", options=own)
 
     async def answers(channel: grpc.aio.Channel) -> bool:
-        wish = health_pb2.HealthCheckRequest()
+        request = health_pb2.HealthCheckRequest()
         try:
-            await health_pb2_grpc.HealthStub(channel).Check(wish, timeout=10)
+            await health_pb2_grpc.HealthStub(channel).Check(request, timeout=10)
         except grpc.aio.AioRpcError as error:
             assert error.code() is grpc.StatusCode.UNAVAILABLE
             return False

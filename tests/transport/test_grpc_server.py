@@ -25,8 +25,8 @@ async def test_grpc_from_session_to_frames(rig):
     made = await rig.sessions.CreateSession(session_pb2.CreateSessionRequest(basis="BASIS_ROS"))
     of = {"session_id": made.session.session_id}
     assert made.session.basis.basis == 6 and made.session.basis.right_handed
-    wish = {"gender": "GENDER_MALE", "seed": 5, "position": {"x": 2.0}, "name": "Ada"}
-    request = agent_pb2.CreateAgentsRequest(**of, agents=[wish])
+    spec = {"gender": "GENDER_MALE", "seed": 5, "position": {"x": 2.0}, "name": "Ada"}
+    request = agent_pb2.CreateAgentsRequest(**of, agents=[spec])
     (agent,) = (await rig.agents.CreateAgents(request)).agents
     assert (agent.name, agent.seed, agent.gender) == ("Ada", 5, agent_pb2.GENDER_MALE)
     assert rig.service.specs[0].position == (0.0, 2.0)  # ROS x is core y
@@ -103,10 +103,10 @@ async def code_of(call) -> grpc.StatusCode:
 
 
 async def test_grpc_keeps_sessions_and_changes_agents(rig):
-    wish = session_pb2.CreateSessionRequest(seed=0, lease_s=30, record=True, request_id="one")
-    session = (await rig.sessions.CreateSession(wish)).session
+    request = session_pb2.CreateSessionRequest(seed=0, lease_s=30, record=True, request_id="one")
+    session = (await rig.sessions.CreateSession(request)).session
     assert (session.seed, session.lease_s, session.record) == (0, 30, True)
-    assert (await rig.sessions.CreateSession(wish)).session == session
+    assert (await rig.sessions.CreateSession(request)).session == session
     changed = session_pb2.CreateSessionRequest(seed=1, request_id="one")
     assert await code_of(rig.sessions.CreateSession(changed)) == grpc.StatusCode.ABORTED
     listed = await rig.sessions.ListSessions(session_pb2.ListSessionsRequest())
@@ -114,8 +114,8 @@ async def test_grpc_keeps_sessions_and_changes_agents(rig):
     renewal = session_pb2.RenewSessionRequest(session_id=session.session_id)
     assert (await rig.sessions.RenewSession(renewal)).expires_at_us == session.expires_at_us
 
-    spec = agent_pb2.CreateAgentsRequest(session_id=session.session_id, agents=[{}])
-    (agent,) = (await rig.agents.CreateAgents(spec)).agents
+    request = agent_pb2.CreateAgentsRequest(session_id=session.session_id, agents=[{}])
+    (agent,) = (await rig.agents.CreateAgents(request)).agents
     change = agent_pb2.UpdateAgentRequest(agent_id=agent.agent_id, name="Ada")
     named = (await rig.agents.UpdateAgent(change)).agent
     assert (named.name, named.foot_lock, named.model) == ("Ada", True, "fake")
@@ -129,8 +129,8 @@ async def test_grpc_makes_clips_and_lets_time_pass(rig):
     too_long = rig.motion.GenerateClip(motion_pb2.GenerateClipRequest(seconds=1e6))
     assert await code_of(too_long.read()) == grpc.StatusCode.INVALID_ARGUMENT
 
-    wish = session_pb2.CreateSessionRequest(lock_step=True)
-    session_id = (await rig.sessions.CreateSession(wish)).session.session_id
+    request = session_pb2.CreateSessionRequest(lock_step=True)
+    session_id = (await rig.sessions.CreateSession(request)).session.session_id
     await rig.agents.CreateAgents(agent_pb2.CreateAgentsRequest(session_id=session_id, agents=[{}]))
     step = motion_pb2.StepAgentsRequest(session_id=session_id, steps=2)
     assert len((await rig.motion.StepAgents(step)).batches) == 2
@@ -139,8 +139,8 @@ async def test_grpc_makes_clips_and_lets_time_pass(rig):
 
 
 async def test_grpc_moves_and_replays_sessions(rig):
-    wish = session_pb2.CreateSessionRequest(record=True)
-    session_id = (await rig.sessions.CreateSession(wish)).session.session_id
+    request = session_pb2.CreateSessionRequest(record=True)
+    session_id = (await rig.sessions.CreateSession(request)).session.session_id
     of = {"session_id": session_id}
     exported = await rig.snapshots.ExportSession(snapshot_pb2.ExportSessionRequest(**of))
     log = (await rig.snapshots.ExportLog(snapshot_pb2.ExportLogRequest(**of))).log

@@ -181,8 +181,8 @@ async def test_http_changes_agents(rig):
 
 
 async def test_a_clip_is_lines_of_json(rig):
-    wish = {"seconds": 0.4, "agent": {"seed": 3}, "format": {"encoding": "f16_le"}}
-    answer = await rig.http.post("/v1/clips", json=wish)
+    request = {"seconds": 0.4, "agent": {"seed": 3}, "format": {"encoding": "f16_le"}}
+    answer = await rig.http.post("/v1/clips", json=request)
     assert answer.headers["content-type"] == "application/x-ndjson"
     header, *batches = map(json.loads, answer.text.splitlines())
     assert list(header) == ["header"] and all(list(line) == ["batch"] for line in batches)

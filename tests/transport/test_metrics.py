@@ -59,14 +59,14 @@ def test_how_the_loop_stands(metrics):
         states={AgentState.WALKING: 4, AgentState.STANDING: 3},
         capacity=60,
         load=0.4,
-        rung=1,
+        degradation_level=1,
         reduced_steps=9,
         mended_steps=2,
     )
     metrics.refresh(stats)
     states = {s: value(metrics, "agents", state=s) for s in AgentState}
     assert states == {"walking": 4, "standing": 3, "stopping": 0, "turning": 0}
-    names = ("sessions", "streams", "capacity_agents", "load", "overload_rung")
+    names = ("sessions", "streams", "capacity_agents", "load", "degradation_level")
     assert [value(metrics, name) for name in names] == [2, 3, 60, 0.4, 1]
     assert value(metrics, "reduced_steps_total") == 9
     assert value(metrics, "mended_steps_total") == 2

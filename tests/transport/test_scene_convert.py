@@ -33,7 +33,7 @@ def extents(basis: Basis, right: float, forward: float, up: float) -> dict[str, 
     return {axis: abs(value) for axis, value in found.items()}
 
 
-def wish(basis: Basis) -> schema.NewScene:
+def requested_scene(basis: Basis) -> schema.NewScene:
     """A yard with one of each, described in a basis."""
     at = [(0, 0), (20, 0), (20, 10), (0, 10)]
     hole = [(1, 1), (2, 1), (2, 2)]
@@ -86,7 +86,7 @@ def wish(basis: Basis) -> schema.NewScene:
 
 @BASES
 def test_a_scene_means_the_same_in_every_basis(basis):
-    found = scene_convert.scene_spec(wish(basis))
+    found = scene_convert.scene_spec(requested_scene(basis))
     (floor,), (box, cylinder, prism, ramp) = found.floors, found.solids
     square = shapely.Polygon([(0, 0), (20, 0), (20, 10), (0, 10)])
     assert shapely.Polygon(floor.outline).symmetric_difference(square).area < 1e-9
@@ -115,7 +115,7 @@ def test_a_scene_means_the_same_in_every_basis(basis):
 @BASES
 @pytest.mark.parametrize("kind", ["box", "cylinder", "prism"])
 def test_obstacles_come_back_as_they_were_put(basis, kind):
-    solids = {s.given[0]: s.given[1] for s in wish(basis).solids}
+    solids = {s.given[0]: s.given[1] for s in requested_scene(basis).solids}
     given = schema.Obstacle(**{kind: solids[kind]})
     made = scene_convert.obstacle(given, basis.axes)
     info = runtime.SceneInfo("s", "", "", 1, 2.0, 1, (0, 0, 3, 4), {"crate": made}, 0, 0.0, 0.0)
@@ -192,7 +192,7 @@ def test_ways_and_outlines_are_told_in_the_basis(basis):
     ],
 )
 def test_errors_name_the_clients_fields(field, name):
-    solids = wish(Basis.GLTF).solids
+    solids = requested_scene(Basis.GLTF).solids
     with pytest.raises(InvalidArgument) as caught, scene_convert.fields_named(solids):
         raise InvalidArgument(f"{field} is 3, allowed is 4", field)
     assert caught.value.field == name

@@ -54,8 +54,8 @@ async def test_grpc_from_scene_to_crowd(rig):
         scene_pb2.GetSceneOutlinesRequest(scene_id=scene.scene_id)
     )
     assert len(drawn.vertices) == 3 and list(drawn.triangles) == [0, 1, 2]
-    wish = session_pb2.CreateSessionRequest(scene=scene.scene_id)
-    session = (await rig.sessions.CreateSession(wish)).session
+    request = session_pb2.CreateSessionRequest(scene=scene.scene_id)
+    session = (await rig.sessions.CreateSession(request)).session
     assert session.scene == scene.scene_id and session.avoid
     crowd = scene_pb2.PopulateSessionRequest(session_id=session.session_id, count=7)
     assert (await rig.scenes.PopulateSession(crowd)).came == 7

@@ -8,7 +8,7 @@ from websockets.frames import Frame, Opcode
 from tests.transport.rig import others_are_undisturbed, until
 from wayfarer.errors import InvalidArgument
 from wayfarer.service.streams.publications import SlowReader
-from wayfarer.transport.websocket import wish_of
+from wayfarer.transport.websocket import stream_request
 from wayfarer.v1 import control_pb2, motion_pb2
 
 
@@ -58,20 +58,20 @@ async def test_the_query_chooses_the_format_and_resumes(rig):
     async with rig.socket(session_id, resume) as socket:
         assert (await message(socket)).header.resumed
         assert list((await message(socket)).batch.chunks.seqs) == [1, 1]
-    assert rig.service.subscriptions[1].wish.slow_reader is SlowReader.DISCONNECT
+    assert rig.service.subscriptions[1].options.slow_reader is SlowReader.DISCONNECT
 
 
 def test_the_query_stands_for_a_request():
     text = "session=s&agent=a&agent=b&profile=bones&bones=head&bones=neck&fps=10&slow_reader=hold"
-    wish = wish_of(QueryParams(text))
-    assert (wish.session_id, wish.agent_ids) == ("s", ("a", "b"))
-    assert wish.format.bones == ("head", "neck") and wish.format.fps == 10
+    request = stream_request(QueryParams(text))
+    assert (request.session_id, request.agent_ids) == ("s", ("a", "b"))
+    assert request.format.bones == ("head", "neck") and request.format.fps == 10
 
 
 @pytest.mark.parametrize("query", ["fps=٣", "fps=-1", "fps=", "fps=9999", "slow_reader=no", "x=1"])
 def test_a_malformed_query_names_its_part(query):
     with pytest.raises(InvalidArgument) as caught:
-        wish_of(QueryParams(query))
+        stream_request(QueryParams(query))
     assert caught.value.field == query.split("=")[0]
 
 

@@ -27,17 +27,18 @@ def test_counts_are_added_and_the_rest_is_the_first_ones():
 
 
 def test_of_figures_the_sum_or_the_worst_is_told():
-    def stats(agents: int, lateness: float, rung: int, failing: bool) -> LoopStats:
+    def stats(agents: int, lateness: float, level: int, failing: bool) -> LoopStats:
         states = {AgentState.WALKING: agents}
         return LoopStats(
             agents, 1, 1, 10, 2.0, 3.0, 0, lateness, 100.0 + agents,
-            states=states, rung=rung, load=0.1 * agents, journal_failing=failing, capacity=50,
+            states=states, degradation_level=level, load=0.1 * agents, journal_failing=failing,
+            capacity=50,
         )  # fmt: skip
 
     merged = merged_stats(
         [convert.stats(s) for s in (stats(3, 9.0, 2, False), stats(5, 1.0, 1, True))]
     )
     assert (merged.agents, merged.sessions, merged.capacity, merged.steps) == (8, 2, 100, 20)
-    assert (merged.lateness_ms_p95, merged.rung, merged.load) == (9.0, 2, 0.5)
+    assert (merged.lateness_ms_p95, merged.degradation_level, merged.load) == (9.0, 2, 0.5)
     assert merged.uptime_s == 103.0 and merged.journal_failing
     assert merged.states == {"walking": 8}

@@ -267,8 +267,8 @@ class Session:
         `slow_reader`: "drop_oldest"; "hold": the agents wait for this reader; "disconnect": the
         stream is cut, and resumed by itself.
         """
-        wish = self._wish(agents, format, slow_reader, resume_token)
-        return MotionStream(self._connection, wish, deadline)
+        request = self._request(agents, format, slow_reader, resume_token)
+        return MotionStream(self._connection, request, deadline)
 
     def control(
         self,
@@ -279,8 +279,8 @@ class Session:
         resume_token: str = "",
     ) -> Control:
         """Goals and motion over one connection, as `async with`; arguments as of `stream`."""
-        wish = self._wish(agents, format, slow_reader, resume_token)
-        return Control(self._connection, wish, deadline)
+        request = self._request(agents, format, slow_reader, resume_token)
+        return Control(self._connection, request, deadline)
 
     async def step(self, steps: int = 1, format: PoseFormat | None = None) -> list[Batch]:
         """Let `steps` primitives of 0.2 s pass in a session made with `lock_step`."""
@@ -299,7 +299,7 @@ class Session:
             batches.append(Batch(0.0, (), events=tuple(map(reader.event, reply.events))))
         return batches
 
-    def _wish(
+    def _request(
         self,
         agents: Iterable[Agent | str],
         format: PoseFormat | None,

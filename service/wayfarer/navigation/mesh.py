@@ -57,7 +57,7 @@ def build(corners: Array, layer: Ints, slack: float) -> NavMesh:
 
     `slack`: metres by which the borders of two layers may be apart where one continues the other.
     """
-    shared = [_shared(corners, layer)]
+    shared = [_shared_edges(corners, layer)]
     if layer.max(initial=0) > layer.min(initial=0):
         shared.append(_bordering(corners, layer, shared[0], slack))
     one, other, left, right = (np.concatenate(column) for column in zip(*shared, strict=True))
@@ -81,7 +81,7 @@ Links: TypeAlias = tuple[Ints, Ints, Array, Array]
 """Triangle, the one behind, left and right end of the portal [n, 2]."""
 
 
-def _shared(corners: Array, layer: Ints) -> Links:
+def _shared_edges(corners: Array, layer: Ints) -> Links:
     """Edges that two triangles of a layer have in common, corner by corner."""
     flat = np.rint(corners.reshape(-1, 2) / _GRAIN).astype(np.int64)
     keyed = np.column_stack([np.repeat(layer, 3), flat])

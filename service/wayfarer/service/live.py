@@ -151,10 +151,10 @@ class LiveMotion:
 
     # Streams
 
-    async def subscribe(self, session_id: str, wish: StreamOptions) -> Subscription:
+    async def subscribe(self, session_id: str, options: StreamOptions) -> Subscription:
         """See `MotionService`. A subscription let go without `close` is forgotten, too."""
         subscription = Subscription(
-            session_id, wish, self._world.settings.limits, self._meter, self._clock
+            session_id, options, self._world.settings.limits, self._meter, self._clock
         )
         await self.ask(lambda _, now: self._subscribe(subscription, now))
         return subscription

@@ -172,13 +172,13 @@ class MotionService:
 
     # Motion
 
-    async def subscribe(self, session_id: str, wish: StreamOptions) -> Subscription:
+    async def subscribe(self, session_id: str, options: StreamOptions) -> Subscription:
         """Follow a session. Raises NotFound; FailedPrecondition for a lock-step session."""
         if self._lock_steps.session(session_id):
             raise FailedPrecondition(
                 f"session {session_id!r} is in lock-step: its motion comes from StepAgents"
             )
-        return await self._live.subscribe(session_id, wish)
+        return await self._live.subscribe(session_id, options)
 
     async def step_session(self, session_id: str, steps: int) -> list[Publication]:
         """Let primitives pass in a lock-step session. Raises NotFound, FailedPrecondition."""

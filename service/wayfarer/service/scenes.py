@@ -57,13 +57,13 @@ class SceneService:
         """Give up calls that have not started."""
         self._workers.shutdown(wait=False, cancel_futures=True)
 
-    async def create_scene(self, wish: SceneSource) -> SceneInfo:
+    async def create_scene(self, source: SceneSource) -> SceneInfo:
         """Bake it, off the motion thread; equal content is baked once.
 
         Raises InvalidArgument that names the field, ResourceExhausted when too many are kept or
         being baked, or when this one is too costly.
         """
-        made = await self._work(lambda: self._book.create(wish, self._clock()))
+        made = await self._work(lambda: self._book.create(source, self._clock()))
         return await self._persistence.durable(made)
 
     async def get_scene(self, scene_id: str) -> SceneInfo:

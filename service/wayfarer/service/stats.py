@@ -38,7 +38,7 @@ class LoopStats:
     states: Mapping[AgentState, int] = field(default_factory=dict)  # agents in each
     capacity: int = 0  # agents that fit, by the measured cost of a step; 0: not known yet
     load: float = 0.0  # share of the last seconds: the engine, or if busier the motion thread
-    rung: int = 0  # of the overload ladder: 0 is its top, where all is as wished
+    degradation_level: int = 0  # 0: nothing is left out
     held_steps: int = 0  # agent steps left out because time was short and they idle, since start
     refused_agents: int = 0  # not created, because they could not be stepped in time, since start
     mended_steps: int = 0  # agent steps with a joint kept within what bodies can do, since start

@@ -121,7 +121,7 @@ class MotionThread:
             states=agents_by_state(world.slots),
             capacity=world.load.capacity(now),
             load=world.load.share(now),
-            rung=world.load.level_number,
+            degradation_level=world.load.level_number,
             held_steps=world.scheduler.held_steps,
             refused_agents=world.load.refused_agents,
             **self._figures.values(now),

@@ -32,9 +32,9 @@ async def control(gateway: Gateway, requests: Requests) -> AsyncGenerator[bytes]
     slows itself, and is never stored. When the requests end the stream goes on. Raises as
     `MotionApi.stream`, and whatever `requests` raises.
     """
-    wish = await _opening(requests)
+    opening = await _opening(requests)
     async with (
-        gateway.motion.follow(wish) as (stream, messages),
+        gateway.motion.follow(opening) as (stream, messages),
         aclosing(_replies(requests, stream, gateway.goals)) as replies,
         aclosing(merged(messages, replies)) as both,
     ):

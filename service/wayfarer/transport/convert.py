@@ -136,9 +136,9 @@ def drawn_seed(session_seed: int, number: int) -> int:
     return int.from_bytes(drawn[:4], "little")
 
 
-def goal(wish: schema.Goal, basis: Basis) -> Goal:
+def goal(request: schema.Goal, basis: Basis) -> Goal:
     """The goal in world space; what is absent takes the runtime's default."""
-    return Goal(**in_world(wish, basis.axes))
+    return Goal(**in_world(request, basis.axes))
 
 
 def goal_message(found: Goal, axes: Axes) -> schema.Goal:
@@ -146,14 +146,14 @@ def goal_message(found: Goal, axes: Axes) -> schema.Goal:
     return schema.Goal(**on_wire(schema.Goal, found, axes))
 
 
-def agent_change(wish: schema.AgentUpdate) -> runtime.AgentChange:
+def agent_change(request: schema.AgentUpdate) -> runtime.AgentChange:
     """Field by field."""
-    return runtime.AgentChange(**wish.model_dump())
+    return runtime.AgentChange(**request.model_dump())
 
 
-def pose_format(wish: schema.PoseFormat, field: str = "format") -> PoseFormat:
+def pose_format(request: schema.PoseFormat, field: str = "format") -> PoseFormat:
     """The checked choice. Raises InvalidArgument that names the part at fault below `field`."""
-    return PoseFormat.choose(wish.encoding, wish.profile, wish.bones, wish.fps, field)
+    return PoseFormat.choose(request.encoding, request.profile, request.bones, request.fps, field)
 
 
 def model(info: ModelInfo) -> schema.Model:

@@ -13,65 +13,65 @@ from wayfarer.world import behaviours
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.commands import Append, GoalCommand, Path, Stop
 
-Wish = schema.Goal | schema.Goals | schema.Wander | schema.Behaviour | None
+CommandRequest = schema.Goal | schema.Goals | schema.Wander | schema.Behaviour | None
 
 
-def goal_command(wish: Wish, basis: Basis, append: bool = False) -> GoalCommand:
+def goal_command(request: CommandRequest, basis: Basis, append: bool = False) -> GoalCommand:
     """The command in world space; None: stop. Absent fields take the runtime's defaults.
 
     `append`: goals are added to the end of the path instead of replacing it.
     """
-    match wish:
+    match request:
         case None:
             return Stop()
         case schema.Goal():
-            return convert.goal(wish, basis)
+            return convert.goal(request, basis)
         case schema.Goals():
-            return (Append if append else Path)(_goals(wish.goals, basis))
-    return _behaviour(wish, basis)
+            return (Append if append else Path)(_goals(request.goals, basis))
+    return _behaviour(request, basis)
 
 
-def _behaviour(wish: schema.Message, basis: Basis) -> Any:
+def _behaviour(request: schema.Message, basis: Basis) -> Any:
     """A behaviour in world space: the class of its name; absent fields take its defaults."""
     axes = basis.axes
-    given = in_world(wish, axes)
-    match wish:
+    given = in_world(request, axes)
+    match request:
         case schema.Behaviour():
-            return _behaviour(wish.given[1], basis)
+            return _behaviour(request.given[1], basis)
         case schema.Part():
-            return behaviours.Part(_behaviour(wish.given[1], basis), wish.seconds)
+            return behaviours.Part(_behaviour(request.given[1], basis), request.seconds)
         case schema.Routine():
-            given["parts"] = tuple(_behaviour(part, basis) for part in wish.parts)
+            given["parts"] = tuple(_behaviour(part, basis) for part in request.parts)
         case schema.Wander():
             area = given.pop("area", None)
             given |= in_world(area, axes) if area else {"center": None}
         case schema.Patrol() | schema.Visit():
-            given["goals"] = _goals(wish.goals, basis)
-    return behaviours.KINDS[type(wish).__name__](**given)
+            given["goals"] = _goals(request.goals, basis)
+    return behaviours.KINDS[type(request).__name__](**given)
 
 
-def _goals(wishes: tuple[schema.Goal, ...], basis: Basis) -> tuple[Goal, ...]:
-    return tuple(convert.goal(wish, basis) for wish in wishes)
+def _goals(goals: tuple[schema.Goal, ...], basis: Basis) -> tuple[Goal, ...]:
+    return tuple(convert.goal(goal, basis) for goal in goals)
 
 
 @contextmanager
-def fields_named(wish: Wish) -> Iterator[None]:
+def fields_named(request: CommandRequest) -> Iterator[None]:
     """Name the field at fault as the client wrote it, with the kind of each behaviour."""
     try:
         yield
     except InvalidArgument as error:
-        field = _client_field(error.field, wish)
+        field = _client_field(error.field, request)
         text = str(error).replace(error.field, field) if error.field else str(error)
         raise InvalidArgument(text, field) from None
 
 
-def _client_field(field: str, wish: Wish) -> str:
+def _client_field(field: str, request: CommandRequest) -> str:
     """`behaviour.parts[1].radius` → `behaviour.routine.parts[1].wander.area.radius`."""
-    match wish:
+    match request:
         case schema.Wander():
             field = field.replace("behaviour.", "wander.", 1)
         case schema.Behaviour():
-            kind, does = wish.given
+            kind, does = request.given
             field = re.sub(r"^behaviour(?=\b)", f"behaviour.{kind}", field)
             found = re.match(r"behaviour\.routine\.parts\[(\d+)\](?!\.seconds)", field)
             if found is not None and isinstance(does, schema.Routine):

@@ -193,9 +193,9 @@ class _Stand(Collector):
             ("capacity_agents", "Agents that fit, by the measured cost of a step", now.capacity),
             ("load", "Share of the time that the engine, or the loop, is busy", now.load),
             (
-                "overload_rung",
-                "Rung of the overload ladder; 0: all as wished",
-                now.rung,
+                "degradation_level",
+                "What is left out for want of time; 0: nothing",
+                now.degradation_level,
             ),
         ):
             yield GaugeMetricFamily(f"wayfarer_{name}", what, value)

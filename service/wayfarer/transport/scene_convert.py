@@ -23,44 +23,44 @@ Array = NDArray[np.floating[Any]]
 Shape = schema.Box | schema.Cylinder | schema.Prism | schema.Ramp
 
 
-def scene_spec(wish: schema.NewScene, mesh: world.MeshFile | None = None) -> world.SceneSpec:
+def scene_spec(request: schema.NewScene, mesh: world.MeshFile | None = None) -> world.SceneSpec:
     """What is baked. Takes some time for a large scene."""
-    axes = wish.basis.axes
+    axes = request.basis.axes
     return world.SceneSpec(
-        floors=tuple(_floor(floor, axes) for floor in wish.floors),
-        solids=tuple(_solid(shape_of(solid), axes) for solid in wish.solids),
+        floors=tuple(_floor(floor, axes) for floor in request.floors),
+        solids=tuple(_solid(shape_of(solid), axes) for solid in request.solids),
         mesh=mesh,
-        walkable=_walkable(wish.walkable, axes),
-        entries=tuple(place(entry, axes) for entry in wish.entries),
+        walkable=_walkable(request.walkable, axes),
+        entries=tuple(place(entry, axes) for entry in request.entries),
     )
 
 
-def mesh_file(wish: schema.Mesh, basis: Basis, data: bytes) -> world.MeshFile:
+def mesh_file(mesh: schema.Mesh, basis: Basis, data: bytes) -> world.MeshFile:
     """A file whose coordinates are in the basis it declares, by default that of the scene."""
-    usual = Basis.GLTF if wish.format is schema.MeshFormat.GLB else basis
-    axes = (wish.basis or usual).axes
+    usual = Basis.GLTF if mesh.format is schema.MeshFormat.GLB else basis
+    axes = (mesh.basis or usual).axes
     x, y, z = ((float(a), float(b), float(c)) for a, b, c in axes.matrix.T)
-    unit = axes.metres_per_unit if wish.unit is None else wish.unit
-    return world.MeshFile(data, wish.format.value, (x, y, z), unit)
+    unit = axes.metres_per_unit if mesh.unit is None else mesh.unit
+    return world.MeshFile(data, mesh.format.value, (x, y, z), unit)
 
 
-def obstacle(wish: schema.Obstacle, axes: Axes) -> world.Obstacle:
+def obstacle(request: schema.Obstacle, axes: Axes) -> world.Obstacle:
     """What is put into the scene."""
-    made = _solid(shape_of(wish), axes)
+    made = _solid(shape_of(request), axes)
     assert not isinstance(made, world.Ramp)
     return made
 
 
-def shape_of(wish: schema.Solid | schema.Obstacle) -> Shape:
+def shape_of(solid: schema.Solid | schema.Obstacle) -> Shape:
     """The one shape that is given."""
-    _, shape = wish.given
+    _, shape = solid.given
     assert isinstance(shape, Shape)
     return shape
 
 
-def crowd(wish: schema.Crowd, basis: Basis, seed: int) -> runtime.Crowd:
+def crowd(request: schema.Crowd, basis: Basis, seed: int) -> runtime.Crowd:
     """The crowd in world space; `seed` where the client has named none."""
-    given = {"seed": seed, **in_world(wish, basis.axes)}
+    given = {"seed": seed, **in_world(request, basis.axes)}
     for name, (low, high) in (("speed", CROWD.speed), ("dwell", CROWD.dwell)):
         given[name] = (given.pop(f"min_{name}", low), given.pop(f"max_{name}", high))
     return runtime.Crowd(**given)
@@ -161,20 +161,20 @@ def _client_field(
     if found is None:
         field = re.sub(r"(\.holes\[\d+\])", r"\1.points", field)
         return re.sub(r"(\]|start|goal)\[\d+\]$", r"\1", field)
-    wish = obstacle if found[1] == "obstacle" else solids[int(found[2])]
-    if wish is None:
+    solid = obstacle if found[1] == "obstacle" else solids[int(found[2])]
+    if solid is None:
         return field
-    kind, shape = wish.given
+    kind, shape = solid.given
     name = _RENAMED[type(shape)].get(found[3], found[3])
     place = found[4] if name == "outline" and found[4] else ""
     return f"{found[1]}.{kind}.{name}{place}"
 
 
-def _floor(wish: schema.Floor, axes: Axes) -> world.Floor:
+def _floor(floor: schema.Floor, axes: Axes) -> world.Floor:
     return world.Floor(
-        outline=_ring(wish.outline, axes),
-        holes=tuple(_ring(hole.points, axes) for hole in wish.holes),
-        height=axes.length_to_core(wish.height),
+        outline=_ring(floor.outline, axes),
+        holes=tuple(_ring(hole.points, axes) for hole in floor.holes),
+        height=axes.length_to_core(floor.height),
     )
 
 
@@ -183,22 +183,22 @@ def _ring(points: Iterable[schema.Vector3], axes: Axes) -> world.Ring:
     return tuple((x, y) for x, y, _ in found.tolist())
 
 
-def _solid(wish: Shape, axes: Axes) -> world.Solid:
-    if isinstance(wish, schema.Prism):
-        height, bottom = axes.length_to_core(wish.height), axes.length_to_core(wish.bottom)
-        return world.Prism(_ring(wish.outline, axes), height, bottom)
-    x, y, bottom = place(wish.position, axes)
-    if isinstance(wish, schema.Cylinder):
-        radius, height = axes.length_to_core(wish.radius), axes.length_to_core(wish.height)
+def _solid(shape: Shape, axes: Axes) -> world.Solid:
+    if isinstance(shape, schema.Prism):
+        height, bottom = axes.length_to_core(shape.height), axes.length_to_core(shape.bottom)
+        return world.Prism(_ring(shape.outline, axes), height, bottom)
+    x, y, bottom = place(shape.position, axes)
+    if isinstance(shape, schema.Cylinder):
+        radius, height = axes.length_to_core(shape.radius), axes.length_to_core(shape.height)
         return world.Cylinder((x, y), radius, height, bottom)
-    size = np.array([wish.size.x, wish.size.y, wish.size.z])
+    size = np.array([shape.size.x, shape.size.y, shape.size.z])
     width, depth, height = (float(v) for v in np.abs(axes.points_to_core(size)))
-    kind = world.Box if isinstance(wish, schema.Box) else world.Ramp
-    return kind((x, y), (width, depth), height, axes.heading_to_core(wish.heading), bottom)
+    kind = world.Box if isinstance(shape, schema.Box) else world.Ramp
+    return kind((x, y), (width, depth), height, axes.heading_to_core(shape.heading), bottom)
 
 
-def _walkable(wish: schema.Walkable, axes: Axes) -> world.Walkable:
-    return world.Walkable(**in_world(wish, axes))
+def _walkable(walkable: schema.Walkable, axes: Axes) -> world.Walkable:
+    return world.Walkable(**in_world(walkable, axes))
 
 
 def _obstacle_to_wire(found: world.Obstacle, axes: Axes) -> schema.Obstacle:

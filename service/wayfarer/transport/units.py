@@ -20,13 +20,13 @@ TO_CORE: Final = {Unit.LENGTH: Axes.length_to_core, Unit.HEADING: Axes.heading_t
 TO_WIRE: Final = {Unit.LENGTH: Axes.length_to_wire, Unit.HEADING: Axes.heading_to_wire}
 
 
-def in_world(wish: BaseModel, axes: Axes) -> dict[str, Any]:
+def in_world(request: BaseModel, axes: Axes) -> dict[str, Any]:
     """The fields that are given, in world space: metres, headings about +Z, points as x, y, z.
 
     Other messages, and lists of them, are left as they are.
     """
-    units = _units(type(wish))
-    return {name: _in_world(v, units.get(name), axes) for name, v in wish if v is not None}
+    units = _units(type(request))
+    return {name: _in_world(v, units.get(name), axes) for name, v in request if v is not None}
 
 
 def on_wire(kind: type[BaseModel], found: object, axes: Axes) -> dict[str, Any]:

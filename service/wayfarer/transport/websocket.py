@@ -65,7 +65,7 @@ def add_sockets(app: FastAPI, gateway: Gateway) -> None:
             await _close(socket, None)
 
 
-def wish_of(query: QueryParams) -> schema.StreamRequest:
+def stream_request(query: QueryParams) -> schema.StreamRequest:
     """What the query asks for; names as in StreamMotionRequest, lists by repetition.
 
     Raises InvalidArgument.
@@ -78,20 +78,20 @@ def wish_of(query: QueryParams) -> schema.StreamRequest:
     if not (fps.isascii() and fps.isdigit() and len(fps) < 4):
         raise InvalidArgument("must be 40, 20 or 10", "fps")
     packed["fps"] = int(fps)
-    wish = {k: query[k] for k in ("slow_reader", "resume_token") if k in query}
+    options = {k: query[k] for k in ("slow_reader", "resume_token") if k in query}
     try:
         return schema.StreamRequest(
             session_id=query.get("session", ""),
             agent_ids=tuple(query.getlist("agent")),
             format=schema.PoseFormat(**packed),
-            **wish,  # type: ignore[arg-type]
+            **options,  # type: ignore[arg-type]
         )
     except ValidationError as error:
         raise errors.invalid_request(error) from None
 
 
 async def _send_stream(socket: WebSocket, gateway: Gateway) -> None:
-    await _send(socket, gateway.motion.stream(wish_of(socket.query_params)))
+    await _send(socket, gateway.motion.stream(stream_request(socket.query_params)))
 
 
 async def _send(socket: WebSocket, messages: AsyncGenerator[bytes]) -> None:

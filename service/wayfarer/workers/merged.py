@@ -8,7 +8,7 @@ from google.protobuf.message import Message
 
 from wayfarer.transport import schema
 
-WORST: Final = ("rung",)
+WORST: Final = ("degradation_level",)
 """Whole numbers of which the greatest counts, not the sum."""
 
 

@@ -139,10 +139,10 @@ def http_worker(
     if kind is RouteKind.NEW:
         if path == MESHES:
             return placement.choose(parse_qs(query).get("request_id", [""])[0] or key)
-        wish = _wish(body)
-        if path == "/v1/sessions" and (scene := _text(wish, "scene")):
+        request = _json(body)
+        if path == "/v1/sessions" and (scene := _text(request, "scene")):
             return placement.find(scene)
-        return placement.choose(_text(wish, "request_id") or key)
+        return placement.choose(_text(request, "request_id") or key)
     if kind is RouteKind.IMPORT:
         return placement.find(named_session(body))
     if kind is RouteKind.NAMED:
@@ -156,13 +156,13 @@ def session_of(query: str) -> str:
     return parse_qs(query).get("session", [""])[0]
 
 
-def _wish(body: bytes) -> Any:
+def _json(body: bytes) -> Any:
     try:
         return json.loads(body or b"{}")
     except ValueError:  # to be refused by the worker
         return {}
 
 
-def _text(wish: Any, name: str) -> str:
-    found = wish.get(name, "") if isinstance(wish, dict) else ""
+def _text(request: Any, name: str) -> str:
+    found = request.get(name, "") if isinstance(request, dict) else ""
     return found if isinstance(found, str) else ""

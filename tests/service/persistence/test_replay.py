@@ -86,7 +86,7 @@ def busy_plan(world, ids):
     ]
 
 
-def busy_rungs(now):
+def busy_levels(now):
     """The ladder up and down, idle agents held at times."""
     return DegradationLevel((4, 2, 1, 1)[int(now * 3) % 4], hold_idle=int(now) % 3 == 2)
 
@@ -97,7 +97,7 @@ def recorded():
     world = worlds.live()
     world.create_session(RECORDED, 0.0)
     ids = [agent.agent_id for agent in world.create_agents("s", people(5), 0.0)]
-    sent = run(world, 10.0, busy_plan(world, ids), busy_rungs)
+    sent = run(world, 10.0, busy_plan(world, ids), busy_levels)
     return worlds, world, sent
 
 

@@ -24,10 +24,10 @@ class Stage:
         self.publisher = Publisher(self.settings, self.meter, lambda agent_id: self.info)
         self.seq = 0
 
-    async def subscribe(self, *agent_ids, session="s", resume=None, **wish):
+    async def subscribe(self, *agent_ids, session="s", resume=None, **options):
         made = Subscription(
             session,
-            StreamOptions(agent_ids, resume=resume, **wish),
+            StreamOptions(agent_ids, resume=resume, **options),
             self.settings,
             self.meter,
             lambda: self.now,
@@ -46,7 +46,7 @@ class Stage:
         self.publisher.flush()
         await asyncio.sleep(0)
 
-    async def live(self, seconds, **wish):
+    async def live(self, seconds, **options):
         """As the loop does: publish, unless the session waits. Returns how many left."""
         left = 0
         for _ in range(round(seconds / 0.2)):

@@ -30,17 +30,17 @@ def called_by(who: Caller):
         enter(LOCAL)
 
 
-async def session(api, basis: Basis = Basis.GLTF, **wish: object) -> str:
-    return (await api.sessions.create(schema.NewSession(basis=basis, **wish))).session_id
+async def session(api, basis: Basis = Basis.GLTF, **options: object) -> str:
+    return (await api.sessions.create(schema.NewSession(basis=basis, **options))).session_id
 
 
-async def session_of_two(api, **wish: object) -> tuple[str, list[schema.Agent]]:
-    session_id = await session(api, **wish)
+async def session_of_two(api, **options: object) -> tuple[str, list[schema.Agent]]:
+    session_id = await session(api, **options)
     return session_id, list((await api.agents.create(session_id, TWO)).agents)
 
 
-async def stream(api, session_id: str, **wish: object):
-    sent = api.motion.stream(schema.StreamRequest(session_id=session_id, **wish))
+async def stream(api, session_id: str, **options: object):
+    sent = api.motion.stream(schema.StreamRequest(session_id=session_id, **options))
     async with aclosing(sent):
         async for message in sent:
             yield motion_pb2.StreamMotionResponse.FromString(message)

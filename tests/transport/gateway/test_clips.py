@@ -10,14 +10,14 @@ from wayfarer.transport import schema
 
 
 async def test_a_clip_is_a_header_and_batches(service, api):
-    wish = schema.ClipRequest(
+    request = schema.ClipRequest(
         agent=schema.AgentSpec(seed=3, position=schema.Vector3(x=0, y=0, z=1)),
         goals=[schema.Goal(position=schema.Vector3(x=0, y=0, z=4))],
         seconds=0.6,
         basis="unity",
         format=schema.PoseFormat(fps=20),
     )
-    header, *batches = [m async for m in api.motion.generate_clip(wish)]
+    header, *batches = [m async for m in api.motion.generate_clip(request)]
     assert header.header.sent_fps == 20 and not header.header.basis.right_handed
     assert [seq for b in batches for seq in b.batch.chunks.seqs] == [0, 1, 2]
     (agent,) = batches[0].batch.added
@@ -26,16 +26,16 @@ async def test_a_clip_is_a_header_and_batches(service, api):
 
 
 @pytest.mark.parametrize(
-    ("wish", "field"),
+    ("body", "field"),
     [
         ({"seconds": 121}, "seconds"),
         ({"seconds": 1, "format": {"fps": 7}}, "format.fps"),
         ({"seconds": 1, "goals": [{"position": {"x": 0, "y": 0, "z": 0}}] * 257}, "goals"),
     ],
 )
-async def test_a_clip_that_cannot_be_made_names_the_field(wish, field, api):
+async def test_a_clip_that_cannot_be_made_names_the_field(body, field, api):
     with pytest.raises(InvalidArgument) as caught:
-        await anext(api.motion.generate_clip(schema.ClipRequest.model_validate(wish)))
+        await anext(api.motion.generate_clip(schema.ClipRequest.model_validate(body)))
     assert caught.value.field == field
 
 

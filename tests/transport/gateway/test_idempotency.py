@@ -11,13 +11,13 @@ from wayfarer.errors import Aborted, ResourceExhausted
 from wayfarer.transport import schema
 from wayfarer.transport.gateway.idempotency import KEPT, IdempotencyCache
 
-WISH = schema.NewSession(request_id="a", basis="unity")
+REQUEST = schema.NewSession(request_id="a", basis="unity")
 AGENTS = schema.NewAgents(request_id="b", agents=[schema.AgentSpec()])
 
 
 async def test_the_same_request_is_done_once(service, api):
-    first = await api.sessions.create(WISH)
-    assert await api.sessions.create(WISH) == first
+    first = await api.sessions.create(REQUEST)
+    assert await api.sessions.create(REQUEST) == first
     agents = await api.agents.create(first.session_id, AGENTS)
     assert await api.agents.create(first.session_id, AGENTS) == agents
     assert service.created == 2
@@ -28,11 +28,11 @@ async def test_without_an_id_each_is_another(api):
 
 
 async def test_an_id_that_was_used_for_another_request_is_refused(api):
-    one = await api.sessions.create(WISH)
+    one = await api.sessions.create(REQUEST)
     other = await session(api)
     await api.agents.create(one.session_id, AGENTS)
     for call in (
-        api.sessions.create(WISH.model_copy(update={"seed": 9})),
+        api.sessions.create(REQUEST.model_copy(update={"seed": 9})),
         api.agents.create(one.session_id, AGENTS.model_copy(update={"request_id": "a"})),
         api.agents.create(other, AGENTS),
     ):
@@ -44,13 +44,13 @@ async def test_callers_do_not_share_ids(api):
     made = set()
     for name in ("ada", "bob"):
         with called_by(caller(name)):
-            made.add((await api.sessions.create(WISH)).session_id)
+            made.add((await api.sessions.create(REQUEST)).session_id)
     assert len(made) == 2
 
 
 async def test_duplicates_wait_for_the_first_even_when_it_has_gone_away(service, api):
     service.slow = asyncio.Event()
-    calls = [asyncio.create_task(api.sessions.create(WISH)) for _ in range(3)]
+    calls = [asyncio.create_task(api.sessions.create(REQUEST)) for _ in range(3)]
     for _ in range(3):
         await asyncio.sleep(0)
     calls[0].cancel()
@@ -68,12 +68,12 @@ async def test_a_request_that_failed_may_be_tried_again(service, api):
 
 
 async def test_replies_are_forgotten_after_ten_minutes(service, clock, api):
-    await api.sessions.create(WISH)
+    await api.sessions.create(REQUEST)
     clock.now += 599
-    await api.sessions.create(WISH)
+    await api.sessions.create(REQUEST)
     assert service.created == 1
     clock.now += 2
-    await api.sessions.create(WISH)
+    await api.sessions.create(REQUEST)
     assert service.created == 2
 
 
@@ -86,6 +86,6 @@ async def test_replies_of_a_caller_are_bounded():
 
     replies = IdempotencyCache(ManualClock(NOW))
     for number in range(KEPT + 1):
-        await replies.once(f"id-{number}", ("here", WISH), act)
-    assert await replies.once(f"id-{KEPT}", ("here", WISH), act) == KEPT + 1  # remembered
-    assert await replies.once("id-0", ("here", WISH), act) == KEPT + 2  # forgotten
+        await replies.once(f"id-{number}", ("here", REQUEST), act)
+    assert await replies.once(f"id-{KEPT}", ("here", REQUEST), act) == KEPT + 1  # remembered
+    assert await replies.once("id-0", ("here", REQUEST), act) == KEPT + 2  # forgotten

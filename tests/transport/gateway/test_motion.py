@@ -82,15 +82,15 @@ async def test_chosen_agents_only(service, api):
         service.emit(session_id)
         message = await anext(messages)
         assert list(message.batch.chunks.aliases) == [second.alias]
-        assert service.subscriptions[0].wish.slow_reader is SlowReader.HOLD
+        assert service.subscriptions[0].options.slow_reader is SlowReader.HOLD
     with pytest.raises(NotFound):
         await anext(stream(api, session_id, agent_ids=["stranger"]))
 
 
 async def test_a_format_decides_the_frames(service, api):
     session_id, _ = await session_of_two(api)
-    wish = schema.PoseFormat(encoding="f16_le", profile="bones", bones=("head", "pelvis"), fps=10)
-    async with contextlib.aclosing(stream(api, session_id, format=wish)) as messages:
+    chosen = schema.PoseFormat(encoding="f16_le", profile="bones", bones=("head", "pelvis"), fps=10)
+    async with contextlib.aclosing(stream(api, session_id, format=chosen)) as messages:
         header = (await anext(messages)).header
         assert header.pose_encoding == motion_pb2.POSE_ENCODING_F16_LE
         assert (header.fps, header.sent_fps, header.frame_bytes) == (40, 10, 12 + 2 * 8)
@@ -186,10 +186,10 @@ async def test_drain_tells_streams_ends_them_and_refuses_work(service, api):
             async for message in messages:
                 got.append(message)  # noqa: PERF401 what came before the error counts
 
-    wish = schema.StreamRequest(session_id=session_id)
+    request = schema.StreamRequest(session_id=session_id)
     readers = [
         asyncio.create_task(read(messages))
-        for messages in (stream(api, session_id), api.motion.events(wish))
+        for messages in (stream(api, session_id), api.motion.events(request))
     ]
     while len(service.subscriptions) < 2:
         await asyncio.sleep(0)

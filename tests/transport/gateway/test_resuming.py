@@ -19,9 +19,9 @@ from wayfarer.transport import schema
 from wayfarer.v1 import motion_pb2
 
 
-async def token_of(api, service, session_id: str, *events, **wish: object) -> str:
+async def token_of(api, service, session_id: str, *events, **options: object) -> str:
     """Of the first batch of a stream, whose events are lost."""
-    async with contextlib.aclosing(stream(api, session_id, **wish)) as messages:
+    async with contextlib.aclosing(stream(api, session_id, **options)) as messages:
         await anext(messages)
         service.emit(session_id, *events)
         return (await anext(messages)).batch.resume_token
@@ -66,10 +66,12 @@ async def test_a_token_knows_which_agents_were_followed(service, api):
         return await token_of(api, service, session_id, agent_ids=agent_ids)
 
     async def is_same(token: str, *agent_ids: str) -> bool:
-        wish = schema.StreamRequest(session_id=session_id, resume_token=token, agent_ids=agent_ids)
-        async with contextlib.aclosing(api.motion.stream(wish)) as messages:
+        request = schema.StreamRequest(
+            session_id=session_id, resume_token=token, agent_ids=agent_ids
+        )
+        async with contextlib.aclosing(api.motion.stream(request)) as messages:
             await anext(messages)
-            return service.subscriptions[-1].wish.resume.same_agents
+            return service.subscriptions[-1].options.resume.same_agents
 
     token = await following(ids[0])
     assert await is_same(token, ids[0])
@@ -110,7 +112,7 @@ async def test_a_token_of_another_life_does_not_resume(service, api):
     session_id, _ = await session_of_two(api)
     (header,) = await resumed(api, session_id, "before-restart.7", 0)
     assert not header.header.resumed
-    assert service.subscriptions[0].wish.resume == Resume("before-restart", 7)
+    assert service.subscriptions[0].options.resume == Resume("before-restart", 7)
 
 
 @pytest.mark.parametrize("token", ["x", "1", ".", "a.b", "a.-1", "a.1.", "a.1.2.3", "a.1 ", "é.1"])

@@ -41,7 +41,7 @@ async def in_pieces(*pieces: bytes):
 
 
 OBJ = b"v -10 0 -10\nv 10 0 -10\nv 10 0 10\nv -10 0 10\nf 1 2 3 4\n"
-OBJ_WISH = schema.MeshScene(mesh=schema.Mesh(format="obj"))
+OBJ_REQUEST = schema.MeshScene(mesh=schema.Mesh(format="obj"))
 
 
 async def test_a_scene_lives_until_it_is_deleted(api):
@@ -95,12 +95,12 @@ async def test_what_is_wrong_with_a_scene_is_told_by_the_clients_names(api):
 
 async def test_a_request_sent_twice_makes_one_scene(service, api):
     made = [await yard(api, request_id="r") for _ in range(2)]
-    assert made[0] == made[1] and len(service.wishes) == 1
+    assert made[0] == made[1] and len(service.sources) == 1
     with pytest.raises(Aborted):
         await yard(api, request_id="r", name="other")
-    mesh = OBJ_WISH.model_copy(update={"scene": schema.NewScene(request_id="m")})
+    mesh = OBJ_REQUEST.model_copy(update={"scene": schema.NewScene(request_id="m")})
     twice = [await api.scenes.create_from_mesh(mesh, in_pieces(OBJ)) for _ in range(2)]
-    assert twice[0] == twice[1] and len(service.wishes) == 2
+    assert twice[0] == twice[1] and len(service.sources) == 2
     with pytest.raises(Aborted):
         await api.scenes.create_from_mesh(mesh, in_pieces(OBJ + b"#"))
 
@@ -199,7 +199,7 @@ async def test_examples_are_listed_and_made(api):
 async def test_a_mesh_comes_in_pieces():
     service = FakeService()
     api = await opened(service, Limits(mesh_bytes=1024))
-    made = await api.scenes.create_from_mesh(OBJ_WISH, in_pieces(OBJ[:9], b"", OBJ[9:]))
+    made = await api.scenes.create_from_mesh(OBJ_REQUEST, in_pieces(OBJ[:9], b"", OBJ[9:]))
     assert made.area_m2 == pytest.approx(19.4**2, rel=0.01)
     for data, what in (
         (b"hello", "no triangle|vertices"),
@@ -207,10 +207,10 @@ async def test_a_mesh_comes_in_pieces():
         (b"v nan 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3", "not finite"),
     ):
         with pytest.raises(InvalidArgument, match=what) as caught:
-            await api.scenes.create_from_mesh(OBJ_WISH, in_pieces(data))
+            await api.scenes.create_from_mesh(OBJ_REQUEST, in_pieces(data))
         assert caught.value.field == "data"
     with pytest.raises(InvalidArgument, match="1024 bytes at most"):
-        await api.scenes.create_from_mesh(OBJ_WISH, in_pieces(*[b"#" * 100] * 11))
+        await api.scenes.create_from_mesh(OBJ_REQUEST, in_pieces(*[b"#" * 100] * 11))
 
 
 async def test_few_meshes_are_received_at_a_time_and_none_for_ever(monkeypatch):
@@ -222,17 +222,17 @@ async def test_few_meshes_are_received_at_a_time_and_none_for_ever(monkeypatch):
         await asyncio.sleep(30)
 
     waiting = [
-        asyncio.create_task(api.scenes.create_from_mesh(OBJ_WISH, slow()))
+        asyncio.create_task(api.scenes.create_from_mesh(OBJ_REQUEST, slow()))
         for _ in range(uploads.AT_ONCE)
     ]
     await asyncio.sleep(0)
     with pytest.raises(ResourceExhausted) as caught:
-        await api.scenes.create_from_mesh(OBJ_WISH, in_pieces(OBJ))
+        await api.scenes.create_from_mesh(OBJ_REQUEST, in_pieces(OBJ))
     assert caught.value.retry_after > 0
     for task in waiting:
         with pytest.raises(InvalidArgument, match="has not come within"):
             await task
-    await api.scenes.create_from_mesh(OBJ_WISH, in_pieces(OBJ))
+    await api.scenes.create_from_mesh(OBJ_REQUEST, in_pieces(OBJ))
 
 
 async def test_people_come_to_a_session_that_is_in_a_scene():

@@ -27,8 +27,8 @@ async def test_each_session_keeps_its_basis(service, api):
         session_id = await session(api, basis)
         one = basis.axes.points_to_wire(basis.axes.points_to_core(basis.axes.forward))
         place = schema.Vector3(**dict(zip("xyz", one, strict=True)))
-        wish = schema.NewAgents(agents=[schema.AgentSpec(position=place)])
-        (agent,) = (await api.agents.create(session_id, wish)).agents
+        request = schema.NewAgents(agents=[schema.AgentSpec(position=place)])
+        (agent,) = (await api.agents.create(session_id, request)).agents
         expected = basis.axes.metres_per_unit  # one unit forward
         assert service.specs[-1].position == pytest.approx((0.0, expected))
         assert agent.position.model_dump() == pytest.approx(
@@ -61,8 +61,8 @@ async def test_unknown_ids_are_not_found(api):
 
 
 async def test_a_session_says_what_was_asked_for(api):
-    wish = schema.NewSession(basis="ros", seed=7, lease_s=5.5, lock_step=True, record=True)
-    made = await api.sessions.create(wish)
+    request = schema.NewSession(basis="ros", seed=7, lease_s=5.5, lock_step=True, record=True)
+    made = await api.sessions.create(request)
     assert (made.seed, made.lease_s, made.lock_step, made.record) == (7, 5.5, True, True)
     assert made.scene == "" and made.basis.basis == "ros"
     assert made.expires_at_us == round((NOW + 5.5) * 1e6)

@@ -54,8 +54,8 @@ async def test_a_malformed_snapshot_is_refused(api):
 async def test_a_log_is_replayed_in_the_basis_of_its_session(api):
     session_id, _ = await session_of_two(api, basis=Basis.UNREAL, record=True)
     log = await api.snapshots.export_log(session_id)
-    wish = schema.PoseFormat(profile="full")
-    header, *batches = [m async for m in api.snapshots.replay(log, wish)]
+    pose_format = schema.PoseFormat(profile="full")
+    header, *batches = [m async for m in api.snapshots.replay(log, pose_format)]
     assert header.header.basis.metres_per_unit == 0.01 and len(header.header.bones) == 52
     assert [seq for b in batches for seq in b.batch.chunks.seqs] == [0, 1]
     assert len(batches[0].batch.added) == 1

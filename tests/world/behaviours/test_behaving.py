@@ -82,9 +82,9 @@ def test_added_goals_end_a_patrol():
     assert state(world, agent) is AgentState.STANDING
 
 
-@pytest.mark.parametrize("wish", [(1.2, 0.0), (0.0, 0.9), (0.0, -0.9)])
-def test_a_follower_keeps_its_place_and_stands_when_the_other_stands(wish):
-    behind, right = wish
+@pytest.mark.parametrize("where", [(1.2, 0.0), (0.0, 0.9), (0.0, -0.9)])
+def test_a_follower_keeps_its_place_and_stands_when_the_other_stands(where):
+    behind, right = where
     world, [leader, follower] = populated(2)
     world.give(follower, Follow(leader, behind=behind, right=right), 0.0)
     world.give(leader, Goal((0.0, 14.0, 0.0)), 0.0)
@@ -229,7 +229,7 @@ def test_whom_a_routine_follows_may_be_deleted():
 @pytest.mark.parametrize("kind", ["follow", "keep_away", "queue", "routine", "patrol"])
 def test_a_behaviour_goes_on_in_another_world(kind):
     world, [leader, agent] = populated(2)
-    world.give(agent, wishes(leader)[kind], 0.0)
+    world.give(agent, each_kind(leader)[kind], 0.0)
     world.give(leader, Goal((0.0, 9.0, 0.0)), 0.0)
     run(world, 3.1)
     record = world.members.take_session("s")
@@ -245,7 +245,7 @@ def test_a_behaviour_goes_on_in_another_world(kind):
         assert apart(twin, leader, agent) > 2.9
 
 
-def wishes(other):
+def each_kind(other):
     return {
         "follow": Follow(other),
         "keep_away": KeepAway(other, distance=3.0),
@@ -270,7 +270,7 @@ def test_the_same_calls_give_the_same_motion():
 def test_in_a_recorded_session_nobody_depends_on_others(kind):
     world, [a, b] = populated(2, spec=SessionSpec("s", record=True))
     with pytest.raises(FailedPrecondition, match="recorded"):
-        world.give(a, wishes(b)[kind], 0.0)
+        world.give(a, each_kind(b)[kind], 0.0)
     world.give(a, Patrol(STOPS), 0.0)
 
 

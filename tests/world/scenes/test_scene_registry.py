@@ -20,7 +20,7 @@ from wayfarer.world.scenes import scene_registry
 from wayfarer.world.scenes.messages import SceneSource
 from wayfarer.world.scenes.scene_registry import SceneRegistry
 
-WISH = SceneSource(SceneSpec((FIELD,)), "field", {"owner": "me"})
+SOURCE = SceneSource(SceneSpec((FIELD,)), "field", {"owner": "me"})
 
 
 class Counted:
@@ -41,9 +41,9 @@ class Counted:
 def test_equal_content_is_baked_once_whatever_has_been_put_into_the_first():
     counted = Counted()
     book = SceneRegistry(bake=counted)
-    first = book.create(WISH, 1.0)
+    first = book.create(SOURCE, 1.0)
     book.put(first.scene_id, "crate", BOX)
-    second = book.create(WISH, 2.0)
+    second = book.create(SOURCE, 2.0)
     assert counted.bakes == 1
     assert first.scene_id != second.scene_id and first.content_hash == second.content_hash
     assert second.version == 0 and not second.obstacles
@@ -53,7 +53,7 @@ def test_equal_content_is_baked_once_whatever_has_been_put_into_the_first():
 
 
 def test_tells_what_a_scene_is():
-    info = SceneRegistry().create(WISH, 1.0)
+    info = SceneRegistry().create(SOURCE, 1.0)
     assert (info.name, info.version, info.islands, info.sessions) == ("field", 0, 1, 0)
     assert info.bounds == (0.0, 0.0, 12.0, 12.0)
     assert info.area == pytest.approx(11.4**2, rel=0.01)
@@ -94,10 +94,10 @@ def test_a_scene_with_sessions_stays():
 
 def test_refuses_more_scenes_than_there_is_room_for():
     book = SceneRegistry(Limits(scenes=2))
-    book.create(WISH, 0.0)
-    book.create(WISH, 0.0)
+    book.create(SOURCE, 0.0)
+    book.create(SOURCE, 0.0)
     with pytest.raises(ResourceExhausted, match="all 2 scenes"):
-        book.create(WISH, 0.0)
+        book.create(SOURCE, 0.0)
 
 
 def test_refuses_bakes_that_would_have_to_wait_long(monkeypatch):
@@ -132,7 +132,7 @@ def test_a_bake_that_fails_leaves_nothing_behind():
         with pytest.raises(InvalidArgument):
             book.create(SceneSource(SceneSpec()), 0.0)
     assert book.infos() == []
-    book.create(WISH, 0.0)
+    book.create(SOURCE, 0.0)
 
 
 @pytest.mark.parametrize("name", ["", "x" * 65, "two\nlines"])
@@ -146,9 +146,9 @@ def test_obstacles_have_names(name):
 
 def test_restores_a_scene_as_it_was():
     book = SceneRegistry()
-    book.restore("scene-1", WISH, 5.0, 7, {"crate": BOX})
+    book.restore("scene-1", SOURCE, 5.0, 7, {"crate": BOX})
     info = book.info("scene-1")
     assert (info.version, info.created_at, info.obstacles) == (7, 5.0, {"crate": BOX})
     assert book.scene("scene-1").distance(np.array(BOX.center)) < 0
     with pytest.raises(AlreadyExists):
-        book.restore("scene-1", WISH, 5.0, 0, {})
+        book.restore("scene-1", SOURCE, 5.0, 0, {})

@@ -85,7 +85,7 @@ def test_more_are_tried_again_after_a_calm_while():
     assert candidates(budget, RULES.patience, PLENTY) == 8
 
 
-def test_it_climbs_rung_by_rung_with_patience():
+def test_it_climbs_level_by_level_with_patience():
     budget = Budget(2, RULES)
     for t in range(4):
         budget.allow(float(t), -1.0)

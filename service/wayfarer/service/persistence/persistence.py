@@ -50,7 +50,7 @@ class Persistence:
             try:
                 book.restore(
                     record.scene_id,
-                    record.wish,
+                    record.source,
                     record.created_at,
                     record.version,
                     record.obstacles,

@@ -109,7 +109,7 @@ class SceneRecord:
     """A scene at rest."""
 
     scene_id: str
-    wish: SceneSource
+    source: SceneSource
     created_at: float
     version: int
     obstacles: Mapping[str, Obstacle]
@@ -117,11 +117,11 @@ class SceneRecord:
 
 def scene_part(kept: SceneEntry) -> ScenePart:
     """The part of a scene that never changes."""
-    wish, spec = kept.wish, kept.wish.spec
+    source, spec = kept.source, kept.source.spec
     mesh = spec.mesh
     return ScenePart(
-        name=wish.name,
-        attributes=dict(wish.attributes),
+        name=source.name,
+        attributes=dict(source.attributes),
         created_at=kept.created_at,
         floors=spec.floors,
         solids=tuple(map(SolidPart.of, spec.solids)),
@@ -161,8 +161,8 @@ def _record(name: str, text: bytes, obstacles: bytes | None) -> SceneRecord:
         walkable=part.walkable,
         entries=part.entries,
     )
-    wish = SceneSource(spec, part.name, part.attributes)
-    return SceneRecord(name, wish, part.created_at, stands.version, _obstacles(stands.obstacles))
+    source = SceneSource(spec, part.name, part.attributes)
+    return SceneRecord(name, source, part.created_at, stands.version, _obstacles(stands.obstacles))
 
 
 def _obstacles(parts: Mapping[str, SolidPart]) -> dict[str, Obstacle]:

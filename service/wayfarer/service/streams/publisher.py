@@ -63,9 +63,9 @@ class Publisher:
     def subscribe(self, subscription: Subscription, now: float) -> None:
         """Start a subscription at the position that it asks for. Raises InvalidArgument."""
         log = self._log(subscription.session_id)
-        start = self._start(log, subscription.wish.resume, now)
+        start = self._start(log, subscription.options.resume, now)
         log.follow(subscription)
-        if subscription.wish.slow_reader is SlowReader.HOLD:
+        if subscription.options.slow_reader is SlowReader.HOLD:
             self._holders.add(subscription.session_id)
         post(subscription.loop, subscription.begin, start)
 
@@ -223,7 +223,7 @@ class _Log:
 
     def has_holders(self) -> bool:
         """Somebody asks the agents to wait."""
-        return any(reader.wish.slow_reader is SlowReader.HOLD for reader in self.open())
+        return any(reader.options.slow_reader is SlowReader.HOLD for reader in self.open())
 
     def has_stalled(self, reader: Subscription, queue_s: float) -> bool:
         """It has left more motion than that untaken."""
@@ -231,7 +231,7 @@ class _Log:
 
     def spares(self, reader: Subscription, queue_s: float) -> bool:
         """Nothing may be dropped for it now: the agents wait, or will as soon as it stalls."""
-        return reader.wish.slow_reader is SlowReader.HOLD and (
+        return reader.options.slow_reader is SlowReader.HOLD and (
             self.is_waiting or not self.has_stalled(reader, queue_s)
         )
 
@@ -239,7 +239,7 @@ class _Log:
         """The agents shall wait: for everybody who follows, and not for longer than all agree."""
         following = self.open()
         stalled = all(
-            reader.wish.slow_reader is SlowReader.HOLD and self.has_stalled(reader, queue_s)
+            reader.options.slow_reader is SlowReader.HOLD and self.has_stalled(reader, queue_s)
             for reader in following
         )
         if not following or not stalled:
@@ -247,7 +247,7 @@ class _Log:
         elif self._waiting_since is None:
             self._waiting_since = now
         self.is_waiting = self._waiting_since is not None and now - self._waiting_since < min(
-            reader.wish.hold_s for reader in following
+            reader.options.hold_s for reader in following
         )
         return self.is_waiting
 

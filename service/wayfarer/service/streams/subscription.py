@@ -93,21 +93,21 @@ class Subscription:
     def __init__(
         self,
         session_id: str,
-        wish: StreamOptions,
+        options: StreamOptions,
         limits: Limits,
         meter: MetricsSink,
         clock: Callable[[], float],
     ) -> None:
         """Must be made on the reader's event loop. Takes nothing in before `begin`."""
         self.session_id = session_id
-        self.wish = wish
+        self.options = options
         self.loop = asyncio.get_running_loop()
         self.epoch = ""
         """Changes when the session's positions start again: with a restart or an import."""
         self.resumed = False
         """The subscription goes on without a gap where `StreamOptions.resume` left off."""
         # These four are read by the motion thread.
-        self.agent_ids = frozenset(wish.agent_ids)
+        self.agent_ids = frozenset(options.agent_ids)
         self.closed = False
         self.dropped = 0  # publications lost so far
         self.taken = 0.0  # place in the motion of what the reader took last
@@ -129,7 +129,7 @@ class Subscription:
         """Set where it begins. On the reader's event loop, before the first `put`."""
         self.epoch, self.resumed = start.epoch, start.resumed
         self.taken, self._position, self._opening = start.motion, start.position, start.opening
-        resume = self.wish.resume
+        resume = self.options.resume
         if resume is None or resume.same_agents:  # else nobody knows who is new to the reader
             self._tracker.learn((entry.publication for entry in start.held), start.position)
         for entry in start.replay:
@@ -229,7 +229,7 @@ class Subscription:
 
     def _keep_to_bound(self) -> None:
         while len(self._waiting) > MIN_WAITING and self._span() > self._bound:
-            if self.wish.slow_reader is SlowReader.DISCONNECT:
+            if self.options.slow_reader is SlowReader.DISCONNECT:
                 self._disconnect()
             else:
                 self._drop()
@@ -239,7 +239,7 @@ class Subscription:
         self._loss = self._loss or _Loss(lost)
         self._loss.add(lost)
         self.dropped += 1
-        self._meter.drops(self.wish.slow_reader, 1)
+        self._meter.drops(self.options.slow_reader, 1)
 
     def _disconnect(self) -> None:
         count = len(self._waiting)

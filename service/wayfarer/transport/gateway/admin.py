@@ -15,33 +15,33 @@ log = structlog.get_logger(__name__)
 class AdminApi:
     """AdminService."""
 
-    def __init__(self, shared: GatewayContext, stop: Callable[[], None]) -> None:
+    def __init__(self, context: GatewayContext, stop: Callable[[], None]) -> None:
         """`stop` begins the shutdown, as SIGTERM does."""
-        self._shared = shared
+        self._context = context
         self._stop = stop
 
     @needs(Scope.ADMIN)
-    async def load_model(self, wish: schema.NewModel) -> schema.Model:
+    async def load_model(self, request: schema.NewModel) -> schema.Model:
         """Load a model beside the others. Raises NotFound, AlreadyExists, FailedPrecondition."""
         try:
-            await self._shared.service.load_model(wish.name)
+            await self._context.service.load_model(request.name)
         except ArtifactError as error:
-            raise FailedPrecondition(f"model {wish.name!r} cannot be loaded: {error}") from error
-        log.info("model loaded", model=wish.name, caller=current_caller().name)
-        infos = await self._shared.service.list_models()
-        return next(convert.model(info) for info in infos if info.name == wish.name)
+            raise FailedPrecondition(f"model {request.name!r} cannot be loaded: {error}") from error
+        log.info("model loaded", model=request.name, caller=current_caller().name)
+        infos = await self._context.service.list_models()
+        return next(convert.model(info) for info in infos if info.name == request.name)
 
     @needs(Scope.ADMIN)
-    async def use_model(self, name: str, wish: schema.ModelUse) -> schema.ModelUsed:
+    async def use_model(self, name: str, request: schema.ModelUse) -> schema.ModelUsed:
         """Let agents be moved by a loaded model. Raises NotFound."""
-        moved = await self._shared.service.use_model(name, wish.move_agents)
+        moved = await self._context.service.use_model(name, request.move_agents)
         log.info("model in use", model=name, moved=moved, caller=current_caller().name)
         return schema.ModelUsed(moved=moved)
 
     @needs(Scope.ADMIN)
     async def unload_model(self, name: str) -> None:
         """Unload a model. Raises NotFound, FailedPrecondition."""
-        await self._shared.service.unload_model(name)
+        await self._context.service.unload_model(name)
         log.info("model unloaded", model=name, caller=current_caller().name)
 
     @needs(Scope.ADMIN)

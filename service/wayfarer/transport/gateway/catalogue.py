@@ -13,19 +13,19 @@ from wayfarer.transport.gateway.context import GatewayContext, needs
 class CatalogueApi:
     """CatalogService."""
 
-    def __init__(self, shared: GatewayContext) -> None:
-        self._shared = shared
+    def __init__(self, context: GatewayContext) -> None:
+        self._context = context
 
     @needs(Scope.READ)
     def skeleton(self) -> schema.Skeleton:
         """The bones of all agents."""
-        return self._shared.skeleton
+        return self._context.skeleton
 
     @needs(Scope.READ)
     def bodies(self) -> schema.Bodies:
         """The bodies that agents can have."""
         return schema.Bodies(
-            bodies=tuple(convert.body(self._shared.bodies, gender) for gender in schema.Gender)
+            bodies=tuple(convert.body(self._context.bodies, gender) for gender in schema.Gender)
         )
 
     @needs(Scope.READ)
@@ -36,7 +36,7 @@ class CatalogueApi:
     @needs(Scope.READ)
     async def models(self) -> schema.Models:
         """The motion models that are loaded."""
-        infos = await self._shared.service.list_models()
+        infos = await self._context.service.list_models()
         return schema.Models(models=tuple(convert.model(info) for info in infos))
 
     @needs(Scope.READ)
@@ -46,11 +46,11 @@ class CatalogueApi:
             version=__version__,
             fps=FPS,
             frames_per_chunk=NEW_FRAMES,
-            limits=self._shared.limits,
+            limits=self._context.limits,
             bases=tuple(convert.basis_info(basis) for basis in Basis),
         )
 
     @needs(Scope.READ)
     async def stats(self) -> schema.Stats:
         """Health of the motion loop."""
-        return convert.stats(await self._shared.service.stats())
+        return convert.stats(await self._context.service.stats())

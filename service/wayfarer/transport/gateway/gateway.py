@@ -44,48 +44,48 @@ class Gateway:
         fleet: WorkerTopology | None = None,
     ) -> None:
         """`stop` begins the shutdown of the server, as SIGTERM does; AdminService calls it."""
-        self._shared = shared = GatewayContext(
+        self._context = context = GatewayContext(
             service, bodies, limits, clock, fleet or WorkerTopology()
         )
         self.limits = limits
         self.body_library = bodies
-        self.scenes = SceneApi(shared)
-        self.sessions = SessionApi(shared)
-        self.agents = AgentApi(shared)
-        self.goals = GoalApi(shared)
-        self.motion = MotionApi(shared)
-        self.snapshots = SnapshotApi(shared)
-        self.catalogue = CatalogueApi(shared)
-        self.admin = AdminApi(shared, stop)
+        self.scenes = SceneApi(context)
+        self.sessions = SessionApi(context)
+        self.agents = AgentApi(context)
+        self.goals = GoalApi(context)
+        self.motion = MotionApi(context)
+        self.snapshots = SnapshotApi(context)
+        self.catalogue = CatalogueApi(context)
+        self.admin = AdminApi(context, stop)
 
     @property
     def alive(self) -> bool:
         """The motion loop runs."""
-        return self._shared.service.alive
+        return self._context.service.alive
 
     @property
     def runtime_ready(self) -> bool:
         """The runtime takes work; the gateway does once it has taken over its sessions."""
-        return self._shared.service.ready and self._shared.service.alive
+        return self._context.service.ready and self._context.service.alive
 
     @property
     def started(self) -> bool:
         """The server has been ready; it may not be any more."""
-        return self._shared.taken_over
+        return self._context.taken_over
 
     @property
     def ready(self) -> bool:
         """New work is welcome."""
-        return self._shared.ready
+        return self._context.ready
 
     @property
     def streams(self) -> int:
         """Open streams."""
-        return self._shared.book.streams
+        return self._context.book.streams
 
     async def loop_stats(self) -> LoopStats:
         """Figures for the metrics page; checks no scope."""
-        return await self._shared.service.stats()
+        return await self._context.service.stats()
 
     async def take_over(self) -> None:
         """Begin to take work, once the runtime is ready: first enter what it has kept."""
@@ -106,14 +106,14 @@ class Gateway:
     def end_streams_of_revoked(self, is_good: Callable[[Caller], bool]) -> None:
         """End the streams of callers who would not be let in again. To be called now and then."""
         revoked = Unauthenticated("the API key of this stream has been taken back")
-        if ended := self._shared.book.end_streams(revoked, lambda caller: not is_good(caller)):
+        if ended := self._context.book.end_streams(revoked, lambda caller: not is_good(caller)):
             log.info("streams of revoked keys ended", streams=ended)
 
     async def drain(self, grace: float) -> None:
         """Refuse new work and end all streams with Unavailable; wait for that, `grace` seconds."""
-        self._shared.draining.set()
+        self._context.draining.set()
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(grace):
                 while self.streams:
-                    self._shared.book.end_streams(Unavailable(SHUTDOWN), of=lambda _: True)
+                    self._context.book.end_streams(Unavailable(SHUTDOWN), of=lambda _: True)
                     await asyncio.sleep(0.01)

@@ -21,84 +21,86 @@ from wayfarer.world.events import Event
 class MotionApi:
     """MotionService."""
 
-    def __init__(self, shared: GatewayContext) -> None:
-        self._shared = shared
+    def __init__(self, context: GatewayContext) -> None:
+        self._context = context
 
     @needs(Scope.READ)
-    async def stream(self, wish: schema.StreamRequest) -> AsyncGenerator[bytes]:
+    async def stream(self, request: schema.StreamRequest) -> AsyncGenerator[bytes]:
         """Messages until the session ends, each a StreamMotionResponse, encoded. Close it with
         `aclose`.
 
         Raises NotFound, InvalidArgument, ResourceExhausted, FailedPrecondition, Unavailable.
         """
-        async with self.follow(wish) as (_, messages):
+        async with self.follow(request) as (_, messages):
             async for message in messages:
                 yield message
 
     @needs(Scope.READ)
-    async def events(self, wish: schema.StreamRequest) -> AsyncGenerator[tuple[str, Event] | None]:
+    async def events(
+        self, request: schema.StreamRequest
+    ) -> AsyncGenerator[tuple[str, Event] | None]:
         """Events with their resume tokens, None for a sign of life. Otherwise as `stream`."""
-        async with self._followed(wish) as (_, stream), aclosing(stream.events()) as events:
+        async with self._followed(request) as (_, stream), aclosing(stream.events()) as events:
             async for event in events:
                 yield event
 
     @asynccontextmanager
     async def follow(
-        self, wish: schema.StreamRequest
+        self, request: schema.StreamRequest
     ) -> AsyncIterator[tuple[MotionStream, AsyncGenerator[bytes]]]:
         """A stream, for its acknowledgements, and its messages. Raises as `stream`."""
-        pose_format = convert.pose_format(wish.format)
-        async with self._followed(wish) as (session, stream):
-            writer = self._shared.writer(session.basis, pose_format)
-            messages = stream.messages(writer, self._shared.limits.resume_s)
+        pose_format = convert.pose_format(request.format)
+        async with self._followed(request) as (session, stream):
+            writer = self._context.writer(session.basis, pose_format)
+            messages = stream.messages(writer, self._context.limits.resume_s)
             async with aclosing(messages):
                 yield stream, messages
 
     @needs(Scope.CONTROL)
     async def generate_clip(
-        self, wish: schema.ClipRequest
+        self, request: schema.ClipRequest
     ) -> AsyncGenerator[motion_pb2.GenerateClipResponse]:
         """A header, then batches in order of time. Close it with `aclose`.
 
         Raises InvalidArgument, ResourceExhausted, Unavailable.
         """
-        shared, limits = self._shared, self._shared.limits
-        shared.require_ready()
-        if wish.seconds > limits.clip_s:
+        context, limits = self._context, self._context.limits
+        context.require_ready()
+        if request.seconds > limits.clip_s:
             raise InvalidArgument(
-                f"a clip has {limits.clip_s:g} s at most, not {wish.seconds:g}", "seconds"
+                f"a clip has {limits.clip_s:g} s at most, not {request.seconds:g}", "seconds"
             )
-        if len(wish.goals) > limits.path_goals:
+        if len(request.goals) > limits.path_goals:
             raise InvalidArgument(
-                f"a path has {limits.path_goals} goals at most, not {len(wish.goals)}", "goals"
+                f"a path has {limits.path_goals} goals at most, not {len(request.goals)}", "goals"
             )
-        writer = self._shared.writer(wish.basis, convert.pose_format(wish.format))
+        writer = self._context.writer(request.basis, convert.pose_format(request.format))
         seed = secrets.randbits(32)
-        spec = convert.agent_spec(wish.agent, wish.basis, shared.bodies, seed)
-        goals = [convert.goal(goal, wish.basis) for goal in wish.goals]
-        made = shared.service.generate_clip(spec, goals, wish.seconds, wish.until_arrival)
-        with convert.in_basis(wish.basis.axes):
+        spec = convert.agent_spec(request.agent, request.basis, context.bodies, seed)
+        goals = [convert.goal(goal, request.basis) for goal in request.goals]
+        made = context.service.generate_clip(spec, goals, request.seconds, request.until_arrival)
+        with convert.in_basis(request.basis.axes):
             async with aclosing(writer.offline(made)) as parts:
                 async for header, batch in parts:
                     yield motion_pb2.GenerateClipResponse(header=header, batch=batch)
 
     @needs(Scope.CONTROL)
     async def step(
-        self, session_id: str, wish: schema.StepRequest
+        self, session_id: str, request: schema.StepRequest
     ) -> motion_pb2.StepAgentsResponse:
         """Let primitives pass in a lock-step session.
 
         Raises NotFound, InvalidArgument, FailedPrecondition.
         """
-        shared = self._shared
-        session = shared.book.session(session_id)
-        steps, most = wish.steps or 1, shared.limits.steps_per_call
+        context = self._context
+        session = context.book.session(session_id)
+        steps, most = request.steps or 1, context.limits.steps_per_call
         if steps > most:
             raise InvalidArgument(f"1 to {most} primitives per call, not {steps}", "steps")
-        writer = self._shared.writer(session.basis, convert.pose_format(wish.format))
-        with shared.book.held(session):
-            published = await shared.service.step_session(session_id, steps)
-            infos = {info.alias: info for info in await shared.service.list_agents(session_id)}
+        writer = self._context.writer(session.basis, convert.pose_format(request.format))
+        with context.book.held(session):
+            published = await context.service.step_session(session_id, steps)
+            infos = {info.alias: info for info in await context.service.list_agents(session_id)}
         new = [set(p.chunks.alias[p.chunks.seq == 0].tolist()) & infos.keys() for p in published]
         return motion_pb2.StepAgentsResponse(
             batches=[
@@ -110,35 +112,37 @@ class MotionApi:
 
     @asynccontextmanager
     async def _followed(
-        self, wish: schema.StreamRequest
+        self, request: schema.StreamRequest
     ) -> AsyncIterator[tuple[OpenSession, MotionStream]]:
-        shared = self._shared
-        shared.require_ready()
+        context = self._context
+        context.require_ready()
         caller = current_caller()
-        session = shared.book.session(wish.session_id)
-        if len(wish.agent_ids) > shared.limits.agents_per_session:
-            raise InvalidArgument(f"{shared.limits.agents_per_session} agents at most", "agent_ids")
-        since = Progress.read(wish.resume_token)
-        followed = filter_mark(wish.agent_ids)
+        session = context.book.session(request.session_id)
+        if len(request.agent_ids) > context.limits.agents_per_session:
+            raise InvalidArgument(
+                f"{context.limits.agents_per_session} agents at most", "agent_ids"
+            )
+        since = Progress.read(request.resume_token)
+        followed = filter_mark(request.agent_ids)
         if since and session.scene:
-            agents = await shared.service.list_agents(wish.session_id)
-            shared.book.know_agents(session, agents)
-        with shared.book.place(caller, session) as place:
-            subscription = await shared.service.subscribe(
-                wish.session_id,
+            agents = await context.service.list_agents(request.session_id)
+            context.book.know_agents(session, agents)
+        with context.book.place(caller, session) as place:
+            subscription = await context.service.subscribe(
+                request.session_id,
                 StreamOptions(
-                    wish.agent_ids,
-                    wish.slow_reader,
+                    request.agent_ids,
+                    request.slow_reader,
                     since.resume(followed) if since else None,
                     hold_s=session.lease_s,
                 ),
             )
             try:
                 place.stream = MotionStream(
-                    shared.service,
-                    wish.session_id,
+                    context.service,
+                    request.session_id,
                     subscription,
-                    shared.clock,
+                    context.clock,
                     followed,
                     since,
                     session.gone if since else (),

@@ -36,34 +36,36 @@ NewScene = schema.NewScene | schema.NewExampleScene
 class SceneApi:
     """SceneService."""
 
-    def __init__(self, shared: GatewayContext) -> None:
-        self._shared = shared
-        self._uploads = Uploads(shared.limits.mesh_bytes)
+    def __init__(self, context: GatewayContext) -> None:
+        self._context = context
+        self._uploads = Uploads(context.limits.mesh_bytes)
 
     @needs(Scope.CONTROL)
-    async def create(self, wish: schema.NewScene) -> schema.Scene:
+    async def create(self, request: schema.NewScene) -> schema.Scene:
         """Make a scene. Raises InvalidArgument, Aborted, ResourceExhausted, Unavailable."""
-        self._shared.require_ready()
+        self._context.require_ready()
 
         async def make() -> schema.Scene:
-            with scene_convert.fields_named(wish.solids):
-                return await self._create(wish, wish.name, lambda: scene_convert.scene_spec(wish))
+            with scene_convert.fields_named(request.solids):
+                return await self._create(
+                    request, request.name, lambda: scene_convert.scene_spec(request)
+                )
 
-        return await self._shared.replies.once(wish.request_id, ("CreateScene", wish), make)
+        return await self._context.replies.once(request.request_id, ("CreateScene", request), make)
 
     @needs(Scope.CONTROL)
     async def create_from_mesh(
-        self, wish: schema.MeshScene, pieces: AsyncIterator[bytes]
+        self, request: schema.MeshScene, pieces: AsyncIterator[bytes]
     ) -> schema.Scene:
         """Make a scene from a file that comes in pieces. Raises as `create`."""
-        self._shared.require_ready()
-        scene = wish.scene
+        self._context.require_ready()
+        scene = request.scene
         async with self._uploads.received(pieces, DATA) as data:
             # so that the same id with another file is another request
             digest = await asyncio.to_thread(lambda: sha256(data).hexdigest())
 
             def mesh() -> MeshFile:
-                return scene_convert.mesh_file(wish.mesh, scene.basis, data)
+                return scene_convert.mesh_file(request.mesh, scene.basis, data)
 
             async def make() -> schema.Scene:
                 with scene_convert.fields_named(scene.solids):
@@ -72,7 +74,7 @@ class SceneApi:
                     )
 
             where = f"CreateMeshScene {digest}"
-            return await self._shared.replies.once(scene.request_id, (where, wish), make)
+            return await self._context.replies.once(scene.request_id, (where, request), make)
 
     @needs(Scope.READ)
     def examples(self) -> schema.ExampleScenes:
@@ -85,43 +87,43 @@ class SceneApi:
         )
 
     @needs(Scope.CONTROL)
-    async def create_example(self, name: str, wish: schema.NewExampleScene) -> schema.Scene:
+    async def create_example(self, name: str, request: schema.NewExampleScene) -> schema.Scene:
         """Make one of them. Raises NotFound, otherwise as `create`."""
-        self._shared.require_ready()
+        self._context.require_ready()
         if name not in EXAMPLES:
             known, short = ", ".join(EXAMPLES), name[: schema.ID_LENGTH]
             raise NotFound(f"there is no example {short!r}; there are {known}", "example", short)
-        return await self._shared.replies.once(
-            wish.request_id,
-            (f"CreateExampleScene {name}", wish),
-            lambda: self._create(wish, name, EXAMPLES[name]),
+        return await self._context.replies.once(
+            request.request_id,
+            (f"CreateExampleScene {name}", request),
+            lambda: self._create(request, name, EXAMPLES[name]),
         )
 
     async def _create(
-        self, wish: NewScene, name: str, spec: Callable[[], SceneSpec]
+        self, request: NewScene, name: str, spec: Callable[[], SceneSpec]
     ) -> schema.Scene:
-        caller, limits, service = current_caller(), self._shared.limits, self._shared.service
-        lease_s = min(SCENE_LEASE_S, limits.lease_s) if wish.lease_s is None else wish.lease_s
+        caller, limits, service = current_caller(), self._context.limits, self._context.service
+        lease_s = min(SCENE_LEASE_S, limits.lease_s) if request.lease_s is None else request.lease_s
         if lease_s > limits.lease_s:
             raise InvalidArgument(f"from 1 to {limits.lease_s:g} s, not {lease_s:g}", "lease_s")
-        with self._shared.scenes.room(caller):
-            attributes = scene_attributes(caller.name, wish.basis, lease_s)
+        with self._context.scenes.room(caller):
+            attributes = scene_attributes(caller.name, request.basis, lease_s)
             made = SceneSource(await asyncio.to_thread(spec), name, attributes)
-            with convert.in_basis(wish.basis.axes):
+            with convert.in_basis(request.basis.axes):
                 info = await service.scenes.create_scene(made)
-            return self._shared.scenes.open(info).describe(info)
+            return self._context.scenes.open(info).describe(info)
 
     @needs(Scope.READ)
     async def get(self, scene_id: str) -> schema.Scene:
         """Describe a scene. Raises NotFound."""
-        scene = self._shared.scenes.scene(scene_id)
-        return scene.describe(await self._shared.service.scenes.get_scene(scene_id))
+        scene = self._context.scenes.scene(scene_id)
+        return scene.describe(await self._context.service.scenes.get_scene(scene_id))
 
     @needs(Scope.READ)
     async def list_own(self) -> schema.Scenes:
         """The caller's, oldest first; an admin sees all. Renews no lease."""
-        infos = {info.scene_id: info for info in await self._shared.service.scenes.list_scenes()}
-        owned = self._shared.scenes.owned(current_caller())
+        infos = {info.scene_id: info for info in await self._context.service.scenes.list_scenes()}
+        owned = self._context.scenes.owned(current_caller())
         return schema.Scenes(
             scenes=tuple(s.describe(infos[s.scene_id]) for s in owned if s.scene_id in infos)
         )
@@ -129,92 +131,92 @@ class SceneApi:
     @needs(Scope.CONTROL)
     async def delete(self, scene_id: str) -> None:
         """Remove a scene. Raises NotFound, FailedPrecondition."""
-        scene = self._shared.scenes.scene(scene_id)
-        await self._shared.service.scenes.delete_scene(scene_id)
-        self._shared.scenes.close(scene)
+        scene = self._context.scenes.scene(scene_id)
+        await self._context.service.scenes.delete_scene(scene_id)
+        self._context.scenes.close(scene)
 
     @needs(Scope.CONTROL)
     async def put_obstacle(
-        self, scene_id: str, name: str, wish: schema.Obstacle
+        self, scene_id: str, name: str, request: schema.Obstacle
     ) -> schema.SceneVersion:
         """Let it stand there, or move there.
 
         Raises NotFound, InvalidArgument, ResourceExhausted, FailedPrecondition.
         """
-        scene = self._shared.scenes.scene(scene_id)
-        with scene_convert.fields_named(obstacle=wish), convert.in_basis(scene.axes):
-            made = scene_convert.obstacle(wish, scene.axes)
-            info = await self._shared.service.scenes.put_obstacle(scene_id, name, made)
+        scene = self._context.scenes.scene(scene_id)
+        with scene_convert.fields_named(obstacle=request), convert.in_basis(scene.axes):
+            made = scene_convert.obstacle(request, scene.axes)
+            info = await self._context.service.scenes.put_obstacle(scene_id, name, made)
         return scene_convert.scene_version(info)
 
     @needs(Scope.CONTROL)
     async def remove_obstacle(self, scene_id: str, name: str) -> schema.SceneVersion:
         """Take it away. Raises NotFound."""
-        self._shared.scenes.scene(scene_id)
-        info = await self._shared.service.scenes.remove_obstacle(scene_id, name)
+        self._context.scenes.scene(scene_id)
+        info = await self._context.service.scenes.remove_obstacle(scene_id, name)
         return scene_convert.scene_version(info)
 
     @needs(Scope.READ)
-    async def query_path(self, scene_id: str, wish: schema.PathQuery) -> schema.ScenePath:
+    async def query_path(self, scene_id: str, request: schema.PathQuery) -> schema.ScenePath:
         """The way that an agent would take. Raises NotFound, InvalidArgument, Unreachable."""
-        scene = self._shared.scenes.scene(scene_id)
-        start, goal = (place(p, scene.axes) for p in (wish.start, wish.goal))
+        scene = self._context.scenes.scene(scene_id)
+        start, goal = (place(p, scene.axes) for p in (request.start, request.goal))
         with scene_convert.fields_named(), convert.in_basis(scene.axes):
-            way = await self._shared.service.scenes.query_path(scene_id, start, goal)
+            way = await self._context.service.scenes.query_path(scene_id, start, goal)
         return scene_convert.scene_path(way, scene.axes)
 
     @needs(Scope.READ)
     async def outlines(self, scene_id: str) -> schema.SceneOutlines:
         """Outlines for drawing it. Raises NotFound."""
-        scene = self._shared.scenes.scene(scene_id)
-        found = await self._shared.service.scenes.scene_outlines(scene_id)
+        scene = self._context.scenes.scene(scene_id)
+        found = await self._context.service.scenes.scene_outlines(scene_id)
         return await asyncio.to_thread(scene_convert.outlines, found, scene.axes)
 
     @needs(Scope.READ)
     async def picture(self, scene_id: str) -> bytes:
         """A picture from above, PNG. Raises NotFound."""
-        self._shared.scenes.scene(scene_id)
-        return await self._shared.service.scenes.scene_picture(scene_id)
+        self._context.scenes.scene(scene_id)
+        return await self._context.service.scenes.scene_picture(scene_id)
 
     @needs(Scope.CONTROL)
-    async def populate(self, session_id: str, wish: schema.Crowd) -> schema.CrowdCame:
+    async def populate(self, session_id: str, request: schema.Crowd) -> schema.CrowdCame:
         """Let people come and go. Raises NotFound, FailedPrecondition, InvalidArgument; and
         ResourceExhausted beyond the caller's quota.
         """
-        self._shared.require_ready()
-        session = self._shared.book.session(session_id)
+        self._context.require_ready()
+        session = self._context.book.session(session_id)
         if not session.scene:
             raise FailedPrecondition(
                 "the session is in no scene; name one when you create it, as `scene`"
             )
-        most = self._shared.limits.agents_per_session
-        if wish.count > most:
-            raise InvalidArgument(f"is {wish.count}; allowed: {most}", "count")
-        self._shared.book.require_room(current_caller(), wish.count)
-        crowd = scene_convert.crowd(wish, session.basis, secrets.randbits(32))
+        most = self._context.limits.agents_per_session
+        if request.count > most:
+            raise InvalidArgument(f"is {request.count}; allowed: {most}", "count")
+        self._context.book.require_room(current_caller(), request.count)
+        crowd = scene_convert.crowd(request, session.basis, secrets.randbits(32))
         with convert.in_basis(session.basis.axes):
-            state = await self._shared.service.scenes.populate(session_id, crowd)
+            state = await self._context.service.scenes.populate(session_id, crowd)
         return schema.CrowdCame(came=state.came, waiting=state.waiting, reason=state.reason)
 
     async def take_over(self) -> None:
         """Enter the scenes that the runtime has kept over a restart."""
-        for info in await self._shared.service.scenes.list_scenes():
+        for info in await self._context.service.scenes.list_scenes():
             try:
-                self._shared.scenes.open(info)
+                self._context.scenes.open(info)
             except InvalidArgument as error:
                 log.error("scene not taken over", scene_id=info.scene_id, reason=str(error))
                 with contextlib.suppress(FailedPrecondition):
-                    await self._shared.service.scenes.delete_scene(info.scene_id)
+                    await self._context.service.scenes.delete_scene(info.scene_id)
 
     async def end_expired(self) -> None:
         """Remove the scenes whose lease has run out and that no session is in."""
-        for scene in self._shared.scenes.expired():
+        for scene in self._context.scenes.expired():
             try:
-                await self._shared.service.scenes.delete_scene(scene.scene_id)
+                await self._context.service.scenes.delete_scene(scene.scene_id)
             except FailedPrecondition:  # sessions are in it
-                self._shared.scenes.renew(scene)
+                self._context.scenes.renew(scene)
                 continue
             except (NotFound, Unavailable):  # its client or the end was quicker
                 pass
             log.info("lease ended", scene_id=scene.scene_id, lease_s=scene.lease_s)
-            self._shared.scenes.close(scene)
+            self._context.scenes.close(scene)

@@ -19,47 +19,47 @@ log = structlog.get_logger(__name__)
 class SessionApi:
     """SessionService."""
 
-    def __init__(self, shared: GatewayContext) -> None:
-        self._shared = shared
+    def __init__(self, context: GatewayContext) -> None:
+        self._context = context
 
     @needs(Scope.CONTROL)
-    async def create(self, wish: schema.NewSession) -> schema.Session:
+    async def create(self, request: schema.NewSession) -> schema.Session:
         """Open a session. Raises InvalidArgument, NotFound, Aborted, ResourceExhausted."""
-        self._shared.require_ready()
-        return await self._shared.replies.once(
-            wish.request_id, ("CreateSession", wish), lambda: self._create(wish)
+        self._context.require_ready()
+        return await self._context.replies.once(
+            request.request_id, ("CreateSession", request), lambda: self._create(request)
         )
 
-    async def _create(self, wish: schema.NewSession) -> schema.Session:
-        caller, limits = current_caller(), self._shared.limits
-        if wish.scene:
-            self._shared.scenes.scene(wish.scene)
-        lease_s = min(LEASE_S, limits.lease_s) if wish.lease_s is None else wish.lease_s
+    async def _create(self, request: schema.NewSession) -> schema.Session:
+        caller, limits = current_caller(), self._context.limits
+        if request.scene:
+            self._context.scenes.scene(request.scene)
+        lease_s = min(LEASE_S, limits.lease_s) if request.lease_s is None else request.lease_s
         if lease_s > limits.lease_s:
             raise InvalidArgument(f"from 1 to {limits.lease_s:g} s, not {lease_s:g}", "lease_s")
-        self._shared.book.require_room(caller)
+        self._context.book.require_room(caller)
         spec = SessionSpec(
-            seed=secrets.randbits(32) if wish.seed is None else wish.seed,
-            lock_step=wish.lock_step,
-            record=wish.record,
-            scene=wish.scene,
-            avoid=wish.avoid,
-            attributes=attributes(caller.name, wish.basis, lease_s),
+            seed=secrets.randbits(32) if request.seed is None else request.seed,
+            lock_step=request.lock_step,
+            record=request.record,
+            scene=request.scene,
+            avoid=request.avoid,
+            attributes=attributes(caller.name, request.basis, lease_s),
         )
-        info = await self._shared.service.create_session(spec)
-        return self._shared.book.open(info).describe(info)
+        info = await self._context.service.create_session(spec)
+        return self._context.book.open(info).describe(info)
 
     @needs(Scope.READ)
     async def get(self, session_id: str) -> schema.Session:
         """Describe a session. Raises NotFound."""
-        session = self._shared.book.session(session_id)
-        return session.describe(await self._shared.service.get_session(session_id))
+        session = self._context.book.session(session_id)
+        return session.describe(await self._context.service.get_session(session_id))
 
     @needs(Scope.READ)
     async def list_own(self) -> schema.Sessions:
         """The caller's, oldest first; an admin sees all. Renews no lease."""
-        infos = {info.session_id: info for info in await self._shared.service.list_sessions()}
-        owned = self._shared.book.owned(current_caller())
+        infos = {info.session_id: info for info in await self._context.service.list_sessions()}
+        owned = self._context.book.owned(current_caller())
         return schema.Sessions(
             sessions=tuple(
                 session.describe(infos[session.session_id])
@@ -71,17 +71,17 @@ class SessionApi:
     @needs(Scope.CONTROL)
     async def renew(self, session_id: str) -> schema.Renewal:
         """Restart the lease. Raises NotFound."""
-        session = self._shared.book.session(session_id)
+        session = self._context.book.session(session_id)
         return schema.Renewal(expires_at_us=convert.microseconds(session.expires_at))
 
     @needs(Scope.CONTROL)
     async def delete(self, session_id: str) -> None:
         """End a session, its agents and its streams. Raises NotFound."""
-        await self._end(self._shared.book.session(session_id))
+        await self._end(self._context.book.session(session_id))
 
     async def end_expired(self) -> list[str]:
         """End the sessions whose lease has run out; their ids."""
-        expired = self._shared.book.expired()
+        expired = self._context.book.expired()
         for session in expired:
             log.info("lease ended", session_id=session.session_id, lease_s=session.lease_s)
             with contextlib.suppress(NotFound, Unavailable):  # its client or the end was quicker
@@ -90,17 +90,17 @@ class SessionApi:
 
     async def take_over(self) -> int:
         """Enter the sessions that the runtime has kept over a restart; how many there are."""
-        infos: list[SessionInfo] = await self._shared.service.list_sessions()
+        infos: list[SessionInfo] = await self._context.service.list_sessions()
         for info in infos:
-            agents = await self._shared.service.list_agents(info.session_id)
+            agents = await self._context.service.list_agents(info.session_id)
             try:
-                self._shared.book.open(info, agents)
+                self._context.book.open(info, agents)
             except InvalidArgument as error:
                 log.error("session not taken over", session_id=info.session_id, reason=str(error))
-                await self._shared.service.delete_session(info.session_id)
-        self._shared.taken_over = True
+                await self._context.service.delete_session(info.session_id)
+        self._context.taken_over = True
         return len(infos)
 
     async def _end(self, session: OpenSession) -> None:
-        self._shared.book.close(session)
-        await finish(self._shared.service.delete_session(session.session_id))
+        self._context.book.close(session)
+        await finish(self._context.service.delete_session(session.session_id))

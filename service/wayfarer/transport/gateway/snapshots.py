@@ -20,14 +20,14 @@ MARK: Final = b"wayfarer-log "
 class SnapshotApi:
     """SnapshotService."""
 
-    def __init__(self, shared: GatewayContext) -> None:
-        self._shared = shared
+    def __init__(self, context: GatewayContext) -> None:
+        self._context = context
 
     @needs(Scope.CONTROL)
     async def export_session(self, session_id: str) -> bytes:
         """The state of a session. Raises NotFound."""
-        self._shared.book.session(session_id)
-        return await self._shared.service.export_session(session_id)
+        self._context.book.session(session_id)
+        return await self._context.service.export_session(session_id)
 
     @needs(Scope.CONTROL)
     async def import_session(self, snapshot: bytes) -> schema.Session:
@@ -35,19 +35,19 @@ class SnapshotApi:
 
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted.
         """
-        self._shared.require_ready()
+        self._context.require_ready()
         return await finish(self._import(snapshot))
 
     async def _import(self, snapshot: bytes) -> schema.Session:
-        caller, service = current_caller(), self._shared.service
-        self._shared.book.require_room(caller)
+        caller, service = current_caller(), self._context.service
+        self._context.book.require_room(caller)
         info = await service.import_session(snapshot, {"owner": caller.name})
         try:
             if info.spec.scene:
-                self._shared.scenes.scene(info.spec.scene)
-            self._shared.book.require_room(caller, len(info.agent_ids))
+                self._context.scenes.scene(info.spec.scene)
+            self._context.book.require_room(caller, len(info.agent_ids))
             agents = await service.list_agents(info.session_id)
-            return self._shared.book.open(info, agents).describe(info)
+            return self._context.book.open(info, agents).describe(info)
         except BaseException:
             with contextlib.suppress(NotFound):
                 await service.delete_session(info.session_id)
@@ -56,22 +56,22 @@ class SnapshotApi:
     @needs(Scope.READ)
     async def export_log(self, session_id: str) -> bytes:
         """The commands of a recorded session. Raises NotFound, FailedPrecondition."""
-        session = self._shared.book.session(session_id)
-        log = await self._shared.service.export_log(session_id)
+        session = self._context.book.session(session_id)
+        log = await self._context.service.export_log(session_id)
         return MARK + session.basis.value.encode() + b"\n" + log
 
     @needs(Scope.CONTROL)
     async def replay(
-        self, log: bytes, wish: schema.PoseFormat
+        self, log: bytes, pose_format: schema.PoseFormat
     ) -> AsyncGenerator[snapshot_pb2.ReplayResponse]:
         """Make the motion of a log again. Close it with `aclose`.
 
         Raises InvalidArgument, FailedPrecondition, ResourceExhausted.
         """
-        self._shared.require_ready()
+        self._context.require_ready()
         basis, recorded = _opened(log)
-        writer = self._shared.writer(basis, convert.pose_format(wish))
-        made = self._shared.service.replay(recorded)
+        writer = self._context.writer(basis, convert.pose_format(pose_format))
+        made = self._context.service.replay(recorded)
         async with aclosing(writer.offline(made)) as parts:
             async for header, batch in parts:
                 yield snapshot_pb2.ReplayResponse(header=header, batch=batch)

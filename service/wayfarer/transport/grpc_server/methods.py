@@ -157,8 +157,8 @@ async def _create_scene(gateway: Gateway, request: scene_pb2.CreateSceneRequest)
 async def _create_mesh_scene(gateway: Gateway, requests: Pieces) -> schema.Scene:
     header = await first(requests, "header", HEADER_S, "the first message must be `header`")
     check_points(header.scene, "header.scene.")
-    wish = await asyncio.to_thread(parse, schema.MeshScene, header, "header")
-    return await gateway.scenes.create_from_mesh(wish, _data(requests))
+    described = await asyncio.to_thread(parse, schema.MeshScene, header, "header")
+    return await gateway.scenes.create_from_mesh(described, _data(requests))
 
 
 def check_points(request: scene_pb2.CreateSceneRequest, where: str = "") -> None:

@@ -15,18 +15,20 @@ def admin_routes(gateway: Gateway) -> APIRouter:
     @router.post(
         "/models", status_code=201, operation_id="loadModel", summary="Load a motion model"
     )
-    async def load_model(wish: schema.NewModel) -> schema.Model:
+    async def load_model(request: schema.NewModel) -> schema.Model:
         """Beside those loaded."""
-        return await admin.load_model(wish)
+        return await admin.load_model(request)
 
     @router.post(
         "/models/{name}/use",
         operation_id="useModel",
         summary="Let agents be moved by a loaded model",
     )
-    async def use_model(name: ModelName, wish: schema.ModelUse | None = None) -> schema.ModelUsed:
+    async def use_model(
+        name: ModelName, request: schema.ModelUse | None = None
+    ) -> schema.ModelUsed:
         """New agents, and if wished all present ones, each from its next primitive on."""
-        return await admin.use_model(name, wish or schema.ModelUse())
+        return await admin.use_model(name, request or schema.ModelUse())
 
     @router.delete(
         "/models/{name}", status_code=204, operation_id="unloadModel", summary="Unload a model"

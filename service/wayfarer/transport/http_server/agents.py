@@ -16,9 +16,9 @@ def agent_routes(gateway: Gateway) -> APIRouter:
         return await gateway.agents.get(agent_id)
 
     @router.patch("/{agent_id}", operation_id="updateAgent", summary="Change an agent")
-    async def update_agent(agent_id: AgentId, wish: schema.AgentUpdate) -> schema.Agent:
+    async def update_agent(agent_id: AgentId, request: schema.AgentUpdate) -> schema.Agent:
         """What is absent stays."""
-        return await gateway.agents.update(agent_id, wish)
+        return await gateway.agents.update(agent_id, request)
 
     @router.delete(
         "/{agent_id}", status_code=204, operation_id="deleteAgent", summary="Remove an agent"
@@ -58,17 +58,17 @@ def goal_routes(gateway: Gateway) -> APIRouter:
 
     @router.put("/wander", operation_id="wander", summary="Let an agent walk about")
     async def wander(
-        agent_id: AgentId, wish: schema.Wander, expected_revision: Expected = None
+        agent_id: AgentId, request: schema.Wander, expected_revision: Expected = None
     ) -> schema.GoalRevision:
         """It walks in an area, or all over its scene, from one random place to the next."""
-        return _revision(await goals.give(agent_id, wish, expected_revision))
+        return _revision(await goals.give(agent_id, request, expected_revision))
 
     @router.put("/behaviour", operation_id="behave", summary="Give an agent a behaviour")
     async def behave(
-        agent_id: AgentId, wish: schema.Behaviour, expected_revision: Expected = None
+        agent_id: AgentId, request: schema.Behaviour, expected_revision: Expected = None
     ) -> schema.GoalRevision:
         """Patrol, follow, keep away, queue, or a routine of these, until the next goal command."""
-        return _revision(await goals.give(agent_id, wish, expected_revision))
+        return _revision(await goals.give(agent_id, request, expected_revision))
 
     @router.delete("/goal", operation_id="clearGoal", summary="Remove the goal or path")
     async def clear_goal(

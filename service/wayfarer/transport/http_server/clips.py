@@ -35,9 +35,9 @@ def clip_routes(gateway: Gateway) -> APIRouter:
         response_class=Lines,
         responses=LINES,
     )
-    async def generate_clip(wish: schema.ClipRequest) -> Response:
+    async def generate_clip(request: schema.ClipRequest) -> Response:
         """It is made as fast as the server has time for beside its streams."""
-        return await clip_lines(gateway.motion.generate_clip(wish))
+        return await clip_lines(gateway.motion.generate_clip(request))
 
     return router
 
@@ -89,9 +89,9 @@ def snapshot_routes(gateway: Gateway) -> APIRouter:
         openapi_extra=binary_body("as given by exportLog"),
     )
     async def replay(
-        request: Request, wish: Annotated[schema.PoseFormat, Depends(pose_format)]
+        request: Request, chosen: Annotated[schema.PoseFormat, Depends(pose_format)]
     ) -> Response:
         """On the same model and engine the poses are the same, bit for bit."""
-        return await clip_lines(snapshots.replay(await request.body(), wish))
+        return await clip_lines(snapshots.replay(await request.body(), chosen))
 
     return router

@@ -39,12 +39,12 @@ def event_routes(gateway: Gateway) -> APIRouter:
         """Goals reached, paths done, gaps, draining; no poses. A comment each second when there
         is nothing to tell. `event:` is the kind, `id:` the token that resumes after it.
         """
-        wish = schema.StreamRequest(
+        request = schema.StreamRequest(
             session_id=session,
             agent_ids=tuple(agent or ()),
             resume_token=last_event_id or resume_token,
         )
-        return ServerSentEvents(await begun(gateway.motion.events(wish), _text, _problem_text))
+        return ServerSentEvents(await begun(gateway.motion.events(request), _text, _problem_text))
 
     return router
 

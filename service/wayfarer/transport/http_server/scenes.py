@@ -45,11 +45,11 @@ def scene_routes(gateway: Gateway) -> APIRouter:
 
     @router.post("", status_code=201, operation_id="createScene", summary="Make a scene")
     async def create_scene(
-        wish: schema.NewScene, idempotency_key: IdempotencyKey = ""
+        request: schema.NewScene, idempotency_key: IdempotencyKey = ""
     ) -> schema.Scene:
         """A scene of floors and solids. Sessions name its id as `scene` to be created in it."""
-        known_as = request_id(wish.request_id, idempotency_key)
-        return await scenes.create(wish.model_copy(update={"request_id": known_as}))
+        known_as = request_id(request.request_id, idempotency_key)
+        return await scenes.create(request.model_copy(update={"request_id": known_as}))
 
     @router.post(
         "/mesh",
@@ -60,13 +60,13 @@ def scene_routes(gateway: Gateway) -> APIRouter:
     )
     async def create_mesh_scene(
         request: Request,
-        wish: Annotated[schema.MeshScene, Depends(mesh_scene)],
+        described: Annotated[schema.MeshScene, Depends(mesh_scene)],
         idempotency_key: IdempotencyKey = "",
     ) -> schema.Scene:
         """A scene of a GLB, OBJ or PLY file. 429 while other uploads take the room."""
-        known_as = request_id(wish.scene.request_id, idempotency_key)
-        scene = wish.scene.model_copy(update={"request_id": known_as})
-        named = wish.model_copy(update={"scene": scene})
+        known_as = request_id(described.scene.request_id, idempotency_key)
+        scene = described.scene.model_copy(update={"request_id": known_as})
+        named = described.model_copy(update={"scene": scene})
         return await scenes.create_from_mesh(named, request.stream())
 
     @router.get(
@@ -83,13 +83,15 @@ def scene_routes(gateway: Gateway) -> APIRouter:
     )
     async def create_example_scene(
         name: ExampleName,
-        wish: schema.NewExampleScene | None = None,
+        request: schema.NewExampleScene | None = None,
         idempotency_key: IdempotencyKey = "",
     ) -> schema.Scene:
         """It is the caller's own from then on."""
-        wish = wish or schema.NewExampleScene()
-        known_as = request_id(wish.request_id, idempotency_key)
-        return await scenes.create_example(name, wish.model_copy(update={"request_id": known_as}))
+        request = request or schema.NewExampleScene()
+        known_as = request_id(request.request_id, idempotency_key)
+        return await scenes.create_example(
+            name, request.model_copy(update={"request_id": known_as})
+        )
 
     @router.get("", operation_id="listScenes", summary="Describe the caller's scenes")
     async def list_scenes() -> schema.Scenes:
@@ -113,10 +115,10 @@ def scene_routes(gateway: Gateway) -> APIRouter:
         summary="Add or move an obstacle",
     )
     async def put_obstacle(
-        scene_id: SceneId, name: ObstacleName, wish: schema.Obstacle
+        scene_id: SceneId, name: ObstacleName, request: schema.Obstacle
     ) -> schema.SceneVersion:
         """Agents whose way it blocks plan again. 409 when no free ground would be left."""
-        return await scenes.put_obstacle(scene_id, name, wish)
+        return await scenes.put_obstacle(scene_id, name, request)
 
     @router.delete(
         "/{scene_id}/obstacles/{name}",
@@ -131,9 +133,9 @@ def scene_routes(gateway: Gateway) -> APIRouter:
         operation_id="queryPath",
         summary="The way that an agent would take",
     )
-    async def query_path(scene_id: SceneId, wish: schema.PathQuery) -> schema.ScenePath:
+    async def query_path(scene_id: SceneId, request: schema.PathQuery) -> schema.ScenePath:
         """409 of type unreachable when no way leads there, with the `nearest` reachable place."""
-        return await scenes.query_path(scene_id, wish)
+        return await scenes.query_path(scene_id, request)
 
     @router.get(
         "/{scene_id}/outlines",
@@ -167,9 +169,9 @@ def crowd_routes(gateway: Gateway) -> APIRouter:
         operation_id="populateSession",
         summary="Populate a session's scene with walking people",
     )
-    async def populate_session(session_id: SessionId, wish: schema.Crowd) -> schema.CrowdCame:
+    async def populate_session(session_id: SessionId, request: schema.Crowd) -> schema.CrowdCame:
         """They replace the crowd of an earlier call. 409 for a session without a scene."""
-        return await gateway.scenes.populate(session_id, wish)
+        return await gateway.scenes.populate(session_id, request)
 
     return router
 

@@ -13,12 +13,12 @@ def session_routes(gateway: Gateway) -> APIRouter:
 
     @router.post("", status_code=201, operation_id="createSession", summary="Open a session")
     async def create_session(
-        wish: schema.NewSession | None = None, idempotency_key: IdempotencyKey = ""
+        request: schema.NewSession | None = None, idempotency_key: IdempotencyKey = ""
     ) -> schema.Session:
         """It lives while it has a stream or a call in each lease period."""
-        wish = wish or schema.NewSession()
-        known_as = request_id(wish.request_id, idempotency_key)
-        return await gateway.sessions.create(wish.model_copy(update={"request_id": known_as}))
+        request = request or schema.NewSession()
+        known_as = request_id(request.request_id, idempotency_key)
+        return await gateway.sessions.create(request.model_copy(update={"request_id": known_as}))
 
     @router.get("", operation_id="listSessions", summary="Describe the caller's sessions")
     async def list_sessions() -> schema.Sessions:
@@ -48,12 +48,12 @@ def session_routes(gateway: Gateway) -> APIRouter:
         summary="Create agents, all or none",
     )
     async def create_agents(
-        session_id: SessionId, wish: schema.NewAgents, idempotency_key: IdempotencyKey = ""
+        session_id: SessionId, request: schema.NewAgents, idempotency_key: IdempotencyKey = ""
     ) -> schema.Agents:
         """429 when a limit is reached, or when the server could not step them all in time."""
-        known_as = request_id(wish.request_id, idempotency_key)
-        wish = wish.model_copy(update={"request_id": known_as})
-        return await gateway.agents.create(session_id, wish)
+        known_as = request_id(request.request_id, idempotency_key)
+        request = request.model_copy(update={"request_id": known_as})
+        return await gateway.agents.create(session_id, request)
 
     @router.get(
         "/{session_id}/agents",
@@ -69,10 +69,10 @@ def session_routes(gateway: Gateway) -> APIRouter:
         summary="Advance the time of a lock-step session",
     )
     async def step_agents(
-        session_id: SessionId, wish: schema.StepRequest | None = None
+        session_id: SessionId, request: schema.StepRequest | None = None
     ) -> schema.Steps:
         """409 for a session that was not made with lock_step."""
-        reply = await gateway.motion.step(session_id, wish or schema.StepRequest())
+        reply = await gateway.motion.step(session_id, request or schema.StepRequest())
         return schema.Steps.model_validate(wire.values(reply))
 
     return router

@@ -34,7 +34,7 @@ class Stats(Message):
     load: float = Field(
         description="share of the last seconds that the engine, or the loop, was busy"
     )
-    rung: int = Field(description="degradation level; 0: nothing is left out")
+    degradation_level: int = Field(description="degradation level; 0: nothing is left out")
     held_steps: int = Field(description="steps not made for idle agents, since start")
     refused_agents: int = Field(description="agents refused because time was short, since start")
     mended_steps: int = Field(

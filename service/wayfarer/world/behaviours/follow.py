@@ -90,17 +90,17 @@ class Follow(Behaviour):
             actor.aim(aim, on_floor_of=self.agent_id)
 
 
-def follow(wish: Follow, me: BodyState, leader: BodyState, last: Vector | None) -> Aim:
+def follow(behaviour: Follow, me: BodyState, leader: BodyState, last: Vector | None) -> Aim:
     """Keep to a place relative to `leader`; `last` is where that was while it stood."""
     if leader.speed < WALKING:
-        place = _beside(wish, leader.place, leader.facing)
-        reach = hypot(wish.behind, wish.right) + SLACK
+        place = _beside(behaviour, leader.place, leader.facing)
+        reach = hypot(behaviour.behind, behaviour.right) + SLACK
         if last is not None and 0.5 < dist(last, leader.place) < reach:
             place = last  # it turned, or sways: no reason to walk around it
         return Aim(place, facing=leader.facing)
     x, y = leader.velocity
     way = x / leader.speed, y / leader.speed
-    place = _beside(wish, leader.place, way)
+    place = _beside(behaviour, leader.place, way)
     off = place[0] - me.place[0], place[1] - me.place[1]
     if hypot(*off) > JOINED:
         return Aim(place, speed=min(max(leader.speed + 0.6, 1.4), FASTEST), onward=way)
@@ -110,10 +110,10 @@ def follow(wish: Follow, me: BodyState, leader: BodyState, last: Vector | None) 
     return Aim(aim, speed=speed, onward=way)
 
 
-def _beside(wish: Follow, place: Vector, way: Vector) -> Vector:
+def _beside(behaviour: Follow, place: Vector, way: Vector) -> Vector:
     """Behind and to the right of somebody who looks along `way`."""
     x, y = way
     return (
-        place[0] - wish.behind * x + wish.right * y,
-        place[1] - wish.behind * y - wish.right * x,
+        place[0] - behaviour.behind * x + behaviour.right * y,
+        place[1] - behaviour.behind * y - behaviour.right * x,
     )

@@ -91,7 +91,7 @@ def _room(actor: Actor) -> Room | None:
 
 
 def keep_away(
-    wish: KeepAway,
+    behaviour: KeepAway,
     me: BodyState,
     threat: Vector,
     flees: bool,
@@ -102,7 +102,7 @@ def keep_away(
     `room` None: all ground can be walked on.
     """
     apart = dist(me.place, threat)
-    if apart > wish.distance * (CALM if flees else 1.0):
+    if apart > behaviour.distance * (CALM if flees else 1.0):
         return STAND
     place = np.array(me.place)
     free = np.full(len(_TURNS), LOOKAHEAD)
@@ -118,4 +118,4 @@ def keep_away(
         return STAND
     x, y = ends[best].tolist()
     way = float(_TURNS[best, 0]), float(_TURNS[best, 1])
-    return Aim((x, y), speed=wish.speed, onward=way)
+    return Aim((x, y), speed=behaviour.speed, onward=way)

@@ -61,20 +61,20 @@ class _Lines:
         self._others = others
         self._lines: dict[tuple[str, str], list[str]] = {}
 
-    def place_of(self, agent: Agent, wish: Queue) -> tuple[Queue, Vector]:
+    def place_of(self, agent: Agent, queue: Queue) -> tuple[Queue, Vector]:
         """The queue as its first agent has it, and the agent's place in it.
 
         An agent that is not part of the line yet is on the way to its end.
         """
-        line = self._present(agent.session_id, wish.name)
-        first = self._wish(line[0]) if line else wish
+        line = self._present(agent.session_id, queue.name)
+        first = self._queue_of(line[0]) if line else queue
         assert first is not None  # `_present` has looked
         if agent.agent_id in line:
             return first, self._behind(line, line.index(agent.agent_id), first)
         end = self._behind(line, len(line), first)
-        if self._comes_next(agent, wish.name, end):
+        if self._comes_next(agent, queue.name, end):
             line.append(agent.agent_id)
-            self._lines[agent.session_id, wish.name] = line
+            self._lines[agent.session_id, queue.name] = line
         return first, end
 
     def _behind(self, line: list[str], number: int, first: Queue) -> Vector:
@@ -113,11 +113,11 @@ class _Lines:
 
     def _still(self, line: list[str], name: str) -> Iterator[str]:
         for agent_id in line:
-            wish = self._wish(agent_id)
-            if wish is not None and wish.name == name:
+            queue = self._queue_of(agent_id)
+            if queue is not None and queue.name == name:
                 yield agent_id
 
-    def _wish(self, agent_id: str) -> Queue | None:
+    def _queue_of(self, agent_id: str) -> Queue | None:
         agent = self._others.agent(agent_id)
         doing = None if agent is None else self._others.doing(agent)
         return doing if isinstance(doing, Queue) else None
@@ -128,7 +128,7 @@ class _Lines:
         return self._others.place(agent)
 
 
-def queue_place(wish: Queue, number: float) -> Vector:
+def queue_place(queue: Queue, number: float) -> Vector:
     """Where number 0, 1, 2 … of a queue stands, or somebody between them."""
-    back = number * wish.spacing
-    return wish.head[0] + back * sin(wish.heading), wish.head[1] - back * cos(wish.heading)
+    back = number * queue.spacing
+    return queue.head[0] + back * sin(queue.heading), queue.head[1] - back * cos(queue.heading)

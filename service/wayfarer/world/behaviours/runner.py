@@ -66,7 +66,7 @@ class BehaviourRunner:
         self.slow_seconds = slow_seconds
         self.goals = MovingGoals(slots, paths)
         self._paths = paths
-        self._shared: dict[object, object] = {}  # state of kinds
+        self._kind_state: dict[object, object] = {}  # state of kinds
 
     def doing(self, agent: Agent) -> Behaviour | None:
         """What it does now; None: it only goes by its path."""
@@ -132,9 +132,9 @@ class BehaviourRunner:
 
     def shared(self, make: Callable[[Others], T]) -> T:
         """See `Actor`."""
-        if make not in self._shared:
-            self._shared[make] = make(self)
-        return cast(T, self._shared[make])
+        if make not in self._kind_state:
+            self._kind_state[make] = make(self)
+        return cast(T, self._kind_state[make])
 
     # As `Others`
 

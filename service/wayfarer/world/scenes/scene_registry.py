@@ -39,7 +39,7 @@ class SceneEntry:
     """A scene under its id. `scene` is replaced as a whole."""
 
     scene_id: str
-    wish: SceneSource
+    source: SceneSource
     baked: Scene  # without obstacles
     scene: Scene  # as it is now
     created_at: float
@@ -52,7 +52,7 @@ class SceneEntry:
         scene = self.scene
         return SceneInfo(
             scene_id=self.scene_id,
-            name=self.wish.name,
+            name=self.source.name,
             content_hash=scene.content_hash,
             version=scene.version,
             area=scene.area,
@@ -62,7 +62,7 @@ class SceneEntry:
             sessions=self.sessions,
             created_at=self.created_at,
             bake_s=self.bake_s,
-            attributes=self.wish.attributes,
+            attributes=self.source.attributes,
         )
 
 
@@ -103,33 +103,35 @@ class SceneRegistry:
 
     # Life of a scene
 
-    def create(self, wish: SceneSource, now: float) -> SceneInfo:
+    def create(self, source: SceneSource, now: float) -> SceneInfo:
         """Bake it, unless one of equal content is here. Takes time.
 
         Raises InvalidArgument that names the field, ResourceExhausted.
         """
-        check_name(wish.name, "name", least=0)
+        check_name(source.name, "name", least=0)
         self._check_room()
         started = time.perf_counter()
-        scene = self._alike(wish.spec) or self._baked(wish.spec)
-        return self._add(wish, scene, now, time.perf_counter() - started)
+        scene = self._alike(source.spec) or self._baked(source.spec)
+        return self._add(source, scene, now, time.perf_counter() - started)
 
     def restore(
         self,
         scene_id: str,
-        wish: SceneSource,
+        source: SceneSource,
         created_at: float,
         version: int,
         obstacles: Mapping[str, Obstacle],
     ) -> None:
         """Let a scene that was kept be here again. Takes time. Raises as `create` and `put` do."""
         started = time.perf_counter()
-        baked = self._alike(wish.spec) or self._baked(wish.spec)
+        baked = self._alike(source.spec) or self._baked(source.spec)
         scene = baked
         for name, obstacle in obstacles.items():
             scene = scene.put(name, obstacle)
         took = time.perf_counter() - started
-        kept = SceneEntry(scene_id, wish, baked, replace(scene, version=version), created_at, took)
+        kept = SceneEntry(
+            scene_id, source, baked, replace(scene, version=version), created_at, took
+        )
         with self._lock:
             self._enter(kept)
 
@@ -235,8 +237,8 @@ class SceneRegistry:
         finally:
             self._queue.release()
 
-    def _add(self, wish: SceneSource, scene: Scene, now: float, bake_s: float) -> SceneInfo:
-        kept = SceneEntry(self._shard.scene_id(), wish, scene, scene, now, bake_s)
+    def _add(self, source: SceneSource, scene: Scene, now: float, bake_s: float) -> SceneInfo:
+        kept = SceneEntry(self._shard.scene_id(), source, scene, scene, now, bake_s)
         with self._lock:
             self._enter(kept)
             if self._diary is not None:

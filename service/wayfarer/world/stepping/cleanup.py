@@ -25,10 +25,10 @@ def clean_feet(slots: Slots, sent: Sent) -> None:
 
     A pose that begins or jumps restarts its lock, and so does a lock that is switched on.
     """
-    wishes = slots.foot_lock[sent.slots]
-    slots.feet_begun[sent.slots] &= wishes
+    foot_locked = slots.foot_lock[sent.slots]
+    slots.feet_begun[sent.slots] &= foot_locked
     # A slice, where it will do, spares copies.
-    wanted = slice(None) if wishes.all() else np.flatnonzero(wishes)
+    wanted = slice(None) if foot_locked.all() else np.flatnonzero(foot_locked)
     chunks, rows = sent.chunks, sent.slots[wanted]
     if not len(rows):
         return
