@@ -186,15 +186,15 @@ def body(bodies: BodyLibrary, gender: schema.Gender) -> schema.Body:
     )
 
 
-def fitted_body(wish: schema.CharacterJoints, bodies: BodyLibrary) -> schema.FittedBody:
+def fitted_body(request: schema.CharacterJoints, bodies: BodyLibrary) -> schema.FittedBody:
     """The body with a character's proportions. Raises InvalidArgument."""
-    axes = wish.basis.axes
+    axes = request.basis.axes
     joints: dict[str, NDArray[np.floating[Any]]] = {}
-    for k, joint in enumerate(wish.joints):
+    for k, joint in enumerate(request.joints):
         if joint.bone in joints:
             raise InvalidArgument(f"{joint.bone!r} is there twice", f"joints[{k}].bone")
         joints[joint.bone] = np.array(place(joint.position, axes))
-    found = bodies.fit(joints, in_world(wish, axes).get("floor"), wish.gender)
+    found = bodies.fit(joints, in_world(request, axes).get("floor"), request.gender)
     return schema.FittedBody(
         body=bodies.name,
         gender=schema.Gender(found.gender),

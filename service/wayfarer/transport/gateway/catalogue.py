@@ -29,9 +29,9 @@ class CatalogueApi:
         )
 
     @needs(Scope.READ)
-    async def fit_body(self, wish: schema.CharacterJoints) -> schema.FittedBody:
+    async def fit_body(self, request: schema.CharacterJoints) -> schema.FittedBody:
         """The body with a character's proportions. Raises InvalidArgument."""
-        return await asyncio.to_thread(convert.fitted_body, wish, self._shared.bodies)
+        return await asyncio.to_thread(convert.fitted_body, request, self._context.bodies)
 
     @needs(Scope.READ)
     async def models(self) -> schema.Models:

@@ -40,9 +40,9 @@ def catalogue_routes(gateway: Gateway) -> APIRouter:
         operation_id="fitBody",
         summary="The body with the proportions of a character",
     )
-    async def fit_body(wish: schema.CharacterJoints) -> schema.FittedBody:
+    async def fit_body(request: schema.CharacterJoints) -> schema.FittedBody:
         """An agent made with its betas takes the steps of that character's legs."""
-        return await catalogue.fit_body(wish)
+        return await catalogue.fit_body(request)
 
     @router.get("/models", operation_id="listModels", summary="Motion models that are loaded")
     async def list_models() -> schema.Models:
