@@ -1,7 +1,8 @@
 """Write the golden files."""
 
-from tests.golden import messages, rules, vectors
+from tests.golden import messages, rules, vectors, words
 
-for path, content in {**vectors.files(), **messages.files(), **rules.files()}.items():
-    path.parent.mkdir(exist_ok=True)
-    path.write_bytes(content)
+for made in (vectors, messages, rules, words):
+    for path, content in made.files().items():
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(content)

@@ -15,7 +15,7 @@ from tests.golden.rigs import BONES, Case, cases
 from tests.golden.vectors import congruential, draw
 from wayfarer.transport.basis import Basis
 from wayfarer_client.bases import BASES
-from wayfarer_client.bone_map import WORDS, map_bones
+from wayfarer_client.bone_map import map_bones
 from wayfarer_client.playout import PlayoutClock, PoseTrack
 from wayfarer_client.retarget import Retarget
 from wayfarer_client.root import SmoothRoot
@@ -23,7 +23,6 @@ from wayfarer_client.root import SmoothRoot
 FOLDER = Path(__file__).parent
 PLAYOUT = FOLDER / "playout.json"
 RETARGET = FOLDER / "retarget.json"
-NAMES = FOLDER.parents[1] / "clients" / "web" / "src" / "core" / "bone_names.js"
 WALK = json.loads((FOLDER / "walk.json").read_text())
 CHUNK = 0.2
 SHOWN = (0, 11, 17, 23, 42)
@@ -182,7 +181,7 @@ def retarget_case(case: Case, walk: dict[str, Any]) -> dict[str, Any]:
 
 
 def files() -> dict[Path, bytes]:
-    """Content of playout.json and retarget.json, and of the words that the web client shares."""
+    """Content of playout.json and retarget.json."""
     kinds = ("steady", "jitter", "burst", "outage", "far_clock", "sleep")
     playout = {
         "about": "See README.md. Times: seconds; a pose: hips x, y, z, then x, y, z, w per bone.",
@@ -198,16 +197,7 @@ def files() -> dict[Path, bytes]:
         "walk": walks,
         "cases": [retarget_case(case, walks[case.basis]) for case in drawn],
     }
-    words = {key: value for key, value in WORDS.items() if key != "about"}
-    names = (
-        "// Written by `python -m tests.golden` from the Python client's bone_names.json.\n\n"
-        f"export const WORDS = {json.dumps(words, indent=1)};\n"
-    )
-    return {
-        PLAYOUT: _lines(playout).encode(),
-        RETARGET: _lines(retarget).encode(),
-        NAMES: names.encode(),
-    }
+    return {PLAYOUT: _lines(playout).encode(), RETARGET: _lines(retarget).encode()}
 
 
 def _lines(document: dict[str, Any]) -> str:

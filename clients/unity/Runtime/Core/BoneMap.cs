@@ -1,0 +1,144 @@
+using System;
+using System.Collections.Generic;
+using System.Linq;
+
+namespace Wayfarer
+{
+    /// <summary>
+    /// Which node of a rig is which bone: clients/README.md, "Bones of a character". It can be shown and corrected.
+    /// </summary>
+    public sealed class BoneMap
+    {
+        internal static readonly string[] Sides = { "left", "right" };
+        internal static readonly string[] Required =
+        {
+            "pelvis", "left_hip", "left_knee", "left_ankle", "right_hip", "right_knee", "right_ankle",
+        };
+
+        private readonly Dictionary<string, int> bones;
+
+        internal BoneMap(Rig rig, Dictionary<string, int> bones, string foundBy)
+        {
+            Rig = rig;
+            FoundBy = foundBy;
+            this.bones = bones;
+            Check();
+        }
+
+        public Rig Rig { get; }
+
+        /// <summary>"vrm" (a table of the file or of a Humanoid avatar), "names", "shape" or "user".</summary>
+        public string FoundBy { get; }
+
+        /// <summary>Bones that the rig lacks; their turns go on into their children.</summary>
+        public IReadOnlyList<string> Missing
+        {
+            get { return Bones.Names.Where(bone => !bones.ContainsKey(bone)).ToList(); }
+        }
+
+        /// <summary>
+        /// The map of a rig. <paramref name="humanoid"/>: VRM's names (those of Unity's HumanBodyBones, with a small first
+        /// letter) → nodes, or null; <paramref name="basis"/>: of the rig's space, for its up.
+        /// </summary>
+        /// <exception cref="ArgumentException">Hips or legs cannot be told; it says what was looked for.</exception>
+        public static BoneMap Of(Rig rig, IReadOnlyDictionary<string, int> humanoid, Basis basis)
+        {
+            if (humanoid != null && humanoid.Count > 0)
+            {
+                return new BoneMap(rig, BonesByTable.Find(humanoid), "vrm");
+            }
+            Dictionary<string, int> named = new BonesByName(rig).Find();
+            if (Required.All(named.ContainsKey))
+            {
+                return new BoneMap(rig, named, "names");
+            }
+            Dictionary<string, int> shaped = new BonesByShape(rig, basis).Find();
+            if (Required.All(shaped.ContainsKey))
+            {
+                return new BoneMap(rig, shaped, "shape");
+            }
+            string lacking = string.Join(", ", Required.Where(bone => !named.ContainsKey(bone)).ToArray());
+            throw new ArgumentException("neither the names nor the shape of this rig tell its " + lacking);
+        }
+
+        /// <summary>Node of a bone, or -1.</summary>
+        public int Node(string bone)
+        {
+            int node;
+            return bones.TryGetValue(bone, out node) ? node : -1;
+        }
+
+        /// <summary>Canonical name → name of the node: to show it, or keep it.</summary>
+        public Dictionary<string, string> Table()
+        {
+            return Bones.Names.Where(bones.ContainsKey).ToDictionary(bone => bone, bone => Rig.Name(bones[bone]));
+        }
+
+        /// <summary>With other nodes for some bones (by node name), or without them (null).</summary>
+        /// <exception cref="ArgumentException">There is no such bone or node, or the map is no humanoid then.</exception>
+        public BoneMap Corrected(IReadOnlyDictionary<string, string> changes)
+        {
+            List<string> names = Enumerable.Range(0, Rig.Count).Select(Rig.Name).ToList();
+            var changed = new Dictionary<string, int>(bones);
+            foreach (KeyValuePair<string, string> change in changes)
+            {
+                if (Bones.IndexOf(change.Key) < 0)
+                {
+                    throw new ArgumentException(
+                        "\"" + change.Key + "\" is no bone; bones are " + string.Join(", ", Bones.Names.ToArray()));
+                }
+                changed.Remove(change.Key);
+                if (change.Value == null)
+                {
+                    continue;
+                }
+                if (!names.Contains(change.Value))
+                {
+                    throw new ArgumentException(change.Key + ": the rig has no node \"" + change.Value + "\"");
+                }
+                changed[change.Key] = names.IndexOf(change.Value);
+            }
+            return new BoneMap(Rig, changed, "user");
+        }
+
+        /// <summary>That the bones are those of a humanoid.</summary>
+        private void Check()
+        {
+            string[] lacking = Required.Where(bone => !bones.ContainsKey(bone)).ToArray();
+            if (lacking.Length > 0)
+            {
+                throw new ArgumentException("the map lacks " + string.Join(", ", lacking));
+            }
+            foreach (string side in Sides)
+            {
+                MustHang(side + "_hip", "pelvis");
+                MustHang(side + "_knee", side + "_hip");
+                MustHang(side + "_ankle", side + "_knee");
+            }
+            var boneOf = new Dictionary<int, string>();
+            foreach (string bone in Bones.Names.Where(bones.ContainsKey))
+            {
+                boneOf[bones[bone]] = bone;
+            }
+            foreach (string bone in Bones.Names.Where(bones.ContainsKey))
+            {
+                string above = Rig.Ancestors(bones[bone]).Where(boneOf.ContainsKey).Select(n => boneOf[n]).FirstOrDefault();
+                bool right = bone == "pelvis" ? above == null : above != null && Bones.IndexOf(above) < Bones.IndexOf(bone);
+                if (!right)
+                {
+                    throw new ArgumentException(
+                        bone + ": \"" + Rig.Name(bones[bone]) + "\" hangs from " + (above ?? "no bone"));
+                }
+            }
+        }
+
+        private void MustHang(string lower, string upper)
+        {
+            if (!Rig.Ancestors(bones[lower]).Contains(bones[upper]))
+            {
+                throw new ArgumentException(
+                    lower + ": \"" + Rig.Name(bones[lower]) + "\" does not hang from the " + upper);
+            }
+        }
+    }
+}

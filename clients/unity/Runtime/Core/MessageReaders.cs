@@ -1,0 +1,149 @@
+using System.Collections.Generic;
+
+namespace Wayfarer
+{
+    /// <summary>Readers of the messages that come seldom: they allocate what they give.</summary>
+    internal static class MessageReaders
+    {
+        private static readonly string[] BasisNames =
+        {
+            "gltf", "gltf", "unity", "unreal", "unreal_mannequin", "blender", "ros",
+        };
+
+        public static Header ReadHeader(ProtoReader reader)
+        {
+            var header = new Header();
+            var bones = new Column();
+            int outer = reader.Enter();
+            for (int field = reader.Next(); field != 0; field = reader.Next())
+            {
+                switch (field)
+                {
+                    case 1: header.ServerVersion = reader.String(); break;
+                    case 2: header.SessionId = reader.String(); break;
+                    case 3: header.Fps = reader.Small(); break;
+                    case 4: ReadBasis(reader, header); break;
+                    case 5: ReadSkeleton(reader, header.Bones_); break;
+                    case 6: header.Encoding = (PoseEncoding)reader.Small(); break;
+                    case 7: header.SentFps = reader.Small(); break;
+                    case 8: reader.Varints(bones); break;
+                    case 9: header.FrameBytes = reader.Small(); break;
+                    case 11: header.Resumed = reader.Varint() != 0; break;
+                    default: reader.Skip(); break;
+                }
+            }
+            reader.Leave(outer);
+            var numbers = new int[bones.Length];
+            for (int k = 0; k < numbers.Length; k++)
+            {
+                numbers[k] = (int)bones.Values[k];
+            }
+            header.Bones = numbers;
+            return header;
+        }
+
+        public static Agent ReadAgent(ProtoReader reader)
+        {
+            var agent = new Agent();
+            var betas = new List<double>();
+            var offsets = new List<double>();
+            int outer = reader.Enter();
+            for (int field = reader.Next(); field != 0; field = reader.Next())
+            {
+                switch (field)
+                {
+                    case 1: agent.Id = reader.String(); break;
+                    case 2: agent.Alias = reader.Small(); break;
+                    case 4: agent.Name = reader.String(); break;
+                    case 5: agent.Body = reader.String(); break;
+                    case 6: agent.Gender = reader.Varint() == 2 ? "male" : "female"; break;
+                    case 7: reader.Floats(8, betas); break;
+                    case 8: agent.Seed = reader.Varint(); break;
+                    case 15: reader.Floats(4, offsets); break;
+                    default: reader.Skip(); break;
+                }
+            }
+            reader.Leave(outer);
+            agent.Betas = betas.ToArray();
+            agent.RestOffsets = offsets.ToArray();
+            return agent;
+        }
+
+        public static MotionEvent ReadEvent(ProtoReader reader)
+        {
+            var found = new MotionEvent();
+            int outer = reader.Enter();
+            for (int field = reader.Next(); field != 0; field = reader.Next())
+            {
+                switch (field)
+                {
+                    case 1:
+                        ulong kind = reader.Varint();
+                        found.Kind = kind <= (ulong)EventKind.AgentLeft ? (EventKind)kind : EventKind.Unknown;
+                        break;
+                    case 2: found.AgentId = reader.String(); break;
+                    case 3: found.Alias = reader.Small(); break;
+                    case 4: found.At = reader.Varint() / 1e6; break;
+                    case 5: found.GoalRevision = reader.Small(); break;
+                    case 6: found.Waypoint = reader.Small(); break;
+                    case 7: found.Detail = reader.String(); break;
+                    default: reader.Skip(); break;
+                }
+            }
+            reader.Leave(outer);
+            return found;
+        }
+
+        private static void ReadBasis(ProtoReader reader, Header header)
+        {
+            int outer = reader.Enter();
+            for (int field = reader.Next(); field != 0; field = reader.Next())
+            {
+                switch (field)
+                {
+                    case 1:
+                        ulong number = reader.Varint();
+                        header.BasisName = number < (ulong)BasisNames.Length ? BasisNames[number] : "unknown";
+                        break;
+                    case 2: header.MetresPerUnit = reader.Double(); break;
+                    default: reader.Skip(); break;
+                }
+            }
+            reader.Leave(outer);
+        }
+
+        private static void ReadSkeleton(ProtoReader reader, List<SkeletonBone> skeleton)
+        {
+            int outer = reader.Enter();
+            for (int field = reader.Next(); field != 0; field = reader.Next())
+            {
+                if (field == 1)
+                {
+                    skeleton.Add(ReadBone(reader));
+                }
+                else
+                {
+                    reader.Skip();
+                }
+            }
+            reader.Leave(outer);
+        }
+
+        private static SkeletonBone ReadBone(ProtoReader reader)
+        {
+            var bone = new SkeletonBone();
+            int outer = reader.Enter();
+            for (int field = reader.Next(); field != 0; field = reader.Next())
+            {
+                switch (field)
+                {
+                    case 1: bone.Name = reader.String(); break;
+                    case 2: bone.Parent = reader.Int32(); break;
+                    default: reader.Skip(); break;
+                }
+            }
+            reader.Leave(outer);
+            return bone;
+        }
+    }
+}

@@ -1,0 +1,121 @@
+using System;
+using System.IO;
+
+namespace Wayfarer
+{
+    /// <summary>How the rotations of a frame are packed.</summary>
+    public enum PoseEncoding
+    {
+        F32Le = 1,
+        F16Le = 2,
+        SmallestThree = 3,
+    }
+
+    /// <summary>Packed frames to numbers; docs/wire-format.md shows each encoding byte by byte.</summary>
+    public static class Poses
+    {
+        private const int Middle = 16383; // the count that stands for 0
+        private const double Step = 1 / (Middle * 1.4142135623730951);
+
+        /// <summary>Bytes of a frame.</summary>
+        /// <exception cref="InvalidDataException">The encoding is not known.</exception>
+        public static int FrameBytes(PoseEncoding encoding, int bones)
+        {
+            switch (encoding)
+            {
+                case PoseEncoding.F32Le: return 12 + 16 * bones;
+                case PoseEncoding.F16Le: return 12 + 8 * bones;
+                case PoseEncoding.SmallestThree: return 12 + 6 * bones;
+                default:
+                    throw new InvalidDataException(
+                        "pose encoding " + (int)encoding + " is not known: this client is older than the server");
+            }
+        }
+
+        /// <summary>
+        /// Read <paramref name="count"/> frames that begin at byte <paramref name="start"/> into
+        /// <paramref name="into"/>, each hips x, y, z and then x, y, z, w per bone. Allocates nothing.
+        /// </summary>
+        public static void Unpack(byte[] bytes, int start, int count, PoseEncoding encoding, int bones, float[] into)
+        {
+            int rotation = (FrameBytes(encoding, bones) - 12) / Math.Max(1, bones);
+            int from = start, to = 0;
+            for (int frame = 0; frame < count; frame++)
+            {
+                for (int k = 0; k < 3; k++)
+                {
+                    into[to + k] = BitConverter.ToSingle(bytes, from + 4 * k);
+                }
+                from += 12;
+                to += 3;
+                for (int bone = 0; bone < bones; bone++)
+                {
+                    switch (encoding)
+                    {
+                        case PoseEncoding.F32Le: ReadFloats(bytes, from, into, to); break;
+                        case PoseEncoding.F16Le: ReadHalves(bytes, from, into, to); break;
+                        default: ReadSmallest(bytes, from, into, to); break;
+                    }
+                    from += rotation;
+                    to += 4;
+                }
+            }
+        }
+
+        private static void ReadFloats(byte[] bytes, int at, float[] into, int to)
+        {
+            for (int k = 0; k < 4; k++)
+            {
+                into[to + k] = BitConverter.ToSingle(bytes, at + 4 * k);
+            }
+        }
+
+        private static void ReadHalves(byte[] bytes, int at, float[] into, int to)
+        {
+            double x = Half(bytes, at), y = Half(bytes, at + 2), z = Half(bytes, at + 4), w = Half(bytes, at + 6);
+            double length = Math.Sqrt(x * x + y * y + z * z + w * w);
+            into[to] = (float)(x / length);
+            into[to + 1] = (float)(y / length);
+            into[to + 2] = (float)(z / length);
+            into[to + 3] = (float)(w / length);
+        }
+
+        /// <summary>IEEE 754 binary16.</summary>
+        private static double Half(byte[] bytes, int at)
+        {
+            int bits = Word(bytes, at);
+            int sign = (bits & 0x8000) != 0 ? -1 : 1;
+            int exponent = (bits >> 10) & 0x1f;
+            int fraction = bits & 0x3ff;
+            if (exponent == 0)
+            {
+                return sign * fraction / 16777216.0; // 2^-24
+            }
+            if (exponent == 0x1f)
+            {
+                return fraction != 0 ? double.NaN : sign * double.PositiveInfinity;
+            }
+            double value = sign * (1 + fraction / 1024.0);
+            return exponent >= 15 ? value * (1 << (exponent - 15)) : value / (1 << (15 - exponent));
+        }
+
+        private static void ReadSmallest(byte[] bytes, int at, float[] into, int to)
+        {
+            int first = Word(bytes, at), second = Word(bytes, at + 2);
+            int leftOut = (first >> 15) | ((second >> 15) << 1);
+            double a = ((first & 0x7fff) - Middle) * Step;
+            double b = ((second & 0x7fff) - Middle) * Step;
+            double c = ((Word(bytes, at + 4) & 0x7fff) - Middle) * Step;
+            double d = Math.Sqrt(Math.Max(0, 1 - a * a - b * b - c * c));
+            into[to] = (float)(leftOut == 0 ? d : a);
+            into[to + 1] = (float)(leftOut == 1 ? d : leftOut == 0 ? a : b);
+            into[to + 2] = (float)(leftOut == 2 ? d : leftOut == 3 ? c : b);
+            into[to + 3] = (float)(leftOut == 3 ? d : c);
+        }
+
+        private static int Word(byte[] bytes, int at)
+        {
+            return bytes[at] | (bytes[at + 1] << 8);
+        }
+    }
+}

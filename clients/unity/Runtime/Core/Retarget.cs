@@ -1,0 +1,321 @@
+using System;
+using System.Collections.Generic;
+
+namespace Wayfarer
+{
+    /// <summary>
+    /// Turns frames of an agent into poses of a character of any skeleton: clients/README.md, "Retargeting". Nothing here
+    /// knows the axes of the character's bones: its T-pose follows from the places of its joints.
+    /// </summary>
+    public sealed class Retarget
+    {
+        private const double Reach = 0.999; // of a leg's length: how far it is stretched at most
+        private const double Bend = 0.1; // of the thigh's length: a knee that bends less than this bends forwards
+
+        // places in the scratch array: of vectors, then of numbers
+        private const int Ahead = 0, Beside = 3, Goal = 6, Along = 9, Side = 12, Front = 15, From = 18, To = 21, Ball = 24,
+            Turn = 27, More = 31;
+
+        private readonly RetargetRest rest;
+        private readonly int[] mapped;
+        private readonly double[] up;
+        private readonly double[] forward;
+        private readonly double[] rotations = new double[4 * Bones.Count];
+        private readonly double[] places = new double[3 * Bones.Count];
+        private readonly double[] local = new double[4 * Bones.Count];
+        private readonly double[] hips = new double[3];
+        private readonly double[] turns = new double[4 * Bones.Count]; // of the agent, in the world
+        private readonly double[] source = new double[3 * Bones.Count];
+        private readonly double[] scratch = new double[More + 3];
+        private readonly double[] clear = new double[2]; // height of each of the agent's soles
+
+        /// <param name="boneMap">Which node of the character is which bone.</param>
+        /// <param name="restOffsets">Of the agent, three numbers a bone, in the stream's basis and unit.</param>
+        /// <param name="basis">Of the stream, and of the character's own space.</param>
+        /// <param name="floor">Height of the character's soles at rest; NaN: 0, or below its feet where they are not near 0.</param>
+        /// <exception cref="ArgumentException">Rest offsets are lacking.</exception>
+        public Retarget(BoneMap boneMap, IReadOnlyList<double> restOffsets, Basis basis, double floor = double.NaN)
+        {
+            Map = boneMap;
+            Basis = basis;
+            rest = new RetargetRest(boneMap, restOffsets, basis, floor);
+            mapped = rest.Mapped;
+            up = basis.UpAxis;
+            forward = basis.ForwardAxis;
+        }
+
+        public BoneMap Map { get; }
+
+        public Basis Basis { get; }
+
+        /// <summary>Numbers of the bones that the character has, parents first.</summary>
+        public IReadOnlyList<int> Mapped => mapped;
+
+        /// <summary>Hips' height of the character by that of the agent.</summary>
+        public double Ratio => rest.Ratio;
+
+        /// <summary>Of the bones' nodes in the world: x, y, z, w a bone.</summary>
+        public double[] Rotations => rotations;
+
+        /// <summary>Of the bones' nodes in the world: x, y, z a bone.</summary>
+        public double[] Places => places;
+
+        /// <summary>Rotations relative to the nodes' parents: x, y, z, w a bone.</summary>
+        public double[] Local => local;
+
+        /// <summary>Place of the hips' node relative to its parent.</summary>
+        public double[] Hips => hips;
+
+        /// <summary>Node of a bone, -1 for those that the character lacks.</summary>
+        public int Node(int bone)
+        {
+            return rest.Nodes[bone];
+        }
+
+        /// <summary>
+        /// A frame of the stream (hips x, y, z, then x, y, z, w of the 22 bones and any more) on the character: fills
+        /// rotations, places, local and hips. Allocates nothing.
+        /// </summary>
+        /// <param name="frame">A PlayedAgent's, of the profile body or full.</param>
+        /// <param name="ground">Height of the ground there; NaN: that of the lower sole.</param>
+        public void Pose(float[] frame, double ground = double.NaN)
+        {
+            FindAgent(frame);
+            for (int leg = 0; leg < 2; leg++)
+            {
+                int ankle = 3 * RetargetRest.Legs[leg][2];
+                clear[leg] = Lowest(rest.SourceSoles[leg], leg)
+                    + source[ankle] * up[0] + source[ankle + 1] * up[1] + source[ankle + 2] * up[2];
+            }
+            if (double.IsNaN(ground))
+            {
+                ground = Math.Min(clear[0], clear[1]);
+            }
+            for (int n = 0; n < mapped.Length; n++)
+            {
+                int b = 4 * mapped[n];
+                Quaternions.Multiply(turns, b, rest.Rotations, b, rotations, b);
+            }
+            double high = source[0] * up[0] + source[1] * up[1] + source[2] * up[2];
+            double lift = ground + (high - ground) * rest.Ratio - high;
+            for (int n = 0; n < 3; n++)
+            {
+                places[n] = source[n] + lift * up[n];
+            }
+            Put();
+            for (int leg = 0; leg < 2; leg++)
+            {
+                Step(leg, ground + (clear[leg] - ground) * rest.Ratio);
+            }
+            Put();
+            Relate();
+        }
+
+        /// <summary>Rotations and places of the agent's bones in the world.</summary>
+        private void FindAgent(float[] frame)
+        {
+            for (int n = 0; n < 3; n++)
+            {
+                source[n] = frame[n];
+            }
+            for (int b = 0; b < Bones.Count; b++)
+            {
+                int at = 3 + 4 * b, to = 4 * b, parent = Bones.Parent(b);
+                double x = frame[at], y = frame[at + 1], z = frame[at + 2], w = frame[at + 3];
+                double length = Math.Sqrt(x * x + y * y + z * z + w * w);
+                turns[to] = x / length;
+                turns[to + 1] = y / length;
+                turns[to + 2] = z / length;
+                turns[to + 3] = w / length;
+                if (parent < 0)
+                {
+                    continue;
+                }
+                Quaternions.Multiply(turns, 4 * parent, turns, to, turns, to);
+                Quaternions.Rotate(turns, 4 * parent, rest.SourceOffsets, 3 * b, source, 3 * b);
+                for (int n = 0; n < 3; n++)
+                {
+                    source[3 * b + n] += source[3 * parent + n];
+                }
+            }
+        }
+
+        /// <summary>Height of the lowest point of a foot over its ankle; Ball: the ball from the ankle.</summary>
+        private double Lowest(double[] sole, int leg)
+        {
+            double[] s = scratch;
+            int ankle = 4 * RetargetRest.Legs[leg][2], toe = 4 * RetargetRest.Legs[leg][3];
+            Quaternions.Rotate(turns, ankle, sole, 0, s, From);
+            Quaternions.Rotate(turns, ankle, sole, 3, s, Ball);
+            Quaternions.Rotate(turns, toe, sole, 6, s, To);
+            double ball = High(Ball);
+            return Math.Min(High(From), Math.Min(ball, ball + High(To)));
+        }
+
+        /// <summary>Places of the bones below the hips.</summary>
+        private void Put()
+        {
+            for (int n = 1; n < mapped.Length; n++)
+            {
+                int b = mapped[n], a = rest.Above[b];
+                Quaternions.Rotate(rotations, 4 * a, rest.Offsets, 3 * b, places, 3 * b);
+                for (int k = 0; k < 3; k++)
+                {
+                    places[3 * b + k] += places[3 * a + k];
+                }
+            }
+        }
+
+        /// <summary>Put a foot where the agent's is: ball over the same point, the sole at a height.</summary>
+        private void Step(int leg, double soleHeight)
+        {
+            double[] s = scratch;
+            int[] bones = RetargetRest.Legs[leg];
+            int hip = bones[0], knee = bones[1], ankle = bones[2];
+            FindGoal(leg, soleHeight);
+            int start = 3 * hip, bend = 3 * knee, end = 3 * ankle;
+            double thigh = Gap(places, bend, places, start);
+            double shin = Gap(places, end, places, bend);
+            Limit(start, Reach * (thigh + shin), 1.001 * Math.Abs(thigh - shin));
+            double far = Gap(s, Goal, places, start);
+            for (int n = 0; n < 3; n++)
+            {
+                s[Along + n] = (s[Goal + n] - places[start + n]) / far;
+                s[Side + n] = places[bend + n] - places[start + n];
+            }
+            Without(Side, s, Along);
+            Quaternions.Rotate(turns, 4 * hip, forward, 0, s, Front);
+            Without(Front, s, Along);
+            double lacking = Math.Max(0, Bend * thigh - Size(Side)) / Math.Max(Size(Front), 1e-6);
+            for (int n = 0; n < 3; n++)
+            {
+                s[Side + n] += lacking * s[Front + n];
+            }
+            double wide = Math.Max(Size(Side), 1e-9);
+            double reach = (thigh * thigh + far * far - shin * shin) / (2 * far);
+            double aside = Math.Sqrt(Math.Max(0, thigh * thigh - reach * reach)) / wide;
+            for (int n = 0; n < 3; n++)
+            {
+                s[From + n] = places[bend + n] - places[start + n];
+                s[To + n] = reach * s[Along + n] + aside * s[Side + n]; // the knee from the hip
+                s[More + n] = places[end + n] - places[bend + n];
+                s[Goal + n] -= places[start + n] + s[To + n]; // the foot from the knee
+            }
+            Quaternions.Arc(s, From, s, To, s, Turn);
+            Quaternions.Multiply(s, Turn, rotations, 4 * hip, rotations, 4 * hip);
+            Quaternions.Arc(s, More, s, Goal, s, Turn);
+            Quaternions.Multiply(s, Turn, rotations, 4 * knee, rotations, 4 * knee);
+        }
+
+        /// <summary>Goal: where the ankle is to be.</summary>
+        private void FindGoal(int leg, double soleHeight)
+        {
+            double[] s = scratch;
+            int ankle = RetargetRest.Legs[leg][2];
+            Quaternions.Rotate(turns, 4 * ankle, forward, 0, s, Ahead);
+            Without(Ahead, up, 0);
+            if (Size(Ahead) < 0.1) // it points straight down
+            {
+                Quaternions.Rotate(turns, 0, forward, 0, s, Ahead);
+                Without(Ahead, up, 0);
+            }
+            Quaternions.Arc(forward, 0, s, Ahead, s, Turn);
+            Quaternions.Rotate(s, Turn, rest.Stance[leg], 0, s, Beside);
+            Quaternions.Rotate(turns, 4 * ankle, rest.SourceSoles[leg], 3, s, Goal);
+            double low = Lowest(rest.Soles[leg], leg);
+            for (int n = 0; n < 3; n++)
+            {
+                s[Goal + n] += source[3 * ankle + n] + s[Beside + n] - s[Ball + n];
+            }
+            Without(Goal, up, 0);
+            for (int n = 0; n < 3; n++)
+            {
+                s[Goal + n] += (soleHeight - low) * up[n];
+            }
+        }
+
+        /// <summary>Bring the goal to where the leg reaches: at its height, if it can, nearer to the hip.</summary>
+        private void Limit(int start, double most, double least)
+        {
+            double[] s = scratch;
+            for (int n = 0; n < 3; n++)
+            {
+                s[Side + n] = s[Goal + n] - places[start + n];
+            }
+            double down = High(Side);
+            Without(Side, up, 0);
+            double wide = Size(Side);
+            double far = Math.Sqrt(down * down + wide * wide);
+            double share;
+            if (far > most)
+            {
+                down = Math.Max(-most, Math.Min(most, down));
+                share = Math.Sqrt(most * most - down * down) / Math.Max(wide, 1e-9);
+            }
+            else if (far < least)
+            {
+                down = -least;
+                share = 0;
+            }
+            else
+            {
+                return;
+            }
+            for (int n = 0; n < 3; n++)
+            {
+                s[Goal + n] = places[start + n] + share * s[Side + n] + down * up[n];
+            }
+        }
+
+        /// <summary>Rotations relative to the nodes' parents.</summary>
+        private void Relate()
+        {
+            double[] s = scratch;
+            Quaternions.Relative(rest.BaseTurn, 0, rotations, 0, local, 0);
+            for (int n = 1; n < mapped.Length; n++)
+            {
+                int b = 4 * mapped[n];
+                Quaternions.Multiply(rotations, 4 * rest.Above[mapped[n]], rest.Gaps, b, s, Turn);
+                Quaternions.Relative(s, Turn, rotations, b, local, b);
+            }
+            for (int n = 0; n < 3; n++)
+            {
+                s[From + n] = places[n] - rest.BasePlace[n];
+            }
+            Quaternions.RotateBack(rest.BaseTurn, 0, s, From, hips, 0);
+            for (int n = 0; n < 3; n++)
+            {
+                hips[n] /= rest.BaseScale[n];
+            }
+        }
+
+        /// <summary>Height of a vector of the scratch.</summary>
+        private double High(int at)
+        {
+            return scratch[at] * up[0] + scratch[at + 1] * up[1] + scratch[at + 2] * up[2];
+        }
+
+        /// <summary>Take out of a vector of the scratch what lies along a unit vector.</summary>
+        private void Without(int at, double[] unit, int j)
+        {
+            double[] s = scratch;
+            double along = s[at] * unit[j] + s[at + 1] * unit[j + 1] + s[at + 2] * unit[j + 2];
+            for (int n = 0; n < 3; n++)
+            {
+                s[at + n] -= along * unit[j + n];
+            }
+        }
+
+        private double Size(int at)
+        {
+            double[] s = scratch;
+            return Math.Sqrt(s[at] * s[at] + s[at + 1] * s[at + 1] + s[at + 2] * s[at + 2]);
+        }
+
+        private static double Gap(double[] a, int i, double[] b, int j)
+        {
+            double x = a[i] - b[j], y = a[i + 1] - b[j + 1], z = a[i + 2] - b[j + 2];
+            return Math.Sqrt(x * x + y * y + z * z);
+        }
+    }
+}

@@ -1,0 +1,164 @@
+using System;
+using System.Collections.Generic;
+using System.Net.WebSockets;
+using System.Threading;
+using System.Threading.Tasks;
+
+namespace Wayfarer
+{
+    /// <summary>
+    /// A WebSocket of System.Net.WebSockets: everywhere but in WebGL. A task of the thread pool receives; messages wait in
+    /// buffers that are used again, at most 8 MB of them: beyond that nothing is read, and the server sees a slow reader.
+    /// </summary>
+    public sealed class ClientSocket : ISocket
+    {
+        private const int MostWaiting = 8 << 20; // bytes
+        private const int MostOfMessage = 16 << 20; // bytes
+        private const int Lost = 1006;
+        private const int TooBig = 1009;
+
+        private readonly object gate = new object();
+        private readonly Queue<SocketNews> waiting = new Queue<SocketNews>();
+        private readonly Stack<byte[]> spare = new Stack<byte[]>();
+        private readonly CancellationTokenSource left = new CancellationTokenSource();
+        private readonly ClientWebSocket socket = new ClientWebSocket();
+        private byte[] polled;
+        private int waitingBytes;
+
+        public void Open(string url, IReadOnlyList<string> protocols)
+        {
+            foreach (string protocol in protocols)
+            {
+                socket.Options.AddSubProtocol(protocol);
+            }
+            var address = new Uri(url);
+            Task.Run(() => Run(address));
+        }
+
+        public bool Poll(out SocketNews news)
+        {
+            lock (gate)
+            {
+                if (polled != null)
+                {
+                    spare.Push(polled);
+                    polled = null;
+                }
+                if (waiting.Count == 0 || left.IsCancellationRequested)
+                {
+                    news = default(SocketNews);
+                    return false;
+                }
+                news = waiting.Dequeue();
+                polled = news.Bytes;
+                waitingBytes -= news.Length;
+                return true;
+            }
+        }
+
+        public void Close()
+        {
+            if (socket.State == WebSocketState.Open)
+            {
+                Task.Run(() => SayGoodbye());
+            }
+            else
+            {
+                left.Cancel();
+            }
+        }
+
+        /// <summary>So that the server need not find out; but wait for nobody.</summary>
+        private async Task SayGoodbye()
+        {
+            try
+            {
+                Task said = socket.CloseOutputAsync(WebSocketCloseStatus.NormalClosure, "", left.Token);
+                await Task.WhenAny(said, Task.Delay(1000)).ConfigureAwait(false);
+            }
+            catch (Exception error) when (error is WebSocketException || error is ObjectDisposedException || error is InvalidOperationException)
+            {
+                // the connection was lost in this moment
+            }
+            left.Cancel();
+        }
+
+        private async Task Run(Uri address)
+        {
+            var close = new SocketNews { Closed = true, Code = Lost };
+            try
+            {
+                await socket.ConnectAsync(address, left.Token).ConfigureAwait(false);
+                close.Code = await Receive().ConfigureAwait(false);
+                close.Reason = close.Code == TooBig ? "a message has more than 16 MB" : socket.CloseStatusDescription;
+            }
+            catch (Exception error) // of many kinds: whatever it is, the connection is no more
+            {
+                close.Reason = Innermost(error).Message;
+            }
+            finally
+            {
+                socket.Dispose();
+            }
+            close.At = Clock.Now;
+            Add(close);
+        }
+
+        /// <summary>Until it is closed; the close code.</summary>
+        private async Task<int> Receive()
+        {
+            byte[] buffer = Spare();
+            int length = 0;
+            for (;;)
+            {
+                while (Volatile.Read(ref waitingBytes) > MostWaiting)
+                {
+                    await Task.Delay(20, left.Token).ConfigureAwait(false);
+                }
+                var room = new ArraySegment<byte>(buffer, length, buffer.Length - length);
+                WebSocketReceiveResult part = await socket.ReceiveAsync(room, left.Token).ConfigureAwait(false);
+                if (part.MessageType == WebSocketMessageType.Close)
+                {
+                    return socket.CloseStatus.HasValue ? (int)socket.CloseStatus.Value : Lost;
+                }
+                length += part.Count;
+                if (part.EndOfMessage)
+                {
+                    Add(new SocketNews { Bytes = buffer, Length = length, At = Clock.Now });
+                    buffer = Spare();
+                    length = 0;
+                }
+                else if (length == buffer.Length)
+                {
+                    if (length >= MostOfMessage)
+                    {
+                        return TooBig;
+                    }
+                    Array.Resize(ref buffer, 2 * length);
+                }
+            }
+        }
+
+        private byte[] Spare()
+        {
+            lock (gate)
+            {
+                return spare.Count > 0 ? spare.Pop() : new byte[1 << 16];
+            }
+        }
+
+        private void Add(SocketNews news)
+        {
+            lock (gate)
+            {
+                waiting.Enqueue(news);
+                waitingBytes += news.Length;
+            }
+        }
+
+        private static Exception Innermost(Exception error)
+        {
+            return error.InnerException == null ? error : Innermost(error.InnerException);
+        }
+    }
+}

@@ -1,0 +1,120 @@
+using Newtonsoft.Json.Linq;
+
+namespace Wayfarer
+{
+    /// <summary>A place in the session's basis, metres.</summary>
+    public struct Place
+    {
+        public double X;
+        public double Y;
+        public double Z;
+
+        public Place(double x, double y, double z)
+        {
+            X = x;
+            Y = y;
+            Z = z;
+        }
+
+        internal JObject Json()
+        {
+            return new JObject { ["x"] = X, ["y"] = Y, ["z"] = Z };
+        }
+    }
+
+    /// <summary>
+    /// A place to go to, and how (docs/api.md, "Goals"): metres and radians of the session's basis. What is null is left to
+    /// the server.
+    /// </summary>
+    public sealed class Goal
+    {
+        public Goal(double x, double y, double z)
+        {
+            Position = new Place(x, y, z);
+        }
+
+        public Place Position { get; set; }
+
+        /// <summary>Target speed on the way, 0.2 … 4 m/s.</summary>
+        public double? Speed { get; set; }
+
+        /// <summary>To face after stopping: in Unity's basis a yaw, clockwise from +Z seen from above, radians.</summary>
+        public double? Heading { get; set; }
+
+        /// <summary>Distance of the hips at which the goal is reached.</summary>
+        public double? Radius { get; set; }
+
+        /// <summary>false: pass through without slowing.</summary>
+        public bool? Stop { get; set; }
+
+        /// <summary>Seconds to stand there.</summary>
+        public double? Dwell { get; set; }
+
+        /// <summary>Hold the heading on the way, and step sideways or backwards.</summary>
+        public bool? Strafe { get; set; }
+
+        internal JObject Json()
+        {
+            var goal = new JObject { ["position"] = Position.Json() };
+            Fields.Put(goal, "speed", Speed);
+            Fields.Put(goal, "heading", Heading);
+            Fields.Put(goal, "radius", Radius);
+            Fields.Put(goal, "stop", Stop);
+            Fields.Put(goal, "dwell", Dwell);
+            Fields.Put(goal, "strafe", Strafe);
+            return goal;
+        }
+    }
+
+    /// <summary>An agent to create (docs/api.md, "Agents"). What is null is left to the server.</summary>
+    public sealed class AgentSpec
+    {
+        public string Name { get; set; }
+
+        /// <summary>"female" or "male".</summary>
+        public string Gender { get; set; }
+
+        public Place? Position { get; set; }
+
+        /// <summary>Radians; in Unity's basis a yaw.</summary>
+        public double? Heading { get; set; }
+
+        /// <summary>Standing height in metres, in every basis. Not together with betas.</summary>
+        public double? HeightM { get; set; }
+
+        /// <summary>Ten shape coefficients.</summary>
+        public double[] Betas { get; set; }
+
+        /// <summary>Determines its motion.</summary>
+        public uint? Seed { get; set; }
+
+        public bool? FootLock { get; set; }
+
+        internal JObject Json()
+        {
+            var spec = new JObject();
+            Fields.Put(spec, "name", Name);
+            Fields.Put(spec, "gender", Gender);
+            Fields.Put(spec, "position", Position.HasValue ? Position.Value.Json() : null);
+            Fields.Put(spec, "heading", Heading);
+            Fields.Put(spec, "phenotype", HeightM.HasValue ? new JObject { ["height_m"] = HeightM.Value } : null);
+            Fields.Put(spec, "betas", Betas == null ? null : new JArray(Betas));
+            Fields.Put(spec, "seed", Seed);
+            Fields.Put(spec, "foot_lock", FootLock);
+            return spec;
+        }
+    }
+
+    internal static class Fields
+    {
+        /// <summary>Leave out what is null.</summary>
+        public static void Put(JObject into, string name, JToken value)
+        {
+            var plain = value as JValue;
+            if (value != null && (plain == null || plain.Value != null))
+            {
+                into[name] = value;
+            }
+        }
+    }
+}

@@ -1,0 +1,177 @@
+using System;
+using System.IO;
+
+namespace Wayfarer
+{
+    /// <summary>How a stream's connection is.</summary>
+    public enum StreamStatus
+    {
+        Connecting,
+        Open,
+        Lost,
+    }
+
+    /// <summary>
+    /// Brings a session's motion to a player. A lost connection is made again and goes on where it was. It starts no
+    /// thread and reads no clock: <see cref="Update"/> does all.
+    /// </summary>
+    public sealed class MotionStream
+    {
+        private const double RetryFirst = 0.5; // seconds; doubled at each failure
+        private const double RetryMost = 8;
+        private const double Silence = 4; // seconds without even a heartbeat (one per second): a dead connection
+        private const int Gone = 1000, Invalid = 4422, UnknownCaller = 4401, Forbidden = 4403, NotFound = 4404, NoCode = 1006;
+
+        private readonly Func<string, StreamAddress> address;
+        private readonly MotionPlayer player;
+        private readonly Func<ISocket> newSocket;
+        private ISocket socket;
+        private double retry = RetryFirst;
+        private double retryAt;
+        private double heardAt;
+        private string forgotten = ""; // a resume token that the server does not know
+
+        /// <param name="address">Where to connect, by resume token (<see cref="Api.StreamAddress"/>).</param>
+        /// <param name="player">What takes the motion.</param>
+        /// <param name="newSocket">Makes a socket; null: <see cref="ClientSocket"/>.</param>
+        public MotionStream(Func<string, StreamAddress> address, MotionPlayer player, Func<ISocket> newSocket = null)
+        {
+            this.address = address;
+            this.player = player;
+            this.newSocket = newSocket ?? (() => new ClientSocket());
+        }
+
+        /// <summary>The connection's state, and why it was lost.</summary>
+        public event Action<StreamStatus, string> StatusChanged;
+
+        /// <summary>The session is no more.</summary>
+        public event Action<string> Ended;
+
+        /// <summary>The caller must show who it is; it may then <see cref="Open"/> again.</summary>
+        public event Action<string> Refused;
+
+        /// <summary>There is no sense in trying again.</summary>
+        public event Action<string> Failed;
+
+        /// <summary>It is for good: after Close, Ended, Refused or Failed.</summary>
+        public bool Closed { get; private set; }
+
+        /// <summary>Connect at the next update, after the stream was refused.</summary>
+        public void Open()
+        {
+            Closed = false;
+            retry = RetryFirst;
+            retryAt = double.NegativeInfinity;
+        }
+
+        /// <summary>Take what has come until <paramref name="now"/>, and see to the connection. Never waits.</summary>
+        public void Update(double now)
+        {
+            if (!Closed && socket == null && now >= retryAt)
+            {
+                Connect(now);
+            }
+            SocketNews news;
+            while (!Closed && socket != null && socket.Poll(out news))
+            {
+                if (news.Closed)
+                {
+                    TakeLoss(news.Code, news.Reason ?? "", now);
+                }
+                else
+                {
+                    Receive(news, now);
+                }
+            }
+            if (!Closed && socket != null && now - heardAt > Silence)
+            {
+                Reconnect("nothing has come for " + Silence + " s", now); // half-open: it would never close by itself
+            }
+        }
+
+        /// <summary>Leave it for good.</summary>
+        public void Close()
+        {
+            Closed = true;
+            Drop();
+        }
+
+        /// <summary>Connect anew, as after a loss: the network is another one, perhaps.</summary>
+        public void Reconnect(string reason, double now)
+        {
+            if (Closed || socket == null)
+            {
+                return;
+            }
+            TakeLoss(NoCode, reason, now);
+        }
+
+        private void Connect(double now)
+        {
+            StatusChanged?.Invoke(StreamStatus.Connecting, "");
+            player.Begin();
+            string token = player.ResumeToken;
+            StreamAddress where = address(token == forgotten ? "" : token);
+            heardAt = now;
+            socket = newSocket();
+            socket.Open(where.Url, where.Protocols);
+        }
+
+        private void Receive(SocketNews news, double now)
+        {
+            heardAt = now;
+            try
+            {
+                if (player.Receive(news.Bytes, news.Length, news.At) != MessageKind.Header)
+                {
+                    return;
+                }
+            }
+            catch (InvalidDataException error)
+            {
+                Close();
+                Failed?.Invoke("cannot read the stream: " + error.Message);
+                return;
+            }
+            retry = RetryFirst;
+            StatusChanged?.Invoke(StreamStatus.Open, "");
+        }
+
+        private void TakeLoss(int code, string reason, double now)
+        {
+            Drop();
+            string token = player.ResumeToken;
+            if (code == Invalid && token != forgotten)
+            {
+                forgotten = token; // of another server, it may be: begin with what falls due next
+                Connect(now);
+                return;
+            }
+            Closed = code == Gone || code == NotFound || code == UnknownCaller || code == Forbidden || code == Invalid;
+            if (!Closed)
+            {
+                retryAt = now + retry;
+                retry = Math.Min(RetryMost, 2 * retry);
+                StatusChanged?.Invoke(StreamStatus.Lost, reason);
+            }
+            else if (code == UnknownCaller)
+            {
+                Refused?.Invoke(reason);
+            }
+            else if (code == Gone || code == NotFound)
+            {
+                Ended?.Invoke(reason);
+            }
+            else
+            {
+                Failed?.Invoke(reason);
+            }
+        }
+
+        private void Drop()
+        {
+            socket?.Close();
+            socket = null;
+        }
+    }
+}

@@ -1,0 +1,150 @@
+using System;
+using System.Collections.Generic;
+using System.Linq;
+using System.Threading.Tasks;
+using Newtonsoft.Json.Linq;
+
+namespace Wayfarer
+{
+    /// <summary>What a session is made with; what is not set has a good default.</summary>
+    public sealed class SessionOptions
+    {
+        /// <summary>An API key or a JWT, for a server that asks for one.</summary>
+        public string Token { get; set; } = "";
+
+        /// <summary>Id of a scene; "": a floor without end.</summary>
+        public string Scene { get; set; } = "";
+
+        public string Basis { get; set; } = "unity";
+
+        /// <summary>For which the session outlives its last sign of life.</summary>
+        public double LeaseSeconds { get; set; } = 60;
+
+        /// <summary>Encoding, fps … of the stream (docs/wire-format.md, "Asking for a stream").</summary>
+        public IReadOnlyDictionary<string, string> Wish { get; set; } =
+            new Dictionary<string, string> { ["encoding"] = "smallest_three", ["fps"] = "20" };
+
+        /// <summary>Another way to call (WebGL), or null.</summary>
+        public IHttp Http { get; set; }
+
+        /// <summary>Another socket (WebGL), or null.</summary>
+        public Func<ISocket> NewSocket { get; set; }
+
+        /// <summary>The clock, in seconds, that never goes back.</summary>
+        public Func<double> Now { get; set; } = () => Clock.Now;
+    }
+
+    /// <summary>
+    /// A session of a server: made, kept alive, streamed and played. People who walk, and where they are. Of one thread,
+    /// but for the calls that are awaited.
+    /// </summary>
+    public sealed class Session
+    {
+        private const double RenewalsPerLease = 3;
+
+        private readonly SessionOptions options;
+        private readonly bool own;
+        private double renewAt;
+        private Task renewal;
+        private bool renewing;
+
+        private Session(Api api, string id, SessionOptions options, bool own)
+        {
+            Api = api;
+            Id = id;
+            this.options = options;
+            this.own = renewing = own;
+            Stream = new MotionStream(token => api.StreamAddress(id, options.Wish, token), Player, options.NewSocket);
+            renewAt = options.Now() + options.LeaseSeconds / RenewalsPerLease;
+        }
+
+        public Api Api { get; }
+
+        public string Id { get; }
+
+        /// <summary>Everybody, what is told of them, and figures.</summary>
+        public MotionPlayer Player { get; } = new MotionPlayer();
+
+        /// <summary>The connection.</summary>
+        public MotionStream Stream { get; }
+
+        /// <summary>The page of the server that shows this session.</summary>
+        public string ViewerUrl => Api.Server + "/?session=" + Uri.EscapeDataString(Id);
+
+        /// <summary>
+        /// A session of your own. It ends when you close it, or when its lease has run out after your program has ended.
+        /// </summary>
+        /// <exception cref="ApiException">The server refuses, or does not answer.</exception>
+        public static async Task<Session> Open(string server, SessionOptions options = null)
+        {
+            options = options ?? new SessionOptions();
+            Api api = ApiOf(server, options);
+            JObject made = await api.CreateSession(options.LeaseSeconds, options.Scene, options.Basis).ConfigureAwait(false);
+            return new Session(api, (string)made["session_id"], options, true);
+        }
+
+        /// <summary>Somebody else's session, to watch or to give goals in: it must have the basis of your space.</summary>
+        public static Session Join(string server, string id, SessionOptions options = null)
+        {
+            options = options ?? new SessionOptions();
+            return new Session(ApiOf(server, options), id, options, false);
+        }
+
+        /// <summary>Create agents; their ids. They are shown when the stream brings them.</summary>
+        public async Task<string[]> CreateAgents(params AgentSpec[] agents)
+        {
+            JArray made = await Api.CreateAgents(Id, agents).ConfigureAwait(false);
+            return made.Select(agent => (string)agent["agent_id"]).ToArray();
+        }
+
+        /// <summary>Once per picture: take what has come, and show everybody as at this moment. The moment shown.</summary>
+        public double Update()
+        {
+            double now = options.Now();
+            Stream.Update(now);
+            KeepAlive(now);
+            return Player.Advance(now);
+        }
+
+        /// <summary>Leave it; one of your own ends.</summary>
+        public async Task Close()
+        {
+            renewing = false;
+            Stream.Close();
+            Player.Clear();
+            if (!own)
+            {
+                return;
+            }
+            try
+            {
+                await Api.DeleteSession(Id).ConfigureAwait(false);
+            }
+            catch (ApiException)
+            {
+                // it ends with its lease
+            }
+        }
+
+        /// <summary>Renew the lease three times in its length, until the session is no more.</summary>
+        private void KeepAlive(double now)
+        {
+            if (renewal != null && renewal.IsCompleted)
+            {
+                ApiException error = renewal.Exception == null ? null : renewal.Exception.GetBaseException() as ApiException;
+                renewing &= error == null || error.Status != 404; // any other failure may pass
+                renewal = null;
+            }
+            if (renewing && renewal == null && now >= renewAt)
+            {
+                renewAt = now + options.LeaseSeconds / RenewalsPerLease;
+                renewal = Api.RenewSession(Id);
+            }
+        }
+
+        private static Api ApiOf(string server, SessionOptions options)
+        {
+            return new Api(server, new Access(options.Token), options.Http);
+        }
+    }
+}

@@ -1,0 +1,54 @@
+"""Words of bone names (the Python client's bone_names.json) in the languages of other clients."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from wayfarer_client.bone_map import WORDS
+
+CLIENTS = Path(__file__).parents[2] / "clients"
+MADE = "// Written by `python -m tests.golden` from the Python client's bone_names.json.\n"
+
+
+def files() -> dict[Path, bytes]:
+    """Path → content."""
+    words = {key: value for key, value in WORDS.items() if key != "about"}
+    javascript = f"{MADE}\nexport const WORDS = {json.dumps(words, indent=1)};\n"
+    return {
+        CLIENTS / "web" / "src" / "core" / "bone_names.js": javascript.encode(),
+        CLIENTS / "unity" / "Runtime" / "Core" / "BoneNames.cs": sharp(words).encode(),
+    }
+
+
+def sharp(words: dict[str, Any]) -> str:
+    """A class in C#."""
+    roles = {role: f"new[] {_listed(values)}" for role, values in words["roles"].items()}
+    vrm = {bone: json.dumps(name) for bone, name in words["vrm"].items() if bone != "spine"}
+    fields = [
+        ("Roles", "Dictionary<string, string[]>", _table(roles)),
+        *(
+            (key.capitalize(), "HashSet<string>", f"            {_listed(words[key])}")
+            for key in ("left", "right", "noise", "helpers")
+        ),
+        ("Vrm", "Dictionary<string, string>", _table(vrm)),
+        ("VrmSpine", "string[]", f"            {_listed(words['vrm']['spine'])}"),
+    ]
+    body = "\n".join(
+        f"        internal static readonly {kind} {name} = new {kind}\n{value};\n"
+        for name, kind, value in fields
+    )
+    return (
+        f"{MADE}using System.Collections.Generic;\n\nnamespace Wayfarer\n{{\n"
+        f"    internal static class BoneNames\n    {{\n{body}    }}\n}}\n"
+    )
+
+
+def _listed(values: list[str]) -> str:
+    return "{ " + ", ".join(map(json.dumps, values)) + " }"
+
+
+def _table(entries: dict[str, str]) -> str:
+    rows = "".join(
+        f"                [{json.dumps(key)}] = {each},\n" for key, each in entries.items()
+    )
+    return f"            {{\n{rows}            }}"
