@@ -17,6 +17,7 @@ def files() -> dict[Path, bytes]:
     return {
         CLIENTS / "web" / "src" / "core" / "bone_names.js": javascript.encode(),
         CLIENTS / "unity" / "Runtime" / "Core" / "BoneNames.cs": sharp(words).encode(),
+        CLIENTS / "cpp" / "src" / "bone_names.hpp": header(words).encode(),
     }
 
 
@@ -40,6 +41,25 @@ def sharp(words: dict[str, Any]) -> str:
     return (
         f"{MADE}using System.Collections.Generic;\n\nnamespace Wayfarer\n{{\n"
         f"    internal static class BoneNames\n    {{\n{body}    }}\n}}\n"
+    )
+
+
+def header(words: dict[str, Any]) -> str:
+    """Arrays of words or of pairs in C++."""
+    vrm = {bone: name for bone, name in words["vrm"].items() if bone != "spine"}
+    lists = {f"role_{role}": values for role, values in words["roles"].items()}
+    lists |= {key: words[key] for key in ("left", "right", "noise", "helpers")}
+    lists |= {"vrm_spine": words["vrm"]["spine"]}
+    arrays = {name: [f'"{value}"sv' for value in values] for name, values in lists.items()}
+    arrays["vrm"] = [f'std::pair{{"{bone}"sv, "{name}"sv}}' for bone, name in vrm.items()]
+    includes = "".join(f"#include <{name}>\n" for name in ("array", "string_view", "utility"))
+    body = "".join(
+        f"inline constexpr std::array {name}{{\n    {', '.join(values)}}};\n"
+        for name, values in arrays.items()
+    )
+    return (
+        f"{MADE}#pragma once\n\n{includes}\nnamespace wayfarer::words {{\n"
+        f"using namespace std::string_view_literals;\n\n{body}\n}}  // namespace wayfarer::words\n"
     )
 
 

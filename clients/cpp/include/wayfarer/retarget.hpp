@@ -1,0 +1,80 @@
+// A stream's poses on a character of any skeleton: clients/README.md, "Retargeting". Nothing here knows the axes of
+// the character's bones: its T-pose follows from the places of its joints.
+#pragma once
+
+#include <array>
+#include <limits>
+#include <vector>
+
+#include "wayfarer/bone_map.hpp"
+
+namespace wayfarer {
+
+/// Turns frames of an agent into poses of a character.
+class Retarget {
+ public:
+  /// `rest_offsets` of the agent, three numbers a bone; `floor`: height of the character's soles at rest. Both in the
+  /// stream's basis and unit, as is the character's own space. Throws std::invalid_argument.
+  Retarget(const BoneMap& map, const std::vector<float>& rest_offsets, const Basis& basis = bases::gltf,
+           double floor = std::numeric_limits<double>::quiet_NaN());
+
+  /// A frame of the stream (hips x, y, z, then x, y, z, w of the 22 bones and any more) on the character. `ground`:
+  /// height of the ground there; NaN: that of the lower sole. Allocates nothing.
+  void pose(const float* frame, double ground = std::numeric_limits<double>::quiet_NaN());
+
+  /// Numbers of the bones that the character has, parents first.
+  const std::vector<int>& mapped() const { return mapped_; }
+  /// Node of a bone; -1 when the character lacks it.
+  int node(int bone) const { return nodes_[at(bone)]; }
+  /// Of the last pose: in the world; relative to the node's parent; place of the hips' node relative to its parent.
+  const Quat& rotation(int bone) const { return world_[at(bone)]; }
+  const Vec3& place(int bone) const { return places_[at(bone)]; }
+  const Quat& local(int bone) const { return local_[at(bone)]; }
+  const Vec3& hips() const { return hips_; }
+  /// Hips' height of the character by that of the agent.
+  double ratio() const { return ratio_; }
+
+ private:
+  template <class T>
+  using PerBone = std::array<T, BONE_COUNT>;
+  struct Sole {  // of a foot that stands: heel and ball from the ankle, tip of the toes from the ball
+    Vec3 heel, ball, tip;
+  };
+  struct Leg {
+    Sole sole, source_sole;
+    Vec3 stance;       // how much wider than the agent's
+    double clear = 0;  // height of the agent's sole
+  };
+
+  static std::size_t at(int bone) { return static_cast<std::size_t>(bone); }
+  bool has(int bone) const { return nodes_[at(bone)] >= 0; }
+  Quat alignment(const Rig& rig) const;
+  PerBone<Quat> corrections(const PerBone<Vec3>& place) const;
+  void measure_legs(const PerBone<Vec3>& place, const PerBone<Quat>& correct, double floor);
+  Sole sole_of(const Vec3& ball, double height) const;
+  void pose_source(const float* frame);
+  Vec3 lowest(const Sole& sole, int leg, double& height) const;
+  void put();
+  void step(int leg, double sole);
+  Vec3 within(const Vec3& start, const Vec3& goal, double most, double least) const;
+  void relate();
+
+  Basis basis_;
+  PerBone<int> nodes_, above_{};
+  std::vector<int> mapped_;
+  PerBone<Vec3> offsets_{}, source_rest_{};  // of the agent
+  PerBone<Quat> rest_{};                     // of each bone in the T-pose
+  PerBone<Vec3> offset_{};                   // of each bone, in the axes of the one above
+  PerBone<Quat> gap_{};                      // rest rotation of the node's parent, in the axes of the bone above
+  Quat base_turn_{};                         // of the parent of the hips' node
+  Vec3 base_place_{}, base_scale_{1, 1, 1};
+  std::array<Leg, 2> legs_{};
+  double ratio_ = 1;
+  PerBone<Quat> turns_{};  // of the agent's frame, in the world
+  PerBone<Vec3> source_{};
+  PerBone<Quat> world_{}, local_{};
+  PerBone<Vec3> places_{};
+  Vec3 hips_{};
+};
+
+}  // namespace wayfarer

@@ -1,0 +1,278 @@
+#include "wayfarer/retarget.hpp"
+
+#include <cmath>
+#include <stdexcept>
+
+namespace wayfarer {
+namespace {
+
+const double SNAP = std::cos(25 * 3.141592653589793 / 180);  // an up or left so near to an axis is meant to be it
+constexpr double REACH = 0.999;  // of a leg's length: how far it is stretched at most
+constexpr double BEND = 0.1;     // of the thigh's length: a knee that bends less than this bends forwards
+constexpr double HEEL = 0.35;    // of the way from ankle to ball: how far the heel is behind the ankle
+constexpr double TIP = 0.45;     // of the way from ankle to ball: how far the tip of the toes is before the ball
+
+struct LegBones {
+  int hip, knee, ankle, toe;
+};
+struct ArmBones {
+  int shoulder, elbow, wrist;
+};
+constexpr LegBones LEGS[2]{
+    {bone_number("left_hip"), bone_number("left_knee"), bone_number("left_ankle"), bone_number("left_foot")},
+    {bone_number("right_hip"), bone_number("right_knee"), bone_number("right_ankle"), bone_number("right_foot")}};
+constexpr ArmBones ARMS[2]{
+    {bone_number("left_shoulder"), bone_number("left_elbow"), bone_number("left_wrist")},
+    {bone_number("right_shoulder"), bone_number("right_elbow"), bone_number("right_wrist")}};
+
+Vec3 snapped(const Vec3& direction) {
+  const Vec3 v = (1 / length(direction)) * direction;
+  const double x = std::abs(v.x), y = std::abs(v.y), z = std::abs(v.z);
+  if (std::max({x, y, z}) < SNAP) return v;
+  if (x >= y && x >= z) return {std::copysign(1, v.x), 0, 0};
+  if (y >= z) return {0, std::copysign(1, v.y), 0};
+  return {0, 0, std::copysign(1, v.z)};
+}
+
+}  // namespace
+
+Retarget::Retarget(const BoneMap& map, const std::vector<float>& rest_offsets, const Basis& basis, double floor)
+    : basis_(basis), nodes_(map.nodes()) {
+  const Rig& rig = map.rig();
+  if (rest_offsets.size() < 3 * BONE_COUNT)
+    throw std::invalid_argument("rest offsets of " + std::to_string(BONE_COUNT) + " bones are needed");
+  for (int b = 0; b < BONE_COUNT; ++b) {
+    const float* offset = &rest_offsets[3 * at(b)];
+    offsets_[at(b)] = {offset[0], offset[1], offset[2]};
+    const int parent = PARENTS[at(b)];
+    source_rest_[at(b)] = parent < 0 ? offsets_[at(b)] : source_rest_[at(parent)] + offsets_[at(b)];
+    above_[at(b)] = -1;
+    if (!has(b)) continue;
+    mapped_.push_back(b);
+    for (const int node : rig.ancestors(nodes_[at(b)])) {
+      const auto found = std::find(nodes_.begin(), nodes_.end(), node);
+      if (found == nodes_.end()) continue;
+      above_[at(b)] = static_cast<int>(found - nodes_.begin());
+      break;
+    }
+  }
+  const Quat turn = alignment(rig);
+  PerBone<Quat> rest{};
+  PerBone<Vec3> place{};
+  for (const int b : mapped_) {
+    rest[at(b)] = multiply(turn, rig.rotation(node(b)));
+    place[at(b)] = rotate(turn, rig.place(node(b)));
+  }
+  const PerBone<Quat> correct = corrections(place);
+  for (const int b : mapped_) {
+    rest_[at(b)] = multiply(correct[at(b)], rest[at(b)]);
+    const int a = above_[at(b)];
+    if (a < 0) continue;
+    offset_[at(b)] = rotate(inverse(rest[at(a)]), place[at(b)] - place[at(a)]);
+    const Quat& direct = rig.rotation(rig.node(node(b)).parent);
+    gap_[at(b)] = multiply(inverse(rig.rotation(node(a))), direct);
+  }
+  const int parent = rig.node(node(0)).parent;
+  if (parent >= 0) {
+    base_turn_ = rig.rotation(parent);
+    base_place_ = rig.place(parent);
+    base_scale_ = rig.scale(parent);
+  }
+  measure_legs(place, correct, floor);
+}
+
+/// The rotation from the character's axes to the basis, by where hips and legs are.
+Quat Retarget::alignment(const Rig& rig) const {
+  const auto joint = [&](int b) { return rig.place(node(b)); };
+  const Vec3 feet = 0.5 * (joint(LEGS[0].ankle) + joint(LEGS[1].ankle));
+  const Vec3 up = snapped(joint(0) - feet);
+  Vec3 left = snapped(without(joint(LEGS[0].hip) - joint(LEGS[1].hip), up));
+  left = without(left, up);
+  left = (1 / length(left)) * left;
+  const Vec3 forward = basis_.handed * cross(left, up);
+  return between({left, up, forward}, {basis_.left, basis_.up, basis_.forward});
+}
+
+/// What turns each bone from the character's rest pose into a T-pose.
+Retarget::PerBone<Quat> Retarget::corrections(const PerBone<Vec3>& place) const {
+  struct Aim {
+    int end = -1;
+    Vec3 direction{};
+  };
+  PerBone<Aim> aims{};
+  for (int side = 0; side < 2; ++side) {
+    const Vec3 out = side ? -basis_.left : basis_.left;
+    const auto& [hip, knee, ankle, toe] = LEGS[side];
+    const auto& [shoulder, elbow, wrist] = ARMS[side];
+    aims[at(hip)] = {knee, -basis_.up};
+    aims[at(knee)] = {ankle, -basis_.up};
+    aims[at(shoulder)] = {elbow, out};
+    aims[at(elbow)] = {wrist, out};
+  }
+  PerBone<Quat> correct{};
+  for (const int b : mapped_) {
+    Quat turn = above_[at(b)] < 0 ? Quat{} : correct[at(above_[at(b)])];
+    const auto& [end, aim] = aims[at(b)];
+    if (end >= 0 && has(end)) turn = multiply(arc(rotate(turn, place[at(end)] - place[at(b)]), aim), turn);
+    correct[at(b)] = turn;
+  }
+  for (const auto& [hip, knee, ankle, toe] : LEGS) {  // soles stay level: feet only turn to the front
+    const Vec3 ahead = has(toe) ? basis_.level(place[at(toe)] - place[at(ankle)]) : basis_.forward;
+    correct[at(ankle)] = arc(ahead, basis_.forward);
+    if (has(toe)) correct[at(toe)] = correct[at(ankle)];
+  }
+  return correct;
+}
+
+void Retarget::measure_legs(const PerBone<Vec3>& place, const PerBone<Quat>& correct, double floor) {
+  const Vec3& up = basis_.up;
+  const PerBone<Vec3>& source = source_rest_;
+  PerBone<Vec3> stand{};  // joint places in the T-pose
+  stand[0] = place[0];
+  for (const int b : mapped_) {
+    const int a = above_[at(b)];
+    if (a >= 0) stand[at(b)] = stand[at(a)] + rotate(correct[at(a)], place[at(b)] - place[at(a)]);
+  }
+  double legs = 0, source_legs = 0;
+  double lowest = std::numeric_limits<double>::infinity(), source_lowest = lowest;
+  for (const auto& [hip, knee, ankle, toe] : LEGS) {
+    legs += dot(stand[0] - stand[at(ankle)], up);
+    source_legs += dot(source[0] - source[at(ankle)], up);
+    for (const int b : {ankle, toe}) {
+      source_lowest = std::min(source_lowest, dot(source[at(b)], up));
+      if (has(b)) lowest = std::min(lowest, dot(place[at(b)], up));
+    }
+  }
+  const double scale = legs / source_legs;
+  if (floor != floor) {
+    const bool stands = lowest >= 0 && lowest <= 0.25 * (dot(place[0], up) - lowest);
+    floor = stands ? 0 : lowest - scale * source_lowest;
+  }
+  double high = 0;
+  for (std::size_t k = 0; k < 2; ++k) {
+    const auto& [hip, knee, ankle, toe] = LEGS[k];
+    const Vec3 ball = source[at(toe)] - source[at(ankle)];
+    legs_[k].source_sole = sole_of(ball, dot(source[at(ankle)], up));
+    // without toes, where a foot of this size would have them
+    const Vec3 own =
+        has(toe) ? rotate(correct[at(ankle)], place[at(toe)] - place[at(ankle)]) : scale * ball;
+    const double height = dot(place[at(ankle)], up) - floor;
+    high += height / 2;
+    legs_[k].sole = sole_of(own, height);
+    legs_[k].stance = basis_.level(stand[at(ankle)] + own - stand[0] - (source[at(toe)] - source[0]));
+  }
+  ratio_ = (legs / 2 + high) / dot(source[0], up);
+}
+
+Retarget::Sole Retarget::sole_of(const Vec3& ball, double height) const {
+  const Vec3 ahead = basis_.level(ball), down = -height * basis_.up;
+  return {down - HEEL * ahead, down + ahead, TIP * ahead};
+}
+
+void Retarget::pose(const float* frame, double ground) {
+  const Vec3& up = basis_.up;
+  pose_source(frame);
+  for (int leg = 0; leg < 2; ++leg) {
+    double low;
+    lowest(legs_[at(leg)].source_sole, leg, low);
+    legs_[at(leg)].clear = dot(source_[at(LEGS[leg].ankle)], up) + low;
+  }
+  if (ground != ground) ground = std::min(legs_[0].clear, legs_[1].clear);
+  for (const int b : mapped_) world_[at(b)] = multiply(turns_[at(b)], rest_[at(b)]);
+  const double lifted = ground + (dot(source_[0], up) - ground) * ratio_;
+  places_[0] = basis_.level(source_[0]) + lifted * up;
+  put();
+  for (int leg = 0; leg < 2; ++leg) step(leg, ground + (legs_[at(leg)].clear - ground) * ratio_);
+  put();
+  relate();
+}
+
+/// Rotations and places of the agent's bones in the world.
+void Retarget::pose_source(const float* frame) {
+  for (int b = 0; b < BONE_COUNT; ++b) {
+    const float* q = frame + 3 + 4 * b;
+    const Quat own = normalized({q[0], q[1], q[2], q[3]});
+    const int parent = PARENTS[at(b)];
+    if (parent < 0) {
+      turns_[at(b)] = own;
+      source_[at(b)] = {frame[0], frame[1], frame[2]};
+    } else {
+      turns_[at(b)] = multiply(turns_[at(parent)], own);
+      source_[at(b)] = source_[at(parent)] + rotate(turns_[at(parent)], offsets_[at(b)]);
+    }
+  }
+}
+
+/// The ball from the ankle; `height`: of the lowest point of the foot over its ankle.
+Vec3 Retarget::lowest(const Sole& sole, int leg, double& height) const {
+  const Quat& ankle = turns_[at(LEGS[leg].ankle)];
+  const Vec3 ball = rotate(ankle, sole.ball);
+  const Vec3 tip = ball + rotate(turns_[at(LEGS[leg].toe)], sole.tip);
+  height = std::min({dot(rotate(ankle, sole.heel), basis_.up), dot(ball, basis_.up), dot(tip, basis_.up)});
+  return ball;
+}
+
+/// Places of the bones below the hips.
+void Retarget::put() {
+  for (const int b : mapped_) {
+    const int a = above_[at(b)];
+    if (a >= 0) places_[at(b)] = places_[at(a)] + rotate(world_[at(a)], offset_[at(b)]);
+  }
+}
+
+/// Put a foot where the agent's is: ball over the same point, the lowest of it at the height `sole`.
+void Retarget::step(int leg, double sole) {
+  const Vec3& up = basis_.up;
+  const auto& [hip, knee, ankle, toe] = LEGS[leg];
+  const Leg& own = legs_[at(leg)];
+  const Quat& foot = turns_[at(ankle)];
+  Vec3 ahead = basis_.level(rotate(foot, basis_.forward));
+  if (length(ahead) < 0.1) ahead = basis_.level(rotate(turns_[0], basis_.forward));  // it points straight down
+  double low;
+  const Vec3 ball = lowest(own.sole, leg, low);
+  const Vec3 print = source_[at(ankle)] + rotate(foot, own.source_sole.ball);
+  const Vec3 beside = rotate(arc(basis_.forward, ahead), own.stance);
+  Vec3 goal = basis_.level(print + beside - ball) + (sole - low) * up;
+
+  const Vec3 &start = places_[at(hip)], &bend = places_[at(knee)], &end = places_[at(ankle)];
+  const double thigh = length(bend - start), shin = length(end - bend);
+  goal = within(start, goal, REACH * (thigh + shin), 1.001 * std::abs(thigh - shin));
+  const double far = length(goal - start);
+  const Vec3 along = (1 / far) * (goal - start);
+  Vec3 side = without(bend - start, along);
+  const Vec3 front = without(rotate(turns_[at(hip)], basis_.forward), along);
+  const double lacking = std::max(0.0, BEND * thigh - length(side));
+  side = side + lacking / std::max(length(front), 1e-6) * front;
+  side = 1 / std::max(length(side), 1e-9) * side;
+  const double reach = (thigh * thigh + far * far - shin * shin) / (2 * far);
+  const Vec3 knee_at = start + reach * along + std::sqrt(std::max(0.0, thigh * thigh - reach * reach)) * side;
+  world_[at(hip)] = multiply(arc(bend - start, knee_at - start), world_[at(hip)]);
+  world_[at(knee)] = multiply(arc(end - bend, goal - knee_at), world_[at(knee)]);
+}
+
+/// A place that the leg reaches: at the goal's height, if it can, nearer to the hip.
+Vec3 Retarget::within(const Vec3& start, const Vec3& goal, double most, double least) const {
+  double down = dot(goal - start, basis_.up);
+  Vec3 away = basis_.level(goal - start);
+  const double wide = length(away), far = std::sqrt(down * down + wide * wide);
+  if (far > most) {
+    down = std::max(-most, std::min(most, down));
+    away = std::sqrt(most * most - down * down) / std::max(wide, 1e-9) * away;
+  } else if (far < least) {
+    return start - least * basis_.up;
+  }
+  return start + away + down * basis_.up;
+}
+
+/// Rotations relative to the nodes' parents.
+void Retarget::relate() {
+  for (const int b : mapped_) {
+    const int a = above_[at(b)];
+    const Quat parent = a < 0 ? base_turn_ : multiply(world_[at(a)], gap_[at(b)]);
+    local_[at(b)] = multiply(inverse(parent), world_[at(b)]);
+  }
+  const Vec3 hips = rotate(inverse(base_turn_), places_[0] - base_place_);
+  hips_ = {hips.x / base_scale_.x, hips.y / base_scale_.y, hips.z / base_scale_.z};
+}
+
+}  // namespace wayfarer
