@@ -5,16 +5,18 @@
                                has to remember (written atomically)
     runs/<name>/tensorboard/   curves
 
-Stopping by Ctrl-C, by `kill` or by the time limit writes `last.pt`; the same command resumes
-from it.
+Ctrl-C, `kill` or the time limit lets the present step end and writes `last.pt`; the same command
+resumes from it. A second Ctrl-C or `kill` breaks the step off.
 """
 
 import json
 import math
 import signal
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import Any, TypeVar
 
 import torch
@@ -100,16 +102,16 @@ class TrainingRun:
         minutes: float = float("inf"),
         every: int = 500,
     ) -> bool:
-        """Call `update` until `steps` are done (True) or `minutes` have passed (False)."""
+        """Call `update` until `steps` are done (True) or `minutes` have passed (False).
+
+        Raises KeyboardInterrupt at the end of the step in which a signal came.
+        """
         until = time.monotonic() + 60 * minutes
         shown: dict[str, float] = {}
-        # a shell lets its background jobs ignore Ctrl-C, and `kill` would skip the last checkpoint
-        for name in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(name, signal.default_int_handler)
         try:
-            with _progress() as bar:
+            with _progress() as bar, _signals(bar) as signals:
                 task = bar.add_task(self.folder.name, total=steps, completed=self.step, note="")
-                while self.step < steps and time.monotonic() < until:
+                while self.step < steps and time.monotonic() < until and not signals:
                     losses = update()
                     self.step += 1
                     if self.step % 50 == 0:
@@ -123,7 +125,32 @@ class TrainingRun:
         finally:
             self.save()
             self.board.flush()
+        if signals:
+            raise KeyboardInterrupt
         return self.step >= steps
+
+
+@contextmanager
+def _signals(bar: Progress) -> Iterator[list[int]]:
+    """The signals to stop that have come; the second one raises KeyboardInterrupt.
+
+    An exception inside torch's backward pass would print a warning as of a faulty network. A shell
+    lets its background jobs ignore Ctrl-C, and `kill` would skip the last checkpoint.
+    """
+    came: list[int] = []
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        if came:
+            raise KeyboardInterrupt
+        came.append(number)
+        bar.console.print("stopping after this step; once more breaks it off")
+
+    before = {name: signal.signal(name, stop) for name in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield came
+    finally:
+        for name, handler in before.items():
+            signal.signal(name, handler)
 
 
 def _progress() -> Progress:
