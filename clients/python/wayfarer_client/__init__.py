@@ -67,8 +67,7 @@ from wayfarer_client.shapes import (
     Walkable,
 )
 from wayfarer_client.stream import MotionStream
-from wayfarer_client.sync import SyncClient, SyncSession
-from wayfarer_client.sync_scenes import SyncScene, SyncScenes
+from wayfarer_client.sync import SyncClient, SyncScene, SyncScenes, SyncSession
 from wayfarer_client.tracks import Track, tracks
 
 __all__ = [

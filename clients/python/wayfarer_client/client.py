@@ -12,7 +12,7 @@ from wayfarer_client.bone_map import BoneMap
 from wayfarer_client.connection import Access, Connection, Tls
 from wayfarer_client.messages import AgentSpec, Batch, BodyFit, Goal, PoseFormat, enum_label, vector
 from wayfarer_client.retarget import character_joints
-from wayfarer_client.scenes import Scene, Scenes
+from wayfarer_client.scenes import SceneHandle, Scenes
 from wayfarer_client.session import Session
 from wayfarer_client.v1 import (
     agent_pb2,
@@ -105,7 +105,7 @@ class Client:
         lease: float | None = None,
         lock_step: bool = False,
         record: bool = False,
-        scene: Scene | str = "",
+        scene: SceneHandle | str = "",
         avoid: bool = True,
     ) -> Session:
         """Open a session; basis: gltf, unity, unreal, unreal_mannequin, blender or ros.

@@ -1,16 +1,17 @@
 """Goals and motion over one connection, with acknowledgements."""
 
 import asyncio
-from collections.abc import AsyncGenerator, Iterable
+from collections.abc import AsyncGenerator
 from dataclasses import replace
 from types import TracebackType
-from typing import Any, Final, Self, Unpack
+from typing import Any, Final, Self
 
-from wayfarer_client import goals as requests
-from wayfarer_client.behaviours import Behaviour
+from google.protobuf.message import Message
+
 from wayfarer_client.connection import Backoff, Connection
 from wayfarer_client.errors import ResourceExhausted, Unavailable, WayfarerError, from_problem
-from wayfarer_client.messages import Agent, Batch, Event, Goal, GoalOptions, Place, StreamInfo
+from wayfarer_client.goals import GoalCommands
+from wayfarer_client.messages import Batch, Event, StreamInfo
 from wayfarer_client.stream import heard, read, refuses
 from wayfarer_client.v1 import control_pb2, motion_pb2
 from wayfarer_client.wire import BatchReader
@@ -19,7 +20,14 @@ QUEUE: Final = 64
 """Batches that wait for this program to read them; then the oldest are lost."""
 
 
-class Control:
+FIELDS: Final = {
+    field.message_type.full_name: field.name  # type: ignore[union-attr]
+    for field in control_pb2.ControlRequest.DESCRIPTOR.oneofs_by_name["payload"].fields
+}
+"""In which field of a ControlRequest a message goes."""
+
+
+class Control(GoalCommands):
     """As `async with`: iterate over its batches, and give commands, at the same time.
 
     Each batch that is taken is acknowledged, with the playhead: from the first on, the server runs
@@ -94,61 +102,14 @@ class Control:
         )
         await self._write(control_pb2.ControlRequest(ack=message))
 
-    # commands; each returns the revision that it makes, and raises WayfarerError
-
-    async def set_goal(
-        self,
-        agent: Agent | str,
-        goal: Goal | Place,
-        *,
-        expected: int | None = None,
-        **how: Unpack[GoalOptions],
-    ) -> int:
-        """As `Session.set_goal`."""
-        return await self._command(set_goal=requests.set_goal(agent, goal, expected, how))
-
-    async def set_path(
-        self, agent: Agent | str, goals: Iterable[Goal], expected: int | None = None
-    ) -> int:
-        """As `Session.set_path`."""
-        return await self._command(set_path=requests.set_path(agent, goals, expected))
-
-    async def append_goals(
-        self, agent: Agent | str, goals: Iterable[Goal], expected: int | None = None
-    ) -> int:
-        """As `Session.append_goals`."""
-        return await self._command(append_goals=requests.append_goals(agent, goals, expected))
-
-    async def wander(
-        self,
-        agent: Agent | str,
-        center: Place | None = None,
-        radius: float | None = None,
-        speed: float | None = None,
-        dwell: float | None = None,
-        expected: int | None = None,
-    ) -> int:
-        """As `Session.wander`."""
-        area = requests.wander(agent, center, radius, speed, dwell, expected)
-        return await self._command(wander=area)
-
-    async def behave(
-        self, agent: Agent | str, behaviour: Behaviour, expected: int | None = None
-    ) -> int:
-        """As `Session.behave`."""
-        return await self._command(behave=requests.behave(agent, behaviour, expected))
-
-    async def clear_goal(self, agent: Agent | str, expected: int | None = None) -> int:
-        """As `Session.clear_goal`."""
-        return await self._command(clear_goal=requests.clear_goal(agent, expected))
-
-    async def _command(self, **payload: Any) -> int:
+    async def _give(self, request: Message) -> int:
+        """Carry out a request of GoalService over this connection."""
         if self._ended is not None:
             raise self._ended
         try:
             async with asyncio.timeout(self._connection.timeout):
                 await self._opened.wait()
-                return await self._ask(payload)
+                return await self._ask({FIELDS[request.DESCRIPTOR.full_name]: request})
         except TimeoutError:
             raise Unavailable(f"no reply within {self._connection.timeout:g} s") from None
 

@@ -1,6 +1,9 @@
-"""Requests for goals, the same over GoalService and Control."""
+"""The commands of GoalService, the same over unary calls and over Control."""
 
 from collections.abc import Iterable
+from typing import Unpack
+
+from google.protobuf.message import Message
 
 from wayfarer_client.behaviours import Behaviour, behaviour_to_wire
 from wayfarer_client.errors import InvalidArgument
@@ -13,81 +16,89 @@ def id_of(agent: Agent | str) -> str:
     return agent if isinstance(agent, str) else agent.agent_id
 
 
-def set_goal(
-    agent: Agent | str, goal: Goal | Place, expected: int | None, how: GoalOptions
-) -> goal_pb2.SetGoalRequest:
-    """A goal, or a place and how to walk there.
+class GoalCommands:
+    """Each command returns the revision that it makes, and raises WayfarerError.
 
-    `expected`: the agent's revision that this is meant for; any when None. So for all below. Raises
-    InvalidArgument.
+    `expected`: the agent's revision that the command is meant for. Raises Aborted when the agent
+    has another one by then; None: any.
     """
-    if not isinstance(goal, Goal):
-        goal = Goal(goal, **how)
-    elif how:
-        raise InvalidArgument(
-            f"{', '.join(how)}: a Goal says itself how to walk there; give it there, or a place"
+
+    async def _give(self, request: Message) -> int:
+        """Carry out a request of GoalService."""
+        raise NotImplementedError
+
+    async def set_goal(
+        self,
+        agent: Agent | str,
+        goal: Goal | Place,
+        *,
+        expected: int | None = None,
+        **how: Unpack[GoalOptions],
+    ) -> int:
+        """Send an agent to a goal: a `Goal`, or a place and the other fields of one by name."""
+        if not isinstance(goal, Goal):
+            goal = Goal(goal, **how)
+        elif how:
+            raise InvalidArgument(
+                f"{', '.join(how)}: a Goal says itself how to walk there; give it there, or a place"
+            )
+        request = goal_pb2.SetGoalRequest(
+            agent_id=id_of(agent), goal=goal.to_wire(), expected_revision=expected
         )
-    return goal_pb2.SetGoalRequest(
-        agent_id=id_of(agent), goal=goal.to_wire(), expected_revision=expected
-    )
+        return await self._give(request)
 
-
-def set_path(
-    agent: Agent | str, goals: Iterable[Goal], expected: int | None
-) -> goal_pb2.SetPathRequest:
-    """Goals to visit in turn."""
-    return goal_pb2.SetPathRequest(
-        agent_id=id_of(agent),
-        goals=[goal.to_wire() for goal in goals],
-        expected_revision=expected,
-    )
-
-
-def append_goals(
-    agent: Agent | str, goals: Iterable[Goal], expected: int | None
-) -> goal_pb2.AppendGoalsRequest:
-    """More goals."""
-    return goal_pb2.AppendGoalsRequest(
-        agent_id=id_of(agent),
-        goals=[goal.to_wire() for goal in goals],
-        expected_revision=expected,
-    )
-
-
-def wander(
-    agent: Agent | str,
-    center: Place | None,
-    radius: float | None,
-    speed: float | None,
-    dwell: float | None,
-    expected: int | None,
-) -> goal_pb2.WanderRequest:
-    """Walk about in a disc, or all over the scene. Raises InvalidArgument."""
-    if (center is None) != (radius is None):
-        raise InvalidArgument(
-            "center and radius belong together: give both, or neither to walk all over the scene"
+    async def set_path(
+        self, agent: Agent | str, goals: Iterable[Goal], expected: int | None = None
+    ) -> int:
+        """Send an agent to goals in turn, in place of what it had."""
+        wired = [goal.to_wire() for goal in goals]
+        request = goal_pb2.SetPathRequest(
+            agent_id=id_of(agent), goals=wired, expected_revision=expected
         )
-    area = None if center is None else goal_pb2.Area(center=vector(center), radius=radius)
-    return goal_pb2.WanderRequest(
-        agent_id=id_of(agent),
-        area=area,
-        speed=speed,
-        dwell=dwell,
-        expected_revision=expected,
-    )
+        return await self._give(request)
 
+    async def append_goals(
+        self, agent: Agent | str, goals: Iterable[Goal], expected: int | None = None
+    ) -> int:
+        """Add goals to the end of an agent's path; what it does now it goes on doing."""
+        wired = [goal.to_wire() for goal in goals]
+        request = goal_pb2.AppendGoalsRequest(
+            agent_id=id_of(agent), goals=wired, expected_revision=expected
+        )
+        return await self._give(request)
 
-def behave(
-    agent: Agent | str, behaviour: Behaviour, expected: int | None
-) -> goal_pb2.BehaveRequest:
-    """Follow a behaviour until the next goal command."""
-    return goal_pb2.BehaveRequest(
-        agent_id=id_of(agent),
-        behaviour=behaviour_to_wire(behaviour),
-        expected_revision=expected,
-    )
+    async def wander(
+        self,
+        agent: Agent | str,
+        center: Place | None = None,
+        radius: float | None = None,
+        speed: float | None = None,
+        dwell: float | None = None,
+        expected: int | None = None,
+    ) -> int:
+        """Let an agent walk about, in a disc or all over its scene, until its next goal command."""
+        if (center is None) != (radius is None):
+            raise InvalidArgument(
+                "center and radius belong together: give both, or neither to walk all over the "
+                "scene"
+            )
+        area = None if center is None else goal_pb2.Area(center=vector(center), radius=radius)
+        request = goal_pb2.WanderRequest(
+            agent_id=id_of(agent), area=area, speed=speed, dwell=dwell, expected_revision=expected
+        )
+        return await self._give(request)
 
+    async def behave(
+        self, agent: Agent | str, behaviour: Behaviour, expected: int | None = None
+    ) -> int:
+        """Give an agent a behaviour that it follows until its next goal command."""
+        wired = behaviour_to_wire(behaviour)
+        request = goal_pb2.BehaveRequest(
+            agent_id=id_of(agent), behaviour=wired, expected_revision=expected
+        )
+        return await self._give(request)
 
-def clear_goal(agent: Agent | str, expected: int | None) -> goal_pb2.ClearGoalRequest:
-    """Stop."""
-    return goal_pb2.ClearGoalRequest(agent_id=id_of(agent), expected_revision=expected)
+    async def clear_goal(self, agent: Agent | str, expected: int | None = None) -> int:
+        """Stop an agent where it is."""
+        request = goal_pb2.ClearGoalRequest(agent_id=id_of(agent), expected_revision=expected)
+        return await self._give(request)

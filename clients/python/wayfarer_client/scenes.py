@@ -4,7 +4,7 @@ import uuid
 from collections.abc import AsyncIterator, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from wayfarer_client.connection import Connection
 from wayfarer_client.messages import Place, enum_label, vector
@@ -27,6 +27,12 @@ class Way:
     start_moved: float  # how far to the nearest free ground; 0: it was free
     goal_moved: float
     version: int  # of the scene
+
+
+class SceneHandle(Protocol):
+    """A `Scene` or a `SyncScene`."""
+
+    scene_id: str
 
 
 class Scene:

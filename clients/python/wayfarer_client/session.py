@@ -4,22 +4,19 @@ import asyncio
 import contextlib
 from collections.abc import Iterable
 from types import TracebackType
-from typing import TYPE_CHECKING, Final, Self, Unpack
+from typing import TYPE_CHECKING, Final, Self
 
-from wayfarer_client import goals as requests
-from wayfarer_client.behaviours import Behaviour
+from google.protobuf.message import Message
+
 from wayfarer_client.connection import Connection
 from wayfarer_client.control import Control
 from wayfarer_client.errors import NotFound, Unavailable
-from wayfarer_client.goals import id_of
+from wayfarer_client.goals import GoalCommands, id_of
 from wayfarer_client.messages import (
     Agent,
     AgentSpec,
     Batch,
     CrowdCame,
-    Goal,
-    GoalOptions,
-    Place,
     PoseFormat,
     enum_label,
 )
@@ -42,7 +39,7 @@ RENEWALS_PER_LEASE: Final = 3
 STEP_TIMEOUT_S: Final = 120.0
 
 
-class Session:
+class Session(GoalCommands):
     """A set of agents. As `async with`, its lease is renewed meanwhile.
 
     At the end of that, a session that this client has created is deleted; one that it has only
@@ -155,66 +152,9 @@ class Session:
         request = agent_pb2.DeleteAgentRequest(agent_id=id_of(agent))
         await self._connection.call(self._connection.agents.DeleteAgent, request)
 
-    # goals; each returns the revision that it makes
-
-    async def set_goal(
-        self,
-        agent: Agent | str,
-        goal: Goal | Place,
-        *,
-        expected: int | None = None,
-        **how: Unpack[GoalOptions],
-    ) -> int:
-        """Send an agent to a goal: a `Goal`, or a place and the other fields of one by name.
-
-        Aborted when `expected` is given and is not the agent's present revision; so for all below.
-        """
-        request = requests.set_goal(agent, goal, expected, how)
-        reply = await self._connection.call(self._connection.goals.SetGoal, request)
-        return int(reply.revision)
-
-    async def set_path(
-        self, agent: Agent | str, goals: Iterable[Goal], expected: int | None = None
-    ) -> int:
-        """Send an agent to goals in turn, in place of what it had."""
-        request = requests.set_path(agent, goals, expected)
-        reply = await self._connection.call(self._connection.goals.SetPath, request)
-        return int(reply.revision)
-
-    async def append_goals(
-        self, agent: Agent | str, goals: Iterable[Goal], expected: int | None = None
-    ) -> int:
-        """Add goals to the end of an agent's path; what it does now it goes on doing."""
-        request = requests.append_goals(agent, goals, expected)
-        reply = await self._connection.call(self._connection.goals.AppendGoals, request)
-        return int(reply.revision)
-
-    async def wander(
-        self,
-        agent: Agent | str,
-        center: Place | None = None,
-        radius: float | None = None,
-        speed: float | None = None,
-        dwell: float | None = None,
-        expected: int | None = None,
-    ) -> int:
-        """Let an agent walk about, in a disc or all over its scene, until its next goal command."""
-        request = requests.wander(agent, center, radius, speed, dwell, expected)
-        reply = await self._connection.call(self._connection.goals.Wander, request)
-        return int(reply.revision)
-
-    async def behave(
-        self, agent: Agent | str, behaviour: Behaviour, expected: int | None = None
-    ) -> int:
-        """Give an agent a behaviour that it follows until its next goal command."""
-        request = requests.behave(agent, behaviour, expected)
-        reply = await self._connection.call(self._connection.goals.Behave, request)
-        return int(reply.revision)
-
-    async def clear_goal(self, agent: Agent | str, expected: int | None = None) -> int:
-        """Stop an agent where it is."""
-        request = requests.clear_goal(agent, expected)
-        reply = await self._connection.call(self._connection.goals.ClearGoal, request)
+    async def _give(self, request: Message) -> int:
+        method = type(request).__name__.removesuffix("Request")
+        reply = await self._connection.call(getattr(self._connection.goals, method), request)
         return int(reply.revision)
 
     # a crowd

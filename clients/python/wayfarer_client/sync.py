@@ -1,40 +1,152 @@
-"""The client for programs without an event loop: `Client`, run by a thread of its own."""
+"""The client for programs without an event loop: `Client`, run by a thread of its own.
+
+Each method here is the method of the same name and signature of the class it stands for.
+"""
 
 import asyncio
 import threading
-from collections.abc import (
-    AsyncGenerator,
-    Callable,
-    Coroutine,
-    Iterable,
-    Iterator,
-    Mapping,
-    Sequence,
-)
+from collections.abc import AsyncGenerator, Callable, Coroutine, Iterator
+from functools import wraps
 from types import TracebackType
-from typing import Any, Self, TypeVar, Unpack
+from typing import Any, Concatenate, ParamSpec, Self, TypeVar
 
-from wayfarer_client.behaviours import Behaviour
-from wayfarer_client.bone_map import BoneMap
 from wayfarer_client.client import Client
 from wayfarer_client.connection import Tls
-from wayfarer_client.messages import (
-    Agent,
-    AgentSpec,
-    Batch,
-    BodyFit,
-    CrowdCame,
-    Goal,
-    GoalOptions,
-    Place,
-    PoseFormat,
-)
+from wayfarer_client.messages import Batch
+from wayfarer_client.scenes import Scene, Scenes
 from wayfarer_client.session import Session
 from wayfarer_client.stream import MotionStream
-from wayfarer_client.sync_scenes import SyncScene, SyncScenes
-from wayfarer_client.v1 import catalog_pb2
+from wayfarer_client.v1 import scene_pb2
 
+P = ParamSpec("P")
 T = TypeVar("T")
+S = TypeVar("S")
+Run = Callable[[Coroutine[Any, Any, Any]], Any]
+
+
+def run(
+    method: Callable[Concatenate[Any, P], Coroutine[Any, Any, T]],
+) -> Callable[Concatenate[Any, P], T]:
+    """`method` of what an object stands for, as a method that waits for its result."""
+
+    @wraps(method)
+    def call(self: Any, /, *args: P.args, **kwargs: P.kwargs) -> T:
+        found: T = self._run(method(self._of, *args, **kwargs))
+        return found
+
+    return call
+
+
+def run_as(
+    kind: Callable[[Any, Run], S], method: Callable[Concatenate[Any, P], Coroutine[Any, Any, Any]]
+) -> Callable[Concatenate[Any, P], S]:
+    """As `run`; the result is wrapped in a class of this module."""
+
+    @wraps(method)
+    def call(self: Any, /, *args: P.args, **kwargs: P.kwargs) -> S:
+        return kind(self._run(method(self._of, *args, **kwargs)), self._run)
+
+    return call
+
+
+def iterate(
+    method: Callable[Concatenate[Any, P], AsyncGenerator[Batch] | MotionStream],
+) -> Callable[Concatenate[Any, P], Iterator[Batch]]:
+    """`method` of what an object stands for, as a generator of its batches."""
+
+    @wraps(method)
+    def call(self: Any, /, *args: P.args, **kwargs: P.kwargs) -> Iterator[Batch]:
+        batches = method(self._of, *args, **kwargs)
+
+        async def following() -> Batch | None:
+            return await anext(batches, None)
+
+        try:
+            while (batch := self._run(following())) is not None:
+                yield batch
+        finally:
+            self._run(batches.aclose())
+
+    return call
+
+
+class SyncScene:
+    """As `Scene`."""
+
+    def __init__(self, scene: Scene, run: Run) -> None:
+        self._of = scene
+        self._run = run
+        self.scene_id = scene.scene_id
+
+    @property
+    def message(self) -> scene_pb2.Scene:
+        """See `Scene.message`."""
+        return self._of.message
+
+    refresh = run(Scene.refresh)
+    delete = run(Scene.delete)
+    put = run(Scene.put)
+    remove = run(Scene.remove)
+    path = run(Scene.path)
+    outlines = run(Scene.outlines)
+    picture = run(Scene.picture)
+
+
+class SyncScenes:
+    """As `Scenes`."""
+
+    def __init__(self, scenes: Scenes, run: Run) -> None:
+        self._of = scenes
+        self._run = run
+
+    create = run_as(SyncScene, Scenes.create)
+    example = run_as(SyncScene, Scenes.example)
+    get = run_as(SyncScene, Scenes.get)
+    examples = run(Scenes.examples)
+
+    def all(self) -> list[SyncScene]:
+        """See `Scenes.all`."""
+        return [SyncScene(scene, self._run) for scene in self._run(self._of.all())]
+
+
+class SyncSession:
+    """As `Session`. As `with`, its lease is renewed by the client's thread."""
+
+    def __init__(self, session: Session, run: Run) -> None:
+        self._of = session
+        self._run = run
+        self.session_id = session.session_id
+
+    def __enter__(self) -> Self:
+        self._run(self._of.__aenter__())
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._run(self._of.__aexit__(kind, error, trace))
+
+    renew = run(Session.renew)
+    delete = run(Session.delete)
+    export = run(Session.export)
+    export_log = run(Session.export_log)
+    create_agents = run(Session.create_agents)
+    agents = run(Session.agents)
+    agent = run(Session.agent)
+    update_agent = run(Session.update_agent)
+    delete_agent = run(Session.delete_agent)
+    set_goal = run(Session.set_goal)
+    set_path = run(Session.set_path)
+    append_goals = run(Session.append_goals)
+    wander = run(Session.wander)
+    behave = run(Session.behave)
+    clear_goal = run(Session.clear_goal)
+    populate = run(Session.populate)
+    stream = iterate(Session.stream)
+    step = run(Session.step)
 
 
 class SyncClient:
@@ -63,7 +175,7 @@ class SyncClient:
             return await client.connect()
 
         try:
-            self._client = self._run(connected())
+            self._of = self._run(connected())
         except BaseException:
             self._end()
             raise
@@ -71,11 +183,11 @@ class SyncClient:
     @property
     def scenes(self) -> SyncScenes:
         """See `Client.scenes`."""
-        return SyncScenes(self._client.scenes, self._run)
+        return SyncScenes(self._of.scenes, self._run)
 
     def close(self) -> None:
         """Close the connection and end the thread."""
-        self._run(self._client.close())
+        self._run(self._of.close())
         self._end()
 
     def __enter__(self) -> Self:
@@ -89,220 +201,26 @@ class SyncClient:
     ) -> None:
         self.close()
 
-    def create_session(
-        self,
-        basis: str = "gltf",
-        *,
-        seed: int | None = None,
-        lease: float | None = None,
-        lock_step: bool = False,
-        record: bool = False,
-        scene: "SyncScene | str" = "",
-        avoid: bool = True,
-    ) -> "SyncSession":
-        """See `Client.create_session`, as for all below."""
-        session = self._client.create_session(
-            basis,
-            seed=seed,
-            lease=lease,
-            lock_step=lock_step,
-            record=record,
-            scene=scene if isinstance(scene, str) else scene.scene_id,
-            avoid=avoid,
-        )
-        return SyncSession(self, self._run(session))
+    create_session = run_as(SyncSession, Client.create_session)
+    session = run_as(SyncSession, Client.session)
+    import_session = run_as(SyncSession, Client.import_session)
 
-    def session(self, session_id: str) -> "SyncSession":
-        """See `Client.session`."""
-        return SyncSession(self, self._run(self._client.session(session_id)))
-
-    def sessions(self) -> list["SyncSession"]:
+    def sessions(self) -> list[SyncSession]:
         """See `Client.sessions`."""
-        return [SyncSession(self, session) for session in self._run(self._client.sessions())]
+        return [SyncSession(session, self._run) for session in self._run(self._of.sessions())]
 
-    def import_session(self, snapshot: bytes) -> "SyncSession":
-        """See `Client.import_session`."""
-        return SyncSession(self, self._run(self._client.import_session(snapshot)))
-
-    def generate_clip(
-        self,
-        agent: AgentSpec,
-        goals: Iterable[Goal],
-        seconds: float,
-        *,
-        until_arrival: bool = False,
-        basis: str = "gltf",
-        format: PoseFormat | None = None,
-    ) -> Iterator[Batch]:
-        """See `Client.generate_clip`."""
-        return self._iterate(
-            self._client.generate_clip(
-                agent, goals, seconds, until_arrival=until_arrival, basis=basis, format=format
-            )
-        )
-
-    def replay(self, log: bytes, *, format: PoseFormat | None = None) -> Iterator[Batch]:
-        """See `Client.replay`."""
-        return self._iterate(self._client.replay(log, format=format))
-
-    def server_info(self) -> catalog_pb2.GetServerInfoResponse:
-        """See `Client.server_info`."""
-        return self._run(self._client.server_info())
-
-    def skeleton(self) -> catalog_pb2.Skeleton:
-        """See `Client.skeleton`."""
-        return self._run(self._client.skeleton())
-
-    def bodies(self) -> list[catalog_pb2.Body]:
-        """See `Client.bodies`."""
-        return self._run(self._client.bodies())
-
-    def fit_body(self, character: BoneMap | Mapping[str, Sequence[float]], **how: Any) -> BodyFit:
-        """See `Client.fit_body`."""
-        return self._run(self._client.fit_body(character, **how))
-
-    def models(self) -> list[catalog_pb2.Model]:
-        """See `Client.models`."""
-        return self._run(self._client.models())
+    generate_clip = iterate(Client.generate_clip)
+    replay = iterate(Client.replay)
+    server_info = run(Client.server_info)
+    skeleton = run(Client.skeleton)
+    bodies = run(Client.bodies)
+    fit_body = run(Client.fit_body)
+    models = run(Client.models)
 
     def _run(self, work: Coroutine[Any, Any, T]) -> T:
         return asyncio.run_coroutine_threadsafe(work, self._loop).result()
-
-    def _iterate(self, batches: AsyncGenerator[Batch] | MotionStream) -> Iterator[Batch]:
-        async def following() -> Batch | None:
-            return await anext(batches, None)
-
-        try:
-            while (batch := self._run(following())) is not None:
-                yield batch
-        finally:
-            self._run(batches.aclose())
 
     def _end(self) -> None:
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
         self._loop.close()
-
-
-class SyncSession:
-    """As `Session`. As `with`, its lease is renewed by the client's thread."""
-
-    def __init__(self, client: SyncClient, session: Session) -> None:
-        self._client = client
-        self._session = session
-        self.session_id = session.session_id
-
-    def __enter__(self) -> Self:
-        self._client._run(self._session.__aenter__())
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._client._run(self._session.__aexit__(kind, error, trace))
-
-    def renew(self) -> float:
-        """See `Session.renew`, as for all below."""
-        return self._client._run(self._session.renew())
-
-    def delete(self) -> None:
-        """See `Session.delete`."""
-        self._client._run(self._session.delete())
-
-    def export(self) -> bytes:
-        """See `Session.export`."""
-        return self._client._run(self._session.export())
-
-    def export_log(self) -> bytes:
-        """See `Session.export_log`."""
-        return self._client._run(self._session.export_log())
-
-    def create_agents(self, *specs: AgentSpec) -> list[Agent]:
-        """See `Session.create_agents`."""
-        return self._client._run(self._session.create_agents(*specs))
-
-    def agents(self) -> list[Agent]:
-        """See `Session.agents`."""
-        return self._client._run(self._session.agents())
-
-    def agent(self, agent: Agent | str) -> Agent:
-        """See `Session.agent`."""
-        return self._client._run(self._session.agent(agent))
-
-    def update_agent(
-        self, agent: Agent | str, name: str | None = None, foot_lock: bool | None = None
-    ) -> Agent:
-        """See `Session.update_agent`."""
-        return self._client._run(self._session.update_agent(agent, name, foot_lock))
-
-    def delete_agent(self, agent: Agent | str) -> None:
-        """See `Session.delete_agent`."""
-        self._client._run(self._session.delete_agent(agent))
-
-    def set_goal(
-        self,
-        agent: Agent | str,
-        goal: Goal | Place,
-        *,
-        expected: int | None = None,
-        **how: Unpack[GoalOptions],
-    ) -> int:
-        """See `Session.set_goal`."""
-        return self._client._run(self._session.set_goal(agent, goal, expected=expected, **how))
-
-    def set_path(
-        self, agent: Agent | str, goals: Iterable[Goal], expected: int | None = None
-    ) -> int:
-        """See `Session.set_path`."""
-        return self._client._run(self._session.set_path(agent, goals, expected))
-
-    def append_goals(
-        self, agent: Agent | str, goals: Iterable[Goal], expected: int | None = None
-    ) -> int:
-        """See `Session.append_goals`."""
-        return self._client._run(self._session.append_goals(agent, goals, expected))
-
-    def wander(
-        self,
-        agent: Agent | str,
-        center: Place | None = None,
-        radius: float | None = None,
-        speed: float | None = None,
-        dwell: float | None = None,
-        expected: int | None = None,
-    ) -> int:
-        """See `Session.wander`."""
-        walk = self._session.wander(agent, center, radius, speed, dwell, expected)
-        return self._client._run(walk)
-
-    def behave(self, agent: Agent | str, behaviour: Behaviour, expected: int | None = None) -> int:
-        """See `Session.behave`."""
-        return self._client._run(self._session.behave(agent, behaviour, expected))
-
-    def populate(self, count: int, **how: Any) -> CrowdCame:
-        """See `Session.populate`."""
-        return self._client._run(self._session.populate(count, **how))
-
-    def clear_goal(self, agent: Agent | str, expected: int | None = None) -> int:
-        """See `Session.clear_goal`."""
-        return self._client._run(self._session.clear_goal(agent, expected))
-
-    def stream(
-        self,
-        agents: Iterable[Agent | str] = (),
-        deadline: float = 30.0,
-        format: PoseFormat | None = None,
-        slow_reader: str = "drop_oldest",
-        resume_token: str = "",
-    ) -> Iterator[Batch]:
-        """See `Session.stream`."""
-        return self._client._iterate(
-            self._session.stream(agents, deadline, format, slow_reader, resume_token)
-        )
-
-    def step(self, steps: int = 1, format: PoseFormat | None = None) -> list[Batch]:
-        """See `Session.step`."""
-        return self._client._run(self._session.step(steps, format))
