@@ -157,8 +157,8 @@ class Connection:
             if not await come_again(refusal, ends_at):
                 raise refusal
 
-    async def create(self, method: Any, request: Any) -> Any:
-        """As `call`, again and again for `timeout` seconds while the server is unavailable.
+    async def create(self, method: Any, request: Any, timeout: float | None = None) -> Any:
+        """As `call`, again and again while the server is unavailable, for `self.timeout`.
 
         The request carries an id, so that it takes effect once whatever gets lost on the way.
         """
@@ -166,7 +166,7 @@ class Connection:
         backoff = Backoff(self.timeout)
         while True:
             try:
-                return await self.call(method, request)
+                return await self.call(method, request, timeout)
             except Unavailable:
                 if not await backoff.pause():
                     raise

@@ -155,7 +155,8 @@ class Scenes:
             name=name, basis=enum_label(common_pb2.Basis, basis, "basis"), lease_s=lease
         )
         method = self._connection.scenes.CreateExampleScene
-        return Scene(self._connection, (await self._connection.create(method, request)).scene)
+        reply = await self._connection.create(method, request, MAKING_S)
+        return Scene(self._connection, reply.scene)
 
     async def get(self, scene_id: str) -> Scene:
         """One that exists. Raises NotFound."""
