@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from wayfarer.body.rotation import GLTF_FROM_CORE
-from wayfarer.clips.bvh import write_bvh, zxy_angles
+from wayfarer.clips.actor import Actor
+from wayfarer.clips.bvh import bvh_text, zxy_angles
 
 AXES = {"X": 0, "Y": 1, "Z": 2}
 
@@ -19,8 +20,12 @@ def turn(axis, degrees):
 
 
 def parse(path):
+    return parse_text(path.read_text())
+
+
+def parse_text(text):
     """Joints in file order (name, parent, offset, channels), frames [N, C], frame time."""
-    lines = [line.split() for line in path.read_text().splitlines()]
+    lines = [line.split() for line in text.splitlines()]
     joints, stack, row = [], [], 0
     while lines[row][0] != "MOTION":
         words = lines[row]
@@ -66,7 +71,7 @@ def places(joints, values):
 
 @pytest.mark.parametrize("scale", [1.0, 100.0])
 def test_joints_are_where_the_body_has_them(tmp_path, clip, body, scale):
-    write_bvh(tmp_path / "c.bvh", clip, body, scale)
+    (tmp_path / "c.bvh").write_text(bvh_text(Actor(clip, body), "smpl", scale))
     joints, frames, frame_time = parse(tmp_path / "c.bvh")
     assert frame_time == pytest.approx(1 / clip.fps)
     assert len(frames) == clip.frames
@@ -80,7 +85,7 @@ def test_joints_are_where_the_body_has_them(tmp_path, clip, body, scale):
 
 
 def test_every_leaf_has_an_end_site_of_some_length(tmp_path, clip, body):
-    write_bvh(tmp_path / "c.bvh", clip, body)
+    (tmp_path / "c.bvh").write_text(bvh_text(Actor(clip, body)))
     joints, _, _ = parse(tmp_path / "c.bvh")
     parents = {parent for _, parent, _, _ in joints}
     leaves = [joint for i, joint in enumerate(joints) if i not in parents]

@@ -1,7 +1,19 @@
 import numpy as np
 import pytest
 
-from wayfarer.clips.files import read_clip, write_clip
+from tests.clips.test_bvh import parse_text, places
+from wayfarer.body.rotation import GLTF_FROM_CORE
+from wayfarer.body.skeleton import bone_names
+from wayfarer.clips.files import (
+    FileFormat,
+    FileOptions,
+    Performance,
+    RootMotion,
+    Unit,
+    encode,
+    read_clip,
+    write_clip,
+)
 from wayfarer.errors import DataError, InvalidArgument, NotFound
 
 
@@ -41,3 +53,49 @@ def test_a_body_without_motion_is_no_clip(tmp_path, body):
     (tmp_path / "a.glb").write_bytes(body_glb(body, np.zeros(10)))
     with pytest.raises(DataError, match="not a clip that Wayfarer wrote"):
         read_clip(tmp_path / "a.glb")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"format": FileFormat.VRMA, "root": RootMotion.BONE}, "vrma has no bone above the hips"),
+        ({"unit": Unit.CENTIMETRES}, "the unit of glb is the metre"),
+        ({"fps": 0.0}, "fps is 0; allowed are 1 to 240"),
+    ],
+)
+def test_options_that_contradict_each_other_are_refused(options, message):
+    with pytest.raises(InvalidArgument, match=message):
+        FileOptions(**options)
+
+
+@pytest.mark.parametrize("format", [FileFormat.BVH, FileFormat.NPZ, FileFormat.VRMA])
+def test_several_people_are_refused_where_one_fits(clip, format):
+    with pytest.raises(InvalidArgument, match="holds one person, not 2; glb and usd hold several"):
+        encode([Performance("a", clip)] * 2, FileOptions(format))
+    with pytest.raises(InvalidArgument, match="nobody"):
+        encode([], FileOptions(format))
+
+
+def test_a_path_on_a_bone_is_read_again(tmp_path, clip):
+    write_clip(tmp_path / "a.glb", clip, FileOptions(root=RootMotion.BONE, detail="low"))
+    np.testing.assert_allclose(
+        read_clip(tmp_path / "a.glb").translation, clip.translation, atol=1e-5
+    )
+
+
+def test_bvh_in_centimetres_at_another_rate_with_a_root(clip, body):
+    options = FileOptions(FileFormat.BVH, root=RootMotion.BONE, unit=Unit.CENTIMETRES, fps=120)
+    text = encode([Performance("a", clip)], options).decode()
+    joints, frames, frame_time = parse_text(text)
+    assert frame_time == pytest.approx(1 / 120) and joints[0][0] == "root"
+    wanted = clip.pose(body)[1] @ GLTF_FROM_CORE.T
+    for frame in (0, 7, clip.frames - 1):
+        found = places(joints, frames[3 * frame])
+        for name, place in zip(bone_names("mixamo")[:22], wanted[frame], strict=False):
+            np.testing.assert_allclose(found[name], 100 * place, atol=0.1, err_msg=name)
+
+
+def test_usd_without_its_package_says_what_to_install(monkeypatch):
+    monkeypatch.setattr("wayfarer.clips.usd.find_spec", lambda name: None)
+    with pytest.raises(InvalidArgument, match="pip install usd-core"):
+        FileOptions(FileFormat.USD)

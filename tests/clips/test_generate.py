@@ -57,7 +57,7 @@ def test_a_clip_without_frames_is_refused(seconds):
 
 
 def test_bad_arguments_are_refused_before_any_model_is_loaded(tmp_path):
-    with pytest.raises(InvalidArgument, match=r"must end in \.glb, \.bvh, \.npz"):
+    with pytest.raises(InvalidArgument, match=r"must end in \.glb, \.bvh, \.npz, \.vrma"):
         generate(tmp_path / "walk.fbx")
     with pytest.raises(InvalidArgument, match="no folder"):
         generate(tmp_path / "nowhere" / "walk.glb")

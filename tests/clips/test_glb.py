@@ -5,11 +5,12 @@ import pygltflib
 
 from tests.body.test_glb import read, world_matrices
 from wayfarer.body.rotation import GLTF_FROM_CORE
-from wayfarer.clips.glb import write_glb
+from wayfarer.clips.actor import Actor
+from wayfarer.clips.glb import glb_bytes
 
 
 def test_each_frame_has_the_bodys_joints(tmp_path, clip, body):
-    write_glb(tmp_path / "c.glb", clip, body)
+    (tmp_path / "c.glb").write_bytes(glb_bytes([Actor(clip, body)]))
     document = pygltflib.GLTF2.load(tmp_path / "c.glb")
     animation = document.animations[0]
     expected = clip.pose(body)[1] @ GLTF_FROM_CORE.T
@@ -26,7 +27,7 @@ def test_each_frame_has_the_bodys_joints(tmp_path, clip, body):
 
 
 def test_keys_are_at_the_frames_and_neighbours_do_not_flip(tmp_path, clip, body):
-    write_glb(tmp_path / "c.glb", clip, body)
+    (tmp_path / "c.glb").write_bytes(glb_bytes([Actor(clip, body)]))
     document = pygltflib.GLTF2.load(tmp_path / "c.glb")
     for sampler in document.animations[0].samplers:
         times = read(document, sampler.input)[:, 0]

@@ -3,6 +3,7 @@
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from wayfarer.body.glb import body_glb
 from wayfarer.body.library import load_body
 from wayfarer.clips.clip import Clip
-from wayfarer.clips.glb import write_glb
+from wayfarer.clips.files import FileFormat, FileOptions, Performance, RootMotion, encode
 
 TESTS = Path(__file__).parents[1]
 
@@ -22,6 +23,9 @@ validateBytes(new Uint8Array(readFileSync(process.argv[1])), { maxIssues: 20 })
   .then(({ issues }) => console.log(JSON.stringify(issues)));
 """
 
+NOTES = {"UNUSED_OBJECT", "UNSUPPORTED_EXTENSION", "NODE_EMPTY"}
+"""Hints: no texture for the texture coordinates; VRM's extension; bones without a mesh."""
+
 pytestmark = pytest.mark.skipif(
     not (shutil.which("node") and (TESTS / "node_modules" / "gltf-validator").is_dir()),
     reason="no glTF validator: make tests/node_modules/.package-lock.json (needs npm)",
@@ -29,12 +33,12 @@ pytestmark = pytest.mark.skipif(
 
 
 def issues(path: Path) -> list[str]:
-    """Errors and warnings; not the note that no texture is there for the texture coordinates."""
+    """Errors and warnings."""
     done = subprocess.run(
         ["node", "-e", SCRIPT, str(path)], cwd=TESTS, capture_output=True, text=True, check=True
     )
     found = json.loads(done.stdout)
-    assert {m["code"] for m in found["messages"] if m["severity"] > 1} <= {"UNUSED_OBJECT"}
+    assert {m["code"] for m in found["messages"] if m["severity"] > 1} <= NOTES
     wrong = [f"{m['code']} {m.get('pointer', '')}" for m in found["messages"] if m["severity"] <= 1]
     assert len(wrong) == found["numErrors"] + found["numWarnings"] or found["truncated"]
     return wrong
@@ -50,9 +54,19 @@ def test_bodies(tmp_path: Path, gender: str, detail: str) -> None:
 
 
 @pytest.mark.parametrize("gender", ["female", "male"])
-def test_clips(tmp_path: Path, clip: Clip, gender: str) -> None:
-    """As `wayfarer generate` writes them."""
-    write_glb(tmp_path / "clip.glb", clip, load_body("anny52", gender, "high"))
+@pytest.mark.parametrize("root", RootMotion)
+def test_clips(tmp_path: Path, clip: Clip, gender: str, root: RootMotion) -> None:
+    """As `wayfarer generate` writes them, and several people in a scene."""
+    options = FileOptions(root=root, detail="low", fps=30)
+    people = [Performance("Ada", replace(clip, gender=gender)), Performance("Bob", clip, style=2)]
+    ground = np.array([[[-2, -2, 0], [5, -2, 0], [5, 9, 0]], [[0, 0, 0]] * 3], float)
+    (tmp_path / "clip.glb").write_bytes(encode(people, options, scene=ground))
+    assert issues(tmp_path / "clip.glb") == []
+
+
+def test_vrm_animations(tmp_path: Path, clip: Clip) -> None:
+    options = FileOptions(FileFormat.VRMA)
+    (tmp_path / "clip.glb").write_bytes(encode([Performance("Ada", clip)], options))
     assert issues(tmp_path / "clip.glb") == []
 
 

@@ -6,6 +6,7 @@ its bind pose; the inverse bind matrices hold bind → rest, so skinning equals 
 Pose blend shapes (SMPL-X) have no place in glTF and are left out.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -80,14 +81,32 @@ def body_glb(body: BodyModel, betas: Array, style: int = 0) -> bytes:
     Joint nodes carry the canonical joint names. Raises InvalidArgument on bad betas.
     """
     file = GlbFile()
-    add_body(file, body, betas, style)
+    joints, mesh = add_body(file, body, betas, style)
+    file.document.scenes.append(gltf.Scene(nodes=[joints[0], mesh]))
+    file.document.scene = 0
+    file.document.extras = about_body(body, betas, style)
     return file.to_bytes()
 
 
-def add_body(file: GlbFile, body: BodyModel, betas: Array, style: int = 0) -> list[int]:
-    """Add joint nodes, mesh, skin and scene; return the node index of each joint."""
+def about_body(body: BodyModel, betas: Array, style: int) -> dict[str, Any]:
+    """What the `extras` of a file say of a body in it."""
+    betas = np.asarray(betas).tolist()
+    return {"body": body.name, "gender": body.gender, "betas": betas, "style": style}
+
+
+def add_body(
+    file: GlbFile,
+    body: BodyModel,
+    betas: Array,
+    style: int = 0,
+    names: Sequence[str] | None = None,
+) -> tuple[list[int], int]:
+    """Add joint nodes, mesh and skin; return the node of each joint, and that of the mesh.
+
+    `names` of the joints; none: the canonical ones. The nodes are in no scene yet.
+    """
     shape = body.check_betas(betas)
-    joints = _add_joints(file, body, shape)
+    joints = add_joints(file, body, shape, names or body.joint_names)
     document = file.document
     document.skins.append(
         gltf.Skin(
@@ -97,29 +116,23 @@ def add_body(file: GlbFile, body: BodyModel, betas: Array, style: int = 0) -> li
         )
     )
     document.meshes.append(_mesh(file, body, shape, style))
-    document.nodes.append(gltf.Node(name="body", mesh=0, skin=0))
-    document.scenes.append(gltf.Scene(nodes=[joints[0], len(document.nodes) - 1]))
-    document.scene = 0
-    document.extras = {
-        "body": body.name,
-        "gender": body.gender,
-        "betas": shape.tolist(),
-        "style": style,
-    }
-    return joints
+    skin, mesh = len(document.skins) - 1, len(document.meshes) - 1
+    document.nodes.append(gltf.Node(name="body", mesh=mesh, skin=skin))
+    return joints, len(document.nodes) - 1
 
 
-def _add_joints(file: GlbFile, body: BodyModel, betas: Array) -> list[int]:
+def add_joints(file: GlbFile, body: BodyModel, betas: Array, names: Sequence[str]) -> list[int]:
     """One node per joint, at its T-pose offset from its parent, unrotated."""
+    first = len(file.document.nodes)
     rest = body.rest_joints(betas)
     offsets = rest.copy()
     offsets[1:] -= rest[body.parents[1:]]
-    for name, offset in zip(body.joint_names, offsets @ GLTF_FROM_CORE.T, strict=True):
+    for name, offset in zip(names, offsets @ GLTF_FROM_CORE.T, strict=True):
         file.document.nodes.append(gltf.Node(name=name, translation=offset.tolist()))
     nodes = file.document.nodes
     for joint, parent in enumerate(body.parents[1:], start=1):
-        nodes[parent].children.append(joint)
-    return list(range(len(body.joint_names)))
+        nodes[first + parent].children.append(first + joint)
+    return list(range(first, len(nodes)))
 
 
 def _inverse_bind(body: BodyModel, betas: Array) -> NDArray[np.float32]:

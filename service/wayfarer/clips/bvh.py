@@ -3,24 +3,27 @@
 Written in the glTF basis (Y up, the T-pose faces +Z) in metres: the unit is not part of the
 format, and tools that take it for centimetres want `scale=100`. Rotation channels are Z, X, Y in
 degrees: local = Rz · Rx · Ry. The 22 posed joints are written; fingers are at rest and left out.
+A root joint of its own, where there is one, is above the hips.
 """
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.body.model import BodyModel
 from wayfarer.body.rotation import GLTF_FROM_CORE, gltf_quaternion, matrix_from_quaternion
-from wayfarer.clips.clip import Clip
+from wayfarer.body.skeleton import bone_names
+from wayfarer.clips.actor import Actor
+from wayfarer.clips.glb import ROOT
 from wayfarer.spec import POSED_JOINTS
 
 Array = NDArray[np.floating[Any]]
 
 
-def write_bvh(path: Path, clip: Clip, body: BodyModel, scale: float = 1.0) -> None:
-    """Write the clip; `scale` units per metre."""
+def bvh_text(actor: Actor, names: str = "mixamo", scale: float = 1.0) -> str:
+    """The motion of one person; `names`: vocabulary of the joints; `scale`: units per metre."""
+    clip, body, root = actor.clip, actor.body, actor.root
+    words = bone_names(names)
     rest = body.rest_joints(np.asarray(clip.betas)) @ GLTF_FROM_CORE.T * scale
     children: list[list[int]] = [[] for _ in body.parents]
     for joint, parent in enumerate(body.parents[1:], start=1):
@@ -34,13 +37,13 @@ def write_bvh(path: Path, clip: Clip, body: BodyModel, scale: float = 1.0) -> No
     def write_joint(joint: int, depth: int) -> None:
         order.append(joint)
         tab = "\t" * depth
-        lines.append(f"{tab}{'JOINT' if depth else 'ROOT'} {body.joint_names[joint]}")
+        lines.append(f"{tab}{'JOINT' if depth else 'ROOT'} {words[joint]}")
         lines.append(tab + "{")
         # the hips' place is in the channels; some readers add the root's offset to it, some do not
-        offset = rest[joint] - rest[body.parents[joint]] if depth else np.zeros(3)
+        offset = rest[joint] - rest[body.parents[joint]] if joint else np.zeros(3)
         lines.append(offset_line(offset, depth + 1))
         rotations = "Zrotation Xrotation Yrotation"
-        moves = "CHANNELS 3 " if depth else "CHANNELS 6 Xposition Yposition Zposition "
+        moves = "CHANNELS 3 " if joint else "CHANNELS 6 Xposition Yposition Zposition "
         lines.append(f"{tab}\t{moves}{rotations}")
         posed = [child for child in children[joint] if child < POSED_JOINTS]
         for child in posed:
@@ -52,13 +55,24 @@ def write_bvh(path: Path, clip: Clip, body: BodyModel, scale: float = 1.0) -> No
             )
         lines.append(tab + "}")
 
-    write_joint(0, 0)
-    matrices = matrix_from_quaternion(gltf_quaternion(np.asarray(clip.rotations, np.float64)))
-    angles = np.degrees(zxy_angles(matrices))[:, order].reshape(clip.frames, -1)
-    place = clip.translation @ GLTF_FROM_CORE.T * scale
+    def channels(places: Array, turns: Array) -> list[Array]:
+        matrices = matrix_from_quaternion(gltf_quaternion(np.asarray(turns, np.float64)))
+        angles = np.degrees(zxy_angles(matrices)).reshape(clip.frames, -1)
+        return [places @ GLTF_FROM_CORE.T * scale, angles]
+
+    if root is None:
+        write_joint(0, 0)
+        columns = []
+    else:
+        lines += [f"ROOT {ROOT}", "{", offset_line(np.zeros(3), 1)]
+        lines.append("\tCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation")
+        write_joint(0, 1)
+        lines.append("}")
+        columns = channels(root.places, root.turns)
+    columns += channels(np.asarray(clip.translation), np.asarray(clip.rotations)[:, order])
     lines += ["MOTION", f"Frames: {clip.frames}", f"Frame Time: {1 / clip.fps:.8f}"]
-    lines += [" ".join(f"{v:.6f}" for v in row) for row in np.concatenate([place, angles], -1)]
-    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+    lines += [" ".join(f"{v:.6f}" for v in row) for row in np.concatenate(columns, -1)]
+    return "\n".join(lines) + "\n"
 
 
 def zxy_angles(matrix: Array) -> Array:

@@ -10,7 +10,15 @@ from rich.progress import Progress
 
 from wayfarer.body.phenotype import betas_from_phenotype
 from wayfarer.clips.clip import Clip, join_chunks
-from wayfarer.clips.files import check_target, write_clip
+from wayfarer.clips.files import (
+    BoneNames,
+    FileOptions,
+    RootMotion,
+    Unit,
+    check_target,
+    format_of,
+    write_clip,
+)
 from wayfarer.clips.planned import plan_clip
 from wayfarer.errors import InvalidArgument
 from wayfarer.model_bundle import DEFAULT_MODEL, open_bundle
@@ -31,6 +39,13 @@ class SearchKind(StrEnum):
 
     ONLINE = "online"  # as the service does: the best of each step, final
     BEAM = "beam"  # several ways are kept at every step, and the best one at the end
+
+
+class BodyDetail(StrEnum):
+    """Resolution of the body's mesh."""
+
+    HIGH = "high"
+    LOW = "low"
 
 
 def generate_clip(
@@ -59,7 +74,13 @@ def generate_clip(
 
 
 def generate(
-    target: Annotated[Path, typer.Argument(help="File to write: .glb, .bvh or .npz.")],
+    target: Annotated[
+        Path,
+        typer.Argument(
+            help="File to write: .glb (body and motion), .vrma (for any VRM), .bvh, .npz (AMASS), "
+            ".usd (needs usd-core)."
+        ),
+    ],
     goal: Annotated[
         list[str] | None, typer.Option(help="Goal on the floor: X,Y in metres; repeatable.")
     ] = None,
@@ -97,6 +118,26 @@ def generate(
         bool,
         typer.Option("--hard", help="With beam: reject motions whose feet slide, float or sink."),
     ] = False,
+    names: Annotated[
+        BoneNames,
+        typer.Option(help="Names of the bones in .glb, .bvh and .usd; smpl: as in the API."),
+    ] = BoneNames.MIXAMO,
+    fps: Annotated[
+        float | None, typer.Option(help="Frames per second of the file, 1 to 240; default 40.")
+    ] = None,
+    root: Annotated[
+        RootMotion,
+        typer.Option(
+            help="Where the travelled path is. hips: the hips have it. bone: a bone `root` above "
+            "the hips has it (Unreal's root motion). in_place: nowhere."
+        ),
+    ] = RootMotion.HIPS,
+    loop: Annotated[
+        bool,
+        typer.Option("--loop", help="Write one cycle of steady walking, whose ends meet."),
+    ] = False,
+    unit: Annotated[Unit, typer.Option(help="Unit of a .bvh file.")] = Unit.METRES,
+    detail: Annotated[BodyDetail, typer.Option(help="Mesh of the body.")] = BodyDetail.HIGH,
     threads: Annotated[int, typer.Option(help="Threads of the engine; 0: all cores.", min=0)] = 0,
     model: Annotated[
         Path, typer.Option(help="Folder of a motion model.", show_default="the shipped model")
@@ -104,11 +145,15 @@ def generate(
 ) -> None:
     """Let one person walk from the origin to goals in turn, and write the motion to a file.
 
-    Positions are in metres, Z up: X to the right, Y ahead of a person at heading 0. For example:
+    Goals are in metres: X to the right, Y ahead of a person at heading 0. Files have Y up and show
+    that person's front, as glTF does: the goal 3,2 is at (-3, 0, 2) there, at (-3, -2) in Blender.
 
     wayfarer generate walk.glb --goal 3,2 --goal -1,4
+
+    wayfarer generate cycle.glb --goal 0,12 --seconds 8 --loop --root in_place --fps 30
     """
     check_target(target)
+    options = FileOptions(format_of(target), names, fps, root, loop, unit, detail.value)
     beam = _beam(search, candidates, children, keep, hard)
     goals = [Goal(_place(text), speed=speed) for text in goal or []]
     betas = (0.0,) * BETAS if height is None else tuple(betas_from_phenotype(gender, height))
@@ -127,9 +172,10 @@ def generate(
             [start] = world.prepare([spec])
             body = bundle.bodies[gender]
             clip = plan_clip(bundle.engine, body, spec, start, goals, seconds, beam, watch)
-    write_clip(target, clip)
+    write_clip(target, clip, options)
     reached = f", {clip.meta['goals_reached']} of {len(goals)} goals reached" if goals else ""
-    typer.echo(f"{target}: {clip.frames} frames, {clip.seconds:.1f} s{reached}")
+    kept = ", of which the file has one cycle" if loop else ""
+    typer.echo(f"{target}: {clip.frames} frames, {clip.seconds:.1f} s{reached}{kept}")
 
 
 def _beam(

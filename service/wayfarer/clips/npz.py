@@ -7,6 +7,7 @@ body model is Y up, facing +Z; and `trans` moves the model, so the hips are at
 trans + rest_hips, where rest_hips is given in the model's own (Y up) axes.
 """
 
+from io import BytesIO
 from pathlib import Path
 from zipfile import BadZipFile
 
@@ -22,13 +23,15 @@ from wayfarer.body.rotation import (
     quaternion_from_rotvec,
     rotvec_from_quaternion,
 )
+from wayfarer.clips.actor import Actor
 from wayfarer.clips.clip import Clip
 from wayfarer.errors import DataError, WayfarerError
 from wayfarer.spec import GENDERS, JOINTS, POSED_JOINTS
 
 
-def write_npz(path: Path, clip: Clip, body: BodyModel) -> None:
-    """Write the clip; `body` is that of the clip (for its rest hips)."""
+def npz_bytes(actor: Actor) -> bytes:
+    """The motion of one person, whose hips have all of it."""
+    clip, body = actor.clip, actor.body
     rotations = np.asarray(clip.rotations, np.float64)
     local = gltf_quaternion(rotations)
     # the root turns the Y-up model into the Z-up world
@@ -36,19 +39,19 @@ def write_npz(path: Path, clip: Clip, body: BodyModel) -> None:
     local[:, 0] = quaternion_from_matrix(root)
     poses = np.zeros((clip.frames, JOINTS, 3))
     poses[:, :POSED_JOINTS] = rotvec_from_quaternion(local)
-    # an open file: a path would get a second suffix when it ends in .NPZ
-    with path.open("wb") as file:
-        np.savez_compressed(
-            file,
-            poses=poses.reshape(clip.frames, -1),
-            trans=clip.translation - _rest_hips(body, np.asarray(clip.betas)),
-            betas=np.asarray(clip.betas, np.float64),
-            gender=clip.gender,
-            mocap_framerate=float(clip.fps),
-            contacts=clip.contacts,
-            body=clip.body,
-            goals=np.asarray(clip.goals, np.float64).reshape(-1, 3),
-        )
+    file = BytesIO()
+    np.savez_compressed(
+        file,
+        poses=poses.reshape(clip.frames, -1),
+        trans=clip.translation - _rest_hips(body, np.asarray(clip.betas)),
+        betas=np.asarray(clip.betas, np.float64),
+        gender=clip.gender,
+        mocap_framerate=float(clip.fps),
+        contacts=clip.contacts,
+        body=clip.body,
+        goals=np.asarray(clip.goals, np.float64).reshape(-1, 3),
+    )
+    return file.getvalue()
 
 
 def read_npz(path: Path, body: BodyModel | None = None) -> Clip:

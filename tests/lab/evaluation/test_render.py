@@ -7,8 +7,7 @@ from PIL import Image
 
 from tests.lab.evaluation.recordings import write_recordings
 from tests.world.fakes import make_world
-from wayfarer.body.library import load_body
-from wayfarer.clips.npz import write_npz
+from wayfarer.clips.files import write_clip
 from wayfarer.errors import InvalidArgument, NotFound
 from wayfarer_lab.evaluation import render as module
 from wayfarer_lab.evaluation.pictures.sources import recorded
@@ -20,7 +19,7 @@ def folder(tmp_path_factory):
     """A folder of recordings, `motion.npz`, with one of them as a clip, `walk.npz`."""
     made = write_recordings(tmp_path_factory.mktemp("data"))
     clip = recorded(made, ["c1"])["c1"][:12]
-    write_npz(made / "walk.npz", clip, load_body("anny52", clip.gender))
+    write_clip(made / "walk.npz", clip)
     return made
 
 

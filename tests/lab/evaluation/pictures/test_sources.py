@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from tests.lab.evaluation.recordings import write_recordings
-from wayfarer.clips.npz import write_npz
+from wayfarer.clips.files import write_clip
 from wayfarer.errors import DataError, InvalidArgument, NotFound
 from wayfarer_lab.evaluation.pictures.sources import cut, read_files, recorded
 from wayfarer_lab.training.mocap.store import Dataset
 
 
 def test_files_are_named_by_their_paths(tmp_path, clip, body):
-    write_npz(tmp_path / "a.npz", clip, body)
+    write_clip(tmp_path / "a.npz", clip)
     (found,) = read_files([tmp_path / "a.npz"]).items()
     assert found[0] == str(tmp_path / "a.npz")
     np.testing.assert_allclose(found[1].translation, clip.translation, atol=1e-6)

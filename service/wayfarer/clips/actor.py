@@ -1,0 +1,18 @@
+"""A person of a file: a clip in a body, under a name."""
+
+from dataclasses import dataclass, field
+
+from wayfarer.body.model import BodyModel
+from wayfarer.clips.clip import Clip
+from wayfarer.clips.edit import RootTrack
+
+
+@dataclass(frozen=True)
+class Actor:
+    """`root`: motion of a bone of its own, to which `clip` is relative; none: the hips have all."""
+
+    clip: Clip
+    body: BodyModel = field(repr=False)
+    name: str = "person"
+    style: int = 0  # seed of its clothes' colours
+    root: RootTrack | None = None
