@@ -77,3 +77,15 @@ def test_its_own_tests_pass(built):
     counts = re.search(r"Tests run: (\d+), Errors: 0, Failures: 0, Inconclusive: 0", said)
     assert counts and int(counts[1]) > 120, said
     assert "Invalid: 0, Ignored: 0, Skipped: 0" in said, said
+
+
+@with_mono
+def test_an_agent_walks_to_its_goal_on_the_components(built, real_server):
+    """On stub transforms: generic rigs, a Humanoid, a lost connection, and the sample's crowd."""
+    source = package.PACKAGE / "Tests~" / "Live" / "Live.cs"
+    package.compile_program(source, built / "Live.exe")
+    golden = package.PACKAGE.parents[1] / "tests" / "golden" / "retarget.json"
+    said = package.run("mono", "Live.exe", real_server.url, str(golden), cwd=built)
+    walked = [line.partition(":")[0] for line in said.splitlines() if ": walked to " in line]
+    assert walked == ["unity", "a_pose", "centimetres", "vrm1"]
+    assert "crowd: 5 people walk about" in said

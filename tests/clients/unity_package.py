@@ -120,8 +120,8 @@ def compile_all(into: Path) -> None:
 
     AssertionError, with what the compiler said, when one does not compile.
     """
-    for stub in sorted(STUBS.glob("*.cs")):
-        _compile([stub], into / f"{stub.stem}.dll", sorted(into.glob("Unity*.dll")))
+    _compile([STUBS / "UnityEngine.cs"], into / "UnityEngine.dll", [])
+    _compile([STUBS / "UnityEditor.cs"], into / "UnityEditor.dll", [into / "UnityEngine.dll"])
     for assembly in assemblies():
         settings = assembly.settings
         references = [
@@ -131,14 +131,23 @@ def compile_all(into: Path) -> None:
             shutil.copy(LIBRARIES[library], into)
             references.append(into / library)
         if not settings["noEngineReferences"]:
-            references += [into / f"{stub.stem}.dll" for stub in sorted(STUBS.glob("*.cs"))]
+            references.append(into / "UnityEngine.dll")
+        if settings["includePlatforms"] == ["Editor"]:
+            references.append(into / "UnityEditor.dll")
         _compile(assembly.sources, into / f"{assembly.name}.dll", references)
 
 
-def _compile(sources: list[Path], into: Path, references: list[Path]) -> None:
+def compile_program(source: Path, into: Path) -> None:
+    """A program that uses all assemblies beside it."""
+    _compile([source], into, sorted(into.parent.glob("*.dll")), target="exe")
+
+
+def _compile(
+    sources: list[Path], into: Path, references: list[Path], target: str = "library"
+) -> None:
     run(
         "mcs",
-        "-target:library",
+        f"-target:{target}",
         "-warnaserror",
         "-r:System.Net.Http.dll",  # Unity's compiler sees all of .NET Standard
         f"-out:{into}",

@@ -17,11 +17,13 @@ namespace Wayfarer
 
         private readonly Dictionary<string, int> bones;
 
-        internal BoneMap(Rig rig, Dictionary<string, int> bones, string foundBy)
+        /// <summary>A map of your own: node of each bone that there is.</summary>
+        /// <exception cref="ArgumentException">It is no humanoid.</exception>
+        public BoneMap(Rig rig, IReadOnlyDictionary<string, int> bones, string foundBy = "user")
         {
             Rig = rig;
             FoundBy = foundBy;
-            this.bones = bones;
+            this.bones = bones.ToDictionary(pair => pair.Key, pair => pair.Value);
             Check();
         }
 
@@ -79,31 +81,43 @@ namespace Wayfarer
         public BoneMap Corrected(IReadOnlyDictionary<string, string> changes)
         {
             List<string> names = Enumerable.Range(0, Rig.Count).Select(Rig.Name).ToList();
-            var changed = new Dictionary<string, int>(bones);
             foreach (KeyValuePair<string, string> change in changes)
             {
-                if (Bones.IndexOf(change.Key) < 0)
-                {
-                    throw new ArgumentException(
-                        "\"" + change.Key + "\" is no bone; bones are " + string.Join(", ", Bones.Names.ToArray()));
-                }
-                changed.Remove(change.Key);
-                if (change.Value == null)
-                {
-                    continue;
-                }
-                if (!names.Contains(change.Value))
+                if (change.Value != null && !names.Contains(change.Value))
                 {
                     throw new ArgumentException(change.Key + ": the rig has no node \"" + change.Value + "\"");
                 }
-                changed[change.Key] = names.IndexOf(change.Value);
             }
-            return new BoneMap(Rig, changed, "user");
+            return Corrected(changes.ToDictionary(change => change.Key, change => names.IndexOf(change.Value)));
+        }
+
+        /// <summary>With other nodes for some bones, or without them (-1).</summary>
+        /// <exception cref="ArgumentException">There is no such bone, or the map is no humanoid then.</exception>
+        public BoneMap Corrected(IReadOnlyDictionary<string, int> changes)
+        {
+            var changed = new Dictionary<string, int>(bones);
+            foreach (KeyValuePair<string, int> change in changes)
+            {
+                changed.Remove(change.Key);
+                if (change.Value >= 0)
+                {
+                    changed[change.Key] = change.Value;
+                }
+            }
+            return new BoneMap(Rig, changed);
         }
 
         /// <summary>That the bones are those of a humanoid.</summary>
         private void Check()
         {
+            foreach (KeyValuePair<string, int> pair in bones)
+            {
+                if (Bones.IndexOf(pair.Key) < 0)
+                {
+                    throw new ArgumentException(
+                        "\"" + pair.Key + "\" is no bone; bones are " + string.Join(", ", Bones.Names.ToArray()));
+                }
+            }
             string[] lacking = Required.Where(bone => !bones.ContainsKey(bone)).ToArray();
             if (lacking.Length > 0)
             {

@@ -54,6 +54,9 @@ namespace Wayfarer
         /// <summary>Hips' height of the character by that of the agent.</summary>
         public double Ratio => rest.Ratio;
 
+        /// <summary>Height of the ground that the last pose stands on.</summary>
+        public double Ground { get; private set; }
+
         /// <summary>Of the bones' nodes in the world: x, y, z, w a bone.</summary>
         public double[] Rotations => rotations;
 
@@ -91,6 +94,7 @@ namespace Wayfarer
             {
                 ground = Math.Min(clear[0], clear[1]);
             }
+            Ground = ground;
             for (int n = 0; n < mapped.Length; n++)
             {
                 int b = 4 * mapped[n];

@@ -14,7 +14,6 @@ namespace Wayfarer
         internal static readonly int[][] Legs = Limbs("hip", "knee", "ankle", "foot");
 
         private static readonly int[][] Arms = Limbs("shoulder", "elbow", "wrist");
-        private static readonly double Snap = Math.Cos(25 * Math.PI / 180); // an axis so near to one of the file's is it
         private const double Heel = 0.35; // of the way from ankle to ball: how far the heel is behind the ankle
         private const double Tip = 0.45; // of the way from ankle to ball: how far the tip of the toes is before the ball
 
@@ -54,6 +53,7 @@ namespace Wayfarer
 
         private readonly Rig rig;
         private readonly Basis basis;
+        private readonly CharacterJoints joints;
         private readonly double[][] place = new double[Bones.Count][]; // of each bone at rest, in the basis; null: not there
         private readonly double[][] correct = new double[Bones.Count][]; // what turns it into the T-pose
 
@@ -72,13 +72,13 @@ namespace Wayfarer
                 throw new ArgumentException("rest offsets of " + Bones.Count + " bones are needed");
             }
             var rotation = new double[Bones.Count][];
-            double[] turn = Alignment();
+            joints = new CharacterJoints(map, basis);
             foreach (int b in Mapped)
             {
                 List<int> ancestors = rig.Ancestors(Nodes[b]);
                 Above[b] = Array.IndexOf(Nodes, ancestors.Where(Nodes.Contains).DefaultIfEmpty(-2).First());
-                rotation[b] = Product(turn, rig.Rotation(Nodes[b]));
-                place[b] = Turned(turn, rig.Place(Nodes[b]));
+                rotation[b] = Product(joints.Turn, rig.Rotation(Nodes[b]));
+                place[b] = joints.Place(b);
             }
             FindCorrections();
             foreach (int b in Mapped)
@@ -98,20 +98,6 @@ namespace Wayfarer
             BasePlace = rig.Place(parent);
             BaseScale = rig.Scale(parent);
             Ratio = FindLegs(floor);
-        }
-
-        /// <summary>The rotation from the character's axes to the basis, by where hips and legs are.</summary>
-        private double[] Alignment()
-        {
-            double[][] ankles = Legs.Select(leg => rig.Place(Nodes[leg[2]])).ToArray();
-            double[] middle = Vectors.Times(0.5, Vectors.Plus(ankles[0], ankles[1]));
-            double[] up = Snapped(Vectors.Minus(rig.Place(Nodes[0]), middle));
-            double[] across = Vectors.Minus(rig.Place(Nodes[Legs[0][0]]), rig.Place(Nodes[Legs[1][0]]));
-            double[] left = Vectors.Without(Snapped(Vectors.Without(across, up)), up);
-            left = Vectors.Times(1 / Vectors.Length(left), left);
-            double[] forward = Vectors.Times(basis.Handed, Vectors.Cross(left, up));
-            return Quaternions.Between(
-                new[] { left, up, forward }, new[] { basis.LeftAxis, basis.UpAxis, basis.ForwardAxis });
         }
 
         /// <summary>What turns each bone from the character's rest pose into a T-pose.</summary>
@@ -172,10 +158,8 @@ namespace Wayfarer
             double scale = legs / Legs.Sum(leg => Vectors.Dot(Vectors.Minus(source[0], source[leg[2]]), up));
             if (double.IsNaN(floor))
             {
-                int[] feet = Legs.SelectMany(leg => leg.Skip(2)).ToArray();
-                double lowest = feet.Where(b => place[b] != null).Min(b => Vectors.Dot(place[b], up));
-                bool near = lowest >= 0 && lowest <= 0.25 * (Vectors.Dot(place[0], up) - lowest);
-                floor = near ? 0 : lowest - scale * feet.Min(b => Vectors.Dot(source[b], up));
+                double sole = Legs.SelectMany(leg => leg.Skip(2)).Min(b => Vectors.Dot(source[b], up));
+                floor = double.IsNaN(joints.Floor) ? joints.Lowest - scale * sole : joints.Floor;
             }
             double high = 0;
             for (int leg = 0; leg < 2; leg++)
@@ -206,24 +190,6 @@ namespace Wayfarer
         private double[] Level(double[] v)
         {
             return Vectors.Without(v, basis.UpAxis);
-        }
-
-        /// <summary>A direction, or the axis of the file that is near to it.</summary>
-        private static double[] Snapped(double[] direction)
-        {
-            double[] unit = Vectors.Times(1 / Vectors.Length(direction), direction);
-            int k = 0;
-            for (int n = 1; n < 3; n++)
-            {
-                k = Math.Abs(unit[n]) > Math.Abs(unit[k]) ? n : k;
-            }
-            if (Math.Abs(unit[k]) < Snap)
-            {
-                return unit;
-            }
-            var axis = new double[3];
-            axis[k] = Math.Sign(unit[k]);
-            return axis;
         }
 
         private static int[][] Limbs(params string[] bones)

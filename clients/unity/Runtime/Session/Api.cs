@@ -86,6 +86,28 @@ namespace Wayfarer
             return (JArray)(await Call("GET", "/v1/bodies").ConfigureAwait(false))["bodies"];
         }
 
+        /// <summary>
+        /// The body whose bones are as long as a character's: its <c>gender</c> and <c>betas</c> (for
+        /// <see cref="AgentSpec.TakeBody"/>), <c>scale</c>, and by how much <c>lengths</c> differ.
+        /// </summary>
+        public async Task<JObject> FitBody(CharacterJoints character, string gender = null, string basis = "unity")
+        {
+            var joints = new JArray();
+            for (int bone = 0; bone < Bones.Count; bone++)
+            {
+                double[] at = character.Place(bone);
+                if (at != null)
+                {
+                    var place = new Place(at[0], at[1], at[2]);
+                    joints.Add(new JObject { ["bone"] = Bones.Names[bone], ["position"] = place.Json() });
+                }
+            }
+            var wanted = new JObject { ["joints"] = joints, ["basis"] = basis };
+            Fields.Put(wanted, "floor", double.IsNaN(character.Floor) ? (double?)null : character.Floor);
+            Fields.Put(wanted, "gender", gender);
+            return (JObject)await Call("POST", "/v1/bodies:fit", wanted).ConfigureAwait(false);
+        }
+
         /// <summary>Create agents, all or none; each one's <c>agent_id</c>, <c>alias</c>, <c>rest_offsets</c> …</summary>
         public async Task<JArray> CreateAgents(string sessionId, params AgentSpec[] agents)
         {

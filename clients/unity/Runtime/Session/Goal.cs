@@ -1,3 +1,4 @@
+using System.Linq;
 using Newtonsoft.Json.Linq;
 
 namespace Wayfarer
@@ -89,6 +90,15 @@ namespace Wayfarer
         public uint? Seed { get; set; }
 
         public bool? FootLock { get; set; }
+
+        /// <summary>Have the body that <see cref="Api.FitBody"/> has found.</summary>
+        public AgentSpec TakeBody(JObject fit)
+        {
+            Gender = (string)fit["gender"];
+            Betas = fit["betas"].Select(beta => (double)beta).ToArray();
+            HeightM = null;
+            return this;
+        }
 
         internal JObject Json()
         {

@@ -63,6 +63,24 @@ namespace Wayfarer.Tests
         }
 
         [Test]
+        public void An_agent_takes_the_body_of_a_character()
+        {
+            JToken rig = Golden.Document("retarget.json")["cases"].First(found => (string)found["name"] == "unity");
+            BoneMap map = RetargetTests.Map(rig).Corrected(new Dictionary<string, string> { ["neck"] = null });
+            var http = new FakeHttp().Answer(200, "{\"gender\": \"male\", \"betas\": [0.5, -1], \"scale\": 1.0}");
+            JObject fit = Of(http).FitBody(new CharacterJoints(map, Basis.Unity)).Result;
+            JObject asked = JObject.Parse(http.Asked[0].Body);
+            Assert.AreEqual("http://host:8080/v1/bodies:fit", http.Asked[0].Url);
+            Assert.AreEqual(21, asked["joints"].Count());
+            Assert.AreEqual(0, (double)asked["floor"]);
+            JToken knee = asked["joints"].First(joint => (string)joint["bone"] == "left_knee")["position"];
+            Assert.That((double)knee["x"], Is.LessThan(-0.05), "left is -x");
+            Assert.That((double)knee["y"], Is.InRange(0.3, 0.7));
+            AgentSpec spec = new AgentSpec { HeightM = 2 }.TakeBody(fit);
+            Assert.AreEqual("male 0.5 -1 ", spec.Gender + " " + spec.Betas[0] + " " + spec.Betas[1] + " " + spec.HeightM);
+        }
+
+        [Test]
         public void A_refusal_says_what_the_problem_document_says()
         {
             const string Document = "{\"title\": \"Invalid argument\", \"detail\": \"too far\", "
