@@ -220,7 +220,7 @@ def test_where_credentials_are_asked_for_any_name_will_do(http):
 def test_answers_say_what_a_page_may_load_and_who_may_frame_it(http, path):
     for answer in (http.get(path), client(ServerOptions()).get(path)):
         policy = answer.headers["content-security-policy"]
-        assert "default-src 'none'" in policy and "script-src 'self';" in policy
+        assert "default-src 'none'" in policy and "script-src 'self' 'wasm-unsafe-eval';" in policy
         assert answer.headers["x-frame-options"] == "SAMEORIGIN"
     assert policy.endswith("frame-ancestors 'self'")
     listed = http.get(path).headers["content-security-policy"]

@@ -45,6 +45,8 @@ class Page:
     """One tab, a context manager; `problems` collects errors of console, scripts, network."""
 
     def __init__(self, executable: str, profile: Path, size: tuple[int, int] = (1000, 640)) -> None:
+        self.url = ""
+        """Of the server that it shows."""
         width, height = size
         command = [executable, *FLAGS, f"--window-size={width},{height}"]
         self.problems: list[str] = []
@@ -121,6 +123,18 @@ class Page:
         held = {"modifiers": 8 if shift else 0, "button": "left", "clickCount": 1}
         for kind, (x, y) in (("mousePressed", start), ("mouseMoved", end), ("mouseReleased", end)):
             self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **held)
+
+    def drop(self, file: Path, x: float, y: float) -> None:
+        """Drag a file from outside onto a point of the page."""
+        data = {"items": [], "files": [str(file)], "dragOperationsMask": 1}
+        for kind in ("dragEnter", "dragOver", "drop"):
+            self.call("Input.dispatchDragEvent", type=kind, x=x, y=y, data=data)
+
+    def choose(self, selector: str, file: Path) -> None:
+        """Choose a file with an input of the page."""
+        root = self.call("DOM.getDocument")["root"]["nodeId"]
+        node = self.call("DOM.querySelector", nodeId=root, selector=selector)["nodeId"]
+        self.call("DOM.setFileInputFiles", files=[str(file)], nodeId=node)
 
     def screenshot(self) -> bytes:
         """The page as PNG."""

@@ -74,6 +74,15 @@ export class Api {
     return (await this.#call("GET", "/v1/bodies")).bodies;
   }
 
+  /**
+   * The body with the proportions of a character, whose joints at rest are [{ bone, position }]: its `gender` and
+   * `betas` are for an agent. `floor`: height of the ground under its soles.
+   * @param {{ bone: string, position: Place }[]} joints @param {number} [floor]
+   */
+  fitBody(joints, floor) {
+    return this.#call("POST", "/v1/bodies:fit", { joints, ...(floor !== undefined && { floor }) });
+  }
+
   /** @param {string} sessionId @param {object[]} agents @returns {Promise<any[]>} */
   async createAgents(sessionId, agents) {
     const path = `/v1/sessions/${encodeURIComponent(sessionId)}/agents`;

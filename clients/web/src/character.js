@@ -16,16 +16,36 @@ import { Rig } from "./core/rig.js";
  */
 /**
  * `correct`: other nodes than those found, as in `BoneMap.corrected`. `floor`: height of its soles at rest, where they
- * are not at 0 and it wears high heels, say.
+ * are not at 0 and it wears high heels, say. `foot`: as for `Retarget`.
  * @typedef {object} CharacterOptions
  * @property {Record<string, string | null>} [correct] @property {number} [floor]
+ * @property {{ heel: number, tip: number }} [foot]
  */
+
+/**
+ * The nodes below `tops` as a rig, parents first; `table`: VRM's names → numbers of nodes. As for `Character`.
+ * @template T @param {Engine<T>} engine @param {T[]} tops @param {Map<string, T>} [humanoid]
+ */
+export function readRig(engine, tops, humanoid = new Map()) {
+  /** @type {import("./core/rig.js").Node[]} */
+  const rest = [];
+  /** @type {T[]} */
+  const nodes = [];
+  const collect = (/** @type {T} */ node, /** @type {number} */ parent) => {
+    const number = rest.length;
+    rest.push({ ...engine.read(node), parent });
+    nodes.push(node);
+    for (const child of engine.children(node)) collect(child, number);
+  };
+  for (const top of tops) collect(top, -1);
+  const table = Object.fromEntries([...humanoid].map(([name, node]) => [name, nodes.indexOf(node)]));
+  return { rig: new Rig(rest), nodes, table };
+}
 
 /** A character that is posed by an agent's frames. @template T */
 export class Character {
   #engine;
-  /** @type {T[]} */
-  #nodes = [];
+  #nodes;
 
   /**
    * `tops`: its uppermost nodes, as they stand at rest, in the stream's world: metres, glTF axes. `humanoid`: VRM's
@@ -33,22 +53,13 @@ export class Character {
    * @param {Engine<T>} engine @param {T[]} tops @param {ArrayLike<number>} restOffsets of the agent
    * @param {CharacterOptions} [options] @param {Map<string, T>} [humanoid]
    */
-  constructor(engine, tops, restOffsets, { correct = {}, floor = NaN } = {}, humanoid = new Map()) {
+  constructor(engine, tops, restOffsets, { correct = {}, floor, foot } = {}, humanoid = new Map()) {
     this.#engine = engine;
-    /** @type {import("./core/rig.js").Node[]} */
-    const rest = [];
-    const collect = (/** @type {T} */ node, /** @type {number} */ parent) => {
-      const number = rest.length;
-      rest.push({ ...engine.read(node), parent });
-      this.#nodes.push(node);
-      for (const child of engine.children(node)) collect(child, number);
-    };
-    for (const top of tops) collect(top, -1);
-    const table = Object.fromEntries([...humanoid].map(([name, node]) => [name, this.#nodes.indexOf(node)]));
-    const found = mapBones(new Rig(rest), table);
+    const { rig, nodes, table } = readRig(engine, tops, humanoid);
+    this.#nodes = nodes;
     /** Which node is which bone. @type {BoneMap} */
-    this.map = Object.keys(correct).length ? found.corrected(correct) : found;
-    this.retarget = new Retarget(this.map, restOffsets, BASES.gltf, floor);
+    this.map = mapBones(rig, table, BASES.gltf, correct);
+    this.retarget = new Retarget(this.map, restOffsets, BASES.gltf, floor, foot);
   }
 
   /**

@@ -1,7 +1,7 @@
 // Client of Wayfarer, a motion service: people who walk, in a web page or in Node.
 
 export * from "./core/index.js";
-export { Character } from "./character.js";
+export { Character, readRig } from "./character.js";
 export { Access } from "./access.js";
 export { Api, ApiError, onFloor } from "./api.js";
 export { keepAlive } from "./lease.js";

@@ -30,7 +30,7 @@ READS: Final = ("GET", "HEAD", "OPTIONS")
 METHODS: Final = (*READS, "POST", "PUT", "PATCH", "DELETE")
 STREAM_TYPES: Final = ("text/event-stream", "application/x-ndjson")
 PAGE_POLICY: Final = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; "
     "img-src 'self' data: blob:; connect-src 'self' ws: wss: data: blob:; base-uri 'none'; "
     "form-action 'none'"
 )

@@ -13,6 +13,17 @@ const BREAKS = /(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[A-Za-z])(?=[0-
 /** @typedef {import("./rig.js").Rig} Rig */
 /** @typedef {import("./bases.js").Basis} Basis */
 
+/** A rig that is no humanoid as it is mapped; the message says what is wrong, and what is allowed. */
+export class BoneMapError extends Error {
+  /** @param {string} message @param {Map<string, number>} bones */
+  constructor(message, bones) {
+    super(message);
+    this.name = "BoneMapError";
+    /** Bones that were found, by canonical name. @type {Map<string, number>} */
+    this.bones = bones;
+  }
+}
+
 /** A rig's nodes by canonical bone name, and how they were found. */
 export class BoneMap {
   /** @param {Rig} rig @param {Map<string, number>} bones @param {"vrm" | "names" | "shape" | "user"} foundBy */
@@ -37,42 +48,64 @@ export class BoneMap {
    * @param {Record<string, string | null>} changes
    */
   corrected(changes) {
-    const names = this.rig.nodes.map(({ name }) => name);
-    const bones = new Map(this.bones);
-    for (const [bone, name] of Object.entries(changes)) {
-      if (!BONES.includes(bone)) throw new Error(`"${bone}" is no bone; bones are ${BONES.join(", ")}`);
-      bones.delete(bone);
-      if (name === null) continue;
-      if (!names.includes(name)) throw new Error(`${bone}: the rig has no node "${name}"`);
-      bones.set(bone, names.indexOf(name));
-    }
-    return new BoneMap(this.rig, bones, "user");
+    return new BoneMap(this.rig, changed(this.rig, this.bones, changes), "user");
   }
 }
 
+/** @param {Rig} rig @param {Map<string, number>} found @param {Record<string, string | null>} changes */
+function changed(rig, found, changes) {
+  const names = rig.nodes.map(({ name }) => name);
+  const bones = new Map(found);
+  for (const [bone, name] of Object.entries(changes)) {
+    if (!BONES.includes(bone)) throw new BoneMapError(`"${bone}" is no bone; bones are ${BONES.join(", ")}`, found);
+    bones.delete(bone);
+    if (name === null) continue;
+    if (!names.includes(name)) throw new BoneMapError(`${bone}: the rig has no node "${name}"`, found);
+    bones.set(bone, names.indexOf(name));
+  }
+  return bones;
+}
+
 /**
- * The map of a rig. `humanoid`: VRM's names → nodes; `basis`: of the rig's space, for its up. Throws, with what was
- * looked for, when hips or legs cannot be told.
+ * The map of a rig. `humanoid`: VRM's names → nodes; `basis`: of the rig's space, for its up; `correct`: as in
+ * `corrected`, also where too little is found. Throws BoneMapError.
  * @param {Rig} rig @param {Record<string, number> | null} [humanoid] @param {Basis} [basis]
+ * @param {Record<string, string | null>} [correct]
  */
-export function mapBones(rig, humanoid = null, basis = BASES.gltf) {
-  if (humanoid && Object.keys(humanoid).length) return new BoneMap(rig, byVrm(humanoid), "vrm");
+export function mapBones(rig, humanoid = null, basis = BASES.gltf, correct = {}) {
+  const [found, foundBy] = find(rig, humanoid, basis);
+  if (Object.keys(correct).length) return new BoneMap(rig, changed(rig, found, correct), "user");
+  return new BoneMap(rig, found, foundBy);
+}
+
+/**
+ * @param {Rig} rig @param {Record<string, number> | null} humanoid @param {Basis} basis
+ * @returns {[Map<string, number>, "vrm" | "names" | "shape"]}
+ */
+function find(rig, humanoid, basis) {
+  if (humanoid && Object.keys(humanoid).length) return [byVrm(humanoid), "vrm"];
   const named = byNames(rig);
-  if (REQUIRED.every((bone) => named.has(bone))) return new BoneMap(rig, named, "names");
+  if (REQUIRED.every((bone) => named.has(bone))) return [named, "names"];
   const shaped = byShape(rig, basis);
-  if (REQUIRED.every((bone) => shaped.has(bone))) return new BoneMap(rig, shaped, "shape");
-  const lacking = REQUIRED.filter((bone) => !named.has(bone)).join(", ");
-  throw new Error(`neither the names nor the shape of this rig tell its ${lacking}`);
+  if (REQUIRED.every((bone) => shaped.has(bone))) return [shaped, "shape"];
+  return [named, "names"];
+}
+
+/** What is said of bones that were not found. @param {string[]} lacking */
+function unknown(lacking) {
+  const roles = /** @type {(keyof typeof WORDS.roles)[]} */ ([...new Set(lacking.map((bone) => bone.replace(/^(left|right)_/, "")))]);
+  const allowed = roles.map((role) => `${role}: ${WORDS.roles[role].join(", ")}`).join("; ");
+  return `no node was found for ${lacking.join(", ")}. Known names, with sides as in LeftFoot, foot_l, foot.L: ${allowed}`;
 }
 
 /** The bones in canonical order, if they are those of a humanoid. @param {Rig} rig @param {Map<string, number>} bones */
 function checked(rig, bones) {
   const node = (/** @type {string} */ bone) => /** @type {number} */ (bones.get(bone));
   const lacking = REQUIRED.filter((bone) => !bones.has(bone));
-  if (lacking.length) throw new Error(`the map lacks ${lacking.join(", ")}`);
+  if (lacking.length) throw new BoneMapError(unknown(lacking), bones);
   const hangs = (/** @type {string} */ lower, /** @type {string} */ upper) => {
     if (rig.ancestors(node(lower)).includes(node(upper))) return;
-    throw new Error(`${lower}: "${rig.nodes[node(lower)].name}" does not hang from the ${upper}`);
+    throw new BoneMapError(`${lower}: "${rig.nodes[node(lower)].name}" does not hang from the ${upper}`, bones);
   };
   for (const side of SIDES) {
     hangs(`${side}_hip`, "pelvis");
@@ -85,7 +118,7 @@ function checked(rig, bones) {
     const above = rig.ancestors(k).find((n) => nodes.has(n));
     const name = above === undefined ? undefined : nodes.get(above);
     const right = bone === "pelvis" ? name === undefined : name && BONES.indexOf(name) < BONES.indexOf(bone);
-    if (!right) throw new Error(`${bone}: "${rig.nodes[k].name}" hangs from ${name ?? "no bone"}`);
+    if (!right) throw new BoneMapError(`${bone}: "${rig.nodes[k].name}" hangs from ${name ?? "no bone"}`, bones);
   }
   return found;
 }
@@ -113,7 +146,7 @@ function byVrm(humanoid) {
 }
 
 /** Side ("left", "right", "") and the rest of a name; helpers give nothing. @param {string} name */
-function words(name) {
+export function words(name) {
   const last = /** @type {string} */ (name.split(/[:|]/).at(-1));
   const tokens = last.replace(BREAKS, " ").split(/[^A-Za-z]+/).filter(Boolean).map((token) => token.toLowerCase());
   if (tokens.some((token) => WORDS.helpers.includes(token))) return { side: "", rest: "" };

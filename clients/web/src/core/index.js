@@ -1,7 +1,7 @@
 // The core: no engine, no clock, no socket. Bytes and times go in, poses come out.
 
 export { BASES, headingOf } from "./bases.js";
-export { BoneMap, mapBones } from "./bone_map.js";
+export { BoneMap, BoneMapError, mapBones } from "./bone_map.js";
 export { FLAG, StreamDecoder } from "./messages.js";
 export { MotionPlayer, PlayedAgent } from "./player.js";
 export { PlayoutClock, PoseTrack, mixPoses } from "./playout.js";

@@ -8,8 +8,8 @@ import { BONES, PARENTS } from "./rig.js";
 const SNAP = Math.cos((25 * Math.PI) / 180); // a rig's up or left so near to one of its axes is meant to be that axis
 const REACH = 0.999; // of a leg's length: how far it is stretched at most
 const BEND = 0.1; // of the thigh's length: a knee that bends less than this bends forwards
-const HEEL = 0.35; // of the way from ankle to ball: how far the heel is behind the ankle
-const TIP = 0.45; // of the way from ankle to ball: how far the tip of the toes is before the ball
+/** In lengths from ankle to ball: how far the heel is behind the ankle, and the tip of the toes before the ball. */
+const FOOT = { heel: 0.35, tip: 0.45 };
 const SIDES = ["left", "right"];
 const LEGS = SIDES.map((side) => ["hip", "knee", "ankle", "foot"].map((bone) => BONES.indexOf(`${side}_${bone}`)));
 const ARMS = SIDES.map((side) => ["shoulder", "elbow", "wrist"].map((bone) => BONES.indexOf(`${side}_${bone}`)));
@@ -24,11 +24,12 @@ const GROUND = 34, LOW = 35, SOLE = 36, MOST = 37, LEAST = 38, LENGTH = 39, CLEA
 export class Retarget {
   /**
    * `restOffsets` of the agent, three numbers a bone; `floor`: height of the character's soles at rest. Both in the
-   * stream's basis and unit, as is the character's own space.
+   * stream's basis and unit, as is the character's own space. `foot`: how far its heel is behind the ankle and the tip
+   * of its toes before the ball, in lengths from ankle to ball.
    * @param {import("./bone_map.js").BoneMap} boneMap @param {ArrayLike<number>} restOffsets
-   * @param {import("./bases.js").Basis} [basis] @param {number} [floor]
+   * @param {import("./bases.js").Basis} [basis] @param {number} [floor] @param {{ heel: number, tip: number }} [foot]
    */
-  constructor(boneMap, restOffsets, basis = BASES.gltf, floor = NaN) {
+  constructor(boneMap, restOffsets, basis = BASES.gltf, floor = NaN, foot = FOOT) {
     const { rig, bones } = boneMap;
     this.basis = basis;
     /** Node of each bone, -1 for those that the character lacks. */
@@ -76,7 +77,7 @@ export class Retarget {
     this.soles = [new Float64Array(9), new Float64Array(9)]; // of a foot that stands: heel, ball, tip
     this.sourceSoles = [new Float64Array(9), new Float64Array(9)];
     this.stance = [new Float64Array(3), new Float64Array(3)];
-    this.#legs(place, correct, floor);
+    this.#legs(place, correct, floor, foot);
     this.turns = new Float64Array(4 * COUNT); // of the agent, in the world
     this.source = new Float64Array(3 * COUNT);
     this.scratch = new Float64Array(CLEAR + 2);
@@ -131,8 +132,8 @@ export class Retarget {
     return v.map((value, n) => value - high * up[n]);
   }
 
-  /** @param {Float64Array[]} place @param {Float64Array[]} correct @param {number} floor */
-  #legs(place, correct, floor) {
+  /** @param {Float64Array[]} place @param {Float64Array[]} correct @param {number} floor @param {typeof FOOT} foot */
+  #legs(place, correct, floor, foot) {
     const { up } = this.basis;
     /** @type {Float64Array[]} */
     const stand = [place[0]]; // joint places in the T-pose
@@ -160,26 +161,26 @@ export class Retarget {
     let high = 0;
     LEGS.forEach(([, , ankle, toe], leg) => {
       const ball = minus(source[toe], source[ankle]);
-      this.#sole(ball, dot(source[ankle], up), this.sourceSoles[leg]);
+      this.#sole(ball, dot(source[ankle], up), FOOT, this.sourceSoles[leg]);
       // without toes, where a foot of this size would have them
       const own = place[toe] ? turned(correct[ankle], minus(place[toe], place[ankle])) : ball.map((value) => scale * value);
       const height = dot(place[ankle], up) - floor;
       high += height / LEGS.length;
-      this.#sole(own, height, this.soles[leg]);
+      this.#sole(own, height, foot, this.soles[leg]);
       const beside = minus(minus(plus(stand[ankle], own), stand[0]), minus(source[toe], source[0]));
       this.stance[leg].set(this.#level(beside));
     });
     this.ratio = (legs / LEGS.length + high) / dot(source[0], up);
   }
 
-  /** Of a foot that stands: heel and ball from the ankle, tip of the toes from the ball. @param {Float64Array} ball @param {number} height @param {Float64Array} out */
-  #sole(ball, height, out) {
+  /** Of a foot that stands: heel and ball from the ankle, tip of the toes from the ball. @param {Float64Array} ball @param {number} height @param {typeof FOOT} foot @param {Float64Array} out */
+  #sole(ball, height, foot, out) {
     const ahead = this.#level(ball);
     const { up } = this.basis;
     for (let n = 0; n < 3; n += 1) {
-      out[n] = -height * up[n] - HEEL * ahead[n];
+      out[n] = -height * up[n] - foot.heel * ahead[n];
       out[3 + n] = -height * up[n] + ahead[n];
-      out[6 + n] = TIP * ahead[n];
+      out[6 + n] = foot.tip * ahead[n];
     }
   }
 

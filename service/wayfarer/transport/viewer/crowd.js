@@ -21,6 +21,7 @@ export class Crowd {
     this.changed = changed;
     this.failed = failed;
     this.members = new Map(); // alias → Person
+    this.looks = new Map(); // id of an agent → CharacterFile, of those who have one
     this.boneNames = [];
     this.marks = { trails: false, labels: false };
     this.strained = { reduced: -Infinity, held: -Infinity }; // local time of the last such chunk
@@ -68,12 +69,23 @@ export class Crowd {
     this.members.set(agent.alias, person);
     this.stage.add(person.group);
     person.showLabel(this.marks.labels);
-    person.load(...this.mesh(agent), this.boneNames).catch((error) => this.failed(`body not loaded: ${error.message}`));
+    const look = this.looks.get(agent.id);
+    if (look) person.wear(look.body(agent.restOffsets));
+    else person.load(...this.mesh(agent), this.boneNames).catch((error) => this.failed(`body not loaded: ${error.message}`));
     this.changed();
   }
 
+  /** Let an agent look like a character (`CharacterFile`), now or when it comes. */
+  dress(agentId, look) {
+    this.looks.set(agentId, look);
+    const person = this.people.find(({ agent }) => agent.id === agentId);
+    person?.wear(look.body(person.agent.restOffsets));
+  }
+
   #remove(alias) {
-    this.members.get(alias)?.dispose();
+    const person = this.members.get(alias);
+    person?.dispose();
+    if (person) this.looks.delete(person.agent.id);
     if (this.members.delete(alias)) this.changed();
   }
 

@@ -47,12 +47,15 @@ export class Errands {
   async wander() {
     if (!this.wandering) return;
     const idle = this.crowd.people.filter((person) => !person.wanders && !person.ahead.length);
+    for (const person of idle) this.roaming.add(person);
+    await this.roam(idle);
+  }
+
+  /** Let people walk about, until they are sent somewhere or stopped. */
+  async roam(people) {
     const how = { speed: this.ask().speed };
-    for (const person of idle) {
-      person.wanders = true;
-      this.roaming.add(person);
-    }
-    await Promise.all(idle.map(({ agent }) => (
+    for (const person of people) person.wanders = true;
+    await Promise.all(people.map(({ agent }) => (
       this.scene() ? this.api.roam(agent.id, how) : this.api.wander(agent.id, { x: 0, z: 0 }, WANDER_RADIUS, how)
     )));
   }

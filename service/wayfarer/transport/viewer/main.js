@@ -1,10 +1,11 @@
 // Puts the page together: session, scene, stage, controls.
 
-import { Access, Api, clock } from "./client/index.js";
+import { Access, Api, BONES, clock } from "./client/index.js";
 import { Chase } from "./chase.js";
 import { crowdText, eventText, randomAgents } from "./choices.js";
 import { Crowd } from "./crowd.js";
 import { Errands } from "./errands.js";
+import { kindOf, watchFiles } from "./files.js";
 import { askToken, byId, listPeople, mention, Readout, showConnection, tell } from "./hud.js";
 import { ScenePanel } from "./panel.js";
 import { floorRing } from "./people.js";
@@ -12,6 +13,7 @@ import { watchPointer } from "./pointer.js";
 import { Stage } from "./scene.js";
 import { PageSession } from "./session.js";
 import { Tools } from "./tools.js";
+import { Wardrobe } from "./wardrobe.js";
 
 const DETAILED = 24; // so many people get the fine mesh; later ones the light one
 const STATS_SECONDS = 1;
@@ -49,6 +51,7 @@ const errands = new Errands(api, crowd, {
   scene: () => session.scene,
 });
 const tools = new Tools({ stage, level, book, crowd, errands, select, attempt });
+const wardrobe = new Wardrobe(api, crowd, { enlist, walk: attempt(setOff), attempt });
 const chase = new Chase();
 const cursor = floorRing(0.1, 0.14, "#b02a37");
 cursor.visible = false;
@@ -139,7 +142,10 @@ function setSendMode(mode) {
 
 // ---- what the user asks for; every refusal is shown
 
-const add = attempt(async (count) => {
+const add = attempt((count) => create(count));
+
+/** Create people on free places near what is looked at; `how`: what all of them have. Their ids. */
+async function create(count, how = {}) {
   await place.settled;
   if (!session.id) throw new Error("not connected yet");
   const heights = Object.fromEntries(
@@ -148,8 +154,31 @@ const add = attempt(async (count) => {
   const where = level.ground
     ? { middle: stage.controls.target, heightAt: (x, z) => level.ground.heightAt(x, z, stage.controls.target.y) }
     : {};
-  await api.createAgents(session.id, randomAgents(count, heights, crowd.people, where));
-});
+  const people = randomAgents(count, heights, crowd.people, where).map((person) => ({ ...person, ...how }));
+  if ("betas" in how) for (const person of people) delete person.phenotype;
+  return (await api.createAgents(session.id, people)).map(({ agent_id: id }) => id);
+}
+
+/** An agent of a shape { gender, betas } or { phenotype }, with a name; its id. */
+async function enlist(shape) {
+  const [id] = await create(1, shape);
+  return id;
+}
+
+/** Let somebody who has just been created walk about, with the camera behind. */
+async function setOff(id) {
+  const current = session.id;
+  for (let person = null; !person && session.id === current;) {
+    person = crowd.people.find(({ agent, shown }) => agent.id === id && shown);
+    if (!person) {
+      await new Promise((go) => setTimeout(go, 50));
+      continue;
+    }
+    select(person);
+    follow(true);
+    await errands.roam([person]);
+  }
+}
 
 const remove = attempt(async () => {
   if (tools.name === "crate" && tools.deleteChosen()) return;
@@ -186,6 +215,9 @@ function follow(on) {
 byId("add-one").onclick = () => add(1);
 byId("add-many").onclick = () => add(16);
 byId("remove").onclick = remove;
+watchFiles([byId("character-file"), byId("level-file")], attempt(async (file) => {
+  await (await kindOf(file) === "character" ? wardrobe : place).take(file);
+}));
 byId("stop").onclick = stop;
 byId("wander").onclick = toggleWander;
 byId("populate").onclick = populate;
@@ -294,7 +326,7 @@ setInterval(wander, WANDER_SECONDS * 1000);
 
 // for the browser's console, and the tests
 globalThis.wayfarer = {
-  crowd, stage, api, level, book, tools,
+  crowd, stage, api, level, book, tools, wardrobe, bones: BONES,
   get session() { return session.id; },
   get player() { return session.player; },
   get stream() { return session.current?.stream; },

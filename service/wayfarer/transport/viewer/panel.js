@@ -26,11 +26,9 @@ export class ScenePanel {
     stage.add(this.level.group);
     this.settled = Promise.resolve(); // until then a scene is being opened
     this.choose = attempt((value) => this.#while(this.#choose(value)));
-    this.take = attempt((file) => this.#while(this.#take(file)));
+    this.take = attempt((file) => this.#while(this.#take(file))); // a level
     byId("scene").onchange = ({ target }) => this.choose(target.value);
     byId("walkable").onchange = ({ target }) => this.level.showWalkable(target.checked);
-    byId("level-file").onchange = ({ target }) => target.files[0] && this.take(target.files[0]);
-    this.#watchDrops();
     setInterval(() => document.hidden || this.book.poll(), POLL_SECONDS * 1000);
   }
 
@@ -127,21 +125,5 @@ export class ScenePanel {
       },
       () => {}, // the next poll tells
     );
-  }
-
-  #watchDrops() {
-    const holdsFile = (event) => event.dataTransfer?.types.includes("Files");
-    addEventListener("dragover", (event) => {
-      if (!holdsFile(event)) return;
-      event.preventDefault();
-      document.body.classList.add("dropping");
-    });
-    addEventListener("dragleave", (event) => event.relatedTarget ?? document.body.classList.remove("dropping"));
-    addEventListener("drop", (event) => {
-      if (!holdsFile(event)) return;
-      event.preventDefault();
-      document.body.classList.remove("dropping");
-      if (event.dataTransfer.files[0]) this.take(event.dataTransfer.files[0]);
-    });
   }
 }

@@ -56,12 +56,16 @@ export class Person {
   /** Load the body (`bodies.load`); the person appears with its first pose. */
   async load(url, headers, boneNames) {
     const body = await this.bodies.load(url, headers, boneNames);
-    if (this.gone) {
-      body.remove();
-      return;
-    }
+    if (this.gone || this.body) body.remove();
+    else this.wear(body);
+  }
+
+  /** Have another body: { pose(frame), height, remove(), object: where it is none of all people's }. */
+  wear(body) {
+    this.body?.remove();
     this.body = body;
     this.height = body.height;
+    if (body.object) this.group.add(body.object);
   }
 
   showLabel(visible) {

@@ -1,0 +1,192 @@
+// A character of the user's: a VRM or GLB file. It is read on this page and sent nowhere.
+
+import { Box3, GLTFLoader, Vector3, cloneSkinned } from "./vendor/three.min.js";
+import { BASES, BoneMapError, Character, mapBones, readRig } from "./client/index.js";
+import { THREE_NODES, joinSkeleton, measureFeet } from "./client/three.js";
+import { readGlb } from "./glb.js";
+
+const SIZES = [0.4, 4]; // metres: a character out of that range is of another unit
+const PERSON = 1.7; // metres
+
+/** Whether a file's bytes are a character: it has a skin, or says that it is an avatar. */
+export function isCharacter(bytes) {
+  const json = readGlb(bytes);
+  return Boolean(json?.skins?.length || json?.extensions?.VRM || json?.extensions?.VRMC_vrm);
+}
+
+/** A file that is a character, with the map of its bones. */
+export class CharacterFile {
+  /** Read a file's bytes. Throws, in words for the user, when there is no such character in it. */
+  static async read(bytes, name) {
+    const json = readGlb(bytes);
+    if (!json) throw new Error(`${name} is no GLB or VRM file: it does not begin as one`);
+    if (!json.skins?.length) throw new Error(`${name} has no skeleton: a character needs a skin with bones`);
+    const loader = new GLTFLoader();
+    const wanted = new Set([...(json.extensionsRequired ?? []), ...(json.extensionsUsed ?? [])]);
+    if (wanted.has("KHR_draco_mesh_compression")) {
+      throw new Error(`${name} is compressed by Draco, which this page cannot read: export it without, or with meshopt`);
+    }
+    if (wanted.has("EXT_meshopt_compression")) {
+      loader.setMeshoptDecoder((await import("./vendor/meshopt.min.js")).MeshoptDecoder);
+    }
+    const gltf = await loader.parseAsync(bytes, "");
+    return new CharacterFile(gltf, humanoidOf(json), name, sumOf(bytes));
+  }
+
+  /** `humanoid`: VRM's names → numbers of the file's nodes; `key`: of the file's content. */
+  constructor({ scene, parser }, humanoid, name, key) {
+    this.name = name;
+    this.title = name.replace(/\.[^.]*$/, "").slice(0, 64);
+    this.key = `wayfarer.bones.${key}`;
+    this.source = scene;
+    this.rescaled = 1;
+    this.#normalise();
+    const all = nodesOf(scene);
+    const objects = new Map([...parser.associations].flatMap(([object, from]) => (all.includes(object) ? [[from?.nodes, object]] : [])));
+    this.humanoid = new Map([...humanoid].flatMap(([bone, number]) => (objects.has(number) ? [[bone, all.indexOf(objects.get(number))]] : [])));
+    this.named = null; // numbers of the nodes that may be bones, where not all may
+    this.correct = JSON.parse(localStorage.getItem(this.key) ?? "{}");
+    this.#look();
+    if (!this.problem || !Object.keys(this.correct).length) return;
+    this.correct = {}; // kept from before, and of no use with the rules of today
+    this.#look();
+  }
+
+  /** Names of the nodes that can be chosen. */
+  get nodeNames() {
+    return this.rig.nodes.map(({ name }) => name).filter(Boolean);
+  }
+
+  /** Name of the node of a bone, or "". */
+  nodeOf(bone) {
+    const node = this.bones.get(bone);
+    return node === undefined ? "" : this.rig.nodes[node].name;
+  }
+
+  /** With this node for a bone (null: none). What is wrong with the map then is in `problem`; else it is kept. */
+  choose(bone, node) {
+    this.correct = { ...this.correct, [bone]: node };
+    this.#look();
+    if (!this.problem) localStorage.setItem(this.key, JSON.stringify(this.correct));
+  }
+
+  /** Forget what was chosen. */
+  reset() {
+    this.correct = {};
+    localStorage.removeItem(this.key);
+    this.#look();
+  }
+
+  /** Places of its joints at rest: [{ bone, position }], for a body of its proportions. */
+  get joints() {
+    return [...this.bones].map(([bone, node]) => {
+      const [x, y, z] = this.rig.place(node);
+      return { bone, position: { x, y, z } };
+    });
+  }
+
+  /** A body of its own for an agent: { object, character, height, pose(frame), remove() }. */
+  body(restOffsets) {
+    const object = cloneSkinned(this.source);
+    const { engine, humanoid } = this.#reading(object);
+    const character = new Character(engine, [object], restOffsets, { ...this.feet, correct: this.correct }, humanoid);
+    return {
+      object, character, height: this.height,
+      pose: (frame) => character.pose(frame),
+      remove: () => object.removeFromParent(),
+    };
+  }
+
+  /** Free what the graphics card holds of it. */
+  dispose() {
+    this.source.traverse((node) => {
+      node.geometry?.dispose();
+      for (const material of [node.material ?? []].flat()) {
+        for (const value of Object.values(material)) if (value?.isTexture) value.dispose();
+        material.dispose();
+      }
+    });
+  }
+
+  /** Shadows; a file in centimetres or decimetres becomes one in metres. */
+  #normalise() {
+    this.source.traverse((node) => {
+      if (!node.isMesh) return;
+      node.castShadow = node.receiveShadow = true;
+      node.frustumCulled = false; // its bounds are those at rest
+    });
+    this.source.updateMatrixWorld(true);
+    const high = heightOf(this.source);
+    if (high < SIZES[0] || high > SIZES[1]) {
+      this.rescaled = 10 ** Math.round(Math.log10(PERSON / high));
+      this.source.scale.multiplyScalar(this.rescaled);
+      this.source.updateMatrixWorld(true);
+    }
+    this.height = heightOf(this.source);
+  }
+
+  /** How the nodes of the source, or of a copy of it, are read: which may be bones, and which are VRM's. */
+  #reading(scene) {
+    const nodes = nodesOf(scene);
+    const humanoid = new Map([...this.humanoid].map(([bone, number]) => [bone, nodes[number]]));
+    if (!this.named) return { engine: THREE_NODES, humanoid };
+    const named = new Set([...this.named].map((number) => nodes[number]));
+    const read = (node) => ({ ...THREE_NODES.read(node), ...(!named.has(node) && { name: "" }) });
+    return { engine: { ...THREE_NODES, read }, humanoid };
+  }
+
+  /** Find the map: of all nodes by their names; where that tells no trunk, of those that move skin, made one tree. */
+  #look() {
+    if (this.#map() || this.named || this.humanoid.size) return;
+    const bones = joinSkeleton(this.source);
+    this.named = new Set(nodesOf(this.source).flatMap((node, k) => (bones.has(node) ? [k] : [])));
+    if (this.#map()) return;
+    this.named = null;
+    this.#map();
+  }
+
+  /** Whether a map with a trunk is found; `rig`, `bones`, `foundBy`, `problem` say which, or why not. */
+  #map() {
+    const { engine, humanoid } = this.#reading(this.source);
+    const { rig, nodes, table } = readRig(engine, [this.source], humanoid);
+    this.rig = rig;
+    this.problem = "";
+    try {
+      const map = mapBones(rig, table, BASES.gltf, this.correct);
+      this.bones = map.bones;
+      this.feet = measureFeet(this.source, map, nodes);
+      this.foundBy = map.foundBy;
+      return map.bones.has("head") || map.bones.has("spine3");
+    } catch (error) {
+      if (!(error instanceof BoneMapError)) throw error;
+      this.bones = error.bones;
+      this.problem = error.message;
+      return false;
+    }
+  }
+}
+
+/** All nodes, in an order that a copy has, too. */
+function nodesOf(scene) {
+  const found = [];
+  scene.traverse((node) => found.push(node));
+  return found;
+}
+
+function heightOf(scene) {
+  return new Box3().setFromObject(scene, true).getSize(new Vector3()).y;
+}
+
+/** VRM's names of bones → numbers of nodes, of VRM 0 and 1. */
+function humanoidOf({ extensions = {} }) {
+  const { VRMC_vrm: one, VRM: zero } = extensions;
+  if (one) return new Map(Object.entries(one.humanoid?.humanBones ?? {}).map(([bone, { node }]) => [bone, node]));
+  return new Map((zero?.humanoid?.humanBones ?? []).map(({ bone, node }) => [bone, node]));
+}
+
+/** A number that tells files apart. */
+function sumOf(bytes) {
+  let sum = 2166136261; // FNV-1a
+  for (const byte of new Uint8Array(bytes)) sum = Math.imul(sum ^ byte, 16777619);
+  return `${bytes.byteLength}-${(sum >>> 0).toString(36)}`;
+}

@@ -1,0 +1,1 @@
+export { MeshoptDecoder } from "three/examples/jsm/libs/meshopt_decoder.module.js";
