@@ -98,7 +98,8 @@ def _plot_latencies(axes: Any, tally: Tally, agents: int) -> None:
     axes.set_xticks([1 / (1 - t) for t in ticks], [f"{100 * t:g} %" for t in ticks])
     axes.set(xlabel="percentile", ylabel="ms", title=f"{agents} agents")
     axes.grid(alpha=0.3)
-    axes.legend()
+    if axes.get_lines():
+        axes.legend()
 
 
 def _plot_knee(path: Path, found: int, trials: list[dict[str, Any]], p99_ms: float) -> None:

@@ -1,6 +1,7 @@
 """Commands that need torch: `wayfarer train …` and `wayfarer export`."""
 
 import tomllib
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, TypeVar
@@ -18,7 +19,7 @@ from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer_lab.training.analytic import AnalyticConfig, load_walks, train_analytic
 from wayfarer_lab.training.blend import blend_runs
 from wayfarer_lab.training.card import model_card
-from wayfarer_lab.training.dataset import load_frames, load_poses
+from wayfarer_lab.training.dataset import Frames, load_frames, load_poses
 from wayfarer_lab.training.export import Sources, export_models, write_models
 from wayfarer_lab.training.goal_cvae import GoalCvaeConfig, load_goal_cvae_graphs, train_goal_cvae
 from wayfarer_lab.training.policy import PolicyConfig, load_environment, train_policy
@@ -68,84 +69,83 @@ def read_config(kind: type[Config], name: str) -> Config:
         ) from None
 
 
-@app.command(short_help="Train a marker predictor (Eq. 1).")
-def predictor(
-    data: DataOption,
-    out: OutOption,
-    config: ConfigOption = "predictor_2f",
-    minutes: MinutesOption = float("inf"),
-    threads: ThreadsOption = 0,
-) -> None:
+Train = Callable[[Config, Path, Path, float], bool]
+"""Settings, data folder, run folder and minutes; True: finished."""
+
+
+def training(
+    name: str, kind: type[Config], usual: str, short_help: str
+) -> Callable[[Train[Config]], Train[Config]]:
+    """`wayfarer train NAME`: the options that all trainings have, and the help of the function."""
+
+    def register(train: Train[Config]) -> Train[Config]:
+        def command(
+            data: DataOption,
+            out: OutOption,
+            config: ConfigOption = usual,
+            minutes: MinutesOption = float("inf"),
+            threads: ThreadsOption = 0,
+        ) -> None:
+            if threads:
+                torch.set_num_threads(threads)
+            done = train(read_config(kind, config), data, out, minutes)
+            typer.echo(f"{out}: finished" if done else f"{out}: stopped; the same command resumes")
+
+        command.__doc__ = train.__doc__
+        app.command(name, short_help=short_help)(command)
+        return train
+
+    return register
+
+
+def _frames(data: Path, mix: Mapping[str, float]) -> tuple[Frames, Frames]:
+    """Those of training and of validation."""
+    return load_frames(data, "train", mix), load_frames(data, "validation", mix)
+
+
+@training("predictor", PredictorConfig, "predictor_2f", "Train a marker predictor (Eq. 1).")
+def predictor(settings: PredictorConfig, data: Path, out: Path, minutes: float) -> bool:
     """Train a marker predictor (Eq. 1 of the paper), on single primitives or on rollouts."""
-    _threads(threads)
-    settings = read_config(PredictorConfig, config)
-    train, validation = (
-        load_frames(data, split, settings.mix) for split in ("train", "validation")
-    )
-    _finished(train_predictor(settings, train, validation, out, minutes), out)
+    return train_predictor(settings, *_frames(data, settings.mix), out, minutes)
 
 
-@app.command(short_help="Train the body regressor of a gender (Eq. 2).")
-def regressor(
-    data: DataOption,
-    out: OutOption,
-    config: ConfigOption = "regressor_female",
-    minutes: MinutesOption = float("inf"),
-    threads: ThreadsOption = 0,
-) -> None:
+@training(
+    "regressor",
+    RegressorConfig,
+    "regressor_female",
+    "Train the body regressor of a gender (Eq. 2).",
+)
+def regressor(settings: RegressorConfig, data: Path, out: Path, minutes: float) -> bool:
     """Train the body regressor of one gender (Eq. 2 of the paper)."""
-    _threads(threads)
-    settings = read_config(RegressorConfig, config)
     body = load_body("anny52", settings.gender)
-    train, validation = (
-        load_frames(data, split, settings.mix) for split in ("train", "validation")
-    )
-    _finished(train_regressor(settings, train, validation, body, out, minutes), out)
+    return train_regressor(settings, *_frames(data, settings.mix), body, out, minutes)
 
 
-@app.command(short_help="Train the pose prior, a VAE of poses.")
-def pose_prior(
-    data: DataOption,
-    out: OutOption,
-    config: ConfigOption = "pose_prior",
-    minutes: MinutesOption = float("inf"),
-    threads: ThreadsOption = 0,
-) -> None:
+@training("pose-prior", PosePriorConfig, "pose_prior", "Train the pose prior, a VAE of poses.")
+def pose_prior(settings: PosePriorConfig, data: Path, out: Path, minutes: float) -> bool:
     """Train the pose prior, a VAE of poses in the role of VPoser, for policy and evaluation."""
-    _threads(threads)
-    settings = read_config(PosePriorConfig, config)
     train, validation = (load_poses(data, split, settings.mix) for split in ("train", "validation"))
-    _finished(train_pose_prior(settings, train, validation, out, minutes), out)
+    return train_pose_prior(settings, train, validation, out, minutes)
 
 
-@app.command(short_help="Train the goal policy by PPO (Eq. 10).")
-def policy(
-    data: DataOption,
-    out: OutOption,
-    config: ConfigOption = "policy_ppo",
-    minutes: MinutesOption = float("inf"),
-    threads: ThreadsOption = 0,
-) -> None:
+@training("policy", PolicyConfig, "policy_ppo", "Train the goal policy by PPO (Eq. 10).")
+def policy(settings: PolicyConfig, data: Path, out: Path, minutes: float) -> bool:
     """Train the goal policy by PPO in simulation (Eq. 10 of the paper).
 
     The config names the runs of the trained networks.
     """
-    _threads(threads)
-    settings = read_config(PolicyConfig, config)
     moving = load_poses(data, "train", settings.moving_mix)
     standing = torch.from_numpy(load_start_poses(ASSETS / "start_poses.npz"))
-    environment = load_environment(settings, moving, standing)
-    _finished(train_policy(settings, environment, out, minutes), out)
+    return train_policy(settings, load_environment(settings, moving, standing), out, minutes)
 
 
-@app.command("policy-analytic", short_help="Train the goal policy by analytic gradients.")
-def policy_analytic(
-    data: DataOption,
-    out: OutOption,
-    config: ConfigOption = "policy_analytic",
-    minutes: MinutesOption = float("inf"),
-    threads: ThreadsOption = 0,
-) -> None:
+@training(
+    "policy-analytic",
+    AnalyticConfig,
+    "policy_analytic",
+    "Train the goal policy by analytic gradients.",
+)
+def policy_analytic(settings: AnalyticConfig, data: Path, out: Path, minutes: float) -> bool:
     """Train the goal policy by analytic gradients of the quality terms, as the shipped one.
 
     The config names the runs of the trained networks. With a section [likeness] a critic learns
@@ -157,30 +157,14 @@ def policy_analytic(
     wayfarer train policy-analytic --config policy_walks --data data/prepared
     --out runs/policy_walks
     """
-    _threads(threads)
-    settings = read_config(AnalyticConfig, config)
-    train, validation = (
-        load_frames(data, split, settings.mix) for split in ("train", "validation")
-    )
     walks = load_walks(data) if settings.likeness else None
-    _finished(train_analytic(settings, train, validation, out, minutes, walks), out)
+    return train_analytic(settings, *_frames(data, settings.mix), out, minutes, walks)
 
 
-@app.command("goal-cvae", short_help="Train the baseline, a goal-conditioned CVAE.")
-def goal_cvae(
-    data: DataOption,
-    out: OutOption,
-    config: ConfigOption = "goal_cvae",
-    minutes: MinutesOption = float("inf"),
-    threads: ThreadsOption = 0,
-) -> None:
+@training("goal-cvae", GoalCvaeConfig, "goal_cvae", "Train the baseline, a goal-conditioned CVAE.")
+def goal_cvae(settings: GoalCvaeConfig, data: Path, out: Path, minutes: float) -> bool:
     """Train the goal-conditioned CVAE (Sec. 4.2), the baseline of `wayfarer eval control`."""
-    _threads(threads)
-    settings = read_config(GoalCvaeConfig, config)
-    train, validation = (
-        load_frames(data, split, settings.mix) for split in ("train", "validation")
-    )
-    _finished(train_goal_cvae(settings, train, validation, out, minutes), out)
+    return train_goal_cvae(settings, *_frames(data, settings.mix), out, minutes)
 
 
 @app.command(short_help="Turn a model folder into run folders.")
@@ -221,15 +205,6 @@ def blend(
             raise InvalidArgument(f"{run!r} is not FOLDER:SHARE", "runs") from None
     blend_runs(shares, out)
     typer.echo(f"{out}: {(out / 'log.txt').read_text().strip()}")
-
-
-def _threads(count: int) -> None:
-    if count:
-        torch.set_num_threads(count)
-
-
-def _finished(done: bool, out: Path) -> None:
-    typer.echo(f"{out}: finished" if done else f"{out}: stopped; the same command resumes")
 
 
 def export(
