@@ -19,8 +19,7 @@ from wayfarer.navigation.examples import EXAMPLES, cubes_field
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.scene_spec import Z_UP, Box, MeshFile, SceneSpec
 from wayfarer.navigation.solids import solid_triangles
-from wayfarer_lab.evaluation.scenes.optimum import shortest_lengths
-from wayfarer_lab.evaluation.scenes.pairs import random_pairs
+from wayfarer_lab.evaluation.scenes.pairs import random_pairs, shortest_lengths
 
 
 def seconds(work: Callable[[], Any]) -> float:

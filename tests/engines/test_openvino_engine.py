@@ -9,7 +9,7 @@ from tests.engines.standing import standing_inputs
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.engines.onnx_engine import OnnxEngine
 from wayfarer.engines.openvino_engine import SIZES, OpenVinoEngine, ends
-from wayfarer.engines.openvino_precision import ON_ROWS
+from wayfarer.engines.openvino_network import ON_ROWS
 from wayfarer.engines.padding import part
 from wayfarer.model_bundle import DEFAULT_MODEL, load_models
 from wayfarer.terms import TERMS

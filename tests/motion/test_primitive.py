@@ -11,12 +11,12 @@ from wayfarer.motion.primitive import PrimitiveStep, _interpolation, _joining, _
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.terms import TERMS
+from wayfarer_lab.training.graphs import body_inputs, step_inputs
 from wayfarer_lab.training.rotation import (
     matrix_from_quaternion,
     matrix_from_rotvec,
     quaternion_from_matrix,
 )
-from wayfarer_lab.training.step_graph import body_inputs, step_inputs
 
 AGENTS, CANDIDATES = 4, 3
 

@@ -11,9 +11,8 @@ from typing import TypeVar
 import grpc
 
 from wayfarer.v1 import agent_pb2, common_pb2, goal_pb2, session_pb2
-from wayfarer_lab.load.goals import GoalWatch
 from wayfarer_lab.load.plan import LoadPlan
-from wayfarer_lab.load.reader import LOST_S, Reader
+from wayfarer_lab.load.reader import LOST_S, GoalWatch, Reader
 from wayfarer_lab.load.tally import Tally
 from wayfarer_lab.load.target import Target
 from wayfarer_lab.load.wire import Connection, StreamError, followed

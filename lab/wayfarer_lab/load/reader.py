@@ -1,12 +1,13 @@
-"""The reading side of a simulated client: when primitives came, and which never did."""
+"""The reading side of a simulated client: lateness of primitives and goals, validity of poses."""
 
 import math
+from collections import defaultdict
 from dataclasses import dataclass
+
+import numpy as np
 
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.v1 import agent_pb2, motion_pb2
-from wayfarer_lab.load.goals import GoalWatch
-from wayfarer_lab.load.poses import PoseCheck
 from wayfarer_lab.load.tally import Tally
 
 STANDING = agent_pb2.AGENT_STATE_STANDING
@@ -97,3 +98,75 @@ class Reader:
             begun = Latest(-1, self._since - STEP_SECONDS)
             self._lose(begun, math.ceil((last - begun.due) / STEP_SECONDS) - 1, now)
         self.goals.finish(now)
+
+
+EVERY = 64
+"""One chunk in this number is unpacked."""
+
+TRANSLATION_FLOATS = 3
+ROTATION_FLOATS = 4
+NORM_TOLERANCE = 1e-3
+
+
+class PoseCheck:
+    """Checks chunks of one stream in float32, the default encoding."""
+
+    def __init__(self, header: motion_pb2.StreamHeader | None = None) -> None:
+        """`header` has the layout; without a header no chunk is valid."""
+        bones = 0 if header is None else len(header.bones)
+        self._frame_floats = TRANSLATION_FLOATS + ROTATION_FLOATS * bones if bones else 0
+        self._seen = 0
+
+    def passes(self, chunks: motion_pb2.MotionChunks, row: int) -> bool:
+        """False if this chunk is in the sample and is not finite or has no unit quaternions."""
+        self._seen += 1
+        return self._seen % EVERY != 1 or self._is_motion(chunks, row)
+
+    def _is_motion(self, chunks: motion_pb2.MotionChunks, row: int) -> bool:
+        frames, size = len(chunks.contacts), 4 * self._frame_floats
+        if not frames or frames % len(chunks.aliases) or len(chunks.poses) != size * frames:
+            return False
+        own = frames // len(chunks.aliases)
+        values = np.frombuffer(chunks.poses, "<f4", own * self._frame_floats, row * own * size)
+        values = values.reshape(own, self._frame_floats)
+        rotations = values[:, TRANSLATION_FLOATS:].reshape(own, -1, ROTATION_FLOATS)
+        off_unit = np.abs(np.linalg.norm(rotations, axis=-1) - 1)
+        return bool(np.isfinite(values).all() and (off_unit < NORM_TOLERANCE).all())
+
+
+UNANSWERED_S = 1.0
+"""A goal older than this without a pose at the end counts as unanswered."""
+
+
+class GoalWatch:
+    """The goals of one session's agents. Times: Unix seconds."""
+
+    def __init__(self, tally: Tally) -> None:
+        self._tally = tally
+        self._asked: defaultdict[int, dict[int, float]] = defaultdict(dict)  # alias: revision: when
+        self._shown: dict[int, tuple[int, float]] = {}  # alias: newest revision, first seen when
+
+    def asked(self, alias: int, revision: int, since: float) -> None:
+        """A goal that was to be given at `since` has been answered with its revision."""
+        shown, when = self._shown.get(alias, (-1, 0.0))
+        if shown >= revision:  # its first chunk was quicker than the answer
+            self._tally.goal_latency.add(when - since)
+        else:
+            self._asked[alias][revision] = since
+
+    def seen(self, alias: int, revision: int, now: float) -> None:
+        """A pose planned for this revision has come. A newer goal answers for those it replaced."""
+        if self._shown.get(alias, (-1, 0.0))[0] >= revision:
+            return
+        self._shown[alias] = (revision, now)
+        waiting = self._asked[alias]
+        for known in [r for r in waiting if r <= revision]:
+            self._tally.goal_latency.add(now - waiting.pop(known))
+
+    def finish(self, now: float) -> None:
+        """Count the goals without a pose, as late as they are by now."""
+        for waiting in self._asked.values():
+            for since in waiting.values():
+                if now - since > UNANSWERED_S:
+                    self._tally.unanswered += 1
+                    self._tally.goal_latency.add(now - since)

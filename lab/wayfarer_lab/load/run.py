@@ -1,16 +1,19 @@
-"""One load run: open the clients, measure, close them."""
+"""One load run: open the clients, measure, close them.
+
+Beside the healthy streams there may be readers that misbehave, and the server's memory is watched.
+"""
 
 import asyncio
+import random
 import time
 from collections.abc import Callable, Coroutine
 from typing import Any
 
 from wayfarer_lab.load.client import SimulatedClient
-from wayfarer_lab.load.memory import MemoryWatch
-from wayfarer_lab.load.nuisance import Nuisance
 from wayfarer_lab.load.plan import LoadPlan
 from wayfarer_lab.load.tally import Tally
 from wayfarer_lab.load.target import Target
+from wayfarer_lab.load.wire import Connection, StreamError, followed
 
 
 async def run(
@@ -73,3 +76,94 @@ async def _watch(tally: Tally, start: float, progress: Callable[[float, Tally], 
     while True:
         progress(max(time.time() - start, 0.0), tally)
         await asyncio.sleep(0.5)
+
+
+SAMPLES = 240
+"""Of one run, at most; no more often than once in a tenth of a second."""
+
+
+class MemoryWatch:
+    """Samples the resident memory of a server that is ours, in megabytes."""
+
+    def __init__(self, target: Target, start: float, until: float) -> None:
+        """Unix seconds: measuring begins at `start`, after the warm-up, and ends at `until`."""
+        self._target = target
+        self._start = start
+        self._interval = max((until - time.time()) / SAMPLES, 0.1)
+        self.samples: list[tuple[float, float]] = []  # seconds of measuring, megabytes
+
+    async def run(self) -> None:
+        """Sample until cancelled."""
+        while self.sample():
+            await asyncio.sleep(self._interval)
+
+    def sample(self) -> bool:
+        """Take a sample; False for a server that we did not start."""
+        megabytes = self._target.resident_megabytes()
+        if megabytes is not None:
+            self.samples.append((round(time.time() - self._start, 3), round(megabytes, 2)))
+        return megabytes is not None
+
+    def summary(self) -> dict[str, Any] | None:
+        """At the start of the run, after its warm-up, at the end; and all samples.
+
+        `growth`: of the end beyond the warm-up, as a share. None when nothing was seen.
+        """
+        if not self.samples:
+            return None
+        first, last = self.samples[0][1], self.samples[-1][1]
+        warm = next((megabytes for seconds, megabytes in self.samples if seconds >= 0), last)
+        return {
+            "start": first,
+            "warm": warm,
+            "end": last,
+            "growth": round(last / warm - 1, 4),
+            "samples": self.samples,
+        }
+
+
+SLOW_SECONDS = 5.0
+VANISH_SECONDS = 1.0
+
+
+class Nuisance:
+    """One more reader of a session."""
+
+    def __init__(
+        self, target: Target, plan: LoadPlan, tally: Tally, session_id: str, number: int
+    ) -> None:
+        self._target, self._plan, self._tally = target, plan, tally
+        self._session_id = session_id
+        self._chance = random.Random(plan.seed * 100_003 - number)
+
+    async def read_slowly(self) -> None:
+        """Take a message every few seconds; reconnect when the server ends the stream."""
+        while True:
+            connection = Connection(self._target)
+            try:
+                async for _ in connection.stream(self._session_id, self._plan.transport):
+                    await asyncio.sleep(SLOW_SECONDS)
+            except StreamError:
+                self._tally.failed("SLOW_READER_ENDED")
+            finally:
+                await connection.close()
+            await asyncio.sleep(SLOW_SECONDS)
+
+    async def vanish(self) -> None:
+        """Open streams and cut them off, one after the other."""
+        while True:
+            connection = Connection(self._target)
+            reading = asyncio.create_task(self._glance(connection))
+            try:
+                await asyncio.sleep(VANISH_SECONDS * self._chance.uniform(0.2, 1.8))
+            finally:
+                reading.cancel()
+                await asyncio.gather(reading, return_exceptions=True)
+                await connection.close()
+
+    async def _glance(self, connection: Connection) -> None:
+        messages = followed(
+            connection, self._session_id, self._plan.transport, self._tally.first_chunk
+        )
+        async for _ in messages:
+            pass

@@ -32,14 +32,20 @@ from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import PASSES, BodyRegressor
 from wayfarer.spec import GENDERS
-from wayfarer_lab.training.graph import ExportGraph
-from wayfarer_lab.training.network_graphs import policy_graph, predictor_graph, regressor_graph
+from wayfarer_lab.training.graphs import (
+    ExportGraph,
+    body_inputs,
+    policy_graph,
+    predictor_graph,
+    regressor_graph,
+    step_graph,
+    step_inputs,
+)
 from wayfarer_lab.training.onnx_files import WeightStore, externalise
 from wayfarer_lab.training.pose_graphs import pose_decoder_graph, pose_encoder_graph
 from wayfarer_lab.training.pose_networks import PosePrior
 from wayfarer_lab.training.row_independence import check_rows, make_rows_independent
 from wayfarer_lab.training.run import Network, load_weights, read_run_config
-from wayfarer_lab.training.step_graph import body_inputs, step_graph, step_inputs
 
 TOLERANCE = 1e-3
 """Largest difference allowed between torch and ONNX: metres for places, unitless for rotations."""

@@ -26,11 +26,9 @@ from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import FPS, PRIMITIVE_FRAMES
 from wayfarer_lab.training.dataset import Frames
 from wayfarer_lab.training.export import round_to_half
-from wayfarer_lab.training.graph import ExportGraph
-from wayfarer_lab.training.network_graphs import regressor_graph
+from wayfarer_lab.training.graphs import ExportGraph, regressor_graph, step_graph
 from wayfarer_lab.training.predictor import PredictorConfig, PredictorTrainer
 from wayfarer_lab.training.run import TrainingRun, load_weights, read_run_config
-from wayfarer_lab.training.step_graph import step_graph
 
 
 class GoalCvae(MarkerPredictor):

@@ -3,7 +3,10 @@
 import time
 from pathlib import Path
 
+import matplotlib
+import numpy as np
 import torch
+from matplotlib.figure import Figure
 from pydantic import BaseModel, ConfigDict
 from torch import Tensor
 
@@ -23,7 +26,6 @@ from wayfarer_lab.training.pose_prior import load_pose_prior
 from wayfarer_lab.training.ppo import PpoSettings, update
 from wayfarer_lab.training.reward import REWARD, REWARDS
 from wayfarer_lab.training.run import TrainingRun, load_weights, read_run_config
-from wayfarer_lab.training.snapshot import draw_trails
 from wayfarer_lab.training.starts import StartSampler
 
 
@@ -185,3 +187,27 @@ def train_policy(
     return trainer.run.drive(
         config.epochs, trainer.update, trainer.validate, minutes, every=config.snapshot_every
     )
+
+
+def draw_trails(path: Path, hips: Tensor, goals: Tensor, clones: int, title: str) -> None:
+    """Write a PNG of trails: hips [T, A, 3] (NaN when no longer going), goals [A, 3].
+
+    `clones` agents after one another share start and goal, hence a colour. A ring is a goal, a dot
+    the end of a trail.
+    """
+    figure = Figure(figsize=(6, 6), dpi=100)
+    axes = figure.add_subplot()
+    colours = matplotlib.colormaps["tab20"]
+    trails, places = hips[..., :2].numpy(), goals[..., :2].numpy()
+    for agent in range(trails.shape[1]):
+        colour = colours(agent // clones % colours.N)
+        trail = trails[np.isfinite(trails[:, agent]).all(-1), agent]
+        axes.plot(*trail.T, color=colour, linewidth=0.8)
+        axes.plot(*trail[-1], ".", color=colour, markersize=4)
+        if agent % clones == 0:
+            axes.plot(*places[agent], "o", color=colour, fillstyle="none", markersize=10)
+    axes.set_aspect("equal")
+    axes.set_title(title, fontsize=10)
+    axes.grid(alpha=0.3)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, bbox_inches="tight")

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor, nn
 
 from wayfarer.motion.predictor import Posterior
-from wayfarer_lab.training.graph import ExportGraph
+from wayfarer_lab.training.graphs import ExportGraph
 from wayfarer_lab.training.pose_networks import JOINTS, LATENT, PosePrior
 from wayfarer_lab.training.rotation import matrix_from_rotvec
 

@@ -1,7 +1,7 @@
 """The engine on OpenVINO: a network compiled for each size of batch, in bfloat16 where it may.
 
 An optional extra (`pip install '.[openvino]'`) for x86-64 CPUs. With AVX-512-BF16 or AMX it
-takes half the time of onnxruntime or less; `openvino_precision.py` says what is computed in
+takes half the time of onnxruntime or less; `openvino_network.py` says what is computed in
 bfloat16.
 """
 
@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from wayfarer.artifacts import ModelFolder, sha256_of
 from wayfarer.engines.engine import EngineKind, StepInputs, StepOutputs, variant
-from wayfarer.engines.openvino_precision import with_hidden_bfloat16
-from wayfarer.engines.openvino_single import LEFT_OUT, without_scores
+from wayfarer.engines.openvino_network import LEFT_OUT, with_hidden_bfloat16, without_scores
 from wayfarer.engines.padding import pad
 from wayfarer.engines.row_partitioner import RowPartitioner, give_way
 from wayfarer.engines.warm import WarmEngine

@@ -17,8 +17,7 @@ from wayfarer.errors import NotFound, ResourceExhausted
 from wayfarer.service.inbox import Inbox
 from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.stats import LoopStats
-from wayfarer.service.streams.model_events import model_changed
-from wayfarer.service.streams.publications import StreamOptions
+from wayfarer.service.streams.publications import StreamOptions, model_changed
 from wayfarer.service.streams.publisher import Publisher
 from wayfarer.service.streams.subscription import Subscription
 from wayfarer.service.thread import MotionThread

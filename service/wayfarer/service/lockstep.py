@@ -15,8 +15,7 @@ from wayfarer.errors import NotFound, ResourceExhausted, Unavailable, WayfarerEr
 from wayfarer.service.inbox import Inbox
 from wayfarer.service.offline import Offline
 from wayfarer.service.streams.goal_events import GoalEvents
-from wayfarer.service.streams.model_events import model_changed
-from wayfarer.service.streams.publications import Publication
+from wayfarer.service.streams.publications import Publication, model_changed
 from wayfarer.service.worlds import Worlds
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import (

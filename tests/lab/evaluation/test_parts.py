@@ -22,12 +22,17 @@ from wayfarer_lab.evaluation.parts import (
     Variant,
     load_parts,
 )
-from wayfarer_lab.training.graph import ExportGraph
-from wayfarer_lab.training.network_graphs import policy_graph, predictor_graph, regressor_graph
+from wayfarer_lab.training.graphs import (
+    ExportGraph,
+    body_inputs,
+    policy_graph,
+    predictor_graph,
+    regressor_graph,
+    step_inputs,
+)
 from wayfarer_lab.training.pose_graphs import pose_encoder_graph
 from wayfarer_lab.training.pose_networks import PosePrior
 from wayfarer_lab.training.rotation import matrix_from_rotvec
-from wayfarer_lab.training.step_graph import body_inputs, step_inputs
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from wayfarer_lab.load.goals import GoalWatch
+from wayfarer_lab.load.reader import GoalWatch
 from wayfarer_lab.load.tally import Tally
 
 

@@ -3,7 +3,7 @@
 import asyncio
 import time
 
-from wayfarer_lab.load.memory import MemoryWatch
+from wayfarer_lab.load.run import MemoryWatch
 
 
 class Server:

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from wayfarer.v1 import motion_pb2
-from wayfarer_lab.load.poses import EVERY
-from wayfarer_lab.load.reader import Reader
+from wayfarer_lab.load.reader import EVERY, Reader
 from wayfarer_lab.load.tally import Tally
 
 START = 1000.0

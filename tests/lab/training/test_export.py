@@ -13,8 +13,8 @@ from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer_lab.training.export import TOLERANCE, check_graph, identity, round_to_half, save_graph
+from wayfarer_lab.training.graphs import step_graph
 from wayfarer_lab.training.onnx_files import WeightStore
-from wayfarer_lab.training.step_graph import step_graph
 
 
 def small_step(seed: int) -> PrimitiveStep:

@@ -4,7 +4,7 @@ import torch
 from torch import nn
 
 from wayfarer_lab.training.export import parity, round_to_half, save_graph
-from wayfarer_lab.training.graph import ExportGraph
+from wayfarer_lab.training.graphs import ExportGraph
 from wayfarer_lab.training.onnx_files import WEIGHTS_FILE, WeightStore
 
 

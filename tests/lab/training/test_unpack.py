@@ -12,8 +12,7 @@ from wayfarer.errors import ArtifactError
 from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.policy import GoalPolicy
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer_lab.training.graph import ExportGraph
-from wayfarer_lab.training.network_graphs import policy_graph, regressor_graph
+from wayfarer_lab.training.graphs import ExportGraph, policy_graph, regressor_graph
 from wayfarer_lab.training.run import load_weights
 from wayfarer_lab.training.unpack import unpack_models
 

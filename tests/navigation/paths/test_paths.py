@@ -12,7 +12,7 @@ from wayfarer.errors import Unreachable
 from wayfarer.navigation.examples import cubes_field
 from wayfarer.navigation.paths.path import GroundPath
 from wayfarer.navigation.scene import Scene, bake
-from wayfarer_lab.evaluation.scenes.optimum import shortest_lengths
+from wayfarer_lab.evaluation.scenes.pairs import shortest_lengths
 
 SCENES = [bake(cubes_field(seed, boxes=20, side=14.0)) for seed in range(3)]
 scenes = st.sampled_from(SCENES)

@@ -23,11 +23,8 @@ from wayfarer_lab.evaluation.report import progress
 from wayfarer_lab.evaluation.scenes.pictures import Focus, plan, save, view
 from wayfarer_lab.evaluation.scenes.play import House
 from wayfarer_lab.evaluation.scenes.scenarios.changes import crates, doors
-from wayfarer_lab.evaluation.scenes.scenarios.corridor import corridor
-from wayfarer_lab.evaluation.scenes.scenarios.cubes import cubes
 from wayfarer_lab.evaluation.scenes.scenarios.seen import Seen
-from wayfarer_lab.evaluation.scenes.scenarios.square import square
-from wayfarer_lab.evaluation.scenes.scenarios.uneven import slope, storeys
+from wayfarer_lab.evaluation.scenes.scenarios.walking import corridor, cubes, slope, square, storeys
 
 app = typer.Typer()
 

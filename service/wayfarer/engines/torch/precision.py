@@ -3,7 +3,7 @@
 A metre is known to 4 mm in bfloat16, and to half a millimetre in TF32; the canonical frame, bodies,
 quality terms and the way back to the world are therefore in full float32 whatever is asked for.
 `tf32` rounds what goes into the networks' products to 10 bits; `bfloat16` also keeps their hidden
-layers in it, as `openvino_precision.py` does. On a device without TF32 that is float32.
+layers in it, as `openvino_network.py` does. On a device without TF32 that is float32.
 """
 
 from collections.abc import Iterator

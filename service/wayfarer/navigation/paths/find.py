@@ -1,5 +1,12 @@
-"""Finds a path between two places: search, funnel, then a step back from corners."""
+"""Finds a path between two places: A* over triangles, string pulling, a step back from corners.
 
+String pulling finds the shortest way through a corridor of portals (Lee & Preparata 1984).
+"""
+
+from collections.abc import Sequence
+from heapq import heappop, heappush
+from itertools import pairwise
+from math import hypot, inf
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -8,10 +15,9 @@ from numpy.typing import NDArray
 from wayfarer.navigation.ground.ground import Ground
 from wayfarer.navigation.locate import MeshPoint
 from wayfarer.navigation.mesh import NavMesh, Portal
-from wayfarer.navigation.paths.funnel import length, pull
-from wayfarer.navigation.paths.search import corridor
 
 Array = NDArray[np.floating[Any]]
+Spot = tuple[float, float]
 
 
 class Clearance(Protocol):
@@ -120,3 +126,99 @@ def sampled(points: Array) -> tuple[Array, NDArray[np.int64]]:
 
 def _length(points: Array) -> float:
     return float(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1).sum())
+
+
+def pull(start: Spot, goal: Spot, portals: Sequence[Portal]) -> list[tuple[Spot, int]]:
+    """The corners of the taut string from start to goal, both included.
+
+    With each corner the number of portals passed before or at it.
+    """
+    lefts = [*((p[1], p[2]) for p in portals), goal]
+    rights = [*((p[3], p[4]) for p in portals), goal]
+    way = [(start, 0)]
+    apex = left = right = start
+    left_at = right_at = index = 0
+    while index < len(lefts):
+        new_left, new_right = lefts[index], rights[index]
+        bend = None
+        if _turn(apex, right, new_right) >= 0:  # the right side moves inwards
+            if right == apex or _turn(apex, left, new_right) < 0:
+                right, right_at = new_right, index
+            else:  # across the left side: the string bends there
+                bend = left, left_at
+        if bend is None and _turn(apex, left, new_left) <= 0:
+            if left == apex or _turn(apex, right, new_left) > 0:
+                left, left_at = new_left, index
+            else:
+                bend = right, right_at
+        if bend is not None:
+            apex, index = bend
+            left, right, left_at, right_at = apex, apex, index, index
+            way.append((apex, min(index + 1, len(portals))))
+        index += 1
+    way.append((goal, len(portals)))
+    return way[:1] + [corner for last, corner in pairwise(way) if corner[0] != last[0]]
+
+
+def length(way: Sequence[tuple[Spot, int]]) -> float:
+    """Metres along the string."""
+    return sum(hypot(b[0] - a[0], b[1] - a[1]) for (a, _), (b, _) in pairwise(way))
+
+
+def _turn(a: Spot, b: Spot, c: Spot) -> float:
+    """Positive when c lies to the left of a → b."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def corridor(
+    mesh: NavMesh, first: int, last: int, start: Spot, goal: Spot, aim: bool = True
+) -> list[Portal] | None:
+    """The portals of a short way from triangle `first` to `last`; None where there is none.
+
+    How far a way is can only be guessed before its string is pulled. It is measured through one
+    point of each portal: with `aim` the one where the straight line to the goal crosses it (or the
+    end nearest to that), without it the one nearest to the point before. Each guess overlooks
+    short ways that the other finds.
+    """
+    if mesh.island[first] != mesh.island[last]:
+        return None
+    gx, gy = goal
+    portals = mesh.portals
+    best = {first: 0.0}
+    came: dict[int, tuple[int, Portal]] = {}
+    queue = [(hypot(gx - start[0], gy - start[1]), 0.0, first, start[0], start[1])]
+    while queue:
+        _, cost, here, x, y = heappop(queue)
+        if here == last:
+            return _trace(came, first, last)
+        if cost > best[here]:
+            continue
+        dx, dy = gx - x, gy - y
+        for portal in portals[here]:
+            there, lx, ly, rx, ry = portal
+            least = best.get(there, inf)
+            if least <= cost:
+                continue
+            # the crossing is not a function of its own: this is where the time goes
+            ex, ey = lx - rx, ly - ry
+            if aim:
+                across = dx * ey - dy * ex
+                share = (dy * (rx - x) - dx * (ry - y)) / across if across else 0.5
+            else:
+                share = ((x - rx) * ex + (y - ry) * ey) / (ex * ex + ey * ey)
+            share = 0.0 if share < 0.0 else min(share, 1.0)
+            px, py = rx + share * ex, ry + share * ey
+            spent = cost + hypot(px - x, py - y)
+            if spent < least:
+                best[there] = spent
+                came[there] = here, portal
+                heappush(queue, (spent + hypot(gx - px, gy - py), spent, there, px, py))
+    return None
+
+
+def _trace(came: dict[int, tuple[int, Portal]], first: int, last: int) -> list[Portal]:
+    way = []
+    while last != first:
+        last, portal = came[last]
+        way.append(portal)
+    return way[::-1]

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from wayfarer.world.agents.agent import NO_CHUNKS, AgentInfo, MotionChunks
-from wayfarer.world.events import Event
+from wayfarer.world.events import Event, EventKind
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,3 +47,16 @@ class StreamOptions:
     slow_reader: SlowReader = SlowReader.DROP_OLDEST
     resume: Resume | None = None  # of an earlier subscription to the same agents
     hold_s: float = 30.0  # HOLD: longest time that agents wait; the session's lease
+
+
+def model_changed(agent: AgentInfo, at: float) -> Event:
+    """An agent is moved by another model, of which it knows already; Unix seconds."""
+    return Event(
+        EventKind.MODEL_CHANGED,
+        at,
+        agent_id=agent.agent_id,
+        alias=agent.alias,
+        goal_revision=agent.goal_revision,
+        waypoint=agent.waypoint,
+        detail=f"model {agent.model!r} moves the agent from its next primitive on",
+    )

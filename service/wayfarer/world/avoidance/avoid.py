@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.world.avoidance.costs import costs
-from wayfarer.world.avoidance.groups import keep_together
 from wayfarer.world.avoidance.neighbours import Neighbours, neighbours
 from wayfarer.world.avoidance.people import Float, Memory, People
 from wayfarer.world.avoidance.rules import FAN, RULES, Rules
@@ -122,3 +121,28 @@ def _make_way(
         np.where(begins, rules.yielding, memory.yields).astype(np.float32),
         np.where(begins[:, None], away, memory.retreat).astype(np.float32),
     )
+
+
+NEAR: Final = 6.0
+"""Metres: farther away a companion is not waited for."""
+LEAD: Final = 1.0
+"""Metres ahead of the middle of its group from which a person slows down."""
+SLOWEST: Final = 0.6
+"""Share of its speed to which it slows down."""
+
+
+def keep_together(people: People, rows: Index, preferred: Float) -> Float:
+    """Preferred velocities [A, 2] of people at `rows`, slower for who is before its group."""
+    grouped = np.flatnonzero(people.group[rows] > 0)
+    if not len(grouped):
+        return preferred
+    mine = rows[grouped]
+    way = preferred[grouped]
+    unit = way / np.maximum(np.sqrt((way * way).sum(-1, keepdims=True)), 1e-6)
+    apart = people.position[mine][:, None] - people.position  # [G, N, 2]
+    with_me = (people.group[mine][:, None] == people.group) & ((apart * apart).sum(-1) < NEAR**2)
+    middle = (apart * with_me[..., None]).sum(1) / with_me.sum(1, keepdims=True)
+    ahead = (middle * unit).sum(-1)  # metres before the middle of those near
+    adapted = preferred.copy()
+    adapted[grouped] = way * np.clip(1 - 0.5 * (ahead - LEAD), SLOWEST, 1.0)[:, None]
+    return adapted.astype(np.float32)

@@ -1,10 +1,11 @@
-"""What OpenVINO computes in bfloat16: hidden layers of the networks, never coordinates.
+"""How networks are changed before OpenVINO compiles them: bfloat16, and steps without scores.
 
-In bfloat16 a metre is exact to 4 mm, 20 m to 8 cm. OpenVINO's own hint for bfloat16 is for all of
-a network, and its marks for exceptions get lost in its transformations. Therefore the types are
-written into the network, and the hint stays float32: products with weights and the operations on
-their rows (activations, gates) are in bfloat16. The width tells hidden layers from coordinates: it
-is a multiple of 128, which 201 and 135 are not.
+Hidden layers are computed in bfloat16, coordinates never. In bfloat16 a metre is exact to 4 mm, 20
+m to 8 cm. OpenVINO's own hint for bfloat16 is for all of a network, and its marks for exceptions
+get lost in its transformations. Therefore the types are written into the network, and the hint
+stays float32: products with weights and the operations on their rows (activations, gates) are in
+bfloat16. The width tells hidden layers from coordinates: it is a multiple of 128, which 201 and 135
+are not.
 """
 
 from typing import TYPE_CHECKING, Final
@@ -13,6 +14,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from openvino import Model, Node, Output
+
 
 HIDDEN: Final = 128
 """Widths of hidden layers are multiples of it."""
@@ -100,3 +102,29 @@ def _is_row(value: "Output") -> bool:
         and width.is_static
         and (width.get_length() % HIDDEN == 0)
     )
+
+
+LEFT_OUT: Final = ("terms", "choice")
+"""Outputs that a step without scores does not have."""
+
+
+def without_scores(network: "Model", rows: int) -> "Model":
+    """The same network, changed in place: the first candidate is chosen, whatever it costs.
+
+    What led to its cost leads nowhere then, and is left out when the network is compiled: a twelfth
+    of a step.
+    """
+    from openvino import opset13 as ops
+
+    for result in network.get_results():
+        chosen = result.input_value(0)
+        names = chosen.get_names()
+        if not names & set(LEFT_OUT):
+            continue
+        network.remove_result(result)
+        if "choice" in names:
+            first = ops.constant(np.zeros(rows, np.int64)).output(0)
+            for reader in list(chosen.get_target_inputs()):
+                reader.replace_source_output(first)
+    network.validate_nodes_and_infer_types()
+    return network

@@ -1,0 +1,157 @@
+"""People who walk in the example scenes: between boxes, in a corridor, on a square, up and down."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from wayfarer.navigation.examples import (
+    PLATFORM,
+    cubes_field,
+    slope_with_steps,
+    town_square,
+    two_storeys,
+)
+from wayfarer.navigation.examples import corridor as corridor_spec
+from wayfarer.navigation.scene import Scene, bake
+from wayfarer.navigation.scene_spec import Point2, Point3
+from wayfarer.world.agents.goal import Goal
+from wayfarer.world.scenes.messages import Crowd
+from wayfarer_lab.evaluation.figures import mean, quantile
+from wayfarer_lab.evaluation.gait import Row
+from wayfarer_lab.evaluation.goals import Watch
+from wayfarer_lab.evaluation.scenes.pairs import random_pairs, shortest_lengths
+from wayfarer_lab.evaluation.scenes.play import House, person, walked
+from wayfarer_lab.evaluation.scenes.scenarios.seen import Seen, errands
+
+PACE: Final = 0.5
+"""m/s: an agent that is slower than this on average, plus 10 s, has failed."""
+
+
+def cubes(house: House, seed: int, pairs: int, watch: Watch) -> Seen:
+    """The paper's setting: 20 x 20 m, 30 boxes, random pairs; agents do not see each other."""
+    random = np.random.default_rng(seed)
+    scene = bake(cubes_field(seed))
+    asked = random_pairs(scene, pairs, random)
+    found = np.array([scene.path(*pair).length for pair in asked])
+    optimum = shortest_lengths(scene, asked)
+    play = house.play(scene, pairs, avoid=False, every=1)
+    people = [person(k, random, a, b) for k, (a, b) in enumerate(asked)]
+    paths = [[Goal((*b, 0.0))] for _, b in asked]
+    seconds = errands(play, people, paths, float(10 + found.max() / PACE), watch)
+    there = seconds <= 10 + found / PACE
+    ways = [play.witness.trail(number) for number in range(pairs)]
+    # an agent arrives within the goal's radius: what is left of the way is added
+    left = [np.linalg.norm(way[-1, :2] - b) for way, (_, b) in zip(ways, asked, strict=True)]
+    gone = np.array([walked(way) for way in ways]) + left
+    ratio = found / optimum
+    row: Row = {
+        "name": "cubes",
+        "success": float(there.mean()),
+        "path_ratio": float(ratio.mean()),
+        "path_ratio_p95": float(np.quantile(ratio, 0.95)),
+        "path_ratio_max": float(ratio.max()),
+        "walked_ratio": mean((gone / optimum)[there].tolist()),
+        "seconds_median": quantile(seconds[there].tolist(), 0.5),
+    }
+    return Seen(row | play.figures(), scene, play.witness)
+
+
+LANES: Final = (-0.7, 0.0, 0.7)
+FIRST, APART, LENGTH = 0.6, 0.9, 24.0
+
+CLEAR: Final = 90.0
+"""Seconds by which all must have come through."""
+
+
+def corridor(house: House, seed: int, each: int, watch: Watch) -> Seen:
+    """`each` people at either end walk to the other end; those in front go farthest."""
+    random = np.random.default_rng(seed)
+    scene = bake(corridor_spec())
+    ends: list[tuple[Point2, Point2]] = []
+    for number in range(each):
+        place, lane = divmod(number, len(LANES))
+        back = FIRST + APART * place
+        front = FIRST + APART * ((each - 1) // len(LANES) - place)
+        ends.append(((back, LANES[lane]), (LENGTH - front, LANES[lane])))
+        ends.append(((LENGTH - back, -LANES[lane]), (front, -LANES[lane])))
+    play = house.play(scene, 2 * each, avoid=True, every=2)
+    people = [person(k, random, a, b) for k, (a, b) in enumerate(ends)]
+    seconds = errands(play, people, [[Goal((*b, 0.0))] for _, b in ends], CLEAR, watch)
+    there = ~np.isnan(seconds)
+    row: Row = {
+        "name": "corridor",
+        "success": float(there.mean()),
+        "seconds_median": quantile(seconds.tolist(), 0.5),
+        "seconds_last": float(seconds.max()) if there.all() else float("nan"),
+    }
+    return Seen(row | play.figures(), scene, play.witness)
+
+
+EVERY: Final = 8
+"""Frames between measured ones: 5 a second."""
+
+
+def square(seconds: float, house: House, seed: int, people: int, watch: Watch) -> Seen:
+    """One call populates it; after that there are no commands."""
+    scene = bake(town_square())
+    play = house.play(scene, people, avoid=True, every=EVERY)
+    play.world.crowds.set(play.session_id, Crowd(people, seed), 0.0)
+    play.world.crowds.tend(0.0)  # an empty world has no moments at which it would do so itself
+    for chunk in play.run(seconds):
+        watch(chunk.scheduled_at, seconds)
+    reached = sum(p.arrivals for p in play.witness.progress)
+    stuck = np.array([p.stuck_at is not None for p in play.witness.progress])
+    row: Row = {
+        "name": "square",
+        "success": float((~stuck).mean()),
+        "goals_per_minute_each": reached / len(stuck) / (seconds / 60),
+    }
+    return Seen(row | play.figures(), scene, play.witness)
+
+
+CLIMB_PACE = 0.4
+"""m/s: an agent that is slower than this on average, plus 15 s, has failed."""
+
+
+def slope(house: House, seed: int, people: int, watch: Watch) -> Seen:
+    """Up the slope, over the platform, down the steps, and the same way back."""
+    stops = ((10.0, 11.0, PLATFORM), (10.0, 18.0, 0.0), (10.0, 11.0, PLATFORM), (10.0, 1.5, 0.0))
+    starts = ((9.0, 11.0), (0.8, 2.2))
+    return _climb("slope", house, bake(slope_with_steps()), starts, stops, seed, people, watch)
+
+
+def storeys(house: House, seed: int, people: int, watch: Watch) -> Seen:
+    """Up fifteen stairs to the gallery, and down again."""
+    stops = ((10.0, 5.0, 3.0), (1.0, 6.0, 0.0))
+    starts = ((0.6, 1.4), (3.5, 7.0))
+    return _climb("storeys", house, bake(two_storeys()), starts, stops, seed, people, watch)
+
+
+def _climb(
+    name: str,
+    house: House,
+    scene: Scene,
+    starts: tuple[Point2, Point2],
+    stops: Sequence[Point3],
+    seed: int,
+    people: int,
+    watch: Watch,
+) -> Seen:
+    """Agents one by one, from a place within `starts` (x, y), stop by stop."""
+    random = np.random.default_rng(seed)
+    places = [(float(random.uniform(*starts[0])), float(random.uniform(*starts[1])))
+              for _ in range(people)]  # fmt: skip
+    specs = [person(k, random, at, stops[0][:2]) for k, at in enumerate(places)]
+    path = [Goal(stop, stop=k == len(stops) - 1) for k, stop in enumerate(stops)]
+    ways = [(*places[0], 0.0), *stops]
+    metres = sum(scene.path(a, b).length for a, b in pairwise(ways))
+    play = house.play(scene, people, avoid=False, every=1)
+    seconds = errands(play, specs, [path] * people, 15 + metres / CLIMB_PACE, watch)
+    row: Row = {
+        "name": name,
+        "success": float((~np.isnan(seconds)).mean()),
+        "seconds_median": quantile(seconds.tolist(), 0.5),
+    }
+    return Seen(row | play.figures(), scene, play.witness)
