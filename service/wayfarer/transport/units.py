@@ -1,7 +1,7 @@
 """Values of messages between a client's basis and world space, by the units of their fields.
 
-A schema class says what each field is (`schema.Unit`); points are `schema.Vector3`. Fields without
-a unit mean the same in every basis.
+A schema class says what each field is (`schema.Quantity`); points are `schema.Vector3`. Fields
+without a unit mean the same in every basis.
 """
 
 from collections.abc import Mapping
@@ -14,10 +14,10 @@ from pydantic import BaseModel
 
 from wayfarer.transport.basis import Axes
 from wayfarer.transport.schema import base as schema
-from wayfarer.transport.schema.base import Unit
+from wayfarer.transport.schema.base import Quantity
 
-TO_CORE: Final = {Unit.LENGTH: Axes.length_to_core, Unit.HEADING: Axes.heading_to_core}
-TO_WIRE: Final = {Unit.LENGTH: Axes.length_to_wire, Unit.HEADING: Axes.heading_to_wire}
+TO_CORE: Final = {Quantity.LENGTH: Axes.length_to_core, Quantity.HEADING: Axes.heading_to_core}
+TO_WIRE: Final = {Quantity.LENGTH: Axes.length_to_wire, Quantity.HEADING: Axes.heading_to_wire}
 
 
 def in_world(request: BaseModel, axes: Axes) -> dict[str, Any]:
@@ -54,13 +54,13 @@ def vector(values: NDArray[np.floating[Any]]) -> schema.Vector3:
     return schema.Vector3(x=x, y=y, z=z)
 
 
-def _in_world(value: Any, unit: Unit | None, axes: Axes) -> Any:
+def _in_world(value: Any, unit: Quantity | None, axes: Axes) -> Any:
     if isinstance(value, schema.Vector3):
-        return spot(value, axes) if unit is Unit.SPOT else place(value, axes)
+        return spot(value, axes) if unit is Quantity.SPOT else place(value, axes)
     return value if unit is None else TO_CORE[unit](axes, value)
 
 
-def _on_wire(value: Any, unit: Unit | Any, axes: Axes) -> Any:
+def _on_wire(value: Any, unit: Quantity | Any, axes: Axes) -> Any:
     if unit is schema.Vector3:
         return vector(axes.points_to_wire(np.array(value, dtype=float)))
     return value if unit is None or value is None else TO_WIRE[unit](axes, value)
@@ -72,7 +72,7 @@ def _units(kind: type[BaseModel]) -> Mapping[str, Any]:
     found: dict[str, Any] = {}
     for name, field in kind.model_fields.items():
         inner = [mark for part in get_args(field.annotation) for mark in _marks(part)]
-        units = [mark for mark in (*field.metadata, *inner) if isinstance(mark, Unit)]
+        units = [mark for mark in (*field.metadata, *inner) if isinstance(mark, Quantity)]
         if units:
             found[name] = units[0]
         elif field.annotation is schema.Vector3:

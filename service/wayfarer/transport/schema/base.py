@@ -96,7 +96,7 @@ class OneOf(Message):
 UNITS: Final = tuple({basis.axes.metres_per_unit for basis in Basis})
 
 
-class Unit(Enum):
+class Quantity(Enum):
     """What the value of a field is, where the basis decides how it is written. See units.py."""
 
     LENGTH = auto()  # a length, or a length per second
@@ -104,8 +104,8 @@ class Unit(Enum):
     SPOT = auto()  # a point on the floor: its component along up is ignored
 
 
-Length = Annotated[Float, Unit.LENGTH]
-Heading = Annotated[Float, Field(ge=-MAX_HEADING, le=MAX_HEADING), Unit.HEADING]
+Length = Annotated[Float, Quantity.LENGTH]
+Heading = Annotated[Float, Field(ge=-MAX_HEADING, le=MAX_HEADING), Quantity.HEADING]
 Dwell = Annotated[Float, Field(ge=0, le=MAX_DWELL)]
 
 
@@ -157,7 +157,7 @@ class Vector3(Message):
     z: Float
 
 
-Spot = Annotated[Vector3, Unit.SPOT]
+Spot = Annotated[Vector3, Quantity.SPOT]
 
 
 class BasisInfo(Message):

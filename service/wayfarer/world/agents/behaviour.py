@@ -70,7 +70,7 @@ class Others(Protocol):
         ...
 
 
-class Actor(Protocol):
+class BehavingAgent(Protocol):
     """The agent that an activity moves, before one of its steps."""
 
     agent: "Agent"
@@ -181,20 +181,20 @@ class Behaviour:
     def check_others(self, agent: "Agent", others: Others) -> None:
         """That an agent may follow this behaviour among the others. Raises InvalidArgument."""
 
-    def first_goals(self, actor: Actor, number: int) -> tuple[Goal, ...]:
+    def first_goals(self, actor: BehavingAgent, number: int) -> tuple[Goal, ...]:
         """Its first goals, from goal `number` of the path on."""
         return (self.next_goal(actor, number),) if self.FROM_PLACE_TO_PLACE else (actor.here(),)
 
-    def next_goal(self, actor: Actor, number: int) -> Goal:
+    def next_goal(self, actor: BehavingAgent, number: int) -> Goal:
         """Goal `number` of the path."""
         raise NotImplementedError
 
-    def update(self, actor: Actor) -> None:
+    def update(self, actor: BehavingAgent) -> None:
         """Before a step of the agent: extend its path, or move its goal."""
         if self.FROM_PLACE_TO_PLACE and actor.is_at_last_goal:
             agent = actor.agent
             actor.extend(self.next_goal(actor, agent.passed + len(agent.path)))
 
-    def is_over(self, actor: Actor) -> bool:
+    def is_over(self, actor: BehavingAgent) -> bool:
         """It has ended by itself."""
         return False

@@ -6,7 +6,15 @@ from typing import ClassVar, Final, Literal
 
 from wayfarer.errors import InvalidArgument, Metres
 from wayfarer.limits import Limits
-from wayfarer.world.agents.behaviour import Actor, Aim, Behaviour, BodyState, Others, Start, Vector
+from wayfarer.world.agents.behaviour import (
+    Aim,
+    BehavingAgent,
+    Behaviour,
+    BodyState,
+    Others,
+    Start,
+    Vector,
+)
 from wayfarer.world.agents.checks import check_agent_id
 from wayfarer.world.agents.registry import Agent
 from wayfarer.world.ranges import check_range
@@ -81,7 +89,7 @@ class Follow(Behaviour):
                 "agents would follow each other in a circle", "behaviour.agent_id"
             )
 
-    def update(self, actor: Actor) -> None:
+    def update(self, actor: BehavingAgent) -> None:
         """See `Behaviour`."""
         leader = actor.look_at(self.agent_id)
         if leader is not None:

@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 
 from wayfarer.errors import InvalidArgument, Metres, MetresPerSecond
 from wayfarer.limits import Limits
-from wayfarer.world.agents.behaviour import STAND, Actor, Aim, Behaviour, BodyState, Start, Vector
+from wayfarer.world.agents.behaviour import (
+    STAND,
+    Aim,
+    BehavingAgent,
+    Behaviour,
+    BodyState,
+    Start,
+    Vector,
+)
 from wayfarer.world.agents.checks import check_agent_id
 from wayfarer.world.agents.goal import SPEED
 from wayfarer.world.ranges import check_place, check_range
@@ -67,7 +75,7 @@ class KeepAway(Behaviour):
         check_range([self.distance], *DISTANCE, f"{where}.distance", Metres)
         check_range([self.speed], *SPEED, f"{where}.speed", MetresPerSecond)
 
-    def update(self, actor: Actor) -> None:
+    def update(self, actor: BehavingAgent) -> None:
         """See `Behaviour`."""
         threat = self.place
         if threat is None:
@@ -78,7 +86,7 @@ class KeepAway(Behaviour):
         actor.aim(keep_away(self, actor.body, threat, actor.is_moving, _room(actor)))
 
 
-def _room(actor: Actor) -> Room | None:
+def _room(actor: BehavingAgent) -> Room | None:
     if (scene := actor.scene) is None:
         return None
     height, radius = actor.height, scene.spec.walkable.radius

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from wayfarer.limits import Limits
-from wayfarer.world.agents.behaviour import Actor, Behaviour, Start
+from wayfarer.world.agents.behaviour import BehavingAgent, Behaviour, Start
 from wayfarer.world.agents.goal import Goal, check_goal, check_path
 
 
@@ -31,7 +31,7 @@ class Patrol(Behaviour):
         whence = "the last goal, after which it comes,"
         check_goal(self.goals[0], self.goals[-1].position, limits, f"{where}.goals[0]", whence)
 
-    def next_goal(self, actor: Actor, number: int) -> Goal:
+    def next_goal(self, actor: BehavingAgent, number: int) -> Goal:
         """See `Behaviour`."""
         step = number - actor.agent.begun
         return self.goals[patrolled(step, len(self.goals), self.to_and_fro)]

@@ -9,7 +9,7 @@ import numpy as np
 
 from wayfarer.errors import Heading, Metres, MetresPerSecond
 from wayfarer.limits import Limits
-from wayfarer.world.agents.behaviour import Actor, Aim, Behaviour, Others, Start, Vector
+from wayfarer.world.agents.behaviour import Aim, BehavingAgent, Behaviour, Others, Start, Vector
 from wayfarer.world.agents.checks import check_name
 from wayfarer.world.agents.goal import MAX_HEADING, SPEED
 from wayfarer.world.agents.registry import Agent
@@ -47,7 +47,7 @@ class Queue(Behaviour):
         check_range([self.spacing], *SPACING, f"{where}.spacing", Metres)
         check_range([self.speed], *SPEED, f"{where}.speed", MetresPerSecond)
 
-    def update(self, actor: Actor) -> None:
+    def update(self, actor: BehavingAgent) -> None:
         """See `Behaviour`."""
         first, place = actor.shared(_Lines).place_of(actor.agent, self)
         facing = -np.sin(first.heading), np.cos(first.heading)

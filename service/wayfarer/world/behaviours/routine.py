@@ -5,7 +5,7 @@ from typing import ClassVar, Final, Literal
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.limits import Limits
-from wayfarer.world.agents.behaviour import STAND, Actor, Behaviour, Start
+from wayfarer.world.agents.behaviour import STAND, BehavingAgent, Behaviour, Start
 from wayfarer.world.agents.goal import Goal, check_path
 from wayfarer.world.behaviours.follow import Follow
 from wayfarer.world.behaviours.keep_away import KeepAway
@@ -37,11 +37,11 @@ class Visit(Behaviour):
         first = start or (self.goals[0].position if self.goals else (0.0, 0.0, 0.0))
         check_path(self.goals, first, limits, field=f"{where}.goals")
 
-    def first_goals(self, actor: Actor, number: int) -> tuple[Goal, ...]:
+    def first_goals(self, actor: BehavingAgent, number: int) -> tuple[Goal, ...]:
         """See `Behaviour`."""
         return self.goals
 
-    def is_over(self, actor: Actor) -> bool:
+    def is_over(self, actor: BehavingAgent) -> bool:
         """See `Behaviour`."""
         return actor.is_at_last_goal and actor.has_done(self.goals[-1])
 
@@ -52,7 +52,7 @@ class Stand(Behaviour):
 
     kind: Literal["stand"] = "stand"
 
-    def update(self, actor: Actor) -> None:
+    def update(self, actor: BehavingAgent) -> None:
         """See `Behaviour`."""
         actor.aim(STAND)
 

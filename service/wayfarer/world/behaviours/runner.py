@@ -131,7 +131,7 @@ class BehaviourRunner:
         return bool(self._paths.is_last(rows, self.slots.planned.gait.waypoint[rows])[0])
 
     def shared(self, make: Callable[[Others], T]) -> T:
-        """See `Actor`."""
+        """See `BehavingAgent`."""
         if make not in self._kind_state:
             self._kind_state[make] = make(self)
         return cast(T, self._kind_state[make])
@@ -220,7 +220,7 @@ class BehaviourRunner:
 
 
 class _Actor:
-    """Implements `Actor`, for one agent and one call."""
+    """Implements `BehavingAgent`, for one agent and one call."""
 
     def __init__(self, runner: BehaviourRunner, agent: Agent) -> None:
         self._runner = runner
@@ -230,51 +230,51 @@ class _Actor:
 
     @property
     def scene(self) -> Scene | None:
-        """See `Actor`, as for all below."""
+        """See `BehavingAgent`, as for all below."""
         return self._runner.around.scene_of(self.agent.slot)
 
     @property
     def height(self) -> float:
-        """See `Actor`."""
+        """See `BehavingAgent`."""
         slot = self.agent.slot
         return float(self._slots.footing.hips[slot]) if self._slots.scene[slot] else 0.0
 
     @property
     def revision(self) -> int:
-        """See `Actor`."""
+        """See `BehavingAgent`."""
         return int(self._slots.goal_revision[self.agent.slot])
 
     @property
     def body(self) -> BodyState:
-        """See `Actor`."""
+        """See `BehavingAgent`."""
         return self._runner.goals.body(self.agent.slot, self.agent.slot)
 
     @property
     def is_moving(self) -> bool:
-        """See `Actor`."""
+        """See `BehavingAgent`."""
         return self._runner.goals.is_moving(self.agent)
 
     @property
     def stood_at(self) -> Vector | None:
-        """See `Actor`."""
+        """See `BehavingAgent`."""
         return self._runner.goals.standing(self.agent)
 
     @property
     def is_at_last_goal(self) -> bool:
-        """See `Actor`."""
+        """See `BehavingAgent`."""
         return self._runner.is_last(self.agent.slot)
 
     def has_done(self, goal: Goal) -> bool:
-        """See `Actor`."""
+        """See `BehavingAgent`."""
         return is_done(self._slots, self.agent.slot, goal, self._runner.slow_seconds)
 
     def here(self) -> Goal:
-        """See `Actor`."""
+        """See `BehavingAgent`."""
         x, y = self._runner.goals.place(self.agent)
         return Goal((x, y, self.height))
 
     def look_at(self, agent_id: str) -> BodyState | None:
-        """See `Actor`."""
+        """See `BehavingAgent`."""
         other = self._runner.registry.sessions[self.agent.session_id].agents.get(agent_id)
         if other is not None:
             return self._runner.goals.body(other.slot, self.agent.slot)
@@ -282,18 +282,18 @@ class _Actor:
         return None
 
     def walk_with(self, agent_id: str) -> None:
-        """See `Actor`."""
+        """See `BehavingAgent`."""
         group, other = self._slots.group, self._runner.registry.agents[agent_id].slot
         group[other] = group[other] or self._slots.alias[other]
         group[self.agent.slot] = group[other]
 
     def extend(self, goal: Goal) -> None:
-        """See `Actor`."""
+        """See `BehavingAgent`."""
         agent_paths = self._runner.agent_paths
         agent_paths.write(self.agent, (*agent_paths.kept(self.agent), goal))
 
     def aim(self, aim: Aim, on_floor_of: str | None = None) -> None:
-        """See `Actor`."""
+        """See `BehavingAgent`."""
         runner, agent = self._runner, self.agent
         if aim.place is None:
             runner.goals.stand(agent)
@@ -306,7 +306,7 @@ class _Actor:
         runner.goals.go(agent, aim, place)
 
     def shared(self, make: Callable[[Others], T]) -> T:
-        """See `Actor`."""
+        """See `BehavingAgent`."""
         return self._runner.shared(make)
 
 

@@ -13,7 +13,7 @@ from wayfarer.errors import InvalidArgument, Metres, MetresPerSecond
 from wayfarer.limits import Limits
 from wayfarer.navigation.scene import Scene
 from wayfarer.spec import MAX_COORDINATE
-from wayfarer.world.agents.behaviour import Actor, Behaviour, Start
+from wayfarer.world.agents.behaviour import BehavingAgent, Behaviour, Start
 from wayfarer.world.agents.goal import MAX_DWELL, SPEED, Goal
 from wayfarer.world.behaviours.places import drawn_places, island_at
 from wayfarer.world.ranges import check_place, check_range
@@ -61,7 +61,7 @@ class Wander(Behaviour):
         check_range([self.speed], *SPEED, f"{where}.speed", MetresPerSecond)
         check_range([self.dwell], 0, MAX_DWELL, f"{where}.dwell")
 
-    def next_goal(self, actor: Actor, number: int) -> Goal:
+    def next_goal(self, actor: BehavingAgent, number: int) -> Goal:
         """See `Behaviour`."""
         agent = actor.agent
         start = agent.path[-1].position[:2] if agent.path else agent.path_start
