@@ -12,7 +12,8 @@ WIRE = ROOT / "service/wayfarer/transport/schema"
 TWINS = {
     "Agent", "AgentSpec", "Behaviour", "Block", "Bone", "Box", "Crowd", "Cylinder", "Event",
     "FittedLength", "Floor", "Follow", "Goal", "KeepAway", "MotionChunks", "Part",
-    "Patrol", "PoseFormat", "Prism", "Queue", "Ramp", "Routine", "Scene", "Session", "Stand", "Visit", "Walkable", "Wander",
+    "Patrol", "PoseFormat", "Prism", "Queue", "Ramp", "Routine", "Scene", "Session",
+    "Stand", "Visit", "Walkable", "Wander",
 }  # fmt: skip
 """Classes of the domain whose twin in transport/schema/ says the same as validated JSON."""
 
