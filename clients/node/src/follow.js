@@ -13,12 +13,12 @@ const PASSING = [status.UNAVAILABLE, status.RESOURCE_EXHAUSTED];
  * there was no sign of life for `deadlineMs`. `for await … break` ends the stream.
  */
 export async function* follow(client, request, { deadlineMs = 30_000 } = {}) {
-  let wish = { ...request };
+  let resuming = { ...request };
   let heardAt = Date.now();
   let pause = PAUSE_MS[0];
   let begun = false;
   for (;;) {
-    const call = client.motion.streamMotion(wish);
+    const call = client.motion.streamMotion(resuming);
     const silence = setTimeout(() => call.destroy(new Error("nothing heard for 5 s")), SILENCE_MS);
     try {
       for await (const message of call) {
@@ -27,7 +27,7 @@ export async function* follow(client, request, { deadlineMs = 30_000 } = {}) {
         pause = PAUSE_MS[0];
         begun = true;
         const { case: kind, value } = message.payload;
-        if (kind === "batch" && value.resumeToken) wish = { ...wish, resumeToken: value.resumeToken };
+        if (kind === "batch" && value.resumeToken) resuming = { ...resuming, resumeToken: value.resumeToken };
         yield message;
       }
       return; // the session has ended

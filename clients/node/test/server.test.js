@@ -24,12 +24,12 @@ test("session, agents, goals, stream, goal change, resume", options, async () =>
   assert.equal(first.revision, 1);
 
   const format = { encoding: PoseEncoding.SMALLEST_THREE, profile: PoseProfile.BONES, bones: ["pelvis", "head"], fps: 20 };
-  const wish = { sessionId, format };
+  const request = { sessionId, format };
   let header;
   let last; // Ada's last chunk
   let token;
   let travelled = 0;
-  for await (const { payload } of follow(client, wish)) {
+  for await (const { payload } of follow(client, request)) {
     if (payload.case === "header") header = payload.value;
     if (payload.case !== "batch") continue;
     token = payload.value.resumeToken;
@@ -61,7 +61,7 @@ test("session, agents, goals, stream, goal change, resume", options, async () =>
   assert.equal(change.revision, 2);
   await new Promise((resolve) => setTimeout(resolve, 600));
   const events = [];
-  for await (const { payload } of follow(client, { ...wish, resumeToken: token })) {
+  for await (const { payload } of follow(client, { ...request, resumeToken: token })) {
     if (payload.case === "header") assert.equal(payload.value.resumed, true);
     if (payload.case === "event") {
       events.push(payload.value.kind);

@@ -203,15 +203,15 @@ export class Api {
   }
 
   /**
-   * Where MotionStream connects: `wish` has encoding, fps … as in the query of WS /v1/stream.
-   * @param {string} sessionId @param {Record<string, string | number>} [wish] @param {string} [resumeToken]
+   * Where MotionStream connects: `query` has encoding, fps … as in the query of WS /v1/stream.
+   * @param {string} sessionId @param {Record<string, string | number>} [query] @param {string} [resumeToken]
    * @param {{ href: string }} [location]
    */
-  streamAddress(sessionId, wish = {}, resumeToken = "", location = globalThis.location) {
+  streamAddress(sessionId, query = {}, resumeToken = "", location = globalThis.location) {
     const url = new URL(`${this.base}/v1/stream`, location?.href);
     url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
     url.searchParams.set("session", sessionId);
-    for (const [key, value] of Object.entries(wish)) url.searchParams.set(key, String(value));
+    for (const [key, value] of Object.entries(query)) url.searchParams.set(key, String(value));
     if (resumeToken) url.searchParams.set("resume_token", resumeToken);
     return { url: url.href, protocols: this.access.protocols };
   }

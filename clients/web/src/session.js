@@ -7,13 +7,13 @@ import { keepAlive } from "./lease.js";
 import { MotionStream, clock } from "./stream.js";
 
 /**
- * `scene`: id of a scene, "" for a floor without end. `wish`: `encoding`, `fps` … of the stream (docs/wire-format.md).
+ * `scene`: id of a scene, "" for a floor without end. `query`: `encoding`, `fps` … of the stream (docs/wire-format.md).
  * `on`: what the player and the stream tell. `token`: an API key or JWT.
  * @typedef {object} SessionOptions
  * @property {string} [token]
  * @property {string} [scene]
  * @property {number} [leaseSeconds] for which the session outlives its last sign of life
- * @property {Record<string, string | number>} [wish]
+ * @property {Record<string, string | number>} [query]
  * @property {import("./core/player.js").PlayerEvents & import("./stream.js").StreamEvents} [on]
  * @property {import("./stream.js").StreamOptions} [stream]
  */
@@ -47,14 +47,14 @@ export class Session {
   }
 
   /** @param {Api} api @param {string} id @param {SessionOptions} options */
-  constructor(api, id, { on = {}, wish = {}, scene = "", stream = {} }) {
+  constructor(api, id, { on = {}, query = {}, scene = "", stream = {} }) {
     this.api = api;
     this.id = id;
     this.scene = scene;
     this.own = false;
     this.player = new MotionPlayer(on);
     this.now = stream.now ?? clock;
-    this.stream = new MotionStream((token) => api.streamAddress(id, wish, token), this.player, {
+    this.stream = new MotionStream((token) => api.streamAddress(id, query, token), this.player, {
       ...on,
       refused: async (reason) => {
         if (await api.access.renew(api.access.token, reason)) this.stream.open();

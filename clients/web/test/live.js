@@ -35,7 +35,7 @@ let walker = null;
 let arrived = 0;
 let standsSince = NaN; // moment from which both feet have been on the ground
 const session = await Session.open(process.argv[2], {
-  wish: { encoding: "smallest_three", fps: 20 },
+  query: { encoding: "smallest_three", fps: 20 },
   on: {
     added: (played) => {
       walker = played;

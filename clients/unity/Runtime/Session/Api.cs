@@ -233,13 +233,13 @@ namespace Wayfarer
         }
 
         /// <summary>
-        /// Where MotionStream connects. <paramref name="wish"/>: <c>encoding</c>, <c>fps</c> … of the query of WS /v1/stream.
+        /// Where MotionStream connects. <paramref name="options"/>: <c>encoding</c>, <c>fps</c> … of the query of WS /v1/stream.
         /// </summary>
         public StreamAddress StreamAddress(
-            string sessionId, IReadOnlyDictionary<string, string> wish = null, string resumeToken = "")
+            string sessionId, IReadOnlyDictionary<string, string> options = null, string resumeToken = "")
         {
             var query = new StringBuilder("session=" + Uri.EscapeDataString(sessionId));
-            foreach (KeyValuePair<string, string> pair in wish ?? new Dictionary<string, string>())
+            foreach (KeyValuePair<string, string> pair in options ?? new Dictionary<string, string>())
             {
                 query.Append('&').Append(Uri.EscapeDataString(pair.Key)).Append('=').Append(Uri.EscapeDataString(pair.Value));
             }

@@ -21,7 +21,7 @@ namespace Wayfarer
         public double LeaseSeconds { get; set; } = 60;
 
         /// <summary>Encoding, fps … of the stream (docs/wire-format.md, "Asking for a stream").</summary>
-        public IReadOnlyDictionary<string, string> Wish { get; set; } =
+        public IReadOnlyDictionary<string, string> Query { get; set; } =
             new Dictionary<string, string> { ["encoding"] = "smallest_three", ["fps"] = "20" };
 
         /// <summary>Another way to call (WebGL), or null.</summary>
@@ -54,7 +54,7 @@ namespace Wayfarer
             Id = id;
             this.options = options;
             this.own = renewing = own;
-            Stream = new MotionStream(token => api.StreamAddress(id, options.Wish, token), Player, options.NewSocket);
+            Stream = new MotionStream(token => api.StreamAddress(id, options.Query, token), Player, options.NewSocket);
             renewAt = options.Now() + options.LeaseSeconds / RenewalsPerLease;
         }
 

@@ -170,7 +170,7 @@ namespace Wayfarer
                 Scene = scene,
                 NewSocket = NewSocket,
                 Http = Http,
-                Wish = new Dictionary<string, string> { ["encoding"] = "smallest_three", ["fps"] = fps.ToString() },
+                Query = new Dictionary<string, string> { ["encoding"] = "smallest_three", ["fps"] = fps.ToString() },
             };
         }
     }

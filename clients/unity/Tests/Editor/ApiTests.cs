@@ -112,8 +112,8 @@ namespace Wayfarer.Tests
         {
             Assert.Throws<ArgumentException>(() => new Api("localhost:8080"));
             Assert.Throws<ArgumentException>(() => new Api(""));
-            var wish = new Dictionary<string, string> { ["encoding"] = "f16_le" };
-            StreamAddress where = new Api("https://host/x/").StreamAddress("s 1", wish, "r.1~a");
+            var query = new Dictionary<string, string> { ["encoding"] = "f16_le" };
+            StreamAddress where = new Api("https://host/x/").StreamAddress("s 1", query, "r.1~a");
             Assert.AreEqual("wss://host/x/v1/stream?session=s%201&encoding=f16_le&resume_token=r.1~a", where.Url);
             Assert.AreEqual(new[] { "wayfarer.v1" }, where.Protocols.ToArray());
             var http = new FakeHttp().Answer(200, "{}");

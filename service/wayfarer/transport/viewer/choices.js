@@ -20,13 +20,13 @@ export function randomAgents(count, heights, taken, { middle, heightAt = () => 0
     const gender = random() < 0.5 ? "female" : "male";
     const [mean, deviation] = HEIGHT[gender];
     const [least, most] = heights[gender];
-    const wished = mean + deviation * normal(random);
+    const drawn = mean + deviation * normal(random);
     const place = freePlace(places, { middle, heightAt, random });
     places.push(place);
     agents.push({
       gender,
       phenotype: {
-        height_m: Math.min(most, Math.max(least, wished)),
+        height_m: Math.min(most, Math.max(least, drawn)),
         weight: clamp(0.5 + 0.18 * normal(random)),
         muscle: clamp(0.5 + 0.18 * normal(random)),
         age: 20 + 45 * random(), // years

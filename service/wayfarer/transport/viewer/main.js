@@ -24,7 +24,7 @@ const attempt = (action) => (...given) => (
   Promise.resolve().then(() => action(...given)).catch((error) => tell(error.message))
 );
 const page = new URLSearchParams(location.search);
-const wish = Object.fromEntries(["encoding", "fps"].filter((key) => page.has(key)).map((key) => [key, page.get(key)]));
+const query = Object.fromEntries(["encoding", "fps"].filter((key) => page.has(key)).map((key) => [key, page.get(key)]));
 const view = byId("view");
 
 const access = new Access(sessionStorage.getItem(TOKEN) ?? "", async (reason) => {
@@ -44,7 +44,7 @@ const readout = new Readout();
 const place = new ScenePanel(api, stage, { enter, changed: attempt(() => errands.replan()), attempt });
 const { level, book } = place;
 const crowd = new Crowd(stage, (x, z, y) => level.heightAt(x, z, y), mesh, refresh, tell);
-const session = new PageSession(api, crowd, wish, clock, { event: onEvent, ended: () => setTimeout(start, 1000) });
+const session = new PageSession(api, crowd, query, clock, { event: onEvent, ended: () => setTimeout(start, 1000) });
 const errands = new Errands(api, crowd, {
   ask: () => ({ mode: sendMode(), selected, speed: Number(byId("speed").value) }),
   heightAt: (x, z, y) => level.heightAt(x, z, y),

@@ -100,7 +100,7 @@ export class SceneBook {
     this.on.moved(this.obstacles);
     let mover = this.moving.get(name);
     if (!mover) {
-      mover = new Latest((wish) => this.api.putObstacle(id, name, prismOf(wish)), (error) => this.on.failed(error));
+      mover = new Latest((latest) => this.api.putObstacle(id, name, prismOf(latest)), (error) => this.on.failed(error));
       this.moving.set(name, mover);
     }
     return mover.push(block).then(() => this.#settle(id, name, mover));

@@ -6,9 +6,9 @@ import { showConnection, tell } from "./hud.js";
 const STATES = { connecting: "connecting", open: "connected", lost: "connection lost, reconnecting" };
 
 export class PageSession {
-  /** `wish`: encoding, fps … of the stream; `on.event(event)`, `on.ended()` when a new one is needed. */
-  constructor(api, crowd, wish, clock, on) {
-    Object.assign(this, { api, crowd, wish, clock, on });
+  /** `query`: encoding, fps … of the stream; `on.event(event)`, `on.ended()` when a new one is needed. */
+  constructor(api, crowd, query, clock, on) {
+    Object.assign(this, { api, crowd, query, clock, on });
     this.current = null;
     this.scene = "";
     addEventListener("pagehide", () => this.current?.own && api.abandonSession(this.current.id));
@@ -41,7 +41,7 @@ export class PageSession {
   #options(scene) {
     return {
       scene,
-      wish: this.wish,
+      query: this.query,
       stream: { now: this.clock },
       on: {
         ...this.crowd.handlers(this.clock),
