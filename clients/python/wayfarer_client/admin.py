@@ -25,7 +25,7 @@ class Admin:
         return reply.model
 
     async def use_model(self, name: str, move_agents: bool = False) -> int:
-        """Let new agents be moved by it, and those present if wished; return how many change."""
+        """Let new agents be moved by it, and those present on request; return how many change."""
         request = admin_pb2.UseModelRequest(name=name, move_agents=move_agents)
         reply = await self._connection.call(self._connection.admin.UseModel, request)
         return int(reply.moved)

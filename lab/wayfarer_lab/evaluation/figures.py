@@ -18,9 +18,9 @@ def distances(hips: Array, place: Goal | Array) -> Array:
     return np.linalg.norm(hips[..., :2] - point[..., :2], axis=-1)
 
 
-def degrees_off(facing: Array, wished: Array | tuple[float, float]) -> Array:
+def degrees_off(facing: Array, target: Array | tuple[float, float]) -> Array:
     """Degrees, 0 … 180, between horizontal unit vectors [..., 2]. [...]"""
-    return np.degrees(np.arccos(np.clip((facing * np.asarray(wished)).sum(-1), -1.0, 1.0)))
+    return np.degrees(np.arccos(np.clip((facing * np.asarray(target)).sum(-1), -1.0, 1.0)))
 
 
 def smooth_speed(hips: Array, seconds: float = 0.5) -> Array:

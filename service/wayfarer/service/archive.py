@@ -76,5 +76,5 @@ class Archive:
     @property
     def _origin(self) -> LogOrigin:
         steering = self._worlds.settings.steering
-        wished = max(search.candidates for search in steering.searches.values())
-        return LogOrigin(self._worlds.body, self._worlds.models.stamps, wished)
+        asked = max(search.candidates for search in steering.searches.values())
+        return LogOrigin(self._worlds.body, self._worlds.models.stamps, asked)

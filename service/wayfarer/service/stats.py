@@ -33,7 +33,7 @@ class LoopStats:
     failures: int = 0  # turns of the loop that raised, since start
     rebased: int = 0  # how often the schedule was moved because the loop was > 1 s behind
     dropped_batches: int = 0  # lost by the present subscribers, who were too slow
-    reduced_steps: int = 0  # agent steps with fewer candidates than wished, since start
+    reduced_steps: int = 0  # agent steps with fewer candidates than asked for, since start
     held_sessions: int = 0  # whose agents wait for a subscriber now
     states: Mapping[AgentState, int] = field(default_factory=dict)  # agents in each
     capacity: int = 0  # agents that fit, by the measured cost of a step; 0: not known yet

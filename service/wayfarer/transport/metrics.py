@@ -201,7 +201,7 @@ class _Stand(Collector):
             yield GaugeMetricFamily(f"wayfarer_{name}", what, value)
         for name, what, value in (
             ("agent_steps", "Agents moved by one primitive", now.steps),
-            ("reduced_steps", "Those with fewer candidates than wished", now.reduced_steps),
+            ("reduced_steps", "Those with fewer candidates than asked for", now.reduced_steps),
             ("held_steps", "Those left out, the agent being idle", now.held_steps),
             ("refused_agents", "Agents refused for want of time", now.refused_agents),
             ("mended_steps", "Those with a joint kept within its limits", now.mended_steps),

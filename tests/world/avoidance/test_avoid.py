@@ -78,8 +78,8 @@ def test_nobody_is_told_to_creep():
     people = standing_at(*generator.uniform(-4, 4, (60, 2)))
     people.walks[:] = True
     people.velocity[:] = generator.normal(0, 0.7, (60, 2))
-    wished = np.full((60, 2), 0.9, np.float32)
-    course = avoid(people, np.arange(60), wished, None, 0.2)
+    preferred = np.full((60, 2), 0.9, np.float32)
+    course = avoid(people, np.arange(60), preferred, None, 0.2)
     speed = np.linalg.norm(course.velocity, axis=-1)
     assert (course.waits == (speed == 0)).all()
     assert (speed[speed > 0] >= 0.499).all()
@@ -92,14 +92,14 @@ def test_a_row_depends_on_the_people_and_not_on_who_else_is_asked():
     people.velocity[:] = generator.normal(0, 0.7, (40, 2))
     people.memory.waited[:] = generator.uniform(0, 4, 40)
     people.memory.preferred[:] = generator.normal(0, 1, (40, 2))
-    wished = generator.normal(0, 1, (40, 2)).astype(np.float32)
+    preferred = generator.normal(0, 1, (40, 2)).astype(np.float32)
 
     def clear(points):
         return 4.0 - np.abs(points).max(-1)
 
-    together = avoid(people, np.arange(40), wished, clear, 0.2)
+    together = avoid(people, np.arange(40), preferred, clear, 0.2)
     for rows in (np.array([7]), np.array([3, 7, 31]), np.arange(39, -1, -1)):
-        some = avoid(people, rows, wished[rows], clear, 0.2)
+        some = avoid(people, rows, preferred[rows], clear, 0.2)
         assert (some.velocity == together.velocity[rows]).all()
         assert (some.memory.retreat == together.memory.retreat[rows]).all()
         assert (some.memory.yields == together.memory.yields[rows]).all()

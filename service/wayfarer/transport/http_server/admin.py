@@ -27,7 +27,7 @@ def admin_routes(gateway: Gateway) -> APIRouter:
     async def use_model(
         name: ModelName, request: schema.ModelUse | None = None
     ) -> schema.ModelUsed:
-        """New agents, and if wished all present ones, each from its next primitive on."""
+        """New agents, and on request all present ones, each from its next primitive on."""
         return await admin.use_model(name, request or schema.ModelUse())
 
     @router.delete(

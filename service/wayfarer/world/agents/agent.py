@@ -63,7 +63,7 @@ class ChunkFlag(IntFlag):
     REPLANNED = 2  # frames that were planned for this time were thrown away for a new goal
     ARRIVED = 4  # the goal was reached during this chunk
     GAP = 8  # chunks before this one were dropped for this subscriber (it was too slow)
-    REDUCED = 16  # fewer candidates than wished were tried, because time was short
+    REDUCED = 16  # fewer candidates than asked for were tried, because time was short
     HELD = 32  # not stepped, because time was short and there was nothing to do: the pose is held
 
 

@@ -25,7 +25,7 @@ class Goal:
 
     position: tuple[float, float, float]  # metres, world; the ground below it is walked to
     radius: float = 0.3  # metres: arrived when the pelvis is this near, horizontally
-    speed: float = 1.2  # metres per second, wished for on the way
+    speed: float = 1.2  # metres per second, target on the way
     heading: float | None = None  # radians about +Z, 0 faces +Y: to face once stopped there
     stop: bool = True  # False: pass through without slowing; with no goal to follow, stop after it
     strafe: bool = False  # face `heading` on the way, too: walk sideways or backwards
@@ -104,7 +104,7 @@ class GoalColumns(Rows):
     position: Annotated[Float, Shape(3)]
     radius: Float
     speed: Float
-    heading: Annotated[Float, Shape(2)]  # unit vector to face, or zero: none is wished
+    heading: Annotated[Float, Shape(2)]  # unit vector to face, or zero: any
     strafe: Flags  # face the heading on the way, too
     through: Flags  # pass through without stopping
     dwell: Float  # seconds to stand there before the next goal

@@ -65,7 +65,7 @@ class Gait(Rows):
     arrived: Flags  # the goal has been reached
     waypoint: Int  # place of that goal in the path
     carried: Annotated[Float, Shape(2)]  # m/s at which it is moved in side steps
-    trim: Float  # share by which more speed is asked of the model than is wished
+    trim: Float  # share by which more speed is asked of the model than the goal says
     shortened: Float  # share that its steps are shortened by; see strides.py
     planted: Flags  # it stands on both feet, which stay where they are; see planting.py
     soles: Annotated[Float, Shape(2, SOLES, 2)]  # horizontal places of its sole markers then

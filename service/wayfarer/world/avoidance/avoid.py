@@ -48,20 +48,20 @@ def avoid(
     since they were asked last. A row's result depends on `people`, not on who else is asked.
     """
     memory = people.memory.take(rows)
-    wished = keep_together(people, rows, preferred)
+    preferred = keep_together(people, rows, preferred)
     near = neighbours(people, rows, rules)
     yields = memory.yields > 0
-    way = np.where(yields[:, None], memory.retreat * rules.yield_speed, wished)
+    way = np.where(yields[:, None], memory.retreat * rules.yield_speed, preferred)
     tried = _candidates(way, memory.chosen, rules)
     best = costs(people, rows, near, way, tried, memory.chosen, clear, rules).argmin(1)
     chosen = tried[np.arange(len(rows)), best]
     waits = ~chosen.any(-1)
-    memory = _remember(memory, people, rows, wished, chosen, seconds)
+    memory = _remember(memory, people, rows, preferred, chosen, seconds)
     return NextVelocity(chosen, waits, _make_way(memory, people, rows, near, rules))
 
 
 def _candidates(way: Float, last: Float, rules: Rules) -> Float:
-    """Velocities to try [A, C, 2]: the one wished, a fan around it, the last one, and to stop."""
+    """Velocities to try [A, C, 2]: the preferred one, a fan around it, the last one, and to stop."""
     speed = np.sqrt((way * way).sum(-1))
     # slower than a body can walk well only for those who want to
     least = np.minimum(rules.slowest, speed) / np.maximum(speed, 1e-6)
@@ -75,15 +75,15 @@ def _candidates(way: Float, last: Float, rules: Rules) -> Float:
 
 
 def _remember(
-    memory: Memory, people: People, rows: Index, wished: Float, chosen: Float, seconds: float
+    memory: Memory, people: People, rows: Index, preferred: Float, chosen: Float, seconds: float
 ) -> Memory:
     """Update the waiting times: an agent that moves in its own direction does not wait."""
-    speed = np.sqrt((wished * wished).sum(-1))
+    speed = np.sqrt((preferred * preferred).sum(-1))
     velocity = people.velocity[rows]
-    on = (velocity * wished).sum(-1) / np.maximum(speed, 1e-6)
+    on = (velocity * preferred).sum(-1) / np.maximum(speed, 1e-6)
     waited = np.where(on < 0.25 * speed, memory.waited + seconds, 0.0).astype(np.float32)
     yields = np.maximum(memory.yields - np.float32(seconds), 0)
-    return Memory(wished, chosen, waited, yields, memory.retreat)
+    return Memory(preferred, chosen, waited, yields, memory.retreat)
 
 
 def _make_way(

@@ -26,10 +26,10 @@ class Rules:
     horizon: float = 3.5  # seconds that are looked ahead
     soon: float = 0.3  # what happens before cannot be helped
     close: float = 1.5  # nearer nobody relies on others; twice as far, on half of the task
-    comfort: float = 0.35  # room wished for between two, beside their radii
+    comfort: float = 0.35  # preferred room between two, beside their radii
     reaction: float = 0.25  # seconds until a body follows a new velocity
     slowest: float = 0.5  # m/s: nobody walks well more slowly
-    wall_room: float = 0.1  # wished for between a person's radius and a wall
+    wall_room: float = 0.1  # preferred between a person's radius and a wall
     wall_times: tuple[float, ...] = (0.3, 0.7, 1.2)  # at which a way is looked at for walls
 
     deviation: float = 2.0  # costs, of 1 m/s: not to go where one would
@@ -41,7 +41,7 @@ class Rules:
     patience: float = 1.2  # seconds of waiting until a person makes way for those before it
     yielding: float = 1.6  # seconds for which it does
     yield_speed: float = 0.6
-    push: float = 4.0  # seconds of waiting until a person wishes for half of that room
+    push: float = 4.0  # seconds of waiting until a person is content with half of that room
 
 
 RULES: Final = Rules()

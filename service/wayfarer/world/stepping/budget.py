@@ -2,7 +2,7 @@
 
 Frames must be there at their time whatever the load; quality gives way first:
 
-    fewer candidates      the search tries 16, 8, 4, 2, 1 in place of what is wished  (REDUCED)
+    fewer candidates      the search tries 16, 8, 4, 2, 1 in place of what was asked for  (REDUCED)
     hold idle agents      who stands with nothing to do keeps its pose, unstepped     (HELD)
     refuse new agents     ResourceExhausted
 

@@ -23,12 +23,12 @@ class Load:
         self, *, settings: WorldSettings, registry: Registry, agents: Callable[[], Counts]
     ) -> None:
         """`agents()` counts the agents of each gender in each phase."""
-        wished = max(search.candidates for search in settings.steering.searches.values())
+        asked = max(search.candidates for search in settings.steering.searches.values())
         self._registry = registry
         self._agents = agents
         self._refuses = settings.admission.refuse
-        self._full = DegradationLevel(wished)
-        self._budget = Budget(wished, settings.budget) if settings.budget is not None else None
+        self._full = DegradationLevel(asked)
+        self._budget = Budget(asked, settings.budget) if settings.budget is not None else None
         self._admission = Admission(settings)
         self._reservations = Reservations()
 

@@ -56,8 +56,8 @@ def shot(made: Take, goal: tuple[float, float] | None = None, heading: float | N
     """A take with the goal (m) that was given; `heading` in degrees."""
     if goal is None:
         return Shot(made)
-    wished = None if heading is None else float(np.radians(heading))
-    return Shot(made, Goal((*goal, 0.0), heading=wished))
+    facing = None if heading is None else float(np.radians(heading))
+    return Shot(made, Goal((*goal, 0.0), heading=facing))
 
 
 def walker(seconds: float = 8.0, bob: float = 0.03, **joints: tuple[float, float, float]) -> Take:
