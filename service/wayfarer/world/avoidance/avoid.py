@@ -61,7 +61,7 @@ def avoid(
 
 
 def _candidates(way: Float, last: Float, rules: Rules) -> Float:
-    """Velocities to try [A, C, 2]: the preferred one, a fan around it, the last one, and to stop."""
+    """Velocities to try [A, C, 2]: the preferred one, a fan around it, the last, a stop."""
     speed = np.sqrt((way * way).sum(-1))
     # slower than a body can walk well only for those who want to
     least = np.minimum(rules.slowest, speed) / np.maximum(speed, 1e-6)
