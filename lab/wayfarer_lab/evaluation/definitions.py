@@ -4,7 +4,7 @@ A name may hold `*`: `drift_2s_*` defines `drift_2s_mean_m` and its like. Where 
 groups, the group of the table counts.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Final
@@ -351,10 +351,10 @@ def definitions(figure: str) -> list[tuple[str, str, str]]:
     return exact or list(first.values())[::-1]
 
 
-def as_markdown(groups: Sequence[Group] = GROUPS) -> str:
+def as_markdown() -> str:
     """The page: groups as sections, each with a table."""
     parts = [PAGE]
-    for group in groups:
+    for group in GROUPS:
         parts.append(f"## {group.title}\n{group.about}\n")
         if group.figures:
             parts.append("| figure | definition |\n|---|---|")

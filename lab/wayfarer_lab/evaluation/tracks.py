@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.body.library import load_body
+from wayfarer.body.library import SHIPPED, load_body
 from wayfarer.body.model import BodyModel
 from wayfarer.body.rotation import matrix_from_quaternion
 from wayfarer.errors import InvalidArgument
@@ -52,10 +52,10 @@ def skin_track(body: BodyModel, betas: Array, translation: Array, rotations: Arr
 class Recorded:
     """The clips of one split of a prepared data folder, as recorded (no augmentation)."""
 
-    def __init__(self, folder: Path, split: str, body: str = "anny52") -> None:
+    def __init__(self, folder: Path, split: str) -> None:
         """Raises InvalidArgument when the split is empty, DataError for an unprepared folder."""
         self.data = Dataset.load(folder)
-        self.bodies = {gender: load_body(body, gender) for gender in GENDERS}
+        self.bodies = {gender: load_body(SHIPPED, gender) for gender in GENDERS}
         self.clips = tuple(
             clip
             for clip in self.data.clips

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, model_validator
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
-from wayfarer.body.library import load_body
+from wayfarer.body.library import SHIPPED, load_body
 from wayfarer.errors import InvalidArgument
 from wayfarer.marker_bodies import load_marker_bodies, marker_body
 from wayfarer.motion.marker_body import MarkerBody
@@ -302,12 +302,12 @@ SHOWN = {
 }
 
 
-def load_walks(folder: Path, split: str = "train") -> Walks:
+def load_walks(folder: Path) -> Walks:
     """The critic's recorded walks from a prepared folder, which takes a minute.
 
     Raises DataError when the folder is not prepared, InvalidArgument when it holds no such walk.
     """
-    return Walks(Dataset.load(folder), split, load_marker_bodies("anny52"))
+    return Walks(Dataset.load(folder), "train", load_marker_bodies(SHIPPED))
 
 
 def train_analytic(

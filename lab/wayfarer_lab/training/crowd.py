@@ -74,16 +74,16 @@ class TrainingCrowd:
 class CrowdSampler:
     """Draws agents in the midst of recorded motion, on bodies of random shapes."""
 
-    def __init__(self, frames: Frames, body: MarkerBody, seed_frames: int = SEED_FRAMES) -> None:
-        self.frames, self.body, self.seed_frames = frames, body, seed_frames
-        self.sampler = WindowSampler(frames, seed_frames)
+    def __init__(self, frames: Frames, body: MarkerBody) -> None:
+        self.frames, self.body = frames, body
+        self.sampler = WindowSampler(frames, SEED_FRAMES)
         # the soles decide how high a body of another shape stands
         self.soles = frames.markers[..., 2].amin(-1)
 
     @torch.no_grad()
     def draw(self, count: int) -> TrainingCrowd:
         """`count` agents whose first frame lies over the origin, facing as recorded."""
-        rows = self.sampler.draw(count)[:, None] + torch.arange(self.seed_frames)
+        rows = self.sampler.draw(count)[:, None] + torch.arange(SEED_FRAMES)
         betas = random_betas(count)
         hips, rotations = self.frames.hips[rows].clone(), self.frames.rotations[rows]
         hips[..., :2] -= hips[:, :1, :2].clone()

@@ -13,6 +13,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from wayfarer.body.library import SHIPPED
 from wayfarer.errors import InvalidArgument
 from wayfarer.marker_bodies import load_marker_bodies
 from wayfarer.motion.frame import canonical_frame, to_local
@@ -88,41 +89,38 @@ def skin_frames(
     return markers
 
 
-def random_betas(count: int, scale: float = 1.0) -> Tensor:
+def random_betas(count: int) -> Tensor:
     """Shapes drawn from the (unit variance) shape space, within 2.5 standard deviations."""
-    return (torch.randn(count, BETAS) * scale).clamp(-2.5, 2.5)
+    return torch.randn(count, BETAS).clamp(-2.5, 2.5)
 
 
-def load_frames(
-    folder: Path, split: str, mix: Mapping[str, float], mirrored: bool = True, body: str = "anny52"
-) -> Frames:
+def load_frames(folder: Path, split: str, mix: Mapping[str, float]) -> Frames:
     """`load_poses` with markers, which takes a minute or two for the shipped data."""
-    poses, betas, gender = _read(folder, split, mix, mirrored)
+    poses, betas, gender = _read(folder, split, mix)
+    bodies = load_marker_bodies(SHIPPED)
     return Frames(
         hips=poses.hips,
         rotations=poses.rotations,
         run=poses.run,
         weight=poses.weight,
-        markers=skin_frames(poses.hips, poses.rotations, betas, gender, load_marker_bodies(body)),
+        markers=skin_frames(poses.hips, poses.rotations, betas, gender, bodies),
         hips_rotation=matrix_from_quaternion(poses.rotations[:, 0]),
         betas=betas,
         gender=gender,
     )
 
 
-def load_poses(folder: Path, split: str, mix: Mapping[str, float], mirrored: bool = True) -> Poses:
+def load_poses(folder: Path, split: str, mix: Mapping[str, float]) -> Poses:
     """One split of a prepared folder, with its mirror image, as tensors.
 
     `mix` gives each group's share of the draws (`group_of`); within a group a subject's frames
     weigh less the more there are of them (square root), so that no person's gait dominates.
     Raises DataError when the folder is not prepared, InvalidArgument when the split is empty.
     """
-    return _read(folder, split, mix, mirrored)[0]
+    return _read(folder, split, mix)[0]
 
 
-def _read(
-    folder: Path, split: str, mix: Mapping[str, float], mirrored: bool
-) -> tuple[Poses, Tensor, Tensor]:
+def _read(folder: Path, split: str, mix: Mapping[str, float]) -> tuple[Poses, Tensor, Tensor]:
     """Poses, and of each the betas [N, 10] and the gender [N] of the body."""
     data = Dataset.load(folder)
     chosen = [c for c in data.clips if c.split == split]
@@ -141,10 +139,9 @@ def _read(
     groups = [group_of(chosen[o], u, d) for o, u, d in zip(owner, use, done, strict=True)]
     weight = draw_weights(groups, [chosen[o].subject for o in owner], mix)
     hips, rotations = data.translation[rows], data.rotations[rows]
-    if mirrored:
-        image = mirror(hips, rotations, data.contacts[rows])
-        hips, rotations = np.concatenate([hips, image[0]]), np.concatenate([rotations, image[1]])
-        owner, run, weight = np.tile(owner, 2), np.tile(run, 2), np.tile(weight, 2)
+    image = mirror(hips, rotations, data.contacts[rows])
+    hips, rotations = np.concatenate([hips, image[0]]), np.concatenate([rotations, image[1]])
+    owner, run, weight = np.tile(owner, 2), np.tile(run, 2), np.tile(weight, 2)
     poses = Poses(
         hips=torch.from_numpy(hips),
         rotations=torch.from_numpy(rotations),

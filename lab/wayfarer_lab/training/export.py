@@ -23,7 +23,7 @@ from wayfarer.artifacts import (
     sha256_of,
     write_manifest,
 )
-from wayfarer.body.library import body_file, load_body
+from wayfarer.body.library import SHIPPED, body_file, load_body
 from wayfarer.errors import ArtifactError
 from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.policy import GoalPolicy
@@ -179,13 +179,12 @@ def export_models(
     out: Path,
     card: str,
     name: str = "gamma-anny52",
-    body: str = "anny52",
     passes: int = PASSES,
 ) -> dict[str, float]:
     """Write a model folder from trained weights; see `load_graphs` and `write_models`."""
     floor_origin = bool(read_run_config(sources.predictor_2f)["floor_origin"])
-    graphs = load_graphs(sources, body, passes)
-    return write_models(graphs, out, card, name, body, floor_origin)
+    graphs = load_graphs(sources, SHIPPED, passes)
+    return write_models(graphs, out, card, name, SHIPPED, floor_origin)
 
 
 def write_models(

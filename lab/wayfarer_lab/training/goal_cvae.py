@@ -14,7 +14,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from wayfarer.body.library import load_body
+from wayfarer.body.library import SHIPPED, load_body
 from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.frame import canonical_frame, to_local
 from wayfarer.motion.layers import Gru
@@ -96,15 +96,13 @@ def train_goal_cvae(
     return trainer.run.drive(config.steps, trainer.update, trainer.validate, minutes)
 
 
-def load_goal_cvae_graphs(
-    run: Path, regressors: Mapping[str, Path], body: str = "anny52"
-) -> dict[str, ExportGraph]:
+def load_goal_cvae_graphs(run: Path, regressors: Mapping[str, Path]) -> dict[str, ExportGraph]:
     """Step and regressor graphs of a model folder; `regressors` are runs by gender."""
     floor_origin = read_run_config(run)["floor_origin"]
     predictor = round_to_half(load_weights(GoalCvae(2), run))
     graphs = {}
     for gender, trained in regressors.items():
-        model = load_body(body, gender)
+        model = load_body(SHIPPED, gender)
         skin = marker_body(model)
         regressor = round_to_half(load_weights(BodyRegressor(skin), trained))
         sites = Sites.from_names(model.marker_names)

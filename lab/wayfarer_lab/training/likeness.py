@@ -9,6 +9,7 @@ a = -1, b = c = 1; price on the critic's slope at recorded windows: R1 of Mesche
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import torch
 from torch import Tensor, nn
@@ -102,23 +103,27 @@ class GaitFeatures:
         return (hips[:, 1] - hips[:, 0]).norm(dim=-1) * FPS / (markers.shape[1] - 1)
 
 
+HIDDEN: Final = 96
+"""Channels of the critic's hidden layers."""
+
+
 class Critic(nn.Module):
     """Verdict on windows of steady walking: towards 1 recorded, towards -1 made."""
 
     mean: Tensor
     scale: Tensor
 
-    def __init__(self, features: int, hidden: int = 96) -> None:
+    def __init__(self, features: int) -> None:
         super().__init__()
         self.register_buffer("mean", torch.zeros(features, 1))
         self.register_buffer("scale", torch.ones(features, 1))
         self.moves = nn.Sequential(
-            nn.Conv1d(features, hidden, 5, 2), nn.LeakyReLU(0.2),
-            nn.Conv1d(hidden, hidden, 5, 2), nn.LeakyReLU(0.2),
-            nn.Conv1d(hidden, hidden, 3), nn.LeakyReLU(0.2),
+            nn.Conv1d(features, HIDDEN, 5, 2), nn.LeakyReLU(0.2),
+            nn.Conv1d(HIDDEN, HIDDEN, 5, 2), nn.LeakyReLU(0.2),
+            nn.Conv1d(HIDDEN, HIDDEN, 3), nn.LeakyReLU(0.2),
         )  # fmt: skip
         self.verdict = nn.Sequential(
-            nn.Linear(2 * hidden + 2 * features, 128), nn.LeakyReLU(0.2), nn.Linear(128, 1)
+            nn.Linear(2 * HIDDEN + 2 * features, 128), nn.LeakyReLU(0.2), nn.Linear(128, 1)
         )
 
     def fit(self, features: Tensor) -> None:

@@ -6,6 +6,7 @@ z = 0, metres. Shapes: [..., F, M, 3]; every term returns [...].
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import torch
 from torch import Tensor
@@ -216,14 +217,19 @@ def evaluate(candidate: Candidate) -> Tensor:
     return torch.stack([function(candidate) for function in FUNCTIONS.values()], -1)
 
 
-def foot_contacts(soles: Tensor, height: float = 0.03, speed_limit: float = 0.25) -> Tensor:
+CONTACT_HEIGHT: Final = 0.03
+"""Metres: a sole marker lower than this touches the floor."""
+CONTACT_SPEED: Final = 0.25
+"""m/s: one slower than this, horizontally, stands still."""
+
+
+def foot_contacts(soles: Tensor) -> Tensor:
     """Feet that touch the floor and stand still: soles [..., 1 + F, 2, 4, 3] → 0 or 1 [..., F, 2].
 
-    A foot is in contact when one of its sole markers is lower than `height` (m) and moves
-    horizontally slower than `speed_limit` (m/s).
+    A foot is in contact when one of its sole markers does both.
     """
     step = _length(soles[..., 1:, :, :, :2] - soles[..., :-1, :, :, :2]) * FPS
-    touching = (soles[..., 1:, :, :, 2] < height) & (step < speed_limit)
+    touching = (soles[..., 1:, :, :, 2] < CONTACT_HEIGHT) & (step < CONTACT_SPEED)
     return touching.any(-1).to(soles.dtype)
 
 

@@ -151,9 +151,10 @@ def agent_change(request: schema.AgentUpdate) -> runtime.AgentChange:
     return runtime.AgentChange(**request.model_dump())
 
 
-def pose_format(request: schema.PoseFormat, field: str = "format") -> PoseFormat:
-    """The checked choice. Raises InvalidArgument that names the part at fault below `field`."""
-    return PoseFormat.choose(request.encoding, request.profile, request.bones, request.fps, field)
+def pose_format(request: schema.PoseFormat) -> PoseFormat:
+    """The checked choice. Raises InvalidArgument that names the part at fault."""
+    chosen = (request.encoding, request.profile, request.bones, request.fps)
+    return PoseFormat.choose(*chosen, field="format")
 
 
 def model(info: ModelInfo) -> schema.Model:

@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 import signal
 import sys
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
@@ -30,11 +30,7 @@ GRACE_S: Final = 5.0
 """Beyond what a worker takes at most to drain."""
 
 
-async def serve_workers(
-    settings: Settings,
-    announce: Callable[[str, str], None],
-    command: Sequence[str] = COMMAND,
-) -> None:
+async def serve_workers(settings: Settings, announce: Callable[[str, str], None]) -> None:
     """Run until SIGINT, SIGTERM or AdminService.Drain.
 
     `announce` gets the HTTP URL and the gRPC address once all workers are ready.
@@ -48,7 +44,7 @@ async def serve_workers(
     with TemporaryDirectory(prefix="wayfarer-") as folder:  # its user's alone
         plan = assignments(settings, Path(folder))
         supervisor = Supervisor(
-            [WorkerProcess(a.index, command, a.model_dump_json().encode()) for a in plan]
+            [WorkerProcess(a.index, COMMAND, a.model_dump_json().encode()) for a in plan]
         )
 
         def reload() -> None:

@@ -1,6 +1,6 @@
 """Speed and smoothness of points: pure functions of arrays.
 
-Metres and seconds. Points have shape [..., T, P, 3]: T frames at `fps`, P markers or joints.
+Metres and seconds. Points have shape [..., T, P, 3]: T frames at `FPS`, P markers or joints.
 """
 
 from typing import Any, Final
@@ -20,19 +20,19 @@ WALKING_SPEED: Final = (0.9, 1.4)
 """Metres per second: windows in this range are compared with each other (*speed-matched*)."""
 
 
-def velocity(points: Array, fps: float = FPS) -> Array:
+def velocity(points: Array) -> Array:
     """m/s, central differences inside, one-sided at the ends. Shape as `points`."""
-    return np.gradient(points, 1.0 / fps, axis=-3)
+    return np.gradient(points, 1.0 / FPS, axis=-3)
 
 
-def acceleration(points: Array, fps: float = FPS) -> Array:
-    """|p(t-1) - 2 p(t) + p(t+1)| · fps², m/s², of inner frames 1 … T-2. [..., T-2, P]"""
-    return np.linalg.norm(np.diff(points, 2, axis=-3), axis=-1) * fps**2
+def acceleration(points: Array) -> Array:
+    """|p(t-1) - 2 p(t) + p(t+1)| · FPS², m/s², of inner frames 1 … T-2. [..., T-2, P]"""
+    return np.linalg.norm(np.diff(points, 2, axis=-3), axis=-1) * FPS**2
 
 
-def jerk(points: Array, fps: float = FPS) -> Array:
-    """Norm of the third difference · fps³, m/s³. [..., T-3, P]"""
-    return np.linalg.norm(np.diff(points, 3, axis=-3), axis=-1) * fps**3
+def jerk(points: Array) -> Array:
+    """Norm of the third difference · FPS³, m/s³. [..., T-3, P]"""
+    return np.linalg.norm(np.diff(points, 3, axis=-3), axis=-1) * FPS**3
 
 
 def seam_ratio(points: Array, first_seam: int = 0, every: int = NEW_FRAMES) -> float:
@@ -51,7 +51,7 @@ def seam_ratio(points: Array, first_seam: int = 0, every: int = NEW_FRAMES) -> f
     return float(values[..., at_seam, :].mean()) / max(elsewhere, 1e-9)
 
 
-def travel_speed(hips: Array, fps: float = FPS) -> Array:
+def travel_speed(hips: Array) -> Array:
     """Mean horizontal speed, m/s, of hips [..., T, 3], from hops of 10 frames (0.25 s). [...]
 
     Needs 11 frames at least; frames after the last whole hop do not count.
@@ -59,13 +59,13 @@ def travel_speed(hips: Array, fps: float = FPS) -> Array:
     places = hips[..., ::SPEED_HOP, :2]
     if places.shape[-2] < 2:
         raise InvalidArgument(f"a speed needs {SPEED_HOP + 1} frames, got {hips.shape[-2]}")
-    return np.linalg.norm(np.diff(places, axis=-2), axis=-1).mean(-1) * fps / SPEED_HOP
+    return np.linalg.norm(np.diff(places, axis=-2), axis=-1).mean(-1) * FPS / SPEED_HOP
 
 
-def at_walking_speed(hips: Array, fps: float = FPS) -> NDArray[np.bool_]:
+def at_walking_speed(hips: Array) -> NDArray[np.bool_]:
     """Windows whose `travel_speed` lies in 0.9 … 1.4 m/s. [...]"""
     low, high = WALKING_SPEED
-    speed = travel_speed(hips, fps)
+    speed = travel_speed(hips)
     return (speed >= low) & (speed <= high)
 
 

@@ -25,9 +25,7 @@ FULL_RATE_SPEED = 0.5  # m/s: below it the yaw rate fades, since feet that stand
 ONSET = 0.5  # seconds over which the yaw rate builds up
 
 
-def curve(
-    motion: PosedMotion, rate: float, onset_at: float = 0.0, label: str = "curve"
-) -> PosedMotion:
+def curve(motion: PosedMotion, rate: float, onset_at: float = 0.0) -> PosedMotion:
     """The motion on a path that turns by `rate` rad/s (left positive) from `onset_at` seconds.
 
     The rate is limited by `MAX_SIDEWAYS` at each speed.
@@ -54,7 +52,7 @@ def curve(
         places[:, knee] = (places[:, knee] + carried[:, knee]) / 2
         world[:, [ankle, ball]] = turn[:, None] @ motion.world[:, [ankle, ball]]
         world[:, knee] = half @ motion.world[:, knee]
-    return replace(motion, places=places, world=world).tagged(label, f"{label}{rate:+.2f}")
+    return replace(motion, places=places, world=world).tagged("curve", f"curve{rate:+.2f}")
 
 
 def _carry(places: Array, when: Array, hips: Array, path: Array, psi: Array) -> Array:

@@ -60,7 +60,7 @@ def _angle(matrices: Array) -> Array:
     return np.arccos(np.clip((trace - 1) / 2, -1, 1))
 
 
-def despike(rotations: Array, limit: float = MAX_SPIKE) -> Array:
+def despike(rotations: Array) -> Array:
     """Rotations [N, 3, 3] with those frames replaced that leave their neighbours' mean.
 
     Optical hands and feet flip over for a frame or two, which no joint does. The mean is taken
@@ -73,7 +73,7 @@ def despike(rotations: Array, limit: float = MAX_SPIKE) -> Array:
     for _ in range(5):
         weight = 1 / (_angle(np.swapaxes(mean, -1, -2) @ around) + 0.02)
         mean = nearest_rotations((weight[..., None, None] * around).sum(0))
-    spikes = _angle(np.swapaxes(mean, -1, -2) @ rotations) > limit
+    spikes = _angle(np.swapaxes(mean, -1, -2) @ rotations) > MAX_SPIKE
     return np.where(spikes[:, None, None], mean, rotations)
 
 

@@ -122,12 +122,12 @@ def classify(clip: SourceClip) -> Array:
     return use
 
 
-def useful_stretches(use: Array, shortest: int, gap: int = FPS) -> list[tuple[int, int]]:
-    """Ranges of frames in use, joined over excluded gaps of up to `gap` frames."""
+def useful_stretches(use: Array, shortest: int) -> list[tuple[int, int]]:
+    """Ranges of frames in use, joined over excluded gaps of up to a second."""
     frames = np.flatnonzero(use)
     if not len(frames):
         return []
-    groups = np.split(frames, np.flatnonzero(np.diff(frames) > gap) + 1)
+    groups = np.split(frames, np.flatnonzero(np.diff(frames) > FPS) + 1)
     stretches = [(int(g[0]), int(g[-1]) + 1) for g in groups]
     return [(a, b) for a, b in stretches if b - a >= shortest]
 

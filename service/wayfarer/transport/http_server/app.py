@@ -67,7 +67,7 @@ ROUTES: Final = (
 )
 
 
-def http_app(gateway: Gateway, viewer: Path = VIEWER) -> FastAPI:
+def http_app(gateway: Gateway) -> FastAPI:
     """The ASGI application."""
     app = FastAPI(
         title="Wayfarer",
@@ -87,9 +87,9 @@ def http_app(gateway: Gateway, viewer: Path = VIEWER) -> FastAPI:
     app.router.routes.append(Route("/v1/{rest:path}", UnknownPath(app.openapi)))
     app.router.routes.append(Route("/docs", lambda request: RedirectResponse("docs/")))
     app.mount("/docs", RevalidatedFiles(directory=REFERENCE, html=True), name="docs")
-    if viewer.is_dir():
+    if VIEWER.is_dir():
         # client/ is a link to clients/web/src in a checkout; an installed package has the files
-        files = RevalidatedFiles(directory=viewer, html=True, follow_symlink=True)
+        files = RevalidatedFiles(directory=VIEWER, html=True, follow_symlink=True)
         app.mount("/", files, name="viewer")
     return app
 

@@ -16,10 +16,10 @@ MARGIN: Final = 2
 class Phases:
     """How many agents of each gender have their steps in each phase."""
 
-    def __init__(self, count: int, load: Load | None = None) -> None:
+    def __init__(self, count: int) -> None:
         """`count` divides `spec.NEW_FRAMES`."""
         self.frames = NEW_FRAMES // count
-        self.load = load or [[0] * len(GENDERS) for _ in range(count)]
+        self.load: Load = [[0] * len(GENDERS) for _ in range(count)]
 
     @property
     def agents(self) -> int:

@@ -236,30 +236,30 @@ class Crowds:
         return person.spec.position
 
 
-def check_crowd(crowd: Crowd, where: str = "") -> None:
+def check_crowd(crowd: Crowd) -> None:
     """Raises InvalidArgument that names the field."""
     if crowd.count < 0:
-        raise InvalidArgument(f"count is {crowd.count}; allowed: 0 or more", f"{where}count")
+        raise InvalidArgument(f"count is {crowd.count}; allowed: 0 or more", "count")
     if not 0 <= crowd.seed < 2**64:
-        raise InvalidArgument("seed must lie in [0, 2^64)", f"{where}seed")
+        raise InvalidArgument("seed must lie in [0, 2^64)", "seed")
     for name, kind, values, (low, high) in (
         ("speed", MetresPerSecond, crowd.speed, SPEED),
         ("dwell", "{:g}".format, crowd.dwell, (0.0, MAX_DWELL)),
     ):
         for end, value in zip(("min", "max"), values, strict=True):
-            check_range([value], low, high, f"{where}{end}_{name}", kind)
+            check_range([value], low, high, f"{end}_{name}", kind)
         least, most = values
         if least > most:
             raise InvalidArgument(
                 "{} is {} and {} is {}; the first must not be the greater",
-                f"{where}min_{name}",
+                f"min_{name}",
                 f"min_{name}",
                 kind(least),
                 f"max_{name}",
                 kind(most),
             )
-    check_range([crowd.spawn_rate], 0, MAX_RATE, f"{where}spawn_rate")
-    check_range([crowd.stay], 0, MAX_STAY, f"{where}stay")
+    check_range([crowd.spawn_rate], 0, MAX_RATE, "spawn_rate")
+    check_range([crowd.stay], 0, MAX_STAY, "stay")
 
 
 def drawn_person(
