@@ -8,7 +8,7 @@ import pytest
 from wayfarer.body.rotation import matrix_from_quaternion
 from wayfarer.clips.clip import Clip
 from wayfarer.clips.edit import looped, put_back, relative_to, resampled, root_track
-from wayfarer.clips.files import FileOptions, Performance, RootMotion, _actor
+from wayfarer.clips.files import BodyDetail, FileOptions, Performance, RootMotion, _actor
 from wayfarer.errors import InvalidArgument
 from wayfarer.spec import POSED_JOINTS
 
@@ -94,7 +94,7 @@ def test_in_place_keeps_sway_and_takes_the_path(turn):
 @pytest.mark.parametrize("fps", [None, 30.0, 24.0])
 def test_the_ends_of_a_cycle_meet(turn, root, fps):
     clip = walk(turn=turn, noise=0.02)
-    options = FileOptions(loop=True, root=root, fps=fps, detail="low")
+    options = FileOptions(loop=True, root=root, fps=fps, detail=BodyDetail.LOW)
     actor = _actor(Performance("Ada", clip), options)
     found = actor.clip
     assert abs((found.frames - 1) / found.fps - STRIDE_S) < 0.06

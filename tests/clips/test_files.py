@@ -5,11 +5,12 @@ from tests.clips.test_bvh import parse_text, places
 from wayfarer.body.rotation import GLTF_FROM_CORE
 from wayfarer.body.skeleton import bone_names
 from wayfarer.clips.files import (
+    BodyDetail,
     FileFormat,
     FileOptions,
+    FileUnit,
     Performance,
     RootMotion,
-    Unit,
     encode,
     read_clip,
     write_clip,
@@ -59,7 +60,7 @@ def test_a_body_without_motion_is_no_clip(tmp_path, body):
     ("options", "message"),
     [
         ({"format": FileFormat.VRMA, "root": RootMotion.BONE}, "vrma has no bone above the hips"),
-        ({"unit": Unit.CENTIMETRES}, "the unit of glb is the metre"),
+        ({"unit": FileUnit.CENTIMETRES}, "the unit of glb is the metre"),
         ({"fps": 0.0}, "fps is 0; allowed are 1 to 240"),
     ],
 )
@@ -77,14 +78,14 @@ def test_several_people_are_refused_where_one_fits(clip, format):
 
 
 def test_a_path_on_a_bone_is_read_again(tmp_path, clip):
-    write_clip(tmp_path / "a.glb", clip, FileOptions(root=RootMotion.BONE, detail="low"))
+    write_clip(tmp_path / "a.glb", clip, FileOptions(root=RootMotion.BONE, detail=BodyDetail.LOW))
     np.testing.assert_allclose(
         read_clip(tmp_path / "a.glb").translation, clip.translation, atol=1e-5
     )
 
 
 def test_bvh_in_centimetres_at_another_rate_with_a_root(clip, body):
-    options = FileOptions(FileFormat.BVH, root=RootMotion.BONE, unit=Unit.CENTIMETRES, fps=120)
+    options = FileOptions(FileFormat.BVH, root=RootMotion.BONE, unit=FileUnit.CENTIMETRES, fps=120)
     text = encode([Performance("a", clip)], options).decode()
     joints, frames, frame_time = parse_text(text)
     assert frame_time == pytest.approx(1 / 120) and joints[0][0] == "root"

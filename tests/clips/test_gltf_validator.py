@@ -12,7 +12,14 @@ import pytest
 from wayfarer.body.glb import body_glb
 from wayfarer.body.library import load_body
 from wayfarer.clips.clip import Clip
-from wayfarer.clips.files import FileFormat, FileOptions, Performance, RootMotion, encode
+from wayfarer.clips.files import (
+    BodyDetail,
+    FileFormat,
+    FileOptions,
+    Performance,
+    RootMotion,
+    encode,
+)
 
 TESTS = Path(__file__).parents[1]
 
@@ -57,7 +64,7 @@ def test_bodies(tmp_path: Path, gender: str, detail: str) -> None:
 @pytest.mark.parametrize("root", RootMotion)
 def test_clips(tmp_path: Path, clip: Clip, gender: str, root: RootMotion) -> None:
     """As `wayfarer generate` writes them, and several people in a scene."""
-    options = FileOptions(root=root, detail="low", fps=30)
+    options = FileOptions(root=root, detail=BodyDetail.LOW, fps=30)
     people = [Performance("Ada", replace(clip, gender=gender)), Performance("Bob", clip, style=2)]
     ground = np.array([[[-2, -2, 0], [5, -2, 0], [5, 9, 0]], [[0, 0, 0]] * 3], float)
     (tmp_path / "clip.glb").write_bytes(encode(people, options, scene=ground))

@@ -12,7 +12,14 @@ import pytest
 from wayfarer.body.library import load_body
 from wayfarer.body.rotation import GLTF_FROM_CORE, gltf_quaternion
 from wayfarer.body.skeleton import bone_names
-from wayfarer.clips.files import FileFormat, FileOptions, Performance, RootMotion, encode
+from wayfarer.clips.files import (
+    BodyDetail,
+    FileFormat,
+    FileOptions,
+    Performance,
+    RootMotion,
+    encode,
+)
 
 HERE = Path(__file__).parent / "importers"
 PACKAGES = Path(__file__).parents[1] / "node_modules"
@@ -41,7 +48,7 @@ def test_bones_are_where_the_bodies_have_them(tmp_path, clip, script, root):
     """Two people, of whom one has another gender and starts elsewhere; within 1 mm."""
     other = replace(clip, gender="male", translation=clip.translation + np.array([2, 1, 0]))
     people = [Performance("Ada", clip), Performance("Bob", other, style=4)]
-    options = FileOptions(root=root, detail="low")
+    options = FileOptions(root=root, detail=BodyDetail.LOW)
     (tmp_path / "two.glb").write_bytes(encode(people, options, "walk"))
     frames = [0, 7, clip.frames - 1]
     found = run(script, tmp_path / "two.glb", [frame / clip.fps for frame in frames])

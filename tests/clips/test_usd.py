@@ -5,14 +5,21 @@ import pytest
 
 from wayfarer.body.library import load_body
 from wayfarer.body.rotation import GLTF_FROM_CORE
-from wayfarer.clips.files import FileFormat, FileOptions, Performance, RootMotion, encode
+from wayfarer.clips.files import (
+    BodyDetail,
+    FileFormat,
+    FileOptions,
+    Performance,
+    RootMotion,
+    encode,
+)
 
 pxr = pytest.importorskip("pxr", reason="needs usd-core")
 
 
 @pytest.fixture(scope="module", params=[RootMotion.HIPS, RootMotion.BONE])
 def stage(request, clip, tmp_path_factory):
-    options = FileOptions(FileFormat.USD, root=request.param, detail="low")
+    options = FileOptions(FileFormat.USD, root=request.param, detail=BodyDetail.LOW)
     people = [Performance("Ada", clip), Performance("1 Bob?", clip, style=2)]
     ground = np.array([[[-2, -2, 0], [5, -2, 0], [5, 9, 0]]], float)
     path = tmp_path_factory.mktemp("usd") / "a.usdc"

@@ -2,8 +2,10 @@
 
 import asyncio
 from dataclasses import replace
+from typing import Any
 
 from wayfarer.errors import FailedPrecondition, NotFound
+from wayfarer.navigation.ground.ground import triangles
 from wayfarer.navigation.picture import top_view
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.scene_spec import Obstacle, Point3
@@ -84,6 +86,9 @@ class FakeScenes:
         path = self._scene(scene_id).path(start, goal)
         points = tuple((x, y, z) for x, y, z in path.points.tolist())
         return Way(points, path.length, path.start_moved, path.goal_moved, path.scene_version)
+
+    async def scene_triangles(self, scene_id: str) -> Any:
+        return triangles(self._scene(scene_id).spec)
 
     async def scene_outlines(self, scene_id: str) -> Outlines:
         scene = self._scene(scene_id)

@@ -10,7 +10,16 @@ from wayfarer_client.admin import Admin
 from wayfarer_client.bases import BASES
 from wayfarer_client.bone_map import BoneMap
 from wayfarer_client.connection import Access, Connection, Tls
-from wayfarer_client.messages import AgentSpec, Batch, BodyFit, Goal, PoseFormat, enum_label, vector
+from wayfarer_client.messages import (
+    AgentSpec,
+    Batch,
+    BodyFit,
+    Goal,
+    MotionFile,
+    PoseFormat,
+    enum_label,
+    vector,
+)
 from wayfarer_client.retarget import character_joints
 from wayfarer_client.scenes import SceneHandle, Scenes
 from wayfarer_client.session import Session
@@ -174,6 +183,27 @@ class Client:
             format=(format or PoseFormat()).to_wire(),
         )
         return self._batches(self.connection.messages(self.connection.motion.GenerateClip, request))
+
+    async def generate_file(
+        self,
+        agent: AgentSpec,
+        goals: Iterable[Goal],
+        seconds: float,
+        file: MotionFile | None = None,
+        *,
+        until_arrival: bool = False,
+        basis: str = "gltf",
+    ) -> bytes:
+        """As `generate_clip`, as the content of a file; None: a GLB with body and motion."""
+        request = motion_pb2.GenerateClipRequest(
+            agent=agent.to_wire(),
+            goals=[goal.to_wire() for goal in goals],
+            seconds=seconds,
+            until_arrival=until_arrival,
+            basis=enum_label(common_pb2.Basis, basis, "basis"),
+            file=(file or MotionFile()).to_wire(),
+        )
+        return await self.connection.file(self.connection.motion.GenerateClip, request)
 
     def replay(self, log: bytes, *, format: PoseFormat | None = None) -> AsyncGenerator[Batch]:
         """The motion of a session again, from `Session.export_log`; times as they were."""

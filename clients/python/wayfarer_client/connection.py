@@ -4,6 +4,7 @@ import asyncio
 import random
 import uuid
 from collections.abc import AsyncGenerator, Callable
+from contextlib import aclosing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -195,6 +196,11 @@ class Connection:
                 call.cancel()
             if begun or not await come_again(refusal, ends_at):
                 raise refusal
+
+    async def file(self, method: Any, request: Any) -> bytes:
+        """A file, from a stream of its parts. Raises WayfarerError."""
+        async with aclosing(self.messages(method, request)) as messages:
+            return b"".join([message.file_part async for message in messages])
 
 
 async def come_again(refusal: WayfarerError, ends_at: float) -> bool:

@@ -131,6 +131,31 @@ class Goal:
         return cls((message.position.x, message.position.y, message.position.z), **given)
 
 
+@dataclass(frozen=True, slots=True)
+class MotionFile:
+    """A file of motion, in glTF's basis and metres unless its format says otherwise."""
+
+    format: str = "glb"  # "usd" (UsdSkel): also several people; "vrma", "bvh", "npz" (AMASS): one
+    names: str = "mixamo"  # of bones in glb, bvh, usd; or "unity", "vrm", "ue", "smpl"
+    fps: float | None = None  # 1 to 240; None: 40
+    root: str = "hips"  # where the travelled path is; "bone": on `root` above the hips; "in_place"
+    loop: bool = False  # one cycle of steady walking, whose ends meet
+    unit: str = "m"  # of bvh; or "cm"
+    detail: str = "high"  # mesh in glb and usd; or "low"
+
+    def to_wire(self) -> motion_pb2.MotionFile:
+        """As protobuf. Raises InvalidArgument."""
+        return motion_pb2.MotionFile(
+            format=enum_label(motion_pb2.FileFormat, self.format, "format"),
+            names=enum_label(motion_pb2.BoneNames, self.names, "names"),
+            fps=self.fps,
+            root=enum_label(motion_pb2.RootMotion, self.root, "root"),
+            loop=self.loop,
+            unit=enum_label(motion_pb2.FileUnit, self.unit, "unit"),
+            detail=enum_label(motion_pb2.BodyDetail, self.detail, "detail"),
+        )
+
+
 class GoalOptions(TypedDict, total=False):
     """How to walk to a place: the fields of `Goal` but for its position."""
 

@@ -17,6 +17,7 @@ from wayfarer_client.messages import (
     AgentSpec,
     Batch,
     CrowdCame,
+    MotionFile,
     PoseFormat,
     enum_label,
 )
@@ -114,6 +115,17 @@ class Session(GoalCommands):
         request = snapshot_pb2.ExportLogRequest(session_id=self.session_id)
         reply = await self._connection.call(self._connection.snapshots.ExportLog, request)
         return bytes(reply.log)
+
+    async def export_motion(self, seconds: float = 0.0, file: MotionFile | None = None) -> bytes:
+        """The motion of the next seconds as the content of a file, with the scene.
+
+        0 seconds: all that a session made with `record` has recorded. No file: a GLB of all agents.
+        Raises FailedPrecondition, InvalidArgument.
+        """
+        request = snapshot_pb2.ExportMotionRequest(
+            session_id=self.session_id, file=(file or MotionFile()).to_wire(), seconds=seconds
+        )
+        return await self._connection.file(self._connection.snapshots.ExportMotion, request)
 
     # agents
 

@@ -133,6 +133,7 @@ class SyncSession:
     delete = run(Session.delete)
     export = run(Session.export)
     export_log = run(Session.export_log)
+    export_motion = run(Session.export_motion)
     create_agents = run(Session.create_agents)
     agents = run(Session.agents)
     agent = run(Session.agent)
@@ -210,6 +211,7 @@ class SyncClient:
         return [SyncSession(session, self._run) for session in self._run(self._of.sessions())]
 
     generate_clip = iterate(Client.generate_clip)
+    generate_file = run(Client.generate_file)
     replay = iterate(Client.replay)
     server_info = run(Client.server_info)
     skeleton = run(Client.skeleton)

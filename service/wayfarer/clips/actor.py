@@ -16,3 +16,4 @@ class Actor:
     name: str = "person"
     style: int = 0  # seed of its clothes' colours
     root: RootTrack | None = None
+    start: float = 0.0  # seconds

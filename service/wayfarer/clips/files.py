@@ -6,7 +6,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Final
 
-from wayfarer.body.library import Detail, load_body
+from wayfarer.body.library import load_body
 from wayfarer.clips.actor import Actor
 from wayfarer.clips.bvh import bvh_text
 from wayfarer.clips.clip import Array, Clip
@@ -48,8 +48,15 @@ class RootMotion(StrEnum):
     IN_PLACE = "in_place"  # nowhere: the person stays over the origin
 
 
-class Unit(StrEnum):
-    """Unit of a BVH file."""
+class BodyDetail(StrEnum):
+    """Resolution of the bodies' meshes."""
+
+    HIGH = "high"
+    LOW = "low"
+
+
+class FileUnit(StrEnum):
+    """FileUnit of a BVH file."""
 
     METRES = "m"
     CENTIMETRES = "cm"
@@ -78,8 +85,8 @@ class FileOptions:
     fps: float | None = None  # None: as the motion has it, 40
     root: RootMotion = RootMotion.HIPS
     loop: bool = False  # a cycle of steady walking out of it
-    unit: Unit = Unit.METRES
-    detail: Detail = "high"
+    unit: FileUnit = FileUnit.METRES
+    detail: BodyDetail = BodyDetail.HIGH
 
     def __post_init__(self) -> None:
         if self.fps is not None:
@@ -88,7 +95,7 @@ class FileOptions:
             require_usd()
         if self.root is RootMotion.BONE and self.format in NO_ROOT:
             raise InvalidArgument(f"{self.format} has no bone above the hips; {NAMED}", "root")
-        if self.unit is not Unit.METRES and self.format is not FileFormat.BVH:
+        if self.unit is not FileUnit.METRES and self.format is not FileFormat.BVH:
             raise InvalidArgument(f"the unit of {self.format} is the metre; bvh has none", "unit")
 
 
@@ -99,6 +106,7 @@ class Performance:
     name: str
     clip: Clip
     style: int = 0  # seed of its clothes' colours
+    start: float = 0.0  # seconds after the file's beginning; before, it stands in its first frame
 
 
 def encode(
@@ -127,14 +135,14 @@ def encode(
         case FileFormat.VRMA:
             return vrma_bytes(actors[0], title)
         case FileFormat.BVH:
-            scale = 100.0 if options.unit is Unit.CENTIMETRES else 1.0
+            scale = 100.0 if options.unit is FileUnit.CENTIMETRES else 1.0
             return bvh_text(actors[0], options.names, scale).encode("ascii")
         case FileFormat.NPZ:
             return npz_bytes(actors[0])
 
 
 def _actor(person: Performance, options: FileOptions) -> Actor:
-    clip, body = person.clip, load_body(person.clip.body, person.clip.gender, options.detail)
+    clip, body = person.clip, load_body(person.clip.body, person.clip.gender, options.detail.value)
     if options.loop:
         clip = looped(clip)
     if options.fps is not None:
@@ -144,7 +152,7 @@ def _actor(person: Performance, options: FileOptions) -> Actor:
         root = root_track(clip, options.loop)
         clip = relative_to(clip, root)
     kept = root if options.root is RootMotion.BONE else None
-    return Actor(clip, body, person.name, person.style, kept)
+    return Actor(clip, body, person.name, person.style, kept, person.start)
 
 
 def _at_rate(clip: Clip, fps: float, is_loop: bool) -> Clip:

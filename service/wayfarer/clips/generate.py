@@ -11,10 +11,11 @@ from rich.progress import Progress
 from wayfarer.body.phenotype import betas_from_phenotype
 from wayfarer.clips.clip import Clip, join_chunks
 from wayfarer.clips.files import (
+    BodyDetail,
     BoneNames,
     FileOptions,
+    FileUnit,
     RootMotion,
-    Unit,
     check_target,
     format_of,
     write_clip,
@@ -39,13 +40,6 @@ class SearchKind(StrEnum):
 
     ONLINE = "online"  # as the service does: the best of each step, final
     BEAM = "beam"  # several ways are kept at every step, and the best one at the end
-
-
-class BodyDetail(StrEnum):
-    """Resolution of the body's mesh."""
-
-    HIGH = "high"
-    LOW = "low"
 
 
 def generate_clip(
@@ -136,7 +130,7 @@ def generate(
         bool,
         typer.Option("--loop", help="Write one cycle of steady walking, whose ends meet."),
     ] = False,
-    unit: Annotated[Unit, typer.Option(help="Unit of a .bvh file.")] = Unit.METRES,
+    unit: Annotated[FileUnit, typer.Option(help="FileUnit of a .bvh file.")] = FileUnit.METRES,
     detail: Annotated[BodyDetail, typer.Option(help="Mesh of the body.")] = BodyDetail.HIGH,
     threads: Annotated[int, typer.Option(help="Threads of the engine; 0: all cores.", min=0)] = 0,
     model: Annotated[
@@ -153,7 +147,7 @@ def generate(
     wayfarer generate cycle.glb --goal 0,12 --seconds 8 --loop --root in_place --fps 30
     """
     check_target(target)
-    options = FileOptions(format_of(target), names, fps, root, loop, unit, detail.value)
+    options = FileOptions(format_of(target), names, fps, root, loop, unit, detail)
     beam = _beam(search, candidates, children, keep, hard)
     goals = [Goal(_place(text), speed=speed) for text in goal or []]
     betas = (0.0,) * BETAS if height is None else tuple(betas_from_phenotype(gender, height))

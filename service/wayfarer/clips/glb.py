@@ -47,7 +47,7 @@ def glb_bytes(
         document.nodes[mesh].name = f"{actor.name} body"  # beside its bones, as the standard asks
         document.nodes.append(gltf.Node(name=actor.name, children=[above]))
         top += [len(document.nodes) - 1, mesh]
-        add_motion(file, animation, actor.clip, joints, actor.root, above)
+        add_motion(file, animation, actor, joints, above)
         people.append(about_body(actor.body, betas, actor.style) | about)
     document.animations.append(animation)
     if scene is not None and len(scene):
@@ -61,13 +61,13 @@ def glb_bytes(
 def add_motion(
     file: GlbFile,
     animation: gltf.Animation,
-    clip: Clip,
+    actor: Actor,
     joints: Sequence[int],
-    root: RootTrack | None = None,
     root_node: int = -1,
 ) -> None:
     """Channels of a clip: translation of the hips, rotations of all, and those of the root."""
-    times = file.add((np.arange(clip.frames) / clip.fps).astype(np.float32))
+    clip, root = actor.clip, actor.root
+    times = file.add((actor.start + np.arange(clip.frames) / clip.fps).astype(np.float32))
 
     def add(values: Array, node: int, channel: str) -> None:
         output = file.add(np.ascontiguousarray(values, np.float32))

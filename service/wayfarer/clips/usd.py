@@ -44,7 +44,7 @@ def usd_bytes(
     stage.SetTimeCodesPerSecond(fps)
     stage.SetFramesPerSecond(fps)
     stage.SetStartTimeCode(0)
-    stage.SetEndTimeCode(max(actor.clip.frames for actor in actors) - 1)
+    stage.SetEndTimeCode(max(actor.clip.frames + actor.start * fps for actor in actors) - 1)
     world = UsdGeom.Xform.Define(stage, "/World")
     stage.SetDefaultPrim(world.GetPrim())
     taken: set[str] = set()
@@ -100,9 +100,10 @@ def _add_actor(stage: Any, path: str, actor: Actor, names: str, title: str) -> N
     scaled = animation.CreateScalesAttr()
     scaled.Set([Gf.Vec3h(1, 1, 1)] * len(paths))
     for frame in range(clip.frames):
-        moved.Set(Vt.Vec3fArray.FromNumpy(translations[frame]), frame)
+        code = frame + actor.start * clip.fps
+        moved.Set(Vt.Vec3fArray.FromNumpy(translations[frame]), code)
         quaternions = [Gf.Quatf(w, Gf.Vec3f(x, y, z)) for x, y, z, w in rotations[frame].tolist()]
-        turned.Set(Vt.QuatfArray(quaternions), frame)
+        turned.Set(Vt.QuatfArray(quaternions), code)
     binding = UsdSkel.BindingAPI.Apply(skeleton.GetPrim())
     binding.CreateAnimationSourceRel().SetTargets([animation.GetPath()])
     mesh = UsdGeom.Mesh.Define(stage, f"{path}/body")

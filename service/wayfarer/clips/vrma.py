@@ -25,7 +25,7 @@ def vrma_bytes(actor: Actor, title: str = "motion") -> bytes:
     names = bone_names("vrm")
     joints = add_joints(file, actor.body, np.asarray(actor.clip.betas), names)
     animation = gltf.Animation(name=title)
-    add_motion(file, animation, actor.clip, joints)
+    add_motion(file, animation, actor, joints)
     document.animations.append(animation)
     document.scenes.append(gltf.Scene(nodes=[joints[0]]))
     document.scene = 0

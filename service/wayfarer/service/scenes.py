@@ -3,9 +3,14 @@
 import asyncio
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Final, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from wayfarer.errors import FailedPrecondition
+from wayfarer.navigation.ground.ground import triangles
 from wayfarer.navigation.scene_spec import Obstacle, Point2, Point3
 from wayfarer.service.live import LiveMotion
 from wayfarer.service.lockstep import LockSteps
@@ -109,6 +114,12 @@ class SceneService:
         """Outlines for drawing it. Raises NotFound."""
         scene = self._book.scene(scene_id)
         return await self._work(lambda: outlines(scene))
+
+    async def scene_triangles(self, scene_id: str) -> NDArray[np.float64]:
+        """All that it is made of, obstacles as they are now [T, 3, 3], metres. Raises NotFound."""
+        scene = self._book.scene(scene_id)
+        spec = replace(scene.spec, solids=(*scene.spec.solids, *scene.obstacles.values()))
+        return await self._work(lambda: triangles(spec))
 
     async def scene_picture(self, scene_id: str) -> bytes:
         """A top view, PNG. Raises NotFound."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.body.skeleton import load_skeleton, parents
+from wayfarer.clips.files import FileOptions
 from wayfarer.engines.models import ModelInfo
 from wayfarer.errors import (
     Heading,
@@ -184,6 +185,19 @@ def body(bodies: BodyLibrary, gender: schema.Gender) -> schema.Body:
         min_height_m=least,
         max_height_m=greatest,
         glb_path=f"/v1/bodies/{bodies.name}-{gender}.glb",
+    )
+
+
+def file_options(wish: schema.MotionFile) -> FileOptions:
+    """Raises InvalidArgument where options contradict each other."""
+    return FileOptions(
+        format=wish.format,
+        names=wish.names,
+        fps=wish.fps,
+        root=wish.root,
+        loop=wish.loop,
+        unit=wish.unit,
+        detail=wish.detail,
     )
 
 

@@ -54,3 +54,27 @@ async def test_time_passes_step_by_step():
         await api.motion.step(await session(api), schema.StepRequest())
     await api.agents.create(session_id, TWO)
     assert len((await api.motion.step(session_id, schema.StepRequest())).batches[0].added) == 2
+
+
+async def test_a_clip_as_a_file(service, api):
+    request = schema.ClipRequest(
+        agent=schema.AgentSpec(seed=3, name="Ada"),
+        seconds=1.0,
+        file=schema.MotionFile(format="bvh", names="unity", fps=20),
+    )
+    text = b"".join([m.file_part async for m in api.motion.generate_clip(request)]).decode()
+    assert "JOINT LeftUpperLeg" in text and "Frame Time: 0.05" in text and "Frames: 20" in text
+
+
+@pytest.mark.parametrize(
+    ("file", "field"),
+    [
+        ({"format": "vrma", "root": "bone"}, "root"),
+        ({"format": "glb", "unit": "cm"}, "unit"),
+    ],
+)
+async def test_a_file_that_cannot_be_made_names_the_field(file, field, api):
+    request = schema.ClipRequest.model_validate({"seconds": 1.0, "file": file})
+    with pytest.raises(InvalidArgument) as caught:
+        await anext(api.motion.generate_clip(request))
+    assert caught.value.field == field

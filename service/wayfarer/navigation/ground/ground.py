@@ -142,14 +142,19 @@ def _flat(spec: SceneSpec) -> Ground:
     return Ground((Layer(free, free, Heights(level)),), 0.0)
 
 
-def _sampled(spec: SceneSpec) -> Ground:
-    corners = np.concatenate(
+def triangles(spec: SceneSpec) -> NDArray[np.float64]:
+    """All that a scene is made of [T, 3, 3], metres. Raises InvalidArgument for a bad mesh."""
+    return np.concatenate(
         [
             *([read_mesh(spec.mesh)] if spec.mesh else []),
             *(at_height(triangulate(floor_polygon(f)), f.height) for f in spec.floors),
             *(solid_triangles(solid) for solid in spec.solids),
         ]
     )
+
+
+def _sampled(spec: SceneSpec) -> Ground:
+    corners = triangles(spec)
     low, high = corners.min((0, 1)), corners.max((0, 1))
     bounds = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
     _check_extent(bounds)

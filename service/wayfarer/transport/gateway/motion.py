@@ -12,6 +12,7 @@ from wayfarer.transport.batches import event_message, parsed
 from wayfarer.transport.caller import Scope, current_caller
 from wayfarer.transport.gateway.context import GatewayContext, needs
 from wayfarer.transport.gateway.session_registry import OpenSession
+from wayfarer.transport.motion_files import motion_file, parts_of
 from wayfarer.transport.resume import Progress, filter_mark
 from wayfarer.transport.stream import MotionStream
 from wayfarer.v1 import motion_pb2
@@ -60,7 +61,7 @@ class MotionApi:
     async def generate_clip(
         self, request: schema.ClipRequest
     ) -> AsyncGenerator[motion_pb2.GenerateClipResponse]:
-        """A header, then batches in order of time. Close it with `aclose`.
+        """A header, then batches in order of time; or the parts of a file. Close it with `aclose`.
 
         Raises InvalidArgument, ResourceExhausted, Unavailable.
         """
@@ -78,8 +79,14 @@ class MotionApi:
         seed = secrets.randbits(32)
         spec = convert.agent_spec(request.agent, request.basis, context.bodies, seed)
         goals = [convert.goal(goal, request.basis) for goal in request.goals]
+        options = None if request.file is None else convert.file_options(request.file)
         made = context.service.generate_clip(spec, goals, request.seconds, request.until_arrival)
         with convert.in_basis(request.basis.axes):
+            if options is not None:
+                name = spec.name or "motion"
+                for part in parts_of(await motion_file(made, options, context.bodies.name, name)):
+                    yield motion_pb2.GenerateClipResponse(file_part=part)
+                return
             async with aclosing(writer.offline(made)) as parts:
                 async for header, batch in parts:
                     yield motion_pb2.GenerateClipResponse(header=header, batch=batch)

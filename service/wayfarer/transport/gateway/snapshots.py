@@ -11,6 +11,7 @@ from wayfarer.transport.basis import Basis
 from wayfarer.transport.caller import Scope, current_caller
 from wayfarer.transport.gateway.context import GatewayContext, needs
 from wayfarer.transport.gateway.idempotency import finish
+from wayfarer.transport.motion_files import live_motion, motion_file
 from wayfarer.v1 import snapshot_pb2
 
 MARK: Final = b"wayfarer-log "
@@ -59,6 +60,29 @@ class SnapshotApi:
         session = self._context.book.session(session_id)
         log = await self._context.service.export_log(session_id)
         return MARK + session.basis.value.encode() + b"\n" + log
+
+    @needs(Scope.CONTROL)
+    async def export_motion(self, session_id: str, request: schema.MotionExport) -> bytes:
+        """The motion of a session as a file, with its scene: of the next seconds, or as recorded.
+
+        Raises NotFound, FailedPrecondition, InvalidArgument, ResourceExhausted.
+        """
+        context, service, limits = self._context, self._context.service, self._context.limits
+        context.require_ready()
+        options = convert.file_options(request.file)
+        session = context.book.session(session_id)
+        if request.seconds > limits.clip_s:
+            raise InvalidArgument(
+                f"a file has {limits.clip_s:g} s at most, not {request.seconds:g}", "seconds"
+            )
+        scene = await service.scenes.scene_triangles(session.scene) if session.scene else None
+        body = context.bodies.name
+        if not request.seconds:
+            made = service.replay(await service.export_log(session_id))
+            return await motion_file(made, options, body, "session", scene)
+        with context.book.place(current_caller(), session):
+            made = live_motion(service, session_id, request.seconds)
+            return await motion_file(made, options, body, "session", scene)
 
     @needs(Scope.CONTROL)
     async def replay(

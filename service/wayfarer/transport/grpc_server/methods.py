@@ -21,6 +21,7 @@ from wayfarer.navigation.scene_spec import MAX_POINTS
 from wayfarer.transport import schema
 from wayfarer.transport.control import control
 from wayfarer.transport.gateway import Gateway
+from wayfarer.transport.motion_files import parts_of
 from wayfarer.transport.wire import answer, first, parse
 from wayfarer.v1 import (
     admin_pb2,
@@ -90,6 +91,7 @@ def methods(gateway: Gateway) -> dict[str, Call]:
         "ExportSession": lambda r: snapshots.export_session(r.session_id),
         "ImportSession": lambda r: snapshots.import_session(r.snapshot),
         "ExportLog": lambda r: snapshots.export_log(r.session_id),
+        "ExportMotion": partial(_export_motion, gateway),
         "Replay": lambda r: snapshots.replay(r.log, parse(schema.PoseFormat, r.format, "format")),
         "GetSkeleton": lambda r: catalogue.skeleton(),
         "ListBodies": lambda r: catalogue.bodies(),
@@ -159,6 +161,16 @@ async def _create_mesh_scene(gateway: Gateway, requests: Pieces) -> schema.Scene
     check_points(header.scene, "header.scene.")
     described = await asyncio.to_thread(parse, schema.MeshScene, header, "header")
     return await gateway.scenes.create_from_mesh(described, _data(requests))
+
+
+async def _export_motion(
+    gateway: Gateway, request: snapshot_pb2.ExportMotionRequest
+) -> AsyncGenerator[snapshot_pb2.ExportMotionResponse]:
+    data = await gateway.snapshots.export_motion(
+        request.session_id, parse(schema.MotionExport, request)
+    )
+    for part in parts_of(data):
+        yield snapshot_pb2.ExportMotionResponse(file_part=part)
 
 
 def check_points(request: scene_pb2.CreateSceneRequest, where: str = "") -> None:

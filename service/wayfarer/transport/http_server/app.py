@@ -53,6 +53,7 @@ LIMITED: Final = {
     "Visit.goals": ("maxItems", "path_goals"),
     "ClipRequest.goals": ("maxItems", "path_goals"),
     "ClipRequest.seconds": ("maximum", "clip_s"),
+    "MotionExport.seconds": ("maximum", "clip_s"),
     "StepRequest.steps": ("maximum", "steps_per_call"),
     "Crowd.count": ("maximum", "agents_per_session"),
     "NewSession.lease_s": ("maximum", "lease_s"),

@@ -1,9 +1,11 @@
 """Routes for motion made off the real-time path: clips, snapshots, logs, replays."""
 
+import re
 from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Depends, Request, Response
 
+from wayfarer.clips.files import MEDIA_TYPES, FileFormat
 from wayfarer.transport import schema
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.http_server.parameters import (
@@ -24,6 +26,23 @@ LINES: Final[dict[int | str, dict[str, Any]]] = {
 }
 
 
+FILES: Final[dict[int | str, dict[str, Any]]] = {
+    200: {
+        "content": {
+            kind: {"schema": {"type": "string", "format": "binary"}}
+            for kind in dict.fromkeys(MEDIA_TYPES.values())
+        }
+    }
+}
+
+
+def file_answer(data: bytes, kind: FileFormat, name: str) -> Response:
+    """A file to be saved under this name."""
+    plain = re.sub(r"[^A-Za-z0-9_-]", "_", name)
+    headers = {"content-disposition": f'attachment; filename="{plain}.{kind}"'}
+    return Response(data, media_type=MEDIA_TYPES[kind], headers=headers)
+
+
 def clip_routes(gateway: Gateway) -> APIRouter:
     """`/v1/clips`."""
     router = APIRouter(prefix="/v1", tags=["clips"])
@@ -33,11 +52,17 @@ def clip_routes(gateway: Gateway) -> APIRouter:
         operation_id="generateClip",
         summary="Make a clip of one agent",
         response_class=Lines,
-        responses=LINES,
+        responses={200: {**LINES[200], **FILES[200]}},
     )
     async def generate_clip(request: schema.ClipRequest) -> Response:
-        """It is made as fast as the server has time for beside its streams."""
-        return await clip_lines(gateway.motion.generate_clip(request))
+        """It is made as fast as the server has time for beside its streams: as JSON lines, or as
+        the file that `file` describes.
+        """
+        made = gateway.motion.generate_clip(request)
+        if request.file is None:
+            return await clip_lines(made)
+        data = b"".join([message.file_part async for message in made])
+        return file_answer(data, request.file.format, request.agent.name or "motion")
 
     return router
 
@@ -79,6 +104,20 @@ def snapshot_routes(gateway: Gateway) -> APIRouter:
     async def export_log(session_id: SessionId) -> Response:
         """409 for a session that was not made with record."""
         return Response(await snapshots.export_log(session_id), media_type=PROTOBUF)
+
+    @router.post(
+        "/sessions/{session_id}/motion",
+        operation_id="exportMotion",
+        summary="The motion of a session as a file",
+        response_class=Response,
+        responses=FILES,
+    )
+    async def export_motion(session_id: SessionId, request: schema.MotionExport) -> Response:
+        """Of all its agents, with its scene: of the next seconds, or what it has recorded; without
+        seconds 409 for a session that was not made with record.
+        """
+        data = await snapshots.export_motion(session_id, request)
+        return file_answer(data, request.file.format, session_id)
 
     @router.post(
         "/replays",

@@ -5,6 +5,8 @@ from typing import Annotated
 from pydantic import ConfigDict, Field
 
 from wayfarer.body.skeleton import load_skeleton
+from wayfarer.clips.edit import FASTEST
+from wayfarer.clips.files import BodyDetail, BoneNames, FileFormat, FileUnit, RootMotion
 from wayfarer.service.streams.publications import SlowReader
 from wayfarer.spec import FPS
 from wayfarer.transport.basis import Basis
@@ -69,6 +71,45 @@ class StreamRequest(Message):
     )
 
 
+class MotionFile(Message):
+    """A file of motion, in glTF's basis and metres unless its format says otherwise."""
+
+    format: FileFormat = Field(
+        default=FileFormat.GLB,
+        description="glb and usd (UsdSkel) hold bodies, several people and a scene; "
+        "vrma (any VRM), bvh and npz (layout of AMASS) one person",
+    )
+    names: BoneNames = Field(
+        default=BoneNames.MIXAMO, description="names of the bones in glb, bvh and usd"
+    )
+    fps: Float | None = Field(
+        default=None, ge=1, le=FASTEST, description="frames per second; default 40"
+    )
+    root: RootMotion = Field(
+        default=RootMotion.HIPS,
+        description="where the travelled path is: on the hips, on a bone `root` above, nowhere",
+    )
+    loop: Bool = Field(
+        default=False, description="one cycle of steady walking out of it, whose ends meet"
+    )
+    unit: FileUnit = Field(default=FileUnit.METRES, description="of bvh")
+    detail: BodyDetail = Field(default=BodyDetail.HIGH, description="mesh in glb and usd")
+
+
+class MotionExport(Message):
+    """Asks for the motion of a session as a file."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"seconds": 0.5}]})
+
+    seconds: Float = Field(
+        default=0.0,
+        ge=0,
+        description="to record from now on, at most limits.clip_s; 0: what a session made with "
+        "`record` has recorded up to now",
+    )
+    file: MotionFile = MotionFile()
+
+
 class ClipRequest(Message):
     """Asks for a clip."""
 
@@ -95,6 +136,9 @@ class ClipRequest(Message):
     )
     basis: Basis = Field(default=Basis.GLTF, description="basis of the request and of the clip")
     format: PoseFormat = PoseFormat()
+    file: MotionFile | None = Field(
+        default=None, description="given: the answer is this file instead of JSON lines"
+    )
 
 
 class StepRequest(Message):

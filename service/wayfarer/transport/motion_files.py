@@ -1,0 +1,108 @@
+"""What was published, as a file of motion."""
+
+import asyncio
+from collections.abc import AsyncGenerator, Iterator
+from contextlib import aclosing
+from dataclasses import replace
+from typing import Final
+
+from wayfarer.clips.clip import Array, join_chunks
+from wayfarer.clips.files import FileOptions, Performance, encode
+from wayfarer.errors import InvalidArgument
+from wayfarer.service.motion_service import MotionService
+from wayfarer.service.streams.publications import Publication, SlowReader, StreamOptions
+from wayfarer.spec import FPS
+from wayfarer.world.agents.agent import AgentInfo, MotionChunk
+
+PART_BYTES: Final = 1 << 20
+"""Most bytes of one message of a file."""
+PATIENCE_S: Final = 5.0
+"""Seconds that a recording waits for motion that is late."""
+MAX_FRAMES: Final = 3600 * FPS
+"""Most frames of all people in a file: an hour of one person."""
+
+
+async def motion_file(
+    made: AsyncGenerator[Publication],
+    options: FileOptions,
+    body: str,
+    title: str,
+    scene: Array | None = None,
+) -> bytes:
+    """The motion of all agents in one file; `made` is closed.
+
+    Raises InvalidArgument when the format cannot hold them, or they are too long for a file.
+    """
+    infos: dict[int, AgentInfo] = {}
+    chunks: dict[int, list[MotionChunk]] = {}
+    frames = 0
+    async with aclosing(made):
+        async for published in made:
+            infos |= {info.alias: info for info in published.added}
+            for chunk in published.chunks:
+                chunks.setdefault(chunk.alias, []).append(chunk)
+                frames += len(chunk.translation)
+            if frames > MAX_FRAMES:
+                raise InvalidArgument(
+                    f"the motion is longer than a file may be: {MAX_FRAMES / FPS:g} s of all "
+                    "people together",
+                    "file",
+                )
+    return await asyncio.to_thread(_encoded, infos, chunks, options, body, title, scene)
+
+
+async def live_motion(
+    service: MotionService, session_id: str, seconds: float
+) -> AsyncGenerator[Publication]:
+    """What a session publishes in the next seconds of its motion, with who it is of.
+
+    Raises NotFound; ResourceExhausted when this is too slow to take all in.
+    """
+    known = {info.alias: info for info in await service.list_agents(session_id)}
+    told: set[int] = set()
+    options = StreamOptions(slow_reader=SlowReader.DISCONNECT)
+    subscription = await service.subscribe(session_id, options)
+    end: float | None = None
+    try:
+        # nobody moves in a session without agents: it is the clock that ends that
+        async with asyncio.timeout(seconds + PATIENCE_S):
+            async for published in subscription:
+                end = end if end is not None else published.scheduled_at + seconds
+                if published.scheduled_at >= end - 1e-6:
+                    return
+                new = {int(alias) for alias in published.chunks.alias} - told
+                if not new <= known.keys():
+                    known |= {info.alias: info for info in await service.list_agents(session_id)}
+                told |= new
+                yield replace(published, added=tuple(known[alias] for alias in sorted(new)))
+    except TimeoutError:
+        return  # with what has come
+    finally:
+        await subscription.close()
+
+
+def _encoded(
+    infos: dict[int, AgentInfo],
+    chunks: dict[int, list[MotionChunk]],
+    options: FileOptions,
+    body: str,
+    title: str,
+    scene: Array | None,
+) -> bytes:
+    start = min((own[0].scheduled_at for own in chunks.values()), default=0.0)
+    people = [
+        Performance(
+            name=infos[alias].spec.name or f"person {alias}",
+            clip=join_chunks(own, infos[alias].spec, body=body),
+            style=alias,
+            start=own[0].scheduled_at - start,
+        )
+        for alias, own in sorted(chunks.items())
+    ]
+    return encode(people, options, title, scene)
+
+
+def parts_of(data: bytes) -> Iterator[bytes]:
+    """The file, part by part."""
+    for begin in range(0, len(data), PART_BYTES):
+        yield data[begin : begin + PART_BYTES]
