@@ -24,7 +24,9 @@ RUN /opt/build/bin/pip install --no-deps --require-hashes --requirement requirem
 COPY pyproject.toml README.md LICENSE NOTICE ./
 COPY proto proto
 COPY service service
+# the service has links to these
 COPY clients/web/src clients/web/src
+COPY clients/python/wayfarer_client clients/python/wayfarer_client
 RUN /opt/build/bin/pip wheel --no-deps --no-build-isolation --wheel-dir /wheels . \
   && /opt/build/bin/pip --python /opt/wayfarer install --no-deps --no-index /wheels/*.whl
 

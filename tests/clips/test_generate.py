@@ -118,3 +118,33 @@ def test_the_name_chooses_the_form(tmp_path, clip: Clip, name):
     write_clip(tmp_path / name, clip)
     start = (tmp_path / name).read_bytes()[:4]
     assert start == {"glb": b"glTF", "bvh": b"HIER", "npz": b"PK\x03\x04"}[name[2:].lower()]
+
+
+def test_a_character_gets_its_own_legs_and_keeps_its_file(tmp_path, monkeypatch):
+    from tests.clients.test_character import RIGS, document_of, glb, parse
+    from wayfarer.clips import generate as module
+
+    (tmp_path / "own.glb").write_bytes(glb(document_of(RIGS["mixamo"][0])))
+    world = make_world()
+    made = []
+
+    class Bundle:
+        def world(self, *_):
+            return world
+
+    def remember(world, spec, *rest):
+        made.append(spec)
+        return generate_clip(world, spec, *rest)
+
+    monkeypatch.setattr(module, "open_bundle", lambda *_: Bundle())
+    monkeypatch.setattr(module, "generate_clip", remember)
+    generate(
+        tmp_path / "walk.glb", goal=["0,2"], seconds=2.0, character=tmp_path / "own.glb", fps=20
+    )
+    document, _ = parse((tmp_path / "walk.glb").read_bytes())
+    assert document["animations"][0]["name"] == "walk"
+    assert made[0].betas[0] < -0.5  # the rig is that of a small woman
+    with pytest.raises(InvalidArgument, match="has its own bones"):
+        generate(tmp_path / "w.glb", character=tmp_path / "own.glb", root=module.RootMotion.BONE)
+    with pytest.raises(InvalidArgument, match=r"is written as \.glb"):
+        generate(tmp_path / "w.bvh", character=tmp_path / "own.glb")

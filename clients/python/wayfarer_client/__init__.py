@@ -17,6 +17,7 @@ from wayfarer_client.behaviours import (
     Wander,
 )
 from wayfarer_client.bone_map import BoneMap, map_bones
+from wayfarer_client.character import Character
 from wayfarer_client.client import Client
 from wayfarer_client.connection import Tls
 from wayfarer_client.control import Control
@@ -83,6 +84,7 @@ __all__ = [
     "BodyFit",
     "BoneMap",
     "Box",
+    "Character",
     "CharacterPose",
     "Client",
     "Control",

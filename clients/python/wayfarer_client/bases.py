@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from wayfarer_client.quaternions import Array, rotate
+from .quaternions import Array, rotate
 
 
 @dataclass(frozen=True)

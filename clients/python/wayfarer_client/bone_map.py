@@ -12,9 +12,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from wayfarer_client.bases import BASES, Basis
-from wayfarer_client.errors import InvalidArgument
-from wayfarer_client.rig import BONES, Rig
+from .bases import BASES, Basis
+from .errors import InvalidArgument
+from .rig import BONES, Rig
 
 WORDS: Final[dict[str, Any]] = json.loads(
     Path(__file__).with_name("bone_names.json").read_text(encoding="utf-8")

@@ -9,9 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from wayfarer_client.bases import BASES, Basis
-from wayfarer_client.bone_map import SIDES, BoneMap
-from wayfarer_client.quaternions import (
+from .bases import BASES, Basis
+from .bone_map import SIDES, BoneMap
+from .quaternions import (
     IDENTITY,
     Array,
     arc,
@@ -20,7 +20,7 @@ from wayfarer_client.quaternions import (
     multiply,
     rotate,
 )
-from wayfarer_client.rig import BONES, PARENTS
+from .rig import BONES, PARENTS
 
 SNAP: Final = np.cos(np.radians(25))
 """A rig's up or left that lies so near to one of its axes is meant to be that axis."""

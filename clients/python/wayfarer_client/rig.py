@@ -6,8 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from wayfarer_client.errors import InvalidArgument
-from wayfarer_client.quaternions import IDENTITY, Array, multiply, rotate
+from .errors import InvalidArgument
+from .quaternions import IDENTITY, Array, multiply, rotate
 
 BONES = (
     *("pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2"),

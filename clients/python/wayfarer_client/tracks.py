@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfarer_client.character import Character
 from wayfarer_client.messages import Agent, Batch, Float, Frames
 
 
@@ -19,6 +20,16 @@ class Track:
     translation: Float = field(repr=False)  # [F, 3] hips
     rotations: Float = field(repr=False)  # [F, B, 4] x, y, z, w
     contacts: NDArray[np.bool_] = field(repr=False)  # [F, 2] left, right foot on the ground
+
+    def on(self, character: Character, title: str = "motion") -> bytes:
+        """The character's file with this motion in it, of a session or clip in the glTF basis.
+
+        An agent made with `Client.fit_body(character.bones).spec()` has its legs.
+        """
+        times = self.times
+        fps = (len(times) - 1) / float(times[-1] - times[0]) if len(times) > 1 else 40.0
+        rest = self.agent.rest_offsets
+        return character.animate(self.translation, self.rotations, rest, fps, title)
 
     def save(self, path: str | Path) -> Path:
         """Write an npz file of these arrays, with the agent's betas and rest offsets."""

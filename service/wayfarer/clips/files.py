@@ -142,17 +142,25 @@ def encode(
 
 
 def _actor(person: Performance, options: FileOptions) -> Actor:
-    clip, body = person.clip, load_body(person.clip.body, person.clip.gender, options.detail.value)
+    body = load_body(person.clip.body, person.clip.gender, options.detail.value)
+    clip, root = edited(person.clip, options)
+    kept = root if options.root is RootMotion.BONE else None
+    return Actor(clip, body, person.name, person.style, kept, person.start)
+
+
+def edited(clip: Clip, options: FileOptions) -> tuple[Clip, RootTrack | None]:
+    """The clip as the file has it, and the path that was taken out of it.
+
+    Raises InvalidArgument when there is no cycle to loop.
+    """
     if options.loop:
         clip = looped(clip)
     if options.fps is not None:
         clip = _at_rate(clip, options.fps, options.loop)
-    root: RootTrack | None = None
-    if options.root is not RootMotion.HIPS:
-        root = root_track(clip, options.loop)
-        clip = relative_to(clip, root)
-    kept = root if options.root is RootMotion.BONE else None
-    return Actor(clip, body, person.name, person.style, kept, person.start)
+    if options.root is RootMotion.HIPS:
+        return clip, None
+    root = root_track(clip, options.loop)
+    return relative_to(clip, root), root
 
 
 def _at_rate(clip: Clip, fps: float, is_loop: bool) -> Clip:

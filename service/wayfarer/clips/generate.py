@@ -9,6 +9,7 @@ import typer
 from rich.progress import Progress
 
 from wayfarer.body.phenotype import betas_from_phenotype
+from wayfarer.characters.character import Character
 from wayfarer.clips.clip import Clip, join_chunks
 from wayfarer.clips.files import (
     BodyDetail,
@@ -20,6 +21,7 @@ from wayfarer.clips.files import (
     format_of,
     write_clip,
 )
+from wayfarer.clips.on_character import body_of, on_character, read_character
 from wayfarer.clips.planned import plan_clip
 from wayfarer.errors import InvalidArgument
 from wayfarer.model_bundle import DEFAULT_MODEL, open_bundle
@@ -78,7 +80,10 @@ def generate(
     goal: Annotated[
         list[str] | None, typer.Option(help="Goal on the floor: X,Y in metres; repeatable.")
     ] = None,
-    gender: Annotated[str, typer.Option(help="female or male.")] = "female",
+    gender: Annotated[
+        str | None,
+        typer.Option(help="female or male; default female, for a --character the one that fits."),
+    ] = None,
     height: Annotated[
         float | None,
         typer.Option(help="Standing height in metres, e.g. 1.70; without it, the mean body."),
@@ -112,6 +117,13 @@ def generate(
         bool,
         typer.Option("--hard", help="With beam: reject motions whose feet slide, float or sink."),
     ] = False,
+    character: Annotated[
+        Path | None,
+        typer.Option(
+            help="Your own character, .glb or .vrm: the file written is this one with the motion "
+            "in it; without --height the person has its proportions."
+        ),
+    ] = None,
     names: Annotated[
         BoneNames,
         typer.Option(help="Names of the bones in .glb, .bvh and .usd; smpl: as in the API."),
@@ -149,8 +161,9 @@ def generate(
     check_target(target)
     options = FileOptions(format_of(target), names, fps, root, loop, unit, detail)
     beam = _beam(search, candidates, children, keep, hard)
+    own = None if character is None else read_character(character, options)
     goals = [Goal(_place(text), speed=speed) for text in goal or []]
-    betas = (0.0,) * BETAS if height is None else tuple(betas_from_phenotype(gender, height))
+    gender, betas = _body(gender, height, own)
     spec = AgentSpec(gender=gender, betas=betas, heading=heading, noise_seed=seed)
     bundle = open_bundle(model, threads)
     world = bundle.world(1, Steering().with_search(candidates=candidates or CANDIDATES))
@@ -166,10 +179,26 @@ def generate(
             [start] = world.prepare([spec])
             body = bundle.bodies[gender]
             clip = plan_clip(bundle.engine, body, spec, start, goals, seconds, beam, watch)
-    write_clip(target, clip, options)
+    if own is None:
+        write_clip(target, clip, options)
+    else:
+        target.write_bytes(on_character(clip, own, options, target.stem))
     reached = f", {clip.meta['goals_reached']} of {len(goals)} goals reached" if goals else ""
     kept = ", of which the file has one cycle" if loop else ""
     typer.echo(f"{target}: {clip.frames} frames, {clip.seconds:.1f} s{reached}{kept}")
+
+
+def _body(
+    gender: str | None, height: float | None, character: Character | None
+) -> tuple[str, tuple[float, ...]]:
+    """Gender and betas of the person. Raises InvalidArgument, NotFound."""
+    if height is not None:
+        gender = gender or "female"
+        return gender, tuple(betas_from_phenotype(gender, height))
+    if character is not None:
+        fit = body_of(character, gender)
+        return fit.gender, fit.betas
+    return gender or "female", (0.0,) * BETAS
 
 
 def _beam(

@@ -1,0 +1,258 @@
+"""A user's own character in a GLB or VRM file, with an agent's motion put into it.
+
+Nothing of the file changes but that it has one more animation, before its own. This module and
+those that it imports are the server's, too (service/wayfarer/characters): hence relative imports.
+"""
+
+import json
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from .bone_map import BoneMap, map_bones
+from .errors import InvalidArgument
+from .quaternions import Array, from_axes
+from .retarget import Retarget
+from .rig import Node, Rig
+
+MOST_NODES: Final = 20_000
+MOST_FRAMES: Final = 120_000
+FLOAT: Final = 5126
+JSON_CHUNK, BIN_CHUNK = 0x4E4F534A, 0x004E4942
+
+Json = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Character:
+    """The document and the binary chunk of a GLB; the nodes of its scene as a rig."""
+
+    document: Json = field(repr=False)
+    binary: bytes = field(repr=False)
+    rig: Rig = field(repr=False)
+    bones: BoneMap
+    numbers: tuple[int, ...] = field(repr=False)  # of each node of the rig in the document
+
+    @classmethod
+    def read(cls, file: str | Path | bytes) -> "Character":
+        """A GLB, VRM 0 or VRM 1. Raises InvalidArgument for others, and for rigs without legs."""
+        data = file if isinstance(file, bytes) else Path(file).read_bytes()
+        document, binary = _chunks(data)
+        try:
+            rig, numbers = _rig(document)
+            humanoid = _humanoid(document, numbers)
+        except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
+            raise InvalidArgument(f"its glTF document is damaged: {error!r}") from None
+        return cls(document, binary, rig, map_bones(rig, humanoid), numbers)
+
+    def corrected(self, changes: Mapping[str, str | None]) -> "Character":
+        """With other nodes for some bones, by name; see `BoneMap.corrected`."""
+        return Character(
+            self.document, self.binary, self.rig, self.bones.corrected(changes), self.numbers
+        )
+
+    def animate(
+        self,
+        hips: Array,
+        rotations: Array,
+        rest_offsets: Array,
+        fps: float = 40.0,
+        title: str = "motion",
+        ground: float | None = None,
+    ) -> bytes:
+        """The file with the motion of an agent, in the glTF basis: hips [N, 3], rotations
+        [N, ≥ 22, 4], rest_offsets [≥ 22, 3]. `ground`: its height; none: under the lower sole.
+
+        Raises InvalidArgument when there are no frames, or too many.
+        """
+        count = len(hips)
+        if not 1 <= count <= MOST_FRAMES or len(rotations) != count:
+            raise InvalidArgument(f"{count} frames; allowed are 1 to {MOST_FRAMES:,}")
+        retarget = Retarget(self.bones, rest_offsets)
+        local = {node: np.empty((count, 4)) for node in retarget.nodes.values()}
+        places = np.empty((count, 3))
+        for frame in range(count):
+            pose = retarget.pose(hips[frame], rotations[frame], ground)
+            places[frame] = pose.hips
+            for bone, turn in pose.local.items():
+                local[retarget.nodes[bone]][frame] = turn
+        document: Json = json.loads(json.dumps(self.document))  # parts of it are changed below
+        file = _Growing(document, self.binary)
+        times = file.add((np.arange(count) / fps)[:, None])
+        samplers: list[Json] = []
+        channels: list[Json] = []
+
+        def add(node: int, path: str, values: Array) -> None:
+            samplers.append({"input": times, "output": file.add(values)})
+            target = {"node": self.numbers[node], "path": path}
+            channels.append({"sampler": len(samplers) - 1, "target": target})
+
+        add(retarget.nodes[0], "translation", places)
+        for node, turns in local.items():
+            add(node, "rotation", _continuous(turns))
+        for node in local:  # an animated node has no matrix
+            _split_matrix(document["nodes"][self.numbers[node]])
+        animation = {"name": title, "channels": channels, "samplers": samplers}
+        document["animations"] = [animation, *document.get("animations", [])]
+        return file.to_bytes()
+
+
+class _Growing:
+    """A document to whose binary chunk arrays are added."""
+
+    def __init__(self, document: Json, binary: bytes) -> None:
+        self.document = document
+        self.binary = bytearray(binary)
+        buffers = document.setdefault("buffers", [])
+        if not buffers:
+            buffers.append({"byteLength": 0})
+        elif "uri" in buffers[0]:  # the first of a GLB may lie outside: then it has no chunk
+            raise InvalidArgument("its data is in another file; a GLB with its data is needed")
+        self.binary = self.binary[: buffers[0]["byteLength"]]
+        document.setdefault("bufferViews", [])
+        document.setdefault("accessors", [])
+
+    def add(self, values: Array) -> int:
+        """Floats [N, C] as an accessor."""
+        self.binary.extend(b"\0" * (-len(self.binary) % 4))
+        stored = np.ascontiguousarray(values, "<f4")
+        view = {"buffer": 0, "byteOffset": len(self.binary), "byteLength": stored.nbytes}
+        self.document["bufferViews"].append(view)
+        self.binary.extend(stored.tobytes())
+        self.document["accessors"].append(
+            {
+                "bufferView": len(self.document["bufferViews"]) - 1,
+                "componentType": FLOAT,
+                "count": len(stored),
+                "type": {1: "SCALAR", 3: "VEC3", 4: "VEC4"}[stored.shape[1]],
+                "min": stored.min(0).tolist(),
+                "max": stored.max(0).tolist(),
+            }
+        )
+        return len(self.document["accessors"]) - 1
+
+    def to_bytes(self) -> bytes:
+        """The GLB."""
+        self.document["buffers"][0]["byteLength"] = len(self.binary)
+        text = json.dumps(self.document, separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 4)
+        data = bytes(self.binary) + b"\0" * (-len(self.binary) % 4)
+        length = 12 + 8 + len(text) + 8 + len(data)
+        return b"".join(
+            [
+                struct.pack("<4sII", b"glTF", 2, length),
+                struct.pack("<II", len(text), JSON_CHUNK),
+                text,
+                struct.pack("<II", len(data), BIN_CHUNK),
+                data,
+            ]
+        )
+
+
+def _chunks(data: bytes) -> tuple[Json, bytes]:
+    """Document and binary chunk of a GLB. Raises InvalidArgument."""
+    if data[:4] != b"glTF":
+        raise InvalidArgument("not a GLB: it does not begin with glTF (FBX and .gltf are not read)")
+    found: dict[int, bytes] = {}
+    at = 12
+    while at + 8 <= len(data):
+        size, kind = struct.unpack_from("<II", data, at)
+        if at + 8 + size > len(data):
+            raise InvalidArgument("this GLB ends in the middle of its data")
+        found.setdefault(kind, data[at + 8 : at + 8 + size])
+        at += 8 + size
+    try:
+        document = json.loads(found.get(JSON_CHUNK, b""))
+    except (ValueError, RecursionError):
+        raise InvalidArgument("the document of this GLB is no JSON") from None
+    if not isinstance(document, dict):
+        raise InvalidArgument("the document of this GLB is no object")
+    return document, found.get(BIN_CHUNK, b"")
+
+
+def _rig(document: Json) -> tuple[Rig, tuple[int, ...]]:
+    """The nodes below the scene's, parents first, and their numbers in the document."""
+    nodes: Sequence[Json] = document.get("nodes", [])
+    if len(nodes) > MOST_NODES:
+        raise InvalidArgument(f"{len(nodes)} nodes; allowed are {MOST_NODES:,}")
+    scenes = document.get("scenes") or [{"nodes": _tops(nodes)}]
+    waiting = [(number, -1) for number in scenes[document.get("scene", 0)].get("nodes", [])]
+    numbers: list[int] = []
+    made: list[Node] = []
+    seen: set[int] = set()
+    while waiting:
+        number, parent = waiting.pop(0)
+        if number in seen or number < 0:
+            raise InvalidArgument(f"node {number} hangs from two others, or from itself")
+        seen.add(number)
+        node = nodes[number]
+        position, rotation, scale = _transform(node)
+        made.append(Node(str(node.get("name", number)), parent, position, rotation, scale))
+        numbers.append(number)
+        waiting += [(child, len(made) - 1) for child in node.get("children", [])]
+    return Rig(tuple(made)), tuple(numbers)
+
+
+def _tops(nodes: Sequence[Json]) -> list[int]:
+    below = {child for node in nodes for child in node.get("children", [])}
+    return [number for number in range(len(nodes)) if number not in below]
+
+
+def _transform(node: Json) -> tuple[list[float], list[float], list[float]]:
+    """Translation, rotation and scale. Raises ValueError when they are no numbers."""
+    if "matrix" in node:
+        matrix = np.array(node["matrix"], float).reshape(4, 4).T
+        scale = np.linalg.norm(matrix[:3, :3], axis=0)
+        if np.linalg.det(matrix[:3, :3]) < 0:
+            scale[0] = -scale[0]
+        return (
+            matrix[:3, 3].tolist(),
+            from_axes(matrix[:3, :3] / scale).tolist(),
+            scale.tolist(),
+        )
+    found = []
+    for key, default in (
+        ("translation", [0.0, 0.0, 0.0]),
+        ("rotation", [0.0, 0.0, 0.0, 1.0]),
+        ("scale", [1.0, 1.0, 1.0]),
+    ):
+        values = np.array(node.get(key, default), float)
+        if values.shape != (len(default),) or not np.isfinite(values).all():
+            raise ValueError(f"{key} of node {node.get('name')!r}")
+        found.append(values.tolist())
+    return found[0], found[1], found[2]
+
+
+def _split_matrix(node: Json) -> None:
+    if "matrix" in node:
+        node["translation"], node["rotation"], node["scale"] = _transform(node)
+        del node["matrix"]
+
+
+def _humanoid(document: Json, numbers: tuple[int, ...]) -> dict[str, int] | None:
+    """VRM's bones as nodes of the rig, by VRM 1's names (those of legs, arms and spine are VRM
+    0's, too).
+    """
+    extensions = document.get("extensions", {})
+    if "VRMC_vrm" in extensions:
+        table = extensions["VRMC_vrm"]["humanoid"]["humanBones"]
+        named = {bone: entry["node"] for bone, entry in table.items()}
+    elif "VRM" in extensions:
+        named = {
+            entry["bone"]: entry["node"] for entry in extensions["VRM"]["humanoid"]["humanBones"]
+        }
+    else:
+        return None
+    at = {number: k for k, number in enumerate(numbers)}
+    return {bone: at[number] for bone, number in named.items() if number in at}
+
+
+def _continuous(turns: Array) -> Array:
+    """Neighbours on one half-sphere, so that no player spins [N, 4]."""
+    flips = (turns[1:] * turns[:-1]).sum(-1) < 0
+    signs = np.where(np.cumsum(flips) % 2 == 1, -1.0, 1.0)
+    return np.concatenate([turns[:1], turns[1:] * signs[:, None]])
