@@ -1,6 +1,7 @@
 """The C++ client: its own tests under two compilers, and what a user gets of it."""
 
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -16,7 +17,7 @@ LIBRARIES = {
 }
 BUILDS = {
     "g++": ("gcc", "-DCMAKE_BUILD_TYPE=Debug", "-DWAYFARER_SANITIZE=ON"),
-    "clang++": ("clang", "-DCMAKE_BUILD_TYPE=Release"),
+    "clang++": ("clang", "-DCMAKE_BUILD_TYPE=Release", "-DWAYFARER_SESSION=OFF"),
 }
 
 missing = [tool for tool in ("cmake", "ninja", "g++", "clang++") if not shutil.which(tool)]
@@ -28,9 +29,14 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-def run(*command: object, cwd: Path = FOLDER) -> str:
+def run(*command: object, cwd: Path = FOLDER, **environment: str) -> str:
     done = subprocess.run(
-        [str(word) for word in command], cwd=cwd, capture_output=True, text=True, timeout=900
+        [str(word) for word in command],
+        cwd=cwd,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        timeout=900,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
@@ -53,3 +59,32 @@ def test_its_own_tests_pass(compiler):
     said = run("ctest", "--test-dir", folder, "--output-on-failure")
     assert "100% tests passed" in said and "core" in said and "fuzz" in said
     assert ("allocation" in said) == (compiler == "clang++")
+
+
+def test_an_agent_walks_to_its_goal_on_characters(real_server):
+    """Sanitizers look at the session as well."""
+    said = run(build("g++") / "tests" / "live", real_server.url).splitlines()
+    walked = [line.partition(":")[0] for line in said if ": walked to " in line]
+    assert walked == ["a_pose", "centimetres", "vrm1"]
+
+
+@pytest.mark.slow
+def test_an_empty_project_uses_it_by_the_readme_alone(real_server, tmp_path):
+    """Its commands and files as they are printed; only the optimizer stays away, to save time."""
+    text = (FOLDER / "README.md").read_text(encoding="utf-8")
+    page = text.partition("## Five minutes")[2].partition("\n## ")[0]
+    (cmake,) = re.findall(r"```cmake\n(.*?)```", page, re.S)
+    (code,) = re.findall(r"```cpp\n(.*?)```", page, re.S)
+    install, use = re.findall(r"```sh\n(.*?)```", page, re.S)
+    clone, project = tmp_path / "clone", tmp_path / "project"
+    clone.mkdir()
+    (clone / "clients").symlink_to(ROOT / "clients")
+    project.mkdir()
+    (project / "CMakeLists.txt").write_text(cmake)
+    (project / "main.cpp").write_text(code)
+    quick = {"HOME": str(tmp_path), "CMAKE_BUILD_TYPE": "Debug"}
+    run("sh", "-ec", install, cwd=clone, **quick)
+    said = run("sh", "-ec", f"{use.rstrip()} {real_server.url}", cwd=project, **quick).splitlines()
+    assert said[-1] == "arrived"
+    x, z = map(float, re.findall(r"-?[0-9.]+", said[-2]))
+    assert abs(x - 2) < 0.5 and abs(z - 3) < 0.5

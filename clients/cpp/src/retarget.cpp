@@ -178,6 +178,7 @@ void Retarget::pose(const float* frame, double ground) {
     legs_[at(leg)].clear = dot(source_[at(LEGS[leg].ankle)], up) + low;
   }
   if (ground != ground) ground = std::min(legs_[0].clear, legs_[1].clear);
+  ground_ = ground;
   for (const int b : mapped_) world_[at(b)] = multiply(turns_[at(b)], rest_[at(b)]);
   const double lifted = ground + (dot(source_[0], up) - ground) * ratio_;
   places_[0] = basis_.level(source_[0]) + lifted * up;

@@ -276,6 +276,7 @@ void wf_retarget_world(const wf_retarget* retarget, double* rotations, double* p
 
 void wf_retarget_hips(const wf_retarget* retarget, double place[3]) { put(retarget->retarget.hips(), place); }
 double wf_retarget_ratio(const wf_retarget* retarget) { return retarget->retarget.ratio(); }
+double wf_retarget_ground(const wf_retarget* retarget) { return retarget->retarget.ground(); }
 
 wf_root* wf_root_create(const char* basis, double metres_per_unit) {
   return guarded<wf_root*>(nullptr, [&] { return new wf_root{SmoothRoot(basis_named(basis), metres_per_unit)}; });

@@ -33,6 +33,8 @@ class Retarget {
   const Vec3& hips() const { return hips_; }
   /// Hips' height of the character by that of the agent.
   double ratio() const { return ratio_; }
+  /// Height of the ground of the last pose: that which was given, or of the lower sole.
+  double ground() const { return ground_; }
 
  private:
   template <class T>
@@ -69,7 +71,7 @@ class Retarget {
   Quat base_turn_{};                         // of the parent of the hips' node
   Vec3 base_place_{}, base_scale_{1, 1, 1};
   std::array<Leg, 2> legs_{};
-  double ratio_ = 1;
+  double ratio_ = 1, ground_ = 0;
   PerBone<Quat> turns_{};  // of the agent's frame, in the world
   PerBone<Vec3> source_{};
   PerBone<Quat> world_{}, local_{};

@@ -123,6 +123,8 @@ WF_API void wf_retarget_world(const wf_retarget *retarget, double *rotations, do
 WF_API void wf_retarget_hips(const wf_retarget *retarget, double place[3]);
 /* Hips' height of the character by that of the agent. */
 WF_API double wf_retarget_ratio(const wf_retarget *retarget);
+/* Height of the ground of the last pose: that which was given, or of the lower sole. */
+WF_API double wf_retarget_ground(const wf_retarget *retarget);
 
 /* ---- a smooth root, for capsules, cameras and root motion */
 

@@ -1,0 +1,63 @@
+// The HTTP API as calls. A server's /docs is its reference.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string>
+
+namespace wayfarer {
+
+using Json = nlohmann::json;
+
+/// A call was refused, or had no answer (`status` 0). `problem`: what the server says (RFC 9457), or null.
+struct ApiError : std::runtime_error {
+  ApiError(const std::string& what, int http_status, Json document = nullptr)
+      : std::runtime_error(what), status(http_status), problem(std::move(document)) {}
+  int status;
+  Json problem;
+};
+
+/// A server's address: "http://host:port" or "https://…".
+struct Server {
+  /// Throws std::invalid_argument; for https also where this library was built without OpenSSL.
+  explicit Server(const std::string& url);
+  std::string host, port;
+  bool tls;
+};
+
+/// Calls of a server. Each blocks until it is answered, 10 s at most (and 15 s more while the server says that it is
+/// refused for now), on a connection of its own: any thread may call, and a game's frame loop should not. Throws
+/// ApiError. Positions are in the session's basis and unit.
+class Api {
+ public:
+  explicit Api(const std::string& server, std::string token = "");
+
+  /// `options` as of POST /v1/sessions: {{"basis", "unreal"}, {"scene", "scene-1"}, …}
+  Json create_session(const Json& options = Json::object()) const;
+  void delete_session(const std::string& session_id) const;
+  /// [{{"name", "Ada"}, {"gender", "female"}, {"position", {{"x", 1}, …}}}, …]. Returns the agents.
+  Json create_agents(const std::string& session_id, const Json& agents) const;
+  void delete_agent(const std::string& agent_id) const;
+  /// Goals: {{"position", {{"x", 2}, {"y", 0}, {"z", 3}}}, {"speed", 1.2}, {"heading", 0}, …}. docs/api.md, "Goals".
+  Json set_goal(const std::string& agent_id, const Json& goal) const;
+  Json set_path(const std::string& agent_id, const Json& goals) const;
+  Json wander(const std::string& agent_id, const Json& how = Json::object()) const;
+  Json behave(const std::string& agent_id, const Json& behaviour) const;
+  void clear_goal(const std::string& agent_id) const;
+  /// Any other: call("GET", "/v1/bodies").
+  Json call(const std::string& method, const std::string& path, const Json& body = nullptr) const;
+
+  const Server& server() const { return server_; }
+  const std::string& token() const { return token_; }
+
+ private:
+  Json ask(const std::string& method, const std::string& path, const Json& body) const;
+
+  Server server_;
+  std::string token_;
+};
+
+/// Text as a part of a path or query.
+std::string url_encoded(const std::string& text);
+
+}  // namespace wayfarer

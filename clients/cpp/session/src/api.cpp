@@ -1,0 +1,174 @@
+#include "wayfarer/api.hpp"
+
+#include <boost/asio/use_future.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/version.hpp>
+#include <chrono>
+#include <thread>
+
+#include "connection.hpp"
+
+namespace wayfarer {
+namespace {
+
+namespace http = beast::http;
+constexpr std::chrono::seconds ANSWER(10);
+constexpr double PATIENCE = 15;  // seconds that a call which is refused for now is sent again
+constexpr std::size_t MOST_BYTES = 64 << 20;
+
+/// Do all that is under way, then say what came of one of it.
+template <class Result>
+Result wait(net::io_context& io, std::future<Result> result) {
+  io.restart();
+  io.run();
+  return result.get();
+}
+
+template <class Stream>
+http::response<http::string_body> exchange(net::io_context& io, Stream& stream,
+                                           http::request<http::string_body>& request) {
+  http::response_parser<http::string_body> parser;
+  parser.body_limit(MOST_BYTES);
+  beast::flat_buffer buffer;
+  wait(io, http::async_write(stream, request, net::use_future));
+  wait(io, http::async_read(stream, buffer, parser, net::use_future));
+  return parser.release();
+}
+
+http::response<http::string_body> send(const Server& server, http::request<http::string_body>& request) {
+  net::io_context io;
+  net::ip::tcp::resolver resolver(io);
+  const auto found = wait(io, resolver.async_resolve(server.host, server.port, net::use_future));
+#ifdef WAYFARER_TLS
+  if (server.tls) {
+    Secure stream(io, trust());
+    expect(stream, server.host);
+    beast::get_lowest_layer(stream).expires_after(ANSWER);
+    wait(io, beast::get_lowest_layer(stream).async_connect(found, net::use_future));
+    wait(io, stream.async_handshake(net::ssl::stream_base::client, net::use_future));
+    return exchange(io, stream, request);
+  }
+#endif
+  Plain stream(io);
+  stream.expires_after(ANSWER);
+  wait(io, stream.async_connect(found, net::use_future));
+  return exchange(io, stream, request);
+}
+
+/// What a problem document says, fields named; or the bare status.
+std::string said(const Json& problem, unsigned status) {
+  if (!problem.is_object()) return "HTTP " + std::to_string(status);  // a proxy's page
+  std::string fields;
+  if (const auto errors = problem.find("errors"); errors != problem.end() && errors->is_array())
+    for (const Json& error : *errors)
+      fields += (fields.empty() ? "" : "; ") + error.value("field", "") + ": " + error.value("detail", "");
+  if (!fields.empty()) return fields;
+  return problem.value("detail", problem.value("title", "HTTP " + std::to_string(status)));
+}
+
+std::string agent_path(const std::string& id) { return "/v1/agents/" + url_encoded(id); }
+
+}  // namespace
+
+std::string url_encoded(const std::string& text) {
+  static const char DIGITS[] = "0123456789ABCDEF";
+  std::string found;
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+                       c == '-' || c == '_' || c == '.' || c == '~';
+    if (plain) found += c;
+    else found += {'%', DIGITS[byte >> 4], DIGITS[byte & 15]};
+  }
+  return found;
+}
+
+Server::Server(const std::string& url) : tls(url.rfind("https://", 0) == 0) {
+  const auto refuse = [&](const std::string& why) {
+    throw std::invalid_argument("\"" + url + "\" is no server's address: " + why);
+  };
+  if (!tls && url.rfind("http://", 0) != 0) refuse("it begins with http:// or https://");
+#ifndef WAYFARER_TLS
+  if (tls) refuse("this library was built without OpenSSL, and so without https");
+#endif
+  std::string rest = url.substr(tls ? 8 : 7);
+  while (!rest.empty() && rest.back() == '/') rest.pop_back();
+  if (rest.find_first_of("/?#@ ") != std::string::npos) refuse("it has only a host and a port");
+  const std::size_t colon = rest.find(':', rest.find(']') == std::string::npos ? 0 : rest.find(']'));
+  host = rest.substr(0, colon);
+  port = colon == std::string::npos ? (tls ? "443" : "80") : rest.substr(colon + 1);
+  if (host.size() > 1 && host.front() == '[' && host.back() == ']') host = host.substr(1, host.size() - 2);
+  if (host.empty()) refuse("it has no host");
+  if (port.empty() || port.find_first_not_of("0123456789") != std::string::npos) refuse("its port is no number");
+}
+
+Api::Api(const std::string& server, std::string token) : server_(server), token_(std::move(token)) {}
+
+Json Api::create_session(const Json& options) const { return call("POST", "/v1/sessions", options); }
+
+void Api::delete_session(const std::string& session_id) const {
+  call("DELETE", "/v1/sessions/" + url_encoded(session_id));
+}
+
+Json Api::create_agents(const std::string& session_id, const Json& agents) const {
+  return call("POST", "/v1/sessions/" + url_encoded(session_id) + "/agents", {{"agents", agents}}).at("agents");
+}
+
+void Api::delete_agent(const std::string& agent_id) const { call("DELETE", agent_path(agent_id)); }
+
+Json Api::set_goal(const std::string& agent_id, const Json& goal) const {
+  return call("PUT", agent_path(agent_id) + "/goal", goal);
+}
+
+Json Api::set_path(const std::string& agent_id, const Json& goals) const {
+  return call("PUT", agent_path(agent_id) + "/path", {{"goals", goals}});
+}
+
+Json Api::wander(const std::string& agent_id, const Json& how) const {
+  return call("PUT", agent_path(agent_id) + "/wander", how);
+}
+
+Json Api::behave(const std::string& agent_id, const Json& behaviour) const {
+  return call("PUT", agent_path(agent_id) + "/behaviour", behaviour);
+}
+
+void Api::clear_goal(const std::string& agent_id) const { call("DELETE", agent_path(agent_id) + "/goal"); }
+
+Json Api::call(const std::string& method, const std::string& path, const Json& body) const {
+  for (double patience = PATIENCE;;) {
+    try {
+      return ask(method, path, body);
+    } catch (const ApiError& error) {
+      const double wait = error.status == 429 && error.problem.is_object() ? error.problem.value("retry_after_s", 0.0) : 0;
+      if (wait <= 0 || wait > patience) throw;
+      patience -= wait;
+      std::this_thread::sleep_for(std::chrono::duration<double>(wait));
+    }
+  }
+}
+
+Json Api::ask(const std::string& method, const std::string& path, const Json& body) const {
+  http::request<http::string_body> request{http::string_to_verb(method), path, 11};
+  request.set(http::field::host, server_.host + ":" + server_.port);
+  request.set(http::field::accept, "application/json");
+  request.set(http::field::connection, "close");
+  if (!token_.empty()) request.set(http::field::authorization, "Bearer " + token_);
+  if (!body.is_null()) {
+    request.set(http::field::content_type, "application/json");
+    request.body() = body.dump();
+  }
+  request.prepare_payload();
+  http::response<http::string_body> response;
+  try {
+    response = send(server_, request);
+  } catch (const boost::system::system_error& error) {
+    throw ApiError("no answer from " + server_.host + ":" + server_.port + ": " + error.code().message(), 0);
+  }
+  const Json answer = response.body().empty() ? Json() : Json::parse(response.body(), nullptr, false);
+  const unsigned status = response.result_int();
+  if (status >= 300) throw ApiError(said(answer, status), static_cast<int>(status), answer);
+  if (answer.is_discarded()) throw ApiError(method + " " + path + ": the answer is no JSON", static_cast<int>(status));
+  return answer;
+}
+
+}  // namespace wayfarer
