@@ -1,12 +1,20 @@
 """The C++ client: its own tests under two compilers, and what a user gets of it."""
 
+import contextlib
 import os
 import re
+import select
 import shutil
+import socket
+import ssl
 import subprocess
+import threading
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
+
+from tests.certificates import Authority
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "clients" / "cpp"
@@ -14,6 +22,7 @@ LIBRARIES = {
     "doctest-dev": "/usr/include/doctest/doctest.h",
     "nlohmann-json3-dev": "/usr/include/nlohmann/json.hpp",
     "libboost-dev": "/usr/include/boost/beast.hpp",
+    "libssl-dev": "/usr/include/openssl/ssl.h",
 }
 BUILDS = {
     "g++": ("gcc", "-DCMAKE_BUILD_TYPE=Debug", "-DWAYFARER_SANITIZE=ON"),
@@ -61,11 +70,76 @@ def test_its_own_tests_pass(compiler):
     assert ("allocation" in said) == (compiler == "clang++")
 
 
+class Relay:
+    """Speaks TLS to a client and passes all on to a server; breaks the first stream on its way."""
+
+    def __init__(self, server: str, folder: Path) -> None:
+        authority = Authority(folder)
+        self.trusted = authority.path
+        self._tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        self._tls.load_cert_chain(*authority.issue("relay"))
+        self._server = (urlsplit(server).hostname, urlsplit(server).port)
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.url = f"https://localhost:{self._listener.getsockname()[1]}"
+        self.cut = False
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def close(self) -> None:
+        self._listener.close()
+
+    def _accept(self) -> None:
+        with contextlib.suppress(OSError):  # closed
+            while True:
+                threading.Thread(
+                    target=self._serve, args=(self._listener.accept()[0],), daemon=True
+                ).start()
+
+    def _serve(self, raw: socket.socket) -> None:
+        with (
+            contextlib.suppress(OSError),
+            self._tls.wrap_socket(raw, server_side=True) as near,
+            socket.create_connection(self._server) as far,
+        ):
+            request = near.recv(65536)
+            far.sendall(request)
+            once = request.startswith(b"GET /v1/stream") and not self.cut
+            self.cut = self.cut or once
+            left = 12_000 if once else 1 << 60  # bytes: some two seconds of motion
+            while left > 0 and (ready := select.select([near, far], [], [], 30)[0]):
+                for end in ready:
+                    data = end.recv(65536)
+                    if not data:
+                        return
+                    (far if end is near else near).sendall(data)
+                    left -= len(data)
+
+
+def walked(said: str) -> list[str]:
+    return [line.partition(":")[0] for line in said.splitlines() if ": walked to " in line]
+
+
 def test_an_agent_walks_to_its_goal_on_characters(real_server):
     """Sanitizers look at the session as well."""
-    said = run(build("g++") / "tests" / "live", real_server.url).splitlines()
-    walked = [line.partition(":")[0] for line in said if ": walked to " in line]
-    assert walked == ["a_pose", "centimetres", "vrm1"]
+    said = run(build("g++") / "tests" / "live", real_server.url)
+    assert walked(said) == ["a_pose", "centimetres", "vrm1"]
+
+
+def test_over_https_and_a_lost_connection_nothing_is_missing(real_server, tmp_path):
+    live = build("g++") / "tests" / "live"
+    relay = Relay(real_server.url, tmp_path)
+    try:
+        said = run(live, relay.url, "lost", SSL_CERT_FILE=str(relay.trusted))
+        assert len(walked(said)) == 3 and "lost: " in said and relay.cut
+        other = Authority(tmp_path / "evil").path
+        refused = subprocess.run(
+            [live, relay.url],
+            env={**os.environ, "SSL_CERT_FILE": str(other)},
+            capture_output=True,
+            text=True,
+        )
+        assert refused.returncode == 1 and "certificate verify failed" in refused.stderr
+    finally:
+        relay.close()
 
 
 @pytest.mark.slow

@@ -1,0 +1,286 @@
+#include "WayfarerSubsystem.h"
+
+#include "Dom/JsonObject.h"
+#include "Dom/JsonValue.h"
+#include "GenericPlatform/GenericPlatformHttp.h"
+#include "HttpModule.h"
+#include "IWebSocket.h"
+#include "Interfaces/IHttpRequest.h"
+#include "Interfaces/IHttpResponse.h"
+#include "Misc/CommandLine.h"
+#include "Misc/Parse.h"
+#include "Modules/ModuleManager.h"
+#include "Serialization/JsonReader.h"
+#include "Serialization/JsonSerializer.h"
+#include "Serialization/JsonWriter.h"
+#include "WebSocketsModule.h"
+#include "wayfarer/wayfarer.h"
+
+IMPLEMENT_MODULE(FDefaultModuleImpl, Wayfarer)
+
+namespace
+{
+constexpr double RetryFirst = 0.5, RetryMost = 8; // seconds; doubled at each failure
+constexpr double Silence = 4; // seconds without even a heartbeat (one per second) that mean a dead connection
+// close codes: 4000 + the HTTP status of the error
+constexpr int32 Ended = 1000, UnknownCaller = 4401, Forbidden = 4403, NotFound = 4404, Invalid = 4422;
+
+TSharedPtr<FJsonObject> Place(const FVector& Location)
+{
+	TSharedPtr<FJsonObject> Found = MakeShared<FJsonObject>();
+	Found->SetNumberField(TEXT("x"), Location.X);
+	Found->SetNumberField(TEXT("y"), Location.Y);
+	Found->SetNumberField(TEXT("z"), Location.Z);
+	return Found;
+}
+
+FString AgentPath(const FString& Id, const TCHAR* Rest)
+{
+	return TEXT("/v1/agents/") + FGenericPlatformHttp::UrlEncode(Id) + Rest;
+}
+}
+
+void UWayfarerSubsystem::Open(FString Server, FString Token, const FString& Scene)
+{
+	TArray<TFunction<void()>> Waiting;
+	if (!Core) Waiting = MoveTemp(WhenOpen); // of actors that began to play before this
+	Close();
+	WhenOpen = MoveTemp(Waiting);
+	FParse::Value(FCommandLine::Get(), TEXT("WayfarerServer="), Server);
+	FParse::Value(FCommandLine::Get(), TEXT("WayfarerToken="), Token);
+	while (Server.EndsWith(TEXT("/"))) Server.LeftChopInline(1);
+	Address = Server;
+	Key = Token;
+	Core = wf_player_create();
+	if (!Core)
+	{
+		OnStatus.Broadcast(TEXT("ended"), UTF8_TO_TCHAR(wf_error()));
+		return;
+	}
+	wf_player_on_added(Core, [](void* User, uint32_t Alias) {
+		UWayfarerSubsystem* Self = static_cast<UWayfarerSubsystem*>(User);
+		const FString Id = UTF8_TO_TCHAR(wf_agent_id(Self->Core, Alias));
+		Self->Aliases.Add(Id, Alias);
+		Self->OnAgentAdded.Broadcast(Id, UTF8_TO_TCHAR(wf_agent_name(Self->Core, Alias)));
+	}, this);
+	wf_player_on_removed(Core, [](void* User, uint32_t Alias) {
+		UWayfarerSubsystem* Self = static_cast<UWayfarerSubsystem*>(User);
+		const FString* Id = Self->Aliases.FindKey(Alias);
+		if (!Id) return;
+		const FString Gone = *Id;
+		Self->Aliases.Remove(Gone);
+		Self->OnAgentRemoved.Broadcast(Gone, TEXT(""));
+	}, this);
+	wf_player_on_event(Core, [](void* User, const char* Kind, const char* AgentId, double, uint32_t, uint32_t Waypoint, const char* Detail) {
+		static_cast<UWayfarerSubsystem*>(User)->OnEvent.Broadcast(
+			UTF8_TO_TCHAR(Kind), UTF8_TO_TCHAR(AgentId), static_cast<int32>(Waypoint), UTF8_TO_TCHAR(Detail));
+	}, this);
+	OnStatus.Broadcast(TEXT("opening"), Address);
+	TSharedPtr<FJsonObject> Wanted = MakeShared<FJsonObject>();
+	Wanted->SetStringField(TEXT("basis"), TEXT("unreal"));
+	if (!Scene.IsEmpty()) Wanted->SetStringField(TEXT("scene"), Scene);
+	Call(TEXT("POST"), TEXT("/v1/sessions"), Wanted, [this](const FJsonObject& Answer) {
+		SessionId = Answer.GetStringField(TEXT("session_id"));
+		Connect();
+		TArray<TFunction<void()>> Ready = MoveTemp(WhenOpen);
+		WhenOpen.Reset();
+		for (const TFunction<void()>& Each : Ready) Each();
+	});
+}
+
+void UWayfarerSubsystem::Close()
+{
+	DropSocket();
+	if (!SessionId.IsEmpty()) Call(TEXT("DELETE"), TEXT("/v1/sessions/") + FGenericPlatformHttp::UrlEncode(SessionId), nullptr, nullptr);
+	++Opened;
+	SessionId.Reset();
+	Forgotten.Reset();
+	WhenOpen.Reset();
+	if (Core) wf_player_clear(Core);
+	wf_player_destroy(Core);
+	Core = nullptr;
+	Aliases.Reset();
+	Retry = RetryFirst;
+	ConnectAt = 0;
+	AdvancedIn = 0;
+}
+
+void UWayfarerSubsystem::Deinitialize()
+{
+	Close();
+	Super::Deinitialize();
+}
+
+TStatId UWayfarerSubsystem::GetStatId() const
+{
+	RETURN_QUICK_DECLARE_CYCLE_STAT(UWayfarerSubsystem, STATGROUP_Tickables);
+}
+
+void UWayfarerSubsystem::CreateAgent(const FString& Name, const FVector& Location, double Yaw, TFunction<void(const FString&)> Created)
+{
+	if (SessionId.IsEmpty())
+	{
+		WhenOpen.Add([this, Name, Location, Yaw, Created] { CreateAgent(Name, Location, Yaw, Created); });
+		return;
+	}
+	TSharedPtr<FJsonObject> Agent = MakeShared<FJsonObject>(), Body = MakeShared<FJsonObject>();
+	Agent->SetStringField(TEXT("name"), Name);
+	Agent->SetObjectField(TEXT("position"), Place(Location));
+	Agent->SetNumberField(TEXT("heading"), FMath::DegreesToRadians(Yaw));
+	Body->SetArrayField(TEXT("agents"), {MakeShared<FJsonValueObject>(Agent)});
+	const FString Path = TEXT("/v1/sessions/") + FGenericPlatformHttp::UrlEncode(SessionId) + TEXT("/agents");
+	Call(TEXT("POST"), Path, Body, [Created](const FJsonObject& Answer) {
+		for (const TSharedPtr<FJsonValue>& Each : Answer.GetArrayField(TEXT("agents")))
+		{
+			if (Created) Created(Each->AsObject()->GetStringField(TEXT("agent_id")));
+		}
+	});
+}
+
+void UWayfarerSubsystem::SetGoal(const FString& AgentId, const FVector& Location, double Speed)
+{
+	TSharedPtr<FJsonObject> Goal = MakeShared<FJsonObject>();
+	Goal->SetObjectField(TEXT("position"), Place(Location));
+	Goal->SetNumberField(TEXT("speed"), Speed);
+	Call(TEXT("PUT"), AgentPath(AgentId, TEXT("/goal")), Goal, nullptr);
+}
+
+void UWayfarerSubsystem::Wander(const FString& AgentId)
+{
+	Call(TEXT("PUT"), AgentPath(AgentId, TEXT("/wander")), MakeShared<FJsonObject>(), nullptr);
+}
+
+void UWayfarerSubsystem::DeleteAgent(const FString& AgentId)
+{
+	Call(TEXT("DELETE"), AgentPath(AgentId, TEXT("")), nullptr, nullptr);
+}
+
+uint32 UWayfarerSubsystem::AliasOf(const FString& AgentId) const
+{
+	const uint32* Found = Aliases.Find(AgentId);
+	return Found ? *Found : 0;
+}
+
+double UWayfarerSubsystem::Advance()
+{
+	if (Core && AdvancedIn != GFrameCounter)
+	{
+		AdvancedIn = GFrameCounter;
+		Moment = wf_player_advance(Core, FPlatformTime::Seconds());
+	}
+	return Moment;
+}
+
+void UWayfarerSubsystem::Tick(float)
+{
+	const double Now = FPlatformTime::Seconds();
+	if (Socket && Now - HeardAt > Silence) Lost(0, TEXT("nothing came for 4 s")); // a half-open connection never closes by itself
+	if (!Socket && !SessionId.IsEmpty() && Now >= ConnectAt) Connect();
+	Advance();
+}
+
+void UWayfarerSubsystem::Call(const FString& Verb, const FString& Path, const TSharedPtr<FJsonObject>& Body, TFunction<void(const FJsonObject&)> Answered)
+{
+	TSharedRef<IHttpRequest, ESPMode::ThreadSafe> Request = FHttpModule::Get().CreateRequest();
+	Request->SetURL(Address + Path);
+	Request->SetVerb(Verb);
+	Request->SetTimeout(10);
+	Request->SetHeader(TEXT("Accept"), TEXT("application/json"));
+	if (!Key.IsEmpty()) Request->SetHeader(TEXT("Authorization"), TEXT("Bearer ") + Key);
+	if (Body)
+	{
+		FString Text;
+		FJsonSerializer::Serialize(Body.ToSharedRef(), TJsonWriterFactory<>::Create(&Text));
+		Request->SetHeader(TEXT("Content-Type"), TEXT("application/json"));
+		Request->SetContentAsString(Text);
+	}
+	Request->OnProcessRequestComplete().BindWeakLambda(this, [this, Verb, Path, Answered, Asked = Opened](FHttpRequestPtr, FHttpResponsePtr Response, bool bConnected) {
+		if (Asked != Opened) return; // of an earlier session
+		TSharedPtr<FJsonObject> Answer;
+		if (bConnected && Response) FJsonSerializer::Deserialize(TJsonReaderFactory<>::Create(Response->GetContentAsString()), Answer);
+		const int32 Status = bConnected && Response ? Response->GetResponseCode() : 0;
+		if (Status >= 200 && Status < 300)
+		{
+			if (Answered && Answer) Answered(*Answer);
+			return;
+		}
+		FString Why = Status ? FString::Printf(TEXT("HTTP %d"), Status) : Address + TEXT(" does not answer");
+		if (Answer) Answer->TryGetStringField(TEXT("detail"), Why);
+		OnRefused.Broadcast(Verb + TEXT(" ") + Path, Why);
+		if (SessionId.IsEmpty()) OnStatus.Broadcast(TEXT("ended"), Why);
+	});
+	Request->ProcessRequest();
+}
+
+void UWayfarerSubsystem::Connect()
+{
+	FString Url = TEXT("ws") + Address.RightChop(4) + TEXT("/v1/stream?encoding=smallest_three&session=") + FGenericPlatformHttp::UrlEncode(SessionId);
+	const FString Token = UTF8_TO_TCHAR(wf_player_resume_token(Core));
+	if (!Token.IsEmpty() && Token != Forgotten) Url += TEXT("&resume_token=") + FGenericPlatformHttp::UrlEncode(Token);
+	TMap<FString, FString> Headers;
+	if (!Key.IsEmpty()) Headers.Add(TEXT("Authorization"), TEXT("Bearer ") + Key);
+	wf_player_begin(Core);
+	Message.Reset();
+	HeardAt = FPlatformTime::Seconds();
+	Socket = FWebSocketsModule::Get().CreateWebSocket(Url, TArray<FString>{TEXT("wayfarer.v1")}, Headers);
+	Socket->OnRawMessage().AddUObject(this, &UWayfarerSubsystem::Receive);
+	Socket->OnConnectionError().AddWeakLambda(this, [this](const FString& Error) { Lost(0, Error); });
+	Socket->OnClosed().AddWeakLambda(this, [this](int32 Code, const FString& Reason, bool) { Lost(Code, Reason); });
+	Socket->Connect();
+}
+
+void UWayfarerSubsystem::Receive(const void* Data, SIZE_T Size, SIZE_T BytesRemaining)
+{
+	HeardAt = FPlatformTime::Seconds();
+	Message.Append(static_cast<const uint8*>(Data), static_cast<int32>(Size));
+	if (BytesRemaining) return;
+	const int32 Kind = wf_player_receive(Core, Message.GetData(), static_cast<size_t>(Message.Num()), HeardAt);
+	Message.Reset(); // keeps its room
+	if (Kind == WF_ERROR) End(FString(TEXT("cannot read the stream: ")) + UTF8_TO_TCHAR(wf_error()));
+	else if (Kind == WF_HEADER)
+	{
+		Retry = RetryFirst;
+		OnStatus.Broadcast(TEXT("open"), SessionId);
+	}
+}
+
+void UWayfarerSubsystem::Lost(int32 Code, const FString& Reason)
+{
+	if (!Socket) return;
+	DropSocket();
+	const double Now = FPlatformTime::Seconds();
+	const FString Token = UTF8_TO_TCHAR(wf_player_resume_token(Core));
+	if (Code == Invalid && !Token.IsEmpty() && Token != Forgotten)
+	{
+		Forgotten = Token; // of another server, it may be: begin with what falls due next
+		ConnectAt = Now;
+	}
+	else if (Code == Ended || Code == UnknownCaller || Code == Forbidden || Code == NotFound || Code == Invalid)
+	{
+		End(Reason);
+	}
+	else
+	{
+		OnStatus.Broadcast(TEXT("lost"), Reason);
+		ConnectAt = Now + Retry;
+		Retry = FMath::Min(RetryMost, 2 * Retry);
+	}
+}
+
+void UWayfarerSubsystem::End(const FString& Reason)
+{
+	DropSocket();
+	SessionId.Reset(); // what is shown stays
+	OnStatus.Broadcast(TEXT("ended"), Reason);
+}
+
+void UWayfarerSubsystem::DropSocket()
+{
+	if (!Socket) return;
+	TSharedPtr<IWebSocket> Gone = MoveTemp(Socket);
+	Socket.Reset();
+	Gone->OnRawMessage().RemoveAll(this);
+	Gone->OnConnectionError().RemoveAll(this);
+	Gone->OnClosed().RemoveAll(this);
+	Gone->Close();
+}

@@ -1,0 +1,74 @@
+#pragma once
+
+#include "CoreMinimal.h"
+#include "Components/ActorComponent.h"
+#include "WayfarerPose.h"
+#include "WayfarerCharacterComponent.generated.h"
+
+class USkeletalMeshComponent;
+class UWayfarerSubsystem;
+struct wf_map;
+struct wf_retarget;
+struct wf_root;
+
+/**
+ * Lets the actor's skeletal mesh walk as an agent does: any humanoid skeleton. Bones are found by their names, or by
+ * the skeleton's shape. If the mesh has no animation class, it gets UWayfarerAnimInstance; else put the node
+ * "Wayfarer Pose" into its graph.
+ */
+UCLASS(ClassGroup = Wayfarer, meta = (BlueprintSpawnableComponent))
+class WAYFARER_API UWayfarerCharacterComponent : public UActorComponent
+{
+	GENERATED_BODY()
+
+public:
+	UWayfarerCharacterComponent();
+
+	/** Whom to show; "": create an agent where the actor stands. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = Wayfarer)
+	FString AgentId;
+	/** The actor follows the agent: a point on the ground and a yaw that do not sway with the hips. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = Wayfarer)
+	bool bMoveActor = true;
+	/** Height of the actor's origin above the ground: of a Character, its capsule's half height. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = Wayfarer)
+	double OriginHeight = 0;
+	/** Where the map is wrong: "spine3" → the mesh's bone; None: it has none. */
+	UPROPERTY(EditAnywhere, Category = Wayfarer)
+	TMap<FName, FName> CorrectedBones;
+
+	/** Send the agent to a place, centimetres; speed in centimetres per second. Waits for the agent, if need be. */
+	UFUNCTION(BlueprintCallable, Category = Wayfarer)
+	void GoTo(const FVector& Location, double Speed = 120);
+	/** Which of the mesh's bones is which: to show it. Empty before the first pose. */
+	UFUNCTION(BlueprintCallable, Category = Wayfarer)
+	TMap<FName, FName> BoneTable() const;
+	/** Why there is no pose; "" when there is one. */
+	UFUNCTION(BlueprintCallable, Category = Wayfarer)
+	FString Problem() const { return Why; }
+
+	/** The pose of this frame. Game thread. */
+	const FWayfarerPose& Pose() const { return Current; }
+
+	virtual void BeginPlay() override;
+	virtual void EndPlay(const EEndPlayReason::Type Reason) override;
+	virtual void TickComponent(float DeltaTime, ELevelTick TickType, FActorComponentTickFunction* ThisTickFunction) override;
+
+private:
+	bool Prepare(const UWayfarerSubsystem& Subsystem, uint32 Alias);
+	void Forget();
+	void Show(const float* Frame, size_t Count, double Moment);
+
+	UPROPERTY(Transient)
+	TObjectPtr<USkeletalMeshComponent> Mesh;
+	FWayfarerPose Current;
+	FString Why;
+	TArray<int32> Bones; // canonical numbers, in the order of Current.MeshBones
+	FTransform HipsParent; // in the component's space, at rest
+	uint32 ShownAlias = 0, ShownGeneration = 0;
+	bool bFailed = false, bCreated = false;
+	TOptional<TPair<FVector, double>> WaitingGoal;
+	wf_map* Map = nullptr;
+	wf_retarget* Retarget = nullptr;
+	wf_root* Root = nullptr;
+};

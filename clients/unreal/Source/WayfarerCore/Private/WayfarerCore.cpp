@@ -1,0 +1,12 @@
+// The sources of clients/cpp, without any header of the engine.
+
+#include "bases.cpp"
+#include "bone_map.cpp"
+#include "messages.cpp"
+#include "player.cpp"
+#include "playout.cpp"
+#include "poses.cpp"
+#include "retarget.cpp"
+#include "rig.cpp"
+#include "root.cpp"
+#include "wayfarer_c.cpp"
