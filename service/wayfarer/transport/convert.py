@@ -188,16 +188,16 @@ def body(bodies: BodyLibrary, gender: schema.Gender) -> schema.Body:
     )
 
 
-def file_options(wish: schema.MotionFile) -> FileOptions:
+def file_options(request: schema.MotionFile) -> FileOptions:
     """Raises InvalidArgument where options contradict each other."""
     return FileOptions(
-        format=wish.format,
-        names=wish.names,
-        fps=wish.fps,
-        root=wish.root,
-        loop=wish.loop,
-        unit=wish.unit,
-        detail=wish.detail,
+        format=request.format,
+        names=request.names,
+        fps=request.fps,
+        root=request.root,
+        loop=request.loop,
+        unit=request.unit,
+        detail=request.detail,
     )
 
 

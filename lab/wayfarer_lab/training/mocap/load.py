@@ -13,7 +13,7 @@ from wayfarer_lab.training.mocap.bvh import read_bvh
 from wayfarer_lab.training.mocap.resample import resample
 from wayfarer_lab.training.mocap.rig import ClipInfo, J, to_our_joints
 from wayfarer_lab.training.mocap.skeleton import Array, SkeletonMotion
-from wayfarer_lab.training.mocap.sources import MotionFile
+from wayfarer_lab.training.mocap.sources import SourceFile
 
 MIN_FRAMES = 20  # shorter pieces (0.5 s) hold no two primitives
 
@@ -38,7 +38,7 @@ class ReadOptions:
     bvh_fix: bool = True  # mend CMU's BVH conversion where its pattern is seen
 
 
-def load_pieces(entry: MotionFile, asf_path: Path | None, options: ReadOptions) -> list[Piece]:
+def load_pieces(entry: SourceFile, asf_path: Path | None, options: ReadOptions) -> list[Piece]:
     """Read, repair and resample one file. Raises DataError, which names file and line."""
     motion, unit = _read(entry, asf_path, options)
     fps = entry.fps or motion.fps or options.fps
@@ -73,7 +73,7 @@ def load_pieces(entry: MotionFile, asf_path: Path | None, options: ReadOptions) 
 
 
 def _read(
-    entry: MotionFile, asf_path: Path | None, options: ReadOptions
+    entry: SourceFile, asf_path: Path | None, options: ReadOptions
 ) -> tuple[SkeletonMotion, float | None]:
     text = entry.path.read_text(errors="replace")
     if entry.path.suffix.lower() == ".amc":

@@ -19,7 +19,7 @@ SPLITS = ("train", "validation", "heldout")
 
 
 @dataclass(frozen=True)
-class MotionFile:
+class SourceFile:
     """One motion file to read."""
 
     name: str
@@ -35,7 +35,7 @@ class MotionFile:
 
 def list_entries(
     src: Path, unpacked: Path, index: Sequence[Path] = (), skip: Callable[[str], None] = print
-) -> list[MotionFile]:
+) -> list[SourceFile]:
     """All motion files of `src`, in a stable order. `skip` is called with rows of missing files.
 
     `index` names the tables that list them; without one, `src/index.csv` if there is one, else
@@ -49,7 +49,7 @@ def list_entries(
         index = [src / "index.csv"]
     if not index:
         files = sorted(p for p in src.rglob("*") if p.suffix.lower() in SUFFIXES)
-        entries = [MotionFile(p.stem, p, _subject(p)) for p in files]
+        entries = [SourceFile(p.stem, p, _subject(p)) for p in files]
     else:
         entries = [e for table in index for e in _read_index(table, src, unpacked, skip)]
     if not entries:
@@ -65,7 +65,7 @@ def _subject(path: Path) -> str:
 
 def _read_index(
     index: Path, src: Path, unpacked: Path, skip: Callable[[str], None]
-) -> list[MotionFile]:
+) -> list[SourceFile]:
     entries = []
     with index.open(newline="") as file:
         for row in (reader := csv.DictReader(file)):
@@ -77,7 +77,7 @@ def _read_index(
             try:
                 path = _locate(row, src, unpacked, split)
                 entries.append(
-                    MotionFile(
+                    SourceFile(
                         name=row.get("clip") or path.stem,
                         path=path,
                         subject=row.get("subject") or _subject(path),
@@ -143,7 +143,7 @@ def unpack(archive: Path, into: Path) -> Path:
     return folder
 
 
-def find_asf(entry: MotionFile, skeletons: dict[str, Path]) -> Path | None:
+def find_asf(entry: SourceFile, skeletons: dict[str, Path]) -> Path | None:
     """The ASF of a clip's subject: beside the clip, or anywhere in the source under its name."""
     beside = entry.path.parent / f"{entry.subject}.asf"
     if beside.is_file():
