@@ -37,6 +37,8 @@ REQUESTS = {
     "StreamMotionRequest": schema.StreamRequest,
     "GenerateClipRequest": schema.ClipRequest,
     "StepAgentsRequest": schema.StepRequest,
+    "ExportMotionRequest": schema.MotionExport,
+    "FitBodyRequest": schema.CharacterJoints,
 }
 """Messages whose fields, and those of the messages in them, are compared."""
 
@@ -136,7 +138,7 @@ def held(field: dict[str, Any]) -> Said:
         key: kind[key]
         for key in ("minimum", "maximum", "minItems", "maxItems", "minLength", "maxLength")
         for kind in kinds
-        if key in kind
+        if key in kind and "enum" not in kind
     }
     bounds = tuple(float(v) for v in found.values() if v != UINT32)
     return Said(bounds, described.default, described.text)
