@@ -39,7 +39,7 @@ def page(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureReques
     executable = find_chromium()
     assert executable
     with Page(executable, tmp_path_factory.mktemp("profile"), (900, 600)) as opened:
-        opened.call("Page.navigate", url=f"{url}/?detail=low")
+        opened.call("Page.navigate", url=f"{url}/?detail=low&scene=")
         opened.wait_for(f"globalThis.wayfarer && {CONNECTION} === 'open'", 60)
         yield opened
 
@@ -206,33 +206,6 @@ def test_figures_are_shown(page: Page):
         page.wait_for(f"/\\d/.test(document.querySelector('#figure-{figure}').textContent)", 10)
 
 
-def test_on_a_phone_panels_are_folded_and_nothing_covers_another(page: Page):
-    boxes = (
-        "['#panel', '#place', '#readout'].map((id) => document.querySelector(id))"
-        ".map((box) => { const { left, right, top, bottom } = box.getBoundingClientRect();"
-        " return [left, right, top, bottom]; })"
-    )
-
-    def resize(width: int, height: int) -> None:
-        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": True}
-        page.call("Emulation.setDeviceMetricsOverride", **size)
-
-    for width, height in ((390, 844), (844, 390)):
-        resize(1000, 700)
-        page.wait_for("document.querySelector('#panel').open", 20)
-        resize(width, height)
-        page.wait_for("!document.querySelector('#panel').open", 20)
-        for opened, other in (("panel", "place"), ("place", "panel")):
-            page.evaluate(f"document.querySelector('#{opened}').open = true")
-            page.wait_for(f"!document.querySelector('#{other}').open")
-            found = page.evaluate(boxes)
-            for k, (left, right, top, bottom) in enumerate(found):
-                assert left >= 0 and right <= width and top >= 0 and bottom <= height
-                for first, last, high, low in found[:k]:
-                    assert first >= right or last <= left or high >= bottom or low <= top
-    page.call("Emulation.clearDeviceMetricsOverride")
-
-
 def test_a_refusal_is_shown_to_the_user(page: Page):
     page.evaluate(
         f"globalThis.ids = {CROWD}.people.map((person) => person.agent.id);"
@@ -266,14 +239,14 @@ def test_a_session_of_a_program_is_shown_and_outlives_the_page(page: Page):
     api = f"{url}/v1/sessions"
     session = call("POST", api, {"lease_s": 120})["session_id"]
     (ada,) = call("POST", f"{api}/{session}/agents", {"agents": [{"name": "Ada"}]})["agents"]
-    page.call("Page.navigate", url=f"{url}/?detail=low&session={session}")
+    page.call("Page.navigate", url=f"{url}/?detail=low&scene=&session={session}")
     page.wait_for(f"globalThis.wayfarer && {CONNECTION} === 'open'", 60)
     page.wait_for(f"{CROWD}.people.filter((person) => person.shown).length === 1", 60)
     assert page.evaluate(f"[{CROWD}.people[0].agent.name, globalThis.wayfarer.session]") == [
         "Ada",
         session,
     ]
-    page.call("Page.navigate", url=f"{url}/?detail=low&session=session-nobody")
+    page.call("Page.navigate", url=f"{url}/?detail=low&scene=&session=session-nobody")
     page.wait_for("document.querySelector('#messages')?.textContent.includes('nobody')", 60)
     page.wait_for(f"globalThis.wayfarer && {CONNECTION} === 'open'", 60)  # one of its own
     assert call("GET", f"{api}/{session}")["agent_ids"] == [ada["agent_id"]]
@@ -304,7 +277,7 @@ def test_a_guarded_server_asks_once_for_a_key(tmp_path, tmp_path_factory):
         Page(executable, tmp_path_factory.mktemp("guarded"), (900, 600)) as opened,
     ):
         opened.call(
-            "Page.navigate", url=f"{guarded.url}/?detail=low&encoding=smallest_three&fps=20"
+            "Page.navigate", url=f"{guarded.url}/?detail=low&scene=&encoding=smallest_three&fps=20"
         )
         opened.wait_for("document.querySelector('#access')?.open", 60)
         assert opened.evaluate("document.querySelector('#access-reason').textContent")

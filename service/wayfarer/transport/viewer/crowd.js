@@ -57,6 +57,23 @@ export class Crowd {
     this.bodies.update(now);
   }
 
+  /** Of names that would lie over each other, show the nearest to the camera. */
+  separateNames(camera, width, height) {
+    if (!this.marks.labels) return;
+    const taken = [];
+    const placed = this.people.filter(({ label }) => label).map(({ label }) => {
+      const { x, y, z } = label.position.clone().project(camera);
+      return { label, x: (x * width) / 2, y: (y * height) / 2, z };
+    }).sort((a, b) => a.z - b.z);
+    // a sprite's scale is a share of the view's height, half its tangent
+    const reach = height / (2 * Math.tan((camera.fov * Math.PI) / 360));
+    for (const { label, x, y, z } of placed) {
+      const [w, h] = [label.scale.x * reach, label.scale.y * reach];
+      label.visible = z < 1 && taken.every((other) => Math.abs(other.x - x) > w || Math.abs(other.y - y) > h);
+      if (label.visible) taken.push({ x, y });
+    }
+  }
+
   /** "full", "reduced" or "held": how well the server has kept up of late. */
   pressure(now) {
     if (now - this.strained.held < PRESSURE_SECONDS) return "held";

@@ -17,6 +17,7 @@ export class Errands {
     Object.assign(this, { api, crowd, ask, heightAt, scene });
     this.wandering = false;
     this.roaming = new Set(); // who walks about because of it
+    this.abroad = new Set(); // ids of agents that walk about and have not been seen yet
     this.lastSent = []; // those whose path a further waypoint belongs to
   }
 
@@ -53,11 +54,20 @@ export class Errands {
 
   /** Let people walk about, until they are sent somewhere or stopped. */
   async roam(people) {
+    await Promise.all(people.map(({ agent }) => this.roamAgent(agent.id)));
+  }
+
+  /** The same for an agent that may not have been seen yet; `near`: they stay about there. */
+  roamAgent(id, near = this.scene() ? null : { x: 0, z: 0 }) {
     const how = { speed: this.ask().speed };
-    for (const person of people) person.wanders = true;
-    await Promise.all(people.map(({ agent }) => (
-      this.scene() ? this.api.roam(agent.id, how) : this.api.wander(agent.id, { x: 0, z: 0 }, WANDER_RADIUS, how)
-    )));
+    this.abroad.add(id);
+    this.notice();
+    return near ? this.api.wander(id, near, WANDER_RADIUS, how) : this.api.roam(id, how);
+  }
+
+  /** Somebody has come, perhaps one of those. */
+  notice() {
+    for (const person of this.crowd.people) if (this.abroad.delete(person.agent.id)) person.wanders = true;
   }
 
   async endWandering() {

@@ -49,6 +49,14 @@ export function showConnection(state, text) {
   line.textContent = text;
 }
 
+/** What keeps the page from working, until it is over: null. */
+export function showTrouble(title, text = "") {
+  byId("trouble").hidden = title === null;
+  if (title === null || byId("trouble-title").textContent === title) return;
+  byId("trouble-title").textContent = title;
+  byId("trouble-text").textContent = text;
+}
+
 /** The list of people; keeps what is chosen. */
 export function listPeople(people, selected) {
   const list = byId("selected");

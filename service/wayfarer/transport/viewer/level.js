@@ -5,12 +5,13 @@ import {
   MeshStandardMaterial, ShapeUtils, Vector2,
 } from "./vendor/three.min.js";
 import { blockMeets, Ground, planePoint, pointOn } from "./ground.js";
+import { pavingTexture } from "./scene.js";
 import { blockMesh, extentOf, outlineOf } from "./shapes.js";
 
-const GROUND = "#dde2da";
+const STONES = 4; // metres of the paving's pattern
 const RIM = "#8fa89b";
 const EDGE = "#5f5a52";
-const STONE = ["#d8cdbd", "#cfc6ba", "#dcd2c6", "#c9c1b4", "#d5c7b4"]; // what stands there for good
+const STONE = ["#c9a98a", "#b98f74", "#d2bf9f", "#a8977f", "#c4b8a4"]; // what stands there for good
 const WOOD = "#b98a5a";
 const CHOSEN = "#0b7285";
 const SIGHT = 300; // metres: what is farther off is not meant
@@ -29,7 +30,7 @@ export class Level {
     this.model = null;
     this.chosen = null; // name of an obstacle
     this.floor = new Mesh(new BufferGeometry(), new MeshStandardMaterial({
-      color: GROUND, roughness: 1, polygonOffset: true, polygonOffsetFactor: -1, polygonOffsetUnits: -1,
+      map: pavingTexture(), roughness: 1, polygonOffset: true, polygonOffsetFactor: -1, polygonOffsetUnits: -1,
     }));
     this.floor.receiveShadow = true;
     this.rim = new LineSegments(new BufferGeometry(), new LineBasicMaterial({ color: RIM }));
@@ -139,6 +140,9 @@ export class Level {
     const corners = Float32Array.from(triangles.flat().flatMap((k) => [vertices[k].x, vertices[k].y + 0.003, vertices[k].z]));
     replace(this.floor, corners);
     this.floor.geometry.computeVertexNormals();
+    const laid = new Float32Array((corners.length / 3) * 2);
+    for (let k = 0; k < laid.length / 2; k += 1) laid.set([corners[3 * k] / STONES, corners[3 * k + 2] / STONES], 2 * k);
+    this.floor.geometry.setAttribute("uv", new BufferAttribute(laid, 2));
     replace(this.rim, outlineOf(vertices, triangles).map((value, k) => (k % 3 === 1 ? value + 0.008 : value)));
   }
 

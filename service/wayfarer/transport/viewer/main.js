@@ -6,7 +6,7 @@ import { crowdText, eventText, randomAgents } from "./choices.js";
 import { Crowd } from "./crowd.js";
 import { Errands } from "./errands.js";
 import { kindOf, watchFiles } from "./files.js";
-import { askToken, byId, listPeople, mention, Readout, showConnection, tell } from "./hud.js";
+import { askToken, byId, listPeople, mention, Readout, showConnection, showTrouble, tell } from "./hud.js";
 import { ScenePanel } from "./panel.js";
 import { floorRing } from "./people.js";
 import { watchPointer } from "./pointer.js";
@@ -16,6 +16,9 @@ import { Tools } from "./tools.js";
 import { Wardrobe } from "./wardrobe.js";
 
 const DETAILED = 24; // so many people get the fine mesh; later ones the light one
+const FIRST_SCENE = "town_square"; // where nothing else is asked for
+const AT_FIRST = 10; // people who walk there when the page opens
+const MORE = 8; // and who come with the button
 const STATS_SECONDS = 1;
 const WANDER_SECONDS = 1;
 const TOKEN = "wayfarer.token";
@@ -70,11 +73,27 @@ async function start() {
     byId("count").oninput({ target: byId("count") }); // what it stands for may be less now
     const watched = joining && await othersSession(joining);
     if (watched) await place.attend(watched.scene);
-    else await place.begin(place.value ?? page.get("scene") ?? "");
+    else await place.begin(place.value ?? page.get("scene") ?? FIRST_SCENE);
+    showTrouble(null);
+    if (!watched && !place.begun && !page.has("scene")) await welcome();
+    place.begun = true;
   } catch (error) {
     showConnection("lost", `${error.message}; trying again`);
+    showTrouble("The server does not answer", "Start it with “wayfarer serve”. This page tries again every two seconds.");
     setTimeout(start, 2000);
   }
+}
+
+/** People who walk about when the page opens, before the camera. */
+async function welcome() {
+  stage.approach();
+  const { x, z } = stage.controls.target;
+  await roamers(AT_FIRST, { x, z });
+}
+
+/** People who come and walk about: all over the scene, or `near` a place. */
+async function roamers(count, near) {
+  await Promise.all((await create(count)).map((id) => errands.roamAgent(id, near)));
 }
 
 /** The session that the page's address names, if it can be shown; then it is joined. */
@@ -102,6 +121,7 @@ async function enter(scene) {
 
 function onEvent(event) {
   const person = crowd.members.get(event.alias);
+  if (event.kind === "goal_moved" && person?.wanders) return; // it chose the place itself
   const goals = person ? person.passed + person.ahead.length : 0;
   if (event.kind === "goal_reached" && (person?.wanders || !goals)) return; // on and on
   const text = eventText(event, person?.agent.name || "somebody", goals);
@@ -117,6 +137,7 @@ function mesh(agent) {
 }
 
 function refresh() {
+  errands.notice();
   if (selected && crowd.members.get(selected.agent.alias) !== selected) select(null);
   else listPeople(crowd.people, selected);
 }
@@ -212,6 +233,8 @@ function follow(on) {
 
 // ---- controls
 
+byId("more-people").onclick = attempt(() => roamers(MORE));
+byId("more").onclick = () => disclose(byId("rest").hidden);
 byId("add-one").onclick = () => add(1);
 byId("add-many").onclick = () => add(16);
 byId("remove").onclick = remove;
@@ -266,22 +289,21 @@ const KEYS = {
   g: () => tools.use("send"), c: () => tools.use("crate"),
 };
 addEventListener("keydown", (event) => {
-  const typing = event.target.matches?.("select, input[type=password]");
-  if (!typing && !event.ctrlKey && !event.metaKey && !event.altKey) KEYS[event.key.toLowerCase()]?.();
+  // letters act on the stage only: elsewhere they are the user's
+  const meant = event.target === view || (event.key.length > 1 && !event.target.matches?.("select, input"));
+  if (meant && !event.ctrlKey && !event.metaKey && !event.altKey) KEYS[event.key.toLowerCase()]?.();
 });
 
-// On a phone the panels are folded, and one opens at a time.
-
-const small = matchMedia("(max-width: 700px), (max-height: 500px)");
-const sheets = [byId("panel"), byId("place")];
-function fold() {
-  for (const sheet of sheets) sheet.open = !small.matches;
+/** Show the controls that a first look needs not. */
+function disclose(all) {
+  for (const part of ["rest", "place", "readout"]) byId(part).hidden = !all;
+  byId("more").setAttribute("aria-expanded", String(all));
+  byId("more").textContent = all ? "Less" : "More";
+  document.body.classList.toggle("all", all);
+  tools.hint();
 }
-small.addEventListener("change", fold);
-sheets.forEach((sheet, k) => sheet.addEventListener("toggle", () => {
-  if (small.matches && sheet.open) sheets[1 - k].open = false;
-}));
-fold();
+disclose(page.has("controls"));
+view.focus();
 
 // ---- clocks
 
@@ -291,6 +313,7 @@ stage.renderer.setAnimationLoop(() => {
   const { player } = session;
   player?.advance(now);
   crowd.play(now);
+  crowd.separateNames(stage.camera, view.clientWidth, view.clientHeight);
   moveCamera(now - last);
   level.reveal(stage.camera.position, stage.controls.target);
   stage.render();

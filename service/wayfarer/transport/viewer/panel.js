@@ -22,6 +22,7 @@ export class ScenePanel {
     });
     this.choices = [];
     this.value = null; // of the choice that was entered
+    this.begun = false; // whether the page has been welcomed
     this.fresh = false; // the next outlines are the first of this scene
     stage.add(this.level.group);
     this.settled = Promise.resolve(); // until then a scene is being opened

@@ -1,12 +1,16 @@
 // The stage: camera, light, ground. Y up, metres, people face +Z at heading 0.
 
 import {
-  CanvasTexture, Color, DirectionalLight, Fog, HemisphereLight, Mesh, MeshStandardMaterial,
+  ACESFilmicToneMapping, BackSide, CanvasTexture, Color, DirectionalLight, Fog, HemisphereLight, Mesh, MeshBasicMaterial, MeshStandardMaterial,
   OrbitControls, PCFShadowMap, PerspectiveCamera, PlaneGeometry, Raycaster, RepeatWrapping,
-  SRGBColorSpace, Scene, Vector2, Vector3, WebGLRenderer,
+  SRGBColorSpace, Scene, SphereGeometry, Vector2, Vector3, WebGLRenderer,
 } from "./vendor/three.min.js";
 
-const SKY = new Color("#dfe6ea");
+const TIMES = { // of day: as the page is light or dark
+  day: { sky: ["#7fb2d6", "#dfeaf0"], haze: "#dfeaf0", sun: "#fff0d8", strength: 3.4, above: "#dbeaf7", below: "#8d8069", fill: 1.1, floor: "#ffffff" },
+  night: { sky: ["#0b1526", "#24344d"], haze: "#24344d", sun: "#c9d8ff", strength: 1.7, above: "#8fa6cf", below: "#39404d", fill: 1.25, floor: "#8b93a3" },
+};
+const SKY_RADIUS = 450; // metres
 const FLOOR_SIZE = 1000; // metres
 const HOME = [5.5, 3.6, 8.5]; // of the camera, where there is no scene
 const SUN = new Vector3(5, 11, 6);
@@ -28,8 +32,9 @@ export class Stage {
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = PCFShadowMap;
     this.scene = new Scene();
-    this.scene.background = SKY;
-    this.scene.fog = new Fog(SKY, ...FAR);
+    this.scene.fog = new Fog("#dfeaf0", ...FAR);
+    this.renderer.toneMapping = ACESFilmicToneMapping;
+    this.renderer.toneMappingExposure = 1.05;
     this.camera = new PerspectiveCamera(42, 1, 0.15, 600);
     this.controls = new OrbitControls(this.camera, canvas);
     this.overlook(null);
@@ -39,6 +44,11 @@ export class Stage {
     this.controls.maxPolarAngle = Math.PI / 2 - 0.03;
     this.#addLight();
     this.#addFloor();
+    this.#addSky();
+    const dark = matchMedia("(prefers-color-scheme: dark)");
+    const follow = () => this.#turn(dark.matches ? TIMES.night : TIMES.day);
+    dark.addEventListener("change", follow);
+    follow();
     this.look = 0;
     this.slow = 0;
     new ResizeObserver(() => this.resize()).observe(canvas);
@@ -90,6 +100,13 @@ export class Stage {
     this.#move(eye, target, 1);
   }
 
+  /** Look at the middle of what is looked at from so near that people are people. */
+  approach() {
+    const target = this.controls.target.clone().add(new Vector3(0, 0, 2.6)); // before what stands in the middle
+    const tall = this.camera.aspect < 1;
+    this.#move(target.clone().add(new Vector3(0.5, tall ? 6 : 3.6, tall ? 10 : 6.5)), target, 1);
+  }
+
   /** Let the camera come nearer to a place and what it looks at. */
   glide(eye, target, share) {
     this.#move(new Vector3(eye.x, eye.y, eye.z), new Vector3(target.x, target.y, target.z), share);
@@ -115,6 +132,7 @@ export class Stage {
   /** Shadows where it is looked at, fog behind; in whole metres, so that texels do not swim. */
   #cover() {
     const { target } = this.controls;
+    this.sky.position.copy(this.camera.position);
     const away = this.camera.position.distanceTo(target);
     this.scene.fog.near = Math.max(FAR[0], 1.6 * away);
     this.scene.fog.far = Math.max(FAR[1], 5 * away);
@@ -142,12 +160,34 @@ export class Stage {
   }
 
   #addLight() {
-    this.scene.add(new HemisphereLight("#ffffff", "#c9bda8", 1.5));
+    this.fill = new HemisphereLight("#ffffff", "#c9bda8", 1.5);
+    this.scene.add(this.fill);
     this.sun = new DirectionalLight("#fff3e0", 2.2);
     this.sun.castShadow = true;
     this.sun.shadow.mapSize.set(2048, 2048);
     this.sun.shadow.radius = 3;
     this.scene.add(this.sun, this.sun.target);
+  }
+
+  #addSky() {
+    const material = new MeshBasicMaterial({ side: BackSide, fog: false, depthWrite: false, toneMapped: false });
+    this.sky = new Mesh(new SphereGeometry(SKY_RADIUS, 24, 16), material);
+    this.sky.renderOrder = -1;
+    this.scene.add(this.sky);
+  }
+
+  /** Light, sky and haze of a time of day. */
+  #turn({ sky, haze, sun, strength, above, below, fill, floor }) {
+    this.sky.material.map?.dispose();
+    this.sky.material.map = skyTexture(...sky);
+    this.sky.material.needsUpdate = true;
+    this.scene.fog.color.set(haze);
+    this.sun.color.set(sun);
+    this.sun.intensity = strength;
+    this.fill.color.set(above);
+    this.fill.groundColor.set(below);
+    this.fill.intensity = fill;
+    this.floor.material.color.set(floor);
   }
 
   #addFloor() {
@@ -161,17 +201,60 @@ export class Stage {
   }
 }
 
+/** From the zenith to the horizon, in the upper half of a sphere. */
+function skyTexture(zenith, horizon) {
+  const canvas = document.createElement("canvas");
+  canvas.width = 4;
+  canvas.height = 256;
+  const pen = canvas.getContext("2d");
+  const shade = pen.createLinearGradient(0, 0, 0, 256);
+  shade.addColorStop(0, zenith);
+  shade.addColorStop(0.5, horizon);
+  pen.fillStyle = shade;
+  pen.fillRect(0, 0, 4, 256);
+  const texture = new CanvasTexture(canvas);
+  texture.colorSpace = SRGBColorSpace;
+  return texture;
+}
+
+/** Flagstones of 4 × 4 m, to be laid by metres. */
+export function pavingTexture() {
+  const size = 1024, rows = 8;
+  const canvas = document.createElement("canvas");
+  canvas.width = canvas.height = size;
+  const pen = canvas.getContext("2d");
+  pen.fillStyle = "#8d8878";
+  pen.fillRect(0, 0, size, size);
+  let seed = 7; // the same stones each time
+  const chance = () => (seed = (seed * 16807) % 2147483647) / 2147483647;
+  const high = size / rows;
+  for (let row = 0; row < rows; row += 1) {
+    const stones = 5 + Math.floor(2 * chance());
+    const shift = chance() * high;
+    for (let stone = 0; stone < stones; stone += 1) {
+      const wide = size / stones;
+      pen.fillStyle = `hsl(${38 + 8 * chance()}, ${9 + 5 * chance()}%, ${68 + 9 * chance()}%)`;
+      for (const around of [-size, 0, size]) pen.fillRect(shift + stone * wide + around + 2, row * high + 2, wide - 4, high - 4);
+    }
+  }
+  const texture = new CanvasTexture(canvas);
+  texture.colorSpace = SRGBColorSpace;
+  texture.wrapS = texture.wrapT = RepeatWrapping;
+  texture.anisotropy = 8;
+  return texture;
+}
+
 /** A tile of 5 × 5 m: thin lines each metre, a stronger one at the edge. */
 function floorTexture() {
   const size = 1024;
   const canvas = document.createElement("canvas");
   canvas.width = canvas.height = size;
   const pen = canvas.getContext("2d");
-  pen.fillStyle = "#d9d6cf";
+  pen.fillStyle = "#c4c2b6";
   pen.fillRect(0, 0, size, size);
   for (let metre = 0; metre <= 5; metre += 1) {
     const strong = metre % 5 === 0;
-    pen.fillStyle = strong ? "#aaa79e" : "#c4c1b8";
+    pen.fillStyle = strong ? "#a5a294" : "#b6b3a6";
     const thick = strong ? 5 : 3;
     const at = (metre * size) / 5 - thick / 2;
     pen.fillRect(at, 0, thick, size);

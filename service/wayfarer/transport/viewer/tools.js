@@ -36,11 +36,16 @@ export class Tools {
     for (const mark of this.marks.splice(0)) this.stage.remove(mark);
     this.name = name === this.name ? "send" : name;
     if (this.name !== "crate") this.level.choose(null);
-    byId("hint").textContent = HINTS[this.name];
+    this.hint();
     for (const button of document.querySelectorAll("[data-tool]")) {
       button.setAttribute("aria-pressed", String(button.dataset.tool === this.name));
     }
     this.stage.canvas.style.cursor = this.name === "send" ? "" : "crosshair";
+  }
+
+  /** Say how the tool is used, to those who see the tools. */
+  hint() {
+    byId("hint").textContent = byId("rest").hidden ? "" : HINTS[this.name];
   }
 
   /** What a drag from here moves; null: the camera. */

@@ -1,0 +1,175 @@
+"""The first ten seconds of the viewer, on all screens; what it says when it cannot."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.serving import Service
+from tests.viewer.chromium import CONNECTION, Page, find_chromium, needs_chromium
+
+pytestmark = needs_chromium
+
+PEOPLE = "globalThis.wayfarer?.crowd.people"
+WALKING = f"{PEOPLE}?.filter(({{ shown, played }}) => shown && played.state === 'walking').length"
+SIZES = ((1440, 900), (844, 390), (390, 844))
+AXE = Path(__file__).parents[2] / "clients" / "web" / "node_modules" / "axe-core" / "axe.min.js"
+TROUBLE = "document.querySelector('#trouble')"
+CONTROLS = "button, select, input, a, summary, label.button"
+HIDDEN_CONTROLS = f"""[...document.querySelectorAll("{CONTROLS}")].filter((one) => {{
+  const box = one.getBoundingClientRect();
+  if (!box.width || one.closest("[hidden]") || one.closest("dialog:not([open])")) return false;
+  one.scrollIntoView({{ block: "nearest" }});
+  const {{ left, right, top, bottom }} = one.getBoundingClientRect();
+  const seen = document.elementFromPoint((left + right) / 2, (top + bottom) / 2);
+  const inside = left > -1 && right < innerWidth + 1 && top > -1 && bottom < innerHeight + 1;
+  return !inside || !(one.contains(seen) || seen?.contains(one));
+}}).map((one) => one.id || one.textContent)"""
+
+
+@pytest.fixture(scope="module")
+def service() -> Iterator[Service]:
+    with Service() as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory, service: Service) -> Iterator[Page]:
+    executable = find_chromium()
+    assert executable
+    with Page(executable, tmp_path_factory.mktemp("first"), (700, 500)) as opened:
+        opened.url = os.environ.get("VIEWER_URL", service.url)
+        yield opened
+
+
+def resize(page: Page, width: int, height: int) -> None:
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 1000}
+    page.call("Emulation.setDeviceMetricsOverride", **size)
+
+
+def test_people_walk_in_the_square_and_a_click_sends_one(page: Page):
+    page.call("Page.navigate", url=f"{page.url}/")
+    page.wait_for(f"{WALKING} >= 3", 90)
+    assert page.evaluate("document.querySelector('#scene').value") == "town_square"
+    assert page.evaluate("document.querySelector('#rest').hidden")
+    assert page.evaluate("document.querySelectorAll('.first > *').length") == 3
+    spot = """(() => {
+      const { camera } = wayfarer.stage;
+      for (let x = -6; x <= 6; x += 0.5) for (let z = 3; z <= 9; z += 0.5) {
+        const y = wayfarer.level.ground.heightAt(x, z, 0);
+        const gaps = wayfarer.crowd.people.map((one) => Math.hypot(one.x - x, one.z - z));
+        if (y === null || Math.min(...gaps) < 1.5) continue;
+        const p = camera.position.clone().set(x, y, z).project(camera);
+        const [u, v] = [(p.x + 1) / 2 * innerWidth, (1 - p.y) / 2 * innerHeight];
+        const on = document.elementFromPoint(u, v)?.id === "view";
+        const met = on && wayfarer.level.meets(wayfarer.stage.ray({ clientX: u, clientY: v }));
+        if (met && Math.hypot(met.point.x - x, met.point.z - z) < 0.2) return [u, v];
+      }
+      return null;
+    })()"""
+    page.click(*page.wait_for(spot, 20))
+    page.wait_for(
+        f"{PEOPLE}.filter(({{ ahead, passed }}) => ahead.length + passed).length === 1", 20
+    )
+    before = page.evaluate(f"{PEOPLE}.length")
+    page.evaluate("document.querySelector('#more-people').click()")
+    page.wait_for(f"{PEOPLE}.length === {before + 8}", 60)
+    assert page.problems == []
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_every_control_can_be_reached_on(page: Page, size: tuple[int, int]):
+    resize(page, *size)
+    for _ in range(2):  # at first, and with all of them
+        assert page.evaluate(HIDDEN_CONTROLS) == []
+        page.evaluate("document.querySelector('#more').click()")
+    assert page.evaluate("document.querySelector('#more').getAttribute('aria-expanded')") == "false"
+    covered = page.evaluate(
+        "((sheet) => sheet.height * sheet.width / (innerHeight * innerWidth))"
+        "((innerWidth > 700 ? document.querySelector('#panel')"
+        " : document.querySelector('#sheet')).getBoundingClientRect())"
+    )
+    assert covered < 0.3
+
+
+def test_names_do_not_lie_over_each_other(page: Page):
+    resize(page, 1440, 900)
+    page.evaluate("document.querySelector('#labels').click()")
+    shown = f"{PEOPLE}.filter(({{ label }}) => label?.visible)"
+    page.wait_for(f"{shown}.length > 1", 20)
+    apart = f"""(() => {{
+      const {{ camera }} = wayfarer.stage;
+      wayfarer.crowd.separateNames(camera, innerWidth, innerHeight);
+      const reach = innerHeight / (2 * Math.tan(camera.fov * Math.PI / 360));
+      const at = {shown}.map(({{ label }}) =>
+        [label.position.clone().project(camera), label.scale]);
+      const over = (axis, [p, size], [q], side) =>
+        Math.abs(p[axis] - q[axis]) * side / 2 <= size[axis] * reach;
+      return at.every((one, k) => !at.slice(0, k).some((other) =>
+        over("x", one, other, innerWidth) && over("y", one, other, innerHeight)));
+    }})()"""
+    assert page.evaluate(apart)
+    page.evaluate("document.querySelector('#labels').click()")
+
+
+@pytest.mark.skipif(not AXE.is_file(), reason="needs axe-core: cd clients/web && npm ci")
+@pytest.mark.parametrize("scheme", ("light", "dark"))
+def test_it_is_accessible(page: Page, scheme: str):
+    scheme_feature = {"name": "prefers-color-scheme", "value": scheme}
+    page.call("Emulation.setEmulatedMedia", features=[scheme_feature])
+    # the contrast on the stage's picture cannot be computed: the panels are nearly opaque
+    page.evaluate(
+        "document.querySelector('#more').click();"
+        "document.querySelector('#view').style.visibility = 'hidden'"
+    )
+    page.evaluate(f"{AXE.read_text()}; 0")
+    found = page.evaluate(
+        "axe.run().then(({ violations, incomplete }) =>"
+        " [...violations, ...incomplete].map(({ id, nodes }) =>"
+        " [id, ...nodes.map(({ html, failureSummary }) => html + failureSummary)]))"
+    )
+    page.evaluate(
+        "document.querySelector('#more').click();"
+        "document.querySelector('#view').style.visibility = ''"
+    )
+    assert found == []
+
+
+def test_letters_are_the_users_outside_of_the_stage(page: Page):
+    def press(key: str) -> None:
+        for kind in ("keyDown", "keyUp"):
+            page.call("Input.dispatchKeyEvent", type=kind, key=key)
+
+    wandering = "document.querySelector('#wander').getAttribute('aria-pressed')"
+    page.evaluate("document.querySelector('#more-people').focus()")
+    press("w")
+    assert page.evaluate(wandering) == "false"
+    page.evaluate("document.querySelector('#view').focus()")
+    press("w")
+    assert page.evaluate(wandering) == "true"
+    press("w")
+
+
+def test_without_webgl_it_says_so(page: Page):
+    script = "HTMLCanvasElement.prototype.getContext = () => null"
+    made = page.call("Page.addScriptToEvaluateOnNewDocument", source=script)
+    page.call("Page.navigate", url=f"{page.url}/")
+    page.wait_for(f"{TROUBLE}?.hidden === false && {TROUBLE}.textContent.includes('WebGL 2')", 30)
+    assert page.evaluate(CONNECTION) == "lost"
+    page.call("Page.removeScriptToEvaluateOnNewDocument", identifier=made["identifier"])
+    assert page.problems == []
+
+
+@pytest.mark.skipif("VIEWER_URL" in os.environ, reason="the server is not ours to stop")
+def test_without_a_server_it_says_so(page: Page, service: Service):
+    script = (
+        "{ const { fetch } = globalThis; globalThis.fetch = (url, ...rest) => (/v1/.test(url)"
+        " ? Promise.reject(new TypeError('offline')) : fetch(url, ...rest)); }"
+    )
+    made = page.call("Page.addScriptToEvaluateOnNewDocument", source=script)
+    page.call("Page.navigate", url=f"{page.url}/")
+    page.wait_for(
+        f"{TROUBLE}?.hidden === false && {TROUBLE}.textContent.includes('wayfarer serve')", 30
+    )
+    page.call("Page.removeScriptToEvaluateOnNewDocument", identifier=made["identifier"])
