@@ -321,8 +321,8 @@ GROUPS: Final = (
             "right_first": "share of starts in which the right foot is lifted first",
             "cycle_sd_deg": "standard deviation of the mean gait cycle between people, by joint, "
             "axis and moment",
-            "phase_order": "|mean exp(2πi phase)| of all walkers, from 2 s on; 1 is a march, "
-            "chance is 0.9 ÷ √n",
+            "phase_order": "|mean exp(2πi phase)| of all walkers, from 2 s on, while 9 of 10 "
+            "phases are known; 1 is a march, chance is 0.9 ÷ √n",
             "start_spread_s": "5th to 95th percentile of the time until 0.3 m/s",
             "start_sd_s": "standard deviation of that time",
             "auc": "linear classifier (shrunk LDA, 4 folds by person) between ours and recorded "

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from tests.world.output.legwork import body, legs, lifted, moved, soles_of, standing
 from wayfarer.body.rotation import matrix_from_quaternion, quaternion_from_rotvec
 from wayfarer.spec import BETAS, FPS
-from wayfarer.world.output.footlock import LEASH, Locked, begin, lock_feet
+from wayfarer.world.output.footlock import LEASH, Locked, begin, lock_feet, shorten_steps
+from wayfarer.world.output.legs import ANKLES, HIPS
 from wayfarer.world.output.quaternion import multiply
 from wayfarer.world.output.twobone import MOVED
 
@@ -326,3 +327,40 @@ def test_feet_keep_their_turn_from_the_spot_until_they_swing():
     free = lock_feet(state, shape, translation[:, 12:36], up, gone, NONE).state
     assert abs(free.turn[0, 0]) < np.radians(2)
     assert free.turn[0, 1] == pytest.approx(state.turn[0, 1], abs=1e-6)
+
+
+def test_steps_of_who_limps_become_as_long():
+    frames = np.arange(10 * FPS)
+    translation, rotations = standing(len(frames))
+    translation[..., 2] += 0.2  # nothing bears
+    for foot, middle, way in ((0, 0.08, 1), (1, 0.0, -1)):
+        rotations[:, :, HIPS[foot]] = quaternion_from_rotvec(
+            (middle + way * 0.4 * np.sin(2 * np.pi * frames / FPS))[:, None] * np.eye(3)[0]
+        )
+
+    def limp(made: np.ndarray) -> float:
+        """By how much the left foot gets farther ahead than the right one in the last stride."""
+        lead = np.diff(made[0, -FPS:].mean(2)[..., 1], axis=-1)[..., 0]
+        return float(abs(lead.max() + lead.min()))
+
+    raw = limp(soles_of(translation, rotations))
+    assert raw > 0.08
+    assert limp(sent_soles(locked(translation, rotations))) < 0.35 * raw
+    assert limp(sent_soles(locked(translation, rotations, steps=True))) == pytest.approx(
+        raw, abs=0.01
+    ), "who is on the spot may stand as he likes"
+
+
+def test_steps_without_a_lock_are_as_long_as_the_way_of_the_hips():
+    """Feet that stand, under hips that a share of their way has been taken off from."""
+    translation, rotations = standing(32)
+    swung = np.radians(np.linspace(-10, 10, 32))[:, None] * np.eye(3)[0]
+    for joints in (HIPS, ANKLES):
+        rotations[:, :, joints[0]] = quaternion_from_rotvec(swung if joints is HIPS else -swung)
+    share = np.array([0.1], np.float32)
+    made = shorten_steps(legs(), translation, rotations, share, share)
+    before, after = (
+        soles_of(translation, found)[0, :, 0, :, 1].mean(-1) for found in (rotations, made)
+    )
+    assert np.ptp(after) == pytest.approx(0.9 * np.ptp(before), rel=0.03)
+    np.testing.assert_array_equal(made[:, :, OTHERS], rotations[:, :, OTHERS])

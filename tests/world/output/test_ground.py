@@ -106,3 +106,24 @@ def test_an_agents_result_is_its_own():
         alone = grounded(both[mine], turns[mine], stairs)
         assert alone.rotations.tobytes() == together.rotations[mine].tobytes()
         assert alone.translation.tobytes() == together.translation[mine].tobytes()
+
+
+def downstairs(points):
+    return -RISE * np.floor(points[..., 1] / TREAD)
+
+
+@pytest.mark.parametrize("floor", [stairs, downstairs])
+@pytest.mark.parametrize("stop", np.arange(0.9, 1.25, 0.05).round(2).tolist())
+def test_downstairs_all_of_a_sole_comes_down_on_one_tread(floor, stop):
+    translation, rotations = standing(80)
+    left = np.clip(1 - np.arange(80) / 48, 0, 1)
+    translation[..., 1] += stop * (1 - left**2)  # and there it stands
+    made = grounded(translation, rotations, floor)
+    before = soles_of(translation, rotations)[0, -1, 0, :, 1]
+    after = soles_of(made.translation, made.rotations)[0, -1, 0, :, 1]
+    if floor is stairs:
+        np.testing.assert_allclose(after, before, atol=0.01)
+    else:
+        heel, toe = after[0] + 0.02, after[-1] - 0.02
+        assert np.floor(heel / TREAD) == np.floor(toe / TREAD)
+        assert np.abs(after - before).max() < 0.16

@@ -10,20 +10,30 @@ from wayfarer.world.output.posture import (
     DRAWN,
     ELBOW_JOINTS,
     HEAD,
-    LEVEL,
     NECK,
     SHOULDERS,
     SPINE,
     TRUNK_MOST,
+    TRUNK_SHARE,
+    WRISTS,
     Habits,
     habits,
     hold,
 )
 
 NAMES = joint_names()
-TOUCHED = [SPINE, NECK, HEAD, *SHOULDERS, *ELBOW_JOINTS]
-PLAIN = Habits(np.ones(1), np.zeros((2, 1)), np.zeros((2, 1)))
-"""Arms as the model has them."""
+TOUCHED = [SPINE, NECK, HEAD, *SHOULDERS, *ELBOW_JOINTS, *WRISTS]
+LEVEL = -8.0
+PLAIN = Habits(
+    swing=np.ones(1),
+    aside=np.zeros((2, 1)),
+    elbows=np.zeros((2, 1)),
+    turned=np.zeros(1),
+    hands=np.zeros((2, 1)),
+    lean=np.zeros(1),
+    level=np.radians([LEVEL]),
+)
+"""Arms as the model has them; upright, with a level head."""
 
 
 def hanging(frames: int = 1) -> np.ndarray:
@@ -61,18 +71,19 @@ def test_only_trunk_head_and_arms_are_touched():
     np.testing.assert_allclose(np.linalg.norm(made, axis=-1), 1, atol=1e-5)
 
 
-@pytest.mark.parametrize(("lean", "left"), [(5.0, 1.4), (8.0, 3.0), (20.0, 15.0), (-3.0, -3.0)])
-def test_a_trunk_that_leans_forward_is_righted_a_little(lean, left):
-    made = hold(pitched(hanging(), SPINE, lean), PLAIN)
+@pytest.mark.parametrize("own", [-1.0, 0.0, 1.5])
+@pytest.mark.parametrize("lean", [3.0, 5.0, 20.0, -3.0])
+def test_a_trunk_that_leans_forward_is_righted_most_of_the_way(lean, own):
+    most = np.degrees(TRUNK_MOST)
+    left = lean - min(max(TRUNK_SHARE * (lean - own), 0), most)
+    made = hold(pitched(hanging(), SPINE, lean), PLAIN._replace(lean=np.radians([own])))
     assert -pitch(made, "spine3") == pytest.approx(left, abs=0.1)
-    assert lean - left <= np.degrees(TRUNK_MOST) + 0.01
 
 
 @pytest.mark.parametrize("down", [-10.0, 0.0, 8.0, 25.0])
 def test_heads_are_levelled_most_of_the_way(down):
     made = hold(pitched(hanging(), NECK, down), PLAIN)
-    level = np.degrees(LEVEL)
-    assert pitch(made, "head") == pytest.approx(level + 0.4 * (-down - level), abs=0.5)
+    assert pitch(made, "head") == pytest.approx(LEVEL + 0.4 * (-down - LEVEL), abs=0.5)
 
 
 def test_arms_hang_and_swing_as_their_owner_does():
@@ -87,7 +98,11 @@ def test_arms_hang_and_swing_as_their_owner_does():
             [local[2, 1] - local[1, 2], local[0, 2] - local[2, 0], local[1, 0] - local[0, 1]]
         )
         ahead[:, :, joint] = quaternion_from_rotvec(axis / (2 * np.sin(angle)) * angle)
-    own = Habits(np.array([1.5]), np.radians([[6.0], [6.0]]), np.radians([[20.0], [20.0]]))
+    own = PLAIN._replace(
+        swing=np.array([1.5]),
+        aside=np.radians([[6.0], [6.0]]),
+        elbows=np.radians([[20.0], [20.0]]),
+    )
     (_, before), (_, after) = pose(hold(ahead, PLAIN)), pose(hold(ahead, own))
     for side, outwards in (("left", -1), ("right", 1)):
         shoulder, elbow, wrist = (f"{side}_{part}" for part in ("shoulder", "elbow", "wrist"))
@@ -110,9 +125,22 @@ def test_arms_hang_and_swing_as_their_owner_does():
 
 def test_lifted_arms_are_left_to_the_model():
     _, tee = standing(1)
-    own = Habits(np.array([1.5]), np.radians([[6.0], [6.0]]), np.zeros((2, 1)))
+    own = PLAIN._replace(
+        swing=np.array([1.5]), aside=np.radians([[6.0], [6.0]]), turned=np.radians([10.0])
+    )
     made = hold(tee, own)
     np.testing.assert_allclose(made[:, :, SHOULDERS], tee[:, :, SHOULDERS], atol=1e-6)
+
+
+def test_upper_arms_and_hands_are_turned_alike_on_both_sides():
+    own = PLAIN._replace(turned=np.radians([14.0]), hands=np.radians([[20.0], [14.0]]))
+    (before, _), (after, _) = pose(hold(hanging(), PLAIN)), pose(hold(hanging(), own))
+    for part, degrees in (("elbow", 14.0), ("wrist", 20.0)):
+        turns = [after[f"{side}_{part}"] @ before[f"{side}_{part}"].T for side in ("left", "right")]
+        angles = [np.degrees(np.arccos((np.trace(turn) - 1) / 2)) for turn in turns]
+        assert angles[0] == pytest.approx(angles[1], abs=0.5) and angles[0] > degrees - 5
+        mirrored = np.diag([-1, 1, 1]) @ turns[0] @ np.diag([-1, 1, 1])
+        np.testing.assert_allclose(mirrored, turns[1], atol=0.01)
 
 
 def test_agents_differ_and_rows_do_not_touch_each_other():

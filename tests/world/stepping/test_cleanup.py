@@ -9,13 +9,21 @@ from tests.world.output.legwork import body, soles_of, standing
 from wayfarer.world.agents.agent import AgentChange, AgentSpec, ChunkFlag, MotionChunk, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.steering import Steering
-from wayfarer.world.output.posture import ELBOW_JOINTS, HEAD, NECK, SHOULDERS, SPINE
+from wayfarer.world.output.posture import (
+    ELBOW_JOINTS,
+    HEAD,
+    NECK,
+    SHOULDERS,
+    SPINE,
+    WRISTS,
+)
 from wayfarer.world.output.twobone import MOVED
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.world import World
 
 SLOW = Goal((0.0, 5.0, 0.0), speed=0.2)  # the fake engine glides there without a step
-OTHERS = [j for j in range(22) if j not in (*MOVED, SPINE, NECK, HEAD, *SHOULDERS, *ELBOW_JOINTS)]
+HELD = (SPINE, NECK, HEAD, *SHOULDERS, *ELBOW_JOINTS, *WRISTS)
+OTHERS = [j for j in range(22) if j not in (*MOVED, *HELD)]
 
 
 def world_of(*specs: AgentSpec, engine: FakeEngine | None = None) -> tuple[World, list[str]]:
@@ -48,7 +56,8 @@ def test_an_agent_may_have_its_feet_locked_or_not():
     (hips, locked), (plain_hips, plain) = found[with_lock], found[without]
     np.testing.assert_array_equal(hips[..., :2], plain_hips[..., :2])  # the model goes the same way
     np.testing.assert_array_equal(locked[:, :, OTHERS], plain[:, :, OTHERS])
-    np.testing.assert_array_equal(plain, np.broadcast_to(plain[:, :1], plain.shape))
+    still = np.broadcast_to(plain[:, :1], plain.shape)
+    np.testing.assert_allclose(plain, still, atol=1e-3)  # its steps are its own
     slid = [
         np.linalg.norm(np.diff(soles_of(hips, turns)[0, :8], axis=0)[..., :2], axis=-1).sum(0).max()
         for turns in (locked, plain)
@@ -110,5 +119,6 @@ def test_a_lock_that_is_switched_on_begins_where_the_feet_are():
     for chunks in (plain + locked, again):
         hips, rotations = tracks(chunks)[agent]
         feet = soles_of(hips, rotations)[0].mean(2)
-        assert np.linalg.norm(np.diff(feet, axis=0), axis=-1).max() < 0.006
+        # 0.2 m/s, and what its steps are shortened by, which the lock begins without
+        assert np.linalg.norm(np.diff(feet, axis=0), axis=-1).max() < 0.0065
     assert np.abs(locked[1].rotations[:, MOVED] - plain[0].rotations[:, MOVED]).max() > 0.001

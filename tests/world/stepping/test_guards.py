@@ -84,6 +84,16 @@ def test_a_smoothed_joint_goes_on_as_fast_as_it_came():
     assert (np.diff(angles) > 0).all()
 
 
+def test_a_fast_joint_that_slows_down_is_not_stopped_at_once():
+    seed, _, rotations = step()
+    seed.rotations[0, :, ELBOW] = [turn(0, 0, 45), turn(0, 0, 30.5)]
+    way = [14.4, 1.5, 4.5, 10.5, 15.5, 20, 24, 25.5]  # by 16 and then 13 degrees in a frame: jerks
+    rotations[0, :, ELBOW] = [turn(0, 0, degrees) for degrees in way]
+    before = largest_change(seed, rotations)
+    assert before > 15
+    assert largest_change(seed, smoothed(seed, rotations, legs())) <= before + 0.01
+
+
 def test_who_leans_or_squats_has_fallen():
     shape = legs(3)
     _, translation, rotations = step()

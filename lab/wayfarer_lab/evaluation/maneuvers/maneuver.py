@@ -92,6 +92,7 @@ class Maneuver:
     bars: tuple[Bar, ...]
     across: Callable[[Rows, Shots], dict[tuple[str, str], Figures]] = nothing_more
     # rows that need several cases or sources
+    least: int = 2  # agents of a case, in the smallest trial, too
     worst: str = ""  # figure whose largest value marks the worst take, for the pictures
     strip: Callable[[Shot], Take] = lambda shot: shot.take[
         : 4 * FPS

@@ -84,7 +84,7 @@ def play(
     for maneuver in chosen:
         played = Played(maneuver)
         for case in maneuver.cases:
-            agents = max(2, round(maneuver.agents * case.share * scale))
+            agents = max(maneuver.least, round(maneuver.agents * case.share * scale))
             for source in (SENT, RAW):
                 with progress(f"{maneuver.name} {case.name}, {source}") as watch:
                     shots = players.play(maneuver.name, case, agents, source == SENT, watch)

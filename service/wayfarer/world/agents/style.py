@@ -5,6 +5,7 @@ Everything follows from the noise seed, so the same seed gives the same motion.
     reaction   a standing agent sets off at its own one of several moments, 0.2 s apart: that needs
                no memory of when the command came, and repeated commands do not delay it
     manner     a latent of its own, which each of its steps is drawn towards
+    stride     how long its steps are, and thereby how many it takes
 """
 
 from functools import lru_cache
@@ -21,7 +22,14 @@ Seeds = NDArray[np.uint64]
 REMEMBERED: Final = 4096
 """Agents whose manner is kept."""
 
-_REACTION, _MANNER, _HABITS = range(1, 4)
+STRIDE: Final = (-0.08, 0.10)
+"""Range over agents of the share by which their steps are shorter than the model's at that speed:
+people who walk equally fast differ by 4 % in how many steps they take."""
+
+HURRY: Final = (1.6, 2.0)
+"""Metres per second between which that share goes to nothing: nobody runs in long steps."""
+
+_REACTION, _MANNER, _STRIDE, _HABITS = range(1, 5)
 """Draws of one seed that do not depend on each other."""
 
 _STEP: Final = 0x9E3779B97F4A7C15
@@ -43,6 +51,14 @@ def manner(noise_seed: Seeds) -> Float:
 def _manner(noise_seed: int) -> Float:
     bits = np.random.Philox(key=np.array([noise_seed, _MANNER], np.uint64))
     return np.random.Generator(bits).standard_normal(LATENT, dtype=np.float32)
+
+
+def stride(noise_seed: Seeds, speed: Float) -> Float:
+    """Shares [A] by which the steps of agents are shorter who are to go at `speed` [A], m/s."""
+    (low, high), (slow, fast) = STRIDE, HURRY
+    calm = np.clip((fast - speed) / (fast - slow), 0, 1)
+    found: Float = ((low + (high - low) * _share(noise_seed, _STRIDE)) * calm).astype(np.float32)
+    return found
 
 
 def draws(noise_seed: Seeds, count: int) -> list[Float]:

@@ -26,6 +26,7 @@ from wayfarer.terms import STAND, TURN, WALK, weights
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.heading import angle_between, facing_of
 from wayfarer.world.agents.slots import Gait, Mode, Seeds
+from wayfarer.world.agents.style import STRIDE
 from wayfarer.world.rows import Flags, Float, Index
 
 
@@ -316,12 +317,15 @@ class Steering:
     def _speed(self, hips: Float, gait: Gait, goals: GoalColumns) -> Float:
         """Speed wished for on the way [A]: less at the start, before a stop, and at a corner."""
         distance = np.linalg.norm(goals.position[:, :2] - hips, axis=-1)
-        wished = goals.speed * (1 + gait.trim)
+        # The model does not know that its steps are shortened: by habit, which costs no speed, …
+        habit = np.where(goals.tread > 0, 0, np.clip(gait.shortened, *STRIDE))
+        wished = goals.speed * (1 + gait.trim) / (1 - habit)
         at_goal = np.where(goals.bend > self.sharp, self.corner_speed, wished)
         at_goal = np.where(goals.through, at_goal, self.slowest)
         slowing = wished * distance / self.slowing_distance
-        # The model does not know that its steps are shortened, as they are on stairs.
-        reachable = gait.speed / (1 - gait.shortened) + self.acceleration * STEP_SECONDS
+        # … and on stairs, which does.
+        more = self.acceleration * STEP_SECONDS / (1 - habit)
+        reachable = gait.speed / (1 - gait.shortened) + more
         return np.minimum(np.minimum(wished, reachable), np.maximum(slowing, at_goal))
 
     def _rest(self, gait: Gait, path: Float) -> Float:
@@ -368,7 +372,7 @@ def observe(gait: Gait, start: Float, translation: Float, goals: GoalColumns) ->
     there = goals.given & (distance <= goals.radius[:, None]).any(-1)
     speed = np.linalg.norm(way, axis=-1) / STEP_SECONDS
     lacks = 1 - speed / np.maximum(goals.speed, 1e-3)
-    steady = goals.given & (gait.mode == Mode.WALKING) & (gait.shortened == 0)
+    steady = goals.given & (gait.mode == Mode.WALKING) & (gait.shortened <= STRIDE[1])
     steady &= np.abs(lacks) < STEADY
     trim = gait.trim + TRIM_GAIN * np.where(steady, lacks, 0)
     return replace(

@@ -8,6 +8,8 @@ shift fades away:
     shift     − grip · slide of the bearing point       a gripped foot stands still
               − (1 − grip) · FADE · shift               a free one returns to the model's place
     height    while in contact the lowest sole point settles on the floor, z = 0
+    limp      left and right steps become as long: of who walks one foot is moved ahead, the other
+              one back
 
 An agent that stands or turns on the spot *steps*: the lock keeps the turn of its feet, too, and a
 foot that has come too far from where the model has it is lifted and set down there a moment later,
@@ -34,8 +36,8 @@ from numpy.typing import NDArray
 
 from wayfarer.spec import FPS
 from wayfarer.world.output.legs import SOLES, LegPose, Legs, pose_legs
-from wayfarer.world.output.quaternion import Array, bounded, length, stacked
-from wayfarer.world.output.twobone import MOVED, move_feet
+from wayfarer.world.output.quaternion import Array, bounded, length
+from wayfarer.world.output.twobone import MOVED, move_ankles, move_feet
 from wayfarer.world.rows import Flags, Float, Int8, Rows, Shape
 
 TOUCH_HEIGHT: Final = 0.03
@@ -112,20 +114,29 @@ APART: Final = 0.11
 RESTING: Final = (0.03, radians(12))
 """Metres and radians per second below which it has."""
 
-RAISED: Final = 0.006
-LOWERED: Final = 0.008
+RAISED: Final = 0.008
+LOWERED: Final = 0.011
 """Metres by which hips are raised over feet that are `CLOSE` to each other, as far as knees are
 bent, and lowered over those that are `WIDE` apart: people come down with each step."""
 
-KICK: Final = 0.55
+KICK: Final = 0.485
 """Share that is taken off what an ankle is higher than …"""
 
-KICKED: Final = (0.12, 0.24)
+KICKED: Final = (0.06, 0.22)
 """… the first of these, by degrees up to the second, in metres, while the other foot bears: the
 model's walkers kick up their heels. Nothing is taken off …"""
 
 CLEAR: Final = (TOLD_HEIGHT, 0.08)
 """… while its sole is lower than the first of these, and all of it from the second on."""
+
+EVEN: Final = 1 / (1.3 * FPS)
+"""Share by which feet are moved in a frame towards where left and right steps are as long …"""
+
+EVEN_MOST: Final = 0.05
+"""… and metres at most: the model's walkers limp, people hardly do."""
+
+FORGET: Final = 0.025 / FPS
+"""Metres by which the longest step that is remembered of either foot shrinks in a frame."""
 
 CLOSE: Final = 0.2
 WIDE: Final = 0.75
@@ -147,6 +158,8 @@ class LockState(Rows):
     aim: Annotated[Float, Shape(2, 3)]  # shift and turn at which a step would land
     swing: Annotated[Int8, Shape(2)]  # frames that its corrective step still takes; 0: none
     shortened: Float  # share that the last step was shortened by
+    reach: Annotated[Float, Shape(2)]  # metres that each foot gets ahead of the other
+    evened: Float  # metres that the left foot is moved ahead by, and the right one back
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,7 +199,10 @@ def lock_feet(
     once or in pieces, the result is the same; every agent's is its own.
     """
     pose = pose_legs(legs, translation, rotations)
-    drawn = _drawn_in(pose, rotations, before.shortened, shortened)
+    facing = pose.facing
+    along = (pose.ankle[:2] * facing).sum(0)  # [2, F, A]
+    reach, evened = _evened(before, along, steps)
+    drawn = _drawn_in(along, facing, before.shortened, shortened, evened)
     if drawn is not None:
         pose.soles[:2] += drawn[:, None]
     path = np.concatenate([before.soles.T[:, :, :, None], pose.soles], -2)  # [3, P, 2, 1 + F, A]
@@ -250,24 +266,62 @@ def lock_feet(
         aim=aim.T,
         swing=swing.T,
         shortened=shortened,
+        reach=reach.T,
+        evened=evened[-1],
     )
     return Locked(lowered, cleaned, held.T, after)
 
 
-def _drawn_in(pose: LegPose, rotations: Float, before: Float, after: Float) -> Array | None:
-    """Way [2, 2, F, A] of ankles towards the hips where steps are shortened by these shares [A]:
-    along the direction that the hips face. None: nobody's are.
+def shorten_steps(
+    legs: Legs, translation: Float, rotations: Float, before: Float, after: Float
+) -> Float:
+    """Rotations [A, F, 22, 4] of frames whose feet are not locked, with steps as long as the way of
+    the hips: that has been shortened by these shares [A] before the first and at the last of them.
     """
-    if not (before.any() or after.any()):
+    pose = pose_legs(legs, translation, rotations)
+    along = (pose.ankle[:2] * pose.facing).sum(0)
+    shift = np.zeros(pose.ankle.shape, np.float32)
+    if (drawn := _drawn_in(along, pose.facing, before, after, np.zeros_like(along[0]))) is not None:
+        shift[:2] = drawn
+    found = rotations.astype(np.float32)
+    found[:, :, MOVED] = move_ankles(pose, shift)
+    return found
+
+
+def _evened(before: LockState, along: Array, steps: Flags) -> tuple[Array, Array]:
+    """How far each foot gets ahead of the other [2, A], and metres [F, A] that the left one is
+    moved ahead by, and the right one back, so that it is as far: of ankles `along` [2, F, A] the
+    facing.
+    """
+    lead = along[0] - along[1]
+    reach = before.reach.T
+    moved: Array = before.evened
+    evened = np.empty(lead.shape, np.float32)
+    walks = (~steps).astype(np.float32)
+    for frame, ahead in enumerate(lead):
+        reach = np.maximum(reach - FORGET, np.stack([ahead, -ahead]))
+        wanted = walks * bounded((reach[1] - reach[0]) / 4, -EVEN_MOST, EVEN_MOST)
+        moved = moved + EVEN * (wanted - moved)
+        evened[frame] = moved
+    return reach, evened
+
+
+def _drawn_in(
+    along: Array, facing: Array, before: Float, after: Float, evened: Array
+) -> Array | None:
+    """Way [2, 2, F, A] of ankles, `along` [2, F, A] the `facing` of the hips, where steps are
+    shortened by these shares [A] and `evened` [F, A]. None: nobody's are.
+    """
+    if not (before.any() or after.any() or evened.any()):
         return None
-    frames = rotations.shape[1]
+    frames = along.shape[1]
     rise = np.arange(1, frames + 1, dtype=np.float32)[:, None] / frames
-    x, y, z, w = rotations[:, :, 0].T  # [F, A]
-    ahead = stacked(-2 * (x * y + z * w), 1 - 2 * (y * y + z * z))
-    facing = (ahead / np.maximum(length(ahead), 1e-9))[:, None]
-    along = (pose.ankle[:2] * facing).sum(0)  # [2, F, A]
-    drawn: Array = -(before + rise * (after - before)) * along * facing
+    drawn: Array = (_SIDES * evened - (before + rise * (after - before)) * along) * facing
     return drawn
+
+
+_SIDES: Final = np.array([1.0, -1.0], np.float32)[:, None, None]
+"""Left and right foot."""
 
 
 def _sunk(pose: LegPose, legs: Legs, drawn: Array | None) -> Array:

@@ -3,6 +3,8 @@
     feet    raised so that their soles keep the distance to the floor that they have to z = 0, and
             turned with its slope; a swinging foot looks ahead to where it is about to be, so it is
             up before it comes over a step
+    aim     downstairs a swinging foot is moved along its way to where all of its sole will be on
+            one tread, and stays moved while it stands
     hips    raised smoothly, a little less than the feet where these are at different heights
 
 and two-bone inverse kinematics bends the legs between them. Everything follows its target by
@@ -18,7 +20,15 @@ import numpy as np
 
 from wayfarer.spec import FPS
 from wayfarer.world.output.legs import LegPose, Legs, pose_legs
-from wayfarer.world.output.quaternion import Array, multiply, rotate_points, stacked, unit
+from wayfarer.world.output.quaternion import (
+    Array,
+    bounded,
+    length,
+    multiply,
+    rotate_points,
+    stacked,
+    unit,
+)
 from wayfarer.world.output.twobone import MOVED, move_ankles
 from wayfarer.world.rows import Flags, Float, Rows, Shape
 
@@ -34,17 +44,37 @@ TILT_SHARE: Final = 1 - np.exp(-1 / (0.06 * FPS))
 STIFFNESS: Final = 12.0 / FPS
 """Stiffness per frame of the critically damped spring that lifts the hips."""
 
+LEAD_SHARE: Final = 1 - np.exp(-1 / (0.05 * FPS))
+"""Share of the rest that the height which the hips follow makes up in a frame: that of the ground
+a little ahead of the feet, since the hips come after it."""
+
 FOOT_STIFFNESS: Final = 34.0 / FPS
 """Stiffness per frame of the spring that lifts a foot."""
 
-CROUCH: Final = 0.2
-"""Share of the height between the feet by which the hips stay below the feet's mean."""
+CROUCH: Final = (0.12, 0.19)
+"""Share of the height between the feet by which the hips stay below the feet's mean, up and down
+stairs: the foot that goes down first has to reach the ground."""
 
 SPAN: Final = 0.06
 """Metres to either side of an ankle between which the slope is taken."""
 
 STEEP: Final = 1.0
 """Rise over run: what is steeper is the edge of a step, and no slope."""
+
+ACROSS: Final = np.arange(-0.20, 0.33, 0.04, dtype=np.float32)
+"""Metres from the ankle, the way that the hips face, at which ends of treads are looked for."""
+
+SOLE: Final = (-0.09, 0.15)
+"""Of these, those that a sole covers."""
+
+AIM_RATE: Final = 0.8 / FPS
+"""Metres by which a foot in the air is moved more in a frame at most."""
+
+EDGE: Final = 0.08
+"""Metres that the ground falls from one of these points to the next where a tread ends."""
+
+DOWN: Final = (0.02, 0.2)
+"""Metres of its lowest point and metres per second below which a foot stands."""
 
 
 @dataclass(slots=True, eq=False)
@@ -57,6 +87,8 @@ class Footing(Rows):
     lift: Annotated[Float, Shape(2)]  # metres a frame by which these have just been raised more
     slope: Annotated[Float, Shape(2, 2)]  # rise over run along x and y that each foot is turned to
     ankles: Annotated[Float, Shape(2, 2)]  # metres: where they were
+    aim: Annotated[Float, Shape(2)]  # metres that each foot is moved ahead
+    lead: Annotated[Float, Shape(2)]  # metres that the ground a little ahead of each would raise it
     begun: Flags  # `ankles` means something
 
 
@@ -73,7 +105,7 @@ def standing(floors: Sequence[float]) -> Footing:
     """The footing of agents that stand on floors of these heights."""
     footing = Footing.empty(len(floors))
     footing.hips[:] = floors
-    footing.feet[:] = footing.hips[:, None]
+    footing.feet[:] = footing.lead[:] = footing.hips[:, None]
     return footing
 
 
@@ -93,20 +125,28 @@ def set_on_ground(
     ankles = pose.ankle[:2] + translation.transpose(2, 1, 0)[:2, None]  # [2, 2, F, A]
     start = np.where(before.begun, before.ankles.T, ankles[:, :, 0])
     way = np.diff(np.concatenate([start[:, :, None], ankles], 2), axis=2)
-    slopes = _followed(before.slope.T, _slopes(ankles, floor), TILT_SHARE)
     height = pose.soles[2].min(0)
-    pose = _tilted(pose, translation, slopes)
-    needed = np.maximum(
-        height - _lowest(pose.soles, 0 * way, floor),
-        height - _lowest(pose.soles, AHEAD * FPS * way, floor),
-    )
+    offsets = _offsets(ankles + AHEAD * FPS * way, pose.facing, floor)
+    stands = (height < DOWN[0]) & (FPS * length(way) < DOWN[1])
+    aim = _aimed(before.aim.T, offsets, stands)
+    moved = aim * pose.facing
+    ankles = ankles + moved
+    slopes = _followed(before.slope.T, _slopes(ankles, floor), TILT_SHARE)
+    pose.soles[:2] += moved[:, None]
+    pose = _tilted(pose, translation, slopes, moved)
+    ahead = height - _lowest(pose.soles, AHEAD * FPS * way, floor)
+    needed = np.maximum(height - _lowest(pose.soles, 0 * way, floor), ahead)
     each = np.ascontiguousarray(needed.transpose(1, 0, 2))  # [F, 2, A]
     feet, lift = _sprung(before.feet.T, before.lift.T, each, FOOT_STIFFNESS)
     feet = feet.transpose(1, 0, 2)
-    wanted = feet.mean(0) - CROUCH * np.abs(feet[0] - feet[1])
+    lead = _followed(before.lead.T, ahead, LEAD_SHARE)
+    # downstairs the hips have to be as soon as the feet; upstairs these go first
+    down = lead.mean(0) < feet.mean(0)
+    crouch = np.where(down, CROUCH[1], CROUCH[0]) * np.abs(feet[0] - feet[1])
+    wanted = np.minimum(feet.mean(0), lead.mean(0)) - crouch
     hips, rise = _sprung(before.hips, before.rise, wanted, STIFFNESS)
     shift = np.zeros((3, *feet.shape), np.float32)
-    shift[2] = feet - hips
+    shift[:2], shift[2] = moved, feet - hips
 
     raised, turned = translation.astype(np.float32), rotations.astype(np.float32)
     raised[..., 2] += hips.T
@@ -117,10 +157,50 @@ def set_on_ground(
         feet=feet[:, -1].T.astype(np.float32),
         lift=lift.T.astype(np.float32),
         slope=slopes[:, :, -1].T.astype(np.float32),
-        ankles=ankles[:, :, -1].T.astype(np.float32),
+        ankles=(ankles - moved)[:, :, -1].T.astype(np.float32),
+        aim=aim[:, -1].T.astype(np.float32),
+        lead=lead[:, -1].T.astype(np.float32),
         begun=np.ones(len(translation), np.bool_),
     )
     return Grounded(raised, turned, after)
+
+
+def _offsets(landing: Array, facing: Array, floor: Floor) -> Array:
+    """Metres ahead [2, F, A] at which a foot that lands there [2, 2, F, A] is on one tread.
+
+    The nearest such place; 0 without one, and where no tread ends. Only downstairs: upstairs a foot
+    that has no room sticks out behind, as people's do.
+    """
+    along = landing[:, None] + ACROSS[:, None, None, None] * facing[:, None]
+    edges = np.diff(_sampled(along, floor), axis=0) < -EDGE  # [P - 1, 2, F, A]
+    found = np.zeros(edges.shape[1:], np.float32)
+    free = np.zeros(edges.shape[1:], np.bool_)
+    for offset, first, last in _WINDOWS:
+        fits = ~free & ~edges[first:last].any(0)
+        found[fits] = offset
+        free |= fits
+    return found
+
+
+def _windows() -> list[tuple[float, int, int]]:
+    """Offsets of a sole, nearest first, with the pieces of `ACROSS` that it then covers."""
+    first, last = np.searchsorted(ACROSS, SOLE).tolist()
+    step = float(ACROSS[1] - ACROSS[0])
+    moves = range(-first, len(ACROSS) - last)
+    return [(move * step, first + move, last + move) for move in sorted(moves, key=abs)]
+
+
+_WINDOWS: Final = _windows()
+
+
+def _aimed(before: Array, offsets: Array, stands: Flags) -> Array:
+    """Metres [2, F, A] that feet are moved ahead: towards `offsets`, of those that do not stand."""
+    found, aim = np.empty(offsets.shape, np.float32), before
+    for frame in range(offsets.shape[1]):
+        change = bounded(offsets[:, frame] - aim, -AIM_RATE, AIM_RATE)
+        aim = aim + np.where(stands[:, frame], np.float32(0), change)
+        found[:, frame] = aim
+    return found
 
 
 def _followed(before: Array, wanted: Array, share: float) -> Array:
@@ -150,12 +230,15 @@ def _slopes(ankles: Array, floor: Floor) -> Array:
     return np.where((np.abs(slopes) > STEEP).any(0), 0.0, slopes)
 
 
-def _tilted(pose: LegPose, translation: Float, slopes: Array) -> LegPose:
-    """The pose with its feet turned about their ankles, from level to slopes [2, 2, F, A]."""
+def _tilted(pose: LegPose, translation: Float, slopes: Array, moved: Array) -> LegPose:
+    """The pose with its feet turned about their ankles, from level to slopes [2, 2, F, A]; soles
+    have been `moved` [2, 2, F, A] already.
+    """
     x, y = slopes
     # The shortest arc from the vertical to the ground's normal.
     turn = unit(stacked(y, -x, np.zeros_like(x), 1 + np.sqrt(1 + x * x + y * y)))
     ankle = (pose.ankle + translation.transpose(2, 1, 0)[:, None])[:, None]
+    ankle[:2] += moved[:, None]
     soles = ankle + rotate_points(turn, pose.soles - ankle)
     return replace(pose, ankle_turn=multiply(turn, pose.ankle_turn), soles=soles)
 

@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 from wayfarer.body.model import BodyModel
 from wayfarer.body.skeleton import joint_names
 from wayfarer.errors import InvalidArgument
-from wayfarer.world.output.quaternion import Array, multiply, rotate, rotate_points
+from wayfarer.world.output.quaternion import (
+    Array,
+    length,
+    multiply,
+    rotate,
+    rotate_points,
+    stacked,
+)
 from wayfarer.world.rows import Float, Rows, Shape
 
 SOLES: Final = 4
@@ -80,6 +87,13 @@ class LegPose:
     knee: Array
     ankle: Array
     soles: Array  # [3, P, 2, F, A] in the world
+
+    @property
+    def facing(self) -> Array:
+        """Horizontal unit vectors [2, 1, F, A] that the hips face."""
+        x, y, z, w = self.root_turn
+        ahead = stacked(-2 * (x * y + z * w), 1 - 2 * (y * y + z * z))
+        return ahead / np.maximum(length(ahead), 1e-9)
 
 
 def pose_legs(legs: Legs, translation: Float, rotations: Float) -> LegPose:

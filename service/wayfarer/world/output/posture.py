@@ -6,8 +6,9 @@ arms alike. Frame by frame, and without a memory:
     trunk   a part of what it leans forward beyond `UPRIGHT` is removed, up to `TRUNK_MOST`
     head    is levelled: most of its pitch away from `LEVEL` is taken off, as people keep their
             eyes on what is ahead of them, half in the neck and half in the head
-    arms    swing wider or less, and hang farther from the body or with elbows more bent: each
-            agent's have a habit of their own, see `habits`
+    arms    swing wider or less, hang farther from the body or with elbows more bent, and are
+            turned more or less about themselves, as are hands: each agent's have habits of their
+            own, see `habits`. So have trunk and head.
 
 Legs and hips are untouched, and so is the motion that the next primitive starts from. Arrays have
 their components first, see `quaternion.py`; angles are radians about axes of the joint above: X to
@@ -24,17 +25,18 @@ from wayfarer.body.skeleton import joint_names
 from wayfarer.world.output.quaternion import Array, bounded, multiply, stacked, unit
 from wayfarer.world.rows import Float
 
-UPRIGHT: Final = radians(0.5)
-"""Forward lean of the trunk that is left as it is."""
+UPRIGHT: Final = (radians(-1.5), radians(1.5))
+"""Range over agents of the forward lean of the trunk that is left as it is."""
 
-TRUNK_SHARE: Final = 0.8
+TRUNK_SHARE: Final = 0.85
 """Share of the lean beyond it that is removed."""
 
 TRUNK_MOST: Final = radians(5)
 """Largest lean that is removed."""
 
-LEVEL: Final = radians(-8)
-"""Pitch of a head that looks ahead: people's is a little below the horizon."""
+LEVEL: Final = (radians(-13), radians(-3))
+"""Range over agents of the pitch of a head that looks ahead: people's is a little below the
+horizon."""
 
 HEAD_SHARE: Final = 0.6
 """Share of the head's pitch away from that which is removed."""
@@ -58,7 +60,13 @@ UNEVEN: Final = radians(5)
 """Largest difference between left and right, either way."""
 
 
-DRAWN: Final = 7
+TURNED: Final = radians(14)
+"""Largest angle by which upper arms are turned about themselves, in or out, …"""
+
+HANDS: Final = (radians(20), radians(14))
+"""… and hands, about the forearm and towards the palm or away from it."""
+
+DRAWN: Final = 12
 """Numbers that the habits of an agent follow from."""
 
 
@@ -69,6 +77,7 @@ def _numbers(*names: str) -> list[int]:
 TRUNK: Final = _numbers("pelvis", "spine1", "spine2", "spine3", "neck", "head")
 SHOULDERS: Final = _numbers("left_shoulder", "right_shoulder")
 ELBOW_JOINTS: Final = _numbers("left_elbow", "right_elbow")
+WRISTS: Final = _numbers("left_wrist", "right_wrist")
 SPINE, NECK, HEAD = (TRUNK[k] for k in (1, 4, 5))
 
 _SIDES: Final = np.array([-1.0, 1.0], np.float32)[:, None, None]
@@ -76,16 +85,20 @@ _SIDES: Final = np.array([-1.0, 1.0], np.float32)[:, None, None]
 
 
 class Habits(NamedTuple):
-    """How A agents hold their arms, left before right."""
+    """How A agents hold themselves, left arm before right; radians."""
 
     swing: Array  # [A] factor
-    aside: Array  # [2, A] radians
-    elbows: Array  # [2, A] radians
+    aside: Array  # [2, A]
+    elbows: Array  # [2, A]
+    turned: Array  # [A] upper arms, inwards
+    hands: Array  # [2, A] about the forearm, and towards the palm
+    lean: Array  # [A] forward lean of the trunk that is left
+    level: Array  # [A] pitch of the head
 
 
 def habits(numbers: Sequence[Array]) -> Habits:
     """Those of agents [A] from `DRAWN` numbers of each, 0 … 1."""
-    swing, aside, elbows, *uneven = numbers
+    swing, aside, elbows, turned, about, bent, lean, level, *uneven = numbers
 
     def between(low: float, high: float, share: Array) -> Array:
         return low + (high - low) * share
@@ -95,12 +108,16 @@ def habits(numbers: Sequence[Array]) -> Habits:
         between(*SWING, swing),
         between(*ASIDE, aside) + more[:2] / 2,
         np.maximum(between(*ELBOWS, elbows) + more[2:], 0),  # never beyond straight
+        between(-TURNED, TURNED, turned),
+        np.stack([between(-HANDS[0], HANDS[0], about), between(-HANDS[1], HANDS[1], bent)]),
+        between(*UPRIGHT, lean),
+        between(*LEVEL, level),
     )
 
 
 def hold(rotations: Float, own: Habits) -> Float:
     """Rotations [A, F, 22, 4] of frames as the model makes them, as they are sent."""
-    used = [*TRUNK, *SHOULDERS, *ELBOW_JOINTS]
+    used = [*TRUNK, *SHOULDERS, *ELBOW_JOINTS, *WRISTS]
     local = np.ascontiguousarray(rotations.take(used, axis=2).transpose(3, 2, 1, 0))
     trunk, neck, head = local[:, :4], local[:, 4], local[:, 5]
     spine = [trunk[:, k] for k in range(4)]
@@ -108,9 +125,9 @@ def hold(rotations: Float, own: Habits) -> Float:
     for turn in spine[1:]:
         chest = multiply(chest, turn)
 
-    back = bounded(TRUNK_SHARE * (-_pitch(chest) - UPRIGHT), 0, TRUNK_MOST)
+    back = bounded(TRUNK_SHARE * (-_pitch(chest) - own.lean), 0, TRUNK_MOST)
     pitch = _pitch(multiply(multiply(chest, neck), head)) + back
-    up = bounded(HEAD_SHARE * (LEVEL - pitch), -HEAD_MOST, HEAD_MOST)
+    up = bounded(HEAD_SHARE * (own.level - pitch), -HEAD_MOST, HEAD_MOST)
     held = rotations.copy()
     for joint, turned in (
         (SPINE, _about_x(back, spine[1])),
@@ -118,14 +135,16 @@ def hold(rotations: Float, own: Habits) -> Float:
         (HEAD, _about_x(up / 2, head)),
     ):
         held[:, :, joint] = turned.transpose(2, 1, 0)
-    arms = _arms(local[:, 6:8], local[:, 8:10], own)
-    for joints, turned in zip((SHOULDERS, ELBOW_JOINTS), arms, strict=True):
+    arms = _arms(local[:, 6:8], local[:, 8:10], local[:, 10:12], own)
+    for joints, turned in zip((SHOULDERS, ELBOW_JOINTS, WRISTS), arms, strict=True):
         held[:, :, joints] = turned.transpose(3, 2, 1, 0)
     return held
 
 
-def _arms(shoulders: Array, elbows: Array, own: Habits) -> tuple[Array, Array]:
-    """Local rotations [4, 2, F, A] of shoulders and elbows, held as agents do."""
+def _arms(
+    shoulders: Array, elbows: Array, wrists: Array, own: Habits
+) -> tuple[Array, Array, Array]:
+    """Local rotations [4, 2, F, A] of shoulders, elbows and wrists, held as agents do."""
     x, y, z, w = shoulders
     # where the upper arm points, seen from the chest
     ahead, down = _SIDES * 2 * (x * y + w * z), -_SIDES * 2 * (x * z - w * y)
@@ -134,12 +153,14 @@ def _arms(shoulders: Array, elbows: Array, own: Habits) -> tuple[Array, Array]:
     more = bounded((own.swing - 1) * swung, -SWING_MOST, SWING_MOST) * hangs
     aside = own.aside[:, None] * hangs
     # an arm that hangs is moved away from the body about Y, to its own side
-    half = 0.5 * more, -0.5 * _SIDES * aside
-    zero = np.zeros_like(half[0])
-    moved = multiply(stacked(half[0], half[1], zero, np.ones_like(zero)), shoulders)
-    bend = 0.5 * _SIDES * own.elbows[:, None] * np.ones_like(zero)
-    bent = multiply(stacked(zero, zero, bend, np.ones_like(zero)), elbows)
-    return unit(moved), unit(bent)
+    half = 0.5 * more, -0.5 * _SIDES * aside, -0.5 * _SIDES * own.turned * hangs
+    zero, one = np.zeros_like(half[0]), np.ones_like(half[0])
+    moved = multiply(stacked(*half, one), shoulders)
+    bend = 0.5 * _SIDES * own.elbows[:, None] * one
+    bent = multiply(stacked(zero, zero, bend, one), elbows)
+    about, palm = 0.5 * own.hands[0] * one, 0.5 * _SIDES * own.hands[1] * one
+    held = multiply(stacked(about, palm, zero, one), wrists)
+    return unit(moved), unit(bent), unit(held)
 
 
 def _pitch(turn: Array) -> Array:

@@ -11,9 +11,9 @@ import numpy as np
 from wayfarer.world.agents.agent import ChunkFlag
 from wayfarer.world.agents.slots import Gait, Mode, Slots
 from wayfarer.world.agents.style import draws
-from wayfarer.world.output.footlock import begin, lock_feet
+from wayfarer.world.output.footlock import begin, lock_feet, shorten_steps
 from wayfarer.world.output.posture import DRAWN, habits, hold
-from wayfarer.world.rows import Flags
+from wayfarer.world.rows import Flags, Index
 from wayfarer.world.stepping.playback import Sent
 
 HALTED: Final = 0.25
@@ -23,10 +23,12 @@ HALTED: Final = 0.25
 def clean_feet(slots: Slots, sent: Sent) -> None:
     """Lock the feet, in the chunks of `sent`, of those agents that want it.
 
-    A pose that begins or jumps restarts its lock, and so does a lock that is switched on.
+    A pose that begins or jumps restarts its lock, and so does a lock that is switched on. Steps of
+    the other agents only become as long as the way of their hips.
     """
     foot_locked = slots.foot_lock[sent.slots]
     slots.feet_begun[sent.slots] &= foot_locked
+    _shorten(slots, sent, np.flatnonzero(~foot_locked))
     # A slice, where it will do, spares copies.
     wanted = slice(None) if foot_locked.all() else np.flatnonzero(foot_locked)
     chunks, rows = sent.chunks, sent.slots[wanted]
@@ -36,7 +38,9 @@ def clean_feet(slots: Slots, sent: Sent) -> None:
     legs, feet = slots.legs.take(rows), slots.feet.take(rows)
     jumps = (chunks.flags[wanted] & ChunkFlag.FIRST) > 0
     if len(new := np.flatnonzero(jumps | ~slots.feet_begun[rows])):
-        feet.put(new, begin(legs.take(new), translation[new, 0], rotations[new, 0]))
+        state = begin(legs.take(new), translation[new, 0], rotations[new, 0])
+        state.shortened[:] = feet.shortened[new]
+        feet.put(new, state)
     steps = _on_the_spot(chunks.end.gait)[wanted]
     shortened = chunks.end.gait.shortened[wanted]
     locked = lock_feet(feet, legs, translation, rotations, steps, shortened)
@@ -45,6 +49,23 @@ def clean_feet(slots: Slots, sent: Sent) -> None:
     chunks.translation[wanted] = locked.translation
     chunks.rotations[wanted] = hold(locked.rotations, habits(draws(slots.noise_seed[rows], DRAWN)))
     chunks.contacts[wanted] = locked.contacts
+
+
+def _shorten(slots: Slots, sent: Sent, unlocked: Index) -> None:
+    agents, chunks = sent.slots[unlocked], sent.chunks
+    before, after = slots.feet.shortened[agents], chunks.end.gait.shortened[unlocked]
+    slots.feet.shortened[agents] = after
+    some = np.flatnonzero((before != 0) | (after != 0))
+    if not len(some):
+        return
+    rows = unlocked[some]
+    chunks.rotations[rows] = shorten_steps(
+        slots.legs.take(agents[some]),
+        chunks.translation[rows],
+        chunks.rotations[rows],
+        before[some],
+        after[some],
+    )
 
 
 def _on_the_spot(gait: Gait) -> Flags:

@@ -55,16 +55,29 @@ def smoothed(seed: Seeds, rotations: Float, legs: Legs) -> Float:
     """Rotations [A, F, 22, 4] of a step from `seed`, without impossible knees and jerks."""
     rotations = _bendable(rotations, legs)
     path = np.concatenate([seed.rotations, rotations], 1)
+    jerks = _jerks(path)  # [A, F, 22]
+    over = jerks > _LIMITS
+    if not over.any():
+        return rotations
+    rows, joints = np.nonzero(over.any(1))
+    paths = path[rows, :, joints]
+    smooth = _smoothest(paths)
+    # where a joint came fast and ends near by, that way is the more abrupt one
+    after = _jerks(np.concatenate([paths[:, :2], smooth], 1)).max(1)
+    better = after < jerks[rows, :, joints].max(1)
+    rows, joints = rows[better], joints[better]
+    mended = rotations.copy()
+    mended[rows, :, joints] = smooth[better]
+    return mended
+
+
+def _jerks(path: Float) -> Float:
+    """Squared second differences [N, F, ...] of turns [N, 2 + F, ..., 4]."""
     turns = path[:, 1:] - path[:, :-1]
     change = turns[:, 1:] - turns[:, :-1]
     x, y, z, w = np.moveaxis(change * change, -1, 0)
-    jerks = x + y + z + w > _LIMITS  # [A, F, 22]
-    if not jerks.any():
-        return rotations
-    rows, joints = np.nonzero(jerks.any(1))
-    mended = rotations.copy()
-    mended[rows, :, joints] = _smoothest(path[rows, :, joints])
-    return mended
+    squared: Float = x + y + z + w
+    return squared
 
 
 def _smoothest(path: Float) -> Float:

@@ -15,7 +15,7 @@ from wayfarer.spec import FPS, GENDERS, NEW_FRAMES
 from wayfarer.world.agents.agent import ChunkFlag
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Gait, Mode, Motion, Seeds, SlotTable
-from wayfarer.world.agents.style import sets_off
+from wayfarer.world.agents.style import sets_off, stride
 from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.goals.steering import observe
 from wayfarer.world.output.legs import Legs
@@ -291,8 +291,8 @@ class Scheduler:
         chunk = slots.planned_chunks[rows]
         ready = sets_off(slots.noise_seed[rows], chunk, self._steering.reactions)
         gait = self._steering.decide(gait, seed, course.ahead, ready)
-        if slots.scene[rows].any():
-            gait = shortened_gait(gait, course.ahead)
+        habit = stride(slots.noise_seed[rows], course.ahead.speed)
+        gait = shortened_gait(gait, course.ahead, habit)
         return seed, gait, course
 
     def _append(self, rows: Index, chunks: Chunks, candidates: int) -> None:

@@ -1,8 +1,9 @@
 """Shorter steps: on stairs people take one riser at a time, and the model cannot.
 
 The model steps as far as its speed wants, about 60 cm at 0.9 m/s, which is two treads. So while
-the way leads over stairs, everything horizontal about a walk is *shortened* by one factor: the way
-of the hips here, the places of the feet around them in `output/footlock.py`. A foot that stands
+the way leads over stairs everything horizontal about a walk is *shortened* by one factor: the way
+of the hips here, the places of the feet around them in `output/footlock.py`. Elsewhere each agent
+shortens its steps, or makes them longer, by a habit of its own (`style.py`). A foot that stands
 goes on standing, since hips and feet are shortened alike, and the model, whose own motion is not
 changed, walks as on a floor.
 
@@ -32,11 +33,14 @@ RATE: Final = 0.6 * STEP_SECONDS
 """Largest change of that share in a step."""
 
 
-def shortened_gait(gait: Gait, goals: GoalColumns) -> Gait:
-    """The gait [A] of the next step, with the share that its steps are shortened by at its end."""
-    on_stairs = (goals.tread > 0) & (gait.mode == Mode.WALKING)
+def shortened_gait(gait: Gait, goals: GoalColumns, habit: Float) -> Gait:
+    """The gait [A] of the next step, with the share that its steps are shortened by at its end.
+
+    `habit` [A]: that of walkers on level ground.
+    """
     step = STEP[0] + STEP[1] * goals.speed
-    wanted = np.where(on_stairs, bounded(1 - goals.tread / step, 0, MOST), 0)
+    stairs = bounded(1 - goals.tread / step, 0, MOST)
+    wanted = np.where(goals.tread > 0, stairs, habit) * (gait.mode == Mode.WALKING)
     change = bounded(wanted - gait.shortened, -RATE, RATE)
     return replace(gait, shortened=(gait.shortened + change).astype(np.float32))
 
