@@ -18,6 +18,7 @@ def files() -> dict[Path, bytes]:
         CLIENTS / "web" / "src" / "core" / "bone_names.js": javascript.encode(),
         CLIENTS / "unity" / "Runtime" / "Core" / "BoneNames.cs": sharp(words).encode(),
         CLIENTS / "cpp" / "src" / "bone_names.hpp": header(words).encode(),
+        CLIENTS / "godot/addons/wayfarer/core/bone_names.gd": godot(words).encode(),
     }
 
 
@@ -61,6 +62,22 @@ def header(words: dict[str, Any]) -> str:
         f"{MADE}#pragma once\n\n{includes}\nnamespace wayfarer::words {{\n"
         f"using namespace std::string_view_literals;\n\n{body}\n}}  // namespace wayfarer::words\n"
     )
+
+
+def godot(words: dict[str, Any]) -> str:
+    """A class in GDScript."""
+    vrm = dict(words["vrm"])
+    tables = {
+        "ROLES": words["roles"],
+        **{key.upper(): words[key] for key in ("left", "right", "noise", "helpers")},
+        "VRM_SPINE": vrm.pop("spine"),
+        "VRM": vrm,
+    }
+    fields = "".join(
+        f"const {name} := " + json.dumps(values, indent="\t") + "\n"
+        for name, values in tables.items()
+    )
+    return f"class_name WayfarerBoneNames\nextends RefCounted\n{MADE.replace('//', '##')}\n{fields}"
 
 
 def _listed(values: list[str]) -> str:

@@ -1,0 +1,88 @@
+class_name WayfarerPlayoutClock
+extends RefCounted
+## Which moment of the stream (server time) to show now, for all agents alike: clients/README.md,
+## "Playout". Times are seconds; no clock is read.
+
+const FIRST_DELAY := 0.35
+const LEAST_DELAY := 0.2
+const MOST_DELAY := 1.5
+const MARGIN := 0.06  # over the worst lateness of the window
+const LATENESS_WINDOW := 20.0
+const OFFSET_WINDOW := 30.0  # the fastest message of so long a time had no delay, it is taken
+const STRETCH := 0.05  # playback runs at most this much faster or slower
+const JUMP := 1.0  # seconds off beyond which it jumps instead (a program that slept)
+
+
+## The least value of the last seconds: those that may become it, rising from oldest to newest.
+class WindowLeast:
+	var seconds: float
+	var _times := PackedFloat64Array()
+	var _values := PackedFloat64Array()
+
+	func _init(window: float) -> void:
+		seconds = window
+
+	func add(now: float, value: float) -> void:
+		while not _values.is_empty() and _values[-1] >= value:
+			_values.remove_at(_values.size() - 1)
+			_times.remove_at(_times.size() - 1)
+		_times.append(now)
+		_values.append(value)
+
+	## NAN when there is none.
+	func least(now: float) -> float:
+		while not _times.is_empty() and _times[0] < now - seconds:
+			_times.remove_at(0)
+			_values.remove_at(0)
+		return NAN if _values.is_empty() else _values[0]
+
+
+var _transit := WindowLeast.new(OFFSET_WINDOW)  # local - server time of each message
+var _earliness := WindowLeast.new(LATENESS_WINDOW)  # of each chunk, negative when late
+var _offset := NAN  # the last known least transit
+var _playhead := NAN
+var _last := 0.0
+
+
+## Note a message that came at local `now`, sent at server time `sent_at`.
+func observe(now: float, sent_at: float) -> void:
+	if is_nan(_offset):  # until experience tells, expect as much as the first delay allows
+		_earliness.add(now, MARGIN - FIRST_DELAY)
+	_transit.add(now, now - sent_at)
+	_offset = _transit.least(now)
+
+
+## Note a chunk that came at local `now`, whose first frame is for `scheduled_at`.
+func observe_chunk(now: float, scheduled_at: float) -> void:
+	_earliness.add(now, scheduled_at - server_time(now))
+
+
+## The server's clock at local `now`, as if the fastest message had taken no time.
+func server_time(now: float) -> float:
+	return now if is_nan(_offset) else now - _offset
+
+
+## Delay to aim at.
+func wanted_delay(now: float) -> float:
+	var least := _earliness.least(now)
+	return LEAST_DELAY if is_nan(least) else clampf(MARGIN - least, LEAST_DELAY, MOST_DELAY)
+
+
+## Delay in force.
+func delay(now: float) -> float:
+	return wanted_delay(now) if is_nan(_playhead) else server_time(now) - _playhead
+
+
+## Go on to local `now`; the moment to show, in server time.
+func advance(now: float) -> float:
+	if is_nan(_offset):
+		return now  # nothing has come yet
+	var ideal := server_time(now) - wanted_delay(now)
+	if is_nan(_playhead) or absf(ideal - _playhead) > JUMP:
+		_playhead = ideal
+	else:
+		var step := maxf(0.0, now - _last)
+		var off := ideal - (_playhead + step)
+		_playhead += step + clampf(off, -STRETCH * step, STRETCH * step)
+	_last = now
+	return _playhead

@@ -1,0 +1,128 @@
+class_name WayfarerMotionStream
+extends RefCounted
+## Brings a session's motion to a player. A lost connection is made again and goes on where it was.
+## It reads no clock: `update` does all.
+
+## "connecting", "open", "lost", and why.
+signal status_changed(status: String, detail: String)
+## The session is no more.
+signal ended(reason: String)
+## The caller must show who it is; it may then `open` again.
+signal refused(reason: String)
+## There is no sense in trying again.
+signal failed(reason: String)
+
+const RETRY_FIRST := 0.5  # seconds; doubled at each failure
+const RETRY_MOST := 8.0
+const SILENCE := 4.0  # seconds without even a heartbeat (one per second): a dead connection
+const GONE := 1000
+const INVALID := 4422
+const UNKNOWN_CALLER := 4401
+const FORBIDDEN := 4403
+const NOT_FOUND := 4404
+
+## It is for good: after `close`, `ended`, `refused` or `failed`.
+var closed := false
+
+var _address: Callable
+var _player: WayfarerMotionPlayer
+var _new_socket: Callable
+var _socket: RefCounted
+var _retry := RETRY_FIRST
+var _retry_at := -INF
+var _heard_at := 0.0
+var _forgotten := ""  # a resume token that the server does not know
+
+
+## `address(resume_token)`: {url, protocols}; `new_socket()`: a WayfarerSocket, or one like it.
+func _init(
+	address: Callable,
+	player: WayfarerMotionPlayer,
+	new_socket: Callable = func() -> WayfarerSocket: return WayfarerSocket.new()
+) -> void:
+	_address = address
+	_player = player
+	_new_socket = new_socket
+
+
+## Connect at the next update, after the stream was refused.
+func open() -> void:
+	closed = false
+	_retry = RETRY_FIRST
+	_retry_at = -INF
+
+
+## Take what has come until `now` (seconds), and see to the connection. Never waits.
+func update(now: float) -> void:
+	if not closed and _socket == null and now >= _retry_at:
+		_connect(now)
+	if not closed and _socket != null:
+		_socket.poll()
+	while not closed and _socket != null:
+		var message: PackedByteArray = _socket.next()
+		if message.is_empty():
+			break
+		_receive(message, now)
+	if not closed and _socket != null and _socket.closed():
+		_take_loss(_socket.close_code(), _socket.close_reason(), now)
+	if now - _heard_at > SILENCE:  # half-open: it would never close by itself
+		reconnect("nothing has come for %d s" % int(SILENCE), now)
+
+
+## Leave it for good.
+func close() -> void:
+	closed = true
+	_drop()
+
+
+## Connect anew, as after a loss: the network is another one, perhaps.
+func reconnect(reason: String, now: float) -> void:
+	if not closed and _socket != null:
+		_take_loss(-1, reason, now)
+
+
+func _connect(now: float) -> void:
+	status_changed.emit("connecting", "")
+	_player.begin()
+	var token := _player.resume_token()
+	var where: Dictionary = _address.call("" if token == _forgotten else token)
+	_heard_at = now
+	_socket = _new_socket.call()
+	_socket.open(where.url, where.protocols)
+
+
+func _receive(message: PackedByteArray, now: float) -> void:
+	_heard_at = now
+	match _player.receive(message, now):
+		"error":
+			close()
+			failed.emit("cannot read the stream: " + _player.error)
+		"header":
+			_retry = RETRY_FIRST
+			status_changed.emit("open", "")
+
+
+func _take_loss(code: int, reason: String, now: float) -> void:
+	_drop()
+	var token := _player.resume_token()
+	if code == INVALID and token != _forgotten:
+		_forgotten = token  # of another server, it may be: begin with what falls due next
+		_connect(now)
+		return
+	closed = code in [GONE, NOT_FOUND, UNKNOWN_CALLER, FORBIDDEN, INVALID]
+	if not closed:
+		_retry_at = now + _retry
+		_retry = minf(RETRY_MOST, 2.0 * _retry)
+		status_changed.emit("lost", reason)
+	elif code == UNKNOWN_CALLER:
+		refused.emit(reason)
+	elif code in [GONE, NOT_FOUND]:
+		ended.emit(reason)
+	else:
+		failed.emit(reason)
+
+
+func _drop() -> void:
+	if _socket != null:
+		_socket.close()
+	_socket = null

@@ -1,0 +1,169 @@
+@icon("res://addons/wayfarer/icon.svg")
+class_name WayfarerSession
+extends Node3D
+## A connection to a server: people who walk. This node is the origin of their world. Characters
+## find the session by themselves.
+
+## A session has begun; after a restart of the server, another one.
+signal opened(session_id: String)
+## A goal is reached, a way is blocked …
+signal happened(event: WayfarerStreamDecoder.MotionEvent)
+signal agent_added(played: WayfarerMotionPlayer.PlayedAgent)
+signal agent_removed(played: WayfarerMotionPlayer.PlayedAgent)
+
+const LEASE_SECONDS := 60.0
+const RETRY_SECONDS := 3.0
+
+## The session that was entered last: the one of characters without another.
+static var current: WayfarerSession
+
+## Address of the server.
+@export var server := "http://localhost:8080"
+## API key or JWT, for a server that asks for one. Whoever has your build can read it.
+@export var token := ""
+## Id of a scene of the server. Empty: a floor without end.
+@export var scene := ""
+## Id of a session that your own program has made, in the basis gltf. Empty: a session of its own.
+@export var join := ""
+## Frames per second that are sent.
+@export_enum("40", "20", "10") var fps := "20"
+## How rotations are sent: smallest_three takes the fewest bytes.
+@export_enum("f32_le", "f16_le", "smallest_three") var encoding := "smallest_three"
+
+## "": there is none yet.
+var id := ""
+var api := WayfarerApi.new()
+var player := WayfarerMotionPlayer.new()
+var stream: WayfarerMotionStream
+
+var _opening := false
+var _retry_at := 0.0
+var _renew_at := 0.0
+
+
+func _init() -> void:
+	process_priority = -100
+	add_child(api)
+
+
+func _enter_tree() -> void:
+	current = self
+
+
+func _exit_tree() -> void:
+	if current == self:
+		current = null
+	if id != "" and join == "":
+		_abandon()
+	_leave()
+
+
+func _process(_delta: float) -> void:
+	var now := seconds()
+	if id == "" and not _opening and now >= _retry_at:
+		_open()
+	if stream == null:
+		return
+	stream.update(now)
+	if stream == null:
+		return
+	if join == "" and now >= _renew_at:
+		_renew_at = now + LEASE_SECONDS / 3.0
+		api.renew_session(id)  # what fails may pass; whoever uses a lost session is told
+	player.advance(now)
+
+
+## Seconds of a clock that never goes back: the one that motion is played by.
+static func seconds() -> float:
+	return Time.get_ticks_usec() / 1e6
+
+
+## The page of the server that shows this session.
+func viewer_url() -> String:
+	return "%s/?session=%s" % [server.trim_suffix("/"), id.uri_encode()]
+
+
+## A place of the scene in the agents' world.
+func place_of(world: Vector3) -> Vector3:
+	return global_transform.affine_inverse() * world
+
+
+func _open() -> void:
+	_opening = true
+	api.server = server
+	api.token = token
+	var found := join
+	if found == "":
+		var reply := await api.create_session(LEASE_SECONDS, scene)
+		if reply.error != "":
+			push_error("Wayfarer: no session of %s: %s" % [server, reply.error])
+			_retry_at = seconds() + RETRY_SECONDS
+			_opening = false
+			return
+		found = reply.data.session_id
+	_opening = false
+	_begin(found)
+
+
+func _begin(session_id: String) -> void:
+	id = session_id
+	_renew_at = seconds() + LEASE_SECONDS / 3.0
+	player = WayfarerMotionPlayer.new()
+	player.agent_added.connect(agent_added.emit)
+	player.agent_removed.connect(agent_removed.emit)
+	player.event_received.connect(happened.emit)
+	player.header_received.connect(_check_basis)
+	var wish := {"encoding": encoding, "fps": fps}
+	stream = WayfarerMotionStream.new(
+		func(resume: String) -> Dictionary: return api.stream_address(session_id, wish, resume),
+		player
+	)
+	stream.ended.connect(_lose.bind("has ended"))
+	stream.refused.connect(_lose.bind("was refused"))
+	stream.failed.connect(_lose.bind("has failed"))
+	print("Wayfarer: session %s; to watch it in a browser: %s" % [id, viewer_url()])
+	opened.emit(id)
+
+
+func _check_basis(header: WayfarerStreamDecoder.Header, _again: bool) -> void:
+	if header.basis != "gltf":
+		push_error("Wayfarer: the session has the basis %s, not gltf" % header.basis)
+
+
+## Begin another one after a while: the server was restarted, perhaps.
+func _lose(reason: String, what: String) -> void:
+	push_warning("Wayfarer: session %s %s: %s" % [id, what, reason])
+	_retry_at = seconds() + RETRY_SECONDS
+	_leave()
+
+
+func _leave() -> void:
+	if stream != null:
+		stream.close()
+	stream = null
+	id = ""
+	player.clear()
+
+
+## End the session while this node goes away: by a client that outlives it for a moment.
+func _abandon() -> void:
+	var parts := server.trim_suffix("/").split("://")
+	var host := parts[-1].get_slice(":", 0)
+	var secure := parts[0] == "https"
+	var port := parts[-1].get_slice(":", 1).to_int() if ":" in parts[-1] else -1
+	var client := HTTPClient.new()
+	client.connect_to_host(host, port, TLSOptions.client() if secure else null)
+	var end := seconds() + 0.5
+	var headers := PackedStringArray()
+	if token != "":
+		headers.append("authorization: Bearer " + token)
+	while seconds() < end:
+		client.poll()
+		if client.get_status() == HTTPClient.STATUS_CONNECTED:
+			var path := "/v1/sessions/" + id.uri_encode()
+			client.request(HTTPClient.METHOD_DELETE, path, headers)
+			client.poll()
+			return
+		if client.get_status() > HTTPClient.STATUS_CONNECTED:
+			return  # it does not answer: the session ends with its lease
+		OS.delay_msec(5)
