@@ -81,7 +81,7 @@ def body_glb(body: BodyModel, betas: Array, style: int = 0) -> bytes:
     Joint nodes carry the canonical joint names. Raises InvalidArgument on bad betas.
     """
     file = GlbFile()
-    joints, mesh = add_body(file, body, betas, style)
+    joints, mesh, _ = add_body(file, body, betas, style)
     file.document.scenes.append(gltf.Scene(nodes=[joints[0], mesh]))
     file.document.scene = 0
     file.document.extras = about_body(body, betas, style)
@@ -100,25 +100,29 @@ def add_body(
     betas: Array,
     style: int = 0,
     names: Sequence[str] | None = None,
-) -> tuple[list[int], int]:
-    """Add joint nodes, mesh and skin; return the node of each joint, and that of the mesh.
+    root: str = "",
+) -> tuple[list[int], int, int]:
+    """Add joint nodes, mesh and skin; return the nodes of the joints, of the mesh, of the top.
 
-    `names` of the joints; none: the canonical ones. The nodes are in no scene yet.
+    `names` of the joints; none: the canonical ones. `root`: name of a bone above the hips, at the
+    origin, which moves no vertex. The nodes are in no scene yet.
     """
     shape = body.check_betas(betas)
     joints = add_joints(file, body, shape, names or body.joint_names)
     document = file.document
+    top, bones, inverse = joints[0], list(joints), _inverse_bind(body, shape)
+    if root:
+        document.nodes.append(gltf.Node(name=root, children=[top]))
+        top = len(document.nodes) - 1
+        bones.append(top)
+        inverse = np.concatenate([inverse, np.eye(4, dtype=np.float32)[None]])
     document.skins.append(
-        gltf.Skin(
-            joints=joints,
-            skeleton=joints[0],
-            inverseBindMatrices=file.add(_inverse_bind(body, shape)),
-        )
+        gltf.Skin(joints=bones, skeleton=top, inverseBindMatrices=file.add(inverse))
     )
     document.meshes.append(_mesh(file, body, shape, style))
     skin, mesh = len(document.skins) - 1, len(document.meshes) - 1
     document.nodes.append(gltf.Node(name="body", mesh=mesh, skin=skin))
-    return joints, len(document.nodes) - 1
+    return joints, len(document.nodes) - 1, top
 
 
 def add_joints(file: GlbFile, body: BodyModel, betas: Array, names: Sequence[str]) -> list[int]:

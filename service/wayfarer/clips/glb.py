@@ -38,12 +38,13 @@ def glb_bytes(
     people, top = [], []
     for actor in actors:
         betas = np.asarray(actor.clip.betas)
-        joints, mesh = add_body(file, actor.body, betas, actor.style, bone_names(names))
-        above = joints[0]
+        root = "" if actor.root is None else ROOT
+        joints, mesh, above = add_body(
+            file, actor.body, betas, actor.style, bone_names(names), root
+        )
         about = {"name": actor.name, "joints": joints[0]}
-        if actor.root is not None:
-            document.nodes.append(gltf.Node(name=ROOT, children=[joints[0]]))
-            above = about["root"] = len(document.nodes) - 1
+        if root:
+            about["root"] = above
         document.nodes[mesh].name = f"{actor.name} body"  # beside its bones, as the standard asks
         document.nodes.append(gltf.Node(name=actor.name, children=[above]))
         top += [len(document.nodes) - 1, mesh]

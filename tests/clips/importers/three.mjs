@@ -11,14 +11,12 @@ const action = mixer.clipAction(animations[0]).setLoop(LoopOnce);
 action.clampWhenFinished = true;
 action.play();
 const skeletons = new Set();
-scene.traverse((node) => node.isSkinnedMesh && skeletons.add(node.skeleton.bones[0]));
+scene.traverse((node) => node.isSkinnedMesh && skeletons.add(node.skeleton));
 const frames = JSON.parse(process.argv[3]).map((time) => {
   mixer.setTime(time);
   scene.updateMatrixWorld(true);
-  return [...skeletons].map((hips) => {
-    const places = [];
-    hips.traverse((bone) => places.push([bone.name, ...new Vector3().setFromMatrixPosition(bone.matrixWorld)]));
-    return places;
-  });
+  const people = new Map([...skeletons].map(({ bones }) => [bones[0], bones])); // meshes of one person share bones
+  return [...people.values()].map((bones) =>
+    bones.map((bone) => [bone.name, ...new Vector3().setFromMatrixPosition(bone.matrixWorld)]));
 });
 console.log(JSON.stringify({ duration: animations[0].duration, frames }));
