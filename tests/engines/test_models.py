@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from tests.world.fakes import BODIES, FakeEngine, people, start_poses
+from tests.world.fakes import BODIES, FakeEngine, people, start_poses, taken
 from wayfarer.engines.model_store import ModelLoader
 from wayfarer.engines.models import MOST, LoadedModels
 from wayfarer.errors import (
@@ -64,7 +64,7 @@ def test_agents_from_elsewhere_are_moved_by_the_model_that_moved_them_there(mode
     world = make_world(models, 2)
     models.use("new")
     world.create_agents("s", people(1), 0.0)
-    record = world.members.take_session("s")
+    record = taken(world)
     assert [agent.model.partition("@")[0] for agent in record.agents] == ["old", "old", "new"]
 
     def there(found: LoadedModels) -> list[str]:
@@ -83,7 +83,7 @@ def test_agents_from_elsewhere_are_moved_by_the_model_that_moved_them_there(mode
 
 def test_who_has_come_from_elsewhere_is_counted(models):
     world = make_world(models, 2)
-    record = world.members.take_session("s")
+    record = taken(world)
     world.delete_session("s")
     models.use("new")
     world.members.put_session(record, 0.0)

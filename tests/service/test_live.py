@@ -9,7 +9,7 @@ import pytest
 
 from tests.service.chunks import KeepingMeter
 from tests.service.running import ALL, Running, first, world_of
-from tests.world.fakes import GOAL, people
+from tests.world.fakes import GOAL, people, taken
 from wayfarer.errors import Aborted, AlreadyExists, InvalidArgument, NotFound, ResourceExhausted
 from wayfarer.service.live import steady_clock
 from wayfarer.service.streams.publications import StreamOptions
@@ -125,7 +125,7 @@ async def test_a_session_that_was_taken_out_goes_on_where_it_stood():
         got = []
         while not any(EventKind.GOAL_REACHED in [e.kind for e in p.events] for p in got):
             got += await first(stream, 1)
-        record = await loop.ask(lambda world, _: world.members.take_session("s"))
+        record = await loop.ask(lambda world, _: taken(world))
         await loop.delete_session("s")
         assert (await loop.put_session(record)).agent_ids == (agent.agent_id,)
         again = await loop.subscribe("s", ALL)

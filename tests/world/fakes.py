@@ -4,11 +4,14 @@ import numpy as np
 
 from wayfarer.body.model import BodyModel
 from wayfarer.engines.engine import StepInputs, StepOutputs
+from wayfarer.service.persistence.capture import capture_session
+from wayfarer.service.persistence.snapshot import join_agent
 from wayfarer.spec import BETAS, GENDERS, JOINTS, MARKERS, NEW_FRAMES, STEP_SECONDS
 from wayfarer.terms import TERMS
 from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.heading import facing_of
+from wayfarer.world.agents.records import AgentRecord, SessionRecord
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.observer import WorldObserver
 from wayfarer.world.output.quaternion import multiply
@@ -174,3 +177,20 @@ def populated(
     world = make_world(engine, **settings)
     world.create_session(spec or SessionSpec("s"), 0.0)
     return world, [a.agent_id for a in world.create_agents("s", people(count), 0.0)]
+
+
+def taken(world: World, session_id: str = "s") -> SessionRecord:
+    """A session as of the last chunks sent, as snapshots and the journal have it."""
+    session, crowd = capture_session(world, session_id)
+    agents = (
+        join_agent(member.part, crowd.rows.take(np.array([row])))
+        for row, member in enumerate(crowd.members)
+    )
+    return SessionRecord(
+        session.session_id, session.spec, session.created_at, session.last_alias, tuple(agents)
+    )
+
+
+def taken_agent(world: World, agent_id: str) -> AgentRecord:
+    """An agent of session "s", likewise."""
+    return next(agent for agent in taken(world).agents if agent.agent_id == agent_id)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.world.fakes import make_world, people, populated
+from tests.world.fakes import make_world, people, populated, taken, taken_agent
 from wayfarer.errors import AlreadyExists, InvalidArgument, NotFound, ResourceExhausted
 from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import AgentChange, ChunkFlag, SessionSpec
@@ -29,7 +29,7 @@ ORDERS = {
 
 def moved(world, now, **settings):
     other = make_world(**settings)
-    other.members.put_session(world.members.take_session("s"), now)
+    other.members.put_session(taken(world), now)
     return other
 
 
@@ -88,7 +88,7 @@ def test_a_path_that_is_fed_can_be_moved():
     world.give(agent, Path(tuple(PATH[:3])), 0.0)
     list(world.advance(2.5))
     world.give(agent, Append((Goal((0.0, 5.0, 0.0), stop=False), GOAL)), 2.5)
-    record = world.members.take_agent(agent)
+    record = taken_agent(world, agent)
     assert record.passed > 0 and record.passed + len(record.path) == 5
     there = moved(world, 0.0, limits=Limits(path_goals=4))
     there.give(agent, Append((Goal((0.0, 12.0, 0.0)),)), 0.0)
@@ -104,7 +104,7 @@ def test_taking_leaves_everything_as_it_was():
     found = []
     while (event := world.next_event()) <= 20.0:
         found += by_agent(world.tick(event), agent)
-        world.members.take_session("s")
+        taken(world)
     for a, b in zip(found, by_agent(reference.advance(20.0), same_agent), strict=True):
         same(a, b)
 
@@ -116,10 +116,10 @@ def test_aliases_and_ids_go_on_where_they_were():
     [new] = there.create_agents("s", people(1), 5.0)
     assert new.alias == 3, "that of the one who was deleted is not used again"
     with pytest.raises(AlreadyExists, match="session 's'"):
-        there.members.put_session(world.members.take_session("s"), 5.0)
+        there.members.put_session(taken(world), 5.0)
     there.create_session(SessionSpec("t"), 5.0)
     with pytest.raises(AlreadyExists, match=first):
-        there.members.put_agent("t", world.members.take_agent(first), 5.0)
+        there.members.put_agent("t", taken_agent(world, first), 5.0)
 
 
 def test_an_agent_can_be_put_into_another_session():
@@ -127,11 +127,11 @@ def test_an_agent_can_be_put_into_another_session():
     list(world.advance(1.0))
     there = make_world()
     there.create_session(SessionSpec("t"), 0.0)
-    info = there.members.put_agent("t", world.members.take_agent(first), 0.0)
+    info = there.members.put_agent("t", taken_agent(world, first), 0.0)
     assert (info.session_id, info.agent_id) == ("t", first)
     with pytest.raises(NotFound):
-        there.members.put_agent("nowhere", world.members.take_agent(first), 0.0)
-    twin = replace(world.members.take_agent(first), agent_id="twin")
+        there.members.put_agent("nowhere", taken_agent(world, first), 0.0)
+    twin = replace(taken_agent(world, first), agent_id="twin")
     with pytest.raises(AlreadyExists, match="alias 1"):
         there.members.put_agent("t", twin, 0.0)
     [new] = there.create_agents("t", people(1), 0.0)
@@ -140,7 +140,7 @@ def test_an_agent_can_be_put_into_another_session():
 
 def test_room_and_time_are_asked_for_all_or_nothing():
     world, _ = populated(4, spec=SPEC)
-    record = world.members.take_session("s")
+    record = taken(world)
     small = make_world(limits=Limits(agents=3))
     with pytest.raises(ResourceExhausted, match="0 of 3"):
         small.members.put_session(record, 0.0)
@@ -157,13 +157,13 @@ def test_the_foot_lock_goes_along_and_can_be_switched_on_the_way():
     world, [_, other] = populated(2, spec=SPEC)
     world.update_agent(other, AgentChange(foot_lock=False))
     list(world.advance(1.0))
-    record = world.members.take_session("s")
+    record = taken(world)
     assert record.agents[0].feet is not None and record.agents[1].feet is None
     there = make_world()
     there.members.put_session(record, 0.0)
     there.update_agent(other, AgentChange(foot_lock=True))
     list(there.advance(1.0))
-    [_, feet] = [a.feet for a in there.members.take_session("s").agents]
+    [_, feet] = [a.feet for a in taken(there).agents]
     assert feet is not None and np.abs(feet.shift).max() < 0.05, "it begins where the feet are"
 
 
@@ -202,5 +202,5 @@ def test_records_that_cannot_be_are_refused_and_change_nothing(damage, words):
     list(world.advance(1.0))
     there = make_world()
     with pytest.raises(InvalidArgument, match=words):
-        there.members.put_session(damage(world.members.take_session("s")), 0.0)
+        there.members.put_session(damage(taken(world)), 0.0)
     assert (len(there.registry.sessions), len(there.registry.agents)) == (0, 0)

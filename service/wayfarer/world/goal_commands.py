@@ -6,14 +6,12 @@ and the numbers of the others stay (paths.py). A behaviour extends its path itse
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from wayfarer.errors import Aborted, FailedPrecondition, InvalidArgument
 from wayfarer.world.agents.behaviour import Behaviour
 from wayfarer.world.agents.goal import Goal, check_goal, check_path
 from wayfarer.world.agents.records import AgentRecord
 from wayfarer.world.agents.registry import Agent, Registry
-from wayfarer.world.agents.slots import Feeding, Motion, Slots
+from wayfarer.world.agents.slots import Feeding, Slots
 from wayfarer.world.agents.timeline import Timeline
 from wayfarer.world.behaviours.runner import BehaviourRunner, Surroundings, parts_of
 from wayfarer.world.goals.agent_paths import AgentPaths, set_out
@@ -104,18 +102,6 @@ class GoalCommands:
         """Write the path of an agent that was put into the world with it, or with none."""
         self._paths.put(agent.slot, agent.path, agent.path_start, agent.passed)
         self._behaviours.resume(agent)
-
-    def at_rest(self, agent: Agent) -> Motion:
-        """The agent's motion after the last chunk sent, one row, on its present path.
-
-        Goals before are forgotten.
-        """
-        slots, slot = self._slots, agent.slot
-        self._agent_paths.kept(agent)
-        motion = slots.committed.take(np.array([slot]))
-        if self._agent_paths.is_ahead_of_sent(slot):
-            set_out(motion.gait, 0, 0, walks=bool(agent.path))
-        return motion
 
     def _replace(self, agent: Agent, command: GoalCommand, now: float) -> None:
         slots, slot = self._slots, agent.slot

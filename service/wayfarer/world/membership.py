@@ -75,17 +75,6 @@ class Membership:
 
     # Records
 
-    def take_session(self, session_id: str) -> SessionRecord:
-        """A session as of the last chunks sent; it stays here. Raises NotFound."""
-        session = self._registry.session(session_id)
-        return SessionRecord(
-            session_id=session_id,
-            spec=session.spec,
-            created_at=session.created_at,
-            last_alias=session.last_alias,
-            agents=tuple(self._take(agent) for agent in session.agents.values()),
-        )
-
     def examine(self, record: SessionRecord) -> None:
         """The costly part of `put_session`; thread-safe. Raises InvalidArgument."""
         check_session_record(record, self._limits)
@@ -128,10 +117,6 @@ class Membership:
         agents = self._registry.session(session_id).agents.values()
         return all(self._slots.sent_chunks[a.slot] >= a.commanded_seq for a in agents)
 
-    def take_agent(self, agent_id: str) -> AgentRecord:
-        """The agent as of the last chunk sent; it stays here. Raises NotFound."""
-        return self._take(self._registry.agent(agent_id))
-
     def put_agent(self, session_id: str, record: AgentRecord, now: float) -> Agent:
         """Let a recorded agent go on: its next chunk follows the last one it sent.
 
@@ -168,6 +153,3 @@ class Membership:
         if record.agent_id in self._registry.agents:
             raise AlreadyExists(f"agent {record.agent_id!r} exists already")
         self._goals.check_record(record, where)
-
-    def _take(self, agent: Agent) -> AgentRecord:
-        return self._population.take(agent, self._goals.at_rest(agent))

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from tests.service.kept_worlds import STICK, fake_worlds, open_journal
-from tests.world.fakes import people
+from tests.world.fakes import people, taken
 from wayfarer.errors import ArtifactError
 from wayfarer.limits import Limits
 from wayfarer.service.persistence.capture import capture_session
@@ -88,7 +88,7 @@ def test_a_world_is_read_back_as_it_was_saved(kept):
     list(world.advance(4.0))
     world.update_agent(c, AgentChange(name="Ada", foot_lock=False))
     kept.close()
-    assert_same_record(kept.restored()["s"], world.members.take_session("s"))
+    assert_same_record(kept.restored()["s"], taken(world))
 
 
 def test_a_goal_given_after_the_last_frames_counts(kept):

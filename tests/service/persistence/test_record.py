@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.service.kept_worlds import STICK, fake_worlds
-from tests.world.fakes import people
+from tests.world.fakes import people, taken
 from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
 from wayfarer.limits import Limits
 from wayfarer.service.persistence.container import ContainerKind, seal, unseal
@@ -198,7 +198,7 @@ def test_no_change_of_bytes_does_more_than_be_refused(data):
 
 def test_a_session_that_goes_on_after_a_restart_begins_a_new_log():
     worlds, world, b = recorded()
-    record = world.members.take_session("s")
+    record = taken(world)
     again = worlds.live()
     again.members.put_session(record, 100.0)
     assert worlds.recordings.copy("s").tracks[b].end == record.agents[1].seq

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.service.kept_worlds import assert_same_poses, fake_worlds, shipped_worlds
-from tests.world.fakes import FakeEngine, people
+from tests.world.fakes import FakeEngine, people, taken
 from wayfarer.errors import FailedPrecondition
 from wayfarer.service.persistence.log_format import LogOrigin, decode_log, encode_log
 from wayfarer.service.persistence.replay import replay
@@ -132,7 +132,7 @@ def test_a_log_may_begin_in_mid_motion():
     [a] = world.create_agents("s", people(1), 0.0)
     world.give(a.agent_id, Wander((2.0, 0.0), 4.0), 0.0)
     run(world, 3.03, [])
-    record = world.members.take_session("s")
+    record = taken(world)
     other = worlds.live()
     other.members.put_session(replace(record, spec=RECORDED), 500.0)
     sent = run(other, 4.0, [], start=500.0)

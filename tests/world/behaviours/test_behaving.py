@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tests.world.fakes import make_world, populated
+from tests.world.fakes import make_world, populated, taken
 from wayfarer.errors import FailedPrecondition, InvalidArgument
 from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import AgentState, SessionSpec
@@ -232,7 +232,7 @@ def test_a_behaviour_goes_on_in_another_world(kind):
     world.give(agent, each_kind(leader)[kind], 0.0)
     world.give(leader, Goal((0.0, 9.0, 0.0)), 0.0)
     run(world, 3.1)
-    record = world.members.take_session("s")
+    record = taken(world)
     twin = make_world()
     twin.members.put_session(record, 0.0)
     chunks = run(twin, 12.0)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.world.fakes import HIPS_HEIGHT
+from tests.world.fakes import HIPS_HEIGHT, taken
 from tests.world.scenes.grounds import BOX, WALL, enter, field, islands, world_in
 from wayfarer.errors import AlreadyExists, FailedPrecondition, Unreachable
 from wayfarer.navigation.examples import two_storeys
@@ -239,7 +239,7 @@ def test_a_session_taken_out_goes_on_in_its_scene_and_not_where_that_is_missing(
     [agent] = enter(world, SOUTH)
     world.give(agent.agent_id, goal(*NORTH), 0.0)
     walked(world, 3.0)
-    record = world.members.take_session("s")
+    record = taken(world)
     elsewhere, _, _ = world_in(field(), book=SceneRegistry())
     elsewhere.delete_session("s")
     with pytest.raises(FailedPrecondition, match="is not here"):

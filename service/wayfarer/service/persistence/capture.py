@@ -26,7 +26,7 @@ def capture_session(world: World, session_id: str) -> tuple[SessionPart, Capture
 
 
 def capture_agents(world: World, agents: Sequence[Agent]) -> CapturedAgents:
-    """Agents on their present paths; see `GoalCommands.at_rest`."""
+    """Agents on their present paths, also where nothing planned for these has been sent."""
     slots, rows = world.slots, np.array([agent.slot for agent in agents], np.int64)
     seq, motion = slots.sent_chunks[rows], slots.committed.take(rows)
     gait, has_path = motion.gait, np.array([bool(agent.path) for agent in agents], np.bool_)

@@ -111,28 +111,6 @@ class Population:
         heading = heading_of(seed.rotations[slot, -1, 0])
         return self.spawner.stand(replace(spec, position=(x, y), heading=heading))
 
-    def take(self, agent: Agent, motion: Motion) -> AgentRecord:
-        """The agent as of the last chunk sent; it stays where it is. `motion` is one row."""
-        slots, row = self._table.rows, np.array([agent.slot])
-        return AgentRecord(
-            agent_id=agent.agent_id,
-            alias=agent.alias,
-            spec=agent.spec,
-            created_at=agent.created_at,
-            seq=int(slots.sent_chunks[agent.slot]),
-            motion=motion,
-            feet=slots.feet.take(row) if slots.feet_begun[agent.slot] else None,
-            footing=slots.footing.take(row),
-            goal_revision=int(slots.goal_revision[agent.slot]),
-            path=agent.path,
-            passed=agent.passed,
-            path_start=agent.path_start,
-            behaviour=agent.behaviour,
-            part=agent.part,
-            begun=agent.begun,
-            model=self._models.numbered(int(slots.model[agent.slot])).stamp,
-        )
-
     def put(self, session: Session, records: Sequence[AgentRecord], now: float) -> list[Agent]:
         """Let recorded agents go on. There must be free slots and no agents of their ids."""
         if not records:

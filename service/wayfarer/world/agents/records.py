@@ -1,7 +1,7 @@
 """Agents and sessions at rest: all that their motion depends on, taken out of a world and put
 into one. Both are as of the last chunk sent; what was planned beyond it is made again.
 
-`World.take_agent` and `put_agent`, `take_session` and `put_session`.
+`persistence/capture.py` takes them, `Membership.put_session` and `put_agent` put them.
 """
 
 from dataclasses import dataclass
