@@ -63,7 +63,7 @@ class LogOrigin:
 
     body: BodyStamp
     models: tuple[str, ...]  # their stamps; see models.py
-    candidates: int  # the most that steering wished for
+    candidates: int  # the most that steering asks for
 
 
 @dataclass(frozen=True, slots=True)
