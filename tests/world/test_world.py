@@ -192,27 +192,27 @@ def test_who_is_stopped_comes_to_a_stand(command):
 
 def test_when_time_is_short_fewer_candidates_are_tried_and_it_is_told():
     engine = FakeEngine()
-    wished = 8
-    steering = Steering().with_search(candidates=wished)
+    asked = 8
+    steering = Steering().with_search(candidates=asked)
     world, _ = populated(2, engine, budget=BudgetRules(), steering=steering, phases=1)
     in_time = list(world.advance(1.0))
-    assert {c.candidates for c in in_time} == {wished}
+    assert {c.candidates for c in in_time} == {asked}
     assert not any(c.flags & ChunkFlag.REDUCED for c in in_time)
     late = [c for _ in range(3) for c in world.tick(world.next_event() + 0.23)]
     assert {c.candidates for c in late} & {2, 1}
-    assert all(bool(c.flags & ChunkFlag.REDUCED) == (c.candidates < wished) for c in late)
+    assert all(bool(c.flags & ChunkFlag.REDUCED) == (c.candidates < asked) for c in late)
     assert (
-        world.scheduler.reduced_steps == sum(rows for _, rows, k in engine.calls if k < wished) > 0
+        world.scheduler.reduced_steps == sum(rows for _, rows, k in engine.calls if k < asked) > 0
     )
     calm = list(world.advance(30.0))
-    assert calm[-1].candidates == wished, "it comes back by itself"
+    assert calm[-1].candidates == asked, "it comes back by itself"
 
 
 def test_without_a_budget_nothing_depends_on_when_it_is_called():
     world, _ = populated(2, phases=1)
     list(world.advance(1.0))
-    wished = Steering().searches[Mode.STANDING].candidates
-    assert {c.candidates for c in world.tick(5.0)} == {wished}
+    asked = Steering().searches[Mode.STANDING].candidates
+    assert {c.candidates for c in world.tick(5.0)} == {asked}
     assert world.scheduler.reduced_steps == 0
 
 

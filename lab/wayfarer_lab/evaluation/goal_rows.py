@@ -66,15 +66,15 @@ def speed_row(name: str, courses: Sequence[Course]) -> Row:
     """Mean speed on the way and its target, from 2 s after the order to 2 m before the
     goal; the error is of each agent's mean.
     """
-    wished = courses[0].goal.speed
+    target = courses[0].goal.speed
     speeds = [_cruise(course) for course in courses]
     return {
         "name": name,
         "agents": len(courses),
-        "wished_mps": wished,
+        "wished_mps": target,
         "speed_mps": mean(speeds),
-        "speed_error_mps": mean([abs(speed - wished) for speed in speeds]),
-        "speed_error_p90_mps": quantile([abs(speed - wished) for speed in speeds], 0.9),
+        "speed_error_mps": mean([abs(speed - target) for speed in speeds]),
+        "speed_error_p90_mps": quantile([abs(speed - target) for speed in speeds], 0.9),
     }
 
 

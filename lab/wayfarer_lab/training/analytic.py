@@ -69,7 +69,7 @@ class AnalyticConfig(BaseModel):
     body_weight: float = 60.0  # of a metre by which predicted markers miss the body, see `off_body`
     renewal: float = 0.01  # chance at every step that an agent is replaced by a new one
     average: Share = 0.0  # of the weights' moving average is kept at each update; 0: no average
-    speed_band: Weight = 0.0  # m/s off the wished speed that cost a walker nothing
+    speed_band: Weight = 0.0  # m/s off the target speed that cost a walker nothing
     noise: tuple[float, float] = (1.0, 1.0)  # temperatures of the latents' noise, drawn by agent
     likeness: LikenessConfig | None = None  # a critic of steady walks; None: there is none
     tasks: TaskMix = TaskMix()

@@ -29,7 +29,7 @@ class LikenessConfig(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     weight: Weight = 1.5  # of (verdict - 1)² / 4: 0 taken for recorded, 1 for made
-    pace_weight: Weight = 3.0  # of a window's mean speed towards the goal off the wished one, m/s
+    pace_weight: Weight = 3.0  # of a window's mean speed towards the goal off the target, m/s
     gait_weight: Weight = 0.5  # of figures of gait that are off, see `UNITS`
     rate: float = Field(default=3e-4, gt=0)  # the critic's learning rate
 

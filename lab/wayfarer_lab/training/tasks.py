@@ -27,7 +27,7 @@ KEEP_FACING = 0.7
 """Share of strafers who are to face on as they do; the others first have to turn."""
 
 STRAFING_WAYS = (0.5, -0.5, 1.0)
-"""Half turns from the wished facing to the way of who strafes: left, right, back, …"""
+"""Half turns from the facing asked for to the way of who strafes: left, right, back, …"""
 
 ASIDE = 0.35
 """… give or take radians of this spread, as of walkers' goals straight ahead or behind."""
@@ -101,12 +101,12 @@ class Tasks:
         return (self.kind == WALKING) | (self.kind == STRAFING)
 
     def target_speed(self, place: Tensor, speed: Tensor) -> Tensor:
-        """Speed wished for now [A] of agents at `place` [A, 2] who move at `speed` [A]."""
+        """Target speed now [A] of agents at `place` [A, 2] who move at `speed` [A]."""
         distance = (self.goal[:, :2] - place).norm(dim=-1)
         slowing = (self.speed * distance / SLOWING).clamp(min=SLOWEST)
-        wished = torch.minimum(self.speed, slowing)
-        wished = torch.minimum(wished, speed + ACCELERATION * STEP_SECONDS)
-        return torch.where(self.moves, wished, torch.zeros_like(wished))
+        target = torch.minimum(self.speed, slowing)
+        target = torch.minimum(target, speed + ACCELERATION * STEP_SECONDS)
+        return torch.where(self.moves, target, torch.zeros_like(target))
 
     def wished_facing(self, facing: Tensor) -> Tensor:
         """The facing [A, 2] that a step asks for at its end, of agents that face `facing` [A, 2].
@@ -150,7 +150,7 @@ def draw_tasks(place: Tensor, facing: Tensor, mix: TaskMix) -> Tasks:
     speed = torch.where(fast, _uniform(count, *RUNNING), _uniform(count, *SPEEDS))
     speed = torch.where(strafing, _uniform(count, *STRAFING_SPEEDS), speed)
     kept = ((torch.rand(count) < KEEP_FACING) & strafing) | (kind == STANDING)
-    wished = torch.where(kept[:, None], facing, _direction(count))
+    asked = torch.where(kept[:, None], facing, _direction(count))
 
     stray = ASIDE * torch.randn(count)
     where = torch.rand(count)
@@ -159,7 +159,7 @@ def draw_tasks(place: Tensor, facing: Tensor, mix: TaskMix) -> Tasks:
     angle = torch.where(behind, pi + stray, torch.where(ahead, stray, angle))
     way = _turned(facing, angle)
     ways = torch.tensor(STRAFING_WAYS)[torch.randint(len(STRAFING_WAYS), (count,))]
-    way = torch.where(strafing[:, None], _turned(wished, pi * ways + stray), way)
+    way = torch.where(strafing[:, None], _turned(asked, pi * ways + stray), way)
     moves = walking | strafing
     distance = torch.where(moves, _uniform(count, *DISTANCES), STRAY * torch.randn(count).abs())
     distance = torch.where(walking & ahead, 2 * distance, distance)
@@ -168,7 +168,7 @@ def draw_tasks(place: Tensor, facing: Tensor, mix: TaskMix) -> Tasks:
         kind=kind,
         goal=torch.cat([ground, torch.zeros(count, 1)], -1),
         speed=speed,
-        facing=wished * ~walking[:, None],
+        facing=asked * ~walking[:, None],
     )
 
 

@@ -3,8 +3,8 @@
 An actor and a critic over one recurrent encoder. The state is that of Eq. 3: the markers of the
 seed and, for each, the direction to the goal.
 
-Deviations from the paper, and why: the networks also get the distance to the goal, the wished
-speed, the wished facing and the weights of the quality terms, so that one policy walks, strolls,
+Deviations from the paper, and why: the networks also get the distance to the goal, the target
+speed, the target facing and the weights of the quality terms, so that one policy walks, strolls,
 stops, stands and turns, and can be asked for any of them at any step.
 """
 

@@ -32,9 +32,9 @@ def test_who_stands_is_asked_to_face_as_now_and_walkers_face_their_way():
     assert (drawn.facing[drawn.kind == STANDING] == EAST).all()
     assert not drawn.facing[drawn.kind == WALKING].any()
     for kind in (TURNING, STRAFING):
-        wished = drawn.facing[drawn.kind == kind]
-        assert torch.allclose(wished.norm(dim=-1), torch.ones(len(wished)))
-        assert wished.std() > 0.5
+        asked = drawn.facing[drawn.kind == kind]
+        assert torch.allclose(asked.norm(dim=-1), torch.ones(len(asked)))
+        assert asked.std() > 0.5
 
 
 def test_the_speed_wished_for_grows_from_the_present_one_and_falls_near_the_goal():

@@ -41,7 +41,7 @@ def goal(x=None, radius=0.3, speed=1.2, **values):
 
 
 def facing(degrees):
-    """A wished heading as a column."""
+    """A heading as a column."""
     return facing_at(radians(degrees))
 
 
@@ -166,63 +166,63 @@ def test_to_a_goal_behind_it_strafes_backwards():
 
 
 def test_come_to_rest_it_turns_to_its_heading_and_then_stands():
-    wish = goal(0.1, heading=facing(90))
+    asked = goal(0.1, heading=facing(90))
     now = gait(Mode.STOPPING, 0.05, slow_seconds=0.2, arrived=True)
-    now = STEERING.decide(now, at(0.05), wish)
+    now = STEERING.decide(now, at(0.05), asked)
     assert now.mode[0] == Mode.TURNING
     np.testing.assert_allclose(now.stop_place[0], [0.05, 0], atol=1e-6)  # it turns where it is
-    assert next_mode(now, at(0.05, heading=80), wish) is Mode.TURNING
-    now = STEERING.decide(now, at(0.05, heading=84), wish)
+    assert next_mode(now, at(0.05, heading=80), asked) is Mode.TURNING
+    now = STEERING.decide(now, at(0.05, heading=84), asked)
     assert now.mode[0] == Mode.STOPPING
     for _ in range(2):
-        now = STEERING.decide(now, at(0.05, heading=84), wish)
+        now = STEERING.decide(now, at(0.05, heading=84), asked)
     assert now.mode[0] == Mode.STANDING
 
 
-def test_facing_nearly_as_wished_it_does_not_fidget():
-    wish = goal(0.0, heading=facing(0))
+def test_facing_nearly_as_asked_it_does_not_fidget():
+    asked = goal(0.0, heading=facing(0))
     standing = gait(Mode.STANDING, arrived=True)
-    assert next_mode(standing, at(0, heading=12), wish) is Mode.STANDING
-    assert next_mode(standing, at(0, heading=-20), wish) is Mode.TURNING
-    assert next_mode(standing, at(0, heading=170), goal(0.0)) is Mode.STANDING, "none was wished"
+    assert next_mode(standing, at(0, heading=12), asked) is Mode.STANDING
+    assert next_mode(standing, at(0, heading=-20), asked) is Mode.TURNING
+    assert next_mode(standing, at(0, heading=170), goal(0.0)) is Mode.STANDING, "none is asked for"
 
 
 def test_a_heading_is_no_reason_to_turn_before_it_is_there():
-    wish = goal(3.0, heading=facing(180))
-    assert next_mode(gait(Mode.WALKING), at(0), wish) is Mode.WALKING
-    assert next_mode(gait(Mode.STOPPING, 1.0), at(2.8), wish) is Mode.STOPPING
+    asked = goal(3.0, heading=facing(180))
+    assert next_mode(gait(Mode.WALKING), at(0), asked) is Mode.WALKING
+    assert next_mode(gait(Mode.STOPPING, 1.0), at(2.8), asked) is Mode.STOPPING
 
 
 def test_sent_where_it_is_it_turns_at_once():
-    wish = goal(0.0, heading=facing(-90))
-    assert next_mode(gait(Mode.WALKING, 0.0), at(0), wish) is Mode.TURNING
+    asked = goal(0.0, heading=facing(-90))
+    assert next_mode(gait(Mode.WALKING, 0.0), at(0), asked) is Mode.TURNING
 
 
 def test_headings_go_the_short_way_round_north():
-    wish = goal(0.0, heading=facing(179))
-    assert next_mode(gait(Mode.STANDING, arrived=True), at(0, heading=-178), wish) is Mode.STANDING
+    asked = goal(0.0, heading=facing(179))
+    assert next_mode(gait(Mode.STANDING, arrived=True), at(0, heading=-178), asked) is Mode.STANDING
 
 
 def test_passes_through_without_braking_and_stops_after_the_last():
-    wish = goal(0.4, through=True)
+    asked = goal(0.4, through=True)
     walking = gait(Mode.WALKING, 1.2)
-    assert next_mode(walking, at(0.0), wish) is Mode.WALKING
-    assert STEERING.targets(walking, at(0.0), wish).speed[0] == pytest.approx(1.2)
+    assert next_mode(walking, at(0.0), asked) is Mode.WALKING
+    assert STEERING.targets(walking, at(0.0), asked).speed[0] == pytest.approx(1.2)
     walking.arrived[:] = True
-    now = STEERING.decide(walking, at(0.6, before=0.57), wish)
+    now = STEERING.decide(walking, at(0.6, before=0.57), asked)
     assert now.mode[0] == Mode.STOPPING
     expected = 0.6 + STEERING.coasting_seconds * 1.2
     np.testing.assert_allclose(now.stop_place[0], [expected, 0], atol=1e-5)
     # Beyond the goal it does not turn back, however far it went.
     still = gait(Mode.STOPPING, 0.0, slow_seconds=0.2, arrived=True)
-    assert next_mode(still, at(2.0), wish) is Mode.STANDING
+    assert next_mode(still, at(2.0), asked) is Mode.STANDING
 
 
 def test_near_a_goal_to_pass_it_looks_ahead_along_the_path():
     def target(x, bend=0.0, **values):
         onward = (np.cos(bend), np.sin(bend))
-        wish = goal(4.0, **{"through": True, "bend": bend, "onward": onward, **values})
-        return STEERING.targets(gait(Mode.WALKING), at(x), wish).place[0, :2]
+        asked = goal(4.0, **{"through": True, "bend": bend, "onward": onward, **values})
+        return STEERING.targets(gait(Mode.WALKING), at(x), asked).place[0, :2]
 
     reach = STEERING.lookahead
     np.testing.assert_allclose(target(4.0 - reach - 0.1), [4, 0], atol=1e-6)
@@ -235,8 +235,8 @@ def test_near_a_goal_to_pass_it_looks_ahead_along_the_path():
 
 def test_slows_before_a_sharp_corner_only():
     def speed_at(bend, distance):
-        wish = goal(distance, through=True, more=True, bend=radians(bend))
-        return STEERING.targets(gait(Mode.WALKING, 1.2), at(0), wish).speed[0]
+        asked = goal(distance, through=True, more=True, bend=radians(bend))
+        return STEERING.targets(gait(Mode.WALKING, 1.2), at(0), asked).speed[0]
 
     assert speed_at(45, 0.2) == pytest.approx(1.2)
     assert speed_at(90, 0.2) == pytest.approx(STEERING.corner_speed)
@@ -258,12 +258,12 @@ def test_slows_before_a_sharp_corner_only():
     ],
 )
 def test_goes_on_to_the_next_goal(mode, seconds, values, goes_on):
-    wish = goal(0.0, **{"more": True, **values})
-    now = STEERING.advance(gait(mode, slow_seconds=seconds, arrived=True, waypoint=3), wish)
+    asked = goal(0.0, **{"more": True, **values})
+    now = STEERING.advance(gait(mode, slow_seconds=seconds, arrived=True, waypoint=3), asked)
     assert now.waypoint[0] == 3 + goes_on
     assert now.arrived[0] != goes_on
     assert now.mode[0] == (Mode.WALKING if goes_on else mode)
-    missed = STEERING.advance(gait(mode, slow_seconds=seconds, waypoint=3), wish)
+    missed = STEERING.advance(gait(mode, slow_seconds=seconds, waypoint=3), asked)
     assert missed.waypoint[0] == 3, "not before it has reached this one"
 
 
@@ -275,20 +275,20 @@ def test_standing_time_counts_on_for_the_dwell():
     assert now.slow_seconds[0] == pytest.approx(1.0)
 
 
-def test_facing_is_wished_for_at_rest_and_on_the_way_with_strafe():
-    def wished(mode, x, **values):
-        wish = goal(3.0, heading=facing(90), **values)
-        now = STEERING.decide(gait(mode, arrived=x > 2.9), at(x), wish)
-        return STEERING.targets(now, at(x), wish).facing[0].tolist()
+def test_facing_is_asked_for_at_rest_and_on_the_way_with_strafe():
+    def faced(mode, x, **values):
+        asked = goal(3.0, heading=facing(90), **values)
+        now = STEERING.decide(gait(mode, arrived=x > 2.9), at(x), asked)
+        return STEERING.targets(now, at(x), asked).facing[0].tolist()
 
     left = pytest.approx([-1, 0], abs=1e-6)
-    assert wished(Mode.WALKING, 0) == [0, 0]
-    assert wished(Mode.WALKING, 0, strafe=True) == left
+    assert faced(Mode.WALKING, 0) == [0, 0]
+    assert faced(Mode.WALKING, 0, strafe=True) == left
     for mode in (Mode.STOPPING, Mode.TURNING, Mode.STANDING):
-        assert wished(mode, 3.0) == left
+        assert faced(mode, 3.0) == left
 
 
-def test_without_a_wished_heading_it_goes_on_facing_as_it_did_when_it_stopped():
+def test_without_a_heading_it_goes_on_facing_as_it_did_when_it_stopped():
     now = STEERING.decide(gait(Mode.WALKING, 1.0), at(0, heading=90), goal(0.2))
     assert now.mode[0] == Mode.STOPPING
     faced = STEERING.targets(now, at(0.15, heading=50), goal(0.2)).facing[0]
@@ -328,13 +328,13 @@ def test_target_speed_falls_near_the_goal():
 
 
 def test_full_speed_is_not_asked_for_at_once():
-    def wished(speed):
+    def target(speed):
         return STEERING.targets(gait(Mode.WALKING, speed), at(0), goal(5)).speed[0]
 
     gained = STEERING.acceleration * STEP_SECONDS
-    assert wished(0.0) == pytest.approx(gained)
-    assert wished(0.5) == pytest.approx(0.5 + gained)
-    assert wished(1.1) == pytest.approx(1.2)
+    assert target(0.0) == pytest.approx(gained)
+    assert target(0.5) == pytest.approx(0.5 + gained)
+    assert target(1.1) == pytest.approx(1.2)
 
 
 def test_standing_it_is_drawn_to_the_place_where_it_stopped():
@@ -356,7 +356,7 @@ def side_steps(**values):
     return goal(3.0, heading=facing(0), strafe=True, **values)
 
 
-def test_side_steps_begin_at_rest_and_facing_as_wished():
+def test_side_steps_begin_at_rest_and_facing_as_asked():
     assert next_mode(gait(Mode.WALKING, 1.0), at(0), side_steps()) is Mode.STOPPING
     assert next_mode(gait(Mode.STANDING), at(0, heading=60), side_steps()) is Mode.TURNING
     assert next_mode(gait(Mode.TURNING), at(0, heading=15), side_steps()) is Mode.TURNING
@@ -445,7 +445,7 @@ def test_who_is_under_way_need_not_be_ready():
 
 @pytest.mark.parametrize("error", [0.9, 1.12])
 def test_who_walks_too_fast_or_too_slowly_is_asked_for_less_or_more(error):
-    """A walker that goes at `error` times the speed it is asked for comes to the wished one."""
+    """A walker that goes at `error` times the speed it is asked for comes to that speed."""
     now, place = gait(Mode.WALKING, 1.0), 0.0
     ahead = goal(100.0, speed=1.0)
     for _ in range(60):

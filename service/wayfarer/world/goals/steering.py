@@ -53,7 +53,7 @@ TRIM_MOST: Final = 0.15
 """Bound of the trim, either way."""
 
 STEADY: Final = 0.3
-"""Share of the wished speed: who is off it by more is setting off or slowing, and not trimmed."""
+"""Share of the target speed: who is off it by more is setting off or slowing, and not trimmed."""
 
 
 def default_searches() -> dict[Mode, Search]:
@@ -203,10 +203,10 @@ class Steering:
             | ((still | standing | turning) & missed)
             | (~walking & strayed)
         ) & ~reverses
-        wished = goals.given & goals.heading.any(-1) & ~waits
+        has_heading = goals.given & goals.heading.any(-1) & ~waits
         off = angle_between(facing, goals.heading)
-        astray = wished & (off > np.where(turning, self.faced, self.astray))
-        # Side steps begin at rest, and facing as is wished.
+        astray = has_heading & (off > np.where(turning, self.faced, self.astray))
+        # Side steps begin at rest, and facing as asked.
         side_steps = walks & goals.strafe & (gait.mode == Mode.STRAFING)
         faces = off < np.where(turning, self.faced, self.side_step_faced)
         side_steps |= walks & goals.strafe & at_rest & faces
@@ -232,11 +232,11 @@ class Steering:
             slow_seconds=slow_seconds.astype(np.float32),
             planted=gait.planted & (mode != Mode.WALKING) & (mode != Mode.TURNING),
             stop_place=_choose([(rests | turns_away, hips), (brakes, rest)], gait.stop_place),
-            # A stopping agent keeps its facing, unless another heading is wished.
+            # A stopping agent keeps its facing, unless another heading is asked for.
             stop_facing=_choose(
                 [
                     (about, direction),
-                    (wished & ~walks, goals.heading),
+                    (has_heading & ~walks, goals.heading),
                     (brakes | rests, facing),
                 ],
                 gait.stop_facing,
@@ -272,9 +272,9 @@ class Steering:
         """
         way = self._ahead(seed.translation[:, -1, :2], goals) - seed.translation[:, -1, :2]
         distance = np.linalg.norm(way, axis=-1)
-        wished = np.minimum(goals.speed, self.side_step_speed)
-        slowing = np.where(goals.through, wished, distance / (2 * STEP_SECONDS))
-        speed = np.minimum(wished, slowing) * (gait.mode == Mode.STRAFING)
+        target = np.minimum(goals.speed, self.side_step_speed)
+        slowing = np.where(goals.through, target, distance / (2 * STEP_SECONDS))
+        speed = np.minimum(target, slowing) * (gait.mode == Mode.STRAFING)
         change = way * (speed / np.maximum(distance, 1e-6))[:, None] - gait.carried
         most = self.side_step_acceleration * STEP_SECONDS
         length = np.maximum(np.linalg.norm(change, axis=-1), 1e-9)
@@ -315,18 +315,18 @@ class Steering:
         return Tables.of(self.searches)
 
     def _speed(self, hips: Float, gait: Gait, goals: GoalColumns) -> Float:
-        """Speed wished for on the way [A]: less at the start, before a stop, and at a corner."""
+        """Target speed on the way [A]: less at the start, before a stop, and at a corner."""
         distance = np.linalg.norm(goals.position[:, :2] - hips, axis=-1)
         # The model does not know that its steps are shortened: by habit, which costs no speed, …
         habit = np.where(goals.tread > 0, 0, np.clip(gait.shortened, *STRIDE))
-        wished = goals.speed * (1 + gait.trim) / (1 - habit)
-        at_goal = np.where(goals.bend > self.sharp, self.corner_speed, wished)
+        target = goals.speed * (1 + gait.trim) / (1 - habit)
+        at_goal = np.where(goals.bend > self.sharp, self.corner_speed, target)
         at_goal = np.where(goals.through, at_goal, self.slowest)
-        slowing = wished * distance / self.slowing_distance
+        slowing = target * distance / self.slowing_distance
         # … and on stairs, which does.
         more = self.acceleration * STEP_SECONDS / (1 - habit)
         reachable = gait.speed / (1 - gait.shortened) + more
-        return np.minimum(np.minimum(wished, reachable), np.maximum(slowing, at_goal))
+        return np.minimum(np.minimum(target, reachable), np.maximum(slowing, at_goal))
 
     def _rest(self, gait: Gait, path: Float) -> Float:
         """Where an agent that begins to brake now would come to rest [A, 2]."""
@@ -340,13 +340,13 @@ def _walks(gait: Gait) -> Flags:
     return walks
 
 
-def _turned_towards(facing: Float, wished: Float, most: float) -> Float:
-    """Unit vectors `facing` [A, 2] turned towards those `wished`, by `most` radians at most.
+def _turned_towards(facing: Float, asked: Float, most: float) -> Float:
+    """Unit vectors `facing` [A, 2] turned towards those `asked`, by `most` radians at most.
 
     Asked for half a turn at once, a body would whirl round at 220 degrees a second.
     """
-    crossed = facing[:, 0] * wished[:, 1] - facing[:, 1] * wished[:, 0]
-    angle = np.clip(np.arctan2(crossed, (facing * wished).sum(-1)), -most, most)
+    crossed = facing[:, 0] * asked[:, 1] - facing[:, 1] * asked[:, 0]
+    angle = np.clip(np.arctan2(crossed, (facing * asked).sum(-1)), -most, most)
     cos, sin = np.cos(angle), np.sin(angle)
     x, y = facing.T
     return np.stack([cos * x - sin * y, sin * x + cos * y], -1).astype(np.float32)

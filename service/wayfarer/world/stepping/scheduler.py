@@ -42,7 +42,7 @@ class Batch:
     goals: GoalColumns  # as their being reached is judged
     inputs: StepInputs
     candidates: int
-    reduced: Flags  # rows for which steering wished for more candidates
+    reduced: Flags  # rows for which steering asks for more candidates
     carried: Float  # [A, 2] m/s at which side steps move the body at the step's end
     mirrored: Flags  # rows whose mirror image the engine moves; see mirror.py
 
@@ -127,7 +127,7 @@ class Scheduler:
         self.under_way = 0  # of them, those that are not finished
         self.resets = 0  # rows so far that could not be shown, or had fallen
         self.mended_steps = 0  # rows in which a joint did what no body can do
-        self.reduced_steps = 0  # rows stepped with fewer candidates than wished
+        self.reduced_steps = 0  # rows stepped with fewer candidates than asked for
         self.held_steps = 0  # rows held in place of a step
 
     @property
@@ -188,11 +188,11 @@ class Scheduler:
         if not len(rows):
             return None
         seed, gait, course = self._next(rows)
-        wished = self._steering.candidates(gait.mode)
-        tried = wished if most is None else np.minimum(wished, most)
+        asked = self._steering.candidates(gait.mode)
+        tried = asked if most is None else np.minimum(asked, most)
         count = int(tried[0])
         if len(together := np.flatnonzero(tried == count)) < len(rows):
-            rows, wished = rows[together], wished[together]
+            rows, asked = rows[together], asked[together]
             seed, gait = seed.take(together), gait.take(together)
             course = NextTarget(course.ahead.take(together), course.judged.take(together))
         obstacles = self._guide.obstacles(rows, seed)
@@ -205,7 +205,7 @@ class Scheduler:
             goals=course.judged,
             inputs=gather(slots, rows, seed, gait, course.ahead, count, self._steering, obstacles),
             candidates=count,
-            reduced=wished > count,
+            reduced=asked > count,
             carried=self._steering.carried(gait, seed, course.ahead),
             mirrored=is_mirrored(slots.noise_seed[rows]),
         )
