@@ -45,6 +45,8 @@ lab: $(VENV)/.lab ## set up training, evaluation, data preparation and load tool
 test: $(VENV)/.dev ## set up and run all tests
 	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory $(NODE)/src/gen $(WEB)/node_modules/.package-lock.json $(NPM_TOOLS); \
 	else echo "skipped: clients/node, clients/web and the glTF validator need npm (apt-get install npm)" >&2; [ -z "$${CI:-}" ]; fi
+	@if ! { command -v cmake && command -v clang++ && test -e /usr/include/boost/beast.hpp; } >/dev/null; then \
+	echo "skipped: clients/cpp and clients/unreal need compilers and libraries (.ci/run lists them)" >&2; [ -z "$${CI:-}" ]; fi
 	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile $(ARGS)
 	@if command -v node >/dev/null; then node --test $(VIEWER_TESTS); \
 	else echo "skipped: tests/viewer needs node (apt-get install nodejs)" >&2; [ -z "$${CI:-}" ]; fi

@@ -144,7 +144,7 @@ def test_over_https_and_a_lost_connection_nothing_is_missing(real_server, tmp_pa
 
 @pytest.mark.slow
 def test_an_empty_project_uses_it_by_the_readme_alone(real_server, tmp_path):
-    """Its commands and files as they are printed; only the optimizer stays away, to save time."""
+    """Its commands and files as they are printed; to save time, without optimizer and OpenSSL."""
     text = (FOLDER / "README.md").read_text(encoding="utf-8")
     page = text.partition("## Five minutes")[2].partition("\n## ")[0]
     (cmake,) = re.findall(r"```cmake\n(.*?)```", page, re.S)
@@ -157,8 +157,33 @@ def test_an_empty_project_uses_it_by_the_readme_alone(real_server, tmp_path):
     (project / "CMakeLists.txt").write_text(cmake)
     (project / "main.cpp").write_text(code)
     quick = {"HOME": str(tmp_path), "CMAKE_BUILD_TYPE": "Debug"}
+    quick["CMAKE_TOOLCHAIN_FILE"] = str(tmp_path / "quick.cmake")
+    (tmp_path / "quick.cmake").write_text('set(WAYFARER_TLS OFF CACHE BOOL "")\n')
     run("sh", "-ec", install, cwd=clone, **quick)
     said = run("sh", "-ec", f"{use.rstrip()} {real_server.url}", cwd=project, **quick).splitlines()
     assert said[-1] == "arrived"
     x, z = map(float, re.findall(r"-?[0-9.]+", said[-2]))
     assert abs(x - 2) < 0.5 and abs(z - 3) < 0.5
+
+
+@pytest.mark.slow
+def test_a_project_has_the_core_as_a_part(tmp_path):
+    """By FetchContent, from a folder; nothing of it is installed with the project."""
+    (tmp_path / "CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.16)\nproject(part LANGUAGES CXX)\n"
+        "include(FetchContent)\nset(WAYFARER_SESSION OFF)\n"
+        f'FetchContent_Declare(wayfarer SOURCE_DIR "{FOLDER}")\n'
+        "FetchContent_MakeAvailable(wayfarer)\nadd_executable(part main.cpp)\n"
+        "target_link_libraries(part PRIVATE wayfarer::wayfarer)\n"
+    )
+    (tmp_path / "main.cpp").write_text(
+        "#include <cstdio>\n#include <wayfarer/core.hpp>\n#include <wayfarer/wayfarer.h>\n"
+        "int main() { wayfarer::MotionPlayer player; player.advance(0);\n"
+        '  std::printf("%s %zu", wf_version(), wayfarer::BONES.size()); }\n'
+    )
+    run("cmake", "-S", tmp_path, "-B", tmp_path / "build", "-G", "Ninja")
+    run("cmake", "--build", tmp_path / "build")
+    assert run(tmp_path / "build" / "part") == "0.1.0 22"
+    assert not run("cmake", "--install", tmp_path / "build", "--prefix", tmp_path / "out").count(
+        "wayfarer"
+    )

@@ -3,6 +3,11 @@
 #include <algorithm>
 
 namespace wayfarer {
+namespace {
+
+constexpr std::size_t MOST_BONES = 1024;  // a header's, so that no server fills this machine's memory
+
+}  // namespace
 
 MessageKind MotionPlayer::receive(const std::uint8_t* message, std::size_t size, double now) {
   const MessageKind kind = decoder_.decode(message, size);
@@ -49,6 +54,7 @@ double MotionPlayer::buffered() const {
 void MotionPlayer::take_header() {
   const Header& header = decoder_.header();
   decoder_.check_frames(header);  // an unknown encoding is told at once
+  if (header.bones.size() > MOST_BONES) throw DecodeError(std::to_string(header.bones.size()) + " bones are too many");
   if (!header.sent_fps) throw DecodeError("the header says no frames per second");
   const bool again = header_.has_value();
   header_ = header;

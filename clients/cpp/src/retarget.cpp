@@ -34,7 +34,38 @@ Vec3 snapped(const Vec3& direction) {
   return {0, 0, std::copysign(1, v.z)};
 }
 
+/// The rotation from the character's axes to the basis, by where hips and legs are.
+Quat alignment(const BoneMap& map, const Basis& basis) {
+  const auto joint = [&](int b) { return map.rig().place(map.nodes()[static_cast<std::size_t>(b)]); };
+  const Vec3 feet = 0.5 * (joint(LEGS[0].ankle) + joint(LEGS[1].ankle));
+  const Vec3 up = snapped(joint(0) - feet);
+  Vec3 left = snapped(without(joint(LEGS[0].hip) - joint(LEGS[1].hip), up));
+  left = without(left, up);
+  left = (1 / length(left)) * left;
+  const Vec3 forward = basis.handed * cross(left, up);
+  return between({left, up, forward}, {basis.left, basis.up, basis.forward});
+}
+
+/// Its feet are so near over the origin's level that this is its floor.
+bool stands(double lowest, double hips) { return lowest >= 0 && lowest <= 0.25 * (hips - lowest); }
+
 }  // namespace
+
+CharacterJoints character_joints(const BoneMap& map, const Basis& basis) {
+  const Quat turn = alignment(map, basis);
+  const auto has = [&](int b) { return map.nodes()[static_cast<std::size_t>(b)] >= 0; };
+  CharacterJoints found;
+  for (int b = 0; b < BONE_COUNT; ++b)
+    if (has(b))
+      found.places[static_cast<std::size_t>(b)] =
+          rotate(turn, map.rig().place(map.nodes()[static_cast<std::size_t>(b)]));
+  double lowest = std::numeric_limits<double>::infinity();
+  for (const auto& [hip, knee, ankle, toe] : LEGS)
+    for (const int b : {ankle, toe})
+      if (has(b)) lowest = std::min(lowest, dot(found.places[static_cast<std::size_t>(b)], basis.up));
+  if (stands(lowest, dot(found.places[0], basis.up))) found.floor = 0;
+  return found;
+}
 
 Retarget::Retarget(const BoneMap& map, const std::vector<float>& rest_offsets, const Basis& basis, double floor)
     : basis_(basis), nodes_(map.nodes()) {
@@ -56,7 +87,7 @@ Retarget::Retarget(const BoneMap& map, const std::vector<float>& rest_offsets, c
       break;
     }
   }
-  const Quat turn = alignment(rig);
+  const Quat turn = alignment(map, basis);
   PerBone<Quat> rest{};
   PerBone<Vec3> place{};
   for (const int b : mapped_) {
@@ -79,18 +110,6 @@ Retarget::Retarget(const BoneMap& map, const std::vector<float>& rest_offsets, c
     base_scale_ = rig.scale(parent);
   }
   measure_legs(place, correct, floor);
-}
-
-/// The rotation from the character's axes to the basis, by where hips and legs are.
-Quat Retarget::alignment(const Rig& rig) const {
-  const auto joint = [&](int b) { return rig.place(node(b)); };
-  const Vec3 feet = 0.5 * (joint(LEGS[0].ankle) + joint(LEGS[1].ankle));
-  const Vec3 up = snapped(joint(0) - feet);
-  Vec3 left = snapped(without(joint(LEGS[0].hip) - joint(LEGS[1].hip), up));
-  left = without(left, up);
-  left = (1 / length(left)) * left;
-  const Vec3 forward = basis_.handed * cross(left, up);
-  return between({left, up, forward}, {basis_.left, basis_.up, basis_.forward});
 }
 
 /// What turns each bone from the character's rest pose into a T-pose.
@@ -145,8 +164,7 @@ void Retarget::measure_legs(const PerBone<Vec3>& place, const PerBone<Quat>& cor
   }
   const double scale = legs / source_legs;
   if (floor != floor) {
-    const bool stands = lowest >= 0 && lowest <= 0.25 * (dot(place[0], up) - lowest);
-    floor = stands ? 0 : lowest - scale * source_lowest;
+    floor = stands(lowest, dot(place[0], up)) ? 0 : lowest - scale * source_lowest;
   }
   double high = 0;
   for (std::size_t k = 0; k < 2; ++k) {

@@ -244,6 +244,15 @@ std::int32_t wf_map_correct(wf_map* map, const char* bone, const char* node_name
   });
 }
 
+std::int32_t wf_map_joints(const wf_map* map, const char* basis, double* places, double* floor) {
+  return guarded<std::int32_t>(WF_ERROR, [&] {
+    const CharacterJoints joints = character_joints(map->map, basis_named(basis));
+    for (const Vec3& place : joints.places) put(place, places), places += 3;
+    *floor = joints.floor;
+    return 0;
+  });
+}
+
 wf_retarget* wf_retarget_create(const wf_map* map, const float* rest_offsets, std::size_t count, const char* basis,
                                 double floor) {
   return guarded<wf_retarget*>(nullptr, [&] {

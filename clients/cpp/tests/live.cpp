@@ -85,7 +85,11 @@ int main(int count, char** values) try {
   } catch (const ApiError& error) {
     require(error.status == 404 && std::string(error.what()).find("nobody") != std::string::npos, error.what());
   }
-  const std::string id = session.create_agents({{{"name", "Ada"}}})[0].at("agent_id");
+  const golden::Case tall = golden::cases()[1];  // an agent with the legs of a character
+  const Json body = session.api().fit_body(map_bones(tall.rig, tall.humanoid));
+  require(body.at("betas").size() == 10 && std::abs(body.at("scale").get<double>() - 1) < 0.2, body.dump());
+  const std::string id =
+      session.create_agents({{{"name", "Ada"}, {"gender", body.at("gender")}, {"betas", body.at("betas")}}})[0].at("agent_id");
   session.api().set_path(id, {{{"position", {{"x", GOAL_X}, {"y", 0}, {"z", GOAL_Z}}}}});
 
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(PATIENCE);

@@ -41,6 +41,23 @@ TEST_CASE("local rotations give the same places through the file's own nodes") {
   }
 }
 
+TEST_CASE("joints of a character stand upright in the basis that is asked for") {
+  for (const golden::Case& own : cases()) {
+    CAPTURE(own.name);
+    for (const char* name : {"gltf", "unity", "unreal", "blender"}) {
+      const Basis &basis = basis_named(name), &space = basis_named(own.basis);
+      if (basis.handed != space.handed) continue;  // no rotation leads there
+      const BoneMap map = map_bones(own.rig, own.humanoid, space);
+      const CharacterJoints joints = character_joints(map, basis);
+      const auto at = [&](const char* bone) { return joints.places[static_cast<std::size_t>(bone_number(bone))]; };
+      const Vec3 up = at("pelvis") - at("left_ankle"), left = at("left_hip") - at("right_hip");
+      CHECK(dot(up, basis.up) > 0.9 * length(up));
+      CHECK(dot(left, basis.left) > 0.9 * length(left));
+      if (map.nodes()[10] >= 0) CHECK(dot(at("left_foot") - at("left_ankle"), basis.forward) > 0);
+    }
+  }
+}
+
 TEST_CASE("a map can be shown and corrected") {
   const BoneMap map = map_bones(cases()[0].rig);
   CHECK((map.missing().empty() && map.table()[4].first == "left_knee"));

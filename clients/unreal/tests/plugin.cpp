@@ -122,7 +122,11 @@ int main() {
   const std::string Server = "https://walk.example";
   auto Body = Answer("POST", Server + "/v1/sessions", 201, R"({"session_id": "s-1"})");
   REQUIRE(Body == nlohmann::json({{"basis", "unreal"}, {"scene", "scene-1"}}));
+  Body = Answer("POST", Server + "/v1/bodies:fit", 200, R"({"gender": "male", "betas": [0.5, -1], "scale": 1})");
+  REQUIRE(Body.at("basis") == "unreal" && Body.at("floor") == 0 && Body.at("joints").size() == Found.at("map").size());
+  REQUIRE(Body.at("joints")[0].at("bone") == "pelvis" && Body.at("joints")[0].at("position").at("z") > 80);
   Body = Answer("POST", Server + "/v1/sessions/s-1/agents", 201, R"({"agents": [{"agent_id": "agent-0"}]})").at("agents")[0];
+  REQUIRE(Body.at("gender") == "male" && Body.at("betas") == nlohmann::json({0.5, -1}));
   REQUIRE(Body.at("name") == "Ada" && Body.at("position") == nlohmann::json({{"x", 120.0}, {"y", 40.0}, {"z", 0.0}}));
   Body = Answer("PUT", Server + "/v1/agents/agent-0/goal", 404, R"({"detail": "no agent"})");
   REQUIRE(Body.at("speed") == 140.0 && Body.at("position").at("y") == 300.0);

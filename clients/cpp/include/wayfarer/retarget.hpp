@@ -10,6 +10,14 @@
 
 namespace wayfarer {
 
+/// Joints of a character at rest, upright in a basis of its handedness: what `Api::fit_body` sends. `floor`: height of
+/// its floor; NaN where it does not stand on the origin's level, and its file does not say.
+struct CharacterJoints {
+  std::array<Vec3, BONE_COUNT> places{};  // of the bones that the map has
+  double floor = std::numeric_limits<double>::quiet_NaN();
+};
+CharacterJoints character_joints(const BoneMap& map, const Basis& basis = bases::gltf);
+
 /// Turns frames of an agent into poses of a character.
 class Retarget {
  public:
@@ -50,7 +58,6 @@ class Retarget {
 
   static std::size_t at(int bone) { return static_cast<std::size_t>(bone); }
   bool has(int bone) const { return nodes_[at(bone)] >= 0; }
-  Quat alignment(const Rig& rig) const;
   PerBone<Quat> corrections(const PerBone<Vec3>& place) const;
   void measure_legs(const PerBone<Vec3>& place, const PerBone<Quat>& correct, double floor);
   Sole sole_of(const Vec3& ball, double height) const;

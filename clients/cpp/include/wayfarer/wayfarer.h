@@ -107,6 +107,10 @@ WF_API int32_t wf_map_node(const wf_map *map, int32_t bone);
 /* Say which node a bone is (NULL: none). 0, or WF_ERROR with the map as before. */
 WF_API int32_t wf_map_correct(wf_map *map, const char *bone, const char *node_name);
 
+/* Places [22][3] of the joints at rest, upright in the basis (of the rig's handedness), and the height of the floor (NAN:
+   not known): what POST /v1/bodies:fit asks for, to make an agent with the character's proportions. */
+WF_API int32_t wf_map_joints(const wf_map *map, const char *basis, double *places, double *floor);
+
 /* `rest_offsets` of the agent; `floor`: height of the character's soles at rest (NAN: find it); all in the basis and
    unit of the stream, as is the rig. */
 WF_API wf_retarget *wf_retarget_create(const wf_map *map, const float *rest_offsets, size_t count,

@@ -114,6 +114,19 @@ Json Api::create_agents(const std::string& session_id, const Json& agents) const
   return call("POST", "/v1/sessions/" + url_encoded(session_id) + "/agents", {{"agents", agents}}).at("agents");
 }
 
+Json Api::fit_body(const BoneMap& map, const std::string& basis) const {
+  const CharacterJoints found = character_joints(map, basis_named(basis));
+  Json joints = Json::array();
+  for (std::size_t b = 0; b < BONE_COUNT; ++b) {
+    const Vec3& place = found.places[b];
+    if (map.nodes()[b] >= 0)
+      joints.push_back({{"bone", BONES[b]}, {"position", {{"x", place.x}, {"y", place.y}, {"z", place.z}}}});
+  }
+  Json wanted{{"joints", joints}, {"basis", basis}};
+  if (found.floor == found.floor) wanted["floor"] = found.floor;
+  return call("POST", "/v1/bodies:fit", wanted);
+}
+
 void Api::delete_agent(const std::string& agent_id) const { call("DELETE", agent_path(agent_id)); }
 
 Json Api::set_goal(const std::string& agent_id, const Json& goal) const {

@@ -5,6 +5,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "wayfarer/retarget.hpp"
+
 namespace wayfarer {
 
 using Json = nlohmann::json;
@@ -37,6 +39,9 @@ class Api {
   void delete_session(const std::string& session_id) const;
   /// [{{"name", "Ada"}, {"gender", "female"}, {"position", {{"x", 1}, …}}}, …]. Returns the agents.
   Json create_agents(const std::string& session_id, const Json& agents) const;
+  /// The body whose bones are as long as a character's: its "gender" and "betas" are those of an agent whose steps fit
+  /// the character's legs; "scale", "lengths" say how near it is (docs/api.md, "Agents").
+  Json fit_body(const BoneMap& map, const std::string& basis = "gltf") const;
   void delete_agent(const std::string& agent_id) const;
   /// Goals: {{"position", {{"x", 2}, {"y", 0}, {"z", 3}}}, {"speed", 1.2}, {"heading", 0}, …}. docs/api.md, "Goals".
   Json set_goal(const std::string& agent_id, const Json& goal) const;

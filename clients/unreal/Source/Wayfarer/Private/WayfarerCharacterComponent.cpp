@@ -4,6 +4,8 @@
 #include "BoneContainer.h"
 #include "BonePose.h"
 #include "Components/SkeletalMeshComponent.h"
+#include "Dom/JsonObject.h"
+#include "Dom/JsonValue.h"
 #include "Engine/GameInstance.h"
 #include "Engine/SkeletalMesh.h"
 #include "Engine/World.h"
@@ -50,8 +52,13 @@ void UWayfarerCharacterComponent::BeginPlay()
 	if (!AgentId.IsEmpty()) return;
 	bCreated = true;
 	const FVector Ground = Owner->GetActorLocation() - FVector(0, 0, OriginHeight);
+	if (!FindBones())
+	{
+		SetComponentTickEnabled(false);
+		return;
+	}
 	TWeakObjectPtr<UWayfarerCharacterComponent> Self = this;
-	Subsystem->CreateAgent(Owner->GetName(), Ground, Owner->GetActorRotation().Yaw, [Self, Subsystem](const FString& Id) {
+	Subsystem->CreateAgent(Owner->GetName(), Ground, Owner->GetActorRotation().Yaw, bFitBody ? Proportions() : nullptr, [Self, Subsystem](const FString& Id) {
 		if (!Self.IsValid()) return Subsystem->DeleteAgent(Id);
 		Self->AgentId = Id;
 		if (Self->WaitingGoal) Subsystem->SetGoal(Id, Self->WaitingGoal->Key, Self->WaitingGoal->Value);
@@ -104,7 +111,8 @@ void UWayfarerCharacterComponent::TickComponent(float DeltaTime, ELevelTick Tick
 	if (Frame) Show(Frame, Count, Moment);
 }
 
-bool UWayfarerCharacterComponent::Prepare(const UWayfarerSubsystem& Subsystem, uint32 Alias)
+/** Map; false, with the reason in Why, when the mesh is no humanoid. */
+bool UWayfarerCharacterComponent::FindBones()
 {
 	const USkeletalMesh* Asset = Mesh->GetSkeletalMeshAsset();
 	if (!Asset)
@@ -125,6 +133,7 @@ bool UWayfarerCharacterComponent::Prepare(const UWayfarerSubsystem& Subsystem, u
 		const double Position[3] = {P.X, P.Y, P.Z}, Rotation[4] = {Q.X, Q.Y, Q.Z, Q.W}, Own[3] = {S.X, S.Y, S.Z};
 		wf_rig_add(Rig, TCHAR_TO_UTF8(*Skeleton.GetBoneName(Bone).ToString()), Skeleton.GetParentIndex(Bone) + 1, Position, Rotation, Own);
 	}
+	wf_map_destroy(Map);
 	Map = wf_map_create(Rig, "unreal");
 	wf_rig_destroy(Rig);
 	bool bRight = Map != nullptr;
@@ -133,18 +142,48 @@ bool UWayfarerCharacterComponent::Prepare(const UWayfarerSubsystem& Subsystem, u
 		const FString Bone = Each.Key.ToString(), Node = Each.Value.ToString();
 		bRight = bRight && wf_map_correct(Map, TCHAR_TO_UTF8(*Bone), Each.Value.IsNone() ? nullptr : TCHAR_TO_UTF8(*Node)) == 0;
 	}
-	if (bRight)
+	if (!bRight) Why = UTF8_TO_TCHAR(wf_error());
+	return bRight;
+}
+
+/** What POST /v1/bodies:fit asks for. */
+TSharedPtr<FJsonObject> UWayfarerCharacterComponent::Proportions() const
+{
+	double Places[3 * WF_BONES], Floor;
+	wf_map_joints(Map, "unreal", Places, &Floor);
+	TArray<TSharedPtr<FJsonValue>> Joints;
+	for (int32 Bone = 0; Bone < WF_BONES; ++Bone)
 	{
-		size_t Count = 0;
-		const float* Offsets = wf_agent_rest_offsets(Subsystem.Player(), Alias, &Count);
-		Retarget = wf_retarget_create(Map, Offsets, Count, "unreal", NAN);
-		Root = wf_root_create("unreal", 0.01);
+		if (wf_map_node(Map, Bone) < 0) continue;
+		TSharedPtr<FJsonObject> Joint = MakeShared<FJsonObject>(), Position = MakeShared<FJsonObject>();
+		Position->SetNumberField(TEXT("x"), Places[3 * Bone]);
+		Position->SetNumberField(TEXT("y"), Places[3 * Bone + 1]);
+		Position->SetNumberField(TEXT("z"), Places[3 * Bone + 2]);
+		Joint->SetStringField(TEXT("bone"), UTF8_TO_TCHAR(wf_bone_name(Bone)));
+		Joint->SetObjectField(TEXT("position"), Position);
+		Joints.Add(MakeShared<FJsonValueObject>(Joint));
 	}
+	TSharedPtr<FJsonObject> Wanted = MakeShared<FJsonObject>();
+	Wanted->SetStringField(TEXT("basis"), TEXT("unreal"));
+	Wanted->SetArrayField(TEXT("joints"), Joints);
+	if (Floor == Floor) Wanted->SetNumberField(TEXT("floor"), Floor);
+	return Wanted;
+}
+
+bool UWayfarerCharacterComponent::Prepare(const UWayfarerSubsystem& Subsystem, uint32 Alias)
+{
+	if (!FindBones()) return false;
+	size_t Count = 0;
+	const float* Offsets = wf_agent_rest_offsets(Subsystem.Player(), Alias, &Count);
+	Retarget = wf_retarget_create(Map, Offsets, Count, "unreal", NAN);
+	Root = wf_root_create("unreal", 0.01);
 	if (!Retarget || !Root)
 	{
 		Why = UTF8_TO_TCHAR(wf_error());
 		return false;
 	}
+	const FReferenceSkeleton& Skeleton = Mesh->GetSkeletalMeshAsset()->GetRefSkeleton();
+	const TArray<FTransform>& Rest = Skeleton.GetRefBonePose();
 	for (int32 Bone = 0; Bone < WF_BONES; ++Bone)
 	{
 		const int32 Node = wf_map_node(Map, Bone);

@@ -116,17 +116,28 @@ TStatId UWayfarerSubsystem::GetStatId() const
 	RETURN_QUICK_DECLARE_CYCLE_STAT(UWayfarerSubsystem, STATGROUP_Tickables);
 }
 
-void UWayfarerSubsystem::CreateAgent(const FString& Name, const FVector& Location, double Yaw, TFunction<void(const FString&)> Created)
+void UWayfarerSubsystem::CreateAgent(const FString& Name, const FVector& Location, double Yaw, const TSharedPtr<FJsonObject>& Character, TFunction<void(const FString&)> Created)
 {
 	if (SessionId.IsEmpty())
 	{
-		WhenOpen.Add([this, Name, Location, Yaw, Created] { CreateAgent(Name, Location, Yaw, Created); });
+		WhenOpen.Add([this, Name, Location, Yaw, Character, Created] { CreateAgent(Name, Location, Yaw, Character, Created); });
 		return;
 	}
-	TSharedPtr<FJsonObject> Agent = MakeShared<FJsonObject>(), Body = MakeShared<FJsonObject>();
+	TSharedPtr<FJsonObject> Agent = MakeShared<FJsonObject>();
 	Agent->SetStringField(TEXT("name"), Name);
 	Agent->SetObjectField(TEXT("position"), Place(Location));
 	Agent->SetNumberField(TEXT("heading"), FMath::DegreesToRadians(Yaw));
+	if (!Character) return Create(Agent, Created);
+	Call(TEXT("POST"), TEXT("/v1/bodies:fit"), Character, [this, Agent, Created](const FJsonObject& Fit) {
+		Agent->SetStringField(TEXT("gender"), Fit.GetStringField(TEXT("gender")));
+		Agent->SetArrayField(TEXT("betas"), Fit.GetArrayField(TEXT("betas")));
+		Create(Agent, Created);
+	});
+}
+
+void UWayfarerSubsystem::Create(const TSharedPtr<FJsonObject>& Agent, TFunction<void(const FString&)> Created)
+{
+	TSharedPtr<FJsonObject> Body = MakeShared<FJsonObject>();
 	Body->SetArrayField(TEXT("agents"), {MakeShared<FJsonValueObject>(Agent)});
 	const FString Path = TEXT("/v1/sessions/") + FGenericPlatformHttp::UrlEncode(SessionId) + TEXT("/agents");
 	Call(TEXT("POST"), Path, Body, [Created](const FJsonObject& Answer) {

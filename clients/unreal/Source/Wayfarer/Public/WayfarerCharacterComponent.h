@@ -5,6 +5,7 @@
 #include "WayfarerPose.h"
 #include "WayfarerCharacterComponent.generated.h"
 
+class FJsonObject;
 class USkeletalMeshComponent;
 class UWayfarerSubsystem;
 struct wf_map;
@@ -27,6 +28,9 @@ public:
 	/** Whom to show; "": create an agent where the actor stands. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = Wayfarer)
 	FString AgentId;
+	/** An agent that is made here has the character's proportions, so that its steps fit the character's legs. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = Wayfarer)
+	bool bFitBody = true;
 	/** The actor follows the agent: a point on the ground and a yaw that do not sway with the hips. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = Wayfarer)
 	bool bMoveActor = true;
@@ -55,6 +59,8 @@ public:
 	virtual void TickComponent(float DeltaTime, ELevelTick TickType, FActorComponentTickFunction* ThisTickFunction) override;
 
 private:
+	bool FindBones();
+	TSharedPtr<FJsonObject> Proportions() const;
 	bool Prepare(const UWayfarerSubsystem& Subsystem, uint32 Alias);
 	void Forget();
 	void Show(const float* Frame, size_t Count, double Moment);

@@ -31,8 +31,11 @@ public:
 	UFUNCTION(BlueprintCallable, Category = Wayfarer)
 	void Close();
 
-	/** Create an agent; Created tells its id once the server has answered. May be called before the session is open. */
-	void CreateAgent(const FString& Name, const FVector& Location, double Yaw, TFunction<void(const FString& AgentId)> Created);
+	/**
+	 * Create an agent; Created tells its id once the server has answered. May be called before the session is open.
+	 * Character: a request of POST /v1/bodies:fit, for an agent of a character's proportions; null: the mean body.
+	 */
+	void CreateAgent(const FString& Name, const FVector& Location, double Yaw, const TSharedPtr<FJsonObject>& Character, TFunction<void(const FString& AgentId)> Created);
 
 	/** Send an agent to a place; Speed in centimetres per second. */
 	UFUNCTION(BlueprintCallable, Category = Wayfarer)
@@ -76,6 +79,7 @@ public:
 	virtual TStatId GetStatId() const override;
 
 private:
+	void Create(const TSharedPtr<FJsonObject>& Agent, TFunction<void(const FString&)> Created);
 	void Call(const FString& Verb, const FString& Path, const TSharedPtr<FJsonObject>& Body, TFunction<void(const FJsonObject&)> Answered);
 	void Connect();
 	void Receive(const void* Data, SIZE_T Size, SIZE_T BytesRemaining);
