@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -122,6 +122,22 @@ class Case:
     humanoid: dict[str, int] | None = None
 
 
+def right_first(rig: Rig) -> Rig:
+    """The same, with each bone of the right side in the list where the left one's was."""
+    swapped = [
+        bone.replace("left", "right") if "left" in bone else bone.replace("right", "left")
+        for bone in BONES
+    ]
+    order = [0, *(1 + BONES.index(bone) for bone in swapped)]
+    nodes = [rig.nodes[k] for k in order]
+    return Rig(
+        tuple(
+            replace(node, parent=order.index(node.parent)) if node.parent >= 0 else node
+            for node in nodes
+        )
+    )
+
+
 def cases() -> list[Case]:
     """One of each kind."""
     own = offsets_of("female", [])
@@ -167,6 +183,7 @@ def cases() -> list[Case]:
         Case("vrm1", vrm, "vrm", humanoid=humanoid),
         Case("vrm0", vrm0, "vrm", humanoid=humanoid0),
         Case("unnamed", unnamed.rig(), "shape"),
+        Case("unnamed_right_first", right_first(unnamed.rig()), "shape"),
         Case("unity", Body(man[0], names=unity).rig(), "names", basis="unity"),
         Case("unreal", Body(man[1], names=unreal).rig(), "names", basis="unreal"),
     ]

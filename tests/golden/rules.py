@@ -25,6 +25,8 @@ PLAYOUT = FOLDER / "playout.json"
 RETARGET = FOLDER / "retarget.json"
 WALK = json.loads((FOLDER / "walk.json").read_text())
 CHUNK = 0.2
+LASTS = {"settles": 36}
+"""Seconds of a trace, where they are not 12: longer than lateness is remembered."""
 SHOWN = (0, 11, 17, 23, 42)
 """Frames of the walk that are put on characters: standing, steps, a turn."""
 
@@ -33,7 +35,7 @@ def arrivals(kind: str) -> Iterator[tuple[float, float, float]]:
     """(time it comes on a perfect clock, time sent, time its motion is for) of messages."""
     numbers = congruential(7)
     last = 0.0
-    for k in range(60):
+    for k in range(int(LASTS.get(kind, 12) / CHUNK)):
         due = k * CHUNK
         late = {
             "steady": 0.0,
@@ -42,6 +44,7 @@ def arrivals(kind: str) -> Iterator[tuple[float, float, float]]:
             "outage": 3.0 - (due - 4.0) if 4.0 <= due < 7.0 else 0.0,
             "far_clock": 0.02 * (next(numbers) + 1),
             "sleep": 0.0,
+            "settles": 0.5 if k == 10 else 0.0,
         }[kind]
         last = max(last, due + late)  # messages of a connection stay in order
         yield last + 0.03, due + late, due
@@ -54,8 +57,9 @@ def clock_trace(kind: str) -> list[list[Any]]:
     server = 1_780_000_000.0 if kind == "far_clock" else 0.0
     waiting = list(arrivals(kind))
     events: list[list[Any]] = []
-    for picture in range(12 * 30):
-        at = picture / 30
+    seconds, per_second = LASTS.get(kind, 12), 4 if kind in LASTS else 30
+    for picture in range(seconds * per_second):
+        at = picture / per_second
         while waiting and waiting[0][0] <= at:
             came, sent, due = waiting.pop(0)
             clock.observe(local + came, server + sent)
@@ -182,7 +186,7 @@ def retarget_case(case: Case, walk: dict[str, Any]) -> dict[str, Any]:
 
 def files() -> dict[Path, bytes]:
     """Content of playout.json and retarget.json."""
-    kinds = ("steady", "jitter", "burst", "outage", "far_clock", "sleep")
+    kinds = ("steady", "jitter", "burst", "outage", "far_clock", "sleep", "settles")
     playout = {
         "about": "See README.md. Times: seconds; a pose: hips x, y, z, then x, y, z, w per bone.",
         "clock": {kind: clock_trace(kind) for kind in kinds},
