@@ -93,7 +93,13 @@ def test_health_and_viewer_are_open(http, path):
     assert http.get(path).status_code == 200
 
 
-@pytest.mark.parametrize("path", ["/v1/me/x", "/v1/nothing", "/v1/", "/metrics", "/v1%2Fme/x"])
+@pytest.mark.parametrize(
+    "path",
+    [
+        *("/v1/me/x", "/v1/nothing", "/v1/", "/metrics", "/v1%2Fme/x"),
+        *("/mmcp/generate", "/mmcp/capabilities", "/mmcp%2Fgenerate"),
+    ],
+)
 def test_all_else_asks_who_calls(http, path):
     answer = http.get(path)
     assert answer.status_code == 401

@@ -26,6 +26,9 @@ SUBPROTOCOL: Final = "wayfarer.v1"
 TOKEN_SUBPROTOCOL: Final = "wayfarer.token."
 """Followed by the key or token in base64url: the one thing that a page can send with a socket."""
 
+GUARDED: Final = ("/v1/", "/mmcp/")
+"""Below these a caller has to be admitted."""
+
 READS: Final = ("GET", "HEAD", "OPTIONS")
 METHODS: Final = (*READS, "POST", "PUT", "PATCH", "DELETE")
 STREAM_TYPES: Final = ("text/event-stream", "application/x-ndjson")
@@ -99,7 +102,7 @@ class HttpGuard:
     def _is_guarded(self, path: str) -> bool:
         if path == "/metrics":
             return not self.metrics_open
-        return path.startswith("/v1/") and not _is_health(path)
+        return path.startswith(GUARDED) and not _is_health(path)
 
     def _note(self, scope: Scope, status: int, streams: bool, seconds: float) -> None:
         if streams:

@@ -33,6 +33,12 @@ async def motion_file(
 
     Raises InvalidArgument when the format cannot hold them, or they are too long for a file.
     """
+    people = await performances(made, body)
+    return await asyncio.to_thread(encode, people, options, title, scene)
+
+
+async def performances(made: AsyncGenerator[Publication], body: str) -> list[Performance]:
+    """The motion of each agent; `made` is closed. Raises InvalidArgument when it is too long."""
     infos: dict[int, AgentInfo] = {}
     chunks: dict[int, list[MotionChunk]] = {}
     frames = 0
@@ -48,7 +54,16 @@ async def motion_file(
                     "people together",
                     "file",
                 )
-    return await asyncio.to_thread(_encoded, infos, chunks, options, body, title, scene)
+    start = min((own[0].scheduled_at for own in chunks.values()), default=0.0)
+    return [
+        Performance(
+            name=infos[alias].spec.name or f"person {alias}",
+            clip=join_chunks(own, infos[alias].spec, body=body),
+            style=alias,
+            start=own[0].scheduled_at - start,
+        )
+        for alias, own in sorted(chunks.items())
+    ]
 
 
 async def live_motion(
@@ -79,27 +94,6 @@ async def live_motion(
         return  # with what has come
     finally:
         await subscription.close()
-
-
-def _encoded(
-    infos: dict[int, AgentInfo],
-    chunks: dict[int, list[MotionChunk]],
-    options: FileOptions,
-    body: str,
-    title: str,
-    scene: Array | None,
-) -> bytes:
-    start = min((own[0].scheduled_at for own in chunks.values()), default=0.0)
-    people = [
-        Performance(
-            name=infos[alias].spec.name or f"person {alias}",
-            clip=join_chunks(own, infos[alias].spec, body=body),
-            style=alias,
-            start=own[0].scheduled_at - start,
-        )
-        for alias, own in sorted(chunks.items())
-    ]
-    return encode(people, options, title, scene)
 
 
 def parts_of(data: bytes) -> Iterator[bytes]:

@@ -5,14 +5,15 @@ from collections.abc import AsyncGenerator, AsyncIterator
 from contextlib import aclosing, asynccontextmanager
 from itertools import chain
 
+from wayfarer.clips.clip import Clip
 from wayfarer.errors import InvalidArgument
-from wayfarer.service.streams.publications import StreamOptions
+from wayfarer.service.streams.publications import Publication, StreamOptions
 from wayfarer.transport import convert, schema
 from wayfarer.transport.batches import event_message, parsed
 from wayfarer.transport.caller import Scope, current_caller
 from wayfarer.transport.gateway.context import GatewayContext, needs
 from wayfarer.transport.gateway.session_registry import OpenSession
-from wayfarer.transport.motion_files import motion_file, parts_of
+from wayfarer.transport.motion_files import motion_file, parts_of, performances
 from wayfarer.transport.resume import Progress, filter_mark
 from wayfarer.transport.stream import MotionStream
 from wayfarer.v1 import motion_pb2
@@ -65,6 +66,28 @@ class MotionApi:
 
         Raises InvalidArgument, ResourceExhausted, Unavailable.
         """
+        context = self._context
+        writer = context.writer(request.basis, convert.pose_format(request.format))
+        options = None if request.file is None else convert.file_options(request.file)
+        made = self._made(request)
+        with convert.in_basis(request.basis.axes):
+            if options is not None:
+                name = request.agent.name or "motion"
+                for part in parts_of(await motion_file(made, options, context.bodies.name, name)):
+                    yield motion_pb2.GenerateClipResponse(file_part=part)
+                return
+            async with aclosing(writer.offline(made)) as parts:
+                async for header, batch in parts:
+                    yield motion_pb2.GenerateClipResponse(header=header, batch=batch)
+
+    @needs(Scope.CONTROL)
+    async def generate_motion(self, request: schema.ClipRequest) -> Clip:
+        """The clip in world space. Raises as `generate_clip`."""
+        with convert.in_basis(request.basis.axes):
+            [person] = await performances(self._made(request), self._context.bodies.name)
+            return person.clip
+
+    def _made(self, request: schema.ClipRequest) -> AsyncGenerator[Publication]:
         context, limits = self._context, self._context.limits
         context.require_ready()
         if request.seconds > limits.clip_s:
@@ -75,21 +98,10 @@ class MotionApi:
             raise InvalidArgument(
                 f"a path has {limits.path_goals} goals at most, not {len(request.goals)}", "goals"
             )
-        writer = self._context.writer(request.basis, convert.pose_format(request.format))
         seed = secrets.randbits(32)
         spec = convert.agent_spec(request.agent, request.basis, context.bodies, seed)
         goals = [convert.goal(goal, request.basis) for goal in request.goals]
-        options = None if request.file is None else convert.file_options(request.file)
-        made = context.service.generate_clip(spec, goals, request.seconds, request.until_arrival)
-        with convert.in_basis(request.basis.axes):
-            if options is not None:
-                name = spec.name or "motion"
-                for part in parts_of(await motion_file(made, options, context.bodies.name, name)):
-                    yield motion_pb2.GenerateClipResponse(file_part=part)
-                return
-            async with aclosing(writer.offline(made)) as parts:
-                async for header, batch in parts:
-                    yield motion_pb2.GenerateClipResponse(header=header, batch=batch)
+        return context.service.generate_clip(spec, goals, request.seconds, request.until_arrival)
 
     @needs(Scope.CONTROL)
     async def step(

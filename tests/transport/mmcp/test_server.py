@@ -1,0 +1,224 @@
+"""MMCP over a real server: on our skeleton and on others. The SDK makes the envelope."""
+
+import base64
+
+import httpx
+import numpy as np
+import pytest
+
+from tests.clients.test_retarget import FOREIGN, GLTF, foreign
+from tests.serving import Service
+from wayfarer.transport.mmcp.prompts import orders
+from wayfarer_client.quaternions import multiply, rotate
+
+pytest.importorskip("motionmcp", reason="needs motionmcp-sdk")
+
+
+@pytest.fixture(scope="module")
+def url():
+    with Service() as running:
+        yield f"{running.url}/mmcp"
+
+
+@pytest.fixture(scope="module")
+def model(url):
+    found = httpx.get(f"{url}/capabilities").json()
+    assert found["coordinate_system"] == "right_handed_y_up"
+    (model,) = found["models"]
+    return model
+
+
+def skeleton_of(rig) -> dict:
+    return {
+        "joints": [
+            {
+                "name": node.name,
+                "parent": rig.nodes[node.parent].name if node.parent >= 0 else None,
+                "rest_translation": [float(v) for v in node.position],
+                "rest_rotation": [float(v) for v in node.rotation],
+            }
+            for node in rig.nodes
+        ]
+    }
+
+
+def request(model, **more) -> dict:
+    return {
+        "protocol_version": "1.0",
+        "model": model["id"],
+        "skeleton": model["canonical_skeleton"],
+        "timing": {"fps": 30},
+    } | more
+
+
+def text(prompt, frames=90):
+    return [{"type": "text", "prompt": prompt, "duration_frames": frames}]
+
+
+def test_it_says_what_it_can(model):
+    assert model["supports_retargeting"] and model["supported_constraints"] == ["root_path"]
+    assert len(model["canonical_skeleton"]["joints"]) == 22
+
+
+def world(document, sample=0) -> tuple[list[str], np.ndarray]:
+    """Names of the joints, and their places [N, J, 3], by the rules of glTF alone."""
+    nodes, above = document["nodes"], {}
+    for k, node in enumerate(nodes):
+        above |= dict.fromkeys(node.get("children", []), k)
+    buffers = [base64.b64decode(b["uri"].partition(",")[2]) for b in document["buffers"]]
+
+    def values(number):
+        accessor = document["accessors"][number]
+        view = document["bufferViews"][accessor["bufferView"]]
+        width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[accessor["type"]]
+        at = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+        count = accessor["count"] * width
+        return np.frombuffer(buffers[view["buffer"]], "<f4", count, at).reshape(-1, width)
+
+    animation = document["animations"][sample]
+    moved, turned = {}, {}
+    for channel in animation["channels"]:
+        into = {"translation": moved, "rotation": turned}[channel["target"]["path"]]
+        into[channel["target"]["node"]] = values(
+            animation["samplers"][channel["sampler"]]["output"]
+        )
+    joints = sorted(turned)
+    count = len(next(iter(turned.values())))
+    found = np.zeros((count, len(nodes), 3))
+    for frame in range(count):
+        turns = {}
+        for k in joints:  # parents first
+            node = nodes[k]
+            place = moved[k][frame] if k in moved else np.array(node.get("translation", [0, 0, 0]))
+            turn = turned[k][frame]
+            if k in above and above[k] in turns:
+                place = found[frame, above[k]] + rotate(turns[above[k]], place)
+                turn = multiply(turns[above[k]], turn)
+            found[frame, k], turns[k] = place, turn
+    return [nodes[k]["name"] for k in joints], found[:, joints]
+
+
+def made(url, body) -> dict:
+    answer = httpx.post(f"{url}/generate", json=body, timeout=60)
+    assert answer.status_code == 200, answer.text
+    return answer.json()
+
+
+def test_a_walk_in_words_on_our_skeleton(url, model):
+    document = made(url, request(model, segments=text("walk forward 2 m", 120)))
+    names, places = world(document)
+    assert len(places) == 120
+    hips = places[:, names.index("Hips")]
+    assert np.hypot(*hips[0, [0, 2]]) < 0.2
+    assert hips[-1, 2] == pytest.approx(2.0, abs=0.4) and abs(hips[-1, 0]) < 0.4
+    feet = places[:, [names.index("LeftToeBase"), names.index("RightToeBase")], 1]
+    assert 0.0 < feet.min(1).max() < 0.08  # one foot is on the floor, always
+
+
+RIGS = {"a_pose": next(c.rig for c in GLTF if c.name == "a_pose")} | {
+    name: foreign(FOREIGN[name]) for name in ("game_engine", "rigify")
+}
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_other_skeletons_are_retargeted(url, model, name):
+    """Bones keep their length; the root, which may be above the hips, carries them along a path."""
+    rig = RIGS[name]
+    body = request(model, skeleton=skeleton_of(rig), duration_frames=90)
+    body["constraints"] = [
+        {"type": "root_path", "frames": [0, 60], "positions_xz": [[1, 1], [1, 3]]}
+    ]
+    names, places = world(made(url, body))
+    assert names == [node.name for node in rig.nodes] and len(places) == 90
+    parents = [node.parent for node in rig.nodes]
+    for k, parent in enumerate(parents):
+        if parent >= 0:
+            length = np.linalg.norm(rig.places[k] - rig.places[parent])
+            apart = np.linalg.norm(places[:, k] - places[:, parent], axis=-1)
+            np.testing.assert_allclose(apart, length, atol=1e-4)
+    hips = next(k for k, n in enumerate(rig.nodes) if n.name in ("Hips", "pelvis", "spine"))
+    travelled = places[-1, hips] - places[0, hips]
+    assert travelled[2] == pytest.approx(2.0, abs=0.5) and abs(travelled[0]) < 0.4
+
+
+def test_samples_differ_and_seeds_repeat(url, model):
+    options = {"num_samples": 2, "seed": 7}
+    body = request(model, segments=text("walk, then stand", 60), options=options)
+    document = made(url, body)
+    assert len(document["animations"]) == 2
+    first, second = (world(document, k)[1] for k in range(2))
+    assert np.abs(first - second).max() > 1e-3
+    np.testing.assert_array_equal(world(made(url, body))[1], first)
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "message"),
+    [
+        ({"segments": text("dance wildly")}, "invalid_request", "walk"),
+        ({"segments": text("walk", 9000)}, "invalid_options", "duration"),
+        (
+            {
+                "skeleton": skeleton_of(GLTF[0].rig)
+                | {"joints": skeleton_of(GLTF[0].rig)["joints"][:3]}
+            },
+            "invalid_skeleton",
+            "tell its",
+        ),
+        ({"model": "kimodo"}, "unknown_model", "kimodo"),
+        ({"speed": 3}, "schema_validation", ""),
+    ],
+)
+def test_the_rest_is_refused_in_the_envelope(url, model, change, code, message):
+    body = request(model, segments=text("walk")) | change
+    answer = httpx.post(f"{url}/generate", json=body)
+    assert 400 <= answer.status_code < 500
+    error = answer.json()["error"]
+    assert error["code"] == code and message in error["message"]
+
+
+def test_a_pose_is_no_constraint_of_ours(url, model):
+    pose = {"type": "pose_keyframe", "frame": 0, "joint_rotations": {"Hips": [0, 0, 0, 1]}}
+    body = request(model, segments=text("walk"), constraints=[pose])
+    error = httpx.post(f"{url}/generate", json=body).json()["error"]
+    assert error["code"] == "unsupported_constraint"
+
+
+def test_no_page_with_scripts_from_elsewhere(url):
+    for path in ("docs", "redoc", "openapi.json"):
+        assert httpx.get(f"{url}/{path}").status_code == 404
+
+
+@pytest.mark.parametrize(
+    ("prompt", "count"),
+    [
+        ("walk", 1),
+        ("Walk slowly  forward 3 m.", 1),
+        ("walk left 2.5m, then stand", 2),
+        ("walk briskly to -2, 1.5; stand still", 2),
+        ("stand, walk backward", 2),
+    ],
+)
+def test_the_grammar(prompt, count):
+    assert len(orders(prompt)) == count
+
+
+@pytest.mark.parametrize("prompt", ["", " . ", "run", "walk 3 miles", "walk to 3", "walk " * 300])
+def test_what_the_grammar_does_not_have(prompt):
+    with pytest.raises(ValueError, match=r"understood are: walk \[slowly"):
+        orders(prompt)
+
+
+async def test_who_may_only_read_gets_no_motion(api):
+    from motionmcp import GenerateRequest
+    from motionmcp.errors import ProtocolError
+
+    from tests.transport.gateway.calls import called_by, caller
+    from wayfarer.transport.caller import Scope
+    from wayfarer.transport.mmcp.server import Walker
+
+    walker = Walker(api)
+    body = {"protocol_version": "1.0", "model": "wayfarer", "segments": text("walk")}
+    skeleton = walker.capabilities().canonical_skeleton.model_dump()
+    with called_by(caller("ada", Scope.READ)), pytest.raises(ProtocolError) as caught:
+        await walker.generate(GenerateRequest.model_validate(body | {"skeleton": skeleton}))
+    assert (caught.value.code, caught.value.status_code) == ("forbidden", 403)
