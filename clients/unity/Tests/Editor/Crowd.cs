@@ -16,13 +16,13 @@ namespace Wayfarer.Tests
 
         public static double[] RestOffsets => Golden.Doubles(Walk["rest_offsets"]);
 
-        /// <summary>The first message: 22 bones in F32_LE at 40 fps, basis Unity.</summary>
-        public static byte[] Header()
+        /// <summary>The first message, sent along with batch <paramref name="seq"/>: 22 bones in F32_LE at 40 fps.</summary>
+        public static byte[] Header(int seq = 0)
         {
             byte[] fields = Join(
                 Number(3, 40), Block(4, Number(1, 2)), Number(6, 1), Number(7, 40),
                 Packed(8, Enumerable.Range(0, 22).Select(k => (long)k)), Number(9, 364));
-            return Join(Number(1, Start), Block(2, fields));
+            return Join(Number(1, Start + 200000L * seq), Block(2, fields));
         }
 
         /// <summary>Batch <paramref name="seq"/> of so many agents: 8 frames of each. The first introduces them.</summary>

@@ -181,6 +181,20 @@ namespace Wayfarer.Tests
             StringAssert.Contains("36 bytes of poses are not 2 frames of 44 bytes", error.Message);
         }
 
+        [Test]
+        public void Motion_that_was_missed_while_the_connection_was_lost_does_not_count_as_late()
+        {
+            var player = new MotionPlayer();
+            Receive(player, Crowd.Header(), 100);
+            Receive(player, Crowd.Batch(1, 0), 100);
+            player.Begin();
+            Receive(player, Crowd.Header(50), 110);
+            Receive(player, Crowd.Batch(1, 1), 110);
+            Golden.Near(player.Clock.WantedDelay(110), 0.35, 1e-6, "what was missed");
+            Receive(player, Crowd.Batch(1, 50), 110.7);
+            Golden.Near(player.Clock.WantedDelay(110.7), 0.76, 1e-6, "what is late now");
+        }
+
         private static void Early(MotionPlayer player)
         {
             var error = Assert.Throws<InvalidDataException>(() => Receive(player, "batch", 0));
@@ -189,7 +203,11 @@ namespace Wayfarer.Tests
 
         private static MessageKind Receive(MotionPlayer player, string name, double now)
         {
-            byte[] message = Golden.Message(name);
+            return Receive(player, Golden.Message(name), now);
+        }
+
+        private static MessageKind Receive(MotionPlayer player, byte[] message, double now)
+        {
             return player.Receive(message, message.Length, now);
         }
 
