@@ -119,7 +119,7 @@ def walked(said: str) -> list[str]:
 
 
 def test_an_agent_walks_to_its_goal_on_characters(real_server):
-    """Sanitizers look at the session as well."""
+    """The core is the one with sanitizers."""
     said = run(build("g++") / "tests" / "live", real_server.url)
     assert walked(said) == ["a_pose", "centimetres", "vrm1"]
 
