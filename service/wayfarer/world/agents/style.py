@@ -22,7 +22,7 @@ Seeds = NDArray[np.uint64]
 REMEMBERED: Final = 4096
 """Agents whose manner is kept."""
 
-STRIDE: Final = (-0.08, 0.10)
+STRIDE: Final = (-0.05, 0.11)
 """Range over agents of the share by which their steps are shorter than the model's at that speed:
 people who walk equally fast differ by 4 % in how many steps they take."""
 

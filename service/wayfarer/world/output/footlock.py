@@ -114,8 +114,8 @@ APART: Final = 0.11
 RESTING: Final = (0.03, radians(12))
 """Metres and radians per second below which it has."""
 
-RAISED: Final = 0.008
-LOWERED: Final = 0.011
+RAISED: Final = 0.006
+LOWERED: Final = 0.013
 """Metres by which hips are raised over feet that are `CLOSE` to each other, as far as knees are
 bent, and lowered over those that are `WIDE` apart: people come down with each step."""
 

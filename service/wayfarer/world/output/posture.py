@@ -60,11 +60,12 @@ UNEVEN: Final = radians(5)
 """Largest difference between left and right, either way."""
 
 
-TURNED: Final = radians(14)
-"""Largest angle by which upper arms are turned about themselves, in or out, …"""
+TURNED: Final = (radians(-3), radians(16))
+"""Range over agents of the angle by which upper arms are turned about themselves, outwards: inwards
+bent arms would reach into the body."""
 
 HANDS: Final = (radians(20), radians(14))
-"""… and hands, about the forearm and towards the palm or away from it."""
+"""Largest angles by which hands are turned about the forearm, and to the palm or away from it."""
 
 DRAWN: Final = 12
 """Numbers that the habits of an agent follow from."""
@@ -90,7 +91,7 @@ class Habits(NamedTuple):
     swing: Array  # [A] factor
     aside: Array  # [2, A]
     elbows: Array  # [2, A]
-    turned: Array  # [A] upper arms, inwards
+    turned: Array  # [A] upper arms, outwards
     hands: Array  # [2, A] about the forearm, and towards the palm
     lean: Array  # [A] forward lean of the trunk that is left
     level: Array  # [A] pitch of the head
@@ -108,7 +109,7 @@ def habits(numbers: Sequence[Array]) -> Habits:
         between(*SWING, swing),
         between(*ASIDE, aside) + more[:2] / 2,
         np.maximum(between(*ELBOWS, elbows) + more[2:], 0),  # never beyond straight
-        between(-TURNED, TURNED, turned),
+        between(*TURNED, turned),
         np.stack([between(-HANDS[0], HANDS[0], about), between(-HANDS[1], HANDS[1], bent)]),
         between(*UPRIGHT, lean),
         between(*LEVEL, level),
