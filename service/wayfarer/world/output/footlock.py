@@ -122,7 +122,7 @@ bent, and lowered over those that are `WIDE` apart: people come down with each s
 KICK: Final = 0.485
 """Share that is taken off what an ankle is higher than …"""
 
-KICKED: Final = (0.06, 0.22)
+KICKED: Final = (0.05, 0.22)
 """… the first of these, by degrees up to the second, in metres, while the other foot bears: the
 model's walkers kick up their heels. Nothing is taken off …"""
 
