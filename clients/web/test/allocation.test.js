@@ -17,7 +17,7 @@ function bytesPerChunk(pictures) {
 
 test("after warm-up, 10,000 chunks are decoded and kept without garbage", () => {
   const bytes = bytesPerChunk(0); // of 8 frames each
-  assert.ok(bytes < 96, `${bytes} bytes of heap per chunk`);
+  assert.ok(bytes < 48, `${bytes} bytes of heap per chunk`);
 });
 
 test("after warm-up, poses are sampled and put on characters without garbage", () => {

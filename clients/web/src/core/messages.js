@@ -46,6 +46,19 @@ export const FLAG = Object.freeze({ FIRST: 1, REPLANNED: 2, ARRIVED: 4, GAP: 8, 
  */
 /** @typedef {"" | "header" | "batch" | "heartbeat" | "event"} Kind */
 
+/** A chunk, whose time is in an array: a property would be boxed anew each time. @implements {Chunk} */
+class ChunkRow {
+  alias = 0; seq = 0; firstFrame = 0; scheduledAt = 0; goalRevision = 0; state = ""; flags = 0; waypoint = 0;
+  candidates = 0; frames = 0; poses = 0; contacts = 0;
+  time = new Float64Array(1);
+
+  constructor() {
+    const { time } = this;
+    Object.defineProperty(this, "time", { enumerable: false });
+    Object.defineProperty(this, "scheduledAt", { get: () => time[0], enumerable: true });
+  }
+}
+
 /** Reads messages; what it holds is of the last one. A batch that introduces nobody allocates nothing. */
 export class StreamDecoder {
   #reader = new ProtoReader();
@@ -62,11 +75,7 @@ export class StreamDecoder {
   #removed = new Column();
   #token = new Uint8Array(64);
   #tokenLength = 0;
-  /** @type {Chunk} */
-  #chunk = {
-    alias: 0, seq: 0, firstFrame: 0, scheduledAt: 0.5, goalRevision: 0, state: "", flags: 0, waypoint: 0, candidates: 0,
-    frames: 0, poses: 0, contacts: 0,
-  };
+  #chunk = new ChunkRow();
 
   constructor() {
     /** @type {Kind} */
@@ -131,7 +140,7 @@ export class StreamDecoder {
     chunk.alias = columns.alias.values[row];
     chunk.seq = columns.seq.values[row];
     chunk.firstFrame = columns.firstFrame.values[row];
-    chunk.scheduledAt = columns.scheduledAt.values[row] / 1e6;
+    chunk.time[0] = columns.scheduledAt.values[row] / 1e6;
     chunk.goalRevision = columns.goalRevision.values[row];
     chunk.state = STATES[columns.state.values[row]] ?? "unknown";
     chunk.flags = columns.flags.values[row];

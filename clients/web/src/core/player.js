@@ -40,7 +40,8 @@ export class MotionPlayer {
   #unpacked = new Float32Array(0);
   #goneUnderruns = 0;
   #begun = false;
-  #caughtUpAt = -Infinity; // server time at which the stream was resumed
+  #caughtUpAt = Float64Array.of(-Infinity); // server time at which the stream was resumed
+  #now = new Float64Array(1); // of the message
 
   /** @param {PlayerEvents} [on] */
   constructor(on = {}) {
@@ -92,7 +93,8 @@ export class MotionPlayer {
     this.stats.bytes += message.length;
     if (kind === "header") this.#header(/** @type {Header} */ (decoder.header));
     this.clock.observe(now, decoder.sentAt);
-    if (kind === "batch") this.#batch(now);
+    this.#now[0] = now;
+    if (kind === "batch") this.#batch();
     else if (kind === "event" && decoder.event) this.on.event?.(decoder.event);
     return kind;
   }
@@ -108,7 +110,7 @@ export class MotionPlayer {
   clear() {
     for (const alias of [...this.agents.keys()]) this.remove(alias);
     this.clock = new PlayoutClock();
-    this.#caughtUpAt = -Infinity;
+    this.#caughtUpAt[0] = -Infinity;
   }
 
   /** Forget an agent. @param {number} alias */
@@ -131,18 +133,17 @@ export class MotionPlayer {
     this.header = header;
     this.#decoder.checkFrames(header); // an unknown encoding is told at once
     // what was missed meanwhile is late for once, and says nothing of the next
-    if (again) this.#caughtUpAt = this.#decoder.sentAt;
+    if (again) this.#caughtUpAt[0] = this.#decoder.sentAt;
     this.on.header?.(header, again);
   }
 
-  /** @param {number} now */
-  #batch(now) {
+  #batch() {
     const decoder = this.#decoder, { header } = this;
     if (!this.#begun || !header) throw new Error("motion came before the header");
     decoder.checkFrames(header);
     const width = 3 + 4 * header.bones.length;
     for (const agent of decoder.added) this.#add(agent, width);
-    for (let row = 0; row < decoder.chunks; row += 1) this.#chunk(decoder.chunk(row), header, width, now);
+    for (let row = 0; row < decoder.chunks; row += 1) this.#chunk(decoder.chunk(row), header, width);
     for (let row = 0; row < decoder.removed; row += 1) this.remove(decoder.removedAlias(row));
   }
 
@@ -156,8 +157,8 @@ export class MotionPlayer {
     this.on.added?.(played);
   }
 
-  /** @param {Chunk} chunk @param {Header} header @param {number} width @param {number} now */
-  #chunk(chunk, header, width, now) {
+  /** @param {ReturnType<StreamDecoder["chunk"]>} chunk @param {Header} header @param {number} width */
+  #chunk(chunk, header, width) {
     const { stats } = this;
     stats.chunks += 1;
     stats.frames += chunk.frames;
@@ -166,10 +167,10 @@ export class MotionPlayer {
     if (chunk.flags & FLAG.HELD) stats.held += 1;
     const played = this.agents.get(chunk.alias);
     if (!played) return; // removed here, its last chunks still on the way
-    if (chunk.scheduledAt >= this.#caughtUpAt) this.clock.observeChunk(now, chunk.scheduledAt);
+    if (chunk.time[0] >= this.#caughtUpAt[0]) this.clock.takeChunk(this.#now, chunk.time);
     if (this.#unpacked.length < chunk.frames * width) this.#unpacked = new Float32Array(2 * chunk.frames * width);
     unpackPoses(this.#decoder.view, chunk.poses, chunk.frames, header.encoding, header.bones.length, this.#unpacked);
-    played.track.push(chunk.scheduledAt, header.sentFps, this.#unpacked, chunk.frames, this.#decoder.bytes, chunk.contacts);
+    played.track.take(chunk.time, header.sentFps, this.#unpacked, chunk.frames, this.#decoder.bytes, chunk.contacts);
     played.state = chunk.state;
     this.on.chunk?.(played, chunk);
   }

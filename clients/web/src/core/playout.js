@@ -31,17 +31,11 @@ class WindowLeast {
   add(now, value) {
     this.given[0] = now;
     this.given[1] = value;
-    this.#add();
+    this.take();
   }
 
-  /** NaN when there is none. @param {number} now */
-  least(now) {
-    this.given[0] = now;
-    this.#least();
-    return this.found[0];
-  }
-
-  #add() {
+  /** Add the time and value in `given`. */
+  take() {
     const { given } = this;
     let mask = this.pairs.length / 2 - 1;
     while (this.count && this.pairs[2 * ((this.first + this.count - 1) & mask) + 1] >= given[1]) this.count -= 1;
@@ -55,7 +49,8 @@ class WindowLeast {
     this.count += 1;
   }
 
-  #least() {
+  /** Put the least at the time in `given` into `found`; NaN when there is none. */
+  look() {
     const mask = this.pairs.length / 2 - 1;
     while (this.count && this.pairs[2 * this.first] < this.given[0] - this.seconds) {
       this.first = (this.first + 1) & mask;
@@ -96,7 +91,16 @@ export class PlayoutClock {
    * @param {number} now @param {number} scheduledAt
    */
   observeChunk(now, scheduledAt) {
-    this.#earliness.add(now, scheduledAt - this.serverTime(now));
+    this.#numbers[NOW] = now;
+    this.#numbers[AT] = scheduledAt;
+    this.#observeChunk();
+  }
+
+  /** The same, of times in arrays, so that none is boxed. @param {Float64Array} now @param {Float64Array} scheduledAt */
+  takeChunk(now, scheduledAt) {
+    this.#numbers[NOW] = now[0];
+    this.#numbers[AT] = scheduledAt[0];
+    this.#observeChunk();
   }
 
   /** The server's clock at local `now`, as if the fastest message had taken no time. @param {number} now */
@@ -127,17 +131,31 @@ export class PlayoutClock {
     return numbers[PLAYHEAD];
   }
 
+  #observeChunk() {
+    const numbers = this.#numbers;
+    const offset = numbers[OFFSET] === numbers[OFFSET] ? numbers[OFFSET] : 0;
+    this.#earliness.given[0] = numbers[NOW];
+    this.#earliness.given[1] = numbers[AT] - (numbers[NOW] - offset);
+    this.#earliness.take();
+  }
+
   #observe() {
     const numbers = this.#numbers;
     // until experience tells, expect as much as the first delay allows
     if (numbers[OFFSET] !== numbers[OFFSET]) this.#earliness.add(numbers[NOW], MARGIN - FIRST_DELAY);
-    this.#transit.add(numbers[NOW], numbers[NOW] - numbers[AT]);
-    numbers[OFFSET] = this.#transit.least(numbers[NOW]);
+    const transit = this.#transit;
+    transit.given[0] = numbers[NOW];
+    transit.given[1] = numbers[NOW] - numbers[AT];
+    transit.take();
+    transit.look();
+    numbers[OFFSET] = transit.found[0];
   }
 
   #want() {
     const numbers = this.#numbers;
-    const earliness = this.#earliness.least(numbers[NOW]);
+    this.#earliness.given[0] = numbers[NOW];
+    this.#earliness.look();
+    const earliness = this.#earliness.found[0];
     numbers[WANTED] = earliness === earliness
       ? Math.min(MOST_DELAY, Math.max(LEAST_DELAY, MARGIN - earliness)) : LEAST_DELAY;
   }
@@ -198,6 +216,16 @@ export class PoseTrack {
    */
   push(time, fps, frames, count, contacts, at = 0) {
     this.#numbers[TIME] = time;
+    this.#push(fps, frames, count, contacts, at);
+  }
+
+  /**
+   * The same, of a time in an array, so that it is not boxed.
+   * @param {Float64Array} time @param {number} fps @param {ArrayLike<number>} frames @param {number} count
+   * @param {ArrayLike<number>} contacts @param {number} at
+   */
+  take(time, fps, frames, count, contacts, at) {
+    this.#numbers[TIME] = time[0];
     this.#push(fps, frames, count, contacts, at);
   }
 

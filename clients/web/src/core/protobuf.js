@@ -11,11 +11,11 @@ export class Column {
     this.length = 0;
   }
 
-  /** @param {number} value */
-  push(value) {
-    if (value > this.most) throw new Error("malformed message: a number above 2^31");
+  /** Append the number in `from`: a number of its own would be boxed. @param {Float64Array} from */
+  push(from) {
+    if (from[0] > this.most) throw new Error("malformed message: a number above 2^31");
     if (this.length === this.values.length) this.#grow();
-    this.values[this.length] = value;
+    this.values[this.length] = from[0];
     this.length += 1;
   }
 
@@ -34,6 +34,8 @@ export class ProtoReader {
     this.at = 0;
     this.end = 0;
     this.wireType = 0;
+    /** The last varint: what a function returns is boxed where it is large. */
+    this.number = new Float64Array(1);
   }
 
   /** Begin with a message. @param {Uint8Array} message */
@@ -50,7 +52,8 @@ export class ProtoReader {
   /** Move to the next field; returns its number, or 0 at the end of the message. */
   next() {
     if (this.at >= this.end) return 0;
-    const tag = this.#raw();
+    this.#raw();
+    const tag = this.number[0];
     this.wireType = tag & 7;
     const field = Math.floor(tag / 8);
     if (field === 0) throw new Error("malformed message: field number 0");
@@ -75,7 +78,8 @@ export class ProtoReader {
   /** Unsigned integer up to 2^53; a greater one is an error, for JavaScript would round it. */
   varint() {
     this.#expect(0);
-    return this.#raw();
+    this.#raw();
+    return this.number[0];
   }
 
   /** int32: negative ones come as 10 bytes, two's complement of 64 bits. */
@@ -123,10 +127,15 @@ export class ProtoReader {
   varints(into) {
     if (this.wireType === 2) {
       const outer = this.enter();
-      while (this.at < this.end) into.push(this.#raw());
+      while (this.at < this.end) {
+        this.#raw();
+        into.push(this.number);
+      }
       this.leave(outer);
     } else {
-      into.push(this.varint());
+      this.#expect(0);
+      this.#raw();
+      into.push(this.number);
     }
   }
 
@@ -146,6 +155,7 @@ export class ProtoReader {
     }
   }
 
+  /** Read a varint into `number`. */
   #raw() {
     let value = 0;
     let scale = 1;
@@ -155,7 +165,8 @@ export class ProtoReader {
       value += (byte & 0x7f) * scale;
       if (byte < 0x80) {
         if (value > Number.MAX_SAFE_INTEGER) throw new Error("malformed message: number above 2^53");
-        return value;
+        this.number[0] = value;
+        return;
       }
       scale *= 128;
     }
@@ -165,7 +176,8 @@ export class ProtoReader {
   /** Length of a block, and past it. */
   #length() {
     this.#expect(2);
-    const length = this.#raw();
+    this.#raw();
+    const length = this.number[0];
     this.#fixed(length);
     return length;
   }
