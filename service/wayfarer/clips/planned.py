@@ -36,6 +36,8 @@ def plan_clip(
 ) -> Clip:
     """`generate_clip` by the search of `settings`, whose depth is made to fit `seconds`.
 
+    Of what the world does to motion beside the model it has the foot lock and the posture only: no
+    stride of one's own, no planted stop, no guard.
     `body` is of the spec's gender, `start` what `World.prepare` makes of the spec. Raises
     InvalidArgument on a bad goal, and FailedPrecondition when the search finds no way on.
     """
