@@ -126,6 +126,9 @@ KICKED: Final = (0.05, 0.22)
 """… the first of these, by degrees up to the second, in metres, while the other foot bears: the
 model's walkers kick up their heels. Nothing is taken off …"""
 
+SPARED: Final = 0.5
+"""And no more than this share of what the leg could be longer."""
+
 CLEAR: Final = (TOLD_HEIGHT, 0.08)
 """… while its sole is lower than the first of these, and all of it from the second on."""
 
@@ -250,7 +253,10 @@ def lock_feet(
         held[:, frame] = contact & (grip >= 0.5) & (height[:, frame] + moved[2] <= TOLD_HEIGHT)
 
     sunk = _sunk(pose, legs, drawn) * bears
-    shifts[2] += sunk - _kick(pose.ankle[2] + translation[..., 2].T, height) * bears
+    leg = (length(legs.knee.T) + length(legs.ankle.T))[:, None]  # [2, 1, A]
+    spare = leg - length(pose.ankle - pose.hip)  # a knee that is nearly straight would snap
+    kick = np.minimum(_kick(pose.ankle[2] + translation[..., 2].T, height), SPARED * spare)
+    shifts[2] += sunk - kick * bears
     if drawn is not None:
         shifts[:2] += drawn
         pose.soles[:2] -= drawn[:, None]
