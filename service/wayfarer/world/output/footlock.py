@@ -303,11 +303,11 @@ def _evened(before: LockState, along: Array, steps: Flags) -> tuple[Array, Array
     reach = before.reach.T
     moved: Array = before.evened
     evened = np.empty(lead.shape, np.float32)
-    walks = (~steps).astype(np.float32)
+    share = np.where(steps, 0, EVEN).astype(np.float32)  # feet that stand are not moved for it
     for frame, ahead in enumerate(lead):
         reach = np.maximum(reach - FORGET, np.stack([ahead, -ahead]))
-        wanted = walks * bounded((reach[1] - reach[0]) / 4, -EVEN_MOST, EVEN_MOST)
-        moved = moved + EVEN * (wanted - moved)
+        wanted = bounded((reach[1] - reach[0]) / 4, -EVEN_MOST, EVEN_MOST)
+        moved = moved + share * (wanted - moved)
         evened[frame] = moved
     return reach, evened
 
