@@ -85,6 +85,7 @@ def test_the_first_stream_runs_until_ctrl_c_which_prints_nothing(real_server, pa
 def test_the_readme_names_what_there_is():
     owners = {"client": wf.Client, "session": wf.Session}
     owners |= {"client.admin": Admin, "client.scenes": Scenes}
+    owners |= {"Character": wf.Character, "track": wf.Track}
     table = README[README.index("| call |") : README.index("`SyncClient` and")]
     for row in filter(None, table.splitlines()[2:]):
         calls = re.findall(r"`([^`]+)`", row.split("|")[1])

@@ -5,6 +5,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.serving import Service
@@ -63,15 +64,17 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 def measured(page: Page) -> dict[str, float]:
-    """Extremes over the frames shown while it walked."""
+    """Extremes over the frames shown while it walked; of feet, over nine in ten: where a contact
+    begins or ends a foot already moves.
+    """
     page.wait_for(f"globalThis.seen?.length >= {SAMPLES}", 90)
     seen = page.evaluate("seen")
     stance = [gap for sample in seen for gap in sample["stance"]]
     assert len(stance) >= SAMPLES / 2
     return {
-        "ground": max(abs(sample["ground"]) for sample in seen),
-        "low": min(stance),
-        "high": max(stance),
+        "ground": np.quantile([abs(sample["ground"]) for sample in seen], 0.9),
+        "low": np.quantile(stance, 0.05),
+        "high": np.quantile(stance, 0.95),
         "hips": max(abs(sample["hips"]) for sample in seen),
         "turned": max(sample["turned"] for sample in seen),
         "upright": min(sample["upright"] for sample in seen),

@@ -11,6 +11,7 @@ from wayfarer.spec import NEW_FRAMES
 from wayfarer.world.agents.agent import AgentState, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Mode
+from wayfarer.world.agents.style import HURRY
 from wayfarer.world.goals.steering import Search, Steering, default_searches
 from wayfarer.world.search.beam import BLOCK, fan_out, grow, plan
 from wayfarer.world.search.beam_settings import HARD, BeamSettings
@@ -71,10 +72,11 @@ def test_memory_weighs_the_whole_path_against_its_last_primitive(memory, lane):
 @pytest.mark.parametrize("children", [1, 8])
 def test_keeping_one_is_the_online_search(children):
     """Frame by frame what the world makes of the same agents, up to the stand, whose feet the world
-    plants (`world/planting.py`) and a plan leaves where they are.
+    plants (`world/planting.py`) and a plan leaves where they are; at a speed at which nobody has a
+    stride of their own, since plans have none.
     """
     specs = people(3)
-    goals = [Goal((s.position[0] + 1.0, 2.0, 0.0), heading=0.0) for s in specs]
+    goals = [Goal((s.position[0] + 1.0, 2.0, 0.0), heading=0.0, speed=HURRY[1]) for s in specs]
     steering = Steering(reactions=1).with_search(candidates=children)
     world = make_world(Walker(), steering=steering)
     session = world.create_session(SessionSpec(), 0.0).session_id

@@ -40,7 +40,8 @@ def shortened_gait(gait: Gait, goals: GoalColumns, habit: Float) -> Gait:
     """
     step = STEP[0] + STEP[1] * goals.speed
     stairs = bounded(1 - goals.tread / step, 0, MOST)
-    wanted = np.where(goals.tread > 0, stairs, habit) * (gait.mode == Mode.WALKING)
+    going = np.isin(gait.mode, (Mode.WALKING, Mode.STOPPING))
+    wanted = np.where(goals.tread > 0, stairs, habit) * going
     change = bounded(wanted - gait.shortened, -RATE, RATE)
     return replace(gait, shortened=(gait.shortened + change).astype(np.float32))
 
