@@ -1,62 +1,81 @@
 """The end of a run by signals, and the learning rate's schedule."""
 
-import os
 import signal
+import subprocess
+import sys
 
 import pytest
 import torch
-from pydantic import BaseModel
 
 from wayfarer.errors import InvalidArgument
-from wayfarer_lab.training.run import TrainingRun, cosine_rate
+from wayfarer_lab.training.run import cosine_rate
 
+TRAINING = """
+import os, signal, sys, warnings
+import torch
+from pathlib import Path
+from pydantic import BaseModel
+from wayfarer_lab.training.run import TrainingRun
+
+warnings.simplefilter("error")
+folder, *numbers = sys.argv[1:]
 
 class NoConfig(BaseModel):
-    """A training without settings."""
+    pass
 
-
-class Killed(torch.autograd.Function):
-    """Receives signals in the middle of its backward pass."""
-
+class Signalled(torch.autograd.Function):
     @staticmethod
-    def forward(ctx, x, signals):
-        ctx.signals = signals
+    def forward(ctx, x):
         return x.clone()
 
     @staticmethod
     def backward(ctx, gradient):
-        for number in ctx.signals:
-            os.kill(os.getpid(), number)
-        return gradient, None
+        if run.step == 2:
+            for number in numbers:
+                os.kill(os.getpid(), int(number))
+        return gradient
+
+model = torch.nn.Linear(1, 1, bias=False)
+optimizer = torch.optim.SGD(model.parameters(), lr=0.1)
+run = TrainingRun(Path(folder), NoConfig(), model, optimizer)
+
+def update():
+    optimizer.zero_grad()
+    Signalled.apply(model(torch.ones(1))).sum().backward()
+    optimizer.step()
+    return {}
+
+before = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)]
+try:
+    run.drive(10, update, dict)
+except KeyboardInterrupt:
+    assert before == [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)]
+    print("interrupted")
+"""
+"""A training in a process of its own, for it receives signals: in the backward pass of step 3."""
 
 
-def run_killed(folder, signals):
-    """A run that gets the signals in the backward pass of its third step."""
-    model = torch.nn.Linear(1, 1, bias=False)
-    optimizer = torch.optim.SGD(model.parameters(), lr=0.1)
-    run = TrainingRun(folder, NoConfig(), model, optimizer)
-
-    def update():
-        optimizer.zero_grad()
-        Killed.apply(model(torch.ones(1)), signals if run.step == 2 else ()).sum().backward()
-        optimizer.step()
-        return {}
-
-    with pytest.raises(KeyboardInterrupt):
-        run.drive(10, update, dict)
-    return torch.load(folder / "last.pt", weights_only=True)["step"]
+def train_under_signals(folder, signals):
+    """What a training printed that got these signals, and the step of its checkpoint."""
+    arguments = [folder, *(str(int(number)) for number in signals)]
+    ended = subprocess.run(
+        [sys.executable, "-c", TRAINING, *arguments], capture_output=True, text=True, timeout=120
+    )
+    assert ended.returncode == 0 and "interrupted" in ended.stdout, ended.stdout + ended.stderr
+    step = torch.load(folder / "last.pt", weights_only=True)["step"]
+    return ended.stdout + ended.stderr, step
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_lets_the_step_end_and_saves_it(number, tmp_path, capfd, recwarn):
-    before = signal.getsignal(number)
-    assert run_killed(tmp_path, [number]) == 3
-    assert signal.getsignal(number) is before
-    assert not recwarn and "stopping after this step" in capfd.readouterr().out
+def test_a_signal_lets_the_step_end_and_saves_it(number, tmp_path):
+    printed, step = train_under_signals(tmp_path, [number])
+    assert step == 3
+    assert "stopping after this step" in printed and "Warning" not in printed
 
 
 def test_a_second_signal_breaks_the_step_off(tmp_path):
-    assert run_killed(tmp_path, [signal.SIGINT, signal.SIGTERM]) == 2
+    _, step = train_under_signals(tmp_path, [signal.SIGINT, signal.SIGTERM])
+    assert step == 2
 
 
 def test_a_short_training_reaches_its_rate():
