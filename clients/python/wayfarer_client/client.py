@@ -174,14 +174,8 @@ class Client:
         `until_arrival`: end once the last goal is reached and the agent stands. `tracks` joins the
         batches: `tracks([batch async for batch in client.generate_clip(...)])`.
         """
-        request = motion_pb2.GenerateClipRequest(
-            agent=agent.to_wire(),
-            goals=[goal.to_wire() for goal in goals],
-            seconds=seconds,
-            until_arrival=until_arrival,
-            basis=enum_label(common_pb2.Basis, basis, "basis"),
-            format=(format or PoseFormat()).to_wire(),
-        )
+        request = _clip_request(agent, goals, seconds, until_arrival, basis)
+        request.format.CopyFrom((format or PoseFormat()).to_wire())
         return self._batches(self.connection.messages(self.connection.motion.GenerateClip, request))
 
     async def generate_file(
@@ -195,14 +189,8 @@ class Client:
         basis: str = "gltf",
     ) -> bytes:
         """As `generate_clip`, as the content of a file; None: a GLB with body and motion."""
-        request = motion_pb2.GenerateClipRequest(
-            agent=agent.to_wire(),
-            goals=[goal.to_wire() for goal in goals],
-            seconds=seconds,
-            until_arrival=until_arrival,
-            basis=enum_label(common_pb2.Basis, basis, "basis"),
-            file=(file or MotionFile()).to_wire(),
-        )
+        request = _clip_request(agent, goals, seconds, until_arrival, basis)
+        request.file.CopyFrom((file or MotionFile()).to_wire())
         return await self.connection.file(self.connection.motion.GenerateClip, request)
 
     def replay(self, log: bytes, *, format: PoseFormat | None = None) -> AsyncGenerator[Batch]:
@@ -283,3 +271,15 @@ class Client:
         request = catalog_pb2.ListModelsRequest()
         reply = await self.connection.call(self.connection.catalog.ListModels, request)
         return list(reply.models)
+
+
+def _clip_request(
+    agent: AgentSpec, goals: Iterable[Goal], seconds: float, until_arrival: bool, basis: str
+) -> motion_pb2.GenerateClipRequest:
+    return motion_pb2.GenerateClipRequest(
+        agent=agent.to_wire(),
+        goals=[goal.to_wire() for goal in goals],
+        seconds=seconds,
+        until_arrival=until_arrival,
+        basis=enum_label(common_pb2.Basis, basis, "basis"),
+    )

@@ -1,5 +1,6 @@
 """The commands of GoalService, the same over unary calls and over Control."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from typing import Unpack
 
@@ -16,16 +17,16 @@ def id_of(agent: Agent | str) -> str:
     return agent if isinstance(agent, str) else agent.agent_id
 
 
-class GoalCommands:
+class GoalCommands(ABC):
     """Each command returns the revision that it makes, and raises WayfarerError.
 
     `expected`: the agent's revision that the command is meant for. Raises Aborted when the agent
     has another one by then; None: any.
     """
 
+    @abstractmethod
     async def _give(self, request: Message) -> int:
         """Carry out a request of GoalService."""
-        raise NotImplementedError
 
     async def set_goal(
         self,

@@ -73,6 +73,26 @@ def rotvec_from_quaternion(quaternion: Array) -> Array:
     return q[..., :3] * np.where(half_sine > 1e-9, angle / np.maximum(half_sine, 1e-9), 2.0)
 
 
+def inverse(q: Array) -> Array:
+    """Of unit quaternions. [..., 4]"""
+    return q * np.array([-1.0, -1.0, -1.0, 1.0])
+
+
+def multiply(p: Array, q: Array) -> Array:
+    """The rotation q, then p. [..., 4]"""
+    a, b, c, d = np.moveaxis(p, -1, 0)
+    x, y, z, w = np.moveaxis(q, -1, 0)
+    return np.stack(
+        [
+            d * x + a * w + b * z - c * y,
+            d * y - a * z + b * w + c * x,
+            d * z + a * y - b * x + c * w,
+            d * w - a * x - b * y - c * z,
+        ],
+        -1,
+    )
+
+
 def continuous_quaternions(quaternions: Array) -> Array:
     """Flip signs so that neighbours in time (axis 0) lie on one half-sphere. [N, ..., 4]."""
     q = np.array(quaternions)

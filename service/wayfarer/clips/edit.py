@@ -14,7 +14,9 @@ from scipy.ndimage import gaussian_filter1d
 from wayfarer.body.library import load_body
 from wayfarer.body.model import BodyModel
 from wayfarer.body.rotation import (
+    inverse,
     matrix_from_quaternion,
+    multiply,
     quaternion_from_rotvec,
     rotvec_from_quaternion,
 )
@@ -74,11 +76,11 @@ def resampled(clip: Clip, fps: float) -> Clip:
     share = (at - before)[:, None]
     places, turns = clip.translation, np.asarray(clip.rotations, np.float64)
     first = turns[before]
-    between = rotvec_from_quaternion(_product(_inverse(first), turns[after]))
+    between = rotvec_from_quaternion(multiply(inverse(first), turns[after]))
     return replace(
         clip,
         translation=places[before] * (1 - share) + places[after] * share,
-        rotations=_product(first, quaternion_from_rotvec(between * share[..., None])),
+        rotations=multiply(first, quaternion_from_rotvec(between * share[..., None])),
         contacts=clip.contacts[np.where(share[:, 0] < 0.5, before, after)],
         fps=fps,
     )
@@ -105,10 +107,10 @@ def root_track(clip: Clip, loops: bool = False) -> RootTrack:
 
 def relative_to(clip: Clip, root: RootTrack) -> Clip:
     """The clip as seen from its root: in place, facing +Y."""
-    back = _inverse(root.turns)
+    back = inverse(root.turns)
     offset = np.asarray(clip.translation, np.float64) - root.places
     turns = np.array(clip.rotations, np.float64)
-    turns[:, 0] = _product(back, turns[:, 0])
+    turns[:, 0] = multiply(back, turns[:, 0])
     moved = np.einsum("nab,nb->na", matrix_from_quaternion(back), offset)
     return replace(clip, translation=moved, rotations=turns)
 
@@ -116,7 +118,7 @@ def relative_to(clip: Clip, root: RootTrack) -> Clip:
 def put_back(clip: Clip, root: RootTrack) -> Clip:
     """The inverse of `relative_to`."""
     turns = np.array(clip.rotations, np.float64)
-    turns[:, 0] = _product(root.turns, turns[:, 0])
+    turns[:, 0] = multiply(root.turns, turns[:, 0])
     moved = np.einsum("nab,nb->na", matrix_from_quaternion(root.turns), clip.translation)
     return replace(clip, translation=root.places + moved, rotations=turns)
 
@@ -138,8 +140,8 @@ def looped(clip: Clip, body: BodyModel | None = None) -> Clip:
     cycle = still[start : end + 1]
     share = _ramp(cycle.frames)[:, None, None]
     turns: Array = np.asarray(cycle.rotations, np.float64)
-    off = rotvec_from_quaternion(_product(_inverse(turns[-1]), turns[0]))
-    turns = _product(turns, quaternion_from_rotvec(off * share))
+    off = rotvec_from_quaternion(multiply(inverse(turns[-1]), turns[0]))
+    turns = multiply(turns, quaternion_from_rotvec(off * share))
     shift = (cycle.translation[0] - cycle.translation[-1]) * share[..., 0]
     path = RootTrack(root.places[start : end + 1], root.headings[start : end + 1])
     closed = replace(cycle, translation=cycle.translation + shift, rotations=turns)
@@ -214,22 +216,3 @@ def _carried(points: Array, to: Array, start: Array, turn: float) -> Array:
     cosine, sine = np.cos(turn), np.sin(turn)
     about_z = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
     return np.asarray((points - start) @ about_z.T + to)
-
-
-def _inverse(q: Array) -> Array:
-    return q * np.array([-1.0, -1.0, -1.0, 1.0])
-
-
-def _product(p: Array, q: Array) -> Array:
-    """The rotation q, then p. [..., 4]"""
-    a, b, c, d = np.moveaxis(p, -1, 0)
-    x, y, z, w = np.moveaxis(q, -1, 0)
-    return np.stack(
-        [
-            d * x + a * w + b * z - c * y,
-            d * y - a * z + b * w + c * x,
-            d * z + a * y - b * x + c * w,
-            d * w - a * x - b * y - c * z,
-        ],
-        -1,
-    )

@@ -56,7 +56,7 @@ class BodyDetail(StrEnum):
 
 
 class FileUnit(StrEnum):
-    """FileUnit of a BVH file."""
+    """Unit of length of a BVH file."""
 
     METRES = "m"
     CENTIMETRES = "cm"

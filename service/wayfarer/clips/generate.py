@@ -142,7 +142,7 @@ def generate(
         bool,
         typer.Option("--loop", help="Write one cycle of steady walking, whose ends meet."),
     ] = False,
-    unit: Annotated[FileUnit, typer.Option(help="FileUnit of a .bvh file.")] = FileUnit.METRES,
+    unit: Annotated[FileUnit, typer.Option(help="Unit of a .bvh file.")] = FileUnit.METRES,
     detail: Annotated[BodyDetail, typer.Option(help="Mesh of the body.")] = BodyDetail.HIGH,
     threads: Annotated[int, typer.Option(help="Threads of the engine; 0: all cores.", min=0)] = 0,
     model: Annotated[

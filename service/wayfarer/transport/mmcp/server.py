@@ -103,11 +103,11 @@ class Walker(Backbone):
         seed = seeds[0] if seeds else seed
         clips = []
         for number in range(samples):
-            wish = plan(request, fps)
-            agent = wish["agent"] | {"gender": fit.gender, "betas": fit.betas}
+            planned = plan(request, fps)
+            agent = planned["agent"] | {"gender": fit.gender, "betas": fit.betas}
             if seed is not None:
                 agent["seed"] = (seed + number) % (1 << 32)
-            asked = schema.ClipRequest.model_validate(wish | {"agent": agent})
+            asked = schema.ClipRequest.model_validate(planned | {"agent": agent})
             clip = await self._gateway.motion.generate_motion(asked)
             clips.append(_cut(resampled(clip, fps), count))
         found = [await asyncio.to_thread(skeletons.retargeted, clip, bones) for clip in clips]

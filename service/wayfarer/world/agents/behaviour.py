@@ -183,11 +183,11 @@ class Behaviour:
 
     def first_goals(self, actor: BehavingAgent, number: int) -> tuple[Goal, ...]:
         """Its first goals, from goal `number` of the path on."""
-        return (self.next_goal(actor, number),) if self.FROM_PLACE_TO_PLACE else (actor.here(),)
+        return (self.next_goal(actor, number),)
 
     def next_goal(self, actor: BehavingAgent, number: int) -> Goal:
-        """Goal `number` of the path."""
-        raise NotImplementedError
+        """Goal `number` of the path; here, unless it goes from place to place."""
+        return actor.here()
 
     def update(self, actor: BehavingAgent) -> None:
         """Before a step of the agent: extend its path, or move its goal."""
