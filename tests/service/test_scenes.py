@@ -1,17 +1,21 @@
 """Scenes through the runtime's one door: on worker threads, and kept over a restart."""
 
 import asyncio
+from dataclasses import replace
 
 import pytest
 
-from tests.service.kept_worlds import open_journal
+from tests.service.kept_worlds import fake_worlds, open_journal
 from tests.world.scenes.grounds import BOX, FIELD, ISLANDS, WALL
-from wayfarer.errors import FailedPrecondition, InvalidArgument, NotFound, Unreachable
+from wayfarer.errors import FailedPrecondition, InvalidArgument, NotFound, Unavailable, Unreachable
+from wayfarer.limits import Limits
+from wayfarer.navigation.examples import corridor
 from wayfarer.navigation.scene_spec import Cylinder, MeshFile, Prism, Ramp, SceneSpec
 from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.events import EventKind
+from wayfarer.world.scenes.bake_queue import BakeQueue
 from wayfarer.world.scenes.messages import SceneSource
 
 SOURCE = SceneSource(SceneSpec((FIELD,), (BOX,)), "field", {"owner": "ada"})
@@ -160,3 +164,13 @@ async def test_a_snapshot_needs_its_scene(servers):
         await other.import_session(snapshot)
     await runtime.delete_session("s")
     assert (await runtime.import_session(snapshot)).spec.scene == scene.scene_id
+
+
+def test_an_example_scene_waits_for_no_process():
+    queue = BakeQueue(Limits())
+    worlds = replace(fake_worlds(), bake_queue=queue)
+    worlds.scenes.create(SceneSource(corridor(), "whatever it is called"), 0.0)
+    assert queue.pid is None
+    queue.stop()  # so that a bake there is refused
+    with pytest.raises(Unavailable):
+        worlds.scenes.create(EMPTY, 0.0)

@@ -3,6 +3,8 @@
 import base64
 import gzip
 import json
+import posixpath
+import re
 
 import numpy as np
 import pytest
@@ -129,6 +131,27 @@ async def test_glb(rig):
 )
 async def test_glb_refusals(rig, path, status):
     assert (await rig.http.get("/v1/bodies/" + path)).status_code == status
+
+
+async def test_a_page_and_all_it_imports_are_kept_by_the_browser(rig):
+    page = await rig.http.get("/")
+    links = re.findall(r'(?:href|src)="(kept/[^"]+)"', page.text)
+    scripts = [link for link in links if link.endswith(".js")]
+    assert any(link.endswith("client/core/player.js") for link in scripts)
+    for link in links:
+        file = await rig.http.get(f"/{link}")
+        assert file.status_code == 200 and "immutable" in file.headers["cache-control"]
+        assert file.headers["content-encoding"] == "gzip"  # and httpx has unpacked it
+        if "/vendor/" in link:
+            continue
+        for name in re.findall(r'^(?:import|export)\b[^;"]*"(\.[^"]+)";', file.text, re.M):
+            imported = posixpath.normpath(posixpath.join(posixpath.dirname(link), name))
+            assert imported in links
+    plain = await rig.http.get(f"/{links[0]}", headers={"accept-encoding": "identity"})
+    assert "content-encoding" not in plain.headers and "immutable" in plain.headers["cache-control"]
+    old = await rig.http.get("/kept/of-another-version/main.js")
+    assert old.status_code == 200 and old.headers["cache-control"] == "no-cache"
+    assert (await rig.http.get("/kept/x/..%2f..%2fapp.py")).status_code == 404
 
 
 async def test_viewer_is_served_and_revalidated(rig):

@@ -111,6 +111,11 @@ class Page:
             time.sleep(0.1)
         raise TimeoutError(f"not true after {seconds} s: {script}; problems: {self.problems}")
 
+    def resize(self, width: int, height: int) -> None:
+        """Another size of the window; a small one is a phone's."""
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500}
+        self.call("Emulation.setDeviceMetricsOverride", **size)
+
     def click(self, x: float, y: float) -> None:
         """Press and release the left button at a point of the page (CSS pixels)."""
         for kind in ("mousePressed", "mouseReleased"):

@@ -1,18 +1,16 @@
 """A character of the user's, dropped on the viewer: a real browser against the real service."""
 
 import math
-import os
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.serving import Service
 from tests.viewer.characters import MANNEQUIN, makehuman, names_of
-from tests.viewer.chromium import CONNECTION, Page, find_chromium, needs_chromium
+from tests.viewer.chromium import CONNECTION, Page, needs_chromium
 
 pytestmark = needs_chromium
+SIZE = (560, 480)
 
 STATUS = "document.querySelector('#bones-found').textContent"
 MESSAGES = "document.querySelector('#messages').textContent"
@@ -28,18 +26,6 @@ TURNED = math.radians(35)
 WATCH = Path(__file__).with_name("watch_character.js").read_text()
 
 
-@pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    executable = find_chromium()
-    assert executable
-    with (
-        Service() as service,
-        Page(executable, tmp_path_factory.mktemp("characters"), (560, 480)) as opened,
-    ):
-        opened.url = os.environ.get("VIEWER_URL", service.url)
-        yield opened
-
-
 @pytest.fixture
 def visit(page: Page) -> Page:
     page.call("Page.navigate", url=f"{page.url}/?detail=low&scene=")
@@ -53,7 +39,6 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     written = {"mannequin": MANNEQUIN}
     unnamed = {name: f"node {k}" for k, name in enumerate(names_of("mixamo"))}
     for name, data in {
-        "game_engine": makehuman("game_engine"),
         "rigify": makehuman("rigify"),
         "unnamed": makehuman("mixamo", unnamed),
         "stick": makehuman("mixamo", unnamed, most=3),
@@ -81,7 +66,7 @@ def measured(page: Page) -> dict[str, float]:
     }
 
 
-@pytest.mark.parametrize("name", ("mannequin", "game_engine", "rigify", "unnamed"))
+@pytest.mark.parametrize("name", ("mannequin", "rigify", "unnamed"))
 def test_a_character_that_is_dropped_walks(visit: Page, files: dict[str, Path], name: str):
     page = visit
     page.drop(files[name], 280, 240)

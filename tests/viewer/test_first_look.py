@@ -1,15 +1,14 @@
 """The first ten seconds of the viewer, on all screens; what it says when it cannot."""
 
-import os
-from collections.abc import Iterator
+import sys
 from pathlib import Path
 
 import pytest
 
-from tests.serving import Service
-from tests.viewer.chromium import CONNECTION, Page, find_chromium, needs_chromium
+from tests.viewer.chromium import CONNECTION, Page, needs_chromium
 
 pytestmark = needs_chromium
+SIZE = (700, 500)
 
 PEOPLE = "globalThis.wayfarer?.crowd.people"
 WALKING = f"{PEOPLE}?.filter(({{ shown, played }}) => shown && played.state === 'walking').length"
@@ -28,29 +27,41 @@ HIDDEN_CONTROLS = f"""[...document.querySelectorAll("{CONTROLS}")].filter((one) 
 }}).map((one) => one.id || one.textContent)"""
 
 
-@pytest.fixture(scope="module")
-def service() -> Iterator[Service]:
-    with Service() as started:
-        yield started
+FIRST_SECONDS = """(() => {
+  const at = globalThis.firstSeen = {};
+  (function look() {
+    const { stage, session, crowd } = globalThis.wayfarer ?? {};
+    const now = performance.now() / 1000;
+    if (crowd) at["page runs"] ??= now;
+    if (session) at["session is open"] ??= now;
+    if (stage?.renderer) at["stage is made"] ??= now;
+    const shown = crowd?.people.filter((person) => person.shown) ?? [];
+    if (shown.length) at["somebody is there"] ??= now;
+    if (shown.some(({ played }) => played.state === "walking")) {
+      const gl = stage.renderer.getContext(); // waits until the picture is finished
+      gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+      at["people walk in a finished picture"] = performance.now() / 1000;
+    } else setTimeout(look, 20);
+  })();
+})()"""
 
 
-@pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory, service: Service) -> Iterator[Page]:
-    executable = find_chromium()
-    assert executable
-    with Page(executable, tmp_path_factory.mktemp("first"), (700, 500)) as opened:
-        opened.url = os.environ.get("VIEWER_URL", service.url)
-        yield opened
-
-
-def resize(page: Page, width: int, height: int) -> None:
-    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 1000}
-    page.call("Emulation.setDeviceMetricsOverride", **size)
-
-
-def test_people_walk_in_the_square_and_a_click_sends_one(page: Page):
+def test_people_walk_without_a_click(page: Page, record_property):
+    made = page.call("Page.addScriptToEvaluateOnNewDocument", source=FIRST_SECONDS)
     page.call("Page.navigate", url=f"{page.url}/")
     page.wait_for(f"{WALKING} >= 3", 90)
+    page.wait_for("firstSeen['people walk in a finished picture']", 60)
+    seen = page.evaluate("firstSeen")
+    page.call("Page.removeScriptToEvaluateOnNewDocument", identifier=made["identifier"])
+    told = ", ".join(f"{what} {when:.2f}" for what, when in seen.items())
+    sys.stdout.write(f"seconds from navigation: {told}\n")
+    record_property("first_seconds", seen)  # of this machine, at its load: nothing to assert
+    assert next(iter(seen)) == "page runs" and list(seen)[-1].startswith("people walk")
+    assert page.evaluate("document.querySelector('#trouble').hidden")
+    assert page.problems == []
+
+
+def test_a_click_sends_the_nearest_of_those_who_walk(page: Page):
     assert page.evaluate("document.querySelector('#scene').value") == "town_square"
     assert page.evaluate("document.querySelector('#rest').hidden")
     assert page.evaluate("document.querySelectorAll('.first > *').length") == 3
@@ -80,7 +91,7 @@ def test_people_walk_in_the_square_and_a_click_sends_one(page: Page):
 
 @pytest.mark.parametrize("size", SIZES)
 def test_every_control_can_be_reached_on(page: Page, size: tuple[int, int]):
-    resize(page, *size)
+    page.resize(*size)
     for _ in range(2):  # at first, and with all of them
         assert page.evaluate(HIDDEN_CONTROLS) == []
         page.evaluate("document.querySelector('#more').click()")
@@ -94,7 +105,7 @@ def test_every_control_can_be_reached_on(page: Page, size: tuple[int, int]):
 
 
 def test_names_do_not_lie_over_each_other(page: Page):
-    resize(page, 1440, 900)
+    page.resize(1440, 900)
     page.evaluate("document.querySelector('#labels').click()")
     shown = f"{PEOPLE}.filter(({{ label }}) => label?.visible)"
     page.wait_for(f"{shown}.length > 1", 20)
@@ -152,7 +163,11 @@ def test_letters_are_the_users_outside_of_the_stage(page: Page):
 
 
 def test_without_webgl_it_says_so(page: Page):
-    script = "HTMLCanvasElement.prototype.getContext = () => null"
+    script = (
+        "{ const { prototype } = HTMLCanvasElement; const { getContext } = prototype;"
+        " prototype.getContext = function (kind, ...how) {"
+        " return kind === '2d' ? getContext.call(this, kind, ...how) : null; }; }"
+    )
     made = page.call("Page.addScriptToEvaluateOnNewDocument", source=script)
     page.call("Page.navigate", url=f"{page.url}/")
     page.wait_for(f"{TROUBLE}?.hidden === false && {TROUBLE}.textContent.includes('WebGL 2')", 30)
@@ -161,8 +176,7 @@ def test_without_webgl_it_says_so(page: Page):
     assert page.problems == []
 
 
-@pytest.mark.skipif("VIEWER_URL" in os.environ, reason="the server is not ours to stop")
-def test_without_a_server_it_says_so(page: Page, service: Service):
+def test_without_a_server_it_says_so(page: Page):
     script = (
         "{ const { fetch } = globalThis; globalThis.fetch = (url, ...rest) => (/v1/.test(url)"
         " ? Promise.reject(new TypeError('offline')) : fetch(url, ...rest)); }"

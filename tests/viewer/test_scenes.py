@@ -1,46 +1,29 @@
 """Scenes in the viewer: a real browser against the real service (see test_viewer.py)."""
 
 import io
-import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from tests.serving import Service
-from tests.viewer.chromium import CONNECTION, Page, find_chromium, needs_chromium
+from tests.viewer.chromium import CONNECTION, Page, needs_chromium
 from wayfarer.navigation.examples import EXAMPLES
 
 Image = pytest.importorskip("PIL.Image", reason="pillow is missing: make lab")
 
 pytestmark = needs_chromium
+SIZE = (1280, 860)
 
 PEOPLE = "globalThis.wayfarer.crowd.people"
 
 
-@pytest.fixture(scope="module")
-def url() -> Iterator[str]:
-    if "VIEWER_URL" in os.environ:
-        yield os.environ["VIEWER_URL"]
-        return
-    with Service() as service:
-        yield service.url
-
-
-@pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    executable = find_chromium()
-    assert executable
-    with Page(executable, tmp_path_factory.mktemp("scenes"), (1280, 860)) as opened:
-        yield opened
-
-
 @pytest.fixture
-def visit(page: Page, url: str) -> Callable[[str], Page]:
+def visit(page: Page) -> Callable[[str], Page]:
     def visit(scene: str) -> Page:
-        page.call("Page.navigate", url=f"{url}/?detail=low&scene={scene}")
-        page.wait_for(f"globalThis.wayfarer?.book.version >= 0 && {CONNECTION} === 'open'", 60)
+        page.call("Page.navigate", url=f"{page.url}/?detail=low&scene={scene}")
+        there = "globalThis.wayfarer?.book.version >= 0 && wayfarer.stage.renderer"
+        page.wait_for(f"{there} && {CONNECTION} === 'open'", 60)
         return page
 
     return visit

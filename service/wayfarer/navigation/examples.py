@@ -1,6 +1,7 @@
 """Scenes of our own making, for tests, benchmarks, documents and the viewer."""
 
 from collections.abc import Callable, Mapping
+from functools import cache
 from math import cos, pi, sin, tau
 from typing import Final
 
@@ -126,3 +127,13 @@ EXAMPLES: Final[Mapping[str, Callable[[], SceneSpec]]] = {
     "two_storeys": two_storeys,
 }
 """Makers of the example scenes, by name."""
+
+
+def is_example(spec: SceneSpec) -> bool:
+    """Whether it is the content of one of them, whatever it is called."""
+    return spec.content_hash in _hashes()
+
+
+@cache
+def _hashes() -> frozenset[str]:
+    return frozenset(make().content_hash for make in EXAMPLES.values())

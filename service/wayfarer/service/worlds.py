@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from wayfarer.body.model import BodyModel
 from wayfarer.engines.models import LoadedModels
-from wayfarer.navigation.scene import bake
+from wayfarer.navigation.examples import is_example
+from wayfarer.navigation.scene import Scene, bake
+from wayfarer.navigation.scene_spec import SceneSpec
 from wayfarer.service.persistence.capture import JournalObserver
 from wayfarer.service.persistence.journal import Journal
 from wayfarer.service.persistence.record import Recordings
@@ -42,13 +44,20 @@ class Worlds:
     @cached_property
     def scenes(self) -> SceneRegistry:
         """That their sessions may be in."""
-        bake_there = self.bake_queue.bake if self.bake_queue else bake
-        return SceneRegistry(self.settings.limits, self.settings.shard, bake_there, self.journal)
+        return SceneRegistry(self.settings.limits, self.settings.shard, self._bake, self.journal)
 
     @cached_property
     def recordings(self) -> Recordings:
         """The logs of recorded sessions, of the world in real time and of those in lock-step."""
         return Recordings(self.settings.limits.log_entries)
+
+    def _bake(self, spec: SceneSpec) -> Scene:
+        """In the queue's process, which takes seconds to start; what an example costs is known, so
+        it is made here at once, and who opens the viewer need not wait.
+        """
+        if self.bake_queue is None or is_example(spec):
+            return bake(spec)
+        return self.bake_queue.bake(spec)
 
     def stop(self) -> None:
         """No scene is baked from now on."""

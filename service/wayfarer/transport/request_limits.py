@@ -1,4 +1,4 @@
-"""What surrounds the HTTP routes: request limits, headers, problem documents, static files."""
+"""What surrounds the HTTP routes: request limits, headers, problem documents."""
 
 import json
 import mimetypes
@@ -11,7 +11,6 @@ from fastapi.exceptions import RequestValidationError
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
-from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from wayfarer.errors import InvalidArgument, WayfarerError
@@ -92,16 +91,6 @@ class RequestLimits:
             await _http_problem(COMPRESSED)(scope, receive, headed_send)
             return
         await self._app(scope, bounded_receive, headed_send)
-
-
-class RevalidatedFiles(StaticFiles):
-    """Static files that a browser keeps, but asks about (ETag) before it uses them again."""
-
-    async def get_response(self, path: str, scope: Scope) -> Response:
-        """As StaticFiles, with Cache-Control."""
-        response = await super().get_response(path, scope)
-        response.headers["cache-control"] = "no-cache"
-        return response
 
 
 def add_problem_handlers(app: FastAPI) -> None:

@@ -19,13 +19,13 @@ from wayfarer.transport.http_server.catalogue import catalogue_routes
 from wayfarer.transport.http_server.clips import clip_routes, snapshot_routes
 from wayfarer.transport.http_server.events import event_routes
 from wayfarer.transport.http_server.health import health_routes
+from wayfarer.transport.http_server.page_files import PageFiles
 from wayfarer.transport.http_server.scenes import crowd_routes, scene_routes
 from wayfarer.transport.http_server.sessions import session_routes
 from wayfarer.transport.http_server.unknown_path import UnknownPath
 from wayfarer.transport.request_limits import (
     PROBLEMS,
     RequestLimits,
-    RevalidatedFiles,
     add_problem_handlers,
 )
 from wayfarer.transport.websocket import add_sockets
@@ -92,11 +92,10 @@ def http_app(gateway: Gateway) -> FastAPI:
 
         app.mount("/mmcp", mmcp_app(gateway), name="mmcp")
     app.router.routes.append(Route("/docs", lambda request: RedirectResponse("docs/")))
-    app.mount("/docs", RevalidatedFiles(directory=REFERENCE, html=True), name="docs")
+    app.mount("/docs", PageFiles(REFERENCE), name="docs")
     if VIEWER.is_dir():
         # client/ is a link to clients/web/src in a checkout; an installed package has the files
-        files = RevalidatedFiles(directory=VIEWER, html=True, follow_symlink=True)
-        app.mount("/", files, name="viewer")
+        app.mount("/", PageFiles(VIEWER), name="viewer")
     return app
 
 

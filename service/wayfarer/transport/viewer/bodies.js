@@ -10,6 +10,10 @@ const TOGETHER = 16; // bodies in one mesh: with more, one that comes costs more
 const LOADING = 4; // bodies asked for at a time
 const JOIN_SECONDS = 0.25; // between two rebuilds of a mesh, when many come at once
 const LOOK = new MeshStandardMaterial({ vertexColors: true, roughness: 0.85 });
+const NOBODY = { // as `bodyOf`: one triangle without size
+  position: new Float32Array(9), normal: new Float32Array(9), color: new Uint8Array(12), index: new Uint32Array(3),
+  skinIndex: new Uint16Array(12), skinWeight: new Float32Array(12),
+};
 
 /** All bodies. */
 export class Bodies {
@@ -18,6 +22,9 @@ export class Bodies {
     this.packs = [];
     this.waiting = [];
     this.loading = 0;
+    const unseen = new Pack(1); // so that the shader of bodies is ready before the first one comes
+    unseen.mesh.geometry = joined([NOBODY], 1);
+    this.group.add(unseen.mesh);
   }
 
   /** A body of its own for whoever asks: a promise of { pose(frame), height, remove() }. */

@@ -17,7 +17,8 @@ export class Crowd {
     this.heightAt = heightAt;
     stage.add(this.bodies.group);
     stage.add(this.trails.lines);
-    this.mesh = mesh; // agent → [URL of its GLB, headers to ask for it with]
+    this.mesh = mesh; // agent, detail → [URL of its GLB, headers to ask for it with]
+    this.refining = false;
     this.changed = changed;
     this.failed = failed;
     this.members = new Map(); // alias → Person
@@ -88,7 +89,7 @@ export class Crowd {
     person.showLabel(this.marks.labels);
     const look = this.looks.get(agent.id);
     if (look) person.wear(look.body(agent.restOffsets));
-    else person.load(...this.mesh(agent), this.boneNames).catch((error) => this.failed(`body not loaded: ${error.message}`));
+    else person.load(...this.mesh(agent, "low"), this.boneNames).catch((error) => this.failed(`body not loaded: ${error.message}`));
     this.changed();
   }
 
@@ -97,6 +98,24 @@ export class Crowd {
     this.looks.set(agentId, look);
     const person = this.people.find(({ agent }) => agent.id === agentId);
     person?.wear(look.body(person.agent.restOffsets));
+  }
+
+  /** Give the nearest person to the camera whose body is light, among the nearest `most`, a fine one. */
+  async refine({ position }, most) {
+    if (this.refining || this.people.some(({ shown }) => !shown)) return;
+    const gap = ({ x, z }) => Math.hypot(x - position.x, z - position.z);
+    const near = this.people.sort((a, b) => gap(a) - gap(b)).slice(0, most);
+    const person = near.find(({ fine, body }) => !fine && !body.object);
+    if (!person) return;
+    this.refining = true;
+    person.fine = true; // and if it cannot be had, it is not asked for again
+    try {
+      const body = await this.bodies.load(...this.mesh(person.agent, "high"), this.boneNames);
+      if (person.gone || person.body.object) body.remove();
+      else person.wear(body);
+    } finally {
+      this.refining = false;
+    }
   }
 
   #remove(alias) {

@@ -5,8 +5,8 @@ import {
   MeshStandardMaterial, ShapeUtils, Vector2,
 } from "./vendor/three.min.js";
 import { blockMeets, Ground, planePoint, pointOn } from "./ground.js";
-import { pavingTexture } from "./scene.js";
 import { blockMesh, extentOf, outlineOf } from "./shapes.js";
+import { pavingTexture } from "./textures.js";
 
 const STONES = 4; // metres of the paving's pattern
 const RIM = "#8fa89b";

@@ -10,12 +10,12 @@ import { askToken, byId, listPeople, mention, Readout, showConnection, showTroub
 import { ScenePanel } from "./panel.js";
 import { floorRing } from "./people.js";
 import { watchPointer } from "./pointer.js";
-import { Stage } from "./scene.js";
+import { NoPicture, Stage } from "./scene.js";
 import { PageSession } from "./session.js";
 import { Tools } from "./tools.js";
 import { Wardrobe } from "./wardrobe.js";
 
-const DETAILED = 24; // so many people get the fine mesh; later ones the light one
+const DETAILED = 24; // so many people have the fine mesh, where the machine draws well
 const FIRST_SCENE = "town_square"; // where nothing else is asked for
 const AT_FIRST = 10; // people who walk there when the page opens
 const MORE = 8; // and who come with the button
@@ -66,8 +66,10 @@ let joining = page.get("session"); // somebody's session to show; one of this pa
 start();
 
 async function start() {
+  let welcomed = null;
   try {
-    const [{ limits }, all] = await Promise.all([api.info(), api.bodies()]);
+    const listed = place.begun ? null : place.list();
+    const [{ limits }, all] = await Promise.all([api.info(), api.bodies(), listed]);
     bodies = new Map(all.map((body) => [body.gender, body]));
     byId("count").max = Math.min(200, limits.agents_per_session);
     byId("count").oninput({ target: byId("count") }); // what it stands for may be less now
@@ -75,13 +77,35 @@ async function start() {
     if (watched) await place.attend(watched.scene);
     else await place.begin(place.value ?? page.get("scene") ?? FIRST_SCENE);
     showTrouble(null);
-    if (!watched && !place.begun && !page.has("scene")) await welcome();
+    welcomed = !watched && !place.begun && !page.has("scene") ? welcome() : null; // is asked for before the stage is made
     place.begun = true;
+    await new Promise((go) => setTimeout(go)); // what was asked is sent
+    beginStage();
+    await welcomed;
   } catch (error) {
+    if (error instanceof NoPicture) {
+      await welcomed;
+      showNoPicture();
+      return;
+    }
+    beginStage();
     showConnection("lost", `${error.message}; trying again`);
     showTrouble("The server does not answer", "Start it with “wayfarer serve”. This page tries again every two seconds.");
     setTimeout(start, 2000);
   }
+}
+
+function beginStage() {
+  stage.begin(show, page.has("look") ? Number(page.get("look")) : null);
+}
+
+function showNoPicture() {
+  session.leave();
+  showConnection("lost", "not connected");
+  showTrouble(
+    "This browser shows no 3D",
+    "WebGL 2 is off or missing. Switch on hardware acceleration in the browser's settings, or open the page in another browser.",
+  );
 }
 
 /** People who walk about when the page opens, before the camera. */
@@ -128,11 +152,11 @@ function onEvent(event) {
   if (text) mention(text);
 }
 
-function mesh(agent) {
+function mesh(agent, detail) {
   const url = new URL(bodies.get(agent.gender).glb_path, location.href);
   url.searchParams.set("betas", agent.betas.map((beta) => beta.toFixed(4)).join(","));
   url.searchParams.set("style", agent.alias);
-  url.searchParams.set("detail", page.get("detail") ?? (crowd.members.size > DETAILED ? "low" : "high"));
+  url.searchParams.set("detail", page.get("detail") ?? detail);
   return [url.href, access.headers];
 }
 
@@ -308,7 +332,9 @@ view.focus();
 // ---- clocks
 
 let last = clock();
-stage.renderer.setAnimationLoop(() => {
+
+/** Everything as it is now, once per picture. */
+function show() {
   const now = clock();
   const { player } = session;
   player?.advance(now);
@@ -325,8 +351,9 @@ stage.renderer.setAnimationLoop(() => {
     holds: player?.underruns ?? 0,
   }));
   if (fps !== null) stage.keepUp(fps);
+  if (fps !== null && stage.look === 0 && !page.has("detail")) crowd.refine(stage.camera, DETAILED).catch(() => {}); // it stays light
   last = now;
-});
+}
 
 /** Behind the selected person, or with the middle of all. */
 function moveCamera(seconds) {

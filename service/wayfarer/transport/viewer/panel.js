@@ -33,17 +33,16 @@ export class ScenePanel {
     setInterval(() => document.hidden || this.book.poll(), POLL_SECONDS * 1000);
   }
 
-  /** At the start: list what there is, and begin in the scene of this name or id, or in none. */
+  /** At the start, after `list`: begin in the scene of this name or id, or in none. */
   async begin(wanted) {
-    await this.#list();
+    if (this.begun) await this.list();
     const known = this.choices.some(({ value }) => value === wanted);
     if (wanted && !known) tell(`There is no scene ${wanted}; choose one from the list.`);
-    await this.#while(this.#choose(known ? wanted : ""));
+    await this.#while(this.#choose(known ? wanted : "", true));
   }
 
-  /** At the start: a session in the scene of this id, or in none, is there already. */
+  /** At the start, after `list`: a session in the scene of this id, or in none, is there already. */
   async attend(id) {
-    await this.#list();
     this.value = this.choices.find(({ scene }) => scene === id)?.value ?? "";
     byId("scene").value = this.value;
     await this.#while(this.#open(id));
@@ -54,7 +53,8 @@ export class ScenePanel {
     return opening;
   }
 
-  async #list(chosen = "") {
+  /** Get what there is to choose. */
+  async list(chosen = "") {
     const [examples, scenes] = await Promise.all([this.api.exampleScenes(), this.api.scenes()]);
     this.choices = choicesOf(examples, scenes);
     byId("scene").replaceChildren(new Option("no scene", ""), ...this.choices.map(({ value, text, summary }) => {
@@ -64,12 +64,13 @@ export class ScenePanel {
     }));
   }
 
-  async #choose(value) {
+  /** `listed`: just now, so there is no need to look which scenes there are. */
+  async #choose(value, listed = false) {
     const previous = this.book.id;
     const choice = this.choices.find((known) => known.value === value);
     byId("scene").value = value;
     try {
-      const id = choice ? await this.#present(choice) : "";
+      const id = choice ? await this.#present(choice, listed) : "";
       await this.#open(id);
       this.value = value;
     } catch (error) {
@@ -79,8 +80,8 @@ export class ScenePanel {
   }
 
   /** The id of a scene that is there; an example that is not yet is made. */
-  async #present(choice) {
-    if (choice.example) {
+  async #present(choice, listed) {
+    if (choice.example && !(listed && choice.scene)) {
       const there = (await this.api.scenes()).find(({ name }) => name === choice.example);
       choice.scene = (there ?? await this.api.createExampleScene(choice.example)).scene_id;
     }
@@ -92,7 +93,7 @@ export class ScenePanel {
     if (!format) throw new Error(`${file.name}: a level is a GLB, OBJ or PLY file`);
     const bytes = await file.arrayBuffer();
     const { scene_id: id } = await this.api.createMeshScene(bytes, format, file.name.slice(0, 64));
-    await this.#list(id);
+    await this.list(id);
     await this.#open(id);
     this.value = id;
     if (format === "glb") {
@@ -102,10 +103,9 @@ export class ScenePanel {
   }
 
   async #open(id) {
-    await this.enter(id);
     this.level.clear();
     this.fresh = true;
-    await this.book.open(id);
+    await Promise.all([this.enter(id), this.book.open(id)]);
     if (!id) {
       this.stage.lower(0);
       this.stage.overlook(null);

@@ -37,6 +37,7 @@ export class Person {
     this.heading = 0;
     this.height = 1.75; // metres, of the name above the head; set from the mesh
     this.body = null;
+    this.fine = false; // whether its body is the fine one, or was asked for
     this.shown = false; // has a body, and a pose
     this.gone = false;
     this.group = new Group();
@@ -169,7 +170,7 @@ function label(text) {
   const canvas = document.createElement("canvas");
   canvas.width = 256;
   canvas.height = 64;
-  const pen = canvas.getContext("2d");
+  const pen = canvas.getContext("2d", { willReadFrequently: true });
   pen.font = "600 34px system-ui, sans-serif";
   const width = Math.min(250, pen.measureText(text).width + 36);
   pen.fillStyle = "rgb(255 255 255 / 85%)";

@@ -1,10 +1,10 @@
 // The stage: camera, light, ground. Y up, metres, people face +Z at heading 0.
 
 import {
-  ACESFilmicToneMapping, BackSide, CanvasTexture, Color, DirectionalLight, Fog, HemisphereLight, Mesh, MeshBasicMaterial, MeshStandardMaterial,
-  OrbitControls, PCFShadowMap, PerspectiveCamera, PlaneGeometry, Raycaster, RepeatWrapping,
-  SRGBColorSpace, Scene, SphereGeometry, Vector2, Vector3, WebGLRenderer,
+  ACESFilmicToneMapping, BackSide, DirectionalLight, Fog, HemisphereLight, Mesh, MeshBasicMaterial, MeshStandardMaterial,
+  OrbitControls, PCFShadowMap, PerspectiveCamera, PlaneGeometry, Raycaster, Scene, SphereGeometry, Vector2, Vector3, WebGLRenderer,
 } from "./vendor/three.min.js";
+import { floorTexture, skyTexture } from "./textures.js";
 
 const TIMES = { // of day: as the page is light or dark
   day: { sky: ["#7fb2d6", "#dfeaf0"], haze: "#dfeaf0", sun: "#fff0d8", strength: 3.4, above: "#dbeaf7", below: "#8d8069", fill: 1.1, floor: "#ffffff" },
@@ -17,24 +17,24 @@ const SUN = new Vector3(5, 11, 6);
 const LOOKS = [
   { pixels: 2, shadows: true },
   { pixels: 1, shadows: true },
-  { pixels: 0.75, shadows: false },
+  { pixels: 0.6, shadows: false },
 ]; // from the best to what a machine without a graphics card can do
+const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i; // names of what draws without a graphics card
 const SLOW_FPS = 20;
 const PATIENCE = 4; // slow readings in a row before the look is made lighter
 const SHADED = [14, 48]; // metres around the point looked at that have shadows: from near, from afar
 const FAR = [45, 160]; // metres: where fog begins and ends, seen from near; farther off, farther
 const LEANING = 0.72; // of a view of all: how steep, 0 level, 1 straight down
 
+/** The browser shows no 3D. */
+export class NoPicture extends Error {}
+
 export class Stage {
   constructor(canvas) {
     this.canvas = canvas;
-    this.renderer = new WebGLRenderer({ canvas, antialias: true });
-    this.renderer.shadowMap.enabled = true;
-    this.renderer.shadowMap.type = PCFShadowMap;
+    this.renderer = null; // until `begin`
     this.scene = new Scene();
     this.scene.fog = new Fog("#dfeaf0", ...FAR);
-    this.renderer.toneMapping = ACESFilmicToneMapping;
-    this.renderer.toneMappingExposure = 1.05;
     this.camera = new PerspectiveCamera(42, 1, 0.15, 600);
     this.controls = new OrbitControls(this.camera, canvas);
     this.overlook(null);
@@ -51,8 +51,31 @@ export class Stage {
     follow();
     this.look = 0;
     this.slow = 0;
-    new ResizeObserver(() => this.resize()).observe(canvas);
+  }
+
+  /**
+   * Draw from now on, `frame()` before each picture. It takes a while: what can be asked of the server meanwhile
+   * should be on its way. `look`: number of the look to begin with and keep; without it, what the machine can do.
+   * Throws NoPicture.
+   */
+  begin(frame, look = null) {
+    if (this.renderer) return;
+    const context = this.canvas.getContext("webgl2", { antialias: true });
+    if (!context) throw new NoPicture();
+    this.renderer = new WebGLRenderer({ canvas: this.canvas, context });
+    this.renderer.debug.checkShaderErrors = false; // the page would wait for each shader
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = PCFShadowMap;
+    this.renderer.toneMapping = ACESFilmicToneMapping;
+    this.renderer.toneMappingExposure = 1.05;
+    this.floor.material.map.anisotropy = this.renderer.capabilities.getMaxAnisotropy();
+    this.look = look ?? (drawnBySoftware(context) ? LOOKS.length - 1 : 0);
+    this.steady = look !== null;
+    this.sun.castShadow = LOOKS[this.look].shadows;
+    new ResizeObserver(() => this.resize()).observe(this.canvas);
     this.resize();
+    this.renderer.compile(this.scene, this.camera);
+    this.renderer.setAnimationLoop(frame);
   }
 
   add(object) {
@@ -65,8 +88,8 @@ export class Stage {
 
   resize() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
-    this.renderer.setPixelRatio(Math.min(globalThis.devicePixelRatio, LOOKS[this.look].pixels));
-    this.renderer.setSize(width, height, false);
+    this.renderer?.setPixelRatio(Math.min(globalThis.devicePixelRatio, LOOKS[this.look].pixels));
+    this.renderer?.setSize(width, height, false);
     this.camera.aspect = width / Math.max(1, height);
     this.camera.updateProjectionMatrix();
   }
@@ -74,7 +97,7 @@ export class Stage {
   /** Make the look lighter on a machine that is too slow for it. */
   keepUp(fps) {
     this.slow = fps < SLOW_FPS ? this.slow + 1 : 0;
-    if (this.slow < PATIENCE || this.look === LOOKS.length - 1) return;
+    if (this.slow < PATIENCE || this.look === LOOKS.length - 1 || this.steady) return;
     this.slow = 0;
     this.look += 1;
     this.sun.castShadow = LOOKS[this.look].shadows;
@@ -193,7 +216,6 @@ export class Stage {
   #addFloor() {
     const material = new MeshStandardMaterial({ map: floorTexture(), roughness: 1 });
     material.map.repeat.set(FLOOR_SIZE / 5, FLOOR_SIZE / 5);
-    material.map.anisotropy = this.renderer.capabilities.getMaxAnisotropy();
     this.floor = new Mesh(new PlaneGeometry(FLOOR_SIZE, FLOOR_SIZE), material);
     this.floor.rotation.x = -Math.PI / 2;
     this.floor.receiveShadow = true;
@@ -201,67 +223,7 @@ export class Stage {
   }
 }
 
-/** From the zenith to the horizon, in the upper half of a sphere. */
-function skyTexture(zenith, horizon) {
-  const canvas = document.createElement("canvas");
-  canvas.width = 4;
-  canvas.height = 256;
-  const pen = canvas.getContext("2d");
-  const shade = pen.createLinearGradient(0, 0, 0, 256);
-  shade.addColorStop(0, zenith);
-  shade.addColorStop(0.5, horizon);
-  pen.fillStyle = shade;
-  pen.fillRect(0, 0, 4, 256);
-  const texture = new CanvasTexture(canvas);
-  texture.colorSpace = SRGBColorSpace;
-  return texture;
-}
-
-/** Flagstones of 4 × 4 m, to be laid by metres. */
-export function pavingTexture() {
-  const size = 1024, rows = 8;
-  const canvas = document.createElement("canvas");
-  canvas.width = canvas.height = size;
-  const pen = canvas.getContext("2d");
-  pen.fillStyle = "#8d8878";
-  pen.fillRect(0, 0, size, size);
-  let seed = 7; // the same stones each time
-  const chance = () => (seed = (seed * 16807) % 2147483647) / 2147483647;
-  const high = size / rows;
-  for (let row = 0; row < rows; row += 1) {
-    const stones = 5 + Math.floor(2 * chance());
-    const shift = chance() * high;
-    for (let stone = 0; stone < stones; stone += 1) {
-      const wide = size / stones;
-      pen.fillStyle = `hsl(${38 + 8 * chance()}, ${9 + 5 * chance()}%, ${68 + 9 * chance()}%)`;
-      for (const around of [-size, 0, size]) pen.fillRect(shift + stone * wide + around + 2, row * high + 2, wide - 4, high - 4);
-    }
-  }
-  const texture = new CanvasTexture(canvas);
-  texture.colorSpace = SRGBColorSpace;
-  texture.wrapS = texture.wrapT = RepeatWrapping;
-  texture.anisotropy = 8;
-  return texture;
-}
-
-/** A tile of 5 × 5 m: thin lines each metre, a stronger one at the edge. */
-function floorTexture() {
-  const size = 1024;
-  const canvas = document.createElement("canvas");
-  canvas.width = canvas.height = size;
-  const pen = canvas.getContext("2d");
-  pen.fillStyle = "#c4c2b6";
-  pen.fillRect(0, 0, size, size);
-  for (let metre = 0; metre <= 5; metre += 1) {
-    const strong = metre % 5 === 0;
-    pen.fillStyle = strong ? "#a5a294" : "#b6b3a6";
-    const thick = strong ? 5 : 3;
-    const at = (metre * size) / 5 - thick / 2;
-    pen.fillRect(at, 0, thick, size);
-    pen.fillRect(0, at, size, thick);
-  }
-  const texture = new CanvasTexture(canvas);
-  texture.colorSpace = SRGBColorSpace;
-  texture.wrapS = texture.wrapT = RepeatWrapping;
-  return texture;
+function drawnBySoftware(context) {
+  const named = context.getExtension("WEBGL_debug_renderer_info");
+  return Boolean(named) && SOFTWARE.test(context.getParameter(named.UNMASKED_RENDERER_WEBGL));
 }

@@ -32,6 +32,12 @@ export class PageSession {
     this.#enter(Session.join(this.api, id, this.#options(scene)));
   }
 
+  /** End it, or leave it if it is somebody else's. */
+  leave() {
+    this.current?.close();
+    this.current = null;
+  }
+
   #enter(session) {
     this.current?.close();
     this.current = session;
