@@ -19,7 +19,7 @@ LAB: Final = "wayfarer_lab"
 INSTALL: Final = {
     LAB: "./lab",
     "torch": "'./lab[train]'",
-    "onnx": "'./lab[train]'",
+    "onnx": "'./lab[engines]'",
     "onnxscript": "'./lab[train]'",
     "onnx_ir": "'./lab[train]'",
     "tensorboard": "'./lab[train]'",
@@ -130,7 +130,12 @@ _command(
 _command(app, "eval", f"{LAB}.evaluation.commands:app", "Measure motion and models.")
 _command(app, "load", f"{LAB}.load.cli:load", "Load a server and measure how late its motion is.")
 _command(app, "train", f"{LAB}.training.cli:app", "Train the networks.")
-_command(app, "export", f"{LAB}.training.cli:export", "Write trained networks as a model folder.")
+_command(
+    app,
+    "export",
+    f"{LAB}.export_command:export",
+    "Write trained networks as a model folder, or a model for game engines.",
+)
 
 data = _group("Prepare motion capture for training.")
 _command(

@@ -1,8 +1,7 @@
-"""Commands that need torch: `wayfarer train …` and `wayfarer export`."""
+"""Commands that need torch: `wayfarer train …`."""
 
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, TypeVar
 
@@ -13,15 +12,11 @@ from pydantic import BaseModel, ValidationError
 from wayfarer.artifacts import ASSETS
 from wayfarer.body.library import load_body
 from wayfarer.errors import InvalidArgument
-from wayfarer.motion.regressor import PASSES
-from wayfarer.spec import GENDERS
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer_lab.training.analytic import AnalyticConfig, load_walks, train_analytic
 from wayfarer_lab.training.blend import blend_runs
-from wayfarer_lab.training.card import model_card
 from wayfarer_lab.training.dataset import Frames, load_frames, load_poses
-from wayfarer_lab.training.export import Sources, export_models, write_models
-from wayfarer_lab.training.goal_cvae import GoalCvaeConfig, load_goal_cvae_graphs, train_goal_cvae
+from wayfarer_lab.training.goal_cvae import GoalCvaeConfig, train_goal_cvae
 from wayfarer_lab.training.policy import PolicyConfig, load_environment, train_policy
 from wayfarer_lab.training.pose_prior import PosePriorConfig, train_pose_prior
 from wayfarer_lab.training.predictor import PredictorConfig, train_predictor
@@ -205,54 +200,3 @@ def blend(
             raise InvalidArgument(f"{run!r} is not FOLDER:SHARE", "runs") from None
     blend_runs(shares, out)
     typer.echo(f"{out}: {(out / 'log.txt').read_text().strip()}")
-
-
-def export(
-    runs: Annotated[
-        Path, typer.Option(help="Folder of finished runs. Folders are named as in docs/models.md.")
-    ] = Path("runs"),
-    out: Annotated[
-        Path,
-        typer.Option(help="Model folder to write.", show_default="the shipped model's folder"),
-    ] = SHIPPED,
-    data: Annotated[
-        Path | None,
-        typer.Option(help="Folder made by `wayfarer data prepare`; the card describes it."),
-    ] = None,
-    policy: Annotated[str, typer.Option(help="Run of the policy.")] = "policy",
-    predictor_1f: Annotated[
-        str, typer.Option(help="Run of the 1-frame predictor.")
-    ] = "predictor_1f_rollout",
-    predictor_2f: Annotated[
-        str, typer.Option(help="Run of the 2-frame predictor.")
-    ] = "predictor_2f_rollout",
-    goal_cvae: Annotated[
-        str, typer.Option(help="Run of the goal-conditioned CVAE: write that baseline instead.")
-    ] = "",
-    passes: Annotated[
-        int,
-        typer.Option(min=1, help="Passes of the regressor; 2: a lighter model (docs/models.md)."),
-    ] = PASSES,
-) -> None:
-    """Write trained networks as a model folder: ONNX graphs, manifest and card.
-
-    Fails unless torch and ONNX agree.
-    """
-    sources = Sources(
-        policy=runs / policy,
-        predictor_1f=runs / predictor_1f,
-        predictor_2f=runs / predictor_2f,
-        regressor_male=runs / "regressor_male",
-        regressor_female=runs / "regressor_female",
-        pose_prior=runs / "pose_prior",
-    )
-    if goal_cvae:
-        regressors = {gender: runs / f"regressor_{gender}" for gender in GENDERS}
-        trained = {"goal_cvae": runs / goal_cvae} | regressors
-        graphs = load_goal_cvae_graphs(runs / goal_cvae, regressors)
-        written = write_models(graphs, out, model_card(out.name, trained, data), out.name)
-    else:
-        card = model_card(out.name, asdict(sources), data)
-        written = export_models(sources, out, card, out.name, passes=passes)
-    for file, difference in written.items():
-        typer.echo(f"{file}: torch and ONNX differ by at most {difference:.1e}")

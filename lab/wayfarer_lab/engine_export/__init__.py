@@ -1,0 +1,1 @@
+"""`wayfarer export --for engines`: the step as one file that game engines run. Needs no torch."""

@@ -1,0 +1,139 @@
+"""`wayfarer export`: trained runs as the model folder that serves, or a model for game engines."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from wayfarer.artifacts import ASSETS
+from wayfarer.errors import InvalidArgument
+
+SHIPPED = ASSETS / "models" / "gamma-anny52"
+ENGINES_OUT = Path("wayfarer_engines")
+
+
+class ExportTarget(StrEnum):
+    """What is written."""
+
+    SERVER = "server"
+    ENGINES = "engines"
+
+
+def export(
+    target: Annotated[
+        ExportTarget,
+        typer.Option(
+            "--for",
+            help="server: trained runs as a model folder (needs torch). engines: a model folder as "
+            "graphs for Unity, Unreal and ONNX Runtime (needs the package onnx).",
+        ),
+    ] = ExportTarget.SERVER,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder to write.",
+            show_default=f"server: the shipped model's folder; engines: {ENGINES_OUT}",
+        ),
+    ] = None,
+    models: Annotated[
+        Path | None,
+        typer.Option(help="engines: model folder to take.", show_default="the shipped model"),
+    ] = None,
+    candidates: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            max=16,
+            help="engines: candidates K of a step; 1 is the policy alone, and cheapest.",
+            show_default="1",
+        ),
+    ] = None,
+    runs: Annotated[
+        Path | None,
+        typer.Option(
+            help="server: folder of finished runs. Folders are named as in docs/models.md.",
+            show_default="runs",
+        ),
+    ] = None,
+    data: Annotated[
+        Path | None,
+        typer.Option(help="server: folder made by `wayfarer data prepare`; the card describes it."),
+    ] = None,
+    policy: Annotated[
+        str | None, typer.Option(help="server: run of the policy.", show_default="policy")
+    ] = None,
+    predictor_1f: Annotated[
+        str | None,
+        typer.Option(
+            help="server: run of the 1-frame predictor.", show_default="predictor_1f_rollout"
+        ),
+    ] = None,
+    predictor_2f: Annotated[
+        str | None,
+        typer.Option(
+            help="server: run of the 2-frame predictor.", show_default="predictor_2f_rollout"
+        ),
+    ] = None,
+    goal_cvae: Annotated[
+        str | None,
+        typer.Option(help="server: run of the goal-conditioned CVAE: write that baseline instead."),
+    ] = None,
+    passes: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="server: passes of the regressor; 2: a lighter model (docs/models.md).",
+            show_default="3",
+        ),
+    ] = None,
+) -> None:
+    """Write a model in the form that something else runs.
+
+    --for server turns trained networks into a model folder: ONNX graphs, manifest and card. It
+    fails unless torch and ONNX agree.
+
+    --for engines turns a model folder into files that a game engine runs without a server: for each
+    gender one self-contained float32 ONNX graph and a file with the body and start poses; and
+    wayfarer.json and README.md, which document every input, output and constant. It fails unless
+    onnx.checker, the engines' tables of operators and the served engine agree. For example:
+
+    wayfarer export --for engines --out Assets/Wayfarer
+    """
+    of_runs = {
+        "runs": runs, "data": data, "policy": policy, "predictor_1f": predictor_1f,
+        "predictor_2f": predictor_2f, "goal_cvae": goal_cvae, "passes": passes,
+    }  # fmt: skip
+    if target is ExportTarget.ENGINES:
+        _refuse(of_runs, target, ExportTarget.SERVER)
+        _for_engines(models or SHIPPED, out or ENGINES_OUT, candidates or 1)
+    else:
+        _refuse({"models": models, "candidates": candidates}, target, ExportTarget.ENGINES)
+        _for_server(out or SHIPPED, {k: value for k, value in of_runs.items() if value is not None})
+
+
+def _refuse(options: dict[str, Any], target: ExportTarget, other: ExportTarget) -> None:
+    for name, value in options.items():
+        if value is not None:
+            flag = "--" + name.replace("_", "-")
+            raise InvalidArgument(f"{flag} is for --for {other}; this is --for {target}", name)
+
+
+def _for_engines(models: Path, out: Path, candidates: int) -> None:
+    from wayfarer_lab.engine_export.export import export_for_engines
+
+    export_for_engines(models, out, candidates, typer.echo)
+    typer.echo(f"{out}: written; start with {out / 'README.md'}")
+
+
+def _for_server(out: Path, given: dict[str, Any]) -> None:
+    from wayfarer.motion.regressor import PASSES
+    from wayfarer_lab.training.export_runs import export_runs
+
+    usual: dict[str, Any] = {
+        "runs": Path("runs"), "data": None, "policy": "policy",
+        "predictor_1f": "predictor_1f_rollout", "predictor_2f": "predictor_2f_rollout",
+        "goal_cvae": "", "passes": PASSES,
+    }  # fmt: skip
+    for file, difference in export_runs(out=out, **usual | given).items():
+        typer.echo(f"{file}: torch and ONNX differ by at most {difference:.1e}")
