@@ -22,6 +22,9 @@ AGENTS = 1
 SHOWN_MS = 200.0
 """Seconds of lateness after which all frames of a chunk are over."""
 
+WARM_UP_S = 60.0
+"""Until memory has settled: what is kept for those who resume, buffers for each size of batch."""
+
 GROWTH = 0.05
 """Share of its memory by which the server may grow."""
 
@@ -37,7 +40,7 @@ async def main() -> int:
         for kind in streams.STALLS:
             async with served(Path(folder) / "log", settings=streams.SETTINGS) as server:
                 stall = await streams.stall(
-                    server.target, asked.seconds, SESSIONS, AGENTS, HEALTHY, kind
+                    server.target, asked.seconds, SESSIONS, AGENTS, HEALTHY, kind, WARM_UP_S
                 )
                 found = streams.summary(stall)
                 print(f"stalled {kind} reader, {asked.seconds:g} s: {found}")

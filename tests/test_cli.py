@@ -175,11 +175,12 @@ def test_ctrl_c_while_it_loads_is_as_quiet() -> None:
     assert (answer.returncode, answer.stderr) == (130, "")
 
 
-def test_help_and_serving_load_no_torch() -> None:
+def test_help_and_serving_load_nothing_heavy() -> None:
+    """scipy's parts take 40 MB and half a second: scenes, files and fits load what they need."""
     answer = python(
         """
-        import sys, wayfarer.cli, wayfarer.serve
-        heavy = {"torch", "matplotlib", "anny", "onnx"} & set(sys.modules)
+        import sys, wayfarer.cli, wayfarer.serve, wayfarer.assembly
+        heavy = {"torch", "matplotlib", "anny", "onnx", "scipy", "pxr", "PIL"} & set(sys.modules)
         sys.exit(f"loaded {heavy}" if heavy else 0)
         """
     )

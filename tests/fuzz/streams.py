@@ -86,21 +86,29 @@ async def people(connection: Connection, agents: int) -> str:
 
 
 async def stall(
-    target: Target, seconds: float, sessions: int, agents: int, healthy: int, kind: str
+    target: Target,
+    seconds: float,
+    sessions: int,
+    agents: int,
+    healthy: int,
+    kind: str,
+    warm_up: float = 0.0,
 ) -> Stall:
     """One reader of the first session stalls; `healthy` others read it and the other sessions.
 
     The first has four times as many agents: what the stalled reader leaves must fill all buffers.
+    `warm_up`: seconds that the others read before, for the server's memory to settle.
     """
     connection = Connection(target)
     names = [await people(connection, agents if i else 4 * agents) for i in range(sessions)]
     readings = [Reading() for _ in range(healthy)]
-    stalled = await STALLS[kind](target, names[0])
-    before = target.resident_megabytes() or 0.0
     reading = [
         asyncio.create_task(_read(connection, names[(number + 1) % sessions], own))
         for number, own in enumerate(readings)
     ]
+    await asyncio.sleep(warm_up)
+    before = target.resident_megabytes() or 0.0
+    stalled = await STALLS[kind](target, names[0])
     await asyncio.sleep(seconds)
     stats = await stats_of(target)
     after = target.resident_megabytes() or 0.0

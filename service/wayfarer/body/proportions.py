@@ -13,7 +13,6 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from wayfarer.body.library import SHIPPED, load_body
 from wayfarer.body.skeleton import joint_names
@@ -212,6 +211,8 @@ def _lengths_of(name: str, gender: str, measures: tuple[str, ...]) -> _Lengths:
 
 def _fit(name: str, gender: str, wanted: Mapping[str, float]) -> tuple[float, BodyFit]:
     """(cost, fit) of one gender."""
+    from scipy.optimize import least_squares  # 30 MB and .2 s that a server without fits is spared
+
     body = _lengths_of(name, gender, tuple(wanted))
     target = np.array(list(wanted.values()))
     spreads = np.array([MEASURES[n].spread if n in MEASURES else ANKLE_SPREAD for n in wanted])

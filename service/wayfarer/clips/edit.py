@@ -9,7 +9,6 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from wayfarer.body.library import load_body
 from wayfarer.body.model import BodyModel
@@ -88,6 +87,8 @@ def resampled(clip: Clip, fps: float) -> Clip:
 
 def root_track(clip: Clip, loops: bool = False) -> RootTrack:
     """The path that the clip travels; `loops`: the clip repeats from its last frame on."""
+    from scipy.ndimage import gaussian_filter1d  # only files need it: not loaded at start
+
     points, headings = _raw_root(clip)
     width = AVERAGED_S * clip.fps
     if loops:  # the cycles before and after, so that the average repeats, too
