@@ -27,7 +27,7 @@ SLOW = (
     "lab/evaluation/maneuvers/test_run.py",
     "lab/evaluation/test_scenarios.py",
     "lab/training/test_export.py",  # traces and optimises whole graphs
-    "lab/training/test_onnx_files.py",
+    "lab/test_onnx_files.py",
     "lab/training/test_pose_graphs.py",
     "lab/training/test_predictor.py",
     "engines/test_openvino_engine.py",  # compiles networks

@@ -30,6 +30,7 @@ from wayfarer_lab.engine_export.bodies import body_parts
 from wayfarer_lab.engine_export.graph import engine_graph
 from wayfarer_lab.engine_export.operators import check_operators
 from wayfarer_lab.engine_export.sidecar import PAGE, SIDECAR, body_file_name, page, sidecar
+from wayfarer_lab.onnx_files import WEIGHTS_FILE, WeightStore, externalise
 
 TOLERANCE: Final = 1e-4
 """Largest difference from the served engine in one step: metres, and components of quaternions."""
@@ -42,8 +43,13 @@ STEPS: Final = 12
 Told = Callable[[str], None]
 
 
-def export_for_engines(models: Path, out: Path, candidates: int, told: Told) -> None:
+def export_for_engines(
+    models: Path, out: Path, candidates: int, told: Told, halves: bool = False
+) -> None:
     """Write graphs, bodies, sidecar and page of a model folder to `out`; `told` hears of progress.
+
+    With `halves` the graphs share `weights.bin`, float16, for pages that load both: the same
+    numbers in a third of the bytes.
 
     An earlier export in `out` is replaced file by file, and what else is there stays (Unity keeps
     its .meta files beside each file). Raises InvalidArgument, ArtifactError.
@@ -62,7 +68,7 @@ def export_for_engines(models: Path, out: Path, candidates: int, told: Told) -> 
     except OSError as error:
         raise InvalidArgument(f"{out} cannot be written: {error.strerror}", "out") from error
     try:
-        _write(staging, folder, bodies, poses, candidates, told)
+        _write(staging, folder, bodies, poses, candidates, told, halves)
         for file in staging.iterdir():
             file.replace(out / file.name)
     finally:
@@ -76,9 +82,11 @@ def _write(
     poses: NDArray[np.float32],
     candidates: int,
     told: Told,
+    halves: bool,
 ) -> None:
     graphs, parts, differences = {}, {}, {}
     meanings = {}
+    store = WeightStore() if halves else None
     engines = _served(folder)
     steering = Steering().with_search(candidates=candidates)
     for gender in GENDERS:
@@ -93,18 +101,26 @@ def _write(
         graphs[gender] = graph = engine_graph(source, candidates, about)
         onnx.checker.check_model(graph, full_check=True)
         check_operators(graph, file.name)
-        file.write_bytes(graph.SerializeToString())
+        written = onnx.ModelProto.FromString(graph.SerializeToString())
+        if store is not None:
+            written = externalise(written, store)
+        file.write_bytes(written.SerializeToString())
         told(f"{file.name}: {len(graph.graph.node)} nodes, {file.stat().st_size / 1e6:.1f} MB")
-        walk = _Walk(bodies, poses, gender, steering, candidates)
-        for name, engine in engines.items():
-            differences[f"{gender}, {name}"] = worst = walk.compared(file, engine)
-            told(f"{file.name}: differs from {name} by {worst:.1e} at most")
         parts[gender] = body_parts(bodies[gender], poses)
         (out / body_file_name(gender)).write_bytes(
             b"".join(p.values.tobytes() for p in parts[gender])
         )
         meanings[file.name] = f"the step of {gender} people"
         meanings[body_file_name(gender)] = f"{gender} body: bones, start poses, soles"
+    if store is not None:
+        store.write(out)
+        meanings[WEIGHTS_FILE] = "weights of both graphs, float16"
+    for gender in GENDERS:
+        walk = _Walk(bodies, poses, gender, steering, candidates)
+        for name, engine in engines.items():
+            worst = walk.compared(out / graph_file(gender), engine)
+            differences[f"{gender}, {name}"] = worst
+            told(f"{graph_file(gender)}: differs from {name} by {worst:.1e} at most")
     files = {
         name: {
             "bytes": (out / name).stat().st_size,
@@ -133,7 +149,12 @@ def _check_place(out: Path) -> None:
         raise InvalidArgument(f"{out} is a file; name a folder to write", "out")
     if (out / SIDECAR).is_file():
         return
-    written = [SIDECAR, PAGE, *(name(g) for g in GENDERS for name in (graph_file, body_file_name))]
+    written = [
+        SIDECAR,
+        PAGE,
+        WEIGHTS_FILE,
+        *(name(g) for g in GENDERS for name in (graph_file, body_file_name)),
+    ]
     if taken := [name for name in written if (out / name).exists()]:
         raise InvalidArgument(
             f"{out} holds {', '.join(taken)}, and no earlier export; name another folder", "out"

@@ -9,6 +9,7 @@ import onnx
 from onnx import TensorProto
 
 from wayfarer import __version__
+from wayfarer.body import landmarks, skeleton
 from wayfarer.body.model import BodyModel
 from wayfarer.body.skeleton import joint_names, parents
 from wayfarer.spec import FPS, NEW_FRAMES, POSED_JOINTS, SEED_FRAMES, STEP_SECONDS
@@ -124,7 +125,7 @@ def sidecar(
     names = joint_names()[:POSED_JOINTS]
     return {
         "schema": SCHEMA,
-        "made_by": f"wayfarer {__version__}, wayfarer export --for engines",
+        "made_by": f"wayfarer {__version__}, wayfarer export",
         "model": model,
         "body": body.name,
         "frame": FRAME,
@@ -142,6 +143,10 @@ def sidecar(
         "outputs": [_tensor(value) for value in first.graph.output],
         "markers": list(body.marker_names),
         "sole_markers": body.sole_markers.reshape(2, -1).tolist(),
+        "mirrored_markers": [
+            body.marker_names.index(landmarks.mirrored(name)) for name in body.marker_names
+        ],
+        "mirrored_joints": [names.index(skeleton.mirrored(name)) for name in names],
         "joints": [
             {"name": name, "parent": parent}
             for name, parent in zip(names, parents()[:POSED_JOINTS], strict=True)
@@ -238,6 +243,9 @@ def page(about: Mapping[str, Any]) -> str:
         candidates=about["candidates"],
         opset=about["opset"],
         ir_version=about["ir_version"],
+        weights="The graphs share `weights.bin` (float16 inside the file, float32 in use)"
+        if "weights.bin" in about["files"]
+        else "Each graph is one file: weights inside",
         worst=f"{worst:.1g}",
         frame=about["frame"],
         files=sizes,
@@ -281,11 +289,12 @@ tensors are float32. Frame of all places and directions: {frame}. The floor is z
 |---|---|---|
 {files}
 
-Each graph is one file: weights inside, opset {opset}, IR {ir_version}, {candidates} candidate(s),
-no custom operators. Before this folder was written, onnx.checker passed each graph, its operators
-were found in Unity's table (Sentis 2.1 and later), and ONNX Runtime, which is what Unreal's
-NNERuntimeORT is, gave the server's motion for walking people: largest difference {worst} (m, and
-components of quaternions). The graphs have not been run inside Unity or Unreal.
+{weights}, opset {opset}, IR {ir_version},
+{candidates} candidate(s), no custom operators. Before this folder was written, onnx.checker passed
+each graph, its operators were found in Unity's table (Sentis 2.1 and later), and ONNX Runtime,
+which is what Unreal's NNERuntimeORT is, gave the server's motion for walking people: largest
+difference {worst} (m, and components of quaternions). The graphs have not been run inside Unity or
+Unreal.
 
 ## Inputs
 `agents` is the number of people in the call, any from 1.

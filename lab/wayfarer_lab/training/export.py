@@ -32,6 +32,7 @@ from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import PASSES, BodyRegressor
 from wayfarer.spec import GENDERS
+from wayfarer_lab.onnx_files import WeightStore, externalise
 from wayfarer_lab.training.graphs import (
     ExportGraph,
     body_inputs,
@@ -41,7 +42,6 @@ from wayfarer_lab.training.graphs import (
     step_graph,
     step_inputs,
 )
-from wayfarer_lab.training.onnx_files import WeightStore, externalise
 from wayfarer_lab.training.pose_graphs import pose_decoder_graph, pose_encoder_graph
 from wayfarer_lab.training.pose_networks import PosePrior
 from wayfarer_lab.training.row_independence import check_rows, make_rows_independent

@@ -278,5 +278,5 @@ def test_options_of_the_other_target_are_refused():
         InvalidArgument, match="--policy is for --for server; this is --for engines"
     ):
         export(target=ExportTarget.ENGINES, policy="mine")
-    with pytest.raises(InvalidArgument, match="--candidates is for --for engines"):
+    with pytest.raises(InvalidArgument, match="--candidates is for --for engines or web"):
         export(target=ExportTarget.SERVER, candidates=2)

@@ -12,9 +12,9 @@ from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
+from wayfarer_lab.onnx_files import WeightStore
 from wayfarer_lab.training.export import TOLERANCE, check_graph, identity, round_to_half, save_graph
 from wayfarer_lab.training.graphs import step_graph
-from wayfarer_lab.training.onnx_files import WeightStore
 
 
 def small_step(seed: int) -> PrimitiveStep:

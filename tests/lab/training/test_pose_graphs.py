@@ -3,8 +3,8 @@
 import pytest
 import torch
 
+from wayfarer_lab.onnx_files import WeightStore
 from wayfarer_lab.training.export import TOLERANCE, parity, round_to_half, save_graph
-from wayfarer_lab.training.onnx_files import WeightStore
 from wayfarer_lab.training.pose_graphs import pose_decoder_graph, pose_encoder_graph
 from wayfarer_lab.training.pose_networks import PosePrior
 from wayfarer_lab.training.rotation import matrix_from_rotvec

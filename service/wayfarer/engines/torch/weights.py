@@ -30,7 +30,7 @@ Weights = Mapping[str, Tensor]
 Network = TypeVar("Network", bound=nn.Module)
 
 HALF: Final = ".f16"
-"""Ends the names of weights that are kept as float16 (`training/onnx_files.py`)."""
+"""Ends the names of weights that are kept as float16 (`onnx_files.py`)."""
 
 LAST: Final = f"regressor.network.{BLOCKS + 1}"
 """The regressor's output layer."""

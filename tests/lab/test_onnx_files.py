@@ -3,9 +3,9 @@ import onnxruntime as ort
 import torch
 from torch import nn
 
+from wayfarer_lab.onnx_files import WEIGHTS_FILE, WeightStore
 from wayfarer_lab.training.export import parity, round_to_half, save_graph
 from wayfarer_lab.training.graphs import ExportGraph
-from wayfarer_lab.training.onnx_files import WEIGHTS_FILE, WeightStore
 
 
 def small_graph(seed: int) -> ExportGraph:

@@ -1,0 +1,156 @@
+// A step that no body could take is repaired before it is shown, or continued from. The server's
+// world/stepping/guards.py, for one person. Rare; without a repair nothing changes.
+
+import { multiply, relative } from "../core/quaternions.js";
+
+const FRAMES = 8, SEED = 2, TURN = 88, JOINTS = 22;
+const DEGREE = Math.PI / 180;
+const KNEES = [4, 5], SPINE = [3, 6, 9];
+const KNEE = [-5 * DEGREE, 150 * DEGREE];
+const FELL = Math.cos(32 * DEGREE);
+const FOLDED = 0.76;
+// degrees per frame by which the turning of a joint may change from frame to frame, in the order of BONES
+const JERK = [Infinity, 5, 5, 5, 9, 9, 5, 25, 25, 5, 40, 40, 12, 7, 7, 15, 8, 8, 15, 15, 25, 25];
+const LIMITS = JERK.map((degrees) => ((degrees * DEGREE) / 2) ** 2);
+
+/** @typedef {import("./planting.js").Seed} Seed */
+
+/**
+ * Rotations of a step without impossible knees and jerks: the same array when there are none.
+ * @param {Seed} seed @param {Float64Array} rotations @param {import("./legs.js").Legs} legs
+ */
+export function smoothed(seed, rotations, legs) {
+  let result = bendable(rotations, legs);
+  const path = new Float64Array((SEED + FRAMES) * 4);
+  for (let joint = 1; joint < JOINTS; joint += 1) {
+    for (let t = 0; t < SEED; t += 1) copyTurn(seed.rotations, TURN * t + 4 * joint, path, 4 * t);
+    for (let t = 0; t < FRAMES; t += 1) copyTurn(result, TURN * t + 4 * joint, path, 4 * (SEED + t));
+    const jerk = worstJerk(path);
+    if (!(jerk > LIMITS[joint])) continue;
+    const smooth = smoothest(path);
+    if (worstJerk(smooth) >= jerk) continue; // where a joint came fast and ends near by
+    if (result === rotations) result = rotations.slice();
+    for (let t = 0; t < FRAMES; t += 1) copyTurn(smooth, 4 * (SEED + t), result, TURN * t + 4 * joint);
+  }
+  return result;
+}
+
+/** @param {ArrayLike<number>} from @param {number} i @param {Float64Array} to @param {number} k */
+function copyTurn(from, i, to, k) {
+  for (let n = 0; n < 4; n += 1) to[k + n] = from[i + n];
+}
+
+/** Largest squared second difference of a path of turns. @param {Float64Array} path */
+function worstJerk(path) {
+  let worst = 0;
+  for (let t = 2; t < path.length / 4; t += 1) {
+    let sum = 0;
+    for (let n = 0; n < 4; n += 1) sum += (path[4 * t + n] - 2 * path[4 * t - 4 + n] + path[4 * t - 8 + n]) ** 2;
+    worst = Math.max(worst, sum);
+  }
+  return worst;
+}
+
+/** The path with its new frames on the cubic that begins and ends as fast as it does. @param {Float64Array} path */
+function smoothest(path) {
+  const last = path.length - 4, turn = new Float64Array(4), out = path.slice();
+  const between = (/** @type {number} */ i, /** @type {number} */ j) => {
+    relative(path, i, path, j, turn, 0);
+    return vectorOf(turn);
+  };
+  const whole = between(4, last);
+  const fast = (Math.max(Math.hypot(...whole), 1e-6) * 3) / FRAMES;
+  const [into, leaving] = [between(0, 4), between(last - 4, last)].map((v) => {
+    const share = Math.min(1, fast / Math.max(Math.hypot(...v), 1e-9));
+    return v.map((n) => n * share);
+  });
+  for (let k = 1; k <= FRAMES; k += 1) {
+    const t = k / FRAMES;
+    const way = whole.map((w, n) => w * (3 * t ** 2 - 2 * t ** 3) + FRAMES * into[n] * (t - 2 * t ** 2 + t ** 3)
+      + FRAMES * leaving[n] * (t ** 3 - t ** 2));
+    const angle = Math.max(Math.hypot(...way), 1e-12), sine = Math.sin(angle / 2) / angle;
+    turn.set([way[0] * sine, way[1] * sine, way[2] * sine, Math.cos(angle / 2)]);
+    multiply(path, 4, turn, 0, out, 4 * (k + 1));
+  }
+  return out;
+}
+
+/** Axis times angle, the shorter way round. @param {Float64Array} q */
+function vectorOf(q) {
+  const sign = q[3] < 0 ? -1 : 1, v = [sign * q[0], sign * q[1], sign * q[2]];
+  const sine = Math.hypot(...v);
+  const share = (2 * Math.atan2(sine, sign * q[3])) / Math.max(sine, 1e-12);
+  return v.map((n) => n * share);
+}
+
+/** The same with knees bent as knees bend. @param {Float64Array} rotations @param {import("./legs.js").Legs} legs */
+function bendable(rotations, legs) {
+  let result = rotations;
+  for (let t = 0; t < FRAMES; t += 1) {
+    for (let side = 0; side < 2; side += 1) {
+      const at = TURN * t + 4 * KNEES[side];
+      const bend = flexion(rotations, at, legs.ankle, 3 * side);
+      const excess = bend - Math.min(Math.max(bend, KNEE[0]), KNEE[1]);
+      if (excess === 0) continue;
+      if (result === rotations) result = rotations.slice();
+      multiply(Float64Array.of(Math.sin(excess / 2), 0, 0, Math.cos(excess / 2)), 0, rotations, at, result, at);
+    }
+  }
+  return result;
+}
+
+/** Radians that a knee is bent from straight. @param {Float64Array} q @param {number} i @param {Float64Array} rest @param {number} j */
+function flexion(q, i, rest, j) {
+  const x = q[i], y = q[i + 1], z = q[i + 2], w = q[i + 3];
+  const a = rest[j], b = rest[j + 1], c = rest[j + 2];
+  const ahead = 2 * (x * y + w * z) * a + (1 - 2 * (x * x + z * z)) * b + 2 * (y * z - w * x) * c;
+  const up = 2 * (x * z - w * y) * a + 2 * (y * z + w * x) * b + (1 - 2 * (x * x + y * y)) * c;
+  const bend = Math.atan2(-ahead, -up) - Math.atan2(-b, -c) + Math.PI / 2;
+  const whole = 2 * Math.PI;
+  return (((bend % whole) + whole) % whole) - Math.PI / 2;
+}
+
+/** Whether a body leans or squats at the end of its step. @param {Float64Array} translation @param {Float64Array} rotations @param {import("./legs.js").Legs} legs */
+export function fallen(translation, rotations, legs) {
+  const last = TURN * (FRAMES - 1), turn = rotations.slice(last, last + 4);
+  let upright = 0;
+  for (const joint of SPINE) {
+    multiply(turn, 0, rotations, last + 4 * joint, turn, 0);
+    upright += (1 - 2 * (turn[0] ** 2 + turn[1] ** 2)) / 3;
+  }
+  return upright < FELL || translation[3 * FRAMES - 1] < FOLDED * legs.standing;
+}
+
+/** Whether frames cannot be shown: not finite, or far off where they start. @param {number[]} start @param {Float64Array} translation @param {ArrayLike<number>[]} all */
+export function broken(start, translation, all) {
+  for (const values of all) for (let k = 0; k < values.length; k += 1) if (!Number.isFinite(values[k])) return true;
+  for (let t = 0; t < FRAMES; t += 1) {
+    const [x, y, z] = [0, 1, 2].map((k) => translation[3 * t + k] - start[k]);
+    if (Math.hypot(x, y, z) > 3) return true;
+  }
+  return false;
+}
+
+/** Frames from the end of a seed to a stand. @param {Seed} seed @param {Seed} stand */
+export function gotUp(seed, stand) {
+  const translation = new Float64Array(3 * FRAMES), rotations = new Float64Array(TURN * FRAMES);
+  for (let t = 0; t < FRAMES; t += 1) {
+    const share = 0.5 - 0.5 * Math.cos((Math.PI * (t + 1)) / FRAMES);
+    for (let k = 0; k < 3; k += 1) {
+      translation[3 * t + k] = seed.translation[3 + k] + share * (stand.translation[3 + k] - seed.translation[3 + k]);
+    }
+    for (let j = 0; j < TURN; j += 4) {
+      const [p, q] = [TURN + j, TURN * t + j];
+      let dot = 0, length = 0;
+      for (let n = 0; n < 4; n += 1) dot += seed.rotations[p + n] * stand.rotations[p + n];
+      const near = dot < 0 ? -1 : 1;
+      for (let n = 0; n < 4; n += 1) {
+        const before = seed.rotations[p + n];
+        rotations[q + n] = before + share * (near * stand.rotations[p + n] - before);
+        length += rotations[q + n] ** 2;
+      }
+      for (let n = 0; n < 4; n += 1) rotations[q + n] /= Math.sqrt(length);
+    }
+  }
+  return { translation, rotations };
+}

@@ -1,0 +1,200 @@
+// Legs of a body: what is fixed by its shape, and where joints and soles are in posed frames; and two-bone inverse
+// kinematics. The server's world/output/legs.py and twobone.py, for one person. Left comes before right.
+
+import { multiply, relative, rotate } from "../core/quaternions.js";
+
+const TURN = 88;
+export const FRAMES = 8, SOLES = 4;
+const HIPS = [1, 2], KNEES = [4, 5], ANKLES = [7, 8], BALLS = [10, 11];
+const STRETCH = 0.999, FOLD = 0.3, TINY = 1e-9, STRAIGHT = 0.05;
+
+/**
+ * Both legs in the T-pose: each joint seen from the one above it, [2, 3]; sole markers as ankle and ball have them,
+ * times their share, [2, 4, 3]. `standing`: height of the hips.
+ * @typedef {object} Legs
+ * @property {Float64Array} hip @property {Float64Array} knee @property {Float64Array} ankle @property {Float64Array} ball
+ * @property {Float64Array} soleOfAnkle @property {Float64Array} soleOfBall @property {Float64Array} ballShare
+ * @property {number[]} length @property {number} standing
+ */
+
+/** @param {{ bones: Float64Array, soleOfAnkle: Float64Array, soleOfBall: Float64Array, ballShare: Float64Array }} shape @returns {Legs} */
+export function measureLegs({ bones, soleOfAnkle, soleOfBall, ballShare }) {
+  const pick = (/** @type {number[]} */ pair) =>
+    Float64Array.from(pair.flatMap((bone) => [...bones.subarray(3 * bone, 3 * bone + 3)]));
+  const [hip, knee, ankle, ball] = [HIPS, KNEES, ANKLES, BALLS].map(pick);
+  const lengthOf = (/** @type {Float64Array} */ v, /** @type {number} */ i) => Math.hypot(v[i], v[i + 1], v[i + 2]);
+  const down = (hip[2] + hip[5] + knee[2] + knee[5] + ankle[2] + ankle[5]) / 2;
+  return {
+    hip, knee, ankle, ball, soleOfAnkle, soleOfBall, ballShare,
+    length: [0, 3].map((i) => lengthOf(knee, i) + lengthOf(ankle, i)),
+    standing: -down - (soleOfAnkle[2] + soleOfAnkle[3 * SOLES + 2]) / 2,
+  };
+}
+
+/** Posed legs of `FRAMES` frames: turns in the world; places off the root, [frame, side, 3]; soles in the world, [frame, side, 4, 3]. */
+export class LegPose {
+  rootTurn = new Float64Array(4 * FRAMES);
+  hipTurn = new Float64Array(8 * FRAMES);
+  kneeTurn = new Float64Array(8 * FRAMES);
+  ankleTurn = new Float64Array(8 * FRAMES);
+  hip = new Float64Array(6 * FRAMES);
+  knee = new Float64Array(6 * FRAMES);
+  ankle = new Float64Array(6 * FRAMES);
+  soles = new Float64Array(6 * SOLES * FRAMES);
+  facing = new Float64Array(2 * FRAMES);
+  sunk = new Float64Array(FRAMES); // metres that the hips are lowered, once known
+
+  /** @param {Legs} legs @param {ArrayLike<number>} translation @param {Float64Array} rotations @param {number} [frames] */
+  constructor(legs, translation, rotations, frames = FRAMES) {
+    const point = new Float64Array(3), turn = new Float64Array(4);
+    for (let t = 0; t < frames; t += 1) {
+      const at = TURN * t;
+      this.rootTurn.set(rotations.subarray(at, at + 4), 4 * t);
+      this.#face(t);
+      for (let side = 0; side < 2; side += 1) {
+        const k = 2 * t + side;
+        rotate(this.rootTurn, 4 * t, legs.hip, 3 * side, this.hip, 3 * k);
+        multiply(this.rootTurn, 4 * t, rotations, at + 4 * HIPS[side], this.hipTurn, 4 * k);
+        rotate(this.hipTurn, 4 * k, legs.knee, 3 * side, point, 0);
+        add(this.hip, 3 * k, point, this.knee, 3 * k);
+        multiply(this.hipTurn, 4 * k, rotations, at + 4 * KNEES[side], this.kneeTurn, 4 * k);
+        rotate(this.kneeTurn, 4 * k, legs.ankle, 3 * side, point, 0);
+        add(this.knee, 3 * k, point, this.ankle, 3 * k);
+        multiply(this.kneeTurn, 4 * k, rotations, at + 4 * ANKLES[side], this.ankleTurn, 4 * k);
+        multiply(this.ankleTurn, 4 * k, rotations, at + 4 * BALLS[side], turn, 0);
+        this.#soles(legs, translation, t, side, turn);
+      }
+    }
+  }
+
+  /** @param {number} t */
+  #face(t) {
+    const [x, y, z, w] = this.rootTurn.subarray(4 * t, 4 * t + 4);
+    const a = -2 * (x * y + z * w), b = 1 - 2 * (y * y + z * z), length = Math.max(Math.hypot(a, b), 1e-9);
+    this.facing[2 * t] = a / length;
+    this.facing[2 * t + 1] = b / length;
+  }
+
+  /** @param {Legs} legs @param {ArrayLike<number>} translation @param {number} t @param {number} side @param {Float64Array} ballTurn */
+  #soles(legs, translation, t, side, ballTurn) {
+    const k = 2 * t + side, ball = new Float64Array(3), own = new Float64Array(3), toe = new Float64Array(3);
+    rotate(this.ankleTurn, 4 * k, legs.ball, 3 * side, ball, 0);
+    for (let p = 0; p < SOLES; p += 1) {
+      const from = SOLES * side + p, to = 3 * (SOLES * k + p);
+      rotate(this.ankleTurn, 4 * k, legs.soleOfAnkle, 3 * from, own, 0);
+      rotate(ballTurn, 0, legs.soleOfBall, 3 * from, toe, 0);
+      for (let n = 0; n < 3; n += 1) {
+        const ankle = translation[3 * t + n] + this.ankle[3 * k + n];
+        this.soles[to + n] = ankle + legs.ballShare[from] * ball[n] + own[n] + toe[n];
+      }
+    }
+  }
+}
+
+/** @param {Float64Array} a @param {number} i @param {Float64Array} b @param {Float64Array} out @param {number} k */
+function add(a, i, b, out, k) {
+  for (let n = 0; n < 3; n += 1) out[k + n] = a[i + n] + b[n];
+}
+
+/**
+ * Put each foot `shifts` [frame, side, 3] off, turned by `turns` [frame, side] about the middle of its sole. Writes
+ * hips, knees and ankles of `rotations`.
+ * @param {LegPose} pose @param {ArrayLike<number>} translation @param {Float64Array} shifts @param {Float64Array} turns @param {Float64Array} rotations
+ */
+export function moveFeet(pose, translation, shifts, turns, rotations) {
+  for (let t = 0; t < FRAMES; t += 1) {
+    for (let side = 0; side < 2; side += 1) {
+      const k = 2 * t + side, turn = turns[k];
+      let x = pose.ankle[3 * k] + translation[3 * t], y = pose.ankle[3 * k + 1] + translation[3 * t + 1];
+      for (let p = 0; p < SOLES; p += 1) {
+        x -= pose.soles[3 * (SOLES * k + p)] / SOLES;
+        y -= pose.soles[3 * (SOLES * k + p) + 1] / SOLES;
+      }
+      const cos = Math.cos(turn) - 1, sin = Math.sin(turn);
+      const shift = [shifts[3 * k] + cos * x - sin * y, shifts[3 * k + 1] + sin * x + cos * y, shifts[3 * k + 2]];
+      moveAnkle(pose, t, side, shift, turn, rotations);
+    }
+  }
+}
+
+const one = () => new Float64Array(4);
+const [plane, axis, ankleTo, target, bend, swing, twist, hipTurn, kneeTurn, footTurn] = Array.from({ length: 10 }, one);
+const [thigh, shin, side3, bentShin] = Array.from({ length: 4 }, () => new Float64Array(3));
+
+/** @param {LegPose} pose @param {number} t @param {number} side @param {number[]} shift @param {number} turn @param {Float64Array} rotations */
+export function moveAnkle(pose, t, side, shift, turn, rotations) {
+  const k = 2 * t + side, i = 3 * k;
+  let before = 0, wanted = 0;
+  for (let n = 0; n < 3; n += 1) {
+    thigh[n] = pose.knee[i + n] - pose.hip[i + n];
+    shin[n] = pose.ankle[i + n] - pose.knee[i + n];
+    target[n] = pose.ankle[i + n] + shift[n] - pose.hip[i + n];
+    before += (pose.ankle[i + n] - pose.hip[i + n]) ** 2;
+    wanted += target[n] ** 2;
+  }
+  before = Math.sqrt(before);
+  const upper = Math.hypot(thigh[0], thigh[1], thigh[2]), lower = Math.hypot(shin[0], shin[1], shin[2]);
+  const after = reach(before, Math.sqrt(wanted), upper + lower);
+
+  rotate(pose.hipTurn, 4 * k, LEFT, 0, side3, 0);
+  cross(thigh, shin, plane, 1 / Math.max(upper * lower, TINY));
+  const forward = plane[0] * side3[0] + plane[1] * side3[1] + plane[2] * side3[2]; // sine of the bend
+  const share = Math.max(-2 * forward, 0) + STRAIGHT;
+  for (let n = 0; n < 3; n += 1) axis[n] = plane[n] + share * side3[n];
+  const norm = Math.max(Math.hypot(axis[0], axis[1], axis[2]), 1e-12);
+  let inner = kneeAngle(upper, lower, before);
+  if (forward < 0) inner = 2 * Math.PI - inner;
+  const half = 0.5 * (inner - kneeAngle(upper, lower, after)), sine = Math.sin(half) / norm;
+  bend.set([axis[0] * sine, axis[1] * sine, axis[2] * sine, Math.cos(half)]);
+  unit(bend);
+
+  // the shortest arc that swings the bent leg onto its target
+  rotate(bend, 0, shin, 0, bentShin, 0);
+  for (let n = 0; n < 3; n += 1) ankleTo[n] = thigh[n] + bentShin[n];
+  const dot = ankleTo[0] * target[0] + ankleTo[1] * target[1] + ankleTo[2] * target[2];
+  cross(ankleTo, target, swing, 1);
+  swing[3] = dot + Math.hypot(ankleTo[0], ankleTo[1], ankleTo[2]) * Math.hypot(target[0], target[1], target[2]) + TINY;
+  unit(swing);
+  const quarter = turn / 4, up = target[2] < 0 ? -1 : 1;
+  const along = (up * Math.sin(quarter)) / Math.max(Math.hypot(target[0], target[1], target[2]), 1e-12);
+  twist.set([target[0] * along, target[1] * along, target[2] * along, Math.cos(quarter)]);
+  multiply(twist, 0, swing, 0, swing, 0);
+  twist.set([0, 0, Math.sin(turn / 2), Math.cos(turn / 2)]);
+  multiply(twist, 0, pose.ankleTurn, 4 * k, footTurn, 0);
+  multiply(swing, 0, pose.hipTurn, 4 * k, hipTurn, 0);
+  multiply(bend, 0, pose.kneeTurn, 4 * k, kneeTurn, 0);
+  multiply(swing, 0, kneeTurn, 0, kneeTurn, 0);
+  const at = TURN * t;
+  relative(pose.rootTurn, 4 * t, hipTurn, 0, rotations, at + 4 * HIPS[side]);
+  relative(hipTurn, 0, kneeTurn, 0, rotations, at + 4 * KNEES[side]);
+  relative(kneeTurn, 0, footTurn, 0, rotations, at + 4 * ANKLES[side]);
+}
+
+const LEFT = Float64Array.of(-1, 0, 0);
+
+/** Distance from hip to ankle that a leg takes when it is `wanted`. @param {number} before @param {number} wanted @param {number} leg */
+function reach(before, wanted, leg) {
+  const half = Math.max((STRETCH * leg - before) / 2, 1e-6), more = wanted - before;
+  const eased = Math.min(more, half) + half * (1 - Math.exp(-Math.max(more - half, 0) / half));
+  return Math.max(before + eased, Math.min(before, FOLD * leg));
+}
+
+/** @param {number} upper @param {number} lower @param {number} distance */
+function kneeAngle(upper, lower, distance) {
+  const both = Math.max(2 * upper * lower, 1e-12);
+  return Math.acos(Math.min(Math.max((upper ** 2 + lower ** 2 - distance ** 2) / both, -1), 1));
+}
+
+/** @param {Float64Array} a @param {Float64Array} b @param {Float64Array} out @param {number} scale */
+function cross(a, b, out, scale) {
+  const x = a[1] * b[2] - a[2] * b[1], y = a[2] * b[0] - a[0] * b[2], z = a[0] * b[1] - a[1] * b[0];
+  out[0] = x * scale;
+  out[1] = y * scale;
+  out[2] = z * scale;
+}
+
+/** @param {Float64Array} q */
+function unit(q) {
+  const length = Math.max(Math.hypot(q[0], q[1], q[2], q[3]), 1e-12);
+  for (let n = 0; n < 4; n += 1) q[n] /= length;
+}

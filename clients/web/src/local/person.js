@@ -1,0 +1,230 @@
+// One person: the motion that is planned and that which is sent, goals, and what a step makes of them. The server's
+// world/stepping (scheduler, playback, cleanup), for one person. World: metres, Z up; time: frames, 40 a second.
+
+import { FootLock } from "./footlock.js";
+import { broken, fallen, gotUp, smoothed } from "./guards.js";
+import { plant, shorten } from "./planting.js";
+import { habitsOf, hold } from "./posture.js";
+import { isMirrored, mannerOf, reactionOf, strideOf } from "./random.js";
+import {
+  STANDING, STOPPING, STRAFING, TURNING, WALKING, facingOf, goalAt, goalRows, observe, shortenedGait,
+} from "./steering.js";
+
+export const FRAMES = 8, SEED = 2, TURN = 88;
+const LEAD = 1; // chunks that are planned ahead of their time
+const REPLAN_FRAMES = 3, REPLAN_MARGIN = 2; // a chunk that is shown this soon is not planned again
+const HALTED = 0.25; // m/s: who is stopping and slower has nothing left of the walk
+const FLAG_FIRST = 1, FLAG_REPLANNED = 2, FLAG_ARRIVED = 4;
+
+/** @typedef {import("./steering.js").Gait} Gait */
+/** @typedef {import("./steering.js").CoreGoal} CoreGoal */
+/** @typedef {import("./planting.js").Seed} Seed */
+/** Motion between two steps. @typedef {{ seed: Seed, gait: Gait }} Motion */
+/**
+ * Eight frames; rotations of 22 joints. `frame`: the world's, of the first one.
+ * @typedef {object} LocalChunk
+ * @property {number} seq @property {number} frame @property {Float64Array} translation @property {Float64Array} rotations
+ * @property {Uint8Array} contacts left and right of each frame @property {number} flags @property {number} mode
+ * @property {number} waypoint @property {number} goalRevision @property {boolean} last the goal is the last one
+ * @property {boolean} through @property {Motion} end
+ */
+/**
+ * @typedef {object} PersonSpec
+ * @property {"female" | "male"} gender @property {ArrayLike<number>} betas @property {number} x @property {number} y
+ * @property {number} heading @property {bigint} seed their motion follows from it @property {boolean} footLock
+ */
+
+export class Person {
+  /** @type {LocalChunk[]} */
+  #queue = []; // planned, not sent
+  #replanned = false;
+  #revision = 0;
+  /** @type {import("./steering.js").GoalRow[]} */
+  #path = [];
+  /** @type {CoreGoal[]} */
+  #goals = [];
+  /** @type {[number, number]} */
+  #from = [0, 0]; // where the path begins
+
+  /** @param {PersonSpec} spec @param {import("./body.js").LocalBody} body @param {import("./steering.js").Steering} steering @param {number} startFrame */
+  constructor(spec, body, steering, startFrame) {
+    this.spec = spec;
+    this.body = body;
+    this.steering = steering;
+    this.startFrame = startFrame;
+    const { bones, legs } = body.shape(spec.betas);
+    this.bones = bones;
+    this.legs = legs;
+    this.manner = mannerOf(spec.seed);
+    this.mirrored = isMirrored(spec.seed);
+    this.stride = strideOf(spec.seed);
+    this.reaction = reactionOf(spec.seed, steering.reactions);
+    this.habits = habitsOf(spec.seed);
+    this.lock = new FootLock(legs);
+    this.planned = this.#stand(spec.x, spec.y, spec.heading);
+    this.committed = this.planned;
+    this.plannedChunks = 0;
+    this.sentChunks = 0;
+    this.stepping = 0; // number of the engine call that makes the next chunk; 0: none
+    this.resets = 0; // how often it had to get up
+  }
+
+  /** World frame by which the next chunk has to be planned; Infinity while it is made, or may not yet be. */
+  get planFrame() {
+    if (this.stepping || this.plannedChunks - this.sentChunks > LEAD) return Infinity;
+    return this.#shown(this.plannedChunks) - (this.#replanned ? REPLAN_FRAMES : LEAD * FRAMES);
+  }
+
+  /** World frame at which the next planned chunk is to be sent; Infinity when there is none. */
+  get sendFrame() {
+    return this.#queue.length ? this.#shown(this.sentChunks) : Infinity;
+  }
+
+  /** Goals that are not done, and the present one's place in the path. */
+  get waypoint() {
+    return this.planned.gait.waypoint;
+  }
+
+  /** Number of goals given so far on this path. */
+  get waypoints() {
+    return this.#goals.length;
+  }
+
+  /** Hips [x, y, z] at the end of what was sent. */
+  get place() {
+    return this.committed.seed.translation.subarray(3, 6);
+  }
+
+  /** Replace the goals: a path, or none to stop. @param {CoreGoal[]} goals @param {number} frame now */
+  give(goals, frame) {
+    this.#replan(frame + REPLAN_MARGIN);
+    this.#revision += 1;
+    const { translation } = this.planned.seed;
+    this.#from = [translation[3], translation[4]];
+    this.#goals = [...goals];
+    this.#path = goalRows(this.#goals, this.#from);
+    const mode = goals.length ? WALKING : this.planned.gait.mode;
+    this.planned = { ...this.planned, gait: { ...this.planned.gait, mode, arrived: false, waypoint: 0 } };
+  }
+
+  /** Add goals to the end of the path. @param {CoreGoal[]} goals @param {number} frame now */
+  append(goals, frame) {
+    if (!this.#goals.length) {
+      this.give(goals, frame);
+      return;
+    }
+    this.#revision += 1;
+    this.#goals.push(...goals);
+    this.#path = goalRows(this.#goals, this.#from);
+  }
+
+  /** What the next step is asked for, as far as the inputs depend on it. */
+  next() {
+    const { seed } = this.planned, { translation, rotations } = seed;
+    /** @type {import("./steering.js").Start} */
+    const start = {
+      hips: [translation[3], translation[4]], first: [translation[0], translation[1]], facing: facingOf(rotations, TURN),
+    };
+    let gait = this.planned.gait;
+    gait = this.steering.advance(gait, goalAt(this.#path, gait.waypoint));
+    const goal = goalAt(this.#path, gait.waypoint);
+    const ready = (this.plannedChunks + this.reaction) % this.steering.reactions === 0;
+    gait = shortenedGait(this.steering.decide(gait, start, goal, ready), goal, this.stride);
+    const targets = this.steering.targets(gait, start, goal);
+    return { seed, start, gait, goal, targets, carried: this.steering.carried(gait, start, goal) };
+  }
+
+  /** Plan a chunk from what the engine has made. @param {ReturnType<Person["next"]>} asked @param {import("./planting.js").Step} made */
+  take({ seed, start, gait, goal, carried }, made) {
+    const from = [...seed.translation.subarray(3, 6)];
+    const isBroken = broken(from, made.translation, [made.translation, made.rotations, made.markers]);
+    let step = made;
+    if (isBroken) step = { ...made, ...stillFrames(seed) };
+    step = { ...step, rotations: smoothed(seed, step.rotations, this.legs) };
+    const planted = plant(this.body.soles, gait, seed, start.facing, step, carried);
+    const shortened = shorten(
+      this.planned.gait.shortened, planted.gait.shortened, start.hips, planted.step, planted.seed,
+    );
+    step = shortened.step;
+    const after = observe(planted.gait, start.hips, step.translation, goal);
+    let flags = this.#replanned ? FLAG_REPLANNED : 0;
+    if (after.arrived && !gait.arrived) flags |= FLAG_ARRIVED;
+    /** @type {Motion} */
+    let end = { seed: shortened.seed, gait: after };
+    if (isBroken || fallen(step.translation, step.rotations, this.legs)) {
+      if (isBroken) flags |= FLAG_FIRST;
+      const heading = Math.atan2(-start.facing[0], start.facing[1]);
+      const stand = this.#stand(start.hips[0], start.hips[1], heading);
+      step = { ...step, ...gotUp(seed, stand.seed), contacts: new Uint8Array(2 * FRAMES).fill(1) };
+      end = { ...stand, gait: { ...stand.gait, waypoint: after.waypoint } };
+      this.resets += 1;
+    }
+    this.#queue.push({
+      seq: this.plannedChunks, frame: 0, translation: step.translation, rotations: step.rotations,
+      contacts: step.contacts, flags, mode: end.gait.mode, waypoint: end.gait.waypoint, goalRevision: this.#revision,
+      last: !goal.more, through: goal.through, end,
+    });
+    this.planned = end;
+    this.plannedChunks += 1;
+    this.#replanned = false;
+  }
+
+  /** Take out the next chunk, cleaned as it is shown. @returns {LocalChunk} */
+  send() {
+    const chunk = /** @type {LocalChunk} */ (this.#queue.shift());
+    chunk.frame = this.#shown(chunk.seq);
+    this.sentChunks += 1;
+    this.committed = chunk.end;
+    const { gait } = chunk.end;
+    const shown = { ...chunk, translation: chunk.translation.slice(), rotations: chunk.rotations.slice() };
+    if (!this.spec.footLock) {
+      this.lock.shortenSteps(shown.translation, shown.rotations, gait.shortened);
+      return shown;
+    }
+    if (chunk.flags & FLAG_FIRST) this.lock.restart();
+    const halted = gait.mode === STOPPING && (gait.speed < HALTED || gait.planted);
+    const steps = gait.mode === STANDING || gait.mode === TURNING || gait.mode === STRAFING || halted;
+    shown.contacts = this.lock.clean(shown.translation, shown.rotations, steps, gait.shortened);
+    hold(shown.rotations, this.habits);
+    return shown;
+  }
+
+  /** Throw away planned chunks that are shown after a world frame, and the one that is being made. @param {number} until */
+  #replan(until) {
+    this.stepping = 0;
+    const before = this.#queue.length;
+    this.#queue = this.#queue.filter((chunk) => this.#shown(chunk.seq) <= until);
+    if (this.#queue.length === before) return;
+    this.#replanned = true;
+    this.plannedChunks = this.sentChunks + this.#queue.length;
+    this.planned = this.#queue.at(-1)?.end ?? this.committed;
+  }
+
+  /** @param {number} seq */
+  #shown(seq) {
+    return this.startFrame + FRAMES * seq;
+  }
+
+  /** @param {number} x @param {number} y @param {number} heading @returns {Motion} */
+  #stand(x, y, heading) {
+    const pose = Number(this.spec.seed % BigInt(this.body.poses));
+    const seed = this.body.stand(pose, this.spec.betas, x, y, heading);
+    const places = this.body.soles.flat().flatMap((m) => [seed.markers[3 * m], seed.markers[3 * m + 1]]);
+    return {
+      seed,
+      gait: {
+        mode: STANDING, speed: 0, slowSeconds: 0, stopPlace: [x, y], stopFacing: [-Math.sin(heading), Math.cos(heading)],
+        arrived: false, waypoint: 0, carried: [0, 0], trim: 0, shortened: 0, planted: true,
+        soles: Float64Array.from(places),
+      },
+    };
+  }
+}
+
+/** @param {Seed} seed */
+function stillFrames(seed) {
+  const last = (/** @type {Float32Array} */ values) => values.subarray(values.length / SEED);
+  const repeat = (/** @type {Float32Array} */ frame) =>
+    Float64Array.from({ length: FRAMES * frame.length }, (_, k) => frame[k % frame.length]);
+  return { translation: repeat(last(seed.translation)), rotations: repeat(last(seed.rotations)) };
+}

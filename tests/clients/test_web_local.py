@@ -1,0 +1,268 @@
+"""Local mode of the web client: people walk in a page, or in Node, as the server lets them walk.
+
+The server draws a trace with the same seeds and one candidate; the port is held to it frame by
+frame, with its clean-up rules (foot lock, postures) and without. In Chromium ten people walk to
+goals with the web server shut down.
+"""
+
+import functools
+import json
+import logging
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import replace
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.viewer.chromium import Page, find_chromium, needs_chromium
+from wayfarer.engines.onnx_engine import OnnxEngine
+from wayfarer.model_bundle import DEFAULT_MODEL, START_POSES, load_bodies, load_models
+from wayfarer.spec import STEP_SECONDS
+from wayfarer.world.agents.agent import AgentSpec, SessionSpec
+from wayfarer.world.agents.goal import Goal
+from wayfarer.world.agents.spawn import load_start_poses
+from wayfarer.world.agents.style import draws, manner, sets_off, stride
+from wayfarer.world.goals.commands import Path as GoalPath
+from wayfarer.world.goals.commands import Stop
+from wayfarer.world.goals.steering import Steering
+from wayfarer.world.stepping.mirror import is_mirrored
+from wayfarer.world.stepping.settings import WorldSettings
+from wayfarer.world.world import World
+
+LOG = logging.getLogger(__name__)
+FOLDER = Path(__file__).parents[2] / "clients" / "web"
+RUNTIME = FOLDER / "node_modules" / "onnxruntime-web" / "dist"
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not shutil.which("node"), reason="needs node: apt-get install nodejs"),
+    pytest.mark.skipif(
+        not RUNTIME.is_dir(), reason="needs onnxruntime-web: cd clients/web && npm ci"
+    ),
+]
+
+SECONDS = 30.0
+PEOPLE = (
+    AgentSpec("female", heading=0.3, noise_seed=3),
+    AgentSpec("male", tuple(np.linspace(-1, 1, 10).tolist()), (2, 1), -1.0, 12345678901234567),
+    AgentSpec("female", (0.5,) * 10, (-3, 0), 2.0, 7),
+)
+COMMANDS = (  # seconds, person, goals; none: stop
+    (0.5, 0, [{"x": 3, "y": 4}]),
+    (0.5, 1, [{"x": 0, "y": -2, "stop": False},
+              {"x": -3, "y": -3, "speed": 1.0, "heading": 1.0, "dwell": 1.0}, {"x": 0, "y": 3}]),
+    (1.03, 2, [{"x": -6, "y": 2, "speed": 1.5}]),
+    (7.0, 0, [{"x": -2, "y": 1, "heading": 0.5}]),
+    (9.5, 2, [{"x": -5, "y": 1, "strafe": True, "heading": 0.0, "speed": 0.5}]),
+    (16.0, 0, [{"x": 8, "y": 1, "speed": 1.4}]),
+    (18.31, 0, []),
+    (20.0, 2, [{"x": 5, "y": 5, "speed": 1.3}]),
+    (21.0, 1, [{"x": 1, "y": 1}]),
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    pytest.importorskip("onnx", reason="needs onnx: pip install './lab[engines]'")
+    out = tmp_path_factory.mktemp("model")
+    command = "import sys; sys.modules['torch'] = None; from wayfarer.cli import main; main()"
+    words = [sys.executable, "-c", command, "export", "--for", "web", "--out", out]
+    subprocess.run(words, check=True, timeout=300)
+    size = sum(file.stat().st_size for file in out.iterdir())
+    assert size < 25e6, f"{size / 1e6:.1f} MB to download for both genders"
+    return out
+
+
+def traced() -> dict:
+    """What a world of the server sends to these people with these commands, one candidate.
+
+    Everybody is there twice: with foot lock and postures, and as the model moves them.
+    """
+    settings = WorldSettings(steering=Steering().with_search(candidates=1), phases=1)
+    engine = OnnxEngine(load_models(DEFAULT_MODEL), 1)
+    world = World(engine, load_bodies("anny52"), load_start_poses(START_POSES), settings)
+    session = world.create_session(SessionSpec(lock_step=True), now=0.0).session_id
+    specs = [*PEOPLE, *(replace(spec, foot_lock=False) for spec in PEOPLE)]
+    commands = [(at, who + twin, goals) for at, who, goals in COMMANDS for twin in (0, len(PEOPLE))]
+    agents = world.create_agents(session, specs, now=0.0)
+    numbers = {agent.agent_id: number for number, agent in enumerate(agents)}
+    sent: list[list[dict]] = [[] for _ in agents]
+
+    def run(until: float) -> None:
+        for chunk in world.advance(until):
+            sent[numbers[chunk.agent_id]].append(
+                {
+                    "seq": chunk.seq,
+                    "flags": int(chunk.flags),
+                    "state": str(chunk.state),
+                    "waypoint": chunk.waypoint,
+                    "translation": chunk.translation.ravel().tolist(),
+                    "rotations": chunk.rotations.ravel().tolist(),
+                    "contacts": chunk.contacts.astype(int).ravel().tolist(),
+                }
+            )
+
+    for at, who, goals in commands:
+        run(at)
+        places = [
+            Goal((g["x"], g["y"], 0.0), **{k: g[k] for k in g if k not in "xy"}) for g in goals
+        ]
+        world.give(agents[who].agent_id, GoalPath(tuple(places)) if places else Stop(), now=at)
+    run(SECONDS)
+    return {
+        "seconds": SECONDS,
+        "people": [
+            {
+                "gender": spec.gender,
+                "betas": spec.betas,
+                "x": spec.position[0],
+                "y": spec.position[1],
+                "heading": spec.heading,
+                "seed": str(spec.noise_seed),
+                "footLock": spec.foot_lock,
+            }
+            for spec in specs
+        ],
+        "commands": [{"at": at, "who": who, "goals": goals} for at, who, goals in commands],
+        "chunks": sent,
+    }
+
+
+def node(script: str, *words: object) -> str:
+    command = ["node", FOLDER / "test" / script, *words]
+    done = subprocess.run(
+        list(map(str, command)), cwd=FOLDER, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_frames_are_the_servers(exported, tmp_path):
+    trace = tmp_path / "trace.json"
+    trace.write_text(json.dumps(traced()))
+    found = json.loads(node("local_trace.js", exported, trace))
+    assert len(found["people"]) == 2 * len(PEOPLE)
+    for person in found["people"]:
+        assert person["chunks"][0] == person["chunks"][1] >= (SECONDS - 1) / STEP_SECONDS
+        LOG.info("hips %.4f mm, turns %.1e", 1000 * person["hips"], person["turns"])
+        assert person["hips"] < 1e-3 and person["turns"] < 1e-3
+        assert person["otherStates"] == person["otherNotes"] == person["resets"] == 0
+        assert person["otherContacts"] <= 1  # by thresholds that the last digit may cross
+    each = found["milliseconds"] / found["rows"]
+    LOG.info("%d steps of people in %d calls: %.1f ms each", found["rows"], found["calls"], each)
+
+
+def test_people_are_drawn_from_their_seeds_as_on_the_server(tmp_path):
+    seeds = np.random.default_rng(0).integers(0, 2**64, 200, np.uint64)
+    seeds[:4] = 0, 1, 2, 2**64 - 1
+    file = tmp_path / "seeds.json"
+    file.write_text(json.dumps([str(seed) for seed in seeds]))
+    found = json.loads(node("local_random.js", file))
+    np.testing.assert_allclose(
+        [one["manner"] for one in found], manner(seeds), rtol=1e-6, atol=1e-7
+    )
+    assert [one["mirrored"] for one in found] == is_mirrored(seeds).tolist()
+    habits = np.array([one["habits"] for one in found], np.float32)
+    np.testing.assert_array_equal(habits, np.stack(draws(seeds, 12), -1))
+    slow = np.zeros(len(seeds))
+    low, high = -0.05, 0.11
+    np.testing.assert_allclose(
+        [low + (high - low) * one["stride"] for one in found], stride(seeds, slow), atol=1e-7
+    )
+    chunk = np.full(len(seeds), 4)
+    ready = [(4 + one["reaction"]) % 3 == 0 for one in found]
+    assert ready == sets_off(seeds, chunk, 3).tolist()
+
+
+class _Files(SimpleHTTPRequestHandler):
+    """Serves the page, the client, the runtime of the npm package and the export."""
+
+    def __init__(self, exported: Path, *args: object) -> None:
+        self.folders = {
+            "/client/": FOLDER / "src",
+            "/onnxruntime/": RUNTIME,
+            "/model/": exported,
+            "/": FOLDER / "test",
+        }
+        super().__init__(*args)  # type: ignore[arg-type]
+
+    def translate_path(self, path: str) -> str:
+        path = path.partition("?")[0]
+        prefix = next(name for name in self.folders if path.startswith(name))
+        return str(self.folders[prefix] / path.removeprefix(prefix))
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+@needs_chromium
+def test_ten_people_walk_to_goals_with_no_server(exported, tmp_path):
+    _Files.extensions_map |= {".mjs": "text/javascript", ".wasm": "application/wasm"}
+    server = ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(_Files, exported))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    address = f"http://127.0.0.1:{server.server_address[1]}/local_page.html"
+    with Page(find_chromium(), tmp_path / "profile") as page:
+        page.call("Page.navigate", url=address)
+        page.wait_for("globalThis.log?.ready || globalThis.log?.failed.length", 120)
+        assert page.evaluate("log.failed") == []
+        server.shutdown()
+        server.server_close()  # from here on nothing can be loaded
+        before = page.evaluate("performance.getEntriesByType('resource').length")
+        page.evaluate(CREATE)
+        page.wait_for("log.events.filter(({ kind }) => kind === 'path_done').length === 10", 120)
+        time.sleep(0.5)
+        figures = page.evaluate("session.figures()")
+        places = page.evaluate(PLACES)
+        assert page.evaluate("performance.getEntriesByType('resource').length") == before
+        assert page.evaluate("log.failed") == [] and not page.problems
+        ready, loaded = page.evaluate("log.ready"), page.evaluate("log.loaded")
+        underruns = page.evaluate("session.underruns")
+    assert len(places) == 10
+    for (x, y, z), goal in zip(places, range(10), strict=True):
+        assert np.hypot(x - (goal - 4.5), z - 3) < 0.5 and 0.6 < y < 1.2
+    each = (figures["graphMs"] + figures["otherMs"]) / figures["rows"]
+    LOG.info(
+        "%.1f MB, ready in %.1f s; %.2f ms of JS and WASM per person's step, %.2f of it JS: "
+        "%.0f people per core; %d underruns, waited %.1f s",
+        loaded / 1e6,
+        ready / 1e3,
+        each,
+        figures["otherMs"] / figures["rows"],
+        1000 * STEP_SECONDS / each,
+        underruns,
+        figures["waited"],
+    )
+
+
+CREATE = """(async () => {
+  const line = (z) => Array.from({ length: 10 }, (_, k) => ({ x: k - 4.5, z }));
+  const made = await session.createAgents(line(0).map((position, k) => (
+    { name: `P${k}`, gender: k % 2 ? "male" : "female", position, seed: k })));
+  const goals = line(3);
+  await Promise.all(made.map(({ agent_id }, k) => session.api.setPath(agent_id, [goals[k]])));
+  const picture = () => { session.update(); requestAnimationFrame(picture); };
+  picture();
+  return made.length;
+})()"""
+PLACES = "[...session.agents.values()].map(({ frame }) => [...frame.subarray(0, 3)])"
+
+
+@needs_chromium
+def test_a_page_hears_what_is_wrong(tmp_path):
+    nothing = tmp_path / "none"
+    nothing.mkdir()
+    server = ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(_Files, nothing))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    with Page(find_chromium(), tmp_path / "profile") as page:
+        url = f"http://127.0.0.1:{server.server_address[1]}/local_page.html"
+        page.call("Page.navigate", url=url)
+        page.wait_for("globalThis.log?.failed.length", 30)
+        (said,) = page.evaluate("log.failed")
+        assert "/model/wayfarer.json: HTTP 404" in said
+    server.shutdown()
+    server.server_close()
