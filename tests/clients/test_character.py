@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.clients.test_retarget import FOREIGN, FRAMES, GLTF, OFFSETS, foreign
+from tests.clients.test_retarget import FRAMES, GLTF, OFFSETS
+from tests.golden.rigs import foreign_rigs
 from wayfarer_client import Character, InvalidArgument, Retarget, map_bones
 from wayfarer_client.quaternions import multiply, rotate
 from wayfarer_client.rig import BONES
@@ -15,7 +16,7 @@ from wayfarer_client.rig import BONES
 HIPS = np.array([hips for hips, _, _ in FRAMES])
 TURNS = np.array([turns for _, turns, _ in FRAMES])
 RIGS = {case.name: (case.rig, case.humanoid) for case in GLTF} | {
-    f"foreign_{name}": (foreign(bones), None) for name, bones in FOREIGN.items()
+    f"foreign_{name}": (rig, None) for name, rig in foreign_rigs().items()
 }
 
 

@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 
 import wayfarer_client as wf
-from tests.clients.test_retarget import FOREIGN, GLTF, foreign
+from tests.clients.rig_errors import Errors, Walk, errors
+from tests.clients.test_retarget import GLTF
+from tests.golden.rigs import foreign_rigs
 from wayfarer_client.bone_map import map_bones
-from wayfarer_client.retarget import LEGS, Retarget, character_joints
+from wayfarer_client.retarget import Retarget, character_joints
 from wayfarer_client.rig import BONES
 
 MAPS = {case.name: map_bones(case.rig, case.humanoid) for case in GLTF} | {
-    name: map_bones(foreign(bones)) for name, bones in FOREIGN.items()
+    name: map_bones(rig) for name, rig in foreign_rigs().items()
 }
 WALKED = ("a_pose", "mixamo", "missing_chest", "vrm1", "makehuman", "cmu", "rigify")
 MEAN = wf.AgentSpec(seed=3)
@@ -28,32 +30,11 @@ def track_of(client, spec: wf.AgentSpec) -> wf.Track:
     return track
 
 
-def walked(bone_map, track: wf.Track) -> tuple[float, float]:
-    """Metres: most that a standing sole is away from the height that the agent's has; most that
-    its print moves while it stands, beyond what the agent's does."""
-    retarget = Retarget(bone_map, track.agent.rest_offsets)
-    off = slid = 0.0
-    prints: dict[int, tuple] = {}
-    for hips, turns, contacts in zip(
-        track.translation, track.rotations, track.contacts, strict=True
-    ):
-        pose = retarget.pose(hips, turns, ground=0.0)
-        assert pose.places[0][1] == pytest.approx(retarget.ratio * hips[1], rel=0.02)
-        worlds, places = retarget._source_pose(hips.astype(float), turns.astype(float))
-        for leg, bones in enumerate(LEGS):
-            low, ball = retarget._lowest(retarget.foot[leg], worlds, bones)
-            own_low, own_ball = retarget._lowest(retarget.source_foot[leg], worlds, bones)
-            if not contacts[leg]:
-                prints.pop(leg, None)
-                continue
-            ankle = bones[2]
-            own = retarget.ratio * (places[ankle][1] + own_low)
-            off = max(off, abs(pose.places[ankle][1] + low - own))
-            at, own_at = pose.places[ankle] + ball, places[ankle] + own_ball
-            first, own_first = prints.setdefault(leg, (at, own_at))
-            moved, own_moved = (at - first)[[0, 2]], (own_at - own_first)[[0, 2]]
-            slid = max(slid, float(np.linalg.norm(moved) - np.linalg.norm(own_moved)))
-    return off, slid
+def walked(bone_map, track: wf.Track) -> Errors:
+    offsets = np.array(track.agent.rest_offsets, float)[: len(BONES)]
+    turns = np.array(track.rotations, float)
+    hips = np.array(track.translation, float)
+    return errors(Retarget(bone_map, offsets), Walk(offsets, hips, turns, track.contacts))
 
 
 @pytest.mark.parametrize("name", WALKED)
@@ -61,16 +42,15 @@ def test_the_fitted_agent_walks_on_the_characters_feet(client, name):
     fit = client.fit_body(MAPS[name])
     assert fit.scale == 1.0
     assert max(abs(fit.errors_cm[bone]) for bone in ("thigh", "shin")) < 0.5, fit.errors_cm
-    off, slid = walked(MAPS[name], track_of(client, fit.spec(seed=3)))
-    assert off < 0.01
-    if name not in ("makehuman", "rigify"):  # hips' node 6 cm off the thighs: steps do not reach
-        assert slid < 0.02
+    found = walked(MAPS[name], track_of(client, fit.spec(seed=3)))
+    assert found.foot_height < 0.01 and found.hips < 0.02 and found.slide < 0.01
 
 
-def test_short_legs_slide_less_than_with_the_mean_body(client):
-    _, fitted = walked(MAPS["vrm1"], track_of(client, client.fit_body(MAPS["vrm1"]).spec(seed=3)))
-    _, mean = walked(MAPS["vrm1"], track_of(client, MEAN))
-    assert fitted < 0.01 < mean
+def test_short_legs_reach_further_than_with_the_mean_body(client):
+    fit = client.fit_body(MAPS["vrm1"])
+    fitted = walked(MAPS["vrm1"], track_of(client, fit.spec(seed=3)))
+    mean = walked(MAPS["vrm1"], track_of(client, MEAN))
+    assert fitted.hips < 0.01 < mean.hips and fitted.legs < mean.legs
 
 
 @pytest.mark.parametrize("basis", ["unity", "unreal", "blender"])

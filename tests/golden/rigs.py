@@ -1,15 +1,20 @@
-"""Characters made of our own body: other axes, poses, names, scales, missing bones."""
+"""Characters made of our own body: other axes, poses, names, scales, missing bones; and those that
+others made (foreign_rigs.json).
+"""
 
+import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 
 from wayfarer.body.library import load_body
 from wayfarer.body.skeleton import load_skeleton
 from wayfarer.transport.basis import Basis
-from wayfarer_client.quaternions import IDENTITY, inverse, multiply, rotate
+from wayfarer_client.quaternions import IDENTITY, arc, inverse, multiply, rotate
 from wayfarer_client.rig import BONES, PARENTS, Node, Rig
 
 HALF = math.sqrt(0.5)
@@ -38,6 +43,7 @@ class Body:
     twists: tuple[str, ...] = ()  # bones that hang from a twist bone half way up
     top: tuple[Node, ...] = (Node("Armature", -1),)
     scale: float = 1.0
+    hips: tuple[float, float, float] = (0.0, 0.0, 0.0)  # off the place of its pelvis
     names: Callable[[str], str] = str
 
     def rig(self) -> Rig:
@@ -78,6 +84,7 @@ class Body:
             multiply(turn, self.axes.get(bone, IDENTITY))
             for bone, turn in zip(BONES, turns, strict=True)
         ]
+        places[0] = places[0] + self.hips
         return (
             [multiply(self.facing, world) for world in worlds],
             [rotate(self.facing, place) for place in places],
@@ -120,6 +127,10 @@ class Case:
     found_by: str
     basis: str = "gltf"
     humanoid: dict[str, int] | None = None
+
+    @property
+    def gltf(self) -> bool:
+        return self.basis == "gltf"
 
 
 def right_first(rig: Rig) -> Rig:
@@ -168,6 +179,7 @@ def cases() -> list[Case]:
         "missing_chest": Body(tall, without=fewer),
         "centimetres": Body(own, top=centimetres, axes=TILTED, names=vocabulary("mixamo", "Rig|")),
         "z_up": Body(own, facing=ABOUT_X, names=unity),
+        "high_hips": Body(tall, hips=(0.0, 0.12, -0.05), axes=TILTED, pose=A_POSE, names=mixamo),
     }
     numbered = dict(zip(("pelvis", *SPINE, "neck", "head"), range(6), strict=True))
     bodies["numbered"] = Body(
@@ -187,3 +199,23 @@ def cases() -> list[Case]:
         Case("unity", Body(man[0], names=unity).rig(), "names", basis="unity"),
         Case("unreal", Body(man[1], names=unreal).rig(), "names", basis="unreal"),
     ]
+
+
+@cache
+def foreign_rigs() -> dict[str, Rig]:
+    """By name: as Blender exports them, its Z up turned to glTF's axes, each bone's y along it."""
+    data = json.loads(Path(__file__).with_name("foreign_rigs.json").read_text())
+    return {name: _from_blender(bones) for name, bones in data["rigs"].items()}
+
+
+def _from_blender(bones: list[tuple[str, int, list[float], list[float]]]) -> Rig:
+    half = np.sqrt(0.5)
+    nodes, worlds = [Node("Armature", -1, rotation=(-half, 0, 0, half))], [IDENTITY]
+    for name, parent, head, tail in bones:
+        along = np.subtract(tail, head)
+        world = arc(np.array([0, 1.0, 0]), along) if along.any() else IDENTITY
+        above, at = (worlds[parent + 1], bones[parent][2]) if parent >= 0 else (IDENTITY, (0, 0, 0))
+        place = rotate(inverse(above), np.subtract(head, at))
+        nodes.append(Node(name, parent + 1, place, multiply(inverse(above), world)))
+        worlds.append(world)
+    return Rig(tuple(nodes))

@@ -19,7 +19,7 @@ FOOT = 0.02
 """Metres that the lowest point of a standing foot's skin may be off the agent's sole, and this off
 the ground."""
 HIPS = 0.02
-"""Share that the hips' height may be off that of the agent, scaled."""
+"""Share that the height of the thigh joints may be off that of the agent's, scaled."""
 TURNED = math.radians(35)
 """What a limb's direction may differ from the agent's: legs bend by IK, T-poses differ a little."""
 

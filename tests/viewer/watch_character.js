@@ -27,9 +27,11 @@
   ].map((ends) => ends.map((end) => `${side}_${end}`)));
   const BONES = [...bones.keys()];
   const number = (bone) => wayfarer.bones.indexOf(bone);
+  const agents = (bone) => [...retarget.source.slice(3 * number(bone), 3 * number(bone) + 3)];
+  const thighs = (at) => (at("left_hip")[1] + at("right_hip")[1]) / 2;
   const angle = ([from, to]) => {
     const way = (at) => [0, 1, 2].map((n) => at(to)[n] - at(from)[n]);
-    const [a, b] = [way(place), way((bone) => [...retarget.source.slice(3 * number(bone), 3 * number(bone) + 3)])];
+    const [a, b] = [way(place), way(agents)];
     return Math.acos(Math.min(1, a.reduce((sum, value, n) => sum + value * b[n], 0) / (Math.hypot(...a) * Math.hypot(...b))));
   };
   const spot = person.marker.position.clone();
@@ -45,14 +47,14 @@
     object.updateMatrixWorld(true);
     const { contacts } = person.played.track;
     // heights of the soles of the agent; as its contact ends, a foot is on its way up
-    const soles = retarget.scratch.slice(40, 42);
+    const soles = [...retarget.clear];
     const ground = Math.min(...soles);
     seen.push({
       stance: feet.flatMap((list, leg) => (
         contacts & (1 << leg) ? [lowest(list) - ground - retarget.ratio * (soles[leg] - ground)] : []
       )),
       ground: ground - person.y,
-      hips: (place("pelvis")[1] - person.y) / (retarget.ratio * (frame[1] - person.y)) - 1,
+      hips: (thighs(place) - person.y) / (retarget.ratio * (thighs(agents) - person.y)) - 1,
       turned: Math.max(...limbs.filter((ends) => ends.every((end) => bones.has(end))).map(angle)),
       upright: place("head")[1] - place("pelvis")[1],
     });

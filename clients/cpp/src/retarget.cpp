@@ -1,5 +1,6 @@
 #include "wayfarer/retarget.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
@@ -8,6 +9,10 @@ namespace {
 
 const double SNAP = std::cos(25 * 3.141592653589793 / 180);  // an up or left so near to an axis is meant to be it
 constexpr double REACH = 0.999;  // of a leg's length: how far it is stretched at most
+constexpr double SINKS = 0.018;  // of a leg's length: how far hips sink at most for a standing foot to reach its print
+// heights of a sole over the ground by the leg's length: hips sink by all that a foot lacks while it is below the first,
+// by nothing when it is above the second
+constexpr double STANDS = 0.02, LEAVES = 0.06;
 constexpr double BEND = 0.1;     // of the thigh's length: a knee that bends less than this bends forwards
 constexpr double HEEL = 0.35;    // of the way from ankle to ball: how far the heel is behind the ankle
 constexpr double TIP = 0.45;     // of the way from ankle to ball: how far the tip of the toes is before the ball
@@ -34,11 +39,17 @@ Vec3 snapped(const Vec3& direction) {
   return {0, 0, std::copysign(1, v.z)};
 }
 
-/// The rotation from the character's axes to the basis, by where hips and legs are.
+/// The middle of the thigh joints: where the pelvis is. A rig's hips joint lies anywhere around it.
+template <class Places>
+Vec3 middle(const Places& place) {
+  return 0.5 * (place[static_cast<std::size_t>(LEGS[0].hip)] + place[static_cast<std::size_t>(LEGS[1].hip)]);
+}
+
+/// The rotation from the character's axes to the basis, by where its legs are.
 Quat alignment(const BoneMap& map, const Basis& basis) {
   const auto joint = [&](int b) { return map.rig().place(map.nodes()[static_cast<std::size_t>(b)]); };
   const Vec3 feet = 0.5 * (joint(LEGS[0].ankle) + joint(LEGS[1].ankle));
-  const Vec3 up = snapped(joint(0) - feet);
+  const Vec3 up = snapped(0.5 * (joint(LEGS[0].hip) + joint(LEGS[1].hip)) - feet);
   Vec3 left = snapped(without(joint(LEGS[0].hip) - joint(LEGS[1].hip), up));
   left = without(left, up);
   left = (1 / length(left)) * left;
@@ -109,6 +120,7 @@ Retarget::Retarget(const BoneMap& map, const std::vector<float>& rest_offsets, c
     base_place_ = rig.place(parent);
     base_scale_ = rig.scale(parent);
   }
+  thighs_ = rotate(inverse(rest[0]), middle(place) - place[0]);
   measure_legs(place, correct, floor);
 }
 
@@ -155,8 +167,8 @@ void Retarget::measure_legs(const PerBone<Vec3>& place, const PerBone<Quat>& cor
   double legs = 0, source_legs = 0;
   double lowest = std::numeric_limits<double>::infinity(), source_lowest = lowest;
   for (const auto& [hip, knee, ankle, toe] : LEGS) {
-    legs += dot(stand[0] - stand[at(ankle)], up);
-    source_legs += dot(source[0] - source[at(ankle)], up);
+    legs += dot(stand[at(hip)] - stand[at(ankle)], up);
+    source_legs += dot(source[at(hip)] - source[at(ankle)], up);
     for (const int b : {ankle, toe}) {
       source_lowest = std::min(source_lowest, dot(source[at(b)], up));
       if (has(b)) lowest = std::min(lowest, dot(place[at(b)], up));
@@ -166,6 +178,7 @@ void Retarget::measure_legs(const PerBone<Vec3>& place, const PerBone<Quat>& cor
   if (floor != floor) {
     floor = stands(lowest, dot(place[0], up)) ? 0 : lowest - scale * source_lowest;
   }
+  const Vec3 thighs = middle(stand), source_thighs = middle(source);
   double high = 0;
   for (std::size_t k = 0; k < 2; ++k) {
     const auto& [hip, knee, ankle, toe] = LEGS[k];
@@ -177,9 +190,10 @@ void Retarget::measure_legs(const PerBone<Vec3>& place, const PerBone<Quat>& cor
     const double height = dot(place[at(ankle)], up) - floor;
     high += height / 2;
     legs_[k].sole = sole_of(own, height);
-    legs_[k].stance = basis_.level(stand[at(ankle)] + own - stand[0] - (source[at(toe)] - source[0]));
+    const Vec3 beside = stand[at(ankle)] + own - thighs - (source[at(toe)] - source_thighs);
+    legs_[k].stance = dot(beside, basis_.left) * basis_.left;
   }
-  ratio_ = (legs / 2 + high) / dot(source[0], up);
+  ratio_ = (legs / 2 + high) / dot(source_thighs, up);
 }
 
 Retarget::Sole Retarget::sole_of(const Vec3& ball, double height) const {
@@ -198,10 +212,18 @@ void Retarget::pose(const float* frame, double ground) {
   if (ground != ground) ground = std::min(legs_[0].clear, legs_[1].clear);
   ground_ = ground;
   for (const int b : mapped_) world_[at(b)] = multiply(turns_[at(b)], rest_[at(b)]);
-  const double lifted = ground + (dot(source_[0], up) - ground) * ratio_;
-  places_[0] = basis_.level(source_[0]) + lifted * up;
+  const Vec3 thighs = middle(source_);
+  const double lifted = ground + (dot(thighs, up) - ground) * ratio_;
+  places_[0] = basis_.level(thighs) + lifted * up - rotate(world_[0], thighs_);
   put();
-  for (int leg = 0; leg < 2; ++leg) step(leg, ground + (legs_[at(leg)].clear - ground) * ratio_);
+  double sunk = 0;
+  for (int leg = 0; leg < 2; ++leg) {
+    const double high = (legs_[at(leg)].clear - ground) * ratio_;
+    legs_[at(leg)].goal = goal_of(leg, ground + high);
+    sunk = std::max(sunk, lacks(leg, high));
+  }
+  for (const int b : mapped_) places_[at(b)] = places_[at(b)] - sunk * up;
+  for (int leg = 0; leg < 2; ++leg) bend(leg);
   put();
   relate();
 }
@@ -239,10 +261,10 @@ void Retarget::put() {
   }
 }
 
-/// Put a foot where the agent's is: ball over the same point, the lowest of it at the height `sole`.
-void Retarget::step(int leg, double sole) {
+/// Where the ankle goes: the ball over the same point as the agent's, the lowest of the foot at the height `sole`.
+Vec3 Retarget::goal_of(int leg, double sole) const {
   const Vec3& up = basis_.up;
-  const auto& [hip, knee, ankle, toe] = LEGS[leg];
+  const int ankle = LEGS[leg].ankle;
   const Leg& own = legs_[at(leg)];
   const Quat& foot = turns_[at(ankle)];
   Vec3 ahead = basis_.level(rotate(foot, basis_.forward));
@@ -251,11 +273,27 @@ void Retarget::step(int leg, double sole) {
   const Vec3 ball = lowest(own.sole, leg, low);
   const Vec3 print = source_[at(ankle)] + rotate(foot, own.source_sole.ball);
   const Vec3 beside = rotate(arc(basis_.forward, ahead), own.stance);
-  Vec3 goal = basis_.level(print + beside - ball) + (sole - low) * up;
+  return basis_.level(print + beside - ball) + (sole - low) * up;
+}
 
+/// How far the hips must sink for a foot to reach its print; `high`: of the sole over the ground.
+double Retarget::lacks(int leg, double high) const {
+  const auto& [hip, knee, ankle, toe] = LEGS[leg];
+  const Vec3 &start = places_[at(hip)], &bend = places_[at(knee)], &end = places_[at(ankle)];
+  const double most = REACH * (length(bend - start) + length(end - bend));
+  const Vec3 way = start - legs_[at(leg)].goal;
+  const double away = length(basis_.level(way));
+  const double lacking = dot(way, basis_.up) - std::sqrt(std::max(0.0, most * most - away * away));
+  const double share = std::clamp((LEAVES - high / most) / (LEAVES - STANDS), 0.0, 1.0);
+  return std::min(SINKS * most, std::max(0.0, lacking) * share);
+}
+
+/// Turn thigh and shin so that the ankle is at its goal, or as near as the leg reaches.
+void Retarget::bend(int leg) {
+  const auto& [hip, knee, ankle, toe] = LEGS[leg];
   const Vec3 &start = places_[at(hip)], &bend = places_[at(knee)], &end = places_[at(ankle)];
   const double thigh = length(bend - start), shin = length(end - bend);
-  goal = within(start, goal, REACH * (thigh + shin), 1.001 * std::abs(thigh - shin));
+  const Vec3 goal = within(start, legs_[at(leg)].goal, REACH * (thigh + shin), 1.001 * std::abs(thigh - shin));
   const double far = length(goal - start);
   const Vec3 along = (1 / far) * (goal - start);
   Vec3 side = without(bend - start, along);

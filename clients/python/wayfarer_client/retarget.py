@@ -26,6 +26,13 @@ SNAP: Final = np.cos(np.radians(25))
 """A rig's up or left that lies so near to one of its axes is meant to be that axis."""
 REACH: Final = 0.999
 """Largest stretch of a leg, as a share of its length."""
+SINKS: Final = 0.018
+"""Most that hips sink for a standing foot to reach its print, as a share of the leg's length."""
+STANDS: Final = 0.02
+LEAVES: Final = 0.06
+"""Heights of a sole over the ground, as shares of the leg's length: hips sink by all that a foot
+lacks while it is below the first, by nothing when it is above the second.
+"""
 BEND: Final = 0.1
 """Share of the thigh's length; a knee that bends less than this bends forwards."""
 HEEL: Final = 0.35
@@ -85,6 +92,7 @@ class Retarget:
             self._offset[b] = rotate(inverse(rest[a]), place[b] - place[a])
             direct = rig.rotations[rig.nodes[node].parent]
             self._between[b] = multiply(inverse(rig.rotations[self.nodes[a]]), direct)
+        self._thighs = rotate(inverse(rest[0]), _middle(place) - place[0])  # in the hips' axes
         parent = rig.nodes[self.nodes[0]].parent
         self._hips_parent = (
             (rig.rotations[parent], rig.places[parent], rig.scales[parent])
@@ -132,8 +140,9 @@ class Retarget:
                 a = self.above[b]
                 stand[b] = stand[a] + rotate(correct[a], place[b] - place[a])
         source = self.source_rest
-        legs = sum((stand[0] - stand[leg[2]]) @ up for leg in LEGS)
-        scale = legs / sum((source[0] - source[leg[2]]) @ up for leg in LEGS)
+        legs = sum((stand[leg[0]] - stand[leg[2]]) @ up for leg in LEGS)
+        scale = legs / sum((source[leg[0]] - source[leg[2]]) @ up for leg in LEGS)
+        thighs, source_thighs = _middle(stand), _middle(source)
         if floor is None and not _stands(place, up):
             sole = min(source[b] @ up for leg in LEGS for b in leg[2:])
             floor = _lowest_joint(place, up) - scale * sole
@@ -148,11 +157,10 @@ class Retarget:
             height = float(place[ankle] @ up) - floor
             high += height / len(LEGS)
             self.foot.append(self._sole(own, height))
-            beside = stand[ankle] + own - stand[0] - (source[toe] - source[0])
-            self.stance.append(self.basis.level(beside))
-        hips = legs / len(LEGS) + high
-        self.ratio = float(hips / (source[0] @ up))
-        """Hips' height of the character by that of the agent."""
+            beside = (stand[ankle] + own - thighs - (source[toe] - source_thighs)) @ self.basis.left
+            self.stance.append(beside * self.basis.left)
+        self.ratio = float((legs / len(LEGS) + high) / (source_thighs @ up))
+        """Height of the character's thigh joints by that of the agent's."""
 
     def _sole(self, ball: Array, height: float) -> tuple[Array, Array, Array]:
         """A standing foot: heel and ball relative to the ankle, tip of the toes to the ball."""
@@ -173,12 +181,18 @@ class Retarget:
         if ground is None:
             ground = min(clear)
         world: dict[int, Array] = {b: multiply(turns[b], self._rest[b]) for b in self.nodes}
-        lifted = ground + (places[0] @ up - ground) * self.ratio
-        found: dict[int, Array] = {0: basis.level(places[0]) + lifted * up}
+        thighs = _middle(places)
+        lifted = ground + (thighs @ up - ground) * self.ratio
+        thighs = basis.level(thighs) + lifted * up
+        found: dict[int, Array] = {0: thighs - rotate(world[0], self._thighs)}
         self._put(world, found)
-        for leg, bones in enumerate(LEGS):
-            above = (clear[leg] - ground) * self.ratio
-            self._step(leg, bones, turns, places, ground + above, world, found)
+        high = [(height - ground) * self.ratio for height in clear]
+        goals = [self._goal(leg, turns, places, ground + high[leg]) for leg in range(len(LEGS))]
+        sunk = max(self._lacks(LEGS[leg], goals[leg], high[leg], found) for leg in range(len(LEGS)))
+        for b in found:
+            found[b] = found[b] - sunk * up
+        for bones, goal in zip(LEGS, goals, strict=True):
+            self._bend(bones, goal, turns, world, found)
         self._put(world, found)
         return CharacterPose(world, found, *self._local(world, found[0]))
 
@@ -211,26 +225,43 @@ class Retarget:
                 a = self.above[b]
                 places[b] = places[a] + rotate(world[a], self._offset[b])
 
-    def _step(
-        self,
-        leg: int,
-        bones: tuple[int, ...],
-        turns: list[Array],
-        source: list[Array],
-        sole: float,
-        world: dict[int, Array],
-        places: dict[int, Array],
-    ) -> None:
-        """Put a foot where the agent's is: ball over the same point, sole at that height."""
+    def _goal(self, leg: int, turns: list[Array], source: list[Array], sole: float) -> Array:
+        """Where the ankle goes [3]: ball over the same point as the agent's, sole at a height."""
         basis, up = self.basis, self.basis.up
-        hip, knee, ankle, _ = bones
+        bones = LEGS[leg]
+        ankle = bones[2]
         ahead = basis.level(rotate(turns[ankle], basis.forward))
         if np.linalg.norm(ahead) < 0.1:  # it points straight down
             ahead = basis.level(rotate(turns[0], basis.forward))
         low, ball = self._lowest(self.foot[leg], turns, bones)
         print_at = source[ankle] + rotate(turns[ankle], self.source_foot[leg][1])
         beside = rotate(arc(basis.forward, ahead), self.stance[leg])
-        goal = basis.level(print_at + beside - ball) + (sole - low) * up
+        return np.asarray(basis.level(print_at + beside - ball) + (sole - low) * up)
+
+    def _lacks(
+        self, bones: tuple[int, ...], goal: Array, high: float, places: dict[int, Array]
+    ) -> float:
+        """How far the hips must sink for a foot to reach its print; `high`: of the sole over the
+        ground.
+        """
+        start, bend, end = (places[b] for b in bones[:3])
+        most = REACH * float(np.linalg.norm(bend - start) + np.linalg.norm(end - bend))
+        away = float(np.linalg.norm(self.basis.level(goal - start)))
+        lacks = float((start - goal) @ self.basis.up) - np.sqrt(max(0.0, most**2 - away**2))
+        share = (LEAVES - high / most) / (LEAVES - STANDS)
+        return float(min(SINKS * most, max(0.0, lacks) * min(1.0, max(0.0, share))))
+
+    def _bend(
+        self,
+        bones: tuple[int, ...],
+        goal: Array,
+        turns: list[Array],
+        world: dict[int, Array],
+        places: dict[int, Array],
+    ) -> None:
+        """Turn thigh and shin so that the ankle is at the goal, or as near as the leg reaches."""
+        hip, knee, ankle, _ = bones
+        basis = self.basis
         start, bend, end = places[hip], places[knee], places[ankle]
         thigh = float(np.linalg.norm(bend - start))
         shin = float(np.linalg.norm(end - bend))
@@ -286,9 +317,9 @@ def character_joints(
 
 
 def _alignment(bone_map: BoneMap, basis: Basis) -> Array:
-    """The rotation from the character's axes to the basis, by where hips and legs are."""
+    """The rotation from the character's axes to the basis, by where legs are."""
     at = {BONES.index(bone): bone_map.rig.places[n] for bone, n in bone_map.bones.items()}
-    up = _snapped(at[0] - (at[LEGS[0][2]] + at[LEGS[1][2]]) / 2)
+    up = _snapped(_middle(at) - (at[LEGS[0][2]] + at[LEGS[1][2]]) / 2)
     left = at[LEGS[0][0]] - at[LEGS[1][0]]
     left = _snapped(left - (left @ up) * up)
     left = left - (left @ up) * up
@@ -296,6 +327,11 @@ def _alignment(bone_map: BoneMap, basis: Basis) -> Array:
     forward = basis.handed * np.cross(left, up)
     own = np.stack([left, up, forward], 1)
     return from_axes(np.stack([basis.left, basis.up, basis.forward], 1) @ own.T)
+
+
+def _middle(places: dict[int, Array] | list[Array] | Array) -> Array:
+    """Of the thigh joints: where the pelvis is. A rig's hips joint lies anywhere around it."""
+    return np.asarray((places[LEGS[0][0]] + places[LEGS[1][0]]) / 2)
 
 
 def _lowest_joint(place: dict[int, Array], up: Array) -> float:

@@ -6,7 +6,8 @@ import httpx
 import numpy as np
 import pytest
 
-from tests.clients.test_retarget import FOREIGN, GLTF, foreign
+from tests.clients.test_retarget import GLTF
+from tests.golden.rigs import foreign_rigs
 from tests.serving import Service
 from wayfarer.transport.mmcp.prompts import orders
 from wayfarer_client.quaternions import multiply, rotate
@@ -116,7 +117,7 @@ def test_a_walk_in_words_on_our_skeleton(url, model):
 
 
 RIGS = {"a_pose": next(c.rig for c in GLTF if c.name == "a_pose")} | {
-    name: foreign(FOREIGN[name]) for name in ("game_engine", "rigify")
+    name: foreign_rigs()[name] for name in ("game_engine", "rigify")
 }
 
 

@@ -39,7 +39,7 @@ class Retarget {
   const Vec3& place(int bone) const { return places_[at(bone)]; }
   const Quat& local(int bone) const { return local_[at(bone)]; }
   const Vec3& hips() const { return hips_; }
-  /// Hips' height of the character by that of the agent.
+  /// Height of the character's thigh joints by that of the agent's.
   double ratio() const { return ratio_; }
   /// Height of the ground of the last pose: that which was given, or of the lower sole.
   double ground() const { return ground_; }
@@ -54,6 +54,7 @@ class Retarget {
     Sole sole, source_sole;
     Vec3 stance;       // how much wider than the agent's
     double clear = 0;  // height of the agent's sole
+    Vec3 goal;         // where the ankle goes
   };
 
   static std::size_t at(int bone) { return static_cast<std::size_t>(bone); }
@@ -64,7 +65,9 @@ class Retarget {
   void pose_source(const float* frame);
   Vec3 lowest(const Sole& sole, int leg, double& height) const;
   void put();
-  void step(int leg, double sole);
+  Vec3 goal_of(int leg, double sole) const;
+  double lacks(int leg, double high) const;
+  void bend(int leg);
   Vec3 within(const Vec3& start, const Vec3& goal, double most, double least) const;
   void relate();
 
@@ -77,6 +80,7 @@ class Retarget {
   PerBone<Quat> gap_{};                      // rest rotation of the node's parent, in the axes of the bone above
   Quat base_turn_{};                         // of the parent of the hips' node
   Vec3 base_place_{}, base_scale_{1, 1, 1};
+  Vec3 thighs_{};  // the middle of the thigh joints from the hips' node, in its axes
   std::array<Leg, 2> legs_{};
   double ratio_ = 1, ground_ = 0;
   PerBone<Quat> turns_{};  // of the agent's frame, in the world

@@ -125,7 +125,7 @@ WF_API void wf_retarget_local(const wf_retarget *retarget, double *rotations);
 WF_API void wf_retarget_world(const wf_retarget *retarget, double *rotations, double *places);
 /* Place of the hips' node relative to its parent. */
 WF_API void wf_retarget_hips(const wf_retarget *retarget, double place[3]);
-/* Hips' height of the character by that of the agent. */
+/* Height of the character's thigh joints by that of the agent's. */
 WF_API double wf_retarget_ratio(const wf_retarget *retarget);
 /* Height of the ground of the last pose: that which was given, or of the lower sole. */
 WF_API double wf_retarget_ground(const wf_retarget *retarget);

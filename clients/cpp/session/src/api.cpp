@@ -14,7 +14,6 @@ namespace {
 namespace http = beast::http;
 constexpr std::chrono::seconds ANSWER(10);
 constexpr double PATIENCE = 15;  // seconds that a call which is refused for now is sent again
-constexpr std::size_t MOST_BYTES = 64 << 20;
 
 /// Do all that is under way, then say what came of one of it.
 template <class Result>

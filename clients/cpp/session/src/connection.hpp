@@ -4,6 +4,9 @@
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/beast/core.hpp>
+#include <cstdint>
+#include <functional>
+#include <string>
 
 #include "wayfarer/api.hpp"
 
@@ -17,6 +20,18 @@ namespace wayfarer {
 namespace net = boost::asio;
 namespace beast = boost::beast;
 using Plain = beast::tcp_stream;
+
+constexpr std::size_t MOST_BYTES = 64 << 20;  // of an answer, or of a message
+
+/// One connection: what comes is waiting when it is asked for.
+class Connection {
+ public:
+  virtual ~Connection() = default;
+  virtual void close() = 0;
+
+  std::function<void(const std::uint8_t*, std::size_t)> received;
+  std::function<void(int code, const std::string& reason)> closed;
+};
 
 #ifdef WAYFARER_TLS
 using Secure = beast::ssl_stream<beast::tcp_stream>;

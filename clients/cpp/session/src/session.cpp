@@ -18,23 +18,12 @@ using boost::system::error_code;
 constexpr double RETRY_FIRST = 0.5, RETRY_MOST = 8;  // seconds; doubled at each failure
 constexpr double SILENCE = 4;  // seconds without even a heartbeat (one per second) that mean a dead connection
 constexpr std::chrono::seconds HANDSHAKE(10);
-constexpr std::size_t MOST_BYTES = 64 << 20;
 // close codes: 4000 + the HTTP status of the error
 constexpr int ENDED = 1000, UNKNOWN_CALLER = 4401, FORBIDDEN = 4403, NOT_FOUND = 4404, INVALID = 4422;
 
 double clock_now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
-
-/// One connection: what comes is waiting when it is asked for.
-class Connection {
- public:
-  virtual ~Connection() = default;
-  virtual void close() = 0;
-
-  std::function<void(const std::uint8_t*, std::size_t)> received;
-  std::function<void(int code, const std::string& reason)> closed;
-};
 
 template <class Stream>
 class Socket : public Connection, public std::enable_shared_from_this<Socket<Stream>> {

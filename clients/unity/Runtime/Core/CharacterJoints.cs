@@ -49,13 +49,13 @@ namespace Wayfarer
             return places[bone];
         }
 
-        /// <summary>By where hips and legs are.</summary>
+        /// <summary>By where its legs are.</summary>
         private static double[] Alignment(BoneMap map, Basis basis)
         {
             Func<int, double[]> at = bone => map.Rig.Place(map.Node(Bones.Names[bone]));
             int[][] legs = RetargetRest.Legs;
-            double[] ankles = Vectors.Times(0.5, Vectors.Plus(at(legs[0][2]), at(legs[1][2])));
-            double[] up = Snapped(Vectors.Minus(at(0), ankles));
+            double[] ankles = Vectors.Plus(at(legs[0][2]), at(legs[1][2]));
+            double[] up = Snapped(Vectors.Minus(Vectors.Plus(at(legs[0][0]), at(legs[1][0])), ankles));
             double[] across = Vectors.Minus(at(legs[0][0]), at(legs[1][0]));
             double[] left = Vectors.Without(Snapped(Vectors.Without(across, up)), up);
             left = Vectors.Times(1 / Vectors.Length(left), left);

@@ -10,11 +10,16 @@ namespace Wayfarer
     public sealed class Retarget
     {
         private const double Reach = 0.999; // of a leg's length: how far it is stretched at most
+        private const double Sinks = 0.018; // of a leg's length: how far hips sink at most for a standing foot to reach its print
+
+        // heights of a sole over the ground by the leg's length: hips sink by all that a foot lacks while it is below the
+        // first, by nothing when it is above the second
+        private const double Stands = 0.02, Leaves = 0.06;
         private const double Bend = 0.1; // of the thigh's length: a knee that bends less than this bends forwards
 
         // places in the scratch array: of vectors, then of numbers
-        private const int Ahead = 0, Beside = 3, Goal = 6, Along = 9, Side = 12, Front = 15, From = 18, To = 21, Ball = 24,
-            Turn = 27, More = 31;
+        private const int Ahead = 0, Beside = 3, Goals = 6, Along = 12, Side = 15, Front = 18, From = 21, To = 24, Ball = 27,
+            Turn = 30, More = 34; // Goals: one a leg
 
         private readonly RetargetRest rest;
         private readonly int[] mapped;
@@ -51,7 +56,7 @@ namespace Wayfarer
         /// <summary>Numbers of the bones that the character has, parents first.</summary>
         public IReadOnlyList<int> Mapped => mapped;
 
-        /// <summary>Hips' height of the character by that of the agent.</summary>
+        /// <summary>Height of the character's thigh joints by that of the agent's.</summary>
         public double Ratio => rest.Ratio;
 
         /// <summary>Height of the ground that the last pose stands on.</summary>
@@ -100,16 +105,37 @@ namespace Wayfarer
                 int b = 4 * mapped[n];
                 Quaternions.Multiply(turns, b, rest.Rotations, b, rotations, b);
             }
-            double high = source[0] * up[0] + source[1] * up[1] + source[2] * up[2];
-            double lift = ground + (high - ground) * rest.Ratio - high;
+            double[] s = scratch;
+            int left = 3 * RetargetRest.Legs[0][0], right = 3 * RetargetRest.Legs[1][0];
             for (int n = 0; n < 3; n++)
             {
-                places[n] = source[n] + lift * up[n];
+                s[From + n] = (source[left + n] + source[right + n]) / 2;
+            }
+            double high = High(From);
+            double lift = ground + (high - ground) * rest.Ratio - high;
+            Quaternions.Rotate(rotations, 0, rest.Thighs, 0, s, To);
+            for (int n = 0; n < 3; n++)
+            {
+                places[n] = s[From + n] + lift * up[n] - s[To + n];
             }
             Put();
+            double sunk = 0;
             for (int leg = 0; leg < 2; leg++)
             {
-                Step(leg, ground + (clear[leg] - ground) * rest.Ratio);
+                double lifted = (clear[leg] - ground) * rest.Ratio;
+                FindGoal(leg, ground + lifted);
+                sunk = Math.Max(sunk, Lacks(leg, lifted));
+            }
+            for (int n = 0; n < mapped.Length; n++)
+            {
+                for (int k = 0; k < 3; k++)
+                {
+                    places[3 * mapped[n] + k] -= sunk * up[k];
+                }
+            }
+            for (int leg = 0; leg < 2; leg++)
+            {
+                BendLeg(leg);
             }
             Put();
             Relate();
@@ -170,21 +196,39 @@ namespace Wayfarer
             }
         }
 
-        /// <summary>Put a foot where the agent's is: ball over the same point, the sole at a height.</summary>
-        private void Step(int leg, double soleHeight)
+        /// <summary>How far the hips must sink for a foot to reach its print; lifted: of the sole over the ground.</summary>
+        private double Lacks(int leg, double lifted)
         {
             double[] s = scratch;
             int[] bones = RetargetRest.Legs[leg];
-            int hip = bones[0], knee = bones[1], ankle = bones[2];
-            FindGoal(leg, soleHeight);
+            int start = 3 * bones[0], bend = 3 * bones[1], end = 3 * bones[2];
+            double most = Reach * (Gap(places, bend, places, start) + Gap(places, end, places, bend));
+            for (int n = 0; n < 3; n++)
+            {
+                s[Side + n] = places[start + n] - s[Goals + 3 * leg + n];
+            }
+            double down = High(Side);
+            Without(Side, up, 0);
+            double away = Size(Side);
+            double lacking = down - Math.Sqrt(Math.Max(0, most * most - away * away));
+            double share = Math.Min(1, Math.Max(0, (Leaves - lifted / most) / (Leaves - Stands)));
+            return Math.Min(Sinks * most, Math.Max(0, lacking) * share);
+        }
+
+        /// <summary>Turn thigh and shin so that the ankle is at its goal, or as near as the leg reaches.</summary>
+        private void BendLeg(int leg)
+        {
+            double[] s = scratch;
+            int[] bones = RetargetRest.Legs[leg];
+            int hip = bones[0], knee = bones[1], ankle = bones[2], goal = Goals + 3 * leg;
             int start = 3 * hip, bend = 3 * knee, end = 3 * ankle;
             double thigh = Gap(places, bend, places, start);
             double shin = Gap(places, end, places, bend);
-            Limit(start, Reach * (thigh + shin), 1.001 * Math.Abs(thigh - shin));
-            double far = Gap(s, Goal, places, start);
+            Limit(start, goal, Reach * (thigh + shin), 1.001 * Math.Abs(thigh - shin));
+            double far = Gap(s, goal, places, start);
             for (int n = 0; n < 3; n++)
             {
-                s[Along + n] = (s[Goal + n] - places[start + n]) / far;
+                s[Along + n] = (s[goal + n] - places[start + n]) / far;
                 s[Side + n] = places[bend + n] - places[start + n];
             }
             Without(Side, s, Along);
@@ -203,19 +247,21 @@ namespace Wayfarer
                 s[From + n] = places[bend + n] - places[start + n];
                 s[To + n] = reach * s[Along + n] + aside * s[Side + n]; // the knee from the hip
                 s[More + n] = places[end + n] - places[bend + n];
-                s[Goal + n] -= places[start + n] + s[To + n]; // the foot from the knee
+                s[goal + n] -= places[start + n] + s[To + n]; // the foot from the knee
             }
             Quaternions.Arc(s, From, s, To, s, Turn);
             Quaternions.Multiply(s, Turn, rotations, 4 * hip, rotations, 4 * hip);
-            Quaternions.Arc(s, More, s, Goal, s, Turn);
+            Quaternions.Arc(s, More, s, goal, s, Turn);
             Quaternions.Multiply(s, Turn, rotations, 4 * knee, rotations, 4 * knee);
         }
 
-        /// <summary>Goal: where the ankle is to be.</summary>
+        /// <summary>
+        /// Goals: where the ankle goes: the ball over the same point as the agent's, the sole at a height.
+        /// </summary>
         private void FindGoal(int leg, double soleHeight)
         {
             double[] s = scratch;
-            int ankle = RetargetRest.Legs[leg][2];
+            int ankle = RetargetRest.Legs[leg][2], goal = Goals + 3 * leg;
             Quaternions.Rotate(turns, 4 * ankle, forward, 0, s, Ahead);
             Without(Ahead, up, 0);
             if (Size(Ahead) < 0.1) // it points straight down
@@ -225,26 +271,26 @@ namespace Wayfarer
             }
             Quaternions.Arc(forward, 0, s, Ahead, s, Turn);
             Quaternions.Rotate(s, Turn, rest.Stance[leg], 0, s, Beside);
-            Quaternions.Rotate(turns, 4 * ankle, rest.SourceSoles[leg], 3, s, Goal);
+            Quaternions.Rotate(turns, 4 * ankle, rest.SourceSoles[leg], 3, s, goal);
             double low = Lowest(rest.Soles[leg], leg);
             for (int n = 0; n < 3; n++)
             {
-                s[Goal + n] += source[3 * ankle + n] + s[Beside + n] - s[Ball + n];
+                s[goal + n] += source[3 * ankle + n] + s[Beside + n] - s[Ball + n];
             }
-            Without(Goal, up, 0);
+            Without(goal, up, 0);
             for (int n = 0; n < 3; n++)
             {
-                s[Goal + n] += (soleHeight - low) * up[n];
+                s[goal + n] += (soleHeight - low) * up[n];
             }
         }
 
-        /// <summary>Bring the goal to where the leg reaches: at its height, if it can, nearer to the hip.</summary>
-        private void Limit(int start, double most, double least)
+        /// <summary>Bring a goal to where the leg reaches: at its height, if it can, nearer to the hip.</summary>
+        private void Limit(int start, int goal, double most, double least)
         {
             double[] s = scratch;
             for (int n = 0; n < 3; n++)
             {
-                s[Side + n] = s[Goal + n] - places[start + n];
+                s[Side + n] = s[goal + n] - places[start + n];
             }
             double down = High(Side);
             Without(Side, up, 0);
@@ -267,7 +313,7 @@ namespace Wayfarer
             }
             for (int n = 0; n < 3; n++)
             {
-                s[Goal + n] = places[start + n] + share * s[Side + n] + down * up[n];
+                s[goal + n] = places[start + n] + share * s[Side + n] + down * up[n];
             }
         }
 

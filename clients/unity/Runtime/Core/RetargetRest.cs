@@ -49,6 +49,10 @@ namespace Wayfarer
         /// <summary>How far the balls stand beside the agent's.</summary>
         public readonly double[][] Stance = new double[2][];
 
+        /// <summary>The middle of the thigh joints from the hips' node, in its axes.</summary>
+        public readonly double[] Thighs = new double[3];
+
+        /// <summary>Height of the character's thigh joints by that of the agent's.</summary>
         public readonly double Ratio;
 
         private readonly Rig rig;
@@ -97,6 +101,7 @@ namespace Wayfarer
             BaseTurn = rig.Rotation(parent);
             BasePlace = rig.Place(parent);
             BaseScale = rig.Scale(parent);
+            Quaternions.RotateBack(rotation[0], 0, Vectors.Minus(Middle(place), place[0]), 0, Thighs, 0);
             Ratio = FindLegs(floor);
         }
 
@@ -154,13 +159,14 @@ namespace Wayfarer
                 double[] offset = { SourceOffsets[3 * b], SourceOffsets[3 * b + 1], SourceOffsets[3 * b + 2] };
                 source[b] = b == 0 ? offset : Vectors.Plus(source[Bones.Parent(b)], offset);
             }
-            double legs = Legs.Sum(leg => Vectors.Dot(Vectors.Minus(stand[0], stand[leg[2]]), up));
-            double scale = legs / Legs.Sum(leg => Vectors.Dot(Vectors.Minus(source[0], source[leg[2]]), up));
+            double legs = Legs.Sum(leg => Vectors.Dot(Vectors.Minus(stand[leg[0]], stand[leg[2]]), up));
+            double scale = legs / Legs.Sum(leg => Vectors.Dot(Vectors.Minus(source[leg[0]], source[leg[2]]), up));
             if (double.IsNaN(floor))
             {
                 double sole = Legs.SelectMany(leg => leg.Skip(2)).Min(b => Vectors.Dot(source[b], up));
                 floor = double.IsNaN(joints.Floor) ? joints.Lowest - scale * sole : joints.Floor;
             }
+            double[] thighs = Middle(stand), sourceThighs = Middle(source);
             double high = 0;
             for (int leg = 0; leg < 2; leg++)
             {
@@ -173,10 +179,17 @@ namespace Wayfarer
                 double height = Vectors.Dot(place[ankle], up) - floor;
                 high += height / 2;
                 FillSole(own, height, Soles[leg]);
-                Stance[leg] = Level(Vectors.Minus(
-                    Vectors.Minus(Vectors.Plus(stand[ankle], own), stand[0]), Vectors.Minus(source[toe], source[0])));
+                double[] beside = Vectors.Minus(
+                    Vectors.Minus(Vectors.Plus(stand[ankle], own), thighs), Vectors.Minus(source[toe], sourceThighs));
+                Stance[leg] = Vectors.Times(Vectors.Dot(beside, basis.LeftAxis), basis.LeftAxis);
             }
-            return (legs / 2 + high) / Vectors.Dot(source[0], up);
+            return (legs / 2 + high) / Vectors.Dot(sourceThighs, up);
+        }
+
+        /// <summary>Of the thigh joints: where the pelvis is. A rig's hips joint lies anywhere around it.</summary>
+        private static double[] Middle(double[][] at)
+        {
+            return Vectors.Times(0.5, Vectors.Plus(at[Legs[0][0]], at[Legs[1][0]]));
         }
 
         private void FillSole(double[] ball, double height, double[] sole)

@@ -201,7 +201,8 @@ internal static class Live
             float high = off.y, wanted = (float)Character.Retarget.Ratio * Character.Played.Frame[1];
             off.y = 0;
             Must(off.magnitude < 0.5, kind + ": hips " + off.magnitude + " m from the goal");
-            Must(Math.Abs(high / wanted - 1) < 0.02, kind + ": hips " + high + " m high in place of " + wanted);
+            // the ratio is that of the thigh joints, and hips sink a little for short legs
+            Must(Math.Abs(high / wanted - 1) < 0.04, kind + ": hips " + high + " m high in place of " + wanted);
             foreach (Transform ankle in ankles)
             {
                 float ankleHigh = ankle.position.y - goal.y;

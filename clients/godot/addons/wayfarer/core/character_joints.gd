@@ -31,11 +31,12 @@ func _init(map: WayfarerBoneMap, basis: WayfarerBasis) -> void:
 		floor_height = 0.0
 
 
-## By where hips and legs are.
+## By where its legs are.
 func _alignment(map: WayfarerBoneMap) -> Quaternion:
 	var at := func(b: int) -> Vector3: return map.rig.places[map.node(b)]
 	var legs := WayfarerRetarget.LEGS
-	var up := _snapped(at.call(0) - (at.call(legs[0][2]) + at.call(legs[1][2])) / 2.0)
+	var thighs: Vector3 = at.call(legs[0][0]) + at.call(legs[1][0])
+	var up := _snapped(thighs - at.call(legs[0][2]) - at.call(legs[1][2]))
 	var across: Vector3 = at.call(legs[0][0]) - at.call(legs[1][0])
 	var left := _snapped(across - across.dot(up) * up)
 	left = (left - left.dot(up) * up).normalized()

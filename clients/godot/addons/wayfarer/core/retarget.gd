@@ -8,6 +8,12 @@ extends RefCounted
 const LEGS: Array[Array] = [[1, 4, 7, 10], [2, 5, 8, 11]]
 const _ARMS: Array[Array] = [[16, 18, 20], [17, 19, 21]]
 const _REACH := 0.999  # of a leg's length: how far it is stretched at most
+## Of a leg's length: how far hips sink at most for a standing foot to reach its print.
+const _SINKS := 0.018
+## Heights of a sole over the ground by the leg's length: hips sink by all that a foot lacks while it
+## is below the first, by nothing when it is above the second.
+const _STANDS := 0.02
+const _LEAVES := 0.06
 const _BEND := 0.1  # of the thigh's length: a knee that bends less than this bends forwards
 const _HEEL := 0.35  # of the way from ankle to ball: how far the heel is behind the ankle
 const _TIP := 0.45  # of the way from ankle to ball: how far the tip is before the ball
@@ -16,7 +22,7 @@ var map: WayfarerBoneMap
 var basis: WayfarerBasis
 ## Numbers of the bones that the character has, parents first.
 var mapped := PackedInt32Array()
-## Hips' height of the character by that of the agent.
+## Height of the character's thigh joints by that of the agent's.
 var ratio := 1.0
 ## Height of the ground that the last pose stands on.
 var ground := 0.0
@@ -37,6 +43,7 @@ var _source_offset := PackedVector3Array()  # of the agent
 var _base_turn := Quaternion.IDENTITY  # what the hips' node hangs from
 var _base_place := Vector3.ZERO
 var _base_scale := Vector3.ONE
+var _thighs := Vector3.ZERO  # the middle of the thigh joints from the hips' node, in its axes
 var _soles: Array[PackedVector3Array] = []  # of a foot that stands: heel, ball, tip
 var _source_soles: Array[PackedVector3Array] = []
 var _stance := PackedVector3Array()
@@ -93,11 +100,20 @@ func pose(frame: WayfarerPose, at_ground: float = NAN) -> void:
 	ground = minf(clear[0], clear[1]) if is_nan(at_ground) else at_ground
 	for b in mapped:
 		rotations[b] = _turns[b] * _rest[b]
-	var lifted := ground + (_source[0].dot(_up) - ground) * ratio
-	places[0] = basis.level(_source[0]) + lifted * _up
+	var thighs := _middle(_source)
+	var lifted := ground + (thighs.dot(_up) - ground) * ratio
+	places[0] = basis.level(thighs) + lifted * _up - rotations[0] * _thighs
 	_put()
+	var goals := PackedVector3Array()
+	var sunk := 0.0
 	for leg in 2:
-		_step(leg, ground + (clear[leg] - ground) * ratio)
+		var high := (clear[leg] - ground) * ratio
+		goals.append(_goal(leg, ground + high))
+		sunk = maxf(sunk, _lacks(leg, goals[leg], high))
+	for b in mapped:
+		places[b] -= sunk * _up
+	for leg in 2:
+		_bend(leg, goals[leg])
 	_put()
 	_relate()
 
@@ -128,7 +144,13 @@ func _find_rest(floor_height: float) -> void:
 		_base_turn = rig.rotations[parent]
 		_base_place = rig.places[parent]
 		_base_scale = rig.scales[parent]
+	_thighs = at_rest[0].inverse() * (_middle(place) - place[0])
 	_find_legs(joints, correct, floor_height)
+
+
+## Of the thigh joints: where the pelvis is. A rig's hips joint lies anywhere around it.
+static func _middle(place: Variant) -> Vector3:
+	return (place[LEGS[0][0]] + place[LEGS[1][0]]) / 2.0
 
 
 ## What turns each bone from the character's rest pose into a T-pose.
@@ -176,14 +198,16 @@ func _find_legs(
 	var source_legs := 0.0
 	var sole := INF
 	for leg in LEGS:
-		legs += (stand[0] - stand[leg[2]]).dot(_up)
-		source_legs += (source[0] - source[leg[2]]).dot(_up)
+		legs += (stand[leg[0]] - stand[leg[2]]).dot(_up)
+		source_legs += (source[leg[0]] - source[leg[2]]).dot(_up)
 		sole = minf(sole, minf(source[leg[2]].dot(_up), source[leg[3]].dot(_up)))
 	var scale := legs / source_legs
 	if is_nan(floor_height):
 		floor_height = joints.floor_height
 	if is_nan(floor_height):
 		floor_height = joints.lowest - scale * sole
+	var thighs := _middle(stand)
+	var source_thighs := _middle(source)
 	var high := 0.0
 	for leg in LEGS:
 		var ankle: int = leg[2]
@@ -196,8 +220,9 @@ func _find_legs(
 		var height := place[ankle].dot(_up) - floor_height
 		high += height / 2.0
 		_soles.append(_sole(own, height))
-		_stance.append(basis.level(stand[ankle] + own - stand[0] - (source[toe] - source[0])))
-	ratio = (legs / 2.0 + high) / source[0].dot(_up)
+		var beside: Vector3 = stand[ankle] + own - thighs - (source[toe] - source_thighs)
+		_stance.append(beside.dot(basis.left) * basis.left)
+	ratio = (legs / 2.0 + high) / source_thighs.dot(_up)
 
 
 ## Of a foot that stands: heel and ball from the ankle, tip of the toes from the ball.
@@ -233,10 +258,8 @@ func _put() -> void:
 			places[b] = places[a] + rotations[a] * _offset[b]
 
 
-## Put a foot where the agent's is: ball over the same point, the sole at that height.
-func _step(leg: int, sole: float) -> void:
-	var hip: int = LEGS[leg][0]
-	var knee: int = LEGS[leg][1]
+## Where the ankle goes: the ball over the same point as the agent's, the sole at that height.
+func _goal(leg: int, sole: float) -> Vector3:
 	var ankle: int = LEGS[leg][2]
 	var ahead := basis.level(_turns[ankle] * basis.forward)
 	if ahead.length() < 0.1:  # it points straight down
@@ -244,7 +267,25 @@ func _step(leg: int, sole: float) -> void:
 	var print_at := _source[ankle] + _turns[ankle] * _source_soles[leg][1]
 	var beside := arc(basis.forward, ahead) * _stance[leg]
 	var goal := basis.level(print_at + beside - _turns[ankle] * _soles[leg][1])
-	goal += (sole - _lowest(_soles[leg], leg)) * _up
+	return goal + (sole - _lowest(_soles[leg], leg)) * _up
+
+
+## How far the hips must sink for a foot to reach its print; `high`: of the sole over the ground.
+func _lacks(leg: int, goal: Vector3, high: float) -> float:
+	var start := places[LEGS[leg][0]]
+	var knee := places[LEGS[leg][1]]
+	var most := _REACH * (start.distance_to(knee) + knee.distance_to(places[LEGS[leg][2]]))
+	var away := basis.level(goal - start).length()
+	var lacking := (start - goal).dot(_up) - sqrt(maxf(0.0, most * most - away * away))
+	var share := clampf((_LEAVES - high / most) / (_LEAVES - _STANDS), 0.0, 1.0)
+	return minf(_SINKS * most, maxf(0.0, lacking) * share)
+
+
+## Turn thigh and shin so that the ankle is at the goal, or as near as the leg reaches.
+func _bend(leg: int, goal: Vector3) -> void:
+	var hip: int = LEGS[leg][0]
+	var knee: int = LEGS[leg][1]
+	var ankle: int = LEGS[leg][2]
 	var start := places[hip]
 	var bend := places[knee] - start
 	var shank := places[ankle] - places[knee]

@@ -1,0 +1,225 @@
+// A character and an agent at rest: the character's T-pose, from the places of its joints, and how their legs and feet
+// compare. What retarget.js works out once.
+
+import { cross, dot } from "./bases.js";
+import { arc, between, multiply, relative, rotate, rotateBack } from "./quaternions.js";
+import { BONES, PARENTS } from "./rig.js";
+
+const SNAP = Math.cos((25 * Math.PI) / 180); // a rig's up or left so near to one of its axes is meant to be that axis
+const SIDES = ["left", "right"];
+/** Hip, knee, ankle, foot of the left and of the right leg. */
+export const LEGS = SIDES.map((side) => ["hip", "knee", "ankle", "foot"].map((bone) => BONES.indexOf(`${side}_${bone}`)));
+const ARMS = SIDES.map((side) => ["shoulder", "elbow", "wrist"].map((bone) => BONES.indexOf(`${side}_${bone}`)));
+export const COUNT = BONES.length;
+/** In lengths from ankle to ball: how far the heel is behind the ankle, and the tip of the toes before the ball. */
+export const FOOT = { heel: 0.35, tip: 0.45 };
+
+/** What `Retarget` knows of both before any frame. */
+export class Rest {
+  /**
+   * As for `Retarget`.
+   * @param {import("./bone_map.js").BoneMap} boneMap @param {ArrayLike<number>} restOffsets
+   * @param {import("./bases.js").Basis} basis @param {number} floor @param {typeof FOOT} foot
+   */
+  constructor(boneMap, restOffsets, basis, floor, foot) {
+    const { rig, bones } = boneMap;
+    this.basis = basis;
+    this.nodes = Int32Array.from(BONES, (bone) => bones.get(bone) ?? -1);
+    this.mapped = Int32Array.from([...bones.keys()], (bone) => BONES.indexOf(bone));
+    this.above = new Int32Array(COUNT).fill(-1);
+    const boneOf = new Map([...this.mapped].map((b) => [this.nodes[b], b]));
+    for (const b of this.mapped) {
+      const node = rig.ancestors(this.nodes[b]).find((n) => boneOf.has(n));
+      if (node !== undefined) this.above[b] = /** @type {number} */ (boneOf.get(node));
+    }
+    this.offsets = Float64Array.from({ length: 3 * COUNT }, (_, k) => restOffsets[k]);
+    if (this.offsets.some(Number.isNaN)) throw new Error(`rest offsets of ${COUNT} bones are needed`);
+    const turn = this.#alignment(rig);
+    const rest = perBone((b) => product(turn, rig.rotation(this.nodes[b])), this.mapped);
+    const place = perBone((b) => turned(turn, rig.place(this.nodes[b])), this.mapped);
+    const correct = this.#corrections(place);
+    this.turns = new Float64Array(4 * COUNT); // of each node in the T-pose
+    this.offset = new Float64Array(3 * COUNT); // of each bone, in the axes of the one above
+    this.gap = new Float64Array(4 * COUNT); // rest rotation of the node's parent, in the axes of the bone above
+    for (const b of this.mapped) {
+      multiply(correct[b], 0, rest[b], 0, this.turns, 4 * b);
+      const a = this.above[b];
+      if (a < 0) continue;
+      rotateBack(rest[a], 0, minus(place[b], place[a]), 0, this.offset, 3 * b);
+      relative(rig.rotation(this.nodes[a]), 0, rig.rotation(rig.nodes[this.nodes[b]].parent), 0, this.gap, 4 * b);
+    }
+    const parent = rig.nodes[this.nodes[0]].parent;
+    this.base = {
+      turn: rig.rotation(parent),
+      place: parent < 0 ? new Float64Array(3) : rig.place(parent),
+      scale: parent < 0 ? Float64Array.of(1, 1, 1) : rig.scales.slice(3 * parent, 3 * parent + 3),
+    };
+    this.thighs = new Float64Array(3); // the middle of the thigh joints from the hips' node, in its axes
+    rotateBack(rest[0], 0, minus(thighsOf(place), place[0]), 0, this.thighs, 0);
+    this.ratio = 1;
+    this.soles = [new Float64Array(9), new Float64Array(9)]; // of a foot that stands: heel, ball, tip
+    this.sourceSoles = [new Float64Array(9), new Float64Array(9)];
+    this.stance = [new Float64Array(3), new Float64Array(3)]; // how far the balls stand beside the agent's
+    this.#legs(place, correct, floor, foot);
+  }
+
+  /** The rotation from the character's axes to the basis, by where its legs are. @param {import("./rig.js").Rig} rig */
+  #alignment(rig) {
+    const at = (/** @type {number} */ b) => rig.place(this.nodes[b]);
+    const [onLeft, onRight] = LEGS.map(([hip, , ankle]) => [at(hip), at(ankle)]);
+    const up = snapped(minus(middle(onLeft[0], onRight[0]), middle(onLeft[1], onRight[1])));
+    const across = minus(onLeft[0], onRight[0]);
+    const level = (/** @type {Float64Array} */ v) => v.map((value, n) => value - dot(v, up) * up[n]);
+    const aside = level(snapped(level(across)));
+    const left = aside.map((value) => value / Math.hypot(...aside));
+    const { basis } = this;
+    const forward = cross(left, up).map((value) => basis.handed * value);
+    return between([left, up, forward], [basis.left, basis.up, basis.forward]);
+  }
+
+  /** What turns each bone from the character's rest pose into a T-pose. @param {Float64Array[]} place */
+  #corrections(place) {
+    const { left, up, forward } = this.basis;
+    const down = up.map((value) => -value);
+    const right = left.map((value) => -value);
+    /** @type {Map<number, [number, Float64Array]>} */
+    const aims = new Map();
+    for (const [s, [hip, knee, ankle]] of LEGS.entries()) {
+      const [shoulder, elbow, wrist] = ARMS[s];
+      aims.set(hip, [knee, down]).set(knee, [ankle, down]);
+      aims.set(shoulder, [elbow, s ? right : left]).set(elbow, [wrist, s ? right : left]);
+    }
+    /** @type {Float64Array[]} */
+    const correct = [];
+    for (const b of this.mapped) {
+      let turn = correct[this.above[b]] ?? Float64Array.of(0, 0, 0, 1);
+      const [end, aim] = aims.get(b) ?? [-1, down];
+      if (end >= 0 && place[end]) turn = product(least(turned(turn, minus(place[end], place[b])), aim), turn);
+      correct[b] = turn;
+    }
+    for (const [, , ankle, toe] of LEGS) { // soles stay level: feet only turn to the front
+      const ahead = place[toe] ? this.#level(minus(place[toe], place[ankle])) : forward;
+      correct[ankle] = least(ahead, forward);
+      if (place[toe]) correct[toe] = correct[ankle];
+    }
+    return correct;
+  }
+
+  /** @param {Float64Array} v */
+  #level(v) {
+    const { up } = this.basis;
+    const high = dot(v, up);
+    return v.map((value, n) => value - high * up[n]);
+  }
+
+  /** Soles, stance, and the ratio of heights. @param {Float64Array[]} place @param {Float64Array[]} correct @param {number} floor @param {typeof FOOT} foot */
+  #legs(place, correct, floor, foot) {
+    const { up, left } = this.basis;
+    /** @type {Float64Array[]} */
+    const stand = [place[0]]; // joint places in the T-pose
+    for (const b of this.mapped) {
+      const a = this.above[b];
+      if (a >= 0) stand[b] = plus(stand[a], turned(correct[a], minus(place[b], place[a])));
+    }
+    /** @type {Float64Array[]} */
+    const source = [];
+    PARENTS.forEach((parent, b) => {
+      const offset = this.offsets.slice(3 * b, 3 * b + 3);
+      source[b] = parent < 0 ? offset : plus(source[parent], offset);
+    });
+    const below = (/** @type {Float64Array[]} */ at) => LEGS.reduce((sum, leg) => sum + dot(minus(at[leg[0]], at[leg[2]]), up), 0);
+    const legs = below(stand);
+    const scale = legs / below(source);
+    const feet = LEGS.flatMap((leg) => leg.slice(2));
+    if (Number.isNaN(floor)) {
+      const lowest = Math.min(...feet.filter((b) => place[b]).map((b) => dot(place[b], up)));
+      floor = 0;
+      if (!(lowest >= 0 && lowest <= 0.25 * (dot(place[0], up) - lowest))) {
+        floor = lowest - scale * Math.min(...feet.map((b) => dot(source[b], up)));
+      }
+    }
+    const thighs = thighsOf(stand), sourceThighs = thighsOf(source);
+    let high = 0;
+    LEGS.forEach(([, , ankle, toe], leg) => {
+      const ball = minus(source[toe], source[ankle]);
+      this.#sole(ball, dot(source[ankle], up), FOOT, this.sourceSoles[leg]);
+      // without toes, where a foot of this size would have them
+      const own = place[toe] ? turned(correct[ankle], minus(place[toe], place[ankle])) : ball.map((value) => scale * value);
+      const height = dot(place[ankle], up) - floor;
+      high += height / LEGS.length;
+      this.#sole(own, height, foot, this.soles[leg]);
+      const beside = dot(minus(minus(plus(stand[ankle], own), thighs), minus(source[toe], sourceThighs)), left);
+      this.stance[leg].set(left.map((value) => beside * value));
+    });
+    this.ratio = (legs / LEGS.length + high) / dot(sourceThighs, up);
+  }
+
+  /** Of a foot that stands: heel and ball from the ankle, tip of the toes from the ball. @param {Float64Array} ball @param {number} height @param {typeof FOOT} foot @param {Float64Array} out */
+  #sole(ball, height, foot, out) {
+    const ahead = this.#level(ball);
+    const { up } = this.basis;
+    for (let n = 0; n < 3; n += 1) {
+      out[n] = -height * up[n] - foot.heel * ahead[n];
+      out[3 + n] = -height * up[n] + ahead[n];
+      out[6 + n] = foot.tip * ahead[n];
+    }
+  }
+}
+
+/** @param {(b: number) => Float64Array} value @param {Int32Array} bones @returns {Float64Array[]} */
+function perBone(value, bones) {
+  /** @type {Float64Array[]} */
+  const found = [];
+  for (const b of bones) found[b] = value(b);
+  return found;
+}
+
+/** @param {Float64Array} p @param {Float64Array} q */
+function product(p, q) {
+  const out = new Float64Array(4);
+  multiply(p, 0, q, 0, out, 0);
+  return out;
+}
+
+/** @param {Float64Array} q @param {Float64Array} v */
+function turned(q, v) {
+  const out = new Float64Array(3);
+  rotate(q, 0, v, 0, out, 0);
+  return out;
+}
+
+/** @param {Float64Array} a @param {Float64Array} b */
+function least(a, b) {
+  const out = new Float64Array(4);
+  arc(a, 0, b, 0, out, 0);
+  return out;
+}
+
+/** @param {Float64Array} a @param {Float64Array} b */
+function minus(a, b) {
+  return a.map((value, n) => value - b[n]);
+}
+
+/** @param {Float64Array} a @param {Float64Array} b */
+function plus(a, b) {
+  return a.map((value, n) => value + b[n]);
+}
+
+/** @param {Float64Array} direction */
+function snapped(direction) {
+  const length = Math.hypot(...direction);
+  const sizes = [...direction].map(Math.abs);
+  const k = sizes.indexOf(Math.max(...sizes));
+  if (sizes[k] / length < SNAP) return direction.map((value) => value / length);
+  return direction.map((value, n) => (n === k ? Math.sign(value) : 0));
+}
+
+/** @param {Float64Array} a @param {Float64Array} b */
+function middle(a, b) {
+  return a.map((value, n) => (value + b[n]) / 2);
+}
+
+/** The middle of the thigh joints: where the pelvis is. A rig's hips joint lies anywhere around it. @param {Float64Array[]} place */
+function thighsOf(place) {
+  return middle(place[LEGS[0][0]], place[LEGS[1][0]]);
+}
