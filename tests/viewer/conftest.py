@@ -21,18 +21,22 @@ def viewer_url() -> Iterator[str]:
 
 
 @pytest.fixture(scope="package")
-def browser(tmp_path_factory: pytest.TempPathFactory, viewer_url: str) -> Iterator[Page]:
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     """A tab; each module has its own size and address."""
     executable = find_chromium()
     assert executable
     with Page(executable, tmp_path_factory.mktemp("profile"), (1000, 640)) as opened:
-        opened.url = viewer_url
         yield opened
 
 
 @pytest.fixture(scope="module")
 def page(browser: Page, request: pytest.FixtureRequest) -> Iterator[Page]:
-    """The tab in the size that the module says (SIZE), as if it had just been opened."""
+    """The tab in the size that the module says (SIZE), as if it had just been opened.
+
+    Its `url` is the server's, unless the module has servers of its own (SHARED_SERVER).
+    """
+    if getattr(request.module, "SHARED_SERVER", True):
+        browser.url = request.getfixturevalue("viewer_url")
     width, height = getattr(request.module, "SIZE", (1000, 640))
     browser.resize(width, height)
     browser.problems.clear()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.viewer.chromium import CONNECTION, Page, needs_chromium
+from tests.viewer.stage import look_down, on_screen
 from wayfarer.navigation.examples import EXAMPLES
 
 Image = pytest.importorskip("PIL.Image", reason="pillow is missing: make lab")
@@ -34,30 +35,10 @@ def press(page: Page, key: str) -> None:
         page.call("Input.dispatchKeyEvent", type=kind, key=key)
 
 
-def on_screen(page: Page, x: float, y: float, z: float) -> tuple[float, float]:
-    """Where a point of the scene is seen, CSS pixels."""
-    page.evaluate("wayfarer.stage.controls.update(); wayfarer.stage.render()")
-    right, up = page.evaluate(
-        "(() => { const { camera } = wayfarer.stage;"
-        f" const p = camera.position.clone().set({x}, {y}, {z}).project(camera);"
-        " return [p.x, p.y]; })()"
-    )
-    width, height = page.evaluate("[innerWidth, innerHeight]")
-    return (right + 1) / 2 * width, (1 - up) / 2 * height
-
-
 def colours(page: Page) -> float:
     """How much the middle of the page differs in colour."""
     seen = Image.open(io.BytesIO(page.screenshot())).convert("RGB").crop((320, 100, 1000, 560))
     return float(np.asarray(seen).reshape(-1, 3).std(0).min())
-
-
-def look_down(page: Page, x: float, z: float, height: float) -> None:
-    """From straight above, so that nothing hides the ground."""
-    page.evaluate(
-        f"wayfarer.stage.glide({{ x: {x}, y: {height}, z: {z} + 0.01 }},"
-        f" {{ x: {x}, y: 0, z: {z} }}, 1)"
-    )
 
 
 def gap(point: np.ndarray, way: np.ndarray) -> float:

@@ -6,16 +6,13 @@ Needs Chromium (apt-get install chromium). VIEWER_URL names a server that runs a
 
 import io
 import json
-import subprocess
-import sys
 import time
 from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
 
-from tests.serving import Service
-from tests.viewer.chromium import CONNECTION, Page, find_chromium, needs_chromium
+from tests.viewer.chromium import CONNECTION, Page, needs_chromium
 
 Image = pytest.importorskip("PIL.Image", reason="pillow is missing: make lab")
 
@@ -238,39 +235,3 @@ def test_a_session_of_a_program_is_shown_and_outlives_the_page(page: Page):
     page.wait_for(f"globalThis.wayfarer && {CONNECTION} === 'open'", 60)  # one of its own
     assert call("GET", f"{api}/{session}")["agent_ids"] == [ada["agent_id"]]
     page.problems.clear()  # the browser logs the 404 itself
-
-
-def test_a_guarded_server_asks_once_for_a_key(tmp_path, tmp_path_factory):
-    made = subprocess.run(
-        [sys.executable, "-m", "wayfarer.cli", "keys", "new", "tester"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    keys = tmp_path / "keys.toml"
-    keys.write_text(made.stdout)
-    key = next(word for word in made.stderr.split() if word.startswith("wf_"))
-    executable = find_chromium()
-    assert executable
-    with (
-        Service("--keys-file", str(keys)) as guarded,
-        Page(executable, tmp_path_factory.mktemp("guarded"), (900, 600)) as opened,
-    ):
-        opened.call(
-            "Page.navigate", url=f"{guarded.url}/?detail=low&scene=&encoding=smallest_three&fps=20"
-        )
-        opened.wait_for("document.querySelector('#access')?.open", 60)
-        assert opened.evaluate("document.querySelector('#access-reason').textContent")
-        opened.evaluate(
-            f"(() => {{ document.querySelector('#access-token').value = '{key}';"
-            " document.querySelector('#access button').click(); })()"
-        )
-        opened.wait_for(f"globalThis.wayfarer && {CONNECTION} === 'open'", 30)
-        opened.evaluate("document.querySelector('#add-one').click()")
-        opened.wait_for(f"{CROWD}.people.filter((person) => person.shown).length === 1", 60)
-        header = opened.evaluate("globalThis.wayfarer.player.header")
-        assert (header["encoding"], header["sentFps"]) == (3, 20)
-        opened.call("Page.reload")
-        opened.wait_for(f"globalThis.wayfarer && {CONNECTION} === 'open'", 60)
-        assert not opened.evaluate("document.querySelector('#access').open")
-        assert key not in "".join(guarded.said)

@@ -216,6 +216,14 @@ export class Api {
     return { url: url.href, protocols: this.access.protocols };
   }
 
+  /**
+   * Any call of the HTTP API, with what this class does for all: the answer's JSON.
+   * @param {string} method @param {string} path @param {unknown} [body] @param {number} [seconds] @returns {Promise<any>}
+   */
+  call(method, path, body, seconds) {
+    return this.#call(method, path, body, seconds);
+  }
+
   /** @param {string} method @param {string} path @param {unknown} [body] @param {number} [seconds] @returns {Promise<any>} */
   async #call(method, path, body, seconds = ANSWER_SECONDS) {
     let patience = PATIENCE_SECONDS;

@@ -32,6 +32,7 @@ export const clock = () => performance.now() / 1000;
 export class MotionStream {
   #retry = RETRY_FIRST;
   #heard = 0; // messages so far, to notice silence
+  #losses = 0; // so far
   /** @type {WebSocket | null} */
   #socket = null;
 
@@ -66,9 +67,10 @@ export class MotionStream {
     this.#socket?.close();
   }
 
-  /** Connect anew, as after a loss: the network is another one, perhaps. */
+  /** Connect anew, as after a loss: the network is another one, perhaps. While it is waiting to try again: at once. */
   reconnect() {
-    this.#socket?.close();
+    if (this.#socket) this.#socket.close();
+    else this.#connect();
   }
 
   #connect() {
@@ -128,7 +130,8 @@ export class MotionStream {
       this.on.failed?.(reason);
     } else {
       this.on.status?.("lost", reason);
-      this.schedule(() => this.#connect(), this.#retry);
+      const lost = ++this.#losses;
+      this.schedule(() => lost === this.#losses && !this.#socket && this.#connect(), this.#retry);
       this.#retry = Math.min(RETRY_MOST, this.#retry * 2);
     }
   }

@@ -162,3 +162,16 @@ test("a stream that was closed stays closed and ignores late messages", () => {
   assert.equal(sockets.length, 1);
   assert.equal(heard.length, count);
 });
+
+test("while it waits to try again, it can be told to do so at once, and does so once", () => {
+  const { stream, sockets, run } = harness();
+  sockets[0].close();
+  assert.equal(sockets.length, 1);
+  stream.reconnect();
+  assert.equal(sockets.length, 2);
+  assert.equal(run(0.5), 1); // the timer of the loss
+  assert.equal(sockets.length, 2);
+  sockets[1].close();
+  run(1);
+  assert.equal(sockets.length, 3);
+});

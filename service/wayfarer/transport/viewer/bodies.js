@@ -27,7 +27,7 @@ export class Bodies {
     this.group.add(unseen.mesh);
   }
 
-  /** A body of its own for whoever asks: a promise of { pose(frame), height, remove() }. */
+  /** A body of its own for whoever asks: a promise of { pose(frame), hide(), height, rig, remove() }. */
   async load(url, headers, boneNames) {
     await this.#turn();
     try {
@@ -91,6 +91,11 @@ class Pack {
     this.changed = true;
     return {
       height: body.height,
+      rig: body.rig,
+      hide: () => {
+        boneMatrices.fill(0, start, start + 16 * this.joints);
+        boneTexture.needsUpdate = true;
+      },
       pose: (frame) => {
         body.rig.matrices(frame, boneMatrices, start);
         boneTexture.needsUpdate = true;

@@ -85,7 +85,7 @@ export class CharacterFile {
     });
   }
 
-  /** A body of its own for an agent: { object, character, height, pose(frame), remove() }. */
+  /** A body of its own for an agent: { object, character, height, pose(frame), hide(), remove() }. */
   body(restOffsets) {
     const object = cloneSkinned(this.source);
     const { engine, humanoid } = this.#reading(object);
@@ -93,6 +93,7 @@ export class CharacterFile {
     return {
       object, character, height: this.height,
       pose: (frame) => character.pose(frame),
+      hide: () => {}, // what it is in is hidden
       remove: () => object.removeFromParent(),
     };
   }

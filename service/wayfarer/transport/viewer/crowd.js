@@ -32,12 +32,14 @@ export class Crowd {
     return [...this.members.values()];
   }
 
+  /** A stream begins. */
+  begin({ bones, skeleton }) {
+    this.boneNames = bones.map((bone) => skeleton[bone].name);
+  }
+
   /** What a session's player tells (`SessionOptions.on`); `now()` is a local clock in seconds. */
   handlers(now) {
     return {
-      header: ({ bones, skeleton }) => {
-        this.boneNames = bones.map((bone) => skeleton[bone].name);
-      },
       added: (played) => this.#add(played),
       removed: ({ agent }) => this.#remove(agent.alias),
       chunk: ({ agent }, chunk) => this.#chunk(this.members.get(agent.alias), chunk, now()),
@@ -50,12 +52,20 @@ export class Crowd {
     else for (const person of this.people) person.showLabel(visible);
   }
 
-  /** Show everybody as the session's player has them at local time `now`. */
-  play(now) {
+  /** Show everybody as the session's player has them; or, with `before` { history, moment }, as they were then. */
+  play(now, before = null) {
     for (const person of this.members.values()) {
-      if (person.played.shown) person.pose(person.played.frame);
+      if (!person.played.shown) continue;
+      if (!before) person.pose(person.played.frame);
+      else if (before.history.sample(person.agent.alias, before.moment, this.#frame(person))) person.pose(this.frame, false);
+      else person.hide();
     }
     this.bodies.update(now);
+  }
+
+  #frame({ played }) {
+    if (this.frame?.length !== played.frame.length) this.frame = new Float32Array(played.frame.length);
+    return this.frame;
   }
 
   /** Of names that would lie over each other, show the nearest to the camera. */

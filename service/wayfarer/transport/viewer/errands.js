@@ -6,6 +6,7 @@ import { mention, tell } from "./hud.js";
 
 const WANDER_RADIUS = 9; // metres around the middle, where there is no scene
 const WAYS = 8; // people at most whose ways are asked for and drawn at a time
+const MARK = 0.4; // metres around a goal that are its mark
 const NEAR = 0.05; // metres that a goal may be moved without a word
 
 export class Errands {
@@ -18,6 +19,8 @@ export class Errands {
     this.wandering = false;
     this.roaming = new Set(); // who walks about because of it
     this.abroad = new Set(); // ids of agents that walk about and have not been seen yet
+    this.expected = new Map(); // goals of agents, by id, that have not been seen yet
+    this.told = new WeakSet(); // goals of which it was said that they lie off the ground
     this.lastSent = []; // those whose path a further waypoint belongs to
   }
 
@@ -34,6 +37,34 @@ export class Errands {
       return onward && person.ahead.length ? this.#walkOn(person, goal) : this.#walk(person, goal);
     }));
     await this.showWays(this.lastSent);
+  }
+
+  /** The goal whose mark is at a point of the ground: { person, number }; or null. */
+  goalAt({ x, z }) {
+    const gap = (goal) => Math.hypot(goal.x - x, goal.z - z);
+    const all = this.crowd.people.flatMap((person) => person.ahead.map((goal, number) => ({ person, number, away: gap(goal) })));
+    const [nearest] = all.sort((a, b) => a.away - b.away);
+    return nearest?.away < MARK ? nearest : null;
+  }
+
+  /** Let a goal of somebody's path be another. */
+  async changeGoal(person, number, change) {
+    this.ask(); // whether anything may be asked
+    const path = person.ahead.map((goal, k) => (k === number ? { ...goal, ...change } : goal));
+    person.showPath(path);
+    person.revision = (await this.api.setPath(person.agent.id, path)).revision;
+    await this.showWays([person]);
+  }
+
+  /** To a place a little ahead, again and again; no way is drawn. */
+  async drive(person, goal) {
+    person.wanders = false;
+    if (person.ahead.length) person.showPath([]);
+    try {
+      await this.api.setPath(person.agent.id, [goal]);
+    } catch (error) {
+      if (!isUnreachable(error)) throw error; // against a wall
+    }
   }
 
   async stop(people) {
@@ -65,9 +96,21 @@ export class Errands {
     return near ? this.api.wander(id, near, WANDER_RADIUS, how) : this.api.roam(id, how);
   }
 
+  /** Send an agent that may not have been seen yet to goals in turn. */
+  sendAgent(id, goals) {
+    this.expected.set(id, goals);
+    this.notice();
+    return this.api.setPath(id, goals);
+  }
+
   /** Somebody has come, perhaps one of those. */
   notice() {
-    for (const person of this.crowd.people) if (this.abroad.delete(person.agent.id)) person.wanders = true;
+    for (const person of this.crowd.people) {
+      const { id } = person.agent;
+      if (this.abroad.delete(id)) person.wanders = true;
+      if (this.expected.has(id)) person.showPath(this.expected.get(id));
+      this.expected.delete(id);
+    }
   }
 
   async endWandering() {
@@ -123,8 +166,8 @@ export class Errands {
         const way = await this.api.queryPath(scene, { x, y, z }, { x: goal.x, y: goal.y ?? 0, z: goal.z });
         if (person.ahead[0] !== goal) return; // sent elsewhere meanwhile
         person.showWay(way.points);
-        if (way.goal_moved > NEAR && !goal.moved) {
-          goal.moved = true;
+        if (way.goal_moved > NEAR && !this.told.has(goal)) {
+          this.told.add(goal);
           mention(`${person.agent.name} goes to the nearest free place, ${way.goal_moved.toFixed(1)} m from there`);
         }
       } catch (error) {

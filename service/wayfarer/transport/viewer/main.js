@@ -1,24 +1,34 @@
 // Puts the page together: session, scene, stage, controls.
 
 import { Access, Api, BONES, clock } from "./client/index.js";
-import { Chase } from "./chase.js";
-import { crowdText, eventText, randomAgents } from "./choices.js";
+import { Arrivals } from "./arrivals.js";
+import { Camera } from "./camera.js";
+import { crowdText, eventText } from "./choices.js";
 import { Crowd } from "./crowd.js";
+import { Drive } from "./drive.js";
 import { Errands } from "./errands.js";
 import { kindOf, watchFiles } from "./files.js";
+import { History } from "./history.js";
 import { askToken, byId, listPeople, mention, Readout, showConnection, showTrouble, tell } from "./hud.js";
+import { watchKeys } from "./keyboard.js";
+import { Overlays } from "./overlays.js";
 import { ScenePanel } from "./panel.js";
 import { floorRing } from "./people.js";
 import { watchPointer } from "./pointer.js";
+import { bringBack, remember, restoreText } from "./restore.js";
 import { NoPicture, Stage } from "./scene.js";
+import { saveButtons } from "./save_buttons.js";
+import { decodeScript } from "./script.js";
 import { PageSession } from "./session.js";
+import { Timeline } from "./timeline.js";
+import { TimelineBar } from "./timeline_bar.js";
 import { Tools } from "./tools.js";
 import { Wardrobe } from "./wardrobe.js";
 
 const DETAILED = 24; // so many people have the fine mesh, where the machine draws well
 const FIRST_SCENE = "town_square"; // where nothing else is asked for
-const AT_FIRST = 10; // people who walk there when the page opens
-const MORE = 8; // and who come with the button
+const MORE = 8; // people who come with the button
+const RESTART_SECONDS = 0.5;
 const STATS_SECONDS = 1;
 const WANDER_SECONDS = 1;
 const TOKEN = "wayfarer.token";
@@ -47,22 +57,35 @@ const readout = new Readout();
 const place = new ScenePanel(api, stage, { enter, changed: attempt(() => errands.replan()), attempt });
 const { level, book } = place;
 const crowd = new Crowd(stage, (x, z, y) => level.heightAt(x, z, y), mesh, refresh, tell);
-const session = new PageSession(api, crowd, query, clock, { event: onEvent, ended: () => setTimeout(start, 1000) });
+const session = new PageSession(api, crowd, query, clock, { event: onEvent, ended: onEnded });
 const errands = new Errands(api, crowd, {
-  ask: () => ({ mode: sendMode(), selected, speed: Number(byId("speed").value) }),
+  ask: () => {
+    if (session.watchOnly) throw new Error("This is a replay: open the page without the link to send people");
+    return { mode: sendMode(), selected, speed: Number(byId("speed").value) };
+  },
   heightAt: (x, z, y) => level.heightAt(x, z, y),
   scene: () => session.scene,
 });
 const tools = new Tools({ stage, level, book, crowd, errands, select, attempt });
-const wardrobe = new Wardrobe(api, crowd, { enlist, walk: attempt(setOff), attempt });
-const chase = new Chase();
+const camera = new Camera(stage, level, crowd);
+const arrivals = new Arrivals({ api, stage, place, crowd, session, errands, met });
+const wardrobe = new Wardrobe(api, crowd, {
+  enlist: (shape) => arrivals.enlist(shape), walk: attempt((id) => arrivals.setOff(id)), attempt,
+});
 const cursor = floorRing(0.1, 0.14, "#b02a37");
 cursor.visible = false;
 stage.add(cursor);
 
-let bodies = new Map(); // gender → body
+const history = new History();
+const timeline = new Timeline(history);
+const bar = new TimelineBar(timeline, history, () => selected);
+const overlays = new Overlays(stage);
+const drive = new Drive({ stage, errands, attempt, person: () => selected });
+
 let selected = null;
+let lost = null; // what was in a session that the server has forgotten
 let joining = page.get("session"); // somebody's session to show; one of this page's own after that
+let replaying = new URLSearchParams(location.hash.slice(1)).get("replay"); // a script to show; as `joining`
 start();
 
 async function start() {
@@ -70,18 +93,26 @@ async function start() {
   try {
     const listed = place.begun ? null : place.list();
     const [{ limits }, all] = await Promise.all([api.info(), api.bodies(), listed]);
-    bodies = new Map(all.map((body) => [body.gender, body]));
+    arrivals.bodies = new Map(all.map((body) => [body.gender, body]));
     byId("count").max = Math.min(200, limits.agents_per_session);
     byId("count").oninput({ target: byId("count") }); // what it stands for may be less now
     const watched = joining && await othersSession(joining);
+    const replay = replaying && !watched ? await replayed() : null;
     if (watched) await place.attend(watched.scene);
+    else if (replay) await place.attend(replay.scene, replay.script.scene);
     else await place.begin(place.value ?? page.get("scene") ?? FIRST_SCENE);
     showTrouble(null);
-    welcomed = !watched && !place.begun && !page.has("scene") ? welcome() : null; // is asked for before the stage is made
+    if (replay) stage.lookFrom(replay.script.camera);
+    welcomed = !watched && !replay && !place.begun && !page.has("scene") ? arrivals.welcome() : null; // is asked for before the stage is made
     place.begun = true;
     await new Promise((go) => setTimeout(go)); // what was asked is sent
     beginStage();
     await welcomed;
+    if (lost && !watched) {
+      const kept = lost;
+      lost = null;
+      await bringBack(kept, { api, session, book, crowd, errands });
+    }
   } catch (error) {
     if (error instanceof NoPicture) {
       await welcomed;
@@ -108,18 +139,6 @@ function showNoPicture() {
   );
 }
 
-/** People who walk about when the page opens, before the camera. */
-async function welcome() {
-  stage.approach();
-  const { x, z } = stage.controls.target;
-  await roamers(AT_FIRST, { x, z });
-}
-
-/** People who come and walk about: all over the scene, or `near` a place. */
-async function roamers(count, near) {
-  await Promise.all((await create(count)).map((id) => errands.roamAgent(id, near)));
-}
-
 /** The session that the page's address names, if it can be shown; then it is joined. */
 async function othersSession(id) {
   try {
@@ -134,26 +153,47 @@ async function othersSession(id) {
   return null;
 }
 
+/** The session of the script in the page's address, if it can be made. */
+async function replayed() {
+  try {
+    return await session.replay(await decodeScript(replaying));
+  } catch (error) {
+    if (error.status === 0) throw error; // no server
+    tell(error.message);
+    replaying = null;
+    return null;
+  }
+}
+
 /** Begin a session in a scene, or with "" in none. */
 async function enter(scene) {
   if (errands.wandering) toggleWander();
   tools.use("send");
+  timeline.goLive();
   if (joining) session.join(joining, scene);
-  else await session.open(scene);
-  joining = null;
+  else if (!replaying) await session.open(scene); // a replay has been opened
+  joining = replaying = null;
 }
 
 function onEvent(event) {
   const person = crowd.members.get(event.alias);
   if (event.kind === "goal_moved" && person?.wanders) return; // it chose the place itself
+  if (person && person === drive.driven) return; // it is walked by hand
   const goals = person ? person.passed + person.ahead.length : 0;
   if (event.kind === "goal_reached" && (person?.wanders || !goals)) return; // on and on
   const text = eventText(event, person?.agent.name || "somebody", goals);
   if (text) mention(text);
 }
 
+/** The server no longer knows the session: another begins, with what was in this one if it was the page's own. */
+function onEnded(reason) {
+  lost = session.current.own ? remember(crowd, book) : null;
+  tell((lost && restoreText(lost)) || `The session has ended (${reason}). A new one begins.`, true);
+  setTimeout(start, RESTART_SECONDS * 1000);
+}
+
 function mesh(agent, detail) {
-  const url = new URL(bodies.get(agent.gender).glb_path, location.href);
+  const url = new URL(arrivals.bodies.get(agent.gender).glb_path, location.href);
   url.searchParams.set("betas", agent.betas.map((beta) => beta.toFixed(4)).join(","));
   url.searchParams.set("style", agent.alias);
   url.searchParams.set("detail", page.get("detail") ?? detail);
@@ -168,13 +208,18 @@ function refresh() {
 
 function select(person) {
   selected = person;
-  chase.reset();
-  stage.controls.enabled = true; // a camera that walked behind somebody is the user's again
+  camera.release();
   const mode = sendMode();
   if (person && mode === "nearest") setSendMode("selected");
   if (!person && mode === "selected") setSendMode("nearest");
   for (const other of crowd.people) other.marker.visible = other === person;
   refresh();
+}
+
+/** Somebody who was waited for has come. */
+function met(person) {
+  select(person);
+  camera.follow(true);
 }
 
 function sendMode() {
@@ -187,43 +232,7 @@ function setSendMode(mode) {
 
 // ---- what the user asks for; every refusal is shown
 
-const add = attempt((count) => create(count));
-
-/** Create people on free places near what is looked at; `how`: what all of them have. Their ids. */
-async function create(count, how = {}) {
-  await place.settled;
-  if (!session.id) throw new Error("not connected yet");
-  const heights = Object.fromEntries(
-    [...bodies].map(([gender, body]) => [gender, [body.min_height_m, body.max_height_m]]),
-  );
-  const where = level.ground
-    ? { middle: stage.controls.target, heightAt: (x, z) => level.ground.heightAt(x, z, stage.controls.target.y) }
-    : {};
-  const people = randomAgents(count, heights, crowd.people, where).map((person) => ({ ...person, ...how }));
-  if ("betas" in how) for (const person of people) delete person.phenotype;
-  return (await api.createAgents(session.id, people)).map(({ agent_id: id }) => id);
-}
-
-/** An agent of a shape { gender, betas } or { phenotype }, with a name; its id. */
-async function enlist(shape) {
-  const [id] = await create(1, shape);
-  return id;
-}
-
-/** Let somebody who has just been created walk about, with the camera behind. */
-async function setOff(id) {
-  const current = session.id;
-  for (let person = null; !person && session.id === current;) {
-    person = crowd.people.find(({ agent, shown }) => agent.id === id && shown);
-    if (!person) {
-      await new Promise((go) => setTimeout(go, 50));
-      continue;
-    }
-    select(person);
-    follow(true);
-    await errands.roam([person]);
-  }
-}
+const add = attempt((count) => arrivals.create(count));
 
 const remove = attempt(async () => {
   if (tools.name === "crate" && tools.deleteChosen()) return;
@@ -242,6 +251,24 @@ const populate = attempt(async () => {
 const wander = attempt(() => errands.wander());
 const endWandering = attempt(() => errands.endWandering());
 
+/** Walk the selected person by hand, or no longer. */
+function toggleDrive() {
+  if (!drive.on && !selected) select(nearestTo(stage.controls.target));
+  if (!drive.on && !selected) {
+    tell("Add people first", true);
+    return;
+  }
+  drive.turn(!drive.on);
+  byId("drive").setAttribute("aria-pressed", String(drive.on));
+  camera.follow(drive.on);
+  if (drive.on) mention("W, A, S, D or a gamepad's stick walk; Esc ends");
+}
+
+function nearestTo({ x, z }) {
+  const gap = (person) => Math.hypot(person.x - x, person.z - z);
+  return crowd.people.filter(({ shown }) => shown).sort((a, b) => gap(a) - gap(b))[0] ?? null;
+}
+
 function toggleWander() {
   errands.wandering = !errands.wandering;
   byId("wander").setAttribute("aria-pressed", String(errands.wandering));
@@ -249,15 +276,9 @@ function toggleWander() {
   else endWandering();
 }
 
-function follow(on) {
-  byId("follow").checked = on;
-  chase.reset();
-  stage.controls.enabled = true;
-}
-
 // ---- controls
 
-byId("more-people").onclick = attempt(() => roamers(MORE));
+byId("more-people").onclick = attempt(() => arrivals.roamers(MORE));
 byId("more").onclick = () => disclose(byId("rest").hidden);
 byId("add-one").onclick = () => add(1);
 byId("add-many").onclick = () => add(16);
@@ -274,49 +295,52 @@ byId("count").oninput = ({ target }) => {
 byId("speed").oninput = ({ target }) => {
   byId("speed-shown").textContent = `${Number(target.value).toFixed(1)} m/s`;
 };
-byId("follow").onchange = ({ target }) => follow(target.checked);
+byId("follow").onchange = ({ target }) => camera.follow(target.checked);
 byId("trails").onchange = ({ target }) => crowd.mark("trails", target.checked);
+byId("skeletons").onchange = ({ target }) => overlays.mark("skeleton", target.checked);
+byId("footprints").onchange = ({ target }) => overlays.mark("feet", target.checked);
+byId("drive").onclick = toggleDrive;
+saveButtons({ api, session, place, crowd, stage, timeline, history, mesh, attempt, person: () => selected });
 byId("labels").onchange = ({ target }) => crowd.mark("labels", target.checked);
 byId("selected").onchange = ({ target }) => {
   select(crowd.members.get(Number(target.value)) ?? null);
 };
 watchPointer(view, stage.controls, {
-  press: (event) => tools.press(event),
+  press: (event) => (session.watchOnly ? null : tools.press(event)),
   click: (event) => tools.click(event),
 });
 
-const ARROWS = { ArrowUp: [0, -1], ArrowDown: [0, 1], ArrowLeft: [-1, 0], ArrowRight: [1, 0] };
-view.addEventListener("keydown", (event) => {
-  if (event.key in ARROWS) {
+watchKeys(view, {
+  arrow: (dx, dz) => {
     const { x, y, z } = cursor.position;
-    const [dx, dz] = ARROWS[event.key];
     cursor.visible = true;
-    cursor.position.set(x + 0.25 * dx, level.heightAt(x + 0.25 * dx, z + 0.25 * dz, y) + 0.014, z + 0.25 * dz);
-    event.preventDefault();
-  } else if (event.key === "Enter") {
+    cursor.position.set(x + dx, level.heightAt(x + dx, z + dz, y) + 0.014, z + dz);
+  },
+  enter: () => {
     if (tools.name === "patrol" && tools.points.length > 1) tools.use("patrol");
     else if (cursor.visible) tools.act({ x: cursor.position.x, y: cursor.position.y, z: cursor.position.z });
-  }
+  },
+  held: (key) => drive.press(key),
+  keys: {
+    a: press("add-one"), s: press("add-many"), delete: remove, w: press("wander"), x: press("stop"),
+    d: press("drive"), k: press("skeletons"), o: press("footprints"),
+    " ": () => bar.toggle(), ",": () => timeline.step(-1), ".": () => timeline.step(1),
+    f: press("follow"), t: press("trails"), l: press("labels"), p: press("populate"), escape,
+    g: () => tools.use("send"), c: () => tools.use("crate"),
+  },
 });
 
 /** One thing at a time: the tool, the camera, the selection. */
 function escape() {
-  if (tools.name !== "send") tools.use("send");
-  else if (byId("follow").checked) follow(false);
+  if (drive.on) toggleDrive();
+  else if (tools.name !== "send") tools.use("send");
+  else if (camera.follows) camera.follow(false);
   else select(null);
 }
 
-const press = (id) => () => byId(id).click();
-const KEYS = {
-  a: press("add-one"), s: press("add-many"), delete: remove, w: press("wander"), x: press("stop"),
-  f: press("follow"), t: press("trails"), l: press("labels"), p: press("populate"), escape,
-  g: () => tools.use("send"), c: () => tools.use("crate"),
-};
-addEventListener("keydown", (event) => {
-  // letters act on the stage only: elsewhere they are the user's
-  const meant = event.target === view || (event.key.length > 1 && !event.target.matches?.("select, input"));
-  if (meant && !event.ctrlKey && !event.metaKey && !event.altKey) KEYS[event.key.toLowerCase()]?.();
-});
+function press(id) {
+  return () => byId(id).click();
+}
 
 /** Show the controls that a first look needs not. */
 function disclose(all) {
@@ -337,10 +361,15 @@ let last = clock();
 function show() {
   const now = clock();
   const { player } = session;
+  if (player) history.note(player.clock.advance(now), crowd.people); // before: tracks never go back
   player?.advance(now);
-  crowd.play(now);
+  const moment = timeline.advance(now - last);
+  crowd.play(now, moment === null ? null : { history, moment });
+  overlays.update(crowd.people, (person) => (moment === null ? person.played.track.contacts : history.contacts(person.agent.alias, moment)));
+  drive.advance(now, Number(byId("speed").value));
+  bar.frame(now, !byId("rest").hidden);
   crowd.separateNames(stage.camera, view.clientWidth, view.clientHeight);
-  moveCamera(now - last);
+  camera.advance(selected, now - last);
   level.reveal(stage.camera.position, stage.controls.target);
   stage.render();
   const fps = readout.frame(now, () => ({
@@ -355,28 +384,15 @@ function show() {
   last = now;
 }
 
-/** Behind the selected person, or with the middle of all. */
-function moveCamera(seconds) {
-  if (!byId("follow").checked || !crowd.people.length) return;
-  if (selected?.shown) {
-    stage.controls.enabled = false;
-    const { eye, target, share } = chase.advance(selected, seconds, (ray) => level.freeAlong(ray));
-    stage.glide(eye, target, share);
-    return;
-  }
-  const mean = (axis) => crowd.people.reduce((sum, person) => sum + person[axis], 0) / crowd.people.length;
-  stage.follow({ x: mean("x"), y: mean("y"), z: mean("z") }, seconds);
-}
-
 setInterval(() => {
   // no answer shows as "–"; whether the connection is lost is the stream's to say
-  if (!document.hidden) api.stats().then((stats) => readout.stats(stats), () => readout.stats(null));
+  if (!document.hidden) api.stats().then((stats) => readout.stats(stats) ?? session.hurry(), () => readout.stats(null));
 }, STATS_SECONDS * 1000);
 setInterval(wander, WANDER_SECONDS * 1000);
 
 // for the browser's console, and the tests
 globalThis.wayfarer = {
-  crowd, stage, api, level, book, tools, wardrobe, bones: BONES,
+  crowd, stage, api, level, book, tools, wardrobe, bones: BONES, timeline, history, drive, overlays,
   get session() { return session.id; },
   get player() { return session.player; },
   get stream() { return session.current?.stream; },

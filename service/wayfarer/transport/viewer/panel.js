@@ -17,11 +17,12 @@ export class ScenePanel {
     this.book = new SceneBook(api, {
       changed: (outlines) => this.#show(outlines),
       moved: (obstacles) => this.level.showObstacles(obstacles),
-      gone: () => tell("The scene was deleted, and its session with it."),
-      failed: (error) => tell(error.message),
+      gone: () => {}, // its session is gone, too, and that is told
+      failed: (error) => error.status && tell(error.message), // without an answer, the connection is lost: that is shown
     });
     this.choices = [];
     this.value = null; // of the choice that was entered
+    this.file = null; // of the level that the user brought: { id, bytes, format, name }
     this.begun = false; // whether the page has been welcomed
     this.fresh = false; // the next outlines are the first of this scene
     stage.add(this.level.group);
@@ -36,14 +37,18 @@ export class ScenePanel {
   /** At the start, after `list`: begin in the scene of this name or id, or in none. */
   async begin(wanted) {
     if (this.begun) await this.list();
-    const known = this.choices.some(({ value }) => value === wanted);
+    let known = this.choices.some(({ value }) => value === wanted);
+    if (!known && wanted && wanted === this.file?.id) { // the server has forgotten it
+      wanted = await this.#make(this.file);
+      known = true;
+    }
     if (wanted && !known) tell(`There is no scene ${wanted}; choose one from the list.`);
     await this.#while(this.#choose(known ? wanted : "", true));
   }
 
-  /** At the start, after `list`: a session in the scene of this id, or in none, is there already. */
-  async attend(id) {
-    this.value = this.choices.find(({ scene }) => scene === id)?.value ?? "";
+  /** At the start, after `list`: a session in the scene of this id, made of an example perhaps, or in none, is there already. */
+  async attend(id, example = "") {
+    this.value = this.choices.find(({ scene }) => scene === id)?.value ?? example;
     byId("scene").value = this.value;
     await this.#while(this.#open(id));
   }
@@ -92,20 +97,27 @@ export class ScenePanel {
     const format = meshFormat(file.name);
     if (!format) throw new Error(`${file.name}: a level is a GLB, OBJ or PLY file`);
     const bytes = await file.arrayBuffer();
-    const { scene_id: id } = await this.api.createMeshScene(bytes, format, file.name.slice(0, 64));
-    await this.list(id);
+    const id = await this.#make({ bytes, format, name: file.name.slice(0, 64) });
     await this.#open(id);
     this.value = id;
-    if (format === "glb") {
-      await this.level.showModel(bytes);
-      this.stage.lower(this.level.base);
-    }
+  }
+
+  /** A scene of a file's bytes; its id, which can be chosen now. */
+  async #make({ bytes, format, name }) {
+    const { scene_id: id } = await this.api.createMeshScene(bytes, format, name);
+    this.file = { id, bytes, format, name };
+    await this.list(id);
+    return id;
   }
 
   async #open(id) {
     this.level.clear();
     this.fresh = true;
     await Promise.all([this.enter(id), this.book.open(id)]);
+    if (id && id === this.file?.id && this.file.format === "glb") {
+      await this.level.showModel(this.file.bytes);
+      this.stage.lower(this.level.base);
+    }
     if (!id) {
       this.stage.lower(0);
       this.stage.overlook(null);

@@ -77,14 +77,21 @@ export class Person {
     if (this.label) this.label.visible = visible;
   }
 
-  /** Show a frame: hips x, y, z, then x, y, z, w per bone, the hips' turn first. */
-  pose(frame) {
+  /** Show nobody: at the moment shown it was not there. */
+  hide() {
+    this.body?.hide();
+    this.group.visible = false;
+  }
+
+  /** Show a frame: hips x, y, z, then x, y, z, w per bone, the hips' turn first; `now`: it is of now, not of before. */
+  pose(frame, now = true) {
+    this.group.visible = true;
     [this.x, , this.z] = frame;
     this.y = this.heightAt(this.x, this.z, frame[1] - 0.5);
     this.heading = headingOf(BASES.gltf, frame, 3);
     this.marker.position.set(this.x, this.y + RING_LIFT, this.z);
     this.label?.position.set(this.x, this.y + this.height + 0.22, this.z);
-    this.trail.add(this.x, this.y, this.z);
+    if (now) this.trail.add(this.x, this.y, this.z);
     this.body?.pose(frame);
     this.shown = this.body !== null;
   }

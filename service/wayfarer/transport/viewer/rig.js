@@ -11,6 +11,7 @@ export class Rig {
     const index = new Map(joints.map(({ name }, joint) => [name, joint]));
     const missing = boneNames.filter((name) => !index.has(name));
     if (missing.length) throw new Error(`the body has no bone ${missing.join(", ")}`);
+    this.index = index;
     this.count = joints.length;
     this.parents = Int16Array.from(joints, ({ parent }) => parent);
     this.offsets = Float32Array.from(joints.flatMap(({ offset }) => offset));
@@ -29,6 +30,12 @@ export class Rig {
       this.#place(joint, frame);
       this.#matrix(joint, out, at + 16 * joint);
     }
+  }
+
+  /** Where a joint is in the frame that was shown last, or null if there is none of this name. */
+  placeOf(name) {
+    const joint = this.index.get(name);
+    return joint === undefined ? null : this.places.subarray(3 * joint, 3 * joint + 3);
   }
 
   #place(joint, frame) {

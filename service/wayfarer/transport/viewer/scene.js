@@ -125,9 +125,14 @@ export class Stage {
 
   /** Look at the middle of what is looked at from so near that people are people. */
   approach() {
-    const target = this.controls.target.clone().add(new Vector3(0, 0, 2.6)); // before what stands in the middle
+    const target = this.controls.target.clone().add(new Vector3(0, 0, 4.2)); // before what stands in the middle
     const tall = this.camera.aspect < 1;
-    this.#move(target.clone().add(new Vector3(0.5, tall ? 6 : 3.6, tall ? 10 : 6.5)), target, 1);
+    this.#move(target.clone().add(new Vector3(1.4, tall ? 6 : 3.4, tall ? 10 : 7.4)), target, 1);
+  }
+
+  /** Look from one place { eye, target } as [x, y, z]. */
+  lookFrom({ eye, target }) {
+    this.#move(new Vector3(...eye), new Vector3(...target), 1);
   }
 
   /** Let the camera come nearer to a place and what it looks at. */

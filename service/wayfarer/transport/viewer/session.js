@@ -1,16 +1,19 @@
-// This page's session: opened, and opened anew when it ended.
+// This page's session: opened, joined, left; and what is shown of its connection.
 
 import { Session } from "./client/index.js";
-import { showConnection, tell } from "./hud.js";
+import { mention, showConnection, tell } from "./hud.js";
+import { Replay } from "./replay.js";
 
 const STATES = { connecting: "connecting", open: "connected", lost: "connection lost, reconnecting" };
 
 export class PageSession {
-  /** `query`: encoding, fps … of the stream; `on.event(event)`, `on.ended()` when a new one is needed. */
+  /** `query`: encoding, fps … of the stream; `on.event(event)`, `on.ended(reason)` when a new one is needed. */
   constructor(api, crowd, query, clock, on) {
     Object.assign(this, { api, crowd, query, clock, on });
     this.current = null;
     this.scene = "";
+    this.latest = "";
+    this.state = ""; // of the connection, when it is not being made
     addEventListener("pagehide", () => this.current?.own && api.abandonSession(this.current.id));
   }
 
@@ -32,6 +35,27 @@ export class PageSession {
     this.#enter(Session.join(this.api, id, this.#options(scene)));
   }
 
+  /** A script in a lock-step session of its own (replay.js); the one before ends. Throws ApiError. */
+  async replay(script) {
+    const replay = new Replay(this.api, script, this.#options("").on);
+    this.#enter(replay);
+    showConnection("connecting", "making the replay");
+    await replay.open();
+    this.scene = replay.scene;
+    showConnection("open", `replay of ${script.seconds} s`);
+    return replay;
+  }
+
+  /** The server answers: if the connection was lost, it need not wait to be made again. */
+  hurry() {
+    if (this.latest === "lost") this.current?.stream?.reconnect();
+  }
+
+  /** Whether it is a replay: nobody can be sent. */
+  get watchOnly() {
+    return this.current instanceof Replay;
+  }
+
   /** End it, or leave it if it is somebody else's. */
   leave() {
     this.current?.close();
@@ -44,6 +68,18 @@ export class PageSession {
     this.scene = session.scene;
   }
 
+  /** After a restart of the server: those who are no longer there go. */
+  async #align() {
+    const { id, player } = this;
+    try {
+      const there = new Set((await this.api.agents(id)).map((agent) => agent.agent_id));
+      if (id !== this.id) return;
+      for (const { agent } of [...player.agents.values()]) if (!there.has(agent.id)) player.remove(agent.alias);
+    } catch (error) {
+      if (error.status !== 404) tell(error.message); // of a session that is gone, the stream tells
+    }
+  }
+
   #options(scene) {
     return {
       scene,
@@ -51,13 +87,19 @@ export class PageSession {
       stream: { now: this.clock },
       on: {
         ...this.crowd.handlers(this.clock),
-        event: this.on.event,
-        status: (state, detail) => showConnection(state, detail ? `${STATES[state]} (${detail})` : STATES[state]),
-        failed: (reason) => tell(`${reason}. Reload the page to begin anew.`),
-        ended: (reason) => {
-          tell(`The session has ended (${reason}). A new one begins.`);
-          this.on.ended();
+        header: (header, again) => {
+          this.crowd.begin(header);
+          if (again && !header.resumed) this.#align();
         },
+        event: this.on.event,
+        status: (state, detail) => {
+          showConnection(state, detail ? `${STATES[state]} (${detail})` : STATES[state]);
+          if (state === "lost" && this.state === "open") mention("The connection is lost. People go on when the server is back.");
+          if (state !== "connecting") this.state = state;
+          this.latest = state;
+        },
+        failed: (reason) => tell(`${reason}. Reload the page to begin anew.`),
+        ended: (reason) => this.on.ended(reason),
       },
     };
   }

@@ -6,7 +6,7 @@ import { planePoint } from "./ground.js";
 import { floorRing } from "./people.js";
 
 const HINTS = {
-  send: "Click the ground to send people there · Shift-click adds a waypoint, Shift-drag one with a heading · click a person to select · drag to orbit",
+  send: "Click the ground to send people there · Shift-click adds a waypoint, Shift-drag one with a heading · drag a goal to move it, with Shift to turn it · click a person to select · drag to orbit",
   crate: "Click puts a crate there · drag a crate to move it · Delete takes the chosen one away · Esc ends",
   patrol: "Click two or more places, then Patrol again or Enter to start · Esc ends",
   follow: "Click the person to be followed · Esc ends",
@@ -21,7 +21,7 @@ export class Tools {
     this.name = "send";
     this.points = []; // of a patrol to be
     this.marks = [];
-    for (const act of ["send", "addCrate", "patrol", "follow", "keepAway", "queue", "removeCrate"]) {
+    for (const act of ["send", "addCrate", "patrol", "follow", "keepAway", "queue", "removeCrate", "changeGoal"]) {
       this[act] = attempt(this[act].bind(this));
     }
     for (const button of document.querySelectorAll("[data-tool]")) {
@@ -52,6 +52,8 @@ export class Tools {
   press(event) {
     const hit = this.level.meets(this.stage.ray(event));
     if (this.name === "crate" && hit?.obstacle) return this.#dragCrate(hit.obstacle, hit.at);
+    const goal = this.name === "send" && hit ? this.errands.goalAt(hit.point) : null;
+    if (goal) return this.#dragGoal(goal, event.shiftKey);
     return event.shiftKey && this.name === "send" && hit ? this.#dragHeading(hit.point) : null;
   }
 
@@ -92,6 +94,10 @@ export class Tools {
 
   removeCrate(name) {
     return this.book.remove(name);
+  }
+
+  changeGoal(person, number, change) {
+    return this.errands.changeGoal(person, number, change);
   }
 
   patrol(points) {
@@ -137,6 +143,27 @@ export class Tools {
         if (to) this.book.move(name, this.level.shifted(block, to.x - seized.x, to.z - seized.z));
       },
       drop: () => {}, // it stands where it was last moved to
+    };
+  }
+
+  /** To another place; with Shift, to say which way to face there. */
+  #dragGoal({ person, number }, turning) {
+    const goal = person.ahead[number];
+    const changed = (event) => {
+      const to = this.level.meets(this.stage.ray(event))?.point;
+      if (!to) return null;
+      const heading = turning ? dragHeading(goal, to) : null;
+      return turning ? heading !== null && { heading, stop: true } : { x: to.x, y: to.y, z: to.z };
+    };
+    return {
+      move: (event) => {
+        const change = changed(event);
+        if (change && !turning) person.path.children[number]?.position.set(change.x, change.y, change.z);
+      },
+      drop: (event) => {
+        const change = changed(event);
+        if (change) this.changeGoal(person, number, change);
+      },
     };
   }
 

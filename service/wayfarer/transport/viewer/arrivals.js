@@ -1,0 +1,63 @@
+// People who come: whom to create, where, and what they do first.
+
+import { randomAgents } from "./choices.js";
+
+const AT_FIRST = 10; // people who walk there when the page opens
+const SOON = 50; // ms between two looks whether somebody has come
+
+export class Arrivals {
+  /** `place`: the scene panel; `met(person)`: somebody who was waited for is there. */
+  constructor({ api, stage, place, crowd, session, errands, met }) {
+    Object.assign(this, { api, stage, place, crowd, session, errands, met });
+    this.bodies = new Map(); // gender → body
+  }
+
+  /** Create people on free places near what is looked at; `how`: what all of them have. Their ids. */
+  async create(count, how = {}) {
+    const { place, session, stage, crowd } = this;
+    await place.settled;
+    if (!session.id) throw new Error("not connected yet");
+    if (session.watchOnly) throw new Error("This is a replay: nobody can be added to it");
+    const heights = Object.fromEntries(
+      [...this.bodies].map(([gender, body]) => [gender, [body.min_height_m, body.max_height_m]]),
+    );
+    const { ground } = place.level;
+    const where = ground
+      ? { middle: stage.controls.target, heightAt: (x, z) => ground.heightAt(x, z, stage.controls.target.y) }
+      : {};
+    const people = randomAgents(count, heights, crowd.people, where).map((person) => ({ ...person, ...how }));
+    if ("betas" in how) for (const person of people) delete person.phenotype;
+    return (await this.api.createAgents(session.id, people)).map(({ agent_id: id }) => id);
+  }
+
+  /** People who come and walk about: all over the scene, or `near` a place. */
+  async roamers(count, near) {
+    await Promise.all((await this.create(count)).map((id) => this.errands.roamAgent(id, near)));
+  }
+
+  /** People who walk about when the page opens, before the camera. */
+  async welcome() {
+    this.stage.approach();
+    const { x, z } = this.stage.controls.target;
+    await this.roamers(AT_FIRST, { x, z });
+  }
+
+  /** An agent of a shape { gender, betas } or { phenotype }, with a name; its id. */
+  async enlist(shape) {
+    const [id] = await this.create(1, shape);
+    return id;
+  }
+
+  /** Let somebody who has just been created walk about, once it is seen. */
+  async setOff(id) {
+    const current = this.session.id;
+    while (this.session.id === current) {
+      const person = this.crowd.people.find(({ agent, shown }) => agent.id === id && shown);
+      if (person) {
+        this.met(person);
+        return this.errands.roam([person]);
+      }
+      await new Promise((go) => setTimeout(go, SOON));
+    }
+  }
+}

@@ -1,0 +1,41 @@
+// Where the camera goes by itself: behind somebody, or with the middle of all.
+
+import { Chase } from "./chase.js";
+import { byId } from "./hud.js";
+
+export class Camera {
+  constructor(stage, level, crowd) {
+    Object.assign(this, { stage, level, crowd });
+    this.chase = new Chase();
+  }
+
+  get follows() {
+    return byId("follow").checked;
+  }
+
+  /** Follow, or be the user's again. */
+  follow(on) {
+    byId("follow").checked = on;
+    this.release();
+  }
+
+  /** Somebody else is followed, or nobody. */
+  release() {
+    this.chase.reset();
+    this.stage.controls.enabled = true;
+  }
+
+  /** Go on for some seconds, behind the selected person if there is one. */
+  advance(selected, seconds) {
+    const { people } = this.crowd;
+    if (!this.follows || !people.length) return;
+    if (selected?.shown) {
+      this.stage.controls.enabled = false;
+      const { eye, target, share } = this.chase.advance(selected, seconds, (ray) => this.level.freeAlong(ray));
+      this.stage.glide(eye, target, share);
+      return;
+    }
+    const mean = (axis) => people.reduce((sum, person) => sum + person[axis], 0) / people.length;
+    this.stage.follow({ x: mean("x"), y: mean("y"), z: mean("z") }, seconds);
+  }
+}

@@ -1,0 +1,21 @@
+// Keys on the stage; elsewhere letters are the user's.
+
+const STEP = 0.25; // metres
+const ARROWS = { ArrowUp: [0, -STEP], ArrowDown: [0, STEP], ArrowLeft: [-STEP, 0], ArrowRight: [STEP, 0] };
+
+/** `arrow(dx, dz)`, metres; `enter()`; `held(key)`: whether a letter is taken by who is driven; `keys`: what else each key does, by its name in small letters. */
+export function watchKeys(view, { arrow, enter, held, keys }) {
+  view.addEventListener("keydown", (event) => {
+    if (event.key in ARROWS) {
+      arrow(...ARROWS[event.key]);
+      event.preventDefault();
+    } else if (event.key === "Enter") {
+      enter();
+    }
+  });
+  addEventListener("keydown", (event) => {
+    const meant = event.target === view || (event.key.length > 1 && !event.target.matches?.("select, input"));
+    const key = event.key.toLowerCase();
+    if (meant && !event.ctrlKey && !event.metaKey && !event.altKey && !held(key)) keys[key]?.();
+  });
+}

@@ -1,0 +1,149 @@
+// A script played in a lock-step session of its own: nobody else's people, no clock but the steps, so each time alike.
+
+import { ENCODING, PlayedAgent, frameBytes, onFloor, unpackPoses } from "./client/index.js";
+import { prismOf } from "./scenes.js";
+
+const LEASE = 60; // seconds
+const STEP_SECONDS = 0.2;
+const STEPS = 5; // asked for at a time
+const FPS = 40;
+const AHEAD = 5; // seconds of motion that are made before they are shown: a track keeps 10
+const WAIT = 200; // ms
+const FLOOR = { area: { center: { x: 0, y: 0, z: 0 }, radius: 9 } }; // where people roam without a scene
+const BONES = 22;
+const CODING = ENCODING.F32_LE;
+
+export class Replay {
+  /** `on`: as of a session's player. */
+  constructor(api, script, on) {
+    Object.assign(this, { script, on });
+    this.calls = (...call) => api.call(...call);
+    this.own = true;
+    this.id = null;
+    this.scene = "";
+    this.player = new ReplayPlayer(on, script.seconds);
+    this.closed = false;
+  }
+
+  /** Make the scene, the session and its people, and begin. Resolves when the first motion is there. */
+  async open() {
+    const { calls, script } = this;
+    if (script.scene) this.scene = (await calls("POST", `/v1/scenes/examples/${encodeURIComponent(script.scene)}`, {})).scene_id;
+    for (const [name, top, bottom] of script.crates) {
+      await calls("PUT", `/v1/scenes/${this.scene}/obstacles/${encodeURIComponent(name)}`, prismOf({ top, bottom }));
+    }
+    const session = await calls("POST", "/v1/sessions", { basis: "gltf", lease_s: LEASE, lock_step: true, seed: 0, ...(this.scene && { scene: this.scene }) });
+    this.id = session.session_id;
+    const [{ bones }, made] = await Promise.all([calls("GET", "/v1/skeleton"), this.#people()]);
+    this.on.header({ bones: bones.slice(0, BONES).map((_, k) => k), skeleton: bones }, false);
+    for (const agent of made) this.player.add(agent);
+    await this.#step();
+    this.#steps();
+  }
+
+  async #people() {
+    const { calls, script: { people } } = this;
+    if (!people.length) return [];
+    const { agents } = await calls("POST", `/v1/sessions/${this.id}/agents`, {
+      agents: people.map(({ name, gender, betas, seed, place: [x, y, z], heading }) => ({ name, gender, betas, seed, heading, position: { x, y, z } })),
+    });
+    // one after the other: their order is part of what is replayed
+    for (const [k, { goals }] of people.entries()) {
+      const path = `/v1/agents/${agents[k].agent_id}`;
+      if (goals === "roam") await calls("PUT", `${path}/wander`, this.scene ? {} : FLOOR);
+      else if (goals.length) await calls("PUT", `${path}/path`, { goals: goals.map(onFloor) });
+    }
+    return agents;
+  }
+
+  async #steps() {
+    try {
+      while (!this.closed && this.player.made < this.script.seconds) {
+        if (this.player.made - (this.player.moment || 0) < AHEAD) await this.#step();
+        else await new Promise((go) => setTimeout(go, WAIT));
+      }
+    } catch (error) {
+      if (!this.closed) this.on.failed(error.message);
+    }
+  }
+
+  async #step() {
+    const { batches, events } = await this.calls("POST", `/v1/sessions/${this.id}/step`, { steps: STEPS });
+    for (const { chunks } of batches) if (chunks) this.player.take(chunks);
+    this.player.made += batches.length * STEP_SECONDS;
+    for (const event of events) this.on.event?.(event);
+  }
+
+  close() {
+    this.closed = true;
+    if (this.id) this.calls("DELETE", `/v1/sessions/${this.id}`).catch(() => {}); // its lease ends it
+    this.player.clear();
+  }
+}
+
+/** What is shown of a replay: as MotionPlayer, of steps instead of a stream. Times are seconds from its beginning. */
+class ReplayPlayer {
+  constructor(on, seconds) {
+    Object.assign(this, { on, seconds });
+    this.agents = new Map();
+    this.moment = NaN;
+    this.made = 0; // seconds that there is motion of
+    this.start = null;
+    this.header = null;
+    this.underruns = 0;
+    this.buffered = Infinity;
+    this.clock = { delay: () => 0, advance: (now) => this.#at(now) };
+    this.room = new Float32Array((3 + 4 * BONES) * 64);
+    this.epoch = null;
+  }
+
+  add({ agent_id: id, alias, name, gender, betas, rest_offsets: restOffsets }) {
+    const played = new PlayedAgent({ id, alias, name, gender, betas, restOffsets }, 3 + 4 * BONES);
+    this.agents.set(alias, played);
+    this.on.added(played);
+  }
+
+  /** Chunks of a step, as columns. */
+  take({ aliases, scheduled_at_us: times, states, flags, poses, contacts, goal_revisions: revisions, waypoints }) {
+    const bytes = bytesOf(poses), stood = bytesOf(contacts);
+    const view = new DataView(bytes.buffer);
+    const size = frameBytes(CODING, BONES);
+    const frames = stood.length / aliases.length;
+    this.epoch ??= times[0] / 1e6;
+    aliases.forEach((alias, k) => {
+      const played = this.agents.get(alias);
+      unpackPoses(view, k * frames * size, frames, CODING, BONES, this.room);
+      played.track.push(times[k] / 1e6 - this.epoch, FPS, this.room, frames, stood, k * frames);
+      played.state = states[k];
+      this.on.chunk(played, { flags: flags[k], goalRevision: revisions[k], waypoint: waypoints[k] });
+    });
+  }
+
+  /** Show everybody as at local `now`; it waits where there is no motion yet, and stands at the end. */
+  advance(now) {
+    this.moment = this.#at(now);
+    for (const played of this.agents.values()) played.shown = played.track.sample(this.moment, played.frame);
+    return this.moment;
+  }
+
+  #at(now) {
+    this.start ??= now;
+    const there = Math.max(0, this.made - STEP_SECONDS);
+    if (now - this.start > there) this.start = now - there;
+    return now - this.start;
+  }
+
+  remove(alias) {
+    const played = this.agents.get(alias);
+    this.agents.delete(alias);
+    if (played) this.on.removed(played);
+  }
+
+  clear() {
+    for (const alias of [...this.agents.keys()]) this.remove(alias);
+  }
+}
+
+function bytesOf(base64) {
+  return Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
+}

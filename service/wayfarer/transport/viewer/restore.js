@@ -1,0 +1,43 @@
+// What the page knows of a session that the server has forgotten, and how it comes back.
+
+const TOGETHER = 64; // people asked for in one call
+
+/** People, their goals and the crates, as they are shown. */
+export function remember(crowd, book) {
+  return {
+    crates: new Map(book.obstacles),
+    people: crowd.people.filter(({ shown }) => shown).map((person) => ({
+      spec: {
+        name: person.agent.name,
+        gender: person.agent.gender,
+        betas: person.agent.betas,
+        position: { x: person.x, y: person.y, z: person.z },
+        heading: person.heading,
+      },
+      look: crowd.looks.get(person.agent.id),
+      wanders: person.wanders,
+      ahead: person.ahead,
+    })),
+  };
+}
+
+/** A sentence of what comes back. */
+export function restoreText({ people, crates }) {
+  const count = (number, one, many) => (number ? [`${number} ${number === 1 ? one : many}`] : []);
+  const what = [...count(people.length, "person", "people"), ...count(crates.size, "crate", "crates")];
+  return what.length ? `The server no longer knows this session. ${what.join(" and ")} come back.` : "";
+}
+
+/** Let them be there again, in a session and scene that have just been opened. Throws what the server refuses. */
+export async function bringBack({ people, crates }, { api, session, book, crowd, errands }) {
+  await Promise.all([...crates].filter(([name]) => !book.obstacles.has(name)).map(([name, block]) => book.move(name, block)));
+  for (let first = 0; first < people.length; first += TOGETHER) {
+    const some = people.slice(first, first + TOGETHER);
+    const agents = await api.createAgents(session.id, some.map(({ spec }) => spec));
+    await Promise.all(agents.map(({ agent_id: id }, k) => {
+      const { look, wanders, ahead } = some[k];
+      if (look) crowd.dress(id, look);
+      return wanders ? errands.roamAgent(id) : ahead.length > 0 && errands.sendAgent(id, ahead);
+    }));
+  }
+}

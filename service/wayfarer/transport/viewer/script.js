@@ -1,0 +1,64 @@
+// What a share link holds: a scene, its crates, people with their seeds and goals, and for how long. No DOM.
+
+const VERSION = 1;
+const SECONDS = 30; // that a shared script is played
+const MOST = 100; // people in a link
+
+/**
+ * A script of what is there now. `agents`: as the server has them (seeds); `people`: as they are shown; `scene`: the
+ * name of an example scene, or "". Throws when it cannot be shared.
+ */
+export function scriptOf({ scene, crates, agents, people, camera }) {
+  if (people.length > MOST) throw new Error(`A link holds ${MOST} people at most; there are ${people.length}`);
+  const seeds = new Map(agents.map(({ agent_id: id, seed }) => [id, seed]));
+  return {
+    version: VERSION,
+    scene,
+    seconds: SECONDS,
+    crates: [...crates].map(([name, { top, bottom }]) => [name, rounded(top), round(bottom)]),
+    people: people.filter(({ agent, shown }) => shown && seeds.has(agent.id)).map((person) => ({
+      name: person.agent.name,
+      gender: person.agent.gender,
+      betas: [...person.agent.betas].map(round),
+      seed: seeds.get(person.agent.id),
+      place: [person.x, person.y, person.z].map(round),
+      heading: round(person.heading),
+      goals: person.wanders ? "roam" : rounded(person.ahead),
+    })),
+    camera: { eye: camera.eye.map(round), target: camera.target.map(round) },
+  };
+}
+
+/** The script as text for an address: letters, digits, - and _. */
+export async function encodeScript(script) {
+  const packed = await through(new CompressionStream("deflate-raw"), new TextEncoder().encode(JSON.stringify(script)));
+  let text = "";
+  for (const byte of packed) text += String.fromCharCode(byte);
+  return btoa(text).replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
+}
+
+/** The script that a text holds. Throws in words when it holds none. */
+export async function decodeScript(text) {
+  try {
+    const bytes = Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (letter) => letter.charCodeAt(0));
+    const script = JSON.parse(new TextDecoder().decode(await through(new DecompressionStream("deflate-raw"), bytes)));
+    if (script.version === VERSION && Array.isArray(script.people) && script.people.length <= MOST) return script;
+  } catch {
+    // said below
+  }
+  throw new Error("The link is not whole, or of another version of this page");
+}
+
+async function through(stream, bytes) {
+  return new Uint8Array(await new Response(new Blob([bytes]).stream().pipeThrough(stream)).arrayBuffer());
+}
+
+const round = (value) => Math.round(value * 1e4) / 1e4;
+
+/** Numbers in a structure, to a tenth of a millimetre. */
+function rounded(value) {
+  if (typeof value === "number") return round(value);
+  if (Array.isArray(value)) return value.map(rounded);
+  if (value && typeof value === "object") return Object.fromEntries(Object.entries(value).map(([key, inner]) => [key, rounded(inner)]));
+  return value;
+}

@@ -1,0 +1,74 @@
+// Which moment is shown: now, or one of the last minute. No DOM.
+
+export const FRAME = 1 / 30; // seconds of a step
+export const RATES = [1, 0.5, 0.25, 0.1];
+
+export class Timeline {
+  /** `history`: { first, last } moments that can be shown. */
+  constructor(history) {
+    this.history = history;
+    this.moment = null; // null: what comes from the server, as it comes
+    this.rate = 1;
+    this.playing = true;
+  }
+
+  get live() {
+    return this.moment === null;
+  }
+
+  goLive() {
+    this.moment = null;
+    this.playing = true;
+    this.rate = 1;
+  }
+
+  pause() {
+    if (this.live && !Number.isFinite(this.history.last)) return; // nothing has been shown
+    this.moment ??= this.history.last;
+    this.playing = false;
+  }
+
+  /** Go on from the moment shown. */
+  play() {
+    this.playing = true;
+  }
+
+  /** Show a share of what there is: 0 the earliest moment, 1 the last. */
+  scrub(share) {
+    this.pause();
+    if (this.live) return;
+    const { first, last } = this.history;
+    this.moment = first + (last - first) * Math.min(1, Math.max(0, share));
+  }
+
+  /** So many frames on, or back. */
+  step(frames) {
+    this.pause();
+    if (!this.live) this.#to(this.moment + frames * FRAME);
+  }
+
+  /** Play at a share of the speed; slower than 1 falls behind what comes. */
+  setRate(rate) {
+    this.rate = rate;
+    if (rate < 1 && this.live && Number.isFinite(this.history.last)) this.moment = this.history.last;
+  }
+
+  /** Seconds have gone by. Returns the moment to show, or null for what comes now. */
+  advance(seconds) {
+    if (this.live) return null;
+    const on = this.playing ? seconds * this.rate : 0;
+    this.#to(this.moment + on);
+    if (this.playing && this.rate >= 1 && this.moment >= this.history.last) this.goLive();
+    return this.moment;
+  }
+
+  /** Where the moment shown is: 0 to 1. */
+  get share() {
+    const { first, last } = this.history;
+    return this.live || !(last > first) ? 1 : (this.moment - first) / (last - first);
+  }
+
+  #to(moment) {
+    this.moment = Math.min(this.history.last, Math.max(this.history.first, moment));
+  }
+}

@@ -1,0 +1,126 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { withMotion } from "../../service/wayfarer/transport/viewer/animated_glb.js";
+import { PoseTrack } from "../../service/wayfarer/transport/viewer/client/index.js";
+import { History } from "../../service/wayfarer/transport/viewer/history.js";
+import { decodeScript, encodeScript, scriptOf } from "../../service/wayfarer/transport/viewer/script.js";
+import { Timeline } from "../../service/wayfarer/transport/viewer/timeline.js";
+
+const WIDTH = 7; // hips and one bone
+
+/** Somebody who walks along z at 1 m/s from `begin` to `end`; the left foot stands in even half seconds, the right in odd ones. */
+function walker(alias, begin, end) {
+  const track = new PoseTrack(WIDTH);
+  for (let time = begin; time < end; time += 0.2) {
+    const frames = [], contacts = [];
+    for (let k = 0; k < 8; k += 1) {
+      frames.push(0, 1, time + k / 40, 0, 0, 0, 1);
+      contacts.push(Math.floor((time + k / 40) * 2 + 1e-6) % 2 ? 2 : 1);
+    }
+    track.push(time, 40, frames, 8, contacts);
+  }
+  return { agent: { alias }, played: { track, frame: new Float32Array(WIDTH) } };
+}
+
+test("what was shown is shown again, at any moment of the last minute and no other", () => {
+  const history = new History();
+  const ada = walker(1, 100, 109);
+  for (let now = 100.5; now < 107; now += 0.7) history.note(now, [ada]); // few pictures: nothing is lost between
+  const frame = new Float32Array(WIDTH);
+  for (const moment of [101, 103.33, 106.2]) {
+    assert.ok(history.sample(1, moment, frame));
+    assert.ok(Math.abs(frame[2] - moment) < 0.005);
+  }
+  assert.equal(history.sample(1, 99, frame), false);
+  assert.equal(history.sample(1, 110, frame), false);
+  assert.equal(history.sample(2, 103, frame), false);
+  const { speeds, contacts } = history.strip(1, 101, 106, 50);
+  assert.ok(speeds.slice(5, 45).every((speed) => Math.abs(speed - 1) < 0.05));
+  assert.deepEqual([contacts[2], contacts[7]], [1, 2]);
+});
+
+test("only a minute is kept, and another stream begins anew", () => {
+  const history = new History();
+  for (let start = 0; start < 80; start += 4) {
+    const part = walker(1, start, start + 5);
+    for (let now = start; now < start + 4; now += 0.1) history.note(now, [part]);
+  }
+  assert.ok(history.last - history.first <= 60.001 && history.last - history.first > 59);
+  assert.equal(history.sample(1, history.first - 1, new Float32Array(WIDTH)), false);
+  history.note(1000, []);
+  assert.equal(history.first, 1000);
+});
+
+test("the timeline pauses, scrubs, steps, lags in slow motion, and comes back to now", () => {
+  const history = { first: 40, last: 100 };
+  const timeline = new Timeline(history);
+  assert.equal(timeline.advance(1), null);
+  timeline.pause();
+  assert.equal(timeline.advance(5), 100);
+  timeline.scrub(0.5);
+  assert.equal(timeline.advance(5), 70);
+  timeline.step(3);
+  assert.ok(Math.abs(timeline.advance(0) - 70.1) < 1e-9);
+  timeline.setRate(0.25);
+  timeline.play();
+  assert.ok(Math.abs(timeline.advance(4) - 71.1) < 1e-9);
+  timeline.scrub(-1);
+  assert.equal(timeline.advance(0), 40);
+  timeline.setRate(1);
+  timeline.play();
+  assert.equal(timeline.advance(100), null); // it has caught up
+  assert.ok(timeline.live && timeline.share === 1);
+  timeline.setRate(0.5);
+  history.last = 102;
+  assert.equal(timeline.advance(2), 101);
+});
+
+test("nothing is paused before there is something", () => {
+  const timeline = new Timeline(new History());
+  timeline.pause();
+  timeline.scrub(0.2);
+  timeline.step(1);
+  assert.ok(timeline.live);
+});
+
+test("a script goes through a link unchanged, and a broken link is refused in words", async () => {
+  const person = {
+    agent: { id: "a", name: "Zoë", gender: "female", betas: Float32Array.of(0.12345, -1) }, shown: true,
+    x: 1.00004, y: 0, z: -2, heading: 0.5, wanders: false, ahead: [{ x: 3, y: 0, z: 4.123456, speed: 1.2 }],
+  };
+  const roams = { ...person, agent: { ...person.agent, id: "b" }, wanders: true };
+  const script = scriptOf({
+    scene: "corridor", crates: new Map([["crate 1", { top: [{ x: 1, y: 0.9, z: 0 }], bottom: 0 }]]),
+    agents: [{ agent_id: "a", seed: 4294967295 }, { agent_id: "b", seed: 0 }], people: [person, roams, { ...person, shown: false }],
+    camera: { eye: [1, 2, 3], target: [0, 0, 0] },
+  });
+  assert.deepEqual(script.people.map(({ seed, goals }) => [seed, goals]), [[4294967295, [{ x: 3, y: 0, z: 4.1235, speed: 1.2 }]], [0, "roam"]]);
+  const text = await encodeScript(script);
+  assert.match(text, /^[\w-]+$/);
+  assert.deepEqual(await decodeScript(text), script);
+  for (const broken of ["", "x", text.slice(0, -9), await encodeScript({ version: 99, people: [] })]) {
+    await assert.rejects(decodeScript(broken), /not whole/);
+  }
+});
+
+test("a body's file gets an animation", () => {
+  const json = new TextEncoder().encode(JSON.stringify({
+    asset: { version: "2.0" }, nodes: [{ name: "pelvis" }], buffers: [{ byteLength: 4 }], bufferViews: [], accessors: [],
+  }).padEnd(120));
+  const glb = new Uint8Array(12 + 8 + json.length + 8 + 4);
+  const view = new DataView(glb.buffer);
+  [0x46546c67, 2, glb.length, json.length, 0x4e4f534a].forEach((value, k) => view.setUint32(4 * k, value, true));
+  glb.set(json, 20);
+  view.setUint32(20 + json.length, 4, true);
+  view.setUint32(24 + json.length, 0x004e4942, true);
+  const frames = Float32Array.of(0, 1, 0, 0, 0, 0, 1, 0, 1, 2, 0, 0, 0, -1); // -q is the same turn
+  const made = new DataView(withMotion(glb.buffer, ["pelvis"], [0, 0.5], frames));
+  const size = made.getUint32(12, true);
+  const document = JSON.parse(new TextDecoder().decode(new Uint8Array(made.buffer, 20, size)));
+  assert.equal(made.getUint32(8, true), made.byteLength);
+  assert.deepEqual(document.animations[0].channels.map(({ target }) => target.path), ["translation", "rotation"]);
+  const { byteOffset } = document.bufferViews[document.accessors[2].bufferView];
+  assert.equal(made.getFloat32(28 + size + byteOffset + 28, true), 1); // w of the second frame
+  assert.equal(document.buffers[0].byteLength, 4 + 8 + 24 + 32);
+  assert.throws(() => withMotion(glb.buffer, ["tail"], [0], frames), /no bone tail/);
+});

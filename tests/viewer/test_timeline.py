@@ -1,0 +1,197 @@
+"""The last minute, what is saved of it, links that replay, and a person driven by hand."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pygltflib
+import pytest
+
+from tests.viewer.chromium import CONNECTION, Page, needs_chromium
+from tests.viewer.stage import look_down, on_screen
+
+pytestmark = needs_chromium
+SIZE = (900, 600)
+
+PEOPLE = "globalThis.wayfarer.crowd.people"
+SHOWN = f"{PEOPLE}.filter(({{ shown }}) => shown).length"
+PLACES = f"{PEOPLE}.map(({{ x, z }}) => [x, z])"
+LENGTH = "wayfarer.history.last - wayfarer.history.first"
+KEEP_STEPS = """{
+  const { fetch } = globalThis;
+  globalThis.steps = [];
+  globalThis.fetch = async (url, ...rest) => {
+    const answer = await fetch(url, ...rest);
+    if (String(url).endsWith("/step")) steps.push(await answer.clone().json());
+    return answer;
+  };
+}"""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def opened(page: Page, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two people wander in the corridor; the folder that files are saved to."""
+    folder = tmp_path_factory.mktemp("saved")
+    page.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
+    page.call("Page.navigate", url=f"{page.url}/?detail=low&scene=corridor")
+    page.wait_for(f"globalThis.wayfarer?.book.version >= 0 && {CONNECTION} === 'open'", 60)
+    for _ in range(2):
+        page.evaluate("document.querySelector('#add-one').click()")
+    page.wait_for(f"{SHOWN} === 2", 60)
+    page.evaluate("document.querySelector('#wander').click()")
+    page.evaluate("document.querySelector('#view').focus()")
+    return folder
+
+
+def key(page: Page, kind: str, name: str) -> None:
+    page.call("Input.dispatchKeyEvent", type=kind, key=name)
+
+
+def press(page: Page, name: str) -> None:
+    key(page, "keyDown", name)
+    key(page, "keyUp", name)
+
+
+def saved(folder: Path, name: str) -> bytes:
+    end = time.monotonic() + 30
+    while not (folder / name).exists() and time.monotonic() < end:
+        time.sleep(0.1)
+    return (folder / name).read_bytes()
+
+
+def test_time_is_stopped_scrubbed_and_let_go(page: Page):
+    assert page.evaluate("document.querySelector('#timeline').hidden")
+    page.wait_for(f"{LENGTH} > 4", 60)
+    press(page, " ")
+    page.wait_for("!document.querySelector('#timeline').hidden", 10)
+    page.wait_for("document.querySelector('#pause').textContent === 'Go on'", 10)
+    time.sleep(0.3)
+    before, there = page.evaluate(PLACES), page.evaluate("wayfarer.player.moment")
+    page.wait_for(f"wayfarer.player.moment > {there} + 0.5", 20)  # the stream goes on
+    assert page.evaluate(PLACES) == before
+    page.evaluate(
+        "(() => { const slider = document.querySelector('#moment'); slider.value = 100;"
+        " slider.dispatchEvent(new Event('input')); })()"
+    )
+    page.wait_for("/−\\d/.test(document.querySelector('#moment-shown').textContent)", 10)
+    moment = page.evaluate("wayfarer.timeline.moment")
+    press(page, ".")
+    assert abs(page.evaluate("wayfarer.timeline.moment") - moment - 1 / 30) < 1e-3
+    page.evaluate("document.querySelector('#live').click()")
+    page.wait_for("wayfarer.timeline.live && document.querySelector('#timeline').hidden", 10)
+    page.wait_for(f"JSON.stringify({PLACES}) !== '{before}'", 10)
+    assert page.problems == []
+
+
+def test_the_selected_persons_motion_is_saved_as_glb(page: Page, opened: Path):
+    page.evaluate("document.querySelector('#save-glb').click()")
+    page.wait_for("document.querySelector('#messages').textContent.includes('Select a person')", 10)
+    name = page.evaluate(
+        "(() => { const list = document.querySelector('#selected'); list.selectedIndex = 1;"
+        f" list.dispatchEvent(new Event('change')); return {PEOPLE}[0].agent.name; }})()"
+    )
+    page.evaluate(
+        "document.querySelector('#span').value = '5'; document.querySelector('#save-glb').click()"
+    )
+    file = opened / f"{name}.glb"
+    saved(opened, file.name)
+    document = pygltflib.GLTF2().load(str(file))
+    (animation,) = document.animations
+    assert len(animation.channels) == 23
+    times = document.accessors[animation.samplers[0].input]
+    assert 2 < times.max[0] <= 5.01 and times.count == round(times.max[0] * 30) + 1
+    view = document.bufferViews[document.accessors[animation.samplers[0].output].bufferView]
+    blob = document.binary_blob()[view.byteOffset : view.byteOffset + view.byteLength]
+    hips = np.frombuffer(blob, np.float32).reshape(-1, 3)
+    assert ((hips[:, 1] > 0.6) & (hips[:, 1] < 1.3)).all()
+    assert np.abs(np.diff(hips, axis=0)).max() < 0.15  # metres in a thirtieth of a second
+    assert page.problems == []
+
+
+def test_the_picture_is_filmed(page: Page, opened: Path):
+    page.evaluate("document.querySelector('#film').click()")
+    page.wait_for("document.querySelector('#film').getAttribute('aria-pressed') === 'true'", 5)
+    time.sleep(2.5)
+    page.evaluate("document.querySelector('#film').click()")
+    assert saved(opened, "wayfarer.webm")[:4] == b"\x1a\x45\xdf\xa3"
+    assert page.problems == []
+
+
+def test_somebody_is_driven_with_keys_and_stops_when_they_are_let_go(page: Page):
+    page.evaluate("document.querySelector('#wander').click()")  # nobody else is told to go
+    page.evaluate("document.querySelector('#view').focus()")
+    press(page, "d")
+    page.wait_for("wayfarer.drive.on && document.querySelector('#follow').checked", 10)
+    person = f"{PEOPLE}[0]"
+    page.wait_for(f"{person}.played.state === 'standing'", 30)
+    ahead = (
+        "(({ position }, { target }) => Math.atan2(target.x - position.x, target.z - position.z))"
+        "(wayfarer.stage.camera, wayfarer.stage.controls)"
+    )
+    # until the camera is behind
+    page.wait_for(f"Math.abs(Math.sin({ahead} - {person}.heading)) < 0.3", 20)
+    x, z, heading = page.evaluate(f"[{person}.x, {person}.z, {ahead}]")
+    key(page, "keyDown", "w")
+    page.wait_for(f"Math.hypot({person}.x - {x}, {person}.z - {z}) > 0.7", 30)
+    now = np.array(page.evaluate(f"[{person}.x - {x}, {person}.z - {z}]"))
+    key(page, "keyUp", "w")
+    page.wait_for(f"{person}.played.state === 'standing'", 30)
+    assert page.evaluate("wayfarer.drive.driven") is None
+    blocked = page.evaluate("document.querySelector('#messages').textContent")
+    assert now @ (np.sin(heading), np.cos(heading)) > 0 or blocked, "it went another way"
+    press(page, "Escape")
+    assert page.evaluate("wayfarer.drive.on") is False
+    assert page.evaluate("document.querySelector('#wander').ariaPressed") == "false"
+    assert page.problems == []
+
+
+def test_a_goal_is_dragged_and_turned(page: Page):
+    x = page.evaluate(f"{PEOPLE}[0].x")
+    page.evaluate("document.querySelector('#speed').value = '0.4'")
+    goal = (-12.0 if x > -12 else -8.0, 0.0)
+    page.evaluate(f"wayfarer.tools.send({{ x: {goal[0]}, y: 0, z: 0 }})")
+    ahead = f"{PEOPLE}.find(({{ ahead }}) => ahead.length)?.ahead[0]"
+    page.wait_for(ahead, 10)
+    look_down(page, *goal, 12.0)
+    page.drag(on_screen(page, goal[0], 0.0, 0.0), on_screen(page, goal[0] + 1.0, 0.0, 0.4))
+    page.wait_for(f"Math.hypot({ahead}?.x - {goal[0] + 1.0}, {ahead}?.z - 0.4) < 0.2", 10)
+    moved = page.evaluate(f"(({{ x, z }}) => [x, z])({ahead})")
+    ends = on_screen(page, moved[0], 0.0, moved[1]), on_screen(page, moved[0], 0.0, moved[1] - 0.8)
+    page.drag(*ends, shift=True)
+    page.wait_for(f"Math.abs(Math.abs({ahead}?.heading) - Math.PI) < 0.3", 10)
+    sent = page.evaluate(
+        "wayfarer.api.agents(wayfarer.session).then((all) => all.map(({ goal }) => goal))"
+    )
+    (there,) = [found for found in sent if found and abs(found["position"]["x"] - moved[0]) < 0.2]
+    assert abs(abs(there["heading"]) - np.pi) < 0.3
+    assert page.problems == []
+
+
+def test_a_shared_link_replays_alike_each_time(page: Page):
+    names = page.evaluate(f"{PEOPLE}.map(({{ agent }}) => agent.name).sort()")
+    places = np.array(page.evaluate(PLACES))
+    page.evaluate("document.querySelector('#share').click()")
+    address = page.wait_for("document.querySelector('#share-address').value", 10)
+    assert len(address) < 2000
+    made = page.call("Page.addScriptToEvaluateOnNewDocument", source=KEEP_STEPS)
+    seen = []
+    for _ in range(2):
+        page.call("Page.navigate", url="about:blank")
+        page.call("Page.navigate", url=address)
+        page.wait_for(f"globalThis.steps?.length >= 3 && {SHOWN} === 2", 60)
+        poses = "step.batches.map(({ chunks }) => [chunks.poses, chunks.contacts, chunks.aliases])"
+        seen.append(page.evaluate(f"steps.slice(0, 3).map((step) => {poses})"))
+        assert page.evaluate(f"{PEOPLE}.map(({{ agent }}) => agent.name).sort()") == names
+        assert page.evaluate("document.querySelector('#scene').value") == "corridor"
+    page.call("Page.removeScriptToEvaluateOnNewDocument", identifier=made["identifier"])
+    assert seen[0] == seen[1]
+    assert np.abs(np.array(page.evaluate(PLACES)) - places).max() < 4
+    page.wait_for(f"{LENGTH} > 1", 30)  # its timeline
+    page.evaluate("document.querySelector('#stop').click()")
+    page.evaluate("wayfarer.tools.send({ x: -3, y: 0, z: 0 })")
+    page.wait_for("document.querySelector('#messages').textContent.includes('replay')", 10)
+    page.call("Page.navigate", url="about:blank")
+    page.call("Page.navigate", url=f"{address[:-20]}")
+    page.wait_for("document.querySelector('#messages')?.textContent.includes('not whole')", 30)
+    page.wait_for(f"{CONNECTION} === 'open'", 60)  # a session of its own instead
+    assert page.problems == []
