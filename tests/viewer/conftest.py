@@ -2,7 +2,9 @@
 
 import os
 from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
@@ -10,13 +12,44 @@ from tests.serving import Service
 from tests.viewer.chromium import Page, find_chromium
 
 
+class HostPage(BaseHTTPRequestHandler):
+    """Any path: a page of somebody else's, with the viewer in it (?viewer=URL)."""
+
+    HTML = """<!doctype html><title>Host</title>
+<wayfarer-view scene="corridor" style="width: 500px; height: 300px"></wayfarer-view>
+<script type="module">
+  await import(`${new URLSearchParams(location.search).get("viewer")}/wayfarer-view.js`);
+</script>"""
+
+    def do_GET(self) -> None:
+        """Answer with the page."""
+        self.send_response(200)
+        self.send_header("content-type", "text/html")
+        self.end_headers()
+        self.wfile.write(self.HTML.encode())
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+
 @pytest.fixture(scope="package")
-def viewer_url() -> Iterator[str]:
+def host_url() -> Iterator[str]:
+    """Of a page of another origin, which the server lets embed the viewer."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), HostPage) as server:
+        thread = Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+@pytest.fixture(scope="package")
+def viewer_url(host_url: str) -> Iterator[str]:
     """Of the server named by VIEWER_URL, or of one that is started here."""
     if "VIEWER_URL" in os.environ:
         yield os.environ["VIEWER_URL"]
         return
-    with Service() as service:
+    environment = {**os.environ, "WAYFARER_CORS_ORIGINS": host_url}
+    with Service(environment=environment) as service:
         yield service.url
 
 

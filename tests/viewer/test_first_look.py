@@ -1,6 +1,8 @@
 """The first ten seconds of the viewer, on all screens; what it says when it cannot."""
 
+import os
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -74,6 +76,9 @@ def test_a_click_sends_the_nearest_of_those_who_walk(page: Page):
         const p = camera.position.clone().set(x, y, z).project(camera);
         const [u, v] = [(p.x + 1) / 2 * innerWidth, (1 - p.y) / 2 * innerHeight];
         const on = document.elementFromPoint(u, v)?.id === "view";
+        // nobody is before it, or will be in a moment
+        const ray = (du) => wayfarer.stage.ray({ clientX: u + du, clientY: v });
+        if ([-60, -30, 0, 30, 60].some((du) => wayfarer.tools.personAt(ray(du)))) continue;
         const met = on && wayfarer.level.meets(wayfarer.stage.ray({ clientX: u, clientY: v }));
         if (met && Math.hypot(met.point.x - x, met.point.z - z) < 0.2) return [u, v];
       }
@@ -160,6 +165,31 @@ def test_letters_are_the_users_outside_of_the_stage(page: Page):
     press("w")
     assert page.evaluate(wandering) == "true"
     press("w")
+
+
+@pytest.mark.skipif("VIEWER_URL" in os.environ, reason="the server must know the other page")
+def test_it_can_be_a_part_of_another_page(page: Page, host_url: str):
+    page.call("Page.navigate", url=f"{host_url}/?viewer={page.url}")
+    frame = "document.querySelector('wayfarer-view')?.shadowRoot?.querySelector('iframe')"
+    address = page.wait_for(f"{frame}?.src", 30)
+    assert address == f"{page.url}/?embed=&scene=corridor"
+    look = (
+        f"document.body.matches('.embed') && [{CONNECTION}, ...['panel', 'whole'].map((id) =>"
+        " getComputedStyle(document.getElementById(id)).display)]"
+    )
+
+    def seen() -> object:
+        (child,) = page.call("Page.getFrameTree")["frameTree"]["childFrames"]
+        world = page.call("Page.createIsolatedWorld", frameId=child["frame"]["id"])
+        inside = {"contextId": world["executionContextId"], "returnByValue": True}
+        return page.call("Runtime.evaluate", expression=look, **inside)["result"].get("value")
+
+    end = time.monotonic() + 30
+    while seen() != ["open", "none", "block"] and time.monotonic() < end:
+        time.sleep(0.2)
+    assert seen() == ["open", "none", "block"]
+    assert page.evaluate("document.activeElement === document.body")  # it took no focus
+    assert page.problems == []
 
 
 def test_without_webgl_it_says_so(page: Page):

@@ -190,7 +190,7 @@ def test_a_file_that_is_no_level_is_refused_in_words(visit):
     page.evaluate(drop.format(text="x", name="level.txt"))
     page.wait_for(f"{said}.includes('GLB, OBJ or PLY')", 10)
     page.evaluate(drop.format(text="not a mesh", name="level.glb"))
-    page.wait_for(f"{said}.includes('data')", 20)
+    page.wait_for(f"{said}.includes('data')", 60)  # the first bake starts a process
     assert page.evaluate("document.querySelector('#scene').value") == "corridor"
     floor = "v 0 0 0\\nv 0 0 8\\nv 8 0 8\\nv 8 0 0\\nf 1 2 3 4\\n"
     page.evaluate(drop.format(text=floor, name="yard.obj"))

@@ -11,7 +11,12 @@ import { pavingTexture } from "./textures.js";
 const STONES = 4; // metres of the paving's pattern
 const RIM = "#8fa89b";
 const EDGE = "#5f5a52";
-const STONE = ["#c9a98a", "#b98f74", "#d2bf9f", "#a8977f", "#c4b8a4"]; // what stands there for good
+const WALLS = ["#d8c3a5", "#e3d6bd", "#c98f70", "#b7a58c", "#cfc6b6"]; // of what is taller than people, for good
+const STONE = "#b9b4a9"; // what one sits on, or steps on
+const POST = "#86705a"; // tall and thin
+const LOW = 1.2; // metres
+const THIN = 0.8; // metres across
+const SHADE = 0.72; // of the light that the foot of a wall has
 const WOOD = "#b98a5a";
 const CHOSEN = "#0b7285";
 const SIGHT = 300; // metres: what is farther off is not meant
@@ -55,7 +60,7 @@ export class Level {
     this.#drawGround(vertices, triangles);
     if (!same(solids, this.solids)) {
       this.solids = solids;
-      this.fixed.show(solids, (_, k) => STONE[k % STONE.length]);
+      this.fixed.show(solids, colourOf);
     }
     this.showObstacles(obstacles);
   }
@@ -157,6 +162,13 @@ export class Level {
   }
 }
 
+/** By its size: a bench or a rim, a post, a wall. */
+function colourOf({ top, bottom }, number) {
+  if (top[0].y - bottom < LOW) return STONE;
+  const across = Math.max(...["x", "z"].map((axis) => Math.max(...top.map((p) => p[axis])) - Math.min(...top.map((p) => p[axis]))));
+  return across < THIN ? POST : WALLS[number % WALLS.length];
+}
+
 /** Many blocks in one mesh, with lines along their edges. */
 class Blocks {
   constructor() {
@@ -178,7 +190,10 @@ class Blocks {
     const colours = new Float32Array(4 * (corners.length / 3)).fill(1);
     blocks.forEach((block, k) => {
       const { r, g, b } = new Color(colourOf(block, k));
-      for (let vertex = starts[k]; vertex < starts[k + 1]; vertex += 1) colours.set([r, g, b], 4 * vertex);
+      for (let vertex = starts[k]; vertex < starts[k + 1]; vertex += 1) {
+        const light = corners[3 * vertex + 1] < block.bottom + 0.01 ? SHADE : 1;
+        colours.set([light * r, light * g, light * b], 4 * vertex);
+      }
     });
     replace(this.mesh, corners);
     this.mesh.geometry.setAttribute("normal", new BufferAttribute(normals, 3));

@@ -351,7 +351,8 @@ function disclose(all) {
   tools.hint();
 }
 disclose(page.has("controls"));
-view.focus();
+document.body.classList.toggle("embed", page.has("embed"));
+if (!page.has("embed")) view.focus(); // another page's focus is its own
 
 // ---- clocks
 
@@ -392,7 +393,7 @@ setInterval(wander, WANDER_SECONDS * 1000);
 
 // for the browser's console, and the tests
 globalThis.wayfarer = {
-  crowd, stage, api, level, book, tools, wardrobe, bones: BONES, timeline, history, drive, overlays,
+  crowd, stage, api, level, book, tools, wardrobe, bones: BONES, timeline, history, drive, overlays, arrivals, frame: show,
   get session() { return session.id; },
   get player() { return session.player; },
   get stream() { return session.current?.stream; },

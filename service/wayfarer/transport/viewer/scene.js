@@ -125,9 +125,9 @@ export class Stage {
 
   /** Look at the middle of what is looked at from so near that people are people. */
   approach() {
-    const target = this.controls.target.clone().add(new Vector3(0, 0, 4.2)); // before what stands in the middle
+    const target = this.controls.target.clone().add(new Vector3(0, 0, 3.2)); // before what stands in the middle
     const tall = this.camera.aspect < 1;
-    this.#move(target.clone().add(new Vector3(1.4, tall ? 6 : 3.4, tall ? 10 : 7.4)), target, 1);
+    this.#move(target.clone().add(new Vector3(0.4, tall ? 6.2 : 3.9, tall ? 7.5 : 5.8)), target, 1);
   }
 
   /** Look from one place { eye, target } as [x, y, z]. */

@@ -59,12 +59,17 @@ export class Tools {
 
   click(event) {
     const ray = this.stage.ray(event);
-    const person = pick(this.crowd.people, ray);
+    const person = this.personAt(ray);
     const hit = this.level.meets(ray);
     if (person && this.name === "follow") this.follow(person);
     else if (person && this.name === "avoid") this.keepAway(person);
     else if (person && this.name === "send") this.select(person);
     else if (hit) this.act(hit.point, hit.obstacle);
+  }
+
+  /** Whom a ray through the picture meets; or null. */
+  personAt(ray) {
+    return pick(this.crowd.people, ray);
   }
 
   /** What a click on the ground does. */
