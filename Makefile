@@ -30,7 +30,7 @@ PINS := $(CURDIR)/requirements/dev.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PIP_ROOT_USER_ACTION := ignore
 
-.PHONY: help serve lab test lint lint-proto release-proto format proto lock matrix docker
+.PHONY: help serve lab demo test lint lint-proto release-proto format proto lock matrix docker
 .PHONY: image-check clean
 
 help: ## show this list
@@ -41,6 +41,9 @@ serve: $(VENV)/.serve ## set up and start the server with the shipped models: gR
 	@exec $(BIN)/wayfarer serve $(ARGS)
 
 lab: $(VENV)/.lab ## set up training, evaluation, data preparation and load tools (torch)
+
+demo: $(VENV)/.lab $(WEB)/node_modules/.package-lock.json ## write a static page in which people walk without a server (build/demo)
+	@$(BIN)/python -m wayfarer_lab.demo $(or $(ARGS),build/demo)
 
 test: $(VENV)/.dev ## set up and run all tests
 	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory $(NODE)/src/gen $(WEB)/node_modules/.package-lock.json $(NPM_TOOLS); \

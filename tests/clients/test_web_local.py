@@ -67,15 +67,24 @@ COMMANDS = (  # seconds, person, goals; none: stop
 
 
 @pytest.fixture(scope="module")
-def exported(tmp_path_factory):
+def demo(tmp_path_factory):
+    """What `make demo` writes, where onnx is installed and torch is not."""
     pytest.importorskip("onnx", reason="needs onnx: pip install './lab[engines]'")
-    out = tmp_path_factory.mktemp("model")
-    command = "import sys; sys.modules['torch'] = None; from wayfarer.cli import main; main()"
-    words = [sys.executable, "-c", command, "export", "--for", "web", "--out", out]
-    subprocess.run(words, check=True, timeout=300)
-    size = sum(file.stat().st_size for file in out.iterdir())
-    assert size < 25e6, f"{size / 1e6:.1f} MB to download for both genders"
+    out = tmp_path_factory.mktemp("demo")
+    command = (
+        "import runpy, sys; sys.modules['torch'] = None; sys.argv = ['demo', sys.argv[1]]; "
+        "runpy.run_module('wayfarer_lab.demo', run_name='__main__')"
+    )
+    subprocess.run([sys.executable, "-c", command, out], check=True, timeout=300)
     return out
+
+
+@pytest.fixture(scope="module")
+def exported(demo):
+    """The motion model as `wayfarer export --for web` writes it."""
+    size = sum(file.stat().st_size for file in (demo / "people").iterdir())
+    assert size < 25e6, f"{size / 1e6:.1f} MB to download for both genders"
+    return demo / "people"
 
 
 def traced() -> dict:
@@ -179,7 +188,12 @@ def test_people_are_drawn_from_their_seeds_as_on_the_server(tmp_path):
     assert ready == sets_off(seeds, chunk, 3).tolist()
 
 
-class _Files(SimpleHTTPRequestHandler):
+class _Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+class _Files(_Quiet):
     """Serves the page, the client, the runtime of the npm package and the export."""
 
     def __init__(self, exported: Path, *args: object) -> None:
@@ -196,13 +210,9 @@ class _Files(SimpleHTTPRequestHandler):
         prefix = next(name for name in self.folders if path.startswith(name))
         return str(self.folders[prefix] / path.removeprefix(prefix))
 
-    def log_message(self, *_: object) -> None:
-        pass
-
 
 @needs_chromium
 def test_ten_people_walk_to_goals_with_no_server(exported, tmp_path):
-    _Files.extensions_map |= {".mjs": "text/javascript", ".wasm": "application/wasm"}
     server = ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(_Files, exported))
     threading.Thread(target=server.serve_forever, daemon=True).start()
     address = f"http://127.0.0.1:{server.server_address[1]}/local_page.html"
@@ -250,6 +260,38 @@ CREATE = """(async () => {
   return made.length;
 })()"""
 PLACES = "[...session.agents.values()].map(({ frame }) => [...frame.subarray(0, 3)])"
+
+
+@needs_chromium
+def test_the_demo_needs_nothing_but_a_web_host(demo, tmp_path):
+    """People wander; a click sends the nearest one, who gets there; nothing more is loaded."""
+    files = functools.partial(_Quiet, directory=str(demo))
+    server = ThreadingHTTPServer(("127.0.0.1", 0), files)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    with Page(find_chromium(), tmp_path / "profile") as page:
+        page.call("Page.navigate", url=f"http://127.0.0.1:{server.server_address[1]}/")
+        page.wait_for(
+            "globalThis.demo?.people.size === 10"
+            " && [...demo.people.values()].every(({ played, body }) => played.shown && body)",
+            120,
+        )
+        server.shutdown()
+        server.server_close()
+        page.click(500, 400)
+        page.wait_for("document.querySelector('#state').textContent.endsWith('goes there')")
+        sent = page.evaluate("demo.send({ x: 1, z: 2 }).alias")
+        place = f"(() => {{ const [x, y, z] = demo.people.get({sent}).played.frame; "
+        page.wait_for(place + "return Math.hypot(x - 1, z - 2) < 0.5; })()", 120)
+        assert not page.problems
+
+
+def test_a_demo_replaces_nobodys_files(tmp_path):
+    (tmp_path / "thesis.txt").write_text("mine")
+    words = [sys.executable, "-m", "wayfarer_lab.demo", str(tmp_path)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    assert "holds other files; name another folder" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
 
 
 @needs_chromium

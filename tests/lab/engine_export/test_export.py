@@ -280,3 +280,12 @@ def test_options_of_the_other_target_are_refused():
         export(target=ExportTarget.ENGINES, policy="mine")
     with pytest.raises(InvalidArgument, match="--candidates is for --for engines or web"):
         export(target=ExportTarget.SERVER, candidates=2)
+
+
+def test_for_web_the_graphs_share_halves_of_weights(monkeypatch, tmp_path):
+    asked = []
+    monkeypatch.setattr(
+        exporter, "export_for_engines", lambda *given, **how: asked.append((given[:3], how))
+    )
+    export(target=ExportTarget.WEB, out=tmp_path)
+    assert asked == [((DEFAULT_MODEL, tmp_path, 1), {"halves": True})]

@@ -1,0 +1,86 @@
+"""`make demo`: a static folder in which people walk without a server; any web host serves it."""
+
+import json
+import shutil
+import sys
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from wayfarer.artifacts import ASSETS
+from wayfarer.body.glb import body_glb
+from wayfarer.body.library import SHIPPED, load_body
+from wayfarer.errors import ArtifactError, InvalidArgument
+from wayfarer.spec import BETAS
+from wayfarer_lab.engine_export.export import export_for_engines
+
+ROOT: Final = Path(__file__).parents[2]
+WEB: Final = ROOT / "clients" / "web"
+VIEWER: Final = ROOT / "service" / "wayfarer" / "transport" / "viewer"
+RUNTIME: Final = WEB / "node_modules" / "onnxruntime-web" / "dist"
+
+PAGE: Final = ("index.html", "demo.js")
+STAGE: Final = (
+    "bodies.js", "ground.js", "rig.js", "scene.js", "textures.js", "vendor/three.min.js",
+    "vendor/three.LICENSE",
+)  # fmt: skip
+WASM: Final = (
+    "ort.wasm.min.mjs", "ort-wasm-simd-threaded.mjs", "ort-wasm-simd-threaded.wasm",
+)  # fmt: skip
+CLIENT: Final = ("core", "local", "access.js", "api.js")
+
+LOOKS: Final = 8
+"""People who look and are built differently; more are alike."""
+
+
+def write_demo(out: Path) -> None:
+    """Write the folder. Raises InvalidArgument when `out` is somebody else's, ArtifactError."""
+    if out.exists() and not (out / "people" / "wayfarer.json").exists() and any(out.iterdir()):
+        raise InvalidArgument(f"{out} holds other files; name another folder", "out")
+    if not RUNTIME.is_dir():
+        raise ArtifactError(f"{RUNTIME}: is missing: cd clients/web && npm ci")
+    for name in PAGE:
+        _copy(WEB / "demo" / name, out / name)
+    for name in STAGE:
+        _copy(VIEWER / name, out / "viewer" / name)
+    for name in WASM:
+        _copy(RUNTIME / name, out / "onnxruntime" / name)
+    for name in CLIENT:
+        _copy(WEB / "src" / name, out / "client" / name)
+    export_for_engines(ASSETS / "models" / "gamma-anny52", out / "people", 1, _say, halves=True)
+    _write_bodies(out / "bodies")
+    size = sum(file.stat().st_size for file in out.rglob("*") if file.is_file())
+    _say(f"{out}: {size / 1e6:.0f} MB; to look at it: python3 -m http.server --directory {out}")
+
+
+def _write_bodies(folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    generator = np.random.default_rng(7)
+    looks: list[dict[str, Any]] = []
+    for number in range(LOOKS):
+        gender = ("female", "male")[number % 2]
+        betas = generator.normal(size=BETAS).clip(-1.5, 1.5).round(3)
+        file = f"{gender}-{number}.glb"
+        (folder / file).write_bytes(body_glb(load_body(SHIPPED, gender, "low"), betas, number))
+        looks.append({"gender": gender, "betas": betas.tolist(), "file": file})
+    (folder / "looks.json").write_text(json.dumps(looks))
+
+
+def _copy(source: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    if source.is_dir():
+        shutil.copytree(source, target, dirs_exist_ok=True)
+    else:
+        shutil.copyfile(source, target)
+
+
+def _say(line: str) -> None:
+    sys.stdout.write(line + "\n")
+
+
+if __name__ == "__main__":
+    try:
+        write_demo(Path(sys.argv[1]))
+    except (InvalidArgument, ArtifactError) as error:
+        sys.exit(f"demo: {error}")
