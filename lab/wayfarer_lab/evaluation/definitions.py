@@ -300,6 +300,11 @@ GROUPS: Final = (
             "slower than 8 cm/s for 1 s)",
             "heel_up": "stop: share with a heel over 2 cm above the lowest sole marker at that "
             "moment",
+            "sway_back_cm*": "stop: how far the hips go back, the way that they faced, within 3 s "
+            "after they have slowed to 0.3 m/s",
+            "behind_cm*": "stop: how far they are behind the rear ankle in that time, at worst",
+            "lean_back_deg*": "stop: how far the trunk leans back in that time, at worst",
+            "more_lifts": "stop: lifts of both feet in that time",
             "pop_cm": "largest second difference of any joint's position, cm/frame²",
             "knee_*": "flexion from the T-pose, −180 … 180; negative is beyond straight, or "
             "inside out",

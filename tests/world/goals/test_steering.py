@@ -114,6 +114,14 @@ def test_who_comes_to_rest_within_reach_is_there():
     assert next_mode(gait(Mode.WALKING, 0.3, arrived=True), at(0), goal(0.29)) is Mode.WALKING
 
 
+def test_who_slows_by_himself_at_his_goal_stops_there():
+    """The model brakes, and then walks on at a pace at which it can only sway."""
+    assert next_mode(gait(Mode.WALKING, 0.2, arrived=True), at(0), goal(0.29)) is Mode.STOPPING
+    assert next_mode(gait(Mode.WALKING, 0.2), at(0), goal(0.31)) is Mode.WALKING
+    slow = goal(0.29, speed=0.3)
+    assert next_mode(gait(Mode.WALKING, 0.2, arrived=True), at(0), slow) is Mode.WALKING
+
+
 @pytest.mark.parametrize("mode", [Mode.WALKING, Mode.STANDING])
 def test_at_rest_it_turns_to_a_goal_behind_before_it_walks(mode):
     assert next_mode(gait(mode), at(0, heading=-90), goal(3.0)) is Mode.WALKING, "ahead"

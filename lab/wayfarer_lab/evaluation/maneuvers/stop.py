@@ -38,6 +38,12 @@ AFTER: Final = 2.0
 REACH: Final = 2
 """Frames on either side over which speeds are taken."""
 
+SLOWED: Final = 0.3
+"""Metres per second of the hips below which a walk is over, and its settling begins …"""
+
+SETTLING: Final = 3.0
+"""… and lasts for so many seconds."""
+
 HEEL_UP: Final = 0.02
 """Metres: a heel higher than this stands on its ball."""
 
@@ -74,6 +80,27 @@ def _braked(shot: Shot) -> int:
     return first(distances(shot.take.hips, shot.goal) <= 0.75) or 0
 
 
+def settling(take: Take) -> Figures:
+    """What a body does after it has slowed: `sway_back_cm`, how far the hips go back, the way that
+    they faced, from where they had come to; `behind_cm`, how far they are behind the rear ankle at
+    worst; `lean_back_deg` of the trunk; `more_lifts` of feet.
+    """
+    way = np.linalg.norm(take.hips[2 * REACH :, :2] - take.hips[: -2 * REACH, :2], axis=-1)
+    begun = first(way * FPS / (2 * REACH) < SLOWED)
+    if begun is None:
+        return dict.fromkeys(("sway_back_cm", "behind_cm", "lean_back_deg", "more_lifts"), np.nan)
+    after = take[begun + REACH :][: round(SETTLING * FPS)]
+    along = after.hips[:, :2] @ after.facing[0]
+    ankles = np.einsum("tfi,ti->tf", after.ankles[..., :2], after.facing)
+    behind = ankles.min(-1) - (after.hips[:, :2] * after.facing).sum(-1)
+    return {
+        "sway_back_cm": 100 * float((np.maximum.accumulate(along) - along).max()),
+        "behind_cm": 100 * float(behind.max()),
+        "lean_back_deg": float(-after.forward.min()),
+        "more_lifts": float(feet.lift_count(after.height)),
+    }
+
+
 def judge(shot: Shot) -> Figures:
     """Two seconds after rest: `apart_cm` from ankle to ankle along the facing, `heel_up`: a heel is
     more than 2 cm up. `rest_s` from 0.75 m on. An agent that never rests is measured at the end.
@@ -100,7 +127,7 @@ def judge(shot: Shot) -> Figures:
         "head_deg": float(joints.head_pitch(take.turns[moment, HEAD])),
         "tilt_max_deg": float(stop.tilt.max()),
         "creep_cm": 100 * moved,
-    }
+    } | settling(stop)
 
 
 def the_stop(shot: Shot) -> Take:
@@ -126,6 +153,11 @@ def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
         head_deg="median of head_deg",
         creep_cm_p90="p90 of creep_cm",
         tilt_max_deg="mean of tilt_max_deg",
+        sway_back_cm_median="median of sway_back_cm",
+        sway_back_cm_p95="p95 of sway_back_cm",
+        behind_cm_p95="p95 of behind_cm",
+        lean_back_deg_p95="p95 of lean_back_deg",
+        more_lifts="mean of more_lifts",
     ) | contact_figures([shot.take for shot in shots])
 
 
@@ -140,6 +172,8 @@ STOP = Maneuver(
         Bar("apart_cm_median", high=8, case="at a goal"),
         Bar("apart_cm_p90", high=15, case="at a goal"),
         Bar("heel_up", high=0.03, case="at a goal"),
+        Bar("sway_back_cm_p95", high=8, case="at a goal"),
+        Bar("behind_cm_p95", high=5, case="at a goal"),
     ),
     worst="apart_cm",
     strip=the_stop,

@@ -115,6 +115,7 @@ class Steering:
     coasting_seconds: float = 0.35  # without a goal an agent comes to rest in this × speed
     sharp: float = radians(60)  # a path that turns by more is passed at `corner_speed`
     corner_speed: float = 0.7
+    pausing: float = 0.5  # share of the asked speed below which a walker at its goal stops there
     slow: float = 0.15  # below this an agent counts as slow
     slow_seconds: float = 0.4  # an agent that has been slow for this long stands
     resume_margin: float = 0.3  # stopped or pushed so far outside the goal's radius: walk again
@@ -185,7 +186,10 @@ class Steering:
         holds = goals.given & ~(goals.through & gait.arrived)
         missed = holds & ~gait.arrived
         strayed = holds & (distance > np.maximum(goals.radius, braking) + self.resume_margin)
-        far = (distance > braking) & ~(gait.arrived & is_slow)  # who rests within reach is there
+        # Who comes to rest within reach is there; who walks on at that pace would only sway.
+        paused = gait.speed < self.pausing * np.minimum(goals.speed, self.slowest)
+        paused &= gait.mode == Mode.WALKING
+        far = (distance > braking) & ~(gait.arrived & (is_slow | paused))
         at_rest = still | standing | turning | (walking & is_slow)
 
         waits = np.zeros_like(missed) if ready is None else ~ready

@@ -126,6 +126,17 @@ def test_a_heel_in_the_air_is_seen() -> None:
     assert tiptoe["heel_up"] == 1 and tiptoe["heel_cm"] > 5
 
 
+def test_who_sways_after_a_stop_is_seen() -> None:
+    assert stopped()["sway_back_cm"] == 0 and stopped()["more_lifts"] == 0
+    back = np.minimum(time(6.0), 2.0) - 0.2 * np.clip(time(6.0) - 2.5, 0, 1)
+    assert stop.judge(shot(take(6.0, y=back), (0.0, 2.0)))["sway_back_cm"] == pytest.approx(20)
+    feet_ahead = {"left_hip": (15.0, 0, 0), "right_hip": (15.0, 0, 0)}
+    leans = stop.judge(shot(take(6.0, y=np.minimum(time(6.0), 2.0), **feet_ahead), (0.0, 2.0)))
+    assert leans["behind_cm"] - stopped()["behind_cm"] == pytest.approx(22, abs=3)
+    tipped = take(6.0, y=np.minimum(time(6.0), 2.0), pelvis=(10.0, 0.0, 0.0))
+    assert stop.judge(shot(tipped, (0.0, 2.0)))["lean_back_deg"] == pytest.approx(10, abs=1)
+
+
 # Robustness
 
 
