@@ -89,6 +89,19 @@ def test_a_minute_of_drift_moves_no_foot(
     assert np.degrees(abs(yaw(seed.rotations[0, -1, 0]))) < 1
 
 
+def test_hips_that_turn_over_planted_feet_are_turned_back() -> None:
+    gait, seed = standing(person())
+    gait.stop_facing[:] = 0, 1
+    for _ in range(300):
+        raw = drifted(seed, (0.0, 0.0))
+        half = (yaw(seed.rotations[0, -1, 0]) + np.linspace(0, 0.003, NEW_FRAMES)) / 2
+        raw.rotations[0, :, 0, 2], raw.rotations[0, :, 0, 3] = np.sin(half), np.cos(half)
+        gait, _step, seed = planted(gait, seed, raw)
+    assert 1 < np.degrees(yaw(seed.rotations[0, -1, 0])) < 3, "52 degrees in all; a few are free"
+    soles = seed.markers[0, -1, SOLES.ravel()]
+    assert np.linalg.norm(soles - person()[SOLES.ravel()], axis=-1).max() < 1e-3
+
+
 def test_nothing_jumps_at_the_seam_and_the_head_goes_along() -> None:
     gait, seed = standing(person())
     raw = drifted(seed, (0.008, 0.0))

@@ -7,6 +7,10 @@ feet are *planted*: the places of the sole markers are remembered, and every ste
     the new frames are moved and turned in the plane, as one rigid body, so that by the end of the
     step both feet together are back in their places;
 
+    the same motion turns a person who stands back to the heading at which he came to a stand, if
+    his hips have turned away from it over his feet, as the model lets them, by 12 degrees and more
+    in half a minute; a few degrees are left to him;
+
     in the markers that the next step starts from, each leg is bent so that its own foot is exactly
     there: all of it at the sole, less the higher a marker is, nothing at the hips.
 
@@ -38,6 +42,12 @@ MAX_SHIFT: Final = 0.03
 
 MAX_TURN: Final = radians(2)
 """Radians that one step is turned by at most."""
+
+AWRY: Final = radians(1.5)
+"""Radians off his heading within which a person who stands may face …"""
+
+BACK: Final = (0.25, radians(0.7))
+"""… and beyond which a step takes off this share, at most so many radians."""
 
 MAX_STRIDE: Final = 0.06
 """Metres that a foot of its own is moved by at most in one step, …"""
@@ -116,7 +126,18 @@ def plant(
     way = _way(gait.carried[rows], velocity[rows])
     after.soles = gait.soles.copy()
     after.soles[rows] = places + way[:, None, None, -1]
-    return after, *_corrected(step, rows, soles, places, way)
+    facing = facing_of(step.rotations[rows, -1, 0])
+    back = _back(facing, gait.stop_facing[rows]) * (gait.mode[rows] == Mode.STANDING)
+    return after, *_corrected(step, rows, soles, places, way, back)
+
+
+def _back(facing: Float, asked: Float) -> Float:
+    """Radians [R] by which a step turns who faces [R, 2] back towards what is `asked` [R, 2]."""
+    crossed = facing[:, 0] * asked[:, 1] - facing[:, 1] * asked[:, 0]
+    off = np.arctan2(crossed, (facing * asked).sum(-1))
+    share, most = BACK
+    back: Float = bounded(share * (off - bounded(off, -AWRY, AWRY)), -most, most)
+    return back
 
 
 def _end(step: Step) -> Seeds:
@@ -149,9 +170,10 @@ def _closed(soles: Float, facing: Float) -> Float:
 
 
 def _corrected(
-    step: Step, rows: Index, soles: Index, places: Float, way: Float
+    step: Step, rows: Index, soles: Index, places: Float, way: Float, back: Float
 ) -> tuple[Step, Seeds]:
-    """The step with `rows` brought back to the soles' `places` [R, 2, P, 2], then on their way.
+    """The step with `rows` brought back to the soles' `places` [R, 2, P, 2] and turned `back` [R],
+    then on their way.
 
     The next step starts from a body at rest: the model does not know that it is carried.
     """
@@ -162,6 +184,7 @@ def _corrected(
     pairs = (len(rows), -1, 2)
     found = ends[:, -1][:, soles, :2].reshape(pairs)
     both = _between(found, places.reshape(pairs), MAX_SHIFT, MAX_TURN)
+    both = both._replace(turn=both.turn + back)
 
     hips, root = step.translation[rows, :, :2], step.rotations[rows, :, 0]
     ease, all_ = np.broadcast_to(_EASE, hips.shape[:2]), np.ones(hips.shape[:2], np.float32)
