@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.world.output.legwork import legs, standing
-from wayfarer.world.output.legs import LegPose, Legs, pose_legs
+from wayfarer.world.output.legs import KNEES, LegPose, Legs, pose_legs
 from wayfarer.world.output.quaternion import cross, dot, length, rotate
 from wayfarer.world.output.twobone import FOLD, MOVED, STRETCH, move_ankles, reach
 
@@ -51,6 +51,20 @@ def test_a_straight_knee_bends_forwards(bend):
     thigh, shin = after.knee - after.hip, after.ankle - after.knee
     side = rotate(after.hip_turn, np.array([-1.0, 0, 0]).reshape(3, 1, 1, 1))
     assert (dot(cross(thigh, shin), side) > 0).all()
+
+
+def test_the_least_turn_beside_its_bend_does_not_swing_a_straight_knee_about():
+    shape, shift = legs(), np.full((3, 2, 1, 1), 0.0, np.float32)
+    shift[2] = 0.03
+    translation, rotations = standing(1, 0.02)
+    knees = []
+    for beside in (-0.03, 0.03):
+        rotations[:, :, KNEES, 2] = beside
+        before = pose_legs(shape, translation, rotations)
+        turned = rotations.copy()
+        turned[:, :, MOVED] = move_ankles(before, shift)
+        knees.append(pose_legs(shape, translation, turned).knee)
+    assert np.abs(knees[1] - knees[0]).max() < 0.06, "17 cm if the plane were taken from that"
 
 
 @pytest.mark.parametrize("bend", [-0.02, -0.1, -0.3])

@@ -12,10 +12,12 @@ from wayfarer.body.skeleton import joint_names
 from wayfarer.spec import NEW_FRAMES
 from wayfarer.world.agents.agent import AgentState, ChunkFlag
 from wayfarer.world.agents.slots import Motion, Seeds
-from wayfarer.world.output.legs import KNEES
-from wayfarer.world.stepping.guards import KNEE, fallen, got_up, smoothed
+from wayfarer.world.output.legs import ANKLES, KNEES
+from wayfarer.world.stepping.guards import ANKLE, KNEE, SIDEWAYS, fallen, got_up, smoothed
 
-WRIST, ELBOW, SPINE = (joint_names().index(name) for name in ("left_wrist", "left_elbow", "spine1"))
+WRIST, ELBOW, SHOULDER, SPINE = (
+    joint_names().index(name) for name in ("left_wrist", "left_elbow", "left_shoulder", "spine1")
+)
 
 
 def step(frames: int = NEW_FRAMES) -> tuple[Seeds, np.ndarray, np.ndarray]:
@@ -53,6 +55,32 @@ def test_knees_bend_as_far_as_knees_do(asked, sent):
     np.testing.assert_allclose(bend, sent % (2 * np.pi), atol=1e-4)
     others = [joint for joint in range(22) if joint not in KNEES]
     np.testing.assert_array_equal(made[:, :, others], rotations[:, :, others])
+
+
+def test_both_signs_of_a_quaternion_are_the_same_turn():
+    seed, _, rotations = step()
+    seed.rotations[0, :, WRIST] = -turn(178)
+    rotations[0, :, WRIST] = [turn(178 + frame) for frame in range(1, NEW_FRAMES + 1)]
+    rotations[0, 3:, WRIST] *= -1
+    assert smoothed(seed, rotations, legs()) is rotations
+
+
+@pytest.mark.parametrize(("x", "y", "z"), [(140, 0, 0), (0, -90, 0), (60, 40, 50)])
+def test_ankles_turn_as_far_as_ankles_do(x, y, z):
+    seed, _, rotations = step()
+    seed.rotations[:, :, ANKLES] = rotations[:, :, ANKLES] = turn(x, y, z)
+    made = smoothed(seed, rotations, legs())[0, -1, ANKLES[0]]
+    assert 2 * np.arccos(made[3]) == pytest.approx(ANKLE, abs=1e-3)
+    assert np.cross(made[:3], turn(x, y, z)[:3]) == pytest.approx(0, abs=1e-5), "the same way"
+
+
+def test_a_knee_bends_and_does_little_else():
+    seed, _, rotations = step()
+    seed.rotations[:, :, KNEES] = rotations[:, :, KNEES] = turn(-30, 50, 40)
+    made = smoothed(seed, rotations, legs())[0, -1, KNEES[0]]
+    assert 2 * np.arcsin(np.hypot(*made[1:3])) == pytest.approx(SIDEWAYS, abs=1e-3)
+    assert made[0] / made[3] == pytest.approx(turn(-30, 50, 40)[0] / turn(-30, 50, 40)[3], abs=1e-3)
+    assert np.linalg.norm(made) == pytest.approx(1, abs=1e-5)
 
 
 def test_a_wrist_that_flips_turns_by_the_smoothest_way():
@@ -115,6 +143,19 @@ def test_getting_up_takes_a_step_and_jumps_nowhere():
     path = np.concatenate([seed.translation[:, 1:], hips], 1)[0, :, 2]
     assert np.abs(np.diff(path, 2)).max() < 0.04
     assert largest_change(seed, rotations) < 8
+
+
+def test_arms_that_are_far_from_a_stand_get_there_later():
+    seed, translation, _ = step()
+    stand = Motion.empty(1)
+    stand.seed.translation[:], stand.seed.rotations[:] = translation[:, :2], standing(2)[1]
+    seed.rotations[:, :, SHOULDER] = turn(0, 170, 0)
+    _, rotations = got_up(seed, stand)
+    assert largest_change(seed, rotations) < 5
+    left = 2 * np.arccos(np.abs(rotations[0, -1, SHOULDER, 3]))
+    assert np.degrees(left) == pytest.approx(170 - 60, abs=0.5)
+    shown = stand.seed.rotations[0, :, SHOULDER]
+    np.testing.assert_array_equal(shown, rotations[0, [-1, -1], SHOULDER], "it goes on from there")
 
 
 class Faller(FakeEngine):

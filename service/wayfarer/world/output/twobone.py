@@ -34,9 +34,10 @@ FOLD: Final = 0.3
 TINY: Final = 1e-9
 """Square metres: a leg without length is not swung."""
 
-STRAIGHT: Final = 0.05
+STRAIGHT: Final = 0.25
 """Sine of the knee's bend below which its plane is taken from the hip's side axis by degrees: that
-of a straight leg is nobody's, and that of one bent the wrong way is the wrong way round."""
+of a leg that is nearly straight swings about with the least turn, and that of one bent the wrong
+way is the wrong way round."""
 
 
 def move_feet(pose: LegPose, translation: Float, shift: Array, turn: Array) -> Array:
@@ -69,9 +70,11 @@ def move_ankles(pose: LegPose, shift: Array, turn: Array | None = None) -> Array
     forward = dot(plane, side)  # sine of the bend; below 0 where the knee is beyond straight
     axis = unit(plane + (np.maximum(-2 * forward, 0) + STRAIGHT) * side)
     # Law of cosines: the inner angle of the knee before and after; their difference bends it, from
-    # beyond straight, too.
+    # beyond straight, too, and of a knee that is bent sideways by what is about the axis.
     inner = _knee(upper, lower, before)
-    inner = np.where(forward < 0, 2 * np.pi - inner, inner).astype(shift.dtype)
+    about = dot(plane, axis) / np.maximum(length(plane), TINY)
+    reversed_ = np.pi - about * (np.pi - inner)
+    inner = np.where(forward < 0, reversed_, inner).astype(shift.dtype)
     half_bend = 0.5 * (inner - _knee(upper, lower, after))
     bend = unit(_quaternion(axis * np.sin(half_bend), np.cos(half_bend)))
 

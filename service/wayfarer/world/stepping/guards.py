@@ -1,6 +1,6 @@
 """Guards: a step that no body could take is repaired before it is sent, or continued from.
 
-    knees   are kept within what a knee can do
+    knees   are kept within what a knee can do, and so are ankles
     jerks   a joint that jumps, as one that is turned inside out does, goes from where it was to
             where it ends by the smoothest way
     falls   a body that leans or squats as no walker does, or that cannot be shown at all, gets up
@@ -10,7 +10,7 @@ Repairs are rare; without one the output has the same bits. Pure functions of
 columns; rows do not influence each other. Angles in radians, frames at 40 per second.
 """
 
-from math import cos, radians
+from math import cos, radians, sin
 from typing import Final
 
 import numpy as np
@@ -18,12 +18,18 @@ import numpy as np
 from wayfarer.body.skeleton import joint_names
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
 from wayfarer.world.agents.slots import Motion, Seeds
-from wayfarer.world.output.legs import KNEES, Legs
+from wayfarer.world.output.legs import ANKLES, KNEES, Legs
 from wayfarer.world.output.quaternion import Array, bounded, inverse, length, multiply, stacked
 from wayfarer.world.rows import Flags, Float
 
 KNEE: Final = (radians(-5), radians(150))
 """Range of a knee's bend, from straight."""
+
+SIDEWAYS: Final = radians(30)
+"""Angle that a knee is turned by at most beside its bend: people reach 31 degrees."""
+
+ANKLE: Final = radians(70)
+"""Angle that an ankle is turned by at most, in any direction: people reach 66 degrees."""
 
 FELL: Final = cos(radians(32))
 """Cosine of the lean beyond which a body has fallen; walking people never lean as far."""
@@ -31,9 +37,12 @@ FELL: Final = cos(radians(32))
 FOLDED: Final = 0.76
 """Share of its standing hips' height below which a body has fallen."""
 
+ARM_MOST: Final = radians(60)
+"""Angle by which a joint of an arm turns at most while a body gets up."""
+
 JERK: Final = {
     "spine": 5.0, "neck": 12.0, "head": 15.0, "collar": 7.0, "shoulder": 8.0, "elbow": 15.0,
-    "wrist": 25.0, "hip": 5.0, "knee": 9.0, "ankle": 25.0, "foot": 40.0,
+    "wrist": 25.0, "hip": 5.0, "knee": 7.0, "ankle": 25.0, "foot": 40.0,
 }  # fmt: skip
 """Degrees per frame by which the turning of a joint may change from frame to frame: what hangs on
 it then moves by about 7 cm per frame²."""
@@ -53,18 +62,20 @@ _LIMITS: Final = _limits()
 
 def smoothed(seed: Seeds, rotations: Float, legs: Legs) -> Float:
     """Rotations [A, F, 22, 4] of a step from `seed`, without impossible knees and jerks."""
-    rotations = _bendable(rotations, legs)
+    rotations = _turnable(_bendable(rotations, legs))
     path = np.concatenate([seed.rotations, rotations], 1)
-    jerks = _jerks(path)  # [A, F, 22]
-    over = jerks > _LIMITS
+    over = _jerks(path) > _LIMITS  # [A, F, 22]
     if not over.any():
         return rotations
     rows, joints = np.nonzero(over.any(1))
-    paths = path[rows, :, joints]
+    paths = _alike(path[rows, :, joints])
+    before = _jerks(paths).max(1)
     smooth = _smoothest(paths)
     # where a joint came fast and ends near by, that way is the more abrupt one
     after = _jerks(np.concatenate([paths[:, :2], smooth], 1)).max(1)
-    better = after < jerks[rows, :, joints].max(1)
+    better = (before > _LIMITS[joints]) & (after < before)
+    if not better.any():
+        return rotations
     rows, joints = rows[better], joints[better]
     mended = rotations.copy()
     mended[rows, :, joints] = smooth[better]
@@ -78,6 +89,17 @@ def _jerks(path: Float) -> Float:
     x, y, z, w = np.moveaxis(change * change, -1, 0)
     squared: Float = x + y + z + w
     return squared
+
+
+def _alike(path: Float) -> Float:
+    """Turns [N, F, 4] with the signs that are nearest to each other: both of a quaternion mean the
+    same turn, and one that passes half a turn comes with the other.
+    """
+    flips = (path[:, 1:] * path[:, :-1]).sum(-1) < 0
+    signs = np.cumprod(np.where(flips, np.float32(-1), np.float32(1)), axis=1)
+    alike = path.copy()
+    alike[:, 1:] *= signs[..., None]
+    return alike
 
 
 def _smoothest(path: Float) -> Float:
@@ -98,10 +120,14 @@ def _smoothest(path: Float) -> Float:
         + frames * into[..., None] * (t - 2 * t**2 + t**3)
         + frames * out[..., None] * (t**3 - t**2)
     )
-    angle = np.maximum(length(way), 1e-12)
-    turn = np.concatenate([way / angle * np.sin(angle / 2), np.cos(angle / 2)[None]])
-    found: Float = np.moveaxis(multiply(start[..., None], turn), 0, -1).astype(np.float32)
+    found: Float = np.moveaxis(multiply(start[..., None], _turn(way)), 0, -1).astype(np.float32)
     return found
+
+
+def _turn(vector: Array) -> Array:
+    """Rotations [4, ...] about vectors [3, ...] by as many radians as these are long."""
+    angle = np.maximum(length(vector), 1e-12)
+    return np.concatenate([vector / angle * np.sin(angle / 2), np.cos(angle / 2)[None]])
 
 
 def _vector(turn: Array) -> Array:
@@ -114,19 +140,47 @@ def _vector(turn: Array) -> Array:
 
 
 def _bendable(rotations: Float, legs: Legs) -> Float:
-    """The same with knees bent within `KNEE`."""
+    """The same with knees bent within `KNEE`, and no more than `SIDEWAYS` beside it."""
     knees = np.moveaxis(rotations[:, :, KNEES], -1, 0)  # [4, A, F, 2]
+    _, y, z, _ = knees
+    beside = y * y + z * z
+    if twisted := bool((beside > sin(SIDEWAYS / 2) ** 2).any()):
+        knees = _straightened(knees, beside)
     bend = _flexion(knees, legs)
     low, high = KNEE
     excess = bend - bounded(bend, low, high)
-    if not excess.any():
+    if not (twisted or excess.any()):
         return rotations
     half = excess / 2
     zero = np.zeros_like(half)
     limited = rotations.copy()
     turned = multiply(stacked(np.sin(half), zero, zero, np.cos(half)), knees)
-    fits = (excess == 0)[..., None]
-    limited[:, :, KNEES] = np.where(fits, rotations[:, :, KNEES], np.moveaxis(turned, 0, -1))
+    limited[:, :, KNEES] = np.moveaxis(np.where(excess == 0, knees, turned), 0, -1)
+    return limited
+
+
+def _straightened(knees: Array, beside: Array) -> Array:
+    """Knees [4, A, F, 2] with as much of their turn about Y and Z left as they have; `beside` is
+    the square of that part.
+    """
+    most = sin(SIDEWAYS / 2) ** 2
+    less = np.sqrt(np.minimum(1, most / np.maximum(beside, 1e-12)))
+    more = np.sqrt((1 - less * less * beside) / np.maximum(1 - beside, 1e-6))
+    x, y, z, w = knees
+    return np.where(beside > most, stacked(more * x, less * y, less * z, more * w), knees)
+
+
+def _turnable(rotations: Float) -> Float:
+    """The same with ankles turned by `ANKLE` at most."""
+    ankles = rotations[:, :, ANKLES]
+    scalar = np.abs(ankles[..., 3])
+    if not (far := scalar < cos(ANKLE / 2)).any():
+        return rotations
+    nearer = ankles * np.where(ankles[..., 3:] < 0, -1, 1)
+    nearer[..., :3] *= sin(ANKLE / 2) / np.sqrt(np.maximum(1 - scalar**2, 1e-12))[..., None]
+    nearer[..., 3] = cos(ANKLE / 2)
+    limited = rotations.copy()
+    limited[:, :, ANKLES] = np.where(far[..., None], nearer, ankles)
     return limited
 
 
@@ -164,12 +218,29 @@ _SPINE: Final = [joint_names().index(f"spine{k}") for k in (1, 2, 3)]
 
 
 def got_up(seed: Seeds, stand: Motion) -> tuple[Float, Float]:
-    """Translation [A, F, 3] and rotations [A, F, 22, 4] from the end of `seed` to a `stand`."""
-    share = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, NEW_FRAMES + 1) / NEW_FRAMES)
+    """Translation [A, F, 3] and rotations [A, F, 22, 4] from the end of `seed` to a `stand`.
+
+    Arms that have farther to go than `ARM_MOST` get there with the next step: `stand` is changed to
+    show them where they have come to.
+    """
+    t = (np.arange(1, NEW_FRAMES + 1) / NEW_FRAMES)[:, None]
     start, end = seed.translation[:, -1:], stand.seed.translation[:, -1:]
-    translation = start + share[:, None] * (end - start)
-    before, after = seed.rotations[:, -1:], stand.seed.rotations[:, -1:]
-    near = np.where((before * after).sum(-1, keepdims=True) < 0, -1, 1)
-    turns = before + share[:, None, None] * (near * after - before)
-    turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
-    return translation.astype(np.float32), turns.astype(np.float32)
+    speed = start - seed.translation[:, -2:-1]  # nobody who falls stops at once
+    translation = start + (3 * t**2 - 2 * t**3) * (end - start)
+    translation += NEW_FRAMES * (t - 2 * t**2 + t**3) * speed
+
+    last = np.moveaxis(seed.rotations[:, -1], -1, 0)  # [4, A, 22]
+    way = _vector(multiply(inverse(last), np.moveaxis(stand.seed.rotations[:, -1], -1, 0)))
+    way[:, :, _ARMS] *= np.minimum(1, ARM_MOST / np.maximum(length(way[:, :, _ARMS]), 1e-9))
+    end_turns = np.moveaxis(multiply(last, _turn(way)), 0, -1)[:, None]
+    path = np.concatenate([seed.rotations, np.repeat(end_turns, NEW_FRAMES, axis=1)], 1)
+    turns = np.stack([_smoothest(row.swapaxes(0, 1)).swapaxes(0, 1) for row in path])
+    stand.seed.rotations[:, :, _ARMS] = turns[:, -1:, _ARMS]
+    return translation.astype(np.float32), turns
+
+
+_ARMS: Final = [
+    number
+    for number, name in enumerate(joint_names()[:POSED_JOINTS])
+    if name.split("_")[-1] in ("shoulder", "elbow", "wrist")
+]
