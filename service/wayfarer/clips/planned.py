@@ -37,7 +37,8 @@ def plan_clip(
     """`generate_clip` by the search of `settings`, whose depth is made to fit `seconds`.
 
     Of what the world does to motion beside the model it has the foot lock and the posture only: no
-    stride of one's own, no planted stop, no guard.
+    stride of one's own, no planted stop, no guard. So what a plan shows is what the paper's search
+    has judged, and Table 1 compares it.
     `body` is of the spec's gender, `start` what `World.prepare` makes of the spec. Raises
     InvalidArgument on a bad goal, and FailedPrecondition when the search finds no way on.
     """
