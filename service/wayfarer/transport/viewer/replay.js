@@ -7,6 +7,7 @@ const LEASE = 60; // seconds
 const STEP_SECONDS = 0.2;
 const STEPS = 5; // asked for at a time
 const FPS = 40;
+const TOGETHER = 64; // people made in one call
 const AHEAD = 5; // seconds of motion that are made before they are shown: a track keeps 10
 const WAIT = 200; // ms
 const FLOOR = { area: { center: { x: 0, y: 0, z: 0 }, radius: 9 } }; // where people roam without a scene
@@ -43,10 +44,12 @@ export class Replay {
 
   async #people() {
     const { calls, script: { people } } = this;
-    if (!people.length) return [];
-    const { agents } = await calls("POST", `/v1/sessions/${this.id}/agents`, {
-      agents: people.map(({ name, gender, betas, seed, place: [x, y, z], heading }) => ({ name, gender, betas, seed, heading, position: { x, y, z } })),
-    });
+    const specs = people.map(({ name, gender, betas, seed, place: [x, y, z], heading }) => ({ name, gender, betas, seed, heading, position: { x, y, z } }));
+    const agents = [];
+    while (agents.length < specs.length) {
+      const some = specs.slice(agents.length, agents.length + TOGETHER);
+      agents.push(...(await calls("POST", `/v1/sessions/${this.id}/agents`, { agents: some })).agents);
+    }
     // one after the other: their order is part of what is replayed
     for (const [k, { goals }] of people.entries()) {
       const path = `/v1/agents/${agents[k].agent_id}`;
