@@ -12,8 +12,8 @@ export class Arrivals {
     this.bodies = new Map(); // gender → body
   }
 
-  /** Create people on free places near what is looked at; `how`: what all of them have. Their ids. */
-  async create(count, how = {}) {
+  /** Create people on free places near what is looked at, or `near` a place; `how`: what all of them have. Their ids. */
+  async create(count, how = {}, near = null) {
     const { place, session, stage, crowd } = this;
     await place.settled;
     if (!session.id) throw new Error("not connected yet");
@@ -23,7 +23,7 @@ export class Arrivals {
     );
     const { ground } = place.level;
     const where = ground
-      ? { middle: stage.controls.target, heightAt: (x, z) => ground.heightAt(x, z, stage.controls.target.y) }
+      ? { middle: near ?? stage.controls.target, heightAt: (x, z) => ground.heightAt(x, z, stage.controls.target.y) }
       : {};
     const people = randomAgents(count, heights, crowd.people, where).map((person) => ({ ...person, ...how }));
     if ("betas" in how) for (const person of people) delete person.phenotype;
@@ -32,14 +32,12 @@ export class Arrivals {
 
   /** People who come and walk about: all over the scene, or `near` a place. */
   async roamers(count, near) {
-    await Promise.all((await this.create(count)).map((id) => this.errands.roamAgent(id, near)));
+    await Promise.all((await this.create(count, {}, near)).map((id) => this.errands.roamAgent(id, near)));
   }
 
   /** People who walk about when the page opens, before the camera. */
   async welcome() {
-    this.stage.approach();
-    const { x, z } = this.stage.controls.target;
-    await this.roamers(AT_FIRST, { x, z });
+    await this.roamers(AT_FIRST, this.stage.approach());
   }
 
   /** An agent of a shape { gender, betas } or { phenotype }, with a name; its id. */

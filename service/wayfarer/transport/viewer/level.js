@@ -22,7 +22,7 @@ const CHOSEN = "#0b7285";
 const SIGHT = 300; // metres: what is farther off is not meant
 const SEE_THROUGH = 0.12; // opacity of what hides the place looked at
 const HEADROOM = 1.4; // metres over the place looked at: what is lower does not hide it
-const MODEL_SINK = 0.03; // metres that the floor lies under a level that has a floor of its own
+const SINK = 0.03; // metres that the endless floor lies under the ground of a level: at one height they would flicker
 
 /** Shows `Outlines` (scenes.js), one at a time. */
 export class Level {
@@ -91,10 +91,15 @@ export class Level {
     this.#setModel(scene);
   }
 
-  /** Height at which the stage's endless floor should lie. */
+  /** Height of its lowest ground. */
   get base() {
     if (!this.extent || !Number.isFinite(this.extent.low)) return 0;
-    return Math.min(this.extent.low, ...this.solids.map(({ bottom }) => bottom)) - (this.model ? MODEL_SINK : 0);
+    return Math.min(this.extent.low, ...this.solids.map(({ bottom }) => bottom));
+  }
+
+  /** Height at which the stage's endless floor should lie. */
+  get under() {
+    return this.extent ? this.base - SINK : 0;
   }
 
   /** What a ray meets first: { at, point: of the ground there, obstacle: its name, if any }; or null. */

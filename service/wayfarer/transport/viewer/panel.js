@@ -116,7 +116,7 @@ export class ScenePanel {
     await Promise.all([this.enter(id), this.book.open(id)]);
     if (id && id === this.file?.id && this.file.format === "glb") {
       await this.level.showModel(this.file.bytes);
-      this.stage.lower(this.level.base);
+      this.stage.lower(this.level.under);
     }
     if (!id) {
       this.stage.lower(0);
@@ -128,7 +128,7 @@ export class ScenePanel {
 
   #show(outlines) {
     this.level.show(outlines);
-    this.stage.lower(this.level.base);
+    this.stage.lower(this.level.under);
     if (this.fresh) this.stage.overlook(this.level.extent);
     this.fresh = false;
     this.changed();

@@ -123,11 +123,12 @@ export class Stage {
     this.#move(eye, target, 1);
   }
 
-  /** Look at the middle of what is looked at from so near that people are people. */
+  /** Look at the middle of what is looked at from so near that people are people. Returns where they should be: { x, z }. */
   approach() {
-    const target = this.controls.target.clone().add(new Vector3(0, 0, 3.2)); // before what stands in the middle
+    const { x, z } = this.controls.target;
     const tall = this.camera.aspect < 1;
-    this.#move(target.clone().add(new Vector3(0.4, tall ? 6.2 : 3.9, tall ? 7.5 : 5.8)), target, 1);
+    this.#move(new Vector3(x + 0.7, tall ? 5.4 : 3.5, z + (tall ? 11 : 9)), new Vector3(x, 0.8, z + 1.2), 1);
+    return { x, z: z + 3.6 }; // before what stands in the middle
   }
 
   /** Look from one place { eye, target } as [x, y, z]. */
