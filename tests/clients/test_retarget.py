@@ -1,6 +1,7 @@
 """Characters of any skeleton: rigs made from our own body (tests/golden/rigs.py)."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -102,7 +103,7 @@ def test_a_map_can_be_shown_and_corrected():
         bones.corrected({"head": "nose"})
     with pytest.raises(InvalidArgument, match="'tail' is no bone"):
         bones.corrected({"tail": "head"})
-    with pytest.raises(InvalidArgument, match="lacks left_knee"):
+    with pytest.raises(InvalidArgument, match="tell its left_knee"):
         bones.corrected({"left_knee": None})
     with pytest.raises(InvalidArgument, match="left_knee: 'head' does not hang from the hip"):
         bones.corrected({"left_knee": "head"})
@@ -110,9 +111,24 @@ def test_a_map_can_be_shown_and_corrected():
         bones.corrected({"spine3": "head", "head": "spine3"})
 
 
+def test_a_map_that_failed_is_completed_by_corrections():
+    legs = {"left_hip": "a", "left_knee": "b"}
+    rig = Body(OFFSETS, names=lambda bone: legs.get(bone, bone)).rig()
+    flat = Rig(tuple(replace(node, position=(0, 0, 0)) for node in rig.nodes))  # nor by shape
+    with pytest.raises(InvalidArgument, match="tell its left_hip, left_knee: say"):
+        map_bones(flat)
+    with pytest.raises(InvalidArgument, match="tell its left_knee: say"):
+        map_bones(flat, correct={"left_hip": "a"})
+    found = map_bones(flat, correct=legs)
+    assert found.found_by == "user" and found.missing == ()
+    assert found.table()["left_knee"] == "b" and found.table()["right_knee"] == "right_knee"
+
+
 def test_what_is_no_humanoid_is_refused_in_words():
     table = Rig((Node("table", -1), Node("leg1", 0, (0, -1, 0)), Node("leg2", 0, (1, -1, 0))))
-    with pytest.raises(InvalidArgument, match="neither the names nor the shape"):
+    with pytest.raises(
+        InvalidArgument, match="neither names nor shape of this rig tell its pelvis, left_hip"
+    ):
         map_bones(table)
     with pytest.raises(InvalidArgument, match="its parent must stand before it"):
         Rig((Node("a", 0),))

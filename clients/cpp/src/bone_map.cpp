@@ -49,7 +49,8 @@ std::string lacking(const Nodes& nodes) {
 
 void check(const Rig& rig, const Nodes& nodes) {
   if (const std::string names = lacking(nodes); !names.empty())
-    throw std::invalid_argument("the map lacks " + names);
+    throw std::invalid_argument("neither names nor shape of this rig tell its " + names +
+                                ": say which nodes these are, by a correction");
   const auto hangs = [&](int lower, int upper) {
     if (contains(rig.ancestors(nodes[at(lower)]), nodes[at(upper)])) return;
     throw std::invalid_argument(name_of(lower) + ": \"" + rig.node(nodes[at(lower)]).name +
@@ -412,8 +413,9 @@ std::vector<std::pair<std::string, std::string>> BoneMap::table() const {
   return rows;
 }
 
-BoneMap BoneMap::corrected(const std::map<std::string, std::optional<std::string>>& changes) const {
-  Nodes nodes = nodes_;
+namespace {
+
+Nodes changed(const Rig& rig, Nodes nodes, const BoneMap::Changes& changes) {
   for (const auto& [bone_name, node_name] : changes) {
     const int b = bone(bone_name);
     if (b < 0) {
@@ -423,22 +425,34 @@ BoneMap BoneMap::corrected(const std::map<std::string, std::optional<std::string
     }
     nodes[at(b)] = -1;
     if (!node_name) continue;
-    const auto& all = rig_.nodes();
+    const auto& all = rig.nodes();
     const auto found = std::find_if(
         all.begin(), all.end(), [&name = *node_name](const Node& node) { return node.name == name; });
     if (found == all.end()) throw std::invalid_argument(bone_name + ": the rig has no node \"" + *node_name + "\"");
     nodes[at(b)] = static_cast<int>(found - all.begin());
   }
-  return {rig_, nodes, "user"};
+  return nodes;
 }
 
-BoneMap map_bones(const Rig& rig, const std::map<std::string, int>& humanoid, const Basis& basis) {
-  if (!humanoid.empty()) return {rig, by_vrm(humanoid), "vrm"};
+/// What is found, enough or not, and how.
+std::pair<Nodes, std::string> find(const Rig& rig, const std::map<std::string, int>& humanoid, const Basis& basis) {
+  if (!humanoid.empty()) return {by_vrm(humanoid), "vrm"};
   const Nodes named = ByNames(rig).nodes();
-  if (lacking(named).empty()) return {rig, named, "names"};
+  if (lacking(named).empty()) return {named, "names"};
   const Nodes shaped = ByShape(rig, basis).nodes();
-  if (lacking(shaped).empty()) return {rig, shaped, "shape"};
-  throw std::invalid_argument("neither the names nor the shape of this rig tell its " + lacking(named));
+  if (lacking(shaped).empty()) return {shaped, "shape"};
+  return {named, "names"};
+}
+
+}  // namespace
+
+BoneMap BoneMap::corrected(const Changes& changes) const { return {rig_, changed(rig_, nodes_, changes), "user"}; }
+
+BoneMap map_bones(const Rig& rig, const std::map<std::string, int>& humanoid, const Basis& basis,
+                  const BoneMap::Changes& correct) {
+  const auto [nodes, found_by] = find(rig, humanoid, basis);
+  if (correct.empty()) return {rig, nodes, found_by};
+  return {rig, changed(rig, nodes, correct), "user"};
 }
 
 }  // namespace wayfarer

@@ -20,6 +20,7 @@ struct wf_player {
 struct wf_rig {
   std::vector<Node> nodes;
   std::map<std::string, int> humanoid;
+  wayfarer::BoneMap::Changes corrections;
 };
 
 struct wf_map {
@@ -223,9 +224,16 @@ std::int32_t wf_rig_humanoid(wf_rig* rig, const char* vrm_name, std::int32_t nod
   });
 }
 
+std::int32_t wf_rig_correct(wf_rig* rig, const char* bone, const char* node_name) {
+  return guarded<std::int32_t>(WF_ERROR, [&] {
+    rig->corrections[bone] = node_name ? std::optional<std::string>(node_name) : std::nullopt;
+    return 0;
+  });
+}
+
 wf_map* wf_map_create(const wf_rig* rig, const char* basis) {
   return guarded<wf_map*>(nullptr, [&] {
-    return new wf_map{map_bones(Rig(rig->nodes), rig->humanoid, basis_named(basis))};
+    return new wf_map{map_bones(Rig(rig->nodes), rig->humanoid, basis_named(basis), rig->corrections)};
   });
 }
 

@@ -69,14 +69,24 @@ TEST_CASE("a map can be shown and corrected") {
   };
   refused("head", "nose", "head: the rig has no node \"nose\"");
   refused("tail", "head", "\"tail\" is no bone; bones are pelvis, left_hip");
-  refused("left_knee", std::nullopt, "the map lacks left_knee");
+  refused("left_knee", std::nullopt, "tell its left_knee");
   refused("left_knee", "head", "left_knee: \"head\" does not hang from the left_hip");
   refused("spine3", "head", "hangs from");
 }
 
+TEST_CASE("a map that failed is completed by corrections") {
+  std::vector<Node> nodes;
+  for (const Node& node : cases()[0].rig.nodes())  // nor by shape
+    nodes.push_back({node.name == "left_knee" ? "x" : node.name, node.parent});
+  const Rig rig(nodes);
+  CHECK_THROWS_WITH_AS(map_bones(rig), doctest::Contains("tell its left_knee: say"), std::invalid_argument);
+  const BoneMap map = map_bones(rig, {}, bases::gltf, {{"left_knee", "x"}});
+  CHECK((map.found_by() == "user" && map.missing().empty()));
+}
+
 TEST_CASE("what is no humanoid is refused in words") {
   const Rig table({{"table"}, {"leg1", 0, {0, -1, 0}}, {"leg2", 0, {1, -1, 0}}});
-  CHECK_THROWS_WITH_AS(map_bones(table), doctest::Contains("neither the names nor the shape of this rig tell its pelvis"),
+  CHECK_THROWS_WITH_AS(map_bones(table), doctest::Contains("neither names nor shape of this rig tell its pelvis, left_hip"),
                        std::invalid_argument);
   CHECK_THROWS_AS(map_bones(Rig({})), std::invalid_argument);
   CHECK_THROWS_WITH_AS(Rig({{"a", 0}}), "node 0 (a): its parent must stand before it", std::invalid_argument);

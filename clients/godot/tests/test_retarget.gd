@@ -87,7 +87,7 @@ func test_a_map_can_be_shown_and_corrected(check: Checks) -> void:
 	var refused := {
 		'no node "nose"': {"head": "nose"},
 		'"tail" is no bone': {"tail": "head"},
-		"lacks left_knee": {"left_knee": ""},
+		"tell its left_knee": {"left_knee": ""},
 		'left_knee: "head" does not hang from the left_hip': {"left_knee": "head"},
 		"hangs from": {"spine3": "head"},
 	}
@@ -96,12 +96,23 @@ func test_a_map_can_be_shown_and_corrected(check: Checks) -> void:
 		check.holds(said in error, "%s: %s" % [said, error])
 
 
+func test_a_map_that_failed_is_completed_by_corrections(check: Checks) -> void:
+	var named: WayfarerRig = _map(check.document("retarget.json").cases[0]).rig
+	var rig := WayfarerRig.new()
+	for k in named.names.size():  # nor by shape
+		rig.add(named.names[k].replace("left_knee", "x"), named.parents[k])
+	var failed := WayfarerBoneMap.of(rig)
+	check.holds("tell its left_knee: say" in failed.error, failed.error)
+	var found := failed.corrected({"left_knee": "x"})
+	check.equal([found.error, found.missing(), found.found_by], ["", [], "user"])
+
+
 func test_what_is_no_humanoid_is_refused_in_words(check: Checks) -> void:
 	var rig := WayfarerRig.new()
 	rig.add("table", -1)
 	rig.add("leg1", 0, Vector3(0, -1, 0))
 	rig.add("leg2", 0, Vector3(1, -1, 0))
-	var said := "neither the names nor the shape of this rig tell its pelvis"
+	var said := "neither names nor shape of this rig tell its pelvis, left_hip"
 	check.holds(said in WayfarerBoneMap.of(rig).error, "table")
 	check.holds(said in WayfarerBoneMap.of(WayfarerRig.new()).error, "nothing")
 	rig.add("a", 7)

@@ -47,42 +47,65 @@ class BoneMap:
 
     def corrected(self, changes: Mapping[str, str | None]) -> "BoneMap":
         """The map with other nodes for some bones (by node name), or without them (None)."""
-        names = [node.name for node in self.rig.nodes]
-        bones = dict(self.bones)
-        for bone, name in changes.items():
-            if bone not in BONES:
-                raise InvalidArgument(f"{bone!r} is no bone; bones are {', '.join(BONES)}")
-            bones.pop(bone, None)
-            if name is not None:
-                if name not in names:
-                    raise InvalidArgument(f"{bone}: the rig has no node {name!r}")
-                bones[bone] = names.index(name)
+        bones = _changed(self.rig, self.bones, changes)
         return replace(self, bones=_checked(self.rig, bones), found_by="user")
 
 
 def map_bones(
-    rig: Rig, humanoid: Mapping[str, int] | None = None, basis: Basis = BASES["gltf"]
+    rig: Rig,
+    humanoid: Mapping[str, int] | None = None,
+    basis: Basis = BASES["gltf"],
+    correct: Mapping[str, str | None] | None = None,
 ) -> BoneMap:
-    """The map of a rig. `humanoid`: VRM's names → nodes; `basis`: of the rig's space, for its up.
+    """The map of a rig. `humanoid`: VRM's names → nodes; `basis`: of the rig's space, for its up;
+    `correct`: as `BoneMap.corrected`, also of what would be refused without.
 
-    Raises InvalidArgument that says what was looked for when hips or legs cannot be found.
+    Raises InvalidArgument that names the hips or legs that are missing.
     """
+    bones, found_by = _found(rig, humanoid, basis)
+    if correct:
+        return BoneMap(rig, _checked(rig, _changed(rig, bones, correct)), "user")
+    return BoneMap(rig, _checked(rig, bones), found_by)
+
+
+def _found(
+    rig: Rig, humanoid: Mapping[str, int] | None, basis: Basis
+) -> tuple[Mapping[str, int], str]:
+    """What is found, enough or not, and how."""
     if humanoid:
-        return BoneMap(rig, _checked(rig, _by_vrm(humanoid)), "vrm")
+        return _by_vrm(humanoid), "vrm"
     named = _by_names(rig)
     if all(bone in named for bone in REQUIRED):
-        return BoneMap(rig, _checked(rig, named), "names")
+        return named, "names"
     shaped = _by_shape(rig, basis)
     if all(bone in shaped for bone in REQUIRED):
-        return BoneMap(rig, _checked(rig, shaped), "shape")
-    lacking = ", ".join(bone for bone in REQUIRED if bone not in named)
-    raise InvalidArgument(f"neither the names nor the shape of this rig tell its {lacking}")
+        return shaped, "shape"
+    return named, "names"
 
 
-def _checked(rig: Rig, bones: dict[str, int]) -> dict[str, int]:
+def _changed(
+    rig: Rig, found: Mapping[str, int], changes: Mapping[str, str | None]
+) -> dict[str, int]:
+    names = [node.name for node in rig.nodes]
+    bones = dict(found)
+    for bone, name in changes.items():
+        if bone not in BONES:
+            raise InvalidArgument(f"{bone!r} is no bone; bones are {', '.join(BONES)}")
+        bones.pop(bone, None)
+        if name is not None:
+            if name not in names:
+                raise InvalidArgument(f"{bone}: the rig has no node {name!r}")
+            bones[bone] = names.index(name)
+    return bones
+
+
+def _checked(rig: Rig, bones: Mapping[str, int]) -> dict[str, int]:
     lacking = [bone for bone in REQUIRED if bone not in bones]
     if lacking:
-        raise InvalidArgument(f"the map lacks {', '.join(lacking)}")
+        raise InvalidArgument(
+            f"neither names nor shape of this rig tell its {', '.join(lacking)}: "
+            "say which nodes these are, by a correction"
+        )
     for side in SIDES:
         for upper, lower in (("hip", "knee"), ("knee", "ankle")):
             high, low = bones[f"{side}_{upper}"], bones[f"{side}_{lower}"]

@@ -38,8 +38,13 @@ class Character:
     numbers: tuple[int, ...] = field(repr=False)  # of each node of the rig in the document
 
     @classmethod
-    def read(cls, file: str | Path | bytes) -> "Character":
-        """A GLB, VRM 0 or VRM 1. Raises InvalidArgument for others, and for rigs without legs."""
+    def read(
+        cls, file: str | Path | bytes, correct: Mapping[str, str | None] | None = None
+    ) -> "Character":
+        """A GLB, VRM 0 or VRM 1; `correct`: as for `map_bones`.
+
+        Raises InvalidArgument for other files, and for rigs without legs.
+        """
         data = file if isinstance(file, bytes) else Path(file).read_bytes()
         document, binary = _chunks(data)
         try:
@@ -47,7 +52,7 @@ class Character:
             humanoid = _humanoid(document, numbers)
         except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
             raise InvalidArgument(f"its glTF document is damaged: {error!r}") from None
-        return cls(document, binary, rig, map_bones(rig, humanoid), numbers)
+        return cls(document, binary, rig, map_bones(rig, humanoid, correct=correct), numbers)
 
     def corrected(self, changes: Mapping[str, str | None]) -> "Character":
         """With other nodes for some bones, by name; see `BoneMap.corrected`."""

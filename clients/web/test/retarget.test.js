@@ -49,6 +49,14 @@ test("a map can be shown and corrected", () => {
   assert.ok(other instanceof BoneMap);
 });
 
+test("a map that failed is completed by corrections", () => {
+  const rig = new Rig(OWN.nodes.map(({ name, parent }) => ({ name: name === "left_knee" ? "x" : name, parent }))); // nor by shape
+  assert.throws(() => mapBones(rig), /no node was found for left_knee\./);
+  const map = mapBones(rig, null, BASES.gltf, { left_knee: "x" });
+  assert.equal(map.foundBy, "user");
+  assert.deepEqual(map.missing, []);
+});
+
 test("what is no humanoid is refused in words", () => {
   const table = new Rig([
     { name: "table", parent: -1 }, { name: "leg1", parent: 0, position: [0, -1, 0] },

@@ -17,6 +17,7 @@ namespace wayfarer {
 /// A rig's nodes by canonical bone, and how they were found.
 class BoneMap {
  public:
+  using Changes = std::map<std::string, std::optional<std::string>>;  // bone → name of its node; nullopt: none
   using Nodes = std::array<int, BONE_COUNT>;  // by bone; -1: the rig lacks it
 
   /// Throws std::invalid_argument when these nodes are not the bones of a humanoid.
@@ -31,7 +32,7 @@ class BoneMap {
   /// Canonical name, name of the node: to show it, or keep it.
   std::vector<std::pair<std::string, std::string>> table() const;
   /// With other nodes for some bones (by node name), or without them (nullopt). Throws std::invalid_argument.
-  BoneMap corrected(const std::map<std::string, std::optional<std::string>>& changes) const;
+  BoneMap corrected(const Changes& changes) const;
 
  private:
   Rig rig_;
@@ -39,9 +40,10 @@ class BoneMap {
   std::string found_by_;
 };
 
-/// The map of a rig. `humanoid`: VRM's names → nodes; `basis`: of the rig's space, for its up. Throws
-/// std::invalid_argument, with what was looked for, when hips or legs cannot be told.
-BoneMap map_bones(const Rig& rig, const std::map<std::string, int>& humanoid = {},
-                  const Basis& basis = bases::gltf);
+/// The map of a rig. `humanoid`: VRM's names → nodes; `basis`: of the rig's space, for its up; `correct`: as
+/// BoneMap::corrected, also of what would be refused without. Throws std::invalid_argument that names the hips or legs
+/// that are missing.
+BoneMap map_bones(const Rig& rig, const std::map<std::string, int>& humanoid = {}, const Basis& basis = bases::gltf,
+                  const BoneMap::Changes& correct = {});
 
 }  // namespace wayfarer

@@ -97,6 +97,10 @@ WF_API int32_t wf_rig_add(wf_rig *rig, const char *name, int32_t parent, const d
 /* That VRM's table calls a node so. */
 WF_API int32_t wf_rig_humanoid(wf_rig *rig, const char *vrm_name, int32_t node);
 
+/* Say which node a bone is (node_name NULL: none), before wf_map_create, which refuses a rig whose hips or legs it cannot
+   find. */
+WF_API int32_t wf_rig_correct(wf_rig *rig, const char *bone, const char *node_name);
+
 /* Find the bones; `basis`: of the rig's space, as in the API ("gltf", "unreal_mannequin" …). */
 WF_API wf_map *wf_map_create(const wf_rig *rig, const char *basis);
 WF_API void wf_map_destroy(wf_map *map);

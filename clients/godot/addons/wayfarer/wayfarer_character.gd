@@ -209,15 +209,8 @@ func _read_rig(skeleton: Skeleton3D) -> void:
 	for bone in skeleton.get_parentless_bones():
 		_collect(rig, skeleton, bone, 1)
 	map = WayfarerBoneMap.of(rig)
-	if corrections.is_empty():
-		return
-	if map.error == "":
+	if not corrections.is_empty():
 		map = map.corrected(corrections)
-		return
-	var own: Dictionary[String, int] = {}
-	for bone in corrections:
-		own[bone] = rig.names.find(corrections[bone])
-	map = WayfarerBoneMap.from_bones(rig, own)
 
 
 func _collect(rig: WayfarerRig, skeleton: Skeleton3D, bone: int, parent: int) -> void:

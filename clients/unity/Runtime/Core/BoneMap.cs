@@ -40,27 +40,41 @@ namespace Wayfarer
 
         /// <summary>
         /// The map of a rig. <paramref name="humanoid"/>: VRM's names (those of Unity's HumanBodyBones, with a small first
-        /// letter) → nodes, or null; <paramref name="basis"/>: of the rig's space, for its up.
+        /// letter) → nodes, or null; <paramref name="basis"/>: of the rig's space, for its up; <paramref name="correct"/>: as
+        /// <see cref="Corrected(IReadOnlyDictionary{string, int})"/>, also of what would be refused without.
         /// </summary>
-        /// <exception cref="ArgumentException">Hips or legs cannot be told; it says what was looked for.</exception>
-        public static BoneMap Of(Rig rig, IReadOnlyDictionary<string, int> humanoid, Basis basis)
+        /// <exception cref="ArgumentException">It names the hips or legs that are missing.</exception>
+        public static BoneMap Of(
+            Rig rig, IReadOnlyDictionary<string, int> humanoid, Basis basis, IReadOnlyDictionary<string, int> correct = null)
         {
+            string foundBy;
+            Dictionary<string, int> found = Find(rig, humanoid, basis, out foundBy);
+            bool asFound = correct == null || correct.Count == 0;
+            return asFound ? new BoneMap(rig, found, foundBy) : new BoneMap(rig, Changed(found, correct));
+        }
+
+        /// <summary>What is found, enough or not, and how.</summary>
+        private static Dictionary<string, int> Find(
+            Rig rig, IReadOnlyDictionary<string, int> humanoid, Basis basis, out string foundBy)
+        {
+            foundBy = "vrm";
             if (humanoid != null && humanoid.Count > 0)
             {
-                return new BoneMap(rig, BonesByTable.Find(humanoid), "vrm");
+                return BonesByTable.Find(humanoid);
             }
+            foundBy = "names";
             Dictionary<string, int> named = new BonesByName(rig).Find();
             if (Required.All(named.ContainsKey))
             {
-                return new BoneMap(rig, named, "names");
+                return named;
             }
             Dictionary<string, int> shaped = new BonesByShape(rig, basis).Find();
-            if (Required.All(shaped.ContainsKey))
+            if (!Required.All(shaped.ContainsKey))
             {
-                return new BoneMap(rig, shaped, "shape");
+                return named;
             }
-            string lacking = string.Join(", ", Required.Where(bone => !named.ContainsKey(bone)).ToArray());
-            throw new ArgumentException("neither the names nor the shape of this rig tell its " + lacking);
+            foundBy = "shape";
+            return shaped;
         }
 
         /// <summary>Node of a bone, or -1.</summary>
@@ -95,7 +109,12 @@ namespace Wayfarer
         /// <exception cref="ArgumentException">There is no such bone, or the map is no humanoid then.</exception>
         public BoneMap Corrected(IReadOnlyDictionary<string, int> changes)
         {
-            var changed = new Dictionary<string, int>(bones);
+            return new BoneMap(Rig, Changed(bones, changes));
+        }
+
+        private static Dictionary<string, int> Changed(Dictionary<string, int> found, IReadOnlyDictionary<string, int> changes)
+        {
+            var changed = new Dictionary<string, int>(found);
             foreach (KeyValuePair<string, int> change in changes)
             {
                 changed.Remove(change.Key);
@@ -104,7 +123,7 @@ namespace Wayfarer
                     changed[change.Key] = change.Value;
                 }
             }
-            return new BoneMap(Rig, changed);
+            return changed;
         }
 
         /// <summary>That the bones are those of a humanoid.</summary>
@@ -121,7 +140,9 @@ namespace Wayfarer
             string[] lacking = Required.Where(bone => !bones.ContainsKey(bone)).ToArray();
             if (lacking.Length > 0)
             {
-                throw new ArgumentException("the map lacks " + string.Join(", ", lacking));
+                throw new ArgumentException(
+                    "neither names nor shape of this rig tell its " + string.Join(", ", lacking)
+                    + ": say which nodes these are, by a correction");
             }
             foreach (string side in Sides)
             {

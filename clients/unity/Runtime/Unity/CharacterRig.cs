@@ -92,20 +92,7 @@ namespace Wayfarer
                 }
                 changes[choice.bone] = node;
             }
-            BoneMap found;
-            try
-            {
-                found = BoneMap.Of(rig, humanoid, Basis.Unity);
-            }
-            catch (ArgumentException)
-            {
-                if (changes.Count == 0)
-                {
-                    throw;
-                }
-                return new BoneMap(rig, changes.Where(pair => pair.Value >= 0).ToDictionary(pair => pair.Key, pair => pair.Value));
-            }
-            return changes.Count == 0 ? found : found.Corrected(changes);
+            return BoneMap.Of(rig, humanoid, Basis.Unity, changes);
         }
 
         private void Collect(Transform node, int parent)

@@ -131,9 +131,25 @@ namespace Wayfarer.Tests
             Assert.AreEqual("head", other.Table()["neck"]);
             Refused(map, "no node \"nose\"", "head", "nose");
             Refused(map, "\"tail\" is no bone", "tail", "head");
-            Refused(map, "lacks left_knee", "left_knee", null);
+            Refused(map, "tell its left_knee", "left_knee", null);
             Refused(map, "left_knee: \"head\" does not hang from the left_hip", "left_knee", "head");
             Refused(map, "hangs from", "spine3", "head");
+        }
+
+        [Test]
+        public void A_map_that_failed_is_completed_by_corrections()
+        {
+            Rig named = Map(Own).Rig;
+            var rig = new Rig(Enumerable.Range(0, named.Count).Select(k => new RigNode // nor by shape
+            {
+                Name = named.Name(k).Replace("left_knee", "x"), Parent = named.Parent(k),
+            }).ToArray());
+            var error = Assert.Throws<ArgumentException>(() => BoneMap.Of(rig, null, Basis.Gltf));
+            StringAssert.Contains("tell its left_knee: say", error.Message);
+            int knee = Enumerable.Range(0, rig.Count).Single(k => rig.Name(k) == "x");
+            BoneMap found = BoneMap.Of(rig, null, Basis.Gltf, new Dictionary<string, int> { ["left_knee"] = knee });
+            Assert.AreEqual("user", found.FoundBy);
+            CollectionAssert.IsEmpty(found.Missing);
         }
 
         [Test]
@@ -146,9 +162,9 @@ namespace Wayfarer.Tests
                 new RigNode { Name = "leg2", Parent = 0, Position = new double[] { 1, -1, 0 } },
             });
             var error = Assert.Throws<ArgumentException>(() => BoneMap.Of(table, null, Basis.Unity));
-            StringAssert.Contains("neither the names nor the shape of this rig tell its pelvis", error.Message);
+            StringAssert.Contains("neither names nor shape of this rig tell its pelvis, left_hip", error.Message);
             error = Assert.Throws<ArgumentException>(() => BoneMap.Of(new Rig(new RigNode[0]), null, Basis.Unity));
-            StringAssert.Contains("neither the names nor the shape", error.Message);
+            StringAssert.Contains("neither names nor shape", error.Message);
             error = Assert.Throws<ArgumentException>(() => new Rig(new[] { new RigNode { Name = "a" } }));
             StringAssert.Contains("node 0 (a): its parent must stand before it", error.Message);
             error = Assert.Throws<ArgumentException>(() => new Retarget(Map(Own), new double[3], Basis.Gltf));

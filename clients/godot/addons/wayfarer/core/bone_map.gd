@@ -16,7 +16,8 @@ var bones: Dictionary[String, int] = {}
 var found_by := ""
 
 
-## The map of a rig. `humanoid`: VRM's names → nodes, or {}; `basis`: of its space, for its up.
+## The map of a rig. `humanoid`: VRM's names → nodes, or {}; `basis`: of its space, for its up. Where
+## too little is found, `error` says so; `corrected` may still complete the map.
 static func of(
 	of_rig: WayfarerRig, humanoid: Dictionary = {}, basis: WayfarerBasis = WayfarerBasis.new()
 ) -> WayfarerBoneMap:
@@ -28,11 +29,7 @@ static func of(
 	var shaped := WayfarerBonesByShape.new(of_rig, basis).find()
 	if shaped.has_all(REQUIRED):
 		return from_bones(of_rig, shaped, "shape")
-	var map := WayfarerBoneMap.new()
-	map.rig = of_rig
-	var lacking := REQUIRED.filter(func(bone: String) -> bool: return not named.has(bone))
-	map.error = "neither the names nor the shape of this rig tell its " + ", ".join(lacking)
-	return map
+	return from_bones(of_rig, named, "names")
 
 
 ## A map of your own: bone → node.
@@ -91,7 +88,10 @@ func _take(table_of: Dictionary[String, int]) -> String:
 			bones[bone] = table_of[bone]
 	var lacking := REQUIRED.filter(func(bone: String) -> bool: return not bones.has(bone))
 	if not lacking.is_empty():
-		return "the map lacks " + ", ".join(lacking)
+		return (
+			"neither names nor shape of this rig tell its %s: say which nodes these are, by a correction"
+			% ", ".join(lacking)
+		)
 	for side in SIDES:
 		for pair: Array in [
 			[side + "_hip", "pelvis"], [side + "_knee", side + "_hip"],

@@ -133,15 +133,15 @@ bool UWayfarerCharacterComponent::FindBones()
 		const double Position[3] = {P.X, P.Y, P.Z}, Rotation[4] = {Q.X, Q.Y, Q.Z, Q.W}, Own[3] = {S.X, S.Y, S.Z};
 		wf_rig_add(Rig, TCHAR_TO_UTF8(*Skeleton.GetBoneName(Bone).ToString()), Skeleton.GetParentIndex(Bone) + 1, Position, Rotation, Own);
 	}
-	wf_map_destroy(Map);
-	Map = wf_map_create(Rig, "unreal");
-	wf_rig_destroy(Rig);
-	bool bRight = Map != nullptr;
 	for (const TPair<FName, FName>& Each : CorrectedBones)
 	{
 		const FString Bone = Each.Key.ToString(), Node = Each.Value.ToString();
-		bRight = bRight && wf_map_correct(Map, TCHAR_TO_UTF8(*Bone), Each.Value.IsNone() ? nullptr : TCHAR_TO_UTF8(*Node)) == 0;
+		wf_rig_correct(Rig, TCHAR_TO_UTF8(*Bone), Each.Value.IsNone() ? nullptr : TCHAR_TO_UTF8(*Node));
 	}
+	wf_map_destroy(Map);
+	Map = wf_map_create(Rig, "unreal");
+	wf_rig_destroy(Rig);
+	const bool bRight = Map != nullptr;
 	if (!bRight) Why = UTF8_TO_TCHAR(wf_error());
 	return bRight;
 }
