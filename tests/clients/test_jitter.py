@@ -179,6 +179,19 @@ def test_frames_that_come_again_after_a_reconnection_are_dropped(clock):
     assert len(buffer._members["agent-1"].track) == 24
 
 
+def test_motion_missed_while_the_connection_was_lost_does_not_count_as_late(clock):
+    buffer = JitterBuffer(clock=clock)
+    arrive(buffer, clock, frames(0))
+    clock.now = START + 2.0
+    for seq in range(1, 10):
+        buffer.push(Batch(START + 2.0, (frames(seq),), resumed_at=START + 2.0))
+    buffer.sample()
+    assert buffer.delay < 0.4
+    clock.now = START + 2.5
+    buffer.push(Batch(START + 2.5, (frames(10),), resumed_at=START + 2.0))  # late, not missed
+    assert buffer._playout.wanted_delay(clock.now) == pytest.approx(0.5 + 0.06, abs=0.01)
+
+
 unit = st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 0.1)
 
 

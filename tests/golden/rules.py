@@ -41,6 +41,7 @@ def arrivals(kind: str) -> Iterator[tuple[float, float, float]]:
             "steady": 0.0,
             "jitter": 0.1 * (next(numbers) + 1),
             "burst": 0.7 if k in (20, 21) else 0.0,
+            "resumed": 3.0 - (due - 4.0) if 4.0 <= due < 7.0 else 0.0,
             "outage": 3.0 - (due - 4.0) if 4.0 <= due < 7.0 else 0.0,
             "far_clock": 0.02 * (next(numbers) + 1),
             "sleep": 0.0,
@@ -51,7 +52,9 @@ def arrivals(kind: str) -> Iterator[tuple[float, float, float]]:
 
 
 def clock_trace(kind: str) -> list[list[Any]]:
-    """["message", now, sent_at], ["chunk", now, scheduled_at], ["show", now, moment, delay]."""
+    """["message", now, sent_at], ["chunk", now, scheduled_at], ["resumed", now, sent_at] before the
+    first of a new connection, ["show", now, moment, delay].
+    """
     clock = PlayoutClock()
     local = {"far_clock": 86400.0, "sleep": -3.5}.get(kind, 500.0)
     server = 1_780_000_000.0 if kind == "far_clock" else 0.0
@@ -63,6 +66,9 @@ def clock_trace(kind: str) -> list[list[Any]]:
         while waiting and waiting[0][0] <= at:
             came, sent, due = waiting.pop(0)
             clock.observe(local + came, server + sent)
+            if kind == "resumed" and due == 4.0:
+                clock.resumed(server + sent)
+                events.append(["resumed", local + came, server + sent])
             clock.observe_chunk(local + came, server + due)
             events += [
                 ["message", local + came, server + sent],
@@ -186,7 +192,7 @@ def retarget_case(case: Case, walk: dict[str, Any]) -> dict[str, Any]:
 
 def files() -> dict[Path, bytes]:
     """Content of playout.json and retarget.json."""
-    kinds = ("steady", "jitter", "burst", "outage", "far_clock", "sleep", "settles")
+    kinds = ("steady", "jitter", "burst", "outage", "resumed", "far_clock", "sleep", "settles")
     playout = {
         "about": "See README.md. Times: seconds; a pose: hips x, y, z, then x, y, z, w per bone.",
         "clock": {kind: clock_trace(kind) for kind in kinds},

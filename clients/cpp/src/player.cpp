@@ -29,7 +29,6 @@ double MotionPlayer::advance(double now) {
 void MotionPlayer::clear() {
   while (!agents_.empty()) remove(agents_.begin()->first);
   clock_ = PlayoutClock();
-  caught_up_at_ = -std::numeric_limits<double>::infinity();
 }
 
 void MotionPlayer::remove(std::uint32_t alias) {
@@ -59,8 +58,7 @@ void MotionPlayer::take_header() {
   const bool again = header_.has_value();
   header_ = header;
   begun_ = true;
-  // what was missed meanwhile is late for once, and says nothing of the next
-  if (again) caught_up_at_ = decoder_.sent_at();
+  if (again) clock_.resumed(decoder_.sent_at());
   if (on_.header) on_.header(*header_, again);
 }
 
@@ -94,7 +92,7 @@ void MotionPlayer::take_chunk(const Chunk& chunk, std::size_t width, double now)
   if (found == agents_.end()) return;  // removed here, its last chunks still on the way
   PlayedAgent& played = found->second;
   if (played.track.width() != width) return;  // a stream in another format did not introduce it again
-  if (chunk.scheduled_at >= caught_up_at_) clock_.observe_chunk(now, chunk.scheduled_at);
+  clock_.observe_chunk(now, chunk.scheduled_at);
   if (unpacked_.size() < chunk.frames * width) unpacked_.resize(chunk.frames * width);
   unpack_poses(chunk.poses, chunk.frames, header_->encoding, header_->bones.size(), unpacked_.data());
   played.track.push(chunk.scheduled_at, header_->sent_fps, unpacked_.data(), chunk.frames, chunk.contacts);

@@ -45,7 +45,7 @@ void PlayoutClock::observe(double now, double sent_at) {
 }
 
 void PlayoutClock::observe_chunk(double now, double scheduled_at) {
-  earliness_.add(now, scheduled_at - server_time(now));
+  if (!(scheduled_at < caught_up_at_)) earliness_.add(now, scheduled_at - server_time(now));
 }
 
 double PlayoutClock::wanted_delay(double now) {

@@ -82,6 +82,7 @@ TEST_CASE("playout clock") {
       CAPTURE(now);
       if (event[0] == "message") clock.observe(now, event[2]);
       else if (event[0] == "chunk") clock.observe_chunk(now, event[2]);
+      else if (event[0] == "resumed") clock.resumed(event[2]);
       else {
         const double moment = clock.advance(now);
         near(std::array{moment, clock.delay(now)}, {event[2], event[3]}, 1e-6);

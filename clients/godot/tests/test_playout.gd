@@ -37,6 +37,8 @@ func test_clock(check: Checks) -> void:
 				clock.observe(now, told[2])
 			elif told[0] == "chunk":
 				clock.observe_chunk(now, told[2])
+			elif told[0] == "resumed":
+				clock.resumed(told[2])
 			else:
 				check.near(clock.advance(now), told[2], 1e-6, "%s: moment at %s" % [kind, now])
 				check.near(clock.delay(now), told[3], 1e-6, "%s: delay at %s" % [kind, now])

@@ -48,6 +48,8 @@ class JitterBuffer:
         """Add what has just arrived."""
         now = self._clock()
         self._playout.observe(now, batch.sent_at)
+        if batch.resumed_at is not None:
+            self._playout.resumed(batch.resumed_at)
         for agent in batch.removed:
             gone = self._members.pop(agent.agent_id, None)
             self._underruns += gone.track.underruns if gone else 0

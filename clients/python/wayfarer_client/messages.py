@@ -254,6 +254,7 @@ class Batch:
     removed: tuple[Agent, ...] = ()  # agents that were deleted
     events: tuple[Event, ...] = ()
     resume_token: str = ""  # says that all up to here has been received
+    resumed_at: float | None = None  # server time of the last reconnection's header; None: none yet
 
     def __iter__(self) -> Iterator[Frames]:
         """Iterate over the frames."""

@@ -57,6 +57,7 @@ class PlayoutClock:
         self._earliness = _WindowLeast(LATENESS_WINDOW)  # of each chunk; negative when late
         self._offset: float | None = None
         self._playhead: float | None = None
+        self._caught_up_at = -np.inf  # server time at which the stream was resumed last
         self._last = 0.0
 
     def observe(self, now: float, sent_at: float) -> None:
@@ -68,7 +69,15 @@ class PlayoutClock:
 
     def observe_chunk(self, now: float, scheduled_at: float) -> None:
         """Note a chunk that came at local `now`, whose first frame is for `scheduled_at`."""
-        self._earliness.add(now, scheduled_at - self.server_time(now))
+        if scheduled_at >= self._caught_up_at:
+            self._earliness.add(now, scheduled_at - self.server_time(now))
+
+    def resumed(self, sent_at: float) -> None:
+        """Note that a connection was made again; its header was sent at server time `sent_at`.
+
+        Chunks for earlier times were missed meanwhile: their lateness says nothing of the next.
+        """
+        self._caught_up_at = sent_at
 
     def server_time(self, now: float) -> float:
         """The server's clock at local `now`, as if the fastest message had taken no time."""

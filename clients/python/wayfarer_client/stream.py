@@ -123,7 +123,7 @@ def read(message: motion_pb2.StreamMotionResponse, reader: BatchReader) -> Batch
     """The batch or event of a message; None for other signs of life."""
     sent_at = message.sent_at_us / 1e6
     if message.HasField("header"):
-        reader.begin(message.header)
+        reader.begin(message.header, sent_at)
     elif reader.info is None:
         raise WayfarerError("the server sent motion before its header")
     elif message.HasField("batch"):

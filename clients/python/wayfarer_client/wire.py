@@ -35,9 +35,12 @@ class BatchReader:
         self.info: StreamInfo | None = None
         self.agents: dict[int, Agent] = {}  # by alias
         self._layout = layout
+        self._resumed_at: float | None = None
 
-    def begin(self, header: motion_pb2.StreamHeader) -> StreamInfo:
+    def begin(self, header: motion_pb2.StreamHeader, sent_at: float = 0.0) -> StreamInfo:
         """Read the header. Raises WayfarerError when the poses cannot be read."""
+        if self.info is not None:
+            self._resumed_at = sent_at
         self._layout = PoseLayout(header)
         self.info = info_from_wire(header, self._layout)
         if not self.info.resumed:
@@ -52,7 +55,14 @@ class BatchReader:
         frames = tuple(self._frames(message.chunks))
         gone = [self.agents.pop(alias, None) for alias in message.removed]
         removed = tuple(agent for agent in gone if agent is not None)
-        return Batch(sent_at, frames, fresh, removed, resume_token=message.resume_token)
+        return Batch(
+            sent_at,
+            frames,
+            fresh,
+            removed,
+            resume_token=message.resume_token,
+            resumed_at=self._resumed_at,
+        )
 
     def event(self, message: motion_pb2.Event) -> Event:
         """Read an event."""

@@ -23,6 +23,7 @@ for (const [kind, events] of Object.entries(playout.clock)) {
     for (const [what, now, ...rest] of events) {
       if (what === "message") clock.observe(now, rest[0]);
       else if (what === "chunk") clock.observeChunk(now, rest[0]);
+      else if (what === "resumed") clock.resumed(rest[0]);
       else near([clock.advance(now), clock.delay(now)], rest, 1e-6, `at ${now}`);
     }
   });

@@ -83,7 +83,6 @@ class MotionPlayer {
   PlayerStats stats_;
   std::size_t gone_underruns_ = 0;
   bool begun_ = false;
-  double caught_up_at_ = -std::numeric_limits<double>::infinity();  // server time of a resumption
   double moment_ = std::numeric_limits<double>::quiet_NaN();
 };
 

@@ -35,6 +35,9 @@ class PlayoutClock {
   void observe(double now, double sent_at);
   /// Note a chunk that came at local `now`, whose first frame is for `scheduled_at`.
   void observe_chunk(double now, double scheduled_at);
+  /// Note that a connection was made again; its header was sent at server time `sent_at`. Chunks for earlier times were
+  /// missed meanwhile: their lateness says nothing of the next.
+  void resumed(double sent_at) { caught_up_at_ = sent_at; }
   /// The server's clock at local `now`, as if the fastest message had taken no time.
   double server_time(double now) const { return known(offset_) ? now - offset_ : now; }
   /// Delay to aim at.
@@ -50,7 +53,7 @@ class PlayoutClock {
 
   WindowLeast transit_{30};    // local - server time of each message
   WindowLeast earliness_{20};  // of each chunk; negative when late
-  double offset_ = NONE, playhead_ = NONE, last_ = 0;
+  double offset_ = NONE, playhead_ = NONE, last_ = 0, caught_up_at_ = NONE;
 };
 
 /// The frames of one agent, and its pose at moments that never go back.

@@ -53,7 +53,6 @@ namespace Wayfarer
         private float[] unpacked = new float[0];
         private int goneUnderruns;
         private bool begun;
-        private double caughtUpAt = double.NegativeInfinity; // server time at which the stream was resumed
 
         /// <summary>A stream begins; true: again, after a lost connection.</summary>
         public event Action<Header, bool> HeaderReceived;
@@ -169,7 +168,6 @@ namespace Wayfarer
                 Remove(agents[agents.Count - 1].Agent.Alias);
             }
             Clock = new PlayoutClock();
-            caughtUpAt = double.NegativeInfinity;
         }
 
         /// <summary>Forget an agent.</summary>
@@ -194,7 +192,7 @@ namespace Wayfarer
             decoder.CheckFrames(Header); // an unknown encoding is told at once
             if (again)
             {
-                caughtUpAt = decoder.SentAt; // what was missed meanwhile is late for once, and says nothing of the next
+                Clock.Resumed(decoder.SentAt);
             }
             HeaderReceived?.Invoke(Header, again);
         }
@@ -248,10 +246,7 @@ namespace Wayfarer
             {
                 return; // removed here, its last chunks still on the way
             }
-            if (chunk.ScheduledAt >= caughtUpAt)
-            {
-                Clock.ObserveChunk(now, chunk.ScheduledAt);
-            }
+            Clock.ObserveChunk(now, chunk.ScheduledAt);
             if (unpacked.Length < chunk.Frames * width)
             {
                 unpacked = new float[2 * chunk.Frames * width];

@@ -22,6 +22,7 @@ namespace Wayfarer
         private double offset = double.NaN; // the last known least transit
         private double playhead = double.NaN;
         private double last;
+        private double caughtUpAt = double.NaN; // server time at which the stream was resumed last
 
         /// <summary>Note a message that came at local <paramref name="now"/>, sent at server time.</summary>
         public void Observe(double now, double sentAt)
@@ -37,7 +38,19 @@ namespace Wayfarer
         /// <summary>Note a chunk that came at local <paramref name="now"/>, whose first frame is for a time.</summary>
         public void ObserveChunk(double now, double scheduledAt)
         {
-            earliness.Add(now, scheduledAt - ServerTime(now));
+            if (!(scheduledAt < caughtUpAt))
+            {
+                earliness.Add(now, scheduledAt - ServerTime(now));
+            }
+        }
+
+        /// <summary>
+        /// Note that a connection was made again; its header was sent at server time <paramref name="sentAt"/>. Chunks for
+        /// earlier times were missed meanwhile: their lateness says nothing of the next.
+        /// </summary>
+        public void Resumed(double sentAt)
+        {
+            caughtUpAt = sentAt;
         }
 
         /// <summary>The server's clock at local <paramref name="now"/>, as if the fastest message had taken no time.</summary>

@@ -31,6 +31,7 @@ namespace Wayfarer.Tests
                 {
                     case "message": clock.Observe(now, (double)told[2]); break;
                     case "chunk": clock.ObserveChunk(now, (double)told[2]); break;
+                    case "resumed": clock.Resumed((double)told[2]); break;
                     default:
                         Golden.Near(clock.Advance(now), (double)told[2], 1e-6, "moment at " + now);
                         Golden.Near(clock.Delay(now), (double)told[3], 1e-6, "delay at " + now);

@@ -25,7 +25,7 @@ export class PlayedAgent {
 
 /**
  * What a player tells, all as it comes: `header(header, again)`; `added(played)`, `removed(played)`;
- * `chunk(played, chunk)`, of which `chunk` is one object, filled anew each time; `event(event)`.
+ * `chunk(played, chunk)`, of which `chunk` is one object, overwritten each time; `event(event)`.
  * @typedef {object} PlayerEvents
  * @property {(header: Header, again: boolean) => void} [header]
  * @property {(played: PlayedAgent) => void} [added]
@@ -40,7 +40,6 @@ export class MotionPlayer {
   #unpacked = new Float32Array(0);
   #goneUnderruns = 0;
   #begun = false;
-  #caughtUpAt = Float64Array.of(-Infinity); // server time at which the stream was resumed
   #now = new Float64Array(1); // of the message
 
   /** @param {PlayerEvents} [on] */
@@ -110,7 +109,6 @@ export class MotionPlayer {
   clear() {
     for (const alias of [...this.agents.keys()]) this.remove(alias);
     this.clock = new PlayoutClock();
-    this.#caughtUpAt[0] = -Infinity;
   }
 
   /** Forget an agent. @param {number} alias */
@@ -132,8 +130,7 @@ export class MotionPlayer {
     this.#begun = true;
     this.header = header;
     this.#decoder.checkFrames(header); // an unknown encoding is told at once
-    // what was missed meanwhile is late for once, and says nothing of the next
-    if (again) this.#caughtUpAt[0] = this.#decoder.sentAt;
+    if (again) this.clock.resumed(this.#decoder.sentAt);
     this.on.header?.(header, again);
   }
 
@@ -167,7 +164,7 @@ export class MotionPlayer {
     if (chunk.flags & FLAG.HELD) stats.held += 1;
     const played = this.agents.get(chunk.alias);
     if (!played) return; // removed here, its last chunks still on the way
-    if (chunk.time[0] >= this.#caughtUpAt[0]) this.clock.takeChunk(this.#now, chunk.time);
+    this.clock.takeChunk(this.#now, chunk.time);
     if (this.#unpacked.length < chunk.frames * width) this.#unpacked = new Float32Array(2 * chunk.frames * width);
     unpackPoses(this.#decoder.view, chunk.poses, chunk.frames, header.encoding, header.bones.length, this.#unpacked);
     played.track.take(chunk.time, header.sentFps, this.#unpacked, chunk.frames, this.#decoder.bytes, chunk.contacts);

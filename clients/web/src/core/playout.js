@@ -68,13 +68,13 @@ class WindowLeast {
   }
 }
 
-const NOW = 0, OFFSET = 1, PLAYHEAD = 2, LAST = 3, WANTED = 4, AT = 5;
+const NOW = 0, OFFSET = 1, PLAYHEAD = 2, LAST = 3, WANTED = 4, AT = 5, CAUGHT_UP = 6;
 
 /** Which moment of the stream (server time) to show now, for all agents alike. */
 export class PlayoutClock {
   #transit = new WindowLeast(OFFSET_WINDOW); // local - server time of each message
   #earliness = new WindowLeast(LATENESS_WINDOW); // of each chunk, negative when late
-  #numbers = new Float64Array(6).fill(NaN); // OFFSET: the last known least transit
+  #numbers = new Float64Array(7).fill(NaN); // OFFSET: the last known least transit; CAUGHT_UP: when it was resumed
 
   /**
    * Note a message that came at local `now`, sent at server time `sentAt`.
@@ -101,6 +101,15 @@ export class PlayoutClock {
     this.#numbers[NOW] = now[0];
     this.#numbers[AT] = scheduledAt[0];
     this.#observeChunk();
+  }
+
+  /**
+   * Note that a connection was made again; its header was sent at server time `sentAt`. Chunks for earlier times were
+   * missed meanwhile: their lateness says nothing of the next.
+   * @param {number} sentAt
+   */
+  resumed(sentAt) {
+    this.#numbers[CAUGHT_UP] = sentAt;
   }
 
   /** The server's clock at local `now`, as if the fastest message had taken no time. @param {number} now */
@@ -133,6 +142,7 @@ export class PlayoutClock {
 
   #observeChunk() {
     const numbers = this.#numbers;
+    if (numbers[AT] < numbers[CAUGHT_UP]) return;
     const offset = numbers[OFFSET] === numbers[OFFSET] ? numbers[OFFSET] : 0;
     this.#earliness.given[0] = numbers[NOW];
     this.#earliness.given[1] = numbers[AT] - (numbers[NOW] - offset);

@@ -37,7 +37,6 @@ var stats := {
 var _decoder := WayfarerStreamDecoder.new()
 var _gone_underruns := 0
 var _begun := false
-var _caught_up_at := -INF  # server time at which the stream was resumed
 
 
 ## What to ask the next stream to go on from; "" at first.
@@ -102,7 +101,6 @@ func clear() -> void:
 	for alias: int in agents.keys():
 		remove(alias)
 	clock = WayfarerPlayoutClock.new()
-	_caught_up_at = -INF
 
 
 ## Forget an agent.
@@ -123,8 +121,7 @@ func _take_header() -> void:
 	if error != "":
 		return
 	if again:
-		# what was missed meanwhile is late for once, and says nothing of the next
-		_caught_up_at = _decoder.sent_at
+		clock.resumed(_decoder.sent_at)
 	header_received.emit(header, again)
 
 
@@ -157,8 +154,7 @@ func _take_chunk(chunk: WayfarerStreamDecoder.Chunk, bones: int, now: float) -> 
 	var played: PlayedAgent = agents.get(chunk.alias)
 	if played == null:
 		return  # removed here, its last chunks still on the way
-	if chunk.scheduled_at >= _caught_up_at:
-		clock.observe_chunk(now, chunk.scheduled_at)
+	clock.observe_chunk(now, chunk.scheduled_at)
 	var bytes := _decoder.bytes()
 	var poses := WayfarerPoses.unpack(bytes, chunk.poses, chunk.frames, header.encoding, bones)
 	played.track.push(chunk.scheduled_at, header.sent_fps, poses, bytes, chunk.contacts)

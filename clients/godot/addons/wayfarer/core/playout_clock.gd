@@ -42,6 +42,7 @@ var _earliness := WindowLeast.new(LATENESS_WINDOW)  # of each chunk, negative wh
 var _offset := NAN  # the last known least transit
 var _playhead := NAN
 var _last := 0.0
+var _caught_up_at := -INF  # server time at which the stream was resumed last
 
 
 ## Note a message that came at local `now`, sent at server time `sent_at`.
@@ -54,7 +55,14 @@ func observe(now: float, sent_at: float) -> void:
 
 ## Note a chunk that came at local `now`, whose first frame is for `scheduled_at`.
 func observe_chunk(now: float, scheduled_at: float) -> void:
-	_earliness.add(now, scheduled_at - server_time(now))
+	if scheduled_at >= _caught_up_at:
+		_earliness.add(now, scheduled_at - server_time(now))
+
+
+## Note that a connection was made again; its header was sent at server time `sent_at`. Chunks for
+## earlier times were missed meanwhile: their lateness says nothing of the next.
+func resumed(sent_at: float) -> void:
+	_caught_up_at = sent_at
 
 
 ## The server's clock at local `now`, as if the fastest message had taken no time.
