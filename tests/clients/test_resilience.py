@@ -32,6 +32,7 @@ async def test_a_lost_stream_goes_on_where_it_was(server, client):
     assert asked[2].format.encoding == motion_pb2.POSE_ENCODING_SMALLEST_THREE
     assert (asked[2].format.fps, asked[2].slow_reader) == (20, motion_pb2.SLOW_READER_HOLD)
     assert stream.reconnections == 2 and stream.resume_token == "t3"
+    assert [found.resumed_at is None for found in batches] == [True, True, False, False]
     assert stream.info.resumed and stream.info.bones == ("pelvis", "left_hip")
 
 
