@@ -188,6 +188,12 @@ def test_people_are_drawn_from_their_seeds_as_on_the_server(tmp_path):
     assert ready == sets_off(seeds, chunk, 3).tolist()
 
 
+def test_a_model_that_fails_is_told(exported):
+    """People who are not moved any more do not stand there as if nothing had happened."""
+    said = json.loads(node("local_failure.js", exported))
+    assert said == [{"kind": "failed", "reason": "the graph cannot be run"}]
+
+
 class _Quiet(SimpleHTTPRequestHandler):
     def log_message(self, *_: object) -> None:
         pass

@@ -403,7 +403,7 @@ repaired. `clients/cpp/examples/offline.cpp` in Wayfarer's repository is the rul
 - **Unreal** (NNE): enable NNERuntimeORT, import the .onnx as `UNNEModelData`, `CreateModelCPU`,
   `SetInputTensorShapes`, `RunSync`. Places are 100 (y, x, z) in Unreal, which makes +X the front,
   and quaternions are (−y, −x, −z, w).
-- **C, C++, C#, Rust**: ONNX Runtime 1.11 or newer.
+- **C, C++, C#, Rust**: ONNX Runtime 1.11 or newer; 1.15.0 and 1.32.0 were tried.
 
 Operators: {operators}.
 """

@@ -19,7 +19,8 @@ export async function openExport(read, ort) {
   const sessions = new Map();
   for (const gender of genders) {
     const graph = new Uint8Array(await read(`step_${gender}.onnx`));
-    const options = { executionProviders: ["wasm"], externalData: shared };
+    // higher levels take half as long again to open, and the step is no faster
+    const options = { executionProviders: ["wasm"], graphOptimizationLevel: "basic", externalData: shared };
     sessions.set(gender, await ort.InferenceSession.create(graph, options));
   }
   return {

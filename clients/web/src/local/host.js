@@ -13,7 +13,8 @@ const STANDING = 0, FLAG_ARRIVED = 4;
  * @typedef {{ kind: "chunk", alias: number, seq: number, at: number, goalRevision: number, state: string, flags: number, waypoint: number, frames: Float32Array, contacts: Uint8Array }} ChunkMessage
  */
 /** @typedef {{ kind: "event", event: { kind: string, agentId: string, alias: number, at: number, goalRevision: number, waypoint: number, detail: string } }} EventMessage */
-/** @typedef {ChunkMessage | EventMessage} HostMessage */
+/** Nobody is moved any more. @typedef {{ kind: "failed", reason: string }} FailedMessage */
+/** @typedef {ChunkMessage | EventMessage | FailedMessage} HostMessage */
 /** Where somebody walks about: the core's frame. @typedef {{ x: number, y: number, radius: number, speed?: number }} Area */
 
 /** Seconds of a clock that pages and their workers share. */
@@ -114,7 +115,16 @@ export class LocalHost {
     if (this.#closed || this.#running) return;
     clearTimeout(this.#timer);
     const wait = (this.world.nextEvent - this.#frame()) / FPS;
-    if (wait < Infinity) this.#timer = setTimeout(() => this.#tick(), Math.max(0, 1000 * wait));
+    if (wait < Infinity) this.#timer = setTimeout(() => this.#go(), Math.max(0, 1000 * wait));
+  }
+
+  async #go() {
+    try {
+      await this.#tick();
+    } catch (error) {
+      this.close();
+      this.tell({ kind: "failed", reason: String(/** @type {Error} */ (error).message) });
+    }
   }
 
   async #tick() {

@@ -15,7 +15,7 @@ const FARTHEST = 10_000; // metres
 /**
  * `model`: address of a folder that `wayfarer export --for web` has written, with a final slash. `runtime`: address of
  * `ort.wasm.min.mjs` of the package onnxruntime-web, whose .wasm lies beside it. `on`: what a stream's player tells,
- * `loaded(bytes)` while files come, and `failed(reason)` when the worker dies.
+ * `loaded(bytes)` while files come, and `failed(reason)` when nobody can be moved any more.
  * @typedef {object} LocalOptions
  * @property {string | URL} model @property {string | URL} runtime
  * @property {import("../core/player.js").PlayerEvents & { loaded?: (bytes: number) => void, failed?: (reason: string) => void }} [on]
@@ -129,6 +129,7 @@ export class LocalSession {
     if (message.kind === "chunk") this.#chunk(message);
     else if (message.kind === "event") this.on.event?.(message.event);
     else if (message.kind === "loaded") this.on.loaded?.(message.bytes);
+    else if (message.kind === "failed") this.#died(message.reason);
     else {
       const call = this.#calls.get(message.id);
       this.#calls.delete(message.id);

@@ -1,0 +1,16 @@
+// What a local session tells when its model fails, as JSON. node test/local_failure.js EXPORT
+
+import { readFile } from "node:fs/promises";
+import { pathToFileURL } from "node:url";
+import { LocalHost } from "../src/local/host.js";
+
+const folder = `${pathToFileURL(process.argv[2]).href}/`;
+const about = JSON.parse(await readFile(new URL("wayfarer.json", folder), "utf8"));
+const { buffer, byteOffset, byteLength } = await readFile(new URL("body_female.bin", folder));
+const bodies = { female: buffer.slice(byteOffset, byteOffset + byteLength) };
+const told = [];
+const run = async () => { throw new Error("the graph cannot be run"); };
+const host = new LocalHost({ about, bodies, run }, (message) => told.push(message));
+host.add({ gender: "female", betas: new Array(10).fill(0), x: 0, y: 0, heading: 0, seed: 1n, footLock: true });
+await new Promise((done) => setTimeout(done, 1000));
+console.log(JSON.stringify(told));
