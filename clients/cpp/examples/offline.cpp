@@ -229,7 +229,8 @@ void decide(const Model& model, Person& person, const Goal& goal) {
   person.slow_for = counts ? person.slow_for + model.about.at("step_seconds").get<double>() : 0;
   const bool still = person.mode == STOPPING && person.slow_for >= constant("slow_seconds") - 1e-3;
   const bool rests = still || stood || turning || (walking && slow_now);
-  const bool far = distance > braking && !(person.arrived && slow_now);
+  const bool paused = walking && person.speed < constant("pausing") * std::min(goal.speed, constant("slowest"));
+  const bool far = distance > braking && !(person.arrived && (slow_now || paused));
   const bool reverses = !person.arrived && far &&
                         angle(person.facing(), direction) > constant(turning ? "abeam" : "behind");
   const bool about = reverses && (rests || slow_now);

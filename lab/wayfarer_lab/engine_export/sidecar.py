@@ -89,6 +89,7 @@ STEERING: Final[Mapping[str, tuple[str, str]]] = {
     "coasting_seconds": ("s", "without a goal a person comes to rest in this * speed"),
     "sharp": ("rad", "a path that turns by more is passed at corner_speed"),
     "corner_speed": ("m/s", "see sharp"),
+    "pausing": ("1", "share of the asked speed below which a walker at its goal stops there"),
     "slow": ("m/s", "below this a person counts as slow"),
     "slow_seconds": ("s", "who has been slow for this long while STOPPING is STANDING"),
     "resume_margin": ("m", "stopped or pushed this far outside the radius: walk again"),
@@ -335,7 +336,8 @@ before each step
     slow_for = slow_for + 0.2 if STANDING or (STOPPING and slow_now) else 0
     still = STOPPING and slow_for >= slow_seconds
     rests = still or STANDING or TURNING or (WALKING and slow_now)
-    far = distance > braking and not (arrived and slow_now)
+    paused = WALKING and speed < pausing * min(wished, slowest)
+    far = distance > braking and not (arrived and (slow_now or paused))
     reverses = not arrived and far and
                angle(facing_of_hips, direction) > (abeam if TURNING else behind)
     about = reverses and (rests or slow_now)

@@ -5,12 +5,15 @@ import { multiply, relative } from "../core/quaternions.js";
 
 const FRAMES = 8, SEED = 2, TURN = 88, JOINTS = 22;
 const DEGREE = Math.PI / 180;
-const KNEES = [4, 5], SPINE = [3, 6, 9];
+const KNEES = [4, 5], ANKLES = [7, 8], SPINE = [3, 6, 9], ARMS = [16, 17, 18, 19, 20, 21];
 const KNEE = [-5 * DEGREE, 150 * DEGREE];
+const SIDEWAYS = Math.sin(15 * DEGREE) ** 2; // of half the angle that a knee is turned by beside its bend, squared
+const ANKLE = 35 * DEGREE; // half the angle that an ankle is turned by at most
+const ARM_MOST = 60 * DEGREE; // that a joint of an arm turns by while a body gets up
 const FELL = Math.cos(32 * DEGREE);
 const FOLDED = 0.76;
 // degrees per frame by which the turning of a joint may change from frame to frame, in the order of BONES
-const JERK = [Infinity, 5, 5, 5, 9, 9, 5, 25, 25, 5, 40, 40, 12, 7, 7, 15, 8, 8, 15, 15, 25, 25];
+const JERK = [Infinity, 5, 5, 5, 7, 7, 5, 25, 25, 5, 40, 40, 12, 7, 7, 15, 8, 8, 15, 15, 25, 25];
 const LIMITS = JERK.map((degrees) => ((degrees * DEGREE) / 2) ** 2);
 
 /** @typedef {import("./planting.js").Seed} Seed */
@@ -20,11 +23,13 @@ const LIMITS = JERK.map((degrees) => ((degrees * DEGREE) / 2) ** 2);
  * @param {Seed} seed @param {Float64Array} rotations @param {import("./legs.js").Legs} legs
  */
 export function smoothed(seed, rotations, legs) {
-  let result = bendable(rotations, legs);
+  let result = turnable(bendable(rotations, legs));
   const path = new Float64Array((SEED + FRAMES) * 4);
   for (let joint = 1; joint < JOINTS; joint += 1) {
     for (let t = 0; t < SEED; t += 1) copyTurn(seed.rotations, TURN * t + 4 * joint, path, 4 * t);
     for (let t = 0; t < FRAMES; t += 1) copyTurn(result, TURN * t + 4 * joint, path, 4 * (SEED + t));
+    if (!(worstJerk(path) > LIMITS[joint])) continue;
+    alike(path);
     const jerk = worstJerk(path);
     if (!(jerk > LIMITS[joint])) continue;
     const smooth = smoothest(path);
@@ -51,6 +56,15 @@ function worstJerk(path) {
   return worst;
 }
 
+/** Choose signs so that turns are near to each other: both of a quaternion mean the same turn. @param {Float64Array} path */
+function alike(path) {
+  for (let at = 4; at < path.length; at += 4) {
+    let dot = 0;
+    for (let n = 0; n < 4; n += 1) dot += path[at + n] * path[at - 4 + n];
+    if (dot < 0) for (let n = 0; n < 4; n += 1) path[at + n] *= -1;
+  }
+}
+
 /** The path with its new frames on the cubic that begins and ends as fast as it does. @param {Float64Array} path */
 function smoothest(path) {
   const last = path.length - 4, turn = new Float64Array(4), out = path.slice();
@@ -68,11 +82,16 @@ function smoothest(path) {
     const t = k / FRAMES;
     const way = whole.map((w, n) => w * (3 * t ** 2 - 2 * t ** 3) + FRAMES * into[n] * (t - 2 * t ** 2 + t ** 3)
       + FRAMES * leaving[n] * (t ** 3 - t ** 2));
-    const angle = Math.max(Math.hypot(...way), 1e-12), sine = Math.sin(angle / 2) / angle;
-    turn.set([way[0] * sine, way[1] * sine, way[2] * sine, Math.cos(angle / 2)]);
+    turnOf(way, turn);
     multiply(path, 4, turn, 0, out, 4 * (k + 1));
   }
   return out;
+}
+
+/** The rotation about a vector by as many radians as it is long. @param {number[]} vector @param {Float64Array} out */
+function turnOf(vector, out) {
+  const angle = Math.max(Math.hypot(...vector), 1e-12), sine = Math.sin(angle / 2) / angle;
+  out.set([vector[0] * sine, vector[1] * sine, vector[2] * sine, Math.cos(angle / 2)]);
 }
 
 /** Axis times angle, the shorter way round. @param {Float64Array} q */
@@ -86,14 +105,39 @@ function vectorOf(q) {
 /** The same with knees bent as knees bend. @param {Float64Array} rotations @param {import("./legs.js").Legs} legs */
 function bendable(rotations, legs) {
   let result = rotations;
+  const knee = new Float64Array(4);
   for (let t = 0; t < FRAMES; t += 1) {
     for (let side = 0; side < 2; side += 1) {
       const at = TURN * t + 4 * KNEES[side];
-      const bend = flexion(rotations, at, legs.ankle, 3 * side);
+      copyTurn(rotations, at, knee, 0);
+      const beside = knee[1] ** 2 + knee[2] ** 2, twisted = beside > SIDEWAYS;
+      if (twisted) {
+        const less = Math.sqrt(SIDEWAYS / Math.max(beside, 1e-12));
+        const more = Math.sqrt((1 - less * less * beside) / Math.max(1 - beside, 1e-6));
+        knee.set([more * knee[0], less * knee[1], less * knee[2], more * knee[3]]);
+      }
+      const bend = flexion(knee, 0, legs.ankle, 3 * side);
       const excess = bend - Math.min(Math.max(bend, KNEE[0]), KNEE[1]);
-      if (excess === 0) continue;
+      if (!twisted && excess === 0) continue;
       if (result === rotations) result = rotations.slice();
-      multiply(Float64Array.of(Math.sin(excess / 2), 0, 0, Math.cos(excess / 2)), 0, rotations, at, result, at);
+      if (excess !== 0) multiply(Float64Array.of(Math.sin(excess / 2), 0, 0, Math.cos(excess / 2)), 0, knee, 0, knee, 0);
+      copyTurn(knee, 0, result, at);
+    }
+  }
+  return result;
+}
+
+/** The same with ankles turned as far as ankles turn. @param {Float64Array} rotations */
+function turnable(rotations) {
+  let result = rotations;
+  for (let t = 0; t < FRAMES; t += 1) {
+    for (const joint of ANKLES) {
+      const at = TURN * t + 4 * joint, scalar = rotations[at + 3];
+      if (Math.abs(scalar) >= Math.cos(ANKLE)) continue;
+      if (result === rotations) result = rotations.slice();
+      const share = ((scalar < 0 ? -1 : 1) * Math.sin(ANKLE)) / Math.sqrt(Math.max(1 - scalar ** 2, 1e-12));
+      for (let n = 0; n < 3; n += 1) result[at + n] = rotations[at + n] * share;
+      result[at + 3] = Math.cos(ANKLE);
     }
   }
   return result;
@@ -131,26 +175,36 @@ export function broken(start, translation, all) {
   return false;
 }
 
-/** Frames from the end of a seed to a stand. @param {Seed} seed @param {Seed} stand */
+/**
+ * Frames from the end of a seed to a stand. Arms that have far to go get there with the next step: the stand is changed
+ * to show them where they have come to. @param {Seed} seed @param {Seed} stand
+ */
 export function gotUp(seed, stand) {
   const translation = new Float64Array(3 * FRAMES), rotations = new Float64Array(TURN * FRAMES);
-  for (let t = 0; t < FRAMES; t += 1) {
-    const share = 0.5 - 0.5 * Math.cos((Math.PI * (t + 1)) / FRAMES);
+  for (let f = 0; f < FRAMES; f += 1) {
+    const t = (f + 1) / FRAMES;
     for (let k = 0; k < 3; k += 1) {
-      translation[3 * t + k] = seed.translation[3 + k] + share * (stand.translation[3 + k] - seed.translation[3 + k]);
+      const start = seed.translation[3 + k], speed = start - seed.translation[k];
+      translation[3 * f + k] = start + (3 * t ** 2 - 2 * t ** 3) * (stand.translation[3 + k] - start)
+        + FRAMES * (t - 2 * t ** 2 + t ** 3) * speed;
     }
-    for (let j = 0; j < TURN; j += 4) {
-      const [p, q] = [TURN + j, TURN * t + j];
-      let dot = 0, length = 0;
-      for (let n = 0; n < 4; n += 1) dot += seed.rotations[p + n] * stand.rotations[p + n];
-      const near = dot < 0 ? -1 : 1;
-      for (let n = 0; n < 4; n += 1) {
-        const before = seed.rotations[p + n];
-        rotations[q + n] = before + share * (near * stand.rotations[p + n] - before);
-        length += rotations[q + n] ** 2;
-      }
-      for (let n = 0; n < 4; n += 1) rotations[q + n] /= Math.sqrt(length);
-    }
+  }
+  const path = new Float64Array((SEED + FRAMES) * 4), end = new Float64Array(4), last = new Float64Array(4);
+  for (let joint = 0; joint < JOINTS; joint += 1) {
+    const at = 4 * joint;
+    for (let t = 0; t < SEED; t += 1) copyTurn(seed.rotations, TURN * t + at, path, 4 * t);
+    copyTurn(stand.rotations, TURN + at, end, 0);
+    copyTurn(seed.rotations, TURN + at, last, 0);
+    relative(last, 0, end, 0, end, 0);
+    let way = vectorOf(end);
+    if (ARMS.includes(joint)) way = way.map((n) => n * Math.min(1, ARM_MOST / Math.max(Math.hypot(...way), 1e-9)));
+    turnOf(way, end);
+    multiply(last, 0, end, 0, end, 0);
+    for (let t = 0; t < FRAMES; t += 1) copyTurn(end, 0, path, 4 * (SEED + t));
+    const smooth = smoothest(path);
+    for (let t = 0; t < FRAMES; t += 1) copyTurn(smooth, 4 * (SEED + t), rotations, TURN * t + at);
+    if (!ARMS.includes(joint)) continue;
+    for (let t = 0; t < SEED; t += 1) stand.rotations.set(rotations.subarray(TURN * (FRAMES - 1) + at, TURN * (FRAMES - 1) + at + 4), TURN * t + at);
   }
   return { translation, rotations };
 }

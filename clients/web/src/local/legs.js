@@ -6,7 +6,7 @@ import { multiply, relative, rotate } from "../core/quaternions.js";
 const TURN = 88;
 export const FRAMES = 8, SOLES = 4;
 const HIPS = [1, 2], KNEES = [4, 5], ANKLES = [7, 8], BALLS = [10, 11];
-const STRETCH = 0.999, FOLD = 0.3, TINY = 1e-9, STRAIGHT = 0.05;
+const STRETCH = 0.999, FOLD = 0.3, TINY = 1e-9, STRAIGHT = 0.25;
 
 /**
  * Both legs in the T-pose: each joint seen from the one above it, [2, 3]; sole markers as ankle and ball have them,
@@ -143,7 +143,11 @@ export function moveAnkle(pose, t, side, shift, turn, rotations) {
   for (let n = 0; n < 3; n += 1) axis[n] = plane[n] + share * side3[n];
   const norm = Math.max(Math.hypot(axis[0], axis[1], axis[2]), 1e-12);
   let inner = kneeAngle(upper, lower, before);
-  if (forward < 0) inner = 2 * Math.PI - inner;
+  if (forward < 0) { // beyond straight; of a knee that is bent sideways what is about the axis counts
+    const dot = plane[0] * axis[0] + plane[1] * axis[1] + plane[2] * axis[2];
+    const about = dot / norm / Math.max(Math.hypot(plane[0], plane[1], plane[2]), TINY);
+    inner = Math.PI - about * (Math.PI - inner);
+  }
   const half = 0.5 * (inner - kneeAngle(upper, lower, after)), sine = Math.sin(half) / norm;
   bend.set([axis[0] * sine, axis[1] * sine, axis[2] * sine, Math.cos(half)]);
   unit(bend);

@@ -2,10 +2,11 @@
 // world/stepping/planting.py and strides.py, for one person. World: metres, Z up.
 
 import { multiply } from "../core/quaternions.js";
-import { STANDING, STEP_SECONDS, STOPPING, STRAFING, bounded } from "./steering.js";
+import { STANDING, STEP_SECONDS, STOPPING, STRAFING, bounded, facingOf } from "./steering.js";
 
 const FRAMES = 8, SEED = 2, TURN = 88; // numbers of a frame's rotations
 const MAX_SHIFT = 0.03, MAX_TURN = (2 * Math.PI) / 180; // of a step
+const AWRY = (1.5 * Math.PI) / 180, BACK = [0.25, (0.7 * Math.PI) / 180]; // off the heading of who stands
 const MAX_STRIDE = 0.06, MAX_TWIST = (6 * Math.PI) / 180; // of a foot of its own
 const STRIDE = 0.05;
 const WIDTH = [0.14, 0.26];
@@ -41,7 +42,14 @@ export function plant(soles, gait, seed, facing, step, carried) {
   const places = gait.planted ? gait.soles : closed(before, facing);
   const way = wayOf(gait.carried, carried);
   const moved = Float64Array.from(places, (value, k) => value + way[2 * (FRAMES - 1) + (k % 2)]);
-  return { gait: { ...gait, planted: true, carried, soles: moved }, ...corrected(step, soles, places, moved, way) };
+  const back = gait.mode === STANDING ? backTo(facingOf(step.rotations, TURN * (FRAMES - 1)), gait.stopFacing) : 0;
+  return { gait: { ...gait, planted: true, carried, soles: moved }, ...corrected(step, soles, places, moved, way, back) };
+}
+
+/** Radians by which a step turns who faces elsewhere back to his heading. @param {Point} facing @param {Point} asked */
+function backTo(facing, asked) {
+  const off = Math.atan2(facing[0] * asked[1] - facing[1] * asked[0], facing[0] * asked[0] + facing[1] * asked[1]);
+  return bounded(BACK[0] * (off - bounded(off, -AWRY, AWRY)), -BACK[1], BACK[1]);
 }
 
 /** Where the next step starts. @param {Step} step @returns {Seed} */
@@ -86,10 +94,11 @@ function closed(soles, facing) {
   });
 }
 
-/** @param {Step} step @param {number[][]} soles @param {Float64Array} places @param {Float64Array} moved @param {Float64Array} way */
-function corrected(step, soles, places, moved, way) {
+/** @param {Step} step @param {number[][]} soles @param {Float64Array} places @param {Float64Array} moved @param {Float64Array} way @param {number} back */
+function corrected(step, soles, places, moved, way, back) {
   const count = step.markers.length / SEED;
   const both = nearest(feet(step.markers, count, soles), places, MAX_SHIFT, MAX_TURN);
+  both.turn += back;
   const translation = step.translation.slice(), rotations = step.rotations.slice();
   const next = endOf(step), markers = step.markers.slice();
   const end = [way[2 * (FRAMES - 1)], way[2 * (FRAMES - 1) + 1]];

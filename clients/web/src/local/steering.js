@@ -81,6 +81,7 @@ export class Steering {
     this.coastingSeconds = read("coasting_seconds");
     this.sharp = read("sharp");
     this.cornerSpeed = read("corner_speed");
+    this.pausing = read("pausing");
     this.slow = read("slow");
     this.slowSeconds = read("slow_seconds");
     this.resumeMargin = read("resume_margin");
@@ -117,7 +118,8 @@ export class Steering {
     const still = stopping && slowSeconds >= this.slowSeconds - 1e-3;
 
     const holds = goal.given && !(goal.through && arrived);
-    const far = distance > braking && !(arrived && isSlow);
+    const paused = mode === WALKING && speed < this.pausing * Math.min(goal.speed, this.slowest);
+    const far = distance > braking && !(arrived && (isSlow || paused));
     const atRest = still || standing || turning || (walking && isSlow);
     const waits = !ready && gait.planted && isSlow && (standing || mode === WALKING);
     const missed = holds && !arrived && !waits;
