@@ -220,7 +220,7 @@ class Backoff:
         self.succeeded()
 
     def succeeded(self) -> None:
-        """Begin anew."""
+        """Begin again with the shortest pause."""
         self._pause = BACKOFF_S[0]
         self._ends_at = _now() + self.deadline
 

@@ -193,7 +193,7 @@ export class Api {
     return this.#call("POST", `${scenePath(sceneId)}/path`, { start, goal });
   }
 
-  /** Let so many people come and walk about in the session's scene. @param {string} sessionId @param {number} count */
+  /** Let a number of people come and walk about in the session's scene. @param {string} sessionId @param {number} count */
   populate(sessionId, count) {
     return this.#call("POST", `/v1/sessions/${encodeURIComponent(sessionId)}/crowd`, { count }, BAKE_SECONDS);
   }

@@ -67,7 +67,7 @@ export class MotionStream {
     this.#socket?.close();
   }
 
-  /** Connect anew, as after a loss: the network is another one, perhaps. While it is waiting to try again: at once. */
+  /** Connect again, as after a loss: the network may have changed. While it is waiting to try again: at once. */
   reconnect() {
     if (this.#socket) this.#socket.close();
     else this.#connect();

@@ -67,7 +67,7 @@ test("a lost connection is opened again, later each time", () => {
   sockets[1].onclose({ code: 4503, reason: "the server is shutting down" });
   assert.equal(run(1), 1);
   assert.equal(sockets.length, 3);
-  sockets[2].say("header"); // success: patience begins anew
+  sockets[2].say("header"); // success: the first wait is short again
   sockets[2].onclose({ code: 1001, reason: "" });
   assert.ok(timers.some(({ seconds }) => seconds === 0.5));
   assert.deepEqual(states(heard), ["connecting", "lost", "connecting", "lost", "connecting", "open", "lost"]);

@@ -69,7 +69,7 @@ func clear_goal(agent_id: String) -> Reply:
 	return await call_server(HTTPClient.METHOD_DELETE, _path("agents", agent_id) + "/goal")
 
 
-## Let so many people come and walk about in the session's scene.
+## Let a number of people come and walk about in the session's scene.
 func populate(session_id: String, count: int) -> Reply:
 	var path := _path("sessions", session_id) + "/crowd"
 	return await call_server(HTTPClient.METHOD_POST, path, {"count": count}, 60.0)

@@ -75,7 +75,7 @@ func close() -> void:
 	_drop()
 
 
-## Connect anew, as after a loss: the network is another one, perhaps.
+## Connect again, as after a loss: the network may have changed.
 func reconnect(reason: String, now: float) -> void:
 	if not closed and _socket != null:
 		_take_loss(-1, reason, now)

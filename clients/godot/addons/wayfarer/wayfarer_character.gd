@@ -20,7 +20,7 @@ const PATIENCE := 0.5  # seconds between two commands that follow the target
 @export var target: Node3D
 ## Metres per second, 0.2 to 4.
 @export_range(0.2, 4.0) var speed := 1.2
-## Without a target: it walks about within so many metres of its first place. 0: it stands.
+## Without a target: it walks about within this many metres of its first place. 0: it stands.
 @export var wander_radius := 0.0
 ## Other nodes than those that are found: canonical bone → name of the skeleton's bone, or "".
 @export var corrections: Dictionary[String, String] = {}

@@ -215,7 +215,7 @@ namespace Wayfarer
             throw new InvalidDataException("malformed message: a number has more than 10 bytes");
         }
 
-        /// <summary>Move past so many bytes; where they begin.</summary>
+        /// <summary>Move past a number of bytes; where they begin.</summary>
         private int Fixed(int size)
         {
             int start = At;

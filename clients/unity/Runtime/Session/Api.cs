@@ -32,7 +32,7 @@ namespace Wayfarer
         /// <param name="server">Its address, as "http://localhost:8080".</param>
         /// <param name="access">Who calls; null: a server that asks for no key.</param>
         /// <param name="http">Sends the calls; null: HttpClient.</param>
-        /// <param name="pause">Waits so many seconds; null: Task.Delay.</param>
+        /// <param name="pause">Waits a number of seconds; null: Task.Delay.</param>
         /// <exception cref="ArgumentException">That is no address of a server.</exception>
         public Api(string server, Access access = null, IHttp http = null, Func<double, Task> pause = null)
         {
@@ -192,7 +192,7 @@ namespace Wayfarer
             return Call("DELETE", Path("scenes", sceneId) + "/obstacles/" + Uri.EscapeDataString(name));
         }
 
-        /// <summary>Let so many people come and walk about in the session's scene.</summary>
+        /// <summary>Let a number of people come and walk about in the session's scene.</summary>
         public async Task<JObject> Populate(string sessionId, int count)
         {
             string path = Path("sessions", sessionId) + "/crowd";

@@ -96,7 +96,7 @@ namespace Wayfarer
             Drop();
         }
 
-        /// <summary>Connect anew, as after a loss: the network is another one, perhaps.</summary>
+        /// <summary>Connect again, as after a loss: the network may have changed.</summary>
         public void Reconnect(string reason, double now)
         {
             if (Closed || socket == null)

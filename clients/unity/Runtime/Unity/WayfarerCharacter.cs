@@ -33,7 +33,7 @@ namespace Wayfarer
         [Tooltip("Metres per second, 0.2 to 4.")]
         public float speed = 1.2f;
 
-        [Tooltip("Without a target: it walks about within so many metres of its first place. 0: it stands.")]
+        [Tooltip("Without a target: it walks about within this many metres of its first place. 0: it stands.")]
         public float wanderRadius;
 
         [Tooltip("Move this object along, without the sway of the hips: for colliders, cameras, culling.")]

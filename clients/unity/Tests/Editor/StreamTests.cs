@@ -59,7 +59,7 @@ namespace Wayfarer.Tests
             Assert.AreEqual(2, sockets.Count);
             stream.Update(3);
             Assert.AreEqual(3, sockets.Count);
-            sockets[2].Say("header"); // success: patience begins anew
+            sockets[2].Say("header"); // success: the first wait is short again
             sockets[2].End(1001);
             stream.Update(3.1);
             stream.Update(3.6);

@@ -46,7 +46,7 @@ export const FLAG = Object.freeze({ FIRST: 1, REPLANNED: 2, ARRIVED: 4, GAP: 8, 
  */
 /** @typedef {"" | "header" | "batch" | "heartbeat" | "event"} Kind */
 
-/** A chunk, whose time is in an array: a property would be boxed anew each time. @implements {Chunk} */
+/** A chunk, whose time is in an array: a property would be boxed each time. @implements {Chunk} */
 class ChunkRow {
   alias = 0; seq = 0; firstFrame = 0; scheduledAt = 0; goalRevision = 0; state = ""; flags = 0; waypoint = 0;
   candidates = 0; frames = 0; poses = 0; contacts = 0;
@@ -134,7 +134,7 @@ export class StreamDecoder {
     return this.kind;
   }
 
-  /** Chunk `row` of the batch: one object, filled anew at each call. @param {number} row */
+  /** Chunk `row` of the batch: one object, overwritten by each call. @param {number} row */
   chunk(row) {
     const chunk = this.#chunk, columns = this.#columns;
     chunk.alias = columns.alias.values[row];

@@ -16,8 +16,8 @@ var bones: Dictionary[String, int] = {}
 var found_by := ""
 
 
-## The map of a rig. `humanoid`: VRM's names → nodes, or {}; `basis`: of its space, for its up. Where
-## too little is found, `error` says so; `corrected` may still complete the map.
+## The map of a rig. `humanoid`: VRM's names → nodes, or {}; `basis`: of its space, for its up.
+## Where too little is found, `error` says so; `corrected` may still complete the map.
 static func of(
 	of_rig: WayfarerRig, humanoid: Dictionary = {}, basis: WayfarerBasis = WayfarerBasis.new()
 ) -> WayfarerBoneMap:

@@ -150,7 +150,7 @@ func _raw() -> int:
 	return 0
 
 
-## Move past so many bytes; where they begin, or -1.
+## Move past a number of bytes; where they begin, or -1.
 func _fixed(size: int) -> int:
 	if size < 0 or size > _end - at:
 		fail("a field passes its end")

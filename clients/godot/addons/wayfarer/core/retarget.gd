@@ -10,8 +10,8 @@ const _ARMS: Array[Array] = [[16, 18, 20], [17, 19, 21]]
 const _REACH := 0.999  # of a leg's length: how far it is stretched at most
 ## Of a leg's length: how far hips sink at most for a standing foot to reach its print.
 const _SINKS := 0.018
-## Heights of a sole over the ground by the leg's length: hips sink by all that a foot lacks while it
-## is below the first, by nothing when it is above the second.
+## Heights of a sole over the ground by the leg's length: hips sink by all that a foot lacks while
+## it is below the first, by nothing when it is above the second.
 const _STANDS := 0.02
 const _LEAVES := 0.06
 const _BEND := 0.1  # of the thigh's length: a knee that bends less than this bends forwards
