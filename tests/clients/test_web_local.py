@@ -26,11 +26,14 @@ from wayfarer.model_bundle import DEFAULT_MODEL, START_POSES, load_bodies, load_
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.goal import Goal
-from wayfarer.world.agents.spawn import load_start_poses
+from wayfarer.world.agents.slots import Motion
+from wayfarer.world.agents.spawn import Spawner, load_start_poses
 from wayfarer.world.agents.style import draws, manner, sets_off, stride
 from wayfarer.world.goals.commands import Path as GoalPath
 from wayfarer.world.goals.commands import Stop
 from wayfarer.world.goals.steering import Steering
+from wayfarer.world.output.legs import Legs, measure_legs
+from wayfarer.world.stepping.guards import fallen, got_up, smoothed
 from wayfarer.world.stepping.mirror import is_mirrored
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.world import World
@@ -186,6 +189,59 @@ def test_people_are_drawn_from_their_seeds_as_on_the_server(tmp_path):
     chunk = np.full(len(seeds), 4)
     ready = [(4 + one["reaction"]) % 3 == 0 for one in found]
     assert ready == sets_off(seeds, chunk, 3).tolist()
+
+
+def test_guards_repair_as_the_servers_do(tmp_path):
+    """Steps that no body takes: joints that jump, twisted knees, signs that flip, falls."""
+    rng = np.random.default_rng(3)
+    bodies, poses = load_bodies("anny52"), load_start_poses(START_POSES)
+    stands = [Spawner(bodies, poses).stand(AgentSpec(noise_seed=k)) for k in range(12)]
+    seeds = Motion.join([stands[k] for k in rng.permutation(12)]).seed
+    legs = Legs.join([measure_legs(bodies["female"], np.zeros(10))] * 12)
+    turns = np.repeat(seeds.rotations[:, -1:], 8, axis=1)
+    turns += rng.normal(size=turns.shape).astype(np.float32) * np.linspace(0, 1.2, 12)[
+        :, None, None, None
+    ].astype(np.float32)
+    turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
+    turns[3, 4:] *= -1  # the same turns
+    hips = np.repeat(seeds.translation[:, -1:], 8, axis=1)
+    hips[5, -1, 2] = 0.4
+    target = Motion.join(stands)
+    fell = fallen(hips, turns, legs)
+    repaired = smoothed(seeds, turns, legs)
+    steps = [
+        {
+            "seed": {"translation": seeds.translation[k], "rotations": seeds.rotations[k]},
+            "stand": {
+                "translation": target.seed.translation[k].copy(),
+                "rotations": target.seed.rotations[k].copy(),
+            },
+            "translation": hips[k],
+            "rotations": turns[k],
+        }
+        for k in range(12)
+    ]
+    file = tmp_path / "steps.json"
+    heel = float(legs.sole_of_ankle[0, :, 0, 2].mean())
+    down = float((legs.hip + legs.knee + legs.ankle)[0, :, 2].mean())
+    measured = {"ankle": legs.ankle[0].ravel(), "standing": -down - heel}
+    file.write_text(json.dumps({"legs": measured, "steps": steps}, default=_flat))
+    found = json.loads(node("local_guards.js", file))
+    up = got_up(seeds, target)  # changes the stands' arms
+    assert fell.any() and not fell.all() and (repaired != turns).any()
+    for k, one in enumerate(found):
+        assert one["fallen"] == fell[k]
+        for name, wanted in (
+            ("smoothed", repaired[k]),
+            ("upTranslation", up[0][k]),
+            ("upRotations", up[1][k]),
+            ("stand", target.seed.rotations[k]),
+        ):
+            np.testing.assert_allclose(one[name], wanted.ravel(), atol=2e-4, err_msg=name)
+
+
+def _flat(values: object) -> list[float]:
+    return np.asarray(values).ravel().tolist()
 
 
 def test_a_model_that_fails_is_told(exported):
