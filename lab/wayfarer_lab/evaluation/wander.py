@@ -89,7 +89,8 @@ def wander(
         if is_answer:
             if ChunkFlag.ARRIVED in chunk.flags:
                 reached, ahead[agent] = reached + 1, NOWHERE
-            if chunk.state == AgentState.STANDING:
+            # who has just been sent stands on for a moment, and is not there yet
+            if chunk.state == AgentState.STANDING and ahead[agent] == NOWHERE:
                 revision[agent], since[agent] = 0, now
         if now - since[agent] >= (PATIENCE if revision[agent] else REST):
             goal = _next_goal(world, agent, random)
