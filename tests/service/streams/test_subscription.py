@@ -86,6 +86,29 @@ async def test_publications_far_apart_are_kept_all_the_same():
     assert seqs((await take(queue, 4))[1:]) == [2, 3, 4]
 
 
+async def test_a_reader_that_waits_loses_nothing_when_much_comes_at_once():
+    """The process got no CPU for seconds, and then delivers all of it before the reader runs."""
+    queue = subscription(queue_s=0.5)
+    reading = asyncio.create_task(take(queue, 20))
+    await asyncio.sleep(0)
+    put(queue, map(entry, range(20)))
+    assert seqs(await reading) == list(range(20)) and queue.dropped == 0
+    put(queue, map(entry, range(20, 40)))
+    assert queue.dropped > 0, "bounded when nobody waits"
+
+
+async def test_a_reader_that_waits_for_its_own_playhead_is_bounded():
+    queue = subscription(queue_s=0.5)
+    queue.ack(0, 0.0)
+    reading = asyncio.create_task(take(queue, 40))
+    await asyncio.sleep(0)
+    put(queue, map(entry, range(40)))
+    await asyncio.sleep(0)
+    put(queue, map(entry, range(40, 80)))
+    assert queue.dropped > 0
+    reading.cancel()
+
+
 async def test_a_schedule_that_was_moved_drops_nothing():
     queue = subscription()
     moved = [

@@ -188,7 +188,11 @@ class Subscription:
     # From the motion thread, by way of the event loop
 
     def put(self, entry: QueuedPublication, spare: bool) -> None:
-        """Add a publication; drop the oldest ones beyond the bound, unless `spare`."""
+        """Add a publication; drop the oldest ones beyond the bound, unless `spare`.
+
+        Nothing is dropped for a reader that waits: several publications come at once when this
+        process got no CPU for a while.
+        """
         if self._ended:
             return
         wanted = self._wanted(entry.publication)
@@ -197,7 +201,7 @@ class Subscription:
                 self.taken = entry.motion
             return
         self._waiting.append(QueuedPublication(wanted, entry.motion))
-        if not spare:
+        if not (spare or self._is_awaited()):
             self._keep_to_bound()
         self._meter.queue(self._span())
         self._wake()
@@ -210,6 +214,11 @@ class Subscription:
         self._wake()
 
     # Within
+
+    def _is_awaited(self) -> bool:
+        """The reader waits for what is there: it is not slow, its event loop has not run since."""
+        first = self._waiting[0].publication
+        return self._waiter is not None and first.scheduled_at <= self._horizon
 
     def _span(self) -> float:
         waiting = self._waiting
