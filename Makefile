@@ -1,6 +1,7 @@
-# The same commands on a developer's machine and in CI. One virtual environment (.venv) with three
+# The same commands on a developer's machine and in CI. One virtual environment (.venv) with
 # stamps: .serve holds what the service needs, .lab adds training, evaluation and load tools, .dev tests
-# and the Python client. Versions are those of requirements/, which `make lock` renews.
+# and the Python client; .client and .engines (exports for pages and game engines) are parts of them.
+# Versions are those of requirements/, which `make lock` renews.
 #
 # Knobs:  make serve ARGS="--http-port 9000"     options of `wayfarer serve`
 #         make test  ARGS="-k goals -x"          options of pytest; -n 0: all in one process
@@ -42,7 +43,7 @@ serve: $(VENV)/.serve ## set up and start the server with the shipped models: gR
 
 lab: $(VENV)/.lab ## set up training, evaluation, data preparation and load tools (torch)
 
-demo: $(VENV)/.lab $(WEB)/node_modules/.package-lock.json ## write a static page in which people walk without a server (build/demo)
+demo: $(VENV)/.engines $(WEB)/node_modules/.package-lock.json ## write a static page in which people walk without a server (build/demo)
 	@$(BIN)/python -m wayfarer_lab.demo $(or $(ARGS),build/demo)
 
 test: $(VENV)/.dev ## set up and run all tests
@@ -129,11 +130,16 @@ $(VENV)/.serve: $(PACKAGE) $(PINNED) | $(BIN)/python
 	@touch $@
 
 # Old releases of pip read the first variable for what builds a package, too; newer ones the second.
-$(VENV)/.client $(VENV)/.lab $(VENV)/.dev: export PIP_CONSTRAINT = $(PINS)
-$(VENV)/.client $(VENV)/.lab $(VENV)/.dev: export PIP_BUILD_CONSTRAINT = $(PINS)
+$(VENV)/.client $(VENV)/.engines $(VENV)/.lab $(VENV)/.dev: export PIP_CONSTRAINT = $(PINS)
+$(VENV)/.client $(VENV)/.engines $(VENV)/.lab $(VENV)/.dev: export PIP_BUILD_CONSTRAINT = $(PINS)
 
 $(VENV)/.client: $(VENV)/.serve $(PINS) $(CLIENT)
 	@$(BIN)/pip install --quiet --editable clients/python
+	@touch $@
+
+$(VENV)/.engines: $(VENV)/.serve $(PINS) lab/pyproject.toml
+	@echo "installing what exports models into $(VENV) (once; without torch)"
+	@$(BIN)/pip install --quiet --editable './lab[engines]'
 	@touch $@
 
 $(VENV)/.lab: $(VENV)/.serve $(PINS) lab/pyproject.toml
