@@ -127,8 +127,10 @@ export class Stage {
   approach() {
     const { x, z } = this.controls.target;
     const tall = this.camera.aspect < 1;
-    this.#move(new Vector3(x + 0.7, tall ? 5.4 : 3.5, z + (tall ? 11 : 9)), new Vector3(x, 0.8, z + 1.2), 1);
-    return { x, z: z + 3.6 }; // before what stands in the middle
+    const [eye, seen] = tall ? [[0, 7, 11.5], [-0.6, 0.6, 2.4]] : [[0.4, 4.6, 10], [-1.6, 0.6, 2.6]];
+    const place = ([right, up, near]) => new Vector3(x + right, up, z + near);
+    this.#move(place(eye), place(seen), 1);
+    return { x: x - 1, z: z + 4.6 }; // before what stands in the middle
   }
 
   /** Look from one place { eye, target } as [x, y, z]. */
