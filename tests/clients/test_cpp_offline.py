@@ -3,7 +3,7 @@
 Held to two references. *The same rules*: the server's own steering and engine, step by step,
 without what the example leaves out; the trace is the same to 0.1 mm. *The whole server*: a
 lock-step world with the same start pose and goal. What that adds shows as a difference of paths
-(`pytest --log-cli-level=INFO` tells it, 6 to 24 cm):
+(`pytest --log-cli-level=INFO` tells it, 2 to 24 cm):
 
     manner     people move in a way of their own (here without: noise 0)
     planting   feet that stand are kept in place, which moves and turns the body by a little
@@ -67,7 +67,7 @@ GENDER, SECONDS = "female", 7.0
 WALKS = {  # pose, heading, goal, speed
     "ahead": (0, 0.0, (0.0, 4.0), 1.2),
     "behind": (7, 0.4, (1.0, -3.0), 1.0),
-    "aside": (12, -1.0, (3.0, 1.0), 1.4),
+    "aside": (20, -1.0, (2.0, 1.0), 1.2),  # slows by itself, and stops there: `pausing`
 }
 
 
