@@ -70,7 +70,7 @@ export class Steering {
   /** @param {Record<string, { value: number }>} constants `steering` of wayfarer.json */
   constructor(constants) {
     const read = (/** @type {string} */ name) => {
-      if (!(name in constants)) throw new Error(`wayfarer.json: steering has no ${name}`);
+      if (!(name in constants)) throw new Error(`wayfarer.json: steering has no ${name}; write it again: wayfarer export --for web`);
       return constants[name].value;
     };
     this.brakingSeconds = read("braking_seconds");
