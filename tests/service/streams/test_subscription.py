@@ -12,6 +12,7 @@ from wayfarer.errors import (
     ResourceExhausted,
     Unavailable,
 )
+from wayfarer.limits import Limits
 from wayfarer.service.streams.publications import Publication, SlowReader
 from wayfarer.service.streams.sequence_tracker import SILENCE
 from wayfarer.service.streams.subscription import MAX_EVENTS, QueuedPublication, SubscriptionStart
@@ -187,9 +188,16 @@ async def test_a_stalled_reader_that_has_resumed_is_bounded_too():
     meter = KeepingMeter()
     queue = subscription(start=start, meter=meter)
     put(queue, map(entry, range(20, 400)))
-    assert max(meter.queues) <= 18 * 0.2 + 0.5 + 1e-9
+    assert max(meter.queues) <= Limits().resume_s + 0.5 + 1e-9
     _, late = await take(queue, 2)
     assert flags([late]) == [[ChunkFlag.GAP]], "known from before the resume"
+
+
+async def test_who_resumes_loses_nothing_while_its_connection_is_set_up():
+    start = SubscriptionStart("epoch", 1, 0.0, resumed=True, held=ring(1, 2))
+    queue = subscription(start=start)
+    put(queue, map(entry, range(3, 20)))  # 3.4 s until it is read for the first time
+    assert seqs(await take(queue, 19)) == list(range(1, 20)) and queue.dropped == 0
 
 
 async def test_the_opening_comes_first():

@@ -134,7 +134,8 @@ class Subscription:
             self._tracker.learn((entry.publication for entry in start.held), start.position)
         for entry in start.replay:
             self.put(entry, spare=True)
-        self._bound += self._span()  # until the reader has caught up
+        # until the reader has caught up; one that resumes waits for its header, too
+        self._bound += max(self._span(), self._limits.resume_s if self.resumed else 0.0)
 
     def __aiter__(self) -> Self:
         return self
