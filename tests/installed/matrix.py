@@ -151,9 +151,10 @@ def copy_tree(target: Path) -> None:
         check=True,
     )
     for name in filter(None, listed.stdout.split("\0")):
-        if (ROOT / name).is_file():  # not one that has been deleted and not committed
+        source = ROOT / name
+        if source.is_symlink() or source.is_file():  # not deleted and not committed
             (target / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(ROOT / name, target / name)
+            shutil.copy2(source, target / name, follow_symlinks=False)
 
 
 def print_table(versions: Sequence[str], kinds: Sequence[str], cells: Sequence[Cell]) -> None:

@@ -18,6 +18,10 @@ import wayfarer_client as wf
 
 COMMAND = [sys.executable, "-m", "wayfarer.cli", "serve", "--log-format", "json"]
 ANY_PORTS = ["--http-port", "0", "--grpc-port", "0"]
+YARD = {
+    "floors": [{"outline": [{"x": x, "y": 0, "z": z} for x, z in ((0, 0), (0, 9), (9, 9), (9, 0))]}]
+}
+"""Nobody's example: those are baked in the server's own process."""
 ENVIRONMENT = {k: v for k, v in os.environ.items() if not k.startswith("WAYFARER_")}
 
 
@@ -114,7 +118,7 @@ def test_the_process_that_bakes_scenes_ends_with_the_server(sign, workers):
     with serve(*ANY_PORTS, "--workers", str(workers)) as service:
         assert not bakeries(service)
         for _ in range(2):
-            made = httpx.post(f"{service.http}/v1/scenes/examples/town_square", timeout=60)
+            made = httpx.post(f"{service.http}/v1/scenes", json=YARD, timeout=60)
             assert made.is_success, made.text
         found = bakeries(service)
         assert 1 <= len(found) <= workers
