@@ -7,6 +7,7 @@ sentence when something is not as it should be.
 """
 
 import asyncio
+import re
 import sys
 import urllib.request
 from collections.abc import AsyncIterator
@@ -81,10 +82,21 @@ def check(found: list[Frames]) -> str:
     return f"{len(hips)} frames, {way:.1f} m"
 
 
+def check_page(http: str) -> None:
+    """Raises AssertionError, HTTPError unless the viewer's page and all its modules are there."""
+    with urllib.request.urlopen(http, timeout=10) as page:
+        html = page.read().decode()
+    assert "<html" in html, "the viewer's page is missing"
+    modules = re.findall(r'rel="modulepreload" href="([^"]+)"', html)
+    assert any("/client/" in module for module in modules), f"no module of the client in {modules}"
+    for module in modules:
+        with urllib.request.urlopen(f"{http}/{module}", timeout=10) as script:
+            assert script.read(), f"{module} is empty"
+
+
 async def walk(http: str, grpc: str) -> str:
     """What both streams delivered, in words. Raises AssertionError, TimeoutError, WayfarerError."""
-    with urllib.request.urlopen(http, timeout=10) as page:
-        assert b"<html" in page.read(), "the viewer's page is missing"
+    check_page(http)
     async with (
         asyncio.timeout(LIMIT_S),
         Client(grpc) as client,
