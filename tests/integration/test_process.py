@@ -32,6 +32,9 @@ class Process:
         self.process = process
         self.log: list[dict] = []
         for line in process.stderr:
+            if not line.startswith("{"):
+                process.terminate()
+                raise AssertionError(f"no line of a log: {line}{process.stderr.read()}")
             self.log.append(json.loads(line))
             if self.log[-1]["event"] == "ready":
                 break
