@@ -49,7 +49,7 @@ try {
 }
 globalThis.demo = { session, people, stage, send };
 
-/** Whoever stands where he was sent walks about again, unless he has been sent elsewhere meanwhile. */
+/** A person who has stood where a click sent him walks about again, unless another click has sent him on. */
 function walkOn(id) {
   const found = people.get(Number(id)), orders = found?.orders;
   setTimeout(() => {

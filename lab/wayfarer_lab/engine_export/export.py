@@ -139,8 +139,9 @@ def _write(
         differences=differences,
         steering=steering,
     )
-    (out / SIDECAR).write_text(json.dumps(described, indent=1, ensure_ascii=False) + "\n")
-    (out / PAGE).write_text(page(described))
+    text = json.dumps(described, indent=1, ensure_ascii=False) + "\n"
+    (out / SIDECAR).write_text(text, "utf-8")
+    (out / PAGE).write_text(page(described), "utf-8")
 
 
 def _check_place(out: Path) -> None:

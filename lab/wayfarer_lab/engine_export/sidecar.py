@@ -99,7 +99,7 @@ STEERING: Final[Mapping[str, tuple[str, str]]] = {
     "faced": ("rad", "a turn ends when the heading is met within this"),
     "astray": ("rad", "and begins when it is missed by more"),
     "turn_ahead": ("rad", "largest part of a turn on the spot that one step asks for"),
-    "reactions": ("steps", "a person who stands sets off at an own one of so many steps"),
+    "reactions": ("steps", "who stands sets off at one step in this many only, each at another"),
     "side_step_speed": ("m/s", "of people who face elsewhere than where they go (not here)"),
     "side_step_acceleration": ("m/s²", "of side steps (not here)"),
     "side_step_faced": ("rad", "side steps begin when the heading is met within this (not here)"),

@@ -59,7 +59,7 @@ export class FootLock {
     this.shortened = 0; // of the last step, also while the lock is off
   }
 
-  /** Begin anew with the next chunk: the pose jumps. */
+  /** Forget the past: the next chunk starts in another pose. */
   restart() {
     this.#state = null;
   }

@@ -145,7 +145,7 @@ export class LocalHost {
     this.#wake();
   }
 
-  /** Whoever is on the way to the last point gets another one. @param {number} alias */
+  /** Give an agent that is on the way to its last point another point. @param {number} alias */
   #walkOn(alias) {
     const person = this.#person(alias), { area, random } = /** @type {{ area: Area, random: () => number }} */ (this.#wanderers.get(alias));
     if (person.waypoint >= person.waypoints - 1) person.append([place(area, random)], this.#frame());

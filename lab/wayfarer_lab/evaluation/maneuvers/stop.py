@@ -42,7 +42,7 @@ SLOWED: Final = 0.3
 """Metres per second of the hips below which a walk is over, and its settling begins …"""
 
 SETTLING: Final = 3.0
-"""… and lasts for so many seconds."""
+"""… and seconds that it lasts."""
 
 HEEL_UP: Final = 0.02
 """Metres: a heel higher than this stands on its ball."""

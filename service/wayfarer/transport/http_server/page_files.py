@@ -61,7 +61,7 @@ class PageFiles(StaticFiles):
         zipped = "gzip" in asked.get("accept-encoding", "")
         if file.name == "index.html":
             self._version = _version(self._folder)
-            page = PRELOAD.sub(lambda link: _preloads(file.parent, link), file.read_text())
+            page = PRELOAD.sub(lambda link: _preloads(file.parent, link), file.read_text("utf-8"))
             content = LINK.sub(rf'\1="{KEPT}/{self._version}/', page).encode()
             content = gzip.compress(content) if zipped else content
             tag = f"{self._version}-{zipped:d}"
@@ -93,7 +93,7 @@ def _preloads(folder: Path, link: re.Match[str]) -> str:
     for name in known:  # grows
         if name.startswith(VENDOR):
             continue
-        for found in IMPORT.findall((folder / name).read_text()):
+        for found in IMPORT.findall((folder / name).read_text("utf-8")):
             imported = posixpath.normpath(posixpath.join(posixpath.dirname(name), found))
             if imported not in known:
                 known.append(imported)

@@ -28,7 +28,7 @@ export class Bodies {
     this.group.add(unseen.mesh);
   }
 
-  /** A body of its own for whoever asks: a promise of { pose(frame), hide(), height, rig, remove() }. */
+  /** Load a body for one person: a promise of { pose(frame), hide(), height, rig, remove() }. */
   async load(url, headers, boneNames) {
     await this.#turn();
     try {
@@ -76,7 +76,7 @@ class Pack {
     this.skeleton = new Skeleton(new Array(TOGETHER * joints).fill(null));
     this.skeleton.update = () => {}; // the matrices are written by `pose`, not read from a tree of bones
     this.skeleton.computeBoneTexture();
-    this.skeleton.boneMatrices.fill(0); // whoever has no pose yet is a point
+    this.skeleton.boneMatrices.fill(0); // a body without a pose yet is a point
     this.mesh.bind(this.skeleton, this.mesh.matrixWorld);
   }
 

@@ -25,7 +25,7 @@ import { TimelineBar } from "./timeline_bar.js";
 import { Tools } from "./tools.js";
 import { Wardrobe } from "./wardrobe.js";
 
-const DETAILED = 24; // so many people have the fine mesh, where the machine draws well
+const DETAILED = 24; // people with the fine mesh, at most, on a machine that draws well
 const FIRST_SCENE = "town_square"; // where nothing else is asked for
 const MORE = 8; // people who come with the button
 const RESTART_SECONDS = 0.5;

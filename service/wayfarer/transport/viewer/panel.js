@@ -17,7 +17,7 @@ export class ScenePanel {
     this.book = new SceneBook(api, {
       changed: (outlines) => this.#show(outlines),
       moved: (obstacles) => this.level.showObstacles(obstacles),
-      gone: () => {}, // its session is gone, too, and that is told
+      gone: () => {}, // the session is gone, too, and the page says so
       failed: (error) => error.status && tell(error.message), // without an answer, the connection is lost: that is shown
     });
     this.choices = [];
@@ -54,7 +54,7 @@ export class ScenePanel {
   }
 
   #while(opening) {
-    this.settled = opening.catch(() => {}); // whoever asked is told
+    this.settled = opening.catch(() => {}); // the caller gets the error
     return opening;
   }
 

@@ -68,7 +68,7 @@ export class PageSession {
     this.scene = session.scene;
   }
 
-  /** After a restart of the server: those who are no longer there go. */
+  /** After a restart of the server, remove the people that it no longer has. */
   async #align() {
     const { id, player } = this;
     try {
@@ -98,7 +98,7 @@ export class PageSession {
           if (state !== "connecting") this.state = state;
           this.latest = state;
         },
-        failed: (reason) => tell(`${reason}. Reload the page to begin anew.`),
+        failed: (reason) => tell(`${reason}. Reload the page to start again.`),
         ended: (reason) => this.on.ended(reason),
       },
     };
