@@ -1,6 +1,7 @@
 """The last minute, what is saved of it, links that replay, and a person driven by hand."""
 
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,38 @@ KEEP_STEPS = """{
   };
 }"""
 
+LOOK_WHERE_IT_IS_FREE = """({ x, y, z }) => {
+  const free = (turn) => {
+    const [right, on] = [Math.sin(turn), Math.cos(turn)];
+    let d = 0;
+    while (d < 4 && wayfarer.level.ground.heightAt(x + d * right, z + d * on, y) !== null) d += 0.1;
+    return d;
+  };
+  const turns = Array.from({ length: 24 }, (_, k) => (k * Math.PI) / 12);
+  const turn = turns.reduce((best, other) => (free(other) > free(best) ? other : best));
+  const eye = { x: x - 4 * Math.sin(turn), y: y + 2, z: z - 4 * Math.cos(turn) };
+  wayfarer.stage.glide(eye, { x, y, z }, 1);
+}"""
+# what is sent while somebody is driven, measured as the camera looks at that moment; and how far
+# they have come towards it, summed over what was sent
+KEEP_SENT = """(person) => {
+  globalThis.sent = [];
+  const { send } = wayfarer.drive;
+  wayfarer.drive.send = (who, goal) => {
+    const { camera: { position }, controls: { target } } = wayfarer.stage;
+    const look = Math.atan2(target.x - position.x, target.z - position.z);
+    const [dx, dz] = [goal.x - who.x, goal.z - who.z];
+    const ahead = dx * Math.sin(look) + dz * Math.cos(look);
+    const sideways = dx * Math.cos(look) - dz * Math.sin(look);
+    sent.push({ from: { x: who.x, z: who.z }, dx, dz, ahead, sideways });
+    return send(who, goal);
+  };
+  globalThis.sentOn = () => sent.reduce((sum, { from, dx, dz }, k) => {
+    const to = sent[k + 1]?.from ?? person;
+    return sum + ((to.x - from.x) * dx + (to.z - from.z) * dz) / Math.hypot(dx, dz);
+  }, 0);
+}"""
+
 
 @pytest.fixture(scope="module", autouse=True)
 def opened(page: Page, tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -41,6 +74,16 @@ def opened(page: Page, tmp_path_factory: pytest.TempPathFactory) -> Path:
     page.evaluate("document.querySelector('#wander').click()")
     page.evaluate("document.querySelector('#view').focus()")
     return folder
+
+
+@pytest.fixture(autouse=True)
+def let_go(page: Page) -> Iterator[None]:
+    """What a test that failed has begun does not go on in the next."""
+    yield
+    page.evaluate(
+        "if (globalThis.wayfarer?.drive.on) document.querySelector('#drive').click();"
+        " if (globalThis.wayfarer) wayfarer.drive.held.clear()"
+    )
 
 
 def key(page: Page, kind: str, name: str) -> None:
@@ -66,9 +109,10 @@ def test_time_is_stopped_scrubbed_and_let_go(page: Page):
     page.wait_for("!document.querySelector('#timeline').hidden", 10)
     page.wait_for("document.querySelector('#pause').textContent === 'Go on'", 10)
     time.sleep(0.3)
-    before, there = page.evaluate(PLACES), page.evaluate("wayfarer.player.moment")
+    page.evaluate(f"globalThis.before = JSON.stringify({PLACES})")
+    there = page.evaluate("wayfarer.player.moment")
     page.wait_for(f"wayfarer.player.moment > {there} + 0.5", 20)  # the stream goes on
-    assert page.evaluate(PLACES) == before
+    assert page.evaluate(f"JSON.stringify({PLACES}) === before")
     page.evaluate(
         "(() => { const slider = document.querySelector('#moment'); slider.value = 100;"
         " slider.dispatchEvent(new Event('input')); })()"
@@ -79,7 +123,7 @@ def test_time_is_stopped_scrubbed_and_let_go(page: Page):
     assert abs(page.evaluate("wayfarer.timeline.moment") - moment - 1 / 30) < 1e-3
     page.evaluate("document.querySelector('#live').click()")
     page.wait_for("wayfarer.timeline.live && document.querySelector('#timeline').hidden", 10)
-    page.wait_for(f"JSON.stringify({PLACES}) !== '{before}'", 10)
+    page.wait_for(f"JSON.stringify({PLACES}) !== before", 10)
     assert page.problems == []
 
 
@@ -110,8 +154,7 @@ def test_the_selected_persons_motion_is_saved_as_glb(page: Page, opened: Path):
 
 def test_the_picture_is_filmed(page: Page, opened: Path):
     page.evaluate("document.querySelector('#film').click()")
-    page.wait_for("document.querySelector('#film').getAttribute('aria-pressed') === 'true'", 5)
-    time.sleep(2.5)
+    page.wait_for("/\\d s/.test(document.querySelector('#film').textContent)", 60)
     page.evaluate("document.querySelector('#film').click()")
     assert saved(opened, "wayfarer.webm")[:4] == b"\x1a\x45\xdf\xa3"
     assert page.problems == []
@@ -122,23 +165,18 @@ def test_somebody_is_driven_with_keys_and_stops_when_they_are_let_go(page: Page)
     page.evaluate("document.querySelector('#view').focus()")
     press(page, "d")
     page.wait_for("wayfarer.drive.on && document.querySelector('#follow').checked", 10)
-    person = f"{PEOPLE}[0]"
+    person = f"{PEOPLE}.find(({{ marker }}) => marker.visible)"
     page.wait_for(f"{person}.played.state === 'standing'", 30)
-    ahead = (
-        "(({ position }, { target }) => Math.atan2(target.x - position.x, target.z - position.z))"
-        "(wayfarer.stage.camera, wayfarer.stage.controls)"
-    )
-    # until the camera is behind
-    page.wait_for(f"Math.abs(Math.sin({ahead} - {person}.heading)) < 0.3", 20)
-    x, z, heading = page.evaluate(f"[{person}.x, {person}.z, {ahead}]")
+    page.evaluate("document.querySelector('#follow').click()")  # the camera stays as it is put
+    page.evaluate(f"({LOOK_WHERE_IT_IS_FREE})({person})")
+    page.evaluate(f"({KEEP_SENT})({person})")
     key(page, "keyDown", "w")
-    page.wait_for(f"Math.hypot({person}.x - {x}, {person}.z - {z}) > 0.7", 30)
-    now = np.array(page.evaluate(f"[{person}.x - {x}, {person}.z - {z}]"))
+    page.wait_for("sent.length >= 2 && sentOn() > 0.7", 60)
     key(page, "keyUp", "w")
+    page.wait_for("wayfarer.drive.driven === null", 10)
+    for ahead, sideways in page.evaluate("sent.map(({ ahead, sideways }) => [ahead, sideways])"):
+        assert ahead > 2.4 and abs(sideways) < 0.01  # metres from the person, as the camera looks
     page.wait_for(f"{person}.played.state === 'standing'", 30)
-    assert page.evaluate("wayfarer.drive.driven") is None
-    blocked = page.evaluate("document.querySelector('#messages').textContent")
-    assert now @ (np.sin(heading), np.cos(heading)) > 0 or blocked, "it went another way"
     press(page, "Escape")
     assert page.evaluate("wayfarer.drive.on") is False
     assert page.evaluate("document.querySelector('#wander').ariaPressed") == "false"
@@ -148,7 +186,7 @@ def test_somebody_is_driven_with_keys_and_stops_when_they_are_let_go(page: Page)
 def test_a_goal_is_dragged_and_turned(page: Page):
     x = page.evaluate(f"{PEOPLE}[0].x")
     page.evaluate("document.querySelector('#speed').value = '0.4'")
-    goal = (-12.0 if x > -12 else -8.0, 0.0)
+    goal = (-20.0 if x > -12 else -4.0, 0.0)  # a long way: it is not there before it is dragged
     page.evaluate(f"wayfarer.tools.send({{ x: {goal[0]}, y: 0, z: 0 }})")
     ahead = f"{PEOPLE}.find(({{ ahead }}) => ahead.length)?.ahead[0]"
     page.wait_for(ahead, 10)

@@ -41,10 +41,10 @@ export async function saveMotion(person, history, from, to, mesh, boneNames) {
   save(new Blob([glb], { type: "model/gltf-binary" }), `${plain}.glb`);
 }
 
-/** Films the stage. */
+/** Films the stage. `filmed(seconds)` is called each second that there is something of. */
 export class Film {
-  constructor(canvas) {
-    this.canvas = canvas;
+  constructor(canvas, filmed) {
+    Object.assign(this, { canvas, filmed });
     this.recorder = null;
   }
 
@@ -52,23 +52,30 @@ export class Film {
     return this.recorder !== null;
   }
 
-  /** Begin; or end, and save what has been filmed. */
-  toggle() {
-    if (this.runs) {
-      this.recorder.stop();
-      this.recorder = null;
-      return;
-    }
+  begin() {
     const type = VIDEO_TYPES.find((known) => globalThis.MediaRecorder?.isTypeSupported(known));
     if (!type) throw new Error("This browser cannot record WebM video");
     const recorder = new MediaRecorder(this.canvas.captureStream(VIDEO_FPS), { mimeType: type });
-    const pieces = [];
-    recorder.ondataavailable = ({ data }) => data.size && pieces.push(data);
-    recorder.onstop = () => {
-      for (const track of recorder.stream.getTracks()) track.stop();
-      save(new Blob(pieces, { type: "video/webm" }), "wayfarer.webm");
+    this.pieces = [];
+    this.begun = performance.now();
+    recorder.ondataavailable = ({ data }) => {
+      if (!data.size) return;
+      this.pieces.push(data);
+      if (recorder === this.recorder) this.filmed(Math.round((performance.now() - this.begun) / 1000));
     };
     recorder.start(1000);
     this.recorder = recorder;
+  }
+
+  /** End, and save what has been filmed. Rejects when there is nothing of it. */
+  async end() {
+    const { recorder, pieces } = this;
+    this.recorder = null;
+    const stopped = new Promise((done) => recorder.addEventListener("stop", done));
+    recorder.stop();
+    await stopped;
+    for (const track of recorder.stream.getTracks()) track.stop();
+    if (!pieces.length) throw new Error("Nothing was filmed: no picture was drawn in that time");
+    save(new Blob(pieces, { type: "video/webm" }), "wayfarer.webm");
   }
 }

@@ -6,11 +6,19 @@ import { shareLink, showLink } from "./share.js";
 
 /** `person()`: who is selected, or null; `mesh(agent, detail)`: [URL of its body, headers]. */
 export function saveButtons({ api, session, place, crowd, stage, timeline, history, mesh, attempt, person }) {
-  const film = new Film(stage.canvas);
-  byId("film").onclick = attempt(() => {
-    film.toggle();
-    byId("film").textContent = film.runs ? "End film" : "Film";
-    byId("film").setAttribute("aria-pressed", String(film.runs));
+  const say = (text, runs = true) => {
+    byId("film").textContent = text;
+    byId("film").setAttribute("aria-pressed", String(runs));
+  };
+  const film = new Film(stage.canvas, (seconds) => say(`End film (${seconds} s)`));
+  byId("film").onclick = attempt(async () => {
+    if (film.runs) {
+      say("Film", false);
+      await film.end();
+    } else {
+      film.begin();
+      say("End film");
+    }
   });
   byId("save-glb").onclick = attempt(() => {
     if (!person()) throw new Error("Select a person first: it is saved with its motion");
