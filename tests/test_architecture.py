@@ -10,7 +10,7 @@ ROOT = Path(__file__).parent.parent
 WIRE = ROOT / "service/wayfarer/transport/schema"
 
 TWINS = {
-    "Agent", "AgentSpec", "Behaviour", "Block", "Bone", "Box", "Crowd", "Cylinder", "Event",
+    "Agent", "AgentSpec", "Behaviour", "Block", "Bone", "Box", "Crowd", "Cylinder", "Endpoint", "Event",
     "FittedLength", "Floor", "Follow", "Goal", "KeepAway", "MotionChunks", "Part",
     "Patrol", "PoseFormat", "Prism", "Queue", "Ramp", "Routine", "Scene", "Session",
     "Stand", "Visit", "Walkable", "Wander",

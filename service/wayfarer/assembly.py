@@ -17,12 +17,12 @@ from wayfarer.engines.models import LoadedModels
 from wayfarer.engines.row_partitioner import cores
 from wayfarer.logs import configure_logging
 from wayfarer.model_bundle import DEFAULT_MODEL, START_POSES, load_bodies, load_models
+from wayfarer.ownership import Ownership, SingleNode
 from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.motion_service import MotionService
 from wayfarer.service.persistence.journal import Journal
 from wayfarer.service.persistence.snapshot import BodyStamp
 from wayfarer.service.worlds import Worlds
-from wayfarer.shard import Shard
 from wayfarer.spec import GENDERS, STEP_SECONDS
 from wayfarer.workers.assignments import threads_of
 from wayfarer.world.agents.spawn import load_start_poses
@@ -74,7 +74,7 @@ def runtime(
     folder: ModelFolder,
     clock: Callable[[], float],
     meter: MetricsSink | None = None,
-    shard: Shard = Shard(),
+    ownership: Ownership = SingleNode(),
 ) -> MotionService:
     """The runtime over the models; not yet started. Raises ArtifactError."""
     engine = open_engine(folder, settings.engine, settings.threads, settings.candidates)
@@ -90,7 +90,7 @@ def runtime(
         steering=Steering().with_search(candidates=settings.candidates),
         budget=BudgetRules(),
         admission=AdmissionRules(settings.most_load, refuse=settings.admission),
-        shard=shard,
+        new_slot=ownership.new_key,
     )
     body = BodyStamp(
         folder.body, {gender: sha256_of(body_file(folder.body, gender)) for gender in GENDERS}

@@ -6,7 +6,7 @@
     ├── AlreadyExists        the name is taken
     ├── FailedPrecondition   right request, wrong moment
     │   └── Unreachable      no way leads there; carries the nearest place that one leads to
-    ├── Misdirected          the session lives in another process of this server
+    ├── Misdirected          the session lives in another process of this service
     ├── Aborted              somebody else was quicker: a stale revision, a reused request id
     ├── ResourceExhausted    a limit or a quota is reached
     ├── Unauthenticated      no credentials, or none that hold
@@ -22,6 +22,8 @@ of an InvalidArgument are quantities, so that transport can write them in the cl
 
 from collections.abc import Callable
 from dataclasses import dataclass
+
+from wayfarer.endpoint import Endpoint
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,13 +120,11 @@ class Unreachable(FailedPrecondition):
 
 
 class Misdirected(WayfarerError):
-    """The session or agent lives in another worker of this server, at these ports."""
+    """The session, scene or agent lives in another process of this service."""
 
-    def __init__(self, message: str, worker: int, grpc_port: int, http_port: int) -> None:
+    def __init__(self, message: str, endpoint: Endpoint) -> None:
         super().__init__(message)
-        self.worker = worker
-        self.grpc_port = grpc_port
-        self.http_port = http_port
+        self.endpoint = endpoint
 
 
 class Aborted(WayfarerError):

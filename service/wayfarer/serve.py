@@ -24,12 +24,12 @@ from wayfarer.assembly import model_folder, runtime, with_engine
 from wayfarer.config import Settings
 from wayfarer.config_page import as_toml
 from wayfarer.logs import configure_logging
+from wayfarer.ownership import Ownership, SingleNode
 from wayfarer.service.live import steady_clock
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.server import Server
 from wayfarer.transport.server_options import ServerOptions
-from wayfarer.transport.worker_topology import WorkerTopology
 from wayfarer.workers.assignments import check_state
 from wayfarer.workers.member import bind_to, read_assignment, supervised
 from wayfarer.workers.messages import Assignment
@@ -65,9 +65,9 @@ async def serve(settings: Settings, worker: Assignment | None = None) -> None:
     if hasattr(signal, "SIGHUP"):
         loop.add_signal_handler(signal.SIGHUP, operation.guard.authenticator.reload)
     folder = model_folder(settings)
-    fleet = worker.fleet if worker else WorkerTopology()
-    motion = runtime(settings, folder, clock, operation.metrics, fleet.shard)
-    gateway = Gateway(motion, BodyLibrary(folder.body), settings.limits, clock, stop.set, fleet)
+    ownership: Ownership = worker.shares if worker else SingleNode()
+    motion = runtime(settings, folder, clock, operation.metrics, ownership)
+    gateway = Gateway(motion, BodyLibrary(folder.body), settings.limits, clock, stop.set, ownership)
     server = Server(
         gateway,
         settings.host,

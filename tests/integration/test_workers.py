@@ -12,7 +12,7 @@ import pytest
 
 import wayfarer_client as wf
 from tests.serving import Service
-from wayfarer.shard import shard_of
+from wayfarer.workers.shares import worker_of
 
 TWO = ("--workers", "2", "--engine", "onnxruntime")
 
@@ -49,13 +49,13 @@ async def test_two_workers_are_one_server_and_outlive_a_kill(tmp_path):
             wf.Client(service.grpc_address, timeout=60, direct=False) as relayed,
         ):
             sessions = [await client.create_session(lease=600) for _ in range(2)]
-            homes = [shard_of(session.session_id, 2) for session in sessions]
+            homes = [worker_of(session.session_id, 2) for session in sessions]
             assert sorted(homes) == [0, 1], "sessions are spread"
             people = [
                 (await session.create_agents(wf.AgentSpec(seed=1)))[0] for session in sessions
             ]
             for session, person in zip(sessions, people, strict=True):
-                assert shard_of(person.agent_id, 2) == shard_of(session.session_id, 2)
+                assert worker_of(person.agent_id, 2) == worker_of(session.session_id, 2)
                 await session.set_goal(person, (0.0, 0.0, 40.0))
                 # straight to its worker, and through the front
                 assert session._connection is not client.connection

@@ -13,6 +13,7 @@ from google.rpc.status_pb2 import Status
 from pydantic import ValidationError
 
 from wayfarer import errors as raised
+from wayfarer.endpoint import Endpoint
 from wayfarer.transport import errors, schema
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "errors.md"
@@ -23,7 +24,7 @@ EVERY = {
     raised.AlreadyExists("taken"): ("ALREADY_EXISTS", 409),
     raised.FailedPrecondition("not now"): ("FAILED_PRECONDITION", 409),
     raised.Unreachable("no way", (1.0, 2.0, 3.0)): ("UNREACHABLE", 409),
-    raised.Misdirected("elsewhere", 1, 50053, 8082): ("MISDIRECTED", 421),
+    raised.Misdirected("elsewhere", Endpoint(1, 50053, 8082, "b.example")): ("MISDIRECTED", 421),
     raised.Aborted("stale"): ("ABORTED", 409),
     raised.Unauthenticated("who?"): ("UNAUTHENTICATED", 401),
     raised.PermissionDenied("no"): ("PERMISSION_DENIED", 403),
@@ -115,8 +116,8 @@ def test_the_documented_table_is_the_table():
 
 
 def test_where_the_call_should_have_gone_is_told_on_both():
-    error = raised.Misdirected("elsewhere", worker=1, grpc_port=50053, http_port=8082)
-    told = {"worker": 1, "grpc_port": 50053, "http_port": 8082}
+    told = {"worker": 1, "grpc_port": 50053, "http_port": 8082, "host": "b.example"}
+    error = raised.Misdirected("elsewhere", Endpoint(**told))
     assert schema.Problem(**errors.to_problem(error)).endpoint == schema.Endpoint(**told)
     metadata = detail(rich(error)[1], ErrorInfo).metadata
     assert dict(metadata) == {key: str(value) for key, value in told.items()}

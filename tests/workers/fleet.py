@@ -11,8 +11,8 @@ import httpx
 from tests.transport.fakes import FakeService
 from tests.transport.rig import LIMITS
 from wayfarer.config import Settings
-from wayfarer.shard import Shard, agent_id
-from wayfarer.transport import schema
+from wayfarer.endpoint import Endpoint
+from wayfarer.ids import agent_id, scene_id, session_id
 from wayfarer.transport.auth import Authenticator, Credentials
 from wayfarer.transport.auth.keys import KeyFile
 from wayfarer.transport.bodies import BodyLibrary
@@ -22,26 +22,27 @@ from wayfarer.transport.guard import Guard
 from wayfarer.transport.server import Server
 from wayfarer.transport.server_options import ServerOptions
 from wayfarer.transport.worker_sockets import WorkerSockets
-from wayfarer.transport.worker_topology import WorkerTopology
 from wayfarer.workers.assignments import _ports
 from wayfarer.workers.front import Front
 from wayfarer.workers.messages import DOWN, Report
 from wayfarer.workers.placement import Placement
+from wayfarer.workers.shares import WorkerShares
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec, SessionInfo, SessionSpec
 
 
 class ShardedService(FakeService):
     """Its ids say where they live."""
 
-    def __init__(self, shard: Shard) -> None:
+    def __init__(self, shares: WorkerShares) -> None:
         super().__init__()
-        self._shard = shard
+        self._shares = shares
 
     async def create_session(self, spec: SessionSpec) -> SessionInfo:
-        return await super().create_session(replace(spec, session_id=self._shard.session_id()))
+        named = replace(spec, session_id=session_id(self._shares.new_key()))
+        return await super().create_session(named)
 
     def new_scene_id(self) -> str:
-        return self._shard.scene_id()
+        return scene_id(self._shares.new_key())
 
     async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
         await super().create_agents(session_id, specs)
@@ -98,7 +99,7 @@ class Rig:
         settings = Settings(http_port=0, grpc_port=0, limits=LIMITS, drain_s=0.2)
         grpc_ports, http_ports = (_ports(settings, 0, self.count) for _ in range(2))
         endpoints = [
-            schema.Endpoint(worker=i, grpc_port=grpc_ports[i], http_port=http_ports[i])
+            Endpoint(worker=i, grpc_port=grpc_ports[i], http_port=http_ports[i])
             for i in range(self.count)
         ]
         self.services, self.servers, self.gateways, doors = [], [], [], []
@@ -106,7 +107,7 @@ class Rig:
         for i, endpoint in enumerate(endpoints):
             doors.append(WorkerSockets(self.folder / str(i)))
             doors[i].folder.mkdir()
-            self.services.append(ShardedService(Shard(i, self.count)))
+            self.services.append(ShardedService(WorkerShares(i, endpoints)))
             self.gateways.append(
                 Gateway(
                     self.services[i],
@@ -114,7 +115,7 @@ class Rig:
                     LIMITS,
                     asyncio.get_running_loop().time,
                     lambda: None,
-                    WorkerTopology(Shard(i, self.count), endpoints),
+                    WorkerShares(i, endpoints),
                 )
             )
             self.servers.append(

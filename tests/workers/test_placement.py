@@ -4,7 +4,7 @@ import pytest
 
 from tests.world.fakes import ManualClock
 from wayfarer.errors import Unavailable
-from wayfarer.shard import Shard
+from wayfarer.ids import session_id
 from wayfarer.workers.messages import DOWN, Report
 from wayfarer.workers.placement import REMEMBERED, Placement
 
@@ -65,4 +65,4 @@ def test_workers_that_are_not_ready_get_nothing_new():
 
 def test_a_session_is_found_by_its_id_even_while_its_worker_is_down():
     placement = Placement([ready(), Worker(DOWN), ready()])
-    assert placement.find(Shard(1, 3).session_id()) == 1
+    assert placement.find(session_id(4)) == 1

@@ -30,7 +30,7 @@ def test_workers_have_the_servers_settings_but_for_what_is_their_own(tmp_path):
     assert [a.settings.state_dir.name for a in plan] == ["worker-0", "worker-1", "worker-2"]
     assert all(a.settings.threads >= 1 and a.settings.candidates == 7 for a in plan)
     assert all(a.cores == () for a in plan), "free to run anywhere unless pinned"
-    assert [e.grpc_port for e in plan[2].fleet.endpoints] == [6001, 6002, 6003]
+    assert [e.grpc_port for e in plan[2].shares.endpoints] == [6001, 6002, 6003]
     assert {a.folder.stat().st_mode & 0o777 for a in plan} == {0o700}
 
 

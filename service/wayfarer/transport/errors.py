@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from http import HTTPStatus
 from typing import Any, Final
 
@@ -150,15 +150,9 @@ def violations_of(error: BaseException) -> list[tuple[str, str]]:
     return []
 
 
-def endpoint_of(error: BaseException) -> dict[str, int]:
+def endpoint_of(error: BaseException) -> dict[str, int | str]:
     """Where the call should have gone; empty for errors of another kind."""
-    if not isinstance(error, errors.Misdirected):
-        return {}
-    return {
-        "worker": error.worker,
-        "grpc_port": error.grpc_port,
-        "http_port": error.http_port,
-    }
+    return asdict(error.endpoint) if isinstance(error, errors.Misdirected) else {}
 
 
 def nearest_of(error: BaseException) -> dict[str, float]:

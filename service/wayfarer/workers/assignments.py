@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Final
 
 from wayfarer.config import Settings
+from wayfarer.endpoint import Endpoint
 from wayfarer.errors import InvalidArgument
-from wayfarer.transport import schema
 from wayfarer.workers.messages import Assignment
 
 JOURNAL: Final = "journal.sqlite3"
@@ -66,7 +66,7 @@ def check_platform() -> None:
 def check_state(settings: Settings) -> None:
     """Raises InvalidArgument when the state folder belongs to another number of workers.
 
-    A session lives where its id says (shard.py), which depends on their number.
+    A session lives where its id says (shares.py), which depends on their number.
     """
     folder, workers = settings.state_dir, settings.workers
     if folder is None or not folder.is_dir():
@@ -83,14 +83,13 @@ def check_state(settings: Settings) -> None:
         )
 
 
-def _endpoints(settings: Settings) -> tuple[schema.Endpoint, ...]:
+def _endpoints(settings: Settings) -> tuple[Endpoint, ...]:
     """Ports that follow the server's own, or free ones where that is any."""
     count = settings.workers
     grpc_ports = _ports(settings, settings.grpc_port, count)
     http_ports = _ports(settings, settings.http_port, count)
     return tuple(
-        schema.Endpoint(worker=i, grpc_port=grpc_ports[i], http_port=http_ports[i])
-        for i in range(count)
+        Endpoint(worker=i, grpc_port=grpc_ports[i], http_port=http_ports[i]) for i in range(count)
     )
 
 

@@ -9,10 +9,9 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict
 
 from wayfarer.config import Settings
-from wayfarer.shard import Shard
-from wayfarer.transport import schema
+from wayfarer.endpoint import Endpoint
 from wayfarer.transport.worker_sockets import WorkerSockets
-from wayfarer.transport.worker_topology import WorkerTopology
+from wayfarer.workers.shares import WorkerShares
 
 
 class Assignment(BaseModel):
@@ -21,15 +20,15 @@ class Assignment(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     index: int
-    endpoints: tuple[schema.Endpoint, ...]  # of all workers, in order
+    endpoints: tuple[Endpoint, ...]  # of all workers, in order
     folder: Path  # of the sockets through which the front comes in
     cores: tuple[int, ...] = ()  # those it may run on; none: all
     settings: Settings  # its own ports, state folder and threads are in them
 
     @property
-    def fleet(self) -> WorkerTopology:
-        """The other workers."""
-        return WorkerTopology(Shard(self.index, len(self.endpoints)), self.endpoints)
+    def shares(self) -> WorkerShares:
+        """What lives in which worker."""
+        return WorkerShares(self.index, self.endpoints)
 
     @property
     def inside(self) -> WorkerSockets:

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from typing import Final, Protocol
 
 from wayfarer.errors import Unavailable
-from wayfarer.shard import shard_of
 from wayfarer.workers.messages import Report
+from wayfarer.workers.shares import worker_of
 
 UNSEEN_S: Final = 2.0
 """Seconds after which a placed session is in the reports."""
@@ -67,7 +67,7 @@ class Placement:
 
     def find(self, name: str) -> int:
         """The worker that the id itself names."""
-        return shard_of(name, len(self._workers))
+        return worker_of(name, len(self._workers))
 
     def _unseen(self) -> Counter[int]:
         """Placed sessions that may not be in the reports yet, by worker."""

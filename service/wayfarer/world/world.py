@@ -78,7 +78,7 @@ class World:
         self._observers: list[WorldObserver] = []
         self._checkpoints = 0
         self._timeline = Timeline()
-        self.registry = Registry(settings.limits, settings.shard)
+        self.registry = Registry(settings.limits, settings.new_slot)
         table = SlotTable(settings.limits.agents)
         self.slots = table.rows
         self._playback = Playback(self.slots, settings.lead)

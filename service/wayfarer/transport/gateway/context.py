@@ -18,7 +18,7 @@ from wayfarer.transport.codec import PoseEncoder, PoseFormat
 from wayfarer.transport.gateway.idempotency import IdempotencyCache
 from wayfarer.transport.gateway.scene_access import SceneAccess
 from wayfarer.transport.gateway.session_registry import OpenSession, SessionRegistry
-from wayfarer.transport.worker_topology import WorkerTopology
+from wayfarer.transport.residence import Residence
 
 Method = TypeVar("Method", bound=Callable[..., Any])
 
@@ -46,7 +46,7 @@ class GatewayContext:
     bodies: BodyLibrary
     limits: Limits
     clock: Callable[[], float]
-    fleet: WorkerTopology = field(default_factory=WorkerTopology)
+    residence: Residence = field(default_factory=Residence)
     book: SessionRegistry = field(init=False)
     scenes: SceneAccess = field(init=False)
     replies: IdempotencyCache = field(init=False)
@@ -58,8 +58,8 @@ class GatewayContext:
     )
 
     def __post_init__(self) -> None:
-        self.book = SessionRegistry(self.limits, self.clock, self.fleet)
-        self.scenes = SceneAccess(self.limits, self.clock, self.fleet)
+        self.book = SessionRegistry(self.limits, self.clock, self.residence)
+        self.scenes = SceneAccess(self.limits, self.clock, self.residence)
         self.replies = IdempotencyCache(self.clock)
 
     @property

@@ -12,6 +12,7 @@ import structlog
 
 from wayfarer.errors import Unauthenticated, Unavailable
 from wayfarer.limits import Limits
+from wayfarer.ownership import Ownership
 from wayfarer.service.motion_service import MotionService
 from wayfarer.service.stats import LoopStats
 from wayfarer.transport.bodies import BodyLibrary
@@ -25,8 +26,8 @@ from wayfarer.transport.gateway.motion import MotionApi
 from wayfarer.transport.gateway.scenes import SceneApi
 from wayfarer.transport.gateway.sessions import SessionApi
 from wayfarer.transport.gateway.snapshots import SnapshotApi
+from wayfarer.transport.residence import Residence
 from wayfarer.transport.stream import SHUTDOWN
-from wayfarer.transport.worker_topology import WorkerTopology
 
 log = structlog.get_logger(__name__)
 
@@ -41,11 +42,11 @@ class Gateway:
         limits: Limits,
         clock: Callable[[], float],
         stop: Callable[[], None],
-        fleet: WorkerTopology | None = None,
+        ownership: Ownership | None = None,
     ) -> None:
         """`stop` begins the shutdown of the server, as SIGTERM does; AdminService calls it."""
         self._context = context = GatewayContext(
-            service, bodies, limits, clock, fleet or WorkerTopology()
+            service, bodies, limits, clock, Residence(ownership)
         )
         self.limits = limits
         self.body_library = bodies

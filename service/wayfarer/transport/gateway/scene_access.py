@@ -11,7 +11,7 @@ from wayfarer.limits import Limits
 from wayfarer.transport import scene_convert, schema
 from wayfarer.transport.basis import Axes, Basis
 from wayfarer.transport.caller import Caller, current_caller
-from wayfarer.transport.worker_topology import WorkerTopology
+from wayfarer.transport.residence import Residence
 from wayfarer.world.scenes.messages import SceneInfo
 
 SCENE_LEASE_S: Final = 3600.0
@@ -49,10 +49,10 @@ def scene_attributes(owner: str, basis: Basis, lease_s: float) -> dict[str, str]
 class SceneAccess:
     """All scenes, and who may do what with them."""
 
-    def __init__(self, limits: Limits, clock: Callable[[], float], fleet: WorkerTopology) -> None:
+    def __init__(self, limits: Limits, clock: Callable[[], float], residence: Residence) -> None:
         self._limits = limits
         self._clock = clock
-        self._fleet = fleet
+        self._residence = residence
         self._scenes: dict[str, OpenScene] = {}
         self._coming: Counter[str] = Counter()  # scenes being made, by owner
 
@@ -63,7 +63,7 @@ class SceneAccess:
         """
         owner, basis, lease_s = _read(info.attributes, self._limits)
         expires_at = self._clock() + lease_s
-        scene = OpenScene(info.scene_id, owner, basis, lease_s, expires_at, self._fleet.own)
+        scene = OpenScene(info.scene_id, owner, basis, lease_s, expires_at, self._residence.own)
         self._scenes[info.scene_id] = scene
         return scene
 
@@ -75,7 +75,7 @@ class SceneAccess:
         """A scene of the present caller, its lease renewed. Raises NotFound, Misdirected."""
         found, caller = self._scenes.get(scene_id), current_caller()
         if found is None:
-            self._fleet.require_own(scene_id[:ID_LENGTH])
+            self._residence.require_own(scene_id[:ID_LENGTH])
         if found is None or (found.owner != caller.name and not caller.is_admin):
             name = scene_id[:ID_LENGTH]
             raise NotFound(f"there is no scene {name!r}", "scene", name)

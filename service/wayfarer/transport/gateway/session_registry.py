@@ -12,8 +12,8 @@ from wayfarer.limits import Limits
 from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.caller import Caller, current_caller
+from wayfarer.transport.residence import Residence
 from wayfarer.transport.stream import MotionStream
-from wayfarer.transport.worker_topology import WorkerTopology
 from wayfarer.world.agents.agent import AgentInfo, SessionInfo
 
 ID_LENGTH: Final = schema.ID_LENGTH
@@ -91,24 +91,22 @@ class SessionRegistry:
     """All open sessions, and who may do what with them."""
 
     def __init__(
-        self, limits: Limits, clock: Callable[[], float], fleet: WorkerTopology | None = None
+        self, limits: Limits, clock: Callable[[], float], residence: Residence | None = None
     ) -> None:
         self._limits = limits
         self._clock = clock
-        self._fleet = fleet or WorkerTopology()
+        self._residence = residence or Residence()
         self._sessions: dict[str, OpenSession] = {}
         self._by_agent: dict[str, OpenSession] = {}
 
     def open(self, info: SessionInfo, agents: Sequence[AgentInfo] = ()) -> OpenSession:
         """Enter a session of the runtime by its attributes, with a fresh lease.
 
-        Raises InvalidArgument where its attributes are not the transport's, Misdirected where its
-        calls would go to another worker.
+        Raises InvalidArgument where its attributes are not the transport's.
         """
-        self._fleet.require_own(info.session_id)
         owner, basis, lease_s = read_attributes(info.spec.attributes, self._limits)
         session = OpenSession(
-            info, owner, basis, lease_s, self._clock() + lease_s, endpoint=self._fleet.own
+            info, owner, basis, lease_s, self._clock() + lease_s, endpoint=self._residence.own
         )
         self._sessions[info.session_id] = session
         self.enter_agents(session, agents)
@@ -236,7 +234,7 @@ class SessionRegistry:
     def _renewed(self, found: OpenSession | None, kind: str, name: str) -> OpenSession:
         caller, now = current_caller(), self._clock()
         if found is None:
-            self._fleet.require_own(name[:ID_LENGTH])
+            self._residence.require_own(name[:ID_LENGTH])
         if (
             found is None
             or (found.owner != caller.name and not caller.is_admin)

@@ -5,7 +5,7 @@ import secrets
 
 import structlog
 
-from wayfarer.errors import InvalidArgument, NotFound, Unavailable
+from wayfarer.errors import InvalidArgument, Misdirected, NotFound, Unavailable
 from wayfarer.transport import convert, schema
 from wayfarer.transport.caller import Scope, current_caller
 from wayfarer.transport.gateway.context import GatewayContext, needs
@@ -94,8 +94,9 @@ class SessionApi:
         for info in infos:
             agents = await self._context.service.list_agents(info.session_id)
             try:
+                self._context.residence.require_own(info.session_id)
                 self._context.book.open(info, agents)
-            except InvalidArgument as error:
+            except (InvalidArgument, Misdirected) as error:
                 log.error("session not taken over", session_id=info.session_id, reason=str(error))
                 await self._context.service.delete_session(info.session_id)
         self._context.taken_over = True

@@ -44,6 +44,7 @@ class SnapshotApi:
         self._context.book.require_room(caller)
         info = await service.import_session(snapshot, {"owner": caller.name})
         try:
+            self._context.residence.require_own(info.session_id)
             if info.spec.scene:
                 self._context.scenes.scene(info.spec.scene)
             self._context.book.require_room(caller, len(info.agent_ids))

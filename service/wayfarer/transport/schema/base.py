@@ -1,5 +1,6 @@
 """What the other messages are made of."""
 
+from dataclasses import asdict
 from enum import Enum, auto
 from typing import Annotated, Any, ClassVar, Final, Self, TypeVar
 
@@ -17,6 +18,7 @@ from pydantic.config import JsonDict
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
+from wayfarer import endpoint as endpoints
 from wayfarer.transport.basis import Basis
 from wayfarer.world.agents.goal import MAX_DWELL, MAX_HEADING, SPEED
 
@@ -172,11 +174,19 @@ class BasisInfo(Message):
 
 
 class Endpoint(Message):
-    """One worker of a server that has several: a process with ports of its own."""
+    """One process, with its own ports, of a service that has several."""
 
     worker: int = Field(description="its number, from 0")
-    grpc_port: int = Field(description="on the host at which the server was called")
-    http_port: int = Field(description="likewise, HTTP and WebSocket")
+    grpc_port: int
+    http_port: int = Field(description="of HTTP and WebSocket")
+    host: str = Field(
+        default="", description="empty: the host at which the service was called; as TLS knows it"
+    )
+
+    @classmethod
+    def of(cls, endpoint: endpoints.Endpoint) -> Self:
+        """Its twin."""
+        return cls(**asdict(endpoint))
 
 
 class FieldProblem(Message):

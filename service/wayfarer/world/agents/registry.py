@@ -1,11 +1,12 @@
 """Sessions and their agents by id, by slot, and by alias."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from wayfarer.errors import AlreadyExists, NotFound, ResourceExhausted
+from wayfarer.ids import agent_id
+from wayfarer.ids import session_id as new_session_id
 from wayfarer.limits import Limits
-from wayfarer.shard import Shard, agent_id
 from wayfarer.world.agents.agent import AgentSpec, SessionInfo, SessionSpec
 from wayfarer.world.agents.behaviour import Behaviour
 from wayfarer.world.agents.goal import Goal
@@ -52,9 +53,10 @@ class Session:
 class Registry:
     """The sessions and agents of a world."""
 
-    def __init__(self, limits: Limits, shard: Shard) -> None:
+    def __init__(self, limits: Limits, new_slot: Callable[[], int]) -> None:
+        """`new_slot()` gives the slot of a new session's id."""
         self._limits = limits
-        self._shard = shard
+        self._new_slot = new_slot
         self.sessions: dict[str, Session] = {}
         self._last_number = 0
         self.agents: dict[str, Agent] = {}
@@ -76,7 +78,7 @@ class Registry:
 
     def add_session(self, spec: SessionSpec, now: float) -> Session:
         """Raises AlreadyExists, ResourceExhausted."""
-        session_id = spec.session_id or self._shard.session_id()
+        session_id = spec.session_id or new_session_id(self._new_slot())
         if session_id in self.sessions:
             raise AlreadyExists(f"session {session_id!r} exists already")
         if len(self.sessions) >= self._limits.sessions:

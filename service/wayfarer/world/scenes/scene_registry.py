@@ -19,10 +19,11 @@ from wayfarer.errors import (
     NotFound,
     ResourceExhausted,
 )
+from wayfarer.ids import any_slot
+from wayfarer.ids import scene_id as new_scene_id
 from wayfarer.limits import Limits
 from wayfarer.navigation.scene import Scene, bake
 from wayfarer.navigation.scene_spec import Obstacle, SceneSpec
-from wayfarer.shard import Shard
 from wayfarer.world.scenes.messages import SceneInfo, SceneSource
 
 NAME: Final = 64
@@ -88,12 +89,12 @@ class SceneRegistry:
     def __init__(
         self,
         limits: Limits = Limits(),
-        shard: Shard | None = None,
+        new_slot: Callable[[], int] = any_slot,
         bake: Callable[[SceneSpec], Scene] = bake,
         diary: SceneListener | None = None,
     ) -> None:
         self._limits = limits
-        self._shard = shard or Shard()
+        self._new_slot = new_slot
         self._bake = bake
         self._diary = diary
         self._kept: dict[str, SceneEntry] = {}
@@ -238,7 +239,7 @@ class SceneRegistry:
             self._queue.release()
 
     def _add(self, source: SceneSource, scene: Scene, now: float, bake_s: float) -> SceneInfo:
-        kept = SceneEntry(self._shard.scene_id(), source, scene, scene, now, bake_s)
+        kept = SceneEntry(new_scene_id(self._new_slot()), source, scene, scene, now, bake_s)
         with self._lock:
             self._enter(kept)
             if self._diary is not None:

@@ -1,10 +1,11 @@
 """Settings of a world, checked when they are made."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from wayfarer.errors import InvalidArgument
+from wayfarer.ids import any_slot
 from wayfarer.limits import Limits
-from wayfarer.shard import Shard
 from wayfarer.spec import NEW_FRAMES
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.stepping.budget import BudgetRules
@@ -47,7 +48,7 @@ class WorldSettings:
     batch_sizes: tuple[int, ...] = ANY_SIZE  # to which batches are padded; a server's are warmed
     single_threaded: bool = False  # engine calls take no thread but the caller's
     path_queries_per_step: int = 4  # most ways through scenes that one step looks for
-    shard: Shard = field(default_factory=Shard)  # which of the server's sessions live here
+    new_slot: Callable[[], int] = any_slot  # of the ids of new sessions and scenes; see ids.py
 
     def __post_init__(self) -> None:
         if self.lead < 1:

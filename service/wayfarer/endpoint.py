@@ -1,0 +1,17 @@
+"""Where a process of a service is called."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """One process of a service that has several, with its own ports."""
+
+    worker: int  # its number, from 0
+    grpc_port: int
+    http_port: int  # of HTTP and WebSocket
+    host: str = ""  # empty: the host at which the service was called
+
+    def __str__(self) -> str:
+        where = self.host or "this host"
+        return f"port {self.grpc_port} (gRPC) or {self.http_port} (HTTP) of {where}"

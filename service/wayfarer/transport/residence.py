@@ -1,0 +1,58 @@
+"""Which sessions, scenes and agents a server answers for, and where the others are called."""
+
+from collections import OrderedDict
+from typing import Final
+
+from wayfarer.endpoint import Endpoint
+from wayfarer.errors import Misdirected
+from wayfarer.ids import slot_of
+from wayfarer.ownership import Ownership, SingleNode
+from wayfarer.transport import schema
+
+REMEMBERED: Final = 4096
+"""Slots whose sessions have left, the latest: they are known before the ownership tells."""
+
+
+class Residence:
+    """What the ownership says, and what has left this server since."""
+
+    def __init__(self, ownership: Ownership | None = None) -> None:
+        self._ownership = ownership or SingleNode()
+        self._left: OrderedDict[int, Endpoint] = OrderedDict()  # by slot
+
+    @property
+    def own(self) -> schema.Endpoint | None:
+        """Where this server is called; None: at the address that its clients know."""
+        own = self._ownership.own
+        return None if own is None else schema.Endpoint.of(own)
+
+    @property
+    def holds(self) -> bool:
+        """Whether the lease holds: what is owned here may be changed."""
+        return self._ownership.may_step()
+
+    def require_own(self, name: str) -> None:
+        """Raises Misdirected when what has this id lives elsewhere.
+
+        To be asked about what is not here: what has come back is found first.
+        """
+        right = self._ownership.endpoint_of(name) or self._left.get(slot_of(name))
+        if right is not None:
+            raise misdirected(name, right)
+
+    def left(self, name: str, endpoint: Endpoint) -> None:
+        """A session or scene lives there now."""
+        slot = slot_of(name)
+        self._left[slot] = endpoint
+        self._left.move_to_end(slot)
+        while len(self._left) > REMEMBERED:
+            self._left.popitem(last=False)
+
+    def came(self, name: str) -> None:
+        """A session or scene lives here now."""
+        self._left.pop(slot_of(name), None)
+
+
+def misdirected(name: str, right: Endpoint) -> Misdirected:
+    """The error that says where to call."""
+    return Misdirected(f"{name!r} lives in worker {right.worker}; call {right}", right)
