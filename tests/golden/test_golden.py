@@ -27,7 +27,7 @@ def test_nothing_is_left_over():
     listed = {entry["poses"] for entry in ENTRIES}
     assert {f"poses/{path.name}" for path in (FOLDER / "poses").iterdir()} == listed
     combinations = {(e["basis"], e["encoding"], e["profile"]) for e in ENTRIES}
-    assert len(combinations) == len(Basis) * len(PoseEncoding) * len(PoseProfile)
+    assert len(combinations) == len(Basis) * len(vectors.ENCODINGS) * len(PoseProfile)
     assert {e["sent_fps"] for e in ENTRIES} == {40, 20, 10}
 
 

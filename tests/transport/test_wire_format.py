@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from wayfarer.transport import convert, schema
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import PoseEncoding, PoseFormat, PoseProfile, smallest_three
+from wayfarer.transport.codec.root import ROOT_FRAME
 from wayfarer.transport.websocket import PARAMETERS
 from wayfarer.v1 import motion_pb2
 
@@ -56,7 +58,7 @@ def test_the_query_of_the_socket_is_listed():
 
 def test_sizes_and_errors_of_encodings():
     table = rows("| encoding | a rotation |")
-    assert len(table) == len(PoseEncoding)
+    assert len(table) == len(PoseEncoding) - 1  # ROOT has a table of its own
     for row in table:
         number, name = row[0].split()
         encoding = PoseEncoding[name.strip("`")]
@@ -69,6 +71,19 @@ def test_sizes_and_errors_of_encodings():
         assert int(row[2]) == encoding.rotation_type.itemsize
         if encoding is PoseEncoding.SMALLEST_THREE:
             assert row[4] == f"{np.ceil(1000 * smallest_three.WORST_ERROR_DEG) / 1000}°"
+
+
+def test_the_layout_of_roots():
+    assert "`ROOT` (4)" in PAGE and motion_pb2.POSE_ENCODING_ROOT == 4
+    table = rows("| bytes of a frame | content |\n|---|---|\n| 0–11 |")
+    assert [row[0] for row in table] == ["0–11", "12–13", "14", "15"]
+    assert [ROOT_FRAME.fields[name][1] for name in ROOT_FRAME.names] == [0, 12, 14, 15]
+
+
+def test_the_example_of_rings_is_accepted():
+    text = PAGE.split("```json\n")[1].split("```")[0]
+    rings = convert.rings(schema.Interest.model_validate_json(text), PoseFormat(), Basis.GLTF.axes)
+    assert [ring.pose_format.frame_bytes for ring in rings] == [364, 12 + 5 * 6, 16]
 
 
 def test_words_of_smallest_three():

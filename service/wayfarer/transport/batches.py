@@ -2,19 +2,22 @@
 
 from collections.abc import AsyncGenerator, Iterable
 from contextlib import aclosing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wayfarer import __version__
 from wayfarer.service.streams.publications import Publication
+from wayfarer.service.streams.root_tracks import Roots
 from wayfarer.spec import FPS
 from wayfarer.transport import convert, schema, wire
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.bodies import BodyLibrary
-from wayfarer.transport.codec import PoseEncoder, PoseFormat
-from wayfarer.transport.framing import Part, field
+from wayfarer.transport.codec import PackedPoses, PoseEncoder, PoseFormat, TierEncoder
+from wayfarer.transport.framing import Part
+from wayfarer.transport.framing import field as wire_field
 from wayfarer.v1 import agent_pb2, catalog_pb2, common_pb2, motion_pb2
 from wayfarer.world.agents.agent import STATES, AgentInfo, MotionChunks
 from wayfarer.world.events import Event, EventKind
@@ -23,6 +26,9 @@ STATE_NUMBERS: Final = np.array(
     [agent_pb2.AgentState.Value(f"AGENT_STATE_{state.name}") for state in STATES]
 )
 """Enum value on the wire of each state, in the order of STATES."""
+
+COLUMN_BYTES: Final = 64
+"""Bytes of a chunk in a batch beside its frames, at most: nine varints of it."""
 
 KINDS: Final = {kind: f"EVENT_KIND_{kind.name}" for kind in EventKind}
 
@@ -36,6 +42,7 @@ class BatchWriter:
     encoder: PoseEncoder
     bodies: BodyLibrary
     skeleton: schema.Skeleton
+    tier_encoder: TierEncoder = field(default_factory=TierEncoder)
 
     def header(
         self, session_id: str = "", resume_s: float = 0.0, resumed: bool = False
@@ -60,33 +67,35 @@ class BatchWriter:
         resume_token: str = "",
     ) -> list[Part]:
         """A MotionBatch, encoded; `added` are the agents that the reader sees first here."""
-        news = motion_pb2.MotionBatch(
+        batch = motion_pb2.MotionBatch(
             added=[self.agent(info) for info in added], removed=removed, resume_token=resume_token
         )
-        batch: list[Part] = [news.SerializeToString()]
-        if chunks:
-            batch += field(motion_pb2.MotionBatch.CHUNKS_FIELD_NUMBER, self._chunks(chunks))
-        return batch
+        packed = self.encoder.encode(chunks, self.basis, self.pose_format) if chunks else None
+        return _with_chunks(batch, chunks, packed)
 
-    def _chunks(self, chunks: MotionChunks) -> list[Part]:
-        """A MotionChunks, encoded."""
-        packed = self.encoder.encode(chunks, self.basis, self.pose_format)
-        columns = motion_pb2.MotionChunks(
-            aliases=chunks.alias.tolist(),
-            seqs=chunks.seq.tolist(),
-            first_frames=chunks.first_frame.tolist(),
-            scheduled_at_us=np.rint(chunks.scheduled_at * 1e6).astype(np.int64).tolist(),
-            goal_revisions=chunks.goal_revision.tolist(),
-            states=STATE_NUMBERS[chunks.state].tolist(),
-            flags=chunks.flags.tolist(),
-            waypoints=chunks.waypoint.tolist(),
-            candidates=chunks.candidates.tolist(),
+    def portion(
+        self,
+        batch: motion_pb2.MotionBatch,
+        chunks: MotionChunks,
+        rows: NDArray[np.intp],
+        roots: Roots | None,
+    ) -> list[Part]:
+        """A MotionBatch, encoded, with some of the chunks of a publication and their `roots`."""
+        if not len(rows):
+            return _with_chunks(batch, chunks, None)
+        packed = self.tier_encoder.encode(chunks, rows, self.basis, self.pose_format, roots)
+        return _with_chunks(batch, chunks, packed, rows)
+
+    def row_bytes(self, chunks: MotionChunks) -> int:
+        """Most bytes of a chunk in a batch."""
+        frames = -(-chunks.translation.shape[1] // self.pose_format.stride)
+        return COLUMN_BYTES + frames * (self.pose_format.frame_bytes + 1)
+
+    def tier(self, radius: float) -> motion_pb2.Tier:
+        """What the header says of a ring; `radius` in metres."""
+        return motion_pb2.Tier(
+            radius=self.basis.axes.length_to_wire(radius), **self.pose_format.header()
         )
-        return [
-            columns.SerializeToString(),
-            *field(motion_pb2.MotionChunks.POSES_FIELD_NUMBER, [packed.poses]),
-            *field(motion_pb2.MotionChunks.CONTACTS_FIELD_NUMBER, [packed.contacts]),
-        ]
 
     async def offline(
         self, made: AsyncGenerator[Publication]
@@ -106,6 +115,37 @@ class BatchWriter:
     def agent(self, info: AgentInfo) -> agent_pb2.Agent:
         """An agent as the reader sees it."""
         return wire.message(agent_pb2.Agent, convert.agent(info, self.basis, self.bodies))
+
+
+def _with_chunks(
+    batch: motion_pb2.MotionBatch,
+    chunks: MotionChunks,
+    packed: PackedPoses | None,
+    rows: NDArray[np.intp] | slice = slice(None),
+) -> list[Part]:
+    """The batch, encoded, with the chunks of `rows`, whose poses are `packed`."""
+    if packed is None:
+        return [batch.SerializeToString()]
+    columns = motion_pb2.MotionChunks(
+        aliases=chunks.alias[rows].tolist(),
+        seqs=chunks.seq[rows].tolist(),
+        first_frames=chunks.first_frame[rows].tolist(),
+        scheduled_at_us=np.rint(chunks.scheduled_at[rows] * 1e6).astype(np.int64).tolist(),
+        goal_revisions=chunks.goal_revision[rows].tolist(),
+        states=STATE_NUMBERS[chunks.state[rows]].tolist(),
+        flags=chunks.flags[rows].tolist(),
+        waypoints=chunks.waypoint[rows].tolist(),
+        candidates=chunks.candidates[rows].tolist(),
+    )
+    encoded = [
+        columns.SerializeToString(),
+        *wire_field(motion_pb2.MotionChunks.POSES_FIELD_NUMBER, [packed.poses]),
+        *wire_field(motion_pb2.MotionChunks.CONTACTS_FIELD_NUMBER, [packed.contacts]),
+    ]
+    return [
+        batch.SerializeToString(),
+        *wire_field(motion_pb2.MotionBatch.CHUNKS_FIELD_NUMBER, encoded),
+    ]
 
 
 def parsed(batch: Iterable[Part]) -> motion_pb2.MotionBatch:

@@ -19,6 +19,9 @@ from wayfarer.v1 import common_pb2, control_pb2
 log = structlog.get_logger(__name__)
 
 OPEN_TIMEOUT_S: Final = 10.0
+SILENT: Final = ("ack", "viewpoints")
+"""Answered only when they are refused."""
+
 COMMANDS: Final = ("set_goal", "set_path", "append_goals", "wander", "behave", "clear_goal")
 
 Requests = AsyncIterator[control_pb2.ControlRequest]
@@ -55,7 +58,7 @@ async def _opening(requests: Requests) -> schema.StreamRequest:
 async def _replies(
     requests: Requests, stream: MotionStream, goals: GoalApi
 ) -> AsyncGenerator[control_pb2.CommandReply]:
-    """One to each command, in order; none to an acknowledgement, unless it is malformed."""
+    """One to each command, in order; none to what is `SILENT`, unless it is refused."""
     async for request in requests:
         reply = control_pb2.CommandReply(command_id=request.command_id)
         try:
@@ -63,6 +66,9 @@ async def _replies(
                 stream.ack(request.ack.resume_token, request.ack.playhead_us / 1e6)
                 continue
             count_call()
+            if request.WhichOneof("payload") == "viewpoints":
+                stream.look(wire.parse(schema.Viewpoints, request.viewpoints))
+                continue
             reply.revision = await _give(request, goals)
         except Exception as error:
             errors.log_unexpected(log, error, "Control")
@@ -75,7 +81,7 @@ async def _give(request: control_pb2.ControlRequest, goals: GoalApi) -> int:
     payload = request.WhichOneof("payload")
     if payload not in COMMANDS:
         raise InvalidArgument(
-            f"after `open` comes one of ack, {', '.join(COMMANDS)}", payload or "payload"
+            f"after `open` comes one of {', '.join((*SILENT, *COMMANDS))}", payload or "payload"
         )
     return await goals.carry_out(getattr(request, payload))
 

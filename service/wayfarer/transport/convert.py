@@ -1,6 +1,6 @@
 """Schema ↔ runtime: values in a session's basis ↔ messages in world space, and back."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from functools import lru_cache
@@ -27,10 +27,17 @@ from wayfarer.spec import BETAS, POSED_JOINTS
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Axes, Basis
 from wayfarer.transport.bodies import BodyLibrary
-from wayfarer.transport.codec import PoseFormat
+from wayfarer.transport.codec import PoseEncoding, PoseFormat
+from wayfarer.transport.detail_levels import DetailRing, ViewPlace
 from wayfarer.transport.units import in_world, on_wire, place, vector
 from wayfarer.world.agents import agent as runtime
 from wayfarer.world.agents.goal import Goal
+
+FARTHEST_VIEW: Final = 1e6
+"""Metres from the origin along each axis: a camera may be far from all people."""
+
+REACH: Final = 0.01, 100.0
+"""Factors of the radii."""
 
 UNITS: Final = {1.0: "m", 0.01: "cm"}
 """Names of the bases' units of length."""
@@ -152,10 +159,53 @@ def agent_change(request: schema.AgentUpdate) -> runtime.AgentChange:
     return runtime.AgentChange(**request.model_dump())
 
 
-def pose_format(request: schema.PoseFormat) -> PoseFormat:
-    """The checked choice. Raises InvalidArgument that names the part at fault."""
+def pose_format(request: schema.PoseFormat, field: str = "format") -> PoseFormat:
+    """The checked choice for poses. Raises InvalidArgument that names the part at fault."""
+    if request.encoding is PoseEncoding.ROOT:
+        allowed = ", ".join(e.upper() for e in PoseEncoding if e is not PoseEncoding.ROOT)
+        raise InvalidArgument(f"ROOT is for streams; here is one of {allowed}", f"{field}.encoding")
+    return stream_format(request, field)
+
+
+def stream_format(request: schema.PoseFormat, field: str = "format") -> PoseFormat:
+    """As `pose_format`, of a stream, which may have roots instead of poses."""
     chosen = (request.encoding, request.profile, request.bones, request.fps)
-    return PoseFormat.choose(*chosen, field="format")
+    return PoseFormat.choose(*chosen, field=field)
+
+
+def rings(request: schema.Interest, usual: PoseFormat, axes: Axes) -> list[DetailRing]:
+    """The rings of a stream; `usual` is its own format. Raises InvalidArgument."""
+    found: list[DetailRing] = []
+    for k, ring in enumerate(request.rings):
+        where = f"interest.rings[{k}]"
+        radius, least = axes.length_to_core(ring.radius), found[-1].radius if found else 0.0
+        if not schema.MIN_RADIUS <= radius <= schema.MAX_RADIUS:
+            allowed = f"{_written(Metres(schema.MIN_RADIUS), axes)} to "
+            allowed += _written(Metres(schema.MAX_RADIUS), axes)
+            raise InvalidArgument(f"is {ring.radius:g}; allowed: {allowed}", f"{where}.radius")
+        if radius <= least:
+            raise InvalidArgument("is not greater than the one before", f"{where}.radius")
+        packed = stream_format(ring.format, f"{where}.format") if ring.format else usual
+        found.append(DetailRing(radius, packed))
+    return found
+
+
+def viewpoints(
+    request: Iterable[schema.Viewpoint], axes: Axes, field: str = "viewpoints"
+) -> list[ViewPlace]:
+    """Viewpoints in world space. Raises InvalidArgument."""
+    found = []
+    for k, view in enumerate(request):
+        where = f"{field}[{k}]"
+        position = place(view.position, axes)
+        if max(map(abs, position)) > FARTHEST_VIEW:
+            most = _written(Metres(FARTHEST_VIEW), axes)
+            raise InvalidArgument(f"is more than {most} from the origin", f"{where}.position")
+        if view.reach and not REACH[0] <= view.reach <= REACH[1]:
+            allowed = f"{REACH[0]:g} to {REACH[1]:g}, or 0 for 1"
+            raise InvalidArgument(f"is {view.reach:g}; allowed: {allowed}", f"{where}.reach")
+        found.append(ViewPlace(position, view.reach or 1.0))
+    return found
 
 
 def model(info: ModelInfo) -> schema.Model:

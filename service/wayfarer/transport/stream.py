@@ -1,27 +1,35 @@
 """One reader's stream: publications of the runtime as wire messages, with events and heartbeats."""
 
 import asyncio
-from collections.abc import AsyncGenerator, Callable, Collection
+from collections.abc import AsyncGenerator, Callable, Collection, Mapping, Sequence
 from contextlib import aclosing
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from wayfarer.errors import NotFound, Unavailable, WayfarerError
+from wayfarer.errors import InvalidArgument, NotFound, Unavailable, WayfarerError
 from wayfarer.service.motion_service import MotionService
 from wayfarer.service.streams.publications import Publication
+from wayfarer.service.streams.root_tracks import Roots
 from wayfarer.service.streams.subscription import Subscription
-from wayfarer.transport import convert
+from wayfarer.transport import convert, schema
+from wayfarer.transport.basis import Axes, Basis
 from wayfarer.transport.batches import BatchWriter, event_message
+from wayfarer.transport.detail_levels import DetailLevels
 from wayfarer.transport.framing import Part, field
 from wayfarer.transport.merge import paced
+from wayfarer.transport.portions import NO_ROWS, PortionWriter, Shown
 from wayfarer.transport.resume import Progress
 from wayfarer.v1 import motion_pb2
-from wayfarer.world.agents.agent import NO_CHUNKS, AgentInfo, MotionChunks
+from wayfarer.world.agents.agent import NO_CHUNKS, AgentInfo, ChunkFlag, MotionChunks
 from wayfarer.world.events import Event, EventKind
 
 HEARTBEAT_S: Final = 1.0
+
+FEW: Final = 8
+"""Agents that are asked for one by one; for more, all of the session are listed at once."""
+
 SHUTDOWN: Final = "the server is shutting down"
 
 
@@ -37,10 +45,13 @@ class MotionStream:
         followed: str = "",
         since: Progress | None = None,
         gone: Collection[int] = (),
+        interest: DetailLevels | None = None,
+        axes: Axes = Basis.GLTF.axes,
     ) -> None:
         """`followed`: see `filter_mark`. `since`: how far the reader's earlier stream had come.
 
-        `gone`: aliases of deleted agents that it may still show.
+        `gone`: aliases of deleted agents that it may still show. `interest`: rings and viewpoints;
+        none: all agents come alike. `axes`: of the session's basis.
         """
         self._service = service
         self._session_id = session_id
@@ -51,13 +62,23 @@ class MotionStream:
         self._followed = followed
         self._since = since
         self._token = ""  # of what has been sent
+        self._interest, self._axes = interest, axes
+        self._count = 1  # of tiers; this number stands for nothing
+        if interest is not None:
+            self._count = len(interest.rings)
+            interest.resumed = subscription.resumed
+        self._sent_at = clock()
         self._known: dict[int, str] = {}  # agents introduced, by alias
+        self._seen: set[int] = set()  # of those: within the rings
         self._gone = set(gone)  # aliases deleted: late chunks of theirs are dropped
         self._removed = list(gone)  # deleted and not yet reported
 
     def remove(self, alias: int) -> None:
         """Tell the reader, with the next message, that an agent was deleted."""
         self._gone.add(alias)
+        self._seen.discard(alias)
+        if self._interest is not None:
+            self._interest.forget(alias)
         if alias in self._known:
             self._removed.append(alias)
 
@@ -78,24 +99,43 @@ class MotionStream:
         if progress is not None and progress.epoch == self._subscription.epoch:
             self._subscription.ack(progress.position, playhead)
 
-    async def messages(self, writer: BatchWriter, resume_s: float) -> AsyncGenerator[bytes]:
+    def look(self, viewpoints: schema.Viewpoints) -> None:
+        """See the agents from here, from the next batch on.
+
+        Raises InvalidArgument, also for a stream without rings.
+        """
+        if self._interest is None:
+            raise InvalidArgument("the stream was opened without `interest`", "viewpoints")
+        self._interest.look(convert.viewpoints(viewpoints.viewpoints, self._axes))
+
+    async def messages(
+        self, writers: Sequence[BatchWriter], resume_s: float, most: int = 0
+    ) -> AsyncGenerator[bytes]:
         """Header, then batches, events and heartbeats until the session ends: each a
         StreamMotionResponse, encoded.
 
-        Raises what it was ended with; Unavailable after an event that says so. Close it with
-        `aclose`.
+        `writers`: one for each ring, else one. `most`: bytes of a message; 0: no bound. Raises
+        what it was ended with; Unavailable after an event that says so. Close it with `aclose`.
         """
-        header = writer.header(self._session_id, resume_s, self._subscription.resumed)
-        yield self._response(header=header)
+        yield self._response(header=self._header(writers, resume_s))
+        portions = PortionWriter(writers, most)
         async with aclosing(self._publications()) as publications:
             async for published in publications:
                 chunks, events = self._fresh(published) if published else (NO_CHUNKS, [])
-                shown, added = await self._introduce(chunks)
+                shown = await self._show(chunks, published.roots if published else None)
+                before = self._token
                 if published:
+                    before = self._progress(published, None, -1)
                     self._token = self._progress(published, 0 if events else None)
-                if shown or self._removed:
-                    removed, self._removed = self._removed, []
-                    yield self._batch(writer.batch(shown, added, removed, self._token))
+                if batches := portions.batches(shown, self._removed, before, self._token):
+                    self._removed = []
+                    for batch in batches:
+                        yield self._batch(batch)
+                elif published and self._interest:
+                    # nobody is in sight; now and then the reader gets a token to resume from
+                    if self._clock() - self._sent_at >= HEARTBEAT_S:
+                        empty = motion_pb2.MotionBatch(resume_token=self._token)
+                        yield self._batch([empty.SerializeToString()])
                 elif not events:
                     yield self._response(heartbeat=motion_pb2.Heartbeat())
                 for token, event in events:
@@ -145,7 +185,8 @@ class MotionStream:
         return paced(aiter(self._subscription), HEARTBEAT_S, self._ended)
 
     def _response(self, **payload: object) -> bytes:
-        now = convert.microseconds(self._clock())
+        self._sent_at = self._clock()
+        now = convert.microseconds(self._sent_at)
         message = motion_pb2.StreamMotionResponse(sent_at_us=now, **payload)  # type: ignore[arg-type]
         return message.SerializeToString()
 
@@ -156,9 +197,19 @@ class MotionStream:
     def _draining(self) -> Event:
         return Event(EventKind.DRAINING, self._clock(), detail=SHUTDOWN)
 
-    def _progress(self, published: Publication, events: int | None) -> str:
-        """The resume token after `events` events of a publication; None: after all of it."""
-        position = published.position
+    def _header(self, writers: Sequence[BatchWriter], resume_s: float) -> motion_pb2.StreamHeader:
+        header = writers[0].header(self._session_id, resume_s, self._subscription.resumed)
+        if self._interest is not None:
+            pairs = zip(writers, self._interest.rings, strict=True)
+            header.tiers.extend(writer.tier(ring.radius) for writer, ring in pairs)
+        return header
+
+    def _progress(self, published: Publication, events: int | None, later: int = 0) -> str:
+        """The resume token after `events` events of a publication; None: after all of it.
+
+        `later`: of the publication so many positions later.
+        """
+        position = published.position + later
         return Progress(self._subscription.epoch, position, events, self._followed).token()
 
     def _fresh(self, published: Publication) -> tuple[MotionChunks, list[tuple[str, Event]]]:
@@ -174,18 +225,43 @@ class MotionStream:
             return NO_CHUNKS, events[since.events :]
         return published.chunks, events
 
-    async def _introduce(self, chunks: MotionChunks) -> tuple[MotionChunks, list[AgentInfo]]:
-        """The chunks to show, and descriptions of the agents seen for the first time."""
-        present = set(chunks.alias.tolist())
-        added = []
-        if new := present - self._known.keys() - self._gone:
+    async def _show(self, chunks: MotionChunks, roots: Roots | None) -> Shown:
+        """What to send of chunks, and of their `roots`: tiers, and descriptions of the agents that
+        the reader does not see yet.
+        """
+        if not chunks:
+            return Shown(chunks, NO_ROWS)
+        aliases = chunks.alias.tolist()
+        tiers, left = np.zeros(len(aliases), np.intp), list[int]()
+        if self._interest is not None:
+            tiers, entered, left = self._interest.sort(chunks)
+            chunks = replace(chunks, flags=chunks.flags | entered * np.uint8(ChunkFlag.FIRST))
+            self._seen.difference_update(left)
+        within = zip(aliases, chunks.agent_id, tiers < self._count, strict=True)
+        new = {alias: name for alias, name, is_in in within if is_in and alias not in self._seen}
+        added = await self._introduce(new) if new else {}
+        if new.keys() - added.keys():  # they have been deleted
+            tiers = np.where([alias in self._seen for alias in aliases], tiers, self._count)
+        return Shown(chunks, tiers, roots, added, [a for a in left if a not in self._gone])
+
+    async def _introduce(self, agents: Mapping[int, str]) -> dict[int, AgentInfo]:
+        """Descriptions of agents, ids by alias: of those that live."""
+        agents = {alias: name for alias, name in agents.items() if alias not in self._gone}
+        if len(agents) > FEW:
             try:
                 infos = await self._service.list_agents(self._session_id)
             except NotFound:  # the session has ended since the chunks were made
                 infos = []
-            added = [info for info in infos if info.alias in new - self._gone]
-            self._known.update((info.alias, info.agent_id) for info in added)
-        shown = (present & self._known.keys()) - self._gone
-        if len(shown) < len(present):
-            chunks = chunks.take(np.flatnonzero(np.isin(chunks.alias, list(shown))))
-        return chunks, added
+        else:
+            infos = [info for name in agents.values() if (info := await self._agent(name))]
+        wanted = agents.keys() - self._gone  # some have gone while it was asked for them
+        found = {info.alias: info for info in infos if info.alias in wanted}
+        self._known.update((alias, info.agent_id) for alias, info in found.items())
+        self._seen |= found.keys()
+        return found
+
+    async def _agent(self, agent_id: str) -> AgentInfo | None:
+        try:
+            return await self._service.get_agent(agent_id)
+        except NotFound:
+            return None

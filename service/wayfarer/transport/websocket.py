@@ -8,18 +8,19 @@ import asyncio
 import contextlib
 from collections.abc import AsyncGenerator
 from contextlib import aclosing
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import structlog
 from fastapi import FastAPI, WebSocket, WebSocketDisconnect
 from google.protobuf.message import DecodeError
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 from starlette.datastructures import QueryParams
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.transport import errors, schema
 from wayfarer.transport.control import control
 from wayfarer.transport.gateway import Gateway
+from wayfarer.transport.stream import MotionStream
 from wayfarer.v1 import control_pb2
 
 log = structlog.get_logger(__name__)
@@ -30,8 +31,17 @@ STALL_S: Final = 30.0
 REASON_BYTES: Final = 123
 """RFC 6455, 5.5: a control frame has 125 bytes, two of them the code."""
 
+LOOKS: Final = 20
+"""Times a second that viewpoints are moved at most; the last ones count."""
+
+JSON_LENGTH: Final = 8_000
+"""Characters of rings or viewpoints at most."""
+
+Kind = TypeVar("Kind", bound=BaseModel)
+
 PARAMETERS: Final = (
     *("session", "agent", "encoding", "profile", "bones", "fps", "slow_reader", "resume_token"),
+    *("interest", "max_message_bytes"),
 )
 
 
@@ -41,8 +51,9 @@ def add_sockets(app: FastAPI, gateway: Gateway) -> None:
     @app.websocket("/v1/stream")
     async def stream(socket: WebSocket) -> None:
         await socket.accept()
-        sending = asyncio.create_task(_send_stream(socket, gateway))
-        leaving = asyncio.create_task(_until_gone(socket))
+        viewpoints = LatestText()
+        sending = asyncio.create_task(_send_stream(socket, gateway, viewpoints))
+        leaving = asyncio.create_task(_until_gone(socket, viewpoints))
         try:
             await asyncio.wait({sending, leaving}, return_when=asyncio.FIRST_COMPLETED)
             if sending.done():
@@ -78,20 +89,83 @@ def stream_request(query: QueryParams) -> schema.StreamRequest:
     if not (fps.isascii() and fps.isdigit() and len(fps) < 4):
         raise InvalidArgument("must be 40, 20 or 10", "fps")
     packed["fps"] = int(fps)
-    options = {k: query[k] for k in ("slow_reader", "resume_token") if k in query}
+    options: dict[str, Any] = {k: query[k] for k in ("slow_reader", "resume_token") if k in query}
+    most = query.get("max_message_bytes", "0")
+    if not (most.isascii() and most.isdigit() and len(most) < 10):
+        raise InvalidArgument("must be a number of bytes", "max_message_bytes")
+    options["max_message_bytes"] = int(most)
+    if "interest" in query:
+        options["interest"] = _from_json(schema.Interest, query["interest"], "interest")
     try:
         return schema.StreamRequest(
             session_id=query.get("session", ""),
             agent_ids=tuple(query.getlist("agent")),
             format=schema.PoseFormat(**packed),
-            **options,  # type: ignore[arg-type]
+            **options,
         )
     except ValidationError as error:
         raise errors.invalid_request(error) from None
 
 
-async def _send_stream(socket: WebSocket, gateway: Gateway) -> None:
-    await _send(socket, gateway.motion.stream(stream_request(socket.query_params)))
+class LatestText:
+    """The last of the texts that come, and a look at it: those between are never read, so that a
+    flood costs little and delays nothing.
+    """
+
+    def __init__(self) -> None:
+        self._text = ""
+        self._came = asyncio.Event()
+
+    def put(self, text: str) -> None:
+        """A text has come."""
+        self._text = text
+        self._came.set()
+
+    async def next(self) -> str:
+        """The last one, once there is one that has not been given."""
+        await self._came.wait()
+        self._came.clear()
+        return self._text
+
+
+async def _send_stream(socket: WebSocket, gateway: Gateway, texts: LatestText) -> None:
+    request = stream_request(socket.query_params)
+    async with gateway.motion.follow(request) as (stream, messages):
+        if request.interest is None:
+            await _send(socket, messages)
+            return
+        both = [
+            asyncio.create_task(_send(socket, messages)),
+            asyncio.create_task(_look(stream, texts)),
+        ]
+        try:
+            done, _ = await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
+            for task in done:
+                task.result()
+        finally:
+            for task in both:
+                task.cancel()
+            await asyncio.gather(*both, return_exceptions=True)
+
+
+async def _look(stream: MotionStream, texts: LatestText) -> None:
+    """Move the viewpoints as the client says, `LOOKS` times a second at most.
+
+    Raises InvalidArgument.
+    """
+    while True:
+        stream.look(_from_json(schema.Viewpoints, await texts.next(), ""))
+        await asyncio.sleep(1 / LOOKS)
+
+
+def _from_json(kind: type[Kind], text: str, field: str) -> Kind:
+    """Raises InvalidArgument."""
+    if len(text) > JSON_LENGTH:
+        raise InvalidArgument(f"has {len(text)} characters; allowed: {JSON_LENGTH}", field)
+    try:
+        return kind.model_validate_json(text)
+    except ValidationError as error:
+        raise errors.invalid_request(error, field) from None
 
 
 async def _send(socket: WebSocket, messages: AsyncGenerator[bytes]) -> None:
@@ -105,10 +179,11 @@ async def _send(socket: WebSocket, messages: AsyncGenerator[bytes]) -> None:
                 raise WebSocketDisconnect(1006) from None
 
 
-async def _until_gone(socket: WebSocket) -> None:
-    """Read, and ignore, what the client sends until it leaves."""
-    while (await socket.receive())["type"] != "websocket.disconnect":
-        pass
+async def _until_gone(socket: WebSocket, texts: LatestText) -> None:
+    """Keep the last text that the client sends, and ignore other frames, until it leaves."""
+    while (message := await socket.receive())["type"] != "websocket.disconnect":
+        if text := message.get("text"):
+            texts.put(text)
 
 
 async def _requests(socket: WebSocket) -> AsyncGenerator[control_pb2.ControlRequest]:

@@ -14,8 +14,6 @@ INNER = {
     ("sessions", "take_over"),
     ("scenes", "end_expired"),
     ("scenes", "take_over"),
-    # the scope is checked by the calls that use it
-    ("motion", "follow"),
 }
 PARTS = ("scenes", "sessions", "agents", "goals", "motion", "snapshots", "catalogue", "admin")
 CHANGES = {"create", "update", "delete", "set", "clear", "append", "wander", "import"}

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+from wayfarer.service.streams.root_tracks import Roots
 from wayfarer.world.agents.agent import NO_CHUNKS, AgentInfo, MotionChunks
 from wayfarer.world.events import Event, EventKind
 
@@ -15,6 +16,7 @@ class Publication:
     chunks: MotionChunks = NO_CHUNKS  # that fell due together, at most one per agent
     events: tuple[Event, ...] = ()  # after the chunks
     added: tuple[AgentInfo, ...] = ()  # of clips and replays: those whose first chunk this is
+    roots: Roots | None = None  # of `chunks`, once a subscriber has asked for them
 
     @property
     def scheduled_at(self) -> float:
@@ -47,6 +49,7 @@ class StreamOptions:
     slow_reader: SlowReader = SlowReader.DROP_OLDEST
     resume: Resume | None = None  # of an earlier subscription to the same agents
     hold_s: float = 30.0  # HOLD: longest time that agents wait; the session's lease
+    roots: bool = False  # publications shall have roots
 
 
 def model_changed(agent: AgentInfo, at: float) -> Event:

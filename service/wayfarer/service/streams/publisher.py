@@ -17,6 +17,7 @@ from wayfarer.service.inbox import post
 from wayfarer.service.metrics_sink import MetricsSink, ResumeResult
 from wayfarer.service.streams.goal_events import GoalEvents
 from wayfarer.service.streams.publications import Publication, Resume, SlowReader
+from wayfarer.service.streams.root_tracks import RootTracks
 from wayfarer.service.streams.subscription import QueuedPublication, Subscription, SubscriptionStart
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import NO_CHUNKS, AgentInfo, MotionChunks
@@ -84,6 +85,8 @@ class Publisher:
         if log := self._logs.get(session_id):
             log.awaited.pop(agent_id, None)
             log.goal_events.forget(agent_id)
+            if log.roots is not None:
+                log.roots.forget(agent_id)
 
     def end(self, session_id: str, error: WayfarerError | None = None) -> None:
         """End a session's subscriptions and forget it; if it comes again, it starts afresh."""
@@ -151,6 +154,7 @@ class _Log:
         self.goal_events = goal_events
         self.awaited: dict[str, tuple[int, float]] = {}  # goal revision, asked at; by agent
         self.is_waiting = False  # the agents wait for their readers
+        self.roots: RootTracks | None = None  # from the first subscriber on that asks for them
         self._resume_s = resume_s
         self._ring: deque[QueuedPublication] = deque()
         self.motion = 0.0  # seconds of motion so far
@@ -161,7 +165,8 @@ class _Log:
     def add(self, chunks: MotionChunks, events: tuple[Event, ...]) -> QueuedPublication:
         """Enter a publication into the ring."""
         self.position += 1
-        publication = Publication(self.position, chunks, events)
+        roots = self.roots.follow(chunks) if self.roots is not None and chunks else None
+        publication = Publication(self.position, chunks, events, roots=roots)
         self.motion += self._step(publication)
         self._ring.append(QueuedPublication(publication, self.motion))
         while self.motion - self._ring[0].motion > self._resume_s:
@@ -211,6 +216,8 @@ class _Log:
 
     def follow(self, subscription: Subscription) -> None:
         """Add one."""
+        if subscription.options.roots and self.roots is None:
+            self.roots = RootTracks()
         self._subscribers = [*map(weakref.ref, self.open()), weakref.ref(subscription)]
 
     def open(self) -> list[Subscription]:

@@ -235,7 +235,8 @@ class Subscription:
         if not rows and not events:
             return None
         chunks = publication.chunks.take(np.array(rows, np.int64))
-        return replace(publication, chunks=chunks, events=events)
+        roots = None if publication.roots is None else publication.roots[rows]
+        return replace(publication, chunks=chunks, events=events, roots=roots)
 
     def _keep_to_bound(self) -> None:
         while len(self._waiting) > MIN_WAITING and self._span() > self._bound:

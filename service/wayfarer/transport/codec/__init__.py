@@ -3,6 +3,7 @@
 from wayfarer.transport.codec.encoder import PoseEncoder
 from wayfarer.transport.codec.packing import DecodedPoses, PackedPoses, decode, encode
 from wayfarer.transport.codec.pose_format import PoseEncoding, PoseFormat, PoseProfile
+from wayfarer.transport.codec.tier_encoder import TierEncoder
 
 __all__ = [
     "DecodedPoses",
@@ -11,6 +12,7 @@ __all__ = [
     "PoseEncoding",
     "PoseFormat",
     "PoseProfile",
+    "TierEncoder",
     "decode",
     "encode",
 ]

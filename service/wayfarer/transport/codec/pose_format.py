@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from wayfarer.body.skeleton import load_skeleton
 from wayfarer.errors import InvalidArgument
+from wayfarer.service.streams.root_tracks import ROOT_FPS
 from wayfarer.spec import FPS, JOINTS, POSED_JOINTS
+from wayfarer.transport.codec.root import ROOT_FRAME
 
 RATES: Final = (FPS, FPS // 2, FPS // 4)
 """Frames per second that may be asked for; every first, second or fourth frame is sent."""
@@ -26,10 +28,11 @@ class PoseEncoding(StrEnum):
     F32_LE = "f32_le"
     F16_LE = "f16_le"
     SMALLEST_THREE = "smallest_three"
+    ROOT = "root"
 
     @property
     def rotation_type(self) -> np.dtype[Any]:
-        """Type of one rotation: four floats, or three words of smallest_three.py."""
+        """Type of one rotation: four floats, or three words of smallest_three.py; ROOT has none."""
         return ROTATION_TYPES[self]
 
 
@@ -70,10 +73,24 @@ class PoseFormat:
         Raises InvalidArgument, which names the part at fault below `field`.
         """
         path = f"{field}." if field else ""
+        if encoding is PoseEncoding.ROOT:
+            return cls._root(profile, bones, fps, path)
         if fps not in (0, *RATES):
             allowed = ", ".join(map(str, RATES))
             raise InvalidArgument(f"{fps} is none of {allowed} frames per second", f"{path}fps")
         return cls(encoding, _indices(profile, bones, f"{path}bones"), fps or FPS)
+
+    @classmethod
+    def _root(cls, profile: PoseProfile, bones: Sequence[str], fps: int, path: str) -> Self:
+        """Raises InvalidArgument."""
+        if profile is not PoseProfile.BODY or bones:
+            at = f"{path}bones" if bones else f"{path}profile"
+            raise InvalidArgument("the encoding ROOT has no bones: leave out profile and bones", at)
+        if fps not in (0, ROOT_FPS):
+            raise InvalidArgument(
+                f"the encoding ROOT has {ROOT_FPS} frames per second", f"{path}fps"
+            )
+        return cls(PoseEncoding.ROOT, (), ROOT_FPS)
 
     @property
     def stride(self) -> int:
@@ -82,7 +99,9 @@ class PoseFormat:
 
     @cached_property
     def frame(self) -> np.dtype[Any]:
-        """One frame as packed bytes: `translation` and `rotations`."""
+        """One frame as packed bytes: `translation` and `rotations`, or those of root.py."""
+        if self.encoding is PoseEncoding.ROOT:
+            return ROOT_FRAME
         rotations = (self.encoding.rotation_type, (len(self.bones),))
         return np.dtype([("translation", "<f4", (3,)), ("rotations", *rotations)])
 

@@ -14,7 +14,7 @@ from wayfarer.transport.basis import Basis
 from wayfarer.transport.batches import BatchWriter
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.caller import Scope, current_caller
-from wayfarer.transport.codec import PoseEncoder, PoseFormat
+from wayfarer.transport.codec import PoseEncoder, PoseFormat, TierEncoder
 from wayfarer.transport.gateway.idempotency import IdempotencyCache
 from wayfarer.transport.gateway.scene_access import SceneAccess
 from wayfarer.transport.gateway.session_registry import OpenSession, SessionRegistry
@@ -51,6 +51,7 @@ class GatewayContext:
     scenes: SceneAccess = field(init=False)
     replies: IdempotencyCache = field(init=False)
     encoder: PoseEncoder = field(default_factory=PoseEncoder)
+    tier_encoder: TierEncoder = field(default_factory=TierEncoder)
     skeleton: schema.Skeleton = field(default_factory=convert.skeleton)
     draining: asyncio.Event = field(default_factory=asyncio.Event)
     taken_over: bool = (
@@ -94,4 +95,5 @@ class GatewayContext:
 
     def writer(self, basis: Basis, pose_format: PoseFormat) -> BatchWriter:
         """Writes motion for one reader; all of them share what has been packed."""
-        return BatchWriter(basis, pose_format, self.encoder, self.bodies, self.skeleton)
+        shared = (self.encoder, self.bodies, self.skeleton, self.tier_encoder)
+        return BatchWriter(basis, pose_format, *shared)

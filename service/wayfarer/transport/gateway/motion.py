@@ -1,7 +1,7 @@
 """Streams, clips, lock-step."""
 
 import secrets
-from collections.abc import AsyncGenerator, AsyncIterator
+from collections.abc import AsyncGenerator, AsyncIterator, Iterable
 from contextlib import aclosing, asynccontextmanager
 from itertools import chain
 
@@ -9,8 +9,11 @@ from wayfarer.clips.clip import Clip
 from wayfarer.errors import InvalidArgument
 from wayfarer.service.streams.publications import Publication, StreamOptions
 from wayfarer.transport import convert, schema
+from wayfarer.transport.basis import Basis
 from wayfarer.transport.batches import event_message, parsed
 from wayfarer.transport.caller import Scope, current_caller
+from wayfarer.transport.codec import PoseEncoding, PoseFormat
+from wayfarer.transport.detail_levels import DetailLevels
 from wayfarer.transport.gateway.context import GatewayContext, needs
 from wayfarer.transport.gateway.session_registry import OpenSession
 from wayfarer.transport.motion_files import motion_file, parts_of, performances
@@ -46,15 +49,26 @@ class MotionApi:
             async for event in events:
                 yield event
 
+    @needs(Scope.READ)
     @asynccontextmanager
     async def follow(
         self, request: schema.StreamRequest
     ) -> AsyncIterator[tuple[MotionStream, AsyncGenerator[bytes]]]:
-        """A stream, for its acknowledgements, and its messages. Raises as `stream`."""
-        pose_format = convert.pose_format(request.format)
-        async with self._followed(request) as (session, stream):
-            writer = self._context.writer(session.basis, pose_format)
-            messages = stream.messages(writer, self._context.limits.resume_s)
+        """A stream, for acknowledgements and viewpoints, and its messages. Raises as `stream`."""
+        self._context.require_ready()
+        most = request.max_message_bytes
+        if 0 < most < schema.MIN_MESSAGE_BYTES:
+            raise InvalidArgument(
+                f"is {most}; allowed: 0, or {schema.MIN_MESSAGE_BYTES} at least",
+                "max_message_bytes",
+            )
+        usual = convert.stream_format(request.format)
+        session = self._context.book.session(request.session_id)
+        interest = _levels(request.interest, usual, session.basis)
+        formats = [ring.pose_format for ring in interest.rings] if interest else [usual]
+        async with self._followed(request, formats, interest) as (session, stream):
+            writers = [self._context.writer(session.basis, each) for each in formats]
+            messages = stream.messages(writers, self._context.limits.resume_s, most)
             async with aclosing(messages):
                 yield stream, messages
 
@@ -131,7 +145,10 @@ class MotionApi:
 
     @asynccontextmanager
     async def _followed(
-        self, request: schema.StreamRequest
+        self,
+        request: schema.StreamRequest,
+        formats: Iterable[PoseFormat] = (),
+        interest: DetailLevels | None = None,
     ) -> AsyncIterator[tuple[OpenSession, MotionStream]]:
         context = self._context
         context.require_ready()
@@ -154,6 +171,7 @@ class MotionApi:
                     request.slow_reader,
                     since.resume(followed) if since else None,
                     hold_s=session.lease_s,
+                    roots=any(each.encoding is PoseEncoding.ROOT for each in formats),
                 ),
             )
             try:
@@ -165,7 +183,19 @@ class MotionApi:
                     followed,
                     since,
                     session.gone if since else (),
+                    interest,
+                    session.basis.axes,
                 )
                 yield session, place.stream
             finally:
                 await subscription.close()
+
+
+def _levels(
+    asked: schema.Interest | None, usual: PoseFormat, basis: Basis
+) -> DetailLevels | None:
+    """The rings and viewpoints that a stream is opened with. Raises InvalidArgument."""
+    if asked is None:
+        return None
+    views = convert.viewpoints(asked.viewpoints, basis.axes, "interest.viewpoints")
+    return DetailLevels(convert.rings(asked, usual, basis.axes), views)

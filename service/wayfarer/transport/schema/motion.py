@@ -1,6 +1,6 @@
 """Streams, clips, lock-step. In JSON, poses are base64 of their bytes (docs/wire-format.md)."""
 
-from typing import Annotated
+from typing import Annotated, Final
 
 from pydantic import ConfigDict, Field
 
@@ -17,11 +17,14 @@ from wayfarer.transport.schema.base import (
     BasisInfo,
     Bool,
     Float,
+    Length,
     Many,
     Message,
     OneOf,
     Problem,
     Uint32,
+    Vector3,
+    length_field,
 )
 from wayfarer.transport.schema.catalogue import Skeleton
 from wayfarer.transport.schema.goals import Goal
@@ -30,6 +33,15 @@ from wayfarer.world.events import EventKind
 
 BONES = tuple(bone.name for bone in load_skeleton())
 BoneName = Annotated[str, Field(json_schema_extra={"enum": list(BONES)})]
+
+MAX_RINGS: Final = 8
+MAX_VIEWPOINTS: Final = 8
+MIN_RADIUS: Final = 0.1
+MAX_RADIUS: Final = 20_000.0
+"""Metres."""
+
+MIN_MESSAGE_BYTES: Final = 16_384
+"""Room for a header, and for a chunk of an agent with its description."""
 
 ID_LENGTH = 64
 """Most characters of a session's or agent's id."""
@@ -55,6 +67,42 @@ class PoseFormat(Message):
     )
 
 
+class Viewpoint(Message):
+    """A place that agents are seen from."""
+
+    position: Vector3 = Field(description="in the basis of the session")
+    reach: Float = Field(
+        default=0.0,
+        description="the rings around it are this many times as wide: 0.01 to 100; 0: once",
+    )
+
+
+class Viewpoints(Message):
+    """All viewpoints of a stream; they replace those before."""
+
+    viewpoints: Many[Viewpoint] = Field(min_length=1, max_length=MAX_VIEWPOINTS)
+
+
+class InterestRing(Message):
+    """The agents within a distance of a viewpoint, and the detail in which they come."""
+
+    radius: Length = length_field("distance to the hips", (MIN_RADIUS, MAX_RADIUS))
+    format: PoseFormat | None = Field(
+        default=None, description="how this tier is packed; absent: as the stream's `format`"
+    )
+
+
+class Interest(Message):
+    """Levels of detail: an agent comes in the tier of the innermost ring that it is in."""
+
+    rings: Many[InterestRing] = Field(
+        min_length=1, max_length=MAX_RINGS, description="from the inside out: radii ascend"
+    )
+    viewpoints: Many[Viewpoint] = Field(
+        min_length=1, max_length=MAX_VIEWPOINTS, description="the nearest counts"
+    )
+
+
 class StreamRequest(Message):
     """Asks for a stream."""
 
@@ -68,6 +116,13 @@ class StreamRequest(Message):
     )
     resume_token: str = Field(
         default="", description="last resume_token of an earlier stream, to continue after it"
+    )
+    interest: Interest | None = Field(
+        default=None, description="detail by distance from viewpoints; none: all in `format`"
+    )
+    max_message_bytes: Uint32 = Field(
+        default=0,
+        description=f"most bytes of a message, {MIN_MESSAGE_BYTES} at least; 0: no bound",
     )
 
 
@@ -152,6 +207,16 @@ class StepRequest(Message):
     format: PoseFormat = PoseFormat()
 
 
+class Tier(Message):
+    """How the poses of a ring are packed."""
+
+    radius: float
+    pose_encoding: PoseEncoding
+    sent_fps: int
+    bones: tuple[int, ...]
+    frame_bytes: int
+
+
 class StreamHeader(Message):
     """What holds for the whole stream."""
 
@@ -168,6 +233,7 @@ class StreamHeader(Message):
     frame_bytes: int = Field(description="bytes of one frame in `poses`")
     resume_s: float = Field(description="seconds of motion kept for streams that resume")
     resumed: bool = Field(description="continues without a gap after the requested resume_token")
+    tiers: tuple[Tier, ...] = Field(default=(), description="how the poses of each ring are packed")
 
 
 class MotionChunks(Message):
@@ -199,6 +265,10 @@ class MotionBatch(Message):
     chunks: MotionChunks | None = Field(default=None, description="at most one chunk per agent")
     removed: tuple[int, ...] = Field(description="aliases of deleted agents")
     resume_token: str
+    tier: int = Field(default=0, description="index into the header's `tiers`")
+    hidden: tuple[int, ...] = Field(
+        default=(), description="aliases of agents that have left the last ring"
+    )
 
 
 class Event(Message):

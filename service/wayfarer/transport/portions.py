@@ -1,0 +1,117 @@
+"""What one reader gets of a publication, as batches: one per tier, each within a bound of bytes."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayfarer.service.streams.root_tracks import Roots, RootTracks
+from wayfarer.transport.batches import BatchWriter
+from wayfarer.transport.codec import PoseEncoding
+from wayfarer.transport.framing import Part
+from wayfarer.v1 import agent_pb2, motion_pb2
+from wayfarer.world.agents.agent import AgentInfo, MotionChunks
+
+Rows = NDArray[np.intp]
+
+NO_ROWS: Final = np.zeros(0, np.intp)
+
+ENVELOPE_BYTES: Final = 256
+"""Bytes of a batch beside chunks, descriptions and aliases, at most: token, times, lengths."""
+
+ALIAS_BYTES: Final = 5
+"""Bytes of an alias at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """Chunks that fell due together, as one reader sees them."""
+
+    chunks: MotionChunks
+    tiers: Rows  # [A] index of the writer; those beyond the last are not sent
+    roots: Roots | None = None  # [A, …]
+    added: Mapping[int, AgentInfo] = field(default_factory=dict)  # by alias
+    hidden: Sequence[int] = ()  # aliases
+
+
+@dataclass(frozen=True, slots=True)
+class _Portion:
+    """What one batch holds."""
+
+    tier: int
+    rows: Rows
+    added: list[agent_pb2.Agent]
+
+
+class PortionWriter:
+    """Writes the batches of one stream."""
+
+    def __init__(self, writers: Sequence[BatchWriter], most: int = 0) -> None:
+        """`writers`: one per tier. `most`: bytes of a message; 0: no bound."""
+        self._writers = writers
+        self._most = most
+        has_poses = writers[0].pose_format.encoding is not PoseEncoding.ROOT
+        self._is_whole = len(writers) == 1 and not most and has_poses
+
+    def batches(
+        self, shown: Shown, removed: Sequence[int], before: str, after: str
+    ) -> list[list[Part]]:
+        """Batches, encoded; none when there is nothing to tell. The last has the resume token
+        `after`, those before it have `before`, since one who has them has not got all.
+        """
+        if self._is_whole and not shown.tiers.any():
+            [writer] = self._writers
+            added = shown.added.values()
+            is_any = bool(shown.chunks) or bool(removed)
+            return [writer.batch(shown.chunks, added, removed, after)] if is_any else []
+        portions = list(self._portions(shown, ALIAS_BYTES * (len(removed) + len(shown.hidden))))
+        if not portions and (removed or shown.hidden):
+            portions = [_Portion(0, NO_ROWS, [])]
+        roots, found = shown.roots, []
+        for k, portion in enumerate(portions):
+            writer = self._writers[portion.tier]
+            if roots is None and writer.pose_format.encoding is PoseEncoding.ROOT:
+                roots = RootTracks().follow(shown.chunks)  # published before anyone asked for them
+            batch = motion_pb2.MotionBatch(
+                added=portion.added,
+                removed=removed if k == 0 else (),
+                hidden=shown.hidden if k == 0 else (),
+                resume_token=after if k == len(portions) - 1 else before,
+                tier=portion.tier,
+            )
+            found.append(writer.portion(batch, shown.chunks, portion.rows, roots))
+        return found
+
+    def _portions(self, shown: Shown, news: int) -> Iterator[_Portion]:
+        """`news`: bytes of the first batch that are taken already."""
+        left = self._most - ENVELOPE_BYTES - news
+        for tier, writer in enumerate(self._writers):
+            rows = np.flatnonzero(shown.tiers == tier)
+            if not len(rows):
+                continue
+            aliases = shown.chunks.alias[rows].tolist()
+            added = {
+                k: writer.agent(shown.added[alias])
+                for k, alias in enumerate(aliases)
+                if alias in shown.added
+            }
+            if not self._most:
+                yield _Portion(tier, rows, list(added.values()))
+                continue
+            each, start = writer.row_bytes(shown.chunks), 0
+            for k in range(len(rows)):
+                size = each + (added[k].ByteSize() + ENVELOPE_BYTES if k in added else 0)
+                if size > left and k > start:
+                    yield _part(tier, rows, added, start, k)
+                    start, left = k, self._most - ENVELOPE_BYTES
+                left -= size
+            yield _part(tier, rows, added, start, len(rows))
+            left = self._most - ENVELOPE_BYTES
+
+
+def _part(
+    tier: int, rows: Rows, added: Mapping[int, agent_pb2.Agent], start: int, end: int
+) -> _Portion:
+    return _Portion(tier, rows[start:end], [added[k] for k in range(start, end) if k in added])
