@@ -1,6 +1,8 @@
 """Control of the Python client."""
 
 import asyncio
+import json
+from pathlib import Path
 
 import grpc
 import pytest
@@ -8,7 +10,7 @@ import pytest
 import wayfarer_client as wf
 from tests.clients.fake_server import ASKED, FOREVER, Refusal
 from tests.clients.replies import GONE, HEADER, batch, moved, replied, resumed
-from wayfarer_client.v1 import common_pb2, motion_pb2
+from wayfarer_client.v1 import common_pb2, control_pb2, motion_pb2
 
 
 async def test_control(server, client):
@@ -78,3 +80,61 @@ async def test_an_open_that_is_refused_ends_control(server, client):
             await control.set_goal("a", (0, 0, 0))
         with pytest.raises(wf.NotFound, match="no session"):
             await anext(control)
+
+
+INTEREST = wf.Interest(
+    rings=[wf.Ring(10), wf.Ring(100, wf.PoseFormat(encoding="root"))],
+    viewpoints=[wf.Viewpoint((0, 1.7, 0))],
+)
+
+
+async def test_viewpoints_move_and_the_next_connection_begins_with_them(server, client):
+    session = await client.create_session()
+    problem = common_pb2.Problem(code=8, message="100 calls a second at most")
+    reply = control_pb2.CommandReply(command_id=(1 << 64) - 1, problem=problem)
+    refused = control_pb2.ControlResponse(reply=reply)
+    server.scripts["Control"] = [
+        [ASKED, moved(HEADER), moved(batch("t0")), ASKED, ASKED, refused, GONE],
+        [ASKED, moved(resumed()), moved(batch("t1")), FOREVER],
+    ]
+    async with session.control(interest=INTEREST, max_message_bytes=60_000) as control:
+        await control.look(wf.Viewpoint((1, 0, 0)), wf.Viewpoint((2, 0, 0), reach=4))
+        found = [(await anext(control)).resume_token for _ in range(2)]
+        assert found == ["t0", "t1"]
+        with pytest.raises(wf.ResourceExhausted, match="100 calls"):
+            await control.look(wf.Viewpoint((3, 0, 0)))
+    opened, *_ = asked = server.asked("Control")
+    assert [ring.radius for ring in opened.open.interest.rings] == [10, 100]
+    assert opened.open.interest.rings[1].format.encoding == motion_pb2.POSE_ENCODING_ROOT
+    assert opened.open.max_message_bytes == 60_000
+    views = [request.viewpoints for request in asked if request.HasField("viewpoints")]
+    assert [view.position.x for view in views[0].viewpoints] == [1, 2]
+    again = [request.open for request in asked if request.HasField("open")][-1]
+    assert [view.reach for view in again.interest.viewpoints] == [1, 4]
+
+
+async def test_a_stream_without_rings_has_no_viewpoints(server, client):
+    session = await client.create_session()
+    server.scripts["Control"] = [[ASKED, moved(HEADER), FOREVER]]
+    async with session.control() as control:
+        with pytest.raises(wf.FailedPrecondition, match="without `interest`"):
+            await control.look(wf.Viewpoint((1, 0, 0)))
+
+
+async def test_poses_of_all_tiers_have_the_bones_of_the_first(server, client):
+    session = await client.create_session()
+    told = golden("header_tiers"), golden("batch_root")
+    server.scripts["Control"] = [[ASKED, *map(moved, told), FOREVER]]
+    async with session.control(interest=INTEREST) as control:
+        found = await anext(control)
+    [frames] = found
+    assert (found.tier, frames.rotations.shape) == (2, (2, 2, 4))
+    assert frames.translation[1].tolist() == [1.0, 1.5, 1.25]
+    assert frames.times[1] - frames.times[0] == pytest.approx(0.1)
+
+
+def golden(name: str) -> motion_pb2.StreamMotionResponse:
+    path = Path(__file__).parents[1] / "golden" / "messages.json"
+    return motion_pb2.StreamMotionResponse.FromString(
+        bytes.fromhex(json.loads(path.read_text())[name])
+    )

@@ -91,6 +91,47 @@ def messages() -> dict[str, motion_pb2.StreamMotionResponse]:
         waypoints=[0],
         candidates=[0],
     )
+    tiered = header(
+        pose_encoding=motion_pb2.POSE_ENCODING_F32_LE,
+        sent_fps=40,
+        bones=[0, 1],
+        frame_bytes=44,
+        tiers=[
+            motion_pb2.Tier(
+                radius=10,
+                pose_encoding=motion_pb2.POSE_ENCODING_F32_LE,
+                sent_fps=40,
+                bones=[0, 1],
+                frame_bytes=44,
+            ),
+            motion_pb2.Tier(
+                radius=30.5,
+                pose_encoding=motion_pb2.POSE_ENCODING_SMALLEST_THREE,
+                sent_fps=20,
+                bones=[1],
+                frame_bytes=18,
+            ),
+            motion_pb2.Tier(
+                radius=300,
+                pose_encoding=motion_pb2.POSE_ENCODING_ROOT,
+                sent_fps=10,
+                frame_bytes=16,
+            ),
+        ],
+    )
+    root = motion_pb2.MotionChunks(
+        aliases=[300],
+        seqs=[14],
+        first_frames=[112],
+        scheduled_at_us=[1_780_000_000_523_456],
+        goal_revisions=[3],
+        states=[agent_pb2.AGENT_STATE_WALKING],
+        flags=[motion_pb2.CHUNK_FLAG_FIRST],
+        poses=b"".join(struct.pack("<3fhBB", k, k + 0.5, k + 0.25, 16384, 64, 128) for k in (0, 1)),
+        contacts=bytes([1, 2]),
+        waypoints=[2],
+        candidates=[1],
+    )
     event = motion_pb2.Event(
         kind=motion_pb2.EVENT_KIND_GOAL_REACHED,
         agent_id="a-7",
@@ -110,6 +151,12 @@ def messages() -> dict[str, motion_pb2.StreamMotionResponse]:
         },
         "batch_small": {
             "batch": motion_pb2.MotionBatch(added=[agent], chunks=held, resume_token="r.1.42")
+        },
+        "header_tiers": {"header": tiered},
+        "batch_root": {
+            "batch": motion_pb2.MotionBatch(
+                added=[agent], chunks=root, resume_token="r.1.43", tier=2, hidden=[7, 1000]
+            )
         },
         "event": {"event": event},
         "heartbeat": {"heartbeat": motion_pb2.Heartbeat()},

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from tests.golden import messages, rules, vectors, words
+from tests.golden import gait, messages, rules, tiers, vectors, words
 from tests.golden.vectors import FILE, FIRST_FRAME, FOLDER, Vector
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import PoseEncoding, PoseProfile
@@ -17,9 +17,9 @@ ENTRIES = DOCUMENT["vectors"]
 each = pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry["name"])
 
 
-@pytest.mark.parametrize("made", [vectors.files, messages.files, rules.files, words.files])
+@pytest.mark.parametrize("made", [vectors, messages, rules, words, gait, tiers])
 def test_files_are_up_to_date(made):
-    for path, content in made().items():
+    for path, content in made.files().items():
         assert path.read_bytes() == content, f"{path.name}: run python -m tests.golden"
 
 
@@ -75,3 +75,23 @@ def test_the_python_client_reads_them(entry):
         np.linalg.norm(found.rotations + rotations, axis=-1),
     )
     assert np.degrees(4 * np.arcsin(chord / 2)).max() <= tolerance
+
+
+@pytest.mark.parametrize(
+    "case", json.loads(tiers.FILE.read_text())["cases"], ids=lambda c: c["basis"]
+)
+def test_a_person_drawn_by_his_root_walks_as_he_does(case):
+    """In step, upright, and where he is: the legs against those of the walk that was packed."""
+    axes = Basis(case["basis"]).axes
+    _, root = case["tiers"]
+    frames = 2 * tiers.CHUNKS
+    hips = axes.points_to_core(np.array(root["hips"]).reshape(-1, 3)[:frames])
+    drawn = np.array(root["rotations"]).reshape(-1, 22, 4)[:frames]
+    drawn = axes.quaternions_to_core(drawn)
+    walk = [made for chunk in tiers.chunks() for made in chunk]
+    real = np.concatenate([made.rotations[::4] for made in walk])
+    places = np.concatenate([made.translation[::4] for made in walk])
+    assert np.abs(hips - places).max() < 0.12
+    for bone, most in ((0, 25), (1, 35), (2, 35), (4, 50), (5, 50), (16, 25), (17, 25)):
+        cosine = np.abs((drawn[1:, bone] * real[1:, bone]).sum(-1))
+        assert np.degrees(2 * np.arccos(cosine.clip(0, 1))).mean() < most, bone

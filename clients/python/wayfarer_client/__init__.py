@@ -47,10 +47,13 @@ from wayfarer_client.messages import (
     Flag,
     Frames,
     Goal,
+    Interest,
     MotionFile,
     Phenotype,
     PoseFormat,
+    Ring,
     StreamInfo,
+    Viewpoint,
 )
 from wayfarer_client.playout import PlayoutClock, PoseTrack
 from wayfarer_client.retarget import CharacterPose, Retarget, character_joints
@@ -97,6 +100,7 @@ __all__ = [
     "Follow",
     "Frames",
     "Goal",
+    "Interest",
     "InternalError",
     "InvalidArgument",
     "JitterBuffer",
@@ -121,6 +125,7 @@ __all__ = [
     "ResourceExhausted",
     "Retarget",
     "Rig",
+    "Ring",
     "Routine",
     "Scene",
     "Scenes",
@@ -138,6 +143,7 @@ __all__ = [
     "Unauthenticated",
     "Unavailable",
     "Unreachable",
+    "Viewpoint",
     "Visit",
     "Walkable",
     "Wander",

@@ -1,6 +1,7 @@
 """Goals and motion over one connection, with acknowledgements."""
 
 import asyncio
+import contextlib
 from collections.abc import AsyncGenerator
 from dataclasses import replace
 from types import TracebackType
@@ -9,12 +10,24 @@ from typing import Any, Final, Self
 from google.protobuf.message import Message
 
 from wayfarer_client.connection import Backoff, Connection
-from wayfarer_client.errors import ResourceExhausted, Unavailable, WayfarerError, from_problem
+from wayfarer_client.errors import (
+    FailedPrecondition,
+    ResourceExhausted,
+    Unavailable,
+    WayfarerError,
+    from_problem,
+)
 from wayfarer_client.goals import GoalCommands
-from wayfarer_client.messages import Batch, Event, StreamInfo
+from wayfarer_client.messages import Batch, Event, StreamInfo, Viewpoint
 from wayfarer_client.stream import heard, read, refuses
 from wayfarer_client.v1 import control_pb2, motion_pb2
 from wayfarer_client.wire import BatchReader
+
+LOOK_S: Final = 0.1
+"""Seconds between viewpoints that are sent, at least."""
+
+VIEW_ID: Final = (1 << 64) - 1
+"""`command_id` of viewpoints, which are answered only when they are refused."""
 
 QUEUE: Final = 64
 """Batches that wait for this program to read them; then the oldest are lost."""
@@ -50,6 +63,9 @@ class Control(GoalCommands):
         self._ended: WayfarerError | None = None
         self._batches: asyncio.Queue[Batch | WayfarerError | None] = asyncio.Queue()
         self._following: asyncio.Task[None] | None = None
+        self._view: motion_pb2.Viewpoints | None = None  # not sent yet
+        self._looking: asyncio.Task[None] | None = None
+        self._refused: WayfarerError | None = None
         self.reconnections = 0
 
     async def __aenter__(self) -> Self:
@@ -62,9 +78,10 @@ class Control(GoalCommands):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self._following is not None:
-            self._following.cancel()
-            await asyncio.wait({self._following})
+        for task in (self._looking, self._following):
+            if task is not None:
+                task.cancel()
+                await asyncio.wait({task})
 
     @property
     def info(self) -> StreamInfo | None:
@@ -101,6 +118,33 @@ class Control(GoalCommands):
             resume_token=resume_token or self.resume_token, playhead_us=round(playhead * 1e6)
         )
         await self._write(control_pb2.ControlRequest(ack=message))
+
+    async def look(self, *viewpoints: Viewpoint) -> None:
+        """See the agents from these places, of a stream with `interest`. Call it as often as a
+        camera moves: ten calls a second are sent at most, and the last always.
+
+        A connection that is made again begins with the last ones. Raises what the server said of
+        the ones before, if it refused them.
+        """
+        if not self._request.HasField("interest"):
+            raise FailedPrecondition("the stream was opened without `interest`")
+        if self._refused is not None:
+            refused, self._refused = self._refused, None
+            raise refused
+        self._view = motion_pb2.Viewpoints(viewpoints=[view.to_wire() for view in viewpoints])
+        del self._request.interest.viewpoints[:]
+        self._request.interest.viewpoints.extend(self._view.viewpoints)
+        if self._looking is None or self._looking.done():
+            self._looking = asyncio.create_task(self._look(), name="wayfarer viewpoints")
+
+    async def _look(self) -> None:
+        """Send the viewpoints until they are at rest."""
+        while self._view is not None and self._ended is None:
+            view, self._view = self._view, None
+            with contextlib.suppress(Unavailable):  # the next connection begins with them
+                await self._opened.wait()
+                await self._write(control_pb2.ControlRequest(command_id=VIEW_ID, viewpoints=view))
+            await asyncio.sleep(LOOK_S)
 
     async def _give(self, request: Message) -> int:
         """Carry out a request of GoalService over this connection."""
@@ -196,6 +240,8 @@ class Control(GoalCommands):
 
     def _answer(self, reply: control_pb2.CommandReply) -> None:
         waiting = self._replies.get(reply.command_id)
+        if reply.command_id == VIEW_ID:
+            self._refused = from_problem(reply.problem)
         if waiting is None or waiting.done():
             return
         if reply.HasField("problem"):

@@ -50,7 +50,7 @@ class JitterBuffer:
         self._playout.observe(now, batch.sent_at)
         if batch.resumed_at is not None:
             self._playout.resumed(batch.resumed_at)
-        for agent in batch.removed:
+        for agent in (*batch.removed, *batch.hidden):
             gone = self._members.pop(agent.agent_id, None)
             self._underruns += gone.track.underruns if gone else 0
         for frames in batch.frames:

@@ -35,18 +35,64 @@ class Flag(IntFlag):
 class PoseFormat:
     """What poses hold and how they are packed."""
 
-    encoding: str = "f32_le"  # or "f16_le" (rotations within 0.06°), "smallest_three" (0.009°)
+    # or "f16_le" (rotations within 0.06°), "smallest_three" (0.009°); of streams "root"
+    encoding: str = "f32_le"
     profile: str = "body"  # 22 bones; "full": 52, fingers at rest; "bones": those named
     bones: Sequence[str] = ()  # with "bones": names of the skeleton
     fps: int = 40  # or 20, 10: frames are left out
 
     def to_wire(self) -> motion_pb2.PoseFormat:
         """As protobuf."""
+        if self.encoding == "root":
+            return motion_pb2.PoseFormat(encoding=motion_pb2.POSE_ENCODING_ROOT)
         return motion_pb2.PoseFormat(
             encoding=enum_label(motion_pb2.PoseEncoding, self.encoding, "encoding"),
             profile=enum_label(motion_pb2.PoseProfile, self.profile, "profile"),
             bones=self.bones,
             fps=self.fps,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Ring:
+    """The agents within a distance, and the detail in which they come."""
+
+    radius: float  # from a viewpoint, in units of the basis: 0.1 m to 20 km
+    format: PoseFormat | None = None  # None: as the stream's
+
+
+@dataclass(frozen=True, slots=True)
+class Viewpoint:
+    """A place that agents are seen from."""
+
+    position: Place
+    reach: float = 1.0  # the rings around it are this many times as wide: 0.01 to 100
+
+    def to_wire(self) -> motion_pb2.Viewpoint:
+        """As protobuf."""
+        x, y, z = self.position
+        return motion_pb2.Viewpoint(position=common_pb2.Vector3(x=x, y=y, z=z), reach=self.reach)
+
+
+@dataclass(frozen=True, slots=True)
+class Interest:
+    """Levels of detail: an agent comes in the detail of the innermost ring that it is in, and not
+    at all outside of the last.
+    """
+
+    rings: Sequence[Ring]  # 1 to 8, from the inside out
+    viewpoints: Sequence[Viewpoint]  # 1 to 8; the nearest counts
+
+    def to_wire(self) -> motion_pb2.Interest:
+        """As protobuf."""
+        return motion_pb2.Interest(
+            rings=[
+                motion_pb2.InterestRing(
+                    radius=ring.radius, format=ring.format.to_wire() if ring.format else None
+                )
+                for ring in self.rings
+            ],
+            viewpoints=[view.to_wire() for view in self.viewpoints],
         )
 
 
@@ -255,6 +301,8 @@ class Batch:
     events: tuple[Event, ...] = ()
     resume_token: str = ""  # says that all up to here has been received
     resumed_at: float | None = None  # server time of the last reconnection's header; None: none yet
+    hidden: tuple[Agent, ...] = ()  # agents that have left the last ring
+    tier: int = 0  # number of the ring that the agents of `frames` are in
 
     def __iter__(self) -> Iterator[Frames]:
         """Iterate over the frames."""

@@ -1,19 +1,23 @@
 """Packed frames → numpy arrays; docs/wire-format.md shows the layout byte by byte."""
 
+from collections.abc import Sequence
 from typing import Any, Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfarer_client.bases import BASES, Basis
 from wayfarer_client.errors import WayfarerError
+from wayfarer_client.gait import BONES, Gait, Roots
 from wayfarer_client.messages import PoseFormat, enum_label
-from wayfarer_client.v1 import catalog_pb2, motion_pb2
+from wayfarer_client.v1 import catalog_pb2, common_pb2, motion_pb2
 
 ROTATION_TYPES: Final = {
     motion_pb2.POSE_ENCODING_F32_LE: np.dtype(("<f4", 4)),
     motion_pb2.POSE_ENCODING_F16_LE: np.dtype(("<f2", 4)),
     motion_pb2.POSE_ENCODING_SMALLEST_THREE: np.dtype(("<u2", 3)),
 }
+MOST_BONES: Final = 52
 MIDDLE: Final = 16383
 STEP: Final = 1 / (MIDDLE * 2**0.5)
 OTHERS: Final = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
@@ -28,10 +32,13 @@ class Unpacked(NamedTuple):
 
 
 class PoseLayout:
-    """How the poses of a stream are packed: what its header says."""
+    """How the poses of a stream are packed: what its header says, or a tier of it."""
 
-    def __init__(self, header: motion_pb2.StreamHeader) -> None:
+    def __init__(self, header: motion_pb2.StreamHeader | motion_pb2.Tier) -> None:
         """Raises WayfarerError when this client cannot read the poses."""
+        if isinstance(header, motion_pb2.Tier):
+            fields = ("pose_encoding", "sent_fps", "bones")
+            header = motion_pb2.StreamHeader(**{name: getattr(header, name) for name in fields})
         self.encoding = header.pose_encoding
         self.fps = header.sent_fps or header.fps
         self.bones = tuple(header.bones) or tuple(range(header.skeleton.posed_bones))
@@ -73,6 +80,101 @@ class PoseLayout:
         wide = packed.astype(np.float32)
         length = np.linalg.norm(wide, axis=-1, keepdims=True)
         return np.asarray(wide / length, np.float32)
+
+
+class RootLayout:
+    """Frames without rotations, of the encoding ROOT."""
+
+    FRAME: Final = np.dtype(
+        [("translation", "<f4", (3,)), ("heading", "<i2"), ("phase", "u1"), ("swing", "u1")]
+    )
+
+    def __init__(self, fps: int) -> None:
+        self.fps = fps
+
+    def read(self, poses: bytes) -> Roots:
+        """`MotionChunks.poses` as numbers. Raises WayfarerError when these are not whole frames."""
+        if len(poses) % self.FRAME.itemsize:
+            raise WayfarerError(
+                f"{len(poses)} bytes of poses are not whole frames of {self.FRAME.itemsize} bytes"
+            )
+        frames = np.frombuffer(poses, self.FRAME)
+        return Roots(
+            frames["translation"],
+            frames["heading"] * (np.pi / 32768),
+            frames["phase"] / 256,
+            frames["swing"] / 128,
+        )
+
+
+class TierLayout:
+    """The poses of one tier, unpacked into the bones of the first."""
+
+    def __init__(
+        self,
+        packed: PoseLayout | RootLayout,
+        bones: Sequence[int],
+        basis: Basis,
+    ) -> None:
+        self.fps = packed.fps
+        self._packed = packed
+        self._bones = np.array(bones, int)
+        self._gait = Gait(basis)
+
+    def unpack(self, poses: bytes) -> Unpacked:
+        """`MotionChunks.poses` as arrays. Raises WayfarerError when these are not whole frames."""
+        if isinstance(self._packed, RootLayout):
+            roots = self._packed.read(poses)
+            each = zip(roots.heading, roots.phase, roots.swing, strict=True)
+            whole = self._whole(len(roots.phase))
+            for frame, (heading, phase, swing) in zip(whole, each, strict=True):
+                frame[:BONES] = self._gait.pose(heading, phase, swing)
+            return Unpacked(roots.translation, whole[:, self._bones])
+        found = self._packed.unpack(poses)
+        whole = self._whole(len(found.translation))
+        whole[:, list(self._packed.bones)] = found.rotations
+        return Unpacked(found.translation, whole[:, self._bones])
+
+    def _whole(self, frames: int) -> NDArray[np.float32]:
+        """All bones, standing; fingers at rest [F, 52, 4]."""
+        whole = np.zeros((frames, MOST_BONES, 4), np.float32)
+        whole[..., 3] = 1.0
+        whole[:, :BONES] = self._gait.stand
+        return whole
+
+
+Layout = PoseLayout | TierLayout
+
+
+def layouts_of(header: motion_pb2.StreamHeader) -> tuple[tuple[int, ...], list[Layout]]:
+    """The bones of the poses that a stream gives, and how to unpack each of its tiers.
+
+    Raises WayfarerError when this client cannot read the poses.
+    """
+    roots = motion_pb2.POSE_ENCODING_ROOT
+    tiers: list[Any] = list(header.tiers) or [header]
+    is_plain = tiers[0].pose_encoding != roots
+    first = PoseLayout(header) if is_plain else None
+    bones = first.bones if first else tuple(range(header.skeleton.posed_bones or BONES))
+    if any(bone >= MOST_BONES for tier in tiers for bone in tier.bones):
+        raise WayfarerError(f"the server sends bones beyond the {MOST_BONES} of this client")
+    basis = BASES[_basis_name(header.basis)]
+    found: list[Layout] = []
+    for tier in tiers:
+        if tier.pose_encoding == roots:
+            found.append(TierLayout(RootLayout(tier.sent_fps), bones, basis))
+        elif first is not None and list(tier.bones) in ([], list(bones)):
+            found.append(first if tier is tiers[0] else PoseLayout(tier))
+        else:
+            found.append(TierLayout(PoseLayout(tier), bones, basis))
+    return bones, found
+
+
+def _basis_name(basis: common_pb2.BasisInfo) -> str:
+    names = {
+        number: name.removeprefix("BASIS_").lower() for name, number in common_pb2.Basis.items()
+    }
+    return names[basis.basis] if names.get(basis.basis) in BASES else "gltf"
 
 
 def unpack_smallest_three(words: NDArray[np.uint16]) -> NDArray[np.float32]:

@@ -17,6 +17,7 @@ from wayfarer_client.messages import (
     AgentSpec,
     Batch,
     CrowdCame,
+    Interest,
     MotionFile,
     PoseFormat,
     enum_label,
@@ -213,13 +214,17 @@ class Session(GoalCommands):
         format: PoseFormat | None = None,
         slow_reader: str = "drop_oldest",
         resume_token: str = "",
+        interest: Interest | None = None,
+        max_message_bytes: int = 0,
     ) -> MotionStream:
         """Follow the agents named, or all of the session. `deadline`: see MotionStream.
 
         `slow_reader`: "drop_oldest"; "hold": the agents wait for this reader; "disconnect": the
-        stream is cut, and resumed by itself.
+        stream is cut, and resumed by itself. `interest`: detail by distance; to move the viewpoints
+        use `control`. `max_message_bytes`: longer batches are split; 0: none.
         """
-        request = self._request(agents, format, slow_reader, resume_token)
+        bound = interest, max_message_bytes
+        request = self._request(agents, format, slow_reader, resume_token, *bound)
         return MotionStream(self._connection, request, deadline)
 
     def control(
@@ -229,9 +234,12 @@ class Session(GoalCommands):
         format: PoseFormat | None = None,
         slow_reader: str = "drop_oldest",
         resume_token: str = "",
+        interest: Interest | None = None,
+        max_message_bytes: int = 0,
     ) -> Control:
         """Goals and motion over one connection, as `async with`; arguments as of `stream`."""
-        request = self._request(agents, format, slow_reader, resume_token)
+        bound = interest, max_message_bytes
+        request = self._request(agents, format, slow_reader, resume_token, *bound)
         return Control(self._connection, request, deadline)
 
     async def step(self, steps: int = 1, format: PoseFormat | None = None) -> list[Batch]:
@@ -257,6 +265,8 @@ class Session(GoalCommands):
         format: PoseFormat | None,
         slow_reader: str,
         resume_token: str,
+        interest: Interest | None,
+        max_message_bytes: int,
     ) -> motion_pb2.StreamMotionRequest:
         return motion_pb2.StreamMotionRequest(
             session_id=self.session_id,
@@ -264,4 +274,6 @@ class Session(GoalCommands):
             format=(format or PoseFormat()).to_wire(),
             slow_reader=enum_label(motion_pb2.SlowReader, slow_reader, "slow_reader"),
             resume_token=resume_token,
+            interest=interest.to_wire() if interest else None,
+            max_message_bytes=max_message_bytes,
         )

@@ -1,13 +1,13 @@
 """Protobuf → the values of messages.py."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final
 
 import numpy as np
 
 from wayfarer_client.errors import WayfarerError
 from wayfarer_client.messages import Agent, Batch, Event, Flag, Frames, Goal, Place, StreamInfo
-from wayfarer_client.poses import PoseLayout
+from wayfarer_client.poses import Layout, layouts_of
 from wayfarer_client.v1 import agent_pb2, common_pb2, motion_pb2
 
 
@@ -31,18 +31,18 @@ COLUMNS: Final = (
 class BatchReader:
     """Turns the messages of one stream into batches; knows the agents it has introduced."""
 
-    def __init__(self, layout: PoseLayout | None = None) -> None:
+    def __init__(self, layout: Layout | None = None) -> None:
         self.info: StreamInfo | None = None
         self.agents: dict[int, Agent] = {}  # by alias
-        self._layout = layout
+        self._layouts: list[Layout] = [layout] if layout else []
         self._resumed_at: float | None = None
 
     def begin(self, header: motion_pb2.StreamHeader, sent_at: float = 0.0) -> StreamInfo:
         """Read the header. Raises WayfarerError when the poses cannot be read."""
         if self.info is not None:
             self._resumed_at = sent_at
-        self._layout = PoseLayout(header)
-        self.info = info_from_wire(header, self._layout)
+        bones, self._layouts = layouts_of(header)
+        self.info = info_from_wire(header, bones)
         if not self.info.resumed:
             self.agents.clear()
         return self.info
@@ -52,14 +52,14 @@ class BatchReader:
         added = tuple(agent_from_wire(agent) for agent in message.added)
         fresh = tuple(agent for agent in added if agent.alias not in self.agents)
         self.agents.update((agent.alias, agent) for agent in added)
-        frames = tuple(self._frames(message.chunks))
-        gone = [self.agents.pop(alias, None) for alias in message.removed]
-        removed = tuple(agent for agent in gone if agent is not None)
+        frames = tuple(self._frames(message.chunks, message.tier))
         return Batch(
             sent_at,
             frames,
             fresh,
-            removed,
+            self._gone(message.removed),
+            hidden=self._gone(message.hidden),
+            tier=message.tier,
             resume_token=message.resume_token,
             resumed_at=self._resumed_at,
         )
@@ -75,20 +75,27 @@ class BatchReader:
             detail=message.detail,
         )
 
-    def _frames(self, chunks: motion_pb2.MotionChunks) -> Iterator[Frames]:
+    def _gone(self, aliases: Iterable[int]) -> tuple[Agent, ...]:
+        gone = [self.agents.pop(alias, None) for alias in aliases]
+        return tuple(agent for agent in gone if agent is not None)
+
+    def _frames(self, chunks: motion_pb2.MotionChunks, tier: int) -> Iterator[Frames]:
         """Chunks of the known agents. Raises WayfarerError when the columns do not fit."""
         if not chunks.aliases:
             return
-        assert self._layout is not None, "the server sent a batch before its header"
+        assert self._layouts, "the server sent a batch before its header"
+        if tier >= len(self._layouts):
+            raise WayfarerError(f"the header tells of {len(self._layouts)} tiers, not of {tier}")
+        layout = self._layouts[tier]
         count = len(chunks.aliases)
-        poses = self._layout.unpack(chunks.poses)
+        poses = layout.unpack(chunks.poses)
         contacts = np.frombuffer(chunks.contacts, np.uint8)
         frames, rest = divmod(len(contacts), count)
         columns = [getattr(chunks, name) for name in COLUMNS]
         if rest or len(poses.translation) != len(contacts) or {*map(len, columns)} != {count}:
             raise WayfarerError(f"the columns of a batch of {count} chunks are not of one length")
         touching = (contacts[:, None] & np.array([1, 2])).astype(bool)
-        since = np.arange(frames) / self._layout.fps
+        since = np.arange(frames) / layout.fps
         for row, (alias, seq, first, at, revision, state, flags, waypoint, candidates) in enumerate(
             zip(*columns, strict=True)
         ):
@@ -111,15 +118,15 @@ class BatchReader:
             )
 
 
-def info_from_wire(header: motion_pb2.StreamHeader, layout: PoseLayout) -> StreamInfo:
+def info_from_wire(header: motion_pb2.StreamHeader, bones: Iterable[int]) -> StreamInfo:
     """From protobuf."""
     names = [bone.name for bone in header.skeleton.bones]
     return StreamInfo(
         server_version=header.server_version,
         session_id=header.session_id,
         encoding=ENCODINGS[header.pose_encoding],
-        fps=layout.fps,
-        bones=tuple(names[bone] for bone in layout.bones),
+        fps=header.sent_fps or header.fps,
+        bones=tuple(names[bone] for bone in bones),
         resume_s=header.resume_s,
         resumed=header.resumed,
     )
