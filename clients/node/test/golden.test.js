@@ -53,3 +53,26 @@ function degreesBetween(a, b) {
   const distance = (sign) => Math.hypot(...[...a].map((value, k) => value - sign * b[k]));
   return (4 * Math.asin(Math.min(distance(1), distance(-1)) / 2) * 180) / Math.PI;
 }
+
+for (const { basis, bones, tiers } of JSON.parse(readFileSync(new URL("tiers.json", folder))).cases) {
+  test(`tiers in ${basis}`, () => {
+    const known = tiers.map(({ encoding, sent_fps: sentFps, bones: sent }) => ({ poseEncoding: encoding, sentFps, bones: sent }));
+    const number = ["", "gltf", "unity", "unreal", "unreal_mannequin", "blender", "ros"].indexOf(basis);
+    const first = { poseEncoding: PoseEncoding.F32_LE, sentFps: 40, bones };
+    const header = { ...first, basis: { basis: number }, tiers: [first, ...known] };
+    tiers.forEach(({ poses, frame_bytes: each, hips, rotations }, k) => {
+      const bytes = Buffer.from(poses, "hex");
+      const contacts = Buffer.alloc(bytes.length / each);
+      const [{ frames }] = unpackChunks({ ...ONE, aliases: [7], poses: bytes, contacts }, header, k + 1);
+      frames.forEach((frame, at) => {
+        for (let n = 0; n < 3; n += 1) assert.ok(Math.abs(frame[n] - hips[3 * at + n]) < 1e-3);
+        for (let bone = 0; bone < 22; bone += 1) {
+          const wanted = rotations.slice(88 * at + 4 * bone, 88 * at + 4 * bone + 4);
+          assert.ok(degreesBetween(frame.subarray(3 + 4 * bone, 7 + 4 * bone), wanted) < 0.1, `bone ${bone}`);
+        }
+      });
+    });
+    const chunks = { ...ONE, aliases: [7], poses: Buffer.alloc(16), contacts: Buffer.alloc(1) };
+    assert.throws(() => unpackChunks(chunks, header, 3), /3 tiers, not of 3/);
+  });
+}

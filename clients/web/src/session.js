@@ -8,15 +8,20 @@ import { MotionStream, clock } from "./stream.js";
 
 /**
  * `scene`: id of a scene, "" for a floor without end. `query`: `encoding`, `fps` … of the stream (docs/wire-format.md).
+ * `interest`: levels of detail, { rings: [{ radius, format }], viewpoints: [{ position: { x, y, z }, reach }] }.
  * `on`: what the player and the stream tell. `token`: an API key or JWT.
  * @typedef {object} SessionOptions
  * @property {string} [token]
  * @property {string} [scene]
  * @property {number} [leaseSeconds] for which the session outlives its last sign of life
  * @property {Record<string, string | number>} [query]
+ * @property {Interest} [interest]
  * @property {import("./core/player.js").PlayerEvents & import("./stream.js").StreamEvents} [on]
  * @property {import("./stream.js").StreamOptions} [stream]
  */
+
+/** @typedef {{ position: { x: number, y: number, z: number }, reach?: number }} Viewpoint */
+/** @typedef {{ rings: { radius: number, format?: object }[], viewpoints: Viewpoint[] }} Interest */
 
 /** People who walk, and where they are. */
 export class Session {
@@ -47,14 +52,16 @@ export class Session {
   }
 
   /** @param {Api} api @param {string} id @param {SessionOptions} options */
-  constructor(api, id, { on = {}, query = {}, scene = "", stream = {} }) {
+  constructor(api, id, { on = {}, query = {}, interest, scene = "", stream = {} }) {
     this.api = api;
     this.id = id;
     this.scene = scene;
     this.own = false;
     this.player = new MotionPlayer(on);
     this.now = stream.now ?? clock;
-    this.stream = new MotionStream((token) => api.streamAddress(id, query, token), this.player, {
+    this.interest = interest;
+    const asked = () => (this.interest ? { ...query, interest: JSON.stringify(this.interest) } : query);
+    this.stream = new MotionStream((token) => api.streamAddress(id, asked(), token), this.player, {
       ...on,
       refused: async (reason) => {
         if (await api.access.renew(api.access.token, reason)) this.stream.open();
@@ -71,6 +78,17 @@ export class Session {
   /** Create agents: [{ gender, position, name … }], as in `POST /v1/sessions/…/agents`. @param {object[]} specs */
   createAgents(specs) {
     return this.api.createAgents(this.id, specs);
+  }
+
+  /**
+   * See the people from these places, of a session with `interest`. Call it as often as the camera moves: ten a second
+   * are sent at most, and the last always.
+   * @param {Viewpoint[]} viewpoints
+   */
+  look(viewpoints) {
+    if (!this.interest) throw new Error("the session was opened without `interest`");
+    this.interest = { ...this.interest, viewpoints };
+    this.stream.say(JSON.stringify({ viewpoints }));
   }
 
   /** Once per picture: show everybody as at this moment. Their `frame`s are filled. */

@@ -4,6 +4,7 @@ import { idly, later } from "./lease.js";
 
 const RETRY_FIRST = 0.5; // seconds; doubled at each failure
 const RETRY_MOST = 8;
+const PAUSE = 0.1; // seconds between texts at least
 const SILENCE = 4; // seconds without even a heartbeat (one per second) that mean a dead connection
 // close codes: 4000 + the HTTP status of the error
 const ENDED = 1000, INVALID = 4422, UNKNOWN_CALLER = 4401, FORBIDDEN = 4403, NOT_FOUND = 4404;
@@ -33,6 +34,10 @@ export class MotionStream {
   #retry = RETRY_FIRST;
   #heard = 0; // messages so far, to notice silence
   #losses = 0; // so far
+  #begun = false; // this connection's header has come
+  #text = ""; // to be sent
+  #said = "";
+  #pauses = false; // one has just been sent
   /** @type {WebSocket | null} */
   #socket = null;
 
@@ -73,8 +78,27 @@ export class MotionStream {
     else this.#connect();
   }
 
+  /** Send a text: the last of those within a tenth of a second, and none twice. @param {string} text */
+  say(text) {
+    if (text === this.#said) return;
+    this.#text = this.#said = text;
+    this.#send();
+  }
+
+  #send() {
+    if (!this.#text || this.#pauses || !this.#begun || this.closed) return;
+    this.#socket?.send(this.#text);
+    this.#text = "";
+    this.#pauses = true;
+    this.schedule(() => {
+      this.#pauses = false;
+      this.#send();
+    }, PAUSE);
+  }
+
   #connect() {
     if (this.closed) return;
+    this.#begun = false;
     this.on.status?.("connecting");
     this.player.begin();
     const token = this.player.resumeToken;
@@ -108,6 +132,8 @@ export class MotionStream {
       return;
     }
     this.#retry = RETRY_FIRST;
+    this.#begun = true;
+    this.#send();
     this.on.status?.("open");
   }
 
@@ -115,6 +141,7 @@ export class MotionStream {
   #lost(socket, code, reason) {
     if (socket !== this.#socket || this.closed) return;
     this.#socket = null;
+    this.#begun = false;
     const token = this.player.resumeToken;
     if (code === INVALID && token !== this.forgotten) {
       this.forgotten = token; // of another server, it may be: begin with what falls due next

@@ -26,7 +26,7 @@ test("a header gives rate, basis, skeleton and encoding", () => {
   assert.deepEqual(header, {
     serverVersion: "1.2.3", sessionId: "s-1", fps: 40, sentFps: 40, basis: "gltf", metresPerUnit: 1, encoding: 1,
     frameBytes: 44, skeleton: [{ name: "pelvis", parent: -1 }, { name: "left_hip", parent: 0 }], bones: [0, 1],
-    resumed: false,
+    resumed: false, tiers: [{ radius: Infinity, encoding: 1, sentFps: 40, bones: [0, 1], frameBytes: 44 }],
   });
   const small = decoded(bytes("header_small")).header;
   assert.deepEqual([small.encoding, small.sentFps, small.bones, small.frameBytes, small.resumed], [3, 10, [1], 18, true]);

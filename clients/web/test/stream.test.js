@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { MotionPlayer, MotionStream } from "../src/index.js";
+import { MotionPlayer, MotionStream, Session } from "../src/index.js";
 import { golden } from "./golden.js";
 
 const MESSAGES = golden("messages.json");
@@ -174,4 +174,47 @@ test("while it waits to try again, it can be told to do so at once, and does so 
   sockets[1].close();
   run(1);
   assert.equal(sockets.length, 3);
+});
+
+test("texts are sent once the header has come, the last of those in a tenth of a second", () => {
+  const { stream, sockets, run } = harness();
+  const sent = [];
+  const listen = (socket) => Object.assign(socket, { send: (text) => sent.push(text) });
+  listen(sockets[0]);
+  stream.say("a");
+  assert.deepEqual(sent, []);
+  sockets[0].say("header");
+  assert.deepEqual(sent, ["a"]);
+  stream.say("b");
+  stream.say("c");
+  assert.deepEqual(sent, ["a"]);
+  assert.equal(run(0.1), 1);
+  assert.deepEqual(sent, ["a", "c"]);
+  run(0.1);
+  sockets[0].onclose({ code: 1006, reason: "" });
+  stream.say("d");
+  run(0.5);
+  assert.deepEqual(sent, ["a", "c"]);
+  listen(sockets[1]).say("header");
+  assert.deepEqual(sent, ["a", "c", "d"]);
+});
+
+test("a session looks from where it is told, and says so again when it connects", () => {
+  const sockets = [];
+  const newSocket = (url) => {
+    sockets.push({ url, send() {}, close() {} });
+    return sockets.at(-1);
+  };
+  const interest = { rings: [{ radius: 10 }], viewpoints: [{ position: { x: 0, y: 0, z: 0 } }] };
+  const options = { interest, query: { fps: 20 }, stream: { newSocket, schedule: () => {} } };
+  const session = Session.join("http://x", "s", options);
+  const asked = () => new URL(sockets.at(-1).url).searchParams;
+  assert.deepEqual(JSON.parse(asked().get("interest")), interest);
+  assert.equal(asked().get("fps"), "20");
+  session.look([{ position: { x: 1, y: 2, z: 3 }, reach: 2 }]);
+  session.stream.reconnect();
+  sockets[0].onclose({ code: 1006, reason: "" });
+  session.stream.open();
+  assert.equal(JSON.parse(asked().get("interest")).viewpoints[0].reach, 2);
+  assert.throws(() => Session.join("http://x", "s", { stream: options.stream }).look([]), /without `interest`/);
 });

@@ -10,3 +10,4 @@ export { multiply, rotate } from "./quaternions.js";
 export { Retarget } from "./retarget.js";
 export { BONES, PARENTS, Rig } from "./rig.js";
 export { SmoothRoot } from "./root.js";
+export { TierUnpacker } from "./tiers.js";

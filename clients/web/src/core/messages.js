@@ -1,6 +1,6 @@
 // StreamMotionResponse (proto/wayfarer/v1/motion.proto), read from bytes. Times are seconds since 1970.
 
-import { frameBytes } from "./poses.js";
+import { ENCODING, frameBytes } from "./poses.js";
 import { Column, ProtoReader } from "./protobuf.js";
 
 const STATES = ["unknown", "standing", "walking", "stopping", "turning"];
@@ -23,6 +23,12 @@ export const FLAG = Object.freeze({ FIRST: 1, REPLANNED: 2, ARRIVED: 4, GAP: 8, 
  * @property {string} basis its name, as in the API @property {number} metresPerUnit
  * @property {{ name: string, parent: number }[]} skeleton @property {number[]} bones
  * @property {number} encoding @property {number} frameBytes @property {boolean} resumed
+ * @property {Tier[]} tiers how frames are packed in each ring, from the inside out; one where there are no rings
+ */
+/**
+ * @typedef {object} Tier
+ * @property {number} radius Infinity without rings @property {number} encoding @property {number} sentFps
+ * @property {number[]} bones @property {number} frameBytes
  */
 /**
  * An agent, as the stream introduces it. `restOffsets`: x, y, z for each bone of the skeleton.
@@ -73,6 +79,7 @@ export class StreamDecoder {
   #contacts = 0;
   #contactsLength = 0;
   #removed = new Column();
+  #hidden = new Column();
   #token = new Uint8Array(64);
   #tokenLength = 0;
   #chunk = new ChunkRow();
@@ -92,6 +99,10 @@ export class StreamDecoder {
     this.chunks = 0;
     /** Agents that were deleted. */
     this.removed = 0;
+    /** Agents that have left the last ring. */
+    this.hidden = 0;
+    /** Tier of the chunks: index into the header's `tiers`. */
+    this.tier = 0;
   }
 
   /** The message's bytes, in which `poses` and `contacts` of a chunk are places. */
@@ -119,6 +130,8 @@ export class StreamDecoder {
     this.event = null;
     this.added.length = 0;
     this.#removed.length = 0;
+    this.#hidden.length = 0;
+    this.tier = 0;
     for (let k = 0; k < this.#all.length; k += 1) this.#all[k].length = 0;
     this.#posesLength = this.#contactsLength = 0;
     for (let field = reader.next(); field; field = reader.next()) {
@@ -157,8 +170,15 @@ export class StreamDecoder {
     return this.#removed.values[row];
   }
 
-  /** That the chunks of the batch are whole frames of a header's layout. Throws. @param {Header} header */
-  checkFrames({ encoding, bones }) {
+  /** Alias of hidden agent `row`. @param {number} row */
+  hiddenAlias(row) {
+    return this.#hidden.values[row];
+  }
+
+  /** That the chunks of the batch are whole frames of their tier. Throws. @param {Header} header */
+  checkFrames({ tiers }) {
+    if (this.tier >= tiers.length) throw new Error(`the header tells of ${tiers.length} tiers, not of ${this.tier}`);
+    const { encoding, bones } = tiers[this.tier];
     const each = frameBytes(encoding, bones.length);
     if (this.#posesLength !== each * this.#contactsLength) {
       throw new Error(`${this.#posesLength} bytes of poses are not ${this.#contactsLength} frames of ${each} bytes`);
@@ -173,6 +193,8 @@ export class StreamDecoder {
       else if (field === 1) this.added.push(readAgent(reader));
       else if (field === 3) reader.varints(this.#removed);
       else if (field === 4) this.#keepToken(reader.block());
+      else if (field === 5) this.tier = reader.varint();
+      else if (field === 6) reader.varints(this.#hidden);
       else reader.skip();
     }
     reader.leave(outer);
@@ -205,6 +227,7 @@ export class StreamDecoder {
   #check() {
     this.chunks = this.#columns.alias.length;
     this.removed = this.#removed.length;
+    this.hidden = this.#hidden.length;
     const count = this.chunks || 1;
     for (let k = 0; k < this.#all.length; k += 1) {
       if (this.#all[k].length !== this.chunks) throw new Error("malformed message: columns of chunks differ in length");
@@ -228,7 +251,7 @@ function readHeader(reader) {
   /** @type {Header} */
   const header = {
     serverVersion: "", sessionId: "", fps: 0, sentFps: 0, basis: "gltf", metresPerUnit: 1,
-    skeleton: [], bones: [], encoding: 0, frameBytes: 0, resumed: false,
+    skeleton: [], bones: [], encoding: 0, frameBytes: 0, resumed: false, tiers: [],
   };
   const outer = reader.enter();
   const bones = new Column();
@@ -243,11 +266,33 @@ function readHeader(reader) {
     else if (field === 8) reader.varints(bones);
     else if (field === 9) header.frameBytes = reader.varint();
     else if (field === 11) header.resumed = reader.varint() !== 0;
+    else if (field === 12) header.tiers.push(readTier(reader));
     else reader.skip();
   }
   reader.leave(outer);
   header.bones = [...bones.values.subarray(0, bones.length)];
+  const { encoding, sentFps, frameBytes } = header;
+  if (!header.tiers.length) header.tiers.push({ radius: Infinity, encoding, sentFps, bones: header.bones, frameBytes });
+  if (encoding === ENCODING.ROOT) header.bones = Array.from({ length: 22 }, (_, bone) => bone);
   return header;
+}
+
+/** @param {ProtoReader} reader @returns {Tier} */
+function readTier(reader) {
+  const tier = { radius: 0, encoding: 0, sentFps: 0, bones: [0], frameBytes: 0 };
+  const bones = new Column();
+  const outer = reader.enter();
+  for (let field = reader.next(); field; field = reader.next()) {
+    if (field === 1) tier.radius = reader.double();
+    else if (field === 2) tier.encoding = reader.varint();
+    else if (field === 3) tier.sentFps = reader.varint();
+    else if (field === 4) reader.varints(bones);
+    else if (field === 5) tier.frameBytes = reader.varint();
+    else reader.skip();
+  }
+  reader.leave(outer);
+  tier.bones = [...bones.values.subarray(0, bones.length)];
+  return tier;
 }
 
 /** @param {ProtoReader} reader @param {Header} header */

@@ -2,7 +2,8 @@
 
 import { FLAG, StreamDecoder } from "./messages.js";
 import { PlayoutClock, PoseTrack } from "./playout.js";
-import { unpackPoses } from "./poses.js";
+import { frameBytes } from "./poses.js";
+import { TierUnpacker } from "./tiers.js";
 
 /** @typedef {import("./messages.js").Agent} Agent */
 /** @typedef {import("./messages.js").Chunk} Chunk */
@@ -18,13 +19,18 @@ export class PlayedAgent {
     this.track = new PoseTrack(width);
     /** Whether there is a pose in `frame`. */
     this.shown = false;
+    /** Whether it was taken away since it has left the last ring, and may come again. */
+    this.hidden = false;
+    /** Number of the ring that it is in: of the last chunk. */
+    this.tier = 0;
     /** "standing", "walking", "stopping", "turning": of the last chunk. */
     this.state = "standing";
   }
 }
 
 /**
- * What a player tells, all as it comes: `header(header, again)`; `added(played)`, `removed(played)`;
+ * What a player tells, all as it comes: `header(header, again)`; `added(played)`, `removed(played)`, also of who has
+ * left the last ring and is `hidden`;
  * `chunk(played, chunk)`, of which `chunk` is one object, overwritten each time; `event(event)`.
  * @typedef {object} PlayerEvents
  * @property {(header: Header, again: boolean) => void} [header]
@@ -38,6 +44,8 @@ export class PlayedAgent {
 export class MotionPlayer {
   #decoder = new StreamDecoder();
   #unpacked = new Float32Array(0);
+  /** @type {TierUnpacker | null} */
+  #tiers = null;
   #goneUnderruns = 0;
   #begun = false;
   #now = new Float64Array(1); // of the message
@@ -129,19 +137,27 @@ export class MotionPlayer {
     const again = this.header !== null;
     this.#begun = true;
     this.header = header;
-    this.#decoder.checkFrames(header); // an unknown encoding is told at once
+    header.tiers.forEach(({ encoding, bones }) => frameBytes(encoding, bones.length)); // an unknown one is told at once
+    this.#tiers = new TierUnpacker(header);
     if (again) this.clock.resumed(this.#decoder.sentAt);
     this.on.header?.(header, again);
   }
 
   #batch() {
-    const decoder = this.#decoder, { header } = this;
-    if (!this.#begun || !header) throw new Error("motion came before the header");
+    const decoder = this.#decoder, { header } = this, tiers = this.#tiers;
+    if (!this.#begun || !header || !tiers) throw new Error("motion came before the header");
     decoder.checkFrames(header);
-    const width = 3 + 4 * header.bones.length;
-    for (const agent of decoder.added) this.#add(agent, width);
-    for (let row = 0; row < decoder.chunks; row += 1) this.#chunk(decoder.chunk(row), header, width);
+    for (const agent of decoder.added) this.#add(agent, tiers.width);
+    for (let row = 0; row < decoder.chunks; row += 1) this.#chunk(decoder.chunk(row), tiers);
     for (let row = 0; row < decoder.removed; row += 1) this.remove(decoder.removedAlias(row));
+    for (let row = 0; row < decoder.hidden; row += 1) this.#hide(decoder.hiddenAlias(row));
+  }
+
+  /** @param {number} alias */
+  #hide(alias) {
+    const played = this.agents.get(alias);
+    if (played) played.hidden = true;
+    this.remove(alias);
   }
 
   /** A new agent, or one that is known already, when a stream begins again. @param {Agent} agent @param {number} width */
@@ -154,9 +170,9 @@ export class MotionPlayer {
     this.on.added?.(played);
   }
 
-  /** @param {ReturnType<StreamDecoder["chunk"]>} chunk @param {Header} header @param {number} width */
-  #chunk(chunk, header, width) {
-    const { stats } = this;
+  /** @param {ReturnType<StreamDecoder["chunk"]>} chunk @param {TierUnpacker} tiers */
+  #chunk(chunk, tiers) {
+    const { stats } = this, { view, bytes, tier } = this.#decoder, { width } = tiers;
     stats.chunks += 1;
     stats.frames += chunk.frames;
     if (chunk.flags & FLAG.GAP) stats.gaps += 1;
@@ -166,9 +182,10 @@ export class MotionPlayer {
     if (!played) return; // removed here, its last chunks still on the way
     this.clock.takeChunk(this.#now, chunk.time);
     if (this.#unpacked.length < chunk.frames * width) this.#unpacked = new Float32Array(2 * chunk.frames * width);
-    unpackPoses(this.#decoder.view, chunk.poses, chunk.frames, header.encoding, header.bones.length, this.#unpacked);
-    played.track.take(chunk.time, header.sentFps, this.#unpacked, chunk.frames, this.#decoder.bytes, chunk.contacts);
+    tiers.unpack(view, chunk.poses, chunk.frames, tier, this.#unpacked);
+    played.track.take(chunk.time, tiers.tiers[tier].sentFps, this.#unpacked, chunk.frames, bytes, chunk.contacts);
     played.state = chunk.state;
+    played.tier = tier;
     this.on.chunk?.(played, chunk);
   }
 }

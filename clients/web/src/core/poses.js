@@ -1,6 +1,6 @@
 // Packed frames to numbers; docs/wire-format.md shows each encoding byte by byte. Allocates nothing.
 
-export const ENCODING = Object.freeze({ F32_LE: 1, F16_LE: 2, SMALLEST_THREE: 3 });
+export const ENCODING = Object.freeze({ F32_LE: 1, F16_LE: 2, SMALLEST_THREE: 3, ROOT: 4 });
 
 const MIDDLE = 16383; // the count that stands for 0
 const STEP = 1 / (MIDDLE * Math.SQRT2);
@@ -10,6 +10,7 @@ export function frameBytes(encoding, bones) {
   if (encoding === ENCODING.F32_LE) return 12 + 16 * bones;
   if (encoding === ENCODING.F16_LE) return 12 + 8 * bones;
   if (encoding === ENCODING.SMALLEST_THREE) return 12 + 6 * bones;
+  if (encoding === ENCODING.ROOT) return 16;
   throw new Error(`pose encoding ${encoding} is not known: this client is older than the server`);
 }
 

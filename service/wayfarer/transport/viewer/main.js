@@ -20,6 +20,7 @@ import { NoPicture, Stage } from "./scene.js";
 import { saveButtons } from "./save_buttons.js";
 import { decodeScript } from "./script.js";
 import { PageSession } from "./session.js";
+import { viewpoints } from "./sight.js";
 import { Timeline } from "./timeline.js";
 import { TimelineBar } from "./timeline_bar.js";
 import { Tools } from "./tools.js";
@@ -371,6 +372,7 @@ function show() {
   bar.frame(now, !byId("rest").hidden);
   crowd.separateNames(stage.camera, view.clientWidth, view.clientHeight);
   camera.advance(selected, now - last);
+  session.look(viewpoints(stage.camera.position, selected));
   level.reveal(stage.camera.position, stage.controls.target);
   stage.render();
   const fps = readout.frame(now, () => ({

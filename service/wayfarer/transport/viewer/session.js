@@ -3,14 +3,19 @@
 import { Session } from "./client/index.js";
 import { mention, showConnection, tell } from "./hud.js";
 import { Replay } from "./replay.js";
+import { RINGS } from "./sight.js";
 
 const STATES = { connecting: "connecting", open: "connected", lost: "connection lost, reconnecting" };
 
 export class PageSession {
-  /** `query`: encoding, fps … of the stream; `on.event(event)`, `on.ended(reason)` when a new one is needed. */
+  /**
+   * `query`: encoding, fps … of the stream, which then has no levels of detail; `on.event(event)`; `on.ended(reason)` when a
+   * new one is needed.
+   */
   constructor(api, crowd, query, clock, on) {
     Object.assign(this, { api, crowd, query, clock, on });
     this.current = null;
+    this.views = [{ position: { x: 0, y: 0, z: 0 } }]; // of the camera
     this.scene = "";
     this.latest = "";
     this.state = ""; // of the connection, when it is not being made
@@ -44,6 +49,12 @@ export class PageSession {
     this.scene = replay.scene;
     showConnection("open", `replay of ${script.seconds} s`);
     return replay;
+  }
+
+  /** See people from these viewpoints (sight.js); said to the server when they have moved. */
+  look(views) {
+    this.views = views;
+    if (this.current?.interest) this.current.look(views);
   }
 
   /** The server answers: if the connection was lost, it need not wait to be made again. */
@@ -84,6 +95,7 @@ export class PageSession {
     return {
       scene,
       query: this.query,
+      interest: Object.keys(this.query).length ? undefined : { rings: RINGS, viewpoints: this.views },
       stream: { now: this.clock },
       on: {
         ...this.crowd.handlers(this.clock),

@@ -1,0 +1,25 @@
+// How much of people this page asks for: all near the camera, less further away (docs/wire-format.md, "Levels of detail"). No DOM.
+
+const SEEN_FAR = [
+  "pelvis", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle", "spine1", "spine2", "spine3",
+  "neck", "head", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow",
+];
+
+/** Nobody is left out: the last ring holds all. */
+export const RINGS = [
+  { radius: 15 },
+  { radius: 45, format: { encoding: "smallest_three", profile: "bones", bones: SEEN_FAR, fps: 20 } },
+  { radius: 20000, format: { encoding: "root" } },
+];
+
+/** Where from: the camera, and somebody who is selected, of whom all is wanted wherever the camera is. */
+export function viewpoints({ x, y, z }, selected) {
+  const places = [{ x, y, z }];
+  if (selected?.shown) places.push({ x: selected.x, y: selected.y + 1, z: selected.z });
+  return places.map((place) => ({ position: { x: tenth(place.x), y: tenth(place.y), z: tenth(place.z) } }));
+}
+
+/** To a tenth of a metre, so that nothing is sent while hardly anything moves. */
+function tenth(metres) {
+  return Math.round(10 * metres) / 10;
+}
