@@ -6,13 +6,13 @@ const AT_FIRST = 10; // people who walk there when the page opens
 const SOON = 50; // ms between two looks whether somebody has come
 
 export class Arrivals {
-  /** `place`: the scene panel; `met(person)`: somebody who was waited for is there. */
-  constructor({ api, stage, place, crowd, session, errands, met }) {
-    Object.assign(this, { api, stage, place, crowd, session, errands, met });
+  /** `place`: the scene panel; `met(person)`: somebody who was waited for is there; `fetchBody(agent)` gets its body before it is seen. */
+  constructor({ api, stage, place, crowd, session, errands, met, fetchBody }) {
+    Object.assign(this, { api, stage, place, crowd, session, errands, met, fetchBody });
     this.bodies = new Map(); // gender → body
   }
 
-  /** Create people on free places near what is looked at, or `near` a place; `how`: what all of them have. Their ids. */
+  /** Create people on free places near what is looked at, or `near` a place; `how`: what all of them have. As the API describes them. */
   async create(count, how = {}, near = null) {
     const { place, session, stage, crowd } = this;
     await place.settled;
@@ -27,12 +27,15 @@ export class Arrivals {
       : {};
     const people = randomAgents(count, heights, crowd.people, where).map((person) => ({ ...person, ...how }));
     if ("betas" in how) for (const person of people) delete person.phenotype;
-    return (await this.api.createAgents(session.id, people)).map(({ agent_id: id }) => id);
+    return this.api.createAgents(session.id, people);
   }
 
   /** People who come and walk about: all over the scene, or `near` a place. */
   async roamers(count, near) {
-    await Promise.all((await this.create(count, {}, near)).map((id) => this.errands.roamAgent(id, near)));
+    const made = await this.create(count, {}, near);
+    const told = made.map(({ agent_id: id }) => this.errands.roamAgent(id, near));
+    for (const agent of made) this.fetchBody(agent); // after what they are told: a browser asks for six things at a time
+    await Promise.all(told);
   }
 
   /** People who walk about when the page opens, before the camera. */
@@ -42,8 +45,8 @@ export class Arrivals {
 
   /** An agent of a shape { gender, betas } or { phenotype }, with a name; its id. */
   async enlist(shape) {
-    const [id] = await this.create(1, shape);
-    return id;
+    const [made] = await this.create(1, shape);
+    return made.agent_id;
   }
 
   /** Let somebody who has just been created walk about, once it is seen. */

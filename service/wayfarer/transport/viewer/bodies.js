@@ -1,7 +1,7 @@
 // Bodies on the stage, sixteen to a mesh: a crowd of 200 is drawn in 13 calls, not in 200.
 
 import {
-  BufferAttribute, BufferGeometry, GLTFLoader, Group, MeshStandardMaterial, Skeleton, SkinnedMesh,
+  BufferAttribute, BufferGeometry, GLTFLoader, Group, MeshLambertMaterial, Skeleton, SkinnedMesh,
   Sphere,
 } from "./vendor/three.min.js";
 import { Rig } from "./rig.js";
@@ -9,7 +9,7 @@ import { Rig } from "./rig.js";
 const TOGETHER = 16; // bodies in one mesh: with more, one that comes costs more to add
 const LOADING = 4; // bodies asked for at a time
 const JOIN_SECONDS = 0.25; // between two rebuilds of a mesh, when many come at once
-const LOOK = new MeshStandardMaterial({ vertexColors: true, roughness: 0.85 });
+const LOOK = new MeshLambertMaterial({ vertexColors: true });
 const THICKNESS = { hair: 0.014, shirt: 0.012, trousers: 0.007 }; // metres that it stands off the skin, by the material's name
 const NOBODY = { // as `bodyOf`: one triangle without size
   position: new Float32Array(9), normal: new Float32Array(9), color: new Uint8Array(12), index: new Uint32Array(3),

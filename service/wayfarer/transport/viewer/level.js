@@ -2,7 +2,7 @@
 
 import {
   BufferAttribute, BufferGeometry, Color, GLTFLoader, Group, LineBasicMaterial, LineSegments, Mesh,
-  MeshStandardMaterial, ShapeUtils, Vector2,
+  MeshLambertMaterial, ShapeUtils, Vector2,
 } from "./vendor/three.min.js";
 import { blockMeets, Ground, planePoint, pointOn } from "./ground.js";
 import { blockMesh, extentOf, outlineOf } from "./shapes.js";
@@ -34,8 +34,8 @@ export class Level {
     this.solids = [];
     this.model = null;
     this.chosen = null; // name of an obstacle
-    this.floor = new Mesh(new BufferGeometry(), new MeshStandardMaterial({
-      map: pavingTexture(), roughness: 1, polygonOffset: true, polygonOffsetFactor: -1, polygonOffsetUnits: -1,
+    this.floor = new Mesh(new BufferGeometry(), new MeshLambertMaterial({
+      map: pavingTexture(), polygonOffset: true, polygonOffsetFactor: -1, polygonOffsetUnits: -1,
     }));
     this.floor.receiveShadow = true;
     this.rim = new LineSegments(new BufferGeometry(), new LineBasicMaterial({ color: RIM }));
@@ -178,8 +178,8 @@ function colourOf({ top, bottom }, number) {
 class Blocks {
   constructor() {
     this.group = new Group();
-    this.mesh = new Mesh(new BufferGeometry(), new MeshStandardMaterial({
-      vertexColors: true, roughness: 0.95, alphaHash: true,
+    this.mesh = new Mesh(new BufferGeometry(), new MeshLambertMaterial({
+      vertexColors: true, alphaHash: true,
     }));
     this.mesh.castShadow = this.mesh.receiveShadow = true;
     this.edges = new LineSegments(new BufferGeometry(), new LineBasicMaterial({ color: EDGE, transparent: true, opacity: 0.35 }));

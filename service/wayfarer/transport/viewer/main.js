@@ -69,7 +69,7 @@ const errands = new Errands(api, crowd, {
 });
 const tools = new Tools({ stage, level, book, crowd, errands, select, attempt });
 const camera = new Camera(stage, level, crowd);
-const arrivals = new Arrivals({ api, stage, place, crowd, session, errands, met });
+const arrivals = new Arrivals({ api, stage, place, crowd, session, errands, met, fetchBody });
 const wardrobe = new Wardrobe(api, crowd, {
   enlist: (shape) => arrivals.enlist(shape), walk: attempt((id) => arrivals.setOff(id)), attempt,
 });
@@ -199,6 +199,12 @@ function mesh(agent, detail) {
   url.searchParams.set("style", agent.alias);
   url.searchParams.set("detail", page.get("detail") ?? detail);
   return [url.href, access.headers];
+}
+
+/** Let the browser have somebody's body before the stream tells of it. */
+function fetchBody(agent) {
+  const [url, headers] = mesh(agent, "low");
+  fetch(url, { headers }).then((answer) => answer.arrayBuffer()).catch(() => {}); // who is seen asks again, and tells
 }
 
 function refresh() {

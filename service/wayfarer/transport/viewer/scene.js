@@ -1,7 +1,7 @@
 // The stage: camera, light, ground. Y up, metres, people face +Z at heading 0.
 
 import {
-  ACESFilmicToneMapping, BackSide, DirectionalLight, Fog, HemisphereLight, Mesh, MeshBasicMaterial, MeshStandardMaterial,
+  ACESFilmicToneMapping, BackSide, DirectionalLight, Fog, HemisphereLight, Mesh, MeshBasicMaterial, MeshLambertMaterial,
   OrbitControls, PCFShadowMap, PerspectiveCamera, PlaneGeometry, Raycaster, Scene, SphereGeometry, Vector2, Vector3, WebGLRenderer,
 } from "./vendor/three.min.js";
 import { floorTexture, skyTexture } from "./textures.js";
@@ -15,10 +15,10 @@ const FLOOR_SIZE = 1000; // metres
 const HOME = [5.5, 3.6, 8.5]; // of the camera, where there is no scene
 const SUN = new Vector3(5, 11, 6);
 const LOOKS = [
-  { pixels: 2, shadows: true },
-  { pixels: 1, shadows: true },
-  { pixels: 0.6, shadows: false },
-]; // from the best to what a machine without a graphics card can do
+  { pixels: 2, shadows: true, sharpness: 16 },
+  { pixels: 1, shadows: true, sharpness: 16 },
+  { pixels: 0.6, shadows: false, sharpness: 1 },
+]; // from the best to what a machine without a graphics card can do; `sharpness`: anisotropy of the ground, most of its cost there
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i; // names of what draws without a graphics card
 const SLOW_FPS = 20;
 const PATIENCE = 4; // slow readings in a row before the look is made lighter
@@ -60,7 +60,9 @@ export class Stage {
    */
   begin(frame, look = null) {
     if (this.renderer) return;
-    const context = this.canvas.getContext("webgl2", { antialias: true });
+    const least = look === null && drawnBySoftware() ? LOOKS.length - 1 : 0;
+    // smooth edges cannot be switched off later, and double the time of a picture without a graphics card
+    const context = this.canvas.getContext("webgl2", { antialias: least === 0 });
     if (!context) throw new NoPicture();
     this.renderer = new WebGLRenderer({ canvas: this.canvas, context });
     this.renderer.debug.checkShaderErrors = false; // the page would wait for each shader
@@ -68,14 +70,30 @@ export class Stage {
     this.renderer.shadowMap.type = PCFShadowMap;
     this.renderer.toneMapping = ACESFilmicToneMapping;
     this.renderer.toneMappingExposure = 1.05;
-    this.floor.material.map.anisotropy = this.renderer.capabilities.getMaxAnisotropy();
-    this.look = look ?? (drawnBySoftware(context) ? LOOKS.length - 1 : 0);
     this.steady = look !== null;
-    this.sun.castShadow = LOOKS[this.look].shadows;
+    this.#take(look ?? least);
     new ResizeObserver(() => this.resize()).observe(this.canvas);
     this.resize();
-    this.renderer.compile(this.scene, this.camera);
-    this.renderer.setAnimationLoop(frame);
+    this.#compile().then(() => this.renderer.setAnimationLoop(frame));
+  }
+
+  /** Make the shaders; where the browser can, the page goes on meanwhile. */
+  async #compile() {
+    const { renderer, scene, camera } = this;
+    if (renderer.extensions.has("KHR_parallel_shader_compile")) await renderer.compileAsync(scene, camera);
+    else renderer.compile(scene, camera);
+  }
+
+  /** Have the look of a number. */
+  #take(look) {
+    this.look = look;
+    const { shadows, sharpness } = LOOKS[look];
+    this.sun.castShadow = shadows;
+    this.scene.traverse(({ material }) => {
+      if (!material?.map || material.map.anisotropy === sharpness) return;
+      material.map.anisotropy = sharpness;
+      material.map.needsUpdate = true;
+    });
   }
 
   add(object) {
@@ -99,8 +117,7 @@ export class Stage {
     this.slow = fps < SLOW_FPS ? this.slow + 1 : 0;
     if (this.slow < PATIENCE || this.look === LOOKS.length - 1 || this.steady) return;
     this.slow = 0;
-    this.look += 1;
-    this.sun.castShadow = LOOKS[this.look].shadows;
+    this.#take(this.look + 1);
     this.resize();
   }
 
@@ -222,7 +239,7 @@ export class Stage {
   }
 
   #addFloor() {
-    const material = new MeshStandardMaterial({ map: floorTexture(), roughness: 1 });
+    const material = new MeshLambertMaterial({ map: floorTexture() });
     material.map.repeat.set(FLOOR_SIZE / 5, FLOOR_SIZE / 5);
     this.floor = new Mesh(new PlaneGeometry(FLOOR_SIZE, FLOOR_SIZE), material);
     this.floor.rotation.x = -Math.PI / 2;
@@ -231,7 +248,11 @@ export class Stage {
   }
 }
 
-function drawnBySoftware(context) {
-  const named = context.getExtension("WEBGL_debug_renderer_info");
-  return Boolean(named) && SOFTWARE.test(context.getParameter(named.UNMASKED_RENDERER_WEBGL));
+/** Whether this browser draws without a graphics card, as far as it tells. */
+function drawnBySoftware() {
+  const probe = document.createElement("canvas").getContext("webgl2");
+  const named = probe?.getExtension("WEBGL_debug_renderer_info");
+  const found = Boolean(named) && SOFTWARE.test(probe.getParameter(named.UNMASKED_RENDERER_WEBGL));
+  probe?.getExtension("WEBGL_lose_context")?.loseContext();
+  return found;
 }

@@ -1,6 +1,6 @@
 export {
   ACESFilmicToneMapping, BackSide, Box3, BufferAttribute, BufferGeometry, CanvasTexture, Color, DirectionalLight, DynamicDrawUsage, Fog, Group,
-  HemisphereLight, Line, LineBasicMaterial, LineSegments, Mesh, MeshBasicMaterial, MeshStandardMaterial,
+  HemisphereLight, Line, LineBasicMaterial, LineSegments, Mesh, MeshBasicMaterial, MeshLambertMaterial, MeshStandardMaterial,
   PCFShadowMap, PerspectiveCamera, PlaneGeometry, Raycaster, RepeatWrapping, RingGeometry, SRGBColorSpace,
   Scene, ShapeUtils, Skeleton, SkinnedMesh, Sphere, SphereGeometry, Sprite, SpriteMaterial, Vector2, Vector3, WebGLRenderer,
 } from "three";
