@@ -1,6 +1,7 @@
 #include "wayfarer/messages.hpp"
 
 #include <limits>
+#include <numeric>
 
 #include "protobuf.hpp"
 
@@ -51,6 +52,21 @@ void read_basis(ProtoReader reader, Header& header) {
   }
 }
 
+Tier read_tier(ProtoReader reader) {
+  Tier tier;
+  std::vector<std::uint64_t> bones;
+  while (const auto field = reader.next()) {
+    if (field == 1) tier.radius = reader.number();
+    else if (field == 2) tier.encoding = reader.uint32();
+    else if (field == 3) tier.sent_fps = reader.uint32();
+    else if (field == 4) reader.varints(bones);
+    else if (field == 5) tier.frame_bytes = reader.uint32();
+    else reader.skip();
+  }
+  tier.bones.assign(bones.begin(), bones.end());
+  return tier;
+}
+
 Header read_header(ProtoReader reader) {
   Header header;
   std::vector<std::uint64_t> bones;
@@ -65,9 +81,22 @@ Header read_header(ProtoReader reader) {
     else if (field == 8) reader.varints(bones);
     else if (field == 9) header.frame_bytes = reader.uint32();
     else if (field == 11) header.resumed = reader.varint() != 0;
+    else if (field == 12) header.tiers.push_back(read_tier(reader.message()));
     else reader.skip();
   }
   header.bones.assign(bones.begin(), bones.end());
+  if (header.tiers.empty()) {
+    Tier only;
+    only.encoding = header.encoding;
+    only.sent_fps = header.sent_fps;
+    only.bones = header.bones;
+    only.frame_bytes = header.frame_bytes;
+    header.tiers.push_back(std::move(only));
+  }
+  if (header.encoding == ROOT) {  // drawn with the bones of a body
+    header.bones.resize(22);
+    std::iota(header.bones.begin(), header.bones.end(), 0u);
+  }
   return header;
 }
 
@@ -122,6 +151,8 @@ MessageKind StreamDecoder::decode(const std::uint8_t* message, std::size_t size)
   sent_at_ = 0;
   added_.clear();
   removed_.clear();
+  hidden_.clear();
+  tier_ = 0;
   for (auto& column : columns_) column.clear();
   poses_ = contacts_ = nullptr;
   poses_size_ = contacts_size_ = 0;
@@ -154,6 +185,8 @@ void StreamDecoder::batch(ProtoReader reader) {
     else if (field == 2) chunk_columns(reader.message());
     else if (field == 3) reader.varints(removed_);
     else if (field == 4) reader.string(token_);
+    else if (field == 5) tier_ = reader.uint32();
+    else if (field == 6) reader.varints(hidden_);
     else reader.skip();
   }
 }
@@ -207,7 +240,11 @@ Chunk StreamDecoder::chunk(std::size_t row) const {
 }
 
 void StreamDecoder::check_frames(const Header& header) const {
-  const std::size_t each = frame_bytes(header.encoding, header.bones.size());
+  if (tier_ >= header.tiers.size())
+    throw DecodeError("the header tells of " + std::to_string(header.tiers.size()) + " tiers, not of " +
+                      std::to_string(tier_));
+  const Tier& tier = header.tiers[tier_];
+  const std::size_t each = frame_bytes(tier.encoding, tier.bones.size());
   if (poses_size_ == each * contacts_size_) return;
   throw DecodeError(std::to_string(poses_size_) + " bytes of poses are not " +
                     std::to_string(contacts_size_) + " frames of " + std::to_string(each) + " bytes");

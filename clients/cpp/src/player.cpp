@@ -52,11 +52,11 @@ double MotionPlayer::buffered() const {
 
 void MotionPlayer::take_header() {
   const Header& header = decoder_.header();
-  decoder_.check_frames(header);  // an unknown encoding is told at once
   if (header.bones.size() > MOST_BONES) throw DecodeError(std::to_string(header.bones.size()) + " bones are too many");
-  if (!header.sent_fps) throw DecodeError("the header says no frames per second");
+  TierUnpacker tiers(header);  // before anything is changed: it may refuse the header
   const bool again = header_.has_value();
   header_ = header;
+  tiers_ = std::move(tiers);
   begun_ = true;
   if (again) clock_.resumed(decoder_.sent_at());
   if (on_.header) on_.header(*header_, again);
@@ -69,6 +69,11 @@ void MotionPlayer::take_batch(double now) {
   for (const Agent& agent : decoder_.added()) add(agent, width);
   for (std::size_t row = 0; row < decoder_.chunks(); ++row) take_chunk(decoder_.chunk(row), width, now);
   for (const std::uint64_t alias : decoder_.removed()) remove(static_cast<std::uint32_t>(alias));
+  for (const std::uint64_t alias : decoder_.hidden()) {
+    const auto found = agents_.find(static_cast<std::uint32_t>(alias));
+    if (found != agents_.end()) found->second.hidden = true;
+    remove(static_cast<std::uint32_t>(alias));
+  }
 }
 
 /// A new agent, or one that is known already, when a stream begins again.
@@ -94,9 +99,11 @@ void MotionPlayer::take_chunk(const Chunk& chunk, std::size_t width, double now)
   if (played.track.width() != width) return;  // a stream in another format did not introduce it again
   clock_.observe_chunk(now, chunk.scheduled_at);
   if (unpacked_.size() < chunk.frames * width) unpacked_.resize(chunk.frames * width);
-  unpack_poses(chunk.poses, chunk.frames, header_->encoding, header_->bones.size(), unpacked_.data());
-  played.track.push(chunk.scheduled_at, header_->sent_fps, unpacked_.data(), chunk.frames, chunk.contacts);
+  const std::size_t tier = decoder_.tier();
+  tiers_->unpack(chunk.poses, chunk.frames, tier, unpacked_.data());
+  played.track.push(chunk.scheduled_at, header_->tiers[tier].sent_fps, unpacked_.data(), chunk.frames, chunk.contacts);
   played.state = chunk.state;
+  played.tier = tier;
   if (on_.chunk) on_.chunk(played, chunk);
 }
 

@@ -65,7 +65,7 @@ std::size_t rotation_bytes(std::uint32_t encoding) {
 }  // namespace
 
 std::size_t frame_bytes(std::uint32_t encoding, std::size_t bones) {
-  return 12 + rotation_bytes(encoding) * bones;
+  return encoding == ROOT ? 16 : 12 + rotation_bytes(encoding) * bones;
 }
 
 void unpack_poses(const std::uint8_t* bytes, std::size_t count, std::uint32_t encoding,

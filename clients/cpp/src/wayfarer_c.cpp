@@ -186,6 +186,11 @@ std::int32_t wf_agent_state(const wf_player* player, std::uint32_t alias) {
   return played ? static_cast<std::int32_t>(played->state) : WF_ERROR;
 }
 
+std::int32_t wf_agent_tier(const wf_player* player, std::uint32_t alias) {
+  const PlayedAgent* played = find(player, alias);
+  return played ? static_cast<std::int32_t>(played->tier) : WF_ERROR;
+}
+
 std::int32_t wf_agent_contacts(const wf_player* player, std::uint32_t alias) {
   const PlayedAgent* played = find(player, alias);
   return played ? played->track.contacts() : WF_ERROR;

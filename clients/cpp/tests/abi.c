@@ -81,6 +81,7 @@ int main(int count, char **values) {
   CHECK(wf_player_agents(player, aliases, 4) == 1 && aliases[0] == 1);
   CHECK(strcmp(wf_agent_id(player, 1), "agent-0") == 0 && wf_agent_id(player, 2) == NULL);
   CHECK(wf_agent_state(player, 1) == WF_WALKING && wf_agent_contacts(player, 1) == 3);
+  CHECK(wf_agent_tier(player, 1) == 0 && wf_agent_tier(player, 9) == WF_ERROR);
   CHECK(wf_agent_held(player, 1) == 0 && wf_agent_state(player, 9) == WF_ERROR);
   CHECK(wf_player_count(player, "chunks") == 1 && wf_player_count(player, "apples") == 0);
   CHECK(wf_player_buffered(player) > 0 && wf_player_delay(player, 0.1) > 0);

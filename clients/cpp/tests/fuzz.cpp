@@ -40,7 +40,8 @@ int main(int count, char** values) {
   using namespace wayfarer;
   const long rounds = count > 1 ? std::atol(values[1]) : 20000;
   std::vector<Bytes> seeds;
-  for (const char* name : {"header", "header_small", "batch", "batch_small", "event", "heartbeat"})
+  for (const char* name : {"header", "header_small", "header_tiers", "batch", "batch_small", "batch_root", "event",
+                           "heartbeat"})
     seeds.push_back(golden::message(name));
   const golden::Walk walk = golden::walk("gltf");
   seeds.push_back(crowd::header());
@@ -52,7 +53,7 @@ int main(int count, char** values) {
     MotionPlayer player;
     double now = 0;
     for (int k = 0; k < 40; ++k, ++round) {
-      Bytes bytes = seeds[k < 2 ? std::size_t(6 + k) : random() % seeds.size()];
+      Bytes bytes = seeds[k < 2 ? std::size_t(8 + k) : random() % seeds.size()];
       if (k >= 2 && random() % 8) mutate(bytes, random, seeds);
       // in a block of its own, of its own size: a byte beyond it is an error of the sanitizer
       const std::unique_ptr<std::uint8_t[]> own(new std::uint8_t[bytes.size()]);

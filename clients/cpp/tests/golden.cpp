@@ -24,7 +24,10 @@ Bytes bytes(const std::string& name) {
 
 Bytes message(const std::string& name) {
   static const Json all = json("messages.json");
-  const std::string hex = all.at(name);
+  return from_hex(all.at(name));
+}
+
+Bytes from_hex(const std::string& hex) {
   Bytes found;
   for (std::size_t k = 0; k < hex.size(); k += 2)
     found.push_back(static_cast<std::uint8_t>(std::stoi(hex.substr(k, 2), nullptr, 16)));

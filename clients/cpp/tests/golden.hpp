@@ -13,6 +13,7 @@ namespace golden {
 using Bytes = std::vector<std::uint8_t>;
 
 Bytes bytes(const std::string& name);
+Bytes from_hex(const std::string& hex);
 /// A message of messages.json.
 Bytes message(const std::string& name);
 

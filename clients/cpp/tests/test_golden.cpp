@@ -72,6 +72,48 @@ TEST_CASE("every packing of poses, in every basis") {
   }
 }
 
+TEST_CASE("tiers with less than all bones, in every basis") {
+  const Json document = golden::json("tiers.json");
+  for (const Json& own : document.at("cases")) {
+    CAPTURE(own.at("basis").get<std::string>());
+    Header header;
+    header.basis = own.at("basis");
+    header.bones = own.at("bones").get<std::vector<std::uint32_t>>();
+    Tier first;
+    first.encoding = F32_LE;
+    first.sent_fps = 40;
+    first.bones = header.bones;
+    header.tiers.push_back(first);
+    for (const Json& tier : own.at("tiers")) {
+      Tier next;
+      next.encoding = tier.at("encoding");
+      next.sent_fps = tier.at("sent_fps");
+      next.bones = tier.at("bones").get<std::vector<std::uint32_t>>();
+      header.tiers.push_back(next);
+    }
+    TierUnpacker unpacker(header);
+    for (std::size_t k = 1; k < header.tiers.size(); ++k) {
+      const Json& tier = own.at("tiers")[k - 1];
+      const auto bytes = golden::from_hex(tier.at("poses"));
+      const std::size_t count = bytes.size() / tier.at("frame_bytes").get<std::size_t>();
+      REQUIRE(frame_bytes(header.tiers[k].encoding, header.tiers[k].bones.size()) == tier.at("frame_bytes"));
+      std::vector<float> frames(91 * count);
+      unpacker.unpack(bytes.data(), count, k, frames.data());
+      const auto hips = golden::flat<double>(tier.at("hips"));
+      const Json& rotations = tier.at("rotations");
+      for (std::size_t frame = 0; frame < count; ++frame) {
+        for (std::size_t n = 0; n < 3; ++n) REQUIRE(std::abs(frames[91 * frame + n] - hips[3 * frame + n]) < 1e-3);
+        for (std::size_t bone = 0; bone < 22; ++bone) {
+          CAPTURE(bone);
+          const std::size_t at = 88 * frame + 4 * bone;
+          const Json wanted{rotations[at], rotations[at + 1], rotations[at + 2], rotations[at + 3]};
+          near_turn(turn_at(&frames[91 * frame + 3 + 4 * bone]), wanted, 1e-3);
+        }
+      }
+    }
+  }
+}
+
 TEST_CASE("playout clock") {
   const Json traces = golden::json("playout.json").at("clock");
   for (const auto& trace : traces.items()) {

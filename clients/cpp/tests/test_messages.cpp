@@ -133,3 +133,42 @@ TEST_CASE("a player shows agents, tells of them, and counts") {
   player.clear();
   CHECK((player.agents().empty() && heard.back() == "removed a-7"));
 }
+
+TEST_CASE("a header with tiers, a batch of roots, and who is hidden") {
+  StreamDecoder decoder;
+  decode(decoder, message("header_tiers"));
+  const auto& tiers = decoder.header().tiers;
+  REQUIRE(tiers.size() == 3);
+  CHECK((tiers[1].radius == 30.5 && tiers[1].encoding == SMALLEST_THREE && tiers[1].sent_fps == 20));
+  CHECK((tiers[1].bones == std::vector<std::uint32_t>{1} && tiers[1].frame_bytes == 18));
+  CHECK((tiers[2].encoding == ROOT && tiers[2].bones.empty() && tiers[2].frame_bytes == 16));
+  decode(decoder, message("batch_root"));
+  CHECK((decoder.tier() == 2 && decoder.hidden() == std::vector<std::uint64_t>{7, 1000}));
+  decode(decoder, message("header"));
+  CHECK((decoder.header().tiers.size() == 1 && decoder.tier() == 0 && decoder.hidden().empty()));
+  // header { pose_encoding: ROOT, sent_fps: 10, frame_bytes: 16 }
+  decode(decoder, Bytes{0x12, 6, 0x30, 4, 0x38, 10, 0x48, 16});
+  CHECK((decoder.header().bones.size() == 22 && decoder.header().tiers[0].bones.empty()));
+}
+
+TEST_CASE("a player shows all tiers alike, and takes away who is hidden") {
+  std::vector<std::string> told;
+  PlayerEvents on;
+  on.added = [&](PlayedAgent& played) { told.push_back("+" + played.agent.id); };
+  on.removed = [&](PlayedAgent& played) { told.push_back((played.hidden ? "hidden " : "-") + played.agent.id); };
+  MotionPlayer player(on);
+  give(player, "header_tiers", 0);
+  give(player, "batch_root", 0);
+  player.advance(0.1);
+  const PlayedAgent& played = player.agents().at(300);
+  REQUIRE((played.shown && played.tier == 2 && played.frame.size() == 11));
+  CHECK((played.frame[0] == 0 && played.frame[1] == 0.5f && played.frame[2] == 0.25f));
+  const Bytes hiding{0x1a, 4, 0x32, 2, 0xac, 2};  // batch { hidden: [300] }
+  player.receive(hiding.data(), hiding.size(), 1);
+  CHECK(told == std::vector<std::string>{"+a-7", "hidden a-7"});
+  give(player, "batch_root", 1);
+  CHECK(told.back() == "+a-7");
+  MotionPlayer plain;
+  give(plain, "header", 0);
+  CHECK_THROWS_WITH_AS(give(plain, "batch_root", 0), doctest::Contains("1 tiers, not of 2"), DecodeError);
+}

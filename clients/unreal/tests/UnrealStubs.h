@@ -75,6 +75,7 @@ class FString {
   }
   void LeftChopInline(int32 Count) { Own.resize(Own.size() - static_cast<std::size_t>(Count)); }
   FString RightChop(int32 Count) const { return FString(Own.substr(static_cast<std::size_t>(Count))); }
+  static FString FromInt(int32 Number) { return FString(StubUtf16(std::to_string(Number))); }
   static FString Printf(const TCHAR*, int32 Number) { return FString(StubUtf16("HTTP " + std::to_string(Number))); }
   const TCHAR* operator*() const { return Own.c_str(); }
   FString& operator+=(const FString& Other) { Own += Other.Own; return *this; }
@@ -444,6 +445,8 @@ class IWebSocket {
  public:
   void Connect() {}
   void Close(int32 = 1000, const FString& = FString()) { bClosed = true; }
+  void Send(const FString& Text) { Texts.push_back(Text.Utf8()); }
+  std::vector<std::string> Texts;
   StubMulticast<const FString&>& OnConnectionError() { return Failed; }
   StubMulticast<int32, const FString&, bool>& OnClosed() { return Gone; }
   StubMulticast<const void*, SIZE_T, SIZE_T>& OnRawMessage() { return Came; }

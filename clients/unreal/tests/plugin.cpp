@@ -193,9 +193,26 @@ int main() {
   // a wrong correction is told, and a mesh that is no humanoid
   Character.CorrectedBones.Add(FName(TEXT("left_knee")), FName(TEXT("nose")));
   Subsystem.Close();
+  Subsystem.SetRings(1500, 0, 30000);
+  Subsystem.Look(FVector(10, 20, 170));
   Subsystem.Open(TEXT(""), TEXT("wf_key"), TEXT(""));
   Answer("POST", Server + "/v1/sessions", 201, R"({"session_id": "s-2"})");
+  const std::string Url = StubSockets[3]->Url.Utf8();
+  const std::string Interest = R"(&interest={"rings":[{"radius":1500},{"radius":30000,"format":{"encoding":"root"}}],)"
+                               R"("viewpoints":[{"position":{"x":10,"y":20,"z":170}}]})";
+  REQUIRE(Url.substr(Url.size() - Interest.size()) == Interest);
+  Subsystem.Look(FVector(500, 20, 170));
+  Subsystem.Tick(0);
+  REQUIRE(StubSockets[3]->Texts.empty());  // the header has not come
   Give(*StubSockets[3], crowd::header());
+  Subsystem.Tick(0);
+  Subsystem.Look(FVector(600, 20, 170));
+  Subsystem.Tick(0);
+  REQUIRE(StubSockets[3]->Texts == std::vector<std::string>{R"({"viewpoints":[{"position":{"x":500,"y":20,"z":170}}]})"});
+  StubNow += 0.11;
+  Subsystem.Tick(0);
+  Subsystem.Tick(0);
+  REQUIRE(StubSockets[3]->Texts.size() == 2);
   Give(*StubSockets[3], crowd::batch(Walk, 1, 0));
   ++GFrameCounter;
   Character.TickComponent(0, LEVELTICK_All, nullptr);

@@ -11,3 +11,4 @@
 #include "wayfarer/retarget.hpp"
 #include "wayfarer/rig.hpp"
 #include "wayfarer/root.hpp"
+#include "wayfarer/tiers.hpp"

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -32,6 +33,14 @@ struct Bone {
   int parent = 0;
 };
 
+/// How frames are packed in a ring around the viewpoints.
+struct Tier {
+  double radius = std::numeric_limits<double>::infinity();  // infinite where there are no rings
+  std::uint32_t encoding = 0, sent_fps = 0;
+  std::vector<std::uint32_t> bones;
+  std::uint32_t frame_bytes = 0;
+};
+
 /// What holds for a whole stream. `bones`: numbers in `skeleton` of the bones whose rotations are sent.
 struct Header {
   std::string server_version, session_id;
@@ -42,6 +51,7 @@ struct Header {
   std::vector<std::uint32_t> bones;
   std::uint32_t encoding = 0, frame_bytes = 0;
   bool resumed = false;
+  std::vector<Tier> tiers;  // from the inside out; one where there are no rings
 };
 
 /// An agent, as the stream introduces it. `rest_offsets`: x, y, z for each bone of the skeleton.
@@ -92,12 +102,15 @@ class StreamDecoder {
   /// Of a batch: agents seen for the first time, and aliases of deleted ones.
   const std::vector<Agent>& added() const { return added_; }
   const std::vector<std::uint64_t>& removed() const { return removed_; }
+  /// Of a batch: aliases of agents that have left the last ring, and the tier of its chunks.
+  const std::vector<std::uint64_t>& hidden() const { return hidden_; }
+  std::size_t tier() const { return tier_; }
   /// Of a batch: its chunks.
   std::size_t chunks() const { return columns_[ALIAS].size(); }
   Chunk chunk(std::size_t row) const;
   /// Of the last batch that had one: says that all up to there has come.
   const std::string& resume_token() const { return token_; }
-  /// That the chunks of the batch are whole frames of a header's layout. Throws DecodeError.
+  /// That the chunks of the batch are whole frames of their tier. Throws DecodeError.
   void check_frames(const Header& header) const;
 
  private:
@@ -111,7 +124,8 @@ class StreamDecoder {
   Header header_;
   Event event_;
   std::vector<Agent> added_;
-  std::vector<std::uint64_t> removed_;
+  std::vector<std::uint64_t> removed_, hidden_;
+  std::size_t tier_ = 0;
   std::array<std::vector<std::uint64_t>, COLUMNS> columns_;
   const std::uint8_t *poses_ = nullptr, *contacts_ = nullptr;
   std::size_t poses_size_ = 0, contacts_size_ = 0;

@@ -9,6 +9,7 @@
 
 #include "wayfarer/messages.hpp"
 #include "wayfarer/playout.hpp"
+#include "wayfarer/tiers.hpp"
 
 namespace wayfarer {
 
@@ -20,11 +21,14 @@ struct PlayedAgent {
   Agent agent;
   std::vector<float> frame;  // hips x, y, z, then x, y, z, w for each of the header's bones
   PoseTrack track;
+  bool hidden = false;  // taken away since it has left the last ring; it may come again
+  std::size_t tier = 0;  // number of the ring that it is in: of the last chunk
   bool shown = false;  // whether there is a pose in `frame`
   AgentState state = AgentState::standing;  // of the last chunk
 };
 
-/// What a player tells, all as it comes. A callback must not call the player.
+/// What a player tells, all as it comes; `removed` also of who has left the last ring and is `hidden`. A callback must not
+/// call the player.
 struct PlayerEvents {
   std::function<void(const Header&, bool again)> header;
   std::function<void(PlayedAgent&)> added, removed;
@@ -79,6 +83,7 @@ class MotionPlayer {
   PlayoutClock clock_;
   std::map<std::uint32_t, PlayedAgent> agents_;
   std::optional<Header> header_;
+  std::optional<TierUnpacker> tiers_;
   std::vector<float> unpacked_;
   PlayerStats stats_;
   std::size_t gone_underruns_ = 0;

@@ -79,6 +79,9 @@ WF_API const float *wf_agent_rest_offsets(const wf_player *player, uint32_t alia
 /* The pose at the moment shown: hips x, y, z, then x, y, z, w per bone; NULL before the first. `count`: numbers. */
 WF_API const float *wf_agent_frame(const wf_player *player, uint32_t alias, size_t *count);
 WF_API int32_t wf_agent_state(const wf_player *player, uint32_t alias);
+/* Number of the ring that it is in, of a stream with levels of detail: 0 is the nearest. One that has left the last ring is
+   removed, and added when it comes again. */
+WF_API int32_t wf_agent_tier(const wf_player *player, uint32_t alias);
 /* 1 left foot, 2 right foot on the ground; whether frames have run out, and the last one is held. */
 WF_API int32_t wf_agent_contacts(const wf_player *player, uint32_t alias);
 WF_API int32_t wf_agent_held(const wf_player *player, uint32_t alias);

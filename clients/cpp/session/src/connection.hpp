@@ -28,6 +28,7 @@ class Connection {
  public:
   virtual ~Connection() = default;
   virtual void close() = 0;
+  virtual void say(const std::string& text) = 0;  // one at a time
 
   std::function<void(const std::uint8_t*, std::size_t)> received;
   std::function<void(int code, const std::string& reason)> closed;

@@ -16,6 +16,7 @@ namespace websocket = beast::websocket;
 using boost::system::error_code;
 
 constexpr double RETRY_FIRST = 0.5, RETRY_MOST = 8;  // seconds; doubled at each failure
+constexpr double PAUSE = 0.1;  // seconds between texts at least
 constexpr double SILENCE = 4;  // seconds without even a heartbeat (one per second) that mean a dead connection
 constexpr std::chrono::seconds HANDSHAKE(10);
 // close codes: 4000 + the HTTP status of the error
@@ -46,6 +47,17 @@ class Socket : public Connection, public std::enable_shared_from_this<Socket<Str
       lowest.async_connect(found, [self](error_code failed, auto&&) {
         if (!self->lost(failed)) self->greet();
       });
+    });
+  }
+
+  void say(const std::string& text) override {
+    if (gone_ || writes_) return;
+    writes_ = true;
+    text_ = text;
+    socket_.text(true);
+    socket_.async_write(net::buffer(text_), [self = this->shared_from_this()](error_code error, std::size_t) {
+      self->writes_ = false;
+      self->lost(error);
     });
   }
 
@@ -106,7 +118,8 @@ class Socket : public Connection, public std::enable_shared_from_this<Socket<Str
   net::ip::tcp::resolver resolver_;
   websocket::stream<Stream> socket_;
   beast::flat_buffer buffer_;
-  bool gone_ = false;
+  std::string text_;  // that is being written
+  bool gone_ = false, writes_ = false;
 };
 
 }  // namespace
@@ -124,6 +137,9 @@ struct MotionStream::Impl {
   net::io_context io{1};
   std::shared_ptr<Connection> connection;
   std::string forgotten;  // a resume token that the server does not know
+  std::string text, said;  // to be sent; the last that was to be
+  bool begun = false;      // this connection's header has come
+  double said_at = -PAUSE;
   double now = 0, retry = RETRY_FIRST, connect_at = 0, heard_at = 0;
   bool over = false;
 
@@ -151,6 +167,7 @@ struct MotionStream::Impl {
   void connect() {
     tell("connecting");
     player.begin();
+    begun = false;
     heard_at = now;
 #ifdef WAYFARER_TLS
     if (api.server().tls) return open<Secure>(trust());
@@ -179,6 +196,7 @@ struct MotionStream::Impl {
     }
     if (kind != MessageKind::header) return;
     retry = RETRY_FIRST;
+    begun = true;
     tell("open");
   }
 
@@ -200,6 +218,11 @@ struct MotionStream::Impl {
   void poll() {
     if (over) return;
     if (!connection && now >= connect_at) connect();
+    if (connection && begun && !text.empty() && now - said_at >= PAUSE) {
+      connection->say(text);
+      text.clear();
+      said_at = now;
+    }
     io.restart();
     io.poll();
     // a half-open connection never closes by itself
@@ -212,6 +235,13 @@ MotionStream::MotionStream(const Api& api, const std::string& session_id,
     : impl_(std::make_unique<Impl>(api, session_id, wish, player, std::move(on))) {}
 
 MotionStream::~MotionStream() { close(); }
+
+void MotionStream::wish(const std::string& key, const std::string& value) { impl_->wish[key] = value; }
+
+void MotionStream::say(const std::string& text) {
+  if (text == impl_->said) return;
+  impl_->text = impl_->said = text;
+}
 
 void MotionStream::poll(double now) {
   impl_->now = now;
@@ -236,9 +266,19 @@ Session Session::join(const std::string& server, const std::string& id, SessionO
 Session::Session(std::unique_ptr<Api> api, std::string id, bool own, SessionOptions options)
     : api_(std::move(api)),
       id_(std::move(id)),
+      interest_(std::move(options.interest)),
       own_(own),
       player_(std::make_unique<MotionPlayer>(std::move(options.on))),
-      stream_(std::make_unique<MotionStream>(*api_, id_, options.wish, *player_, std::move(options.stream))) {}
+      stream_(std::make_unique<MotionStream>(*api_, id_, options.wish, *player_, std::move(options.stream))) {
+  if (!interest_.is_null()) stream_->wish("interest", interest_.dump());
+}
+
+void Session::look(const Json& viewpoints) {
+  if (interest_.is_null()) throw std::logic_error("the session was opened without `interest`");
+  interest_["viewpoints"] = viewpoints;
+  stream_->wish("interest", interest_.dump());
+  stream_->say(Json{{"viewpoints", viewpoints}}.dump());
+}
 
 Session::~Session() {
   if (!stream_) return;  // moved away

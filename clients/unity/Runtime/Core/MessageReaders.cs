@@ -1,4 +1,5 @@
 using System.Collections.Generic;
+using System.Linq;
 
 namespace Wayfarer
 {
@@ -29,17 +30,59 @@ namespace Wayfarer
                     case 8: reader.Varints(bones); break;
                     case 9: header.FrameBytes = reader.Small(); break;
                     case 11: header.Resumed = reader.Varint() != 0; break;
+                    case 12: header.Tiers_.Add(ReadTier(reader)); break;
                     default: reader.Skip(); break;
                 }
             }
             reader.Leave(outer);
-            var numbers = new int[bones.Length];
+            header.Bones = Numbers(bones);
+            if (header.Tiers_.Count == 0)
+            {
+                header.Tiers_.Add(new Tier
+                {
+                    Encoding = header.Encoding,
+                    SentFps = header.SentFps,
+                    Bones = header.Bones,
+                    FrameBytes = header.FrameBytes,
+                });
+            }
+            if (header.Encoding == PoseEncoding.Root)
+            {
+                header.Bones = Enumerable.Range(0, 22).ToArray(); // drawn with the bones of a body
+            }
+            return header;
+        }
+
+        private static Tier ReadTier(ProtoReader reader)
+        {
+            var tier = new Tier { Radius = 0 };
+            var bones = new Column();
+            int outer = reader.Enter();
+            for (int field = reader.Next(); field != 0; field = reader.Next())
+            {
+                switch (field)
+                {
+                    case 1: tier.Radius = reader.Double(); break;
+                    case 2: tier.Encoding = (PoseEncoding)reader.Small(); break;
+                    case 3: tier.SentFps = reader.Small(); break;
+                    case 4: reader.Varints(bones); break;
+                    case 5: tier.FrameBytes = reader.Small(); break;
+                    default: reader.Skip(); break;
+                }
+            }
+            reader.Leave(outer);
+            tier.Bones = Numbers(bones);
+            return tier;
+        }
+
+        private static int[] Numbers(Column column)
+        {
+            var numbers = new int[column.Length];
             for (int k = 0; k < numbers.Length; k++)
             {
-                numbers[k] = (int)bones.Values[k];
+                numbers[k] = (int)column.Values[k];
             }
-            header.Bones = numbers;
-            return header;
+            return numbers;
         }
 
         public static Agent ReadAgent(ProtoReader reader)

@@ -60,6 +60,21 @@ namespace Wayfarer
         public int Parent { get; internal set; }
     }
 
+    /// <summary>How frames are packed in a ring around the viewpoints.</summary>
+    public sealed class Tier
+    {
+        /// <summary>In units of the basis; infinite where there are no rings.</summary>
+        public double Radius { get; set; } = double.PositiveInfinity;
+
+        public PoseEncoding Encoding { get; set; }
+
+        public int SentFps { get; set; }
+
+        public IReadOnlyList<int> Bones { get; set; } = new int[0];
+
+        public int FrameBytes { get; set; }
+    }
+
     /// <summary>What holds for a whole stream.</summary>
     public sealed class Header
     {
@@ -88,6 +103,11 @@ namespace Wayfarer
         public int FrameBytes { get; internal set; }
 
         public bool Resumed { get; internal set; }
+
+        /// <summary>Of each ring, from the inside out; one where there are no rings.</summary>
+        public IReadOnlyList<Tier> Tiers => Tiers_;
+
+        internal readonly List<Tier> Tiers_ = new List<Tier>();
 
         internal readonly List<SkeletonBone> Bones_ = new List<SkeletonBone>();
     }

@@ -24,6 +24,12 @@ namespace Wayfarer
         /// <summary>Whether there is a pose in <see cref="Frame"/>.</summary>
         public bool Shown { get; internal set; }
 
+        /// <summary>Taken away since it has left the last ring; it may come again.</summary>
+        public bool Hidden { get; internal set; }
+
+        /// <summary>Number of the ring that it is in: of the last chunk.</summary>
+        public int Tier { get; internal set; }
+
         /// <summary>Of the last chunk.</summary>
         public AgentState State { get; internal set; } = AgentState.Standing;
     }
@@ -50,6 +56,7 @@ namespace Wayfarer
         private readonly Dictionary<int, PlayedAgent> byAlias = new Dictionary<int, PlayedAgent>();
         private readonly List<PlayedAgent> agents = new List<PlayedAgent>();
         private PlayerStats stats;
+        private TierUnpacker tiers;
         private float[] unpacked = new float[0];
         private int goneUnderruns;
         private bool begun;
@@ -59,6 +66,7 @@ namespace Wayfarer
 
         public event Action<PlayedAgent> AgentAdded;
 
+        /// <summary>Also of one that has left the last ring and is hidden.</summary>
         public event Action<PlayedAgent> AgentRemoved;
 
         public event Action<PlayedAgent, Chunk> ChunkReceived;
@@ -187,9 +195,10 @@ namespace Wayfarer
         private void TakeHeader()
         {
             bool again = Header != null;
+            Header found = decoder.Header;
+            tiers = new TierUnpacker(found.BasisName, found.Bones, found.Tiers);
             begun = true;
-            Header = decoder.Header;
-            decoder.CheckFrames(Header); // an unknown encoding is told at once
+            Header = found;
             if (again)
             {
                 Clock.Resumed(decoder.SentAt);
@@ -204,7 +213,7 @@ namespace Wayfarer
                 throw new InvalidDataException("motion came before the header");
             }
             decoder.CheckFrames(Header);
-            int width = 3 + 4 * Header.Bones.Count;
+            int width = tiers.Width;
             for (int k = 0; k < decoder.Added.Count; k++)
             {
                 Add(decoder.Added[k], width);
@@ -216,6 +225,15 @@ namespace Wayfarer
             for (int row = 0; row < decoder.Removed; row++)
             {
                 Remove(decoder.RemovedAlias(row));
+            }
+            for (int row = 0; row < decoder.Hidden; row++)
+            {
+                PlayedAgent played = Find(decoder.HiddenAlias(row));
+                if (played != null)
+                {
+                    played.Hidden = true;
+                    Remove(played.Agent.Alias);
+                }
             }
         }
 
@@ -251,10 +269,12 @@ namespace Wayfarer
             {
                 unpacked = new float[2 * chunk.Frames * width];
             }
-            Poses.Unpack(decoder.Bytes, chunk.Poses, chunk.Frames, Header.Encoding, Header.Bones.Count, unpacked);
+            int tier = decoder.Tier;
+            tiers.Unpack(decoder.Bytes, chunk.Poses, chunk.Frames, tier, unpacked);
             played.Track.Push(
-                chunk.ScheduledAt, Header.SentFps, unpacked, chunk.Frames, decoder.Bytes, chunk.Contacts);
+                chunk.ScheduledAt, Header.Tiers[tier].SentFps, unpacked, chunk.Frames, decoder.Bytes, chunk.Contacts);
             played.State = chunk.State;
+            played.Tier = tier;
             ChunkReceived?.Invoke(played, chunk);
         }
     }

@@ -9,6 +9,9 @@ namespace Wayfarer
         F32Le = 1,
         F16Le = 2,
         SmallestThree = 3,
+
+        /// <summary>No rotations: hips, heading, phase and swing of the gait.</summary>
+        Root = 4,
     }
 
     /// <summary>Packed frames to numbers; docs/wire-format.md shows each encoding byte by byte.</summary>
@@ -26,6 +29,7 @@ namespace Wayfarer
                 case PoseEncoding.F32Le: return 12 + 16 * bones;
                 case PoseEncoding.F16Le: return 12 + 8 * bones;
                 case PoseEncoding.SmallestThree: return 12 + 6 * bones;
+                case PoseEncoding.Root: return 16;
                 default:
                     throw new InvalidDataException(
                         "pose encoding " + (int)encoding + " is not known: this client is older than the server");

@@ -23,6 +23,7 @@ namespace Wayfarer
         private readonly Column candidates = new Column();
         private readonly Column[] columns; // of MotionChunks, those with a number for each chunk
         private readonly Column removed = new Column();
+        private readonly Column hidden = new Column();
         private readonly List<Agent> added = new List<Agent>();
         private byte[] token = new byte[64];
         private int tokenLength;
@@ -57,6 +58,12 @@ namespace Wayfarer
         /// <summary>How many agents were deleted.</summary>
         public int Removed => removed.Length;
 
+        /// <summary>How many agents have left the last ring.</summary>
+        public int Hidden => hidden.Length;
+
+        /// <summary>Tier of the chunks: index into the header's.</summary>
+        public int Tier { get; private set; }
+
         /// <summary>The message's bytes, in which poses and contacts of a chunk are places.</summary>
         public byte[] Bytes => reader.Bytes;
 
@@ -74,6 +81,8 @@ namespace Wayfarer
             Event = null;
             added.Clear();
             removed.Length = 0;
+            hidden.Length = 0;
+            Tier = 0;
             foreach (Column column in columns)
             {
                 column.Length = 0;
@@ -139,11 +148,23 @@ namespace Wayfarer
             return (int)removed.Values[row];
         }
 
-        /// <summary>That the chunks of the batch are whole frames of a header's layout.</summary>
+        /// <summary>Alias of hidden agent <paramref name="row"/>.</summary>
+        public int HiddenAlias(int row)
+        {
+            return (int)hidden.Values[row];
+        }
+
+        /// <summary>That the chunks of the batch are whole frames of their tier.</summary>
         /// <exception cref="InvalidDataException">They are not, or the encoding is not known.</exception>
         public void CheckFrames(Header header)
         {
-            long each = Wayfarer.Poses.FrameBytes(header.Encoding, header.Bones.Count);
+            if (Tier >= header.Tiers.Count)
+            {
+                throw new InvalidDataException(
+                    "the header tells of " + header.Tiers.Count + " tiers, not of " + Tier);
+            }
+            Tier tier = header.Tiers[Tier];
+            long each = Wayfarer.Poses.FrameBytes(tier.Encoding, tier.Bones.Count);
             if (posesLength != each * contactsLength)
             {
                 throw new InvalidDataException(
@@ -162,6 +183,8 @@ namespace Wayfarer
                     case 2: ReadChunks(); break;
                     case 3: reader.Varints(removed); break;
                     case 4: KeepToken(reader.Block()); break;
+                    case 5: Tier = reader.Small(); break;
+                    case 6: reader.Varints(hidden); break;
                     default: reader.Skip(); break;
                 }
             }

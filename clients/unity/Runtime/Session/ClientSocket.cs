@@ -1,6 +1,7 @@
 using System;
 using System.Collections.Generic;
 using System.Net.WebSockets;
+using System.Text;
 using System.Threading;
 using System.Threading.Tasks;
 
@@ -23,6 +24,7 @@ namespace Wayfarer
         private readonly CancellationTokenSource left = new CancellationTokenSource();
         private readonly ClientWebSocket socket = new ClientWebSocket();
         private byte[] polled;
+        private Task sending = Task.CompletedTask;
         private int waitingBytes;
 
         public void Open(string url, IReadOnlyList<string> protocols)
@@ -53,6 +55,28 @@ namespace Wayfarer
                 polled = news.Bytes;
                 waitingBytes -= news.Length;
                 return true;
+            }
+        }
+
+        public void Send(string text)
+        {
+            byte[] bytes = Encoding.UTF8.GetBytes(text);
+            lock (gate)
+            {
+                sending = sending.ContinueWith(_ => SendNow(bytes), TaskScheduler.Default).Unwrap();
+            }
+        }
+
+        private async Task SendNow(byte[] bytes)
+        {
+            try
+            {
+                var part = new ArraySegment<byte>(bytes);
+                await socket.SendAsync(part, WebSocketMessageType.Text, true, left.Token).ConfigureAwait(false);
+            }
+            catch (Exception error) when (error is WebSocketException || error is ObjectDisposedException || error is InvalidOperationException || error is OperationCanceledException)
+            {
+                // the connection was lost in this moment, which the receiver tells
             }
         }
 

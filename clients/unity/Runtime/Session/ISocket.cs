@@ -33,6 +33,9 @@ namespace Wayfarer
         /// <summary>What came next; false: nothing more at present. Never waits.</summary>
         bool Poll(out SocketNews news);
 
+        /// <summary>Send a text, once it is open; one that cannot be sent is lost with the connection. Never waits.</summary>
+        void Send(string text);
+
         /// <summary>Close it; nothing more is polled.</summary>
         void Close();
     }

@@ -19,6 +19,7 @@ namespace Wayfarer
     {
         private const double RetryFirst = 0.5; // seconds; doubled at each failure
         private const double RetryMost = 8;
+        private const double Pause = 0.1; // seconds between texts at least
         private const double Silence = 4; // seconds without even a heartbeat (one per second): a dead connection
         private const int Gone = 1000, Invalid = 4422, UnknownCaller = 4401, Forbidden = 4403, NotFound = 4404, NoCode = 1006;
 
@@ -29,6 +30,10 @@ namespace Wayfarer
         private double retry = RetryFirst;
         private double retryAt;
         private double heardAt;
+        private string text = ""; // to be sent
+        private string said = "";
+        private double saidAt = double.NegativeInfinity;
+        private bool begun; // this connection's header has come
         private string forgotten = ""; // a resume token that the server does not know
 
         /// <param name="address">Where to connect, by resume token (<see cref="Api.StreamAddress"/>).</param>
@@ -64,6 +69,15 @@ namespace Wayfarer
             retryAt = double.NegativeInfinity;
         }
 
+        /// <summary>Send a text: the last of those within a tenth of a second, and none twice.</summary>
+        public void Say(string text)
+        {
+            if (text != said)
+            {
+                this.text = said = text;
+            }
+        }
+
         /// <summary>Take what has come until <paramref name="now"/>, and see to the connection. Never waits.</summary>
         public void Update(double now)
         {
@@ -82,6 +96,12 @@ namespace Wayfarer
                 {
                     Receive(news, now);
                 }
+            }
+            if (!Closed && socket != null && begun && text != "" && now - saidAt >= Pause)
+            {
+                socket.Send(text);
+                text = "";
+                saidAt = now;
             }
             if (!Closed && socket != null && now - heardAt > Silence)
             {
@@ -110,6 +130,7 @@ namespace Wayfarer
         {
             StatusChanged?.Invoke(StreamStatus.Connecting, "");
             player.Begin();
+            begun = false;
             string token = player.ResumeToken;
             StreamAddress where = address(token == forgotten ? "" : token);
             heardAt = now;
@@ -134,6 +155,7 @@ namespace Wayfarer
                 return;
             }
             retry = RetryFirst;
+            begun = true;
             StatusChanged?.Invoke(StreamStatus.Open, "");
         }
 

@@ -24,6 +24,12 @@ namespace Wayfarer
         public IReadOnlyDictionary<string, string> Query { get; set; } =
             new Dictionary<string, string> { ["encoding"] = "smallest_three", ["fps"] = "20" };
 
+        /// <summary>
+        /// Levels of detail (docs/wire-format.md), as JSON: <c>{"rings": [{"radius": 15}, …], "viewpoints": [{"position":
+        /// {"x": 0, "y": 1.7, "z": 0}}]}</c>; null: none. <see cref="Session.Look"/> moves the viewpoints.
+        /// </summary>
+        public JObject Interest { get; set; }
+
         /// <summary>Another way to call (WebGL), or null.</summary>
         public IHttp Http { get; set; }
 
@@ -44,6 +50,7 @@ namespace Wayfarer
 
         private readonly SessionOptions options;
         private readonly bool own;
+        private readonly JObject interest;
         private double renewAt;
         private Task renewal;
         private bool renewing;
@@ -54,7 +61,8 @@ namespace Wayfarer
             Id = id;
             this.options = options;
             this.own = renewing = own;
-            Stream = new MotionStream(token => api.StreamAddress(id, options.Query, token), Player, options.NewSocket);
+            interest = (JObject)options.Interest?.DeepClone();
+            Stream = new MotionStream(token => api.StreamAddress(id, Query(), token), Player, options.NewSocket);
             renewAt = options.Now() + options.LeaseSeconds / RenewalsPerLease;
         }
 
@@ -104,6 +112,35 @@ namespace Wayfarer
             Stream.Update(now);
             KeepAlive(now);
             return Player.Advance(now);
+        }
+
+        /// <summary>
+        /// See the agents from a place, of a session with <see cref="SessionOptions.Interest"/>. Call it as often as the camera
+        /// moves: ten a second are sent at most, and the last always. <paramref name="reach"/>: the rings are that many times as
+        /// wide.
+        /// </summary>
+        /// <exception cref="InvalidOperationException">It has none.</exception>
+        public void Look(double x, double y, double z, double reach = 1)
+        {
+            if (interest == null)
+            {
+                throw new InvalidOperationException("the session was opened without Interest");
+            }
+            var position = new JObject { ["x"] = x, ["y"] = y, ["z"] = z };
+            var views = new JArray { new JObject { ["position"] = position, ["reach"] = reach } };
+            interest["viewpoints"] = views;
+            Stream.Say(new JObject { ["viewpoints"] = views }.ToString(Newtonsoft.Json.Formatting.None));
+        }
+
+        private IReadOnlyDictionary<string, string> Query()
+        {
+            if (interest == null)
+            {
+                return options.Query;
+            }
+            var query = options.Query.ToDictionary(pair => pair.Key, pair => pair.Value);
+            query["interest"] = interest.ToString(Newtonsoft.Json.Formatting.None);
+            return query;
         }
 
         /// <summary>Leave it; one of your own ends.</summary>

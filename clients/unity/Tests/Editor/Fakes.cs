@@ -27,6 +27,13 @@ namespace Wayfarer.Tests
             return news.Closed || news.Bytes != null;
         }
 
+        public List<string> Sent { get; } = new List<string>();
+
+        public void Send(string text)
+        {
+            Sent.Add(text);
+        }
+
         public void Close()
         {
             Closed = true;

@@ -30,7 +30,11 @@ namespace Wayfarer.Tests
 
         public static byte[] Message(string name)
         {
-            string text = (string)Document("messages.json")[name];
+            return FromHex((string)Document("messages.json")[name]);
+        }
+
+        public static byte[] FromHex(string text)
+        {
             return Enumerable.Range(0, text.Length / 2).Select(k => Convert.ToByte(text.Substring(2 * k, 2), 16)).ToArray();
         }
 

@@ -1,5 +1,7 @@
+using System;
 using System.Collections.Generic;
 using System.Linq;
+using Newtonsoft.Json.Linq;
 using NUnit.Framework;
 
 namespace Wayfarer.Tests
@@ -42,6 +44,75 @@ namespace Wayfarer.Tests
             Heard("Connecting", "header False False", "Open", "added", "chunk 12", "removed");
             Assert.AreEqual(3, player.Stats.Messages);
             Assert.AreEqual(new[] { "p" }, sockets[0].Protocols.ToArray());
+        }
+
+        [Test]
+        public void All_tiers_are_shown_alike_and_who_is_hidden_is_taken_away()
+        {
+            sockets[0].Say("header_tiers");
+            sockets[0].Say("batch_root");
+            stream.Update(0.1);
+            player.Advance(0.2);
+            PlayedAgent played = player.Agents[0];
+            Assert.IsTrue(played.Shown && played.Tier == 2 && played.Frame.Length == 11);
+            CollectionAssert.AreEqual(new[] { 0f, 0.5f, 0.25f }, played.Frame.Take(3));
+            Tier middle = player.Header.Tiers[1];
+            Assert.AreEqual(30.5, middle.Radius);
+            Assert.IsTrue(middle.Encoding == PoseEncoding.SmallestThree && middle.SentFps == 20 && middle.FrameBytes == 18);
+            sockets[0].Say(new byte[] { 0x1a, 4, 0x32, 2, 0xac, 2 }); // batch { hidden: [300] }
+            stream.Update(0.3);
+            Assert.IsTrue(played.Hidden && player.Agents.Count == 0);
+            sockets[0].Say("batch_root");
+            stream.Update(0.4);
+            Assert.IsTrue(player.Agents.Count == 1 && !player.Agents[0].Hidden);
+            sockets[0].Say("header");
+            sockets[0].Say("batch_root");
+            stream.Update(0.5);
+            StringAssert.Contains("1 tiers, not of 2", heard.Last());
+        }
+
+        [Test]
+        public void Texts_are_sent_once_the_header_has_come_the_last_of_those_in_a_tenth_of_a_second()
+        {
+            stream.Say("a");
+            stream.Update(0.1);
+            Assert.AreEqual(0, sockets[0].Sent.Count);
+            sockets[0].Say("header");
+            stream.Update(0.2);
+            stream.Say("b");
+            stream.Say("c");
+            stream.Update(0.25);
+            stream.Update(0.31);
+            stream.Say("c");
+            stream.Update(1);
+            CollectionAssert.AreEqual(new[] { "a", "c" }, sockets[0].Sent);
+        }
+
+        [Test]
+        public void A_session_looks_from_where_it_is_told_and_says_so_again_when_it_connects()
+        {
+            double now = 0;
+            var options = new SessionOptions
+            {
+                Interest = JObject.Parse("{'rings': [{'radius': 10}], 'viewpoints': [{'position': {'x': 0, 'y': 0, 'z': 0}}]}"),
+                NewSocket = NewSocket,
+                Http = new FakeHttp(),
+                Now = () => now,
+            };
+            Session session = Session.Join("http://x", "s", options);
+            session.Update();
+            session.Look(1, 2, 3, 4);
+            sockets.Last().Say("header");
+            session.Update();
+            string view = "{\"viewpoints\":[{\"position\":{\"x\":1.0,\"y\":2.0,\"z\":3.0},\"reach\":4.0}]}";
+            CollectionAssert.AreEqual(new[] { view }, sockets.Last().Sent);
+            sockets.Last().End(1006);
+            session.Update();
+            now = 1;
+            session.Update();
+            StringAssert.Contains("%22reach%22%3A4.0", sockets.Last().Url);
+            options.Interest = null;
+            Assert.Throws<InvalidOperationException>(() => Session.Join("http://x", "s", options).Look(0, 0, 0));
         }
 
         [Test]

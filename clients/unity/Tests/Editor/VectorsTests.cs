@@ -54,6 +54,48 @@ namespace Wayfarer.Tests
             StringAssert.Contains("encoding 9 is not known: this client is older", error.Message);
         }
 
+        public static IEnumerable<TestCaseData> Tiers()
+        {
+            return Golden.Document("tiers.json")["cases"].Select(own => new TestCaseData(own).SetName("tiers " + own["basis"]));
+        }
+
+        [TestCaseSource("Tiers")]
+        public void Tiers_with_less_than_all_bones_become_whole_poses(JToken own)
+        {
+            int[] bones = own["bones"].Select(bone => (int)bone).ToArray();
+            var tiers = new List<Tier> { new Tier { Encoding = PoseEncoding.F32Le, SentFps = 40, Bones = bones } };
+            tiers.AddRange(own["tiers"].Select(tier => new Tier
+            {
+                Encoding = (PoseEncoding)(int)tier["encoding"],
+                SentFps = (int)tier["sent_fps"],
+                Bones = tier["bones"].Select(bone => (int)bone).ToArray(),
+            }));
+            var unpacker = new TierUnpacker((string)own["basis"], bones, tiers);
+            for (int k = 1; k < tiers.Count; k++)
+            {
+                JToken tier = own["tiers"][k - 1];
+                byte[] bytes = Golden.FromHex((string)tier["poses"]);
+                int count = bytes.Length / (int)tier["frame_bytes"];
+                Assert.AreEqual((int)tier["frame_bytes"], Poses.FrameBytes(tiers[k].Encoding, tiers[k].Bones.Count));
+                var found = new float[91 * count];
+                unpacker.Unpack(bytes, 0, count, k, found);
+                double[] hips = Golden.Doubles(tier["hips"]), rotations = Golden.Doubles(tier["rotations"]);
+                for (int frame = 0; frame < count; frame++)
+                {
+                    for (int n = 0; n < 3; n++)
+                    {
+                        Golden.Near(found[91 * frame + n], hips[3 * frame + n], 1e-3, "hips of frame " + frame);
+                    }
+                    for (int bone = 0; bone < 22; bone++)
+                    {
+                        double[] turn = Golden.Part(found, 91 * frame + 3 + 4 * bone, 4);
+                        double[] wanted = Golden.Part(rotations, 88 * frame + 4 * bone, 4);
+                        Golden.NearTurn(turn, wanted, 1e-3, "bone " + bone + " of frame " + frame + " of tier " + k);
+                    }
+                }
+            }
+        }
+
         /// <summary>Between two rotations; q and -q are the same one.</summary>
         private static double DegreesBetween(double[] a, double[] b)
         {

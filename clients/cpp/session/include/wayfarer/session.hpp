@@ -28,6 +28,10 @@ class MotionStream {
   MotionStream(const MotionStream&) = delete;
   MotionStream& operator=(const MotionStream&) = delete;
 
+  /// Ask for this from the next connection on.
+  void wish(const std::string& key, const std::string& value);
+  /// Send a text: the last of those within a tenth of a second, and none twice.
+  void say(const std::string& text);
   /// Do what is due, without waiting, at local `now`.
   void poll(double now);
   /// Leave it for good.
@@ -43,6 +47,7 @@ struct SessionOptions {
   std::string token;                         // an API key or JWT
   Json session = Json::object();             // of POST /v1/sessions: basis, scene, lease_s …
   std::map<std::string, std::string> wish;   // of the stream
+  Json interest;  // its levels of detail: {"rings": [{"radius": 15}, …], "viewpoints": [{"position": {"x": 0, …}}]}
   PlayerEvents on;
   StreamEvents stream;
 };
@@ -60,6 +65,9 @@ class Session {
 
   /// Once per picture: receive what has come, and show everybody as at this moment.
   void update();
+  /// See the agents from these viewpoints, of a session with `interest`: [{"position": {"x": 0, "y": 1.7, "z": 0}}]. Call it as
+  /// often as the camera moves: ten a second are sent at most, and the last always. Throws std::logic_error without.
+  void look(const Json& viewpoints);
   /// Everybody, as shown, by alias.
   const std::map<std::uint32_t, PlayedAgent>& agents() const { return player_->agents(); }
   MotionPlayer& player() { return *player_; }
@@ -72,6 +80,7 @@ class Session {
 
   std::unique_ptr<Api> api_;
   std::string id_;
+  Json interest_;
   bool own_;
   std::unique_ptr<MotionPlayer> player_;
   std::unique_ptr<MotionStream> stream_;

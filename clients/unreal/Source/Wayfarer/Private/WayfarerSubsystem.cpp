@@ -187,7 +187,55 @@ void UWayfarerSubsystem::Tick(float)
 	const double Now = FPlatformTime::Seconds();
 	if (Socket && Now - HeardAt > Silence) Lost(0, TEXT("nothing came for 4 s")); // a half-open connection never closes by itself
 	if (!Socket && !SessionId.IsEmpty() && Now >= ConnectAt) Connect();
+	if (Socket && bBegun && !Rings.IsEmpty() && Now - SaidAt >= 0.1)
+	{
+		const FString Wanted = Viewpoints();
+		if (Wanted != Said)
+		{
+			Said = Wanted;
+			SaidAt = Now;
+			Socket->Send(Said);
+		}
+	}
 	Advance();
+}
+
+namespace
+{
+	FString Whole(double Value)
+	{
+		return FString::FromInt(static_cast<int32>(Value));
+	}
+
+	FString Radius(double Centimetres)
+	{
+		return TEXT("{\"radius\":") + Whole(Centimetres);
+	}
+}
+
+void UWayfarerSubsystem::SetRings(double Near, double Middle, double Far)
+{
+	const TCHAR* const Fewer = TEXT(",\"format\":{\"encoding\":\"smallest_three\",\"fps\":20,\"profile\":\"bones\",\"bones\":[\"pelvis\",\"left_hip\",\"right_hip\",\"left_knee\",\"right_knee\",\"spine1\",\"spine2\",\"spine3\",\"neck\",\"left_shoulder\",\"right_shoulder\",\"left_elbow\",\"right_elbow\"]}}");
+	TArray<FString> Each;
+	if (Near > 0) Each.Add(Radius(Near) + TEXT("}"));
+	if (Middle > 0) Each.Add(Radius(Middle) + Fewer);
+	if (Far > 0) Each.Add(Radius(Far) + TEXT(",\"format\":{\"encoding\":\"root\"}}"));
+	Rings.Reset();
+	for (const FString& Ring : Each)
+	{
+		if (!Rings.IsEmpty()) Rings += TEXT(",");
+		Rings += Ring;
+	}
+}
+
+void UWayfarerSubsystem::Look(const FVector& Location)
+{
+	View = Location;
+}
+
+FString UWayfarerSubsystem::Viewpoints() const
+{
+	return TEXT("{\"viewpoints\":[{\"position\":{\"x\":") + Whole(View.X) + TEXT(",\"y\":") + Whole(View.Y) + TEXT(",\"z\":") + Whole(View.Z) + TEXT("}}]}");
 }
 
 void UWayfarerSubsystem::Call(const FString& Verb, const FString& Path, const TSharedPtr<FJsonObject>& Body, TFunction<void(const FJsonObject&)> Answered)
@@ -230,6 +278,12 @@ void UWayfarerSubsystem::Connect()
 	if (!Token.IsEmpty() && Token != Forgotten) Url += TEXT("&resume_token=") + FGenericPlatformHttp::UrlEncode(Token);
 	TMap<FString, FString> Headers;
 	if (!Key.IsEmpty()) Headers.Add(TEXT("Authorization"), TEXT("Bearer ") + Key);
+	if (!Rings.IsEmpty())
+	{
+		Said = Viewpoints();
+		Url += TEXT("&interest=") + FGenericPlatformHttp::UrlEncode(TEXT("{\"rings\":[") + Rings + TEXT("],") + Said.RightChop(1));
+	}
+	bBegun = false;
 	wf_player_begin(Core);
 	Message.Reset();
 	HeardAt = FPlatformTime::Seconds();
@@ -251,6 +305,7 @@ void UWayfarerSubsystem::Receive(const void* Data, SIZE_T Size, SIZE_T BytesRema
 	else if (Kind == WF_HEADER)
 	{
 		Retry = RetryFirst;
+		bBegun = true;
 		OnStatus.Broadcast(TEXT("open"), SessionId);
 	}
 }

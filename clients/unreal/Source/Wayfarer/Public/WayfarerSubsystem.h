@@ -48,6 +48,18 @@ public:
 	UFUNCTION(BlueprintCallable, Category = Wayfarer)
 	void DeleteAgent(const FString& AgentId);
 
+	/**
+	 * Before Open: levels of detail by distance from the viewpoint (see Look), in centimetres. All of an agent within Near, fewer
+	 * frames and bones within Middle, only place, heading and gait within Far, shown as somebody who walks; nothing beyond, where
+	 * agents are removed until they come nearer. A distance of 0 leaves its ring out.
+	 */
+	UFUNCTION(BlueprintCallable, Category = Wayfarer)
+	void SetRings(double Near, double Middle, double Far);
+
+	/** The agents are seen from here. Call it as often as the camera moves: ten a second are sent at most, and the last always. */
+	UFUNCTION(BlueprintCallable, Category = Wayfarer)
+	void Look(const FVector& Location);
+
 	/** "opening", "open", "lost" (it is tried again), "ended" (it is not). */
 	UPROPERTY(BlueprintAssignable, Category = Wayfarer)
 	FWayfarerStatus OnStatus;
@@ -87,7 +99,13 @@ private:
 	void End(const FString& Reason);
 	void DropSocket();
 
+	FString Viewpoints() const;
+
 	FString Address, Key, SessionId, Forgotten;
+	FString Rings, Said; // of the query, as JSON; viewpoints that the server knows
+	FVector View = FVector(0, 0, 0);
+	double SaidAt = 0;
+	bool bBegun = false; // this connection's header has come
 	TSharedPtr<IWebSocket> Socket;
 	TArray<TFunction<void()>> WhenOpen;
 	TArray<uint8> Message;

@@ -9,4 +9,5 @@
 #include "retarget.cpp"
 #include "rig.cpp"
 #include "root.cpp"
+#include "tiers.cpp"
 #include "wayfarer_c.cpp"
