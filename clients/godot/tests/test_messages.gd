@@ -48,6 +48,63 @@ func test_a_batch_gives_new_agents_chunks_and_removals(check: Checks) -> void:
 	check.equal(WayfarerPoses.unpack(decoder.bytes(), second.poses, 3, 1, 2)[0].hips.x, 3.0)
 
 
+func test_all_tiers_are_shown_alike_and_who_is_hidden_is_taken_away(check: Checks) -> void:
+	var heard: Array[String] = []
+	var player := WayfarerMotionPlayer.new()
+	player.agent_added.connect(func(p: Variant) -> void: heard.append("added %d" % p.agent.alias))
+	player.agent_removed.connect(func(p: Variant) -> void: heard.append("hidden %s" % p.hidden))
+	player.receive(check.message("header_tiers"), 0.0)
+	var middle := player.header.tiers[1]
+	check.equal(
+		[middle.radius, middle.encoding, middle.sent_fps, Array(middle.bones), middle.frame_bytes],
+		[30.5, 3, 20, [1], 18]
+	)
+	player.receive(check.message("batch_root"), 0.0)
+	player.advance(0.1)
+	var played := player.agents[300]
+	check.equal([played.shown, played.tier, played.pose.turns.size()], [true, 2, 2])
+	check.equal(played.pose.hips, Vector3(0.0, 0.5, 0.25))
+	# batch { hidden: [300] }
+	check.equal(player.receive(PackedByteArray([0x1a, 4, 0x32, 2, 0xac, 2]), 1.0), "batch")
+	player.receive(check.message("batch_root"), 1.0)
+	check.equal(heard, ["added 300", "hidden true", "added 300"])
+	player.receive(check.message("header"), 1.0)
+	check.equal(player.receive(check.message("batch_root"), 1.0), "error")
+	check.holds("1 tiers, not of 2" in player.error, player.error)
+
+
+func test_tiers_with_less_than_all_bones_become_whole_poses(check: Checks) -> void:
+	for own: Dictionary in check.document("tiers.json").cases:
+		var header := WayfarerStreamDecoder.Header.new()
+		header.basis = own.basis
+		header.bones = PackedInt64Array(own.bones)
+		var first := WayfarerStreamDecoder.Tier.new()
+		first.encoding = WayfarerPoses.Encoding.F32_LE
+		first.bones = header.bones
+		header.tiers.append(first)
+		for tier: Dictionary in own.tiers:
+			var next := WayfarerStreamDecoder.Tier.new()
+			next.encoding = int(tier.encoding)
+			next.bones = PackedInt64Array(tier.bones)
+			header.tiers.append(next)
+		var unpacker := WayfarerTierUnpacker.new(header)
+		check.equal(unpacker.error, "")
+		for k in own.tiers.size():
+			var tier: Dictionary = own.tiers[k]
+			var bytes := String(tier.poses).hex_decode()
+			@warning_ignore("integer_division")
+			var count := bytes.size() / int(tier.frame_bytes)
+			var poses := unpacker.unpack(bytes, 0, count, k + 1)
+			for frame in count:
+				var what := "%s, tier %d, frame %d" % [own.basis, k + 1, frame]
+				var hips: Array = tier.hips.slice(3 * frame, 3 * frame + 3)
+				check.near_place(poses[frame].hips, hips, 1e-3, what)
+				for bone in 22:
+					var at := 88 * frame + 4 * bone
+					var wanted: Array = tier.rotations.slice(at, at + 4)
+					check.near_turn(poses[frame].turns[bone], wanted, 1e-3, what)
+
+
 func test_an_event_says_what_happened_to_whom(check: Checks) -> void:
 	var decoder := WayfarerStreamDecoder.new()
 	check.equal(decoder.decode(check.message("event")), "event")

@@ -11,12 +11,16 @@ class FakeSocket:
 	var code := 0
 	var reason := ""
 	var is_closed := false
+	var sent: Array[String] = []
 
 	func open(to: String, _protocols: PackedStringArray) -> void:
 		url = to
 
 	func poll() -> void:
 		pass
+
+	func say(text: String) -> void:
+		sent.append(text)
 
 	func next() -> PackedByteArray:
 		return messages.pop_front() if not messages.is_empty() else PackedByteArray()
@@ -139,6 +143,24 @@ func test_what_cannot_be_read_ends_the_stream_with_a_reason(check: Checks) -> vo
 	check.holds("cannot read the stream: malformed message" in harness.heard[-1], harness.heard[-1])
 	harness.stream.update(100.0)
 	check.equal(harness.sockets.size(), 1)
+
+
+func test_texts_are_sent_once_the_header_has_come_the_last_of_a_tenth_of_a_second(
+	check: Checks
+) -> void:
+	var harness := Harness.new()
+	harness.stream.say("a")
+	harness.stream.update(0.1)
+	check.equal(harness.sockets[0].sent, [])
+	harness.sockets[0].messages.append(check.message("header"))
+	harness.stream.update(0.2)
+	harness.stream.say("b")
+	harness.stream.say("c")
+	harness.stream.update(0.25)
+	harness.stream.update(0.31)
+	harness.stream.say("c")
+	harness.stream.update(1.0)
+	check.equal(harness.sockets[0].sent, ["a", "c"])
 
 
 func test_the_sockets_buffers_are_raised(check: Checks) -> void:

@@ -14,6 +14,7 @@ signal failed(reason: String)
 
 const RETRY_FIRST := 0.5  # seconds; doubled at each failure
 const RETRY_MOST := 8.0
+const PAUSE := 0.1  # seconds between texts at least
 const SILENCE := 4.0  # seconds without even a heartbeat (one per second): a dead connection
 const GONE := 1000
 const INVALID := 4422
@@ -31,6 +32,10 @@ var _socket: RefCounted
 var _retry := RETRY_FIRST
 var _retry_at := -INF
 var _heard_at := 0.0
+var _text := ""  # to be sent
+var _said := ""
+var _said_at := -INF
+var _begun := false  # this connection's header has come
 var _forgotten := ""  # a resume token that the server does not know
 
 
@@ -52,6 +57,13 @@ func open() -> void:
 	_retry_at = -INF
 
 
+## Send a text: the last of those within a tenth of a second, and none twice.
+func say(text: String) -> void:
+	if text != _said:
+		_text = text
+		_said = text
+
+
 ## Take what has come until `now` (seconds), and see to the connection. Never waits.
 func update(now: float) -> void:
 	if not closed and _socket == null and now >= _retry_at:
@@ -65,6 +77,10 @@ func update(now: float) -> void:
 		_receive(message, now)
 	if not closed and _socket != null and _socket.closed():
 		_take_loss(_socket.close_code(), _socket.close_reason(), now)
+	if _begun and not closed and _socket != null and _text != "" and now - _said_at >= PAUSE:
+		_socket.say(_text)
+		_text = ""
+		_said_at = now
 	if now - _heard_at > SILENCE:  # half-open: it would never close by itself
 		reconnect("nothing has come for %d s" % int(SILENCE), now)
 
@@ -84,6 +100,7 @@ func reconnect(reason: String, now: float) -> void:
 func _connect(now: float) -> void:
 	status_changed.emit("connecting", "")
 	_player.begin()
+	_begun = false
 	var token := _player.resume_token()
 	var where: Dictionary = _address.call("" if token == _forgotten else token)
 	_heard_at = now
@@ -99,6 +116,7 @@ func _receive(message: PackedByteArray, now: float) -> void:
 			failed.emit("cannot read the stream: " + _player.error)
 		"header":
 			_retry = RETRY_FIRST
+			_begun = true
 			status_changed.emit("open", "")
 
 

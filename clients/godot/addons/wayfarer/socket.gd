@@ -30,6 +30,11 @@ func next() -> PackedByteArray:
 	return _peer.get_packet() if _peer.get_available_packet_count() > 0 else PackedByteArray()
 
 
+## Send a text, once it is open; one that cannot be sent is lost with the connection.
+func say(text: String) -> void:
+	_peer.send_text(text)
+
+
 func closed() -> bool:
 	return _failed != "" or _peer.get_ready_state() == WebSocketPeer.STATE_CLOSED
 

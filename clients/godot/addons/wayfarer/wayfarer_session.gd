@@ -29,6 +29,9 @@ static var current: WayfarerSession
 @export_enum("40", "20", "10") var fps := "20"
 ## How rotations are sent: smallest_three takes the fewest bytes.
 @export_enum("f32_le", "f16_le", "smallest_three") var encoding := "smallest_three"
+## Levels of detail (docs/wire-format.md): rings around the viewpoint that `look` moves, as
+## [{"radius": 15}, {"radius": 300, "format": {"encoding": "root"}}]. Empty: none.
+@export var rings: Array[Dictionary] = []
 
 ## "": there is none yet.
 var id := ""
@@ -36,6 +39,7 @@ var api := WayfarerApi.new()
 var player := WayfarerMotionPlayer.new()
 var stream: WayfarerMotionStream
 
+var _view := Vector3.ZERO
 var _opening := false
 var _retry_at := 0.0
 var _renew_at := 0.0
@@ -83,6 +87,18 @@ func viewer_url() -> String:
 	return "%s/?session=%s" % [server.trim_suffix("/"), id.uri_encode()]
 
 
+## See the agents from a place of the agents' world (`place_of` a camera), with `rings`. Call it as
+## often as the camera moves: ten a second are sent at most, and the last always.
+func look(from: Vector3) -> void:
+	_view = from
+	if stream != null and not rings.is_empty():
+		stream.say(JSON.stringify({"viewpoints": _viewpoints()}))
+
+
+func _viewpoints() -> Array:
+	return [{"position": {"x": _view.x, "y": _view.y, "z": _view.z}}]
+
+
 ## A place of the scene in the agents' world.
 func place_of(world: Vector3) -> Vector3:
 	return global_transform.affine_inverse() * world
@@ -115,7 +131,10 @@ func _begin(session_id: String) -> void:
 	player.header_received.connect(_check_basis)
 	var wish := {"encoding": encoding, "fps": fps}
 	stream = WayfarerMotionStream.new(
-		func(resume: String) -> Dictionary: return api.stream_address(session_id, wish, resume),
+		func(resume: String) -> Dictionary:
+			if not rings.is_empty():
+				wish.interest = JSON.stringify({"rings": rings, "viewpoints": _viewpoints()})
+			return api.stream_address(session_id, wish, resume),
 		player
 	)
 	stream.ended.connect(_lose.bind("has ended"))

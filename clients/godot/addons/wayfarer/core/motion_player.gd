@@ -5,6 +5,7 @@ extends RefCounted
 
 signal header_received(header: WayfarerStreamDecoder.Header, again: bool)
 signal agent_added(played: PlayedAgent)
+## Also of one that has left the last ring and is `hidden`.
 signal agent_removed(played: PlayedAgent)
 signal chunk_received(played: PlayedAgent, chunk: WayfarerStreamDecoder.Chunk)
 signal event_received(event: WayfarerStreamDecoder.MotionEvent)
@@ -16,6 +17,8 @@ class PlayedAgent:
 	var pose: WayfarerPose
 	var track: WayfarerPoseTrack
 	var shown := false  ## whether there is a pose in `pose`
+	var hidden := false  ## taken away since it has left the last ring; it may come again
+	var tier := 0  ## number of the ring that it is in: of the last chunk
 	var state := "standing"  ## of the last chunk
 
 	func _init(introduced: WayfarerStreamDecoder.Agent, bones: int) -> void:
@@ -35,6 +38,7 @@ var stats := {
 }
 
 var _decoder := WayfarerStreamDecoder.new()
+var _tiers: WayfarerTierUnpacker
 var _gone_underruns := 0
 var _begun := false
 
@@ -115,11 +119,13 @@ func remove(alias: int) -> void:
 
 func _take_header() -> void:
 	var again := header != null
-	_begun = true
-	header = _decoder.header
-	error = _decoder.check_frames(header)  # an unknown encoding is told at once
+	var tiers := WayfarerTierUnpacker.new(_decoder.header)
+	error = tiers.error  # an unknown encoding is told at once
 	if error != "":
 		return
+	_begun = true
+	header = _decoder.header
+	_tiers = tiers
 	if again:
 		clock.resumed(_decoder.sent_at)
 	header_received.emit(header, again)
@@ -130,8 +136,12 @@ func _take_batch(now: float) -> void:
 	for agent in _decoder.added:
 		_add(agent, bones)
 	for row in _decoder.chunks:
-		_take_chunk(_decoder.chunk(row), bones, now)
+		_take_chunk(_decoder.chunk(row), now)
 	for alias in _decoder.removed:
+		remove(alias)
+	for alias in _decoder.hidden:
+		if alias in agents:
+			agents[alias].hidden = true
 		remove(alias)
 
 
@@ -145,7 +155,7 @@ func _add(agent: WayfarerStreamDecoder.Agent, bones: int) -> void:
 	agent_added.emit(agents[agent.alias])
 
 
-func _take_chunk(chunk: WayfarerStreamDecoder.Chunk, bones: int, now: float) -> void:
+func _take_chunk(chunk: WayfarerStreamDecoder.Chunk, now: float) -> void:
 	stats.chunks += 1
 	stats.frames += chunk.frames
 	stats.gaps += 1 if chunk.flags & WayfarerStreamDecoder.Flag.GAP else 0
@@ -156,7 +166,10 @@ func _take_chunk(chunk: WayfarerStreamDecoder.Chunk, bones: int, now: float) -> 
 		return  # removed here, its last chunks still on the way
 	clock.observe_chunk(now, chunk.scheduled_at)
 	var bytes := _decoder.bytes()
-	var poses := WayfarerPoses.unpack(bytes, chunk.poses, chunk.frames, header.encoding, bones)
-	played.track.push(chunk.scheduled_at, header.sent_fps, poses, bytes, chunk.contacts)
+	var tier := _decoder.tier
+	var poses := _tiers.unpack(bytes, chunk.poses, chunk.frames, tier)
+	var fps := header.tiers[tier].sent_fps
+	played.track.push(chunk.scheduled_at, fps, poses, bytes, chunk.contacts)
 	played.state = chunk.state
+	played.tier = tier
 	chunk_received.emit(played, chunk)

@@ -2,7 +2,7 @@ class_name WayfarerPoses
 extends RefCounted
 ## Packed frames to poses; docs/wire-format.md shows each encoding byte by byte.
 
-enum Encoding { F32_LE = 1, F16_LE = 2, SMALLEST_THREE = 3 }
+enum Encoding { F32_LE = 1, F16_LE = 2, SMALLEST_THREE = 3, ROOT = 4 }
 
 const MIDDLE := 16383  # the count that stands for 0
 const STEP := 1.0 / (MIDDLE * 1.4142135623730951)
@@ -17,6 +17,8 @@ static func frame_bytes(encoding: int, bones: int) -> int:
 			return 12 + 8 * bones
 		Encoding.SMALLEST_THREE:
 			return 12 + 6 * bones
+		Encoding.ROOT:
+			return 16
 	return 0
 
 

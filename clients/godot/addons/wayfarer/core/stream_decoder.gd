@@ -16,6 +16,15 @@ const BASES: Array[String] = [
 ]
 
 
+## How frames are packed in a ring around the viewpoints.
+class Tier:
+	var radius := INF  ## in units of the basis; INF where there are no rings
+	var encoding := 0
+	var sent_fps := 0
+	var bones := PackedInt64Array()
+	var frame_bytes := 0
+
+
 ## What holds for a whole stream.
 class Header:
 	var server_version := ""
@@ -29,6 +38,7 @@ class Header:
 	var encoding := 0
 	var frame_bytes := 0
 	var resumed := false
+	var tiers: Array[Tier] = []  ## from the inside out; one where there are no rings
 
 
 ## An agent, as the stream introduces it.
@@ -77,6 +87,8 @@ var header: Header
 var event: MotionEvent
 var added: Array[Agent] = []  ## seen for the first time
 var removed := PackedInt64Array()  ## aliases of those who were deleted
+var hidden := PackedInt64Array()  ## aliases of those who have left the last ring
+var tier := 0  ## of the chunks: index into the header's
 var resume_token := ""  ## of the last batch that had one
 var chunks := 0  ## how many the batch has
 
@@ -102,6 +114,8 @@ func decode(message: PackedByteArray) -> String:
 	event = null
 	added = []
 	removed = PackedInt64Array()
+	hidden = PackedInt64Array()
+	tier = 0
 	chunks = 0
 	_columns = []
 	for field in 12:
@@ -142,9 +156,10 @@ func chunk(row: int) -> Chunk:
 
 ## What is wrong with the frames of the batch, or with a header's layout; "": nothing.
 func check_frames(of: Header) -> String:
-	var each := WayfarerPoses.frame_bytes(of.encoding, of.bones.size())
-	if each == 0:
-		return "pose encoding %d is not known: this client is older than the server" % of.encoding
+	if tier >= of.tiers.size():
+		return "the header tells of %d tiers, not of %d" % [of.tiers.size(), tier]
+	var packing := of.tiers[tier]
+	var each := WayfarerPoses.frame_bytes(packing.encoding, packing.bones.size())
 	if _poses_length != each * _contacts_length:
 		return "%d bytes of poses are not %d frames of %d bytes" % [
 			_poses_length, _contacts_length, each
@@ -185,6 +200,10 @@ func _read_batch() -> void:
 				_reader.varints(removed)
 			4:
 				resume_token = _reader.text()
+			5:
+				tier = _reader.small()
+			6:
+				_reader.varints(hidden)
 			_:
 				_reader.skip()
 		field = _reader.next()
@@ -246,6 +265,41 @@ func _read_header() -> Header:
 				found.frame_bytes = _reader.small()
 			11:
 				found.resumed = _reader.varint() != 0
+			12:
+				found.tiers.append(_read_tier())
+			_:
+				_reader.skip()
+		field = _reader.next()
+	_reader.leave(outer)
+	if found.tiers.is_empty():
+		var only := Tier.new()
+		only.encoding = found.encoding
+		only.sent_fps = found.sent_fps
+		only.bones = found.bones
+		only.frame_bytes = found.frame_bytes
+		found.tiers.append(only)
+	if found.encoding == WayfarerPoses.Encoding.ROOT:
+		found.bones = PackedInt64Array(range(22))  # drawn with the bones of a body
+	return found
+
+
+func _read_tier() -> Tier:
+	var found := Tier.new()
+	found.radius = 0.0
+	var outer := _reader.enter()
+	var field := _reader.next()
+	while field != 0:
+		match field:
+			1:
+				found.radius = _reader.real()
+			2:
+				found.encoding = _reader.small()
+			3:
+				found.sent_fps = _reader.small()
+			4:
+				_reader.varints(found.bones)
+			5:
+				found.frame_bytes = _reader.small()
 			_:
 				_reader.skip()
 		field = _reader.next()
