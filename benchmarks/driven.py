@@ -29,8 +29,9 @@ from wayfarer.world.world import World
 
 
 class InstantEngine:
-    """Moves all agents one way without computing anything."""
+    """Moves all agents one way without computing anything: `stride` metres a step."""
 
+    stride = 0.2
     name = "instant"
     graphs = ("0" * 64, "1" * 64)
     term_names = TERMS
@@ -38,7 +39,7 @@ class InstantEngine:
     def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
         """See `Engine`."""
         agents = len(inputs.goal)
-        move = np.linspace(0, 0.2, NEW_FRAMES + 1, dtype=np.float32)[None, 1:, None]
+        move = np.linspace(0, self.stride, NEW_FRAMES + 1, dtype=np.float32)[None, 1:, None]
         return StepOutputs(
             translation=inputs.seed_translation[:, -1:] + move,
             rotations=np.repeat(inputs.seed_rotations[:, -1:], NEW_FRAMES, axis=1),
@@ -66,7 +67,7 @@ class Driven:
 
     ready = alive = True
 
-    def __init__(self, asked: argparse.Namespace) -> None:
+    def __init__(self, asked: argparse.Namespace, engine: InstantEngine | None = None) -> None:
         sizes = tuple(2**power for power in range(16) if 2**power <= asked.batch)
         settings = WorldSettings(
             limits=Limits(
@@ -83,7 +84,9 @@ class Driven:
         bodies = {gender: load_body(SHIPPED, gender, "low") for gender in GENDERS}
         self.now = 0.0
         self._meter = Metrics()
-        self._world = World(InstantEngine(), bodies, load_start_poses(START_POSES), settings)
+        self._world = World(
+            engine or InstantEngine(), bodies, load_start_poses(START_POSES), settings
+        )
         self._publisher = Publisher(settings.limits, self._meter, self._world.get_agent)
         self.subscriptions: list[Subscription] = []
 
@@ -101,6 +104,10 @@ class Driven:
     async def list_agents(self, session_id: str) -> list[AgentInfo]:
         """See `MotionService`."""
         return self._world.list_agents(session_id)
+
+    async def get_agent(self, agent_id: str) -> AgentInfo:
+        """See `MotionService`."""
+        return self._world.get_agent(agent_id)
 
     async def list_sessions(self) -> list[SessionInfo]:
         """See `MotionService`."""
