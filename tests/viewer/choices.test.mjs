@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import {
-  crowdText, dragHeading, escort, eventText, formation, freePlace, othersThan, pick, randomAgents, recipients,
+  arranged, crowdText, dragHeading, escort, eventText, formation, freePlace, othersThan, pick, randomAgents, recipients,
 } from "../../service/wayfarer/transport/viewer/choices.js";
 
 const HEIGHTS = { female: [1.5, 1.8], male: [1.55, 1.9] };
@@ -46,15 +46,30 @@ test("a formation begins on the point and does not crowd", () => {
   assert.deepEqual(formation({ x: 0, z: 0 }, 0), []);
 });
 
+test("a group keeps its shape, or stands in a line or in rows, and nobody crosses another's way", () => {
+  const people = [{ x: 0, z: 0 }, { x: 2, z: 1 }, { x: -2, z: 0.5 }, { x: 1, z: -1 }, { x: -1, z: -0.5 }];
+  const point = { x: 0, z: 10 }; // they go along z
+  const kept = arranged(point, people, "kept");
+  kept.forEach((place, k) => assert.ok(Math.abs(place.x - people[k].x) < 1e-9 && Math.abs(place.z - people[k].z - 10) < 1e-9));
+  const line = arranged(point, people, "line");
+  for (const { z } of line) assert.ok(Math.abs(z - 10) < 1e-9);
+  assert.deepEqual([2, 4, 0, 3, 1].map((k) => Math.round(10 * line[k].x)), [-18, -9, 0, 9, 18]);
+  const rows = arranged(point, people, "rows");
+  assert.deepEqual(rows.map(({ z }) => Math.round(10 * (10 - z))), [0, 0, 0, 9, 9]); // who is in front stays there
+  assert.ok(rows[2].x < rows[0].x && rows[0].x < rows[1].x && rows[4].x < rows[3].x);
+  for (const shape of ["cluster", "line", "rows", "kept"]) assert.deepEqual(arranged(point, [], shape), []);
+});
+
 test("a click sends those that the mode names", () => {
   const near = { x: 1, z: 0 };
   const far = { x: 5, z: 0 };
   const point = { x: 0, z: 0 };
-  assert.deepEqual(recipients("all", [far, near], null, point), [near, far]);
-  assert.deepEqual(recipients("nearest", [far, near], far, point), [near]);
-  assert.deepEqual(recipients("selected", [far, near], far, point), [far]);
-  assert.deepEqual(recipients("selected", [far, near], null, point), []);
-  assert.deepEqual(recipients("nearest", [], null, point), []);
+  assert.deepEqual(recipients("all", [far, near], [], point), [near, far]);
+  assert.deepEqual(recipients("nearest", [far, near], [far], point), [near]);
+  assert.deepEqual(recipients("selected", [far, near], [far], point), [far]);
+  assert.deepEqual(recipients("selected", [far, near], [far, near], point), [near, far]);
+  assert.deepEqual(recipients("selected", [far, near], [], point), []);
+  assert.deepEqual(recipients("nearest", [], [], point), []);
 });
 
 test("a drag gives the heading it points to, a twitch none", () => {
@@ -102,10 +117,10 @@ test("where there is no ground at all, a place is found all the same", () => {
 
 test("nobody is told to follow himself", () => {
   const [a, b, c] = [{ x: 0, z: 0 }, { x: 1, z: 0 }, { x: 2, z: 0 }];
-  assert.deepEqual(othersThan(a, "all", [a, b, c], null), [b, c]);
-  assert.deepEqual(othersThan(a, "selected", [a, b, c], a), []);
-  assert.deepEqual(othersThan(a, "selected", [a, b, c], c), [c]);
-  assert.deepEqual(othersThan(a, "nearest", [a, c, b], null), [b]);
+  assert.deepEqual(othersThan(a, "all", [a, b, c], []), [b, c]);
+  assert.deepEqual(othersThan(a, "selected", [a, b, c], [a]), []);
+  assert.deepEqual(othersThan(a, "selected", [a, b, c], [c]), [c]);
+  assert.deepEqual(othersThan(a, "nearest", [a, c, b], []), [b]);
 });
 
 test("followers have places of their own, within what the API allows", () => {

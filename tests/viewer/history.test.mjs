@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { withMotion } from "../../service/wayfarer/transport/viewer/animated_glb.js";
+import { vrmAnimation, withMotion } from "../../service/wayfarer/transport/viewer/animated_glb.js";
 import { PoseTrack } from "../../service/wayfarer/transport/viewer/client/index.js";
 import { History } from "../../service/wayfarer/transport/viewer/history.js";
 import { decodeScript, encodeScript, scriptOf } from "../../service/wayfarer/transport/viewer/script.js";
@@ -103,10 +103,12 @@ test("a script goes through a link unchanged, and a broken link is refused in wo
   }
 });
 
-test("a body's file gets an animation", () => {
+test("bodies' files get one animation, and a VRM animation has bones alone", () => {
   const json = new TextEncoder().encode(JSON.stringify({
-    asset: { version: "2.0" }, nodes: [{ name: "pelvis" }], buffers: [{ byteLength: 4 }], bufferViews: [], accessors: [],
-  }).padEnd(120));
+    asset: { version: "2.0" }, nodes: [{ name: "pelvis", translation: [0, 1, 0] }, { mesh: 0, skin: 0 }], buffers: [{ byteLength: 4 }],
+    bufferViews: [{ buffer: 0, byteLength: 4 }], accessors: [{ bufferView: 0 }], scenes: [{ nodes: [0, 1] }],
+    skins: [{ joints: [0], inverseBindMatrices: 0 }], meshes: [{ primitives: [{ attributes: { POSITION: 0 } }] }],
+  }).padEnd(400));
   const glb = new Uint8Array(12 + 8 + json.length + 8 + 4);
   const view = new DataView(glb.buffer);
   [0x46546c67, 2, glb.length, json.length, 0x4e4f534a].forEach((value, k) => view.setUint32(4 * k, value, true));
@@ -114,13 +116,24 @@ test("a body's file gets an animation", () => {
   view.setUint32(20 + json.length, 4, true);
   view.setUint32(24 + json.length, 0x004e4942, true);
   const frames = Float32Array.of(0, 1, 0, 0, 0, 0, 1, 0, 1, 2, 0, 0, 0, -1); // -q is the same turn
-  const made = new DataView(withMotion(glb.buffer, ["pelvis"], [0, 0.5], frames));
-  const size = made.getUint32(12, true);
-  const document = JSON.parse(new TextDecoder().decode(new Uint8Array(made.buffer, 20, size)));
-  assert.equal(made.getUint32(8, true), made.byteLength);
-  assert.deepEqual(document.animations[0].channels.map(({ target }) => target.path), ["translation", "rotation"]);
-  const { byteOffset } = document.bufferViews[document.accessors[2].bufferView];
+  const people = ["Ada", "Bo"].map((name) => ({ name, glb: glb.buffer, times: [0, 0.5], frames }));
+  const read = (bytes) => {
+    const made = new DataView(bytes);
+    const size = made.getUint32(12, true);
+    assert.equal(made.getUint32(8, true), made.byteLength);
+    return { made, size, document: JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 20, size))) };
+  };
+  const { made, size, document } = read(withMotion(people, ["pelvis"]));
+  const [{ channels, samplers }] = document.animations;
+  assert.deepEqual(channels.map(({ target }) => [target.node, target.path]), [[0, "translation"], [0, "rotation"], [3, "translation"], [3, "rotation"]]);
+  const { byteOffset } = document.bufferViews[document.accessors[samplers[3].output].bufferView];
   assert.equal(made.getFloat32(28 + size + byteOffset + 28, true), 1); // w of the second frame
-  assert.equal(document.buffers[0].byteLength, 4 + 8 + 24 + 32);
-  assert.throws(() => withMotion(glb.buffer, ["tail"], [0], frames), /no bone tail/);
+  assert.equal(document.buffers[0].byteLength, 2 * (4 + 8 + 24 + 32));
+  assert.deepEqual(document.scenes[0].nodes.map((node) => document.nodes[node].name ?? document.nodes[node].mesh), ["Ada", 0, "Bo", 1]);
+  assert.deepEqual(document.nodes[5].children, [3]);
+  assert.deepEqual([document.skins[1], document.nodes[4]], [{ joints: [3], inverseBindMatrices: 4 }, { mesh: 1, skin: 1 }]);
+  assert.throws(() => withMotion(people, ["tail"]), /no bone tail/);
+  const { document: bones } = read(vrmAnimation(people[0], ["pelvis"]));
+  assert.deepEqual(bones.extensions.VRMC_vrm_animation.humanoid.humanBones, { hips: { node: 0 } });
+  assert.deepEqual([bones.nodes, bones.meshes, bones.buffers[0].byteLength], [[{ name: "hips", translation: [0, 1, 0] }], undefined, 8 + 24 + 32]);
 });

@@ -101,12 +101,36 @@ def test_every_control_can_be_reached_on(page: Page, size: tuple[int, int]):
         assert page.evaluate(HIDDEN_CONTROLS) == []
         page.evaluate("document.querySelector('#more').click()")
     assert page.evaluate("document.querySelector('#more').getAttribute('aria-expanded')") == "false"
-    covered = page.evaluate(
+    covered = (
         "((sheet) => sheet.height * sheet.width / (innerHeight * innerWidth))"
         "((innerWidth > 700 ? document.querySelector('#panel')"
         " : document.querySelector('#sheet')).getBoundingClientRect())"
     )
-    assert covered < 0.3
+    page.wait_for(f"{covered} < 0.3", 10)  # the timeline goes with the next picture
+
+
+def test_a_thumb_walks_somebody(page: Page):
+    page.call("Emulation.setTouchEmulationEnabled", enabled=True)
+    for size in SIZES[1:]:
+        page.resize(*size)
+        page.evaluate("document.querySelector('#drive').click()")
+        assert page.evaluate(HIDDEN_CONTROLS) == []
+        x, y, reach = page.evaluate(
+            "(({ left, top, width }) => [left + width / 2, top + width / 2, width / 2])"
+            "(document.querySelector('#stick').getBoundingClientRect())"
+        )
+        page.call("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": x, "y": y}])
+        pushed = [{"x": x, "y": y - 0.8 * reach}]
+        page.call("Input.dispatchTouchEvent", type="touchMove", touchPoints=pushed)
+        page.wait_for("wayfarer.drive.driven !== null", 20)
+        right, forward = page.evaluate("wayfarer.drive.thumb")
+        assert abs(right) < 0.05 and abs(forward - 0.8) < 0.05
+        page.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+        page.wait_for("wayfarer.drive.driven === null", 20)
+        page.evaluate("document.querySelector('#drive-end').click()")
+        page.wait_for("!wayfarer.drive.on", 5)
+    page.call("Emulation.setTouchEmulationEnabled", enabled=False)
+    assert page.problems == []
 
 
 def test_names_do_not_lie_over_each_other(page: Page):

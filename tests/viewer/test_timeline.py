@@ -8,11 +8,13 @@ import numpy as np
 import pygltflib
 import pytest
 
+from tests.clips.test_gltf_validator import TESTS, issues
 from tests.viewer.chromium import CONNECTION, Page, needs_chromium
 from tests.viewer.stage import look_down, on_screen
 
 pytestmark = needs_chromium
 SIZE = (900, 600)
+VALIDATOR = TESTS / "node_modules" / "gltf-validator"
 
 PEOPLE = "globalThis.wayfarer.crowd.people"
 SHOWN = f"{PEOPLE}.filter(({{ shown }}) => shown).length"
@@ -127,28 +129,56 @@ def test_time_is_stopped_scrubbed_and_let_go(page: Page):
     assert page.problems == []
 
 
-def test_the_selected_persons_motion_is_saved_as_glb(page: Page, opened: Path):
+def test_a_box_selects_people_whose_motion_is_saved(page: Page, opened: Path):
     page.evaluate("document.querySelector('#save-glb').click()")
     page.wait_for("document.querySelector('#messages').textContent.includes('Select a person')", 10)
-    name = page.evaluate(
-        "(() => { const list = document.querySelector('#selected'); list.selectedIndex = 1;"
-        f" list.dispatchEvent(new Event('change')); return {PEOPLE}[0].agent.name; }})()"
-    )
+    look_down(page, -20.0, 0.0, 40.0)  # all of the corridor, beside the panel
+    page.evaluate("document.querySelector('[data-tool=box]').click()")
+    page.drag((352, 110), (880, 500))
+    assert page.evaluate("[wayfarer.selection.people.length, wayfarer.tools.name]") == [2, "send"]
+    assert page.evaluate("document.querySelector('#box').hidden")
+    page.evaluate("document.querySelector('#keep-group').click()")
     page.evaluate(
         "document.querySelector('#span').value = '5'; document.querySelector('#save-glb').click()"
     )
-    file = opened / f"{name}.glb"
+    file = opened / "2_people.glb"
     saved(opened, file.name)
     document = pygltflib.GLTF2().load(str(file))
     (animation,) = document.animations
-    assert len(animation.channels) == 23
-    times = document.accessors[animation.samplers[0].input]
-    assert 2 < times.max[0] <= 5.01 and times.count == round(times.max[0] * 30) + 1
-    view = document.bufferViews[document.accessors[animation.samplers[0].output].bufferView]
-    blob = document.binary_blob()[view.byteOffset : view.byteOffset + view.byteLength]
-    hips = np.frombuffer(blob, np.float32).reshape(-1, 3)
-    assert ((hips[:, 1] > 0.6) & (hips[:, 1] < 1.3)).all()
-    assert np.abs(np.diff(hips, axis=0)).max() < 0.15  # metres in a thirtieth of a second
+    assert len(animation.channels) == 2 * 23 and len(document.skins) == 2
+    for channel in animation.channels:
+        if channel.target.path == "translation":
+            sampler = animation.samplers[channel.sampler]
+            times = document.accessors[sampler.input]
+            assert 2 < times.max[0] <= 5.01 and times.count == round(times.max[0] * 30) + 1
+            view = document.bufferViews[document.accessors[sampler.output].bufferView]
+            blob = document.binary_blob()[view.byteOffset : view.byteOffset + view.byteLength]
+            hips = np.frombuffer(blob, np.float32).reshape(-1, 3)
+            assert ((hips[:, 1] > 0.6) & (hips[:, 1] < 1.3)).all()
+            assert np.abs(np.diff(hips, axis=0)).max() < 0.15  # metres in a thirtieth of a second
+    page.evaluate("document.querySelector('#save-vrma').click()")
+    page.wait_for("document.querySelector('#messages').textContent.includes('of one person')", 10)
+    press(page, "Escape")
+    assert page.evaluate("wayfarer.selection.people.length") == 0
+    press(page, "1")
+    assert page.evaluate("document.querySelector('#selected').value") == "several"
+    choose = (
+        "(() => {{ const list = document.querySelector('#selected'); list.value = {};"
+        " list.dispatchEvent(new Event('change')); }})()"
+    )
+    page.evaluate(choose.format("'group 1'"))
+    assert page.evaluate("wayfarer.selection.people.length") == 2
+    name, alias = page.evaluate(f"(({{ agent }}) => [agent.name, agent.alias])({PEOPLE}[0])")
+    page.evaluate(choose.format(alias))
+    page.evaluate("document.querySelector('#save-vrma').click()")
+    animated = opened / f"{name}.vrma"
+    assert saved(opened, animated.name)
+    bones = pygltflib.GLTF2.load_from_bytes(animated.read_bytes()).extensions["VRMC_vrm_animation"][
+        "humanoid"
+    ]
+    assert len(bones["humanBones"]) == 22
+    if VALIDATOR.is_dir():
+        assert issues(file) == issues(animated) == []
     assert page.problems == []
 
 

@@ -25,13 +25,14 @@ export class Camera {
     this.stage.controls.enabled = true;
   }
 
-  /** Go on for some seconds, behind the selected person if there is one. */
+  /** Go on for some seconds: behind the selected person, or with the middle of several, or of all. */
   advance(selected, seconds) {
-    const { people } = this.crowd;
+    const people = selected.length ? selected : this.crowd.people;
     if (!this.follows || !people.length) return;
-    if (selected?.shown) {
+    const [person] = selected;
+    if (selected.length === 1 && person.shown) {
       this.stage.controls.enabled = false;
-      const { eye, target, share } = this.chase.advance(selected, seconds, (ray) => this.level.freeAlong(ray));
+      const { eye, target, share } = this.chase.advance(person, seconds, (ray) => this.level.freeAlong(ray));
       this.stage.glide(eye, target, share);
       return;
     }

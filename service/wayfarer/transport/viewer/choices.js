@@ -60,11 +60,40 @@ export function formation(point, count) {
   }));
 }
 
-/** Whom a click sends: people are { x, z }; `mode` is "selected", "nearest" or "all". */
+const ROW = 3; // people side by side in rows
+const STRIDE = 0.9; // metres between two of them
+
+/**
+ * Where each of `people` { x, z } goes around a point: "cluster"; "line" across the way there; "rows" along it; "kept", as
+ * they stand to each other now. In lines and rows nobody has to cross another's way.
+ */
+export function arranged(point, people, shape) {
+  const mean = (axis) => people.reduce((sum, person) => sum + person[axis], 0) / people.length;
+  const middle = { x: mean("x"), z: mean("z") };
+  if (shape === "kept") return people.map(({ x, z }) => ({ x: point.x + x - middle.x, z: point.z + z - middle.z }));
+  if (shape === "cluster") return formation(point, people.length);
+  const heading = dragHeading(middle, point) ?? 0;
+  const on = { x: Math.sin(heading), z: Math.cos(heading) }, aside = { x: on.z, z: -on.x };
+  const share = (axis) => ({ x, z }) => x * axis.x + z * axis.z;
+  const by = (value) => (a, b) => value(people[a]) - value(people[b]);
+  const places = [];
+  const wide = shape === "line" ? people.length : ROW;
+  const order = people.map((_, k) => k).sort((a, b) => by(share(on))(b, a)); // who is in front stays there
+  for (let first = 0; first < order.length; first += wide) {
+    const row = order.slice(first, first + wide).sort(by(share(aside)));
+    row.forEach((k, column) => {
+      const right = STRIDE * (column - (row.length - 1) / 2), back = (STRIDE * first) / wide;
+      places[k] = { x: point.x + right * aside.x - back * on.x, z: point.z + right * aside.z - back * on.z };
+    });
+  }
+  return places;
+}
+
+/** Whom a click sends: people are { x, z }; `mode` is "selected", "nearest" or "all"; `selected` a list. */
 export function recipients(mode, people, selected, point) {
   const byDistance = [...people].sort((a, b) => distance(a, point) - distance(b, point));
   if (mode === "all") return byDistance;
-  if (mode === "selected" && selected) return [selected];
+  if (mode === "selected") return byDistance.filter((person) => selected.includes(person));
   return mode === "nearest" ? byDistance.slice(0, 1) : [];
 }
 
@@ -76,7 +105,7 @@ export function escort(k) {
 /** Who does something about `other`, who does not: as `recipients`. */
 export function othersThan(other, mode, people, selected) {
   const rest = people.filter((person) => person !== other);
-  return recipients(mode, rest, selected === other ? null : selected, other);
+  return recipients(mode, rest, selected, other);
 }
 
 /** Heading of a drag over the floor (0: +Z, positive towards +X), or null when it is too short. */

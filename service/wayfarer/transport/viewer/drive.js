@@ -1,4 +1,4 @@
-// Somebody is driven: with W A S D or a gamepad, in the directions of the camera. No DOM but the keys.
+// Somebody is driven: with W A S D, a gamepad or a finger, in the directions of the camera. No DOM but the keys.
 
 const GOAL_SECONDS = 0.25; // between two goals: a step is 0.2 s, and the server counts calls
 const AHEAD = 2.5; // metres that the goal lies before the person, times the speed in m/s, at least 1
@@ -10,6 +10,7 @@ export class Drive {
   constructor({ stage, person, errands, attempt }) {
     Object.assign(this, { stage, person, on: false });
     this.held = new Set();
+    this.thumb = [0, 0]; // of the stick on the screen: right, forward
     this.sentAt = -Infinity;
     this.driven = null; // who has been sent and not stopped
     this.send = attempt((who, goal) => errands.drive(who, goal));
@@ -27,7 +28,9 @@ export class Drive {
 
   turn(on) {
     this.on = on;
-    if (!on) this.held.clear();
+    if (on) return;
+    this.held.clear();
+    this.thumb = [0, 0];
   }
 
   /** Once per picture. `speed`: as the user has chosen, m/s. */
@@ -54,7 +57,7 @@ export class Drive {
 
   /** Where to, in the camera's directions: [right, forward], each −1 to 1. */
   #wish() {
-    let right = 0, forward = 0;
+    let [right, forward] = this.thumb;
     for (const key of this.held) {
       right += KEYS[key][0];
       forward += KEYS[key][1];

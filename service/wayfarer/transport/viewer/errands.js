@@ -1,7 +1,7 @@
 // What people are told to do: where to go, whom to follow. Throws what the server refuses.
 
 import { onFloor } from "./client/index.js";
-import { dragHeading, escort, formation, othersThan, recipients } from "./choices.js";
+import { arranged, dragHeading, escort, othersThan, recipients } from "./choices.js";
 import { mention, tell } from "./hud.js";
 
 const WANDER_RADIUS = 9; // metres around the middle, where there is no scene
@@ -11,7 +11,7 @@ const NEAR = 0.05; // metres that a goal may be moved without a word
 
 export class Errands {
   /**
-   * `ask()` gives { mode, selected, speed }: who is meant by a click, and how fast they go;
+   * `ask()` gives { mode, selected, speed, formation }: who is meant by a click, how fast they go, and how several stand (`arranged`);
    * `heightAt(x, z, y)` is the ground's height; `scene()` the scene's id, or "".
    */
   constructor(api, crowd, { ask, heightAt, scene }) {
@@ -26,11 +26,11 @@ export class Errands {
 
   /** Send people to a point; with `further`, when they have been where they were sent before. */
   async send(point, how = {}, further = false) {
-    const { speed } = this.ask();
+    const { speed, formation } = this.ask();
     const present = this.lastSent.filter((person) => this.crowd.people.includes(person));
     const onward = further && present.length > 0;
     this.lastSent = onward ? present : this.#meant(point);
-    const places = formation(point, this.lastSent.length);
+    const places = arranged(point, this.lastSent, formation);
     await Promise.all(this.lastSent.map((person, k) => {
       const y = this.heightAt(places[k].x, places[k].z, point.y ?? 0);
       const goal = { ...places[k], y, ...how, speed };

@@ -57,15 +57,19 @@ export function showTrouble(title, text = "") {
   byId("trouble-text").textContent = text;
 }
 
-/** The list of people; keeps what is chosen. */
-export function listPeople(people, selected) {
+/** The list of people and groups; `selection` is chosen in it. */
+export function listPeople(people, selection) {
   const list = byId("selected");
+  const several = selection.people.length > 1;
   const options = people.map((person) => {
     const { alias, name } = person.agent;
-    return new Option(`${name || "agent"} · ${alias}`, String(alias), false, person === selected);
+    return new Option(`${name || "agent"} · ${alias}`, String(alias), false, !several && person === selection.person);
   });
-  list.replaceChildren(new Option("nobody", "", false, !selected), ...options);
-  byId("remove").disabled = !selected;
+  const groups = selection.groups.flatMap((group, k) => (group.length ? [new Option(`group ${k + 1} · ${group.length} people`, `group ${k + 1}`)] : []));
+  const chosen = several ? [new Option(`${selection.people.length} people`, "several", false, true)] : [];
+  list.replaceChildren(new Option("nobody", "", false, !selection.person), ...chosen, ...groups, ...options);
+  byId("remove").disabled = !selection.person;
+  byId("keep-group").disabled = !several;
 }
 
 /** Writes the figures a few times per second; counts frames on the way. */

@@ -17,10 +17,12 @@ import { floorRing } from "./people.js";
 import { watchPointer } from "./pointer.js";
 import { bringBack, remember, restoreText } from "./restore.js";
 import { NoPicture, Stage } from "./scene.js";
+import { Selection } from "./selection.js";
 import { saveButtons } from "./save_buttons.js";
 import { decodeScript } from "./script.js";
 import { PageSession } from "./session.js";
 import { viewpoints } from "./sight.js";
+import { watchStick } from "./stick.js";
 import { Timeline } from "./timeline.js";
 import { TimelineBar } from "./timeline_bar.js";
 import { Tools } from "./tools.js";
@@ -62,12 +64,13 @@ const session = new PageSession(api, crowd, query, clock, { event: onEvent, ende
 const errands = new Errands(api, crowd, {
   ask: () => {
     if (session.watchOnly) throw new Error("This is a replay: open the page without the link to send people");
-    return { mode: sendMode(), selected, speed: Number(byId("speed").value) };
+    return { mode: sendMode(), selected: selection.people, speed: Number(byId("speed").value), formation: byId("formation").value };
   },
   heightAt: (x, z, y) => level.heightAt(x, z, y),
   scene: () => session.scene,
 });
-const tools = new Tools({ stage, level, book, crowd, errands, select, attempt });
+const selection = new Selection(() => showSelection());
+const tools = new Tools({ stage, level, book, crowd, errands, selection, attempt });
 const camera = new Camera(stage, level, crowd);
 const arrivals = new Arrivals({ api, stage, place, crowd, session, errands, met, fetchBody });
 const wardrobe = new Wardrobe(api, crowd, {
@@ -79,11 +82,10 @@ stage.add(cursor);
 
 const history = new History();
 const timeline = new Timeline(history);
-const bar = new TimelineBar(timeline, history, () => selected);
+const bar = new TimelineBar(timeline, history, () => selection.person);
 const overlays = new Overlays(stage);
-const drive = new Drive({ stage, errands, attempt, person: () => selected });
+const drive = new Drive({ stage, errands, attempt, person: () => selection.person });
 
-let selected = null;
 let lost = null; // what was in a session that the server has forgotten
 let joining = page.get("session"); // somebody's session to show; one of this page's own after that
 let replaying = new URLSearchParams(location.hash.slice(1)).get("replay"); // a script to show; as `joining`
@@ -209,23 +211,23 @@ function fetchBody(agent) {
 
 function refresh() {
   errands.notice();
-  if (selected && crowd.members.get(selected.agent.alias) !== selected) select(null);
-  else listPeople(crowd.people, selected);
+  if (selection.prune(new Set(crowd.people))) showSelection();
+  else listPeople(crowd.people, selection);
 }
 
-function select(person) {
-  selected = person;
+function showSelection() {
+  const { people } = selection;
   camera.release();
   const mode = sendMode();
-  if (person && mode === "nearest") setSendMode("selected");
-  if (!person && mode === "selected") setSendMode("nearest");
-  for (const other of crowd.people) other.marker.visible = other === person;
-  refresh();
+  if (people.length && mode === "nearest") setSendMode("selected");
+  if (!people.length && mode === "selected") setSendMode("nearest");
+  for (const person of crowd.people) person.marker.visible = people.includes(person);
+  listPeople(crowd.people, selection);
 }
 
 /** Somebody who was waited for has come. */
 function met(person) {
-  select(person);
+  selection.choose([person]);
   camera.follow(true);
 }
 
@@ -243,12 +245,13 @@ const add = attempt((count) => arrivals.create(count));
 
 const remove = attempt(async () => {
   if (tools.name === "crate" && tools.deleteChosen()) return;
-  if (selected) await api.deleteAgent(selected.agent.id);
+  await Promise.all(selection.people.map(({ agent }) => api.deleteAgent(agent.id)));
 });
 
 const stop = attempt(async () => {
-  if (!selected && errands.wandering) toggleWander();
-  await errands.stop(selected ? [selected] : crowd.people);
+  const { people } = selection;
+  if (!people.length && errands.wandering) toggleWander();
+  await errands.stop(people.length ? people : crowd.people);
 });
 
 const populate = attempt(async () => {
@@ -260,15 +263,17 @@ const endWandering = attempt(() => errands.endWandering());
 
 /** Walk the selected person by hand, or no longer. */
 function toggleDrive() {
-  if (!drive.on && !selected) select(nearestTo(stage.controls.target));
-  if (!drive.on && !selected) {
-    tell("Add people first", true);
-    return;
+  if (!drive.on) {
+    const person = selection.person ?? nearestTo(stage.controls.target);
+    if (!person) return tell("Add people first", true);
+    selection.choose([person]); // one is driven
   }
   drive.turn(!drive.on);
   byId("drive").setAttribute("aria-pressed", String(drive.on));
   camera.follow(drive.on);
-  if (drive.on) mention("W, A, S, D or a gamepad's stick walk; Esc ends");
+  byId("driving").hidden = !drive.on;
+  document.body.classList.toggle("driving", drive.on);
+  if (drive.on) mention("W, A, S, D, a gamepad or the stick on a touch screen walk; Esc ends");
 }
 
 function nearestTo({ x, z }) {
@@ -306,12 +311,19 @@ byId("follow").onchange = ({ target }) => camera.follow(target.checked);
 byId("trails").onchange = ({ target }) => crowd.mark("trails", target.checked);
 byId("skeletons").onchange = ({ target }) => overlays.mark("skeleton", target.checked);
 byId("footprints").onchange = ({ target }) => overlays.mark("feet", target.checked);
-byId("drive").onclick = toggleDrive;
-saveButtons({ api, session, place, crowd, stage, timeline, history, mesh, attempt, person: () => selected });
+byId("drive").onclick = byId("drive-end").onclick = toggleDrive;
+watchStick(byId("stick"), (right, forward) => {
+  drive.thumb = [right, forward];
+});
+saveButtons({ api, session, place, crowd, stage, timeline, history, mesh, attempt, people: () => selection.people });
 byId("labels").onchange = ({ target }) => crowd.mark("labels", target.checked);
-byId("selected").onchange = ({ target }) => {
-  select(crowd.members.get(Number(target.value)) ?? null);
+byId("selected").onchange = ({ target: { value } }) => {
+  const [, group] = /^group (\d+)$/.exec(value) ?? [];
+  const person = crowd.members.get(Number(value));
+  if (group) selection.recall(Number(group));
+  else selection.choose(value && person ? [person] : []);
 };
+byId("keep-group").onclick = () => mention(`Group ${selection.keep()} is kept: its key and the list select it`);
 watchPointer(view, stage.controls, {
   press: (event) => (session.watchOnly ? null : tools.press(event)),
   click: (event) => tools.click(event),
@@ -333,7 +345,8 @@ watchKeys(view, {
     d: press("drive"), k: press("skeletons"), o: press("footprints"),
     " ": () => bar.toggle(), ",": () => timeline.step(-1), ".": () => timeline.step(1),
     f: press("follow"), t: press("trails"), l: press("labels"), p: press("populate"), escape,
-    g: () => tools.use("send"), c: () => tools.use("crate"),
+    g: () => tools.use("send"), c: () => tools.use("crate"), b: () => tools.use("box"),
+    ...Object.fromEntries(Array.from({ length: 9 }, (_, k) => [String(k + 1), () => selection.recall(k + 1)])),
   },
 });
 
@@ -342,7 +355,7 @@ function escape() {
   if (drive.on) toggleDrive();
   else if (tools.name !== "send") tools.use("send");
   else if (camera.follows) camera.follow(false);
-  else select(null);
+  else selection.choose([]);
 }
 
 function press(id) {
@@ -377,8 +390,8 @@ function show() {
   drive.advance(now, Number(byId("speed").value));
   bar.frame(now, !byId("rest").hidden);
   crowd.separateNames(stage.camera, view.clientWidth, view.clientHeight);
-  camera.advance(selected, now - last);
-  session.look(viewpoints(stage.camera.position, selected));
+  camera.advance(selection.people, now - last);
+  session.look(viewpoints(stage.camera.position, selection.person));
   level.reveal(stage.camera.position, stage.controls.target);
   stage.render();
   const fps = readout.frame(now, () => ({
@@ -401,7 +414,7 @@ setInterval(wander, WANDER_SECONDS * 1000);
 
 // for the browser's console, and the tests
 globalThis.wayfarer = {
-  crowd, stage, api, level, book, tools, wardrobe, bones: BONES, timeline, history, drive, overlays, arrivals, frame: show,
+  crowd, stage, api, level, book, tools, wardrobe, bones: BONES, timeline, history, drive, overlays, arrivals, selection, frame: show,
   get session() { return session.id; },
   get player() { return session.player; },
   get stream() { return session.current?.stream; },

@@ -3,7 +3,7 @@
 const CLICK_PIXELS = 5; // a pointer that moved more was a drag
 
 /**
- * `on.press(event)` says what a drag from there moves: { move(event), drop(event) }, or null for the
+ * `on.press(event)` says what a drag from there moves: { move(event), drop(event), cancel() }, or null for the
  * camera; `on.click(event)` is a press that moved nowhere. `controls` are the camera's.
  */
 export function watchPointer(view, controls, on) {
@@ -25,7 +25,7 @@ export function watchPointer(view, controls, on) {
     const { taken, moved } = pressed;
     pressed = null;
     if (taken) controls.enabled = true;
-    if (cancelled) return;
+    if (cancelled) return taken?.cancel?.();
     if (taken && (moved || taken.always)) taken.drop(event);
     else if (!moved) on.click(event);
   };

@@ -1,6 +1,6 @@
-// What is shown, as a file: a person's motion as GLB, the picture as WebM.
+// What is shown, as a file: people's motion as GLB or VRM animation, the picture as WebM.
 
-import { withMotion } from "./animated_glb.js";
+import { vrmAnimation, withMotion } from "./animated_glb.js";
 import { FRAME } from "./timeline.js";
 
 const VIDEO_FPS = 30;
@@ -16,29 +16,39 @@ function save(blob, name) {
 }
 
 /**
- * Save the motion of a person from one moment to another, on its body. `mesh(agent, detail)`: [URL of the body, headers];
- * `boneNames`: whose rotations the frames hold. Throws when there is no motion then, or no body.
+ * Save the motion of people from one moment to another: as "glb" on their bodies, as "vrma" the motion of one. `mesh(agent,
+ * detail)`: [URL of the body, headers]; `boneNames`: whose rotations the frames hold. Throws when nobody was there, or there is no body.
  */
-export async function saveMotion(person, history, from, to, mesh, boneNames) {
-  const { agent, played } = person;
+export async function saveMotion(kind, people, history, from, to, mesh, boneNames) {
+  const moved = people.map(({ agent, played }) => ({ agent, name: agent.name || "person", ...motionOf(agent, played, history, from, to) }));
+  const seen = moved.filter(({ moments }) => moments.length > 1);
+  if (!seen.length) throw new Error(`There is no motion of ${people.length > 1 ? "these people" : moved[0].name} at that time`);
+  const start = Math.min(...seen.map(({ moments: [first] }) => first));
+  const actors = await Promise.all(seen.map(async ({ agent, name, moments, frames }) => (
+    { name, glb: await bodyOf(mesh(agent, "high")), times: moments.map((moment) => moment - start), frames }
+  )));
+  const title = seen.length > 1 ? `${seen.length} people` : seen[0].name;
+  const file = kind === "vrma" ? vrmAnimation(actors[0], boneNames, title) : withMotion(actors, boneNames, title);
+  save(new Blob([file], { type: "model/gltf-binary" }), `${title.replace(/[^\w-]+/g, "_")}.${kind}`);
+}
+
+/** Somebody's moments and frames, as far as they are known. */
+function motionOf(agent, played, history, from, to) {
   const width = played.frame.length;
   const frame = new Float32Array(width);
-  const times = [];
-  const frames = [];
+  const moments = [], kept = [];
   for (let moment = Math.max(from, history.first); moment <= to + 1e-6; moment += FRAME) {
     if (!history.sample(agent.alias, moment, frame)) continue;
-    times.push(times.length * FRAME);
-    frames.push(frame.slice());
+    moments.push(moment);
+    kept.push(...frame);
   }
-  if (times.length < 2) throw new Error(`There is no motion of ${agent.name || "this person"} at that time`);
-  const all = new Float32Array(width * frames.length);
-  frames.forEach((one, k) => all.set(one, width * k));
-  const [url, headers] = mesh(agent, "high");
+  return { moments, frames: Float32Array.from(kept) };
+}
+
+async function bodyOf([url, headers]) {
   const answer = await fetch(url, { headers });
   if (!answer.ok) throw new Error(`the body cannot be had: HTTP ${answer.status}`);
-  const glb = withMotion(await answer.arrayBuffer(), boneNames, times, all, agent.name || "motion");
-  const plain = (agent.name || "person").replace(/[^\w-]+/g, "_");
-  save(new Blob([glb], { type: "model/gltf-binary" }), `${plain}.glb`);
+  return answer.arrayBuffer();
 }
 
 /** Films the stage. `filmed(seconds)` is called each second that there is something of. */

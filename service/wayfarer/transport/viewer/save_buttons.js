@@ -4,8 +4,8 @@ import { byId } from "./hud.js";
 import { Film, saveMotion } from "./record.js";
 import { shareLink, showLink } from "./share.js";
 
-/** `person()`: who is selected, or null; `mesh(agent, detail)`: [URL of its body, headers]. */
-export function saveButtons({ api, session, place, crowd, stage, timeline, history, mesh, attempt, person }) {
+/** `people()`: who is selected; `mesh(agent, detail)`: [URL of its body, headers]. */
+export function saveButtons({ api, session, place, crowd, stage, timeline, history, mesh, attempt, people }) {
   const say = (text, runs = true) => {
     byId("film").textContent = text;
     byId("film").setAttribute("aria-pressed", String(runs));
@@ -20,11 +20,14 @@ export function saveButtons({ api, session, place, crowd, stage, timeline, histo
       say("End film");
     }
   });
-  byId("save-glb").onclick = attempt(() => {
-    if (!person()) throw new Error("Select a person first: it is saved with its motion");
-    const to = timeline.moment ?? history.last;
-    return saveMotion(person(), history, to - Number(byId("span").value), to, mesh, crowd.boneNames);
-  });
+  for (const kind of ["glb", "vrma"]) {
+    byId(`save-${kind}`).onclick = attempt(() => {
+      if (!people().length) throw new Error("Select a person first: it is saved with its motion");
+      if (kind === "vrma" && people().length > 1) throw new Error("A VRM animation is of one person: select one");
+      const to = timeline.moment ?? history.last;
+      return saveMotion(kind, people(), history, to - Number(byId("span").value), to, mesh, crowd.boneNames);
+    });
+  }
   byId("share").onclick = attempt(async () => {
     showLink(session.watchOnly ? location.href : await shareLink({ api, session, place, crowd, stage }));
   });

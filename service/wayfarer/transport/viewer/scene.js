@@ -197,6 +197,13 @@ export class Stage {
     this.sun.position.copy(SUN).multiplyScalar(1 + reach / 6).add(this.sun.target.position);
   }
 
+  /** Where a point { x, y, z } is seen, as pointer events have it; null behind the camera. */
+  seenAt({ x, y, z }) {
+    const at = new Vector3(x, y, z).project(this.camera);
+    const box = this.canvas.getBoundingClientRect();
+    return at.z < 1 ? { x: box.left + ((at.x + 1) / 2) * box.width, y: box.top + ((1 - at.y) / 2) * box.height } : null;
+  }
+
   /** Ray through a pointer event. */
   ray(event) {
     const box = this.canvas.getBoundingClientRect();

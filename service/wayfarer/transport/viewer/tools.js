@@ -6,18 +6,19 @@ import { planePoint } from "./ground.js";
 import { floorRing } from "./people.js";
 
 const HINTS = {
-  send: "Click the ground to send people there · Shift-click adds a waypoint, Shift-drag one with a heading · drag a goal to move it, with Shift to turn it · click a person to select · drag to orbit",
+  send: "Click the ground to send people there · Shift-click adds a waypoint, Shift-drag one with a heading · drag a goal to move it, with Shift to turn it · click a person to select, Ctrl-drag around several · drag to orbit",
   crate: "Click puts a crate there · drag a crate to move it · Delete takes the chosen one away · Esc ends",
   patrol: "Click two or more places, then Patrol again or Enter to start · Esc ends",
   follow: "Click the person to be followed · Esc ends",
   avoid: "Click the person to keep away from · Esc ends",
   queue: "Click where the queue begins · Esc ends",
+  box: "Drag a box around people, or click one after the other · Esc ends",
 };
 
 export class Tools {
-  /** `attempt(action)` wraps what may be refused; `select(person | null)`. */
-  constructor({ stage, level, book, crowd, errands, select, attempt }) {
-    Object.assign(this, { stage, level, book, crowd, errands, select });
+  /** `attempt(action)` wraps what may be refused; `selection`: of people. */
+  constructor({ stage, level, book, crowd, errands, selection, attempt }) {
+    Object.assign(this, { stage, level, book, crowd, errands, selection });
     this.name = "send";
     this.points = []; // of a patrol to be
     this.marks = [];
@@ -50,6 +51,7 @@ export class Tools {
 
   /** What a drag from here moves; null: the camera. */
   press(event) {
+    if (this.name === "box" || (this.name === "send" && (event.ctrlKey || event.metaKey))) return this.#dragBox(event);
     const hit = this.level.meets(this.stage.ray(event));
     if (this.name === "crate" && hit?.obstacle) return this.#dragCrate(hit.obstacle, hit.at);
     const goal = this.name === "send" && hit ? this.errands.goalAt(hit.point) : null;
@@ -63,7 +65,7 @@ export class Tools {
     const hit = this.level.meets(ray);
     if (person && this.name === "follow") this.follow(person);
     else if (person && this.name === "avoid") this.keepAway(person);
-    else if (person && this.name === "send") this.select(person);
+    else if (person && this.name === "send") this.selection.choose([person]);
     else if (hit) this.act(hit.point, hit.obstacle);
   }
 
@@ -136,6 +138,44 @@ export class Tools {
     mark.position.set(point.x, point.y + mark.position.y, point.z);
     this.marks.push(mark);
     this.stage.add(mark);
+  }
+
+  /** Selects who is in it; with Shift, as well as those before. A press without a move: one more, or one less. */
+  #dragBox(from) {
+    const box = byId("box");
+    const sides = (to) => ({
+      left: Math.min(from.clientX, to.clientX), right: Math.max(from.clientX, to.clientX),
+      top: Math.min(from.clientY, to.clientY), bottom: Math.max(from.clientY, to.clientY),
+    });
+    return {
+      always: true,
+      move: (event) => {
+        const { left, right, top, bottom } = sides(event);
+        box.hidden = false;
+        Object.assign(box.style, { left: `${left}px`, top: `${top}px`, width: `${right - left}px`, height: `${bottom - top}px` });
+      },
+      drop: (event) => {
+        const drawn = !box.hidden;
+        box.hidden = true;
+        if (!drawn) {
+          const person = this.personAt(this.stage.ray(event));
+          if (person) this.selection.toggle(person);
+          return;
+        }
+        const inside = this.#inside(sides(event));
+        this.selection.choose(event.shiftKey ? [...this.selection.people, ...inside] : inside);
+        if (this.name === "box") this.use("send"); // and now they can be sent
+      },
+      cancel: () => { box.hidden = true; },
+    };
+  }
+
+  /** Whose middle is seen within these sides. */
+  #inside({ left, right, top, bottom }) {
+    return this.crowd.people.filter((person) => {
+      const at = person.shown && this.stage.seenAt({ x: person.x, y: person.y + person.height / 2, z: person.z });
+      return at && at.x >= left && at.x <= right && at.y >= top && at.y <= bottom;
+    });
   }
 
   /** Along the level plane through the point where it was seized. */
