@@ -106,6 +106,8 @@ func _process_modification() -> void:
 		_forget(source.id)
 	if _seen == "":
 		return
+	if played != null and played.hidden:
+		played = null  # it has left the last ring; another comes when it is back
 	if id == "":
 		_find_id(source)
 	elif played == null:

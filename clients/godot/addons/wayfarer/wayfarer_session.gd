@@ -29,7 +29,7 @@ static var current: WayfarerSession
 @export_enum("40", "20", "10") var fps := "20"
 ## How rotations are sent: smallest_three takes the fewest bytes.
 @export_enum("f32_le", "f16_le", "smallest_three") var encoding := "smallest_three"
-## Levels of detail (docs/wire-format.md): rings around the viewpoint that `look` moves, as
+## Levels of detail (docs/wire-format.md): rings around the viewport's camera, as
 ## [{"radius": 15}, {"radius": 300, "format": {"encoding": "root"}}]. Empty: none.
 @export var rings: Array[Dictionary] = []
 
@@ -75,6 +75,9 @@ func _process(_delta: float) -> void:
 		_renew_at = now + LEASE_SECONDS / 3.0
 		api.renew_session(id)  # what fails may pass; whoever uses a lost session is told
 	player.advance(now)
+	var camera := get_viewport().get_camera_3d() if not rings.is_empty() else null
+	if camera != null:
+		look(place_of(camera.global_position))
 
 
 ## Seconds of a clock that never goes back: the one that motion is played by.
@@ -87,8 +90,8 @@ func viewer_url() -> String:
 	return "%s/?session=%s" % [server.trim_suffix("/"), id.uri_encode()]
 
 
-## See the agents from a place of the agents' world (`place_of` a camera), with `rings`. Call it as
-## often as the camera moves: ten a second are sent at most, and the last always.
+## See the agents from a place of their world, with `rings`, where there is no camera. Call it as
+## often as you like: ten a second are sent at most, and the last always.
 func look(from: Vector3) -> void:
 	_view = from
 	if stream != null and not rings.is_empty():

@@ -140,6 +140,10 @@ namespace Wayfarer
             {
                 return;
             }
+            if (played != null && played.Hidden)
+            {
+                played = null; // it has left the last ring; another comes when it is back
+            }
             if (id == "")
             {
                 FindId();

@@ -1,6 +1,7 @@
 using System;
 using System.Collections.Generic;
 using System.Threading.Tasks;
+using Newtonsoft.Json.Linq;
 using UnityEngine;
 
 namespace Wayfarer
@@ -16,6 +17,12 @@ namespace Wayfarer
     {
         private const double RetrySeconds = 3;
 
+        private static readonly string[] Seen = // of somebody in the middle ring
+        {
+            "pelvis", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle", "spine1", "spine2",
+            "spine3", "neck", "head", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow",
+        };
+
         [Tooltip("Address of the server.")]
         public string server = "http://localhost:8080";
 
@@ -30,6 +37,18 @@ namespace Wayfarer
 
         [Tooltip("Frames per second that are sent: 40, 20 or 10.")]
         public int fps = 20;
+
+        [Tooltip("Levels of detail: all of an agent within this many metres of the viewpoint. 0: everywhere, and no rings.")]
+        public float near;
+
+        [Tooltip("Fewer frames and bones within this many metres. 0: no such ring.")]
+        public float middle;
+
+        [Tooltip("Only place, heading and gait within this many metres, and nobody beyond. 0: no such ring.")]
+        public float far;
+
+        [Tooltip("What the agents are seen from. Empty: the main camera.")]
+        public Transform viewpoint;
 
         private Task<Session> opening;
         private double retryAt;
@@ -94,7 +113,44 @@ namespace Wayfarer
             if (Session != null)
             {
                 Session.Update();
+                Look();
             }
+        }
+
+        private void Look()
+        {
+            Transform eye = viewpoint != null ? viewpoint : Camera.main != null ? Camera.main.transform : null;
+            if (Session != null && near > 0 && eye != null)
+            {
+                Place place = PlaceOf(eye.position);
+                Session.Look(Math.Round(place.X, 1), Math.Round(place.Y, 1), Math.Round(place.Z, 1));
+            }
+        }
+
+        private JObject Rings()
+        {
+            if (near <= 0)
+            {
+                return null;
+            }
+            var rings = new JArray { new JObject { ["radius"] = near } };
+            if (middle > near)
+            {
+                var fewer = new JObject
+                {
+                    ["encoding"] = "smallest_three",
+                    ["fps"] = 20,
+                    ["profile"] = "bones",
+                    ["bones"] = new JArray(Seen),
+                };
+                rings.Add(new JObject { ["radius"] = middle, ["format"] = fewer });
+            }
+            if (far > Math.Max(near, middle))
+            {
+                rings.Add(new JObject { ["radius"] = far, ["format"] = new JObject { ["encoding"] = "root" } });
+            }
+            var origin = new JObject { ["x"] = 0, ["y"] = 0, ["z"] = 0 };
+            return new JObject { ["rings"] = rings, ["viewpoints"] = new JArray { new JObject { ["position"] = origin } } };
         }
 
         private void Open()
@@ -170,6 +226,7 @@ namespace Wayfarer
                 Scene = scene,
                 NewSocket = NewSocket,
                 Http = Http,
+                Interest = Rings(),
                 Query = new Dictionary<string, string> { ["encoding"] = "smallest_three", ["fps"] = fps.ToString() },
             };
         }
