@@ -10,7 +10,7 @@ import torch
 
 from wayfarer.spec import FPS
 from wayfarer_lab.training.mocap.store import Dataset
-from wayfarer_lab.training.run import read_run_config
+from wayfarer_lab.training.run import read_effort, read_run_config
 
 HEADER = """# Model card: {name}
 
@@ -70,5 +70,8 @@ def _run_section(network: str, folder: Path) -> str:
     """Settings and last validation of one run."""
     config = read_run_config(folder)
     log = (folder / "log.txt").read_text().splitlines()
+    effort = read_effort(folder)
+    took = "not counted" if effort is None or effort.cpu_minutes is None else effort.cpu_minutes
     lines = [f"## {network}", "", f"Run `{folder.name}`, last log line:", "", f"    {log[-1]}", ""]
+    lines += [f"Minutes of processor time, without the runs it started from: {took}.", ""]
     return "\n".join([*lines, "```json", json.dumps(config, indent=2), "```", ""])

@@ -54,7 +54,9 @@ def read_config(kind: type[Config], name: str) -> Config:
     """Parse a config file. Raises InvalidArgument naming the field and the allowed ones."""
     path = Path(name) if name.endswith(".toml") else CONFIGS / f"{name}.toml"
     if not path.exists():
-        known = sorted(p.stem for p in CONFIGS.glob("*.toml"))
+        known = sorted(
+            p.relative_to(CONFIGS).with_suffix("").as_posix() for p in CONFIGS.rglob("*.toml")
+        )
         raise InvalidArgument(f"no config {path}; shipped ones: {known}", "config")
     try:
         return kind.model_validate(tomllib.loads(path.read_text()))

@@ -81,8 +81,11 @@ class GoalEnvironment:
         prior: PosePrior | VPoser,
         starts: StartSampler,
         task: Task,
+        lead: tuple[PrimitiveStep, ...] = (),
     ) -> None:
+        """With `lead`, starts are of one frame, and these steps make the first primitive."""
         self.steps = steps
+        self.lead = lead
         self.prior = prior
         self.starts = starts
         self.task = task
@@ -129,7 +132,7 @@ class GoalEnvironment:
     def _on_floor(self, start: SeedPoses, gender: Tensor, betas: Tensor) -> tuple[Tensor, Tensor]:
         """Markers [N, S, 67, 3] and hips [N, S, 3], the lowest sole of all frames at z = 0."""
         parts = []
-        for rows, step in self._by_gender(gender):
+        for rows, step in self._by_gender(gender, self.steps):
             shape = step.body.shaped(betas[rows])
             markers, _ = step.body.skin(shape, start.hips[rows], start.rotations[rows])
             soles = markers[:, :, step.sites.left_sole + step.sites.right_sole, 2]
@@ -138,9 +141,11 @@ class GoalEnvironment:
         markers, translation = _reunited(parts)
         return markers, translation
 
-    def _by_gender(self, gender: Tensor) -> list[tuple[Tensor, PrimitiveStep]]:
+    def _by_gender(
+        self, gender: Tensor, steps: Sequence[PrimitiveStep]
+    ) -> list[tuple[Tensor, PrimitiveStep]]:
         """Rows of each gender that occurs, and its step."""
-        split = [(torch.nonzero(gender == g).squeeze(-1), s) for g, s in enumerate(self.steps)]
+        split = [(torch.nonzero(gender == g).squeeze(-1), s) for g, s in enumerate(steps)]
         return [(rows, step) for rows, step in split if len(rows)]
 
     def observe(self, agents: AgentBatch) -> State:
@@ -159,9 +164,10 @@ class GoalEnvironment:
     @torch.no_grad()
     def step(self, agents: AgentBatch, latents: Tensor) -> tuple[AgentBatch, Feedback]:
         """One primitive of every agent by its latent [A, 128], whichever way that was chosen."""
+        steps = self.lead if self.lead and agents.markers.shape[1] == 1 else self.steps
         parts = [
             (rows, self._step(step, take(agents, rows), latents[rows]))
-            for rows, step in self._by_gender(agents.gender)
+            for rows, step in self._by_gender(agents.gender, steps)
         ]
         after = AgentBatch(*_reunited([(rows, both[0]) for rows, both in parts]))
         return after, Feedback(*_reunited([(rows, both[1]) for rows, both in parts]))
@@ -183,13 +189,16 @@ class GoalEnvironment:
             noise=latents[:, None],
             obstacles=no_obstacles(len(latents)),
         )
-        keep = agents.markers.shape[1]
+        outcome = self._outcome(step, agents, result.translation, result.rotations)
+        keep = self.steps[0].predictor.seed_frames
+        seed = result.next_seed_markers
+        if seed.shape[1] < keep:  # the lead hands on one frame: the others are the body's own
+            seed = torch.cat([outcome.body.markers[:, -keep : -seed.shape[1]], seed], 1)
         after = agents._replace(
-            markers=result.next_seed_markers,
+            markers=seed,
             translation=result.translation[:, -keep:],
             rotations=result.rotations[:, -keep:],
         )
-        outcome = self._outcome(step, agents, result.translation, result.rotations)
         return after, feedback_of(outcome)
 
     def _outcome(

@@ -8,7 +8,14 @@ from torch import Tensor
 from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
 from wayfarer_lab.training import reward
 from wayfarer_lab.training.environment import AgentBatch, GoalEnvironment, State, take
-from wayfarer_lab.training.ppo import PpoSettings, SampleBatch, advantages, evaluate, normalised
+from wayfarer_lab.training.ppo import (
+    PpoSettings,
+    SampleBatch,
+    advantages,
+    evaluate,
+    normalised,
+    padded,
+)
 
 
 class Episode(NamedTuple):
@@ -23,17 +30,23 @@ class Episode(NamedTuple):
     future: Tensor  # [A] the critic's value of the end of agents that ran out of time, else 0
     closest: Tensor  # [A] metres, least distance to the goal at the end of a primitive
     reached: Tensor  # [A]
+    steps: Tensor  # [A] primitives until the goal was first reached; of the others, the limit
     broken: Tensor  # [A]
     hips: Tensor  # [1 + T, A, 3] at the start and after each primitive; NaN when no longer going
 
 
 @torch.no_grad()
 def simulate(
-    environment: GoalEnvironment, policy: GoalPolicy, agents: AgentBatch, primitives: int
+    environment: GoalEnvironment,
+    policy: GoalPolicy,
+    agents: AgentBatch,
+    primitives: int,
+    together: int = 1,
 ) -> Episode:
     """Step agents until each has reached its goal or has broken, for at most `primitives` steps.
 
-    Latents are drawn from the policy.
+    Latents are drawn from the policy. `together` agents after one another go on until all of them
+    have arrived or broken: the paper's simulation of clones.
     """
     task, count = environment.task, len(agents.gender)
     rows = torch.arange(count)
@@ -43,6 +56,7 @@ def simulate(
     hips[0] = agents.translation[:, -1]
     closest = torch.full((count,), torch.inf)
     reached, broken = torch.zeros(count, dtype=torch.bool), torch.zeros(count, dtype=torch.bool)
+    steps = torch.full((count,), primitives)
     samples: list[tuple[Tensor, ...]] = []
     for t in range(primitives):
         state = environment.observe(agents)
@@ -58,8 +72,11 @@ def simulate(
             sound, torch.minimum(closest[rows], feedback.distance), closest[rows]
         )
         there = sound & (feedback.distance <= task.reached)
-        reached[rows], broken[rows] = there, feedback.broken
-        going = sound & ~there
+        steps[rows[there & ~reached[rows]]] = t + 1
+        reached[rows] |= there
+        broken[rows] = feedback.broken
+        ended = (reached | broken).unflatten(0, (-1, together)).all(-1)
+        going = sound & ~ended.repeat_interleave(together)[rows]
         agents, rows = take(agents, going), rows[going]
         if not len(rows):
             break
@@ -68,9 +85,9 @@ def simulate(
         future[rows] = evaluate(policy, *environment.observe(agents))[2]
     # Eq. 9 counts for all primitives of the episode
     to_goal = reward.goal(closest, task.area, task.reached).expand(primitives, -1)
-    seed, goal, speed, facing, weights, latent, mean, log_std = (
-        torch.cat(field) for field in zip(*samples, strict=True)
-    )
+    seeds, *fields = zip(*samples, strict=True)
+    seed = torch.cat([padded(s, max(x.shape[1] for x in seeds)) for s in seeds])
+    goal, speed, facing, weights, latent, mean, log_std = map(torch.cat, fields)
     return Episode(
         state=State(seed, Condition(goal, speed, facing, weights)),
         latent=latent,
@@ -81,13 +98,14 @@ def simulate(
         future=future,
         closest=closest,
         reached=reached,
+        steps=steps,
         broken=broken,
         hips=hips,
     )
 
 
 def samples_of(
-    episode: Episode, weights: Tensor, arrival: float, settings: PpoSettings
+    episode: Episode, weights: Tensor, arrival: float | None, settings: PpoSettings, clones: int = 1
 ) -> SampleBatch:
     """What PPO learns from. `weights` [R] are those of Eq. 4.
 
@@ -96,10 +114,14 @@ def samples_of(
     primitive: of a broken body nothing, so that falling costs all future reward; of one that ran
     out of time what the critic expects; of one that arrived `arrival`, the share that it would get
     for ever. (Every reward is positive: without it, ending early by arriving would be a loss, and
-    agents would learn to dawdle.)
+    agents would learn to dawdle.) With `arrival` None nothing comes after the last primitive: Eq.
+    13 as it stands. `clones` agents after one another are those of one simulation.
     """
     scalar = (episode.rewards @ weights) / weights.sum() * (1 - settings.discount)
-    after = torch.where(episode.reached, arrival, episode.future)
+    if arrival is None:
+        after = torch.zeros_like(episode.future)
+    else:
+        after = torch.where(episode.reached, arrival, episode.future)
     advantage, returns = advantages(
         scalar, episode.values, episode.alive, after, settings.discount, settings.gae
     )
@@ -108,6 +130,6 @@ def samples_of(
         condition=episode.state.condition,
         latent=episode.latent,
         old=episode.policy,
-        advantage=normalised(advantage[episode.alive]),
+        advantage=normalised(advantage, episode.alive, settings.normalised_over, clones),
         returns=returns[episode.alive],
     )

@@ -2,6 +2,7 @@
 
 import time
 from pathlib import Path
+from typing import Literal
 
 import matplotlib
 import numpy as np
@@ -36,6 +37,7 @@ class PolicyConfig(BaseModel):
 
     seed_frames: int = 2
     predictor: str = "runs/predictor_2f_rollout"  # run folders of the networks it acts on
+    lead: str = ""  # of a 1-frame predictor that makes the first primitive, as in the paper
     regressor_male: str = "runs/regressor_male"
     regressor_female: str = "runs/regressor_female"
     pose_prior: str = "runs/pose_prior"  # or a VPoser v2 checkpoint of your own
@@ -48,6 +50,7 @@ class PolicyConfig(BaseModel):
     clones: int = 32  # agents per simulation
     primitives: int = 60
     reward: dict[str, float] = REWARD  # β of Eq. 4
+    ends: Literal["each", "all"] = "each"  # all: clones go on until all have arrived (the paper)
     arrival: float = 1.0  # share of all reward that an agent gets for ever once it has arrived
     start_kinds: dict[str, float] = {"standing": 0.45, "moving": 0.45, "pose_prior": 0.1}
     moving_mix: dict[str, float] = {"walk": 0.6, "start_stop": 0.2, "turn": 0.2}
@@ -88,9 +91,11 @@ class PolicyTrainer:
         config = self.config
         began = time.perf_counter()
         agents = self.environment.reset(config.starts, config.clones)
-        episode = simulate(self.environment, self.model, agents, config.primitives)
+        together = config.clones if config.ends == "all" else 1
+        episode = simulate(self.environment, self.model, agents, config.primitives, together)
         simulated = time.perf_counter()
-        samples = samples_of(episode, self.weights, config.arrival, config.ppo)
+        arrival = None if config.ends == "all" else config.arrival
+        samples = samples_of(episode, self.weights, arrival, config.ppo, config.clones)
         limit = -1.0 if self.run.step < config.critic_epochs else config.ppo.kl_limit
         settings = config.ppo.model_copy(update={"kl_limit": limit})
         learning = update(self.model, self.optimizer, samples, settings)
@@ -126,8 +131,7 @@ class PolicyTrainer:
 def summary(episode: Episode, weights: Tensor) -> dict[str, float]:
     """Means over agents: share of all reward (Eq. 4 / Σ β), arrivals, …, and each single reward."""
     mean = episode.rewards[episode.alive].mean(0).tolist()
-    taken = episode.alive.sum(0)
-    arrived = taken[episode.reached].float()
+    arrived = episode.steps[episode.reached].float()
     return {
         "reward": float((torch.tensor(mean) @ weights) / weights.sum()),
         "success": float(episode.reached.float().mean()),
@@ -137,20 +141,24 @@ def summary(episode: Episode, weights: Tensor) -> dict[str, float]:
     } | {f"reward/{name}": value for name, value in zip(REWARDS, mean, strict=True)}
 
 
-def load_steps(config: PolicyConfig) -> tuple[PrimitiveStep, ...]:
-    """The step of each gender, its regressor in bfloat16, which moves markers by 0.1 mm.
+def load_steps(
+    config: PolicyConfig, folder: str, seed_frames: int, field: str = "predictor"
+) -> tuple[PrimitiveStep, ...]:
+    """The step of each gender with the predictor of a run folder.
 
-    (The predictor in bfloat16 would move them by 1.6 mm and be no faster.)
+    The regressor is in bfloat16, which moves markers by 0.1 mm. (The predictor in bfloat16 would
+    move them by 1.6 mm and be no faster.) Raises InvalidArgument, naming the config's `field`, when
+    the predictor has another number of seed frames.
     """
-    trained = read_run_config(Path(config.predictor))
-    if trained["seed_frames"] != config.seed_frames:
+    trained = read_run_config(Path(folder))
+    if trained["seed_frames"] != seed_frames:
         raise InvalidArgument(
-            f"{config.predictor} was trained with {trained['seed_frames']} seed frames, "
-            f"this policy wants {config.seed_frames}",
-            "predictor",
+            f"{folder} was trained with {trained['seed_frames']} seed frames, "
+            f"this policy wants {seed_frames}",
+            field,
         )
     half = torch.autocast("cpu", dtype=torch.bfloat16)
-    predictor = load_weights(MarkerPredictor(config.seed_frames), Path(config.predictor))
+    predictor = load_weights(MarkerPredictor(seed_frames), Path(folder))
     steps = []
     for gender in GENDERS:
         model = load_body("anny52", gender)
@@ -169,8 +177,11 @@ def load_steps(config: PolicyConfig) -> tuple[PrimitiveStep, ...]:
 def load_environment(config: PolicyConfig, moving: Poses, standing: Tensor) -> GoalEnvironment:
     """The environment of trained networks. `standing` [P, 22, 4]: `assets/start_poses.npz`."""
     prior = load_pose_prior(Path(config.pose_prior)).requires_grad_(False)
-    starts = StartSampler(config.seed_frames, config.start_kinds, standing, moving, prior)
-    return GoalEnvironment(load_steps(config), prior, starts, config.task)
+    steps = load_steps(config, config.predictor, config.seed_frames)
+    lead = load_steps(config, config.lead, 1, "lead") if config.lead else ()
+    frames = 1 if config.lead else config.seed_frames
+    starts = StartSampler(frames, config.start_kinds, standing, moving, prior)
+    return GoalEnvironment(steps, prior, starts, config.task, lead)
 
 
 def train_policy(

@@ -4,7 +4,7 @@ T = primitives of an episode, A = agents, N = samples: the primitives of all age
 has not ended, in order of time, then of rows.
 """
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import torch
 from pydantic import BaseModel, ConfigDict
@@ -25,6 +25,7 @@ class PpoSettings(BaseModel):
     discount: float = 0.99  # γ of Eq. 13
     gae: float = 1.0  # λ of generalised advantages; 1 is Eq. 14
     clip: float = 0.2  # ε of Eq. 15
+    normalised_over: Literal["epoch", "clones"] = "epoch"  # what advantages are normalised over
     kl_limit: float = 0.02  # the actor stops when KL(π^k ‖ π) is larger
     value_weight: float = 1.0
     prior_weight: float = 10.0  # α of Eq. 10, which the paper does not name; GAMMA's code has 10
@@ -56,11 +57,33 @@ class SampleBatch(NamedTuple):
 def evaluate(
     policy: GoalPolicy, seed: Tensor, condition: Condition
 ) -> tuple[Gaussian, Tensor, Tensor]:
-    """π(z | s), features and V(s) [N]. In bfloat16, except for what enters a ratio: float32."""
+    """π(z | s), features and V(s) [N]. In bfloat16, except for what enters a ratio: float32.
+
+    Seeds may be `padded`.
+    """
     with torch.autocast(seed.device.type, dtype=torch.bfloat16):
-        features = policy.features(seed, condition)
+        features = _features(policy, seed, condition)
         value = policy.value(features)
     return policy.act(features.float()), features, value.float()
+
+
+def padded(seed: Tensor, frames: int) -> Tensor:
+    """Seeds [N, S, 201] with NaN before their first frame, so that there are `frames` frames."""
+    return torch.nn.functional.pad(seed, (0, 0, frames - seed.shape[1], 0), value=torch.nan)
+
+
+def _features(policy: GoalPolicy, seed: Tensor, condition: Condition) -> Tensor:
+    """The policy's features [N, 512] of seeds of which some are of one frame."""
+    short = seed[:, 0, 0].isnan()
+    if not short.any():
+        return policy.features(seed, condition)
+    order, found = [], []
+    for rows, first in ((torch.nonzero(short), seed.shape[1] - 1), (torch.nonzero(~short), 0)):
+        chosen = rows.squeeze(-1)
+        asked = Condition(*(field[chosen] for field in condition))
+        found.append(policy.features(seed[chosen, first:], asked))
+        order.append(chosen)
+    return torch.cat(found)[torch.cat(order).argsort()]
 
 
 def advantages(
@@ -83,12 +106,22 @@ def advantages(
     return advantage, torch.where(alive, advantage + values, 0.0)
 
 
-def normalised(advantage: Tensor) -> Tensor:
-    """Zero mean and unit deviation over all samples [N] of the epoch: every start and clone.
+def normalised(
+    advantage: Tensor, alive: Tensor, over: Literal["epoch", "clones"] = "epoch", clones: int = 1
+) -> Tensor:
+    """Advantages [T, A] of the samples `alive` [T, A] with zero mean and unit deviation: [N].
 
-    (The paper: over the clones of one simulation; GAMMA-release: per time step over clones.)
+    Over all samples of the epoch, or, as in the paper and in GAMMA-release, over the `clones` of
+    one simulation (agents after one another) at each primitive.
     """
-    return (advantage - advantage.mean()) / (advantage.std() + 1e-8)
+    if over == "epoch":
+        samples = advantage[alive]
+        return (samples - samples.mean()) / (samples.std() + 1e-8)
+    groups, going = (x.unflatten(1, (-1, clones)) for x in (advantage, alive.float()))
+    count = going.sum(-1, keepdim=True).clamp(min=1)
+    centred = going * (groups - (going * groups).sum(-1, keepdim=True) / count)
+    spread = torch.sqrt((centred**2).sum(-1, keepdim=True) / count)
+    return (centred / (spread + 1e-8)).flatten(1)[alive]
 
 
 def policy_loss(ratio: Tensor, advantage: Tensor, clip: float) -> Tensor:

@@ -33,6 +33,7 @@ class PredictorConfig(BaseModel):
     kl_weight: float = 0.1
     velocity_weight: float = 3.0  # λ of Eq. 1
     floor_origin: bool = True
+    learned_prior: bool = True  # False: N(0, I), as in the paper
     rollout: int = 1  # primitives per window; 8 in the paper's second stage
     regressors: dict[str, str] = {}  # run folders by gender: seeds of rollouts as they are served
     start_from: str = ""  # run folder whose weights to begin with
@@ -135,6 +136,14 @@ class PredictorTrainer:
         model = MarkerPredictor(self.config.seed_frames)
         if self.config.start_from:
             load_weights(model, Path(self.config.start_from)).train()
+        if not self.config.learned_prior:
+            if any(bool(p.any()) for p in model.prior[-1].parameters()):
+                raise InvalidArgument(
+                    f"{self.config.start_from} has a learned prior: it cannot go on as one with "
+                    "N(0, I)",
+                    "learned_prior",
+                )
+            model.prior.requires_grad_(False)
         return model
 
     def condition(self, frames: Frames, at: Tensor, seed: Tensor) -> Tensor:

@@ -3,6 +3,7 @@
     runs/<name>/config.json    what was asked for
     runs/<name>/last.pt        model, optimiser, step, random state, and what else the training
                                has to remember (written atomically)
+    runs/<name>/effort.json    steps and minutes of processor time so far, all parts of the run
     runs/<name>/tensorboard/   curves
 
 Ctrl-C, `kill` or the time limit lets the present step end and writes `last.pt`; the same command
@@ -31,6 +32,26 @@ from wayfarer.errors import ArtifactError, InvalidArgument
 Network = TypeVar("Network", bound=nn.Module)
 
 
+class Effort(BaseModel):
+    """What a run has taken so far."""
+
+    steps: int
+    cpu_minutes: float | None  # of all threads together; None: part of it was not counted
+
+
+def read_effort(folder: Path) -> Effort | None:
+    """The effort of a run; None for a run of a time when it was not counted, or for weights that
+    were unpacked. Raises ArtifactError when it cannot be read.
+    """
+    path = folder / "effort.json"
+    if not path.exists():
+        return None
+    try:
+        return Effort.model_validate_json(path.read_text())
+    except (OSError, ValueError) as error:
+        raise ArtifactError(f"{path}: cannot be read: {error}") from error
+
+
 class TrainingRun:
     """Drives `steps` optimiser steps, resuming where the folder's checkpoint stands."""
 
@@ -48,6 +69,8 @@ class TrainingRun:
         self.model = model
         self.optimizer = optimizer
         self.step = 0
+        self.cpu_seconds = 0.0
+        self._counted = time.process_time()
         folder.mkdir(parents=True, exist_ok=True)
         self._check_config(config)
         self.board = SummaryWriter(str(folder / "tensorboard"))
@@ -76,18 +99,28 @@ class TrainingRun:
                 raise ArtifactError(f"{self.folder / 'last.pt'}: holds no {name!r} to go on from")
             other.load_state_dict(state[name])
         self.step = state["step"]
+        self.cpu_seconds = state.get("cpu_seconds", math.nan)  # of an older run nobody knows
         torch.set_rng_state(state["rng"])
 
     def save(self) -> None:
         """Write the checkpoint; a crash while writing leaves the old one whole."""
+        now = time.process_time()
+        self.cpu_seconds += now - self._counted
+        self._counted = now
         state = {
             "model": self.model.state_dict(),
             "optimizer": self.optimizer.state_dict(),
             "step": self.step,
+            "cpu_seconds": self.cpu_seconds,
             "rng": torch.get_rng_state(),
         } | {name: other.state_dict() for name, other in self.others.items()}
         torch.save(state, self.folder / "last.tmp")
         (self.folder / "last.tmp").rename(self.folder / "last.pt")
+        known = not math.isnan(self.cpu_seconds)
+        effort = Effort(
+            steps=self.step, cpu_minutes=round(self.cpu_seconds / 60, 1) if known else None
+        )
+        (self.folder / "effort.json").write_text(effort.model_dump_json(indent=2) + "\n")
 
     def log(self, **values: float) -> None:
         """Scalars for TensorBoard at the current step."""

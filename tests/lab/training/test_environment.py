@@ -73,6 +73,22 @@ def test_seeds_are_canonical_again_after_every_step(world):
         agents, _ = world.step(agents, latents)
 
 
+def test_the_first_primitive_can_be_a_1_frame_model_s_as_in_the_paper():
+    agents, latents = begun(environment(lead=True))
+    assert agents.markers.shape[1] == 1
+    world = environment(lead=True)
+    after, _ = world.step(agents, latents)
+    assert after.markers.shape[1] == after.translation.shape[1] == 2
+    body = world.steps[0].body  # the frame before the last is the body's own
+    first = int(torch.nonzero(after.gender == 0)[0])
+    local = matrix_from_quaternion(after.rotations[first : first + 1])
+    shape = body.shaped(after.betas[first : first + 1])
+    markers, _ = body.skin(shape, after.translation[first : first + 1], local)
+    assert torch.allclose(markers[0, 0], after.markers[first, 0], atol=1e-4)
+    again, _ = world.step(after, latents)
+    assert again.markers.shape == after.markers.shape
+
+
 def test_state_and_reward_do_not_depend_on_place_and_heading(world):
     """So no reward compares places of different frames of reference."""
     agents, latents = begun(world)

@@ -117,6 +117,22 @@ def test_samples_are_in_the_order_of_alive(episode):
         assert got.item() == pytest.approx(expected, abs=1e-6)
 
 
+def test_clones_go_on_until_all_have_arrived_as_in_the_paper():
+    """Agents 0 and 1 arrive after 4 and 2 primitives; 2 never does, 3 breaks: both keep going."""
+    torch.manual_seed(0)
+    scene = Points()
+    together = simulate(scene, GoalPolicy(), scene.agents(), primitives=5, together=2)
+    assert together.alive.sum(0).tolist() == [4, 4, 5, 3]
+    assert together.steps.tolist() == [4, 2, 5, 5]
+    assert together.reached.tolist() == [True, True, False, False]
+    weights = torch.zeros(len(REWARDS))
+    weights[0] = 1.0
+    settings = PpoSettings(discount=0.5, normalised_over="clones")
+    last = together.alive[:4].sum()  # rows of the primitives before the fifth
+    batch = samples_of(together, weights, None, settings, clones=2)
+    assert batch.returns[last - 3] == pytest.approx(0.5 * 4 / 10)  # Eq. 13: nothing comes after
+
+
 def test_returns_are_shares_of_what_there_is(episode):
     weights = torch.rand(len(REWARDS)) * 5
     returns = samples_of(episode, weights, 1.0, PpoSettings()).returns

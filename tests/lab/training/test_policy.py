@@ -14,8 +14,8 @@ from wayfarer_lab.training.policy import (
 )
 from wayfarer_lab.training.ppo import PpoSettings
 from wayfarer_lab.training.predictor import PredictorConfig
-from wayfarer_lab.training.reward import REWARDS
-from wayfarer_lab.training.run import TrainingRun
+from wayfarer_lab.training.reward import PAPER_REWARD, REWARDS
+from wayfarer_lab.training.run import TrainingRun, read_effort
 
 SMALL = PolicyConfig(
     epochs=2,
@@ -49,6 +49,16 @@ def test_every_epoch_can_be_seen(trained):
     assert len(lines) == 1
     for name in ("reward", "val/success", "val/steps", "val/broken", "val/reward/path"):
         assert f"{name} " in lines[-1]
+
+
+def test_the_paper_s_epoch_trains_on_primitives_of_both_models(tmp_path):
+    settings = {"ends": "all", "lead": "told by the environment", "epochs": 1}
+    ppo = {"ppo": SMALL.ppo.model_copy(update={"normalised_over": "clones"})}
+    assert train_policy(
+        SMALL.model_copy(update=settings | ppo), environment(lead=True), tmp_path / "policy"
+    )
+    assert all(torch.isfinite(v).all() for v in weights_of(tmp_path / "policy").values())
+    assert read_effort(tmp_path / "policy").cpu_minutes >= 0
 
 
 def test_the_policy_has_moved_from_where_it_began(trained, world):
@@ -104,17 +114,31 @@ def test_a_predictor_of_the_other_seed_is_refused(tmp_path):
     )
     run.save()
     with pytest.raises(InvalidArgument, match="1 seed frames"):
-        load_steps(PolicyConfig(seed_frames=2, predictor=str(tmp_path)))
+        load_steps(PolicyConfig(), str(tmp_path), 2)
     with pytest.raises(ArtifactError, match="cannot be read"):
-        load_steps(PolicyConfig(predictor=str(tmp_path / "nothing")))
+        load_steps(PolicyConfig(), str(tmp_path / "nothing"), 2)
 
 
 def test_the_shipped_recipe_acts_only_on_runs_that_it_makes():
-    made = {f"runs/{path.stem}" for path in CONFIGS.glob("*.toml")}
-    for path in CONFIGS.glob("policy_ppo*.toml"):
-        config = read_config(PolicyConfig, path.stem)
+    names = {
+        path.relative_to(CONFIGS).with_suffix("").as_posix() for path in CONFIGS.rglob("*.toml")
+    }
+    made = {f"runs/{name}" for name in names}
+    for name in sorted(n for n in names if "policy_ppo" in n or "paper/policy" in n):
+        config = read_config(PolicyConfig, name)
         reward_weights(config.reward)
         used = {config.predictor, config.regressor_male, config.regressor_female, config.pose_prior}
         assert used <= made
-        assert config.start_from in made | {""}
+        assert {config.start_from, config.lead} <= made | {""}
         assert str(config.seed_frames) in config.predictor
+
+
+def test_the_paper_s_policies_are_the_paper_s():
+    for weight in (10, 1):
+        config = read_config(PolicyConfig, f"paper/policy_{weight}")
+        assert config.reward == PAPER_REWARD and config.ends == "all" and config.lead
+        assert (config.starts, config.clones, config.primitives, config.epochs) == (8, 32, 60, 500)
+        ppo = config.ppo
+        assert (ppo.discount, ppo.gae, ppo.clip, ppo.kl_limit) == (0.99, 1.0, 0.2, 0.02)
+        assert ppo.prior_weight == weight and ppo.normalised_over == "clones"
+        assert (config.task.near_share, config.task.reached, config.task.area) == (0, 0.75, 20)

@@ -47,10 +47,33 @@ def test_generalised_advantages_by_hand():
 
 
 def test_normalised_advantages_have_mean_0_and_deviation_1():
-    got = ppo.normalised(torch.tensor([1.0, 2.0, 3.0, 10.0]))
+    everyone = torch.ones(1, 4, dtype=torch.bool)
+    got = ppo.normalised(torch.tensor([[1.0, 2.0, 3.0, 10.0]]), everyone)
     assert got.mean().item() == pytest.approx(0, abs=1e-6)
     assert got.std().item() == pytest.approx(1)
-    assert torch.isfinite(ppo.normalised(torch.ones(4))).all()
+    assert torch.isfinite(ppo.normalised(torch.ones(1, 4), everyone)).all()
+
+
+def test_advantages_are_normalised_over_the_clones_of_a_simulation_as_in_the_paper():
+    """Per primitive; who has ended does not count, and who is alone has nothing to differ from."""
+    advantage = torch.tensor([[1.0, 3.0, 10.0, 50.0], [5.0, 9.0, 8.0, 0.0]])
+    alive = torch.tensor([[True, True, True, True], [True, True, True, False]])
+    got = ppo.normalised(advantage, alive, "clones", clones=2)
+    assert got.tolist() == pytest.approx([-1, 1, -1, 1, -1, 1, 0])
+
+
+def test_features_of_padded_seeds_are_those_of_the_frames_they_have():
+    torch.manual_seed(0)
+    policy = GoalPolicy()
+    _, condition = world(3)
+    one, two = torch.randn(3, 1, MARKERS * 3), torch.randn(3, 2, MARKERS * 3)
+    mixed = torch.cat([ppo.padded(one[:2], 2), two[2:]])
+    got, _, value = ppo.evaluate(policy, mixed, condition)
+    short, _, short_value = ppo.evaluate(policy, one, condition)
+    long, _, long_value = ppo.evaluate(policy, two, condition)
+    assert torch.allclose(value, torch.cat([short_value[:2], long_value[2:]]), atol=1e-3)
+    assert torch.allclose(got.mean, torch.cat([short.mean[:2], long.mean[2:]]), atol=1e-3)
+    assert torch.isfinite(value).all()
 
 
 @pytest.mark.parametrize(
@@ -103,7 +126,9 @@ def played(policy, count):
         reward = (latent[:, :2] * condition.goal[:, :2] / 3).sum(-1)
         going, end = torch.ones(1, count, dtype=torch.bool), torch.zeros(count)
         advantage, returns = ppo.advantages(reward[None], value[None], going, end, 0.99, 1.0)
-    batch = SampleBatch(seed, condition, latent, drawn, ppo.normalised(advantage[0]), returns[0])
+    batch = SampleBatch(
+        seed, condition, latent, drawn, ppo.normalised(advantage, going), returns[0]
+    )
     return batch, float(reward.mean())
 
 

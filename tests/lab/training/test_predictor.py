@@ -36,6 +36,17 @@ def test_a_finished_run_resumes_to_nothing_and_keeps_its_weights(trained):
     assert all(torch.equal(before[k], after[k]) for k in before)
 
 
+def test_the_paper_s_prior_is_n_0_i_and_stays_it(trained, tmp_path):
+    data, held = gliding_frames(), gliding_frames(seed=1)
+    config = SMALL.model_copy(update={"steps": 2, "learned_prior": False})
+    assert train_predictor(config, data, held, tmp_path / "plain")
+    weights = torch.load(tmp_path / "plain" / "last.pt", weights_only=True)["model"]
+    assert not any(v.any() for k, v in weights.items() if k.startswith("prior.1."))
+    learned = config.model_copy(update={"start_from": str(trained)})
+    with pytest.raises(InvalidArgument, match="learned prior"):
+        train_predictor(learned, data, held, tmp_path / "from_learned")
+
+
 def test_resuming_with_another_config_is_refused(trained):
     other = SMALL.model_copy(update={"kl_weight": 1.0})
     with pytest.raises(InvalidArgument, match="kl_weight"):

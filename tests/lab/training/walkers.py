@@ -22,13 +22,20 @@ def starts(frames: int, **shares: float) -> StartSampler:
     return StartSampler(frames, shares, STANDING, gliding_frames(), PosePrior())
 
 
-def environment(frames: int = 2, task: Task | None = None) -> GoalEnvironment:
+def environment(frames: int = 2, task: Task | None = None, lead: bool = False) -> GoalEnvironment:
+    """With `lead`, a 1-frame predictor makes the first primitive."""
     torch.manual_seed(5)
+    steps = untrained_steps(frames)
+    kinds = starts(1 if lead else frames, standing=0.4, moving=0.4, pose_prior=0.2)
+    first = untrained_steps(1) if lead else ()
+    return GoalEnvironment(steps, kinds.prior, kinds, task or Task(), first)
+
+
+def untrained_steps(frames: int) -> tuple[PrimitiveStep, ...]:
     predictor, steps = MarkerPredictor(frames), []
     for gender in GENDERS:
         model = load_body("anny52", gender)
         body = marker_body(model)
         sites = Sites.from_names(model.marker_names)
         steps.append(PrimitiveStep(predictor, BodyRegressor(body), body, sites).eval())
-    kinds = starts(frames, standing=0.4, moving=0.4, pose_prior=0.2)
-    return GoalEnvironment(tuple(steps), kinds.prior, kinds, task or Task())
+    return tuple(steps)
