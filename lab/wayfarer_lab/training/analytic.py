@@ -99,6 +99,15 @@ FALL = 20.0
 """What a fall costs: as much as the dearest step."""
 
 
+def priced(cost: Tensor, broken: Tensor) -> Tensor:
+    """What steps cost [A]: the one in which an agent broke as much as a fall, others less.
+
+    Slopes of freak bodies would drown the rest otherwise.
+    """
+    bounded = FALL * torch.tanh(cost.nan_to_num(FALL) / FALL)
+    return torch.where(broken, FALL, bounded)
+
+
 class Watched(nn.Module):
     """The policy inside a step, whose last distribution can be read."""
 
@@ -230,9 +239,7 @@ class AnalyticTrainer:
             if self.steady is not None:
                 shown.append(frames)
                 self.steady.count(gender, crowd, tasks)
-            # a cost is worth no more than a fall's: slopes of freak bodies would drown the rest
-            cost = FALL * torch.tanh(cost.nan_to_num(FALL) / FALL)
-            cost = torch.where(crowd.broken(), FALL, cost)
+            cost = priced(cost, crowd.broken())
             total = total + (sound * cost).mean() / config.horizon
             sound = sound * (~crowd.broken()).float()  # what follows a fall teaches nothing
             divergence = divergence + distribution.kl().mean() / config.horizon

@@ -35,6 +35,7 @@ class RegressorConfig(BaseModel):
     rate: float = 1e-3
     noise: float = 0.02  # metres: largest standard deviation of noise on input markers
     heading: float = 0.7  # radians: spread of headings; a primitive starts facing +Y
+    through: bool = False  # gradients through all passes, the last one learns, as in the paper
     rotation_weight: float = 0.05  # weight of a 6D rotation term; with both 0, Eq. 2 alone
     surface_weight: float = 0.5  # weight of the skin between the markers
     start_from: str = ""  # run folder whose weights to begin with
@@ -61,7 +62,7 @@ class RegressorTrainer:
         self.frames, self.validation = train, validation
         self.body = marker_body(body)
         self.surface = marker_body(body, _spread(len(body.bind_vertices), SURFACE))
-        self.model = BodyRegressor(self.body)
+        self.model = BodyRegressor(self.body, through=config.through)
         if config.start_from:
             load_weights(self.model, Path(config.start_from)).train()
         # skinning stays in float32: a bfloat16 metre is known to 4 mm
@@ -97,8 +98,9 @@ class RegressorTrainer:
             rows = self.sampler.draw(self.config.batch)
             noisy, betas, markers, truth = self.sample(self.frames, rows, self.config.noise)
             skin, _ = self.surface(torch.zeros(len(rows), 3), truth, betas)
-        # one pass a step learns, the last one half of the time
-        passes = int(torch.multinomial(torch.tensor(PASS_SHARE), 1)) + 1
+        passes = None  # all of them
+        if not self.config.through:  # one pass a step learns, the last one half of the time
+            passes = int(torch.multinomial(torch.tensor(PASS_SHARE), 1)) + 1
         place, rotation = self.model(noisy[:, None], betas, passes)
         place, rotation = place[:, 0], rotation[:, 0]
         loss = (self.body(place, rotation, betas)[0] - markers).abs().mean()

@@ -45,11 +45,12 @@ class BodyRegressor(nn.Module):
     by_coordinate: Tensor
     by_number: Tensor
 
-    def __init__(self, body: MarkerBody, passes: int = PASSES) -> None:
-        """`passes` unless asked for otherwise."""
+    def __init__(self, body: MarkerBody, passes: int = PASSES, through: bool = False) -> None:
+        """`passes` unless asked for otherwise; `through`: gradients flow through all of them."""
         super().__init__()
         self.body = body
         self.passes = passes
+        self.through = through
         output = nn.Linear(HIDDEN, STATE)
         nn.init.normal_(output.weight, std=1e-3)
         nn.init.zeros_(output.bias)
@@ -74,8 +75,8 @@ class BodyRegressor(nn.Module):
     ) -> tuple[Tensor, Tensor]:
         """Hips [A, F, 3] and rotations [A, F, 22, 3, 3] of markers [A, F, 67, 3].
 
-        The bodies' shapes are betas [A, 10], one for all frames of a row. No gradient flows
-        from pass to pass: each learns to correct whatever it is given.
+        The bodies' shapes are betas [A, 10], one for all frames of a row. Unless `through`, no
+        gradient flows from pass to pass: each learns to correct whatever it is given.
         """
         found = self.solve(markers, betas, self.body.shaped(betas), passes)
         return to_rows(found.hips.transpose(0, 1)), to_rows(found.rotations.permute(3, 2, 0, 1, 4))
@@ -93,7 +94,7 @@ class BodyRegressor(nn.Module):
         state = rows
         for number in range(passes or self.passes):
             if number:
-                pose = _unpack(state.detach(), agents)
+                pose = _unpack(state if self.through else state.detach(), agents)
                 skinned = self.body.blend(shape, self.body.place(shape, pose.hips, pose.rotations))
                 rows = _pack(pose)
             error = _squash((centred - skinned).flatten(2).flatten(0, 1))

@@ -12,7 +12,13 @@ from wayfarer.motion.policy import GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS
-from wayfarer_lab.training.analytic import AnalyticConfig, AnalyticTrainer, train_analytic
+from wayfarer_lab.training.analytic import (
+    FALL,
+    AnalyticConfig,
+    AnalyticTrainer,
+    priced,
+    train_analytic,
+)
 from wayfarer_lab.training.run import load_weights
 from wayfarer_lab.training.steady import SETTLED, LikenessConfig
 from wayfarer_lab.training.walks import Walks
@@ -33,6 +39,15 @@ def config(tmp_path):
         regressors={g: str(tmp_path / g) for g in GENDERS},
         steps=6, agents=8, horizon=2, mix={"walk": 1.0},
     )  # fmt: skip
+
+
+def test_the_step_that_fells_an_agent_costs_more_than_any_other():
+    cost = torch.tensor([0.3, 0.3, 1e9, torch.nan], requires_grad=True)
+    got = priced(cost, torch.tensor([False, True, False, True]))
+    assert got[0].item() == pytest.approx(0.3, rel=1e-3)
+    assert got[1] == got[3] == FALL and got[2] <= FALL
+    got.sum().backward()
+    assert cost.grad[0] > 0.99 and (cost.grad[1:] == 0).all()
 
 
 def test_an_update_changes_the_policy_and_no_other_network(config):
