@@ -118,8 +118,8 @@ def _from_models(path: Path, threads: int) -> Parts:
         raise ArtifactError(f"{path}: holds no regressor of {missing}: export the models again")
     found = session("policy.onnx")
     policy = cast(GoalPolicy, OnnxPolicy(found)) if found else None
-    found = session("pose_encoder.onnx")
-    prior = cast(PosePrior, OnnxPosePrior(found)) if found else None
+    found, decoder = session("pose_encoder.onnx"), session("pose_decoder.onnx")
+    prior = cast(PosePrior, OnnxPosePrior(found, decoder)) if found and decoder else None
     floor_origin = all(contract.floor_origin for contract in folder.contracts.values())
     return Parts(predictors, regressors, policy, prior, floor_origin)
 
@@ -210,15 +210,22 @@ class OnnxPolicy(nn.Module):
 
 
 class OnnxPosePrior(nn.Module):
-    """An exported pose encoder with that part of the interface of `PosePrior`."""
+    """An exported pose encoder and decoder with the interface of `PosePrior`."""
 
-    def __init__(self, session: onnxruntime.InferenceSession) -> None:
+    def __init__(
+        self, session: onnxruntime.InferenceSession, decoder: onnxruntime.InferenceSession
+    ) -> None:
         super().__init__()
         self.session = session
+        self.decoder = decoder
 
     def encode(self, rotations: Tensor) -> Posterior:
         """Local rotations [N, 21, 3, 3] → where in the latent space the poses lie [N, 32]."""
         return Posterior(*_run(self.session, Posterior._fields, {"rotations": rotations}))
+
+    def decode(self, latent: Tensor) -> Tensor:
+        """Latents [N, 32] → local rotations [N, 21, 3, 3]."""
+        return _run(self.decoder, ["rotations"], {"latent": latent})[0]
 
 
 def _run(session: Any, outputs: Any, given: Mapping[str, Tensor]) -> list[Tensor]:

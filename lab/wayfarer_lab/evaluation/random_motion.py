@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import torch
@@ -10,6 +10,7 @@ import torch
 from wayfarer.body.model import BodyModel
 from wayfarer.spec import BETAS, FPS, NEW_FRAMES
 from wayfarer_lab.evaluation.gait import Row, gait_row
+from wayfarer_lab.evaluation.maneuvers.likeness import People, compare, windows_of
 from wayfarer_lab.evaluation.metrics.frechet import Reference
 from wayfarer_lab.evaluation.outcome import REACHED, STEP_LIMIT
 from wayfarer_lab.evaluation.parts import Parts, Variant
@@ -117,14 +118,24 @@ def realism(
     seconds: float,
     mocap: JudgedMotion | None = None,
     reference: Reference | None = None,
+    people: People | None = None,
 ) -> dict[str, list[Row]]:
-    """Fig. 3: every variant from the same poses, and the recordings; all motion, and walking."""
+    """Fig. 3: every variant from the same poses, and the recordings; all motion, and walking.
+
+    In place of the paper's users, a classifier tells motion from that of recorded `people`: `auc`.
+    """
     body, walking = bench.body, list[Row]()
 
     def judge(name: str, motion: JudgedMotion) -> Row:
         windows = motion.windows().at_walking_speed()
         walking.append(gait_row(f"{name}, 0.9-1.4 m/s", windows, body.sole_markers))
-        return realism_row(name, motion, body, reference, bench.pose_score)
+        row = realism_row(name, motion, body, reference, bench.pose_score)
+        if people is None:
+            return row
+        tracks = [track.markers for track in motion.tracks]
+        own = windows_of(tracks, range(len(tracks)), body.marker_names)
+        compared = compare(own, people)
+        return row | {"auc": compared["auc"], "auc_windows": int(compared["compared"])}
 
     rows = []
     for variant in variants(bench.parts):
@@ -184,7 +195,7 @@ def bodies(
         made = _judged(name, bench.make(plain, group, round(seconds * FPS)), judge)
         return made | bench.reach(steered, group) if steered else made
 
-    turns = poses[0].rotations  # the same poses for both genders
+    turns = poses[0].rotations  # both genders get them
     every = turns.repeat_interleave(futures, 0)
     shapes, starts = [], []
     for size in np.linspace(-extent, extent, SHAPES):
@@ -194,7 +205,12 @@ def bodies(
     for number, turn in enumerate(turns):
         same = turn.expand(len(every), -1, -1)
         starts.append(row(f"pose {number}", same, torch.zeros(BETAS)))
-    spread = [_spread("std of shapes", shapes), _spread("std of poses", starts)]
+    spread = [
+        _over("mean of shapes", shapes, np.mean),
+        _over("std of shapes", shapes, np.std),
+        _over("mean of poses", starts, np.mean),
+        _over("std of poses", starts, np.std),
+    ]
     real = [judge("mocap", mocap)] if mocap is not None else []
     return {"Shapes": shapes + real, "Start poses": starts, "Spread": spread}
 
@@ -219,9 +235,15 @@ def _judged(name: str, made: Sequence[Rollout], judge: Callable[[str, JudgedMoti
     return row | judge(name, JudgedMotion(tracks, made[0].seam_every)) if tracks else row
 
 
-def _spread(name: str, rows: Sequence[Row]) -> Row:
-    """Standard deviation over rows of every figure that is not a count."""
+def _over(name: str, rows: Sequence[Row], take: Callable[[list[float]], np.floating[Any]]) -> Row:
+    """Mean or standard deviation over rows of every figure that is not a count.
+
+    Of rows in which it could not be measured nothing is known: they are left out.
+    """
     figures = [k for k, v in rows[0].items() if isinstance(v, float) and k != "seconds"]
-    return {"name": name} | {
-        figure: float(np.std([float(r.get(figure, np.nan)) for r in rows])) for figure in figures
-    }
+    found: Row = {"name": name}
+    for figure in figures:
+        values = [float(r.get(figure, np.nan)) for r in rows]
+        known = [v for v in values if not np.isnan(v)]
+        found[figure] = float(take(known)) if known else float("nan")
+    return found

@@ -48,19 +48,27 @@ class JudgedMotion:
     @classmethod
     def recorded(cls, recorded: Recorded, frames: int = WINDOW_FRAMES) -> "JudgedMotion":
         """Every stretch of recorded locomotion of at least `frames` frames in a split, once."""
-        tracks = []
-        for clip in recorded.once:
-            runs = recorded.used(clip, Use.LOCOMOTION)
-            if runs := [run for run in runs if run.stop - run.start >= frames]:
-                whole = recorded.track(clip)
-                tracks += [whole[run] for run in runs]
-        if not tracks:
-            raise InvalidArgument(f"the split holds no stretch of {frames} frames of locomotion")
-        return cls(tracks)
+        return cls([track for track, _ in recorded_tracks(recorded, frames)])
 
     def windows(self) -> Windows:
         """Whole windows of 5 primitives (about 1 s) of all tracks."""
         return Windows.join([Windows.cut(t.markers, t.hips, self.seam_every) for t in self.tracks])
+
+
+def recorded_tracks(recorded: Recorded, frames: int) -> list[tuple[BodyTrack, str]]:
+    """Every stretch of recorded locomotion of at least `frames` frames, once, and whose it is.
+
+    Raises InvalidArgument when there is none.
+    """
+    tracks = []
+    for clip in recorded.once:
+        runs = recorded.used(clip, Use.LOCOMOTION)
+        if runs := [run for run in runs if run.stop - run.start >= frames]:
+            whole = recorded.track(clip)
+            tracks += [(whole[run], clip.subject) for run in runs]
+    if not tracks:
+        raise InvalidArgument(f"the split holds no stretch of {frames} frames of locomotion")
+    return tracks
 
 
 def realism_row(

@@ -8,6 +8,7 @@ import json
 import math
 import os
 import platform
+import shlex
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -112,6 +113,7 @@ def meta(about: dict[str, Any]) -> dict[str, Any]:
     """When, where and with what figures were made."""
     return {
         **about,
+        "command": shlex.join(["wayfarer", *sys.argv[1:]]),
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "machine": {"cpu": _cpu(), "cores": os.cpu_count(), "system": platform.platform()},
         "commit": commit(),

@@ -25,7 +25,9 @@ from wayfarer_lab.evaluation.health import EXTENT
 from wayfarer_lab.evaluation.outcome import REACHED
 from wayfarer_lab.evaluation.parts import Parts, Variant
 from wayfarer_lab.evaluation.tracks import BodyTrack, Recorded
-from wayfarer_lab.training.rotation import matrix_from_quaternion
+from wayfarer_lab.training.pose_networks import LATENT as PRIOR_LATENT
+from wayfarer_lab.training.pose_networks import PosePrior
+from wayfarer_lab.training.rotation import matrix_from_quaternion, quaternion_from_matrix
 
 Array = NDArray[np.floating[Any]]
 
@@ -119,6 +121,24 @@ def standing_poses(count: int, random: np.random.Generator) -> list[FrozenPoses]
         )
         for gender, number in _halves(count)
     ]
+
+
+def prior_poses(prior: PosePrior, count: int, random: np.random.Generator) -> list[FrozenPoses]:
+    """`count` upright bodies in poses drawn from the pose prior, half of each gender, mean shape.
+
+    The paper's choice (Sec. A.2, 3.3.1). Not every such pose is one in which a person could stand.
+    """
+    chosen = []
+    for gender, number in _halves(count):
+        latents = torch.from_numpy(
+            random.standard_normal((number, PRIOR_LATENT)).astype(np.float32)
+        )
+        body = quaternion_from_matrix(prior.decode(latents))
+        upright = torch.tensor([0.0, 0.0, 0.0, 1.0]).expand(number, 1, 4)
+        chosen.append(
+            _poses(gender, torch.cat([upright, body], 1).numpy(), np.zeros((number, BETAS)))
+        )
+    return chosen
 
 
 def random_goals(count: int, random: np.random.Generator) -> Goals:

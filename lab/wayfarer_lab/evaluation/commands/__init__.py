@@ -9,6 +9,7 @@ from wayfarer_lab.evaluation.commands import (
     everything,
     long,
     maneuvers,
+    paper,
     recorded,
     rollouts,
     scenes,
@@ -20,5 +21,16 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
 )
-for part in (rollouts, recorded, control, arrival, maneuvers, long, scenes, everything, define):
+for part in (
+    rollouts,
+    recorded,
+    control,
+    arrival,
+    maneuvers,
+    long,
+    scenes,
+    paper,
+    everything,
+    define,
+):
     app.add_typer(part.app)  # without a name: its commands are siblings of the others

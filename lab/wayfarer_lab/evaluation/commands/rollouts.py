@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,6 +10,7 @@ import numpy as np
 import typer
 
 from wayfarer.body.library import SHIPPED, load_body
+from wayfarer.errors import InvalidArgument
 from wayfarer.model_bundle import DEFAULT_MODEL
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.commands.options import (
@@ -29,6 +31,14 @@ if TYPE_CHECKING:  # these load torch, which `wayfarer eval --help` must not
 
 app = typer.Typer()
 
+
+class Starts(StrEnum):
+    """Where start poses come from."""
+
+    RECORDED = "recorded"
+    PRIOR = "prior"
+
+
 PosesOption = Annotated[int, typer.Option(help="Start poses, half of each gender.", min=2)]
 
 
@@ -48,21 +58,27 @@ def realism(
 
     Latents come from N(0, I), or in the row `ro-policy` from the policy on the way to random
     goals; there is no search. With --data, start poses are frames of the split. Without it, they
-    are the shipped ones, and the row "mocap" and the Fréchet distance are missing.
+    are the shipped ones, and the row "mocap", the Fréchet distance and `auc` are missing: how far
+    a classifier tells the motion from that of recorded people (of the train split), which stands in
+    for the paper's perceptual study.
     """
+    from wayfarer_lab.evaluation.maneuvers.likeness import windows_of
     from wayfarer_lab.evaluation.metrics.frechet import FRAMES, Reference
     from wayfarer_lab.evaluation.random_motion import realism as make
-    from wayfarer_lab.evaluation.realism import JudgedMotion
+    from wayfarer_lab.evaluation.realism import JudgedMotion, recorded_tracks
 
     recorded = Recorded(data, split) if data else None
-    reference = mocap = None
+    reference = mocap = people = None
     if data and recorded:
         train, mocap = Recorded(data, "train"), JudgedMotion.recorded(recorded)
         names = train.bodies["male"].marker_names
-        long = JudgedMotion.recorded(train, FRAMES)
-        reference = Reference.of((track.markers for track in long.tracks), names)
+        long = recorded_tracks(train, FRAMES)
+        reference = Reference.of((track.markers for track, _ in long), names)
+        subjects = sorted({subject for _, subject in long})
+        owners = [subjects.index(subject) for _, subject in long]
+        people = windows_of([track.markers for track, _ in long], owners, names)
     with _bench(models, runs, threads, seed) as bench:
-        tables = make(bench, _poses(recorded, poses, seed), seconds, mocap, reference)
+        tables = make(bench, _poses(recorded, poses, seed), seconds, mocap, reference, people)
     finish(
         json, tables,
         ("contact_paper", "contact_strict", "slide_cm_s", "both_feet_skating",
@@ -76,10 +92,14 @@ def bodies(
     models: ModelsOption = DEFAULT_MODEL,
     runs: RunsOption = None,
     extent: Annotated[
-        float, typer.Option(help="Outermost shapes, in standard deviations.", min=0.1, max=5.0)
+        float, typer.Option(help="Outermost shapes, in standard deviations.", min=0.1, max=6.0)
     ] = 2.5,
     futures: Annotated[int, typer.Option(help="Motions per pose and gender.", min=1)] = 3,
     seconds: Annotated[float, typer.Option(help="Seconds of each motion.", min=1.0)] = 5.0,
+    starts: Annotated[
+        Starts,
+        typer.Option(help="Ten start poses: frames of --data, or drawn from the pose prior."),
+    ] = Starts.RECORDED,
     data: DataOption = None,
     split: SplitOption = "heldout",
     threads: ThreadsOption = 0,
@@ -89,19 +109,28 @@ def bodies(
     """Compare ten body shapes from the same ten start poses, and each pose alone (Sec. A.2).
 
     Every row has the same noise. With a policy, rows also show how many bodies reach a goal 5 m
-    ahead, and in how many primitives.
+    ahead, and in how many primitives. The paper's own setting is --extent 6 --starts prior.
     """
     from wayfarer_lab.evaluation.random_motion import SHAPES
     from wayfarer_lab.evaluation.random_motion import bodies as make
     from wayfarer_lab.evaluation.realism import JudgedMotion
+    from wayfarer_lab.evaluation.rollout import prior_poses
 
     recorded = Recorded(data, split) if data else None
     mocap = JudgedMotion.recorded(recorded) if recorded else None
     with _bench(models, runs, threads, seed) as bench:
-        tables = make(bench, _poses(recorded, 2 * SHAPES, seed), extent, futures, seconds, mocap)
+        if starts is Starts.RECORDED:
+            poses = _poses(recorded, 2 * SHAPES, seed)
+        elif bench.parts.pose_prior is None:
+            raise InvalidArgument(f"{models} holds no pose prior to draw poses from", "starts")
+        else:
+            random = np.random.default_rng(seed)
+            poses = prior_poses(bench.parts.pose_prior, 2 * SHAPES, random)
+        tables = make(bench, poses, extent, futures, seconds, mocap)
     finish(
         json, tables, ("contact_strict", "slide_cm_s", "both_feet_skating", "speed_mps", "steps"),
-        **origin(models, runs, data, split, seed), extent=extent, futures=futures, seconds=seconds,
+        **origin(models, runs, data, split, seed), extent=extent, futures=futures,
+        seconds=seconds, starts=starts.value,
     )  # fmt: skip
 
 

@@ -1,5 +1,6 @@
 """What several tables share: rows of gait, the bar over seconds of motion, the end of a command."""
 
+import json as json_module
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -40,8 +41,20 @@ def origin(
         "seed": seed,
         "models": str(models),
         "runs": str(runs) if runs else None,
+        "cpu_minutes": training_minutes(runs) if runs else None,
         "data": str(data) if data else None,
         "split": split if data else None,
+    }
+
+
+def training_minutes(runs: Path) -> dict[str, float | None]:
+    """Minutes of processor time of each training in a folder of runs; None: not counted.
+
+    What a run was started from is a run of its own.
+    """
+    return {
+        path.parent.name: json_module.loads(path.read_text())["cpu_minutes"]
+        for path in sorted(runs.glob("*/effort.json"))
     }
 
 

@@ -25,6 +25,8 @@ from wayfarer_lab.evaluation.maneuvers.walk import steady
 from wayfarer_lab.evaluation.metrics import frechet, likeness
 
 Array = NDArray[np.floating[Any]]
+People = tuple[Array, NDArray[np.int64]]
+"""Features [W, 37] of windows, and whose each is [W]."""
 
 CASE: Final = "straight walks"
 SPEEDS: Final = (0.8, 1.6)
@@ -52,20 +54,27 @@ def _errands(agents: int, random: np.random.Generator) -> list[Errand]:
     ]
 
 
-def windows(shots: Sequence[Shot]) -> tuple[Array, NDArray[np.int64]]:
-    """Features [W, 37] of all 2 s of steady walks at 0.9 to 1.5 m/s, and the owner of each [W]."""
-    found: list[Array] = [np.zeros((0, frechet.SIZE))]
-    owners: list[NDArray[np.int64]] = [np.zeros(0, np.int64)]
+def windows(shots: Sequence[Shot]) -> People:
+    """All 2 s of steady walks at 0.9 to 1.5 m/s."""
     people = {person: k for k, person in enumerate(sorted({s.take.person for s in shots}))}
-    for shot in shots:
-        if (take := steady(shot)) is None:
-            continue
-        rows = frechet.features(take.markers, take.marker_names)
+    takes = [(take, people[shot.take.person]) for shot in shots if (take := steady(shot))]
+    names = takes[0][0].marker_names if takes else ()
+    return windows_of([take.markers for take, _ in takes], [owner for _, owner in takes], names)
+
+
+def windows_of(
+    tracks: Sequence[Array], owners: Sequence[int], marker_names: Sequence[str]
+) -> People:
+    """All 2 s at 0.9 to 1.5 m/s of tracks of markers [T, M, 3], each with its owner."""
+    found: list[Array] = [np.zeros((0, frechet.SIZE))]
+    whose: list[NDArray[np.int64]] = [np.zeros(0, np.int64)]
+    for markers, owner in zip(tracks, owners, strict=True):
+        rows = frechet.features(markers, marker_names)
         speed = np.hypot(rows[:, 0], rows[:, 1])
         rows = rows[(speed >= RANGE[0]) & (speed < RANGE[1])]
         found.append(rows)
-        owners.append(np.full(len(rows), people[shot.take.person]))
-    return np.concatenate(found), np.concatenate(owners)
+        whose.append(np.full(len(rows), owner))
+    return np.concatenate(found), np.concatenate(whose)
 
 
 def judge(shot: Shot) -> Figures:
@@ -79,9 +88,7 @@ def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
     return {"windows": sum(figures["windows"] for figures in each)}
 
 
-def compare(
-    made: tuple[Array, NDArray[np.int64]], recorded: tuple[Array, NDArray[np.int64]]
-) -> Figures:
+def compare(made: People, recorded: People) -> Figures:
     """AUC and Fréchet distance of two sets of windows, matched in number and speed."""
     areas, far, compared = [], [], 0
     for draw in range(DRAWS):
@@ -104,7 +111,7 @@ def compare(
     }
 
 
-def _among(people: tuple[Array, NDArray[np.int64]]) -> Figures:
+def _among(people: People) -> Figures:
     """Half of the people against the other half, mean over random halves: how far a classifier
     gets that sees nothing but that people differ.
     """

@@ -1,0 +1,169 @@
+"""What the paper says is better than what, and whether it is so here."""
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from wayfarer_lab.evaluation.paper.published import (
+    BASE,
+    OF_SEEDS,
+    UNTRAINED_PPO,
+    bodies_25_row,
+    control_row,
+    predictor_row,
+    realism_row,
+    skating_row,
+)
+from wayfarer_lab.evaluation.paper.results import Measured, Results, Source, number
+
+Verdict = Literal["as in the paper", "the other way", "within the spread", "not measured"]
+
+
+@dataclass(frozen=True)
+class Ordering:
+    """The paper says that `figure` of `one` is `more` than that of `other`, or less."""
+
+    claim: str
+    where: str  # in the paper
+    one: Source | None
+    other: Source | None
+    figure: str
+    more: bool = True
+    why: str = ""  # when it cannot be measured
+
+
+@dataclass(frozen=True)
+class Statement:
+    """An ordering, and what came out."""
+
+    ordering: Ordering
+    verdict: Verdict
+    told: str
+
+
+def state(ordering: Ordering, results: Results) -> Statement:
+    """Compare the two rows.
+
+    Rows of several trainings differ when every training of one is beyond every training of the
+    other. With one training each there is no spread, and the sign alone decides, which is said.
+    """
+    sources = (ordering.one, ordering.other)
+    rows = [results.measured(source) if source else None for source in sources]
+    values = [row.values(ordering.figure) if row else [] for row in rows]
+    if not all(values):
+        return Statement(ordering, "not measured", ordering.why or _missing(sources, values))
+    one, other = (row for row in rows if isinstance(row, Measured))
+    told = f"`{ordering.figure}` {one.text(ordering.figure)} and {other.text(ordering.figure)}"
+    high, low = values if ordering.more else reversed(values)
+    if min(high) > max(low):
+        verdict: Verdict = "as in the paper"
+    elif max(high) < min(low):
+        verdict = "the other way"
+    else:
+        verdict = "within the spread"
+    if max(map(len, values)) == 1:
+        told += "; one training each"
+    return Statement(ordering, verdict, told)
+
+
+def _missing(sources: tuple[Source | None, ...], values: list[list[float]]) -> str:
+    names = [s.name for s, v in zip(sources, values, strict=True) if s is not None and not v]
+    return f"no result has {' and '.join(repr(name) for name in names)}"
+
+
+ORDERINGS: Final = (
+    Ordering(
+        "training on rollouts makes the 2-frame predictor more diverse", "Table S1",
+        predictor_row("ro-2f"), predictor_row("2f"), "apd_m", True, BASE.format("2f"),
+    ),
+    Ordering(
+        "training on rollouts costs the 2-frame predictor some accuracy", "Table S1",
+        predictor_row("ro-2f"), predictor_row("2f"), "ade_m", True, BASE.format("2f"),
+    ),
+    Ordering(
+        "training on rollouts makes the 1-frame predictor more diverse", "Table S1",
+        predictor_row("ro-1f"), predictor_row("1f"), "apd_m", True, BASE.format("1f"),
+    ),
+    Ordering(
+        "1-frame models are more diverse than 2-frame models", "Table S1",
+        predictor_row("ro-1f"), predictor_row("ro-2f"), "apd_m",
+    ),
+    Ordering(
+        "1-frame models are less accurate than 2-frame models", "Table S1",
+        predictor_row("ro-1f"), predictor_row("ro-2f"), "ade_m",
+    ),
+    Ordering(
+        "of all variants the policy has the best contact", "Fig. 3",
+        realism_row("ro-policy"), realism_row("ro-2f"), "contact_paper",
+    ),
+    Ordering(
+        "motion of the policy looks more real than random motion", "Fig. 3 (here: classifier)",
+        realism_row("ro-policy"), realism_row("ro-2f"), "auc", False,
+    ),
+    Ordering(
+        "a policy arrives more often than the g-CVAE", "Table 1",
+        control_row("policy(10)"), control_row("g-CVAE"), "success", True, UNTRAINED_PPO.format(10),
+    ),
+    Ordering(
+        "with less weight of the KL term, a policy arrives sooner", "Table 1",
+        control_row("policy(1)"), control_row("policy(10)"), "steps", False,
+        UNTRAINED_PPO.format(1),
+    ),
+    Ordering(
+        "tree search arrives more often than the policy alone: PPO", "Table 1",
+        control_row("policy(10) & top1"), control_row("policy(10)"), "success", True,
+        UNTRAINED_PPO.format(10),
+    ),
+    Ordering(
+        "tree search arrives sooner than the policy alone: analytic policy", "Table 1",
+        control_row("policy & top1", OF_SEEDS), control_row("policy", OF_SEEDS), "steps", False,
+    ),
+    Ordering(
+        "tree search leaves bodies nearer to the goal: analytic policy", "Table 1",
+        control_row("policy & top1", OF_SEEDS), control_row("policy", OF_SEEDS), "avg_dist", False,
+    ),
+    Ordering(
+        "tree search has the better contact: analytic policy", "Table 1",
+        control_row("policy & top1", OF_SEEDS), control_row("policy", OF_SEEDS), "contact",
+    ),
+    Ordering(
+        "predicted markers alone, without reprojection, jitter more", "Sec. 3.3",
+        realism_row("ro-pred-2f"), realism_row("ro-2f"), "jerk_m_s3",
+    ),
+    Ordering(
+        "blending reprojected markers with predicted ones slides less than reprojected ones alone",
+        "Sec. 3.3, Fig. 3", realism_row("ro-2f"), realism_row("ro-reproj-2f"), "slide_cm_s", False,
+    ),
+    Ordering(
+        "end-to-end training is of no use", "Fig. 3, B.1", None, None, "contact_paper", True,
+        "Eq. 12 is not implemented",
+    ),
+    Ordering(
+        "body shape matters less than the start pose: spread of steps", "A.2",
+        bodies_25_row("std of shapes"), bodies_25_row("std of poses"), "steps", False,
+    ),
+    Ordering(
+        "feet skate no more than in recordings", "A.3",
+        skating_row("ro-2f"), skating_row("mocap"), "heel_skating_75mm_s", False,
+    ),
+    Ordering(
+        "marker primitives deform less than direct representations", "A.4", None, None,
+        "deformation_head_mm", False, "primitives of body parameters are not implemented",
+    ),
+)  # fmt: skip
+"""In the order of docs/paper.md."""
+
+MOJO_SKATING: Final = 0.278
+"""The better of MOJO's two figures (its Table 4), as the paper quotes it."""
+
+
+def against_mojo(results: Results) -> str:
+    """One sentence: our skating beside MOJO's published figure."""
+    row = results.measured(skating_row("ro-2f"))
+    values = row.values("heel_skating_75mm_s") if row else []
+    if not values:
+        return "No result of `wayfarer eval skating` is there to hold against MOJO's."
+    less = "less" if max(values) < MOJO_SKATING else "not less"
+    return (
+        f"Our feet skate {less} than MOJO's published ones: {number(max(values))} against "
+        f"{MOJO_SKATING}, on other data."
+    )

@@ -1,0 +1,133 @@
+"""docs/paper.md from results: nothing but the paper's own figures is typed in."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final
+
+from wayfarer_lab.evaluation.paper.orderings import ORDERINGS, against_mojo, state
+from wayfarer_lab.evaluation.paper.published import (
+    COMMANDS,
+    EXHIBITS,
+    PICTURES,
+    S3,
+    Exhibit,
+    Line,
+)
+from wayfarer_lab.evaluation.paper.results import Measured, Results, number
+
+INTRO: Final = """# The paper's tables and figures, and ours
+
+Made by `wayfarer eval paper` from the JSON results in `{folder}`; of the figures only the paper's
+own are typed in. Of each figure the first column is the paper's, the second ours. "–": not given or
+not measured; a row that is missing says why. *Recordings* are measured by the same code.
+
+**Data.** The paper trains and tests on AMASS, on SMPL-X bodies; its recordings may not be used
+here. Ours are trained on CMU's recordings on the anny52 body and tested on three other people of
+CMU (08, 09, 32; not untouched: [results.md](results.md)). So compare orders, not values.
+[models.md](models.md#deviations) lists all deviations.
+
+**Trainings.** No row of the shipped model stands for more than one training. The predictors'
+rollout stages were short (300 and 80 steps), and so was the g-CVAE's training (600 steps): rows of
+*1-frame* models and of the g-CVAE say little about these methods. Minutes were not counted before
+2026-11-23.
+"""
+
+
+def page(results: Results, folder: str, s3: Mapping[int, float] | None) -> str:
+    """The page. `s3`: bodies → seconds of a primitive as served; None: no such result."""
+    parts = [INTRO.format(folder=folder), _orderings(results)]
+    parts += [_exhibit(exhibit, results) for exhibit in EXHIBITS[:3]]
+    parts.append(_runtime(s3))
+    parts += [_exhibit(exhibit, results) for exhibit in EXHIBITS[3:]]
+    pictures = [f"- {name}: {where}." for name, where in PICTURES.items()]
+    parts.append("\n".join(["## Pictures", "", *pictures, ""]))
+    return "\n".join(parts)
+
+
+def _orderings(results: Results) -> str:
+    lines = []
+    for ordering in ORDERINGS:
+        said = state(ordering, results)
+        lines.append([ordering.claim, ordering.where, f"**{said.verdict}**", said.told])
+    table = _table(["the paper says", "where", "here", ""], lines)
+    return f"## What is better than what\n\n{table}\n\n{against_mojo(results)}\n"
+
+
+def _exhibit(exhibit: Exhibit, results: Results) -> str:
+    origins: list[str] = []
+    cells = [_cells(line, exhibit, results, origins) for line in exhibit.lines]
+    head = ["", *(f"{name}, {who}" for name in exhibit.figures.values() for who in WHO), "made by"]
+    kept = [k for k, _ in enumerate(head) if k == 0 or any(row[k] != "–" for row in cells)]
+    table = _table([head[k] for k in kept], [[row[k] for k in kept] for row in cells])
+    missing = [
+        f"- **{line.name}** is missing: {line.why}."
+        for line in exhibit.lines
+        if line.why and (line.source is None or results.measured(line.source) is None)
+    ]
+    notes = [f"{k}. {origin}" for k, origin in enumerate(origins, 1)]
+    body = "\n".join([*missing, *([""] if missing and notes else []), *notes])
+    return f"## {exhibit.title}\n\n{exhibit.about}\n\n{table}\n\n{body}\n"
+
+
+WHO: Final = ("paper", "ours")
+
+
+def _cells(line: Line, exhibit: Exhibit, results: Results, origins: list[str]) -> list[str]:
+    """Cells of a row; what made it joins `origins`, and the last cell has its number there."""
+    row = results.measured(line.source) if line.source else None
+    cells = [line.name]
+    for k, figure in enumerate(exhibit.figures):
+        cells.append(number(line.paper[k]) if k < len(line.paper) else "–")
+        cells.append(row.text(figure) if row else "–")
+    if row is None:
+        return [*cells, "–"]
+    numbers = []
+    for text in dict.fromkeys(_origins(row)):
+        if text not in origins:
+            origins.append(text)
+        numbers.append(str(origins.index(text) + 1))
+    return [*cells, ", ".join(numbers)]
+
+
+def _origins(row: Measured) -> Iterable[str]:
+    """What made each file of a row: command, seed, commit, date, machine, minutes of training."""
+    for result in row.results:
+        meta = result.meta
+        machine, stem = meta["machine"], result.path.stem
+        known = (made for pattern, made in COMMANDS.items() if result.path.match(f"{pattern}.json"))
+        command = meta.get("command") or next(known, f"wayfarer eval …, into {stem}.json")
+        yield (
+            f"`{command}`, seed {meta.get('seed')}, split "
+            f"{meta.get('split')}, commit {meta['commit'][:7]}, {meta['date'][:10]}, "
+            f"{machine['cpu']}, {machine['cores']} cores; {_trained(meta)} (`{result.path.name}`)"
+        )
+
+
+def _trained(meta: Mapping[str, Any]) -> str:
+    minutes = meta.get("cpu_minutes") or {}
+    if not minutes:
+        return "minutes of training: not counted"
+    told = [
+        f"{name} {'not counted' if m is None else f'{m:.0f}'}"
+        for name, m in sorted(minutes.items())
+    ]
+    return "minutes of training: " + ", ".join(told)
+
+
+def _runtime(s3: Mapping[int, float] | None) -> str:
+    title = "## Table S3: seconds for a primitive of N bodies\n\n"
+    if s3 is None:
+        return title + "Missing: no result of `python -m benchmarks.paper_s3`.\n"
+    rows = [
+        [str(bodies), number(seconds), number(s3[bodies]) if bodies in s3 else "–"]
+        for bodies, seconds in sorted(S3.items())
+    ]
+    table = _table(["bodies", "paper, Quadro 6000", "ours, two cores, onnxruntime"], rows)
+    made = "`python -m benchmarks.paper_s3`; more in [performance.md](performance.md)."
+    return f"{title}{table}\n\n{made}\n"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(
+        f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in line)} |" for line in lines
+    )

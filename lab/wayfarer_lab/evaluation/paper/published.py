@@ -1,0 +1,281 @@
+"""The paper's own figures (Zhang and Tang, CVPR 2022, and its appendix), and our rows beside them.
+
+Typed in from the paper's text; figures that it shows in pictures alone are left out. A row of ours
+is named by its result file; `why` says what is missing when no file has it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from wayfarer_lab.evaluation.paper.results import Source
+
+Values = tuple[float, ...]
+
+UNTRAINED_PPO: Final = (
+    "no PPO policy is trained to its end (docs/models.md, *PPO from scratch*): `wayfarer train "
+    "policy --config paper/policy_{0}`, `wayfarer export`, `wayfarer eval control --policy-{0}`"
+)
+BASE: Final = (
+    "the shipped model has no base predictor, and no `paper/predictor_{0}` is trained to its end"
+)
+LICENCE: Final = "the licence of these recordings does not allow them here"
+
+
+@dataclass(frozen=True)
+class Line:
+    """A row of a table; `paper` has the paper's values of the table's first figures."""
+
+    name: str
+    paper: Values = ()
+    source: Source | None = None
+    why: str = ""  # without a measured row: what is missing
+
+
+@dataclass(frozen=True)
+class Exhibit:
+    """A table or figure of the paper. `figures`: ours → what the paper calls it."""
+
+    title: str
+    about: str
+    figures: Mapping[str, str]
+    lines: tuple[Line, ...]
+
+
+def control_row(name: str, *files: str) -> Source:
+    """Of `wayfarer eval control`."""
+    return Source(name, files or ("control_paper*", "control"))
+
+
+def realism_row(name: str) -> Source:
+    """Of `wayfarer eval realism`."""
+    return Source(name, ("realism_paper*", "realism"))
+
+
+def predictor_row(name: str) -> Source:
+    """Of `wayfarer eval predictor`."""
+    return Source(name, ("predictor_paper*", "predictor"))
+
+
+def regressor_row(name: str, *files: str) -> Source:
+    """Of `wayfarer eval regressor`."""
+    return Source(name, files or ("regressor",))
+
+
+def bodies_row(name: str) -> Source:
+    """Of `wayfarer eval bodies --extent 6 --starts prior`, the paper's setting."""
+    return Source(name, ("bodies_paper*",))
+
+
+def bodies_25_row(name: str) -> Source:
+    """Of `wayfarer eval bodies`."""
+    return Source(name, ("bodies",))
+
+
+def skating_row(name: str) -> Source:
+    """Of `wayfarer eval skating`."""
+    return Source(name, ("skating",))
+
+
+OURS: Final = "control"
+OF_SEEDS: Final = "control_seed_*"
+
+TABLE_1: Final = Exhibit(
+    "Table 1: motion control",
+    "100 random bodies and goals, 32 clones each (the rows of *search* have one), at most 60 "
+    "primitives, 0.75 m. *contact* is Eq. 11. The shipped policy is trained by analytic gradients, "
+    "which the paper does not do: its rows have no figure of the paper's.",
+    {"steps": "steps", "success": "success rate", "avg_dist": "avg. dist.", "contact": "contact"},
+    (
+        Line("g-CVAE", (24.1, 0.91, 3.46, 0.8), control_row("g-CVAE")),
+        *(
+            Line(name, values, control_row(name), UNTRAINED_PPO.format(weight))
+            for name, weight, values in (
+                ("policy(10)", 10, (33.9, 0.95, 3.32, 0.94)),
+                ("policy(1)", 1, (21.2, 1.0, 3.60, 0.93)),
+                ("policy(10) & top1", 10, (26.5, 0.99, 0.04, 0.97)),
+                ("policy(10) & top4", 10, (23.4, 0.96, 1.98, 0.96)),
+            )
+        ),
+        Line("ours: policy, shipped", (), control_row("policy", OURS)),
+        Line("ours: policy & top1, shipped", (), control_row("policy & top1", OURS)),
+        Line("ours: policy & top4, shipped", (), control_row("policy & top4", OURS)),
+        Line("ours: policy, 600 updates, 3 trainings", (), control_row("policy", OF_SEEDS)),
+        Line("ours: the same & top1", (), control_row("policy & top1", OF_SEEDS)),
+        Line("ours: N(0, I) & top1", (), control_row("N(0, I) & top1", OURS)),
+        Line("ours: search K=8, as served", (), control_row("search K=8 π", OURS)),
+        Line("recordings", (), control_row("mocap", OURS)),
+    ),
+)
+
+S1: Final = Exhibit(
+    "Table S1: marker predictors",
+    "Best of 10 futures. The paper's figures are those of ACCAD (6,298 primitives of 20 people), "
+    "below those of HumanEva (2,021 of 3 people); ours are those of three people of CMU. The row "
+    "of recordings predicts the futures of the 10 most similar recorded primitives.",
+    {
+        "apd_m": "diversity",
+        "ade_m": "ADE",
+        "fde_m": "FDE",
+        "mmade_m": "MMADE",
+        "mmfde_m": "MMFDE",
+    },
+    (
+        Line(
+            "predictor-1f", (1.64, 0.42, 0.69, 0.57, 0.81), predictor_row("1f"), BASE.format("1f")
+        ),
+        Line(
+            "predictor-2f", (0.50, 0.19, 0.34, 0.44, 0.60), predictor_row("2f"), BASE.format("2f")
+        ),
+        Line("predictor-ro-1f", (1.72, 0.44, 0.72, 0.58, 0.83), predictor_row("ro-1f")),
+        Line("predictor-ro-2f", (0.88, 0.21, 0.36, 0.44, 0.59), predictor_row("ro-2f")),
+        Line("ours: repeat the last frame", (), predictor_row("repeat last frame")),
+        Line("ours: straight line", (), predictor_row("straight line")),
+        Line("recordings", (), predictor_row("mocap")),
+        Line("HumanEva, predictor-1f", (2.02, 0.30, 0.48, 0.42, 0.55), why=LICENCE),
+        Line("HumanEva, predictor-2f", (0.53, 0.16, 0.28, 0.39, 0.48), why=LICENCE),
+        Line("HumanEva, predictor-ro-1f", (2.08, 0.33, 0.51, 0.44, 0.57), why=LICENCE),
+        Line("HumanEva, predictor-ro-2f", (0.95, 0.18, 0.31, 0.37, 0.46), why=LICENCE),
+    ),
+)
+
+S2: Final = Exhibit(
+    "Table S2: body regressors",
+    "Mean distance of markers (AMD) and of the whole mesh (AVD) from the true body. Ours: three "
+    "people of CMU, in the recorded shapes and in random ones.",
+    {"amd_mm": "AMD, mm", "avd_mm": "AVD, mm"},
+    (
+        *(
+            Line(name, values, why=LICENCE)
+            for name, values in (
+                ("HumanEva, male", (3.26, 4.80)),
+                ("HumanEva, female", (3.52, 5.52)),
+                ("SSM, female", (6.23, 8.24)),
+                ("ACCAD, male", (7.99, 9.61)),
+                ("ACCAD, female", (11.39, 12.04)),
+                ("KIT, male", (3.53, 4.88)),
+                ("KIT, female", (3.95, 5.64)),
+            )
+        ),
+        Line("ours: male, recorded shapes", (), regressor_row("male, recorded shapes")),
+        Line("ours: male, random shapes", (), regressor_row("male, random shapes")),
+        Line("ours: female, recorded shapes", (), regressor_row("female, recorded shapes")),
+        Line("ours: female, random shapes", (), regressor_row("female, random shapes")),
+        Line(
+            "the paper's: Eq. 2 alone, gradients through the recursions",
+            (),
+            regressor_row("male, recorded shapes", "regressor_paper*"),
+            "no `paper/regressor_*` is trained",
+        ),
+        Line("recordings", (), regressor_row("mocap")),
+    ),
+)
+
+FIG_3: Final = Exhibit(
+    "Fig. 3: realism of random motion",
+    "100 recorded poses, 10 s each, no search. The paper shows contact scores and its users' "
+    "answers in a picture alone, so it has no columns. *auc* stands in for the users: how often a "
+    "linear classifier tells 2 s of ours from 2 s of recorded people at the same speed (0.5: it "
+    "cannot; 1: always). *contact* is Eq. 11, *strict* judges soles alone, frame by frame.",
+    {
+        "contact_paper_median": "contact, median",
+        "auc": "auc",
+        "contact_strict": "strict",
+        "slide_cm_s": "slide, cm/s",
+        "jerk_m_s3": "jerk, m/s³",
+    },
+    (
+        Line("HuMoR", why="its weights come under the licences of AMASS and SMPL"),
+        Line("ours-e2e", why="Eq. 12 is not implemented"),
+        Line("ours-1f", (), realism_row("1f"), BASE.format("1f")),
+        Line("ours-2f", (), realism_row("2f"), BASE.format("2f")),
+        Line("ours-reproj-1f", (), realism_row("reproj-1f"), BASE.format("1f")),
+        Line("ours-reproj-2f", (), realism_row("reproj-2f"), BASE.format("2f")),
+        Line("ours-ro-1f", (), realism_row("ro-1f")),
+        Line("ours-ro-2f", (), realism_row("ro-2f")),
+        Line("ours-ro-policy", (), realism_row("ro-policy")),
+        Line("ours: ro-2f, only reprojected markers", (), realism_row("ro-reproj-2f")),
+        Line("ours: ro-2f, only predicted markers", (), realism_row("ro-pred-2f")),
+        Line("recordings", (), realism_row("mocap")),
+    ),
+)
+
+A_2: Final = Exhibit(
+    "A.2, Fig. S2: influence of the body",
+    "A goal 5 m ahead, at most 60 primitives. The paper: ten shapes from -6 to 6 standard "
+    "deviations all arrive, in 12 to 53 primitives; of ten poses of VPoser three do not.",
+    {"success_075m": "arrive", "steps": "steps", "lost": "no body any more"},
+    (
+        Line("ten shapes, ±6 σ", (1.0,), bodies_row("mean of shapes"), "not run yet"),
+        Line("the thinnest, -6 σ", (), bodies_row("shape -6.00"), "not run yet"),
+        Line("the largest, 6 σ", (), bodies_row("shape +6.00"), "not run yet"),
+        Line("ten poses of the pose prior", (0.7,), bodies_row("mean of poses"), "not run yet"),
+        Line("ours: -2.5 σ", (), bodies_25_row("shape -2.50")),
+        Line("ours: 2.5 σ", (), bodies_25_row("shape +2.50")),
+        Line("ours: spread over shapes, ±2.5 σ", (), bodies_25_row("std of shapes")),
+        Line("ours: spread over ten recorded poses", (), bodies_25_row("std of poses")),
+    ),
+)
+
+A_3: Final = Exhibit(
+    "A.3: foot skating",
+    "900 static bodies, 20 primitives each. MOJO's measure: the share of frames in which both "
+    "heels slide, by its limit of 5 mm a frame at 15 fps.",
+    {"heel_skating_75mm_s": "skating", "slide_cm_s": "slide, cm/s"},
+    (
+        Line("GAMMA", (0.064,), skating_row("ro-2f")),
+        Line("MOJO", (0.341,), why="its weights come under the licence of AMASS"),
+        Line("MOJO, second figure", (0.278,), why="its weights come under the licence of AMASS"),
+        Line("ours: reprojection by optimisation, as MOJO's", why="it is not implemented"),
+        Line("ours: 1-frame model", (), skating_row("ro-1f")),
+        Line("ours: policy", (), skating_row("ro-policy")),
+        Line("recordings", (0.067,), skating_row("mocap")),
+    ),
+)
+
+A_4: Final = Exhibit(
+    "A.4, Fig. S3: other representations",
+    "Eq. 11, and how much rigid parts of the body deform, mm (MOJO's Table 3). The paper's figures "
+    "are in a picture alone; so are its failures, of which we have none to show.",
+    {
+        "contact_paper_median": "contact, median",
+        "deformation_head_mm": "head",
+        "deformation_upper_torso_mm": "upper torso",
+        "deformation_lower_torso_mm": "lower torso",
+    },
+    (
+        Line("SMPL params", why="a primitive of body parameters is not implemented"),
+        Line("HuMoR primitive", why="a primitive of HuMoR's features is not implemented"),
+        Line("HuMoR", why="its weights come under the licences of AMASS and SMPL"),
+        Line("ours-ro-1f", (), realism_row("ro-1f")),
+        Line("ours-ro-2f", (), realism_row("ro-2f")),
+        Line("recordings", (), realism_row("mocap")),
+    ),
+)
+
+EXHIBITS: Final = (TABLE_1, S1, S2, FIG_3, A_2, A_3, A_4)
+
+COMMANDS: Final = {
+    "bodies": "wayfarer eval bodies --data PREPARED",
+    "control": "wayfarer eval control --g-cvae GCVAE --speed 1.5 --data PREPARED",
+    "control_seed_*": "wayfarer eval control --models MODELS --speed 1.5 --data PREPARED",
+    "predictor": "wayfarer eval predictor --data PREPARED",
+    "realism": "wayfarer eval realism --data PREPARED",
+    "regressor": "wayfarer eval regressor --data PREPARED",
+    "skating": "wayfarer eval skating --data PREPARED",
+}
+"""Of results of the time before they told their command themselves (docs/results.md)."""
+
+S3: Final = {64: 0.1, 128: 0.15, 256: 0.25, 512: 0.5, 1024: 0.85}
+"""Bodies → seconds per primitive (Table S3, one Quadro 6000)."""
+
+PICTURES: Final = {
+    "Fig. 1, 2, S4": "show the idea and the networks: docs/architecture.md, docs/models.md",
+    "Fig. 4": "ends of motions by method: needs policy(10) and policy(1), not drawn",
+    "Fig. 5": "trails over training: every training of a policy draws the same 64 trails every "
+    "`snapshot_every` epochs into its folder, `snapshots/`; docs/images has those of PPO from "
+    "scratch, as far as it went",
+    "Fig. S1": "six primitives of one seed: not drawn; Table S1 has their diversity",
+    "Fig. S2": "corner cases of shape and pose: not drawn",
+}
+"""Pictures of the paper, and where ours are or why there is none."""
