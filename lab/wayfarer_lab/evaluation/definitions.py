@@ -70,6 +70,10 @@ GROUPS: Final = (
             "of the parts",
             "lost": "share of motions that did not stay bodies (not finite, or a marker over 3 m "
             "from the hips); the other figures leave them out",
+            "auc": "in place of the paper's users: how often a linear classifier ranks a recorded "
+            "window of 2 s (train split, 0.9–1.5 m/s, as many and as fast) above one of these; "
+            "0.5: it sees no difference. NaN with fewer than 40 windows",
+            "auc_windows": "windows of each kind that were compared",
             "pose_prior": "how usual the poses are to the pose prior: exp(−|μ|² / 32), mean over "
             "frames, 0…1 (Eq. 8 with a scale, docs/models.md)",
             "frechet_v1": "Fréchet distance from the recorded locomotion of the *train* split, "

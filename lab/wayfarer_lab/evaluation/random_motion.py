@@ -206,10 +206,10 @@ def bodies(
         same = turn.expand(len(every), -1, -1)
         starts.append(row(f"pose {number}", same, torch.zeros(BETAS)))
     spread = [
-        _over("mean of shapes", shapes, np.mean),
         _over("std of shapes", shapes, np.std),
-        _over("mean of poses", starts, np.mean),
         _over("std of poses", starts, np.std),
+        _over("mean of shapes", shapes, np.mean),
+        _over("mean of poses", starts, np.mean),
     ]
     real = [judge("mocap", mocap)] if mocap is not None else []
     return {"Shapes": shapes + real, "Start poses": starts, "Spread": spread}

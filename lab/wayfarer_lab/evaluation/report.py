@@ -112,8 +112,8 @@ def _figures(rows: Sequence[Row]) -> list[str]:
 def meta(about: dict[str, Any]) -> dict[str, Any]:
     """When, where and with what figures were made."""
     return {
-        **about,
         "command": shlex.join(["wayfarer", *sys.argv[1:]]),
+        **about,
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "machine": {"cpu": _cpu(), "cores": os.cpu_count(), "system": platform.platform()},
         "commit": commit(),

@@ -123,6 +123,7 @@ def standing_poses(count: int, random: np.random.Generator) -> list[FrozenPoses]
     ]
 
 
+@torch.inference_mode()
 def prior_poses(prior: PosePrior, count: int, random: np.random.Generator) -> list[FrozenPoses]:
     """`count` upright bodies in poses drawn from the pose prior, half of each gender, mean shape.
 

@@ -30,7 +30,7 @@ from wayfarer_lab.training.graphs import (
     regressor_graph,
     step_inputs,
 )
-from wayfarer_lab.training.pose_graphs import pose_encoder_graph
+from wayfarer_lab.training.pose_graphs import pose_decoder_graph, pose_encoder_graph
 from wayfarer_lab.training.pose_networks import PosePrior
 from wayfarer_lab.training.rotation import matrix_from_rotvec
 
@@ -93,8 +93,12 @@ def test_an_exported_pose_prior_codes_as_the_module() -> None:
     turns = matrix_from_rotvec(0.3 * torch.randn(5, 21, 3))
     with torch.inference_mode():
         expected = prior.encode(turns)
-        made = OnnxPosePrior(TorchSession(pose_encoder_graph(prior))).encode(turns)
+        graphs = (pose_encoder_graph(prior), pose_decoder_graph(prior))
+        exported = OnnxPosePrior(*(TorchSession(graph) for graph in graphs))
+        made, latent = exported.encode(turns), torch.randn(5, 32)
+        decoded, wanted = exported.decode(latent), prior.decode(latent)
     assert torch.allclose(made.mean, expected.mean, atol=1e-6)
+    assert torch.allclose(decoded, wanted, atol=1e-6)
 
 
 def test_a_variant_sets_blend_and_grounding(shipped) -> None:

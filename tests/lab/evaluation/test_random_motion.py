@@ -59,6 +59,18 @@ def test_realism_judges_made_and_recorded_motion_alike(mocap: JudgedMotion) -> N
     ], "1.2 m/s is walking speed"
 
 
+def test_a_classifier_tells_what_moves_unlike_recorded_people() -> None:
+    random = np.random.default_rng(0)
+    features = np.abs(random.standard_normal((400, 37))) + 0.1
+    features[:, 0], features[:, 1] = 0.0, SPEED  # as fast as what glides here
+    people = (features, np.arange(400) % 8)
+    one = known_parts(predictors={"ro-1f": Glide(1)}, policy=None)
+    row, *_ = realism(bench(one), POSES, 6.0, people=people)["Realism"]
+    assert row["auc"] == pytest.approx(1.0) and row["auc_windows"] > 0
+    row, *_ = realism(bench(one), POSES, 1.0)["Realism"]
+    assert "auc" not in row
+
+
 def test_a_model_that_loses_its_bodies_is_told_and_not_judged() -> None:
     broken = known_parts(predictors={"ro-2f": Glide(2, speed=float("nan"))}, policy=None)
     for row in realism(bench(broken), POSES, 1.0)["Realism"]:

@@ -14,12 +14,14 @@ from wayfarer_lab.evaluation.parts import Variant
 from wayfarer_lab.evaluation.rollout import (
     FrozenPoses,
     Rollout,
+    prior_poses,
     random_goals,
     recorded_poses,
     roll_out,
     standing_poses,
 )
 from wayfarer_lab.evaluation.tracks import Recorded
+from wayfarer_lab.training.pose_networks import PosePrior
 
 POSES = FrozenPoses("male", *upright_poses(3))
 
@@ -83,6 +85,15 @@ def test_poses_come_from_frames_in_use(tmp_path: Path) -> None:
 def test_shipped_poses_need_no_data() -> None:
     male, _ = standing_poses(4, np.random.default_rng(0))
     assert male.rotations.shape == (2, 22, 4) and male.betas.abs().max() <= 2.5
+
+
+def test_poses_can_be_the_pose_prior_s() -> None:
+    torch.manual_seed(0)
+    male, female = prior_poses(PosePrior(), 5, np.random.default_rng(0))
+    assert len(male.rotations) == 3 and len(female.rotations) == 2
+    assert torch.allclose(male.rotations.norm(dim=-1), torch.ones(3, 22), atol=1e-5)
+    assert (male.rotations[:, 0] == torch.tensor([0.0, 0, 0, 1])).all() and not male.betas.any()
+    assert not torch.equal(male.rotations[0], male.rotations[1])
 
 
 def test_goals_change_when_they_are_reached() -> None:

@@ -1,5 +1,6 @@
 """docs/paper.md from results: nothing but the paper's own figures is typed in."""
 
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
@@ -96,10 +97,31 @@ def _origins(row: Measured) -> Iterable[str]:
         known = (made for pattern, made in COMMANDS.items() if result.path.match(f"{pattern}.json"))
         command = meta.get("command") or next(known, f"wayfarer eval …, into {stem}.json")
         yield (
-            f"`{command}`, seed {meta.get('seed')}, split "
+            f"`{_shown(command)}`, seed {meta.get('seed')}, split "
             f"{meta.get('split')}, commit {meta['commit'][:7]}, {meta['date'][:10]}, "
             f"{machine['cpu']}, {machine['cores']} cores; {_trained(meta)} (`{result.path.name}`)"
         )
+
+
+OPTIONS: Final = {
+    "--data": "PREPARED",
+    "--models": "MODELS",
+    "--runs": "RUNS",
+    "--policy-10": "MODELS_10",
+    "--policy-1": "MODELS_1",
+    "--g-cvae": "GCVAE",
+}
+"""Options whose value is a folder of who measured, and what stands for it."""
+
+
+def _shown(command: str) -> str:
+    """A command without the folders of the machine on which it ran."""
+    words = command.split() if "…" in command else shlex.split(command)
+    shown: list[str] = []
+    for before, word in zip(["", *words], words, strict=False):
+        if word != "--json" and before != "--json":
+            shown.append(OPTIONS.get(before, word))
+    return " ".join(shown)
 
 
 def _trained(meta: Mapping[str, Any]) -> str:
