@@ -24,7 +24,7 @@ not measured; a row that is missing says why. *Recordings* are measured by the s
 **Data.** The paper trains and tests on AMASS, on SMPL-X bodies; its recordings may not be used
 here. Ours are trained on CMU's recordings on the anny52 body and tested on three other people of
 CMU (08, 09, 32; not untouched: [results.md](results.md)). So compare orders, not values.
-[models.md](models.md#deviations) lists all deviations.
+[models.md](models.md#where-we-deviate-from-the-paper-and-why) lists all deviations.
 
 **Trainings.** No row of the shipped model stands for more than one training. The predictors'
 rollout stages were short (300 and 80 steps), and so was the g-CVAE's training (600 steps): rows of
