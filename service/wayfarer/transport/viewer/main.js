@@ -391,7 +391,7 @@ function show() {
   bar.frame(now, !byId("rest").hidden);
   crowd.separateNames(stage.camera, view.clientWidth, view.clientHeight);
   camera.advance(selection.people, now - last);
-  session.look(viewpoints(stage.camera.position, selection.person));
+  session.look(viewpoints(stage.camera.position, selection.people));
   level.reveal(stage.camera.position, stage.controls.target);
   stage.render();
   const fps = readout.frame(now, () => ({

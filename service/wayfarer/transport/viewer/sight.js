@@ -12,10 +12,12 @@ export const RINGS = [
   { radius: 20000, format: { encoding: "root" } },
 ];
 
-/** Where from: the camera, and somebody who is selected, of whom all is wanted wherever the camera is. */
+const MOST = 8; // viewpoints of a stream
+
+/** Where from: the camera, and the first of those who are selected, of whom all is wanted wherever the camera is. */
 export function viewpoints({ x, y, z }, selected) {
-  const places = [{ x, y, z }];
-  if (selected?.shown) places.push({ x: selected.x, y: selected.y + 1, z: selected.z });
+  const chosen = selected.filter(({ shown }) => shown).slice(0, MOST - 1);
+  const places = [{ x, y, z }, ...chosen.map((person) => ({ x: person.x, y: person.y + 1, z: person.z }))];
   return places.map((place) => ({ position: { x: tenth(place.x), y: tenth(place.y), z: tenth(place.z) } }));
 }
 
