@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.viewer.chromium import CONNECTION, Page, needs_chromium
+from tests.viewer.stage import look_down
 
 pytestmark = needs_chromium
 SIZE = (700, 500)
@@ -84,6 +85,7 @@ def test_a_click_sends_the_nearest_of_those_who_walk(page: Page):
       }
       return null;
     })()"""
+    look_down(page, 0.0, 6.0, 14.0)  # from there nobody hides the ground for long
     page.click(*page.wait_for(spot, 20))
     page.wait_for(
         f"{PEOPLE}.filter(({{ ahead, passed }}) => ahead.length + passed).length === 1", 20

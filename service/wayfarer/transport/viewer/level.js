@@ -5,6 +5,7 @@ import {
   MeshLambertMaterial, ShapeUtils, Vector2,
 } from "./vendor/three.min.js";
 import { blockMeets, Ground, planePoint, pointOn } from "./ground.js";
+import { crownHides, crownOf, dressingOf } from "./dressing.js";
 import { blockMesh, extentOf, outlineOf } from "./shapes.js";
 import { pavingTexture } from "./textures.js";
 
@@ -32,6 +33,7 @@ export class Level {
     this.extent = null;
     this.obstacles = new Map(); // name → block
     this.solids = [];
+    this.crowns = []; // of each solid: null where it is no tree
     this.model = null;
     this.chosen = null; // name of an obstacle
     this.floor = new Mesh(new BufferGeometry(), new MeshLambertMaterial({
@@ -60,6 +62,7 @@ export class Level {
     this.#drawGround(vertices, triangles);
     if (!same(solids, this.solids)) {
       this.solids = solids;
+      this.crowns = solids.map(crownOf);
       this.fixed.show(solids, colourOf);
     }
     this.showObstacles(obstacles);
@@ -143,7 +146,8 @@ export class Level {
     const hides = (block) => (
       block.top[0].y > point.y + HEADROOM && blockMeets({ origin: eye, direction }, block) < reach
     );
-    this.fixed.fade(new Set(this.solids.flatMap((block, k) => (hides(block) ? [k] : []))));
+    const covers = (crown) => crown !== null && crownHides(crown, eye, point);
+    this.fixed.fade(new Set(this.solids.flatMap((block, k) => (covers(this.crowns[k]) || hides(block) ? [k] : []))));
   }
 
   #drawGround(vertices, triangles) {
@@ -189,13 +193,19 @@ class Blocks {
   }
 
   show(blocks, colourOf) {
-    const { corners, normals, lines, starts } = blockMesh(blocks, triangulate);
+    const { corners, normals, lines, starts, dressed, paints } = blockMesh(blocks, triangulate, dressingOf);
     this.starts = starts;
     this.faded = new Set();
     const colours = new Float32Array(4 * (corners.length / 3)).fill(1);
+    let painted = 0;
     blocks.forEach((block, k) => {
+      for (let vertex = dressed[k]; vertex < starts[k + 1]; vertex += 3, painted += 1) {
+        const { colour, light } = paints[painted];
+        const { r, g, b } = new Color(colour);
+        for (let corner = vertex; corner < vertex + 3; corner += 1) colours.set([light * r, light * g, light * b], 4 * corner);
+      }
       const { r, g, b } = new Color(colourOf(block, k));
-      for (let vertex = starts[k]; vertex < starts[k + 1]; vertex += 1) {
+      for (let vertex = starts[k]; vertex < dressed[k]; vertex += 1) {
         const light = corners[3 * vertex + 1] < block.bottom + 0.01 ? SHADE : 1;
         colours.set([light * r, light * g, light * b], 4 * vertex);
       }

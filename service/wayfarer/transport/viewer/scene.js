@@ -144,7 +144,7 @@ export class Stage {
   approach() {
     const { x, z } = this.controls.target;
     const tall = this.camera.aspect < 1;
-    const [eye, seen] = tall ? [[0, 7, 11.5], [-0.6, 0.6, 2.4]] : [[0.4, 4.6, 10], [-1.6, 0.6, 2.6]];
+    const [eye, seen] = tall ? [[0, 7, 11.5], [-0.6, 0.6, 2.4]] : [[0.4, 3.3, 10.4], [-1.3, 1.5, 1.6]];
     const place = ([right, up, near]) => new Vector3(x + right, up, z + near);
     this.#move(place(eye), place(seen), 1);
     return { x: x - 1, z: z + 4.6 }; // before what stands in the middle

@@ -2,14 +2,17 @@
 
 /**
  * Corners (x, y, z each) and normals of blocks { top: [{ x, y, z }], bottom }, and the lines along their
- * upright and upper edges. `starts[k]` is the first vertex of block k, and the last entry their count.
+ * upright and upper edges. `starts[k]` is the first vertex of block k, and the last entry their count; `dressed[k]` is
+ * the first vertex of what `dressingOf` gives it besides (dressing.js), in `paints`: { colour, light } of each triangle.
  * `triangulate(ring)` gives triangles [[i, j, k]] of a ring of { x, z }.
  */
-export function blockMesh(blocks, triangulate) {
+export function blockMesh(blocks, triangulate, dressingOf = () => []) {
   const corners = [];
   const normals = [];
   const lines = [];
   const starts = [0];
+  const dressed = [];
+  const paints = [];
   blocks.forEach(({ top, bottom }, number) => {
     const raised = top.map((point) => ({ ...point, y: point.y + lift(point.y - bottom, number) }));
     const ring = signedArea(top) > 0 ? raised : raised.reverse();
@@ -27,9 +30,17 @@ export function blockMesh(blocks, triangulate) {
       pushPoints(lines, a, b);
       if (ring.length <= UPRIGHTS) pushPoints(lines, foot, a);
     });
+    dressed.push(corners.length / 3);
+    for (const { corners: ring, normals: up, colour, light } of dressingOf({ top, bottom }, number)) {
+      pushPoints(corners, ...ring);
+      pushPoints(normals, ...up);
+      paints.push({ colour, light });
+    }
     starts.push(corners.length / 3);
   });
-  return { corners: Float32Array.from(corners), normals: Float32Array.from(normals), lines: Float32Array.from(lines), starts };
+  return {
+    corners: Float32Array.from(corners), normals: Float32Array.from(normals), lines: Float32Array.from(lines), starts, dressed, paints,
+  };
 }
 
 /** Tall blocks that overlap at one height would flicker: each has a height of its own, to a hair. */
