@@ -10,8 +10,8 @@ ROOT = Path(__file__).parent.parent
 WIRE = ROOT / "service/wayfarer/transport/schema"
 
 TWINS = {
-    "Agent", "AgentSpec", "Behaviour", "Block", "Bone", "Box", "Crowd", "Cylinder", "Endpoint", "Event",
-    "FittedLength", "Floor", "Follow", "Goal", "KeepAway", "MotionChunks", "Part",
+    "Agent", "AgentSpec", "Behaviour", "Block", "Bone", "Box", "Crowd", "Cylinder", "Endpoint",
+    "Event", "FittedLength", "Floor", "Follow", "Goal", "KeepAway", "MotionChunks", "Part",
     "Patrol", "PoseFormat", "Prism", "Queue", "Ramp", "Routine", "Scene", "Session",
     "Stand", "Visit", "Walkable", "Wander",
 }  # fmt: skip

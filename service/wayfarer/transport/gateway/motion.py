@@ -191,9 +191,7 @@ class MotionApi:
                 await subscription.close()
 
 
-def _levels(
-    asked: schema.Interest | None, usual: PoseFormat, basis: Basis
-) -> DetailLevels | None:
+def _levels(asked: schema.Interest | None, usual: PoseFormat, basis: Basis) -> DetailLevels | None:
     """The rings and viewpoints that a stream is opened with. Raises InvalidArgument."""
     if asked is None:
         return None
