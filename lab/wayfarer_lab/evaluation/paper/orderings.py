@@ -7,7 +7,7 @@ from wayfarer_lab.evaluation.paper.published import (
     BASE,
     OF_SEEDS,
     UNTRAINED_PPO,
-    bodies_25_row,
+    bodies_row,
     control_row,
     predictor_row,
     realism_row,
@@ -139,7 +139,7 @@ ORDERINGS: Final = (
     ),
     Ordering(
         "body shape matters less than the start pose: spread of steps", "A.2",
-        bodies_25_row("std of shapes"), bodies_25_row("std of poses"), "steps", False,
+        bodies_row("std of shapes"), bodies_row("std of poses"), "steps", False,
     ),
     Ordering(
         "feet skate no more than in recordings", "A.3",

@@ -273,8 +273,8 @@ PICTURES: Final = {
     "Fig. 1, 2, S4": "show the idea and the networks: docs/architecture.md, docs/models.md",
     "Fig. 4": "ends of motions by method: needs policy(10) and policy(1), not drawn",
     "Fig. 5": "trails over training: every training of a policy draws the same 64 trails every "
-    "`snapshot_every` epochs into its folder, `snapshots/`; docs/images has those of PPO from "
-    "scratch, as far as it went",
+    "`snapshot_every` epochs into its folder, `snapshots/`; PPO from scratch "
+    "[before](images/ppo_trails_000.png) and [after 130 epochs](images/ppo_trails_130.png)",
     "Fig. S1": "six primitives of one seed: not drawn; Table S1 has their diversity",
     "Fig. S2": "corner cases of shape and pose: not drawn",
 }

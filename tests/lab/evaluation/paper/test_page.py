@@ -128,4 +128,6 @@ def test_the_orders_that_ship_are_those_that_docs_state():
     )
     assert stated["of all variants the policy has the best contact"] == "the other way"
     assert stated["feet skate no more than in recordings"] == "the other way"
+    assert stated["motion of the policy looks more real than random motion"] == "the other way"
+    assert stated["body shape matters less than the start pose: spread of steps"] == "the other way"
     assert stated["end-to-end training is of no use"] == "not measured"
