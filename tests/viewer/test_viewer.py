@@ -160,9 +160,9 @@ def test_a_lost_connection_is_made_again_without_a_gap(page: Page):
         "  (globalThis.seqs[found.alias] ??= []).push(found.seq); chunk(played, found); }; })()"
     )
     page.wait_for("Object.values(seqs).length === 16 && seqs[1].length > 2")
-    page.evaluate("globalThis.wayfarer.stream.reconnect()")
-    page.wait_for(f"{CONNECTION} !== 'open'", 5)
-    page.wait_for(f"{CONNECTION} === 'open' && globalThis.wayfarer.player.header.resumed", 20)
+    page.evaluate("globalThis.first = wayfarer.player.header; wayfarer.stream.reconnect()")
+    again = "wayfarer.player.header !== first && wayfarer.player.header.resumed"
+    page.wait_for(f"{CONNECTION} === 'open' && {again}", 20)
     before = page.evaluate("Math.max(...Object.values(seqs).map((found) => found.length))")
     page.wait_for(f"Object.values(seqs).every((found) => found.length > {before} + 3)")
     for numbers in page.evaluate("Object.values(seqs)"):

@@ -74,7 +74,9 @@ export class Stage {
     this.#take(look ?? least);
     new ResizeObserver(() => this.resize()).observe(this.canvas);
     this.resize();
-    this.#compile().then(() => this.renderer.setAnimationLoop(frame));
+    this.#compile()
+      .catch((error) => console.error("The shaders are made with the first picture:", error))
+      .then(() => this.renderer.setAnimationLoop(frame));
   }
 
   /** Make the shaders; where the browser can, the page goes on meanwhile. */
