@@ -6,7 +6,7 @@ import time
 import pytest
 from benchmarks.flops import Product
 
-from benchmarks import gemm, paper_s3, service, step, transport
+from benchmarks import disturbance, gemm, paper_s3, service, step, transport
 from wayfarer.spec import STEP_SECONDS
 from wayfarer_lab.load.knee import FAULTS
 from wayfarer_lab.load.plan import LoadPlan
@@ -92,3 +92,26 @@ def test_a_long_run_is_made_again_with_fewer_until_all_are_in_time(monkeypatch, 
 def test_a_bare_socket_brings_all_and_costs_something():
     cores = asyncio.run(transport.bare_socket(100_000, 0.3))
     assert 0 < cores < 2
+
+
+def over_time(*late_ms, missed=()):
+    """Rows of 0.2 s each, of ten primitives."""
+    return [
+        {"at": 0.2 * k, "due": 10, "missed": 10 * (k in missed), "mean_ms": 0.0, "max_ms": late}
+        for k, late in enumerate(late_ms)
+    ]
+
+
+def test_a_server_is_back_when_a_second_on_time_begins():
+    calm = over_time(*[1.0] * 20)
+    assert disturbance.back_after(calm, 1.0) == 0.0
+    slow = over_time(*[1.0] * 5, *[300.0] * 4, 1.0, 80.0, *[1.0] * 10, missed=(5, 6))
+    assert disturbance.back_after(slow, 1.0) == pytest.approx(1.2), "the one of 80 ms counts"
+    never = over_time(*[1.0] * 5, *[300.0] * 10)
+    assert disturbance.back_after(never, 1.0) is None
+
+
+def test_misses_are_counted_by_when_they_were_due():
+    rows = over_time(*[0.0] * 20, missed=(4, 5, 6, 12))
+    counted = [disturbance.missed(rows, *span) for span in ((0, 1), (1, 2), (2, 9))]
+    assert counted == [10, 20, 10]

@@ -53,4 +53,3 @@ async def test_agents_wait_for_a_stalled_holder_and_others_do_not():
                 assert not any(c.flags & ChunkFlag.GAP for c in own)
         times = [c.scheduled_at for p in got for c in p.chunks if c.alias == 1]
         assert max(np.diff(times)) > 0.5, "they have stood still meanwhile"
-        assert (await loop.stats()).rebased == 0

@@ -176,7 +176,7 @@ async def test_a_loop_that_slept_moves_its_schedule_and_goes_on():
         chunks = [c for b in await first(stream, 6) for c in b.chunks]
         seqs = [c.seq for c in chunks]
         assert seqs == list(range(before.seq + 1, before.seq + 1 + len(seqs)))
-        assert (await loop.stats()).rebased == 1
+        assert (await loop.stats()).skipped_steps >= 5
         gap = np.diff([c.scheduled_at for c in [before, *chunks]])
         assert gap.max() > 1.0 and (gap > 0.19).all(), "once later, and then real time again"
 

@@ -281,15 +281,35 @@ def test_an_engine_that_raises_leaves_everything_as_it_was():
         np.testing.assert_array_equal(chunks[-1].translation, found[-1].translation)
 
 
-def test_rebase_moves_what_is_not_sent():
-    world, _ = populated()
-    before = list(world.advance(1.0))
-    assert world.behind(1.0) == 0
-    assert world.behind(5.0) == pytest.approx(5.0 - before[-1].scheduled_at - STEP_SECONDS)
-    world.rebase(3.0)
-    after = list(world.advance(5.0))
-    assert after[0].seq == before[-1].seq + 1
-    assert after[0].scheduled_at == pytest.approx(before[-1].scheduled_at + STEP_SECONDS + 3.0)
+def test_primitives_that_are_over_are_left_out_and_the_rest_follows_in_its_rhythm():
+    world, _ = populated(3)
+    before = by_agent(world.advance(1.0))
+    assert world.skip(1.0) == world.skip(1.15) == 0
+    skipped = world.skip(4.0)
+    assert skipped == sum(
+        int((4.0 - chunks[-1].scheduled_at - STEP_SECONDS + 1e-4) / STEP_SECONDS)
+        for chunks in before.values()
+    )
+    after = by_agent(world.advance(5.0))
+    for alias, chunks in before.items():
+        first, last = after[alias][0], chunks[-1]
+        assert first.seq == last.seq + 1
+        assert 0 <= 4.0 - first.scheduled_at < STEP_SECONDS
+        steps = (first.scheduled_at - last.scheduled_at) / STEP_SECONDS
+        assert steps == pytest.approx(round(steps)), "in its phase"
+        np.testing.assert_allclose(first.translation[0], last.translation[-1], atol=0.05)
+
+
+def test_only_who_is_late_is_put_off():
+    def newcomer(skips):
+        world, _ = populated(2)
+        list(world.advance(1.0))
+        world.create_session(SessionSpec("new"), 3.0)
+        [info] = world.create_agents("new", people(1), 3.0)
+        assert not skips or world.skip(3.1) > 0
+        return [c.scheduled_at for c in world.advance(4.0) if c.agent_id == info.agent_id]
+
+    assert newcomer(skips=True) == newcomer(skips=False)
 
 
 def test_behind_time_agents_catch_up_in_order():

@@ -58,6 +58,7 @@ class Reader:
             self.goals.seen(alias, revision, now)
             if self._since <= due < self._until:
                 self._count(now - due, state, flags)
+                self._tally.over_time.add(due - self._since, now - due, now - due > LOST_S)
                 self._tally.malformed += not self._check.passes(chunks, row)
 
     def _follow(self, alias: int, seq: int, due: float, now: float) -> None:
@@ -86,6 +87,7 @@ class Reader:
             if self._since <= due < self._until:
                 self._tally.lost += 1
                 self._tally.lateness.add(now - due)
+                self._tally.over_time.add(due - self._since, now - due, True)
 
     def finish(self, agents: int, now: float) -> None:
         """Nothing more is read: what `agents` agents have not sent in time by `now` is lost."""

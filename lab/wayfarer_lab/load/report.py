@@ -75,15 +75,33 @@ def _plot(path: Path, tally: Tally, summary: dict[str, Any]) -> None:
     from matplotlib.figure import Figure
 
     memory = summary["server_rss_mb"]
-    figure = Figure(figsize=(7, 7 if memory else 4), layout="constrained")
-    upper, *lower = figure.subplots(2 if memory else 1, squeeze=False).flat
+    count = 3 if memory else 2
+    figure = Figure(figsize=(7, 3.5 * count), layout="constrained")
+    upper, middle, *lower = figure.subplots(count, squeeze=False).flat
     _plot_latencies(upper, tally, summary["agents"])
+    plot_over_time(middle, summary["over_time"])
     for axes in lower:
         axes.plot(*zip(*memory["samples"], strict=True))
         axes.set(xlabel="seconds of measuring", ylabel="server memory, MB")
         axes.set_ylim(bottom=0)
         axes.grid(alpha=0.3)
     figure.savefig(path, dpi=120)
+
+
+def plot_over_time(axes: Any, rows: list[dict[str, float]]) -> None:
+    """The greatest and the mean lateness of each moment, and the share that was missed."""
+    at = [row["at"] for row in rows]
+    axes.plot(at, [row["max_ms"] for row in rows], label="greatest lateness", linewidth=1)
+    axes.plot(at, [row["mean_ms"] for row in rows], label="mean", linewidth=1)
+    axes.set_yscale("symlog", linthresh=10)
+    axes.set(xlabel="seconds of measuring", ylabel="ms", ylim=(0, None))
+    axes.grid(alpha=0.3)
+    missed = axes.twinx()
+    shares = [100 * row["missed"] / row["due"] for row in rows]
+    missed.fill_between(at, shares, step="post", color="red", alpha=0.3, label="missed, %")
+    missed.set(ylabel="missed, %", ylim=(0, 100))
+    lines = [*axes.get_legend_handles_labels()[0], *missed.get_legend_handles_labels()[0]]
+    axes.legend(lines, [line.get_label() for line in lines], loc="upper right")
 
 
 def _plot_latencies(axes: Any, tally: Tally, agents: int) -> None:

@@ -34,6 +34,48 @@ class Latencies:
         }
 
 
+BIN_S = 0.2
+"""Seconds of a row of `OverTime`: every agent has a primitive in each."""
+
+
+@dataclass(slots=True)
+class Interval:
+    """What fell due in an interval."""
+
+    due: int = 0
+    missed: int = 0
+    late_s: float = 0.0  # sum over all of them; who is early counts as on time
+    most_s: float = 0.0
+
+
+class OverTime:
+    """Lateness over the time of a run."""
+
+    def __init__(self) -> None:
+        self._found: dict[int, Interval] = {}
+
+    def add(self, at: float, late: float, missed: bool) -> None:
+        """A primitive that fell due `at` seconds of measuring came so late, or never."""
+        found = self._found.setdefault(int(at / BIN_S), Interval())
+        found.due += 1
+        found.missed += missed
+        found.late_s += max(late, 0.0)
+        found.most_s = max(found.most_s, late)
+
+    def rows(self) -> list[dict[str, float]]:
+        """In order of time; `at` is where an interval of `BIN_S` begins."""
+        return [
+            {
+                "at": round(number * BIN_S, 3),
+                "due": found.due,
+                "missed": found.missed,
+                "mean_ms": round(1e3 * found.late_s / found.due, 3),
+                "max_ms": round(1e3 * found.most_s, 3),
+            }
+            for number, found in sorted(self._found.items())
+        ]
+
+
 @dataclass
 class Tally:
     """Counts of one run, over all its clients."""
@@ -42,6 +84,7 @@ class Tally:
     first_chunk: Latencies = field(default_factory=Latencies)  # from the call to the first batch
     goal_latency: Latencies = field(default_factory=Latencies)  # command to first changed pose
     refusal: Latencies = field(default_factory=Latencies)  # how long a refused creation took
+    over_time: OverTime = field(default_factory=OverTime)  # lateness and misses by due time
     agents: int = 0  # admitted
     refused: int = 0  # agents that were not
     chunks: int = 0
@@ -76,6 +119,7 @@ class Tally:
             "misses": self.misses,
             "miss_rate": self.misses / max(self.chunks + self.lost, 1),
             "lateness_ms": self.lateness.milliseconds(),
+            "over_time": self.over_time.rows(),
             "first_chunk_ms": self.first_chunk.milliseconds(),
             "goal_latency_ms": self.goal_latency.milliseconds(),
             "goals": self.goals,

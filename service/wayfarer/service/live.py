@@ -16,6 +16,7 @@ from typing import Final, TypeVar
 from wayfarer.errors import NotFound, ResourceExhausted
 from wayfarer.service.inbox import Inbox
 from wayfarer.service.metrics_sink import MetricsSink
+from wayfarer.service.pipeline import EnginePipeline
 from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.publications import StreamOptions, model_changed
 from wayfarer.service.streams.publisher import Publisher
@@ -62,6 +63,7 @@ class LiveMotion:
             world=world,
             publisher=self._publisher,
             inbox=self._inbox,
+            pipeline=EnginePipeline(self._clock, self._inbox.wake),
             warm_up=warm_up,
             clock=self._clock,
             meter=self._meter,

@@ -31,7 +31,7 @@ class LoopStats:
     uptime_s: float
     resets: int = 0  # agents put back to a stand: they fell or their step was broken, since start
     failures: int = 0  # turns of the loop that raised, since start
-    rebased: int = 0  # how often the schedule was moved because the loop was > 1 s behind
+    skipped_steps: int = 0  # agent steps never made, as their time was over, since start
     dropped_batches: int = 0  # lost by the present subscribers, who were too slow
     reduced_steps: int = 0  # agent steps with fewer candidates than asked for, since start
     held_sessions: int = 0  # whose agents wait for a subscriber now
@@ -52,7 +52,7 @@ class _Values(TypedDict):
     late_chunks: int
     lateness_ms_p95: float
     failures: int
-    rebased: int
+    skipped_steps: int
     held_sessions: int
 
 
@@ -62,7 +62,7 @@ class ThreadFigures:
     def __init__(self, meter: MetricsSink) -> None:
         self._meter = meter
         self.failures = 0  # turns
-        self.rebased = 0
+        self.skipped = 0  # steps of agents
         self.held = 0  # sessions whose agents wait now
         self.worked = 0.0  # seconds of the thread's own since the last engine call was applied
         self._steps = 0  # of agents
@@ -103,6 +103,6 @@ class ThreadFigures:
             late_chunks=self._late,
             lateness_ms_p95=1e3 * percentile(self._lateness.values(now), 95),
             failures=self.failures,
-            rebased=self.rebased,
+            skipped_steps=self.skipped,
             held_sessions=self.held,
         )

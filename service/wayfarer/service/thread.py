@@ -1,9 +1,9 @@
 """The motion thread: takes commands, schedules steps, applies them, publishes chunks.
 
 The engine works beside the thread (`pipeline.py`). Frames keep their schedule, so a late turn is
-followed by larger batches, not by later frames. Only when the thread is more than a second behind
-(an overloaded or suspended machine) the whole schedule is moved; `rebased` in the statistics counts
-that.
+followed by larger batches, not by later frames. But what can no longer be seen in time is not made
+(an overloaded or suspended machine): its agents go on later, by whole primitives, and all the time
+there is goes to those that can still be. `skipped_steps` in the statistics counts that.
 
 An error in a turn is logged and counted, `ready` is false until a turn succeeds again, and the turn
 is tried again. After `FAILURES` in a row the thread ends, and with it every stream and command
@@ -36,7 +36,7 @@ log = structlog.get_logger(__name__)
 
 ALIVE_SECONDS: Final = 1.0  # without a turn for this long the thread counts as hung
 HEARTBEAT: Final = 0.25  # the longest wait, so that an idle thread is seen to be alive
-BEHIND_SECONDS: Final = 1.0  # beyond this the schedule is moved
+TOLD_SECONDS: Final = 1.0  # skipped steps are logged this often at most
 EARLY_SECONDS: Final = 1 / FPS  # chunks leave this long before their time, rather than late
 HOLD_SECONDS: Final = 0.5  # agents that wait are put off by this, turn by turn
 FAILURES: Final = 10  # failed turns in a row that end the thread
@@ -61,6 +61,7 @@ class MotionThread:
         world: World,
         publisher: Publisher,
         inbox: Inbox,
+        pipeline: EnginePipeline,
         warm_up: Callable[[], None],
         clock: Callable[[], float],
         meter: MetricsSink,
@@ -73,10 +74,11 @@ class MotionThread:
         self._clock = clock
         self._phase = Phase.NEW
         self._stopping = False
-        self._pipeline = EnginePipeline(clock, inbox.wake)
-        self._thread = threading.Thread(target=self._run, name="motion-loop", daemon=True)
+        self._pipeline = pipeline
+        self._thread = threading.Thread(target=self.run, name="motion-loop", daemon=True)
         self._started_at = self._beat = clock()
         self._failures_in_a_row = 0
+        self._told_at = float("-inf")  # when skipped steps were logged last
         self._figures = ThreadFigures(meter)
 
     def start(self) -> None:
@@ -132,6 +134,7 @@ class MotionThread:
 
         Returns how many steps were applied.
         """
+        self._keep_schedule(now)  # first: what has waited too long is not sent late, but later
         self._forget(self._world.crowds.tend(now), now)
         applied = 0
         for step, seconds in self._pipeline.completed():
@@ -176,7 +179,8 @@ class MotionThread:
 
     # Around the turns: commands, schedule, figures, failures
 
-    def _run(self) -> None:
+    def run(self) -> None:
+        """What the thread does, from the warm-up to its end."""
         reason = "the motion loop has been stopped"
         try:
             self._warm_up()
@@ -201,7 +205,6 @@ class MotionThread:
 
     def _measured_turn(self) -> None:
         self._beat = self._clock()
-        self._keep_schedule(self._beat)
         self._inbox.serve(self._time_to_wait())
         now = self._clock()
         applied = self._turn(now)
@@ -219,17 +222,16 @@ class MotionThread:
         return HEARTBEAT if event is None else min(max(event - self._clock(), 0.0), HEARTBEAT)
 
     def _keep_schedule(self, now: float) -> None:
-        """Put off agents that wait for a slow reader; move the schedule when it cannot be kept."""
+        """Put off agents that wait for a slow reader, and those whose primitives are over."""
         waiting = self._publisher.waiting_sessions(now)
         self._figures.held = len(waiting)
         for session_id in waiting:
             self._world.hold(session_id, now + HOLD_SECONDS)
-        behind = self._world.behind(now)
-        # while the engine hangs, nobody knows yet how far
-        if behind > BEHIND_SECONDS > self._pipeline.age(now):
-            self._world.rebase(behind)
-            self._figures.rebased += 1
-            log.warning("the motion loop is behind; schedule moved", seconds=round(behind, 3))
+        if skipped := self._world.skip(now):
+            self._figures.skipped += skipped
+            if now - self._told_at >= TOLD_SECONDS:
+                self._told_at = now
+                log.warning("primitives are left out: the motion loop is behind", steps=skipped)
 
     def _note_failure(self, error: Exception) -> None:
         self._figures.failures += 1

@@ -203,11 +203,11 @@ class _Stand(Collector):
             ("agent_steps", "Agents moved by one primitive", now.steps),
             ("reduced_steps", "Those with fewer candidates than asked for", now.reduced_steps),
             ("held_steps", "Those left out, the agent being idle", now.held_steps),
+            ("skipped_steps", "Those never made, their time being over", now.skipped_steps),
             ("refused_agents", "Agents refused for want of time", now.refused_agents),
             ("mended_steps", "Those with a joint kept within its limits", now.mended_steps),
             ("agent_resets", "Agents put back to a stand", now.resets),
             ("loop_failures", "Turns of the loop that raised", now.failures),
-            ("loop_rebases", "Times the schedule was moved", now.rebased),
         ):
             yield CounterMetricFamily(f"wayfarer_{name}", what, value)
 

@@ -369,14 +369,13 @@ class World:
         frame = self._playback.next_event(planning, early * FPS)
         return None if frame is None else self._timeline.time(frame)
 
-    def behind(self, now: float) -> float:
-        """Seconds by which the next chunk to be sent is overdue; 0 when none is."""
-        frame = self._playback.next_send()
-        return 0.0 if frame is None else max(now - self._timeline.time(frame), 0.0)
+    def skip(self, now: float) -> int:
+        """Leave out primitives that nobody could see in time any more; returns how many.
 
-    def rebase(self, seconds: float) -> None:
-        """Move everything not yet sent to `seconds` later, when the clock has run away."""
-        self._timeline.move(seconds)
+        An agent that is late by more than a primitive goes on where it is, not where it would be:
+        what is over is not made, and no time is spent on it that others need.
+        """
+        return self._playback.skip(self._timeline.frame(now))
 
     def take_events(self) -> list[tuple[str, Event]]:
         """What agents have met with on their ways since the last time, by session."""

@@ -1,6 +1,6 @@
 import pytest
 
-from wayfarer_lab.load.tally import Latencies, Tally
+from wayfarer_lab.load.tally import BIN_S, Latencies, OverTime, Tally
 
 
 def test_percentiles_are_in_milliseconds_to_three_digits():
@@ -25,3 +25,13 @@ def test_nothing_counted_is_nothing_said():
     summary = Tally().summary(10.0)
     assert summary["lateness_ms"] is None
     assert summary["misses"] == 0 and summary["failures"] == {}
+
+
+def test_lateness_over_time_is_told_by_when_primitives_fell_due():
+    over_time = OverTime()
+    over_time.add(0.05, -0.02, False)
+    over_time.add(0.15, 0.3, True)
+    over_time.add(3 * BIN_S + 0.01, 0.01, False)
+    first, last = over_time.rows()
+    assert first == {"at": 0.0, "due": 2, "missed": 1, "mean_ms": 150.0, "max_ms": 300.0}
+    assert last["at"] == pytest.approx(3 * BIN_S) and last["missed"] == 0

@@ -80,7 +80,7 @@ def busy_plan(world, ids):
         (3.0, lambda now: world.update_agent(a, AgentChange(foot_lock=True, name="Ada"))),
         (3.3, lambda now: world.give(b, Stop(), now)),
         (4.0, lambda now: world.give(b, Append((Goal((1.0, 4.0, 0.0)),)), now)),
-        (4.5, lambda now: world.rebase(0.7)),
+        (4.5, lambda now: world.skip(now + 0.7)),
         (5.0, lambda now: world.hold("s", now + 0.5)),
         (6.0, lambda now: world.delete_agent(c)),
     ]

@@ -46,7 +46,7 @@ def test_a_call_that_would_end_too_late_tries_fewer():
     busy(budget, 0.0, 1.0, CALL, 0.9)
     assert candidates(budget, 1.0, CALL - RULES.late + 0.001) == 8
     assert candidates(budget, 1.0, CALL - RULES.late - 0.001) == 4
-    assert candidates(budget, 1.0 + RULES.settle / 2, SHORT) == 4, "first see what it brings"
+    assert candidates(budget, 1.0 + RULES.settle / 2 - 0.01, SHORT) == 4, "first see what it brings"
     assert candidates(budget, 1.0 + RULES.settle + 0.01, SHORT) == 2
     assert budget.number == 2
 

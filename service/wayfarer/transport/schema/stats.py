@@ -19,8 +19,8 @@ class Stats(Message):
     uptime_s: float
     resets: int = Field(description="agents put back to a stand because they fell, since start")
     failures: int = Field(description="turns of the loop that raised, since start")
-    rebased: int = Field(
-        description="shifts of the schedule, each because it was more than 1 s late"
+    skipped_steps: int = Field(
+        description="agent steps never made because their time was over, since start"
     )
     dropped_batches: int = Field(
         description="batches that open streams lost because they were too slow"

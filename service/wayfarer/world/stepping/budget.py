@@ -47,7 +47,8 @@ class BudgetRules:
     """When to go down the ladder, and when up again. Seconds."""
 
     late: float = 0.03  # an engine call may end this long after its deadline
-    settle: float = 0.2  # wait after a change before the next one down
+    settle: float = 0.2  # wait after a change before the next one down …
+    hurry: float = 0.1  # … half as long for a call that would end this long after its deadline
     patience: float = 3.0  # wait before a change up; doubled after each climb that was a mistake
     most_patience: float = 60.0  # upper bound of that wait; a level held this long resets it
     headroom: float = 1.6  # ratio of a call's cost with the next level's candidates
@@ -94,7 +95,8 @@ class Budget:
         call, busy = (calls[len(calls) * 3 // 4], sum(calls)) if calls else (0.0, 0.0)
         slack -= max(ahead - 0.5, 0.0) * call  # the first of them is half done
         if slack < call - rules.late:
-            if since >= rules.settle and self.number < len(self._levels) - 1:
+            settle = rules.settle / 2 if slack < call - rules.hurry else rules.settle
+            if since >= settle and self.number < len(self._levels) - 1:
                 self._fall(now)
         elif self.number > 0 and since >= self._patience:
             longer, more = self._growth(held)

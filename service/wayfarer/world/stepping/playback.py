@@ -94,11 +94,6 @@ class Playback:
         show = self._show_frame(rows, self._slots.planned_chunks[rows])
         return float(show.min(initial=np.iinfo(np.int64).max) - frame)
 
-    def next_send(self) -> int | None:
-        """World frame at which the next chunk is to be sent, planned or not."""
-        rows = np.flatnonzero(self._slots.active)
-        return int(self._send_frame(rows).min()) if len(rows) else None
-
     def append(self, rows: Index, chunks: Chunks) -> None:
         """Add the next planned chunk of each row."""
         slots = self._slots
@@ -156,6 +151,20 @@ class Playback:
         behind = (until - self._send_frame(rows)) / NEW_FRAMES
         short = np.ceil(behind - ROUNDING).astype(np.int64)
         self._slots.start_frame[rows] += NEW_FRAMES * np.maximum(short, 0)
+
+    def skip(self, frame: float) -> int:
+        """Leave out the primitives that are over by world frame `frame`; returns how many.
+
+        A slot whose next chunk has not left by then goes on with that chunk at the first of its
+        moments that is not over: later by whole primitives, so that it stays in its phase, and
+        without a jump.
+        """
+        slots = self._slots
+        rows = np.flatnonzero(slots.active)
+        late = frame - self._send_frame(rows)
+        over = np.maximum(late // NEW_FRAMES, 0).astype(np.int64)
+        slots.start_frame[rows] += NEW_FRAMES * over
+        return int(over.sum())
 
     @property
     def _grounded(self) -> Flags:

@@ -1,0 +1,62 @@
+"""The server on a machine that hiccups: what is lost, what gives way first, and how soon it is well
+again. In simulated time (`simulated.py`).
+"""
+
+from itertools import pairwise
+
+import pytest
+
+from tests.service.simulated import Run, simulated
+from wayfarer.spec import STEP_SECONDS
+from wayfarer.world.agents.agent import ChunkFlag
+from wayfarer.world.goals.steering import Steering
+
+AGENTS = 48
+ONE = Steering(reactions=1).with_search(candidates=1)
+FOUR = Steering(reactions=1)
+
+
+def held(run: Run) -> set[str]:
+    return {chunk.agent for chunk in run.left if chunk.flags & ChunkFlag.HELD}
+
+
+@pytest.mark.parametrize("load", [0.6, 0.9])
+def test_after_a_stall_only_what_fell_into_it_is_lost(load):
+    run = simulated(5.0, [(2.0, 3.0, 0.0)], AGENTS, load, steering=ONE)
+    over = int(1.0 / STEP_SECONDS) - 1  # the last ones can still be seen when it ends
+    assert len(run.missed(0.0, 4.5)) == AGENTS * over
+    assert all(2.0 <= due - 1000.0 < 3.0 for _, due in run.missed(0.0, 4.5))
+    assert run.lateness(3.6, 4.5) <= 0.0, "on time again, with what the engine makes ahead"
+
+
+def test_nobody_jumps_over_a_stall():
+    run = simulated(4.0, [(2.0, 3.0, 0.0)], AGENTS, steering=ONE)
+    for agent in {chunk.agent for chunk in run.left}:
+        own = [chunk for chunk in run.left if chunk.agent == agent]
+        assert [chunk.seq for chunk in own] == list(range(len(own)))
+        gaps = [(b.due - a.due) / STEP_SECONDS for a, b in pairwise(own)]
+        assert all(gap == pytest.approx(round(gap), abs=1e-4) for gap in gaps), "in its rhythm"
+
+
+def test_a_short_stall_is_not_seen():
+    run = simulated(4.0, [(2.0, 2.15, 0.0)], AGENTS, steering=ONE)
+    assert not run.missed(0.0, 3.5)
+
+
+def test_in_a_burst_candidates_give_way_and_then_the_standing_before_anything_is_missed():
+    run = simulated(7.0, [(2.0, 5.0, 0.4)], AGENTS, 0.8, steering=FOUR)
+    assert not run.missed(0.5, 6.5)
+    assert run.levels[0][1] == 0 and max(level for _, level in run.levels) >= 3
+    assert not held(run) & run.walkers
+
+
+def test_in_a_burst_that_is_too_much_the_standing_are_held_and_the_rest_is_back_at_once():
+    run = simulated(7.5, [(2.0, 5.0, 0.4)], AGENTS, 0.9, steering=ONE)
+    missed = run.missed(0.5, 7.0)
+    assert missed and {agent for agent, _ in missed} <= run.walkers
+    assert held(run) and not held(run) & run.walkers
+    assert all(due - 1000.0 < 5.0 + STEP_SECONDS for _, due in missed)
+    assert run.lateness(6.0, 7.0) < 0.03
+    # what is left of the time is used: two thirds and more of what the machine could do
+    walked = sum(2.5 <= c.due - 1000.0 < 5.0 and not c.flags & ChunkFlag.HELD for c in run.left)
+    assert walked > 0.67 * 0.4 / 0.9 * AGENTS * 2.5 / STEP_SECONDS
