@@ -8,7 +8,7 @@ import typer
 
 from wayfarer.errors import DataError
 from wayfarer_lab.evaluation.paper.page import page
-from wayfarer_lab.evaluation.paper.results import Results
+from wayfarer_lab.evaluation.paper.results import ResultsFolder
 from wayfarer_lab.evaluation.report import console
 
 app = typer.Typer()
@@ -32,7 +32,7 @@ def paper(
     mean and range. What is missing is named, with the reason. Nothing is measured here: see
     `wayfarer eval --help` for the tables.
     """
-    text = page(Results(results), results.as_posix(), runtime(results))
+    text = page(ResultsFolder(results), results.as_posix(), runtime(results))
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(text, encoding="utf-8")
     console.print(f"wrote {out}", highlight=False)

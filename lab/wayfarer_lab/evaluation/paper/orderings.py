@@ -13,7 +13,7 @@ from wayfarer_lab.evaluation.paper.published import (
     realism_row,
     skating_row,
 )
-from wayfarer_lab.evaluation.paper.results import Measured, Results, Source, number
+from wayfarer_lab.evaluation.paper.results import Measured, ResultsFolder, Source, number
 
 Verdict = Literal["as in the paper", "the other way", "within the spread", "not measured"]
 
@@ -40,7 +40,7 @@ class Statement:
     told: str
 
 
-def state(ordering: Ordering, results: Results) -> Statement:
+def state(ordering: Ordering, results: ResultsFolder) -> Statement:
     """Compare the two rows.
 
     Rows of several trainings differ when every training of one is beyond every training of the
@@ -156,7 +156,7 @@ MOJO_SKATING: Final = 0.278
 """The better of MOJO's two figures (its Table 4), as the paper quotes it."""
 
 
-def against_mojo(results: Results) -> str:
+def against_mojo(results: ResultsFolder) -> str:
     """One sentence: our skating beside MOJO's published figure."""
     row = results.measured(skating_row("ro-2f"))
     values = row.values("heel_skating_75mm_s") if row else []

@@ -13,7 +13,7 @@ from wayfarer_lab.evaluation.paper.published import (
     Exhibit,
     Line,
 )
-from wayfarer_lab.evaluation.paper.results import Measured, Results, number
+from wayfarer_lab.evaluation.paper.results import Measured, ResultsFolder, number
 
 INTRO: Final = """# The paper's tables and figures, and ours
 
@@ -33,7 +33,7 @@ rollout stages were short (300 and 80 steps), and so was the g-CVAE's training (
 """
 
 
-def page(results: Results, folder: str, s3: Mapping[int, float] | None) -> str:
+def page(results: ResultsFolder, folder: str, s3: Mapping[int, float] | None) -> str:
     """The page. `s3`: bodies → seconds of a primitive as served; None: no such result."""
     parts = [INTRO.format(folder=folder), _orderings(results)]
     parts += [_exhibit(exhibit, results) for exhibit in EXHIBITS[:3]]
@@ -44,7 +44,7 @@ def page(results: Results, folder: str, s3: Mapping[int, float] | None) -> str:
     return "\n".join(parts)
 
 
-def _orderings(results: Results) -> str:
+def _orderings(results: ResultsFolder) -> str:
     lines = []
     for ordering in ORDERINGS:
         said = state(ordering, results)
@@ -53,7 +53,7 @@ def _orderings(results: Results) -> str:
     return f"## What is better than what\n\n{table}\n\n{against_mojo(results)}\n"
 
 
-def _exhibit(exhibit: Exhibit, results: Results) -> str:
+def _exhibit(exhibit: Exhibit, results: ResultsFolder) -> str:
     origins: list[str] = []
     cells = [_cells(line, exhibit, results, origins) for line in exhibit.lines]
     head = ["", *(f"{name}, {who}" for name in exhibit.figures.values() for who in WHO), "made by"]
@@ -72,7 +72,7 @@ def _exhibit(exhibit: Exhibit, results: Results) -> str:
 WHO: Final = ("paper", "ours")
 
 
-def _cells(line: Line, exhibit: Exhibit, results: Results, origins: list[str]) -> list[str]:
+def _cells(line: Line, exhibit: Exhibit, results: ResultsFolder, origins: list[str]) -> list[str]:
     """Cells of a row; what made it joins `origins`, and the last cell has its number there."""
     row = results.measured(line.source) if line.source else None
     cells = [line.name]

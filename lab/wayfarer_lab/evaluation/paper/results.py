@@ -60,7 +60,7 @@ class Measured:
         return f"{number(fmean(values))} ({number(min(values))}…{number(max(values))})"
 
 
-class Results:
+class ResultsFolder:
     """A folder of results, each file read once."""
 
     def __init__(self, folder: Path) -> None:

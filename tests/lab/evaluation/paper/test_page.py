@@ -13,7 +13,7 @@ from wayfarer_lab.evaluation.commands.paper import runtime
 from wayfarer_lab.evaluation.paper.orderings import ORDERINGS, Ordering, against_mojo, state
 from wayfarer_lab.evaluation.paper.page import page
 from wayfarer_lab.evaluation.paper.published import EXHIBITS
-from wayfarer_lab.evaluation.paper.results import Results, Source
+from wayfarer_lab.evaluation.paper.results import ResultsFolder, Source
 
 ROOT = Path(__file__).resolve().parents[4]
 META = {
@@ -53,17 +53,17 @@ def test_an_order_holds_only_beyond_the_spread_of_trainings(tmp_path, one, other
         names = ("policy & top1", "policy")
         rows = [{"name": n, "success": v} for n, v in zip(names, values, strict=True)]
         write(tmp_path, f"control_seed_{seed}", *rows)
-    said = state(order(more), Results(tmp_path))
+    said = state(order(more), ResultsFolder(tmp_path))
     assert said.verdict == verdict
     assert ("one training each" in said.told) == (len(one) == 1)
 
 
 def test_what_is_not_measured_is_told_with_its_reason(tmp_path):
     write(tmp_path, "control", {"name": "policy", "success": 1.0})
-    assert state(order(), Results(tmp_path)).verdict == "not measured"
-    assert state(order(), Results(tmp_path)).told == "nobody ran it"
+    assert state(order(), ResultsFolder(tmp_path)).verdict == "not measured"
+    assert state(order(), ResultsFolder(tmp_path)).told == "nobody ran it"
     write(tmp_path, "control", {"name": "policy", "success": 1.0}, {"name": "policy & top1"})
-    assert state(order(), Results(tmp_path)).verdict == "not measured"
+    assert state(order(), ResultsFolder(tmp_path)).verdict == "not measured"
 
 
 def test_rows_tell_what_made_them_and_trainings_their_range(tmp_path):
@@ -71,7 +71,7 @@ def test_rows_tell_what_made_them_and_trainings_their_range(tmp_path):
         row = {"name": "policy(10)", "success": success, "steps": None}
         write(tmp_path, f"control_paper_{seed}", row, seed=seed)
     write(tmp_path, "control", {"name": "policy(10)", "success": 0.1})
-    made = page(Results(tmp_path), "here", {64: 0.01})
+    made = page(ResultsFolder(tmp_path), "here", {64: 0.01})
     (line,) = (line for line in made.splitlines() if line.startswith("| policy(10) |"))
     assert "| 33.9 |" in line and "| 0.95 | 0.9 (0.8…1) |" in line, "the paper's runs come first"
     assert "`wayfarer eval control --pairs 3`, seed 2, split heldout, commit 0123456" in made
@@ -83,21 +83,21 @@ def test_rows_tell_what_made_them_and_trainings_their_range(tmp_path):
 def test_no_row_is_missing_without_a_reason(tmp_path):
     """With a result that has no row of the paper's, each row tells why it is missing."""
     write(tmp_path, "nothing", {"name": "nothing"})
-    made = page(Results(tmp_path), "here", None)
+    made = page(ResultsFolder(tmp_path), "here", None)
     for exhibit in EXHIBITS:
         for line in exhibit.lines:
             assert line.source or line.why, line.name
             assert not line.why or f"**{line.name}** is missing: {line.why}." in made
     assert made.count("**not measured**") == len(ORDERINGS)
-    assert "No result" in against_mojo(Results(tmp_path))
+    assert "No result" in against_mojo(ResultsFolder(tmp_path))
 
 
 def test_a_folder_without_results_is_refused(tmp_path):
     with pytest.raises(DataError, match="holds no result"):
-        Results(tmp_path)
+        ResultsFolder(tmp_path)
     (tmp_path / "control.json").write_text("{")
     with pytest.raises(DataError, match=r"control\.json"):
-        Results(tmp_path)
+        ResultsFolder(tmp_path)
     (tmp_path / "performance_x.json").write_text('{"parts": {}}')
     with pytest.raises(DataError, match="no Table S3"):
         runtime(tmp_path)
@@ -120,7 +120,7 @@ def test_the_orders_that_ship_are_those_that_docs_state():
     results = ROOT / "benchmarks" / "results"
     if not results.exists():
         pytest.skip("an installed package has no results")
-    stated = {o.claim: state(o, Results(results)).verdict for o in ORDERINGS}
+    stated = {o.claim: state(o, ResultsFolder(results)).verdict for o in ORDERINGS}
     assert stated["1-frame models are more diverse than 2-frame models"] == "as in the paper"
     assert stated["1-frame models are less accurate than 2-frame models"] == "as in the paper"
     assert (
