@@ -12,8 +12,13 @@ from wayfarer.artifacts import ASSETS
 from wayfarer.body.glb import body_glb
 from wayfarer.body.library import SHIPPED, load_body
 from wayfarer.errors import ArtifactError, InvalidArgument
+from wayfarer.navigation.examples import EXAMPLES
 from wayfarer.spec import BETAS
+from wayfarer.transport import scene_convert
+from wayfarer.transport.basis import Basis
+from wayfarer.world.scenes.outlines import outlines
 from wayfarer_lab.engine_export.export import export_for_engines
+from wayfarer_lab.engine_export.scene import write_scene
 
 ROOT: Final = Path(__file__).parents[2]
 WEB: Final = ROOT / "clients" / "web"
@@ -22,13 +27,18 @@ RUNTIME: Final = WEB / "node_modules" / "onnxruntime-web" / "dist"
 
 PAGE: Final = ("index.html", "demo.js")
 STAGE: Final = (
-    "bodies.js", "ground.js", "rig.js", "scene.js", "textures.js", "vendor/three.min.js",
-    "vendor/three.LICENSE",
+    "bodies.js", "character.js", "dressing.js", "files.js", "glb.js", "ground.js", "latest.js",
+    "level.js", "rig.js", "scene.js", "scenes.js", "shapes.js", "textures.js",
+    "vendor/three.min.js", "vendor/three.LICENSE", "vendor/meshopt.min.js",
 )  # fmt: skip
 WASM: Final = (
     "ort.wasm.min.mjs", "ort-wasm-simd-threaded.mjs", "ort-wasm-simd-threaded.wasm",
 )  # fmt: skip
-CLIENT: Final = ("core", "local", "access.js", "api.js")
+CLIENT: Final = (
+    "core", "local", "access.js", "api.js", "character.js", "index.js", "lease.js", "session.js",
+    "stream.js", "three.js",
+)  # fmt: skip
+SCENE: Final = "town_square"
 
 LOOKS: Final = 8
 """People who look and are built differently; more are alike."""
@@ -47,8 +57,11 @@ def write_demo(out: Path) -> None:
     for name in WASM:
         _copy(RUNTIME / name, out / "onnxruntime" / name)
     for name in CLIENT:
-        _copy(WEB / "src" / name, out / "client" / name)
+        _copy(WEB / "src" / name, out / "viewer" / "client" / name)
     export_for_engines(ASSETS / "models" / "gamma-anny52", out / "people", 1, _say, halves=True)
+    scene = write_scene(EXAMPLES[SCENE](), out / "scene")
+    drawn = scene_convert.outlines(outlines(scene), Basis.GLTF.axes)
+    (out / "scene" / "outlines.json").write_text(drawn.model_dump_json(), "utf-8")
     _write_bodies(out / "bodies")
     size = sum(file.stat().st_size for file in out.rglob("*") if file.is_file())
     _say(f"{out}: {size / 1e6:.0f} MB; to look at it: python3 -m http.server --directory {out}")

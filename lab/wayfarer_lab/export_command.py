@@ -51,6 +51,14 @@ def export(
             show_default="1",
         ),
     ] = None,
+    scene: Annotated[
+        str | None,
+        typer.Option(
+            help="web: a scene to walk in, too, on one level floor: an example's name (town_square "
+            "...) or a level (.glb, .obj, .ply). Without it, a floor without end.",
+            show_default="none",
+        ),
+    ] = None,
     runs: Annotated[
         Path | None,
         typer.Option(
@@ -103,7 +111,10 @@ def export(
     wayfarer export --for engines --out Assets/Wayfarer
 
     --for web is the same for the web client's local mode: the two graphs share one file of float16
-    weights, 13 MB in all instead of 38.
+    weights, 12 MB in all instead of 38. With --scene people walk around what stands there, and
+    around each other:
+
+    wayfarer export --for web --out public/people --scene town_square
     """
     of_runs = {
         "runs": runs, "data": data, "policy": policy, "predictor_1f": predictor_1f,
@@ -111,9 +122,12 @@ def export(
     }  # fmt: skip
     if target is not ExportTarget.SERVER:
         _refuse(of_runs, target, "server")
-        _for_engines(models or SHIPPED, out or OUT[target], candidates or 1, target)
+        if target is not ExportTarget.WEB:
+            _refuse({"scene": scene}, target, "web")
+        _for_engines(models or SHIPPED, out or OUT[target], candidates or 1, target, scene)
     else:
         _refuse({"models": models, "candidates": candidates}, target, "engines or web")
+        _refuse({"scene": scene}, target, "web")
         _for_server(out or SHIPPED, {k: value for k, value in of_runs.items() if value is not None})
 
 
@@ -124,11 +138,18 @@ def _refuse(options: dict[str, Any], target: ExportTarget, other: str) -> None:
             raise InvalidArgument(f"{flag} is for --for {other}; this is --for {target}", name)
 
 
-def _for_engines(models: Path, out: Path, candidates: int, target: ExportTarget) -> None:
+def _for_engines(
+    models: Path, out: Path, candidates: int, target: ExportTarget, scene: str | None
+) -> None:
     from wayfarer_lab.engine_export.export import export_for_engines
+    from wayfarer_lab.engine_export.scene import read_scene, write_scene
 
+    spec = read_scene(scene) if scene else None  # a wrong one is told before anything is written
     halves = target is ExportTarget.WEB
     export_for_engines(models, out, candidates, typer.echo, halves=halves)
+    if spec:
+        write_scene(spec, out / "scene")
+        typer.echo(f"{out / 'scene'}: {scene}")
     typer.echo(f"{out}: written; start with {out / 'README.md'}")
 
 

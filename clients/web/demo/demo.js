@@ -1,32 +1,39 @@
 // People who wander without a server. Made into a static folder by `make demo`.
 
-import { BONES } from "./client/core/index.js";
-import { LocalSession } from "./client/local/index.js";
 import { Bodies } from "./viewer/bodies.js";
-import { planePoint } from "./viewer/ground.js";
+import { CharacterFile } from "./viewer/character.js";
+import { BONES } from "./viewer/client/core/index.js";
+import { LocalSession } from "./viewer/client/local/index.js";
+import { watchFiles } from "./viewer/files.js";
+import { Level } from "./viewer/level.js";
 import { Stage } from "./viewer/scene.js";
-import { Raycaster, Vector2 } from "./viewer/vendor/three.min.js";
+import { outlinesOf } from "./viewer/scenes.js";
 
 const FIRST = 10, MORE = 8, MOST = 50;
-const AREA = { middle: { x: 0, z: 0 }, radius: 7 }; // metres, where people walk about
+const AREA = { middle: { x: 0, z: 0 }, radius: 10 }; // metres, where people walk about, the fountain in the middle
 const DRAGGED = 5; // pixels beyond which a press is no click
 const RESTED = 4; // seconds that somebody stands where he was sent before he walks on
 
 const part = (id) => document.getElementById(id);
 const stage = new Stage(part("view"));
 const bodies = new Bodies();
+const level = new Level();
 const people = new Map(); // alias → { played, body }
 let made = 0; // people so far
 let busy = false;
 
 stage.add(bodies.group);
-const looks = await (await fetch("bodies/looks.json")).json();
+stage.add(level.group);
+const json = async (address) => (await fetch(address)).json();
+const asked = { looks: json("bodies/looks.json"), square: json("scene/outlines.json") };
 let megabytes = 0;
 let session;
+let looks;
 try {
   session = await LocalSession.open({
     model: new URL("people/", document.baseURI),
     runtime: new URL("onnxruntime/ort.wasm.min.mjs", document.baseURI),
+    scene: new URL("scene/", document.baseURI),
     on: {
       loaded: (bytes) => {
         megabytes += bytes / 1e6;
@@ -38,7 +45,7 @@ try {
         people.delete(agent.alias);
       },
       event: ({ kind, agentId }) => {
-        if (kind === "path_done") walkOn(agentId);
+        if (kind === "path_done" || kind === "unreachable") walkOn(agentId);
       },
       failed: (reason) => { part("state").textContent = `stopped: ${reason}`; },
     },
@@ -47,6 +54,10 @@ try {
   part("state").textContent = `People could not be loaded: ${error.message}`;
   throw error;
 }
+looks = await asked.looks;
+level.show(outlinesOf(await asked.square));
+stage.lower(level.under);
+stage.approach();
 globalThis.demo = { session, people, stage, send };
 
 /** A person who has stood where a click sent him walks about again, unless another click has sent him on. */
@@ -61,18 +72,44 @@ function walkOn(id) {
 async function dress(played) {
   const entry = { played, body: null, orders: 0 };
   people.set(played.agent.alias, entry);
+  if (dressed) {
+    entry.body = dressed.body(played.agent.restOffsets);
+    stage.add(entry.body.object);
+    return;
+  }
   const look = looks[(played.agent.alias - 1) % looks.length];
   entry.body = await bodies.load(`bodies/${look.file}`, {}, BONES);
   if (!people.has(played.agent.alias)) entry.body.remove();
 }
+
+let dressed = null; // the character of whoever is made now
+
+/** Somebody in the user's own character comes before the camera, and walks about. */
+async function wear(file) {
+  part("state").textContent = `reading ${file.name}`;
+  try {
+    const look = await CharacterFile.read(await file.arrayBuffer(), file.name);
+    if (look.problem) throw new Error(look.problem);
+    const { x, z } = stage.approach();
+    dressed = look;
+    const [{ agent_id: id }] = await session.createAgents([{ name: look.title, position: { x, z }, heading: 0, seed: made++ }]);
+    await session.api.wander(id, AREA.middle, AREA.radius);
+    part("state").textContent = `${look.title} walks, and stays in this page`;
+  } catch (error) {
+    part("state").textContent = `${file.name}: ${error.message}`;
+  } finally {
+    dressed = null;
+  }
+}
+watchFiles([part("character")], wear);
 
 /** So many more people, who walk about. */
 async function add(count) {
   const specs = Array.from({ length: Math.min(count, MOST - people.size) }, () => {
     const number = made++;
     const { gender, betas } = looks[number % looks.length];
-    const angle = 2.4 * number, away = AREA.radius * Math.sqrt(((number * 0.618) % 1) * 0.9 + 0.05);
-    const position = { x: away * Math.cos(angle), z: away * Math.sin(angle) };
+    const angle = 2.4 * number, away = 4.5 + 5 * ((number * 0.618) % 1); // around the fountain
+    const position = { x: away * Math.sin(angle), z: away * Math.cos(angle) };
     return { name: `person ${number + 1}`, gender, betas, position, heading: angle, seed: number };
   });
   const created = await session.createAgents(specs);
@@ -84,26 +121,28 @@ async function remove(count) {
   await Promise.all(last.map((alias) => session.api.deleteAgent(String(alias))));
 }
 
-/** The nearest person goes to a place of the ground; returns who. @param {{ x: number, z: number }} place */
-function send({ x, z }) {
+/** The nearest person goes to a place of the ground; resolves to who. @param {{ x: number, z: number }} place */
+async function send({ x, z }) {
   const gap = ({ played: { frame } }) => Math.hypot(frame[0] - x, frame[2] - z);
   const [nearest] = [...people.values()].filter(({ played }) => played.shown).sort((a, b) => gap(a) - gap(b));
   if (!nearest) return null;
   nearest.orders += 1;
-  session.api.setPath(nearest.played.agent.id, [{ x, z }]);
+  await session.api.setPath(nearest.played.agent.id, [{ x, z }]);
   return nearest.played.agent;
 }
 
 let pressed = null;
 part("view").addEventListener("pointerdown", (event) => { pressed = [event.clientX, event.clientY]; });
-part("view").addEventListener("pointerup", (event) => {
+part("view").addEventListener("pointerup", async (event) => {
   if (!pressed || Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) > DRAGGED) return;
-  const { clientWidth: width, clientHeight: height } = part("view");
-  const caster = new Raycaster();
-  caster.setFromCamera(new Vector2((2 * event.clientX) / width - 1, 1 - (2 * event.clientY) / height), stage.camera);
-  const place = planePoint(caster.ray);
-  const sent = place && send(place);
-  if (sent) part("state").textContent = `${sent.name} goes there`;
+  const place = level.meets(stage.ray(event))?.point;
+  if (!place) return;
+  try {
+    const sent = await send(place);
+    if (sent) part("state").textContent = `${sent.name} goes there`;
+  } catch (error) {
+    part("state").textContent = error.message;
+  }
 });
 
 for (const [id, act] of [["more", () => add(MORE)], ["fewer", () => remove(MORE)]]) {
@@ -137,6 +176,7 @@ part("more").disabled = false;
 part("fewer").disabled = false;
 stage.begin(() => {
   const moment = session.update();
+  level.reveal(stage.camera.position, stage.controls.target);
   for (const { played, body } of people.values()) if (played.shown) body?.pose(played.frame);
   bodies.update(moment);
   stage.render();

@@ -1,25 +1,31 @@
-// Local mode on onnxruntime-web, held to a trace of the server. node test/local_trace.js EXPORT TRACE.json
+// Local mode on onnxruntime-web, held to a trace of the server. node test/local_trace.js EXPORT TRACE.json [SCENE]
 // Prints, as JSON, how far each person's frames are from the server's.
 
 import { readFile } from "node:fs/promises";
 import { pathToFileURL } from "node:url";
 import { MODES } from "../src/local/steering.js";
 import { openExport } from "../src/local/graphs.js";
+import { LocalScene } from "../src/local/scene.js";
 import { LocalWorld } from "../src/local/world.js";
 
 const FPS = 40;
-const [folder, traced] = process.argv.slice(2);
+const [folder, traced, scenery] = process.argv.slice(2);
 const ort = await import("onnxruntime-web/wasm");
 ort.env.wasm.numThreads = 1;
 ort.env.wasm.wasmPaths = new URL(".", import.meta.resolve("onnxruntime-web/wasm")).href;
 
-const read = async (name) => {
-  const { buffer, byteOffset, byteLength } = await readFile(new URL(name, `${pathToFileURL(folder).href}/`));
+const reader = (from) => async (name) => {
+  const { buffer, byteOffset, byteLength } = await readFile(new URL(name, `${pathToFileURL(from).href}/`));
   return buffer.slice(byteOffset, byteOffset + byteLength);
 };
+const read = reader(folder);
 const { about, bodies, run } = await openExport(read, ort);
 const { people: specs, commands, chunks, seconds } = JSON.parse(await readFile(traced, "utf8"));
-const world = new LocalWorld(about, bodies, run);
+const scene = scenery ? await LocalScene.read(reader(scenery)) : null;
+const met = [];
+const world = new LocalWorld(about, bodies, run, scene, (person, kind, waypoint, place) => {
+  met.push({ who: people.indexOf(person), kind, waypoint, place });
+});
 const people = specs.map((spec) => world.add({ ...spec, seed: BigInt(spec.seed) }, 0));
 const own = people.map(() => []);
 
@@ -43,7 +49,7 @@ const found = own.map((mine, who) => mine.map((chunk, k) => {
 }));
 const count = (rows, name) => rows.filter((row) => !row[name]).length;
 console.log(JSON.stringify({
-  milliseconds, ...world.stats,
+  milliseconds, met, ...world.stats,
   people: found.map((rows, who) => ({
     chunks: [rows.length, chunks[who].length],
     hips: Math.max(...rows.map(({ hips }) => hips)),

@@ -30,7 +30,7 @@ from wayfarer_lab.engine_export.bodies import body_parts
 from wayfarer_lab.engine_export.graph import engine_graph
 from wayfarer_lab.engine_export.operators import check_operators
 from wayfarer_lab.engine_export.sidecar import PAGE, SIDECAR, body_file_name, page, sidecar
-from wayfarer_lab.onnx_files import WEIGHTS_FILE, WeightStore, externalise
+from wayfarer_lab.engine_export.weights import FLOATS_FILE, HALVES_FILE, SharedWeights
 
 TOLERANCE: Final = 1e-4
 """Largest difference from the served engine in one step: metres, and components of quaternions."""
@@ -49,7 +49,7 @@ def export_for_engines(
     """Write graphs, bodies, sidecar and page of a model folder to `out`; `told` hears of progress.
 
     With `halves` the graphs share `weights.bin`, float16, for pages that load both: the same
-    numbers in a third of the bytes.
+    numbers in a third of the bytes. See `weights.py`.
 
     An earlier export in `out` is replaced file by file, and what else is there stays (Unity keeps
     its .meta files beside each file). Raises InvalidArgument, ArtifactError.
@@ -86,7 +86,7 @@ def _write(
 ) -> None:
     graphs, parts, differences = {}, {}, {}
     meanings = {}
-    store = WeightStore() if halves else None
+    store = SharedWeights() if halves else None
     engines = _served(folder)
     steering = Steering().with_search(candidates=candidates)
     for gender in GENDERS:
@@ -103,7 +103,7 @@ def _write(
         check_operators(graph, file.name)
         written = onnx.ModelProto.FromString(graph.SerializeToString())
         if store is not None:
-            written = externalise(written, store)
+            store.take(written)
         file.write_bytes(written.SerializeToString())
         told(f"{file.name}: {len(graph.graph.node)} nodes, {file.stat().st_size / 1e6:.1f} MB")
         parts[gender] = body_parts(bodies[gender], poses)
@@ -114,13 +114,14 @@ def _write(
         meanings[body_file_name(gender)] = f"{gender} body: bones, start poses, soles"
     if store is not None:
         store.write(out)
-        meanings[WEIGHTS_FILE] = "weights of both graphs, float16"
+        meanings[HALVES_FILE] = f"weights of both graphs, float16; they read them as {FLOATS_FILE}"
     for gender in GENDERS:
         walk = _Walk(bodies, poses, gender, steering, candidates)
         for name, engine in engines.items():
             worst = walk.compared(out / graph_file(gender), engine)
             differences[f"{gender}, {name}"] = worst
             told(f"{graph_file(gender)}: differs from {name} by {worst:.1e} at most")
+    (out / FLOATS_FILE).unlink(missing_ok=True)
     files = {
         name: {
             "bytes": (out / name).stat().st_size,
@@ -153,7 +154,7 @@ def _check_place(out: Path) -> None:
     written = [
         SIDECAR,
         PAGE,
-        WEIGHTS_FILE,
+        HALVES_FILE,
         *(name(g) for g in GENDERS for name in (graph_file, body_file_name)),
     ]
     if taken := [name for name in written if (out / name).exists()]:

@@ -1,11 +1,13 @@
 // People of a local session, beside the page's thread or in it: commands come in, chunks go out, time passes.
 
+import { Unreachable } from "./scene.js";
 import { LocalWorld } from "./world.js";
 
 const FPS = 40;
 const LATE = 0.25; // seconds behind from which time is made to wait: the machine is too slow
 const STATES = ["standing", "walking", "stopping", "turning", "walking"];
 const STANDING = 0, FLAG_ARRIVED = 4;
+const DRAWS = 16; // of a place to wander to, until one is free
 
 /** @typedef {import("./person.js").Person} Person */
 /**
@@ -35,19 +37,20 @@ export class LocalHost {
   #timer;
 
   /**
-   * @param {Awaited<ReturnType<typeof import("./graphs.js").openExport>>} opened
+   * @param {Awaited<ReturnType<typeof import("./graphs.js").openExport>> & { scene?: import("./scene.js").LocalScene | null }} opened
    * @param {(message: HostMessage) => void} tell @param {() => number} [now]
    */
-  constructor({ about, bodies, run }, tell, now = sharedClock) {
+  constructor({ about, bodies, run, scene }, tell, now = sharedClock) {
     this.tell = tell;
     this.now = now;
     this.#epoch = now();
-    this.world = new LocalWorld(about, bodies, async (gender, feeds) => {
+    const timed = async (/** @type {string} */ gender, /** @type {Record<string, import("./world.js").Tensor>} */ feeds) => {
       const began = performance.now();
       const outputs = await run(gender, feeds);
       this.stats.graphMs += performance.now() - began;
       return outputs;
-    });
+    };
+    this.world = new LocalWorld(about, bodies, timed, scene ?? null, (person, kind, waypoint, place) => this.#met(person, kind, waypoint, place));
     /** Milliseconds in the graph and around it, steps of people, and seconds that time has waited for the machine. */
     this.stats = { graphMs: 0, otherMs: 0, rows: 0, waited: 0 };
   }
@@ -70,24 +73,28 @@ export class LocalHost {
 
   /** A path in place of what there was; none: stop. @param {number} alias @param {import("./steering.js").CoreGoal[]} goals */
   give(alias, goals) {
+    const person = this.#person(alias), found = this.#fitted(person, goals);
     this.#wanderers.delete(alias);
     this.#done.delete(alias);
-    this.#person(alias).give(goals, this.#frame());
+    person.give(found.goals, this.#frame());
+    for (const { index, place } of found.moves) this.#met(person, "goal_moved", index, place);
     this.#wake();
   }
 
   /** @param {number} alias @param {import("./steering.js").CoreGoal[]} goals */
   append(alias, goals) {
+    const person = this.#person(alias), found = this.#fitted(person, goals), before = person.waypoints;
     this.#wanderers.delete(alias);
     this.#done.delete(alias);
-    this.#person(alias).append(goals, this.#frame());
+    person.append(found.goals, this.#frame());
+    for (const { index, place } of found.moves) this.#met(person, "goal_moved", before + index, place);
     this.#wake();
   }
 
   /** Walk about within an area, from point to point. @param {number} alias @param {Area} area */
   wander(alias, area) {
-    const random = sequence(Number(this.#person(alias).spec.seed & 0xffffffffn) + 1);
-    this.give(alias, [place(area, random)]);
+    const person = this.#person(alias), random = sequence(Number(person.spec.seed & 0xffffffffn) + 1);
+    this.give(alias, [this.#place(person, area, random)]);
     this.#wanderers.set(alias, { area, random });
   }
 
@@ -148,7 +155,44 @@ export class LocalHost {
   /** Give an agent that is on the way to its last point another point. @param {number} alias */
   #walkOn(alias) {
     const person = this.#person(alias), { area, random } = /** @type {{ area: Area, random: () => number }} */ (this.#wanderers.get(alias));
-    if (person.waypoint >= person.waypoints - 1) person.append([place(area, random)], this.#frame());
+    if (person.waypoint >= person.waypoints - 1) person.append([this.#place(person, area, random)], this.#frame());
+  }
+
+  /** A goal within an area that the person can reach. @param {Person} person @param {Area} area @param {() => number} random */
+  #place(person, area, random) {
+    const { scene } = this.world, [x, y] = person.place;
+    for (let draw = 0; draw < DRAWS; draw += 1) {
+      const drawn = place(area, random);
+      if (!scene) return drawn;
+      const { triangle, moved } = scene.place([drawn.x, drawn.y]);
+      if (!moved && scene.island[triangle] === scene.island[scene.place([x, y]).triangle]) return drawn;
+    }
+    return { ...place({ ...area, x, y, radius: 0 }, random) }; // nothing of the area is free: stay
+  }
+
+  /** @param {Person} person @param {import("./steering.js").CoreGoal[]} goals */
+  #fitted(person, goals) {
+    try {
+      return this.world.fitted(person, goals);
+    } catch (error) {
+      if (error instanceof Unreachable) throw new Error(`no way leads to the goal; the nearest place that can be reached is ${shown(error.nearest)}`);
+      throw error;
+    }
+  }
+
+  /** A person has met with something on the way. @param {Person} person @param {string} kind @param {number} waypoint @param {[number, number]} place */
+  #met(person, kind, waypoint, place) {
+    const found = [...this.#people].find(([, other]) => other === person);
+    if (!found || this.#wanderers.has(found[0])) return;
+    const detail = kind === "goal_moved"
+      ? `the goal is not on free ground; the nearest that can be reached is ${shown(place)}`
+      : `no way leads to the goal; the nearest place that can be reached is ${shown(place)}`;
+    this.#event(found[0], kind, this.#epoch + person.nextFrame / FPS, person.revision, waypoint, detail);
+  }
+
+  /** @param {number} alias @param {string} kind @param {number} at @param {number} goalRevision @param {number} waypoint @param {string} detail */
+  #event(alias, kind, at, goalRevision, waypoint, detail) {
+    this.tell({ kind: "event", event: { kind, agentId: String(alias), alias, at, goalRevision, waypoint, detail } });
   }
 
   /** @param {Person} person @param {import("./person.js").LocalChunk} chunk */
@@ -160,8 +204,7 @@ export class LocalHost {
     const { seq, goalRevision, flags, waypoint } = chunk;
     const frames = toGltf(chunk.translation, chunk.rotations);
     this.tell({ kind: "chunk", alias, seq, at, goalRevision, state: STATES[chunk.mode], flags, waypoint, frames, contacts });
-    const event = (/** @type {string} */ kind, /** @type {string} */ detail) =>
-      this.tell({ kind: "event", event: { kind, agentId: String(alias), alias, at, goalRevision, waypoint, detail } });
+    const event = (/** @type {string} */ kind, /** @type {string} */ detail) => this.#event(alias, kind, at, goalRevision, waypoint, detail);
     if (flags & FLAG_ARRIVED) event("goal_reached", `goal ${waypoint} was reached`);
     const stands = chunk.mode === STANDING && chunk.end.gait.arrived;
     if (chunk.last && (stands || (chunk.through && flags & FLAG_ARRIVED)) && !this.#done.has(alias)) {
@@ -189,6 +232,9 @@ function toGltf(translation, rotations) {
   }
   return frames;
 }
+
+/** A place as the page has it. @param {[number, number]} place */
+const shown = ([x, y]) => `x ${(-x).toFixed(2)}, z ${y.toFixed(2)}`;
 
 /** @param {Area} area @param {() => number} random */
 function place({ x, y, radius, speed }, random) {

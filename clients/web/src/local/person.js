@@ -28,6 +28,7 @@ const FLAG_FIRST = 1, FLAG_REPLANNED = 2, FLAG_ARRIVED = 4;
  * @property {number} waypoint @property {number} goalRevision @property {boolean} last the goal is the last one
  * @property {boolean} through @property {Motion} end
  */
+/** Where a step of a person starts. @typedef {{ person: Person, seed: Seed, start: import("./steering.js").Start, gait: Gait, goal: import("./steering.js").GoalRow }} Begun */
 /**
  * @typedef {object} PersonSpec
  * @property {"female" | "male"} gender @property {ArrayLike<number>} betas @property {number} x @property {number} y
@@ -46,8 +47,12 @@ export class Person {
   /** @type {[number, number]} */
   #from = [0, 0]; // where the path begins
 
-  /** @param {PersonSpec} spec @param {import("./body.js").LocalBody} body @param {import("./steering.js").Steering} steering @param {number} startFrame */
-  constructor(spec, body, steering, startFrame) {
+  /**
+   * @param {PersonSpec} spec @param {import("./body.js").LocalBody} body @param {import("./steering.js").Steering} steering
+   * @param {number} startFrame @param {number} number of two who block each other the lower one goes first
+   */
+  constructor(spec, body, steering, startFrame, number) {
+    this.number = number;
     this.spec = spec;
     this.body = body;
     this.steering = steering;
@@ -80,7 +85,17 @@ export class Person {
     return this.#queue.length ? this.#shown(this.sentChunks) : Infinity;
   }
 
-  /** Goals that are not done, and the present one's place in the path. */
+  /** World frame of the first frame that is not planned. */
+  get nextFrame() {
+    return this.#shown(this.plannedChunks);
+  }
+
+  /** Counts the changes of the path. */
+  get revision() {
+    return this.#revision;
+  }
+
+  /** The present goal's place in the path. */
   get waypoint() {
     return this.planned.gait.waypoint;
   }
@@ -118,20 +133,35 @@ export class Person {
     this.#path = goalRows(this.#goals, this.#from);
   }
 
-  /** What the next step is asked for, as far as the inputs depend on it. */
-  next() {
+  /** Put a goal of the path elsewhere. @param {number} waypoint @param {[number, number]} place */
+  moveGoal(waypoint, place) {
+    if (!this.#goals[waypoint]) return;
+    const goal = { ...this.#goals[waypoint], x: place[0], y: place[1] };
+    this.#goals[waypoint] = goal;
+    this.#path[waypoint] = { ...this.#path[waypoint], place };
+  }
+
+  /** Where the next step starts, and what it is to lead to. @returns {Begun} */
+  begin() {
     const { seed } = this.planned, { translation, rotations } = seed;
     /** @type {import("./steering.js").Start} */
     const start = {
       hips: [translation[3], translation[4]], first: [translation[0], translation[1]], facing: facingOf(rotations, TURN),
     };
-    let gait = this.planned.gait;
-    gait = this.steering.advance(gait, goalAt(this.#path, gait.waypoint));
-    const goal = goalAt(this.#path, gait.waypoint);
+    const gait = this.steering.advance(this.planned.gait, goalAt(this.#path, this.planned.gait.waypoint));
+    return { person: this, seed, start, gait, goal: goalAt(this.#path, gait.waypoint) };
+  }
+
+  /**
+   * What the next step is asked for, as far as the inputs depend on it. `ahead`: the goal that steering sees, `judged`:
+   * the one by which arrival is judged (see guide.js).
+   * @param {Begun} begun @param {import("./guide.js").Course} course
+   */
+  next({ seed, start, gait: before }, { ahead, judged }) {
     const ready = (this.plannedChunks + this.reaction) % this.steering.reactions === 0;
-    gait = shortenedGait(this.steering.decide(gait, start, goal, ready), goal, this.stride);
-    const targets = this.steering.targets(gait, start, goal);
-    return { seed, start, gait, goal, targets, carried: this.steering.carried(gait, start, goal) };
+    const gait = shortenedGait(this.steering.decide(before, start, ahead, ready), ahead, this.stride);
+    const targets = this.steering.targets(gait, start, ahead);
+    return { seed, start, gait, goal: judged, targets, carried: this.steering.carried(gait, start, ahead) };
   }
 
   /** Plan a chunk from what the engine has made. @param {ReturnType<Person["next"]>} asked @param {import("./planting.js").Step} made */

@@ -14,10 +14,12 @@ const FARTHEST = 10_000; // metres
 /** @typedef {import("../api.js").Goal} Goal */
 /**
  * `model`: address of a folder that `wayfarer export --for web` has written, with a final slash. `runtime`: address of
- * `ort.wasm.min.mjs` of the package onnxruntime-web, whose .wasm lies beside it. `on`: what a stream's player tells,
+ * `ort.wasm.min.mjs` of the package onnxruntime-web, whose .wasm lies beside it. `scene`: address of a folder that
+ * `wayfarer export --for web --scene` has written, with a final slash: people walk around what stands there, and around
+ * each other; without it the floor has no end, and they walk through each other. `on`: what a stream's player tells,
  * `loaded(bytes)` while files come, and `failed(reason)` when nobody can be moved any more.
  * @typedef {object} LocalOptions
- * @property {string | URL} model @property {string | URL} runtime
+ * @property {string | URL} model @property {string | URL} runtime @property {string | URL} [scene]
  * @property {import("../core/player.js").PlayerEvents & { loaded?: (bytes: number) => void, failed?: (reason: string) => void }} [on]
  */
 /**
@@ -43,7 +45,8 @@ export class LocalSession {
     const session = new LocalSession(new Worker(new URL("./worker.js", import.meta.url), { type: "module" }), options);
     const absolute = (/** @type {string | URL} */ address) => new URL(address, globalThis.location?.href).href;
     try {
-      await session.#call("open", { model: absolute(options.model), runtime: absolute(options.runtime) });
+      const { model, runtime, scene } = options;
+      await session.#call("open", { model: absolute(model), runtime: absolute(runtime), ...(scene && { scene: absolute(scene) }) });
     } catch (error) {
       session.close();
       throw error;

@@ -252,6 +252,6 @@ export const minus = (a, b) => [a[0] - b[0], a[1] - b[1]];
 /** @param {number} s @param {Point} a @returns {Point} */
 export const times = (s, a) => [s * a[0], s * a[1]];
 /** @param {Point} a @returns {Point} */
-const unit = (a) => times(1 / Math.max(Math.hypot(...a), 1e-6), a);
+export const unit = (a) => times(1 / Math.max(Math.hypot(...a), 1e-6), a);
 /** Radians between unit vectors. @param {Point} a @param {Point} b */
 const between = (a, b) => Math.acos(bounded(a[0] * b[0] + a[1] * b[1], -1, 1));

@@ -2,6 +2,7 @@
 // frames at 40 a second; no clock is read and no page is needed. World: metres, Z up.
 
 import { LocalBody } from "./body.js";
+import { Guide, MOVED } from "./guide.js";
 import { FRAMES, Person, SEED, TURN } from "./person.js";
 import { MODES, Steering } from "./steering.js";
 
@@ -12,14 +13,23 @@ const JOINTS = 22, LATENT = 128, SCHEMA = 1;
 
 export class LocalWorld {
   #lastCall = 0;
+  #lastNumber = 0;
   /** @type {Set<Person>} */
   #people = new Set();
+  /** @type {Guide | null} */
+  #guide;
 
-  /** @param {any} about wayfarer.json @param {Record<string, ArrayBuffer>} bodies body_<gender>.bin, by gender @param {Run} run */
-  constructor(about, bodies, run) {
+  /**
+   * @param {any} about wayfarer.json @param {Record<string, ArrayBuffer>} bodies body_<gender>.bin, by gender @param {Run} run
+   * @param {import("./scene.js").LocalScene | null} [scene] null: the floor is without end, and people walk through each other
+   * @param {(person: Person, kind: string, waypoint: number, place: [number, number]) => void} [tell] see `Guide`
+   */
+  constructor(about, bodies, run, scene = null, tell = () => {}) {
     if (about.schema !== SCHEMA) throw new Error(`wayfarer.json: schema ${about.schema}; this version reads ${SCHEMA}`);
     this.about = about;
     this.run = run;
+    this.scene = scene;
+    this.#guide = scene && new Guide(scene, tell);
     this.steering = new Steering(about.steering);
     this.bodies = new Map(Object.entries(bodies).map(([gender, bytes]) => [gender, new LocalBody(about, gender, bytes)]));
     this.modes = MODES.map((name) => about.modes[name]);
@@ -41,9 +51,27 @@ export class LocalWorld {
     if (!body) throw new Error(`gender "${whole.gender}"; allowed: ${[...this.bodies.keys()].join(", ")}`);
     const earliest = Math.floor(frame) + 1 + FRAMES; // one chunk is planned ahead
     const start = earliest + ((FRAMES - (earliest % FRAMES)) % FRAMES); // all are stepped at the same moments
-    const person = new Person(whole, body, this.steering, start);
+    if (this.scene) [whole.x, whole.y] = this.scene.place([whole.x, whole.y]).spot;
+    const person = new Person(whole, body, this.steering, start, this.#lastNumber += 1);
     this.#people.add(person);
     return person;
+  }
+
+  /**
+   * Goals as a person can reach them: those off free ground are moved to the nearest that is free, `moves` tells which.
+   * Throws Unreachable. @param {Person} person @param {import("./steering.js").CoreGoal[]} goals
+   */
+  fitted(person, goals) {
+    const { scene } = this, { translation } = person.planned.seed;
+    /** @type {{ index: number, place: [number, number] }[]} */
+    const moves = [];
+    if (!scene) return { goals, moves };
+    const fitted = goals.map((goal, index) => {
+      const { spot, moved } = scene.reach([translation[3], translation[4]], [goal.x, goal.y]).last;
+      if (moved > MOVED) moves.push({ index, place: spot });
+      return { ...goal, x: spot[0], y: spot[1] };
+    });
+    return { goals: fitted, moves };
   }
 
   /** @param {Person} person */
@@ -68,8 +96,8 @@ export class LocalWorld {
     for (;;) {
       const due = [...this.#people].filter((person) => person.planFrame <= frame);
       if (!due.length) return;
-      const calls = [...this.bodies.keys()].map((gender) => due.filter(({ spec }) => spec.gender === gender));
-      for (const people of calls) if (people.length) await this.#step(people);
+      due.sort((a, b) => a.planFrame - b.planFrame); // the most urgent first; equally urgent ones keep their order
+      await this.#step(due.filter(({ spec }) => spec.gender === due[0].spec.gender));
       this.#send(frame, sent);
     }
   }
@@ -86,7 +114,9 @@ export class LocalWorld {
 
   /** @param {Person[]} people of one gender */
   async #step(people) {
-    const call = (this.#lastCall += 1), asked = people.map((person) => person.next());
+    const call = (this.#lastCall += 1), begun = people.map((person) => person.begin());
+    const courses = this.#guide?.courses(begun, this.#people) ?? begun.map(({ goal }) => ({ ahead: goal, judged: goal }));
+    const asked = people.map((person, k) => person.next(begun[k], courses[k]));
     for (const person of people) person.stepping = call;
     const outputs = await this.run(people[0].spec.gender, this.#feeds(people, asked));
     this.stats.calls += 1;

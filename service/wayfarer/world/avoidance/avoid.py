@@ -20,6 +20,12 @@ from wayfarer.world.avoidance.people import Float, Memory, People
 from wayfarer.world.avoidance.rules import FAN, RULES, Rules
 from wayfarer.world.rows import Index
 
+EVEN: Final = 1e-4
+"""Costs that differ by no more are equal: the first candidate is taken (1 m/s off the way costs 2).
+Left and right often cost the same, and rounding must not choose. The web client's local mode has
+the same rule.
+"""
+
 FACING: Final = 0.3
 """Cosine: somebody would walk towards one."""
 
@@ -53,7 +59,8 @@ def avoid(
     yields = memory.yields > 0
     way = np.where(yields[:, None], memory.retreat * rules.yield_speed, preferred)
     tried = _candidates(way, memory.chosen, rules)
-    best = costs(people, rows, near, way, tried, memory.chosen, clear, rules).argmin(1)
+    total = costs(people, rows, near, way, tried, memory.chosen, clear, rules)
+    best = (total <= total.min(1, keepdims=True) + EVEN).argmax(1)
     chosen = tried[np.arange(len(rows)), best]
     waits = ~chosen.any(-1)
     memory = _remember(memory, people, rows, preferred, chosen, seconds)

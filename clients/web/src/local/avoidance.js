@@ -1,0 +1,147 @@
+// Where to walk among others: sampled reciprocal velocity obstacles. The server's world/avoidance, where the rules are
+// explained, for one person at a time. World: metres, m/s, seconds.
+
+/** @typedef {import("./scene.js").Point} Point */
+/**
+ * What is remembered of a person from step to step.
+ * @typedef {object} Memory
+ * @property {Point} preferred where it would have gone @property {Point} chosen where it went
+ * @property {number} waited seconds for which it has not got on @property {number} yields seconds for which it makes way
+ * @property {Point} retreat unit vector in which it makes way
+ */
+/**
+ * One of all people at a moment. `walks`: it has a way to go, so half of the task is its own.
+ * @typedef {object} Other
+ * @property {number} number of two who block each other the lower one goes first
+ * @property {Point} position @property {Point} velocity @property {boolean} walks @property {Memory} memory
+ */
+/** @typedef {{ other: Other, dx: number, dy: number, distance: number }} Neighbour */
+
+const RADIUS = Math.fround(0.25); // of a person among others
+const TURNS = [0, 12, -12, 25, -25, 40, -40, 60, -60, 85, -85, 120, -120, 160], SPEEDS = [1, 0.6];
+const FAN = SPEEDS.flatMap((speed) => TURNS.map((turn) => {
+  const angle = (turn * Math.PI) / 180;
+  return { x: Math.fround(speed * Math.cos(angle)), y: Math.fround(speed * Math.sin(angle)) };
+}));
+const NEIGHBOURS = 10, SIGHT = 8, HORIZON = 3.5, SOON = 0.3, CLOSE = 1.5, COMFORT = 0.35, REACTION = 0.25, SLOWEST = 0.5;
+const WALL_ROOM = 0.1, WALL_TIMES = [0.3, 0.7, 1.2];
+const DEVIATION = 2, CHANGE = 0.7, COLLISION = 2.2, SIDE = 0.5, WALL = 15;
+const PATIENCE = Math.fround(1.2), YIELDING = Math.fround(1.6), YIELD_SPEED = 0.6, PUSH = 4; // times are counted in float32, as there
+const EVEN = 1e-4, FACING = 0.3, BLOCKING = 1.6;
+
+/** @returns {Memory} */
+export const freshMemory = () => ({ preferred: [0, 0], chosen: [0, 0], waited: 0, yields: 0, retreat: [0, 0] });
+
+/**
+ * The velocity that one of the people takes who would walk at `preferred`, not zero; and what is remembered of it.
+ * `clear`: metres to the nearest wall; null: there are none. `seconds`: since it was asked last.
+ * @param {Other[]} people @param {Other} self @param {Point} preferred @param {((x: number, y: number) => number) | null} clear @param {number} seconds
+ * @returns {{ velocity: Point, waits: boolean, memory: Memory }}
+ */
+export function avoid(people, self, preferred, clear, seconds) {
+  const { memory } = self, near = neighbours(people, self);
+  const way = memory.yields > 0 ? scaled(YIELD_SPEED, memory.retreat) : preferred;
+  const room = clear ? Math.min(RADIUS + WALL_ROOM, clear(self.position[0], self.position[1])) : 0;
+  const tried = candidates(way, memory.chosen);
+  const costs = tried.map((each) => DEVIATION * apart(each, way) + CHANGE * apart(each, memory.chosen)
+    + meetings(self, near, each) + (clear ? walls(self, each, clear, room) : 0));
+  const least = Math.min(...costs), velocity = tried[costs.findIndex((cost) => cost <= least + EVEN)];
+  const remembered = remember(self, preferred, velocity, seconds);
+  return { velocity, waits: !velocity[0] && !velocity[1], memory: makeWay(remembered, self, near) };
+}
+
+/** Those in sight who are near now, or will be in a second. @param {Other[]} people @param {Other} self @returns {Neighbour[]} */
+function neighbours(people, self) {
+  const found = [];
+  for (const other of people) {
+    if (other === self) continue;
+    const dx = Math.fround(other.position[0] - self.position[0]), dy = Math.fround(other.position[1] - self.position[1]);
+    const square = dx * dx + dy * dy;
+    if (square > SIGHT * SIGHT) continue;
+    const distance = Math.sqrt(square);
+    const soon = Math.hypot(dx + other.velocity[0] - self.velocity[0], dy + other.velocity[1] - self.velocity[1]);
+    found.push({ other, dx, dy, distance, urgency: Math.fround(distance + soon) });
+  }
+  return found.sort((a, b) => a.urgency - b.urgency).slice(0, NEIGHBOURS);
+}
+
+/** The preferred velocity, a fan around it, the last one, a stop. @param {Point} way @param {Point} last @returns {Point[]} */
+function candidates(way, last) {
+  const speed = Math.hypot(way[0], way[1]), least = Math.min(SLOWEST, speed) / Math.max(speed, 1e-6);
+  /** @type {Point[]} */
+  const tried = FAN.map(({ x, y }) => {
+    const length = Math.hypot(x, y), scale = Math.max(length, least) / length;
+    return [Math.fround(scale * (x * way[0] - y * way[1])), Math.fround(scale * (x * way[1] + y * way[0]))];
+  });
+  tried.push(last, [0, 0]);
+  return tried;
+}
+
+/** How soon and how nearly others are met, and on which side. @param {Other} self @param {Neighbour[]} near @param {Point} tried */
+function meetings(self, near, [vx, vy]) {
+  const [ux, uy] = self.velocity, touch = 2 * RADIUS;
+  const comfort = COMFORT / (1 + self.memory.waited / PUSH), room = touch + comfort;
+  let most = 0, sum = 0;
+  for (const { other, dx: x, dy: y, distance } of near) {
+    const [ox, oy] = other.velocity;
+    const givesWay = other.walks && ox * ox + oy * oy > 0.09;
+    const share = givesWay ? 1 + Math.min(Math.max((distance - touch) / CLOSE - 1, 0), 1) : 1;
+    const wx = share * vx - ((share - 1) * ux + ox), wy = share * vy - ((share - 1) * uy + oy);
+    const dx = x - REACTION * (ux - vx), dy = y - REACTION * (uy - vy);
+    const along = wx * dx + wy * dy, fast = Math.max(wx * wx + wy * wy, 1e-4);
+    const at = Math.min(Math.max(along / fast, SOON), HORIZON);
+    const gap = Math.hypot(dx - wx * at, dy - wy * at);
+    const depth = Math.max(room - gap, 0) / comfort;
+    const sooner = at - Math.sqrt(Math.max(room * room - gap * gap, 0) / fast);
+    let each = COLLISION * depth * (1 / (0.1 + Math.max(sooner, 0) / HORIZON) - 1 / 1.1);
+    if (ux * ox + uy * oy < -0.2) { // oncoming: pass on the left
+      const cross = (wx * dy - wy * dx) / Math.sqrt(fast);
+      const wrong = along > 0 ? Math.min(Math.max((0.35 - cross) / 0.7, 0), 1) : 0;
+      each += SIDE * wrong * Math.min(Math.max(1.5 - Math.abs(cross), 0), 1);
+    }
+    most = Math.max(most, each);
+    sum += each;
+  }
+  return most + 0.25 * sum;
+}
+
+/** How far a way leads into walls within the next second. @param {Other} self @param {Point} tried @param {(x: number, y: number) => number} clear @param {number} wanted */
+function walls({ position, velocity }, [vx, vy], clear, wanted) {
+  let most = 0;
+  for (const time of WALL_TIMES) {
+    const x = position[0] + REACTION * (velocity[0] - vx) + vx * time, y = position[1] + REACTION * (velocity[1] - vy) + vy * time;
+    most = Math.max(most, wanted - clear(x, y));
+  }
+  return (WALL * most) / WALL_ROOM;
+}
+
+/** @param {Other} self @param {Point} preferred @param {Point} chosen @param {number} seconds @returns {Memory} */
+function remember({ velocity, memory }, preferred, chosen, seconds) {
+  const speed = Math.hypot(preferred[0], preferred[1]);
+  const on = (velocity[0] * preferred[0] + velocity[1] * preferred[1]) / Math.max(speed, 1e-6);
+  const passed = Math.fround(seconds), waited = on < 0.25 * speed ? Math.fround(memory.waited + passed) : 0;
+  return { preferred, chosen, waited, yields: Math.max(Math.fround(memory.yields - passed), 0), retreat: memory.retreat };
+}
+
+/** Who has waited too long before others of lower numbers begins to make way. @param {Memory} memory @param {Other} self @param {Neighbour[]} near @returns {Memory} */
+function makeWay(memory, self, near) {
+  if (memory.waited <= PATIENCE || memory.yields > 0) return memory;
+  const first = near.find(({ other, dx, dy, distance }) => {
+    const [x, y] = other.memory.preferred, speed = Math.max(Math.hypot(x, y), 1e-6);
+    const towards = -(x * dx + y * dy) / (Math.max(distance, 1e-6) * speed);
+    const [ox, oy] = other.velocity, slow = ox * ox + oy * oy < 0.25 * speed * speed;
+    return other.walks && other.number < self.number && distance < BLOCKING && towards > FACING && slow;
+  });
+  if (!first) return memory;
+  const [x, y] = first.other.memory.preferred, speed = Math.max(Math.hypot(x, y), 1e-6);
+  const ahead = [x / speed, y / speed], along = -first.dx * ahead[0] - first.dy * ahead[1];
+  const across = [-first.dx - along * ahead[0], -first.dy - along * ahead[1]];
+  const wide = Math.max(Math.hypot(across[0], across[1]), 1e-6);
+  const away = [ahead[0] + across[0] / wide, ahead[1] + across[1] / wide], long = Math.max(Math.hypot(away[0], away[1]), 1e-6);
+  return { ...memory, waited: 0, yields: YIELDING, retreat: [Math.fround(away[0] / long), Math.fround(away[1] / long)] };
+}
+
+/** @param {number} s @param {Point} p @returns {Point} */
+const scaled = (s, p) => [s * p[0], s * p[1]];
+/** @param {Point} a @param {Point} b */
+const apart = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);

@@ -1,0 +1,18 @@
+// Velocities that local mode lets people take among others. node test/local_avoid.js CROWDS.json [SCENE]
+
+import { readFile } from "node:fs/promises";
+import { pathToFileURL } from "node:url";
+import { avoid } from "../src/local/avoidance.js";
+import { LocalScene } from "../src/local/scene.js";
+
+const [crowds, scenery] = process.argv.slice(2);
+const scene = await LocalScene.read(async (name) => {
+  const { buffer, byteOffset, byteLength } = await readFile(new URL(name, `${pathToFileURL(scenery).href}/`));
+  return buffer.slice(byteOffset, byteOffset + byteLength);
+});
+const { people, ways } = JSON.parse(await readFile(crowds, "utf8"));
+const clear = (x, y) => scene.distance(x, y);
+console.log(JSON.stringify({
+  chosen: people.map((crowd) => crowd.map((self) => avoid(crowd, self, self.preferred, clear, 0.2))),
+  ways: ways.map(({ from, to }) => scene.path(from, to)),
+}));
