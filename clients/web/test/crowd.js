@@ -14,38 +14,52 @@ function varint(value) {
   }
 }
 
-const block = (field, bytes) => [...varint(field * 8 + 2), ...varint(bytes.length), ...bytes];
+function joined(...pieces) {
+  const all = new Uint8Array(pieces.reduce((length, piece) => length + piece.length, 0));
+  pieces.reduce((start, piece) => (all.set(piece, start), start + piece.length), 0);
+  return all;
+}
+
+const block = (field, bytes) => joined(varint(field * 8 + 2), varint(bytes.length), bytes);
 const number = (field, value) => [...varint(field * 8), ...varint(value)];
 const packed = (field, values) => block(field, values.flatMap(varint));
-const text = (field, value) => block(field, [...new TextEncoder().encode(value)]);
-const floats = (values) => [...new Uint8Array(Float32Array.from(values).buffer)];
+const text = (field, value) => block(field, new TextEncoder().encode(value));
+const floats = (values) => new Uint8Array(Float32Array.from(values).buffer);
+
+const TURNED = ROTATIONS.map((rotations) => rotations.flat());
 
 /** The first message: 22 bones in F32_LE at 40 fps. */
 export function header() {
   const bones = Array.from({ length: 22 }, (_, k) => k);
-  const fields = [
-    ...number(3, 40), ...block(4, number(1, 1)), ...number(6, 1), ...number(7, 40), ...packed(8, bones), ...number(9, 364),
-  ];
-  return Uint8Array.from([...number(1, 1e15), ...block(2, fields)]);
+  const fields = joined(
+    number(3, 40), block(4, number(1, 1)), number(6, 1), number(7, 40), packed(8, bones), number(9, 364),
+  );
+  return joined(number(1, 1e15), block(2, fields));
 }
 
 /** Batch `seq` of `count` agents: 8 frames of each. The first introduces them. */
 export function batch(count, seq) {
   const at = 1e15 + 200_000 * seq;
   const aliases = Array.from({ length: count }, (_, k) => k + 1);
-  const poses = floats(aliases.flatMap((alias) => Array.from({ length: 8 }, (_, f) => {
-    const shown = (seq + f + alias) % HIPS.length;
-    const [x, y, z] = HIPS[shown];
-    return [x + alias, y, z, ...ROTATIONS[shown].flat()];
-  }).flat()));
+  const poses = new Float32Array(count * 8 * (3 + TURNED[0].length));
+  let filled = 0;
+  for (const alias of aliases) {
+    for (let f = 0; f < 8; f += 1) {
+      const shown = (seq + f + alias) % HIPS.length;
+      const [x, y, z] = HIPS[shown];
+      poses.set([x + alias, y, z], filled);
+      poses.set(TURNED[shown], filled + 3);
+      filled += 3 + TURNED[shown].length;
+    }
+  }
   const all = (value) => aliases.map(() => value);
-  const chunks = [
-    ...packed(1, aliases), ...packed(2, all(seq)), ...packed(3, all(8 * seq)), ...packed(4, all(at)), ...packed(5, all(1)),
-    ...packed(6, all(2)), ...packed(7, all(0)), ...packed(10, all(0)), ...packed(11, all(1)), ...block(8, poses),
-    ...block(9, aliases.flatMap(() => [1, 1, 1, 3, 2, 2, 2, 3])),
-  ];
-  const added = seq ? [] : aliases.flatMap((alias) => block(1, [
-    ...text(1, `agent-${alias}`), ...number(2, alias), ...block(15, floats(OFFSETS.flat())),
-  ]));
-  return Uint8Array.from([...number(1, at), ...block(3, [...added, ...block(2, chunks), ...text(4, `epoch.${seq}`)])]);
+  const chunks = joined(
+    packed(1, aliases), packed(2, all(seq)), packed(3, all(8 * seq)), packed(4, all(at)), packed(5, all(1)),
+    packed(6, all(2)), packed(7, all(0)), packed(10, all(0)), packed(11, all(1)), block(8, new Uint8Array(poses.buffer)),
+    block(9, aliases.flatMap(() => [1, 1, 1, 3, 2, 2, 2, 3])),
+  );
+  const added = seq ? [] : aliases.map((alias) => block(1, joined(
+    text(1, `agent-${alias}`), number(2, alias), block(15, floats(OFFSETS.flat())),
+  )));
+  return joined(number(1, at), block(3, joined(...added, block(2, chunks), text(4, `epoch.${seq}`))));
 }
