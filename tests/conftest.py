@@ -1,4 +1,4 @@
-"""For all tests: which are slow, how they log, and that hypothesis judges results, never speed."""
+"""For all tests: which are slow, which are tried twice, how they log; speed is never judged."""
 
 import os
 from pathlib import Path
@@ -44,13 +44,29 @@ SLOW = (
 
 SLOW_FIXTURES = frozenset({"real_server"})
 
+BROWSER = (
+    "viewer",
+    "clients/test_web.py",
+    "clients/test_web_local.py",
+    "transport/test_reference.py",
+)
+"""Tests in a real browser, which are tried a second time; the summary says which were (`RERUN`).
+
+Chromium without a graphics card shares two cores with another test, so what it shows in a given
+second depends on the machine. Playwright advises the same (`retries`). A test that is listed there
+in two runs has a bug.
+"""
+
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what takes more than a second or two of a processor's time."""
     slow = [HERE / name for name in SLOW]
     if gone := [str(path) for path in slow if not path.exists()]:
         raise pytest.UsageError(f"{__file__} names tests that are no more: {', '.join(gone)}")
+    browser = [HERE / name for name in BROWSER]
     for item in items:
+        if any(item.path.is_relative_to(path) for path in browser):
+            item.add_marker(pytest.mark.flaky(reruns=1))
         fixtures = SLOW_FIXTURES.intersection(getattr(item, "fixturenames", ()))
         if fixtures or any(item.path.is_relative_to(path) for path in slow):
             item.add_marker(pytest.mark.slow)
