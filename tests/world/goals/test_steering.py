@@ -407,6 +407,20 @@ def test_weights_and_noise_follow_the_mode():
         np.testing.assert_allclose(row[1:], search.temperature + own)
 
 
+@pytest.mark.parametrize("candidates", [1, 3])
+def test_noise_is_drawn_for_those_to_whom_it_makes_a_difference(candidates):
+    searches = {**STEERING.searches}
+    searches[Mode.TURNING] = replace(searches[Mode.TURNING], zero_latent=False)
+    steering, modes = replace(STEERING, searches=searches), np.arange(len(Mode))
+    noise, manner = np.ones((len(Mode), candidates, 128), np.float32), np.ones((len(Mode), 128))
+    differs = steering.scale_noise(modes, noise, manner) != steering.scale_noise(
+        modes, 0 * noise, manner
+    )
+    drawn = steering.draws_noise(modes, candidates)
+    assert drawn.tolist() == differs.any((1, 2)).tolist()
+    assert drawn.tolist() == [candidates > 1 or mode == Mode.TURNING for mode in Mode]
+
+
 def test_the_search_can_be_set_in_all_modes():
     modes = np.arange(len(Mode))
     other = STEERING.with_search(candidates=4, policy=0.25)

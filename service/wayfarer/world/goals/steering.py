@@ -306,6 +306,11 @@ class Steering:
         """Share of the policy [A] in each agent's latents."""
         return self._tables.policy[mode]
 
+    def draws_noise(self, mode: NDArray[np.int8], candidates: int) -> Flags:
+        """Which agents [A] have a use for noise: not those whose only candidate is without it."""
+        drawn: Flags = ~self._tables.zero_latent[mode] | (candidates > 1)
+        return drawn
+
     def scale_noise(self, mode: NDArray[np.int8], noise: Float, manner: Float) -> Float:
         """Standard normal `noise` [A, K, 128] at each mode's temperature, around the share that it
         has of each agent's own `manner` [A, 128].

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.engines.engine import Float, StepInputs, StepOutputs, no_obstacles
+from wayfarer.spec import LATENT
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Gait, Seeds, Slots
 from wayfarer.world.agents.style import manner
@@ -26,8 +27,11 @@ def gather(
     obstacles: Float,
 ) -> StepInputs:
     """Engine inputs of `rows`; `seed`, the gait to come and the goals are theirs."""
-    noise = latents(slots.noise_seed[rows], slots.planned_chunks[rows], candidates)
-    seeds = slots.noise_seed[rows]
+    seeds, chunks = slots.noise_seed[rows], slots.planned_chunks[rows]
+    noise = np.zeros((len(rows), candidates, LATENT), np.float32)
+    drawn = steering.draws_noise(gait.mode, candidates)
+    if drawn.any():  # a draw takes as long as all else that is gathered
+        noise[drawn] = latents(seeds[drawn], chunks[drawn], candidates)
     return assemble(seed, slots.betas[rows], gait, goals, noise, seeds, steering, obstacles)
 
 
