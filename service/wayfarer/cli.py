@@ -142,7 +142,7 @@ _command(
     data,
     "prepare",
     f"{LAB}.training.mocap.cli:prepare",
-    "Read BVH or ASF/AMC and fit it to the body.",
+    "Read BVH, ASF/AMC or AMASS and fit it to the body.",
 )
 app.add_typer(data, name="data")
 

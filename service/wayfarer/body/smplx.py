@@ -48,16 +48,16 @@ def load_smplx(path: Path, gender: str, markers: Path | None = None) -> BodyMode
         ArtifactError: the file is missing, pickled or not of the SMPL-X layout; the message
             names the array and the expected shape.
     """
-    file = _read(path)
-    vertices = _array(path, file, "v_template", ("V", 3))
+    file = read_archive(path)
+    vertices = read_array(path, file, "v_template", ("V", 3))
     count = len(vertices)
-    shapes = _array(path, file, "shapedirs", (count, 3, "B"))
+    shapes = read_array(path, file, "shapedirs", (count, 3, "B"))
     if shapes.shape[-1] < BETAS:
         raise ArtifactError(f"{path}: shapedirs has {shapes.shape[-1]} betas, {BETAS} are needed")
-    regressor = _array(path, file, "J_regressor", (FILE_JOINTS, count))
-    weights = _array(path, file, "weights", (count, FILE_JOINTS))[:, _ORDER]
-    poses = _array(path, file, "posedirs", (count, 3, 9 * (FILE_JOINTS - 1)))
-    faces = _array(path, file, "f", ("F", 3)).astype(np.int64)
+    regressor = read_array(path, file, "J_regressor", (FILE_JOINTS, count))
+    weights = read_array(path, file, "weights", (count, FILE_JOINTS))[:, _ORDER]
+    poses = read_array(path, file, "posedirs", (count, 3, 9 * (FILE_JOINTS - 1)))
+    faces = read_array(path, file, "f", ("F", 3)).astype(np.int64)
 
     mean = vertices @ _AXES.T
     dirs = np.einsum("ab,vbk->vak", _AXES, shapes[..., :BETAS])
@@ -88,7 +88,7 @@ def load_smplx(path: Path, gender: str, markers: Path | None = None) -> BodyMode
     return _with_markers(body, markers, path)
 
 
-def _read(path: Path) -> Mapping[str, Any]:
+def read_archive(path: Path) -> Mapping[str, Any]:
     """The archive; its arrays are read one by one, so unused pickled ones do no harm."""
     try:
         file = np.load(path, allow_pickle=False)
@@ -99,7 +99,7 @@ def _read(path: Path) -> Mapping[str, Any]:
     return file
 
 
-def _array(
+def read_array(
     path: Path, file: Mapping[str, Any], name: str, shape: tuple[int | str, ...]
 ) -> NDArray[np.float64]:
     """One array as float64; a letter in `shape` stands for any size."""
@@ -125,7 +125,7 @@ def _array(
 
 def _parents(path: Path, file: Mapping[str, Any]) -> NDArray[np.int64]:
     """Parents in our order, checked against our skeleton (a file's root has no valid parent)."""
-    tree = _array(path, file, "kintree_table", (2, FILE_JOINTS))[0].astype(np.int64)
+    tree = read_array(path, file, "kintree_table", (2, FILE_JOINTS))[0].astype(np.int64)
     ours = {in_file: j for j, in_file in enumerate(_ORDER)}
     parents = np.array([ours.get(int(tree[in_file]), -1) for in_file in _ORDER])
     parents[0] = -1

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from wayfarer.body.library import load_body
+from wayfarer.body.library import SMPLX_FOLDER, load_body
 from wayfarer.spec import GENDERS
 from wayfarer_lab.training.mocap.fit import FitOptions
 from wayfarer_lab.training.mocap.load import ReadOptions
@@ -22,7 +22,10 @@ _Names = Annotated[str, typer.Option(help="Comma-separated.")]
 @app.command()
 def prepare(
     src: Annotated[
-        Path, typer.Argument(help="Folder of BVH or ASF/AMC files, optionally with index.csv.")
+        Path,
+        typer.Argument(
+            help="Folder of BVH, ASF/AMC or AMASS files (.npz), optionally with index.csv."
+        ),
     ],
     dst: Annotated[
         Path, typer.Argument(help="Folder for the prepared data; an earlier run is resumed.")
@@ -55,10 +58,19 @@ def prepare(
             help="Metres per unit of a BVH file. Default: found from the length of the legs."
         ),
     ] = None,
-    up: Annotated[str, typer.Option(help="Upward axis of the files: y or z.")] = "y",
+    up: Annotated[str, typer.Option(help="Upward axis of BVH and AMC files: y or z.")] = "y",
     bvh_fix: Annotated[
         bool, typer.Option(help="Mend CMU's BVH conversion (lost thorax and wrist bones).")
     ] = True,
+    smpl_models: Annotated[
+        Path | None,
+        typer.Option(
+            envvar=SMPLX_FOLDER,
+            help="AMASS: folder of your own body models, SMPLX_MALE.npz ... for files of SMPL-X, "
+            "smplh/male/model.npz ... for files of SMPL+H.",
+            show_default="none",
+        ),
+    ] = None,
     steps: Annotated[
         int, typer.Option(min=1, help="Optimisation steps of the fit.")
     ] = FitOptions.steps,
@@ -77,7 +89,7 @@ def prepare(
     console = Console(stderr=True)
     options = PrepareOptions(
         index=tuple(index or ()),
-        read=ReadOptions(fps=fps, unit=unit, up=up, bvh_fix=bvh_fix),
+        read=ReadOptions(fps=fps, unit=unit, up=up, bvh_fix=bvh_fix, smpl_models=smpl_models),
         fit=FitOptions(steps=steps, device=device),
         validation=_names(validation),
         shapes=shapes,

@@ -55,6 +55,8 @@ LEG = (0.6, 1.15)
 def joint_map(skeleton: MocapSkeleton) -> list[int]:
     """Index of the file's joint for each of our 22. Raises DataError naming what is missing."""
     plain = {n.split(":")[-1].lower(): i for i, n in enumerate(skeleton.names)}
+    if all(name in plain for name in JOINT_NAMES):  # SMPL's own names
+        return [plain[name] for name in JOINT_NAMES]
     found: list[int] = []
     spine = next((s for s in _SPINES if all(n.lower() in plain for n in s)), None)
     for name in JOINT_NAMES:

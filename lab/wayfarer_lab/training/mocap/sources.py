@@ -1,4 +1,4 @@
-"""Which clips there are: any folder of BVH or ASF/AMC files, with an optional index.
+"""Which clips there are: any folder of BVH, ASF/AMC or AMASS files, with an optional index.
 
 `index.csv` columns used when present: `clip`, `path` (or `archive` + `member`), `subject`,
 `split` (train, validation, heldout), `category`, `locomotion`, `scene_contact`, `fps`,
@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from wayfarer.errors import DataError
+from wayfarer_lab.training.mocap import amass
 
-SUFFIXES = (".bvh", ".amc")
+SUFFIXES = (".bvh", ".amc", amass.SUFFIX)
 SPLITS = ("train", "validation", "heldout")
 
 
@@ -48,8 +49,8 @@ def list_entries(
     if not index and (src / "index.csv").exists():
         index = [src / "index.csv"]
     if not index:
-        files = sorted(p for p in src.rglob("*") if p.suffix.lower() in SUFFIXES)
-        entries = [SourceFile(p.stem, p, _subject(p)) for p in files]
+        files = sorted(p for p in src.rglob("*") if _is_motion(p))
+        entries = [SourceFile(_name(p, src), p, _subject(p, src)) for p in files]
     else:
         entries = [e for table in index for e in _read_index(table, src, unpacked, skip)]
     if not entries:
@@ -57,8 +58,27 @@ def list_entries(
     return entries
 
 
-def _subject(path: Path) -> str:
-    """CMU names clips <subject>_<trial>; otherwise the folder names the subject."""
+def _is_motion(path: Path) -> bool:
+    """By its name. AMASS has files of shapes beside the motions."""
+    npz = path.suffix.lower() == amass.SUFFIX
+    return path.suffix.lower() in SUFFIXES and not (npz and path.stem.endswith(amass.NO_MOTION))
+
+
+def _name(path: Path, src: Path) -> str:
+    """A file's name; in AMASS with its folders, since subsets use the same names."""
+    if path.suffix.lower() != amass.SUFFIX or not path.is_relative_to(src):
+        return path.stem
+    name = path.relative_to(src).with_suffix("").as_posix()
+    return next((name.removesuffix(e) for e in amass.ENDINGS if name.endswith(e)), name)
+
+
+def _subject(path: Path, src: Path) -> str:
+    """CMU names clips <subject>_<trial>; otherwise the folder names the subject.
+
+    In AMASS that is subset and subject, as `KIT/3`.
+    """
+    if path.suffix.lower() == amass.SUFFIX and path.is_relative_to(src):
+        return path.relative_to(src).parent.as_posix()
     head, _, tail = path.stem.partition("_")
     return head if tail.isdigit() else path.parent.name
 
@@ -78,9 +98,9 @@ def _read_index(
                 path = _locate(row, src, unpacked, split)
                 entries.append(
                     SourceFile(
-                        name=row.get("clip") or path.stem,
+                        name=row.get("clip") or _name(path, src),
                         path=path,
-                        subject=row.get("subject") or _subject(path),
+                        subject=row.get("subject") or _subject(path, src),
                         split=split,
                         category=row.get("category") or "",
                         locomotion=row["locomotion"] == "1" if row.get("locomotion") else None,

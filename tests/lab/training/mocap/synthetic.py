@@ -1,6 +1,7 @@
 """Small motion files and clips, made by formula."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
@@ -165,3 +166,62 @@ def edited(text: str, line: int, change: Callable[[str], str]) -> str:
     lines = text.split("\n")
     lines[line - 1] = change(lines[line - 1])
     return "\n".join(lines)
+
+
+# SMPL's rest pose: Y up, facing +Z, left is +X; origin near the chest, as in the model files.
+AMASS_REST = np.array(
+    [
+        *([0, -35, 1], [6, -44, 0], [-6, -44, 0], [0, -24, 0], [10, -82, 0], [-10, -82, 0]),
+        *([0, -10, 0], [9, -123, -2], [-9, -123, -2], [0, -4, 1], [12, -128, 10]),
+        *([-12, -128, 10], [0, 12, -1], [5, 8, -1], [-5, 8, -1], [0, 18, 2], [16, 9, -2]),
+        *([-16, 9, -2], [42, 8, -3], [-42, 8, -3], [67, 9, -4], [-67, 9, -4]),
+    ]
+)
+AMASS_REST = AMASS_REST / 100  # metres
+
+
+def write_smpl(folder: Path, layout: str, gender: str) -> Path:
+    """A body model of which joints alone are true, with arrays as in the real files."""
+    joints, rng = {"smplx": 55, "smplh": 52}[layout], np.random.default_rng(3)
+    vertices = np.concatenate([AMASS_REST, rng.normal(size=(joints + 20 - 22, 3))])
+    place = f"SMPLX_{gender.upper()}.npz" if layout == "smplx" else f"smplh/{gender}/model.npz"
+    path = folder / place
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savez(
+        path,
+        v_template=vertices,
+        shapedirs=rng.normal(0, 0.003, (len(vertices), 3, 20 if layout == "smplx" else 16)),
+        J_regressor=np.eye(joints, len(vertices)),
+        kintree_table=np.zeros((2, joints), np.int64),
+        bs_style=np.array({"pickled": 1}, dtype=object),
+    )
+    return path
+
+
+def amass_arrays(layout: str, frames: int, fps: float) -> dict[str, np.ndarray]:
+    """Somebody stands, turned upright from Y up to Z up; arms hang and swing a little."""
+    poses = np.zeros((frames, {"smplh": 156, "smplx": 165}[layout]))
+    poses[:, 0] = np.pi / 2
+    swing = 0.05 * np.sin(np.linspace(0, 6, frames))
+    for joint, sign in ((J["left_shoulder"], -1), (J["right_shoulder"], 1)):
+        poses[:, 3 * joint + 2] = sign * 1.45 + swing
+    arrays = {
+        "trans": np.tile([2.0, 1.0, 1.28], (frames, 1)),
+        "poses": poses,
+        "betas": np.zeros(16),
+        "gender": np.array("male" if layout == "smplx" else b"male"),
+    }
+    if layout == "smplh":
+        return arrays | {"mocap_framerate": np.array(fps), "dmpls": np.zeros((frames, 8))}
+    return arrays | {
+        "mocap_frame_rate": np.array(fps),
+        "surface_model_type": np.array("smplx"),
+        "markers_latent_vids": np.array({"pickled": 1}, dtype=object),
+        "num_betas": np.array(16),
+    }
+
+
+def write_amass(path: Path, arrays: dict[str, np.ndarray]) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savez(path, **arrays)
+    return path

@@ -4,11 +4,18 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from tests.lab.training.mocap.synthetic import bvh_text, standing_rows
+from tests.lab.training.mocap.synthetic import (
+    amass_arrays,
+    bvh_text,
+    standing_rows,
+    write_amass,
+    write_smpl,
+)
 from wayfarer.body.library import load_body
 from wayfarer.errors import DataError
 from wayfarer_lab.training.mocap import fitting
 from wayfarer_lab.training.mocap.fit import FitOptions
+from wayfarer_lab.training.mocap.load import ReadOptions
 from wayfarer_lab.training.mocap.prepare import PrepareOptions, prepare
 from wayfarer_lab.training.mocap.report import write_report
 from wayfarer_lab.training.mocap.selection import Use
@@ -92,6 +99,32 @@ def test_an_interrupted_run_goes_on_where_it_was(src, tmp_path, bodies, monkeypa
     assert not (tmp_path / "dst" / "motion.npz").exists()
     prepare(src, tmp_path / "dst", bodies, OPTIONS, quietly())
     assert len(calls) == 3  # two genders: one batch before, one after the interruption
+
+
+def test_amass_is_prepared_like_any_other_recording(tmp_path, bodies) -> None:
+    src, models = tmp_path / "src", tmp_path / "models"
+    write_amass(src / "KIT" / "3" / "stand_poses.npz", amass_arrays("smplh", 200, 100.0))
+    write_amass(src / "KIT" / "3" / "shape.npz", {"betas": np.zeros(16)})
+    write_amass(src / "SSM" / "ann" / "stand_stageii.npz", amass_arrays("smplx", 120, 60.0))
+    write_amass(src / "SSM" / "ann" / "broken_stageii.npz", {"poses": np.zeros((4, 165))})
+    for layout in ("smplh", "smplx"):
+        write_smpl(models, layout, "male")
+    options = PrepareOptions(
+        read=ReadOptions(smpl_models=models), fit=FitOptions(steps=5), shapes=1,
+        augment=False, validation=("SSM/ann",),
+    )  # fmt: skip
+    done = prepare(src, tmp_path / "dst", bodies, options, quietly())
+    clips = Dataset.load(tmp_path / "dst").clips
+    assert {(c.name, c.subject, c.split) for c in clips} == {
+        ("KIT/3/stand", "KIT/3", "train"),
+        ("SSM/ann/stand", "SSM/ann", "validation"),
+    }
+    assert (done.dataset.use == Use.STANDING).mean() > 0.9
+    assert done.dataset.contacts.mean() > 0.95
+    height = done.dataset.translation[:, 2]
+    assert 0.8 < height.min() <= height.max() < 1.2
+    assert len(done.skipped) == 1
+    assert "broken_stageii.npz: array trans is missing" in done.skipped[0]
 
 
 def test_nothing_usable_and_unknown_subjects_are_errors(src, tmp_path, bodies) -> None:
