@@ -81,6 +81,11 @@ class Page:
             self._process.kill()
             self._process.wait()
 
+    @property
+    def process_id(self) -> int:
+        """Of the browser."""
+        return self._process.pid
+
     def call(self, method: str, **params: object) -> dict:
         """A DevTools command and its result; events on the way are looked at for problems."""
         number = next(self._numbers)

@@ -175,9 +175,8 @@ part("state").textContent = "ready";
 part("more").disabled = false;
 part("fewer").disabled = false;
 stage.begin(() => {
-  const moment = session.update();
+  session.update();
   level.reveal(stage.camera.position, stage.controls.target);
   for (const { played, body } of people.values()) if (played.shown) body?.pose(played.frame);
-  bodies.update(moment);
   stage.render();
 });

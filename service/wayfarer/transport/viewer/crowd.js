@@ -5,6 +5,8 @@ import { Bodies } from "./bodies.js";
 import { Person } from "./people.js";
 import { Trails } from "./trails.js";
 
+const NEAR_SHARE = 2 / 3; // of those who may have a fine body: who just passes gets none
+const SWAP_SECONDS = 2; // between two who give up their fine bodies: to read another takes as long as some frames
 const PRESSURE_SECONDS = 3; // for which reduced and held motion counts as present
 
 /** Who is shown; `changed()` is called when somebody comes or goes. */
@@ -19,6 +21,7 @@ export class Crowd {
     stage.add(this.trails.lines);
     this.mesh = mesh; // agent, detail → [URL of its GLB, headers to ask for it with]
     this.refining = false;
+    this.swapped = -Infinity; // local time when somebody gave up his fine body
     this.changed = changed;
     this.failed = failed;
     this.members = new Map(); // alias → Person
@@ -53,14 +56,13 @@ export class Crowd {
   }
 
   /** Show everybody as the session's player has them; or, with `before` { history, moment }, as they were then. */
-  play(now, before = null) {
+  play(before = null) {
     for (const person of this.members.values()) {
       if (!person.played.shown) continue;
       if (!before) person.pose(person.played.frame);
       else if (before.history.sample(person.agent.alias, before.moment, this.#frame(person))) person.pose(this.frame, false);
       else person.hide();
     }
-    this.bodies.update(now);
   }
 
   #frame({ played }) {
@@ -110,19 +112,25 @@ export class Crowd {
     person?.wear(look.body(person.agent.restOffsets));
   }
 
-  /** Give the nearest person to the camera whose body is light, among the nearest `most`, a fine one. */
-  async refine({ position }, most) {
+  /** Give somebody near the camera a fine body; of `most` who have one, the farthest gives his up. */
+  async refine({ position }, most, now) {
     if (this.refining || this.people.some(({ shown }) => !shown)) return;
     const gap = ({ x, z }) => Math.hypot(x - position.x, z - position.z);
-    const near = this.people.sort((a, b) => gap(a) - gap(b)).slice(0, most);
-    const person = near.find(({ fine, body }) => !fine && !body.object);
+    const sorted = this.people.sort((a, b) => gap(a) - gap(b));
+    const person = sorted.slice(0, most * NEAR_SHARE).find(({ fine, body }) => !fine && !body.object);
     if (!person) return;
+    const refined = sorted.filter(({ light }) => light);
+    if (refined.length >= most) {
+      if (now < this.swapped + SWAP_SECONDS) return;
+      this.swapped = now;
+      refined.at(-1).coarsen();
+    }
     this.refining = true;
     person.fine = true; // and if it cannot be had, it is not asked for again
     try {
       const body = await this.bodies.load(...this.mesh(person.agent, "high"), this.boneNames);
       if (person.gone || person.body.object) body.remove();
-      else person.wear(body);
+      else person.refine(body);
     } finally {
       this.refining = false;
     }

@@ -385,7 +385,7 @@ function show() {
   if (player) history.note(player.clock.advance(now), crowd.people); // before: tracks never go back
   player?.advance(now);
   const moment = timeline.advance(now - last);
-  crowd.play(now, moment === null ? null : { history, moment });
+  crowd.play(moment === null ? null : { history, moment });
   overlays.update(crowd.people, (person) => (moment === null ? person.played.track.contacts : history.contacts(person.agent.alias, moment)));
   drive.advance(now, Number(byId("speed").value));
   bar.frame(now, !byId("rest").hidden);
@@ -402,7 +402,7 @@ function show() {
     holds: player?.underruns ?? 0,
   }));
   if (fps !== null) stage.keepUp(fps);
-  if (fps !== null && stage.look === 0 && !page.has("detail")) crowd.refine(stage.camera, DETAILED).catch(() => {}); // it stays light
+  if (fps !== null && stage.look === 0 && !page.has("detail")) crowd.refine(stage.camera, DETAILED, now).catch(() => {}); // it stays light
   last = now;
 }
 

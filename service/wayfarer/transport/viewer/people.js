@@ -37,6 +37,7 @@ export class Person {
     this.heading = 0;
     this.height = 1.75; // metres, of the name above the head; set from the mesh
     this.body = null;
+    this.light = null; // its body, while it has the fine one
     this.fine = false; // whether its body is the fine one, or was asked for
     this.shown = false; // has a body, and a pose
     this.gone = false;
@@ -63,10 +64,27 @@ export class Person {
 
   /** Have another body: { pose(frame), height, remove(), object: where it is none of all people's }. */
   wear(body) {
+    this.light?.remove();
     this.body?.remove();
+    this.light = null;
     this.body = body;
     this.height = body.height;
     if (body.object) this.group.add(body.object);
+  }
+
+  /** Have a fine body instead of the light one, for now. */
+  refine(body) {
+    this.light = this.body;
+    this.light.hide();
+    this.body = body;
+  }
+
+  /** Have the light body again. */
+  coarsen() {
+    this.body.remove();
+    this.body = this.light;
+    this.light = null;
+    this.fine = false;
   }
 
   showLabel(visible) {
@@ -135,6 +153,7 @@ export class Person {
 
   dispose() {
     this.gone = true;
+    this.light?.remove();
     this.body?.remove();
     this.trail.end();
     discard([this.group]);

@@ -1,5 +1,7 @@
 // A body's bones as numbers: a pose to the matrices that move its skin. No DOM, no three.js.
 
+const UPRIGHT = new Float32Array([0, 0, 0, 1]);
+
 /** The joints of one body. */
 export class Rig {
   /**
@@ -43,13 +45,13 @@ export class Rig {
     const parent = this.parents[joint];
     const source = this.source[joint];
     if (parent < 0) {
-      places.set([frame[0], frame[1], frame[2]], 3 * joint);
+      for (let axis = 0; axis < 3; axis += 1) places[3 * joint + axis] = frame[axis];
     } else {
       rotate(turns, 4 * parent, offsets, 3 * joint, places, 3 * joint);
       for (let axis = 0; axis < 3; axis += 1) places[3 * joint + axis] += places[3 * parent + axis];
     }
-    if (source < 0) turns.set(parent < 0 ? [0, 0, 0, 1] : turns.subarray(4 * parent, 4 * parent + 4), 4 * joint);
-    else if (parent < 0) turns.set(frame.subarray(3 + 4 * source, 7 + 4 * source), 4 * joint);
+    if (source < 0) copy(parent < 0 ? UPRIGHT : turns, Math.max(0, 4 * parent), turns, 4 * joint);
+    else if (parent < 0) copy(frame, 3 + 4 * source, turns, 4 * joint);
     else multiply(turns, 4 * parent, frame, 3 + 4 * source, turns, 4 * joint);
   }
 
@@ -70,6 +72,10 @@ export class Rig {
       out[to + 3] = moved;
     }
   }
+}
+
+function copy(p, i, out, k) {
+  for (let n = 0; n < 4; n += 1) out[k + n] = p[i + n];
 }
 
 function rotate(q, i, v, j, out, k) {

@@ -56,7 +56,8 @@ export class Trails {
   }
 
   #collapse(slot, from, point) {
-    for (let k = from; k < POINTS; k += 1) this.places.array.set(point, 3 * (slot * POINTS + k));
+    const { array } = this.places;
+    for (let k = 3 * (slot * POINTS + from); k < 3 * (slot + 1) * POINTS; k += 3) [array[k], array[k + 1], array[k + 2]] = point;
     if (!this.lines.visible) return;
     this.places.addUpdateRange(3 * slot * POINTS, 3 * POINTS);
     this.places.needsUpdate = true;
