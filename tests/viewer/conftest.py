@@ -1,8 +1,9 @@
 """One server and one browser for all tests of the page that run in this process."""
 
+import functools
 import os
 from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
 
@@ -11,9 +12,13 @@ import pytest
 from tests.serving import Service
 from tests.viewer.chromium import Page, find_chromium
 
+ROOT = Path(__file__).parents[2]
 
-class HostPage(BaseHTTPRequestHandler):
-    """Any path: a page of somebody else's, with the viewer in it (?viewer=URL)."""
+
+class HostPage(SimpleHTTPRequestHandler):
+    """A page of somebody else's, with the viewer in it (?viewer=URL); the web client's files."""
+
+    FILES = ("/clients/web/", "/tests/golden/")
 
     HTML = """<!doctype html><title>Host</title>
 <wayfarer-view scene="corridor" style="width: 500px; height: 300px"></wayfarer-view>
@@ -22,7 +27,10 @@ class HostPage(BaseHTTPRequestHandler):
 </script>"""
 
     def do_GET(self) -> None:
-        """Answer with the page."""
+        """Answer with a file, or else with the page."""
+        if self.path.startswith(self.FILES):
+            super().do_GET()
+            return
         self.send_response(200)
         self.send_header("content-type", "text/html")
         self.end_headers()
@@ -35,7 +43,8 @@ class HostPage(BaseHTTPRequestHandler):
 @pytest.fixture(scope="package")
 def host_url() -> Iterator[str]:
     """Of a page of another origin, which the server lets embed the viewer."""
-    with ThreadingHTTPServer(("127.0.0.1", 0), HostPage) as server:
+    handler = functools.partial(HostPage, directory=str(ROOT))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         thread = Thread(target=server.serve_forever, daemon=True)
         thread.start()
         yield f"http://127.0.0.1:{server.server_port}"

@@ -1,11 +1,11 @@
 """Time of a displayed frame of the page: `python -m tests.viewer.frame_time [PEOPLE [SCENE]]`.
 
-In a real browser against a real server, with the best look (shadows, fine bodies) and names shown. What
-the graphics card would do is left out: the calls that draw are made, and nothing waits for them.
+In a real browser against a real server, with the best look (shadows, fine bodies) and names shown.
+What the graphics card would do is left out: the calls that draw are made, nothing waits for them.
 
-Counted is the CPU time of the page's main thread from one displayed frame to the next: messages that
-are decoded, the frame, garbage that is collected. A clock on the wall would also count what other
-processes take; it is printed beside.
+Counted is the CPU time of the page's main thread from one displayed frame to the next: messages
+that are decoded, the frame, garbage that is collected. A clock on the wall would also count what
+other processes take; it is printed beside.
 """
 
 import os

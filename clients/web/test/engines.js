@@ -1,12 +1,30 @@
 // The golden characters as each engine has them: `make(nodes, humanoid, restOffsets)` gives { character, settle(),
-// place(node) }, where `settle` does what a picture does and `place` reads a node's place in the world, glTF axes.
+// place(node) }, where `settle` does what a picture does and `place` reads a node's place in the world, glTF axes. In a
+// page, the engines' own renderers draw the picture; in Node there is nothing to draw on.
 
-import { NullEngine, Quaternion, Scene, TransformNode, Vector3 } from "@babylonjs/core";
+import { FreeCamera } from "@babylonjs/core/Cameras/freeCamera.js";
+import { Engine } from "@babylonjs/core/Engines/engine.js";
+import { NullEngine } from "@babylonjs/core/Engines/nullEngine.js";
+import { Quaternion, Vector3 } from "@babylonjs/core/Maths/math.vector.js";
+import { TransformNode } from "@babylonjs/core/Meshes/transformNode.js";
+import { Scene } from "@babylonjs/core/scene.js";
 import { VRMHumanoid } from "@pixiv/three-vrm";
-import { Bone, Group, Vector3 as Place } from "three";
+import { Bone, Group, PerspectiveCamera, Scene as Stage, Vector3 as Place, WebGLRenderer } from "three";
 import { BabylonCharacter } from "../src/babylon.js";
 import { ThreeCharacter } from "../src/three.js";
 import { VrmCharacter } from "../src/vrm.js";
+
+const canvas = () => document.body.appendChild(document.createElement("canvas"));
+const inPage = "document" in globalThis;
+const renderer = inPage ? new WebGLRenderer({ canvas: canvas() }) : null;
+const camera = new PerspectiveCamera();
+
+/** What draws a picture of something of three.js: its matrices are of now after that. */
+export function threePicture(root) {
+  if (!renderer) return () => root.updateMatrixWorld();
+  const stage = new Stage().add(root);
+  return () => renderer.render(stage, camera);
+}
 
 function threeTree(nodes) {
   const root = new Group();
@@ -24,7 +42,7 @@ function threeTree(nodes) {
 
 const three = (nodes, humanoid, restOffsets) => {
   const { root, place } = threeTree(nodes);
-  return { character: new ThreeCharacter(root, restOffsets), settle: () => root.updateMatrixWorld(), place };
+  return { character: new ThreeCharacter(root, restOffsets), settle: threePicture(root), place };
 };
 
 const vrm = (nodes, humanoid, restOffsets, turned = false) => {
@@ -33,20 +51,22 @@ const vrm = (nodes, humanoid, restOffsets, turned = false) => {
   const bones = Object.fromEntries(Object.entries(humanoid).map(([name, node]) => [name, { node: made[node] }]));
   const avatar = { scene: root, humanoid: new VRMHumanoid(bones) };
   root.add(avatar.humanoid.normalizedHumanBonesRoot);
+  const picture = threePicture(root);
   if (turned) root.rotation.y = Math.PI; // VRMUtils.rotateVRM0
   return {
     character: new VrmCharacter(avatar, restOffsets),
     settle: () => {
       root.updateMatrixWorld(true);
       avatar.humanoid.update();
-      root.updateMatrixWorld(true);
+      picture();
     },
     place,
   };
 };
 
 const babylon = (nodes, humanoid, restOffsets) => {
-  const scene = new Scene(new NullEngine());
+  const scene = new Scene(inPage ? new Engine(canvas()) : new NullEngine());
+  new FreeCamera("camera", new Vector3(0, 1, -5), scene);
   const root = new TransformNode("__root__", scene); // as the glTF loader makes it in a left-handed scene
   root.rotationQuaternion = new Quaternion(0, 1, 0, 0);
   root.scaling = new Vector3(1, 1, -1);
@@ -60,7 +80,10 @@ const babylon = (nodes, humanoid, restOffsets) => {
   nodes.forEach(({ parent }, k) => { made[k].parent = parent < 0 ? root : made[parent]; });
   return {
     character: new BabylonCharacter(root, restOffsets),
-    settle: () => made.forEach((node) => node.computeWorldMatrix(true)),
+    settle: () => {
+      scene.render();
+      made.forEach((node) => node.computeWorldMatrix(true));
+    },
     place: (node) => {
       const { x, y, z } = made[node].getAbsolutePosition();
       return [-x, y, z];
