@@ -72,7 +72,7 @@ def test_guards_repair_as_the_servers_do(tmp_path):
     hips[5, -1, 2] = 0.4
     target = Motion.join(stands)
     fell = fallen(hips, turns, legs)
-    repaired = smoothed(seeds, turns, legs)
+    repaired = smoothed(seeds, hips, turns, legs)
     steps = [
         {
             "seed": {"translation": seeds.translation[k], "rotations": seeds.rotations[k]},
@@ -88,7 +88,13 @@ def test_guards_repair_as_the_servers_do(tmp_path):
     file = tmp_path / "steps.json"
     heel = float(legs.sole_of_ankle[0, :, 0, 2].mean())
     down = float((legs.hip + legs.knee + legs.ankle)[0, :, 2].mean())
-    measured = {"ankle": legs.ankle[0].ravel(), "standing": -down - heel}
+    measured = {
+        "hip": legs.hip, "knee": legs.knee, "ankle": legs.ankle, "ball": legs.ball,
+        "soleOfAnkle": legs.sole_of_ankle, "soleOfBall": legs.sole_of_ball,
+        "ballShare": legs.ball_share,
+    }  # fmt: skip
+    measured = {name: values[0].ravel() for name, values in measured.items()}
+    measured["standing"] = [-down - heel]
     file.write_text(json.dumps({"legs": measured, "steps": steps}, default=_flat))
     found = json.loads(node("local_guards.js", file))
     up = got_up(seeds, target)  # changes the stands' arms

@@ -4,13 +4,13 @@ import { readFile } from "node:fs/promises";
 import { fallen, gotUp, smoothed } from "../src/local/guards.js";
 
 const { legs, steps } = JSON.parse(await readFile(process.argv[2], "utf8"));
-const measured = { ...legs, ankle: Float64Array.from(legs.ankle) };
+const measured = { ...Object.fromEntries(Object.entries(legs).map(([name, values]) => [name, Float64Array.from(values)])), standing: legs.standing[0] };
 const seedOf = ({ translation, rotations }) => ({ translation: Float32Array.from(translation), rotations: Float32Array.from(rotations) });
 console.log(JSON.stringify(steps.map(({ seed, stand, translation, rotations }) => {
   const target = seedOf(stand);
   const up = gotUp(seedOf(seed), target);
   return {
-    smoothed: [...smoothed(seedOf(seed), Float64Array.from(rotations), measured)],
+    smoothed: [...smoothed(seedOf(seed), Float64Array.from(translation), Float64Array.from(rotations), measured)],
     fallen: fallen(Float64Array.from(translation), Float64Array.from(rotations), measured),
     upTranslation: [...up.translation], upRotations: [...up.rotations], stand: [...target.rotations],
   };

@@ -15,6 +15,7 @@ const STEP_SHIFT = 0.05, STEP_TURN = 24 * DEGREE, STEP_AHEAD = 0.15, AHEAD_SHIFT
 const AIM = 0.2, TIDY = 0.6, LEADING = 0.25, APART = 0.11, RESTING = [0.03, 12 * DEGREE];
 const RAISED = 0.006, LOWERED = 0.013;
 const KICK = 0.485, KICKED = [0.05, 0.22], SPARED = 0.5, CLEAR = [TOLD_HEIGHT, 0.08];
+const AIRBORNE = [0, 0.15];
 const EVEN = 1 / (1.3 * FPS), EVEN_MOST = 0.05, FORGET = 0.025 / FPS;
 const CLOSE = 0.2, WIDE = 0.75, SOFTNESS = 0.001;
 const SIDES = [1, -1];
@@ -88,7 +89,7 @@ export class FootLock {
     moveSoles(pose, drawn, 1);
     const { slide, turning, height, speed } = slides(pose, state.soles, steps);
     const contacts = new Uint8Array(2 * FRAMES), shifts = new Float64Array(6 * FRAMES);
-    const turns = new Float64Array(2 * FRAMES), bears = new Float64Array(FRAMES);
+    const turns = new Float64Array(2 * FRAMES);
     for (let t = 0; t < FRAMES; t += 1) {
       const { across, between } = apartness(pose, t);
       const land = [0, 1].map((side) => landing(slide, turning, 2 * t + side));
@@ -99,7 +100,6 @@ export class FootLock {
         state.contact[side] = height[k] < up && speed[k] < (state.contact[side] ? LIFT_SPEED : TOUCH_SPEED);
         state.hold[side] = bounded(state.hold[side] + (state.contact[side] ? RISE : -RISE), 0, 1);
       }
-      bears[t] = Math.max(...state.hold);
       setOut(state, steps, rests, across);
       const goals = uncrossed(land.map((goal) => goal.map((n) => (steps ? n : 0))), state.shift, between, across);
       const next = [0, 1].map((side) => {
@@ -127,7 +127,7 @@ export class FootLock {
     }
     state.soles.set(pose.soles.subarray(-6 * SOLES));
     state.shortened = this.shortened = shortened;
-    sink(legs, pose, drawn, translation, height, bears, shifts);
+    sink(legs, pose, drawn, translation, height, shifts);
     moveSoles(pose, drawn, -1);
     const before = Float64Array.from(translation);
     for (let t = 0; t < FRAMES; t += 1) translation[3 * t + 2] -= pose.sunk[t];
@@ -269,10 +269,11 @@ function uncrossed(goals, shift, between, across) {
 /**
  * Lower the hips over feet that are apart, and heels that are kicked up. Fills `pose.sunk`, adds to `shifts`.
  * @param {import("./legs.js").Legs} legs @param {LegPose} pose @param {Float64Array} drawn @param {Float64Array} translation
- * @param {Float64Array} height @param {Float64Array} bears @param {Float64Array} shifts
+ * @param {Float64Array} height @param {Float64Array} shifts
  */
-function sink(legs, pose, drawn, translation, height, bears, shifts) {
+function sink(legs, pose, drawn, translation, height, shifts) {
   for (let t = 0; t < FRAMES; t += 1) {
+    const bears = 1 - smooth(Math.min(height[2 * t], height[2 * t + 1]), AIRBORNE[0], AIRBORNE[1]);
     const spare = [0, 1].map((side) => {
       const i = 6 * t + 3 * side;
       const [x, y, z] = [0, 1, 2].map((n) => pose.ankle[i + n] - pose.hip[i + n]);
@@ -282,7 +283,7 @@ function sink(legs, pose, drawn, translation, height, bears, shifts) {
       pose.ankle[6 * t + 3 * side + axis] + drawn[4 * t + 2 * side + axis];
     const square = (at(0, 0) - at(1, 0)) ** 2 + (at(0, 1) - at(1, 1)) ** 2;
     const wide = (bounded(square, CLOSE ** 2, WIDE ** 2) - CLOSE ** 2) / (WIDE ** 2 - CLOSE ** 2);
-    const sunk = (LOWERED * wide - Math.min(RAISED, Math.min(...spare) / 2) * (1 - wide)) * bears[t];
+    const sunk = (LOWERED * wide - Math.min(RAISED, Math.min(...spare) / 2) * (1 - wide)) * bears;
     pose.sunk[t] = sunk;
     for (let side = 0; side < 2; side += 1) {
       const k = 2 * t + side, ankle = pose.ankle[3 * k + 2] + translation[3 * t + 2];
@@ -291,7 +292,7 @@ function sink(legs, pose, drawn, translation, height, bears, shifts) {
       const kick = Math.min(KICK * raised * smooth(height[k], CLEAR[0], CLEAR[1]), SPARED * spare[side]);
       shifts[3 * k] += drawn[2 * k];
       shifts[3 * k + 1] += drawn[2 * k + 1];
-      shifts[3 * k + 2] += sunk - kick * bears[t];
+      shifts[3 * k + 2] += sunk - kick * bears;
     }
   }
 }

@@ -2,6 +2,7 @@
 // world/stepping/guards.py, for one person. Rare; without a repair nothing changes.
 
 import { multiply, relative } from "../core/quaternions.js";
+import { LegPose, SOLES } from "./legs.js";
 
 const FRAMES = 8, SEED = 2, TURN = 88, JOINTS = 22;
 const DEGREE = Math.PI / 180;
@@ -16,13 +17,22 @@ const FOLDED = 0.76;
 const JERK = [Infinity, 5, 5, 5, 7, 7, 5, 25, 25, 5, 40, 40, 12, 7, 7, 15, 8, 8, 15, 15, 25, 25];
 const LIMITS = JERK.map((degrees) => ((degrees * DEGREE) / 2) ** 2);
 
+const WHIP = 0.06; // metres per frame² by which the way of a foot may change
+const LEGS = [[1, 4, 7], [2, 5, 8]], REACHES = [0.9, 0.5, 0.14]; // joints, and metres to the foot's middle
+const EVEN = whittaker(2);
+
 /** @typedef {import("./planting.js").Seed} Seed */
 
 /**
  * Rotations of a step without impossible knees and jerks: the same array when there are none.
- * @param {Seed} seed @param {Float64Array} rotations @param {import("./legs.js").Legs} legs
+ * @param {Seed} seed @param {Float64Array} translation @param {Float64Array} rotations @param {import("./legs.js").Legs} legs
  */
-export function smoothed(seed, rotations, legs) {
+export function smoothed(seed, translation, rotations, legs) {
+  return unwhipped(seed, translation, unjerked(seed, rotations, legs), legs);
+}
+
+/** Without impossible knees and turns. @param {Seed} seed @param {Float64Array} rotations @param {import("./legs.js").Legs} legs */
+function unjerked(seed, rotations, legs) {
   let result = turnable(bendable(rotations, legs));
   const path = new Float64Array((SEED + FRAMES) * 4);
   for (let joint = 1; joint < JOINTS; joint += 1) {
@@ -38,6 +48,86 @@ export function smoothed(seed, rotations, legs) {
     for (let t = 0; t < FRAMES; t += 1) copyTurn(smooth, 4 * (SEED + t), result, TURN * t + 4 * joint);
   }
   return result;
+}
+
+/**
+ * With the turns of a leg smoothed whose foot jumps.
+ * @param {Seed} seed @param {Float64Array} translation @param {Float64Array} rotations @param {import("./legs.js").Legs} legs
+ */
+function unwhipped(seed, translation, rotations, legs) {
+  const path = new Float64Array((SEED + FRAMES) * 4);
+  const take = (/** @type {number} */ joint) => {
+    for (let t = 0; t < SEED; t += 1) copyTurn(seed.rotations, TURN * t + 4 * joint, path, 4 * t);
+    for (let t = 0; t < FRAMES; t += 1) copyTurn(rotations, TURN * t + 4 * joint, path, 4 * (SEED + t));
+  };
+  const far = LEGS.map((joints) => joints.reduce((sum, joint, k) => {
+    take(joint);
+    return sum + REACHES[k] * 2 * Math.sqrt(worstJerk(path));
+  }, 0));
+  if (!far.some((metres) => metres > WHIP)) return rotations; // nearly always: nobody need be posed
+  const joined = (/** @type {ArrayLike<number>} */ a, /** @type {ArrayLike<number>} */ b) => Float64Array.of(...Array.from(a), ...Array.from(b));
+  const pose = new LegPose(legs, joined(seed.translation, translation), joined(seed.rotations, rotations), SEED + FRAMES);
+  let result = rotations;
+  LEGS.forEach((joints, side) => {
+    if (!(jump(pose, side) > WHIP)) return;
+    if (result === rotations) result = rotations.slice();
+    for (const joint of joints) {
+      take(joint);
+      alike(path);
+      const even = evened(path);
+      for (let t = 0; t < FRAMES; t += 1) copyTurn(even, 4 * t, result, TURN * t + 4 * joint);
+    }
+  });
+  return result;
+}
+
+/** Metres per frame² by which the way of a foot's middle changes at most. @param {LegPose} pose @param {number} side */
+function jump(pose, side) {
+  const middle = (/** @type {number} */ t, /** @type {number} */ axis) => {
+    let sum = 0;
+    for (let p = 0; p < SOLES; p += 1) sum += pose.soles[3 * (SOLES * (2 * t + side) + p) + axis];
+    return sum / SOLES;
+  };
+  let most = 0;
+  for (let t = 2; t < SEED + FRAMES; t += 1) {
+    const [x, y, z] = [0, 1, 2].map((axis) => middle(t, axis) - 2 * middle(t - 1, axis) + middle(t - 2, axis));
+    most = Math.max(most, Math.hypot(x, y, z));
+  }
+  return most;
+}
+
+/** New turns of a path with smaller second differences and the same end. @param {Float64Array} path */
+function evened(path) {
+  const out = new Float64Array(4 * FRAMES);
+  for (let t = 0; t < FRAMES; t += 1) {
+    const turn = [0, 1, 2, 3].map((n) => EVEN[t].reduce((sum, share, k) => sum + share * path[4 * k + n], 0));
+    const length = Math.hypot(...turn);
+    out.set(turn.map((n) => n / length), 4 * t);
+  }
+  return out;
+}
+
+/** New frames from all of a path: least squares of changes and, times a weight, second differences. @param {number} weight */
+function whittaker(weight) {
+  const total = SEED + FRAMES, unknown = FRAMES - 1;
+  const system = Array.from({ length: total }, (_, i) => Array.from({ length: total }, (__, k) => Number(i === k)));
+  for (let t = 0; t + 2 < total; t += 1) {
+    const bend = [1, -2, 1];
+    for (let i = 0; i < 3; i += 1) for (let k = 0; k < 3; k += 1) system[t + i][t + k] += weight * bend[i] * bend[k];
+  }
+  const rows = Array.from({ length: unknown }, (_, i) => {
+    const row = system[SEED + i];
+    const known = row.map((value, k) => (k < SEED || k === total - 1 ? -value : 0));
+    known[SEED + i] += 1;
+    return [...row.slice(SEED, SEED + unknown), ...known];
+  });
+  for (let i = 0; i < unknown; i += 1) { // positive definite: no pivoting
+    rows[i] = rows[i].map((value) => value / rows[i][i]);
+    for (let k = 0; k < unknown; k += 1) {
+      if (k !== i) rows[k] = rows[k].map((value, n) => value - rows[k][i] * rows[i][n]);
+    }
+  }
+  return [...rows.map((row) => row.slice(unknown)), Array.from({ length: total }, (_, k) => Number(k === total - 1))];
 }
 
 /** @param {ArrayLike<number>} from @param {number} i @param {Float64Array} to @param {number} k */

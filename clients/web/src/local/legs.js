@@ -31,21 +31,21 @@ export function measureLegs({ bones, soleOfAnkle, soleOfBall, ballShare }) {
   };
 }
 
-/** Posed legs of `FRAMES` frames: turns in the world; places off the root, [frame, side, 3]; soles in the world, [frame, side, 4, 3]. */
+/** Posed legs of frames: turns in the world; places off the root, [frame, side, 3]; soles in the world, [frame, side, 4, 3]. */
 export class LegPose {
-  rootTurn = new Float64Array(4 * FRAMES);
-  hipTurn = new Float64Array(8 * FRAMES);
-  kneeTurn = new Float64Array(8 * FRAMES);
-  ankleTurn = new Float64Array(8 * FRAMES);
-  hip = new Float64Array(6 * FRAMES);
-  knee = new Float64Array(6 * FRAMES);
-  ankle = new Float64Array(6 * FRAMES);
-  soles = new Float64Array(6 * SOLES * FRAMES);
-  facing = new Float64Array(2 * FRAMES);
-  sunk = new Float64Array(FRAMES); // metres that the hips are lowered, once known
-
   /** @param {Legs} legs @param {ArrayLike<number>} translation @param {Float64Array} rotations @param {number} [frames] */
   constructor(legs, translation, rotations, frames = FRAMES) {
+    const values = (/** @type {number} */ each) => new Float64Array(each * frames);
+    this.rootTurn = values(4);
+    this.hipTurn = values(8);
+    this.kneeTurn = values(8);
+    this.ankleTurn = values(8);
+    this.hip = values(6);
+    this.knee = values(6);
+    this.ankle = values(6);
+    this.soles = values(6 * SOLES);
+    this.facing = values(2);
+    this.sunk = values(1); // metres that the hips are lowered, once known
     const point = new Float64Array(3), turn = new Float64Array(4);
     for (let t = 0; t < frames; t += 1) {
       const at = TURN * t;

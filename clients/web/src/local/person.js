@@ -170,7 +170,7 @@ export class Person {
     const isBroken = broken(from, made.translation, [made.translation, made.rotations, made.markers]);
     let step = made;
     if (isBroken) step = { ...made, ...stillFrames(seed) };
-    step = { ...step, rotations: smoothed(seed, step.rotations, this.legs) };
+    step = { ...step, rotations: smoothed(seed, step.translation, step.rotations, this.legs) };
     const planted = plant(this.body.soles, gait, seed, start.facing, step, carried);
     const shortened = shorten(
       this.planned.gait.shortened, planted.gait.shortened, start.hips, planted.step, planted.seed,

@@ -119,6 +119,10 @@ LOWERED: Final = 0.013
 """Metres by which hips are raised over feet that are `CLOSE` to each other, as far as knees are
 bent, and lowered over those that are `WIDE` apart: people come down with each step."""
 
+AIRBORNE: Final = (0.0, 0.15)
+"""Metres of the lower sole's height between which feet bear less and less: runners are in the air
+for a moment, and a foot that is no longer lowered all at once jumps."""
+
 KICK: Final = 0.485
 """Share that is taken off what an ankle is higher than …"""
 
@@ -223,7 +227,6 @@ def lock_feet(
     shifts = np.empty((3, *height.shape), np.float32)
     turns = np.empty(height.shape, np.float32)
     held = np.empty(height.shape, np.bool_)
-    bears = np.empty(height.shape[1:], np.float32)
     landings, rests = _landings(slide, turning)
     turning = turning * steps
     apart = np.diff(pose.soles[:2].mean(1), axis=1)[:, 0]  # [2, F, A] from left to right foot
@@ -232,7 +235,6 @@ def lock_feet(
     for frame in range(height.shape[1]):
         contact = np.where(contact, stays[:, frame], touches[:, frame])
         hold = bounded(hold + np.where(contact, RISE, -RISE), 0, 1)
-        bears[frame] = np.maximum(hold[0], hold[1])
         swing = _begun(swing, contact & steps, shift, turn, rests[frame], across[:, frame])
         flies = _FLIES[swing]
         leashed = firmness[:, frame] * (1 - _smooth(length(shift[:2]), *LEASH))
@@ -252,6 +254,7 @@ def lock_feet(
         moved[2] += _LIFT[swing]
         held[:, frame] = contact & (grip >= 0.5) & (height[:, frame] + moved[2] <= TOLD_HEIGHT)
 
+    bears = 1 - _smooth(height.min(0), *AIRBORNE)
     sunk = _sunk(pose, legs, drawn) * bears
     leg = (length(legs.knee.T) + length(legs.ankle.T))[:, None]  # [2, 1, A]
     spare = leg - length(pose.ankle - pose.hip)  # a knee that is nearly straight would snap

@@ -3,6 +3,7 @@
     knees   are kept within what a knee can do, and so are ankles
     jerks   a joint that jumps, as one that is turned inside out does, goes from where it was to
             where it ends by the smoothest way
+    feet    the turns of a leg whose foot jumps, which none of them need do alone, are smoothed
     falls   a body that leans or squats as no walker does, or that cannot be shown at all, gets up
             to a stand in the course of one step
 
@@ -16,9 +17,9 @@ from typing import Final
 import numpy as np
 
 from wayfarer.body.skeleton import joint_names
-from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
+from wayfarer.spec import NEW_FRAMES, POSED_JOINTS, SEED_FRAMES
 from wayfarer.world.agents.slots import Motion, Seeds
-from wayfarer.world.output.legs import ANKLES, KNEES, Legs
+from wayfarer.world.output.legs import ANKLES, HIPS, KNEES, Legs, pose_legs
 from wayfarer.world.output.quaternion import Array, bounded, inverse, length, multiply, stacked
 from wayfarer.world.rows import Flags, Float
 
@@ -59,10 +60,27 @@ def _limits() -> Float:
 
 _LIMITS: Final = _limits()
 
+WHIP: Final = 0.06
+"""Metres per frame² by which the way of a foot may change: …"""
 
-def smoothed(seed: Seeds, rotations: Float, legs: Legs) -> Float:
-    """Rotations [A, F, 22, 4] of a step from `seed`, without impossible knees and jerks."""
-    rotations = _turnable(_bendable(rotations, legs))
+REACHES: Final = (0.9, 0.5, 0.14)
+"""… its middle is about so far from hip, knee and ankle, metres."""
+
+_LEG: Final = (HIPS, KNEES, ANKLES)
+
+EVENNESS: Final = 2.0
+"""Weight of the second differences of what is smoothed, against its changes."""
+
+
+def smoothed(seed: Seeds, translation: Float, rotations: Float, legs: Legs) -> Float:
+    """Rotations [A, F, 22, 4] of a step from `seed`, without impossible knees and jerks; its hips
+    are at translation [A, F, 3].
+    """
+    unjerked = _unjerked(seed, _turnable(_bendable(rotations, legs)))
+    return _unwhipped(seed, translation, unjerked, legs)
+
+
+def _unjerked(seed: Seeds, rotations: Float) -> Float:
     path = np.concatenate([seed.rotations, rotations], 1)
     over = _jerks(path) > _LIMITS  # [A, F, 22]
     if not over.any():
@@ -72,7 +90,7 @@ def smoothed(seed: Seeds, rotations: Float, legs: Legs) -> Float:
     before = _jerks(paths).max(1)
     smooth = _smoothest(paths)
     # where a joint came fast and ends near by, that way is the more abrupt one
-    after = _jerks(np.concatenate([paths[:, :2], smooth], 1)).max(1)
+    after = _jerks(np.concatenate([paths[:, :SEED_FRAMES], smooth], 1)).max(1)
     better = (before > _LIMITS[joints]) & (after < before)
     if not better.any():
         return rotations
@@ -80,6 +98,52 @@ def smoothed(seed: Seeds, rotations: Float, legs: Legs) -> Float:
     mended = rotations.copy()
     mended[rows, :, joints] = smooth[better]
     return mended
+
+
+def _unwhipped(seed: Seeds, translation: Float, rotations: Float, legs: Legs) -> Float:
+    path = np.concatenate([seed.rotations, rotations], 1)
+    turning = 2 * np.sqrt(_jerks(path).max(1))  # [A, 22] radians per frame²
+    farthest = sum(arm * turning[:, joints] for arm, joints in zip(REACHES, _LEG, strict=True))
+    rows = np.flatnonzero((farthest > WHIP).any(-1))
+    if not len(rows):  # nearly always: nobody need be posed
+        return rotations
+    hips = np.concatenate([seed.translation[rows], translation[rows]], 1)
+    feet = pose_legs(legs.take(rows), hips, path[rows]).soles.mean(1)  # [3, 2, S + F, R]
+    whips = length(np.diff(feet, 2, axis=2)).max(1) > WHIP  # [2, R]
+    if not whips.any():
+        return rotations
+    mended = rotations.copy()
+    for joints in _LEG:
+        side, which = np.nonzero(whips)
+        joint = np.array(joints)[side]
+        mended[rows[which], :, joint] = _even(_alike(path[rows[which], :, joint]))
+    return mended
+
+
+def _even(path: Float) -> Float:
+    """New turns [N, F, 4] of paths [N, S + F, 4] with smaller second differences and the same end:
+    the least squares of changes and second differences (Whittaker 1923).
+    """
+    even = sum(share[:, None] * path[:, None, frame] for frame, share in enumerate(_WHITTAKER.T))
+    found: Float = even / np.linalg.norm(even, axis=-1, keepdims=True)
+    return found
+
+
+def _whittaker() -> Float:
+    """The new frames from all of a path [F, S + F]."""
+    total = SEED_FRAMES + NEW_FRAMES
+    bends = np.diff(np.eye(total), 2, axis=0)
+    system = np.eye(total) + EVENNESS * bends.T @ bends
+    free = slice(SEED_FRAMES, total - 1)
+    known = np.eye(total)[free]
+    known[:, :SEED_FRAMES] -= system[free, :SEED_FRAMES]
+    known[:, -1] -= system[free, -1]
+    end = np.eye(total)[-1:]
+    solved = np.linalg.solve(system[free, free], known)
+    return np.concatenate([solved, end]).astype(np.float32)
+
+
+_WHITTAKER: Final = _whittaker()
 
 
 def _jerks(path: Float) -> Float:

@@ -253,7 +253,7 @@ class Scheduler:
         legs = slots.legs.take(rows)
         step = Step(
             translation,
-            self._smoothed(batch.seed, rotations, legs),
+            self._smoothed(batch.seed, translation, rotations, legs),
             outputs.next_seed_markers,
             outputs.contacts > 0.5,
         )
@@ -302,9 +302,9 @@ class Scheduler:
         slots.replanned[rows] = False
         slots.held[rows] = not candidates
 
-    def _smoothed(self, seed: Seeds, rotations: Float, legs: Legs) -> Float:
+    def _smoothed(self, seed: Seeds, translation: Float, rotations: Float, legs: Legs) -> Float:
         """Rotations of a step within what bodies can do; counts the rows that were not."""
-        mended = smoothed(seed, rotations, legs)
+        mended = smoothed(seed, translation, rotations, legs)
         if mended is not rotations:
             self.mended_steps += int((mended != rotations).any((1, 2, 3)).sum())
         return mended
