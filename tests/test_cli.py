@@ -37,6 +37,7 @@ LEAVES = (
     ["eval", "control"],
     ["export"],
     ["data", "prepare"],
+    ["import", "gamma"],
     ["body", "bake"],
     ["train", "predictor"],
     ["train", "regressor"],

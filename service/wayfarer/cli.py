@@ -137,6 +137,15 @@ _command(
     "Write trained networks as a model folder, or a model for game engines.",
 )
 
+imported = _group("Bring in what others trained.")
+_command(
+    imported,
+    "gamma",
+    f"{LAB}.gamma.command:gamma",
+    "Write checkpoints of GAMMA-release as a model folder.",
+)
+app.add_typer(imported, name="import")
+
 data = _group("Prepare motion capture for training.")
 _command(
     data,

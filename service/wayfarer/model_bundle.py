@@ -14,7 +14,8 @@ from wayfarer.artifacts import (
     load_model_folder,
     sha256_of,
 )
-from wayfarer.body.library import body_file, load_body
+from wayfarer.body import landmarks
+from wayfarer.body.library import SMPLX_FOLDER, body_file, load_body
 from wayfarer.body.model import BodyModel
 from wayfarer.engines.choice import open_engine
 from wayfarer.engines.engine import EngineKind
@@ -52,8 +53,20 @@ def load_models(path: Path, body: str = "") -> ModelFolder:
 
 
 def load_bodies(name: str) -> Bodies:
-    """The bodies of a name, by gender, with few vertices. Raises NotFound, ArtifactError."""
-    return {gender: load_body(name, gender, "low") for gender in GENDERS}
+    """The bodies of a name, by gender, with few vertices. Raises NotFound, ArtifactError.
+
+    A body with markers of another set than ours is refused: worlds lock feet by the markers under
+    them, and move half of all agents in a mirror, for which each marker needs its counterpart.
+    """
+    bodies = {gender: load_body(name, gender, "low") for gender in GENDERS}
+    for body in bodies.values():
+        missing = [m for m in landmarks.marker_names() if m not in body.marker_names]
+        if missing:
+            raise ArtifactError(
+                f"body {name} lacks markers {missing[:4]} …: a server needs those of `landmarks.py`; "
+                f"take away the markers.json in {SMPLX_FOLDER}, and they are found by geometry"
+            )
+    return bodies
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,14 @@
 """Read a user's VPoser v2 checkpoint into our own network, by the names and shapes of its tensors.
 
-The file is a checkpoint of PyTorch Lightning. Besides tensors it may hold pickled objects of other
-libraries; these are neither imported nor run: an inert stand-in takes the place of each.
+The file is a checkpoint of PyTorch Lightning, read by `checkpoint.py`.
 """
 
 from pathlib import Path
-from pickle import UnpicklingError
-from typing import Any
 
-import torch
 from torch import Tensor
 
 from wayfarer.errors import ArtifactError
+from wayfarer_lab.training.checkpoint import read_tensors
 from wayfarer_lab.training.pose_networks import VPoser
 
 PREFIX = "vp_model."
@@ -63,30 +60,7 @@ def load_vposer(path: Path) -> VPoser:
     return model.eval().requires_grad_(False)
 
 
-class _Inert:
-    """Stands for any object of a class that is not a tensor's."""
-
-    def __init__(self, *_: Any, **__: Any) -> None: ...
-
-    def __setstate__(self, state: Any) -> None: ...
-
-
 def _tensors(path: Path) -> dict[str, Tensor]:
     """Tensors of a checkpoint by name, `PREFIX` taken off."""
-    try:
-        strangers = torch.serialization.get_unsafe_globals_in_checkpoint(path)
-        stubs = [(type("Inert", (_Inert,), {}), name) for name in strangers]
-        with torch.serialization.safe_globals([*stubs]):
-            state = torch.load(path, map_location="cpu", weights_only=True)
-    except (OSError, ValueError, RuntimeError, UnpicklingError) as error:
-        raise ArtifactError(
-            f"{path}: cannot be read as a checkpoint: {error}. A plain dictionary of its tensors "
-            "is read too; where you trust the file, make one with "
-            "torch.save(torch.load(old, weights_only=False)['state_dict'], new)"
-        ) from error
-    values = state.get("state_dict", state) if isinstance(state, dict) else {}
-    return {
-        str(name).removeprefix(PREFIX): value
-        for name, value in values.items()
-        if isinstance(value, Tensor)
-    }
+    found = read_tensors(path, ("state_dict",))
+    return {name.removeprefix(PREFIX): tensor for name, tensor in found.items()}

@@ -41,8 +41,10 @@ _AXES = GLTF_FROM_CORE  # p_ours = _AXES @ p_file; its own inverse
 def load_smplx(path: Path, gender: str, markers: Path | None = None) -> BodyModel:
     """A body from a model file.
 
-    `markers` is a JSON file {name: vertex index} of all 67 names of `landmarks.marker_names()`;
-    without it markers are found on the mesh by the geometry of `landmarks`.
+    `markers` is a JSON file {name: vertex index} of all 67 names of `landmarks.marker_names()`, or
+    a file of MOJO's form with 67 markers of other names (SSM2.json, which GAMMA's own networks
+    need): {"markersets": [{"indices": {name: vertex index}}]}, in its order. Without it markers are
+    found on the mesh by the geometry of `landmarks`.
 
     Raises:
         ArtifactError: the file is missing, pickled or not of the SMPL-X layout; the message
@@ -154,7 +156,10 @@ def _pose_directions(poses: Array) -> Array:
 
 def _with_markers(body: BodyModel, markers: Path | None, path: Path) -> BodyModel:
     if markers is not None:
-        return replace(body, marker_vertices=_chosen(markers, len(body.bind_vertices)))
+        table = _chosen(markers, len(body.bind_vertices))
+        return replace(
+            body, marker_names=tuple(table), marker_vertices=np.array([*table.values()], np.int64)
+        )
     joints = dict(zip(body.joint_names[:JOINTS], body.bind_joints, strict=False))
     try:
         found = landmarks.find_markers(body.bind_vertices, body.faces, joints)
@@ -165,16 +170,26 @@ def _with_markers(body: BodyModel, markers: Path | None, path: Path) -> BodyMode
     return replace(body, marker_vertices=found)
 
 
-def _chosen(path: Path, vertices: int) -> NDArray[np.int64]:
-    """Marker vertices from a user's JSON. Raises ArtifactError."""
+def _chosen(path: Path, vertices: int) -> dict[str, int]:
+    """Vertices by marker, in the networks' order, from a user's JSON. Raises ArtifactError."""
     try:
         table = json.loads(path.read_text())
     except (OSError, ValueError) as error:
         raise ArtifactError(f"{path}: cannot be read as JSON: {error}") from error
     names = landmarks.marker_names()
+    if isinstance(table, dict) and "markersets" in table:
+        try:
+            table = dict(table["markersets"][0]["indices"])
+        except (LookupError, TypeError, ValueError) as error:
+            raise ArtifactError(f"{path}: markersets[0].indices is no object") from error
+        names = tuple(table)
+        if len(names) != MARKERS:
+            raise ArtifactError(
+                f"{path}: markersets[0].indices has {len(names)} markers, expected {MARKERS}"
+            )
     if not isinstance(table, dict) or set(table) != set(names):
         raise ArtifactError(f"{path}: expected an object with the {MARKERS} names {list(names)}")
     for name, vertex in table.items():
         if type(vertex) is not int or not 0 <= vertex < vertices:
             raise ArtifactError(f"{path}: {name}: {vertex!r} is not a vertex 0…{vertices - 1}")
-    return np.array([table[name] for name in names], dtype=np.int64)
+    return {name: table[name] for name in names}
