@@ -15,7 +15,7 @@ from wayfarer.artifacts import (
     sha256_of,
 )
 from wayfarer.body import landmarks
-from wayfarer.body.library import SMPLX_FOLDER, body_file, load_body
+from wayfarer.body.library import SHIPPED, SMPLX_FOLDER, Detail, body_file, load_body
 from wayfarer.body.model import BodyModel
 from wayfarer.engines.choice import open_engine
 from wayfarer.engines.engine import EngineKind
@@ -53,18 +53,21 @@ def load_models(path: Path, body: str = "") -> ModelFolder:
 
 
 def load_bodies(name: str) -> Bodies:
-    """The bodies of a name, by gender, with few vertices. Raises NotFound, ArtifactError.
+    """The bodies of a name, by gender, with few vertices if there is a choice.
 
     A body with markers of another set than ours is refused: worlds lock feet by the markers under
     them, and move half of all agents in a mirror, for which each marker needs its counterpart.
+
+    Raises NotFound, ArtifactError.
     """
-    bodies = {gender: load_body(name, gender, "low") for gender in GENDERS}
+    detail: Detail = "low" if name == SHIPPED else "high"  # a user's own body has one
+    bodies = {gender: load_body(name, gender, detail) for gender in GENDERS}
     for body in bodies.values():
         missing = [m for m in landmarks.marker_names() if m not in body.marker_names]
         if missing:
             raise ArtifactError(
-                f"body {name} lacks markers {missing[:4]} …: a server needs those of `landmarks.py`; "
-                f"take away the markers.json in {SMPLX_FOLDER}, and they are found by geometry"
+                f"body {name} lacks markers {missing[:4]} …, which a server needs; take away the "
+                f"markers.json in {SMPLX_FOLDER}, and they are found by geometry"
             )
     return bodies
 

@@ -1,1 +1,1 @@
-"""Checkpoints of GAMMA-release, the paper's own code, as models of ours: `wayfarer import gamma`."""
+"""Checkpoints of GAMMA-release, the paper's own code, as models of ours."""

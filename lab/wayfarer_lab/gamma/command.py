@@ -36,9 +36,9 @@ def gamma(
 ) -> None:
     """Write the checkpoints of GAMMA-release, the paper's own code, as a model folder.
 
-    Checkpoints and SMPL-X are not ours to give: docs/models.md says where to get them. They are read
-    without running any code that they may hold. The command fails unless the written graphs agree
-    with the imported networks. For example:
+    Checkpoints and SMPL-X are not ours to give: docs/models.md says where to get them. They are
+    read without running any code that they may hold. The command fails unless the written graphs
+    agree with the imported networks. For example:
 
     wayfarer import gamma --smpl-models SMPLX --predictor-1f MPVAE_1frame_v4/epoch-300.ckp
     --predictor-2f MPVAE_2frame_v4/epoch-300.ckp --policy MPVAEPolicy_v0/epoch-500.ckp

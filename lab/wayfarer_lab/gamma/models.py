@@ -51,8 +51,8 @@ def ssm2_sites(names: Sequence[str]) -> Sites:
         missing = [w for w in wanted if w not in names]
         if missing:
             raise ArtifactError(
-                f"the body lacks markers {missing}: GAMMA's networks need the 67 of SSM2.json; copy "
-                f"that file as markers.json into the folder of {SMPLX_FOLDER}"
+                f"the body lacks markers {missing}: GAMMA's networks need the 67 of SSM2.json; "
+                f"copy that file as markers.json into the folder of {SMPLX_FOLDER}"
             )
         return [list(names).index(w) for w in wanted]
 
