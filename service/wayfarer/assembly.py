@@ -38,6 +38,9 @@ MEASURES: Final = 2
 MEASURE_EVERY: Final = 3
 """Every third batch size is measured, from the largest down; costs between are interpolated."""
 
+COMPILED: Final = "compiled"
+"""Folder in `state_dir`."""
+
 LOOKAHEAD: Final = STEP_SECONDS
 """A batch is filled with the agents that come next, at most a whole step ahead: large batches cost
 less per agent, and an agent with a new goal need not be stepped alone."""
@@ -63,6 +66,15 @@ def model_store(settings: Settings, body: str = "") -> ModelStore:
     )
 
 
+def compiled_folder(settings: Settings) -> Path | None:
+    """Where the engine of the start keeps its networks. One that is loaded while agents walk does
+    not: OpenVINO holds Python's lock for as long as it exports a network.
+    """
+    if settings.state_dir is None or not settings.keep_compiled:
+        return None
+    return settings.state_dir / COMPILED
+
+
 def model_folder(settings: Settings) -> ModelFolder:
     """The model to start with. Raises InvalidArgument, NotFound, ArtifactError."""
     name = settings.model
@@ -77,7 +89,13 @@ def runtime(
     ownership: Ownership = SingleNode(),
 ) -> MotionService:
     """The runtime over the models; not yet started. Raises ArtifactError."""
-    engine = open_engine(folder, settings.engine, settings.threads, settings.candidates)
+    engine = open_engine(
+        folder,
+        settings.engine,
+        settings.threads,
+        settings.candidates,
+        compiled_folder(settings),
+    )
     # models that are loaded later run on the same engine
     settings = settings.model_copy(update={"engine": engine.setting})
     sizes = engine.sizes_for(settings.limits.agents)
@@ -137,4 +155,7 @@ def _engine_kind(settings: str) -> str:
     """The setting `engine` for the faster one with a worker's threads."""
     read = Settings.model_validate_json(settings)
     configure_logging(read.log_level, read.log_format)
-    return open_engine(model_folder(read), "auto", threads_of(read), read.candidates).setting
+    compiled = compiled_folder(read)
+    return open_engine(
+        model_folder(read), "auto", threads_of(read), read.candidates, compiled
+    ).setting

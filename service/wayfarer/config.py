@@ -120,6 +120,10 @@ class Settings(BaseSettings):
     state_dir: Path | None = Field(
         default=None, description="folder of the journal, from which sessions survive a restart"
     )
+    keep_compiled: bool = Field(
+        default=True,
+        description="keep the networks that openvino compiles in state_dir, for a quicker start",
+    )
     engine: EngineKind = Field(
         default="auto",
         description="engine: onnxruntime; openvino (`pip install wayfarer[openvino]`); "

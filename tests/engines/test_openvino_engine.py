@@ -129,6 +129,20 @@ def test_rows_are_parted_into_the_sizes_there_are(rows, expected):
     assert ends(rows) == expected
 
 
+def test_a_kept_network_is_used_with_the_same_bits_unless_openvino_refuses_it(
+    models, mixed, inputs, tmp_path, monkeypatch
+):
+    first = OpenVinoEngine(models, 1, True, tmp_path)
+    monkeypatch.setattr(first._kept, "find", lambda *_: np.arange(9999).astype(np.uint8))
+    again = OpenVinoEngine(models, 1, True, tmp_path)
+    monkeypatch.setattr(again, "_shaped", None)
+    expected = mixed.step(GENDER, inputs)
+    for engine in (first, again):
+        found = engine.step(GENDER, inputs)
+        for field in fields(StepOutputs):
+            assert np.array_equal(getattr(expected, field.name), getattr(found, field.name))
+
+
 def test_alone_it_is_the_same_engine(mixed, inputs):
     assert np.array_equal(
         mixed.single_threaded.step(GENDER, inputs).rotations, mixed.step(GENDER, inputs).rotations

@@ -2,6 +2,7 @@
 
 import time
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Final
 
 import structlog
@@ -28,23 +29,28 @@ GAIN: Final = 0.8
 
 
 def open_engine(
-    models: ModelFolder, kind: EngineKind, threads: int, candidates: int = 1
+    models: ModelFolder,
+    kind: EngineKind,
+    threads: int,
+    candidates: int = 1,
+    compiled: Path | None = None,
 ) -> WarmEngine:
     """`auto` is onnxruntime, unless OpenVINO is installed and clearly faster.
 
     OpenVINO has a network for every number of candidates up to `candidates` (and every gender and
-    size of batch), each of 200 MB: with more than one candidate, `auto` leaves it alone.
+    size of batch), each of 200 MB: with more than one candidate, `auto` leaves it alone. It keeps
+    them in the folder `compiled`, unless that is None.
 
     Raises InvalidArgument for an engine that is not installed or cannot run here, ArtifactError.
     """
     if kind == "torch":
         return _open_torch(models)
     if kind == "openvino":
-        return OpenVinoEngine(models, threads)
+        return OpenVinoEngine(models, threads, compiled=compiled)
     default = OnnxEngine(models, threads)
     if kind == "onnxruntime" or candidates > 1 or find_spec("openvino") is None:
         return default
-    other = OpenVinoEngine(models, threads)
+    other = OpenVinoEngine(models, threads, compiled=compiled)
     found = {engine.kind: trial(engine) for engine in (default, other)}
     fastest = other if found[other.kind] < GAIN * found[default.kind] else default
     milliseconds = {name: round(1e3 * seconds, 1) for name, seconds in found.items()}

@@ -6,17 +6,21 @@ bfloat16.
 """
 
 import threading
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import fields
-from functools import partial
+from functools import cache, partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
+import structlog
 from numpy.typing import NDArray
 
+from wayfarer import __version__
 from wayfarer.artifacts import ModelFolder, sha256_of
+from wayfarer.engines import openvino_network
+from wayfarer.engines.compiled_networks import CompiledNetworks
 from wayfarer.engines.engine import EngineKind, StepInputs, StepOutputs, variant
 from wayfarer.engines.openvino_network import LEFT_OUT, with_hidden_bfloat16, without_scores
 from wayfarer.engines.padding import pad
@@ -28,6 +32,8 @@ from wayfarer.terms import TERMS
 
 if TYPE_CHECKING:
     import openvino
+
+log = structlog.get_logger(__name__)
 
 INPUTS: Final = tuple(f.name for f in fields(StepInputs))
 OUTPUTS: Final = tuple(f.name for f in fields(StepOutputs))
@@ -48,10 +54,18 @@ class OpenVinoEngine(WarmEngine):
     to_compile = SIZES
     term_names: tuple[str, ...] = TERMS
 
-    def __init__(self, models: ModelFolder, threads: int = 0, bfloat16: bool | None = None) -> None:
+    def __init__(
+        self,
+        models: ModelFolder,
+        threads: int = 0,
+        bfloat16: bool | None = None,
+        compiled: Path | None = None,
+    ) -> None:
         """`threads` per call; 0: one per core. `bfloat16` None: where the CPU computes in it.
+        `compiled`: folder where compiled networks are kept; None: they are not.
 
-        Raises InvalidArgument without OpenVINO, ArtifactError for graphs it cannot read.
+        Raises InvalidArgument without OpenVINO. A graph that it cannot read is an ArtifactError of
+        the first step that needs it.
         """
         self._core = open_core()
         capable = "BF16" in self._core.get_property(DEVICE, "OPTIMIZATION_CAPABILITIES")
@@ -61,7 +75,17 @@ class OpenVinoEngine(WarmEngine):
         self.graphs = tuple(
             variant(self.kind, sha256_of(models.graph("step", g, SEED_FRAMES))) for g in GENDERS
         )
-        self._networks = {g: self._read(models, g) for g in GENDERS}
+        # read when there is something to compile
+        self._networks = {g: cache(partial(self._read, models, g)) for g in GENDERS}
+        self._kept = CompiledNetworks(compiled)
+        self._read_from: list[NDArray[np.uint8]] = []  # what networks lie in that were kept
+        self._identity = (
+            __version__,
+            sha256_of(Path(openvino_network.__file__)),
+            version(),
+            self._core.get_property(DEVICE, "FULL_DEVICE_NAME"),
+            tuple(self._core.get_property(DEVICE, "OPTIMIZATION_CAPABILITIES")),
+        )
         self._is_scoring = False
         self._compiled: dict[tuple[str, int, int, bool], openvino.CompiledModel] = {}
         self._compiling = threading.Lock()
@@ -117,8 +141,8 @@ class OpenVinoEngine(WarmEngine):
             requests[name] = self._compiled[key].create_infer_request()
         return cast("openvino.InferRequest", requests[name])
 
-    def _read(self, models: ModelFolder, gender: str) -> Callable[[], "openvino.Model"]:
-        """Gives a fresh copy of a step graph, whose batch may be fixed."""
+    def _read(self, models: ModelFolder, gender: str) -> "openvino.Model":
+        """A step graph, not to be changed."""
         path = models.graph("step", gender, SEED_FRAMES)
         try:
             network = self._core.read_model(path)
@@ -126,12 +150,50 @@ class OpenVinoEngine(WarmEngine):
             raise ArtifactError(f"{path}: OpenVINO cannot read it: {error}") from None
         if self.bfloat16:
             network = with_hidden_bfloat16(network)
-        return network.clone
+        return network
 
     def _compile(
         self, gender: str, rows: int, candidates: int, is_scored: bool
     ) -> "openvino.CompiledModel":
-        network = self._networks[gender]()
+        options: dict[str, Any] = {
+            "INFERENCE_PRECISION_HINT": "f32",  # but for what the network says itself
+            "NUM_STREAMS": self._partitioner.count,  # each of one thread, see lanes.py
+            "INFERENCE_NUM_THREADS": self._partitioner.count,
+            "ENABLE_CPU_PINNING": False,  # the event loop needs the cores, too
+        }
+        make = partial(self._made, gender, rows, candidates, is_scored, options)
+        # Threads have the priority of those that make them.
+        with ThreadPoolExecutor(1, initializer=give_way) as pool:
+            return pool.submit(make).result()
+
+    def _made(
+        self, gender: str, rows: int, candidates: int, is_scored: bool, options: dict[str, Any]
+    ) -> "openvino.CompiledModel":
+        """The network, read from its file or compiled; both let Python run meanwhile."""
+        about = (self._identity, gender, self.graphs, rows, candidates, is_scored, options)
+        if (kept := self._kept.find(*about)) is not None:
+            from openvino import Tensor
+
+            try:
+                # its weights stay where they were read to
+                tensor = Tensor(kept, shared_memory=True)
+                made = self._core.import_model(tensor, DEVICE, options)
+            except RuntimeError as error:
+                log.warning("a kept network cannot be used, and is compiled", error=str(error))
+            else:
+                self._read_from.append(kept)
+                return made
+        compiled = self._core.compile_model(
+            self._shaped(gender, rows, candidates, is_scored), DEVICE, options
+        )
+        if self._kept.are_kept:  # which does not
+            self._kept.keep(compiled.export_model().getvalue(), *about)
+        return compiled
+
+    def _shaped(
+        self, gender: str, rows: int, candidates: int, is_scored: bool
+    ) -> "openvino.Model":
+        network = self._networks[gender]().clone()
         shapes = {}
         for tensor in network.inputs:
             shape = tensor.get_partial_shape()
@@ -140,17 +202,7 @@ class OpenVinoEngine(WarmEngine):
                 shape[1] = candidates
             shapes[tensor] = shape
         network.reshape(shapes)
-        if not is_scored:
-            network = without_scores(network, rows)
-        options: dict[str, Any] = {
-            "INFERENCE_PRECISION_HINT": "f32",  # but for what the network says itself
-            "NUM_STREAMS": self._partitioner.count,  # each of one thread, see lanes.py
-            "INFERENCE_NUM_THREADS": self._partitioner.count,
-            "ENABLE_CPU_PINNING": False,  # the event loop needs the cores, too
-        }
-        # Threads have the priority of those that make them.
-        with ThreadPoolExecutor(1, initializer=give_way) as pool:
-            return pool.submit(self._core.compile_model, network, DEVICE, options).result()
+        return network if is_scored else without_scores(network, rows)
 
 
 def unscored(rows: int) -> dict[str, NDArray[Any]]:
@@ -177,6 +229,13 @@ def ends(rows: int) -> list[int]:
     if rest > MOST:
         return [*found, rows]
     return [*found, *(min(rows - rest + end, rows) for end in range(small, rest + small, small))]
+
+
+def version() -> str:
+    """OpenVINO's own."""
+    from openvino import get_version
+
+    return str(get_version())
 
 
 def open_core() -> "openvino.Core":
