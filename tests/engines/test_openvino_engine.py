@@ -8,7 +8,14 @@ import pytest
 from tests.engines.standing import standing_inputs
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.engines.onnx_engine import OnnxEngine
-from wayfarer.engines.openvino_engine import SIZES, OpenVinoEngine, ends
+from wayfarer.engines.openvino_engine import (
+    SIZES,
+    UNFUSED,
+    OpenVinoEngine,
+    accepts,
+    ends,
+    open_core,
+)
 from wayfarer.engines.openvino_network import ON_ROWS
 from wayfarer.engines.padding import part
 from wayfarer.model_bundle import DEFAULT_MODEL, load_models
@@ -141,6 +148,11 @@ def test_a_kept_network_is_used_with_the_same_bits_unless_openvino_refuses_it(
         found = engine.step(GENDER, inputs)
         for field in fields(StepOutputs):
             assert np.array_equal(getattr(expected, field.name), getattr(found, field.name))
+
+
+def test_settings_that_this_version_does_not_know_are_left_out():
+    core = open_core()
+    assert accepts(core, UNFUSED) and not accepts(core, {"SNIPPETS_MOOD": "DISABLE"})
 
 
 def test_alone_it_is_the_same_engine(mixed, inputs):

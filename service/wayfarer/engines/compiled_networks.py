@@ -50,7 +50,7 @@ class CompiledNetworks:
             return None
         size = hashlib.sha256().digest_size
         body = content[size:]
-        if hashlib.sha256(body).digest() != content[:size].tobytes():
+        if hashlib.sha256(body.data).digest() != content[:size].tobytes():
             log.warning("a compiled network is damaged, and compiled again", file=str(path))
             return None
         with suppress(OSError):
@@ -68,7 +68,7 @@ class CompiledNetworks:
                     unfinished.write(hashlib.sha256(body).digest())
                     unfinished.write(body)
                     unfinished.close()
-                    os.replace(unfinished.name, self._path(about))
+                    Path(unfinished.name).replace(self._path(about))
                 except BaseException:
                     unfinished.close()
                     Path(unfinished.name).unlink(missing_ok=True)
