@@ -1,0 +1,490 @@
+"""Who owns which slot: leases, epochs, placement, adoption, drains. No clock, no network, no Ray.
+
+The rules, on which "never two owners" rests:
+
+- A node's lease runs here from when its request *arrived* and there from when it was *sent*, and
+  here `DRIFT` longer: the node always knows of its end first, and stops (tenancy.py).
+- A slot changes its owner only by its owner's wish (`transfer`), or after its owner has ended or
+  its lease has. Each change gives it an epoch greater than any before.
+- A directory that starts knows nothing. For the length of a lease it gives nothing away; the nodes
+  tell it what they hold. Between two that claim one slot the greater epoch is right.
+
+Owner of a slot without an entry: the live node that rendezvous hashing gives (`rendezvous`), which
+answers that there is nothing. Times are seconds on any clock that never goes back.
+"""
+
+import hashlib
+import random
+from collections import Counter, OrderedDict, deque
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Final
+
+from wayfarer.cluster.messages import (
+    Answer,
+    Changes,
+    LeaseRenewal,
+    NodeInfo,
+    NodeLoad,
+    NodeOrder,
+    NodeState,
+    Registration,
+    Status,
+)
+from wayfarer.errors import Aborted, FailedPrecondition, NotFound, Unavailable
+from wayfarer.ids import SLOTS
+
+DRIFT: Final = 1.1
+"""A lease is this much longer here than at the node: clocks differ in rate by far less."""
+
+POOL: Final = 8
+"""Slots that a node holds for new sessions. When they are used up, new sessions share slots."""
+
+UNSEEN_S: Final = 2.0
+"""Seconds after which a placed session is in its node's reports."""
+
+REMEMBERED: Final = 4096
+"""Placements known by their request, so that a create sent twice meets its first reply."""
+
+LOGGED: Final = 8192
+"""Changes of the view that are kept; who has seen less gets the whole."""
+
+AT_ONCE: Final = 4
+"""Sessions' slots that a draining node moves at a time."""
+
+
+@dataclass(frozen=True, slots=True)
+class LeaseRules:
+    """Of one cluster."""
+
+    lease_s: float = 2.0
+    go_on: bool = False
+    """Nodes that cannot renew go on stepping; then their slots move only once their end is known
+    (`ended`), never because they are silent."""
+
+
+@dataclass(slots=True)
+class _Node:
+    info: NodeInfo
+    load: NodeLoad
+    lease_until: float
+    count: int = 0  # of the last message
+    pool: set[int] = field(default_factory=set)
+    used: set[int] = field(default_factory=set)
+    keepers: tuple[str, ...] = ()  # of its replicas: the present one, and the one before
+    draining: bool = False
+    placed: deque[float] = field(default_factory=deque)  # when sessions were placed here
+
+
+@dataclass(slots=True)
+class _Entry:
+    owner: str
+    epoch: int
+    keepers: tuple[str, ...] | None = None  # being adopted: who else may have a replica, in order
+
+
+class Directory:
+    """One for a cluster. Not thread-safe."""
+
+    def __init__(
+        self, rules: LeaseRules, now: float, generation: int, seed: int | None = None
+    ) -> None:
+        """`generation`: greater than that of any directory before; microseconds since 1970 are.
+
+        Epochs begin there, so that they go on growing when a directory is started again.
+        """
+        self.rules = rules
+        self.counters: Counter[str] = Counter()
+        self._generation = self._epoch = generation
+        self._settled_at = now + rules.lease_s * DRIFT
+        self._nodes: dict[str, _Node] = {}
+        self._slots: dict[int, _Entry] = {}
+        self._version = 0
+        self._nodes_version = 0
+        self._log: deque[tuple[int, int]] = deque(maxlen=LOGGED)  # version, slot
+        self._placed: OrderedDict[str, str] = OrderedDict()  # request → node
+        self._random = random.Random(seed)
+
+    # ---- nodes
+
+    def register(self, told: Registration, now: float) -> Answer:
+        """Enter a node and what it holds. It may come again at any time."""
+        self.expire(now)
+        name = told.node.name
+        if not self._settled(now) and not told.leased and told.held:
+            return Answer()  # who of two claimants is right is known once all have come
+        node = self._nodes.get(name)
+        if node is None:
+            node = self._nodes[name] = _Node(told.node, told.load, now)
+            self._nodes_changed()
+        if told.count <= node.count:
+            return Answer()
+        node.count = told.count
+        lost: list[int] = []
+        used: set[int] = set()
+        epochs: dict[int, int] = {}
+        for slot, epoch in told.held.items():
+            self._epoch = max(self._epoch, epoch)
+            entry = self._slots.get(slot)
+            if entry is None and not told.leased:
+                # given up as lost; who adopted it meanwhile may have ended, too
+                self._own(slot, name, self._next_epoch())
+            elif entry is None or (entry.owner != name and entry.epoch < epoch):
+                self._own(slot, name, epoch)
+            if self._slots[slot].owner == name:
+                used.add(slot)
+                epochs[slot] = self._slots[slot].epoch  # an answer with it may have been lost
+            else:
+                lost.append(slot)
+        # what it owns here and does not have any more; an adoption that it was to make goes on
+        for slot in (node.used | node.pool) - used:
+            if self._slots[slot].keepers is None:
+                self._disown(slot)
+        node.used = used | {s for s in node.used - used if s in self._slots}
+        node.pool = set()
+        node.load = told.load
+        return self._answer(node, now, (0, 0), tuple(lost), epochs)
+
+    def renew(self, told: LeaseRenewal, now: float) -> Answer:
+        """Prolong a node's lease, take its reports, give it its orders."""
+        self.expire(now)
+        node = self._nodes.get(told.name)
+        if node is None:
+            return Answer(fenced=True)
+        if told.count <= node.count:
+            return Answer()
+        node.count = told.count
+        node.load = told.load
+        lost: list[int] = []
+        epochs: dict[int, int] = {}
+        for slot in told.used:
+            if slot not in self._slots:  # a snapshot was imported, whose id has this slot
+                self._own(slot, told.name, self._next_epoch())
+            entry = self._slots[slot]
+            if entry.owner != told.name:
+                lost.append(slot)
+                continue
+            epochs[slot] = entry.epoch
+            node.pool.discard(slot)
+            node.used.add(slot)
+        for slot in told.freed:
+            if slot in node.used:
+                self._disown(slot)
+        for slot in told.adopted:
+            if slot in node.used and self._slots[slot].keepers is not None:
+                self._slots[slot].keepers = None
+                self.counters["adopted"] += 1
+        for slot in told.failed:
+            if slot in node.used and self._slots[slot].keepers is not None:
+                self._pass_on(slot)
+        return self._answer(node, now, told.seen, tuple(lost), epochs)
+
+    def ended(self, name: str) -> None:
+        """A node's process is known to have ended: whoever keeps its replicas adopts its slots."""
+        node = self._nodes.pop(name, None)
+        if node is None:
+            return
+        self._nodes_changed()
+        for other in self._nodes.values():
+            if name in other.keepers:
+                other.keepers = tuple(one for one in other.keepers if one != name)
+        for slot in node.pool:
+            self._disown(slot)
+        for slot in sorted(node.used):
+            entry = self._slots[slot]
+            entry.keepers = node.keepers if entry.keepers is None else entry.keepers
+            self._pass_on(slot)
+
+    def expire(self, now: float) -> None:
+        """Fence the nodes whose lease has ended, unless they go on without."""
+        if self.rules.go_on:
+            return
+        for node in [n for n in self._nodes.values() if n.lease_until <= now]:
+            self.counters["expired"] += 1
+            self.ended(node.info.name)
+
+    def drain(self, name: str) -> None:
+        """Let a node give its sessions to others, and end. Raises NotFound, FailedPrecondition."""
+        node = self._node(name)
+        equals = [
+            other
+            for other in self._nodes.values()
+            if other is not node and not other.draining and self._alike(other, node)
+        ]
+        if node.used and not equals:
+            raise FailedPrecondition(
+                f"node {name} holds sessions in {len(node.used)} slots, and there is no other node "
+                "with the same model and bodies to take them; start one first"
+            )
+        node.draining = True
+
+    def transfer(self, slot: int, owner: str, epoch: int, to: str, now: float) -> int:
+        """Give a slot away, if `owner` still has it with this epoch; its new epoch.
+
+        The owner has frozen what lives there before, so nobody steps it until the new one does.
+        The same node gives it back in the same way when the other could not take it. Raises
+        Aborted when the slot has another owner or epoch, NotFound, FailedPrecondition.
+        """
+        self.expire(now)
+        entry = self._slots.get(slot)
+        if entry is None or (entry.owner, entry.epoch) != (owner, epoch):
+            found = f"{entry.owner} with epoch {entry.epoch}" if entry else "nobody"
+            raise Aborted(f"slot {slot:04x} is not {owner}'s with epoch {epoch}: it is {found}'s")
+        target, source = self._node(to), self._node(owner)
+        if not self._alike(target, source):
+            raise FailedPrecondition(f"node {to} has another model or other bodies than {owner}")
+        source.used.discard(slot)
+        target.used.add(slot)
+        self._own(slot, to, self._next_epoch())
+        self.counters["moved"] += 1
+        return self._slots[slot].epoch
+
+    def node_for(self, slot: int) -> NodeInfo | None:
+        """The owner, or who would be; None without any node."""
+        entry = self._slots.get(slot)
+        if entry is not None and entry.owner in self._nodes:
+            return self._nodes[entry.owner].info
+        name = rendezvous(slot, self._nodes)
+        return self._nodes[name].info if name else None
+
+    # ---- new sessions
+
+    def place(self, now: float, request: str = "") -> NodeInfo:
+        """The node for a new session or scene: the freer of two drawn at random.
+
+        `request`: a digest of the client's request id and name; the same one gets the same node.
+        Raises Unavailable.
+        """
+        self.expire(now)
+        known = self._nodes.get(self._placed.get(request, ""))
+        if request and known is not None:
+            return known.info
+        able = self._able(now)
+        if not able:
+            raise Unavailable(
+                "no node takes new sessions: " + (self._why_none(now) or "none is registered")
+            )
+        drawn = self._random.sample(able, min(2, len(able)))
+        mean = self._mean_session(able)
+        chosen = min(drawn, key=lambda node: self._burden(node, mean, now))
+        chosen.placed.append(now)
+        self.counters["placed"] += 1
+        if request:
+            self._placed[request] = chosen.info.name
+            if len(self._placed) > REMEMBERED:
+                self._placed.popitem(last=False)
+        return chosen.info
+
+    def _able(self, now: float) -> list[_Node]:
+        found = [
+            node
+            for node in self._nodes.values()
+            if node.load.ready and not node.draining and node.lease_until > now
+        ]
+        # of several kinds the one that has most nodes: in a rolling change the new ones follow
+        # once the old ones drain
+        kinds = Counter(node.info.fingerprint for node in found)
+        kind = kinds.most_common(1)[0][0] if kinds else ""
+        return [node for node in found if node.info.fingerprint == kind]
+
+    def _why_none(self, now: float) -> str:
+        found: Counter[str] = Counter()
+        for node in self._nodes.values():
+            silent = node.lease_until <= now
+            found["draining" if node.draining else "silent" if silent else "starting or full"] += 1
+        return ", ".join(f"{count} {what}" for what, count in found.items())
+
+    def _mean_session(self, nodes: Iterable[_Node]) -> float:
+        loads = [node.load for node in nodes]
+        sessions = sum(load.sessions for load in loads)
+        return max(1.0, sum(load.agents for load in loads) / max(1, sessions))
+
+    def _burden(self, node: _Node, mean: float, now: float) -> float:
+        """Share of a node's room that is taken.
+
+        Agents come after their session, and reports later still: a session counts as the mean one
+        beside the agents that are there, and from when it is placed.
+        """
+        while node.placed and node.placed[0] < now - UNSEEN_S:
+            node.placed.popleft()
+        sessions = node.load.sessions + len(node.placed)
+        return (node.load.agents + mean * sessions) / max(1, node.info.capacity)
+
+    # ---- answers
+
+    def _answer(
+        self,
+        node: _Node,
+        now: float,
+        seen: tuple[int, int],
+        lost: tuple[int, ...],
+        epochs: dict[int, int],
+    ) -> Answer:
+        node.lease_until = now + self.rules.lease_s * DRIFT
+        if self._settled(now):
+            self._fill(node)
+        self._choose_keeper(node)
+        return Answer(
+            lease_s=self.rules.lease_s,
+            pool={} if node.draining else {s: self._slots[s].epoch for s in sorted(node.pool)},
+            epochs=epochs,
+            lost=lost,
+            neighbour=node.keepers[0] if node.keepers else "",
+            draining=node.draining,
+            done=node.draining and not node.used,
+            orders=tuple(self._orders(node, now)),
+            changes=self.changes(seen),
+        )
+
+    def _orders(self, node: _Node, now: float) -> Iterable[NodeOrder]:
+        adoptions = [s for s in node.used if self._slots[s].keepers is not None]
+        for slot in sorted(adoptions):
+            yield NodeOrder(kind="adopt", slot=slot, epoch=self._slots[slot].epoch)
+        if not node.draining:
+            return
+        able = [n for n in self._able(now) if n is not node and self._alike(n, node)]
+        if not able:
+            return
+        mean = self._mean_session(able)
+        able.sort(key=lambda other: self._burden(other, mean, now))
+        for i, slot in enumerate(sorted(node.used - set(adoptions))[:AT_ONCE]):
+            to = able[i % len(able)].info.name
+            yield NodeOrder(kind="move", slot=slot, epoch=self._slots[slot].epoch, to=to)
+
+    def changes(self, seen: tuple[int, int]) -> Changes | None:
+        """Of the view since (generation, version); None when there are none."""
+        generation, version = seen
+        if seen == (self._generation, self._version):
+            return None
+        # the log has every change since its oldest
+        whole = generation != self._generation or version + 1 < self._log[0][0]
+        touched = (
+            set(self._slots) if whole else {s for at, s in self._log if at > version and s >= 0}
+        )
+        return Changes(
+            generation=self._generation,
+            version=self._version,
+            whole=whole,
+            slots={s: self._slots[s].owner if s in self._slots else "" for s in touched},
+            nodes=self._infos() if whole or self._nodes_version > version else None,
+        )
+
+    def status(self, now: float) -> Status:
+        """At a glance."""
+        self.expire(now)
+        nodes = tuple(
+            NodeState(
+                node=node.info,
+                load=node.load,
+                slots=len(node.used),
+                lease_left_s=max(0.0, node.lease_until - now),
+                draining=node.draining,
+                neighbour=node.keepers[0] if node.keepers else "",
+            )
+            for node in sorted(self._nodes.values(), key=lambda one: one.info.name)
+        )
+        return Status(
+            generation=self._generation,
+            settled=self._settled(now),
+            nodes=nodes,
+            counters=dict(self.counters),
+        )
+
+    # ---- slots
+
+    def _settled(self, now: float) -> bool:
+        return now >= self._settled_at
+
+    def _fill(self, node: _Node) -> None:
+        """Give a node free slots for new sessions."""
+        for _ in range(SLOTS):
+            if len(node.pool) >= POOL or node.draining:
+                return
+            # at random: who is silent just now may hold slots that nobody has told of
+            slot = self._random.randrange(SLOTS)
+            if slot not in self._slots:
+                self._own(slot, node.info.name, self._next_epoch())
+                node.pool.add(slot)
+
+    def _pass_on(self, slot: int) -> None:
+        """To the next node that may have a replica; without any, what lived there is lost."""
+        entry = self._slots[slot]
+        if entry.owner in self._nodes:
+            self._nodes[entry.owner].used.discard(slot)
+        left = [name for name in entry.keepers or () if name in self._nodes]
+        if not left:
+            self.counters["lost"] += 1
+            self._disown(slot)
+            return
+        self._own(slot, left[0], self._next_epoch())
+        self._slots[slot].keepers = tuple(left[1:])
+        self._nodes[left[0]].used.add(slot)
+
+    def _own(self, slot: int, owner: str, epoch: int) -> None:
+        before = self._slots.get(slot)
+        if before is not None and before.owner in self._nodes:
+            self._nodes[before.owner].used.discard(slot)
+            self._nodes[before.owner].pool.discard(slot)
+        self._slots[slot] = _Entry(owner, epoch)
+        self._touch(slot)
+
+    def _disown(self, slot: int) -> None:
+        entry = self._slots.pop(slot)
+        if entry.owner in self._nodes:
+            self._nodes[entry.owner].used.discard(slot)
+            self._nodes[entry.owner].pool.discard(slot)
+        self._touch(slot)
+
+    def _next_epoch(self) -> int:
+        self._epoch += 1
+        return self._epoch
+
+    # ---- nodes, once more
+
+    def _node(self, name: str) -> _Node:
+        if name not in self._nodes:
+            known = ", ".join(sorted(self._nodes)) or "none"
+            raise NotFound(f"there is no node {name!r}; there are {known}", "node", name)
+        return self._nodes[name]
+
+    def _alike(self, one: _Node, other: _Node) -> bool:
+        return one.info.fingerprint == other.info.fingerprint
+
+    def _choose_keeper(self, node: _Node) -> None:
+        """Keep the neighbour while it is good; the one before still has older replicas."""
+        name = node.info.name
+        able = {
+            other.info.name
+            for other in self._nodes.values()
+            if other is not node and not other.draining and self._alike(other, node)
+        }
+        if node.keepers and node.keepers[0] in able:
+            return
+        if able:
+            ring = sorted(able, key=_hash)
+            after = [other for other in ring if _hash(other) > _hash(name)]
+            node.keepers = ((after or ring)[0], *node.keepers[:1])
+
+    def _infos(self) -> tuple[NodeInfo, ...]:
+        return tuple(node.info for node in self._nodes.values())
+
+    def _nodes_changed(self) -> None:
+        self._touch(-1)
+        self._nodes_version = self._version
+
+    def _touch(self, slot: int) -> None:
+        self._version += 1
+        self._log.append((self._version, slot))
+
+
+def rendezvous(slot: int, names: Iterable[str]) -> str:
+    """The name that is first for a slot; empty for none.
+
+    When names come or go, only the slots of these change (highest random weight, Thaler and
+    Ravishankar 1998).
+    """
+    return max(names, key=lambda name: _hash(f"{slot}/{name}"), default="")
+
+
+def _hash(text: str) -> int:
+    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest())

@@ -1,0 +1,127 @@
+"""What nodes, entries and the directory tell each other: small JSON documents, and never a pose.
+
+A *node* is a server process with its own ports, under a name that no other process ever gets again.
+A *slot* is the first four hexadecimal digits of an id (ids.py), 0 to 65,535.
+"""
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict
+
+
+class ClusterMessage(BaseModel):
+    """Base of all; unknown fields are refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class NodeInfo(ClusterMessage):
+    """What does not change while a node lives."""
+
+    name: str
+    number: int  # of its keeper, from 0
+    host: str
+    grpc_port: int
+    http_port: int
+    peer_port: int  # of the service between nodes; 0: none
+    fingerprint: str  # hash over model and bodies: sessions move only between equals
+    capacity: int  # agents at most
+
+
+class NodeLoad(ClusterMessage):
+    """What a node has to do."""
+
+    agents: int = 0
+    sessions: int = 0
+    ready: bool = True  # it takes new sessions
+
+
+class Registration(ClusterMessage):
+    """A node comes: for the first time, after it was fenced, or to a directory that forgot it."""
+
+    node: NodeInfo
+    count: int  # as LeaseRenewal's
+    load: NodeLoad = NodeLoad()
+    held: dict[int, int] = {}  # slots in use, and the epoch of each
+    leased: bool = False  # a lease of an earlier directory still holds
+
+
+class LeaseRenewal(ClusterMessage):
+    """Renews the lease, several times in its length. Everything in it may be said twice."""
+
+    name: str
+    count: int  # greater with each: one that comes after its successor is not heard
+    load: NodeLoad
+    used: tuple[int, ...] = ()  # slots of the pool that hold a session now
+    freed: tuple[int, ...] = ()  # slots that hold none any more
+    adopted: tuple[int, ...] = ()  # adoptions that succeeded, and
+    failed: tuple[int, ...] = ()  # those of which no replica was there
+    seen: tuple[int, int] = (0, 0)  # generation and version of the node's view
+
+
+class NodeOrder(ClusterMessage):
+    """What a node shall do with a slot; said again until it is done."""
+
+    kind: Literal["adopt", "move"]
+    slot: int
+    epoch: int  # adopt: the new one; move: the one that it has
+    to: str = ""  # move: the node
+
+
+class Changes(ClusterMessage):
+    """Changes of the view since a version, or the whole of it."""
+
+    generation: int  # of the directory: another one knows nothing of the versions before
+    version: int
+    whole: bool = False
+    slots: dict[int, str] = {}  # owners; empty: nobody any more
+    nodes: tuple[NodeInfo, ...] | None = None  # all live ones, when they have changed
+
+
+class Answer(ClusterMessage):
+    """To a registration or renewal."""
+
+    fenced: bool = False  # the node's lease has ended here: release what it has lost, register
+    lease_s: float = 0.0  # from when the request was sent; 0: none yet, ask again
+    pool: dict[int, int] = {}  # slots for new sessions, and their epochs
+    epochs: dict[int, int] = {}  # of slots that the node has said it holds
+    lost: tuple[int, ...] = ()  # slots that have another owner: release them before stepping
+    neighbour: str = ""  # the node that keeps this one's replicas; empty: there is none
+    draining: bool = False
+    done: bool = False  # drained: end
+    orders: tuple[NodeOrder, ...] = ()
+    changes: Changes | None = None
+
+
+class NodeState(ClusterMessage):
+    """A node as the directory sees it."""
+
+    node: NodeInfo
+    load: NodeLoad
+    slots: int  # in use
+    lease_left_s: float
+    draining: bool
+    neighbour: str
+
+
+class Status(ClusterMessage):
+    """The directory at a glance: for commands, health and metrics."""
+
+    generation: int
+    settled: bool  # an older directory's leases have ended
+    nodes: tuple[NodeState, ...]
+    counters: dict[str, int]
+
+    @property
+    def capacity(self) -> int:
+        """Agents that the nodes that take sessions have room for."""
+        return sum(one.node.capacity for one in self.nodes if _takes(one))
+
+    @property
+    def agents(self) -> int:
+        """Agents on these nodes."""
+        return sum(one.load.agents for one in self.nodes if _takes(one))
+
+
+def _takes(state: NodeState) -> bool:
+    return state.load.ready and not state.draining and state.lease_left_s > 0

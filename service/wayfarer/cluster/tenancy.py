@@ -1,0 +1,219 @@
+"""What one node may do: its lease and its slots. Implements `Ownership`; no network, no clock of
+its own.
+
+The event loop tells it what the directory answered; the motion thread asks before every turn. What
+it reads there is one float, one set and one dictionary's item, each replaced or changed at once.
+"""
+
+import random
+import time
+from collections.abc import Callable, Collection
+from typing import Final
+
+from wayfarer.cluster.messages import Answer, LeaseRenewal, NodeInfo, NodeLoad, Registration
+from wayfarer.cluster.slot_map import SlotMap, endpoint
+from wayfarer.endpoint import Endpoint
+from wayfarer.errors import Unavailable
+from wayfarer.ids import slot_of
+
+FRESH_S: Final = 120.0
+"""A slot that was given out is in use for this long, even if nothing is seen in it: a scene that
+is being baked is not there yet."""
+
+
+def boot_clock() -> float:
+    """Seconds that go on while the process, or the whole machine, is stopped."""
+    return time.clock_gettime(getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC))
+
+
+class Tenancy:
+    """Of one node."""
+
+    def __init__(
+        self, node: NodeInfo, go_on: bool = False, clock: Callable[[], float] = boot_clock
+    ) -> None:
+        """`go_on`: step without a lease, too (`LeaseRules.go_on`)."""
+        self.node = node
+        self.view = SlotMap()
+        self.registered = False
+        self._own = endpoint(node)
+        self._go_on = go_on
+        self._clock = clock
+        self._until = float("-inf")  # of the lease
+        self._count = 0  # of messages
+        self._held: dict[int, int] = {}  # slots in use, and their epochs
+        self._pool: dict[int, int] = {}
+        self._lost: frozenset[int] = frozenset()  # to be released before another step
+        self._moving: set[int] = set()
+        self._fresh: dict[int, float] = {}  # when they were given out
+        self._used: set[int] = set()  # reported as used until it is known to have arrived
+        self._freed: set[int] = set()
+        self._adopted: set[int] = set()
+        self._failed: set[int] = set()
+
+    # ---- Ownership
+
+    @property
+    def own(self) -> Endpoint | None:
+        """Where this node is called."""
+        return self._own
+
+    def endpoint_of(self, name: str) -> Endpoint | None:
+        """Where what has this id lives; None: here, or nowhere that is known."""
+        slot = slot_of(name)
+        if slot in self._held or slot in self._pool:
+            return None
+        found = self.view.owner(name)
+        return None if found is None or found.name == self.node.name else endpoint(found)
+
+    def new_key(self) -> int:
+        """A slot of its own; when these are used up, one that another session shares.
+
+        Raises Unavailable without a lease.
+        """
+        if not self.leased:
+            raise Unavailable("this node has lost its cluster; it creates nothing until it is back")
+        if self._pool:
+            slot = min(self._pool)
+            self._held[slot] = self._pool.pop(slot)
+            self._used.add(slot)
+        elif settled := [s for s in self._held if s not in self._moving]:
+            slot = random.choice(settled)
+        else:
+            raise Unavailable("this node has no slot yet; it has just joined its cluster")
+        self._fresh[slot] = self._clock()
+        return slot
+
+    def may_step(self) -> bool:
+        """The lease holds, and nothing is here that has another owner."""
+        return not self._lost and (self._go_on or self.leased)
+
+    def epoch(self, session_id: str) -> int:
+        """Of the slot; 0 for what is not here."""
+        return self._held.get(slot_of(session_id), 0)
+
+    # ---- what the directory is told
+
+    @property
+    def leased(self) -> bool:
+        """Whether the lease holds now."""
+        return self._clock() < self._until
+
+    @property
+    def lost(self) -> frozenset[int]:
+        """Slots whose sessions are to be released here."""
+        return self._lost
+
+    def registration(self, load: NodeLoad) -> Registration:
+        """To come, or to come again."""
+        self._count += 1
+        return Registration(
+            node=self.node,
+            count=self._count,
+            load=load,
+            held=dict(self._held),
+            leased=self.leased,
+        )
+
+    def renewal(self, load: NodeLoad, present: Collection[int]) -> LeaseRenewal:
+        """`present`: slots of the sessions and scenes that are here."""
+        now = self._clock()
+        self._fresh = {s: at for s, at in self._fresh.items() if now - at < FRESH_S}
+        for slot in present:
+            if slot not in self._held and slot not in self._lost:  # an imported snapshot
+                self._held[slot] = self._pool.pop(slot, 0)
+                self._used.add(slot)
+        gone = set(self._held) - set(present) - set(self._fresh) - self._moving
+        for slot in gone:
+            del self._held[slot]
+            self._used.discard(slot)
+            self._freed.add(slot)
+        self._count += 1
+        return LeaseRenewal(
+            name=self.node.name,
+            count=self._count,
+            load=load,
+            used=tuple(sorted(self._used)),
+            freed=tuple(sorted(self._freed)),
+            adopted=tuple(sorted(self._adopted)),
+            failed=tuple(sorted(self._failed)),
+            seen=self.view.seen,
+        )
+
+    def take_registered(self, answer: Answer, told: Registration, sent_at: float) -> bool:
+        """The answer to a registration. False: not heard, since it came late; do not obey it."""
+        if told.count != self._count or not answer.lease_s:
+            return False
+        self.registered = True
+        self._used = set(self._held) - set(told.held)
+        self._freed.clear()
+        self._take(answer, sent_at)
+        return True
+
+    def take_renewed(self, answer: Answer, told: LeaseRenewal, sent_at: float) -> bool:
+        """The answer to a renewal. False: not heard, since it came late; do not obey it."""
+        if told.count != self._count:
+            return False
+        if answer.fenced:
+            self.registered, self._until, self._pool = False, float("-inf"), {}
+            return False
+        if not answer.lease_s:
+            return False
+        self._used -= set(told.used)
+        self._freed -= set(told.freed)
+        self._adopted -= set(told.adopted)
+        self._failed -= set(told.failed)
+        self._take(answer, sent_at)
+        return True
+
+    def _take(self, answer: Answer, sent_at: float) -> None:
+        lost = {slot for slot in answer.lost if slot not in self._moving}
+        self._lost |= lost
+        for slot in lost:
+            self._held.pop(slot, None)
+        self._held |= {s: epoch for s, epoch in answer.epochs.items() if s in self._held}
+        self._pool = {
+            slot: epoch
+            for slot, epoch in answer.pool.items()
+            if slot not in self._held and slot not in self._freed
+        }
+        self.view.take(answer.changes)
+        self._until = sent_at + answer.lease_s
+
+    # ---- what has happened here
+
+    def released(self, slot: int) -> None:
+        """Nothing of this slot is here any more."""
+        self._lost -= {slot}
+
+    def moving(self, slot: int) -> None:
+        """It is frozen, to be given away."""
+        self._moving.add(slot)
+
+    def moved(self, slot: int) -> None:
+        """It has another owner."""
+        self._moving.discard(slot)
+        self._held.pop(slot, None)
+        self._fresh.pop(slot, None)
+        self._used.discard(slot)
+
+    def stays(self, slot: int, epoch: int) -> None:
+        """It could not be given away, and has this epoch now."""
+        self._moving.discard(slot)
+        self._held[slot] = epoch
+
+    def came(self, slot: int, epoch: int) -> None:
+        """It was given to this node."""
+        self._held[slot] = epoch
+        self._fresh[slot] = self._clock()
+        self._pool.pop(slot, None)
+        self._freed.discard(slot)
+
+    def adopted(self, slot: int, epoch: int) -> None:
+        """Its sessions live on here, from their replicas."""
+        self.came(slot, epoch)
+        self._adopted.add(slot)
+
+    def failed(self, slot: int) -> None:
+        """No replica of it was here."""
+        self._failed.add(slot)

@@ -1,0 +1,81 @@
+"""Nodes and directories as the tests of this folder make them."""
+
+from wayfarer.cluster.directory import Directory, LeaseRules
+from wayfarer.cluster.messages import LeaseRenewal, NodeInfo, NodeLoad, Registration
+from wayfarer.cluster.tenancy import Tenancy
+
+LEASE = 2.0
+
+
+def info(name, fingerprint="a", capacity=100):
+    return NodeInfo(
+        name=name,
+        number=int(name[1:]),
+        host="127.0.0.1",
+        grpc_port=1000 + int(name[1:]),
+        http_port=2000 + int(name[1:]),
+        peer_port=3000 + int(name[1:]),
+        fingerprint=fingerprint,
+        capacity=capacity,
+    )
+
+
+class Bench:
+    """A directory and nodes on one clock; every message arrives at once."""
+
+    def __init__(self, names=(), generation=1000, settled=True, **rules):
+        self.now = 100.0
+        self.directory = Directory(LeaseRules(LEASE, **rules), self.now, generation, seed=1)
+        self.nodes = {}
+        self.present = {}
+        self.loads = {}
+        if settled:
+            self.now += LEASE * 2
+        for name in names:
+            self.add(name)
+        self.beat()
+
+    def add(self, name, **fields):
+        node = Tenancy(info(name, **fields), self.directory.rules.go_on, lambda: self.now)
+        self.nodes[name] = node
+        self.present[name] = set()
+        self.loads[name] = NodeLoad()
+        self.beat(name)
+        return node
+
+    def new_session(self, name):
+        slot = self.nodes[name].new_key()
+        self.present[name].add(slot)
+        return slot
+
+    def beat(self, *names):
+        """Let these nodes, or all, renew; their last answers."""
+        answers = {}
+        for name in names or list(self.nodes):
+            node = self.nodes[name]
+            if not node.registered:
+                told = node.registration(self.loads[name])
+                answers[name] = self.directory.register(told, self.now)
+                node.take_registered(answers[name], told, self.now)
+            else:
+                renewal = node.renewal(self.loads[name], self.present[name])
+                answers[name] = self.directory.renew(renewal, self.now)
+                node.take_renewed(answers[name], renewal, self.now)
+        return answers
+
+    def later(self, seconds, *names):
+        """Time goes on; only these nodes renew meanwhile, four times a second."""
+        for _ in range(round(seconds * 4)):
+            self.now += 0.25
+            if names:
+                self.beat(*names)
+
+
+def renewal(name, **fields):
+    return LeaseRenewal(
+        name=name, count=fields.pop("count", 1), load=fields.pop("load", NodeLoad()), **fields
+    )
+
+
+def registration(name, **fields):
+    return Registration(node=info(name), count=fields.pop("count", 1), **fields)

@@ -1,0 +1,342 @@
+"""The directory: who owns what, who gets new sessions, who adopts and who drains."""
+
+from collections import Counter
+
+import pytest
+
+from tests.cluster.nodes import LEASE, Bench, info, registration, renewal
+from wayfarer.cluster.directory import DRIFT, POOL, Directory, LeaseRules, rendezvous
+from wayfarer.cluster.messages import NodeLoad
+from wayfarer.cluster.slot_map import SlotMap
+from wayfarer.errors import Aborted, FailedPrecondition, NotFound, Unavailable
+
+
+def test_a_node_gets_slots_of_its_own_for_new_sessions():
+    bench = Bench(["n0", "n1"])
+    slots = [bench.new_session(name) for name in ("n0", "n0", "n1")]
+    bench.beat()
+    assert len(set(slots)) == 3
+    owners = [bench.directory.node_for(slot).name for slot in slots]
+    assert owners == ["n0", "n0", "n1"]
+    assert all(len(node._pool) == POOL for node in bench.nodes.values())
+
+
+def test_slots_are_shared_when_the_pool_is_used_up_and_filled_again():
+    bench = Bench(["n0"])
+    slots = [bench.new_session("n0") for _ in range(POOL + 3)]
+    assert len(set(slots)) == POOL
+    bench.beat()
+    assert bench.new_session("n0") not in slots
+
+
+def test_slots_without_sessions_are_given_back():
+    bench = Bench(["n0"])
+    slot = bench.new_session("n0")
+    bench.beat()
+    bench.present["n0"].clear()
+    bench.later(200, "n0")
+    assert bench.nodes["n0"].epoch(f"session-{slot:04x}00") == 0
+    assert bench.directory.status(bench.now).nodes[0].slots == 0
+
+
+def test_a_report_whose_answer_was_lost_is_repeated_and_changes_nothing():
+    bench = Bench(["n0"])
+    slot = bench.new_session("n0")
+    pools = []
+    for _ in range(2):
+        told = bench.nodes["n0"].renewal(NodeLoad(), bench.present["n0"])
+        assert told.used == (slot,)
+        pools.append(bench.directory.renew(told, bench.now).pool)
+    assert pools[0] == pools[1] and slot not in pools[0]
+    assert bench.beat()["n0"].pool == pools[0]
+    assert bench.nodes["n0"].renewal(NodeLoad(), bench.present["n0"]).used == ()
+
+
+def test_a_report_that_comes_after_its_successor_is_not_heard():
+    bench = Bench(["n0"])
+    node = bench.nodes["n0"]
+    old = node.renewal(NodeLoad(agents=1), ())
+    new = node.renewal(NodeLoad(agents=2), ())
+    bench.directory.renew(new, bench.now)
+    answer = bench.directory.renew(old, bench.now + 1)
+    assert answer.lease_s == 0
+    assert bench.directory.status(bench.now).agents == 2
+
+
+def test_placement_spreads_sessions_that_hold_nobody_yet():
+    bench = Bench(["n0", "n1", "n2"])
+    placed = Counter()
+    for i in range(60):
+        name = bench.directory.place(bench.now).name
+        placed[name] += 1
+        bench.loads[name] = NodeLoad(sessions=placed[name])
+        if i % 5 == 0:
+            bench.later(0.25, "n0", "n1", "n2")
+    assert max(placed.values()) <= 24 and min(placed.values()) >= 16
+
+
+def test_placement_prefers_free_capacity_not_few_people():
+    bench = Bench(["n0"])
+    bench.add("n1", capacity=1000)
+    bench.loads |= {"n0": NodeLoad(agents=50, sessions=5), "n1": NodeLoad(agents=60, sessions=6)}
+    bench.beat()
+    assert bench.directory.place(bench.now).name == "n1"
+
+
+def test_a_create_sent_twice_goes_to_the_same_node():
+    bench = Bench(["n0", "n1", "n2"])
+    assert len({bench.directory.place(bench.now, "digest").name for _ in range(9)}) == 1
+
+
+def test_nothing_is_placed_where_nothing_is_taken():
+    bench = Bench()
+    with pytest.raises(Unavailable, match="none is registered"):
+        bench.directory.place(bench.now)
+    bench.add("n0")
+    bench.loads["n0"] = NodeLoad(ready=False)
+    bench.beat()
+    with pytest.raises(Unavailable, match="1 starting or full"):
+        bench.directory.place(bench.now)
+
+
+def test_only_nodes_of_one_model_get_new_sessions():
+    bench = Bench(["n0", "n1"])
+    bench.add("n2", fingerprint="b")
+    assert {bench.directory.place(bench.now).name for _ in range(30)} == {"n0", "n1"}
+    bench.directory.drain("n0")
+    bench.add("n3", fingerprint="b")
+    assert {bench.directory.place(bench.now).name for _ in range(30)} == {"n2", "n3"}
+
+
+def test_replicas_go_to_a_neighbour_with_the_same_model_that_stays():
+    bench = Bench(["n0", "n1", "n2"])
+    bench.add("n3", fingerprint="b")
+    before = {name: answer.neighbour for name, answer in bench.beat().items()}
+    assert before["n3"] == ""
+    assert all(before[name] not in (name, "n3", "") for name in ("n0", "n1", "n2"))
+    bench.add("n4")
+    assert {n: a.neighbour for n, a in bench.beat("n0", "n1", "n2").items()} == {
+        n: before[n] for n in ("n0", "n1", "n2")
+    }
+
+
+def test_the_slots_of_a_dead_node_are_adopted_by_its_neighbour():
+    bench = Bench(["n0", "n1", "n2"])
+    slot = bench.new_session("n0")
+    neighbour = bench.beat()["n0"].neighbour
+    epoch = bench.nodes["n0"].epoch(f"session-{slot:04x}")
+    bench.directory.ended("n0")
+    order = bench.beat(neighbour)[neighbour].orders[0]
+    assert (order.kind, order.slot) == ("adopt", slot) and order.epoch > epoch
+    assert bench.beat(neighbour)[neighbour].orders == (order,)  # until it is done
+    bench.nodes[neighbour].adopted(slot, order.epoch)
+    bench.present[neighbour].add(slot)
+    assert bench.beat(neighbour)[neighbour].orders == ()
+    assert bench.directory.node_for(slot).name == neighbour
+    assert bench.directory.counters["adopted"] == 1
+
+
+def test_where_no_replica_is_the_slot_goes_to_who_may_have_an_older_one_and_is_lost_at_last():
+    bench = Bench(["n0", "n1", "n2"])
+    slot = bench.new_session("n0")
+    first = bench.beat()["n0"].neighbour
+    second = ({"n1", "n2"} - {first}).pop()
+    bench.directory._nodes["n0"].keepers = (first, second)
+    bench.directory.ended("n0")
+    for keeper in (first, second):
+        assert [o.slot for o in bench.beat(keeper)[keeper].orders] == [slot]
+        bench.nodes[keeper].failed(slot)
+        assert bench.beat(keeper)[keeper].orders == ()
+    assert bench.directory.counters["lost"] == 1
+    assert slot not in bench.directory._slots
+
+
+def test_an_adopter_that_dies_too_hands_on_to_its_own_neighbour():
+    bench = Bench(["n0", "n1", "n2"])
+    slot = bench.new_session("n0")
+    first = bench.beat()["n0"].neighbour
+    second = ({"n1", "n2"} - {first}).pop()
+    bench.directory.ended("n0")
+    order = bench.beat(first)[first].orders[0]
+    bench.nodes[first].adopted(slot, order.epoch)
+    bench.present[first].add(slot)
+    bench.beat()
+    bench.directory.ended(first)
+    assert [o.slot for o in bench.beat(second)[second].orders] == [slot]
+
+
+def test_a_silent_node_is_fenced_after_its_own_lease_has_ended():
+    bench = Bench(["n0", "n1"])
+    slot = bench.new_session("n0")
+    bench.beat()
+    bench.later(LEASE, "n1")
+    assert not bench.nodes["n0"].may_step()
+    assert bench.directory.node_for(slot).name == "n0"
+    bench.later(LEASE * (DRIFT - 1) + 0.25, "n1")
+    assert bench.directory.node_for(slot).name == "n1"
+    assert bench.beat("n0")["n0"].fenced
+    assert bench.beat("n0")["n0"].lost == (slot,)
+    assert not bench.nodes["n0"].may_step()  # what it lost is still there
+    bench.nodes["n0"].released(slot)
+    assert bench.nodes["n0"].may_step()
+
+
+def test_with_go_on_a_silent_node_keeps_its_slots_and_steps_until_its_end_is_known():
+    bench = Bench(["n0", "n1"], go_on=True)
+    slot = bench.new_session("n0")
+    bench.beat()
+    bench.later(100, "n1")
+    assert bench.nodes["n0"].may_step()
+    assert bench.directory.node_for(slot).name == "n0"
+    with pytest.raises(Unavailable):
+        bench.nodes["n0"].new_key()
+    assert bench.directory.place(bench.now).name == "n1"
+    bench.directory.ended("n0")
+    assert bench.directory.node_for(slot).name == "n1"
+
+
+def test_a_drained_node_moves_what_it_has_and_is_done():
+    bench = Bench(["n0", "n1", "n2"])
+    slots = {bench.new_session("n0") for _ in range(6)}
+    bench.beat()
+    bench.directory.drain("n0")
+    moved = set()
+    while not (answer := bench.beat("n0")["n0"]).done:
+        assert answer.orders and answer.draining
+        for order in answer.orders:
+            epoch = bench.directory.transfer(order.slot, "n0", order.epoch, order.to, bench.now)
+            bench.nodes["n0"].moved(order.slot)
+            bench.present["n0"].discard(order.slot)
+            bench.nodes[order.to].came(order.slot, epoch)
+            bench.present[order.to].add(order.slot)
+            moved.add(order.slot)
+    assert moved == slots
+    assert {bench.directory.node_for(slot).name for slot in slots} == {"n1", "n2"}
+    assert bench.beat("n0")["n0"].pool == {}
+
+
+def test_a_drain_that_nobody_could_take_over_is_refused():
+    bench = Bench(["n0"])
+    bench.new_session("n0")
+    bench.beat()
+    with pytest.raises(FailedPrecondition, match="no other node"):
+        bench.directory.drain("n0")
+    with pytest.raises(NotFound, match="there are n0"):
+        bench.directory.drain("n7")
+
+
+def test_a_transfer_needs_owner_and_epoch_as_they_are():
+    bench = Bench(["n0", "n1"])
+    bench.add("n2", fingerprint="b")
+    slot = bench.new_session("n0")
+    bench.beat()
+    epoch = bench.nodes["n0"].epoch(f"session-{slot:04x}")
+    directory, now = bench.directory, bench.now
+    for owner, wrong in (("n1", epoch), ("n0", epoch - 1)):
+        with pytest.raises(Aborted):
+            directory.transfer(slot, owner, wrong, "n1", now)
+    with pytest.raises(FailedPrecondition, match="another model"):
+        directory.transfer(slot, "n0", epoch, "n2", now)
+    new = directory.transfer(slot, "n0", epoch, "n1", now)
+    assert new > epoch
+    assert directory.transfer(slot, "n1", new, "n0", now) > new  # given back
+
+
+def test_a_restarted_directory_learns_from_the_nodes_and_gives_nothing_away_meanwhile():
+    bench = Bench(["n0", "n1"])
+    slot = bench.new_session("n0")
+    bench.beat()
+    epoch = bench.nodes["n0"].epoch(f"session-{slot:04x}")
+    bench.directory = Directory(LeaseRules(LEASE), bench.now, generation=epoch + 1000, seed=1)
+    answers = bench.beat()
+    assert all(answer.fenced for answer in answers.values())
+    bench.nodes["n0"]._until = bench.now + 1.0  # the old lease still held
+    answers = bench.beat()
+    assert answers["n0"].lease_s == LEASE and answers["n0"].pool == {}
+    assert bench.directory.node_for(slot).name == "n0"
+    assert bench.nodes["n0"].epoch(f"session-{slot:04x}") == epoch
+    bench.later(LEASE * DRIFT + 0.25, "n0", "n1")
+    assert len(bench.beat()["n1"].pool) == POOL
+    assert bench.directory._slots[slot].owner == "n0"
+    assert min(bench.nodes["n1"]._pool.values()) > epoch
+
+
+def test_of_two_claimants_the_greater_epoch_is_right():
+    directory = Directory(LeaseRules(LEASE), 0.0, generation=1)
+    silent = directory.register(registration("n0", held={7: 5}, leased=False), 0.1)
+    assert silent.lease_s == 0  # its lease had ended: another may be the owner
+    directory.register(registration("n1", held={7: 9}, leased=True), 0.2)
+    late = directory.register(
+        registration("n0", held={7: 5}, leased=False, count=2), LEASE * DRIFT + 0.1
+    )
+    assert late.lost == (7,) and late.lease_s == LEASE
+    assert directory.node_for(7).name == "n1"
+
+
+def test_a_view_follows_by_changes_or_as_a_whole():
+    bench = Bench(["n0", "n1"])
+    view, fresh = SlotMap(), SlotMap()
+    view.take(bench.directory.changes(view.seen))
+    for i in range(40):
+        bench.new_session(f"n{i % 2}")
+        bench.beat()
+        changes = bench.directory.changes(view.seen)
+        assert not changes.whole and len(changes.slots) < 2 * POOL
+        view.take(changes)
+    bench.directory.ended("n1")
+    view.take(bench.directory.changes(view.seen))
+    fresh.take(bench.directory.changes((0, 0)))
+    assert view._owners == fresh._owners and list(view.nodes) == ["n0"]
+    assert bench.directory.changes(view.seen) is None
+
+
+def test_a_view_that_is_older_than_the_log_gets_the_whole(monkeypatch):
+    bench = Bench(["n0"])
+    view = SlotMap()
+    view.take(bench.directory.changes(view.seen))
+    for _ in range(9000):
+        bench.directory._touch(0xFFFF)
+    assert bench.directory.changes(view.seen).whole
+
+
+def test_a_node_knows_where_the_sessions_of_others_are():
+    bench = Bench(["n0", "n1"])
+    slot = bench.new_session("n0")
+    bench.beat()
+    bench.beat()
+    there = bench.nodes["n1"].endpoint_of(f"session-{slot:04x}0123456789ab")
+    assert (there.worker, there.grpc_port, there.host) == (0, 1000, "127.0.0.1")
+    assert bench.nodes["n0"].endpoint_of(f"session-{slot:04x}0123456789ab") is None
+
+
+def test_an_imported_snapshot_claims_the_slot_of_its_id():
+    bench = Bench(["n0", "n1"])
+    bench.present["n0"].add(0xABCD)
+    bench.beat()
+    assert bench.directory.node_for(0xABCD).name == "n0"
+    bench.present["n1"].add(0xABCD)
+    assert bench.beat("n1")["n1"].lost == (0xABCD,)
+
+
+def test_rendezvous_moves_only_what_it_must():
+    names = [f"n{i}" for i in range(5)]
+    before = {slot: rendezvous(slot, names) for slot in range(2000)}
+    after = {slot: rendezvous(slot, names[:-1]) for slot in range(2000)}
+    assert all(after[s] == before[s] for s in before if before[s] != "n4")
+    assert min(Counter(before.values()).values()) > 300
+    assert rendezvous(1, []) == ""
+
+
+def test_status_counts_room():
+    bench = Bench(["n0", "n1"])
+    bench.loads["n0"] = NodeLoad(agents=30, sessions=2)
+    bench.beat()
+    status = bench.directory.status(bench.now)
+    assert (status.capacity, status.agents) == (200, 30)
+    bench.directory.drain("n1")
+    assert bench.directory.status(bench.now).capacity == 100
+
+
+def test_unknown_nodes_are_fenced():
+    assert Bench().directory.renew(renewal("n9"), 200.0).fenced
+    assert info("n9").name == "n9"
