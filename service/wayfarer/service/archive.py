@@ -62,11 +62,11 @@ class Archive:
     async def export_log(self, home: Home, session_id: str) -> bytes:
         """See `MotionService`."""
         log = await home.ask(lambda world, _: self._log(world, session_id))
-        return await asyncio.to_thread(encode_log, log, self._origin)
+        return await asyncio.to_thread(encode_log, log, self.origin)
 
     def replay(self, log: bytes) -> Iterator[Publication]:
         """See `MotionService`."""
-        commands = decode_log(log, self._origin, self._limits, self._limits.log_entries)
+        commands = decode_log(log, self.origin, self._limits, self._limits.log_entries)
         yield from replay(commands, self._worlds.solo)
 
     def _log(self, world: World, session_id: str) -> CommandLog:
@@ -74,7 +74,8 @@ class Archive:
         return self._worlds.recordings.copy(session_id)
 
     @property
-    def _origin(self) -> LogOrigin:
+    def origin(self) -> LogOrigin:
+        """With what the motion of logs is made here."""
         steering = self._worlds.settings.steering
         asked = max(search.candidates for search in steering.searches.values())
         return LogOrigin(self._worlds.body, self._worlds.models.stamps, asked)

@@ -13,9 +13,11 @@ from itertools import groupby
 from operator import attrgetter
 from typing import Final, TypeVar
 
-from wayfarer.errors import NotFound, ResourceExhausted
+from wayfarer.errors import NotFound, ResourceExhausted, WayfarerError
 from wayfarer.service.inbox import Inbox
 from wayfarer.service.metrics_sink import MetricsSink
+from wayfarer.service.persistence.capture import capture_planned
+from wayfarer.service.persistence.live_state import LiveParts, LiveSession
 from wayfarer.service.pipeline import EnginePipeline
 from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.publications import StreamOptions, model_changed
@@ -150,6 +152,33 @@ class LiveMotion:
         asked_at = self._clock()
         return await self.ask(lambda _, now: self._give(agent_id, command, now, expected, asked_at))
 
+    # Moves to another server; see moving.py
+
+    async def send_rest(self, session_id: str) -> None:
+        """Send all that is planned for a session's agents, before its time. Raises NotFound."""
+        await self.ask(lambda world, _: self._send_rest(world, session_id))
+
+    async def leave(self, session_id: str, error: WayfarerError) -> None:
+        """End a session here; its streams end with `error` after what they have left to send."""
+        await self.ask(lambda *_: self._delete_session(session_id, error))
+
+    async def parts(self, session_id: str) -> LiveParts:
+        """What a frozen session goes on with elsewhere. Raises NotFound."""
+        return await self.ask(
+            lambda world, _: LiveParts(
+                capture_planned(world, session_id),
+                world.live_rows(session_id),
+                self._publisher.log_of(session_id),
+                world.crowds.take(session_id),
+            )
+        )
+
+    async def put_live(self, session: LiveSession) -> SessionInfo:
+        """Put in a session from elsewhere, frozen; see `Membership.put_session`."""
+        with self._counted("import_session"):
+            await self._off_thread(self._world.members.examine, session.record)
+            return await self.ask(lambda world, now: self._put_live(world, session, now))
+
     # Streams
 
     async def subscribe(self, session_id: str, options: StreamOptions) -> Subscription:
@@ -215,9 +244,22 @@ class LiveMotion:
         self._world.delete_agent(agent_id)
         self._publisher.forget_agent(session_id, agent_id)
 
-    def _delete_session(self, session_id: str) -> None:
+    def _delete_session(self, session_id: str, error: WayfarerError | None = None) -> None:
         self._world.delete_session(session_id)
-        self._publisher.end(session_id)
+        self._publisher.end(session_id, error)
+
+    def _send_rest(self, world: World, session_id: str) -> None:
+        for due in world.take_rest(session_id):
+            self._publisher.publish(due.session_id, due.chunks)
+        self._publisher.flush()
+
+    def _put_live(self, world: World, session: LiveSession, now: float) -> SessionInfo:
+        record = session.record
+        made = world.members.put_session(record, now, examined=True, live=session.rows)
+        self._publisher.restore(record.session_id, session.log)
+        if session.crowd is not None:
+            world.crowds.put(record.session_id, session.crowd)
+        return made.info()
 
     def _subscribe(self, subscription: Subscription, now: float) -> None:
         session = self._world.get_session(subscription.session_id)

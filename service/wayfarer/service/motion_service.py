@@ -14,9 +14,11 @@ from wayfarer.engines.model_store import ModelLoader, no_model
 from wayfarer.engines.models import ModelInfo
 from wayfarer.errors import AlreadyExists, FailedPrecondition
 from wayfarer.service.archive import Archive
+from wayfarer.service.gates import SessionGates
 from wayfarer.service.live import LiveMotion, steady_clock
 from wayfarer.service.lockstep import LockStep, LockSteps
 from wayfarer.service.metrics_sink import MetricsSink
+from wayfarer.service.moving import LiveMoves
 from wayfarer.service.offline import Offline
 from wayfarer.service.persistence.persistence import SAVE_PARTS, Persistence
 from wayfarer.service.scenes import SceneService
@@ -55,6 +57,7 @@ class MotionService:
         self._clock = clock or steady_clock()
         self._offline = Offline(worlds.settings.limits.offline_jobs)
         self._model_loader = ModelLoader(worlds.models, open_model)
+        self._gates = SessionGates()
         self._door = asyncio.Lock()  # two sessions of one id must not enter different worlds
         self._world = worlds.live()
         self._live = LiveMotion(self._world, lambda: self._wake(warm_up), self._clock, meter)
@@ -65,6 +68,11 @@ class MotionService:
             live=self._live,
             lock_steps=self._lock_steps,
             clock=self._clock,
+            gates=self._gates,
+        )
+
+        self.moves = LiveMoves(
+            worlds, self._archive, self._live, self._lock_steps, self._persistence, self._gates
         )
 
     # Life
@@ -125,7 +133,8 @@ class MotionService:
     async def delete_session(self, session_id: str) -> None:
         """End a session, its agents and its streams. Raises NotFound."""
         home = self._lock_steps if self._lock_steps.session(session_id) else self._live
-        await home.delete_session(session_id)
+        async with self._gates.through(session_id):
+            await home.delete_session(session_id)
         await self._persistence.durable(None)
 
     # Agents
@@ -133,7 +142,9 @@ class MotionService:
     async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
         """All or none. Raises NotFound, InvalidArgument, ResourceExhausted."""
         home = self._lock_steps if self._lock_steps.session(session_id) else self._live
-        return await self._persistence.durable(await home.create_agents(session_id, specs))
+        async with self._gates.through(session_id):
+            made = await home.create_agents(session_id, specs)
+        return await self._persistence.durable(made)
 
     async def get_agent(self, agent_id: str) -> AgentInfo:
         """Raises NotFound."""
@@ -145,15 +156,17 @@ class MotionService:
 
     async def update_agent(self, agent_id: str, change: AgentChange) -> AgentInfo:
         """Raises NotFound, InvalidArgument."""
-        changed = await self._home_of(agent_id).ask(
-            lambda world, _: world.update_agent(agent_id, change)
-        )
+        async with self._gates.through(agent_id):
+            changed = await self._home_of(agent_id).ask(
+                lambda world, _: world.update_agent(agent_id, change)
+            )
         return await self._persistence.durable(changed)
 
     async def delete_agent(self, agent_id: str) -> None:
         """Raises NotFound."""
         home = self._lock_steps if self._lock_steps.agent(agent_id) else self._live
-        await home.delete_agent(agent_id)
+        async with self._gates.through(agent_id):
+            await home.delete_agent(agent_id)
         await self._persistence.durable(None)
 
     # Goals
@@ -166,9 +179,9 @@ class MotionService:
         FailedPrecondition in a recorded session when it depends on other agents, and on a floor
         without end when it walks all over a scene.
         """
-        return await self._persistence.durable(
-            await self._home_of(agent_id).give(agent_id, command, expected)
-        )
+        async with self._gates.through(agent_id):
+            revision = await self._home_of(agent_id).give(agent_id, command, expected)
+        return await self._persistence.durable(revision)
 
     # Motion
 
@@ -178,7 +191,8 @@ class MotionService:
             raise FailedPrecondition(
                 f"session {session_id!r} is in lock-step: its motion comes from StepAgents"
             )
-        return await self._live.subscribe(session_id, options)
+        async with self._gates.through(session_id):
+            return await self._live.subscribe(session_id, options)
 
     async def step_session(self, session_id: str, steps: int) -> list[Publication]:
         """Let primitives pass in a lock-step session. Raises NotFound, FailedPrecondition."""

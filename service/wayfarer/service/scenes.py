@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from wayfarer.errors import FailedPrecondition
 from wayfarer.navigation.ground.ground import triangles
 from wayfarer.navigation.scene_spec import Obstacle, Point2, Point3
+from wayfarer.service.gates import SessionGates
 from wayfarer.service.live import LiveMotion
 from wayfarer.service.lockstep import LockSteps
 from wayfarer.service.persistence.persistence import Persistence
@@ -48,7 +49,9 @@ class SceneService:
         live: LiveMotion,
         lock_steps: LockSteps,
         clock: Callable[[], float],
+        gates: SessionGates,
     ) -> None:
+        self._gates = gates
         self._book = book
         self._persistence = persistence
         self._live = live
@@ -140,7 +143,8 @@ class SceneService:
                 f"session {session_id!r} is in lock-step: people come and go as time passes; "
                 "create agents in it instead, and let them wander"
             )
-        await self._live.ask(lambda world, now: world.crowds.set(session_id, crowd, now))
+        async with self._gates.through(session_id):
+            await self._live.ask(lambda world, now: world.crowds.set(session_id, crowd, now))
         for _ in range(LOOKS):
             state = await self._live.ask(lambda world, now: world.crowds.state(session_id))
             if state.is_settled:

@@ -98,10 +98,10 @@ class GoalCommands:
         if self._slots.feeding.any():
             self._behaviours.feed(self._playback.due(frame))
 
-    def restore(self, agent: Agent) -> None:
+    def restore(self, agent: Agent, in_mid_part: bool = False) -> None:
         """Write the path of an agent that was put into the world with it, or with none."""
         self._paths.put(agent.slot, agent.path, agent.path_start, agent.passed)
-        self._behaviours.resume(agent)
+        self._behaviours.resume(agent, in_mid_part)
 
     def _replace(self, agent: Agent, command: GoalCommand, now: float) -> None:
         slots, slot = self._slots, agent.slot

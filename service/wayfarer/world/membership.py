@@ -1,19 +1,22 @@
 """Sessions and agents enter a world and leave it: new, or as records from this world or another."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from wayfarer.errors import AlreadyExists, WayfarerError
 from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.agents.population import Population
-from wayfarer.world.agents.records import AgentRecord, SessionRecord
+from wayfarer.world.agents.records import AgentRecord, LiveRows, SessionRecord
 from wayfarer.world.agents.registry import Agent, Registry, Session
 from wayfarer.world.agents.reservations import Reservation
 from wayfarer.world.agents.slots import Slots
 from wayfarer.world.goal_commands import GoalCommands
 from wayfarer.world.observer import Start, WorldObserver
 from wayfarer.world.record_checks import check_agent_record, check_session_record
+from wayfarer.world.rows import Double, Index
 from wayfarer.world.scenes.world_scenes import WorldScenes
 from wayfarer.world.stepping.load import Load
 
@@ -60,10 +63,16 @@ class Membership:
         for observer in self._observers:
             observer.closed(session)
 
-    def settle(self, session: Session, agents: Sequence[Agent], starts: Sequence[Start]) -> None:
+    def settle(
+        self,
+        session: Session,
+        agents: Sequence[Agent],
+        starts: Sequence[Start],
+        in_mid_part: bool = False,
+    ) -> None:
         """Let agents that are in their slots follow their paths, and report them."""
         for agent in agents:
-            self._goals.restore(agent)
+            self._goals.restore(agent, in_mid_part)
         for observer in self._observers:
             observer.created(session, agents, starts)
 
@@ -81,13 +90,19 @@ class Membership:
         self._population.measure(agent.spec for agent in record.agents)
 
     def put_session(
-        self, record: SessionRecord, now: float, admit: bool = True, examined: bool = False
+        self,
+        record: SessionRecord,
+        now: float,
+        admit: bool = True,
+        examined: bool = False,
+        live: LiveRows | None = None,
     ) -> Session:
         """Let a recorded session go on: the next chunk of each agent follows its last one.
 
         All or nothing. Not `admit`: agents are let in even if there is no time for them.
-        `examined`: `examine(record)` has been called. Raises InvalidArgument, AlreadyExists,
-        ResourceExhausted, and FailedPrecondition when its scene is not here.
+        `examined`: `examine(record)` has been called. `live`: rows of its agents, who then wait
+        until `freeze` ends and go on as if nothing had happened. Raises InvalidArgument,
+        AlreadyExists, ResourceExhausted, and FailedPrecondition when its scene is not here.
         """
         if not examined:
             self.examine(record)
@@ -106,8 +121,45 @@ class Membership:
             observer.opened(session)
         agents = self._population.put(session, record.agents, now)
         session.last_alias = record.last_alias
-        self.settle(session, agents, record.agents)
+        if live is not None:
+            self._go_on(session, agents, live, now)
+        self.settle(session, agents, record.agents, in_mid_part=live is not None)
         return session
+
+    # Moves to another server
+
+    def freeze(self, session: Session, frozen: bool) -> bool:
+        """Plan nothing more for a session's agents, or go on; planned chunks are still sent.
+
+        Returns whether nothing is being made for them any more.
+        """
+        session.frozen = frozen
+        rows = _rows(session)
+        self._slots.frozen[rows] = frozen
+        return not self._slots.engine_call[rows].any()
+
+    def live_rows(self, session: Session, show: Callable[[Index], Double]) -> LiveRows:
+        """Of a frozen session whose chunks are all sent; `show(rows)`: when the next are due."""
+        slots, rows = self._slots, _rows(session)
+        return LiveRows(
+            shown_at=show(rows),
+            replanned=slots.replanned[rows],
+            held=slots.held[rows],
+            near_since=slots.near_since[rows],
+            begun_seq=np.array([a.begun_seq for a in session.agents.values()], np.int64),
+            memory=slots.memory.take(rows),
+        )
+
+    def _go_on(self, session: Session, agents: Sequence[Agent], live: LiveRows, now: float) -> None:
+        slots, rows = self._slots, _rows(session)
+        slots.replanned[rows] = live.replanned
+        slots.held[rows] = live.held
+        slots.near_since[rows] = live.near_since
+        slots.memory.put(rows, live.memory)
+        for agent, begun in zip(agents, live.begun_seq.tolist(), strict=True):
+            agent.begun_seq = begun
+        self._population.keep_schedule(rows.tolist(), live.shown_at, now)
+        self.freeze(session, True)
 
     def is_settled(self, session_id: str) -> bool:
         """No chunk waits to be sent that was planned before its agent's last command.
@@ -153,3 +205,7 @@ class Membership:
         if record.agent_id in self._registry.agents:
             raise AlreadyExists(f"agent {record.agent_id!r} exists already")
         self._goals.check_record(record, where)
+
+
+def _rows(session: Session) -> Index:
+    return np.array([agent.slot for agent in session.agents.values()], np.int64)

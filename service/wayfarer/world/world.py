@@ -15,7 +15,7 @@ from wayfarer.body.model import BodyModel
 from wayfarer.engines.engine import Engine
 from wayfarer.engines.models import LoadedModels
 from wayfarer.errors import ResourceExhausted
-from wayfarer.spec import FPS
+from wayfarer.spec import FPS, NEW_FRAMES
 from wayfarer.world.agents.agent import (
     AgentChange,
     AgentInfo,
@@ -26,6 +26,7 @@ from wayfarer.world.agents.agent import (
 )
 from wayfarer.world.agents.checks import check_change, check_session, check_specs
 from wayfarer.world.agents.population import Population
+from wayfarer.world.agents.records import LiveRows
 from wayfarer.world.agents.registry import Agent, Registry
 from wayfarer.world.agents.reservations import Reservation
 from wayfarer.world.agents.slots import Motion, SlotTable
@@ -47,7 +48,7 @@ from wayfarer.world.stepping.budget import DegradationLevel
 from wayfarer.world.stepping.cleanup import clean_feet
 from wayfarer.world.stepping.due import Due, due_by_session
 from wayfarer.world.stepping.load import Load
-from wayfarer.world.stepping.playback import Playback
+from wayfarer.world.stepping.playback import Playback, Sent
 from wayfarer.world.stepping.scheduler import Launch, PendingStep, Scheduler, at_once
 from wayfarer.world.stepping.settings import WorldSettings
 
@@ -333,8 +334,25 @@ class World:
 
         A session comes again for an agent's next chunk.
         """
+        return self._leave(self._playback.send(self._timeline.frame(until)))
+
+    def take_rest(self, session_id: str) -> list[Due]:
+        """All that is planned for a session's agents, before its time. Raises NotFound."""
+        agents = self.registry.session(session_id).agents.values()
+        rows = np.array([agent.slot for agent in agents], np.int64)
+        return self._leave(self._playback.send(np.inf, rows))
+
+    def live_rows(self, session_id: str) -> LiveRows:
+        """What the agents of a frozen session go on with elsewhere. Raises NotFound."""
+        return self.members.live_rows(self.registry.session(session_id), self._shown_at)
+
+    def _shown_at(self, rows: Index) -> NDArray[np.float64]:
+        slots = self.slots
+        return self._timeline.times(slots.start_frame[rows] + NEW_FRAMES * slots.sent_chunks[rows])
+
+    def _leave(self, leaving: list[Sent]) -> list[Due]:
         found = list[Due]()
-        for sent in self._playback.send(self._timeline.frame(until)):
+        for sent in leaving:
             clean_feet(self.slots, sent)
             ground(self.slots, self._scene_context.scenery, sent)
             found += due_by_session(sent, self.slots, self.registry.by_slot, self._timeline)

@@ -48,6 +48,14 @@ def capture_agents(world: World, agents: Sequence[Agent]) -> CapturedAgents:
     )
 
 
+def capture_planned(world: World, session_id: str) -> tuple[SessionPart, CapturedAgents]:
+    """A frozen session whose chunks are all sent, as its agents would go on. Raises NotFound."""
+    session, crowd = capture_session(world, session_id)
+    rows = np.array([agent.slot for agent in world.registry.session(session_id).agents.values()])
+    motion = world.slots.planned.take(rows.astype(np.int64))
+    return session, replace(crowd, rows=replace(crowd.rows, motion=motion))
+
+
 class JournalObserver:
     """Puts what changes in a world into the journal. A `WorldObserver`."""
 

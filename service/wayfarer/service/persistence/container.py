@@ -1,6 +1,6 @@
 """What leaves the server as opaque bytes: a JSON header and arrays, compressed, told apart by kind.
 
-    8 bytes  magic and kind        b"WAYFSNAP", b"WAYFCLOG"
+    8 bytes  magic and kind        b"WAYFSNAP", b"WAYFCLOG", b"WAYFLIVE"
     2 bytes  format version        uint16, little-endian
     4 bytes  length of the header  uint32, little-endian
     rest     zlib (with its checksum) of: header, then arrays
@@ -27,11 +27,12 @@ class ContainerKind(Enum):
 
     SNAPSHOT = b"WAYFSNAP"
     LOG = b"WAYFCLOG"
+    LIVE = b"WAYFLIVE"
 
     @property
     def field(self) -> str:
         """Name of the request's field that brings it."""
-        return "snapshot" if self is ContainerKind.SNAPSHOT else "log"
+        return {b"WAYFSNAP": "snapshot", b"WAYFCLOG": "log"}.get(self.value, "live session")
 
 
 class Content(NamedTuple):
@@ -41,9 +42,9 @@ class Content(NamedTuple):
     arrays: bytes
 
 
-def seal(kind: ContainerKind, header: bytes, arrays: bytes) -> bytes:
+def seal(kind: ContainerKind, header: bytes, arrays: bytes, level: int = _LEVEL) -> bytes:
     """The container."""
-    body = zlib.compress(header + arrays, _LEVEL)
+    body = zlib.compress(header + arrays, level)
     return _HEAD.pack(kind.value, VERSION, len(header)) + body
 
 

@@ -143,6 +143,17 @@ class Recordings:
             )
         return replace(log, tracks={name: track.copy() for name, track in log.tracks.items()})
 
+    def go_on(self, log: CommandLog | None, session_id: str) -> None:
+        """Go on with the log of a session that has come from elsewhere; None: it was dropped."""
+        if log is None:
+            self._logs[session_id].overflowed = True
+            self._tracks = {k: v for k, v in self._tracks.items() if v[0].session_id != session_id}
+            return
+        self._logs[session_id] = log
+        for name, track in log.tracks.items():
+            if name in self._tracks:
+                self._tracks[name] = log, track
+
     # As a `WorldObserver`
 
     def opened(self, session: Session) -> None:

@@ -20,14 +20,14 @@ class GoalEvents:
         """`info(agent_id)` tells the agent's path as it is now."""
         self._info = info
         # Agents who have reached the last goal of their path and do not stand there yet.
-        self._stopping: dict[str, Place] = {}
+        self.stopping: dict[str, Place] = {}
 
     def events(self, chunks: MotionChunks) -> tuple[Event, ...]:
         """Events of the chunks that leave now, in their order."""
         arrived = chunks.flags & ChunkFlag.ARRIVED
         concerned = set(np.flatnonzero(arrived).tolist()) if arrived.any() else set()
-        if self._stopping:
-            concerned |= {row for row, name in enumerate(chunks.agent_id) if name in self._stopping}
+        if self.stopping:
+            concerned |= {row for row, name in enumerate(chunks.agent_id) if name in self.stopping}
         return tuple(event for row in sorted(concerned) for event in self._of(chunks[row]))
 
     def adopt(self, record: AgentRecord) -> None:
@@ -36,11 +36,11 @@ class GoalEvents:
         waypoint = int(gait.waypoint[0])
         is_stopping = gait.arrived[0] and gait.mode[0] != Mode.STANDING
         if is_stopping and path and path[waypoint - record.passed].stop:
-            self._stopping[record.agent_id] = record.goal_revision, waypoint
+            self.stopping[record.agent_id] = record.goal_revision, waypoint
 
     def forget(self, agent_id: str) -> None:
         """An agent has been deleted."""
-        self._stopping.pop(agent_id, None)
+        self.stopping.pop(agent_id, None)
 
     def _of(self, chunk: MotionChunk) -> Iterator[Event]:
         name = chunk.agent_id
@@ -48,14 +48,14 @@ class GoalEvents:
             yield _event(EventKind.GOAL_REACHED, chunk, f"goal {chunk.waypoint} was reached")
             last = self._last_goal(chunk)
             if last is not None and last.stop:
-                self._stopping[name] = _place(chunk)
+                self.stopping[name] = _place(chunk)
             elif last is not None:
                 yield _event(EventKind.PATH_DONE, chunk, "the last goal was passed")
-        if name in self._stopping:
-            if self._stopping[name] != _place(chunk):  # it has been sent elsewhere since
-                del self._stopping[name]
+        if name in self.stopping:
+            if self.stopping[name] != _place(chunk):  # it has been sent elsewhere since
+                del self.stopping[name]
             elif chunk.state is AgentState.STANDING:
-                del self._stopping[name]
+                del self.stopping[name]
                 if self._last_goal(chunk) is not None:
                     yield _event(EventKind.PATH_DONE, chunk, "the agent stands at the last goal")
 

@@ -8,7 +8,8 @@ import asyncio
 import secrets
 import weakref
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 from wayfarer.errors import InvalidArgument, WayfarerError
@@ -80,6 +81,14 @@ class Publisher:
         for agent in record.agents:
             goal_events.adopt(agent)
 
+    def log_of(self, session_id: str) -> "SessionLog":
+        """What its streams go on with elsewhere."""
+        return self._log(session_id).state()
+
+    def restore(self, session_id: str, state: "SessionLog") -> None:
+        """Go on with a session's log from elsewhere; nobody follows it here yet."""
+        self._log(session_id).restore(state)
+
     def forget_agent(self, session_id: str, agent_id: str) -> None:
         """It has been deleted."""
         if log := self._logs.get(session_id):
@@ -145,6 +154,18 @@ class Publisher:
         return log.present(resume.position, _gap(now, f"{lost} publications were lost: {held}"))
 
 
+@dataclass(frozen=True, slots=True)
+class SessionLog:
+    """What a session has published last."""
+
+    epoch: str
+    position: int
+    motion: float  # seconds so far
+    last_at: float | None  # Unix seconds of the last motion
+    stopping: Mapping[str, tuple[int, int]]  # see `GoalEvents`
+    held: tuple[QueuedPublication, ...]  # for streams that resume
+
+
 class _Log:
     """One session: what it has published last, and who follows it."""
 
@@ -190,6 +211,17 @@ class _Log:
             if revision is not None and chunks.goal_revision[row] >= revision:
                 del self.awaited[agent_id]
                 meter.goal_to_motion(float(chunks.scheduled_at[row]) - asked_at)
+
+    def state(self) -> SessionLog:
+        """To go on elsewhere."""
+        held, stopping = tuple(self._ring), dict(self.goal_events.stopping)
+        return SessionLog(self.epoch, self.position, self.motion, self._last_at, stopping, held)
+
+    def restore(self, state: SessionLog) -> None:
+        """Go on with the state of a log elsewhere."""
+        self.epoch, self.position, self.motion = state.epoch, state.position, state.motion
+        self._last_at, self._ring = state.last_at, deque(state.held)
+        self.goal_events.stopping = dict(state.stopping)
 
     # Starts
 

@@ -46,6 +46,10 @@ class Phases:
         self.load[phase][gender] += 1
         return phase
 
+    def enter_at(self, start_frame: int, gender: int) -> None:
+        """Take in an agent that began at this world frame."""
+        self.load[start_frame % NEW_FRAMES // self.frames][gender] += 1
+
     def leave(self, start_frame: int, gender: int) -> None:
         """Take out an agent that began at this world frame."""
         self.load[start_frame % NEW_FRAMES // self.frames][gender] -= 1

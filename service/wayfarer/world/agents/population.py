@@ -23,9 +23,14 @@ from wayfarer.world.agents.timeline import Timeline
 from wayfarer.world.output.footlock import LockState
 from wayfarer.world.output.ground import Footing, standing
 from wayfarer.world.output.legs import Legs, measure_legs
+from wayfarer.world.rows import Double
 
 MEASURED: Final = 1024
 """Shapes whose legs are remembered."""
+
+LATE_FRAMES: Final = NEW_FRAMES / 2
+"""Frames by which the next chunk of somebody from another server may be late: readers have more in
+reserve, and a schedule that is moved stops everybody for a whole primitive."""
 
 
 class Population:
@@ -135,6 +140,22 @@ class Population:
             self._go_on(session, record, slot)
             for record, slot in zip(records, entered, strict=True)
         ]
+
+    def keep_schedule(self, slots: Sequence[int], shown_at: Double, now: float) -> None:
+        """Let the next chunk of each slot be shown at `shown_at` [N], Unix seconds.
+
+        When that is past, all of them are shown later by the same number of primitives.
+        """
+        rows, columns = np.array(slots, np.int64), self._table.rows
+        shown = np.array([round(self._timeline.frame(at)) for at in shown_at.tolist()], np.int64)
+        late = self._timeline.frame(now) - LATE_FRAMES - shown.min(initial=np.iinfo(np.int64).max)
+        shown += NEW_FRAMES * max(ceil(late / NEW_FRAMES), 0)
+        before, genders = columns.start_frame[rows].tolist(), columns.gender[rows].tolist()
+        columns.start_frame[rows] = shown - NEW_FRAMES * columns.planned_chunks[rows]
+        after = columns.start_frame[rows].tolist()
+        for old, new, gender in zip(before, after, genders, strict=True):
+            self.phases.leave(old, gender)
+            self.phases.enter_at(new, gender)
 
     def _go_on(self, session: Session, record: AgentRecord, slot: int) -> Agent:
         agent = Agent(

@@ -10,8 +10,10 @@ from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.behaviour import Behaviour
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Motion
+from wayfarer.world.avoidance.people import Memory
 from wayfarer.world.output.footlock import LockState
 from wayfarer.world.output.ground import Footing
+from wayfarer.world.rows import Double, Flags, Int, Rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +36,18 @@ class AgentRecord:
     part: int = 0  # of a routine
     begun: int = 0  # place in the path where the behaviour, or the part, began
     model: str = ""  # stamp of the one that moves it; empty: whichever is in use
+
+
+@dataclass(slots=True)
+class LiveRows(Rows):
+    """What an agent that goes on without a pause has beside its record, a row each."""
+
+    shown_at: Double  # Unix seconds at which the next chunk is to be shown
+    replanned: Flags  # as in slots.py, as for all below
+    held: Flags
+    near_since: Int
+    begun_seq: Int  # of the first chunk of its behaviour, or of the part of a routine
+    memory: Memory
 
 
 @dataclass(frozen=True, slots=True)

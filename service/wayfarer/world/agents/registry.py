@@ -44,6 +44,7 @@ class Session:
     agents: dict[str, Agent] = field(default_factory=dict)
     last_alias: int = 0
     scene: int = 0  # number of its scene in this world; 0: none
+    frozen: bool = False  # it is on its way to another server
 
     def info(self) -> SessionInfo:
         """Its description for callers."""

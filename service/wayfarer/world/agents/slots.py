@@ -104,6 +104,7 @@ class Slots(Rows):
     engine_call: Int  # number of the engine call that makes its next chunk; 0: none
     replanned: Flags  # the next chunk replaces one that was thrown away
     held: Flags  # the last chunk planned was held
+    frozen: Flags  # it is on its way to another server: nothing more is planned for it here
     foot_lock: Flags  # the agent wants its feet locked in what is sent
     legs: Legs
     feet: LockState  # after the frames already sent

@@ -85,14 +85,16 @@ class BehaviourRunner:
         doing = self.doing(agent)
         return doing is None or doing.WALKS
 
-    def resume(self, agent: Agent) -> None:
+    def resume(self, agent: Agent, in_mid_part: bool) -> None:
         """An agent has been put into the world while following a behaviour.
 
-        A part of a routine starts again, and so does what depends on others.
+        What depends on others starts again, and so does a part of a routine, unless the agent is
+        known `in_mid_part`.
         """
         self._enlist(agent)
         doing = self.doing(agent)
-        if isinstance(agent.behaviour, Routine) or (doing is not None and doing.NEEDS_OTHERS):
+        again = isinstance(agent.behaviour, Routine) and not in_mid_part
+        if again or (doing is not None and doing.NEEDS_OTHERS):
             self._begin_part(agent)
 
     def leave(self, agent: Agent) -> None:

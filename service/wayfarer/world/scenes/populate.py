@@ -92,7 +92,7 @@ class CrowdWorld(Protocol):
 
 
 @dataclass(slots=True)
-class _People:
+class CrowdPeople:
     """A crowd as it is now; times are the world's."""
 
     crowd: Crowd
@@ -122,7 +122,7 @@ class Crowds:
         self._registry = registry
         self._slots = slots
         self._scenery = scenery
-        self._crowds: dict[str, _People] = {}
+        self._crowds: dict[str, CrowdPeople] = {}
 
     def set(self, session_id: str, crowd: Crowd, now: float) -> None:
         """Replace an earlier crowd; its people stay as far as the new crowd needs them.
@@ -141,7 +141,15 @@ class Crowds:
         stay = {} if before is None else {a: t for a, t in before.leaves_at.items() if a in here}
         surplus = list(stay)[crowd.count :]
         stay |= {agent_id: min(stay[agent_id], now) for agent_id in surplus}
-        self._crowds[session_id] = _People(crowd, now, leaves_at=stay)
+        self._crowds[session_id] = CrowdPeople(crowd, now, leaves_at=stay)
+
+    def take(self, session_id: str) -> CrowdPeople | None:
+        """The session's crowd, to go on elsewhere; None: it has none."""
+        return self._crowds.get(session_id)
+
+    def put(self, session_id: str, people: CrowdPeople) -> None:
+        """Go on with a crowd from elsewhere, whose people are here."""
+        self._crowds[session_id] = people
 
     def state(self, session_id: str) -> CrowdState:
         """The state of the session's crowd, which may be none. Raises NotFound."""
@@ -162,7 +170,7 @@ class Crowds:
             if scene is None or not (people.crowd.count or people.leaves_at):
                 del self._crowds[session_id]
                 continue
-            if now >= people.looks_at:
+            if now >= people.looks_at and not self._registry.sessions[session_id].frozen:
                 people.looks_at = now + LOOKS_EVERY
                 gone += [(session_id, name) for name in self._leave(session_id, people, now)]
                 self._let_in(session_id, people, scene, now)
@@ -181,7 +189,7 @@ class Crowds:
         stands = sent.gait.mode[rows] == Mode.STANDING
         return Whereabouts(tuple(agents), sent.seed.translation[rows, -1, :2], stands)
 
-    def _leave(self, session_id: str, people: _People, now: float) -> list[str]:
+    def _leave(self, session_id: str, people: CrowdPeople, now: float) -> list[str]:
         here = self._whereabouts(session_id)
         stands = dict(zip(here.agent_ids, here.stands.tolist(), strict=True))
         people.leaves_at = {a: at for a, at in people.leaves_at.items() if a in stands}
@@ -195,7 +203,7 @@ class Crowds:
             del people.leaves_at[agent_id]
         return gone
 
-    def _let_in(self, session_id: str, people: _People, scene: Scene, now: float) -> None:
+    def _let_in(self, session_id: str, people: CrowdPeople, scene: Scene, now: float) -> None:
         places = [(x, y) for x, y in self._whereabouts(session_id).places.tolist()]
         for _ in range(AT_ONCE):
             if now < people.next_at or len(people.leaves_at) >= people.crowd.count:
@@ -211,7 +219,7 @@ class Crowds:
     def _come(
         self,
         session_id: str,
-        people: _People,
+        people: CrowdPeople,
         scene: Scene,
         places: list[tuple[float, float]],
         now: float,

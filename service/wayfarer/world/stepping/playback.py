@@ -102,12 +102,17 @@ class Playback:
         slots.planned.put(rows, chunks.end)
         slots.planned_chunks[rows] += 1
 
-    def send(self, frame: float) -> list[Sent]:
-        """Take out the chunks that are to be shown by world frame `frame`, oldest first."""
+    def send(self, frame: float, only: Index | None = None) -> list[Sent]:
+        """Take out the chunks that are to be shown by world frame `frame`, oldest first.
+
+        Of all slots, or of some.
+        """
         slots = self._slots
         sent: list[Sent] = []
         while True:
             rows = np.flatnonzero(slots.active & (slots.planned_chunks > slots.sent_chunks))
+            if only is not None:
+                rows = rows[np.isin(rows, only)]
             seq = slots.sent_chunks[rows]
             show = self._show_frame(rows, seq)
             order = np.argsort(show, kind="stable")
@@ -160,7 +165,7 @@ class Playback:
         without a jump.
         """
         slots = self._slots
-        rows = np.flatnonzero(slots.active)
+        rows = np.flatnonzero(slots.active & ~slots.frozen)
         late = frame - self._send_frame(rows)
         over = np.maximum(late // NEW_FRAMES, 0).astype(np.int64)
         slots.start_frame[rows] += NEW_FRAMES * over
@@ -168,8 +173,9 @@ class Playback:
 
     @property
     def _grounded(self) -> Flags:
-        """Slots whose next chunk is not being made."""
-        grounded: Flags = self._slots.active & (self._slots.engine_call == 0)
+        """Slots whose next chunk is not being made, and may be."""
+        slots = self._slots
+        grounded: Flags = slots.active & (slots.engine_call == 0) & ~slots.frozen
         return grounded
 
     def _plan_frame(self, rows: Index) -> Index:

@@ -1,0 +1,81 @@
+"""Calls on a session wait while it is on its way to another server."""
+
+import asyncio
+from collections import Counter
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from typing import Final
+
+from wayfarer.errors import Unavailable, WayfarerError
+from wayfarer.ids import slot_of
+
+WAIT_S: Final = 5.0
+"""Seconds that a call waits for the end of a move."""
+
+CLOSE_S: Final = 2.0
+"""Seconds that a move waits for the calls that are under way."""
+
+LOOK_S: Final = 0.005
+
+
+@dataclass(slots=True)
+class _Closed:
+    opened: asyncio.Event = field(default_factory=asyncio.Event)
+    refusal: WayfarerError | None = None
+
+
+class SessionGates:
+    """One for each slot of ids (ids.py), which a session and its agents share. Belongs to the
+    event loop.
+    """
+
+    def __init__(self) -> None:
+        self._inside: Counter[int] = Counter()
+        self._closed: dict[int, _Closed] = {}
+
+    @asynccontextmanager
+    async def through(self, name: str) -> AsyncIterator[None]:
+        """A call that changes the session, or the agent's session, of this id.
+
+        Raises Misdirected when it has moved meanwhile, Unavailable when that takes too long.
+        """
+        slot = slot_of(name)
+        while (closed := self._closed.get(slot)) is not None:
+            try:
+                async with asyncio.timeout(WAIT_S):
+                    await closed.opened.wait()
+            except TimeoutError:
+                raise Unavailable("the session is being moved; try again") from None
+            if closed.refusal is not None:
+                raise closed.refusal
+        self._inside[slot] += 1
+        try:
+            yield
+        finally:
+            self._inside -= Counter([slot])  # keeps none that are 0
+
+    async def close(self, name: str) -> None:
+        """Let no call through from now on, and wait for those under way.
+
+        Raises Unavailable, and is open again, when they do not end, or another move is under way.
+        """
+        slot = slot_of(name)
+        if slot in self._closed:
+            raise Unavailable("a session with the same slot is being moved; try again")
+        self._closed[slot] = _Closed()
+        try:
+            async with asyncio.timeout(CLOSE_S):
+                while self._inside[slot]:
+                    await asyncio.sleep(LOOK_S)
+        except BaseException as error:
+            self.open(name)
+            if isinstance(error, TimeoutError):
+                raise Unavailable("calls on the session do not end; try again") from None
+            raise
+
+    def open(self, name: str, refusal: WayfarerError | None = None) -> None:
+        """Let calls through again; those that wait get `refusal`, if there is one."""
+        if closed := self._closed.pop(slot_of(name), None):
+            closed.refusal = refusal
+            closed.opened.set()

@@ -1,0 +1,138 @@
+"""Live sessions go to another server and come from one, and nobody who watches notices.
+
+Here: `freeze` stops planning and sends at once what is planned; `export` packs what is left;
+`release` ends the session and its streams, `unfreeze` lets it go on here after all. There:
+`import_` puts it into the world, frozen, and `unfreeze` lets it begin.
+"""
+
+import asyncio
+import contextlib
+from collections.abc import Mapping
+from typing import Final
+
+from wayfarer.errors import FailedPrecondition, WayfarerError
+from wayfarer.service.archive import Archive
+from wayfarer.service.gates import SessionGates
+from wayfarer.service.live import LiveMotion
+from wayfarer.service.lockstep import LockSteps
+from wayfarer.service.persistence.live_state import LiveSession, decode_live, encode_live
+from wayfarer.service.persistence.log_format import decode_log
+from wayfarer.service.persistence.persistence import Persistence
+from wayfarer.service.persistence.record import CommandLog
+from wayfarer.service.worlds import Worlds
+from wayfarer.world.agents.agent import SessionInfo
+from wayfarer.world.world import World
+
+CALL_S: Final = 0.1
+"""Seconds that a move waits for engine calls under way; what they make is lost then, and made again
+where the session goes.
+"""
+
+LOOK_S: Final = 0.002
+
+
+class LiveMoves:
+    """Of the sessions in real time. One move of a session at a time."""
+
+    def __init__(
+        self,
+        worlds: Worlds,
+        archive: Archive,
+        live: LiveMotion,
+        lock_steps: LockSteps,
+        persistence: Persistence,
+        gates: SessionGates,
+    ) -> None:
+        self._worlds = worlds
+        self._archive = archive
+        self._live = live
+        self._lock_steps = lock_steps
+        self._persistence = persistence
+        self._gates = gates
+
+    async def freeze(self, session_id: str) -> None:
+        """Let calls that change the session wait, plan nothing more, and send what is planned.
+
+        Raises NotFound, FailedPrecondition (it is in lock-step), and Unavailable when calls on it
+        do not end.
+        """
+        if self._lock_steps.session(session_id) is not None:
+            raise FailedPrecondition(
+                f"session {session_id!r} is in lock-step: export it, and import it elsewhere"
+            )
+        await self._gates.close(session_id)
+        try:
+            ends = asyncio.get_running_loop().time() + CALL_S
+            while not await self._live.ask(lambda world, _: _freeze(world, session_id)):
+                if asyncio.get_running_loop().time() > ends:
+                    break
+                await asyncio.sleep(LOOK_S)
+            await self._live.send_rest(session_id)
+        except BaseException:
+            await self._thaw(session_id)
+            raise
+
+    async def export(self, session_id: str, attachment: Mapping[str, object]) -> bytes:
+        """A frozen session. `attachment`: what the caller keeps with it. Raises NotFound."""
+        parts = await self._live.parts(session_id)
+        recording = b""
+        if parts.captured[0].spec.record:
+            with contextlib.suppress(FailedPrecondition):  # it has been dropped
+                recording = await self._archive.export_log(self._live, session_id)
+        body = self._worlds.body
+        return await asyncio.to_thread(encode_live, parts, body, recording, attachment)
+
+    async def unfreeze(self, session_id: str) -> None:
+        """Let it go on here. Raises NotFound."""
+        await self._live.ask(lambda world, _: _thaw(world, session_id))
+        self._gates.open(session_id)
+
+    async def release(self, session_id: str, error: WayfarerError) -> None:
+        """It lives elsewhere: its streams end with `error`, once they have sent everything, and so
+        do the calls that wait.
+        """
+        await self._live.leave(session_id, error)
+        self._gates.open(session_id, error)
+        await self._persistence.durable(None)
+
+    async def read(self, data: bytes) -> LiveSession:
+        """A session that `export` has packed. Raises InvalidArgument, FailedPrecondition."""
+        limits = self._worlds.settings.limits
+        return await asyncio.to_thread(decode_live, data, self._worlds.body, limits)
+
+    async def import_(self, session: LiveSession) -> SessionInfo:
+        """Put it into the world, frozen; calls that change it wait until `unfreeze`.
+
+        Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted, Unavailable.
+        """
+        session_id = session.record.session_id
+        await self._gates.close(session_id)
+        try:
+            log = await self._log(session.recording) if session.recording else None
+            made = await self._live.put_live(session)
+            if session.record.spec.record:
+                recordings = self._worlds.recordings
+                await self._live.ask(lambda *_: recordings.go_on(log, session_id))
+        except BaseException:
+            self._gates.open(session_id)
+            raise
+        return await self._persistence.durable(made)
+
+    async def _log(self, recording: bytes) -> CommandLog:
+        limits = self._worlds.settings.limits
+        origin, most = self._archive.origin, limits.log_entries
+        return await asyncio.to_thread(decode_log, recording, origin, limits, most)
+
+    async def _thaw(self, session_id: str) -> None:
+        try:
+            await self.unfreeze(session_id)
+        except WayfarerError:
+            self._gates.open(session_id)
+
+
+def _freeze(world: World, session_id: str) -> bool:
+    return world.members.freeze(world.registry.session(session_id), True)
+
+
+def _thaw(world: World, session_id: str) -> None:
+    world.members.freeze(world.registry.session(session_id), False)

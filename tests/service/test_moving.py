@@ -1,0 +1,230 @@
+"""Live sessions that go from one runtime to another."""
+
+import asyncio
+
+import pytest
+
+from tests.service.kept_worlds import STICK, assert_same_poses, fake_worlds
+from tests.service.servers import Servers
+from wayfarer.endpoint import Endpoint
+from wayfarer.errors import (
+    FailedPrecondition,
+    InvalidArgument,
+    Misdirected,
+    ResourceExhausted,
+    Unavailable,
+)
+from wayfarer.limits import Limits
+from wayfarer.service.persistence.capture import capture_planned
+from wayfarer.service.persistence.live_state import LiveParts, decode_live, encode_live
+from wayfarer.service.streams.publications import Resume, StreamOptions
+from wayfarer.service.streams.publisher import SessionLog
+from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, SessionSpec
+from wayfarer.world.agents.goal import Goal
+from wayfarer.world.behaviours import Patrol, Routine, Stand, Wander
+from wayfarer.world.behaviours.routine import Part
+from wayfarer.world.goals.commands import Path
+
+ELSEWHERE = Misdirected("elsewhere", Endpoint(1, 2, 3, "b"))
+NOTHING = SessionLog("e", 0, 0.0, None, {}, ())
+
+
+@pytest.fixture
+async def servers():
+    made = Servers()
+    yield made
+    for runtime in list(made.running):
+        await made.stop(runtime)
+
+
+def goals(*places):
+    return tuple(Goal((float(x), float(y), 0.0)) for x, y in places)
+
+
+COMMANDS = (
+    Path(goals((3, 0), (3, 3), (0, 3), (0, 0), (5, 5))),
+    Patrol(goals((2, 0), (0, 2))),
+    Wander((0.0, 0.0), 3.0),
+    Routine((Part(Patrol(goals((2, 0), (0, 2))), 1.3), Part(Stand(), 0.7)), repeat=True),
+)
+
+
+def walking(now):
+    """A world with four people on their ways, one of whom has just been sent elsewhere."""
+    world = fake_worlds(lead=1, phases=2).live()
+    world.create_session(SessionSpec(session_id="s"), 0.0)
+    specs = [AgentSpec(noise_seed=7 + i, position=(i, 0)) for i in range(4)]
+    people = world.create_agents("s", specs, 0.0)
+    sent = []
+    for person, command in zip(people, COMMANDS, strict=True):
+        world.give(person.agent_id, command, 0.0)
+    sent += world.advance(now)
+    world.give(people[0].agent_id, goals((-4, 0))[0], now)
+    return world, sent
+
+
+def move(world, now, arrives=None):
+    """The world in which the session goes on, and what was sent at once."""
+    session = world.registry.session("s")
+    assert world.members.freeze(session, True)
+    rest = [chunk for due in world.take_rest("s") for chunk in due.chunks]
+    assert world.next_event() is None, "nothing is planned for it any more"
+    assert world.behind(now + 60) == 0, "the others are not behind for its sake"
+    parts = LiveParts(capture_planned(world, "s"), world.live_rows("s"), NOTHING, None)
+    session = decode_live(encode_live(parts, STICK, b"", {}), STICK, Limits())
+    there = fake_worlds(lead=1, phases=2).live()
+    made = there.members.put_session(session.record, arrives or now, live=session.rows)
+    there.members.freeze(made, False)
+    return there, rest
+
+
+def test_who_is_moved_walks_on_bit_for_bit_and_on_time():
+    at = 2.113
+    stayed, before = walking(at)
+    leaves, moved = walking(at)
+    names = [{c.agent_id: i for i, c in enumerate(w.list_agents("s"))} for w in (stayed, leaves)]
+    for _ in range(3):  # there, and on, and on
+        leaves, rest = move(leaves, at)
+        moved += rest
+        for _ in range(9):
+            at += 0.11
+            before += stayed.advance(at)
+            moved += leaves.advance(at)
+    expected = {(names[0][c.agent_id], c.seq): c for c in before}
+    found = {(names[1][c.agent_id], c.seq): c for c in moved}
+    assert len(found) == len(moved), "nothing is sent twice"
+    assert found.keys() >= expected.keys() and len(expected) > 4 * 20
+    for key, chunk in expected.items():
+        same = found[key]
+        assert same.scheduled_at == pytest.approx(chunk.scheduled_at, abs=1e-6)
+        for name in ("translation", "rotations", "contacts"):
+            assert getattr(same, name).tobytes() == getattr(chunk, name).tobytes(), key
+        for name in ("seq", "first_frame", "goal_revision", "state", "waypoint", "flags"):
+            assert getattr(same, name) == getattr(chunk, name), (name, key)
+
+
+def test_who_comes_too_late_is_shown_later_by_whole_primitives():
+    world, _ = walking(2.0)
+    there, rest = move(world, 2.0, arrives=30.03)
+    chunks = list(there.advance(31.0))
+    assert 29.9 < min(c.scheduled_at for c in chunks) < 30.13
+    phases = {round(c.scheduled_at % 0.2 * 40) % 8 for c in chunks}
+    assert phases == {round(c.scheduled_at % 0.2 * 40) % 8 for c in rest}
+    there.delete_session("s")
+    assert sum(map(sum, there._population.phases.load)) == 0, "phases are counted right"
+
+
+async def collected(subscription, count):
+    return [await anext(subscription) for _ in range(count)]
+
+
+async def test_a_subscriber_misses_nothing_when_its_session_moves(servers):
+    here, there = await servers.start(), await servers.start()
+    session = (await here.create_session(SessionSpec())).session_id
+    people = await here.create_agents(session, [AgentSpec(noise_seed=i) for i in range(6)])
+    for person in people:
+        await here.give(person.agent_id, goals((20, 20))[0])
+    subscription = await here.subscribe(session, StreamOptions())
+    reading = asyncio.create_task(until_elsewhere(subscription))
+    await asyncio.sleep(0.7)
+    await here.moves.freeze(session)
+    waiting = asyncio.create_task(here.give(people[0].agent_id, goals((0, -9))[0]))
+    data = await here.moves.export(session, {"lease": 3})
+    arrived = await there.moves.read(data)
+    assert arrived.attachment == {"lease": 3}
+    await there.moves.import_(arrived)
+    await there.moves.unfreeze(session)
+    await here.moves.release(session, ELSEWHERE)
+    with pytest.raises(Misdirected):
+        await waiting
+    before = await reading
+    resume = Resume(subscription.epoch, before[-1].position)
+    follows = await there.subscribe(session, StreamOptions(resume=resume))
+    assert await there.give(people[0].agent_id, goals((0, -9))[0]) == 2
+    async with asyncio.timeout(10):
+        after = await collected(follows, count=12)
+    positions = [p.position for p in before + after]
+    assert positions == list(range(positions[0], positions[0] + len(positions)))
+    seqs = {}
+    for publication in before + after:
+        for chunk in publication.chunks:
+            last = seqs.setdefault(chunk.agent_id, chunk.seq - 1)
+            assert chunk.seq == last + 1
+            seqs[chunk.agent_id] = chunk.seq
+    assert len(seqs) == 6
+    flags = {flag for p in after for flag in p.chunks.flags.tolist()}
+    assert not any(flag & (ChunkFlag.FIRST | ChunkFlag.GAP) for flag in flags)
+    assert not any(p.events for p in after if any(e.kind == "gap" for e in p.events))
+    assert await here.list_sessions() == []
+
+
+async def until_elsewhere(subscription):
+    found = []
+    with pytest.raises(Misdirected):
+        while True:
+            found.append(await anext(subscription))
+    return found
+
+
+async def test_what_cannot_go_goes_on_here(servers):
+    here = await servers.start()
+    there = await servers.start(limits=Limits(agents=2))
+    session = (await here.create_session(SessionSpec())).session_id
+    people = await here.create_agents(session, [AgentSpec(noise_seed=i) for i in range(3)])
+    subscription = await here.subscribe(session, StreamOptions())
+    await here.moves.freeze(session)
+    data = await here.moves.export(session, {})
+    with pytest.raises(ResourceExhausted):
+        await there.moves.import_(await there.moves.read(data))
+    assert await there.list_sessions() == []
+    with pytest.raises(Unavailable, match="being moved"):
+        await here.moves.import_(await here.moves.read(data))
+    waiting = asyncio.create_task(here.give(people[0].agent_id, goals((9, 0))[0]))
+    await asyncio.sleep(0)
+    await here.moves.unfreeze(session)
+    assert await waiting == 1
+    async with asyncio.timeout(10):
+        found = await collected(subscription, count=12)
+    seqs = [c.seq for p in found for c in p.chunks if c.agent_id == people[1].agent_id]
+    assert seqs == list(range(seqs[0], seqs[0] + len(seqs)))
+
+
+async def test_damaged_bytes_and_sessions_in_lock_step_are_refused(servers):
+    here = await servers.start()
+    session = (await here.create_session(SessionSpec())).session_id
+    await here.create_agents(session, [AgentSpec()])
+    await here.moves.freeze(session)
+    data = await here.moves.export(session, {})
+    for damaged in (data[:-9], data[:200], b"x" + data, data + b"x", b""):
+        with pytest.raises((InvalidArgument, FailedPrecondition)):
+            await here.moves.read(damaged)
+    await here.moves.unfreeze(session)
+    stepped = (await here.create_session(SessionSpec(lock_step=True))).session_id
+    with pytest.raises(FailedPrecondition, match="lock-step"):
+        await here.moves.freeze(stepped)
+
+
+async def test_a_recorded_session_takes_its_log_along(servers):
+    here, there = await servers.start(), await servers.start()
+    session = (await here.create_session(SessionSpec(record=True))).session_id
+    [person] = await here.create_agents(session, [AgentSpec(noise_seed=3)])
+    await here.give(person.agent_id, goals((5, 0))[0])
+    subscription = await here.subscribe(session, StreamOptions())
+    reading = asyncio.create_task(until_elsewhere(subscription))
+    await asyncio.sleep(0.5)
+    await here.moves.freeze(session)
+    arrived = await there.moves.read(await here.moves.export(session, {}))
+    await there.moves.import_(arrived)
+    await there.moves.unfreeze(session)
+    await here.moves.release(session, ELSEWHERE)
+    before = await reading
+    resume = Resume(subscription.epoch, before[-1].position)
+    follows = await there.subscribe(session, StreamOptions(resume=resume))
+    async with asyncio.timeout(10):
+        after = await collected(follows, count=4)
+    log = await there.export_log(session)
+    played = {c.seq: c async for p in there.replay(log) for c in p.chunks}
+    streamed = {c.seq: c for p in before + after for c in p.chunks}
+    assert set(streamed) <= set(played)
+    for seq, chunk in streamed.items():
+        assert_same_poses(played[seq], chunk)
