@@ -1,5 +1,6 @@
 """The runtime of a server, put together from its settings: models, engine, worlds, journal."""
 
+import hashlib
 import signal
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
@@ -81,6 +82,13 @@ def model_folder(settings: Settings) -> ModelFolder:
     return load_models(Path(name) if "/" in name else model_store(settings).find(name))
 
 
+def fingerprint(folder: ModelFolder) -> str:
+    """A hash over the model's files and the bodies: sessions move between equals only."""
+    files = [*sorted(folder.path.iterdir()), *(body_file(folder.body, g) for g in GENDERS)]
+    hashes = "".join(sha256_of(file) for file in files if file.is_file())
+    return hashlib.sha256(hashes.encode()).hexdigest()[:16]
+
+
 def runtime(
     settings: Settings,
     folder: ModelFolder,
@@ -134,7 +142,12 @@ def runtime(
         bake_queue=BakeQueue(settings.limits),
     )
     return MotionService(
-        worlds, warm_up, clock, meter, open_model=model_store(settings, folder.body).open
+        worlds,
+        warm_up,
+        clock,
+        meter,
+        open_model=model_store(settings, folder.body).open,
+        may_step=ownership.may_step,
     )
 
 

@@ -10,7 +10,7 @@ import inspect
 import signal
 import sys
 from collections.abc import Callable, Coroutine
-from contextlib import nullcontext
+from contextlib import AbstractAsyncContextManager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -20,7 +20,9 @@ import typer
 from rich.console import Console
 
 from wayfarer import __version__, config_sources
-from wayfarer.assembly import model_folder, runtime, with_engine
+from wayfarer.assembly import fingerprint, model_folder, runtime, with_engine
+from wayfarer.cluster.messages import NodePlan
+from wayfarer.cluster.node_agent import joined, read_plan, tenancy_of
 from wayfarer.config import Settings
 from wayfarer.config_page import as_toml
 from wayfarer.logs import configure_logging
@@ -51,21 +53,27 @@ OPTIONS: Final = (
 """Settings that the command line knows."""
 
 
-async def serve(settings: Settings, worker: Assignment | None = None) -> None:
-    """Run until SIGINT, SIGTERM or AdminService.Drain; as a worker, or else as the whole server."""
+async def serve(
+    settings: Settings, worker: Assignment | None = None, plan: NodePlan | None = None
+) -> None:
+    """Run until SIGINT, SIGTERM or AdminService.Drain.
+
+    As a worker, as a node of a cluster (`plan`), or as the whole server.
+    """
     sys.setswitchinterval(SWITCH_SECONDS)
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for sign in SIGNALS:
         loop.add_signal_handler(sign, stop.set)
-    if worker is None:
+    if worker is None and plan is None:
         warn_if_open(settings)
     clock = steady_clock()
     operation = ServerOptions.from_settings(settings)
     if hasattr(signal, "SIGHUP"):
         loop.add_signal_handler(signal.SIGHUP, operation.guard.authenticator.reload)
     folder = model_folder(settings)
-    ownership: Ownership = worker.shares if worker else SingleNode()
+    tenancy = tenancy_of(plan, fingerprint(folder)) if plan else None
+    ownership: Ownership = tenancy or (worker.shares if worker else SingleNode())
     motion = runtime(settings, folder, clock, operation.metrics, ownership)
     gateway = Gateway(motion, BodyLibrary(folder.body), settings.limits, clock, stop.set, ownership)
     server = Server(
@@ -79,11 +87,20 @@ async def serve(settings: Settings, worker: Assignment | None = None) -> None:
     motion.start()
     try:
         await server.start()
-        async with supervised(gateway, stop.set) if worker else nullcontext():
+        beside: AbstractAsyncContextManager[None] = nullcontext()
+        if worker:
+            beside = supervised(gateway, stop.set)
+        elif plan and tenancy:
+            beside = joined(plan, tenancy, gateway, server.ports, stop.set)
+        async with beside:
             await server.until_ready()
             settle()
-            if worker:
-                log.info("worker ready", http=server.http_url, grpc=server.grpc_address)
+            if worker or plan:
+                log.info(
+                    "worker ready" if worker else "node ready",
+                    http=server.http_url,
+                    grpc=server.grpc_address,
+                )
             else:
                 announce(settings, server.http_url, server.grpc_address)
             await stop.wait()
@@ -151,6 +168,14 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     return command
 
 
+def given_options(options: dict[str, Any]) -> dict[str, Any]:
+    """The settings that were given as options, as their sources have them."""
+    given = {name: value for name, value in options.items() if value is not None}
+    if "keys_file" in given:
+        given["auth"] = {"keys_file": given.pop("keys_file")}
+    return given
+
+
 @with_options
 def serve_command(
     *,
@@ -169,9 +194,7 @@ def serve_command(
     Each option is a setting. docs/operations.md lists all settings; those without an option here go
     into the file or the environment. Ctrl-C drains and ends the server.
     """
-    file, given = config, {name: value for name, value in options.items() if value is not None}
-    if "keys_file" in given:
-        given["auth"] = {"keys_file": given.pop("keys_file")}
+    file, given = config, given_options(options)
     settings = config_sources.load(given, file)
     configure_logging(settings.log_level, settings.log_format)
     if check_config:
@@ -182,14 +205,14 @@ def serve_command(
         return
     check_state(settings)
     if settings.workers == 1:
-        _run(serve(settings))
+        run(serve(settings))
         return
     from wayfarer.workers.server import serve_workers
 
     model_folder(settings)
     warn_if_open(settings)
     settings = with_engine(settings)
-    _run(serve_workers(settings, partial(announce, settings)))
+    run(serve_workers(settings, partial(announce, settings)))
 
 
 def worker_command() -> None:
@@ -198,10 +221,19 @@ def worker_command() -> None:
     settings = worker.settings
     configure_logging(settings.log_level, settings.log_format, worker=worker.index)
     bind_to(worker.cores)
-    _run(serve(settings, worker))
+    run(serve(settings, worker))
 
 
-def _run(work: Coroutine[Any, Any, None]) -> None:
+def node_command() -> None:
+    """One node of a cluster; its keeper starts it, and tells it on stdin what it is."""
+    plan = read_plan()
+    settings = plan.settings
+    configure_logging(settings.log_level, settings.log_format, node=plan.name)
+    run(serve(settings, plan=plan))
+
+
+def run(work: Coroutine[Any, Any, None]) -> None:
+    """Run on an event loop of its own."""
     try:
         import uvloop
     except ImportError:  # Windows has none

@@ -83,7 +83,13 @@ class Client:
 
     async def connection_of(self, session: session_pb2.Session) -> Connection:
         """Over which to call a session: to its worker, if that can be, else to the server."""
-        if not self._direct or not session.HasField("endpoint"):
+        if not session.HasField("endpoint"):
+            return self.connection
+        if session.endpoint.host:  # a node of a cluster: it may move, and nothing relays
+            where = session.endpoint
+            self.connection.learn(session.session_id, where.host, where.grpc_port)
+            return self.connection
+        if not self._direct:
             return self.connection
         port = session.endpoint.grpc_port
         async with self._reaching:

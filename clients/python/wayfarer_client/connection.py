@@ -13,11 +13,13 @@ import grpc
 
 from wayfarer_client.errors import (
     InvalidArgument,
+    Misdirected,
     ResourceExhausted,
     Unavailable,
     WayfarerError,
     from_grpc,
 )
+from wayfarer_client.methods import Methods, slot_of
 from wayfarer_client.v1 import (
     admin_pb2_grpc,
     agent_pb2_grpc,
@@ -88,7 +90,11 @@ class Access:
 
 
 class Connection:
-    """A channel and its stubs."""
+    """A channel and its stubs.
+
+    A server may be many nodes: what lives on another one is called there. A node that does not
+    answer is forgotten, and asked for again at the address of the connection.
+    """
 
     def __init__(self, address: str, timeout: float, access: Access, tls: Tls | None) -> None:
         """`timeout`: seconds for connecting, for each call, and for the tries of one refused."""
@@ -97,16 +103,19 @@ class Connection:
         self._access = access
         self._tls = tls
         self._channel = _channel(address, tls)
+        self._nodes: dict[str, grpc.aio.Channel] = {}  # by address, as far as they were called
+        self._homes: dict[str, str] = {}  # address of a node by slot
         # The generated stubs are typed for the synchronous API only.
-        self.scenes: Any = scene_pb2_grpc.SceneServiceStub(self._channel)
-        self.sessions: Any = session_pb2_grpc.SessionServiceStub(self._channel)
-        self.agents: Any = agent_pb2_grpc.AgentServiceStub(self._channel)
-        self.goals: Any = goal_pb2_grpc.GoalServiceStub(self._channel)
-        self.motion: Any = motion_pb2_grpc.MotionServiceStub(self._channel)
-        self.control: Any = control_pb2_grpc.ControlServiceStub(self._channel)
-        self.snapshots: Any = snapshot_pb2_grpc.SnapshotServiceStub(self._channel)
-        self.catalog: Any = catalog_pb2_grpc.CatalogServiceStub(self._channel)
-        self.admin: Any = admin_pb2_grpc.AdminServiceStub(self._channel)
+        methods: Any = Methods()
+        self.scenes: Any = scene_pb2_grpc.SceneServiceStub(methods)
+        self.sessions: Any = session_pb2_grpc.SessionServiceStub(methods)
+        self.agents: Any = agent_pb2_grpc.AgentServiceStub(methods)
+        self.goals: Any = goal_pb2_grpc.GoalServiceStub(methods)
+        self.motion: Any = motion_pb2_grpc.MotionServiceStub(methods)
+        self.control: Any = control_pb2_grpc.ControlServiceStub(methods)
+        self.snapshots: Any = snapshot_pb2_grpc.SnapshotServiceStub(methods)
+        self.catalog: Any = catalog_pb2_grpc.CatalogServiceStub(methods)
+        self.admin: Any = admin_pb2_grpc.AdminServiceStub(methods)
 
     async def ready(self) -> None:
         """Wait until the server answers. Raises Unavailable."""
@@ -139,23 +148,53 @@ class Connection:
         return Connection(f"{host}:{port}", self.timeout, self._access, self._tls)
 
     async def close(self) -> None:
-        """Close the channel."""
-        await self._channel.close(None)
+        """Close the channels."""
+        for channel in (self._channel, *self._nodes.values()):
+            await channel.close(None)
+
+    def learn(self, about: Any, host: str, port: int) -> None:
+        """Whom a request or an id names lives at another node."""
+        if slot := slot_of(about):
+            self._homes[slot] = self._beside(host, port)
+
+    def forget(self, about: Any) -> bool:
+        """The node of whom a request or an id names does not answer; whether one was known."""
+        return self._homes.pop(slot_of(about), None) is not None
+
+    def _beside(self, host: str, port: int) -> str:
+        return f"{host or self.address.rpartition(':')[0]}:{port}"
+
+    def _node(self, address: str) -> grpc.aio.Channel:
+        if address == self.address:
+            return self._channel
+        if address not in self._nodes:
+            self._nodes[address] = _channel(address, self._tls)
+        return self._nodes[address]
+
+    def _home(self, about: Any) -> grpc.aio.Channel:
+        return self._node(self._homes.get(slot_of(about), self.address))
 
     async def call(self, method: Any, request: Any, timeout: float | None = None) -> Any:
         """The reply to a request. Raises WayfarerError.
 
         One that is refused for now is sent again when the server has said, as long as that is
-        within the connection's `timeout`.
+        within the connection's `timeout`. One that belongs to another node goes there, once.
         """
         limit = self.timeout if timeout is None else timeout
         ends_at = _now() + self.timeout
+        sent_on: grpc.aio.Channel | None = None
         while True:
+            call = method.on(sent_on or self._home(request))
             try:
-                return await method(request, timeout=limit, metadata=self._access.metadata())
+                return await call(request, timeout=limit, metadata=self._access.metadata())
             except grpc.aio.AioRpcError as error:
                 refusal = from_grpc(error)
-            if not await come_again(refusal, ends_at):
+            if isinstance(refusal, Unavailable) and sent_on is None and self.forget(request):
+                continue  # its node is gone: whoever is asked at our address knows the next one
+            if isinstance(refusal, Misdirected) and sent_on is None:
+                self.learn(request, refusal.host, refusal.grpc_port)
+                sent_on = self._node(self._beside(refusal.host, refusal.grpc_port))
+            elif not await come_again(refusal, ends_at):
                 raise refusal
 
     async def create(self, method: Any, request: Any, timeout: float | None = None) -> Any:
@@ -172,9 +211,13 @@ class Connection:
                 if not await backoff.pause():
                     raise
 
-    def open(self, method: Any, *request: Any) -> Any:
-        """A stream of messages, without a time limit."""
-        return method(*request, metadata=self._access.metadata())
+    def open(self, method: Any, *request: Any, about: Any = "") -> Any:
+        """A stream of messages, without a time limit. `about`: an id, where no request names one.
+
+        It may end with Misdirected: `learn` then.
+        """
+        call = method.on(self._home(request[0] if request else about))
+        return call(*request, metadata=self._access.metadata())
 
     async def messages(self, method: Any, request: Any) -> AsyncGenerator[Any]:
         """All messages of a stream that is read once. Raises WayfarerError.
@@ -183,8 +226,10 @@ class Connection:
         """
         ends_at = _now() + self.timeout
         begun = False
+        sent_on: grpc.aio.Channel | None = None
         while True:
-            call = self.open(method, request)
+            opened = method.on(sent_on or self._home(request))
+            call = opened(request, metadata=self._access.metadata())
             try:
                 async for message in call:
                     begun = True
@@ -194,7 +239,12 @@ class Connection:
                 refusal = from_grpc(error)
             finally:
                 call.cancel()
-            if begun or not await come_again(refusal, ends_at):
+            if isinstance(refusal, Unavailable):
+                self.forget(request)
+            if isinstance(refusal, Misdirected) and sent_on is None and not begun:
+                self.learn(request, refusal.host, refusal.grpc_port)
+                sent_on = self._node(self._beside(refusal.host, refusal.grpc_port))
+            elif begun or not await come_again(refusal, ends_at):
                 raise refusal
 
     async def file(self, method: Any, request: Any) -> bytes:
@@ -221,6 +271,7 @@ class Backoff:
 
     def succeeded(self) -> None:
         """Begin again with the shortest pause."""
+        self.fresh = True  # no attempt has failed since
         self._pause = BACKOFF_S[0]
         self._ends_at = _now() + self.deadline
 

@@ -12,6 +12,7 @@ from google.protobuf.message import Message
 from wayfarer_client.connection import Backoff, Connection
 from wayfarer_client.errors import (
     FailedPrecondition,
+    Misdirected,
     ResourceExhausted,
     Unavailable,
     WayfarerError,
@@ -19,7 +20,7 @@ from wayfarer_client.errors import (
 )
 from wayfarer_client.goals import GoalCommands
 from wayfarer_client.messages import Batch, Event, StreamInfo, Viewpoint
-from wayfarer_client.stream import heard, read, refuses
+from wayfarer_client.stream import heard, read, refuses, sent_on
 from wayfarer_client.v1 import control_pb2, motion_pb2
 from wayfarer_client.wire import BatchReader
 
@@ -205,16 +206,20 @@ class Control(GoalCommands):
                 async for batch in self._once(backoff):
                     yield batch
                 return
-            except (Unavailable, ResourceExhausted) as error:
+            except (Misdirected, Unavailable, ResourceExhausted) as error:
                 if refuses(error) and self.info is None:
                     raise
                 self._hang_up(Unavailable(f"the connection was lost: {error}"))
-                if not await backoff.pause(error.retry_after):
+                moved = sent_on(self._connection, self._request.session_id, error)
+                if not (moved and backoff.fresh) and not await backoff.pause(error.retry_after):
                     raise Unavailable(f"no stream for {self._deadline:g} s: {error}") from None
+                backoff.fresh = False
                 self.reconnections += 1
 
     async def _once(self, backoff: Backoff) -> AsyncGenerator[Batch]:
-        self._call = self._connection.open(self._connection.control.Control)
+        self._call = self._connection.open(
+            self._connection.control.Control, about=self._request.session_id
+        )
         try:
             await self._write(control_pb2.ControlRequest(open=self._request))
             while (message := await heard(self._call)) is not None:

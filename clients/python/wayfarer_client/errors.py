@@ -47,8 +47,13 @@ class Unreachable(FailedPrecondition):
 
 
 class Misdirected(FailedPrecondition):
-    """The session lives in another worker of the server: at `grpc_port` of the same host."""
+    """The session lives in another process of the server: at `grpc_port` of `host`.
 
+    Clients follow that by themselves, once for each call.
+    """
+
+    host = ""
+    """Empty: the host that was called."""
     grpc_port = 0
 
 
@@ -113,7 +118,7 @@ def from_grpc(error: grpc.aio.AioRpcError) -> WayfarerError:
     if isinstance(made, Unreachable) and found.nearest is not None:
         made.nearest = found.nearest
     if isinstance(made, Misdirected):
-        made.grpc_port = found.grpc_port
+        made.host, made.grpc_port = found.host, found.grpc_port
     return made
 
 
@@ -131,6 +136,7 @@ class _Details(NamedTuple):
     field: str = ""  # at fault
     retry_after: float = 0.0  # seconds to wait
     grpc_port: int = 0  # where the call should have gone
+    host: str = ""
     nearest: tuple[float, float, float] | None = None  # that can be reached
 
 
@@ -152,7 +158,8 @@ def _details(error: grpc.aio.AioRpcError) -> _Details:
                 seconds = retry.retry_delay.ToTimedelta().total_seconds()
                 found = found._replace(retry_after=seconds)
             elif detail.Unpack(info) and info.metadata.get("grpc_port", "").isdigit():
-                found = found._replace(grpc_port=int(info.metadata["grpc_port"]))
+                port, host = int(info.metadata["grpc_port"]), info.metadata.get("host", "")
+                found = found._replace(grpc_port=port, host=host)
             elif detail.Unpack(info) and info.reason == "UNREACHABLE":
                 found = found._replace(nearest=_place(info.metadata))
     return found

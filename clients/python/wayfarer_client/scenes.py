@@ -140,7 +140,7 @@ class Scenes:
         )
         header = scene_pb2.MeshScene(scene=request, mesh=what)
         method = self._connection.scenes.CreateMeshScene
-        reply = await self._connection.call(method, _pieces(header, mesh), MAKING_S)
+        reply = await self._connection.call(method, _Pieces(header, mesh), MAKING_S)
         return Scene(self._connection, reply.scene)
 
     async def examples(self) -> dict[str, str]:
@@ -171,9 +171,14 @@ class Scenes:
         return [Scene(self._connection, message) for message in reply.scenes]
 
 
-async def _pieces(
-    header: scene_pb2.MeshScene, data: bytes
-) -> AsyncIterator[scene_pb2.CreateMeshSceneRequest]:
-    yield scene_pb2.CreateMeshSceneRequest(header=header)
-    for start in range(0, len(data), PIECE):
-        yield scene_pb2.CreateMeshSceneRequest(data=data[start : start + PIECE])
+@dataclass(frozen=True, slots=True)
+class _Pieces:
+    """The messages that bring a mesh; they can be sent again."""
+
+    header: scene_pb2.MeshScene
+    data: bytes
+
+    async def __aiter__(self) -> AsyncIterator[scene_pb2.CreateMeshSceneRequest]:
+        yield scene_pb2.CreateMeshSceneRequest(header=self.header)
+        for start in range(0, len(self.data), PIECE):
+            yield scene_pb2.CreateMeshSceneRequest(data=self.data[start : start + PIECE])

@@ -8,7 +8,13 @@ from typing import Any, Final, Self
 import grpc
 
 from wayfarer_client.connection import Backoff, Connection
-from wayfarer_client.errors import ResourceExhausted, Unavailable, WayfarerError, from_grpc
+from wayfarer_client.errors import (
+    Misdirected,
+    ResourceExhausted,
+    Unavailable,
+    WayfarerError,
+    from_grpc,
+)
 from wayfarer_client.messages import Batch, StreamInfo
 from wayfarer_client.v1 import motion_pb2
 from wayfarer_client.wire import BatchReader
@@ -77,11 +83,13 @@ class MotionStream:
                 async for batch in self._once(backoff):
                     yield batch
                 return
-            except (Unavailable, ResourceExhausted) as error:
+            except (Misdirected, Unavailable, ResourceExhausted) as error:
                 if refuses(error) and self.info is None:
                     raise
-                if not await backoff.pause(error.retry_after):
+                moved = sent_on(self._connection, self._request.session_id, error)
+                if not (moved and backoff.fresh) and not await backoff.pause(error.retry_after):
                     raise Unavailable(f"no stream for {self._deadline:g} s: {error}") from None
+                backoff.fresh = False
                 self.reconnections += 1
 
     async def _once(self, backoff: Backoff) -> AsyncGenerator[Batch]:
@@ -98,6 +106,16 @@ class MotionStream:
                 yield batch
         finally:
             call.cancel()
+
+
+def sent_on(connection: Connection, session_id: str, error: WayfarerError) -> bool:
+    """Whether the session lives elsewhere; where it lives is remembered, or forgotten."""
+    if isinstance(error, Misdirected):
+        connection.learn(session_id, error.host, error.grpc_port)
+        return True
+    if isinstance(error, Unavailable):
+        connection.forget(session_id)
+    return False
 
 
 def refuses(error: WayfarerError) -> bool:

@@ -27,6 +27,9 @@ export class ApiError extends Error {
 }
 
 export class Api {
+  /** Addresses of nodes of a cluster by slot, which a session and its agents share. @type {Map<string, string>} */
+  #homes = new Map();
+
   /**
    * `base` is the server's address without a final slash; "" is the one this page came from. `access` shows who
    * calls, and gets another token where the one it has is refused. A call that is refused for now (429) is sent again
@@ -58,7 +61,7 @@ export class Api {
 
   /** End a session while the page goes away. @param {string} sessionId */
   abandonSession(sessionId) {
-    this.fetcher(`${this.base}/v1/sessions/${encodeURIComponent(sessionId)}`, {
+    this.fetcher(`${this.homeOf(sessionId)}/v1/sessions/${encodeURIComponent(sessionId)}`, {
       method: "DELETE",
       headers: this.access.headers,
       keepalive: true,
@@ -208,12 +211,20 @@ export class Api {
    * @param {{ href: string }} [location]
    */
   streamAddress(sessionId, query = {}, resumeToken = "", location = globalThis.location) {
-    const url = new URL(`${this.base}/v1/stream`, location?.href);
+    const url = new URL(`${this.homeOf(sessionId)}/v1/stream`, location?.href);
     url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
     url.searchParams.set("session", sessionId);
     for (const [key, value] of Object.entries(query)) url.searchParams.set(key, String(value));
     if (resumeToken) url.searchParams.set("resume_token", resumeToken);
     return { url: url.href, protocols: this.access.protocols };
+  }
+
+  /**
+   * Where a session, scene or agent is called, as far as is known: `base`, or the address of its node in a cluster.
+   * @param {string} text its id, or a path with it
+   */
+  homeOf(text) {
+    return this.#homes.get(slotOf(text)) ?? this.base;
   }
 
   /**
@@ -227,12 +238,21 @@ export class Api {
   /** @param {string} method @param {string} path @param {unknown} [body] @param {number} [seconds] @returns {Promise<any>} */
   async #call(method, path, body, seconds = ANSWER_SECONDS) {
     let patience = PATIENCE_SECONDS;
+    let sentOn = ""; // to the node that takes the call: once
     for (;;) {
       const { token } = this.access;
       try {
-        return await this.#ask(method, path, body, seconds);
+        const answer = await this.#ask(sentOn || this.homeOf(path), method, path, body, seconds);
+        const slot = sentOn && slotOf(answer?.session_id ?? answer?.scene_id ?? path);
+        if (slot) this.#homes.set(slot, sentOn);
+        return answer;
       } catch (error) {
         if (!(error instanceof ApiError)) throw error;
+        if (error.status === 421 && error.problem.endpoint && !sentOn) {
+          sentOn = this.#node(error.problem.endpoint);
+          continue;
+        }
+        if (error.status === 0 && !sentOn && this.#homes.delete(slotOf(path))) continue; // its node is gone
         const wait = error.status === 429 ? error.problem.retry_after_s : 0;
         if (wait && wait <= patience) {
           patience -= wait;
@@ -244,8 +264,14 @@ export class Api {
     }
   }
 
-  /** @param {string} method @param {string} path @param {unknown} body @param {number} seconds @returns {Promise<any>} */
-  async #ask(method, path, body, seconds) {
+  /** The address of a node. @param {{ host?: string, http_port: number }} endpoint */
+  #node({ host, http_port }) {
+    const own = new URL(this.base || "/", globalThis.location?.href);
+    return `${own.protocol}//${host || own.hostname}:${http_port}`;
+  }
+
+  /** @param {string} base @param {string} method @param {string} path @param {unknown} body @param {number} seconds @returns {Promise<any>} */
+  async #ask(base, method, path, body, seconds) {
     /** @type {RequestInit & { headers: Record<string, string> }} */
     const request = {
       method,
@@ -261,7 +287,7 @@ export class Api {
     }
     let response;
     try {
-      response = await this.fetcher(this.base + path, request);
+      response = await this.fetcher(base + path, request);
     } catch (error) {
       throw new ApiError(`the server does not answer (${/** @type {Error} */ (error).message})`, 0);
     }
@@ -272,6 +298,9 @@ export class Api {
 }
 
 const sleep = (/** @type {number} */ seconds) => new Promise((done) => setTimeout(done, 1000 * seconds));
+
+/** The slot of the first id in a text; "" without one. @param {string} text */
+const slotOf = (text) => /(?:session|scene|agent)-([0-9a-f]{4})/.exec(text)?.[1] ?? "";
 
 /** @param {string} agentId */
 function agentPath(agentId) {

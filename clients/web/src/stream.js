@@ -14,7 +14,7 @@ const ENDED = 1000, INVALID = 4422, UNKNOWN_CALLER = 4401, FORBIDDEN = 4403, NOT
  * What a stream tells: `ended(reason)` when the session is no more; `refused(reason)` when the caller must show who
  * it is, who may then `open()` again; `failed(reason)` when there is no sense in trying again.
  * @typedef {object} StreamEvents
- * @property {(status: Status, detail?: string) => void} [status]
+ * @property {(status: Status, detail?: string, code?: number) => void} [status]
  * @property {(reason: string) => void} [ended]
  * @property {(reason: string) => void} [refused]
  * @property {(reason: string) => void} [failed]
@@ -156,7 +156,7 @@ export class MotionStream {
       this.closed = true;
       this.on.failed?.(reason);
     } else {
-      this.on.status?.("lost", reason);
+      this.on.status?.("lost", reason, code);
       const lost = ++this.#losses;
       this.schedule(() => lost === this.#losses && !this.#socket && this.#connect(), this.#retry);
       this.#retry = Math.min(RETRY_MOST, this.#retry * 2);

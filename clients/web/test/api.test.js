@@ -173,3 +173,52 @@ test("but not for ever, and not where no time is named", async () => {
   await assert.rejects(full.stats(), { status: 429 });
   assert.deepEqual(never, []);
 });
+
+/** An Api at http://entry:1 of a cluster: `node` says what its nodes answer, by address. */
+function clustered(node) {
+  const asked = [];
+  const fetcher = async (url) => {
+    asked.push(url);
+    const { host, pathname } = new URL(url);
+    const answer = node(host, pathname);
+    if (answer === null) throw new TypeError("connection refused");
+    const [status, body] = answer;
+    return new Response(JSON.stringify(body), { status });
+  };
+  return { api: new Api("http://entry:1", { fetcher }), asked };
+}
+
+const sentTo = (host, port) => [421, { detail: "elsewhere", endpoint: { host, http_port: port, grpc_port: 9 } }];
+
+test("a call that belongs to another node goes there once, and the node is remembered", async () => {
+  const { api: client, asked } = clustered((host) =>
+    host === "entry:1" ? sentTo("a", 7) : [200, { session_id: "session-00ffaa", agents: [] }]);
+  await client.createSession(60);
+  await client.agents("session-00ffaa");
+  await client.deleteAgent("agent-00ff77");
+  assert.deepEqual(asked, [
+    "http://entry:1/v1/sessions",
+    "http://a:7/v1/sessions",
+    "http://a:7/v1/sessions/session-00ffaa/agents",
+    "http://a:7/v1/agents/agent-00ff77",
+  ]);
+  assert.match(client.streamAddress("session-00ffaa").url, /^ws:\/\/a:7\/v1\/stream/);
+  await client.createSession(60);
+  assert.equal(asked[4], "http://entry:1/v1/sessions", "what is new is placed by the entry");
+});
+
+test("a session whose node is gone is looked for again, and one that is sent round fails", async () => {
+  let home = "a";
+  const { api: client, asked } = clustered((host) => {
+    if (host === "entry:1") return sentTo(home, 7);
+    return host === `${home}:7` ? [200, { session_id: "session-00ffaa" }] : null;
+  });
+  await client.session("session-00ffaa");
+  home = "b";
+  await client.session("session-00ffaa");
+  assert.deepEqual(asked.map((url) => new URL(url).host), ["entry:1", "a:7", "a:7", "entry:1", "b:7"]);
+
+  const { api: lost, asked: round } = clustered(() => sentTo("c", 7));
+  await assert.rejects(lost.session("session-00ffaa"), (error) => error.status === 421);
+  assert.equal(round.length, 2);
+});

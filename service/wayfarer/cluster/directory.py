@@ -37,7 +37,7 @@ from wayfarer.ids import SLOTS
 DRIFT: Final = 1.1
 """A lease is this much longer here than at the node: clocks differ in rate by far less."""
 
-POOL: Final = 8
+POOL: Final = 32
 """Slots that a node holds for new sessions. When they are used up, new sessions share slots."""
 
 UNSEEN_S: Final = 2.0

@@ -8,11 +8,49 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from wayfarer.config import Settings
+
 
 class ClusterMessage(BaseModel):
     """Base of all; unknown fields are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class NodePlan(ClusterMessage):
+    """What a node process is to be: its keeper writes it to its stdin, as one line."""
+
+    name: str
+    number: int
+    host: str  # at which others reach it
+    secret: str  # that nodes show each other
+    go_on: bool = False  # as `LeaseRules`
+    settings: Settings
+
+
+class NodeCall(ClusterMessage):
+    """What a node asks the directory, through its keeper: a line on its stdout."""
+
+    number: int
+    method: str
+    body: str
+
+
+class NodeReply(ClusterMessage):
+    """The directory's answer, or that there is none: a line on the node's stdin."""
+
+    number: int
+    body: str = ""
+    problem: str = ""
+
+
+class Transfer(ClusterMessage):
+    """A slot is given away; see `Directory.transfer`."""
+
+    slot: int
+    owner: str
+    epoch: int
+    to: str
 
 
 class NodeInfo(ClusterMessage):

@@ -36,7 +36,6 @@ class Tenancy:
         self.node = node
         self.view = SlotMap()
         self.registered = False
-        self._own = endpoint(node)
         self._go_on = go_on
         self._clock = clock
         self._until = float("-inf")  # of the lease
@@ -45,6 +44,7 @@ class Tenancy:
         self._pool: dict[int, int] = {}
         self._lost: frozenset[int] = frozenset()  # to be released before another step
         self._moving: set[int] = set()
+        self._coming: set[int] = set()  # some of what lives there is not here yet
         self._fresh: dict[int, float] = {}  # when they were given out
         self._used: set[int] = set()  # reported as used until it is known to have arrived
         self._freed: set[int] = set()
@@ -56,15 +56,22 @@ class Tenancy:
     @property
     def own(self) -> Endpoint | None:
         """Where this node is called."""
-        return self._own
+        return endpoint(self.node)
 
     def endpoint_of(self, name: str) -> Endpoint | None:
-        """Where what has this id lives; None: here, or nowhere that is known."""
+        """Where what has this id lives; None: here, or nowhere that is known.
+
+        Raises Unavailable for what is on its way here.
+        """
         slot = slot_of(name)
-        if slot in self._held or slot in self._pool:
+        if slot in self._coming:
+            raise Unavailable(f"{name!r} is on its way to this node; try again")
+        if slot in self._held or slot in self._pool or slot in self._freed:
             return None
         found = self.view.owner(name)
-        return None if found is None or found.name == self.node.name else endpoint(found)
+        if found is not None and found.name == self.node.name:
+            raise Unavailable(f"{name!r} is on its way to this node; try again")
+        return None if found is None else endpoint(found)
 
     def new_key(self) -> int:
         """A slot of its own; when these are used up, one that another session shares.
@@ -100,6 +107,11 @@ class Tenancy:
         return self._clock() < self._until
 
     @property
+    def held_until(self) -> float:
+        """When the lease ends or has ended, by the clock."""
+        return self._until
+
+    @property
     def lost(self) -> frozenset[int]:
         """Slots whose sessions are to be released here."""
         return self._lost
@@ -119,10 +131,9 @@ class Tenancy:
         """`present`: slots of the sessions and scenes that are here."""
         now = self._clock()
         self._fresh = {s: at for s, at in self._fresh.items() if now - at < FRESH_S}
-        for slot in present:
-            if slot not in self._held and slot not in self._lost:  # an imported snapshot
-                self._held[slot] = self._pool.pop(slot, 0)
-                self._used.add(slot)
+        for slot in set(present) - self._held.keys() - self._lost - self._coming:
+            self._held[slot] = self._pool.pop(slot, 0)  # an imported snapshot
+            self._used.add(slot)
         gone = set(self._held) - set(present) - set(self._fresh) - self._moving
         for slot in gone:
             del self._held[slot]
@@ -202,8 +213,15 @@ class Tenancy:
         self._moving.discard(slot)
         self._held[slot] = epoch
 
+    def coming(self, slot: int) -> None:
+        """What lives in it is being put in here; end that with `came`, `adopted`, `failed` or
+        `refused`.
+        """
+        self._coming.add(slot)
+
     def came(self, slot: int, epoch: int) -> None:
         """It was given to this node."""
+        self._coming.discard(slot)
         self._held[slot] = epoch
         self._fresh[slot] = self._clock()
         self._pool.pop(slot, None)
@@ -214,6 +232,11 @@ class Tenancy:
         self.came(slot, epoch)
         self._adopted.add(slot)
 
+    def refused(self, slot: int) -> None:
+        """It could not be put in; its owner keeps it."""
+        self._coming.discard(slot)
+
     def failed(self, slot: int) -> None:
         """No replica of it was here."""
+        self._coming.discard(slot)
         self._failed.add(slot)

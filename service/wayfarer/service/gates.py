@@ -22,6 +22,7 @@ LOOK_S: Final = 0.005
 @dataclass(slots=True)
 class _Closed:
     opened: asyncio.Event = field(default_factory=asyncio.Event)
+    sessions: int = 0  # that are on their way; sessions may share a slot
     refusal: WayfarerError | None = None
 
 
@@ -58,12 +59,10 @@ class SessionGates:
     async def close(self, name: str) -> None:
         """Let no call through from now on, and wait for those under way.
 
-        Raises Unavailable, and is open again, when they do not end, or another move is under way.
+        Raises Unavailable, and is open again, when they do not end.
         """
         slot = slot_of(name)
-        if slot in self._closed:
-            raise Unavailable("a session with the same slot is being moved; try again")
-        self._closed[slot] = _Closed()
+        self._closed.setdefault(slot, _Closed()).sessions += 1
         try:
             async with asyncio.timeout(CLOSE_S):
                 while self._inside[slot]:
@@ -75,7 +74,13 @@ class SessionGates:
             raise
 
     def open(self, name: str, refusal: WayfarerError | None = None) -> None:
-        """Let calls through again; those that wait get `refusal`, if there is one."""
-        if closed := self._closed.pop(slot_of(name), None):
-            closed.refusal = refusal
-            closed.opened.set()
+        """Let calls through again, once that is said as often as `close`; those that wait get
+        `refusal`, if there is one.
+        """
+        slot = slot_of(name)
+        if closed := self._closed.get(slot):
+            closed.sessions -= 1
+            closed.refusal = refusal or closed.refusal
+            if not closed.sessions:
+                del self._closed[slot]
+                closed.opened.set()

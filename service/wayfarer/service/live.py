@@ -53,8 +53,9 @@ class LiveMotion:
         warm_up: Callable[[], None] = lambda: None,
         clock: Callable[[], float] | None = None,
         meter: MetricsSink | None = None,
+        may_step: Callable[[], bool] = lambda: True,
     ) -> None:
-        """`warm_up` is called on the motion thread before its first turn."""
+        """`warm_up` is called on the motion thread before its first turn; `may_step`: see there."""
         self._world = world
         self._clock = clock or steady_clock()
         self._meter = meter or MetricsSink()
@@ -69,6 +70,7 @@ class LiveMotion:
             warm_up=warm_up,
             clock=self._clock,
             meter=self._meter,
+            may_step=may_step,
         )
 
     # Life

@@ -44,9 +44,11 @@ class MotionService:
         clock: Callable[[], float] | None = None,
         meter: MetricsSink | None = None,
         open_model: Callable[[str], Engine] = no_model,
+        may_step: Callable[[], bool] = lambda: True,
     ) -> None:
         """`warm_up` is called with the world in real time, on the motion thread before its first
-        turn. `open_model(name)` opens one more model, in a thread of its own.
+        turn. `open_model(name)` opens one more model, in a thread of its own. `may_step`: of
+        `Ownership`.
 
         What the journal holds is read here and goes on once the thread is warm. Raises
         ArtifactError when that is more than the limits allow.
@@ -60,7 +62,9 @@ class MotionService:
         self._gates = SessionGates()
         self._door = asyncio.Lock()  # two sessions of one id must not enter different worlds
         self._world = worlds.live()
-        self._live = LiveMotion(self._world, lambda: self._wake(warm_up), self._clock, meter)
+        self._live = LiveMotion(
+            self._world, lambda: self._wake(warm_up), self._clock, meter, may_step
+        )
         self._lock_steps = LockSteps(worlds, self._offline, self._clock)
         self.scenes = SceneService(
             book=worlds.scenes,

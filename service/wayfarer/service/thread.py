@@ -41,6 +41,7 @@ EARLY_SECONDS: Final = 1 / FPS  # chunks leave this long before their time, rath
 HOLD_SECONDS: Final = 0.5  # agents that wait are put off by this, turn by turn
 FAILURES: Final = 10  # failed turns in a row that end the thread
 RETRY_SECONDS: Final = 0.05  # pause after a failed turn
+PAUSED_SECONDS: Final = 0.02  # between looks whether it may step again
 
 
 class Phase(Enum):
@@ -65,13 +66,17 @@ class MotionThread:
         warm_up: Callable[[], None],
         clock: Callable[[], float],
         meter: MetricsSink,
+        may_step: Callable[[], bool] = lambda: True,
     ) -> None:
-        """`warm_up` is called on the thread before the first turn."""
+        """`warm_up` is called on the thread before the first turn. While `may_step()` is false
+        (`Ownership`), nothing is stepped or sent; commands are still served.
+        """
         self._world = world
         self._publisher = publisher
         self._inbox = inbox
         self._warm_up = warm_up
         self._clock = clock
+        self._may_step = may_step
         self._phase = Phase.NEW
         self._stopping = False
         self._pipeline = pipeline
@@ -164,6 +169,8 @@ class MotionThread:
                 break
 
     def _publish(self) -> None:
+        if not self._may_step():  # it has ended since this turn began: the machine was suspended
+            return
         due = self._world.take_due(self._clock() + EARLY_SECONDS)
         now = self._clock()
         for session_id, chunks in due:
@@ -207,6 +214,8 @@ class MotionThread:
         self._beat = self._clock()
         self._inbox.serve(self._time_to_wait())
         now = self._clock()
+        if not self._may_step():
+            return
         applied = self._turn(now)
         self._figures.worked += self._clock() - now
         if applied:
@@ -216,6 +225,8 @@ class MotionThread:
 
     def _time_to_wait(self) -> float:
         """Seconds until there is something to do, commands aside."""
+        if not self._may_step():
+            return PAUSED_SECONDS
         if self._pipeline.has_completed:
             return 0.0
         event = self._world.next_event(self._pipeline.has_room, EARLY_SECONDS)

@@ -4,7 +4,7 @@ from collections import OrderedDict
 from typing import Final
 
 from wayfarer.endpoint import Endpoint
-from wayfarer.errors import Misdirected
+from wayfarer.errors import Misdirected, Unavailable
 from wayfarer.ids import slot_of
 from wayfarer.ownership import Ownership, SingleNode
 from wayfarer.transport import schema
@@ -30,6 +30,11 @@ class Residence:
     def holds(self) -> bool:
         """Whether the lease holds: what is owned here may be changed."""
         return self._ownership.may_step()
+
+    def require_lease(self) -> None:
+        """Raises Unavailable while this node must not change what it owns."""
+        if not self.holds:
+            raise Unavailable("this node has lost touch with its cluster; try again")
 
     def require_own(self, name: str) -> None:
         """Raises Misdirected when what has this id lives elsewhere.

@@ -116,6 +116,11 @@ class Server:
         self.grpc_address = f"{bracketed(host)}:{self._grpc.port}"
         self._tasks: list[asyncio.Task[None]] = []
 
+    @property
+    def ports(self) -> tuple[int, int]:
+        """Of gRPC and of HTTP."""
+        return self._grpc.port, int(self._socket.getsockname()[1])
+
     async def start(self) -> None:
         """Take calls. Health says NOT_SERVING until the runtime is ready."""
         await self._grpc.start()

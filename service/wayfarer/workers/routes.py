@@ -5,7 +5,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, auto
-from typing import Any, Final
+from typing import Any, Final, Protocol, TypeVar
 from urllib.parse import parse_qs
 
 from google.protobuf.message import DecodeError, Message
@@ -14,9 +14,27 @@ from google.protobuf.message_factory import GetMessageClass
 from wayfarer.service.persistence.snapshot import named_session
 from wayfarer.transport.grpc_server import FILES
 from wayfarer.transport.request_limits import MESHES
-from wayfarer.workers.placement import Placement
 
 NAMES: Final = ("scene_id", "session_id", "agent_id")
+
+T_co = TypeVar("T_co", covariant=True)
+T = TypeVar("T")
+
+
+class Placer(Protocol[T_co]):
+    """Says which server takes a call. Raises Unavailable."""
+
+    def choose(self, request_id: str = "") -> T_co:
+        """For what is made new; the same request goes where it went before."""
+        ...
+
+    def any(self) -> T_co:
+        """For what each does as well as another."""
+        ...
+
+    def find(self, name: str) -> T_co:
+        """For the scene, session or agent of this id."""
+        ...
 
 
 class RouteKind(Enum):
@@ -42,7 +60,7 @@ class RelayedMethod:
     request: type[Message]
     reply: type[Message]
 
-    def worker(self, data: bytes, placement: Placement) -> int:
+    def worker(self, data: bytes, placement: Placer[T]) -> T:
         """For the call that begins with this message. Raises Unavailable.
 
         What cannot be read goes anywhere, to be refused there.
@@ -132,8 +150,8 @@ def http_kind(method: str, path: str) -> RouteKind:
 
 
 def http_worker(
-    method: str, path: str, query: str, key: str, body: bytes, placement: Placement
-) -> int:
+    method: str, path: str, query: str, key: str, body: bytes, placement: Placer[T]
+) -> T:
     """For a request that is not for all; `key`: its Idempotency-Key. Raises Unavailable."""
     kind = http_kind(method, path)
     if kind is RouteKind.NEW:

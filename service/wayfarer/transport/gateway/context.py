@@ -71,6 +71,7 @@ class GatewayContext:
             and self.service.alive
             and self.taken_over
             and not self.draining.is_set()
+            and self.residence.holds
         )
 
     def require_ready(self) -> None:

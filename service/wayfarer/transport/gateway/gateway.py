@@ -23,6 +23,7 @@ from wayfarer.transport.gateway.catalogue import CatalogueApi
 from wayfarer.transport.gateway.context import GatewayContext
 from wayfarer.transport.gateway.goals import GoalApi
 from wayfarer.transport.gateway.motion import MotionApi
+from wayfarer.transport.gateway.moves import SessionMoves
 from wayfarer.transport.gateway.scenes import SceneApi
 from wayfarer.transport.gateway.sessions import SessionApi
 from wayfarer.transport.gateway.snapshots import SnapshotApi
@@ -58,6 +59,7 @@ class Gateway:
         self.snapshots = SnapshotApi(context)
         self.catalogue = CatalogueApi(context)
         self.admin = AdminApi(context, stop)
+        self.moves = SessionMoves(context)
 
     @property
     def alive(self) -> bool:

@@ -67,6 +67,14 @@ class SceneAccess:
         self._scenes[info.scene_id] = scene
         return scene
 
+    def ids(self) -> list[str]:
+        """Of all scenes."""
+        return list(self._scenes)
+
+    def forget(self, scene_id: str) -> None:
+        """As `close`, whoever owns it."""
+        self._scenes.pop(scene_id, None)
+
     def close(self, scene: OpenScene) -> None:
         """Forget a scene. Safe to call twice."""
         self._scenes.pop(scene.scene_id, None)

@@ -112,6 +112,20 @@ class SessionRegistry:
         self.enter_agents(session, agents)
         return session
 
+    def ids(self) -> list[str]:
+        """Of all sessions."""
+        return list(self._sessions)
+
+    def scene_of(self, session_id: str) -> str | None:
+        """Id of the scene of a session; empty for the flat floor; None: it is not here."""
+        found = self._sessions.get(session_id)
+        return None if found is None else found.scene
+
+    def forget(self, session_id: str) -> None:
+        """As `close`, whoever owns it."""
+        if session := self._sessions.get(session_id):
+            self.close(session)
+
     def close(self, session: OpenSession) -> None:
         """Forget a session. Safe to call twice."""
         self._sessions.pop(session.session_id, None)
@@ -141,14 +155,17 @@ class SessionRegistry:
                     place.stream.remove(alias)
 
     def session(self, session_id: str) -> OpenSession:
-        """A session of the present caller, its lease renewed. Raises NotFound, Misdirected."""
+        """A session of the present caller, its lease renewed.
+
+        Raises NotFound, Misdirected, Unavailable.
+        """
         found = self._sessions.get(session_id)
         return self._renewed(found, "session", session_id)
 
     def session_of(self, agent_id: str) -> OpenSession:
         """The session, of the present caller, of an agent; its lease renewed.
 
-        Raises NotFound, Misdirected.
+        Raises NotFound, Misdirected, Unavailable.
         """
         found = self._by_agent.get(agent_id)
         return self._renewed(found, "agent", agent_id)
@@ -160,6 +177,8 @@ class SessionRegistry:
     def expired(self) -> list[OpenSession]:
         """Those whose lease has ended; the leases of those with a stream go on."""
         now = self._clock()
+        if not self._residence.holds:  # they may live on elsewhere by now
+            return []
         for session in self._sessions.values():
             if session.holders:
                 session.expires_at = now + session.lease_s
@@ -241,6 +260,7 @@ class SessionRegistry:
             or (found.expires_at < now and not found.holders)
         ):
             raise NotFound(f"there is no {kind} {name[:ID_LENGTH]!r}", kind, name[:ID_LENGTH])
+        self._residence.require_lease()
         structlog.contextvars.bind_contextvars(session_id=found.session_id)
         found.expires_at = now + found.lease_s
         return found

@@ -1,0 +1,59 @@
+"""How long the cluster's directory takes for a renewal, with its JSON: many nodes full of sessions.
+
+python -m benchmarks.directory --nodes 140 --sessions 700
+"""
+
+import argparse
+import random
+import time
+
+from wayfarer.cluster.directory import LeaseRules
+from wayfarer.cluster.directory_service import METHODS, DirectoryService
+from wayfarer.cluster.messages import LeaseRenewal, NodeInfo, NodeLoad, Registration
+from wayfarer.ids import SLOTS
+
+RENEWALS_PER_S = 4
+"""Of each node."""
+
+
+def main() -> None:
+    """Print it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--nodes", type=int, default=140)
+    parser.add_argument("--sessions", type=int, default=400, help="of each node")
+    parser.add_argument("--rounds", type=int, default=5)
+    args = parser.parse_args()
+    service = DirectoryService(LeaseRules(600.0))
+    slots = random.Random(1).sample(range(SLOTS), args.nodes * args.sessions)
+    began = time.perf_counter()
+    for number in range(args.nodes):
+        node = NodeInfo(
+            name=f"node{number}", number=number, host="10.0.0.1", grpc_port=1, http_port=2,
+            peer_port=3, fingerprint="a", capacity=1024,
+        )  # fmt: skip
+        held = dict.fromkeys(slots[number :: args.nodes], 1)
+        told = Registration(node=node, count=1, held=held, leased=True)
+        service.answer("register", METHODS["register"][1].dump_json(told).decode())
+    registered = (time.perf_counter() - began) / args.nodes
+    seen = dict.fromkeys(range(args.nodes), (0, 0))
+    began = time.perf_counter()
+    for count in range(args.rounds):
+        if count == 1:  # the first brings the whole view
+            began = time.perf_counter()
+        for number in range(args.nodes):
+            told = LeaseRenewal(
+                name=f"node{number}", count=count + 2, load=NodeLoad(), seen=seen[number]
+            )
+            answer = METHODS["renew"][2].validate_json(
+                service.answer("renew", METHODS["renew"][1].dump_json(told).decode())[10:-1]
+            )
+            if answer.changes:
+                seen[number] = (answer.changes.generation, answer.changes.version)
+    renewed = (time.perf_counter() - began) / (args.rounds - 1) / args.nodes
+    share = renewed * RENEWALS_PER_S * args.nodes
+    print(f"registration {1e3 * registered:.2f} ms, renewal {1e3 * renewed:.3f} ms")
+    print(f"{RENEWALS_PER_S * args.nodes} renewals a second: {100 * share:.0f} % of a core")
+
+
+if __name__ == "__main__":
+    main()

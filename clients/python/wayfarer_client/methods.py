@@ -1,0 +1,62 @@
+"""Methods of a server that can be called on any node of its cluster."""
+
+import re
+from collections.abc import Callable
+from typing import Any, Final
+
+import grpc
+
+NAMES: Final = ("session_id", "agent_id", "scene_id", "scene")
+"""Fields of requests that say whom a call is about."""
+
+_SLOT: Final = re.compile(r"(?:session|scene|agent)-([0-9a-f]{4})")
+
+
+class Method:
+    """Of a service: a stub's method, not bound to a channel."""
+
+    def __init__(self, kind: str, path: str, serializers: dict[str, Callable[..., Any]]) -> None:
+        self._kind, self._path, self._serializers = kind, path, serializers
+
+    def on(self, channel: grpc.aio.Channel) -> Any:
+        """To be called there."""
+        return getattr(channel, self._kind)(self._path, **self._serializers)
+
+
+class Methods:
+    """What generated stubs take for a channel: it gives them `Method`s."""
+
+    def unary_unary(self, path: str, **serializers: Any) -> Method:
+        """One request, one reply."""
+        return _method("unary_unary", path, serializers)
+
+    def unary_stream(self, path: str, **serializers: Any) -> Method:
+        """One request, many replies."""
+        return _method("unary_stream", path, serializers)
+
+    def stream_unary(self, path: str, **serializers: Any) -> Method:
+        """Many requests, one reply."""
+        return _method("stream_unary", path, serializers)
+
+    def stream_stream(self, path: str, **serializers: Any) -> Method:
+        """Many of both."""
+        return _method("stream_stream", path, serializers)
+
+
+def _method(kind: str, path: str, serializers: dict[str, Any]) -> Method:
+    serializers.pop("_registered_method", None)  # of synchronous channels
+    return Method(kind, path, serializers)
+
+
+def slot_of(request: Any) -> str:
+    """The slot of whom a request or an id names, which a session and its agents share; or "".
+
+    All of a slot lives on one node.
+    """
+    names = [request] if isinstance(request, str) else []
+    if not isinstance(request, str):
+        names = [getattr(request, name, "") for name in NAMES]
+    for name in names:
+        if isinstance(name, str) and (found := _SLOT.match(name)):
+            return found[1]
+    return ""

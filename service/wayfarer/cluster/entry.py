@@ -1,0 +1,345 @@
+"""The service that clients of a cluster meet first: it says which node to call.
+
+It relays nothing. Every call ends with Misdirected and the node's endpoint: the one that has the
+session, or the one with the most room for what is made new. Any number of copies may run: what they
+know comes from the directory, and what they knew last is right in most things while it is away.
+"""
+
+import asyncio
+import contextlib
+import hashlib
+import random
+import time
+from collections.abc import AsyncIterator, Iterator
+from typing import Any, Final
+
+import grpc
+import structlog
+from fastapi import FastAPI
+from prometheus_client.core import GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
+from starlette.requests import Request
+from starlette.responses import JSONResponse, RedirectResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket
+
+from wayfarer.cluster.directory_service import DirectoryClient
+from wayfarer.cluster.messages import NodeInfo, Status
+from wayfarer.cluster.slot_map import SlotMap, endpoint
+from wayfarer.config import Settings
+from wayfarer.errors import (
+    FailedPrecondition,
+    InvalidArgument,
+    Misdirected,
+    Unavailable,
+    WayfarerError,
+)
+from wayfarer.service.stats import LoopStats
+from wayfarer.transport import errors
+from wayfarer.transport.asgi import front
+from wayfarer.transport.caller import Scope, current_caller
+from wayfarer.transport.grpc_guard import GuardInterceptor
+from wayfarer.transport.grpc_server import GrpcServer, bracketed
+from wayfarer.transport.grpc_server.interceptors import ErrorInterceptor
+from wayfarer.transport.http_guard import REASON_BYTES, SUBPROTOCOL
+from wayfarer.transport.ports import bind, http_url
+from wayfarer.transport.request_limits import MESHES, RequestLimits, add_problem_handlers
+from wayfarer.transport.residence import misdirected
+from wayfarer.transport.server import HttpServer
+from wayfarer.transport.server_options import ServerOptions
+from wayfarer.v1 import control_pb2
+from wayfarer.workers.routes import (
+    METHODS,
+    RelayedMethod,
+    RouteKind,
+    http_kind,
+    http_worker,
+    session_of,
+)
+
+log = structlog.get_logger(__name__)
+
+LOOK_S: Final = 0.25
+"""Between looks at the directory."""
+
+AWAY_S: Final = 3.0
+"""A directory that has not answered for so long is away."""
+
+FIRST_S: Final = 10.0
+"""Within which a call must say what it is about."""
+
+VERBS: Final = ["GET", "HEAD", "OPTIONS", "POST", "PUT", "PATCH", "DELETE"]
+
+Wanted = tuple[str, str]
+"""What a call is about: ("new", its request id), ("named", an id), ("any", "")."""
+
+
+class _Wanted:
+    """Notes what a call is about; a `Placer`."""
+
+    def choose(self, request_id: str = "") -> Wanted:
+        return "new", request_id
+
+    def any(self) -> Wanted:
+        return "any", ""
+
+    def find(self, name: str) -> Wanted:
+        return "named", name
+
+
+WANTED: Final = _Wanted()
+
+
+class NodeFinder:
+    """Which node takes a call, as far as is known here."""
+
+    def __init__(self, directory: DirectoryClient) -> None:
+        self._directory = directory
+        self._view = SlotMap()
+        self._heard_at = float("-inf")
+        self.status: Status | None = None
+
+    async def watch(self) -> None:
+        """For ever: follow the directory."""
+        while True:
+            was_away = self.away
+            with contextlib.suppress(WayfarerError):
+                self._view.take(await self._directory.changes(self._view.seen))
+                self.status = await self._directory.status()
+                self._heard_at = time.monotonic()
+            if self.away != was_away:
+                log.info("directory is away" if self.away else "directory answers")
+            await asyncio.sleep(LOOK_S)
+
+    @property
+    def away(self) -> bool:
+        """The directory does not answer: nothing new is made, what lives is still found."""
+        return time.monotonic() - self._heard_at > AWAY_S
+
+    @property
+    def ready(self) -> bool:
+        """New sessions are welcome."""
+        return not self.away and self.status is not None and self.status.capacity > 0
+
+    async def node(self, wanted: Wanted, caller: str) -> NodeInfo:
+        """Raises Unavailable."""
+        kind, text = wanted
+        if kind == "new":
+            if self.away:
+                raise Unavailable("the cluster's directory is away: nothing new is made until then")
+            digest = hashlib.sha256(f"{caller}\n{text}".encode()).hexdigest() if text else ""
+            return await self._directory.place(digest)
+        nodes = list(self._view.nodes.values())
+        if not nodes:
+            raise Unavailable("no node of the cluster runs; they are starting or stopping")
+        found = self._view.node_for(text) if kind == "named" else random.choice(nodes)
+        assert found is not None
+        return found
+
+    async def drain(self, name: str) -> None:
+        """See `Directory.drain`."""
+        await self._directory.drain(name)
+
+
+class Entry:
+    """gRPC and HTTP. Binds when created, so a port in use is known at once."""
+
+    def __init__(self, settings: Settings, directory: DirectoryClient) -> None:
+        """Create it inside a running event loop. Raises Unavailable when a port is taken."""
+        operation = ServerOptions.from_settings(settings)
+        host, tls, limits = settings.host, operation.tls, settings.limits
+        self._secure = tls is not None
+        self.finder = NodeFinder(directory)
+        self._socket = bind(host, settings.http_port, settings.grpc_port)
+        guard = GuardInterceptor(
+            operation.guard, operation.metrics, operation.tracing, operation.access_log
+        )
+        self._grpc = GrpcServer(
+            lambda server: server.add_generic_rpc_handlers((_Redirecting(self.finder),)),
+            limits,
+            host,
+            settings.grpc_port,
+            tls.grpc() if tls else None,
+            [ErrorInterceptor(), guard],
+            connections=operation.connections,
+        )
+        operation.metrics.registry.register(_ClusterFigures(self.finder))
+        app = FastAPI(openapi_url=None)
+        add_problem_handlers(app)
+        app.add_middleware(
+            RequestLimits, body_bytes=limits.message_bytes, mesh_bytes=limits.mesh_bytes
+        )
+        app.router.routes += [
+            WebSocketRoute("/v1/stream", self._socket_redirect),
+            WebSocketRoute("/v1/control", self._socket_redirect),
+            Route("/v1/health/{probe:str}", self._health, methods=["GET"]),
+            Route("/v1/cluster", self._status, methods=["GET"]),
+            Route("/v1/cluster/nodes/{name:str}/drain", self._drain, methods=["POST"]),
+            Route("/{rest:path}", self._redirect, methods=VERBS),
+        ]
+        self._http = HttpServer(front(app, operation, _no_loop), limits, operation)
+        self._drain_s = operation.drain_s
+        self.http_url = http_url(host, self._socket, self._secure)
+        self.grpc_address = f"{bracketed(host)}:{self._grpc.port}"
+        self._tasks: list[asyncio.Task[None]] = []
+
+    async def start(self) -> None:
+        """Take calls."""
+        await self._grpc.start()
+        self._tasks = [
+            asyncio.create_task(self._http.serve(sockets=[self._socket]), name="http"),
+            asyncio.create_task(self.finder.watch(), name="directory"),
+            asyncio.create_task(self._tell_health(), name="health"),
+        ]
+
+    async def stop(self) -> None:
+        """Streams do not notice: they go to the nodes."""
+        http, *others = self._tasks
+        for task in others:
+            task.cancel()
+        self._http.should_exit = True
+        await asyncio.gather(self._grpc.stop(self._drain_s), http)
+
+    async def _tell_health(self) -> None:
+        while True:
+            await self._grpc.set_serving(self.finder.ready)
+            await asyncio.sleep(LOOK_S)
+
+    # HTTP
+
+    async def _redirect(self, request: Request) -> Response:
+        path, verb = request.scope["path"], request.method
+        if http_kind(verb, path) is RouteKind.ALL:
+            raise _for_each(f"{verb} {path}")
+        key = request.headers.get("idempotency-key", "")
+        body = b"" if path == MESHES else await request.body()
+        wanted = http_worker(verb, path, request.url.query, key, body, WANTED)
+        is_page = not path.startswith(("/v1/", "/mmcp"))
+        node = await self.finder.node(wanted, "" if is_page else current_caller().name)
+        if is_page:
+            scheme = "https" if self._secure else "http"
+            where = f"{scheme}://{bracketed(node.host)}:{node.http_port}{path}"
+            return RedirectResponse(where, 307)
+        raise _elsewhere(wanted, f"{verb} {path}", node)
+
+    async def _socket_redirect(self, socket: WebSocket) -> None:
+        """The endpoint is in the reason; pages, which see code and reason, ask over HTTP."""
+        await socket.accept(SUBPROTOCOL if SUBPROTOCOL in socket.scope["subprotocols"] else None)
+        try:
+            name = session_of(socket.url.query) or await _opened(socket)
+            node = await self.finder.node(WANTED.find(name), current_caller().name)
+            error: WayfarerError = misdirected(name, endpoint(node))
+        except WayfarerError as found:
+            error = found
+        reason = str(error).encode()[:REASON_BYTES].decode(errors="ignore")
+        await socket.close(errors.close_code(error), reason)
+
+    async def _health(self, request: Request) -> Response:
+        """Live while it answers; ready and startup say why not."""
+        where, probe = self.finder, request.path_params["probe"]
+        good = probe == "live" or (probe in ("ready", "startup") and where.ready)
+        nodes = len(where.status.nodes) if where.status else 0
+        told = {"status": probe if good else f"not {probe}", "nodes": nodes, "away": where.away}
+        return JSONResponse(told, 200 if good else 503)
+
+    async def _status(self, request: Request) -> Response:
+        """The directory at a glance."""
+        current_caller().require(Scope.READ)
+        if self.finder.status is None or self.finder.away:
+            raise Unavailable("the cluster's directory is away")
+        return JSONResponse(self.finder.status.model_dump(mode="json"))
+
+    async def _drain(self, request: Request) -> Response:
+        """Let a node give its sessions to others, and end."""
+        current_caller().require(Scope.ADMIN)
+        await self.finder.drain(request.path_params["name"])
+        return Response(status_code=202)
+
+
+class _Redirecting(grpc.GenericRpcHandler):
+    """Ends every call of ours with the node that takes it."""
+
+    def __init__(self, finder: NodeFinder) -> None:
+        self._finder = finder
+
+    def service(self, handler_call_details: grpc.HandlerCallDetails) -> Any:
+        """The handler of a call; None where the method is not ours."""
+        method = METHODS.get(handler_call_details.method)
+        if method is None:
+            return None
+
+        async def handle(requests: AsyncIterator[bytes], context: Any) -> AsyncIterator[bytes]:
+            raise await self._answer(method, requests)
+            yield b""
+
+        return grpc.stream_stream_rpc_method_handler(handle)
+
+    async def _answer(self, method: RelayedMethod, requests: AsyncIterator[bytes]) -> WayfarerError:
+        if method.kind is RouteKind.ALL:
+            return _for_each(method.path)
+        try:
+            async with asyncio.timeout(FIRST_S):
+                first = await anext(requests, b"")
+        except TimeoutError:
+            return InvalidArgument(f"no request has come within {FIRST_S:g} s")
+        wanted = method.worker(first, WANTED)
+        node = await self._finder.node(wanted, current_caller().name)
+        return _elsewhere(wanted, method.path, node)
+
+
+class _ClusterFigures(Collector):
+    """Metrics of the cluster, as the directory told last."""
+
+    def __init__(self, finder: NodeFinder) -> None:
+        self._finder = finder
+
+    def collect(self) -> Iterator[Metric]:
+        where = self._finder
+        yield _gauge("directory_up", "The directory answers", float(not where.away))
+        status = where.status
+        if status is None:
+            return
+        yield _gauge("nodes", "Nodes with a lease", len(status.nodes))
+        yield _gauge("capacity", "Agents that the nodes have room for", status.capacity)
+        yield _gauge("agents", "Agents on the nodes that take sessions", status.agents)
+        sessions = sum(one.load.sessions for one in status.nodes)
+        yield _gauge("sessions", "Sessions on all nodes", sessions)
+        changes = GaugeMetricFamily(
+            "wayfarer_cluster_changes",
+            "Placed sessions, moved, adopted and lost slots, expired leases, since the directory "
+            "was started",
+            labels=["kind"],
+        )
+        for kind, count in status.counters.items():
+            changes.add_metric([kind], count)
+        yield changes
+
+
+def _gauge(name: str, text: str, value: float) -> Metric:
+    return GaugeMetricFamily(f"wayfarer_cluster_{name}", text, value)
+
+
+async def _opened(socket: WebSocket) -> str:
+    """The session that the first frame of control names. Raises InvalidArgument."""
+    try:
+        async with asyncio.timeout(FIRST_S):
+            return control_pb2.ControlRequest.FromString(
+                await socket.receive_bytes()
+            ).open.session_id
+    except Exception:  # gone, too late, or malformed
+        raise InvalidArgument("nothing was opened") from None
+
+
+def _elsewhere(wanted: Wanted, call: str, node: NodeInfo) -> Misdirected:
+    kind, name = wanted
+    if kind == "named":
+        return misdirected(name, endpoint(node))
+    return Misdirected(f"{call} is for node {node.number}; call {endpoint(node)}", endpoint(node))
+
+
+def _for_each(call: str) -> FailedPrecondition:
+    return FailedPrecondition(f"{call} concerns each node by itself: GET /v1/cluster lists them")
+
+
+async def _no_loop() -> LoopStats:
+    raise Unavailable("an entry moves nobody")

@@ -1,0 +1,348 @@
+"""A node's part in its cluster: it renews the lease, obeys orders, and copies its sessions to its
+neighbour. Runs on the node's event loop.
+"""
+
+import asyncio
+import contextlib
+import os
+import sys
+import time
+from collections.abc import AsyncIterator, Callable
+from typing import Final
+
+import structlog
+
+from wayfarer.cluster.directory_service import DirectoryClient
+from wayfarer.cluster.messages import (
+    Answer,
+    NodeCall,
+    NodeInfo,
+    NodeLoad,
+    NodeOrder,
+    NodePlan,
+    NodeReply,
+    Transfer,
+)
+from wayfarer.cluster.peer import Peers, PeerServer, Replicas
+from wayfarer.cluster.slot_map import endpoint
+from wayfarer.cluster.tenancy import Tenancy, boot_clock
+from wayfarer.errors import InvalidArgument, Unavailable, WayfarerError
+from wayfarer.transport.gateway import Gateway
+
+log = structlog.get_logger(__name__)
+
+RENEW_S: Final = 0.25
+"""Between renewals: several in the length of any lease."""
+
+ANSWER_S: Final = 2.0
+"""How long an answer is waited for before the directory is asked again."""
+
+REPLICATE_S: Final = 1.0
+STATS_S: Final = 1.0
+LINE_BYTES: Final = 16 * 1024 * 1024
+
+
+class KeeperLink:
+    """To the directory through the keeper: stdout and stdin. One call at a time."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._reader, self._writer = reader, writer
+        self._turn = asyncio.Lock()
+        self._number = 0
+        self.lost = asyncio.Event()
+
+    @classmethod
+    async def open(cls) -> "KeeperLink":
+        """Over this process's own pipes."""
+        loop = asyncio.get_running_loop()
+        reader = asyncio.StreamReader(LINE_BYTES)
+        await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
+        transport, protocol = await loop.connect_write_pipe(
+            asyncio.streams.FlowControlMixin, os.fdopen(sys.stdout.fileno(), "wb", 0)
+        )
+        return cls(reader, asyncio.StreamWriter(transport, protocol, None, loop))
+
+    async def call(self, method: str, body: str) -> str:
+        """Raises Unavailable."""
+        async with self._turn:
+            self._number += 1
+            line = NodeCall(number=self._number, method=method, body=body).model_dump_json()
+            try:
+                async with asyncio.timeout(ANSWER_S):
+                    self._writer.write(line.encode() + b"\n")
+                    await self._writer.drain()
+                    reply = await self._reply()
+            except (TimeoutError, ConnectionError):
+                raise Unavailable("the directory does not answer") from None
+        if reply.problem:
+            raise Unavailable(reply.problem)
+        return reply.body
+
+    async def _reply(self) -> NodeReply:
+        """To the latest call; one that comes late is for an earlier one."""
+        while True:
+            line = await self._reader.readline()
+            if not line:
+                self.lost.set()
+                raise ConnectionError
+            reply = NodeReply.model_validate_json(line)
+            if reply.number == self._number:
+                return reply
+
+
+class NodeAgent:
+    """Of one node."""
+
+    def __init__(
+        self,
+        tenancy: Tenancy,
+        gateway: Gateway,
+        directory: DirectoryClient,
+        peers: Peers,
+        replicas: Replicas,
+        stop: Callable[[], None],
+    ) -> None:
+        """`stop` ends the server: everything has been given away."""
+        self._tenancy = tenancy
+        self._moves = gateway.moves
+        self._gateway = gateway
+        self._directory = directory
+        self._peers = peers
+        self._replicas = replicas
+        self._stop = stop
+        self._neighbour = ""
+        self._leased = False
+        self._held_until = 0.0
+        self._busy: dict[int, asyncio.Task[None]] = {}  # slots that are being moved or adopted
+
+    async def renewing(self) -> None:
+        """For ever: renew the lease, and do what the directory says."""
+        while True:
+            try:
+                await self._renew()
+            except Unavailable as error:
+                log.warning("no answer from the directory", reason=str(error))
+            except Exception:  # else the lease would never be renewed again
+                log.exception("a renewal failed")
+            self._tell_lease()
+            await asyncio.sleep(RENEW_S)
+
+    async def replicating(self) -> None:
+        """For ever: leave every session's state with the neighbour, once a second."""
+        while True:
+            began = time.monotonic()
+            node = self._tenancy.view.nodes.get(self._neighbour)
+            if node is not None and self._tenancy.may_step():
+                try:
+                    await self._replicate(node)
+                except WayfarerError as error:
+                    log.warning("replicas not kept", neighbour=node.name, reason=str(error))
+            await self._peers.forget_others(set(self._tenancy.view.nodes))
+            await asyncio.sleep(max(0.0, REPLICATE_S - (time.monotonic() - began)))
+
+    async def take(self, slot: int, epoch: int, sessions: list[bytes]) -> None:
+        """A slot comes from another node, with all that lives there. Raises WayfarerError."""
+        self._tenancy.coming(slot)
+        came = list[str]()
+        try:
+            for live in sessions:
+                came.append(await self._moves.take(live))
+        except BaseException:
+            for session_id in came:  # its owner goes on with all of them
+                await self._moves.release(session_id, None)
+            self._tenancy.refused(slot)
+            raise
+        self._tenancy.came(slot, epoch)
+        log.info("sessions came", sessions=came, epoch=epoch, at=boot_clock())
+
+    # The lease
+
+    async def _renew(self) -> None:
+        tenancy, load = self._tenancy, await self._load()
+        sent_at = boot_clock()
+        if not tenancy.registered:
+            registration = tenancy.registration(load)
+            answer = await self._directory.register(registration)
+            heard = tenancy.take_registered(answer, registration, sent_at)
+        else:
+            renewal = tenancy.renewal(load, self._moves.slots)
+            answer = await self._directory.renew(renewal)
+            heard = tenancy.take_renewed(answer, renewal, sent_at)
+        if answer.fenced:
+            log.error("the directory has given this node up; it comes back without what it lost")
+        if heard:
+            await self._obey(answer)
+
+    async def _load(self) -> NodeLoad:
+        agents = sessions = 0
+        with contextlib.suppress(WayfarerError, TimeoutError):
+            async with asyncio.timeout(STATS_S):
+                stats = await self._gateway.loop_stats()
+            agents, sessions = stats.agents, stats.sessions
+        ready = self._gateway.started and self._gateway.alive
+        return NodeLoad(agents=agents, sessions=sessions, ready=ready)
+
+    def _tell_lease(self) -> None:
+        leased = self._tenancy.leased
+        if leased:
+            self._held_until = self._tenancy.held_until
+        if leased != self._leased:
+            self._leased = leased
+            log.info("lease held" if leased else "lease ended", until=self._held_until)
+
+    # Orders
+
+    async def _obey(self, answer: Answer) -> None:
+        for slot in self._tenancy.lost:
+            await self._give_up(slot)
+        self._neighbour = answer.neighbour
+        self._busy = {slot: task for slot, task in self._busy.items() if not task.done()}
+        for order in answer.orders:
+            if order.slot not in self._busy:
+                work = self._adopt(order) if order.kind == "adopt" else self._move(order)
+                self._busy[order.slot] = asyncio.create_task(work, name=order.kind)
+        if answer.done and not (self._gateway.streams or self._busy):  # all know where to go on
+            log.info("drained: nothing lives here any more")
+            self._stop()
+
+    async def _give_up(self, slot: int) -> None:
+        """What was here has another owner: end it, before anything steps again."""
+        for name in self._moves.of(slot):
+            owner = self._tenancy.view.owner(name)
+            await self._moves.release(name, endpoint(owner) if owner else None)
+            log.warning("session lost to another node", session_id=name, at=boot_clock())
+        self._tenancy.released(slot)
+
+    async def _adopt(self, order: NodeOrder) -> None:
+        slot, adopted = order.slot, 0
+        self._tenancy.coming(slot)
+        for replica in self._replicas.take(slot):
+            try:
+                session_id = await self._moves.adopt(replica)
+            except WayfarerError as error:
+                log.error("session not adopted", slot=slot, reason=str(error))
+                continue
+            adopted += 1
+            log.info("session adopted", session_id=session_id, epoch=order.epoch, at=boot_clock())
+        if adopted:
+            self._tenancy.adopted(slot, order.epoch)
+        else:
+            self._tenancy.failed(slot)
+
+    async def _move(self, order: NodeOrder) -> None:
+        """Give all that is in a slot to another node; if that fails it goes on here."""
+        tenancy, slot, node = self._tenancy, order.slot, self._tenancy.view.nodes.get(order.to)
+        names = self._moves.of(slot)
+        if node is None or not all(map(self._moves.is_movable, names)):
+            return
+        began, frozen = boot_clock(), dict[str, bytes]()
+        tenancy.moving(slot)
+        epoch = order.epoch
+        try:
+            for name in names:
+                frozen[name] = await self._moves.freeze(name)
+            own = tenancy.node.name
+            told = Transfer(slot=slot, owner=own, epoch=epoch, to=node.name)
+            given = await self._directory.transfer(told)
+            try:
+                await self._peers.take(node, slot, given, list(frozen.values()))
+            except WayfarerError:
+                back = Transfer(slot=slot, owner=node.name, epoch=given, to=own)
+                epoch = await self._directory.transfer(back)
+                raise
+        except WayfarerError as error:
+            log.error("session not moved", slot=slot, to=order.to, reason=str(error))
+            for name in frozen:
+                await self._moves.thaw(name)
+            tenancy.stays(slot, epoch)
+            return
+        for name in names:
+            await self._moves.release(name, endpoint(node))
+            ms = round(1e3 * (boot_clock() - began))
+            log.info("session moved", session_id=name, to=node.name, ms=ms)
+        tenancy.moved(slot)
+
+    # Replicas
+
+    async def _replicate(self, node: NodeInfo) -> None:
+        own, sessions = self._tenancy.node.name, list[str]()
+        for session_id in self._moves.sessions:
+            if not self._moves.is_movable(session_id):
+                continue
+            sessions.append(session_id)
+            try:
+                replica = await self._moves.replica(session_id)
+            except WayfarerError:  # it has just ended, or moved
+                continue
+            await self._peers.keep(node, own, session_id, replica)
+        await self._peers.present(node, own, sessions)
+
+
+@contextlib.asynccontextmanager
+async def joined(
+    plan: NodePlan,
+    tenancy: Tenancy,
+    gateway: Gateway,
+    ports: tuple[int, int],
+    stop: Callable[[], None],
+) -> AsyncIterator[None]:
+    """Be a node of the cluster meanwhile. `ports`: of gRPC and HTTP."""
+    replicas, peers = Replicas(), Peers(plan.secret)
+    link = await KeeperLink.open()
+
+    async def take(slot: int, epoch: int, sessions: list[bytes]) -> None:
+        await agent.take(slot, epoch, sessions)
+
+    server = PeerServer(plan.settings.host, plan.secret, replicas, take)
+    tenancy.node = tenancy.node.model_copy(
+        update={"grpc_port": ports[0], "http_port": ports[1], "peer_port": server.port}
+    )
+    agent = NodeAgent(tenancy, gateway, DirectoryClient(link), peers, replicas, stop)
+    await server.start()
+    tasks = [
+        asyncio.create_task(agent.renewing(), name="lease"),
+        asyncio.create_task(agent.replicating(), name="replicas"),
+        asyncio.create_task(_until_orphaned(link, plan, stop), name="keeper"),
+    ]
+    try:
+        yield
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.wait(tasks)
+        await server.stop()
+        await peers.forget_others(set())
+
+
+async def _until_orphaned(link: KeeperLink, plan: NodePlan, stop: Callable[[], None]) -> None:
+    """Without a keeper nobody renews the lease: end, unless the cluster's rule is to go on."""
+    await link.lost.wait()
+    if not plan.go_on:
+        stop()
+
+
+def read_plan() -> NodePlan:
+    """What the keeper has written. Raises InvalidArgument when it is none."""
+    line = bytearray()
+    # byte by byte: what follows is for the event loop's reader
+    while not line.endswith(b"\n") and (byte := os.read(sys.stdin.fileno(), 1)):
+        line += byte
+    try:
+        return NodePlan.model_validate_json(bytes(line))
+    except ValueError:
+        raise InvalidArgument("a node is started by `wayfarer cluster`, not by hand") from None
+
+
+def tenancy_of(plan: NodePlan, fingerprint: str) -> Tenancy:
+    """Of this process; its ports come later."""
+    node = NodeInfo(
+        name=plan.name,
+        number=plan.number,
+        host=plan.host,
+        grpc_port=0,
+        http_port=0,
+        peer_port=0,
+        fingerprint=fingerprint,
+        capacity=plan.settings.limits.agents,
+    )
+    return Tenancy(node, plan.go_on)

@@ -1,0 +1,204 @@
+"""What nodes send each other: replicas and live sessions, as bytes over gRPC on a port of its own.
+
+Both ends are of one cluster and one version, so the messages are the service's own containers
+(persistence/container.py), which check themselves; a header of JSON says what they are. Who calls
+shows the cluster's secret. Not encrypted: a private network's.
+"""
+
+import itertools
+import json
+import secrets
+import time
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import grpc
+
+from wayfarer.cluster.messages import NodeInfo
+from wayfarer.errors import (
+    InvalidArgument,
+    PermissionDenied,
+    ResourceExhausted,
+    Unavailable,
+    WayfarerError,
+)
+from wayfarer.ids import slot_of
+from wayfarer.transport import errors
+from wayfarer.transport.grpc_server import bracketed
+
+SERVICE: Final = "/wayfarer.cluster.Peer/"
+MESSAGE_BYTES: Final = 64 * 1024 * 1024
+REPLICA_BYTES: Final = 512 * 1024 * 1024
+"""All replicas that a node keeps for others."""
+
+KEPT_S: Final = 60.0
+"""A replica that nobody has renewed for so long is dropped."""
+
+CALL_S: Final = 10.0
+CALLS: Final = 32
+
+
+@dataclass(slots=True)
+class _Replica:
+    owner: str  # node
+    data: bytes
+    at: float  # monotonic
+
+
+class Replicas:
+    """The latest state of other nodes' sessions."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._kept: dict[str, _Replica] = {}  # by session
+
+    def keep(self, owner: str, session_id: str, data: bytes) -> None:
+        """In place of an earlier one. Raises ResourceExhausted."""
+        before = self._kept.get(session_id)
+        size = self.bytes + len(data) - (len(before.data) if before else 0)
+        if size > REPLICA_BYTES:
+            raise ResourceExhausted(f"a node keeps {REPLICA_BYTES >> 20} MiB of replicas at most")
+        self._kept[session_id] = _Replica(owner, data, self._clock())
+
+    def renew(self, owner: str, present: set[str]) -> None:
+        """These sessions are on the owner now, and no others."""
+        now = self._clock()
+        for session_id, replica in list(self._kept.items()):
+            if replica.owner == owner and session_id in present:
+                replica.at = now
+            elif replica.owner == owner or now - replica.at > KEPT_S:
+                del self._kept[session_id]
+
+    def take(self, slot: int) -> list[bytes]:
+        """Those of a slot; they are not kept any more."""
+        names = [name for name in self._kept if slot_of(name) == slot]
+        return [self._kept.pop(name).data for name in names]
+
+    @property
+    def bytes(self) -> int:
+        """Of all."""
+        return sum(len(replica.data) for replica in self._kept.values())
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+
+Take = Callable[[int, int, list[bytes]], Awaitable[None]]
+"""Let the live sessions of this slot, with this epoch, go on here."""
+
+
+class PeerServer:
+    """Answers other nodes. Create it inside a running event loop."""
+
+    def __init__(self, host: str, secret: str, replicas: Replicas, take: Take) -> None:
+        """Raises Unavailable when no port can be had."""
+        self._secret = secret.encode()
+        self._replicas = replicas
+        self._take = take
+        self._server = grpc.aio.server(
+            maximum_concurrent_rpcs=CALLS,
+            options=[
+                ("grpc.max_receive_message_length", MESSAGE_BYTES),
+                ("grpc.so_reuseport", 0),
+            ],
+        )
+        self._server.add_generic_rpc_handlers((_Methods(self),))
+        try:
+            self.port = self._server.add_insecure_port(f"{bracketed(host)}:0")
+        except RuntimeError as error:
+            raise Unavailable(f"cannot listen for other nodes on {host}: {error}") from None
+
+    async def start(self) -> None:
+        """Take calls."""
+        await self._server.start()
+
+    async def stop(self) -> None:
+        """At once."""
+        await self._server.stop(0)
+
+    async def handle(self, name: str, data: bytes, metadata: dict[str, Any]) -> None:
+        """One call. Raises PermissionDenied, InvalidArgument, ResourceExhausted, …"""
+        shown = str(metadata.get("authorization", "")).encode()
+        if not secrets.compare_digest(shown, b"Bearer " + self._secret):
+            raise PermissionDenied("not a node of this cluster")
+        try:
+            header = json.loads(metadata["wayfarer-header"])
+            if name == "Keep":
+                self._replicas.keep(header["owner"], header["session_id"], data)
+            elif name == "Present":
+                self._replicas.renew(header["owner"], set(json.loads(data)))
+            else:
+                await self._take(
+                    int(header["slot"]), int(header["epoch"]), _split(data, header["sizes"])
+                )
+        except (KeyError, ValueError, TypeError) as error:
+            raise InvalidArgument(f"not a call of a node: {error!r}") from None
+
+
+class _Methods(grpc.GenericRpcHandler):
+    def __init__(self, server: PeerServer) -> None:
+        self._server = server
+
+    def service(self, handler_call_details: grpc.HandlerCallDetails) -> Any:
+        name = handler_call_details.method.removeprefix(SERVICE)
+        if name not in ("Keep", "Present", "Take"):
+            return None
+
+        async def handle(data: bytes, context: Any) -> bytes:
+            try:
+                await self._server.handle(name, data, dict(context.invocation_metadata() or ()))
+            except WayfarerError as error:
+                await context.abort_with_status(errors.to_grpc(error))
+            return b""
+
+        return grpc.unary_unary_rpc_method_handler(handle)
+
+
+def _split(data: bytes, sizes: list[int]) -> list[bytes]:
+    if sum(sizes) != len(data):
+        raise ValueError("sizes are not those of the parts")
+    ends = list(itertools.accumulate(sizes, initial=0))
+    return [data[start:end] for start, end in itertools.pairwise(ends)]
+
+
+class Peers:
+    """Calls other nodes."""
+
+    def __init__(self, secret: str) -> None:
+        self._secret = secret
+        self._channels: dict[str, grpc.aio.Channel] = {}  # by node
+
+    async def keep(self, node: NodeInfo, owner: str, session_id: str, data: bytes) -> None:
+        """Leave a replica there. Raises Unavailable."""
+        await self._call(node, "Keep", {"owner": owner, "session_id": session_id}, data)
+
+    async def present(self, node: NodeInfo, owner: str, sessions: list[str]) -> None:
+        """Say which sessions there are. Raises Unavailable."""
+        await self._call(node, "Present", {"owner": owner}, json.dumps(sessions).encode())
+
+    async def take(self, node: NodeInfo, slot: int, epoch: int, sessions: list[bytes]) -> None:
+        """Give the live sessions of a slot away. Raises Unavailable."""
+        header = {"slot": slot, "epoch": epoch, "sizes": [len(one) for one in sessions]}
+        await self._call(node, "Take", header, b"".join(sessions))
+
+    async def forget_others(self, nodes: set[str]) -> None:
+        """Close the channels to all but these."""
+        for name in self._channels.keys() - nodes:
+            await self._channels.pop(name).close(None)
+
+    async def _call(self, node: NodeInfo, name: str, header: dict[str, Any], data: bytes) -> None:
+        channel = self._channels.get(node.name)
+        if channel is None:
+            options = [("grpc.max_send_message_length", MESSAGE_BYTES)]
+            where = f"{bracketed(node.host)}:{node.peer_port}"
+            channel = self._channels[node.name] = grpc.aio.insecure_channel(where, options=options)
+        metadata = (
+            ("authorization", f"Bearer {self._secret}"),
+            ("wayfarer-header", json.dumps(header)),
+        )
+        call: Any = channel.unary_unary(SERVICE + name, None, None)  # bytes both ways
+        try:
+            await call(data, timeout=CALL_S, metadata=metadata)
+        except grpc.aio.AioRpcError as error:
+            raise Unavailable(f"node {node.name}: {error.details()}") from None

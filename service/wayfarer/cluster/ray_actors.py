@@ -1,0 +1,151 @@
+"""The cluster's processes on Ray: the directory, and a keeper on each machine. Ray only here.
+
+Ray starts these actors, watches them and starts them again; between them go two texts a call
+(directory_service.py). Nodes are processes of their own, which know nothing of Ray.
+"""
+
+import asyncio
+import os
+import threading
+from typing import Any, Final
+
+os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # before Ray is imported: no call home
+
+import ray
+from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
+
+from wayfarer.cluster.directory import LeaseRules
+from wayfarer.cluster.directory_service import DirectoryService
+from wayfarer.cluster.keeper import NodeKeeper
+from wayfarer.cluster.messages import NodePlan
+from wayfarer.errors import Unavailable
+from wayfarer.logs import configure_logging
+
+NAMESPACE: Final = "wayfarer"
+DIRECTORY: Final = "directory"
+LOCAL_ADDRESS: Final = "127.0.0.2"
+"""Of Ray on one machine: at 127.0.0.1 it waits for ever."""
+
+OBJECT_BYTES: Final = 80 * 1024 * 1024
+"""Ray's least: nothing is kept in its store."""
+
+CALL_S: Final = 1.5
+FOREVER: Final = -1
+
+
+class RayLink:
+    """To the directory's actor."""
+
+    def __init__(self, directory: Any) -> None:
+        self._directory = directory
+
+    async def call(self, method: str, body: str) -> str:
+        """See `DirectoryLink`."""
+        try:
+            asked = self._directory.answer.remote(method, body).future()
+            answer: str = await asyncio.wait_for(asyncio.wrap_future(asked), CALL_S)
+        except (TimeoutError, ray.exceptions.RayError) as error:
+            raise Unavailable(f"the directory does not answer ({type(error).__name__})") from None
+        return answer
+
+
+class DirectoryActor:
+    """One for a cluster. Started again, it knows nothing, and is told by the nodes."""
+
+    def __init__(self, rules: LeaseRules) -> None:
+        self._service = DirectoryService(rules)
+
+    def answer(self, method: str, body: str) -> str:
+        """See `DirectoryService`."""
+        return self._service.answer(method, body)
+
+
+class KeeperActor:
+    """Keeps a node on its machine; if this actor ends, its node ends, too."""
+
+    def __init__(self, plan: str) -> None:
+        """The directory is found by its name: a handle of it, sent here, gets no answers."""
+        told = NodePlan.model_validate_json(plan)
+        configure_logging(told.settings.log_level, told.settings.log_format)
+        self._keeper = NodeKeeper(told, RayLink(ray.get_actor(DIRECTORY)))
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._run, name="keeper", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Let the node end; return when it has."""
+        self._loop.call_soon_threadsafe(self._keeper.stop)
+        self._thread.join()
+
+    def _run(self) -> None:
+        self._loop.run_until_complete(self._keeper.keep())
+
+
+class RayCluster:
+    """The actors, as one who may start them sees them. Calls of Ray block: not on an event loop."""
+
+    def __init__(self, address: str = "") -> None:
+        """`address`: of a Ray cluster; empty: one of its own on this machine, which ends with it.
+
+        Raises Unavailable.
+        """
+        self._own = not address
+        self._keepers: dict[str, Any] = {}
+        common: dict[str, Any] = {"namespace": NAMESPACE, "configure_logging": False}
+        try:
+            if self._own:
+                ray.init(
+                    "local",
+                    num_cpus=1,
+                    _node_ip_address=LOCAL_ADDRESS,
+                    include_dashboard=False,
+                    object_store_memory=OBJECT_BYTES,
+                    **common,
+                )
+            else:
+                ray.init(address, **common)
+        except (ConnectionError, ray.exceptions.RayError) as error:
+            raise Unavailable(f"no Ray cluster at {address or 'this machine'}: {error}") from None
+
+    def directory(self, rules: LeaseRules) -> RayLink:
+        """Start it, unless it runs."""
+        made = ray.remote(DirectoryActor).options(name=DIRECTORY, **self._life()).remote(rules)
+        return RayLink(made)
+
+    def find_directory(self) -> RayLink:
+        """The one that runs. Raises Unavailable."""
+        try:
+            return RayLink(ray.get_actor(DIRECTORY))
+        except ValueError:
+            raise Unavailable(
+                "no directory runs on this Ray cluster; start it with `wayfarer cluster start`"
+            ) from None
+
+    def machines(self) -> dict[str, str]:
+        """Ray's nodes that may work: address by id."""
+        return {
+            one["NodeID"]: one["NodeManagerAddress"]
+            for one in ray.nodes()
+            if one["Alive"] and one["Resources"].get("CPU", 0) > 0
+        }
+
+    def keep(self, plan: NodePlan, machine: str = "") -> None:
+        """Have a node kept, unless it is. `machine`: Ray's id; empty: any."""
+        if plan.name in self._keepers:
+            return
+        options = self._life()
+        if machine:
+            options["scheduling_strategy"] = NodeAffinitySchedulingStrategy(machine, soft=False)
+        actor = ray.remote(KeeperActor).options(name=plan.name, **options)
+        self._keepers[plan.name] = actor.remote(plan.model_dump_json())
+
+    def close(self) -> None:
+        """Leave Ray; end the nodes and Ray if they are its own."""
+        if self._own:
+            ray.get([keeper.stop.remote() for keeper in self._keepers.values()])
+        ray.shutdown()
+
+    def _life(self) -> dict[str, Any]:
+        """Options of an actor: it needs no core, is started again, and is one of its name."""
+        life = {} if self._own else {"lifetime": "detached"}
+        return {"num_cpus": 0, "max_restarts": FOREVER, "get_if_exists": True, **life}

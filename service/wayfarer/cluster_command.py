@@ -1,0 +1,200 @@
+"""`wayfarer cluster`: nodes on Ray with a directory and an entry, or one more entry."""
+
+import asyncio
+import contextlib
+import os
+import secrets
+from collections.abc import AsyncIterator
+from ipaddress import ip_address
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import structlog
+import typer
+
+from wayfarer import config_sources
+from wayfarer.assembly import model_folder, with_engine
+from wayfarer.cluster.directory import LeaseRules
+from wayfarer.cluster.directory_service import DirectoryClient, DirectoryLink
+from wayfarer.cluster.entry import Entry
+from wayfarer.cluster.messages import NodePlan
+from wayfarer.config import Settings
+from wayfarer.engines.row_partitioner import cores
+from wayfarer.errors import InvalidArgument
+from wayfarer.logs import configure_logging
+from wayfarer.serve import SIGNALS, given_options, run, warn_if_open, with_options
+
+if TYPE_CHECKING:  # Ray takes seconds to import
+    from wayfarer.cluster.ray_actors import RayCluster
+
+log = structlog.get_logger(__name__)
+
+SECRET: Final = "WAYFARER_CLUSTER_SECRET"
+SECRET_LENGTH: Final = 16
+LOOK_S: Final = 2.0
+"""Between looks whether Ray has another machine."""
+
+app = typer.Typer(
+    help="Run many servers as one service, on Ray (docs/cluster.md).",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+Config = Annotated[Path | None, typer.Option(help="TOML file with settings.")]
+
+
+@app.command("start")
+@with_options
+def start_command(
+    *,
+    nodes: Annotated[
+        int, typer.Option(min=1, max=64, help="Nodes on this machine; without --address.")
+    ] = 3,
+    address: Annotated[
+        str,
+        typer.Option(
+            help="Ray cluster, as `auto` or host:6379: a node on each of its machines. "
+            "[a Ray of its own on this machine]"
+        ),
+    ] = "",
+    lease: Annotated[
+        float,
+        typer.Option(
+            min=1, max=60, help="Seconds after which a silent node has lost what it owns."
+        ),
+    ] = 3.0,
+    go_on: Annotated[
+        bool,
+        typer.Option(
+            "--go-on",
+            help="Nodes that cannot reach the directory go on; then what a silent machine owns is "
+            "taken over only once its end is known.",
+        ),
+    ] = False,
+    config: Config = None,
+    **options: Any,
+) -> None:
+    """Start nodes with their directory, and an entry at --host, --http-port and --grpc-port.
+
+    The options below are the nodes' settings, too; their ports are free ones. Without --address
+    Ctrl-C ends all; with it the entry only.
+    """
+    settings = _settings(config, options)
+    secret = _secret(bool(address))
+    model_folder(settings)
+    settings = with_engine(settings)
+    from wayfarer.cluster.ray_actors import RayCluster
+
+    rules = LeaseRules(lease, go_on)
+    ray = RayCluster(address)
+    try:
+        link = ray.directory(rules)
+        if address:
+            run(_enter(settings, link, _covered(ray, settings, secret, go_on)))
+        else:
+            each = {"threads": settings.threads or max(1, cores() // nodes)}
+            for number in range(nodes):
+                ray.keep(_plan(f"node{number}", number, settings, each, secret, go_on))
+            run(_enter(settings, link))
+    finally:
+        ray.close()
+
+
+@app.command("entry")
+@with_options
+def entry_command(
+    *,
+    address: Annotated[str, typer.Option(help="The cluster's Ray, as `auto` or host:6379.")],
+    config: Config = None,
+    **options: Any,
+) -> None:
+    """One more entry of a cluster that runs."""
+    settings = _settings(config, options)
+    from wayfarer.cluster.ray_actors import RayCluster
+
+    ray = RayCluster(address)
+    try:
+        run(_enter(settings, ray.find_directory()))
+    finally:
+        ray.close()
+
+
+async def _enter(
+    settings: Settings,
+    link: DirectoryLink,
+    beside: contextlib.AbstractAsyncContextManager[None] | None = None,
+) -> None:
+    """Run an entry until a signal comes."""
+    stop = asyncio.Event()
+    for sign in SIGNALS:
+        asyncio.get_running_loop().add_signal_handler(sign, stop.set)
+    warn_if_open(settings)
+    entry = Entry(settings, DirectoryClient(link))
+    await entry.start()
+    async with beside or contextlib.nullcontext():
+        while not (entry.finder.ready or stop.is_set()):
+            await asyncio.sleep(0.1)
+        if not stop.is_set():
+            log.info("ready", http=entry.http_url, grpc=entry.grpc_address)
+        await stop.wait()
+    await entry.stop()
+
+
+@contextlib.asynccontextmanager
+async def _covered(
+    ray: "RayCluster", settings: Settings, secret: str, go_on: bool
+) -> AsyncIterator[None]:
+    """Have a node on each of Ray's machines meanwhile, also on those that come."""
+
+    def cover() -> None:
+        for number, (machine, host) in enumerate(sorted(ray.machines().items())):
+            if settings.is_loopback and not ip_address(host).is_loopback:
+                raise InvalidArgument(
+                    f"nodes on {host} cannot be reached at {settings.host}; give --host 0.0.0.0"
+                )
+            plan = _plan(f"node-{machine[:12]}", number, settings, {}, secret, go_on)
+            ray.keep(plan.model_copy(update={"host": host}), machine)
+
+    async def covering() -> None:
+        while True:
+            await asyncio.sleep(LOOK_S)
+            await asyncio.to_thread(cover)
+
+    await asyncio.to_thread(cover)
+    task = asyncio.create_task(covering(), name="machines")
+    try:
+        yield
+    finally:
+        task.cancel()
+        await asyncio.wait([task])
+
+
+def _plan(
+    name: str, number: int, settings: Settings, more: dict[str, Any], secret: str, go_on: bool
+) -> NodePlan:
+    own = settings.model_copy(update={"http_port": 0, "grpc_port": 0, **more})
+    return NodePlan(
+        name=name, number=number, host=settings.host, secret=secret, go_on=go_on, settings=own
+    )
+
+
+def _settings(config: Path | None, options: dict[str, Any]) -> Settings:
+    settings = config_sources.load(given_options(options), config)
+    configure_logging(settings.log_level, settings.log_format)
+    if settings.workers > 1 or settings.state_dir:
+        raise InvalidArgument("a cluster has no workers and no state_dir: nodes copy each other")
+    return settings
+
+
+def _secret(shared: bool) -> str:
+    """What nodes show each other. Raises InvalidArgument where it must be given and is not."""
+    given = os.environ.get(SECRET, "")
+    if given and len(given) < SECRET_LENGTH:
+        raise InvalidArgument(f"{SECRET} has {len(given)} characters; {SECRET_LENGTH} at least")
+    if shared and not given:
+        raise InvalidArgument(
+            f"on a Ray cluster of others, set {SECRET} to a text that only its nodes know, as of "
+            "`openssl rand -hex 32`"
+        )
+    return given or secrets.token_hex(32)

@@ -1,0 +1,200 @@
+"""Three nodes, each a process of its own, over real gRPC: what clients see of a cluster."""
+
+import asyncio
+import os
+import signal
+import time
+
+import httpx
+import numpy as np
+import pytest
+
+from tests.cluster.local import LocalCluster, lines
+from wayfarer.cluster.entry import Entry
+from wayfarer.ids import slot_of
+from wayfarer_client import AgentSpec, Client, Flag, Goal
+
+pytestmark = pytest.mark.slow
+
+
+class Watcher:
+    """Follows one person who walks, over whatever happens."""
+
+    def __init__(self, session, agent):
+        self.session, self.agent = session, agent
+        self.events, self.flags = [], []
+        self.seqs = []  # of the chunks
+        self.places = []  # of the hips at these
+        self.heard_at = []
+        self.failed = None
+        self.task = asyncio.create_task(self._follow())
+
+    @classmethod
+    async def of(cls, client):
+        session = await client.create_session(lease=120)
+        (agent,) = await session.create_agents(AgentSpec())
+        await session.set_goal(agent, Goal((0.0, 0.0, 300.0)))
+        return cls(session, agent)
+
+    async def _follow(self):
+        async with self.session.stream(deadline=30) as self.stream:
+            async for batch in self.stream:
+                self.events += [event.kind for event in batch.events]
+                for frames in batch.frames:
+                    self.flags.append(frames.flags)
+                    self.seqs.append(frames.seq)
+                    self.places.append(frames.translation[0])
+                    self.heard_at.append(time.monotonic())
+
+    @property
+    def slot(self):
+        return slot_of(self.session.session_id)
+
+    async def goes_on(self, chunks=5):
+        """Wait until so many more have come."""
+        wanted = len(self.seqs) + chunks
+        ends_at = time.monotonic() + 30
+        while len(self.seqs) < wanted:
+            if self.task.done():
+                self.task.result()
+                pytest.fail("the stream has ended as if the session had")
+            if time.monotonic() > ends_at:
+                agent = await self.session.agent(self.agent)
+                pytest.fail(
+                    f"{wanted - len(self.seqs)} chunks of {agent} are missing, after "
+                    f"{self.seqs[-1:]}, {self.events}, {self.stream.resume_token}"
+                )
+            await asyncio.sleep(0.02)
+
+    def clear(self):
+        for seen in (self.events, self.flags, self.seqs, self.places, self.heard_at):
+            seen.clear()
+
+    async def close(self):
+        self.task.cancel()
+        await asyncio.gather(self.task, return_exceptions=True)
+
+
+async def test_people_live_on_whatever_happens_to_a_node(tmp_path, record_testsuite_property):
+    said = tmp_path / "nodes.log"
+    async with LocalCluster(log=said) as cluster, Client(cluster.entry.grpc_address) as client:
+        idle = [await client.create_session(lease=120) for _ in range(54)]
+        watched = [await Watcher.of(client) for _ in range(6)]
+        everybody = [*idle, *(one.session for one in watched)]
+        status = await cluster.until(lambda s: sum(n.load.sessions for n in s.nodes) == 60)
+        counts = [node.load.sessions for node in status.nodes]
+        assert all(16 <= count <= 24 for count in counts), counts
+        for one in watched:
+            await one.goes_on()
+
+        await kill(cluster, watched, record_testsuite_property)
+        await all_answer(everybody)
+        await stop_for_long(cluster, watched, said)
+        await all_answer(everybody)
+        await drain(cluster, watched, record_testsuite_property)
+        await all_answer(everybody)
+        await restart_entry(cluster, watched)
+        for one in watched:
+            await one.close()
+
+
+async def all_answer(sessions):
+    for session in sessions:
+        assert await session.renew() > 0
+
+
+def living_on(cluster, name, watched):
+    """Those of the watched who live on this node."""
+    view = cluster.entry.finder._view
+    return [one for one in watched if view.owner(one.session.session_id).name == name]
+
+
+async def busiest(cluster, watched):
+    """Name of the node that has most of the watched."""
+    await asyncio.sleep(0.5)  # the entry's view
+    names = [keeper.name for keeper in cluster.keepers]
+    return max(names, key=lambda name: len(living_on(cluster, name, watched)))
+
+
+async def kill(cluster, watched, record_testsuite_property):
+    name = await busiest(cluster, watched)
+    there = living_on(cluster, name, watched)
+    await asyncio.sleep(1.5)  # all have been copied to the neighbour since they began to walk
+    for one in watched:
+        one.clear()
+    killed_at = time.monotonic()
+    os.kill(cluster.keeper(name).pid, signal.SIGKILL)
+    for one in watched:
+        await one.goes_on(10)
+    for one in there:
+        assert "gap" in one.events, "it is said that something was lost"
+        assert any(flag & Flag.FIRST for flag in one.flags)
+        steps = np.linalg.norm(np.diff(one.places, axis=0), axis=1)
+        assert steps.max() < 4.0, "who walks on begins where they were a second or two ago"
+    for one in watched:
+        if one not in there:
+            assert not one.events, "others do not notice"
+    worst = max(np.diff([killed_at, *one.heard_at]).max() for one in there)
+    record_testsuite_property("seconds_without_motion_after_a_kill", round(worst, 2))
+
+
+async def stop_for_long(cluster, watched, said):
+    name = await busiest(cluster, watched)
+    there = living_on(cluster, name, watched)
+    pid = cluster.keeper(name).pid
+    assert there
+    os.kill(pid, signal.SIGSTOP)
+    before = (await cluster.directory.status()).counters.get("adopted", 0)
+    held = next(n.slots for n in (await cluster.directory.status()).nodes if n.node.name == name)
+    await cluster.until(lambda s: s.counters.get("adopted", 0) == before + held)
+    os.kill(pid, signal.SIGCONT)
+    await cluster.until(lambda s: name in [n.node.name for n in s.nodes if n.slots == 0])
+    for one in there:
+        one.clear()
+    for one in watched:
+        await one.goes_on()
+    logged = list(lines(said.read_text()))
+    ended = [line["until"] for line in logged
+             if line.get("event") == "lease ended" and line["node"] == name]  # fmt: skip
+    assert ended, "it knows that its lease has ended"
+    begun = {line["session_id"]: line["at"] for line in logged
+             if line.get("event") == "session adopted"}  # fmt: skip
+    for one in there:
+        assert begun[one.session.session_id] >= ended[-1], "two owners at once"
+
+
+async def drain(cluster, watched, record_testsuite_property):
+    name = await busiest(cluster, watched)
+    there = living_on(cluster, name, watched)
+    assert there
+    for one in watched:
+        one.clear()
+    async with httpx.AsyncClient(base_url=cluster.entry.http_url) as http:
+        answer = await http.post(f"/v1/cluster/nodes/{name}/drain")
+        assert answer.status_code == 202, answer.text
+    await cluster.until(lambda status: name not in [one.node.name for one in status.nodes])
+    for one in watched:
+        await one.goes_on(10)
+        assert one.events == [], "nothing was lost"
+        assert set(np.diff(one.seqs)) == {1}, "every primitive came, and once"
+    worst = max(np.diff(one.heard_at).max() for one in there)
+    record_testsuite_property("longest_wait_of_a_stream_during_a_drain_s", round(worst, 3))
+
+
+async def restart_entry(cluster, watched):
+    port = int(cluster.entry.grpc_address.rpartition(":")[2])
+    for one in watched:
+        one.clear()
+    await cluster.entry.stop()
+    for one in watched:
+        await one.goes_on()
+    settings = cluster.settings.model_copy(update={"grpc_port": port})
+    cluster.entry = Entry(settings, cluster.directory)
+    await cluster.entry.start()
+    for one in watched:
+        await one.goes_on()
+        assert not one.events
+        assert set(np.diff(one.seqs)) == {1}
+    async with Client(cluster.entry.grpc_address) as client:
+        joined = await client.session(watched[0].session.session_id)
+        assert len(await joined.agents()) == 1
