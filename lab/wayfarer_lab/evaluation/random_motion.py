@@ -22,7 +22,15 @@ from wayfarer_lab.evaluation.realism import (
     realism_row,
     skating_row,
 )
-from wayfarer_lab.evaluation.rollout import FrozenPoses, Goals, Rollout, random_goals, roll_out
+from wayfarer_lab.evaluation.rollout import (
+    FrozenPoses,
+    Goals,
+    Rollout,
+    ahead,
+    always,
+    random_goals,
+    roll_out,
+)
 from wayfarer_lab.training.rotation import matrix_from_quaternion
 
 Watch = Callable[[str], None]
@@ -30,9 +38,6 @@ Watch = Callable[[str], None]
 
 SHAPES: Final = 10
 """Bodies between the two ends of the shape space, and start poses (Sec. A.2)."""
-
-TARGET: Final = 5.0
-"""Metres ahead of a start pose."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +79,8 @@ class Bench:
         """How many of `poses` reach a goal 5 m ahead within 60 primitives, and in how many."""
         steps = []
         for number, group in enumerate(poses):
-            targets = _ahead(group)
-            made = self._roll(variant, group, STEP_LIMIT * NEW_FRAMES, number, _always(targets))
+            targets = ahead(group)
+            made = self._roll(variant, group, STEP_LIMIT * NEW_FRAMES, number, always(targets))
             way = made.hips[..., :2] - targets[:, None, :2].numpy()
             near = np.linalg.norm(way, axis=-1) < REACHED
             steps += [int(row.argmax()) // NEW_FRAMES + 1 for row in near if row.any()]
@@ -213,17 +218,6 @@ def bodies(
     ]
     real = [judge("mocap", mocap)] if mocap is not None else []
     return {"Shapes": shapes + real, "Start poses": starts, "Spread": spread}
-
-
-def _ahead(poses: FrozenPoses) -> torch.Tensor:
-    """Points [A, 3] on the floor, 5 m in front of bodies that stand at the origin."""
-    right = matrix_from_quaternion(poses.rotations[:, 0])[:, :2, 0]
-    right = right / right.norm(dim=-1, keepdim=True)
-    return TARGET * torch.stack([-right[:, 1], right[:, 0], torch.zeros(len(right))], -1)
-
-
-def _always(goals: torch.Tensor) -> Goals:
-    return lambda hips: goals
 
 
 def _judged(name: str, made: Sequence[Rollout], judge: Callable[[str, JudgedMotion], Row]) -> Row:

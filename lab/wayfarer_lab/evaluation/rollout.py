@@ -37,6 +37,9 @@ WALKING_SPEED: Final = 1.2
 AREA: Final = 10.0
 """Metres from the start on either axis within which random goals lie (20 × 20 m, Sec. 4.2)."""
 
+TARGET: Final = 5.0
+"""Metres ahead of a start pose."""
+
 Goals = Callable[[Tensor], Tensor]
 """Places of the hips [A, 2] → goals [A, 3]; called before every primitive."""
 
@@ -176,7 +179,7 @@ def roll_out(
     lead = _lead(parts, variant, poses.gender) or step
     still = _frozen(step, poses)
     seed = Seed(*(part.repeat_interleave(lead.predictor.seed_frames, 1) for part in still))
-    result = _advance(lead, seed, poses, random, goals)
+    result = advance(lead, seed, poses, _noise(poses, random), goals)
     markers = result.next_seed_markers
     if len(markers[0]) != keep:  # a 1-frame primitive hands on one frame only
         markers = _skin(step, shape, result)[:, -keep:]
@@ -185,7 +188,7 @@ def roll_out(
     every = step.predictor.new_frames
     bodies, hips, turns, carried = [], [], [], []
     for _ in range(-(-frames // every)):
-        result = _advance(step, seed, poses, random, goals)
+        result = advance(step, seed, poses, _noise(poses, random), goals)
         seed = _seed(result.next_seed_markers, result)
         bodies.append(_skin(step, shape, result))
         hips.append(result.translation)
@@ -219,13 +222,22 @@ def _frozen(step: PrimitiveStep, poses: FrozenPoses) -> Seed:
     return Seed(markers + lift[:, :, None], places + lift, rotations)
 
 
-def _advance(
-    step: PrimitiveStep,
-    seed: Seed,
-    poses: FrozenPoses,
-    random: torch.Generator,
-    goals: Goals | None,
+def ahead(poses: FrozenPoses) -> Tensor:
+    """Points [A, 3] on the floor, 5 m in front of bodies that stand at the origin."""
+    right = matrix_from_quaternion(poses.rotations[:, 0])[:, :2, 0]
+    right = right / right.norm(dim=-1, keepdim=True)
+    return TARGET * torch.stack([-right[:, 1], right[:, 0], torch.zeros(len(right))], -1)
+
+
+def always(goals: Tensor) -> Goals:
+    """The same goals [A, 3] all the way."""
+    return lambda hips: goals
+
+
+def advance(
+    step: PrimitiveStep, seed: Seed, poses: FrozenPoses, noise: Tensor, goals: Goals | None
 ) -> StepResult:
+    """One primitive of each body, its latent from `noise` [A, K, 128]."""
     count = len(poses.betas)
     hips = seed.translation[:, -1, :2]
     result: StepResult = step(
@@ -238,10 +250,14 @@ def _advance(
         facing=torch.zeros(count, 2),
         term_weights=torch.tensor(weights(WALK)).expand(count, -1),
         policy=torch.ones(count),  # counts only where the step has one
-        noise=torch.randn(count, 1, LATENT, generator=random),
+        noise=noise,
         obstacles=no_obstacles(count),
     )
     return result
+
+
+def _noise(poses: FrozenPoses, random: torch.Generator) -> Tensor:
+    return torch.randn(len(poses.betas), 1, LATENT, generator=random)
 
 
 def _seed(markers: Tensor, result: StepResult) -> Seed:

@@ -8,6 +8,7 @@ from wayfarer_lab.evaluation.paper.orderings import ORDERINGS, against_mojo, sta
 from wayfarer_lab.evaluation.paper.published import (
     COMMANDS,
     EXHIBITS,
+    MOTIONS,
     PICTURES,
     S3,
     Exhibit,
@@ -33,14 +34,27 @@ rollout stages were short (300 and 80 steps), and so was the g-CVAE's training (
 """
 
 
-def page(results: ResultsFolder, folder: str, s3: Mapping[int, float] | None) -> str:
-    """The page. `s3`: bodies → seconds of a primitive as served; None: no such result."""
+def page(
+    results: ResultsFolder,
+    folder: str,
+    s3: Mapping[int, float] | None,
+    drawn: Mapping[str, str] | None = None,
+) -> str:
+    """The page. `s3`: bodies → seconds of a primitive as served; None: no such result.
+
+    `drawn`: the files in `images/` of the pictures of motion, by name.
+    """
     parts = [INTRO.format(folder=folder), _orderings(results)]
     parts += [_exhibit(exhibit, results) for exhibit in EXHIBITS[:3]]
     parts.append(_runtime(s3))
     parts += [_exhibit(exhibit, results) for exhibit in EXHIBITS[3:]]
     pictures = [f"- {name}: {where}." for name, where in PICTURES.items()]
     parts.append("\n".join(["## Pictures", "", *pictures, ""]))
+    for name, (title, about) in MOTIONS.items():
+        file = (drawn or {}).get(name)
+        shown = f"![{title}](images/{file})" if file else "Missing: no result of "
+        shown += "" if file else "`wayfarer eval figures`."
+        parts.append(f"### {title}\n\n{about}\n\n{shown}\n")
     return "\n".join(parts)
 
 

@@ -271,11 +271,27 @@ S3: Final = {64: 0.1, 128: 0.15, 256: 0.25, 512: 0.5, 1024: 0.85}
 
 PICTURES: Final = {
     "Fig. 1, 2, S4": "show the idea and the networks: docs/architecture.md, docs/models.md",
-    "Fig. 4": "ends of motions by method: needs policy(10) and policy(1), not drawn",
     "Fig. 5": "trails over training: every training of a policy draws the same 64 trails every "
     "`snapshot_every` epochs into its folder, `snapshots/`; PPO from scratch "
     "[before](images/ppo_trails_000.png) and [after 130 epochs](images/ppo_trails_130.png)",
-    "Fig. S1": "six primitives of one seed: not drawn; Table S1 has their diversity",
-    "Fig. S2": "corner cases of shape and pose: not drawn",
 }
 """Pictures of the paper, and where ours are or why there is none."""
+
+MOTIONS: Final = {
+    "fig_4": (
+        "Fig. 4: the same body and goal by method",
+        "A body each 0.8 s and, in colour, at the end; of 32 clones the one that arrives first or "
+        "comes nearest. No search.",
+    ),
+    "fig_s1": (
+        "Fig. S1: six primitives of one seed",
+        "The last frame of the seed (green), and of six primitives (red) with the same latents, by "
+        "predictor; a predictor that the model lacks is not drawn.",
+    ),
+    "fig_s2": (
+        "Fig. S2: corner cases of shape and pose",
+        "A goal 5 m ahead: four shapes from one pose of the pose prior, then the mean shape from "
+        "three other poses.",
+    ),
+}
+"""Pictures of motion that `wayfarer eval figures` makes: title, and what they show."""
