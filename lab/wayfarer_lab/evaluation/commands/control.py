@@ -63,6 +63,12 @@ def control(
     g_cvae: Annotated[
         Path | None, typer.Option(help="Model folder of the baseline, the goal-conditioned CVAE.")
     ] = None,
+    only: Annotated[
+        str,
+        typer.Option(
+            help="Only methods whose names begin so, as 'policy(10)'.", show_default="all"
+        ),
+    ] = "",
     pairs: Annotated[
         int, typer.Option(help="Number of random bodies, each with a goal.", min=1)
     ] = 100,
@@ -84,7 +90,7 @@ def control(
     """
     shipped = open_bundle(models, threads)
     of_paper = {"policy(10)": policy_10, "policy(1)": policy_1}
-    methods = list(_methods(shipped, of_paper, g_cvae, pairs, threads, seed))
+    methods = chosen(list(_methods(shipped, of_paper, g_cvae, pairs, threads, seed)), only)
     everyone = random_pairs(pairs, speed, np.random.default_rng(seed))
     body = shipped.bodies["male"]
     rows = []
@@ -101,9 +107,18 @@ def control(
         rows.append(mocap_row(report.MOCAP, recorded, body))
     finish(
         json, {"Control": rows}, PLOTS, **origin(models, None, data, split, seed),
-        policy_10=str(policy_10), policy_1=str(policy_1), g_cvae=str(g_cvae), pairs=pairs,
-        speed_mps=speed,
+        policy_10=str(policy_10), policy_1=str(policy_1), g_cvae=str(g_cvae), only=only,
+        pairs=pairs, speed_mps=speed,
     )  # fmt: skip
+
+
+def chosen(methods: list[ControlMethod], only: str) -> list[ControlMethod]:
+    """Those whose names begin with `only`. Raises InvalidArgument with all names for none."""
+    found = [method for method in methods if method.name.startswith(only)]
+    if not found:
+        names = ", ".join(method.name for method in methods)
+        raise InvalidArgument(f"no method begins with {only!r}; there are: {names}", "only")
+    return found
 
 
 def _methods(

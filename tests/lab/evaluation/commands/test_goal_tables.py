@@ -65,6 +65,15 @@ def test_models_without_a_policy_have_no_rows_of_one(tmp_path: Path) -> None:
     assert answer.exit_code != 0 and "policy.onnx" in str(answer.exception)
 
 
+def test_some_methods_alone_are_measured_when_asked_for(tmp_path: Path) -> None:
+    rows = report(tmp_path, "control", "--pairs", "1", "--only", "policy & top")
+    assert [row["name"] for row in rows] == ["policy & top1", "policy & top4"]
+    answer = CliRunner().invoke(app, ["control", "--only", "walk"])
+    assert answer.exit_code != 0 and "no method begins with 'walk'; there are: policy," in str(
+        answer.exception
+    )
+
+
 def test_arrival_tells_goals_gait_stillness_and_manoeuvres(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
