@@ -173,18 +173,19 @@ def test_to_a_goal_behind_it_strafes_backwards():
     assert next_mode(gait(Mode.STRAFING, 0.5), at(2.95, heading=90), back) is Mode.STOPPING
 
 
-def test_come_to_rest_it_turns_to_its_heading_and_then_stands():
+def test_come_to_rest_it_turns_to_its_heading_nearer_to_its_goal_and_then_stands():
     asked = goal(0.1, heading=facing(90))
     now = gait(Mode.STOPPING, 0.05, slow_seconds=0.2, arrived=True)
     now = STEERING.decide(now, at(0.05), asked)
     assert now.mode[0] == Mode.TURNING
-    np.testing.assert_allclose(now.stop_place[0], [0.05, 0], atol=1e-6)  # it turns where it is
+    np.testing.assert_allclose(now.stop_place[0], [0.1, 0], atol=1e-6)
     assert next_mode(now, at(0.05, heading=80), asked) is Mode.TURNING
     now = STEERING.decide(now, at(0.05, heading=84), asked)
     assert now.mode[0] == Mode.STOPPING
     for _ in range(2):
         now = STEERING.decide(now, at(0.05, heading=84), asked)
     assert now.mode[0] == Mode.STANDING
+    np.testing.assert_allclose(now.stop_place[0], [0.05, 0], atol=1e-6)  # it stands where it is
 
 
 def test_facing_nearly_as_asked_it_does_not_fidget():

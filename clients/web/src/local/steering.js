@@ -146,7 +146,9 @@ export class Steering {
     const brakes = walking && !walks && !waits, rests = still && !walks;
     const turnsAway = (about || turnsFirst) && !turning;
     let { stopPlace, stopFacing } = gait;
-    if (rests || turnsAway) stopPlace = start.hips;
+    const facesThere = turns && holds && arrived && !about && !turnsFirst;
+    if (facesThere) stopPlace = goal.place; // its steps take it nearer
+    else if (rests || turnsAway) stopPlace = start.hips;
     else if (brakes) stopPlace = holds && !reverses && !stopsFirst ? goal.place : this.#rest(gait, start);
     if (about) stopFacing = direction;
     else if (hasHeading && !walks && goal.heading) stopFacing = goal.heading;

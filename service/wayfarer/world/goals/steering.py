@@ -229,13 +229,22 @@ class Steering:
         brakes, rests = walking & ~walks & ~waits, still & ~walks
         turns_away = (about | turns_first) & ~turning
         reaches = holds & ~reverses & ~stops_first
+        # The steps of a turn at a goal take an agent nearer to it.
+        faces_there = turns & holds & gait.arrived & ~about & ~turns_first
         rest = np.where(reaches[:, None], goals.position[:, :2], self._rest(gait, seed.translation))
         return replace(
             gait,
             mode=mode.astype(np.int8),
             slow_seconds=slow_seconds.astype(np.float32),
             planted=gait.planted & (mode != Mode.WALKING) & (mode != Mode.TURNING),
-            stop_place=_choose([(rests | turns_away, hips), (brakes, rest)], gait.stop_place),
+            stop_place=_choose(
+                [
+                    (faces_there, goals.position[:, :2]),
+                    (rests | turns_away, hips),
+                    (brakes, rest),
+                ],
+                gait.stop_place,
+            ),
             # A stopping agent keeps its facing, unless another heading is asked for.
             stop_facing=_choose(
                 [
