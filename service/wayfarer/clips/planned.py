@@ -17,7 +17,7 @@ from wayfarer.world.agents.slots import Motion
 from wayfarer.world.agents.style import draws
 from wayfarer.world.output.footlock import begin, lock_feet
 from wayfarer.world.output.legs import measure_legs
-from wayfarer.world.output.posture import DRAWN, habits, hold
+from wayfarer.world.output.posture import DRAWN, habits, hold, settled
 from wayfarer.world.rows import Flags, Float
 from wayfarer.world.search.beam import plan
 from wayfarer.world.search.beam_settings import BeamSettings
@@ -79,4 +79,5 @@ def _cleaned(body: BodyModel, spec: AgentSpec, found: MotionPlan) -> tuple[Float
     state = begin(legs, hips[:, 0], rotations[:, 0])
     locked = lock_feet(state, legs, hips, rotations, np.zeros(1, np.bool_), np.zeros(1, np.float32))
     own = habits(draws(np.array([spec.noise_seed], np.uint64), DRAWN))
-    return locked.translation[0], hold(locked.rotations, own)[0], locked.contacts[0]
+    held, _ = hold(settled(rotations[:, 0]), locked.rotations, own)
+    return locked.translation[0], held[0], locked.contacts[0]

@@ -312,6 +312,7 @@ def test_the_header_names_every_part_of_a_record():
         "seq",
         "motion",
         "feet",
+        "posture",
         "footing",
     }
     assert {f.name for f in fields(SessionRecord)} == {f.name for f in fields(SessionPart)} | {

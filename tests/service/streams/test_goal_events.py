@@ -12,6 +12,7 @@ from wayfarer.world.agents.records import AgentRecord, SessionRecord
 from wayfarer.world.agents.slots import Mode, Motion
 from wayfarer.world.events import Event, EventKind
 from wayfarer.world.output.ground import Footing
+from wayfarer.world.output.posture import PostureState
 
 
 def goal_chunk(seq, **values):
@@ -89,6 +90,7 @@ def record(mode, arrived=True, stop=True):
         seq=7,
         motion=motion,
         feet=None,
+        posture=PostureState.empty(1),
         footing=Footing.empty(1),
         goal_revision=1,
         path=(goal,),

@@ -8,8 +8,16 @@ from hypothesis import strategies as st
 from tests.world.output.legwork import body, legs, lifted, moved, soles_of, standing
 from wayfarer.body.rotation import matrix_from_quaternion, quaternion_from_rotvec
 from wayfarer.spec import BETAS, FPS
-from wayfarer.world.output.footlock import LEASH, Locked, begin, lock_feet, shorten_steps
-from wayfarer.world.output.legs import ANKLES, HIPS
+from wayfarer.world.output.footlock import (
+    LEASH,
+    SURGE,
+    SWAY,
+    Locked,
+    begin,
+    lock_feet,
+    shorten_steps,
+)
+from wayfarer.world.output.legs import ANKLES, HIPS, pose_legs
 from wayfarer.world.output.quaternion import multiply
 from wayfarer.world.output.twobone import MOVED
 
@@ -349,6 +357,39 @@ def test_steps_of_who_limps_become_as_long():
     assert limp(sent_soles(locked(translation, rotations, steps=True))) == pytest.approx(
         raw, abs=0.01
     ), "who is on the spot may stand as he likes"
+
+
+def strides(seconds: int) -> tuple[np.ndarray, np.ndarray]:
+    """Stiff strides, one a second: the foot that goes back under the body stands."""
+    translation, rotations = standing(seconds * FPS)
+    swing = 0.3 * np.sin(2 * np.pi * np.arange(seconds * FPS) / FPS)
+    for foot, way in ((0, 1), (1, -1)):
+        for joints, sign in ((HIPS, 1), (ANKLES, -1)):  # soles stay level
+            turns = way * sign * swing[:, None] * np.eye(3)[0]
+            rotations[0, :, joints[foot]] = multiply(
+                rotations[0, :, joints[foot]].T, quaternion_from_rotvec(turns).T.astype(np.float32)
+            ).T
+    ankles = pose_legs(legs(), translation, rotations).ankle[:, :, :, 0]
+    translation[0, 1:, 1] = np.abs(np.diff(ankles[1, 0])).cumsum()
+    translation[0, :, 2] = -soles_of(translation * [1, 1, 0], rotations)[0, ..., 2].min((-1, -2))
+    return translation.astype(np.float32), rotations
+
+
+def test_hips_sway_over_the_foot_that_bears_and_surge_between_them():
+    translation, rotations = strides(4)
+    made = locked(translation, rotations)
+    aside, ahead, _ = (made.translation - translation)[0, 2 * FPS :].T
+    soles = soles_of(translation, rotations)[0, 2 * FPS :].mean(2)
+    lead = soles[:, 0, 1] - soles[:, 1, 1]
+    back = np.gradient(lead) < 0  # the left foot goes back under the body: it bears
+    passing, striding = np.abs(lead) < 0.1, np.abs(lead) > 0.97 * np.abs(lead).max()
+    assert aside[back & passing].max() < -0.7 * SWAY and aside[~back & passing].min() > 0.7 * SWAY
+    assert np.abs(aside[striding]).max() < 0.3 * SWAY
+    first, later = (back & (lead * side > 0.1) for side in (1, -1))
+    assert ahead[first].mean() > 0.3 * SURGE and ahead[later].mean() < -0.3 * SURGE
+    moved_feet = sent_soles(made)[0, 2 * FPS :, :, :, :2].mean(2)
+    slid = np.linalg.norm(np.diff(moved_feet[:, 0], axis=0), axis=-1)[back[1:] & passing[1:]]
+    assert slid.max() < 0.002, "feet stay where they are"
 
 
 def test_steps_without_a_lock_are_as_long_as_the_way_of_the_hips():

@@ -6,6 +6,7 @@ import pytest
 from tests.world.output.legwork import body, standing
 from wayfarer.body.rotation import matrix_from_quaternion, quaternion_from_rotvec
 from wayfarer.body.skeleton import joint_names
+from wayfarer.spec import FPS
 from wayfarer.world.output.posture import (
     DRAWN,
     ELBOW_JOINTS,
@@ -19,6 +20,7 @@ from wayfarer.world.output.posture import (
     Habits,
     habits,
     hold,
+    settled,
 )
 
 NAMES = joint_names()
@@ -34,6 +36,11 @@ PLAIN = Habits(
     level=np.radians([LEVEL]),
 )
 """Arms as the model has them; upright, with a level head."""
+
+
+def held(rotations: np.ndarray, own: Habits) -> np.ndarray:
+    """Of who has been in the first pose for long."""
+    return hold(settled(rotations[:, 0]), rotations, own)[0]
 
 
 def hanging(frames: int = 1) -> np.ndarray:
@@ -64,7 +71,7 @@ def pitch(rotations: np.ndarray, name: str) -> float:
 def test_only_trunk_head_and_arms_are_touched():
     rotations = hanging()
     before = rotations.copy()
-    made = hold(rotations, habits(np.full((DRAWN, 1), 0.3)))
+    made = held(rotations, habits(np.full((DRAWN, 1), 0.3)))
     others = [joint for joint in range(22) if joint not in TOUCHED]
     np.testing.assert_array_equal(made[:, :, others], before[:, :, others])
     np.testing.assert_array_equal(rotations, before)
@@ -76,14 +83,48 @@ def test_only_trunk_head_and_arms_are_touched():
 def test_a_trunk_that_leans_forward_is_righted_most_of_the_way(lean, own):
     most = np.degrees(TRUNK_MOST)
     left = lean - min(max(TRUNK_SHARE * (lean - own), 0), most)
-    made = hold(pitched(hanging(), SPINE, lean), PLAIN._replace(lean=np.radians([own])))
+    made = held(pitched(hanging(), SPINE, lean), PLAIN._replace(lean=np.radians([own])))
     assert -pitch(made, "spine3") == pytest.approx(left, abs=0.1)
 
 
 @pytest.mark.parametrize("down", [-10.0, 0.0, 8.0, 25.0])
 def test_heads_are_levelled_most_of_the_way(down):
-    made = hold(pitched(hanging(), NECK, down), PLAIN)
+    made = held(pitched(hanging(), NECK, down), PLAIN)
     assert pitch(made, "head") == pytest.approx(LEVEL + 0.4 * (-down - LEVEL), abs=0.5)
+
+
+def leaning(degrees: np.ndarray) -> np.ndarray:
+    """Somebody whose trunk leans forward by so much, frame by frame."""
+    rotations = hanging(len(degrees))
+    turns = np.radians(-degrees)[:, None] * np.eye(3)[0]
+    rotations[0, :, SPINE] = quaternion_from_rotvec(turns)
+    return rotations
+
+
+def leans(rotations: np.ndarray) -> np.ndarray:
+    """Degrees [F], frame by frame."""
+    return np.array([-pitch(rotations[:, [k]], "spine3") for k in range(rotations.shape[1])])
+
+
+def test_the_swing_of_the_trunk_within_a_step_is_left_to_it():
+    seconds = np.arange(4 * FPS) / FPS
+    swing = 4 + 2 * np.sin(2 * np.pi * 2 * seconds)  # two steps a second
+    made = leans(held(leaning(swing), PLAIN))[2 * FPS :]
+    assert made.mean() == pytest.approx((1 - TRUNK_SHARE) * 4, abs=0.2)
+    assert np.ptp(made) > 0.75 * np.ptp(swing)
+    slow = leans(held(leaning(np.repeat([0.0, 4.0], [8, 80])), PLAIN))
+    assert slow[8] > 3.5 and slow[-1] == pytest.approx((1 - TRUNK_SHARE) * 4, abs=0.1)
+
+
+def test_frames_in_pieces_are_held_as_all_at_once():
+    rotations, own = leaning(np.linspace(-5, 12, 24)), PLAIN
+    whole, end = hold(settled(rotations[:, 0]), rotations, own)
+    state, parts = settled(rotations[:, 0]), []
+    for start in range(0, 24, 8):
+        made, state = hold(state, rotations[:, start : start + 8], own)
+        parts.append(made)
+    np.testing.assert_array_equal(np.concatenate(parts, 1), whole)
+    np.testing.assert_array_equal([state.lean, state.pitch], [end.lean, end.pitch])
 
 
 def test_arms_hang_and_swing_as_their_owner_does():
@@ -103,7 +144,7 @@ def test_arms_hang_and_swing_as_their_owner_does():
         aside=np.radians([[6.0], [6.0]]),
         elbows=np.radians([[20.0], [20.0]]),
     )
-    (_, before), (_, after) = pose(hold(ahead, PLAIN)), pose(hold(ahead, own))
+    (_, before), (_, after) = pose(held(ahead, PLAIN)), pose(held(ahead, own))
     for side, outwards in (("left", -1), ("right", 1)):
         shoulder, elbow, wrist = (f"{side}_{part}" for part in ("shoulder", "elbow", "wrist"))
         was, now = before[elbow] - before[shoulder], after[elbow] - after[shoulder]
@@ -128,13 +169,13 @@ def test_lifted_arms_are_left_to_the_model():
     own = PLAIN._replace(
         swing=np.array([1.5]), aside=np.radians([[6.0], [6.0]]), turned=np.radians([10.0])
     )
-    made = hold(tee, own)
+    made = held(tee, own)
     np.testing.assert_allclose(made[:, :, SHOULDERS], tee[:, :, SHOULDERS], atol=1e-6)
 
 
 def test_upper_arms_and_hands_are_turned_alike_on_both_sides():
     own = PLAIN._replace(turned=np.radians([14.0]), hands=np.radians([[20.0], [14.0]]))
-    (before, _), (after, _) = pose(hold(hanging(), PLAIN)), pose(hold(hanging(), own))
+    (before, _), (after, _) = pose(held(hanging(), PLAIN)), pose(held(hanging(), own))
     for part, degrees in (("elbow", 14.0), ("wrist", 20.0)):
         turns = [after[f"{side}_{part}"] @ before[f"{side}_{part}"].T for side in ("left", "right")]
         angles = [np.degrees(np.arccos((np.trace(turn) - 1) / 2)) for turn in turns]
@@ -146,8 +187,8 @@ def test_upper_arms_and_hands_are_turned_alike_on_both_sides():
 def test_agents_differ_and_rows_do_not_touch_each_other():
     numbers = np.random.default_rng(0).random((DRAWN, 5), np.float32)
     rotations = np.repeat(hanging(3), 5, axis=0)
-    together = hold(rotations, habits(numbers))
+    together = held(rotations, habits(numbers))
     for row in range(5):
-        alone = hold(rotations[row : row + 1], habits(numbers[:, row : row + 1]))
+        alone = held(rotations[row : row + 1], habits(numbers[:, row : row + 1]))
         np.testing.assert_array_equal(alone[0], together[row])
     assert np.ptp(together[:, 0, SHOULDERS[0]], axis=0).max() > 0.01

@@ -15,7 +15,7 @@ const STEP_SHIFT = 0.05, STEP_TURN = 24 * DEGREE, STEP_AHEAD = 0.15, AHEAD_SHIFT
 const AIM = 0.2, TIDY = 0.6, LEADING = 0.25, APART = 0.11, RESTING = [0.03, 12 * DEGREE];
 const RAISED = 0.006, LOWERED = 0.013;
 const KICK = 0.485, KICKED = [0.05, 0.22], SPARED = 0.5, CLEAR = [TOLD_HEIGHT, 0.08];
-const AIRBORNE = [0, 0.15];
+const AIRBORNE = [0, 0.15], SWAY = 0.016, SURGE = 0.009, AMPLE = 0.5, LONG = [0.66, 0.8], STILL = 0.6;
 const EVEN = 1 / (1.3 * FPS), EVEN_MOST = 0.05, FORGET = 0.025 / FPS;
 const CLOSE = 0.2, WIDE = 0.75, SOFTNESS = 0.001;
 const SIDES = [1, -1];
@@ -85,7 +85,7 @@ export class FootLock {
   clean(translation, rotations, steps, shortened) {
     const state = (this.#state ??= this.#begin(translation, rotations));
     const { legs } = this, pose = new LegPose(legs, translation, rotations);
-    const drawn = drawnIn(pose, state, steps, shortened);
+    const { drawn, along, stride } = drawnIn(pose, state, steps, shortened);
     moveSoles(pose, drawn, 1);
     const { slide, turning, height, speed } = slides(pose, state.soles, steps);
     const contacts = new Uint8Array(2 * FRAMES), shifts = new Float64Array(6 * FRAMES);
@@ -130,7 +130,14 @@ export class FootLock {
     sink(legs, pose, drawn, translation, height, shifts);
     moveSoles(pose, drawn, -1);
     const before = Float64Array.from(translation);
-    for (let t = 0; t < FRAMES; t += 1) translation[3 * t + 2] -= pose.sunk[t];
+    for (let t = 0; t < FRAMES; t += 1) {
+      const way = swayed(pose, along, stride, speed, height, t);
+      for (let axis = 0; axis < 2; axis += 1) {
+        translation[3 * t + axis] += way[axis];
+        for (let side = 0; side < 2; side += 1) shifts[6 * t + 3 * side + axis] -= way[axis];
+      }
+      translation[3 * t + 2] -= pose.sunk[t];
+    }
     moveFeet(pose, before, shifts, turns, rotations);
     return contacts;
   }
@@ -143,7 +150,7 @@ export class FootLock {
     if (!before && !shortened) return;
     const pose = new LegPose(this.legs, translation, rotations), state = new LockState();
     state.shortened = before;
-    const drawn = drawnIn(pose, state, true, shortened, false), shifts = new Float64Array(6 * FRAMES);
+    const { drawn } = drawnIn(pose, state, true, shortened, false), shifts = new Float64Array(6 * FRAMES);
     for (let k = 0; k < 2 * FRAMES; k += 1) shifts.set(drawn.subarray(2 * k, 2 * k + 2), 3 * k);
     moveFeet(pose, translation, shifts, new Float64Array(2 * FRAMES), rotations);
   }
@@ -157,28 +164,29 @@ function lowest(soles, at) {
 }
 
 /**
- * Way [frame, side, 2] of ankles along the facing where steps are shortened, and evened.
+ * Way [frame, side, 2] of ankles along the facing where steps are shortened, and evened; how far along they are; and steps [frame].
  * @param {LegPose} pose @param {LockState} state @param {boolean} steps @param {number} shortened @param {boolean} [evens]
  */
 function drawnIn(pose, state, steps, shortened, evens = true) {
-  const drawn = new Float64Array(4 * FRAMES);
+  const drawn = new Float64Array(4 * FRAMES), along = new Float64Array(2 * FRAMES), stride = new Float64Array(FRAMES);
   for (let t = 0; t < FRAMES; t += 1) {
     const x = pose.facing[2 * t], y = pose.facing[2 * t + 1];
-    const along = [0, 1].map((side) => pose.ankle[6 * t + 3 * side] * x + pose.ankle[6 * t + 3 * side + 1] * y);
+    for (let k = 2 * t; k < 2 * t + 2; k += 1) along[k] = pose.ankle[3 * k] * x + pose.ankle[3 * k + 1] * y;
     if (evens) {
-      const lead = along[0] - along[1];
+      const lead = along[2 * t] - along[2 * t + 1];
       state.reach = [Math.max(state.reach[0] - FORGET, lead), Math.max(state.reach[1] - FORGET, -lead)];
+      stride[t] = (state.reach[0] + state.reach[1]) / 2;
       const wanted = bounded((state.reach[1] - state.reach[0]) / 4, -EVEN_MOST, EVEN_MOST);
       state.evened += (steps ? 0 : EVEN) * (wanted - state.evened);
     }
     const share = state.shortened + ((t + 1) / FRAMES) * (shortened - state.shortened);
     for (let side = 0; side < 2; side += 1) {
-      const way = SIDES[side] * state.evened - share * along[side];
+      const way = SIDES[side] * state.evened - share * along[2 * t + side];
       drawn[4 * t + 2 * side] = way * x;
       drawn[4 * t + 2 * side + 1] = way * y;
     }
   }
-  return drawn;
+  return { drawn, along, stride };
 }
 
 /** @param {LegPose} pose @param {Float64Array} drawn @param {number} sign */
@@ -266,6 +274,25 @@ function uncrossed(goals, shift, between, across) {
   ];
 }
 
+/** Bears the body: 1, and less in the air. @param {Float64Array} height @param {number} t */
+const borne = (height, t) => 1 - smooth(Math.min(height[2 * t], height[2 * t + 1]), AIRBORNE[0], AIRBORNE[1]);
+
+/**
+ * Metres [2] by which hips are moved in a frame: aside, to the foot that bears, and along.
+ * @param {LegPose} pose @param {Float64Array} along @param {Float64Array} stride @param {Float64Array} speed
+ * @param {Float64Array} height @param {number} t
+ */
+function swayed(pose, along, stride, speed, height, t) {
+  const left = 2 * t, right = left + 1;
+  const phase = bounded((along[left] - along[right]) / Math.max(stride[t], 0.1), -1, 1);
+  const onLeft = (speed[right] - speed[left]) / Math.max(speed[left] + speed[right], STILL);
+  const strong = onLeft * Math.min(stride[t] / AMPLE, 1) * borne(height, t);
+  const aside = -SWAY * strong * Math.cos((Math.PI / 2) * phase);
+  const ahead = SURGE * strong * (1 - smooth(stride[t], LONG[0], LONG[1])) * Math.sin(Math.PI * phase);
+  const x = pose.facing[left], y = pose.facing[right];
+  return [ahead * x + aside * y, ahead * y - aside * x];
+}
+
 /**
  * Lower the hips over feet that are apart, and heels that are kicked up. Fills `pose.sunk`, adds to `shifts`.
  * @param {import("./legs.js").Legs} legs @param {LegPose} pose @param {Float64Array} drawn @param {Float64Array} translation
@@ -273,7 +300,7 @@ function uncrossed(goals, shift, between, across) {
  */
 function sink(legs, pose, drawn, translation, height, shifts) {
   for (let t = 0; t < FRAMES; t += 1) {
-    const bears = 1 - smooth(Math.min(height[2 * t], height[2 * t + 1]), AIRBORNE[0], AIRBORNE[1]);
+    const bears = borne(height, t);
     const spare = [0, 1].map((side) => {
       const i = 6 * t + 3 * side;
       const [x, y, z] = [0, 1, 2].map((n) => pose.ankle[i + n] - pose.hip[i + n]);

@@ -4,7 +4,7 @@
 import { FootLock } from "./footlock.js";
 import { broken, fallen, gotUp, smoothed } from "./guards.js";
 import { plant, shorten } from "./planting.js";
-import { habitsOf, hold } from "./posture.js";
+import { habitsOf, hold, looks } from "./posture.js";
 import { isMirrored, mannerOf, reactionOf, strideOf } from "./random.js";
 import {
   STANDING, STOPPING, STRAFING, TURNING, WALKING, facingOf, goalAt, goalRows, observe, shortenedGait,
@@ -39,6 +39,8 @@ export class Person {
   /** @type {LocalChunk[]} */
   #queue = []; // planned, not sent
   #replanned = false;
+  /** @type {ReturnType<typeof looks> | null} */
+  #posture = null; // after what was sent
   #revision = 0;
   /** @type {import("./steering.js").GoalRow[]} */
   #path = [];
@@ -211,11 +213,15 @@ export class Person {
       this.lock.shortenSteps(shown.translation, shown.rotations, gait.shortened);
       return shown;
     }
-    if (chunk.flags & FLAG_FIRST) this.lock.restart();
+    if (chunk.flags & FLAG_FIRST) {
+      this.lock.restart();
+      this.#posture = null;
+    }
+    this.#posture ??= looks(shown.rotations);
     const halted = gait.mode === STOPPING && (gait.speed < HALTED || gait.planted);
     const steps = gait.mode === STANDING || gait.mode === TURNING || gait.mode === STRAFING || halted;
     shown.contacts = this.lock.clean(shown.translation, shown.rotations, steps, gait.shortened);
-    hold(shown.rotations, this.habits);
+    this.#posture = hold(this.#posture, shown.rotations, this.habits);
     return shown;
   }
 

@@ -7,6 +7,7 @@ import { bounded } from "./steering.js";
 
 const DEGREE = Math.PI / 180, TURN = 88;
 const UPRIGHT = [-1.5, 1.5], LEVEL = [-13, -3], ASIDE = [-1, 10], ELBOWS = [0, 22], TURNED = [-3, 16]; // degrees
+const FOLLOW = 1 / (0.4 * 40); // share by which the remembered lean and pitch follow in a frame
 const TRUNK_SHARE = 0.85, TRUNK_MOST = 5 * DEGREE, HEAD_SHARE = 0.6, HEAD_MOST = 15 * DEGREE;
 const SWING = [0.7, 1.35], SWING_MOST = 15 * DEGREE, UNEVEN = 5 * DEGREE, HANDS = [20, 14];
 const TRUNK = [0, 3, 6, 9], SPINE = 3, NECK = 12, HEAD = 15;
@@ -31,21 +32,35 @@ export function habitsOf(seed) {
 
 const chest = new Float64Array(4), turn = new Float64Array(4);
 
-/** Hold the frames of a chunk so, in place. @param {Float64Array} rotations @param {ReturnType<typeof habitsOf>} own */
-export function hold(rotations, own) {
+/** Radians that chest and head look up in the frame at `at`. @param {Float64Array} rotations @param {number} at */
+export function looks(rotations, at = 0) {
+  chest.set(rotations.subarray(at, at + 4));
+  for (const joint of TRUNK.slice(1)) multiply(chest, 0, rotations, at + 4 * joint, chest, 0);
+  const lean = pitch(chest);
+  multiply(chest, 0, rotations, at + 4 * NECK, chest, 0);
+  multiply(chest, 0, rotations, at + 4 * HEAD, chest, 0);
+  return { lean, pitch: pitch(chest) };
+}
+
+/**
+ * Hold the frames of a chunk so, in place. `before`: how chest and head have looked for the last steps; so does the result.
+ * @param {ReturnType<typeof looks>} before @param {Float64Array} rotations @param {ReturnType<typeof habitsOf>} own
+ */
+export function hold(before, rotations, own) {
+  let { lean, pitch } = before;
   for (let at = 0; at < rotations.length; at += TURN) {
-    chest.set(rotations.subarray(at, at + 4));
-    for (const joint of TRUNK.slice(1)) multiply(chest, 0, rotations, at + 4 * joint, chest, 0);
-    const back = bounded(TRUNK_SHARE * (-pitch(chest) - own.lean), 0, TRUNK_MOST);
-    multiply(chest, 0, rotations, at + 4 * NECK, chest, 0);
-    multiply(chest, 0, rotations, at + 4 * HEAD, chest, 0);
-    const up = bounded(HEAD_SHARE * (own.level - pitch(chest) - back), -HEAD_MOST, HEAD_MOST);
+    const now = looks(rotations, at);
+    lean += FOLLOW * (now.lean - lean);
+    pitch += FOLLOW * (now.pitch - pitch);
+    const back = bounded(TRUNK_SHARE * (-lean - own.lean), 0, TRUNK_MOST);
+    const up = bounded(HEAD_SHARE * (own.level - pitch - back), -HEAD_MOST, HEAD_MOST);
     for (const [joint, angle] of [[SPINE, back], [NECK, up / 2], [HEAD, up / 2]]) {
       turn.set([Math.sin(angle / 2), 0, 0, Math.cos(angle / 2)]);
       multiply(turn, 0, rotations, at + 4 * joint, rotations, at + 4 * joint);
     }
     for (let side = 0; side < 2; side += 1) arm(rotations, at, side, own);
   }
+  return { lean, pitch };
 }
 
 /** @param {Float64Array} rotations @param {number} at @param {number} side @param {ReturnType<typeof habitsOf>} own */

@@ -43,6 +43,7 @@ def capture_agents(world: World, agents: Sequence[Agent]) -> CapturedAgents:
             motion,
             slots.feet.take(rows),
             slots.feet_begun[rows],
+            slots.posture.take(rows),
             slots.footing.take(rows),
         ),
     )

@@ -26,6 +26,7 @@ from wayfarer.world.agents.slots import Motion
 from wayfarer.world.behaviours import AnyBehaviour
 from wayfarer.world.output.footlock import LockState
 from wayfarer.world.output.ground import Footing
+from wayfarer.world.output.posture import PostureState
 from wayfarer.world.record_checks import check_session_record
 from wayfarer.world.rows import Flags, Int, Rows
 
@@ -71,7 +72,8 @@ class AgentRows(Rows):
     seq: Int
     motion: Motion
     feet: LockState
-    feet_begun: Flags  # False: the feet have not been locked yet, and `feet` means nothing
+    feet_begun: Flags  # False: the feet have not been locked yet; `feet`, `posture` mean nothing
+    posture: PostureState
     footing: Footing
 
 
@@ -167,6 +169,7 @@ def standing(record: AgentRecord) -> AgentRows:
         motion=record.motion,
         feet=LockState.empty(1) if record.feet is None else record.feet,
         feet_begun=np.array([begun]),
+        posture=record.posture,
         footing=record.footing,
     )
 
@@ -197,6 +200,7 @@ def join_agent(part: AgentPart, row: AgentRows) -> AgentRecord:
         seq=int(row.seq[0]),
         motion=row.motion,
         feet=row.feet if row.feet_begun[0] else None,
+        posture=row.posture,
         footing=row.footing,
     )
 

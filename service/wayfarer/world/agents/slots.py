@@ -18,6 +18,7 @@ from wayfarer.world.avoidance.people import Memory
 from wayfarer.world.output.footlock import LockState
 from wayfarer.world.output.ground import Footing
 from wayfarer.world.output.legs import SOLES, Legs
+from wayfarer.world.output.posture import PostureState
 from wayfarer.world.rows import Flags, Float, Int, Int8, Object, Rows, Shape, UInt64
 
 
@@ -108,7 +109,8 @@ class Slots(Rows):
     foot_lock: Flags  # the agent wants its feet locked in what is sent
     legs: Legs
     feet: LockState  # after the frames already sent
-    feet_begun: Flags  # `feet` means something
+    posture: PostureState  # after the frames already sent
+    feet_begun: Flags  # `feet` and `posture` mean something
     scene: Int  # number of the scene that it is in; 0: none
     avoids: Flags  # the others of its session; only in a scene
     route: Route

@@ -15,7 +15,8 @@ An agent that stands or turns on the spot *steps*: the lock keeps the turn of it
 foot that has come too far from where the model has it is lifted and set down there a moment later,
 one foot after the other. So a body that turns, or is moved, takes its feet along as people do.
 
-The hips rise and fall a little more than the model's do, see `LOWERED`, while a foot bears.
+The hips rise and fall a little more than the model's do, see `LOWERED`, while a foot bears. They
+sway more over the foot that bears, too, and go faster from one foot to the other, see `SWAY`.
 
 The point that bears is the lowest of the sole (a soft minimum over heel, balls and toe), so a foot
 rolls over its ball. Only motion is taken off, never a place set, so nothing jumps when the bearing
@@ -119,6 +120,20 @@ LOWERED: Final = 0.013
 """Metres by which hips are raised over feet that are `CLOSE` to each other, as far as knees are
 bent, and lowered over those that are `WIDE` apart: people come down with each step."""
 
+SWAY: Final = 0.016
+SURGE: Final = 0.009
+"""Metres by which hips are moved aside, over the foot that bears, and along their way: the model's
+hips glide, as if on wheels. For steps of `AMPLE` and more; for smaller ones in proportion."""
+
+AMPLE: Final = 0.5
+"""Metres from ankle to ankle, along the facing, …"""
+
+LONG: Final = (0.66, 0.80)
+"""… between which steps are so long that the model's hips surge by themselves, more and more."""
+
+STILL: Final = 0.6
+"""Metres per second: what both feet together are slower than is no step."""
+
 AIRBORNE: Final = (0.0, 0.15)
 """Metres of the lower sole's height between which feet bear less and less: runners are in the air
 for a moment, and a foot that is no longer lowered all at once jumps."""
@@ -173,7 +188,7 @@ class LockState(Rows):
 class Locked:
     """Cleaned frames."""
 
-    translation: Float  # [A, F, 3] hips; lower while the feet are apart
+    translation: Float  # [A, F, 3] hips; lower while the feet are apart, and swaying more
     rotations: Float  # [A, F, 22, 4]; hips, knees and ankles of both legs differ from the input
     contacts: Flags  # [A, F, 2] feet that are held and on the floor
     state: LockState
@@ -259,12 +274,15 @@ def lock_feet(
     leg = (length(legs.knee.T) + length(legs.ankle.T))[:, None]  # [2, 1, A]
     spare = leg - length(pose.ankle - pose.hip)  # a knee that is nearly straight would snap
     kick = np.minimum(_kick(pose.ankle[2] + translation[..., 2].T, height), SPARED * spare)
+    swayed = _swayed(along, facing[:, 0], speed, reach) * bears
     shifts[2] += sunk - kick * bears
+    shifts[:2] -= swayed[:, None]
     if drawn is not None:
         shifts[:2] += drawn
         pose.soles[:2] -= drawn[:, None]
     lowered, cleaned = translation.astype(np.float32), rotations.astype(np.float32)
     lowered[..., 2] -= sunk.T
+    lowered[..., :2] += swayed.T
     cleaned[:, :, MOVED] = move_feet(pose, translation, shifts, turns)
     after = LockState(
         soles=path[:, :, :, -1].T,
@@ -275,7 +293,7 @@ def lock_feet(
         aim=aim.T,
         swing=swing.T,
         shortened=shortened,
-        reach=reach.T,
+        reach=reach[:, -1].T,
         evened=evened[-1],
     )
     return Locked(lowered, cleaned, held.T, after)
@@ -298,7 +316,7 @@ def shorten_steps(
 
 
 def _evened(before: LockState, along: Array, steps: Flags) -> tuple[Array, Array]:
-    """How far each foot gets ahead of the other [2, A], and metres [F, A] that the left one is
+    """How far each foot gets ahead of the other [2, F, A], and metres [F, A] that the left one is
     moved ahead by, and the right one back, so that it is as far: of ankles `along` [2, F, A] the
     facing.
     """
@@ -306,13 +324,15 @@ def _evened(before: LockState, along: Array, steps: Flags) -> tuple[Array, Array
     reach = before.reach.T
     moved: Array = before.evened
     evened = np.empty(lead.shape, np.float32)
+    reaches = np.empty(along.shape, np.float32)
     share = np.where(steps, 0, EVEN).astype(np.float32)  # feet that stand are not moved for it
     for frame, ahead in enumerate(lead):
         reach = np.maximum(reach - FORGET, np.stack([ahead, -ahead]))
+        reaches[:, frame] = reach
         wanted = bounded((reach[1] - reach[0]) / 4, -EVEN_MOST, EVEN_MOST)
         moved = moved + share * (wanted - moved)
         evened[frame] = moved
-    return reach, evened
+    return reaches, evened
 
 
 def _drawn_in(
@@ -342,6 +362,24 @@ def _sunk(pose: LegPose, legs: Legs, drawn: Array | None) -> Array:
     leg = (length(legs.knee.T) + length(legs.ankle.T))[:, None]  # [2, 1, A]
     spare = (leg - length(pose.ankle - pose.hip)).min(0)  # straight knees lift nobody
     return LOWERED * wide - np.minimum(RAISED, spare / 2) * (1 - wide)
+
+
+def _swayed(along: Array, facing: Array, speed: Array, reach: Array) -> Array:
+    """Metres [2, F, A] by which hips are moved that face `facing` [2, F, A], with ankles `along`
+    [2, F, A] that way, sole speeds [2, F, A] and feet that get ahead of each other by `reach`
+    [2, F, A].
+
+    A half of a sine in each step aside, to the foot that bears, and a whole one along. Both are
+    zero when the feet are farthest apart and the weight goes from one foot to the other.
+    """
+    stride = reach.mean(0)
+    phase = bounded((along[0] - along[1]) / np.maximum(stride, 0.1), -1, 1)
+    on_left = (speed[1] - speed[0]) / np.maximum(speed[0] + speed[1], STILL)  # 1: on the left foot
+    strong = on_left * np.minimum(stride / AMPLE, 1)
+    aside = -SWAY * strong * np.cos(np.pi / 2 * phase)  # to the right
+    ahead = SURGE * strong * (1 - _smooth(stride, *LONG)) * np.sin(np.pi * phase)
+    x, y = facing
+    return np.stack([ahead * x + aside * y, ahead * y - aside * x]).astype(np.float32)
 
 
 def _kick(ankle: Array, sole: Array) -> Array:

@@ -1,7 +1,7 @@
 """Posture: how trunk, head and arms are held in what is sent.
 
 The model bends its walkers forward, and their eyes are on the floor; and all of them hold their
-arms alike. Frame by frame, and without a memory:
+arms alike. Frame by frame:
 
     trunk   a part of what it leans forward beyond `UPRIGHT` is removed, up to `TRUNK_MOST`
     head    is levelled: most of its pitch away from `LEVEL` is taken off, as people keep their
@@ -10,20 +10,25 @@ arms alike. Frame by frame, and without a memory:
             turned more or less about themselves, as are hands: each agent's have habits of their
             own, see `habits`. So have trunk and head.
 
+Lean and pitch are those of the last steps, which is all that is remembered: how trunk and head
+swing within a step is left as it is.
+
 Legs and hips are untouched, and so is the motion that the next primitive starts from. Arrays have
 their components first, see `quaternion.py`; angles are radians about axes of the joint above: X to
 the right, Y ahead, Z up.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import radians
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from wayfarer.body.skeleton import joint_names
+from wayfarer.spec import FPS
 from wayfarer.world.output.quaternion import Array, bounded, multiply, stacked, unit
-from wayfarer.world.rows import Float
+from wayfarer.world.rows import Float, Rows
 
 UPRIGHT: Final = (radians(-1.5), radians(1.5))
 """Range over agents of the forward lean of the trunk that is left as it is."""
@@ -43,6 +48,10 @@ HEAD_SHARE: Final = 0.6
 
 HEAD_MOST: Final = radians(15)
 """Largest pitch that is removed."""
+
+FOLLOW: Final = 1 / (0.4 * FPS)
+"""Share by which the remembered lean and pitch follow in a frame: a step takes half a second, and
+little of what comes and goes with it is seen in them."""
 
 SWING: Final = (0.7, 1.35)
 """Factors of the arms' swing, from the one that holds them still to the one that lets them go."""
@@ -85,6 +94,14 @@ _SIDES: Final = np.array([-1.0, 1.0], np.float32)[:, None, None]
 """Arms of the T-pose point along X: the left one to its negative."""
 
 
+@dataclass(slots=True)
+class PostureState(Rows):
+    """How trunk and head have been for the last steps, as the model has them; radians."""
+
+    lean: Float  # that the chest looks up
+    pitch: Float  # that the head does
+
+
 class Habits(NamedTuple):
     """How A agents hold themselves, left arm before right; radians."""
 
@@ -116,30 +133,56 @@ def habits(numbers: Sequence[Array]) -> Habits:
     )
 
 
-def hold(rotations: Float, own: Habits) -> Float:
-    """Rotations [A, F, 22, 4] of frames as the model makes them, as they are sent."""
-    used = [*TRUNK, *SHOULDERS, *ELBOW_JOINTS, *WRISTS]
-    local = np.ascontiguousarray(rotations.take(used, axis=2).transpose(3, 2, 1, 0))
-    trunk, neck, head = local[:, :4], local[:, 4], local[:, 5]
-    spine = [trunk[:, k] for k in range(4)]
-    chest = spine[0]
-    for turn in spine[1:]:
-        chest = multiply(chest, turn)
+def settled(rotations: Float) -> PostureState:
+    """The state of agents who have been in a pose for long: rotations [A, 22, 4]."""
+    chest, head = _looks(_local(rotations[:, None], TRUNK))
+    return PostureState(chest[0], head[0])
 
-    back = bounded(TRUNK_SHARE * (-_pitch(chest) - own.lean), 0, TRUNK_MOST)
-    pitch = _pitch(multiply(multiply(chest, neck), head)) + back
-    up = bounded(HEAD_SHARE * (own.level - pitch), -HEAD_MOST, HEAD_MOST)
+
+def hold(before: PostureState, rotations: Float, own: Habits) -> tuple[Float, PostureState]:
+    """Rotations [A, F, 22, 4] of frames as the model makes them, as they are sent. Many frames at
+    once or in pieces, the result is the same.
+    """
+    local = _local(rotations, [*TRUNK, *SHOULDERS, *ELBOW_JOINTS, *WRISTS])
+    lean, pitch = (
+        _followed(*known)
+        for known in zip((before.lean, before.pitch), _looks(local[:, :6]), strict=True)
+    )
+    back = bounded(TRUNK_SHARE * (-lean - own.lean), 0, TRUNK_MOST)
+    up = bounded(HEAD_SHARE * (own.level - (pitch + back)), -HEAD_MOST, HEAD_MOST)
     held = rotations.copy()
     for joint, turned in (
-        (SPINE, _about_x(back, spine[1])),
-        (NECK, _about_x(up / 2, neck)),
-        (HEAD, _about_x(up / 2, head)),
+        (SPINE, _about_x(back, local[:, 1])),
+        (NECK, _about_x(up / 2, local[:, 4])),
+        (HEAD, _about_x(up / 2, local[:, 5])),
     ):
         held[:, :, joint] = turned.transpose(2, 1, 0)
     arms = _arms(local[:, 6:8], local[:, 8:10], local[:, 10:12], own)
     for joints, turned in zip((SHOULDERS, ELBOW_JOINTS, WRISTS), arms, strict=True):
         held[:, :, joints] = turned.transpose(3, 2, 1, 0)
-    return held
+    return held, PostureState(lean[-1], pitch[-1])
+
+
+def _local(rotations: Float, joints: Sequence[int]) -> Array:
+    """Those of some joints, components first [4, J, F, A]."""
+    return np.ascontiguousarray(rotations.take(joints, axis=2).transpose(3, 2, 1, 0))
+
+
+def _looks(trunk: Array) -> tuple[Array, Array]:
+    """Radians [F, A] that chest and head look up, of rotations [4, 6, F, A] from hips to head."""
+    chest = trunk[:, 0]
+    for k in range(1, 4):
+        chest = multiply(chest, trunk[:, k])
+    return _pitch(chest), _pitch(multiply(multiply(chest, trunk[:, 4]), trunk[:, 5]))
+
+
+def _followed(value: Array, values: Array) -> Array:
+    """What follows `values` [F, A] by degrees, from `value` [A] on."""
+    found = np.empty_like(values)
+    for frame, now in enumerate(values):
+        value = value + np.float32(FOLLOW) * (now - value)
+        found[frame] = value
+    return found
 
 
 def _arms(

@@ -1,4 +1,4 @@
-"""Foot lock of agents: from slots and chunks to `footlock.py` and back.
+"""Foot lock and posture of agents: from slots and chunks to `footlock.py`, `posture.py` and back.
 
 It works on chunks as they leave. What has been sent is never replaced, so one state per slot is
 enough: replanning throws away only frames that have not come here.
@@ -12,7 +12,7 @@ from wayfarer.world.agents.agent import ChunkFlag
 from wayfarer.world.agents.slots import Gait, Mode, Slots
 from wayfarer.world.agents.style import draws
 from wayfarer.world.output.footlock import begin, lock_feet, shorten_steps
-from wayfarer.world.output.posture import DRAWN, habits, hold
+from wayfarer.world.output.posture import DRAWN, habits, hold, settled
 from wayfarer.world.rows import Flags, Index
 from wayfarer.world.stepping.playback import Sent
 
@@ -35,19 +35,22 @@ def clean_feet(slots: Slots, sent: Sent) -> None:
     if not len(rows):
         return
     translation, rotations = chunks.translation[wanted], chunks.rotations[wanted]
-    legs, feet = slots.legs.take(rows), slots.feet.take(rows)
+    legs, feet, posture = slots.legs.take(rows), slots.feet.take(rows), slots.posture.take(rows)
     jumps = (chunks.flags[wanted] & ChunkFlag.FIRST) > 0
     if len(new := np.flatnonzero(jumps | ~slots.feet_begun[rows])):
         state = begin(legs.take(new), translation[new, 0], rotations[new, 0])
         state.shortened[:] = feet.shortened[new]
         feet.put(new, state)
+        posture.put(new, settled(rotations[new, 0]))
     steps = _on_the_spot(chunks.end.gait)[wanted]
     shortened = chunks.end.gait.shortened[wanted]
     locked = lock_feet(feet, legs, translation, rotations, steps, shortened)
     slots.feet.put(rows, locked.state)
     slots.feet_begun[rows] = True
-    chunks.translation[wanted] = locked.translation
-    chunks.rotations[wanted] = hold(locked.rotations, habits(draws(slots.noise_seed[rows], DRAWN)))
+    own = habits(draws(slots.noise_seed[rows], DRAWN))
+    held, posture = hold(posture, locked.rotations, own)
+    slots.posture.put(rows, posture)
+    chunks.translation[wanted], chunks.rotations[wanted] = locked.translation, held
     chunks.contacts[wanted] = locked.contacts
 
 
