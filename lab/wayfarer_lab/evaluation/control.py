@@ -6,7 +6,7 @@ level are the body's clones, and the simulation ends when one of them reaches th
 primitives. *Online* methods are the service's own: one body, without going back.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -19,6 +19,7 @@ from wayfarer.model_bundle import Bodies
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal
+from wayfarer.world.agents.slots import Motion
 from wayfarer.world.rows import Index
 from wayfarer.world.search.beam import grow
 from wayfarer.world.search.beam_settings import BeamSettings
@@ -73,12 +74,19 @@ def offline(
     pairs: Sequence[Pair],
     settings: BeamSettings,
     random: np.random.Generator,
+    lead: Callable[[Sequence[AgentSpec], Sequence[Motion]], None] | None = None,
 ) -> Iterator[Trial]:
-    """Trials by tree search; `settings.reach` must be the nearer of the two distances, 0.3 m."""
+    """Trials by tree search; `settings.reach` must be the nearer of the two distances, 0.3 m.
+
+    `lead` may move the standing bodies on before their trees begin.
+    """
     for begin in range(0, len(pairs), TOGETHER):
         some = pairs[begin : begin + TOGETHER]
         specs, goals = [p.spec for p in some], [[p.goal] for p in some]
-        problem = PlanningProblem.of(specs, world.prepare(specs), goals)
+        motions = world.prepare(specs)
+        if lead is not None:
+            lead(specs, motions)
+        problem = PlanningProblem.of(specs, motions, goals)
         trees = grow(engine, problem, settings)
         owners = _owners(trees[0].levels)
         for row, (pair, tree) in enumerate(zip(some, trees, strict=True)):

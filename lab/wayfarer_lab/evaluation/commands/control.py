@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -35,6 +35,9 @@ from wayfarer_lab.evaluation.control import (
 from wayfarer_lab.evaluation.outcome import NEAR
 from wayfarer_lab.evaluation.tracks import Recorded
 from wayfarer_lab.training.mocap.selection import Use
+
+if TYPE_CHECKING:  # loads torch, which `wayfarer eval --help` must not
+    from wayfarer_lab.evaluation.lead import Lead
 
 app = typer.Typer()
 
@@ -69,6 +72,13 @@ def control(
             help="Only methods whose names begin so, as 'policy(10)'.", show_default="all"
         ),
     ] = "",
+    lead: Annotated[
+        bool,
+        typer.Option(
+            "--lead",
+            help="Offline rows begin with a primitive of --models' 1-frame predictor.",
+        ),
+    ] = False,
     pairs: Annotated[
         int, typer.Option(help="Number of random bodies, each with a goal.", min=1)
     ] = 100,
@@ -86,11 +96,14 @@ def control(
     --models; the shipped one is trained by analytic gradients, which the paper does not do
     (docs/models.md). The rows policy(10) and policy(1) need --policy-10 and --policy-1: PPO with
     that weight of the KL term (Eq. 10). "search" rows are single bodies in the world that serves,
-    with K candidates per step. Only the last row has the foot lock.
+    with K candidates per step. Only the last row has the foot lock. Bodies begin at rest; with
+    --lead those of offline rows begin as the paper's, with a primitive of the 1-frame predictor;
+    a policy that was trained so seldom sets off without it.
     """
     shipped = open_bundle(models, threads)
     of_paper = {"policy(10)": policy_10, "policy(1)": policy_1}
-    methods = chosen(list(_methods(shipped, of_paper, g_cvae, pairs, threads, seed)), only)
+    first = _lead(models, threads, seed) if lead else None
+    methods = chosen(list(_methods(shipped, of_paper, g_cvae, pairs, threads, seed, first)), only)
     everyone = random_pairs(pairs, speed, np.random.default_rng(seed))
     body = shipped.bodies["male"]
     rows = []
@@ -107,7 +120,7 @@ def control(
         rows.append(mocap_row(report.MOCAP, recorded, body))
     finish(
         json, {"Control": rows}, PLOTS, **origin(models, None, data, split, seed),
-        policy_10=str(policy_10), policy_1=str(policy_1), g_cvae=str(g_cvae), only=only,
+        policy_10=str(policy_10), policy_1=str(policy_1), g_cvae=str(g_cvae), only=only, lead=lead,
         pairs=pairs, speed_mps=speed,
     )  # fmt: skip
 
@@ -128,6 +141,7 @@ def _methods(
     pairs: int,
     threads: int,
     seed: int,
+    lead: "Lead | None" = None,
 ) -> Iterator[ControlMethod]:
     """Rows in the order of Table 1, then those of the service.
 
@@ -137,7 +151,7 @@ def _methods(
     if g_cvae:
         bundle = open_bundle(g_cvae, threads)
         yield ControlMethod(
-            "g-CVAE", _offline(bundle, seed, BeamSettings.paper(policy=0.0, reach=NEAR))
+            "g-CVAE", _offline(bundle, seed, BeamSettings.paper(policy=0.0, reach=NEAR), lead)
         )
     trained = {"policy": shipped} if shipped.has_policy else {}
     for name, folder in of_paper.items():
@@ -149,9 +163,9 @@ def _methods(
     for ending, top in tops.items():
         for name, bundle in trained.items():
             settings = BeamSettings.paper(top, reach=NEAR)
-            yield ControlMethod(name + ending, _offline(bundle, seed, settings))
+            yield ControlMethod(name + ending, _offline(bundle, seed, settings, lead))
     prior = BeamSettings.paper(1, policy=0.0, reach=NEAR)
-    yield ControlMethod(f"{PRIOR} & top1", _offline(shipped, seed, prior))
+    yield ControlMethod(f"{PRIOR} & top1", _offline(shipped, seed, prior, lead))
 
     yield ControlMethod(f"search K=8 {PRIOR}", _online(shipped, pairs, candidates=8, policy=0.0))
     for candidates in (8, 4, 1) if shipped.has_policy else ():
@@ -162,9 +176,16 @@ def _methods(
         yield ControlMethod("search K=8 π, foot lock", run)
 
 
-def _offline(bundle: ModelBundle, seed: int, settings: BeamSettings) -> Run:
+def _lead(models: Path, threads: int, seed: int) -> "Lead":
+    from wayfarer_lab.evaluation.lead import Lead
+    from wayfarer_lab.evaluation.parts import load_parts
+
+    return Lead(load_parts(models, None, threads), seed)
+
+
+def _offline(bundle: ModelBundle, seed: int, settings: BeamSettings, lead: "Lead | None") -> Run:
     world, random = bundle.world(TOGETHER, Steering()), np.random.default_rng(seed)
-    return lambda pairs: offline(bundle.engine, world, bundle.bodies, pairs, settings, random)
+    return lambda pairs: offline(bundle.engine, world, bundle.bodies, pairs, settings, random, lead)
 
 
 def _online(

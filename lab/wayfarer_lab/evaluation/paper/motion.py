@@ -154,7 +154,8 @@ def methods(bundles: Mapping[str, tuple[ModelBundle, float]], seed: int) -> list
         world = bundle.world(1, Steering())
         settings = BeamSettings.paper(policy=share, reach=NEAR)
         problem = PlanningProblem.of([pair.spec], world.prepare([pair.spec]), [[pair.goal]])
-        plan = grow(bundle.engine, problem, settings)[0].plan()
+        (tree,) = grow(bundle.engine, problem, settings)
+        plan = tree.plan(int(np.argmin(tree.distances)))
         body = bundle.bodies[pair.spec.gender]
         betas = np.array(pair.spec.betas)
         joints = joints_of(body, betas, plan.translation, plan.rotations)
