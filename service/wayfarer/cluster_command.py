@@ -29,7 +29,9 @@ if TYPE_CHECKING:  # Ray takes seconds to import
 
 log = structlog.get_logger(__name__)
 
-SECRET: Final = "WAYFARER_CLUSTER_SECRET"
+SECRET: Final = "WF_CLUSTER_SECRET"
+"""Variable of the environment; not of the prefix under which settings are looked for."""
+
 SECRET_LENGTH: Final = 16
 LOOK_S: Final = 2.0
 """Between looks whether Ray has another machine."""
@@ -154,7 +156,9 @@ async def _covered(
                     f"nodes on {host} cannot be reached at {settings.host}; give --host 0.0.0.0"
                 )
             plan = _plan(f"node-{machine[:12]}", number, settings, {}, secret, go_on)
-            ray.keep(plan.model_copy(update={"host": host}), machine)
+            if not settings.is_loopback:
+                plan = plan.model_copy(update={"host": host})
+            ray.keep(plan, machine)
 
     async def covering() -> None:
         while True:

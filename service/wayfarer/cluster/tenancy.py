@@ -17,7 +17,7 @@ from wayfarer.errors import Unavailable
 from wayfarer.ids import slot_of
 
 FRESH_S: Final = 120.0
-"""A slot that was given out is in use for this long, even if nothing is seen in it: a scene that
+"""A slot that was given out is in use for this long, until something is seen in it: a scene that
 is being baked is not there yet."""
 
 
@@ -130,7 +130,11 @@ class Tenancy:
     def renewal(self, load: NodeLoad, present: Collection[int]) -> LeaseRenewal:
         """`present`: slots of the sessions and scenes that are here."""
         now = self._clock()
-        self._fresh = {s: at for s, at in self._fresh.items() if now - at < FRESH_S}
+        self._fresh = {
+            slot: at
+            for slot, at in self._fresh.items()
+            if now - at < FRESH_S and slot not in present
+        }
         for slot in set(present) - self._held.keys() - self._lost - self._coming:
             self._held[slot] = self._pool.pop(slot, 0)  # an imported snapshot
             self._used.add(slot)
