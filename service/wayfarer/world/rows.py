@@ -114,8 +114,9 @@ def flat_columns(rows: type[Rows], path: str = "") -> Iterator[Column]:
             yield Column(path + name, np.dtype(kind), shape)
 
 
-def _names(rows: type) -> list[str]:
-    return [name for name, *_ in _columns(rows)]
+@cache
+def _names(rows: type) -> tuple[str, ...]:
+    return tuple(name for name, *_ in _columns(rows))
 
 
 def _columns(rows: type) -> tuple[tuple[str, Any, tuple[int, ...]], ...]:

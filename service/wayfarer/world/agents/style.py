@@ -44,7 +44,10 @@ def sets_off(noise_seed: Seeds, chunk: Index, moments: int) -> Flags:
 
 def manner(noise_seed: Seeds) -> Float:
     """Latents [A, 128] ~ N(0, I), one of each agent for ever."""
-    return np.stack([_manner(seed) for seed in noise_seed.tolist()])
+    if not len(noise_seed):
+        return np.zeros((0, LATENT), np.float32)
+    found = np.concatenate([_manner(seed) for seed in noise_seed.tolist()])
+    return found.reshape(-1, LATENT)  # `np.stack` looks at each of them
 
 
 @lru_cache(REMEMBERED)

@@ -326,8 +326,9 @@ def _evened(before: LockState, along: Array, steps: Flags) -> tuple[Array, Array
     evened = np.empty(lead.shape, np.float32)
     reaches = np.empty(along.shape, np.float32)
     share = np.where(steps, 0, EVEN).astype(np.float32)  # feet that stand are not moved for it
-    for frame, ahead in enumerate(lead):
-        reach = np.maximum(reach - FORGET, np.stack([ahead, -ahead]))
+    leads = np.stack([lead, -lead], 1)  # [F, 2, A]
+    for frame, ahead in enumerate(leads):
+        reach = np.maximum(reach - FORGET, ahead)
         reaches[:, frame] = reach
         wanted = bounded((reach[1] - reach[0]) / 4, -EVEN_MOST, EVEN_MOST)
         moved = moved + share * (wanted - moved)
@@ -433,7 +434,9 @@ def _begun(
     to_left = lag - (turn[0] + turn[1]) / STEP_TURN
     left_first = error[0] + np.where(to_left > 0, LEADING, -LEADING) >= error[1]
     free = may[0] & may[1] & (swing[0] == 0) & (swing[1] == 0)
-    sets_out = free & (error > np.where(rests, TIDY, 1)) & np.stack([left_first, ~left_first])
+    sets_out = free & (error > np.where(rests, TIDY, 1))
+    sets_out[0] &= left_first
+    sets_out[1] &= ~left_first
     return np.where(sets_out, np.int8(STEP_FRAMES), swing)
 
 

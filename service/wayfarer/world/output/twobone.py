@@ -86,7 +86,7 @@ def move_ankles(pose: LegPose, shift: Array, turn: Array | None = None) -> Array
     foot_turn = pose.ankle_turn
     if turn is not None:
         half = turn / 4
-        along = unit(target) * np.where(target[2] < 0, -1, 1)
+        along = unit(target) * np.where(target[2] < 0, np.float32(-1), np.float32(1))
         swing = multiply(_quaternion(along * np.sin(half), np.cos(half)), swing)
         zero = np.zeros_like(turn)
         foot_turn = multiply(stacked(zero, zero, np.sin(turn / 2), np.cos(turn / 2)), foot_turn)

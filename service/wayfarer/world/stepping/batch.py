@@ -47,12 +47,14 @@ def assemble(
 ) -> StepInputs:
     """Engine inputs of the step that `gait` is for: betas [A, 10], noise [A, K, 128] ~ N(0, I)."""
     target = steering.targets(gait, seed, goals)
+    place = np.zeros((len(betas), 3), np.float32)  # the floor, as in training: height 0
+    place[:, :2] = target.place
     return StepInputs(
         seed_markers=seed.markers,
         seed_translation=seed.translation,
         seed_rotations=seed.rotations,
         betas=betas,
-        goal=np.pad(target.place, ((0, 0), (0, 1))),  # the floor, as in training: height 0
+        goal=place,
         target_speed=target.speed,
         facing=target.facing,
         term_weights=steering.term_weights(gait.mode),

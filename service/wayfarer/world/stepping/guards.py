@@ -76,16 +76,21 @@ def smoothed(seed: Seeds, translation: Float, rotations: Float, legs: Legs) -> F
     """Rotations [A, F, 22, 4] of a step from `seed`, without impossible knees and jerks; its hips
     are at translation [A, F, 3].
     """
-    unjerked = _unjerked(seed, _turnable(_bendable(rotations, legs)))
-    return _unwhipped(seed, translation, unjerked, legs)
+    able = _turnable(_bendable(rotations, legs))
+    path = np.concatenate([seed.rotations, able], 1)
+    jerks = _jerks(path).max(1)  # [A, 22]
+    unjerked = _unjerked(able, path, jerks > _LIMITS)
+    if unjerked is not able:
+        path = np.concatenate([seed.rotations, unjerked], 1)
+        jerks = _jerks(path).max(1)
+    return _unwhipped(seed, translation, unjerked, path, jerks, legs)
 
 
-def _unjerked(seed: Seeds, rotations: Float) -> Float:
-    path = np.concatenate([seed.rotations, rotations], 1)
-    over = _jerks(path) > _LIMITS  # [A, F, 22]
+def _unjerked(rotations: Float, path: Float, over: Flags) -> Float:
+    """The same where joints [A, 22] that are `over` their limits go another way than `path`."""
     if not over.any():
         return rotations
-    rows, joints = np.nonzero(over.any(1))
+    rows, joints = np.nonzero(over)
     paths = _alike(path[rows, :, joints])
     before = _jerks(paths).max(1)
     smooth = _smoothest(paths)
@@ -100,9 +105,10 @@ def _unjerked(seed: Seeds, rotations: Float) -> Float:
     return mended
 
 
-def _unwhipped(seed: Seeds, translation: Float, rotations: Float, legs: Legs) -> Float:
-    path = np.concatenate([seed.rotations, rotations], 1)
-    turning = 2 * np.sqrt(_jerks(path).max(1))  # [A, 22] radians per frame²
+def _unwhipped(
+    seed: Seeds, translation: Float, rotations: Float, path: Float, jerks: Float, legs: Legs
+) -> Float:
+    turning = 2 * np.sqrt(jerks)  # [A, 22] radians per frame²
     farthest = sum(arm * turning[:, joints] for arm, joints in zip(REACHES, _LEG, strict=True))
     rows = np.flatnonzero((farthest > WHIP).any(-1))
     if not len(rows):  # nearly always: nobody need be posed

@@ -64,32 +64,36 @@ _JOINTS: Final = _pairs(skeleton.joint_names()[:POSED_JOINTS], skeleton.mirrored
 
 def _of_markers(markers: Float) -> Float:
     """[..., 67, 3]"""
-    return _flipped(markers[..., _MARKERS, :])
+    return _flipped(markers.take(_MARKERS, -2))
 
 
 def _of_rotations(rotations: Float) -> Float:
     """[..., 22, 4]: the part about x and the cosine stay, those about y and z change sign."""
-    turned: Float = rotations[..., _JOINTS, :] * np.array([1, -1, -1, 1], np.float32)
-    return turned
+    return _negated(rotations.take(_JOINTS, -2), (1, 2))
 
 
 def _flipped(points: Float) -> Float:
     """Points or directions [..., D] with their x negated."""
-    flipped = points.copy()
-    flipped[..., 0] *= -1
-    return flipped
+    return _negated(points, (0,))
 
 
 def _of_obstacles(obstacles: Float) -> Float:
     """[..., 7] as in `StepInputs.obstacles`: ends and velocity."""
-    flipped = obstacles.copy()
-    flipped[..., [0, 2, 4]] *= -1
-    return flipped
+    return _negated(obstacles, (0, 2, 4))
+
+
+def _negated(values: Float, components: Sequence[int]) -> Float:
+    """The same array with some components negated, one after the other: each is an even stride."""
+    for component in components:
+        values[..., component] *= -1
+    return values
 
 
 def _put(values: Float, rows: Flags, change: Callable[[Float], Float]) -> Float:
+    """`values` with `rows` changed; `change` may write into what it gets."""
     if not rows.any():
         return values
+    which = np.flatnonzero(rows)
     changed = values.copy()
-    changed[rows] = change(values[rows])
+    changed[which] = change(values.take(which, 0))
     return changed
