@@ -114,8 +114,12 @@ def flat_columns(rows: type[Rows], path: str = "") -> Iterator[Column]:
             yield Column(path + name, np.dtype(kind), shape)
 
 
-@cache
 def _names(rows: type) -> tuple[str, ...]:
+    return _read_names(rows)
+
+
+@cache
+def _read_names(rows: type) -> tuple[str, ...]:
     return tuple(name for name, *_ in _columns(rows))
 
 

@@ -97,7 +97,7 @@ def _unjerked(rotations: Float, path: Float, over: Flags) -> Float:
     # where a joint came fast and ends near by, that way is the more abrupt one
     after = _jerks(np.concatenate([paths[:, :SEED_FRAMES], smooth], 1)).max(1)
     better = (before > _LIMITS[joints]) & (after < before)
-    if not better.any():
+    if not np.any(better):
         return rotations
     rows, joints = rows[better], joints[better]
     mended = rotations.copy()
