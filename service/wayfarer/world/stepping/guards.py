@@ -97,7 +97,7 @@ def _unjerked(rotations: Float, path: Float, over: Flags) -> Float:
     # where a joint came fast and ends near by, that way is the more abrupt one
     after = _jerks(np.concatenate([paths[:, :SEED_FRAMES], smooth], 1)).max(1)
     better = (before > _LIMITS[joints]) & (after < before)
-    if not np.any(better):
+    if not better.any():
         return rotations
     rows, joints = rows[better], joints[better]
     mended = rotations.copy()
@@ -110,7 +110,7 @@ def _unwhipped(
 ) -> Float:
     turning = 2 * np.sqrt(jerks)  # [A, 22] radians per frame²
     farthest = sum(arm * turning[:, joints] for arm, joints in zip(REACHES, _LEG, strict=True))
-    rows = np.flatnonzero((farthest > WHIP).any(-1))
+    rows = np.flatnonzero(np.any(farthest > WHIP, -1))
     if not len(rows):  # nearly always: nobody need be posed
         return rotations
     hips = np.concatenate([seed.translation[rows], translation[rows]], 1)
