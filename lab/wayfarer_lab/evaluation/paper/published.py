@@ -281,7 +281,7 @@ MOTIONS: Final = {
     "fig_4": (
         "Fig. 4: the same body and goal by method",
         "A body each 0.8 s and, in colour, at the end; of 32 clones the one that arrives first or "
-        "comes nearest. No search.",
+        "comes nearest. No search; bodies begin at rest.",
     ),
     "fig_s1": (
         "Fig. S1: six primitives of one seed",
