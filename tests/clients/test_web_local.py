@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 
 from tests.clients.web_scripts import FOLDER, node
+from tests.viewer.characters import MANNEQUIN
 from tests.viewer.chromium import Page, find_chromium, needs_chromium
 from wayfarer.engines.onnx_engine import OnnxEngine
 from wayfarer.model_bundle import DEFAULT_MODEL, START_POSES, load_bodies, load_models
@@ -275,7 +276,9 @@ PLACES = "[...session.agents.values()].map(({ frame }) => [...frame.subarray(0, 
 
 @needs_chromium
 def test_the_demo_needs_nothing_but_a_web_host(demo, tmp_path):
-    """People wander; a click sends the nearest one, who gets there; nothing more is loaded."""
+    """Up to 50 wander, and a character that is dropped; a click sends the nearest one, who gets
+    there, with the host shut down.
+    """
     files = functools.partial(_Quiet, directory=str(demo))
     server = ThreadingHTTPServer(("127.0.0.1", 0), files)
     threading.Thread(target=server.serve_forever, daemon=True).start()
@@ -284,6 +287,22 @@ def test_the_demo_needs_nothing_but_a_web_host(demo, tmp_path):
         page.wait_for(
             "globalThis.demo?.people.size === 10"
             " && [...demo.people.values()].every(({ played, body }) => played.shown && body)",
+            120,
+        )
+        page.wait_for(
+            "(document.querySelector('#more').click(), demo.people.size === 50)"
+            " && [...demo.people.values()].every(({ body }) => body)",
+            120,
+        )
+        page.evaluate("document.querySelector('#fewer').click()")
+        page.wait_for("demo.people.size === 42", 60)
+        page.drop(MANNEQUIN, 500, 400)
+        page.wait_for("document.querySelector('#state').textContent.includes(' walks, and')", 60)
+        dropped = "[...demo.people.values()].find(({ body }) => body?.object)"
+        start = page.evaluate(f"[...{dropped}.played.frame]")
+        page.wait_for(
+            f"(([x, , z]) => Math.hypot(x - {start[0]}, z - {start[2]}) > 0.3)"
+            f"({dropped}.played.frame)",
             120,
         )
         server.shutdown()

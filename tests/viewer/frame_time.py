@@ -18,15 +18,10 @@ import numpy as np
 
 from tests.serving import Service
 from tests.viewer.chromium import CONNECTION, Page, find_chromium
+from tests.viewer.threads import NO_DRAWING, cpu_ms, main_thread
 
 FRAMES = 600
 FPS = 60
-NO_DRAWING = """{
-  const { prototype } = WebGL2RenderingContext;
-  for (const name of Object.getOwnPropertyNames(prototype)) {
-    if (/^(draw(Arrays|Elements)|clear$|texSubImage2D)/.test(name)) prototype[name] = () => {};
-  }
-}"""
 BY_HAND = """
   wayfarer.stage.renderer.setAnimationLoop(null);
   globalThis.walls = [];
@@ -35,36 +30,6 @@ BY_HAND = """
     wayfarer.frame();
     walls.push(performance.now() - begun);
   };"""
-
-
-def main_thread(browser: int) -> Path:
-    """What the kernel has counted of the main thread of the browser's busiest page (Linux)."""
-    parents, pages = {}, []
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            number = int(folder.name)
-            parents[number] = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
-            if b"--type=renderer" in (folder / "cmdline").read_bytes():
-                pages.append(number)
-        except OSError:
-            continue  # it has ended
-    below = [page for page in pages if browser in ancestors(page, parents)]
-    counts = [Path(f"/proc/{page}/task/{page}/schedstat") for page in below]
-    return max(counts, key=cpu_ms)
-
-
-def ancestors(process: int, parents: dict[int, int]) -> set[int]:
-    """Of a process."""
-    found: set[int] = set()
-    while process in parents:
-        process = parents[process]
-        found.add(process)
-    return found
-
-
-def cpu_ms(thread: Path) -> float:
-    """Milliseconds that a thread has run."""
-    return int(thread.read_text().split()[0]) / 1e6
 
 
 def main(people: int, scene: str) -> None:
@@ -86,7 +51,7 @@ def main(people: int, scene: str) -> None:
         page.wait_for(f"{fine} >= {min(people, 24)} && !wayfarer.crowd.refining", 120)
         time.sleep(10)  # names have been drawn, shaders and functions are compiled
         page.evaluate(f"{{{BY_HAND}}}")
-        thread = main_thread(page.process_id)
+        thread = main_thread(page)
         counts = [cpu_ms(thread)]
         due = time.monotonic()
         for _ in range(FRAMES):

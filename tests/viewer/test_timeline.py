@@ -256,19 +256,35 @@ def test_a_shared_link_replays_alike_each_time(page: Page):
     address = page.wait_for("document.querySelector('#share-address').value", 10)
     assert len(address) < 2000
     made = page.call("Page.addScriptToEvaluateOnNewDocument", source=KEEP_STEPS)
+    poses = "step.batches.map(({ chunks }) => [chunks.poses, chunks.contacts, chunks.aliases])"
     seen = []
     for _ in range(2):
         page.call("Page.navigate", url="about:blank")
         page.call("Page.navigate", url=address)
         page.wait_for(f"globalThis.steps?.length >= 3 && {SHOWN} === 2", 60)
-        poses = "step.batches.map(({ chunks }) => [chunks.poses, chunks.contacts, chunks.aliases])"
         seen.append(page.evaluate(f"steps.slice(0, 3).map((step) => {poses})"))
         assert page.evaluate(f"{PEOPLE}.map(({{ agent }}) => agent.name).sort()") == names
         assert page.evaluate("document.querySelector('#scene').value") == "corridor"
-    page.call("Page.removeScriptToEvaluateOnNewDocument", identifier=made["identifier"])
     assert seen[0] == seen[1]
     page.wait_for(f"{LENGTH} > 1", 30)  # its timeline
     assert np.abs(np.array(page.evaluate(FIRST_PLACES)) - places).max() < 4
+    # from the moment shown on, with the same people over them whose seeds are others
+    page.evaluate("document.querySelector('#share').click()")
+    page.evaluate(
+        "(() => { const beside = document.querySelector('#share-beside'); beside.value = 'seeds';"
+        " beside.dispatchEvent(new Event('change')); })()"
+    )
+    onward = page.evaluate("document.querySelector('#share-address').value")
+    page.call("Page.navigate", url="about:blank")
+    page.call("Page.navigate", url=onward)
+    page.wait_for(f"globalThis.steps?.length >= 2 && {SHOWN} === 4", 60)
+    both = page.evaluate(f"steps.slice(0, 2).map((step) => {poses})")
+    assert seen[0][0] in both and both[0] != both[1]
+    twice = page.evaluate(f"{PEOPLE}.map(({{ agent }}) => agent.name)")
+    assert sorted(twice) == sorted([*names, *(f"{name}, other seed" for name in names)])
+    begun = float(onward.rpartition("at=")[2].split("&")[0])
+    assert page.evaluate("wayfarer.history.begun") == pytest.approx(begun, abs=1e-6)
+    page.call("Page.removeScriptToEvaluateOnNewDocument", identifier=made["identifier"])
     page.evaluate("document.querySelector('#stop').click()")
     page.evaluate("wayfarer.tools.send({ x: -3, y: 0, z: 0 })")
     page.wait_for("document.querySelector('#messages').textContent.includes('replay')", 10)

@@ -108,7 +108,7 @@ async function add(count) {
   const specs = Array.from({ length: Math.min(count, MOST - people.size) }, () => {
     const number = made++;
     const { gender, betas } = looks[number % looks.length];
-    const angle = 2.4 * number, away = 4.5 + 5 * ((number * 0.618) % 1); // around the fountain
+    const angle = (2.4 * number) % (2 * Math.PI), away = 4.5 + 5 * ((number * 0.618) % 1); // around the fountain
     const position = { x: away * Math.sin(angle), z: away * Math.cos(angle) };
     return { name: `person ${number + 1}`, gender, betas, position, heading: angle, seed: number };
   });
@@ -151,6 +151,8 @@ for (const [id, act] of [["more", () => add(MORE)], ["fewer", () => remove(MORE)
     busy = true;
     try {
       await act();
+    } catch (error) {
+      part("state").textContent = error.message;
     } finally {
       busy = false;
       part("more").disabled = people.size >= MOST;

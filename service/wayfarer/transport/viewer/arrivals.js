@@ -6,10 +6,25 @@ const AT_FIRST = 10; // people who walk there when the page opens
 const SOON = 50; // ms between two looks whether somebody has come
 
 export class Arrivals {
-  /** `place`: the scene panel; `met(person)`: somebody who was waited for is there; `fetchBody(agent)` gets its body before it is seen. */
-  constructor({ api, stage, place, crowd, session, errands, met, fetchBody }) {
-    Object.assign(this, { api, stage, place, crowd, session, errands, met, fetchBody });
+  /** `place`: the scene panel; `met(person)`: somebody who was waited for is there; `detail`: of all bodies, if it is given. */
+  constructor({ api, stage, place, crowd, session, errands, met, detail }) {
+    Object.assign(this, { api, stage, place, crowd, session, errands, met, detail });
     this.bodies = new Map(); // gender → body
+  }
+
+  /** Where somebody's body is, and what it is asked for with: [URL, headers]. `detail`: "low" or "high". */
+  mesh(agent, detail) {
+    const url = new URL(this.bodies.get(agent.gender).glb_path, location.href);
+    url.searchParams.set("betas", agent.betas.map((beta) => beta.toFixed(4)).join(","));
+    url.searchParams.set("style", agent.alias);
+    url.searchParams.set("detail", this.detail ?? detail);
+    return [url.href, this.api.access.headers];
+  }
+
+  /** Let the browser have a body before the stream tells of the person. */
+  #fetchBody(agent) {
+    const [url, headers] = this.mesh(agent, "low");
+    fetch(url, { headers }).then((answer) => answer.arrayBuffer()).catch(() => {}); // who is seen asks again, and tells
   }
 
   /** Create people on free places near what is looked at, or `near` a place; `how`: what all of them have. As the API describes them. */
@@ -34,7 +49,7 @@ export class Arrivals {
   async roamers(count, near) {
     const made = await this.create(count, {}, near);
     const told = made.map(({ agent_id: id }) => this.errands.roamAgent(id, near));
-    for (const agent of made) this.fetchBody(agent); // after what they are told: a browser asks for six things at a time
+    for (const agent of made) this.#fetchBody(agent); // after what they are told: a browser asks for six things at a time
     await Promise.all(told);
   }
 

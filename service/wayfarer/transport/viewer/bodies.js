@@ -28,12 +28,14 @@ export class Bodies {
     this.group.add(unseen.mesh);
   }
 
-  /** Load a body for one person: a promise of { pose(frame), hide(), height, rig, remove() }. */
-  async load(url, headers, boneNames) {
+  /** Load a body for one person, all of one colour if `colour` is given: a promise of { pose(frame), hide(), height, rig, remove() }. */
+  async load(url, headers, boneNames, colour = null) {
     await this.#turn();
     try {
       const loader = new GLTFLoader().setRequestHeader(headers);
-      return this.#place(bodyOf((await loader.loadAsync(url)).scene, boneNames));
+      const body = bodyOf((await loader.loadAsync(url)).scene, boneNames);
+      if (colour) body.color = uniform(colour, body.position.length / 3);
+      return this.#place(body);
     } finally {
       this.loading -= 1;
       this.waiting.shift()?.();
@@ -230,7 +232,12 @@ function heightOf(places) {
 /** The colour of a part's material for each of its vertices: red, green, blue, opacity, 0 to 255. */
 function colours({ material, geometry }) {
   const { r, g, b } = material.color;
-  const one = [r, g, b, 1].map((share) => Math.round(255 * share));
+  return uniform([r, g, b], geometry.attributes.position.count);
+}
+
+/** A colour [red, green, blue], 0 to 1, for each of some vertices. */
+function uniform(colour, count) {
+  const one = [...colour, 1].map((share) => Math.round(255 * share));
   const [together] = new Uint32Array(Uint8Array.from(one).buffer);
-  return new Uint8Array(new Uint32Array(geometry.attributes.position.count).fill(together).buffer);
+  return new Uint8Array(new Uint32Array(count).fill(together).buffer);
 }

@@ -35,6 +35,12 @@ export class Crowd {
     return [...this.members.values()];
   }
 
+  /** Who is shown and nearest to a place of the ground; or null. */
+  nearestTo({ x, z }) {
+    const gap = (person) => Math.hypot(person.x - x, person.z - z);
+    return this.people.filter(({ shown }) => shown).sort((a, b) => gap(a) - gap(b))[0] ?? null;
+  }
+
   /** A stream begins. */
   begin({ bones, skeleton }) {
     this.boneNames = bones.map((bone) => skeleton[bone].name);
@@ -128,7 +134,7 @@ export class Crowd {
     this.refining = true;
     person.fine = true; // and if it cannot be had, it is not asked for again
     try {
-      const body = await this.bodies.load(...this.mesh(person.agent, "high"), this.boneNames);
+      const body = await this.bodies.load(...this.mesh(person.agent, "high"), this.boneNames, person.colour);
       if (person.gone || person.body.object) body.remove();
       else person.refine(body);
     } finally {

@@ -57,6 +57,14 @@ export function showTrouble(title, text = "") {
   byId("trouble-text").textContent = text;
 }
 
+/** Show the controls that a first look needs not, or hide them. */
+export function disclose(all) {
+  for (const part of ["rest", "place", "readout"]) byId(part).hidden = !all;
+  byId("more").setAttribute("aria-expanded", String(all));
+  byId("more").textContent = all ? "Less" : "More";
+  document.body.classList.toggle("all", all);
+}
+
 /** The list of people and groups; `selection` is chosen in it. */
 export function listPeople(people, selection) {
   const list = byId("selected");

@@ -9,7 +9,7 @@ import { Drive } from "./drive.js";
 import { Errands } from "./errands.js";
 import { kindOf, watchFiles } from "./files.js";
 import { History } from "./history.js";
-import { askToken, byId, listPeople, mention, Readout, showConnection, showTrouble, tell } from "./hud.js";
+import { askToken, byId, disclose, listPeople, mention, Readout, showConnection, showTrouble, tell } from "./hud.js";
 import { watchKeys } from "./keyboard.js";
 import { Overlays } from "./overlays.js";
 import { ScenePanel } from "./panel.js";
@@ -59,7 +59,7 @@ const stage = new Stage(view);
 const readout = new Readout();
 const place = new ScenePanel(api, stage, { enter, changed: attempt(() => errands.replan()), attempt });
 const { level, book } = place;
-const crowd = new Crowd(stage, (x, z, y) => level.heightAt(x, z, y), mesh, refresh, tell);
+const crowd = new Crowd(stage, (x, z, y) => level.heightAt(x, z, y), (agent, detail) => arrivals.mesh(agent, detail), refresh, tell);
 const session = new PageSession(api, crowd, query, clock, { event: onEvent, ended: onEnded });
 const errands = new Errands(api, crowd, {
   ask: () => {
@@ -72,7 +72,7 @@ const errands = new Errands(api, crowd, {
 const selection = new Selection(() => showSelection());
 const tools = new Tools({ stage, level, book, crowd, errands, selection, attempt });
 const camera = new Camera(stage, level, crowd);
-const arrivals = new Arrivals({ api, stage, place, crowd, session, errands, met, fetchBody });
+const arrivals = new Arrivals({ api, stage, place, crowd, session, errands, met, detail: page.get("detail") });
 const wardrobe = new Wardrobe(api, crowd, {
   enlist: (shape) => arrivals.enlist(shape), walk: attempt((id) => arrivals.setOff(id)), attempt,
 });
@@ -88,7 +88,8 @@ const drive = new Drive({ stage, errands, attempt, person: () => selection.perso
 
 let lost = null; // what was in a session that the server has forgotten
 let joining = page.get("session"); // somebody's session to show; one of this page's own after that
-let replaying = new URLSearchParams(location.hash.slice(1)).get("replay"); // a script to show; as `joining`
+const shared = new URLSearchParams(location.hash.slice(1)); // share.js
+let replaying = shared.get("replay"); // a script to show; as `joining`
 start();
 
 async function start() {
@@ -159,7 +160,7 @@ async function othersSession(id) {
 /** The session of the script in the page's address, if it can be made. */
 async function replayed() {
   try {
-    return await session.replay(await decodeScript(replaying));
+    return await session.replay(await decodeScript(replaying), { beside: shared.get("beside"), at: Number(shared.get("at")) || 0 });
   } catch (error) {
     if (error.status === 0) throw error; // no server
     tell(error.message);
@@ -193,20 +194,6 @@ function onEnded(reason) {
   lost = session.current.own ? remember(crowd, book) : null;
   tell((lost && restoreText(lost)) || `The session has ended (${reason}). A new one begins.`, true);
   setTimeout(start, RESTART_SECONDS * 1000);
-}
-
-function mesh(agent, detail) {
-  const url = new URL(arrivals.bodies.get(agent.gender).glb_path, location.href);
-  url.searchParams.set("betas", agent.betas.map((beta) => beta.toFixed(4)).join(","));
-  url.searchParams.set("style", agent.alias);
-  url.searchParams.set("detail", page.get("detail") ?? detail);
-  return [url.href, access.headers];
-}
-
-/** Let the browser have somebody's body before the stream tells of it. */
-function fetchBody(agent) {
-  const [url, headers] = mesh(agent, "low");
-  fetch(url, { headers }).then((answer) => answer.arrayBuffer()).catch(() => {}); // who is seen asks again, and tells
 }
 
 function refresh() {
@@ -264,7 +251,7 @@ const endWandering = attempt(() => errands.endWandering());
 /** Walk the selected person by hand, or no longer. */
 function toggleDrive() {
   if (!drive.on) {
-    const person = selection.person ?? nearestTo(stage.controls.target);
+    const person = selection.person ?? crowd.nearestTo(stage.controls.target);
     if (!person) return tell("Add people first", true);
     selection.choose([person]); // one is driven
   }
@@ -274,11 +261,6 @@ function toggleDrive() {
   byId("driving").hidden = !drive.on;
   document.body.classList.toggle("driving", drive.on);
   if (drive.on) mention("W, A, S, D, a gamepad or the stick on a touch screen walk; Esc ends");
-}
-
-function nearestTo({ x, z }) {
-  const gap = (person) => Math.hypot(person.x - x, person.z - z);
-  return crowd.people.filter(({ shown }) => shown).sort((a, b) => gap(a) - gap(b))[0] ?? null;
 }
 
 function toggleWander() {
@@ -291,7 +273,10 @@ function toggleWander() {
 // ---- controls
 
 byId("more-people").onclick = attempt(() => arrivals.roamers(MORE));
-byId("more").onclick = () => disclose(byId("rest").hidden);
+byId("more").onclick = () => {
+  disclose(byId("rest").hidden);
+  tools.hint();
+};
 byId("add-one").onclick = () => add(1);
 byId("add-many").onclick = () => add(16);
 byId("remove").onclick = remove;
@@ -315,7 +300,7 @@ byId("drive").onclick = byId("drive-end").onclick = toggleDrive;
 watchStick(byId("stick"), (right, forward) => {
   drive.thumb = [right, forward];
 });
-saveButtons({ api, session, place, crowd, stage, timeline, history, mesh, attempt, people: () => selection.people });
+saveButtons({ api, session, place, crowd, stage, timeline, history, mesh: crowd.mesh, attempt, people: () => selection.people });
 byId("labels").onchange = ({ target }) => crowd.mark("labels", target.checked);
 byId("selected").onchange = ({ target: { value } }) => {
   const [, group] = /^group (\d+)$/.exec(value) ?? [];
@@ -362,15 +347,8 @@ function press(id) {
   return () => byId(id).click();
 }
 
-/** Show the controls that a first look needs not. */
-function disclose(all) {
-  for (const part of ["rest", "place", "readout"]) byId(part).hidden = !all;
-  byId("more").setAttribute("aria-expanded", String(all));
-  byId("more").textContent = all ? "Less" : "More";
-  document.body.classList.toggle("all", all);
-  tools.hint();
-}
 disclose(page.has("controls"));
+tools.hint();
 document.body.classList.toggle("embed", page.has("embed"));
 if (!page.has("embed")) view.focus(); // another page's focus is its own
 

@@ -7,6 +7,7 @@ import {
 import { BASES, headingOf } from "./client/index.js";
 
 const ACCENT = "#0b7285";
+const BESIDE = [0.02, 0.3, 0.75]; // colour of somebody who is there to be compared with another
 const RING_LIFT = 0.014; // metres over the ground
 const WAY_LIFT = 0.025;
 
@@ -37,6 +38,7 @@ export class Person {
     this.heading = 0;
     this.height = 1.75; // metres, of the name above the head; set from the mesh
     this.body = null;
+    this.colour = agent.beside ? BESIDE : null; // of all of its body; null: skin and clothes
     this.light = null; // its body, while it has the fine one
     this.fine = false; // whether its body is the fine one, or was asked for
     this.shown = false; // has a body, and a pose
@@ -57,7 +59,7 @@ export class Person {
 
   /** Load the body (`bodies.load`); the person appears with its first pose. */
   async load(url, headers, boneNames) {
-    const body = await this.bodies.load(url, headers, boneNames);
+    const body = await this.bodies.load(url, headers, boneNames, this.colour);
     if (this.gone || this.body) body.remove();
     else this.wear(body);
   }

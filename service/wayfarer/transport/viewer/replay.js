@@ -1,4 +1,5 @@
-// A script played in a lock-step session of its own: nobody else's people, no clock but the steps, so each time alike.
+// A script played in lock-step sessions of its own: nobody else's people, no clock but the steps, so each time alike.
+// Played twice, the second time otherwise, the two are seen over each other.
 
 import { ENCODING, PlayedAgent, frameBytes, onFloor, unpackPoses } from "./client/index.js";
 import { prismOf } from "./scenes.js";
@@ -13,47 +14,76 @@ const WAIT = 200; // ms
 const FLOOR = { area: { center: { x: 0, y: 0, z: 0 }, radius: 9 } }; // where people roam without a scene
 const BONES = 22;
 const CODING = ENCODING.F32_LE;
+const OTHERS = 4096; // added to aliases of the second time
+const OTHERWISE = { // by name, as in an address: what is said of people, and how they are made
+  seeds: { title: "other seed", made: (spec) => ({ ...spec, seed: (spec.seed + 1) % 2 ** 32 }) },
+  poses: { title: "without foot lock", made: (spec) => ({ ...spec, foot_lock: false }) },
+};
+
+/** Whether people can be compared with themselves in this way. */
+export const isComparison = (name) => Object.hasOwn(OTHERWISE, name);
 
 export class Replay {
-  /** `on`: as of a session's player. */
-  constructor(api, script, on) {
-    Object.assign(this, { script, on });
+  /** `on`: as of a session's player; `beside`: what else is played over it, "seeds" or "poses"; `at`: seconds where it begins. */
+  constructor(api, script, on, { beside = "", at = 0 } = {}) {
+    Object.assign(this, { script, on, at: Math.min(at, script.seconds - STEP_SECONDS) });
     this.calls = (...call) => api.call(...call);
     this.own = true;
-    this.id = null;
     this.scene = "";
-    this.player = new ReplayPlayer(on, script.seconds);
+    this.player = new ReplayPlayer(on, this.at);
+    this.takes = [null, ...(isComparison(beside) ? [OTHERWISE[beside]] : [])].map((otherwise, k) => ({ otherwise, first: k * OTHERS, id: null }));
     this.closed = false;
   }
 
-  /** Make the scene, the session and its people, and begin. Resolves when the first motion is there. */
+  get id() {
+    return this.takes[0].id;
+  }
+
+  /** Make scenes, sessions and people, and begin. Resolves when the first motion is there. */
   async open() {
-    const { calls, script } = this;
-    if (script.scene) this.scene = (await calls("POST", `/v1/scenes/examples/${encodeURIComponent(script.scene)}`, {})).scene_id;
-    for (const [name, top, bottom] of script.crates) {
-      await calls("PUT", `/v1/scenes/${this.scene}/obstacles/${encodeURIComponent(name)}`, prismOf({ top, bottom }));
-    }
-    const session = await calls("POST", "/v1/sessions", { basis: "gltf", lease_s: LEASE, lock_step: true, seed: 0, ...(this.scene && { scene: this.scene }) });
-    this.id = session.session_id;
-    const [{ bones }, made] = await Promise.all([calls("GET", "/v1/skeleton"), this.#people()]);
+    const { calls } = this;
+    const { bones } = await calls("GET", "/v1/skeleton");
     this.on.header({ bones: bones.slice(0, BONES).map((_, k) => k), skeleton: bones }, false);
-    for (const agent of made) this.player.add(agent);
-    await this.#step();
+    for (const take of this.takes) {
+      const scene = await this.#place();
+      this.scene ||= scene;
+      const session = await calls("POST", "/v1/sessions", { basis: "gltf", lease_s: LEASE, lock_step: true, seed: 0, ...(scene && { scene }) });
+      take.id = session.session_id;
+      const title = take.otherwise ? `, ${take.otherwise.title}` : "";
+      for (const agent of await this.#people(take)) {
+        this.player.add({ ...agent, alias: agent.alias + take.first, name: agent.name + title, beside: title !== "" });
+      }
+    }
+    do await this.#step(); while (this.player.made <= this.at + STEP_SECONDS);
     this.#steps();
   }
 
-  async #people() {
+  /** A scene for one time, as people of one scene go around each other; its id, or "". */
+  async #place() {
+    const { calls, script } = this;
+    if (!script.scene) return "";
+    const { scene_id: id } = await calls("POST", `/v1/scenes/examples/${encodeURIComponent(script.scene)}`, {});
+    for (const [name, top, bottom] of script.crates) {
+      await calls("PUT", `/v1/scenes/${id}/obstacles/${encodeURIComponent(name)}`, prismOf({ top, bottom }));
+    }
+    return id;
+  }
+
+  async #people({ id, otherwise }) {
     const { calls, script: { people } } = this;
-    const specs = people.map(({ name, gender, betas, seed, place: [x, y, z], heading }) => ({ name, gender, betas, seed, heading, position: { x, y, z } }));
+    const made = otherwise?.made ?? ((spec) => spec);
+    const specs = people.map(({ name, gender, betas, seed, place: [x, y, z], heading }) => (
+      made({ name, gender, betas, seed, heading, position: { x, y, z } })
+    ));
     const agents = [];
     while (agents.length < specs.length) {
       const some = specs.slice(agents.length, agents.length + TOGETHER);
-      agents.push(...(await calls("POST", `/v1/sessions/${this.id}/agents`, { agents: some })).agents);
+      agents.push(...(await calls("POST", `/v1/sessions/${id}/agents`, { agents: some })).agents);
     }
     // one after the other: their order is part of what is replayed
     for (const [k, { goals }] of people.entries()) {
       const path = `/v1/agents/${agents[k].agent_id}`;
-      if (goals === "roam") await calls("PUT", `${path}/wander`, this.scene ? {} : FLOOR);
+      if (goals === "roam") await calls("PUT", `${path}/wander`, this.script.scene ? {} : FLOOR);
       else if (goals.length) await calls("PUT", `${path}/path`, { goals: goals.map(onFloor) });
     }
     return agents;
@@ -71,23 +101,27 @@ export class Replay {
   }
 
   async #step() {
-    const { batches, events } = await this.calls("POST", `/v1/sessions/${this.id}/step`, { steps: STEPS });
-    for (const { chunks } of batches) if (chunks) this.player.take(chunks);
-    this.player.made += batches.length * STEP_SECONDS;
-    for (const event of events) this.on.event?.(event);
+    const made = await Promise.all(this.takes.map(({ id }) => this.calls("POST", `/v1/sessions/${id}/step`, { steps: STEPS })));
+    made.forEach(({ batches, events }, k) => {
+      const { first } = this.takes[k];
+      for (const { chunks } of batches) if (chunks) this.player.take(chunks, first);
+      for (const event of events) this.on.event?.({ ...event, alias: event.alias + first });
+    });
+    this.player.made += made[0].batches.length * STEP_SECONDS;
   }
 
   close() {
     this.closed = true;
-    if (this.id) this.calls("DELETE", `/v1/sessions/${this.id}`).catch(() => {}); // its lease ends it
+    for (const { id } of this.takes) if (id) this.calls("DELETE", `/v1/sessions/${id}`).catch(() => {}); // its lease ends it
     this.player.clear();
   }
 }
 
 /** What is shown of a replay: as MotionPlayer, of steps instead of a stream. Times are seconds from its beginning. */
 class ReplayPlayer {
-  constructor(on, seconds) {
-    Object.assign(this, { on, seconds });
+  /** `at`: seconds where it begins. */
+  constructor(on, at) {
+    Object.assign(this, { on, at });
     this.agents = new Map();
     this.moment = NaN;
     this.made = 0; // seconds that there is motion of
@@ -100,21 +134,21 @@ class ReplayPlayer {
     this.epoch = null;
   }
 
-  add({ agent_id: id, alias, name, gender, betas, rest_offsets: restOffsets }) {
-    const played = new PlayedAgent({ id, alias, name, gender, betas, restOffsets }, 3 + 4 * BONES);
+  add({ agent_id: id, alias, name, gender, betas, rest_offsets: restOffsets, beside }) {
+    const played = new PlayedAgent({ id, alias, name, gender, betas, restOffsets, beside }, 3 + 4 * BONES);
     this.agents.set(alias, played);
     this.on.added(played);
   }
 
-  /** Chunks of a step, as columns. */
-  take({ aliases, scheduled_at_us: times, states, flags, poses, contacts, goal_revisions: revisions, waypoints }) {
+  /** Chunks of a step, as columns; `first` is added to their aliases. */
+  take({ aliases, scheduled_at_us: times, states, flags, poses, contacts, goal_revisions: revisions, waypoints }, first) {
     const bytes = bytesOf(poses), stood = bytesOf(contacts);
     const view = new DataView(bytes.buffer);
     const size = frameBytes(CODING, BONES);
     const frames = stood.length / aliases.length;
     this.epoch ??= times[0] / 1e6;
     aliases.forEach((alias, k) => {
-      const played = this.agents.get(alias);
+      const played = this.agents.get(alias + first);
       unpackPoses(view, k * frames * size, frames, CODING, BONES, this.room);
       played.track.push(times[k] / 1e6 - this.epoch, FPS, this.room, frames, stood, k * frames);
       played.state = states[k];
@@ -130,7 +164,7 @@ class ReplayPlayer {
   }
 
   #at(now) {
-    this.start ??= now;
+    this.start ??= now - this.at;
     const there = Math.max(0, this.made - STEP_SECONDS);
     if (now - this.start > there) this.start = now - there;
     return now - this.start;

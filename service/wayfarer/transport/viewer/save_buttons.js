@@ -2,7 +2,7 @@
 
 import { byId } from "./hud.js";
 import { Film, saveMotion } from "./record.js";
-import { shareLink, showLink } from "./share.js";
+import { momentLink, shareLink, showLink } from "./share.js";
 
 /** `people()`: who is selected; `mesh(agent, detail)`: [URL of its body, headers]. */
 export function saveButtons({ api, session, place, crowd, stage, timeline, history, mesh, attempt, people }) {
@@ -29,6 +29,6 @@ export function saveButtons({ api, session, place, crowd, stage, timeline, histo
     });
   }
   byId("share").onclick = attempt(async () => {
-    showLink(session.watchOnly ? location.href : await shareLink({ api, session, place, crowd, stage }));
+    showLink(session.watchOnly ? momentLink(timeline.moment ?? history.last) : await shareLink({ api, session, place, crowd, stage }));
   });
 }

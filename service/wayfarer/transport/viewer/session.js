@@ -40,9 +40,9 @@ export class PageSession {
     this.#enter(Session.join(this.api, id, this.#options(scene)));
   }
 
-  /** A script in a lock-step session of its own (replay.js); the one before ends. Throws ApiError. */
-  async replay(script) {
-    const replay = new Replay(this.api, script, this.#options("").on);
+  /** A script in lock-step sessions of its own (`how`: see replay.js); the one before ends. Throws ApiError. */
+  async replay(script, how) {
+    const replay = new Replay(this.api, script, this.#options("").on, how);
     this.#enter(replay);
     showConnection("connecting", "making the replay");
     await replay.open();

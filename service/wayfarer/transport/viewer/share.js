@@ -19,13 +19,25 @@ export async function shareLink({ api, session, place, crowd, stage }) {
   return url.href;
 }
 
-/** Let the user copy it. */
+/** The address of the replay that is shown, from a moment of it on. */
+export function momentLink(moment) {
+  return changed(location.href, "at", Number.isFinite(moment) && moment > 0 ? moment.toFixed(2) : "");
+}
+
+/** Let the user choose what else is in it, and copy it or look at it. */
 export function showLink(address) {
-  byId("share-address").value = address;
+  const shown = byId("share-address"), beside = byId("share-beside");
+  shown.value = address;
+  beside.value = new URLSearchParams(new URL(address).hash.slice(1)).get("beside") ?? "";
+  beside.onchange = () => {
+    shown.value = changed(shown.value, "beside", beside.value);
+    byId("share-copy").textContent = "Copy";
+  };
+  byId("share-open").onclick = () => window.open(shown.value, "_blank", "noopener");
   byId("share-copy").onclick = async () => {
-    byId("share-address").select();
+    shown.select();
     try {
-      await navigator.clipboard.writeText(address);
+      await navigator.clipboard.writeText(shown.value);
       byId("share-copy").textContent = "Copied";
     } catch {
       byId("share-copy").textContent = "Press Ctrl-C"; // it is selected; the browser does not let the page
@@ -33,4 +45,14 @@ export function showLink(address) {
   };
   byId("share-copy").textContent = "Copy";
   byId("share-link").showModal();
+}
+
+/** An address with a part of its hash set; "": without it. */
+function changed(address, name, value) {
+  const url = new URL(address);
+  const parts = new URLSearchParams(url.hash.slice(1));
+  if (value) parts.set(name, value);
+  else parts.delete(name);
+  url.hash = parts;
+  return url.href;
 }

@@ -1,0 +1,133 @@
+"""Times of the web client in Chromium: `python -m tests.clients.page_speed [DEMO]`.
+
+The core: 64 agents are decoded, sampled and put on characters, 60 pictures a second. With DEMO, a
+folder that `make demo` has written, also people who walk without a server: how soon they are there
+at the first visit and at later ones, from the browser's cache, and what 30 and 50 of them take.
+But for the visits, CPU time of the page's threads is counted; nothing is drawn.
+"""
+
+import functools
+import os
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+from tests.viewer.chromium import Page, find_chromium
+from tests.viewer.threads import NO_DRAWING, cpu_ms, main_thread, worker_thread
+
+ROOT = Path(__file__).parents[2]
+SECONDS = 20
+VISITS = 5
+THERE = (
+    "globalThis.demo?.people.size === 10"
+    " && [...demo.people.values()].every(({ played, body }) => played.shown && body)"
+)
+MORE_UNTIL = "demo.people.size >= {} || (document.querySelector('#more').click(), false)"
+WATCH = f"""(function look() {{
+  if (globalThis.demo) globalThis.readyAt ??= performance.now();
+  if ({THERE}) globalThis.thereAt = performance.now();
+  else setTimeout(look, 10);
+}})()"""
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    """Files, kept by the browser as a web host's are."""
+
+    def end_headers(self) -> None:
+        """Add how long they are kept."""
+        self.send_header("cache-control", "max-age=3600")
+        super().end_headers()
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+
+@contextmanager
+def serving(folder: Path) -> Iterator[str]:
+    """The URL of a folder's files."""
+    handler = functools.partial(Quiet, directory=str(folder))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        try:
+            yield f"http://127.0.0.1:{server.server_port}"
+        finally:
+            server.shutdown()
+
+
+def core(page: Page) -> str:
+    """Milliseconds of a picture of 64 agents."""
+    with serving(ROOT) as url:
+        page.call("Page.navigate", url=f"{url}/clients/web/test/speed_page.html")
+        page.wait_for("Boolean(globalThis.speed)", 120)
+    thread = main_thread(page)
+    before = cpu_ms(thread)
+    pictures = page.evaluate("speed.play(speed.counted, speed.begun)")
+    assert isinstance(pictures, int)
+    each = (cpu_ms(thread) - before) / pictures
+    return f"64 agents decoded, sampled, retargeted: {each:.2f} ms of CPU per picture"
+
+
+def local(page: Page, folder: Path) -> Iterator[str]:
+    """How soon people are there, and what 30 and 50 of them take."""
+    page.call("Page.addScriptToEvaluateOnNewDocument", source=NO_DRAWING)
+    page.call("Page.addScriptToEvaluateOnNewDocument", source=WATCH)
+    with serving(folder) as url:
+        visits = []
+        for _ in range(VISITS + 1):
+            page.call("Page.navigate", url="about:blank")
+            page.call("Page.navigate", url=url)
+            page.wait_for("globalThis.thereAt", 120)
+            visits.append(page.evaluate("[readyAt / 1000, thereAt / 1000]"))
+        for ready, there in visits:
+            yield f"ready after {ready:.1f} s, ten people there after {there:.1f}"
+        main = main_thread(page)
+        for count in (30, 50):
+            page.wait_for(MORE_UNTIL.format(count), 60)
+            yield work(page, main)
+
+
+def work(page: Page, main: Path) -> str:
+    """What the people of the demo take."""
+    time.sleep(5)  # they have set off
+    worker = worker_thread(main)
+    count, before = page.evaluate("demo.people.size"), page.evaluate("demo.session.figures()")
+    cpu, shown, began = cpu_ms(worker), cpu_ms(main), time.monotonic()
+    time.sleep(SECONDS)
+    passed = time.monotonic() - began
+    each = (cpu_ms(worker) - cpu, cpu_ms(main) - shown)
+    after = page.evaluate("demo.session.figures()")
+    rows = after["rows"] - before["rows"]
+    waited = after["waited"] - before["waited"]
+    share, page_share = (each[k] / 10 / passed for k in (0, 1))
+    return (
+        f"{count} people for {passed:.0f} s: {each[0] / rows:.2f} ms of CPU per person and 0.2 s "
+        f"in the worker, {share:.0f} % of a core ({200 * rows / each[0]:.0f} people per core); "
+        f"the page itself {page_share:.0f} %; time waited {waited:.1f} s"
+    )
+
+
+def say(line: str) -> None:
+    """At once."""
+    sys.stdout.write(line + "\n")
+    sys.stdout.flush()
+
+
+def main(folder: Path | None) -> None:
+    """Print the times."""
+    executable = find_chromium()
+    if executable is None:
+        sys.exit("there is no Chromium here: apt-get install chromium")
+    with Page(executable, Path(tempfile.mkdtemp())) as page:
+        say(core(page))
+        for line in local(page, folder) if folder else ():
+            say(line)
+    say(f"{os.getloadavg()[0]:.1f} processes ran beside")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else None)
