@@ -22,5 +22,5 @@ test("after warm-up, 10,000 chunks are decoded and kept without garbage", () => 
 
 test("after warm-up, poses are sampled and put on characters without garbage", () => {
   const bytes = bytesPerChunk(12) / 12;
-  assert.ok(bytes < 20, `${bytes} bytes of heap per agent and picture`);
+  assert.ok(bytes < 8, `${bytes} bytes of heap per agent and picture`); // one boxed number has 16
 });

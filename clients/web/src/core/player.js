@@ -49,6 +49,7 @@ export class MotionPlayer {
   #goneUnderruns = 0;
   #begun = false;
   #now = new Float64Array(1); // of the message
+  #moment = new Float64Array(1); // shown
 
   /** @param {PlayerEvents} [on] */
   constructor(on = {}) {
@@ -108,7 +109,7 @@ export class MotionPlayer {
 
   /** Show everybody as at local `now`. Returns the moment shown, in server time. @param {number} now */
   advance(now) {
-    this.moment = this.clock.advance(now);
+    this.moment = this.#moment[0] = this.clock.advance(now);
     this.agents.forEach(this.#show);
     return this.moment;
   }
@@ -129,7 +130,7 @@ export class MotionPlayer {
   }
 
   #show = (/** @type {PlayedAgent} */ played) => {
-    played.shown = played.track.sample(this.moment, played.frame);
+    played.shown = played.track.sampleAt(this.#moment, played.frame);
   };
 
   /** @param {Header} header */

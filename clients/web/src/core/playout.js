@@ -253,6 +253,12 @@ export class PoseTrack {
     return this.#sample(out);
   }
 
+  /** The same, of a time in an array, so that it is not boxed. @param {Float64Array} time @param {Float32Array} out @returns {boolean} */
+  sampleAt(time, out) {
+    this.#numbers[TIME] = time[0];
+    return this.#sample(out);
+  }
+
   /** @param {number} fps @param {ArrayLike<number>} frames @param {number} count @param {ArrayLike<number>} contacts @param {number} at */
   #push(fps, frames, count, contacts, at) {
     const { width } = this;
