@@ -29,6 +29,9 @@ LOCAL_ADDRESS: Final = "127.0.0.2"
 OBJECT_BYTES: Final = 80 * 1024 * 1024
 """Ray's least: nothing is kept in its store."""
 
+STARTS: Final = 4
+"""Ray starts as many processes at a time as it is told that there are cores."""
+
 CALL_S: Final = 1.5
 FOREVER: Final = -1
 
@@ -96,7 +99,7 @@ class RayCluster:
             if self._own:
                 ray.init(
                     "local",
-                    num_cpus=1,
+                    num_cpus=STARTS,
                     _node_ip_address=LOCAL_ADDRESS,
                     include_dashboard=False,
                     object_store_memory=OBJECT_BYTES,
