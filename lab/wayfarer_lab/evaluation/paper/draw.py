@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from wayfarer.body.skeleton import joint_names, parents
-from wayfarer_lab.evaluation.paper.motion import Figures, Motion, Seeded
+from wayfarer_lab.evaluation.paper.motion import Figures, DrawnMotion, Seeded
 from wayfarer_lab.evaluation.pictures.paper import FAINT, FONT, GOAL, INK, LEFT, PAPER, RIGHT, TRAIL
 
 Array = NDArray[np.floating[Any]]
@@ -61,7 +61,7 @@ def primitives(rows: Sequence[Seeded]) -> Image.Image:
     return canvas.picture()
 
 
-def ways(rows: Sequence[Motion]) -> Image.Image:
+def ways(rows: Sequence[DrawnMotion]) -> Image.Image:
     """A row per motion, seen from its side: bodies each 0.8 s, the last one dark, the goal a ring.
 
     A motion that did not reach its goal says so.
@@ -145,7 +145,7 @@ def _flat(points: Array, side: Array, middle: float, floor: float) -> Array:
     return np.stack([middle + SCALE * (points @ side), floor - SCALE * up], -1)
 
 
-def _side(row: Motion, body: Array) -> Array:
+def _side(row: DrawnMotion, body: Array) -> Array:
     """The horizontal direction from the first hips to the goal, or to the last hips."""
     end = np.array([*row["goal"], 0.0]) if row["goal"] is not None else body[-1, 0]
     return _turned(end - body[0, 0])

@@ -46,7 +46,7 @@ EVERY: Final = round(0.8 * FPS)
 """Frames between two bodies of a walk in a picture."""
 
 
-class Motion(TypedDict):
+class DrawnMotion(TypedDict):
     """One body's motion in a picture."""
 
     name: str
@@ -66,9 +66,9 @@ class Seeded(TypedDict):
 class Figures(TypedDict):
     """All that is drawn."""
 
-    fig_4: list[Motion]
+    fig_4: list[DrawnMotion]
     fig_s1: list[Seeded]
-    fig_s2: list[Motion]
+    fig_s2: list[DrawnMotion]
 
 
 def joints_of(body: BodyModel, betas: Array, hips: Array, rotations: Array) -> Array:
@@ -119,7 +119,7 @@ def seeded_primitives(parts: Parts, seed: int) -> list[Seeded]:
 
 
 @torch.inference_mode()
-def corner_cases(parts: Parts, starts: FrozenPoses, seed: int) -> list[Motion]:
+def corner_cases(parts: Parts, starts: FrozenPoses, seed: int) -> list[DrawnMotion]:
     """Fig. S2: four shapes from one pose, then the mean shape from three of `starts`.
 
     All walk to a goal 5 m ahead, for at most 60 primitives; empty when there is no policy.
@@ -134,7 +134,7 @@ def corner_cases(parts: Parts, starts: FrozenPoses, seed: int) -> list[Motion]:
     poses = FrozenPoses(starts.gender, torch.stack([turn for _, turn, _ in cases]), betas)
     goals = ahead(poses)
     made = roll_out(parts, variant, poses, STEP_LIMIT * NEW_FRAMES, _random(seed), always(goals))
-    body, found = load_body("anny52", poses.gender, "low"), list[Motion]()
+    body, found = load_body("anny52", poses.gender, "low"), list[DrawnMotion]()
     for row, (name, *_) in enumerate(cases):
         goal = goals[row, :2].numpy()
         joints = joints_of(body, betas[row].numpy(), made.hips[row], made.rotations[row])
@@ -142,13 +142,13 @@ def corner_cases(parts: Parts, starts: FrozenPoses, seed: int) -> list[Motion]:
     return found
 
 
-def methods(bundles: Mapping[str, tuple[ModelBundle, float]], seed: int) -> list[Motion]:
+def methods(bundles: Mapping[str, tuple[ModelBundle, float]], seed: int) -> list[DrawnMotion]:
     """Fig. 4: the same body on its way to the same goal, by method, without a search.
 
     `bundles`: name → model and share of its policy (0: none). Shown is the clone that arrived
     first, or that came nearest.
     """
-    found: list[Motion] = []
+    found: list[DrawnMotion] = []
     (pair,) = random_pairs(1, 1.2, np.random.default_rng(seed))
     for name, (bundle, share) in bundles.items():
         world = bundle.world(1, Steering())
@@ -163,12 +163,12 @@ def methods(bundles: Mapping[str, tuple[ModelBundle, float]], seed: int) -> list
     return found
 
 
-def _walk(name: str, joints: Array, goal: Array) -> Motion:
+def _walk(name: str, joints: Array, goal: Array) -> DrawnMotion:
     """Bodies at every `EVERY` frames until the goal is reached; the last frame is one of them."""
     near = np.flatnonzero(np.linalg.norm(joints[:, 0, :2] - goal, axis=-1) <= REACHED)
     end = int(near[0]) if len(near) else len(joints) - 1
     frames = sorted({*range(0, end, EVERY), end})
-    return Motion(
+    return DrawnMotion(
         name=name,
         joints=_places(joints[frames]),
         goal=[round(float(x), 3) for x in goal],
