@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from wayfarer.body.skeleton import joint_names, parents
-from wayfarer_lab.evaluation.paper.motion import Figures, DrawnMotion, Seeded
+from wayfarer_lab.evaluation.paper.motion import DrawnMotion, Figures, Seeded
 from wayfarer_lab.evaluation.pictures.paper import FAINT, FONT, GOAL, INK, LEFT, PAPER, RIGHT, TRAIL
 
 Array = NDArray[np.floating[Any]]
