@@ -40,6 +40,11 @@ page, or by an unknown one: their figures need not hold for the shipped models.
 HELDOUT = "--data PREPARED --split heldout"
 COMMANDS = {
     "control": f"wayfarer eval control --g-cvae GCVAE --speed 1.5 {HELDOUT} --seed 7",
+    **{
+        f"control_sent_{speed}": f"wayfarer eval control --only 'search K=8 π, foot lock' "
+        f"--speed {speed} --seed 7"
+        for speed in ("1.0", "1.2", "1.5")
+    },
     "arrival": f"wayfarer eval arrival {HELDOUT} --seed 7",
     "maneuvers": "wayfarer eval maneuvers --data PREPARED --seed 7",
     "long": "wayfarer eval long --seed 3",
