@@ -309,7 +309,10 @@ GROUPS: Final = (
             "behind_cm*": "stop: how far they are behind the rear ankle in that time, at worst",
             "lean_back_deg*": "stop: how far the trunk leans back in that time, at worst",
             "more_lifts": "stop: lifts of both feet in that time",
-            "pop_cm": "largest second difference of any joint's position, cm/frame²",
+            "pop_cm*": "largest second difference of any joint's position, cm/frame²",
+            "both_up": "share of frames with both soles more than 3 cm above the ground",
+            "folded": "share of agents whose hips sink below 0.75 of their height in the T-pose",
+            "root_step_cm": "longest way of the hips from one frame to the next, in space",
             "knee_*": "flexion from the T-pose, −180 … 180; negative is beyond straight, or "
             "inside out",
             "steps_per_riser": "footholds (slower than 0.3 m/s, 10 cm apart) ÷ risers between "
