@@ -17,7 +17,7 @@ from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
 from wayfarer.limits import Limits
 from wayfarer.service.persistence.capture import capture_session
 from wayfarer.service.persistence.container import ContainerKind, seal, unseal
-from wayfarer.service.persistence.packing import get, pack, unpack
+from wayfarer.service.persistence.packing import get, pack, row_bytes, unpack
 from wayfarer.service.persistence.snapshot import (
     AgentPart,
     AgentRows,
@@ -33,6 +33,7 @@ from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.goals.commands import Path
+from wayfarer.world.output.posture import PostureState
 
 LIMITS = Limits(agents=64, agents_per_session=16, path_goals=16)
 SPEC = SessionSpec("s", seed=2**64 - 1, attributes={"basis": "unity", "näme": "ö"})
@@ -278,6 +279,21 @@ def test_flags_are_flags_and_rows_are_whole(snapshot):
             decode(changed(snapshot, rows=lambda rows, size=size: rows[:size]))
     with pytest.raises(InvalidArgument, match="the motion of 8"):
         decode(changed(snapshot, rows=lambda rows: rows * 2))
+
+
+def test_what_an_older_build_wrote_goes_on(snapshot):
+    width, posture = row_bytes(AgentRows), row_bytes(PostureState)
+
+    def older(arrays):
+        rows = np.frombuffer(arrays, np.uint8).reshape(-1, width)
+        return rows[:, : width - posture].tobytes()
+
+    now, then = decode(snapshot), decode(changed(snapshot, rows=older))
+    assert len(now.agents) == len(then.agents) > 0
+    for agent, was in zip(now.agents, then.agents, strict=True):
+        assert (pack(was.motion) == pack(agent.motion)).all()
+        assert (pack(was.footing) == pack(agent.footing)).all()
+        assert not pack(was.posture).any()
 
 
 @settings(max_examples=150)

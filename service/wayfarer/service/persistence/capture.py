@@ -39,12 +39,12 @@ def capture_agents(world: World, agents: Sequence[Agent]) -> CapturedAgents:
     return CapturedAgents(
         [_member(*known) for known in zip(agents, revisions, models, strict=True)],
         AgentRows(
-            seq,
-            motion,
-            slots.feet.take(rows),
-            slots.feet_begun[rows],
-            slots.posture.take(rows),
-            slots.footing.take(rows),
+            seq=seq,
+            motion=motion,
+            feet=slots.feet.take(rows),
+            feet_begun=slots.feet_begun[rows],
+            footing=slots.footing.take(rows),
+            posture=slots.posture.take(rows),
         ),
     )
 

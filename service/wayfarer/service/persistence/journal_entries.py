@@ -14,7 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 from wayfarer.errors import ArtifactError, InvalidArgument
 from wayfarer.limits import Limits
 from wayfarer.service.persistence.journal_file import Entries, EntryKind, Key
-from wayfarer.service.persistence.packing import pack, unpack
+from wayfarer.service.persistence.packing import pack
 from wayfarer.service.persistence.scene_entries import OBSTACLES, SCENE, ObstaclesPart, ScenePart
 from wayfarer.service.persistence.snapshot import (
     AgentPart,
@@ -24,6 +24,7 @@ from wayfarer.service.persistence.snapshot import (
     check_body,
     join_agent,
     join_session,
+    unpack_agents,
 )
 from wayfarer.world.agents.records import AgentRecord, SessionRecord
 from wayfarer.world.record_checks import check_agent_record
@@ -136,7 +137,7 @@ def _agents(entries: Entries, limits: Limits) -> dict[str, list[AgentRecord]]:
     for name, text in entries.of(EntryKind.AGENT).items():
         try:
             member = _MEMBER.validate_json(text)
-            row = unpack(AgentRows, motion.get(name, b""), "motion")
+            row = unpack_agents(motion.get(name, b""), 1, "motion")
             if len(row.seq) != 1:
                 raise InvalidArgument("its motion could not be read", "motion")
             record = join_agent(member.part, row)

@@ -67,14 +67,14 @@ class BodyStamp:
 
 @dataclass(slots=True)
 class AgentRows(Rows):
-    """Agents at rest: the arrays of `AgentRecord`."""
+    """Agents at rest: the arrays of `AgentRecord`. New columns come last (`unpack_agents`)."""
 
     seq: Int
     motion: Motion
     feet: LockState
     feet_begun: Flags  # False: the feet have not been locked yet; `feet`, `posture` mean nothing
-    posture: PostureState
     footing: Footing
+    posture: PostureState  # since 2026-11-23; older rows end before it
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,8 +169,8 @@ def standing(record: AgentRecord) -> AgentRows:
         motion=record.motion,
         feet=LockState.empty(1) if record.feet is None else record.feet,
         feet_begun=np.array([begun]),
-        posture=record.posture,
         footing=record.footing,
+        posture=record.posture,
     )
 
 
@@ -213,7 +213,7 @@ def join_agents(
         raise InvalidArgument(
             f"there are {len(parts)} agents; allowed: {limits.agents_per_session}", "agents"
         )
-    rows = unpack(AgentRows, arrays, "agents")
+    rows = unpack_agents(arrays, len(parts), "agents")
     if len(rows.seq) != len(parts):
         raise InvalidArgument(
             f"there are {len(parts)} agents and the motion of {len(rows.seq)}", "agents"
@@ -221,6 +221,20 @@ def join_agents(
     return tuple(
         join_agent(part, rows.take(np.array([number]))) for number, part in enumerate(parts)
     )
+
+
+def unpack_agents(arrays: bytes, count: int, where: str) -> AgentRows:
+    """The arrays of `count` agents, or of as many as there are.
+
+    Those that an older build wrote lack the last columns, which are zero. Raises InvalidArgument.
+    """
+    width = row_bytes(AgentRows)
+    older = width - row_bytes(PostureState)
+    if len(arrays) == count * older:
+        rows = np.zeros((count, width), np.uint8)
+        rows[:, :older] = np.frombuffer(arrays, np.uint8).reshape(count, older)
+        arrays = rows.tobytes()
+    return unpack(AgentRows, arrays, where)
 
 
 # Checks
