@@ -190,7 +190,7 @@ class Connection:
             except grpc.aio.AioRpcError as error:
                 refusal = from_grpc(error)
             if isinstance(refusal, Unavailable) and sent_on is None and self.forget(request):
-                continue  # its node is gone: whoever is asked at our address knows the next one
+                continue  # its node is gone: the entry knows the next one
             if isinstance(refusal, Misdirected) and sent_on is None:
                 self.learn(request, refusal.host, refusal.grpc_port)
                 sent_on = self._node(self._beside(refusal.host, refusal.grpc_port))

@@ -82,7 +82,7 @@ async function dress(played) {
   if (!people.has(played.agent.alias)) entry.body.remove();
 }
 
-let dressed = null; // the character of whoever is made now
+let dressed = null; // the character of the next person
 
 /** Somebody in the user's own character comes before the camera, and walks about. */
 async function wear(file) {

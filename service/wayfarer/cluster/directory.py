@@ -180,7 +180,7 @@ class Directory:
         return self._answer(node, now, told.seen, tuple(lost), epochs)
 
     def ended(self, name: str) -> None:
-        """A node's process is known to have ended: whoever keeps its replicas adopts its slots."""
+        """A node's process is known to have ended: the keepers of its replicas adopt its slots."""
         node = self._nodes.pop(name, None)
         if node is None:
             return

@@ -16,12 +16,13 @@ from typing import Any, Final
 import grpc
 import structlog
 from fastapi import FastAPI
+from google.protobuf.message import DecodeError
 from prometheus_client.core import GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route, WebSocketRoute
-from starlette.websockets import WebSocket
+from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from wayfarer.cluster.directory_service import DirectoryClient
 from wayfarer.cluster.messages import NodeInfo, Status
@@ -326,7 +327,8 @@ async def _opened(socket: WebSocket) -> str:
             return control_pb2.ControlRequest.FromString(
                 await socket.receive_bytes()
             ).open.session_id
-    except Exception:  # gone, too late, or malformed
+    except (TimeoutError, WebSocketDisconnect, KeyError, TypeError, DecodeError):
+        # too late, gone, a text frame, or malformed
         raise InvalidArgument("nothing was opened") from None
 
 

@@ -15,8 +15,11 @@ from wayfarer.world.search.beam_settings import BeamSettings
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.commands.options import (
     DataOption,
+    GoalCvaeOption,
     JsonOption,
     ModelsOption,
+    Policy1Option,
+    Policy10Option,
     SeedOption,
     SplitOption,
     ThreadsOption,
@@ -57,15 +60,9 @@ class ControlMethod:
 @app.command(short_help="Random bodies to random goals: policy and searches (Table 1).")
 def control(
     models: ModelsOption = DEFAULT_MODEL,
-    policy_10: Annotated[
-        Path | None, typer.Option(help="Model folder with the paper's policy: PPO, KL weight 10.")
-    ] = None,
-    policy_1: Annotated[
-        Path | None, typer.Option(help="Model folder with the paper's policy: PPO, KL weight 1.")
-    ] = None,
-    g_cvae: Annotated[
-        Path | None, typer.Option(help="Model folder of the baseline, the goal-conditioned CVAE.")
-    ] = None,
+    policy_10: Policy10Option = None,
+    policy_1: Policy1Option = None,
+    g_cvae: GoalCvaeOption = None,
     only: Annotated[
         str,
         typer.Option(

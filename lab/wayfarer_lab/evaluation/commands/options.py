@@ -22,6 +22,15 @@ def _check_json(path: Path | None) -> Path | None:
     return path
 
 
+Policy10Option = Annotated[
+    Path | None, typer.Option(help="Model folder with the paper's policy: PPO, KL weight 10.")
+]
+Policy1Option = Annotated[
+    Path | None, typer.Option(help="Model folder with the paper's policy: PPO, KL weight 1.")
+]
+GoalCvaeOption = Annotated[
+    Path | None, typer.Option(help="Model folder of the baseline, the goal-conditioned CVAE.")
+]
 ModelsOption = Annotated[
     Path, typer.Option(help="Folder of a motion model.", show_default="the shipped model")
 ]

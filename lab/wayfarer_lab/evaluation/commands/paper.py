@@ -11,7 +11,10 @@ from wayfarer.errors import DataError, InvalidArgument
 from wayfarer.model_bundle import DEFAULT_MODEL, open_bundle
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.commands.options import (
+    GoalCvaeOption,
     ModelsOption,
+    Policy1Option,
+    Policy10Option,
     RunsOption,
     SeedOption,
     ThreadsOption,
@@ -36,15 +39,9 @@ FIGURES: Final = "figures.json"
 def figures(
     models: ModelsOption = DEFAULT_MODEL,
     runs: RunsOption = None,
-    policy_10: Annotated[
-        Path | None, typer.Option(help="Model folder with the paper's policy: PPO, KL weight 10.")
-    ] = None,
-    policy_1: Annotated[
-        Path | None, typer.Option(help="Model folder with the paper's policy: PPO, KL weight 1.")
-    ] = None,
-    g_cvae: Annotated[
-        Path | None, typer.Option(help="Model folder of the baseline, the goal-conditioned CVAE.")
-    ] = None,
+    policy_10: Policy10Option = None,
+    policy_1: Policy1Option = None,
+    g_cvae: GoalCvaeOption = None,
     threads: ThreadsOption = 0,
     seed: SeedOption = 0,
     json: Annotated[Path, typer.Option(help="File to write.")] = Path("benchmarks/results")

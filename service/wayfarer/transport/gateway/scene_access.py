@@ -72,7 +72,7 @@ class SceneAccess:
         return list(self._scenes)
 
     def forget(self, scene_id: str) -> None:
-        """As `close`, whoever owns it."""
+        """As `close`, for any owner."""
         self._scenes.pop(scene_id, None)
 
     def close(self, scene: OpenScene) -> None:

@@ -122,7 +122,7 @@ class SessionRegistry:
         return None if found is None else found.scene
 
     def forget(self, session_id: str) -> None:
-        """As `close`, whoever owns it."""
+        """As `close`, for any owner."""
         if session := self._sessions.get(session_id):
             self.close(session)
 
