@@ -23,6 +23,7 @@ from wayfarer.errors import (
     WayfarerError,
 )
 from wayfarer.limits import Limits
+from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.publications import Publication, StreamOptions
 from wayfarer.transport.bodies import BodyLibrary
@@ -51,6 +52,7 @@ class FakeSubscription:
         self.agent_ids = set(options.agent_ids)
         self.resumed = options.resume is not None and options.resume.epoch == self.epoch
         self.acks: list[tuple[int, float]] = []
+        self.meter = MetricsSink()
         self.queue: asyncio.Queue[Publication | WayfarerError | None] = asyncio.Queue()
         self.closed = False
 

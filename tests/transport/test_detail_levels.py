@@ -1,6 +1,7 @@
 """Rings around viewpoints: who comes in which tier, over Control and WebSockets."""
 
 import json
+from collections import Counter
 from contextlib import aclosing
 from urllib.parse import quote
 
@@ -13,6 +14,7 @@ from tests.transport.gateway.calls import session, stream
 from tests.transport.samples import chunk
 from tests.transport.test_control import Client, begun, read
 from wayfarer.errors import InvalidArgument
+from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.streams.root_tracks import RootTracks
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
@@ -140,6 +142,30 @@ async def opened_with(api, session_id: str, **options: object):
     client.send(open={"session_id": session_id, **options})
     messages = read(control(api, client.requests()))
     return client, messages, (await anext(messages)).motion.header
+
+
+class CountingMeter(MetricsSink):
+    """Counts chunks by tier."""
+
+    def __init__(self) -> None:
+        self.chunks: Counter[str] = Counter()
+
+    def sent(self, tier: str, chunks: int) -> None:
+        self.chunks[tier] += chunks
+
+
+async def test_the_metrics_count_chunks_by_tier(service, api):
+    session_id = await crowd(api, 5, 15, 25, 100)
+    for interest, expected in (
+        (TIERS, {"0": 1, "1": 1, "2": 1, "hidden": 1}),
+        (None, {"whole": 4}),
+    ):
+        _, messages, _ = await opened_with(api, session_id, interest=interest)
+        meter = service.subscriptions[-1].meter = CountingMeter()
+        async with aclosing(messages):
+            service.emit(session_id)
+            await anext(messages)
+            assert meter.chunks == expected
 
 
 async def test_one_batch_per_tier_and_first_on_entering(service, api):

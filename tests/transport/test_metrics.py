@@ -25,6 +25,7 @@ def test_what_the_loop_tells(metrics):
     meter.chunks(np.array([-0.02, 0.01, 0.03]))
     meter.queue(0.2)
     meter.drops(SlowReader.HOLD, 3)
+    meter.sent("whole", 7)
     meter.resume(ResumeResult.GAP)
     meter.goal_to_motion(0.1)
     meter.refusal("create_agents")
@@ -39,6 +40,7 @@ def test_what_the_loop_tells(metrics):
     assert value(metrics, "deadline_misses_total") == 1  # more than a frame, 25 ms
     assert value(metrics, "stream_queue_seconds_count") == 1
     assert value(metrics, "stream_drops_total", policy="hold") == 3
+    assert value(metrics, "stream_chunks_total", tier="whole") == 7
     assert value(metrics, "resumes_total", result="gap") == 1
     assert value(metrics, "goal_latency_seconds_count") == 1
     assert value(metrics, "admission_rejections_total", reason="create_agents") == 1

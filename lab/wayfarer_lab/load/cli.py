@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from wayfarer import __version__
+from wayfarer.errors import InvalidArgument
 from wayfarer_lab.load import report
 from wayfarer_lab.load.knee import find_knee
 from wayfarer_lab.load.plan import LoadPlan
@@ -44,6 +45,14 @@ def load(
     vanishing: Annotated[
         int, typer.Option(help="Extra streams that disconnect about every second.")
     ] = 0,
+    rings: Annotated[
+        str,
+        typer.Option(
+            help="Levels of detail of each stream: radii in metres around its session's middle, "
+            "as 3,6,12. Full poses in the first ring, roots in the last, 20 frames per second "
+            "between; who is farther away is not sent."
+        ),
+    ] = "",
     knee: Annotated[
         int,
         typer.Option(
@@ -80,10 +89,19 @@ def load(
     docs/measuring.md explains the figures.
     """
     plan = LoadPlan(
-        sessions, agents, seconds, warm_up, transport, goal_rate, slow, vanishing, seed=seed
+        *(sessions, agents, seconds, warm_up, transport, goal_rate, slow, vanishing),
+        seed=seed,
+        rings=_radii(rings),
     )
     with asyncio.Runner(loop_factory=_loop_factory()) as runner:
         runner.run(_load(plan, target, http, tuple(serve or ()), knee, p99_ms, json))
+
+
+def _radii(text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in text.split(",") if part)
+    except ValueError:
+        raise InvalidArgument(f"{text!r} are no radii; write them as 3,6,12", "rings") from None
 
 
 def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:

@@ -104,7 +104,7 @@ class SimulatedClient:
         """Read the stream and give goals until `until` (Unix seconds), and count the end."""
         if not self._agents:
             return
-        reader = Reader(self._tally, measuring_from, until)
+        reader = Reader(self._tally, measuring_from, until, bool(self._plan.rings))
         reading = asyncio.create_task(self._read(reader))
         giving = asyncio.create_task(self._give_goals(reader.goals, measuring_from))
         try:
@@ -124,7 +124,11 @@ class SimulatedClient:
         """Follow the session again whenever the stream ends; its agents keep walking meanwhile."""
         while True:
             messages = followed(
-                self._connection, self.session_id, self._plan.transport, self._tally.first_chunk
+                self._connection,
+                self.session_id,
+                self._plan.transport,
+                self._tally.first_chunk,
+                self._plan.interest(),
             )
             try:
                 async for message in messages:

@@ -33,8 +33,12 @@ class Reader:
     has fallen behind are misses all the same, and as late as they are when that shows.
     """
 
-    def __init__(self, tally: Tally, since: float, until: float = math.inf) -> None:
-        self.goals = GoalWatch(tally)
+    def __init__(
+        self, tally: Tally, since: float, until: float = math.inf, has_rings: bool = False
+    ) -> None:
+        """`has_rings`: agents beyond the last ring are not sent, so nothing is due of them."""
+        self.goals = GoalWatch(tally, has_rings)
+        self._has_rings = has_rings
         self._tally = tally
         self._since, self._until = since, until
         self._latest: dict[int, Latest] = {}  # by alias
@@ -44,9 +48,12 @@ class Reader:
         """Count a message that came at `now`."""
         if message.HasField("header"):
             self._check = PoseCheck(message.header)
+        chunks, tier = message.batch.chunks, message.batch.tier
         if self._since <= now < self._until:
-            self._tally.bytes += message.ByteSize()
-        chunks = message.batch.chunks
+            self._tally.sent(tier, len(chunks.aliases), message.ByteSize())
+        for alias in message.batch.hidden:
+            self._latest.pop(alias, None)
+            self.goals.hide(alias)
         columns = zip(
             *(chunks.aliases, chunks.seqs, chunks.scheduled_at_us),
             *(chunks.goal_revisions, chunks.states, chunks.flags),
@@ -59,7 +66,8 @@ class Reader:
             if self._since <= due < self._until:
                 self._count(now - due, state, flags)
                 self._tally.over_time.add(due - self._since, now - due, now - due > LOST_S)
-                self._tally.malformed += not self._check.passes(chunks, row)
+                # poses beyond the first ring are packed in other ways
+                self._tally.malformed += tier == 0 and not self._check.passes(chunks, row)
 
     def _follow(self, alias: int, seq: int, due: float, now: float) -> None:
         latest = self._latest.get(alias)
@@ -94,7 +102,7 @@ class Reader:
         last = min(now - LOST_S, self._until)
         for latest in self._latest.values():
             self._lose(latest, math.ceil((last - latest.due) / STEP_SECONDS) - 1, now)
-        silent = max(agents - len(self._latest), 0)
+        silent = 0 if self._has_rings else max(agents - len(self._latest), 0)
         self._tally.silent += silent
         for _ in range(silent):  # unknown schedule: as if it began with the measurement
             begun = Latest(-1, self._since - STEP_SECONDS)
@@ -143,13 +151,17 @@ UNANSWERED_S = 1.0
 class GoalWatch:
     """The goals of one session's agents. Times: Unix seconds."""
 
-    def __init__(self, tally: Tally) -> None:
+    def __init__(self, tally: Tally, has_rings: bool = False) -> None:
+        """`has_rings`: what is asked of agents out of sight does not count."""
         self._tally = tally
+        self._has_rings = has_rings
         self._asked: defaultdict[int, dict[int, float]] = defaultdict(dict)  # alias: revision: when
         self._shown: dict[int, tuple[int, float]] = {}  # alias: newest revision, first seen when
 
     def asked(self, alias: int, revision: int, since: float) -> None:
         """A goal that was to be given at `since` has been answered with its revision."""
+        if self._has_rings and alias not in self._shown:
+            return
         shown, when = self._shown.get(alias, (-1, 0.0))
         if shown >= revision:  # its first chunk was quicker than the answer
             self._tally.goal_latency.add(when - since)
@@ -164,6 +176,11 @@ class GoalWatch:
         waiting = self._asked[alias]
         for known in [r for r in waiting if r <= revision]:
             self._tally.goal_latency.add(now - waiting.pop(known))
+
+    def hide(self, alias: int) -> None:
+        """The agent is out of sight from now on."""
+        self._shown.pop(alias, None)
+        self._asked.pop(alias, None)
 
     def finish(self, now: float) -> None:
         """Count the goals without a pose, as late as they are by now."""

@@ -46,6 +46,11 @@ def show(summary: dict[str, Any], console: Console) -> None:
             f"server memory, MB: {memory['start']:.0f} at first, {memory['warm']:.0f} after the "
             f"warm-up, {memory['end']:.0f} at the end ({memory['growth']:+.1%})"
         )
+    if len(summary["rings"]) > 1:
+        each = (
+            f"{ring['ring']}: {ring['chunks']}, {ring['megabytes']} MB" for ring in summary["rings"]
+        )
+        console.print(f"chunks by ring: {'; '.join(each)}")
     if faults := {name: summary[name] for name in FAULTS if summary[name]}:
         console.print(f"[red]faults: {faults}")
     if summary["failures"]:

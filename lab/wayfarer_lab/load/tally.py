@@ -100,11 +100,19 @@ class Tally:
     unanswered: int = 0  # goals that never showed
     failures: dict[str, int] = field(default_factory=dict)  # calls that failed, by status
     bytes: int = 0
+    tiers: dict[int, list[int]] = field(default_factory=dict)  # chunks and bytes of each ring
 
     @property
     def misses(self) -> int:
         """Primitives that came too late or never."""
         return self.late + self.lost
+
+    def sent(self, tier: int, chunks: int, size: int) -> None:
+        """Count a message of `size` bytes with chunks of one ring."""
+        self.bytes += size
+        of_ring = self.tiers.setdefault(tier, [0, 0])
+        of_ring[0] += chunks
+        of_ring[1] += size
 
     def failed(self, status: str) -> None:
         """Count a call that failed."""
@@ -134,4 +142,8 @@ class Tally:
             "malformed": self.malformed,
             "failures": self.failures,
             "megabytes": round(self.bytes / 1e6, 3),
+            "rings": [
+                {"ring": tier, "chunks": chunks, "megabytes": round(size / 1e6, 3)}
+                for tier, (chunks, size) in sorted(self.tiers.items())
+            ],
         }

@@ -1,7 +1,9 @@
 """The few calls that a simulated client makes: plain stubs, so that the generator stays cheap."""
 
+import json
 import time
 from collections.abc import AsyncIterator
+from typing import Any
 from urllib.parse import quote
 
 import grpc
@@ -47,30 +49,39 @@ class Connection:
         await self._channel.close(None)
 
     async def stream(
-        self, session_id: str, transport: str
+        self, session_id: str, transport: str, interest: motion_pb2.Interest | None = None
     ) -> AsyncIterator[motion_pb2.StreamMotionResponse]:
         """The messages of a stream over "grpc" or "websocket". Raises StreamError, in any case."""
-        messages = self._calls(session_id) if transport == "grpc" else self._frames(session_id)
+        read = self._calls if transport == "grpc" else self._frames
+        messages = read(session_id, interest)
         try:
             async for message in messages:
                 yield message
         except grpc.aio.AioRpcError as error:
             raise StreamError(error.code().name) from error
+        except websockets.ConnectionClosed as error:
+            raise StreamError(str(error.rcvd or "cut off")) from error
         except (websockets.WebSocketException, OSError) as error:
             raise StreamError(type(error).__name__) from error
         raise StreamError("OK")
 
-    def _calls(self, session_id: str) -> AsyncIterator[motion_pb2.StreamMotionResponse]:
-        request = motion_pb2.StreamMotionRequest(session_id=session_id)
+    def _calls(
+        self, session_id: str, interest: motion_pb2.Interest | None
+    ) -> AsyncIterator[motion_pb2.StreamMotionResponse]:
+        request = motion_pb2.StreamMotionRequest(session_id=session_id, interest=interest)
         messages: AsyncIterator[motion_pb2.StreamMotionResponse] = self._motion.StreamMotion(
             request, metadata=self.metadata
         )
         return messages
 
-    async def _frames(self, session_id: str) -> AsyncIterator[motion_pb2.StreamMotionResponse]:
-        url = self._target.http.replace("http", "ws", 1)
+    async def _frames(
+        self, session_id: str, interest: motion_pb2.Interest | None
+    ) -> AsyncIterator[motion_pb2.StreamMotionResponse]:
+        url = f"{self._target.http.replace('http', 'ws', 1)}/v1/stream?session={quote(session_id)}"
+        if interest is not None:
+            url += f"&interest={quote(json.dumps(_document(interest)))}"
         async with websockets.connect(
-            f"{url}/v1/stream?session={quote(session_id)}",
+            url,
             additional_headers=dict(self.metadata),
             compression=None,
             max_size=MESSAGE_BYTES,
@@ -80,12 +91,33 @@ class Connection:
                     yield motion_pb2.StreamMotionResponse.FromString(frame)
 
 
+def _document(interest: motion_pb2.Interest) -> dict[str, Any]:
+    """As the query of a WebSocket has it; the viewpoint is the origin."""
+    formats = [
+        {"encoding": "root"}
+        if ring.format.encoding == motion_pb2.POSE_ENCODING_ROOT
+        else {"fps": ring.format.fps or 40}
+        for ring in interest.rings
+    ]
+    return {
+        "rings": [
+            {"radius": ring.radius, "format": each}
+            for ring, each in zip(interest.rings, formats, strict=True)
+        ],
+        "viewpoints": [{"position": {"x": 0, "y": 0, "z": 0}}],
+    }
+
+
 async def followed(
-    connection: Connection, session_id: str, transport: str, first_chunk: Latencies
+    connection: Connection,
+    session_id: str,
+    transport: str,
+    first_chunk: Latencies,
+    interest: motion_pb2.Interest | None = None,
 ) -> AsyncIterator[motion_pb2.StreamMotionResponse]:
     """A stream's messages; how long the first poses took is counted. Raises StreamError."""
     began, waits = time.monotonic(), True
-    async for message in connection.stream(session_id, transport):
+    async for message in connection.stream(session_id, transport, interest):
         if waits and message.HasField("batch"):
             first_chunk.add(time.monotonic() - began)
             waits = False

@@ -38,6 +38,11 @@ class MetricsSink:
     def drops(self, policy: SlowReader, publications: int) -> None:
         """Publications were dropped for a subscriber that was too slow."""
 
+    def sent(self, tier: str, chunks: int) -> None:
+        """Chunks were sent to a stream: its ring from 0 on, "whole" for a stream without rings, or
+        "hidden" for those beyond the last ring, which were not sent.
+        """
+
     def resume(self, result: ResumeResult) -> None:
         """A subscription asked to resume."""
 

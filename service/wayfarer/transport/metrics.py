@@ -82,6 +82,9 @@ class Metrics(MetricsSink):
         self._drops = _count(
             registry, "stream_drops", "Publications that slow readers lost", "policy"
         )
+        self._sent = _count(
+            registry, "stream_chunks", "Chunks sent to streams, by level of detail", "tier"
+        )
         self._resumes = _count(registry, "resumes", "Streams that came back", "result")
 
         # the journal
@@ -131,6 +134,10 @@ class Metrics(MetricsSink):
     def drops(self, policy: SlowReader, publications: int) -> None:
         """See `MetricsSink`."""
         self._drops.labels(policy).inc(publications)
+
+    def sent(self, tier: str, chunks: int) -> None:
+        """See `MetricsSink`."""
+        self._sent.labels(tier).inc(chunks)
 
     def resume(self, result: ResumeResult) -> None:
         """See `MetricsSink`."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wayfarer.errors import InvalidArgument, NotFound, Unavailable, WayfarerError
 from wayfarer.service.motion_service import MotionService
@@ -127,6 +128,7 @@ class MotionStream:
                 if published:
                     before = self._progress(published, None, -1)
                     self._token = self._progress(published, 0 if events else None)
+                self._count_sent(shown.tiers)
                 if batches := portions.batches(shown, self._removed, before, self._token):
                     self._removed = []
                     for batch in batches:
@@ -166,6 +168,16 @@ class MotionStream:
             if isinstance(self._error, Unavailable):
                 yield "", self._draining()
             raise self._error
+
+    def _count_sent(self, tiers: NDArray[np.intp]) -> None:
+        meter = self._subscription.meter
+        if self._interest is None:
+            meter.sent("whole", len(tiers))
+            return
+        *within, hidden = np.bincount(tiers, minlength=self._count + 1).tolist()
+        for tier, chunks in enumerate(within):
+            meter.sent(str(tier), chunks)
+        meter.sent("hidden", hidden)
 
     def _aliased(self, event: Event) -> Event:
         """The event with its alias: the runtime knows only the id of an agent that has left."""

@@ -137,3 +137,22 @@ def test_poses_of_the_wrong_length_are_a_fault():
     r.take(header(), START)
     r.take(message((1, 0, 0.0)), START)
     assert tally.malformed == 1
+
+
+def test_with_rings_nothing_is_due_of_agents_out_of_sight():
+    tally = Tally()
+    r = Reader(tally, 0.0, START + 2.0, has_rings=True)
+    r.take(message((1, 0, 0.0), (2, 0, 0.0)), START)
+    r.goals.asked(2, 1, START)
+    gone = message((1, 1, 0.2))
+    gone.batch.hidden.append(2)
+    r.take(gone, START + 0.2)
+    r.goals.asked(2, 2, START + 0.3)
+    back = message((1, 2, 0.4), (2, 7, 1.4))
+    back.batch.tier = 1
+    r.take(back, START + 1.4)
+    r.take(message((1, 3, 0.6), (2, 8, 1.6)), START + 1.6)
+    assert tally.lost == 0
+    assert {tier: chunks for tier, (chunks, _) in tally.tiers.items()} == {0: 5, 1: 2}
+    r.finish(agents=3, now=START + 1.8)
+    assert (tally.silent, tally.unanswered) == (0, 0)

@@ -112,7 +112,7 @@ class Subscription:
         self.dropped = 0  # publications lost so far
         self.taken = 0.0  # place in the motion of what the reader took last
         self._limits = limits
-        self._meter = meter
+        self.meter = meter
         self._clock = clock
         self._bound = limits.queue_s
         self._waiting: deque[QueuedPublication] = deque()
@@ -204,7 +204,7 @@ class Subscription:
         self._waiting.append(QueuedPublication(wanted, entry.motion))
         if not (spare or self._is_awaited()):
             self._keep_to_bound()
-        self._meter.queue(self._span())
+        self.meter.queue(self._span())
         self._wake()
 
     def end(self, error: WayfarerError | None = None) -> None:
@@ -250,7 +250,7 @@ class Subscription:
         self._loss = self._loss or _Loss(lost)
         self._loss.add(lost)
         self.dropped += 1
-        self._meter.drops(self.options.slow_reader, 1)
+        self.meter.drops(self.options.slow_reader, 1)
 
     def _disconnect(self) -> None:
         count = len(self._waiting)
@@ -258,7 +258,7 @@ class Subscription:
         self._opening = None
         self.closed = True
         self.dropped += count
-        self._meter.drops(SlowReader.DISCONNECT, count)
+        self.meter.drops(SlowReader.DISCONNECT, count)
         self.end(
             ResourceExhausted(
                 f"the reader was more than {self._limits.queue_s:g} s of motion behind and asked "
