@@ -1,6 +1,7 @@
 import pytest
 
 import wayfarer_client as wf
+from tests.clients.cluster import RunningCluster
 from tests.clients.fake_server import FakeServer
 from tests.clients.replies import new_session
 from tests.serving import Service
@@ -10,6 +11,13 @@ from tests.serving import Service
 def real_server():
     """The shipped model; one server for all clients."""
     with Service() as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def cluster():
+    """An entry with two nodes; one for all clients."""
+    with RunningCluster() as running:
         yield running
 
 

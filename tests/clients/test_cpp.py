@@ -129,8 +129,10 @@ def walked(said: str) -> list[str]:
     return [line.partition(":")[0] for line in said.splitlines() if ": walked to " in line]
 
 
-def test_an_agent_walks_to_its_goal_on_characters(real_server):
-    said = run(build("clang++") / "tests" / "live", real_server.url)
+def test_an_agent_walks_to_its_goal_through_an_entry_though_its_node_is_drained(cluster):
+    live = build("clang++") / "tests" / "live"
+    with cluster.drained_meanwhile():
+        said = run(live, cluster.url, "lost")
     assert walked(said) == ["a_pose", "centimetres", "vrm1"]
 
 

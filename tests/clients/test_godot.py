@@ -78,8 +78,10 @@ def test_its_own_tests_pass(project):
 
 
 @with_godot
-def test_an_agent_walks_to_its_goal_on_its_nodes(project, real_server):
-    said = godot("-s", "tests/live.gd", "--", str(GOLDEN), real_server.url, project=project)
+def test_an_agent_walks_to_its_goal_on_its_nodes(project, cluster):
+    """Through the entry of a cluster, a lost connection, and the drain of its node."""
+    with cluster.drained_meanwhile():
+        said = godot("-s", "tests/live.gd", "--", str(GOLDEN), cluster.url, project=project)
     walked = [line.partition(":")[0] for line in said.splitlines() if ": walked to " in line]
     assert walked == ["mixamo", "a_pose", "centimetres", "z_up", "missing_chest"]
     assert "crowd: 5 people walk about" in said

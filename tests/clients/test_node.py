@@ -28,8 +28,10 @@ def node(*arguments: str, **environment: str) -> str:
     return done.stdout
 
 
-def test_session_agents_goals_stream_goal_change_resume(real_server):
-    said = node("--test", "test/server.test.js", WAYFARER_ADDRESS=real_server.grpc_address)
+def test_session_agents_goals_stream_goal_change_resume(cluster):
+    """Through the entry of a cluster, whose node is drained on the way."""
+    with cluster.drained_meanwhile():
+        said = node("--test", "test/server.test.js", WAYFARER_ADDRESS=cluster.grpc_address)
     assert "pass 2" in said and "skipped 0" in said
 
 

@@ -13,6 +13,7 @@ MISSING = [
     for what, there in {
         "mono-mcs": shutil.which("mcs"),
         "nunit-console": shutil.which("nunit-console"),
+        "libnunit-framework2.6.3-cil": package.LIBRARIES["nunit.framework.dll"].exists(),
         "libnewtonsoft-json5.0-cil": package.LIBRARIES["Newtonsoft.Json.dll"].exists(),
     }.items()
     if not there
@@ -80,12 +81,16 @@ def test_its_own_tests_pass(built):
 
 
 @with_mono
-def test_an_agent_walks_to_its_goal_on_the_components(built, real_server):
-    """On stub transforms: generic rigs, a Humanoid, a lost connection, and the sample's crowd."""
+def test_an_agent_walks_to_its_goal_on_the_components(built, cluster):
+    """On stub transforms: generic rigs, a Humanoid, and the sample's crowd.
+
+    Through the entry of a cluster, a lost connection, and the drain of its node.
+    """
     source = package.PACKAGE / "Tests~" / "Live" / "Live.cs"
     package.compile_program(source, built / "Live.exe")
     golden = package.PACKAGE.parents[1] / "tests" / "golden" / "retarget.json"
-    said = package.run("mono", "Live.exe", real_server.url, str(golden), cwd=built)
+    with cluster.drained_meanwhile():
+        said = package.run("mono", "Live.exe", cluster.url, str(golden), cwd=built)
     walked = [line.partition(":")[0] for line in said.splitlines() if ": walked to " in line]
     assert walked == ["unity", "a_pose", "centimetres", "vrm1"]
     assert "crowd: 5 people walk about" in said

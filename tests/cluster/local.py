@@ -42,22 +42,28 @@ class LocalCluster:
             admission=False, drain_s=0.5,
             limits={"agents": 32, "agents_per_session": 32}, log_format="json", **settings,
         )  # fmt: skip
-        self.settings = common
-        self.keepers = [
-            NodeKeeper(
-                NodePlan(
-                    name=f"node{i}",
-                    number=i,
-                    host="127.0.0.1",
-                    secret="s" * 32,
-                    settings=common,
-                    go_on=go_on,
-                ),
-                self.link,
-                ["sh", "-c", f"exec {sys.executable} -m wayfarer node 2>>{log}"],
-            )
-            for i in range(nodes)
-        ]
+        self.settings, self._go_on, self._log = common, go_on, log
+        self.keepers = [self._keeper(i) for i in range(nodes)]
+
+    def _keeper(self, number):
+        return NodeKeeper(
+            NodePlan(
+                name=f"node{number}",
+                number=number,
+                host="127.0.0.1",
+                secret="s" * 32,
+                settings=self.settings,
+                go_on=self._go_on,
+            ),
+            self.link,
+            ["sh", "-c", f"exec {sys.executable} -m wayfarer node 2>>{self._log}"],
+        )
+
+    async def add_node(self):
+        """One more; it will be ready some seconds later."""
+        keeper = self._keeper(len(self.keepers))
+        self.keepers.append(keeper)
+        self._keeping.append(asyncio.create_task(keeper.keep()))
 
     async def __aenter__(self):
         self.entry = Entry(self.settings, self.directory)

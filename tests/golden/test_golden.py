@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from tests.golden import gait, messages, rules, tiers, vectors, words
+from tests.golden import gait, homes, messages, rules, tiers, vectors, words
 from tests.golden.vectors import FILE, FIRST_FRAME, FOLDER, Vector
 from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import PoseEncoding, PoseProfile
@@ -17,7 +17,7 @@ ENTRIES = DOCUMENT["vectors"]
 each = pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry["name"])
 
 
-@pytest.mark.parametrize("made", [vectors, messages, rules, words, gait, tiers])
+@pytest.mark.parametrize("made", [vectors, messages, homes, rules, words, gait, tiers])
 def test_files_are_up_to_date(made):
     for path, content in made.files().items():
         assert path.read_bytes() == content, f"{path.name}: run python -m tests.golden"

@@ -35,6 +35,15 @@ struct wf_root {
   SmoothRoot root;
 };
 
+struct wf_homes {
+  std::shared_ptr<Homes> homes;
+};
+
+struct wf_route {
+  std::shared_ptr<Homes> homes;
+  Route route;
+};
+
 namespace {
 
 std::string& last_error() {
@@ -311,4 +320,34 @@ void wf_root_update(wf_root* root, double time, const float* frame, double groun
   root->root.update(time, frame, ground);
   put(root->root.point(), point);
   *heading = root->root.heading();
+}
+
+wf_homes* wf_homes_create(const char* entry) {
+  return guarded<wf_homes*>(nullptr, [&] { return new wf_homes{std::make_shared<Homes>(entry)}; });
+}
+
+void wf_homes_destroy(wf_homes* homes) { delete homes; }
+
+wf_route* wf_route_create(wf_homes* homes, const char* about) {
+  return guarded<wf_route*>(nullptr, [&] { return new wf_route{homes->homes, Route(*homes->homes, about)}; });
+}
+
+void wf_route_destroy(wf_route* route) { delete route; }
+
+const char* wf_route_address(const wf_route* route) { return route->route.address().c_str(); }
+
+void wf_route_begin(wf_route* route) {
+  guarded<int>(0, [&] { return route->route.begin(), 0; });
+}
+
+void wf_route_answered(wf_route* route, const char* made) {
+  guarded<int>(0, [&] { return route->route.answered(made), 0; });
+}
+
+std::int32_t wf_route_refused(wf_route* route, std::int32_t status, const char* host, std::int32_t port) {
+  return guarded<std::int32_t>(0, [&] { return route->route.refused(status, host, port) ? 1 : 0; });
+}
+
+std::int32_t wf_route_closed(wf_route* route, std::int32_t code, const char* reason) {
+  return guarded<std::int32_t>(0, [&] { return route->route.closed(code, reason) ? 1 : 0; });
 }

@@ -61,6 +61,8 @@ int main(int count, char **values) {
   wf_map *map;
   wf_retarget *retarget;
   wf_root *root;
+  wf_homes *homes;
+  wf_route *route;
 
   CHECK(strcmp(wf_version(), "0.1.0") == 0);
   CHECK(wf_bone_number("head") == 15 && strcmp(wf_bone_name(15), "head") == 0);
@@ -116,6 +118,21 @@ int main(int count, char **values) {
   root = wf_root_create("gltf", 1);
   wf_root_update(root, 0, frame, 0, point, &heading);
   CHECK(point[1] == 0 && fabs(point[0] - frame[0]) < 1e-6 && heading == heading);
+
+  homes = wf_homes_create("https://entry");
+  route = wf_route_create(homes, "/v1/sessions");
+  CHECK(strcmp(wf_route_address(route), "https://entry") == 0);
+  CHECK(wf_route_refused(route, 422, "", 0) == 0 && wf_route_refused(route, 421, "a", 7) == 1);
+  CHECK(strcmp(wf_route_address(route), "https://a:7") == 0);
+  wf_route_answered(route, "session-00ff12");
+  wf_route_destroy(route);
+  route = wf_route_create(homes, "agent-00ff34");
+  wf_homes_destroy(homes);
+  CHECK(strcmp(wf_route_address(route), "https://a:7") == 0);
+  CHECK(wf_route_closed(route, 4421, "call b:8") == 1 && wf_route_closed(route, 1006, "") == 0);
+  wf_route_begin(route);
+  CHECK(strcmp(wf_route_address(route), "https://entry") == 0);
+  wf_route_destroy(route);
 
   wf_player_clear(player);
   CHECK(removed == 1);

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <doctest/doctest.h>
 
-#include "golden.hpp"
+#include "golden_json.hpp"
 
 using namespace wayfarer;
 
@@ -147,4 +147,34 @@ TEST_CASE("a machine that slept jumps to the present") {
   const double before = clock.advance(100);
   clock.observe(400, 300);
   CHECK(clock.advance(400) - before > 299);
+}
+
+TEST_CASE("a call goes where the rule says") {
+  const golden::Json document = golden::json("homes.json");
+  for (const golden::Json& each : document.at("cases")) {
+    CAPTURE(each.at("name").get<std::string>());
+    Homes homes(each.at("entry"));
+    for (const golden::Json& call : each.at("calls")) {
+      Route route(homes, call.at("about"));
+      const std::size_t count = call.at("called").size();
+      for (std::size_t k = 0; k < count; ++k) {
+        CAPTURE(k);
+        REQUIRE(route.address() == call.at("called")[k].get<std::string>());
+        const golden::Json& answer = call.at("answers")[k];
+        const bool last = k + 1 == count;
+        if (answer.contains("answered")) {
+          CHECK((last && !call.at("fails").get<bool>()));
+          route.answered(answer.at("answered"));
+        } else if (answer.contains("unavailable")) {
+          CHECK(route.unavailable() == !last);
+        } else {
+          const golden::Json& place = answer.at("misdirected");
+          CHECK(route.misdirected(place[0], place[1]) == !last);
+        }
+      }
+    }
+    CHECK(homes.home(each.at("about")) == each.at("home").get<std::string>());
+  }
+  for (const golden::Json& each : document.at("reasons"))
+    CHECK(place_of(each[0]) == std::pair<std::string, int>(each[1], each[2]));
 }

@@ -2,7 +2,9 @@ extends SceneTree
 ## All tests: godot --headless --path clients/godot -s tests/run.gd -- /path/to/tests/golden
 
 const Checks := preload("res://tests/checks.gd")
-const SUITES: Array[String] = ["test_playout", "test_retarget", "test_messages", "test_stream"]
+const SUITES: Array[String] = [
+	"test_playout", "test_retarget", "test_messages", "test_stream", "test_homes"
+]
 
 
 func _initialize() -> void:

@@ -44,14 +44,15 @@ class Harness:
 	var player := WayfarerMotionPlayer.new()
 	var stream: WayfarerMotionStream
 
-	func _init() -> void:
+	func _init(route: WayfarerHomes.Route = null) -> void:
 		stream = WayfarerMotionStream.new(
 			func(token: String) -> Dictionary:
 				return {"url": "ws://x/" + token, "protocols": PackedStringArray(["p"])},
 			player,
 			func() -> FakeSocket:
 				sockets.append(FakeSocket.new())
-				return sockets[-1]
+				return sockets[-1],
+			route
 		)
 		stream.status_changed.connect(
 			func(status: String, _detail: String) -> void: heard.append(status)
@@ -169,3 +170,18 @@ func test_the_sockets_buffers_are_raised(check: Checks) -> void:
 	socket.open("ws://127.0.0.1:1", PackedStringArray(["wayfarer.v1"]))
 	check.equal(socket._peer.inbound_buffer_size, WayfarerSocket.BUFFER)
 	socket.close()
+
+
+func test_a_stream_that_is_sent_on_follows_at_once_and_asks_the_entry_later(check: Checks) -> void:
+	var homes := WayfarerHomes.new("http://entry:1")
+	var harness := Harness.new(WayfarerHomes.Route.new(homes, "session-00ff12"))
+	harness.end(4421, "call a:7")
+	harness.stream.update(0.1)
+	check.equal([harness.sockets.size(), homes.home("session-00ff12")], [2, "http://a:7"])
+	harness.sockets[-1].messages.append(check.message("header"))
+	harness.end(1006, "")
+	harness.stream.update(0.2)
+	check.equal([harness.sockets.size(), homes.home("session-00ff12")], [2, "http://entry:1"])
+	harness.stream.update(0.8)
+	check.equal(harness.sockets.size(), 3)
+	check.equal(" ".join(harness.heard), "connecting connecting open lost connecting")

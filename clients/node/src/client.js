@@ -1,9 +1,9 @@
 // The services of a server as objects: calls are promises, streams are async iterables.
 
-import { Readable } from "node:stream";
 import { setTimeout as sleep } from "node:timers/promises";
 import { create, fromBinary, toBinary } from "@bufbuild/protobuf";
 import { Metadata, credentials, makeGenericClientConstructor } from "@grpc/grpc-js";
+import { Homes } from "wayfarer-client/core";
 import { AdminService } from "./gen/wayfarer/v1/admin_pb.js";
 import { AgentService } from "./gen/wayfarer/v1/agent_pb.js";
 import { CatalogService } from "./gen/wayfarer/v1/catalog_pb.js";
@@ -13,6 +13,7 @@ import { MotionService } from "./gen/wayfarer/v1/motion_pb.js";
 import { SceneService } from "./gen/wayfarer/v1/scene_pb.js";
 import { SessionService } from "./gen/wayfarer/v1/session_pb.js";
 import { SnapshotService } from "./gen/wayfarer/v1/snapshot_pb.js";
+import { FollowingCall, aboutOf, goesOn, madeOf, repeatable } from "./nodes.js";
 import { retryAfterMs } from "./refusal.js";
 
 const TIMEOUT_MS = 10_000;
@@ -42,42 +43,63 @@ export function connect(address, { apiKey, token, tls, timeoutMs = TIMEOUT_MS } 
   const metadata = new Metadata();
   if (apiKey) metadata.set("x-api-key", apiKey);
   if (token) metadata.set("authorization", `Bearer ${token}`);
-  const stubs = [];
+  const stubs = new Map(); // by service and node
+  const homes = new Homes(address);
   const client = { close: () => stubs.forEach((stub) => stub.close()) };
   for (const [name, service] of Object.entries(SERVICES)) {
     const Stub = makeGenericClientConstructor(definition(service), service.typeName);
-    const stub = new Stub(address, tls ?? credentials.createInsecure());
-    stubs.push(stub);
+    const at = (node) => {
+      const key = `${name} ${node}`;
+      if (!stubs.has(key)) stubs.set(key, new Stub(node, tls ?? credentials.createInsecure()));
+      return stubs.get(key);
+    };
     client[name] = Object.fromEntries(
-      service.methods.map((method) => [method.localName, caller(stub, method, metadata, timeoutMs)]),
+      service.methods.map((method) => [method.localName, caller(at, homes, method, metadata, timeoutMs)]),
     );
   }
   return client;
 }
 
-function caller(stub, { localName, methodKind }, metadata, timeoutMs) {
-  if (methodKind === "bidi_streaming") return () => stub[localName](metadata);
-  if (methodKind === "server_streaming") return (request = {}) => stub[localName](request, metadata);
+/** `at(node)`: the stub that calls a node. */
+function caller(at, homes, { localName, methodKind }, metadata, timeoutMs) {
+  if (methodKind === "bidi_streaming") return () => new FollowingCall(homes, (node) => at(node)[localName](metadata));
+  if (methodKind === "server_streaming")
+    return (request = {}) =>
+      new FollowingCall(homes, (node) => at(node)[localName](request, metadata), aboutOf(request));
   const limit = () => ({ deadline: Date.now() + timeoutMs });
   const settle = (resolve, reject) => (error, reply) => (error ? reject(error) : resolve(reply));
   if (methodKind === "client_streaming")
-    return (requests) =>
-      new Promise((resolve, reject) => {
-        const call = stub[localName](metadata, limit(), settle(resolve, reject));
-        Readable.from(requests).pipe(call);
-      });
-  const once = (request) =>
-    new Promise((resolve, reject) => stub[localName](request, metadata, limit(), settle(resolve, reject)));
-  return (request = {}) => untilTaken(() => once(request), timeoutMs);
+    return (requests) => {
+      const again = repeatable(requests);
+      const once = (node) =>
+        new Promise((resolve, reject) => {
+          const stream = again();
+          const call = at(node)[localName](metadata, limit(), settle(resolve, reject));
+          call.on("error", () => stream.destroy());
+          stream.pipe(call);
+        });
+      return untilTaken(once, homes.route(""), timeoutMs);
+    };
+  return (request = {}) => {
+    const once = (node) =>
+      new Promise((resolve, reject) => at(node)[localName](request, metadata, limit(), settle(resolve, reject)));
+    return untilTaken(once, homes.route(aboutOf(request)), timeoutMs);
+  };
 }
 
-/** Call again what is refused for now, when the server has said; within `timeoutMs` in all. */
-async function untilTaken(call, timeoutMs) {
+/**
+ * Call again what belongs to another node, and what is refused for now, when the server has said; within `timeoutMs` in
+ * all.
+ */
+async function untilTaken(call, route, timeoutMs) {
   const end = Date.now() + timeoutMs;
   for (;;) {
     try {
-      return await call();
+      const reply = await call(route.address);
+      route.answered(madeOf(reply));
+      return reply;
     } catch (error) {
+      if (goesOn(route, error)) continue;
       const wait = retryAfterMs(error) * (1 + Math.random() / 5); // so that not all come back together
       if (!wait || Date.now() + wait > end) throw error;
       await sleep(wait);

@@ -2,7 +2,7 @@
 
 import { setTimeout as sleep } from "node:timers/promises";
 import { status } from "@grpc/grpc-js";
-import { retryAfterMs } from "./refusal.js";
+import { placeOf, retryAfterMs } from "./refusal.js";
 
 const SILENCE_MS = 5000; // without even a heartbeat (one per second): the connection is dead
 const PAUSE_MS = [100, 2000]; // first and longest between attempts
@@ -19,13 +19,14 @@ export async function* follow(client, request, { deadlineMs = 30_000 } = {}) {
   let begun = false;
   for (;;) {
     const call = client.motion.streamMotion(resuming);
+    let heard = false; // over this connection
     const silence = setTimeout(() => call.destroy(new Error("nothing heard for 5 s")), SILENCE_MS);
     try {
       for await (const message of call) {
         silence.refresh();
         heardAt = Date.now();
         pause = PAUSE_MS[0];
-        begun = true;
+        begun = heard = true;
         const { case: kind, value } = message.payload;
         if (kind === "batch" && value.resumeToken) resuming = { ...resuming, resumeToken: value.resumeToken };
         yield message;
@@ -33,9 +34,11 @@ export async function* follow(client, request, { deadlineMs = 30_000 } = {}) {
       return; // the session has ended
     } catch (error) {
       const asked = retryAfterMs(error); // to wait so long
-      const passes = error.code === undefined || error.code === PASSING[0] || asked || (begun && PASSING.includes(error.code));
+      const moved = placeOf(error) !== null; // to where the next call goes
+      const passes = moved || error.code === undefined || error.code === PASSING[0] || asked || (begun && PASSING.includes(error.code));
       const left = heardAt + deadlineMs - Date.now();
       if (!passes || left <= 0) throw error;
+      if (moved && heard) continue;
       await sleep(Math.min(left, Math.max(asked, pause * (0.5 + Math.random() / 2))));
       pause = Math.min(2 * pause, PAUSE_MS[1]);
     } finally {

@@ -19,7 +19,8 @@ from wayfarer_client.errors import (
     WayfarerError,
     from_grpc,
 )
-from wayfarer_client.methods import Methods, slot_of
+from wayfarer_client.homes import Homes, Route
+from wayfarer_client.methods import Methods, about, made
 from wayfarer_client.v1 import (
     admin_pb2_grpc,
     agent_pb2_grpc,
@@ -104,7 +105,7 @@ class Connection:
         self._tls = tls
         self._channel = _channel(address, tls)
         self._nodes: dict[str, grpc.aio.Channel] = {}  # by address, as far as they were called
-        self._homes: dict[str, str] = {}  # address of a node by slot
+        self.homes = Homes(address)
         # The generated stubs are typed for the synchronous API only.
         methods: Any = Methods()
         self.scenes: Any = scene_pb2_grpc.SceneServiceStub(methods)
@@ -152,17 +153,9 @@ class Connection:
         for channel in (self._channel, *self._nodes.values()):
             await channel.close(None)
 
-    def learn(self, about: Any, host: str, port: int) -> None:
-        """Whom a request or an id names lives at another node."""
-        if slot := slot_of(about):
-            self._homes[slot] = self._beside(host, port)
-
-    def forget(self, about: Any) -> bool:
-        """The node of whom a request or an id names does not answer; whether one was known."""
-        return self._homes.pop(slot_of(about), None) is not None
-
-    def _beside(self, host: str, port: int) -> str:
-        return f"{host or self.address.rpartition(':')[0]}:{port}"
+    def learn(self, session_id: str, host: str, port: int) -> None:
+        """A session lives at that node."""
+        self.homes.learn(session_id, self.homes.node(host, port))
 
     def _node(self, address: str) -> grpc.aio.Channel:
         if address == self.address:
@@ -171,30 +164,29 @@ class Connection:
             self._nodes[address] = _channel(address, self._tls)
         return self._nodes[address]
 
-    def _home(self, about: Any) -> grpc.aio.Channel:
-        return self._node(self._homes.get(slot_of(about), self.address))
+    def route(self, request: Any) -> Route:
+        """Where a call goes that concerns whom a request or an id names."""
+        return self.homes.route(about(request))
 
     async def call(self, method: Any, request: Any, timeout: float | None = None) -> Any:
         """The reply to a request. Raises WayfarerError.
 
         One that is refused for now is sent again when the server has said, as long as that is
-        within the connection's `timeout`. One that belongs to another node goes there, once.
+        within the connection's `timeout`. One that belongs to another node goes there.
         """
         limit = self.timeout if timeout is None else timeout
         ends_at = _now() + self.timeout
-        sent_on: grpc.aio.Channel | None = None
+        route = self.route(request)
         while True:
-            call = method.on(sent_on or self._home(request))
+            call = method.on(self._node(route.address))
             try:
-                return await call(request, timeout=limit, metadata=self._access.metadata())
+                reply = await call(request, timeout=limit, metadata=self._access.metadata())
             except grpc.aio.AioRpcError as error:
                 refusal = from_grpc(error)
-            if isinstance(refusal, Unavailable) and sent_on is None and self.forget(request):
-                continue  # its node is gone: the entry knows the next one
-            if isinstance(refusal, Misdirected) and sent_on is None:
-                self.learn(request, refusal.host, refusal.grpc_port)
-                sent_on = self._node(self._beside(refusal.host, refusal.grpc_port))
-            elif not await come_again(refusal, ends_at):
+            else:
+                route.answered(made(reply))
+                return reply
+            if not goes_on(route, refusal) and not await come_again(refusal, ends_at):
                 raise refusal
 
     async def create(self, method: Any, request: Any, timeout: float | None = None) -> Any:
@@ -211,12 +203,9 @@ class Connection:
                 if not await backoff.pause():
                     raise
 
-    def open(self, method: Any, *request: Any, about: Any = "") -> Any:
-        """A stream of messages, without a time limit. `about`: an id, where no request names one.
-
-        It may end with Misdirected: `learn` then.
-        """
-        call = method.on(self._home(request[0] if request else about))
+    def open(self, route: Route, method: Any, *request: Any) -> Any:
+        """A stream of messages, without a time limit."""
+        call = method.on(self._node(route.address))
         return call(*request, metadata=self._access.metadata())
 
     async def messages(self, method: Any, request: Any) -> AsyncGenerator[Any]:
@@ -226,10 +215,9 @@ class Connection:
         """
         ends_at = _now() + self.timeout
         begun = False
-        sent_on: grpc.aio.Channel | None = None
+        route = self.route(request)
         while True:
-            opened = method.on(sent_on or self._home(request))
-            call = opened(request, metadata=self._access.metadata())
+            call = self.open(route, method, request)
             try:
                 async for message in call:
                     begun = True
@@ -239,18 +227,20 @@ class Connection:
                 refusal = from_grpc(error)
             finally:
                 call.cancel()
-            if isinstance(refusal, Unavailable):
-                self.forget(request)
-            if isinstance(refusal, Misdirected) and sent_on is None and not begun:
-                self.learn(request, refusal.host, refusal.grpc_port)
-                sent_on = self._node(self._beside(refusal.host, refusal.grpc_port))
-            elif begun or not await come_again(refusal, ends_at):
+            if begun or not (goes_on(route, refusal) or await come_again(refusal, ends_at)):
                 raise refusal
 
     async def file(self, method: Any, request: Any) -> bytes:
         """A file, from a stream of its parts. Raises WayfarerError."""
         async with aclosing(self.messages(method, request)) as messages:
             return b"".join([message.file_part async for message in messages])
+
+
+def goes_on(route: Route, refusal: WayfarerError) -> bool:
+    """Whether the call goes on at another node, which is now the route's `address`."""
+    if isinstance(refusal, Misdirected):
+        return route.misdirected(refusal.host, refusal.grpc_port)
+    return isinstance(refusal, Unavailable) and route.unavailable()
 
 
 async def come_again(refusal: WayfarerError, ends_at: float) -> bool:
@@ -271,7 +261,6 @@ class Backoff:
 
     def succeeded(self) -> None:
         """Begin again with the shortest pause."""
-        self.fresh = True  # no attempt has failed since
         self._pause = BACKOFF_S[0]
         self._ends_at = _now() + self.deadline
 

@@ -9,7 +9,7 @@ from typing import Any, Final, Self
 
 from google.protobuf.message import Message
 
-from wayfarer_client.connection import Backoff, Connection
+from wayfarer_client.connection import Backoff, Connection, goes_on
 from wayfarer_client.errors import (
     FailedPrecondition,
     Misdirected,
@@ -19,8 +19,9 @@ from wayfarer_client.errors import (
     from_problem,
 )
 from wayfarer_client.goals import GoalCommands
+from wayfarer_client.homes import Route
 from wayfarer_client.messages import Batch, Event, StreamInfo, Viewpoint
-from wayfarer_client.stream import heard, read, refuses, sent_on
+from wayfarer_client.stream import heard, read, refuses
 from wayfarer_client.v1 import control_pb2, motion_pb2
 from wayfarer_client.wire import BatchReader
 
@@ -201,29 +202,29 @@ class Control(GoalCommands):
 
     async def _received(self) -> AsyncGenerator[Batch]:
         backoff = Backoff(self._deadline)
+        route = self._connection.route(self._request)
         while True:
             try:
-                async for batch in self._once(backoff):
+                async for batch in self._once(backoff, route):
                     yield batch
                 return
             except (Misdirected, Unavailable, ResourceExhausted) as error:
                 if refuses(error) and self.info is None:
                     raise
                 self._hang_up(Unavailable(f"the connection was lost: {error}"))
-                moved = sent_on(self._connection, self._request.session_id, error)
-                if not (moved and backoff.fresh) and not await backoff.pause(error.retry_after):
-                    raise Unavailable(f"no stream for {self._deadline:g} s: {error}") from None
-                backoff.fresh = False
+                if not (goes_on(route, error) and isinstance(error, Misdirected)):
+                    if not await backoff.pause(error.retry_after):
+                        raise Unavailable(f"no stream for {self._deadline:g} s: {error}") from None
+                    route.begin()
                 self.reconnections += 1
 
-    async def _once(self, backoff: Backoff) -> AsyncGenerator[Batch]:
-        self._call = self._connection.open(
-            self._connection.control.Control, about=self._request.session_id
-        )
+    async def _once(self, backoff: Backoff, route: Route) -> AsyncGenerator[Batch]:
+        self._call = self._connection.open(route, self._connection.control.Control)
         try:
             await self._write(control_pb2.ControlRequest(open=self._request))
             while (message := await heard(self._call)) is not None:
                 backoff.succeeded()
+                route.answered()
                 if message.HasField("reply"):
                     self._answer(message.reply)
                     continue

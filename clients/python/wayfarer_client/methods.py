@@ -1,15 +1,14 @@
 """Methods of a server that can be called on any node of its cluster."""
 
-import re
 from collections.abc import Callable
 from typing import Any, Final
 
 import grpc
 
+from wayfarer_client.homes import slot_of
+
 NAMES: Final = ("session_id", "agent_id", "scene_id", "scene")
 """Fields of requests that say whom a call is about."""
-
-_SLOT: Final = re.compile(r"(?:session|scene|agent)-([0-9a-f]{4})")
 
 
 class Method:
@@ -48,15 +47,14 @@ def _method(kind: str, path: str, serializers: dict[str, Any]) -> Method:
     return Method(kind, path, serializers)
 
 
-def slot_of(request: Any) -> str:
-    """The slot of whom a request or an id names, which a session and its agents share; or "".
+def about(request: Any) -> str:
+    """The id of whom a request names; itself, if it is an id; or ""."""
+    if isinstance(request, str):
+        return request
+    names = (getattr(request, name, "") for name in NAMES)
+    return next((name for name in names if isinstance(name, str) and slot_of(name)), "")
 
-    All of a slot lives on one node.
-    """
-    names = [request] if isinstance(request, str) else []
-    if not isinstance(request, str):
-        names = [getattr(request, name, "") for name in NAMES]
-    for name in names:
-        if isinstance(name, str) and (found := _SLOT.match(name)):
-            return found[1]
-    return ""
+
+def made(reply: Any) -> str:
+    """The id of the session or scene that a reply tells of, or ""."""
+    return about(getattr(reply, "session", "")) or about(getattr(reply, "scene", ""))

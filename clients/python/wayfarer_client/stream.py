@@ -7,7 +7,7 @@ from typing import Any, Final, Self
 
 import grpc
 
-from wayfarer_client.connection import Backoff, Connection
+from wayfarer_client.connection import Backoff, Connection, goes_on
 from wayfarer_client.errors import (
     Misdirected,
     ResourceExhausted,
@@ -15,6 +15,7 @@ from wayfarer_client.errors import (
     WayfarerError,
     from_grpc,
 )
+from wayfarer_client.homes import Route
 from wayfarer_client.messages import Batch, StreamInfo
 from wayfarer_client.v1 import motion_pb2
 from wayfarer_client.wire import BatchReader
@@ -78,26 +79,28 @@ class MotionStream:
 
     async def _run(self) -> AsyncGenerator[Batch]:
         backoff = Backoff(self._deadline)
+        route = self._connection.route(self._request)
         while True:
             try:
-                async for batch in self._once(backoff):
+                async for batch in self._once(backoff, route):
                     yield batch
                 return
             except (Misdirected, Unavailable, ResourceExhausted) as error:
                 if refuses(error) and self.info is None:
                     raise
-                moved = sent_on(self._connection, self._request.session_id, error)
-                if not (moved and backoff.fresh) and not await backoff.pause(error.retry_after):
-                    raise Unavailable(f"no stream for {self._deadline:g} s: {error}") from None
-                backoff.fresh = False
+                if not (goes_on(route, error) and isinstance(error, Misdirected)):
+                    if not await backoff.pause(error.retry_after):
+                        raise Unavailable(f"no stream for {self._deadline:g} s: {error}") from None
+                    route.begin()
                 self.reconnections += 1
 
-    async def _once(self, backoff: Backoff) -> AsyncGenerator[Batch]:
+    async def _once(self, backoff: Backoff, route: Route) -> AsyncGenerator[Batch]:
         """Batches of one connection."""
-        call = self._connection.open(self._connection.motion.StreamMotion, self._request)
+        call = self._connection.open(route, self._connection.motion.StreamMotion, self._request)
         try:
             while (message := await heard(call)) is not None:
                 backoff.succeeded()
+                route.answered()
                 batch = read(message, self._reader)
                 if batch is None:
                     continue
@@ -106,16 +109,6 @@ class MotionStream:
                 yield batch
         finally:
             call.cancel()
-
-
-def sent_on(connection: Connection, session_id: str, error: WayfarerError) -> bool:
-    """Whether the session lives elsewhere; where it lives is remembered, or forgotten."""
-    if isinstance(error, Misdirected):
-        connection.learn(session_id, error.host, error.grpc_port)
-        return True
-    if isinstance(error, Unavailable):
-        connection.forget(session_id)
-    return False
 
 
 def refuses(error: WayfarerError) -> bool:

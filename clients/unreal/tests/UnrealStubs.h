@@ -191,6 +191,7 @@ class TSharedPtr {
   T* operator->() const { return Own.get(); }
   T& operator*() const { return *Own; }
   explicit operator bool() const { return Own != nullptr; }
+  T* Get() const { return Own.get(); }
   void Reset() { Own.reset(); }
   TSharedRef<T, Mode> ToSharedRef() const { return TSharedRef<T, Mode>(Own); }
   std::shared_ptr<T> Own;
@@ -201,8 +202,11 @@ class TSharedRef {
   explicit TSharedRef(std::shared_ptr<T> Pointer) : Own(std::move(Pointer)) {}
   T* operator->() const { return Own.get(); }
   T& operator*() const { return *Own; }
+  T& Get() const { return *Own; }
   std::shared_ptr<T> Own;
 };
+template <class T, class D>
+TSharedRef<T> MakeShareable(T* Object, D Deleter) { return TSharedRef<T>(std::shared_ptr<T>(Object, Deleter)); }
 template <class T, class... Rest>
 TSharedRef<T> MakeShared(Rest&&... Values) { return TSharedRef<T>(std::make_shared<T>(std::forward<Rest>(Values)...)); }
 template <class T>
@@ -361,6 +365,18 @@ class FJsonObject {
     Into = GetStringField(Key);
     return true;
   }
+  bool TryGetNumberField(const FString& Key, int32& Into) const {
+    if (!Own.contains(Key.Utf8())) return false;
+    Into = Own.at(Key.Utf8());
+    return true;
+  }
+  bool TryGetObjectField(const FString& Key, const TSharedPtr<FJsonObject>*& Into) const {
+    if (!Own.contains(Key.Utf8())) return false;
+    StubInner = std::make_shared<FJsonObject>();
+    StubInner->Own = Own.at(Key.Utf8());
+    Into = &StubInner;
+    return true;
+  }
   TArray<TSharedPtr<FJsonValue>> GetArrayField(const FString& Key) const {
     TArray<TSharedPtr<FJsonValue>> Found;
     for (const auto& Each : Own.at(Key.Utf8())) {
@@ -371,6 +387,7 @@ class FJsonObject {
     return Found;
   }
   nlohmann::json Own = nlohmann::json::object();
+  mutable TSharedPtr<FJsonObject> StubInner;
 };
 inline TSharedPtr<FJsonObject> FJsonValue::AsObject() const {
   auto Found = std::make_shared<FJsonObject>();

@@ -221,6 +221,23 @@ int main() {
   REQUIRE(Heard.back().find("ended: cannot read the stream: malformed message") == 0 && StubSockets[3]->bClosed);
   Character.EndPlay(EEndPlayReason::Destroyed);
   Answer("DELETE", Server + "/v1/agents/agent-0", 204, "");
+
+  // a server that is many nodes
+  Subsystem.Open(TEXT(""), TEXT("wf_key"), TEXT(""));
+  Answer("POST", Server + "/v1/sessions", 421, R"({"endpoint": {"host": "n1", "http_port": 7}})");
+  Answer("POST", "https://n1:7/v1/sessions", 201, R"({"session_id": "session-00ff12"})");
+  REQUIRE(StubSockets[4]->Url.Utf8().find("wss://n1:7/v1/stream") == 0);
+  StubSockets[4]->Gone.Broadcast(4421, TEXT("call n2:7"), true);
+  Subsystem.Tick(0);
+  REQUIRE(StubSockets[5]->Url.Utf8().find("wss://n2:7/v1/stream") == 0);
+  Subsystem.Wander(TEXT("agent-00ff34"));
+  Answer("PUT", "https://n2:7/v1/agents/agent-00ff34/wander", 503, R"({"detail": "stopping"})");
+  Answer("PUT", Server + "/v1/agents/agent-00ff34/wander", 404, R"({"detail": "no agent"})");
+  REQUIRE(Heard.back() == "PUT /v1/agents/agent-00ff34/wander: no agent");
+  StubSockets[5]->Gone.Broadcast(1006, TEXT("cable"), false);
+  StubNow += 0.6;
+  Subsystem.Tick(0);
+  REQUIRE(StubSockets[6]->Url.Utf8().find("wss://walk.example/v1/stream") == 0);
   Subsystem.Deinitialize();
   std::puts("the plug-in holds");
 }

@@ -1,6 +1,7 @@
 // The HTTP API as functions: basis glTF, metres. A server's /docs is its reference.
 
 import { Access } from "./access.js";
+import { Homes } from "./core/homes.js";
 
 const ANSWER_SECONDS = 10;
 const BAKE_SECONDS = 60; // for what may take the server longer
@@ -27,9 +28,6 @@ export class ApiError extends Error {
 }
 
 export class Api {
-  /** Addresses of nodes of a cluster by slot, which a session and its agents share. @type {Map<string, string>} */
-  #homes = new Map();
-
   /**
    * `base` is the server's address without a final slash; "" is the one this page came from. `access` shows who
    * calls, and gets another token where the one it has is refused. A call that is refused for now (429) is sent again
@@ -39,6 +37,7 @@ export class Api {
    */
   constructor(base = "", { access = new Access(), fetcher = (...request) => fetch(...request), pause = sleep } = {}) {
     this.base = base;
+    this.homes = new Homes(base || (globalThis.location?.origin ?? ""));
     this.access = access;
     this.fetcher = fetcher;
     this.pause = pause;
@@ -224,7 +223,7 @@ export class Api {
    * @param {string} text its id, or a path with it
    */
   homeOf(text) {
-    return this.#homes.get(slotOf(text)) ?? this.base;
+    return this.homes.home(text);
   }
 
   /**
@@ -238,21 +237,16 @@ export class Api {
   /** @param {string} method @param {string} path @param {unknown} [body] @param {number} [seconds] @returns {Promise<any>} */
   async #call(method, path, body, seconds = ANSWER_SECONDS) {
     let patience = PATIENCE_SECONDS;
-    let sentOn = ""; // to the node that takes the call: once
+    const route = this.homes.route(path);
     for (;;) {
       const { token } = this.access;
       try {
-        const answer = await this.#ask(sentOn || this.homeOf(path), method, path, body, seconds);
-        const slot = sentOn && slotOf(answer?.session_id ?? answer?.scene_id ?? path);
-        if (slot) this.#homes.set(slot, sentOn);
+        const answer = await this.#ask(route.address, method, path, body, seconds);
+        route.answered(answer?.session_id ?? answer?.scene_id);
         return answer;
       } catch (error) {
         if (!(error instanceof ApiError)) throw error;
-        if (error.status === 421 && error.problem.endpoint && !sentOn) {
-          sentOn = this.#node(error.problem.endpoint);
-          continue;
-        }
-        if (error.status === 0 && !sentOn && this.#homes.delete(slotOf(path))) continue; // its node is gone
+        if (route.refused(error.status, error.problem.endpoint)) continue;
         const wait = error.status === 429 ? error.problem.retry_after_s : 0;
         if (wait && wait <= patience) {
           patience -= wait;
@@ -262,12 +256,6 @@ export class Api {
         }
       }
     }
-  }
-
-  /** The address of a node. @param {{ host?: string, http_port: number }} endpoint */
-  #node({ host, http_port }) {
-    const own = new URL(this.base || "/", globalThis.location?.href);
-    return `${own.protocol}//${host || own.hostname}:${http_port}`;
   }
 
   /** @param {string} base @param {string} method @param {string} path @param {unknown} body @param {number} seconds @returns {Promise<any>} */
@@ -298,9 +286,6 @@ export class Api {
 }
 
 const sleep = (/** @type {number} */ seconds) => new Promise((done) => setTimeout(done, 1000 * seconds));
-
-/** The slot of the first id in a text; "" without one. @param {string} text */
-const slotOf = (text) => /(?:session|scene|agent)-([0-9a-f]{4})/.exec(text)?.[1] ?? "";
 
 /** @param {string} agentId */
 function agentPath(agentId) {

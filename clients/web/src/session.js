@@ -6,8 +6,6 @@ import { MotionPlayer } from "./core/player.js";
 import { keepAlive } from "./lease.js";
 import { MotionStream, clock } from "./stream.js";
 
-const MISDIRECTED = 4421; // a stream's end
-
 /**
  * `scene`: id of a scene, "" for a floor without end. `query`: `encoding`, `fps` … of the stream (docs/wire-format.md).
  * `interest`: levels of detail, { rings: [{ radius, format }], viewpoints: [{ position: { x, y, z }, reach }] }.
@@ -65,17 +63,11 @@ export class Session {
     const asked = () => (this.interest ? { ...query, interest: JSON.stringify(this.interest) } : query);
     this.stream = new MotionStream((token) => api.streamAddress(id, asked(), token), this.player, {
       ...on,
-      status: (status, detail, code) => {
-        // in a cluster its node is gone, or the session has moved: the answer says where it lives now
-        const elsewhere = code === MISDIRECTED || api.homeOf(id) !== api.base;
-        if (status === "lost" && elsewhere) api.session(id).catch(() => {});
-        on.status?.(status, detail);
-      },
       refused: async (reason) => {
         if (await api.access.renew(api.access.token, reason)) this.stream.open();
         else on.refused?.(reason);
       },
-    }, stream);
+    }, stream, api.homes.route(id));
   }
 
   /** Everybody, as shown, by alias. */

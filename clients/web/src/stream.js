@@ -14,7 +14,7 @@ const ENDED = 1000, INVALID = 4422, UNKNOWN_CALLER = 4401, FORBIDDEN = 4403, NOT
  * What a stream tells: `ended(reason)` when the session is no more; `refused(reason)` when the caller must show who
  * it is, who may then `open()` again; `failed(reason)` when there is no sense in trying again.
  * @typedef {object} StreamEvents
- * @property {(status: Status, detail?: string, code?: number) => void} [status]
+ * @property {(status: Status, detail?: string) => void} [status]
  * @property {(reason: string) => void} [ended]
  * @property {(reason: string) => void} [refused]
  * @property {(reason: string) => void} [failed]
@@ -42,12 +42,14 @@ export class MotionStream {
   #socket = null;
 
   /**
-   * `address(resumeToken)` says where to connect (`Api.streamAddress`).
+   * `address(resumeToken)` says where to connect (`Api.streamAddress`); `route` is told what came of it.
    * @param {(resumeToken: string) => { url: string, protocols: string[] }} address
    * @param {import("./core/player.js").MotionPlayer} player @param {StreamEvents} [on] @param {StreamOptions} [options]
+   * @param {import("./core/homes.js").Route} [route]
    */
-  constructor(address, player, on = {}, options = {}) {
+  constructor(address, player, on = {}, options = {}, route = undefined) {
     this.address = address;
+    this.route = route;
     this.player = player;
     this.on = on;
     this.newSocket = options.newSocket ?? ((url, protocols) => new WebSocket(url, protocols));
@@ -63,7 +65,7 @@ export class MotionStream {
   open() {
     this.closed = false;
     this.#retry = RETRY_FIRST;
-    this.#connect();
+    this.#connectAgain();
   }
 
   /** Leave it for good. */
@@ -75,7 +77,7 @@ export class MotionStream {
   /** Connect again, as after a loss: the network may have changed. While it is waiting to try again: at once. */
   reconnect() {
     if (this.#socket) this.#socket.close();
-    else this.#connect();
+    else this.#connectAgain();
   }
 
   /** Send a text: the last of those within a tenth of a second, and none twice. @param {string} text */
@@ -133,8 +135,14 @@ export class MotionStream {
     }
     this.#retry = RETRY_FIRST;
     this.#begun = true;
+    this.route?.answered();
     this.#send();
     this.on.status?.("open");
+  }
+
+  #connectAgain() {
+    this.route?.begin();
+    this.#connect();
   }
 
   /** @param {WebSocket} socket @param {number} code @param {string} reason */
@@ -155,10 +163,12 @@ export class MotionStream {
     } else if (code === FORBIDDEN || code === INVALID) {
       this.closed = true;
       this.on.failed?.(reason);
+    } else if (this.route?.closed(code, reason)) {
+      this.#connect();
     } else {
-      this.on.status?.("lost", reason, code);
+      this.on.status?.("lost", reason);
       const lost = ++this.#losses;
-      this.schedule(() => lost === this.#losses && !this.#socket && this.#connect(), this.#retry);
+      this.schedule(() => lost === this.#losses && !this.#socket && this.#connectAgain(), this.#retry);
       this.#retry = Math.min(RETRY_MOST, this.#retry * 2);
     }
   }

@@ -218,3 +218,32 @@ test("a session looks from where it is told, and says so again when it connects"
   assert.equal(JSON.parse(asked().get("interest")).viewpoints[0].reach, 2);
   assert.throws(() => Session.join("http://x", "s", { stream: options.stream }).look([]), /without `interest`/);
 });
+
+test("a stream that is sent on follows at once, and asks the entry when its node is gone", () => {
+  const ID = "session-00ff12";
+  const sockets = [];
+  const timers = [];
+  const newSocket = (url) => {
+    const socket = { url, close() {} };
+    sockets.push(socket);
+    return socket;
+  };
+  const schedule = (callback, seconds) => timers.push({ callback, seconds });
+  const session = Session.join("http://entry:1", ID, { stream: { newSocket, schedule, now: () => 5 } });
+  const end = (code, reason) => sockets.at(-1).onclose({ code, reason });
+  const hosts = () => sockets.map(({ url }) => new URL(url).host);
+  end(4421, "call a:7");
+  assert.deepEqual(hosts(), ["entry:1", "a:7"]);
+  const bytes = new Uint8Array(Buffer.from(MESSAGES.header, "hex"));
+  sockets.at(-1).onmessage({ data: bytes.buffer });
+  end(4421, "call b:7"); // it has moved
+  assert.deepEqual(hosts(), ["entry:1", "a:7", "b:7"]);
+  end(4421, "call c:7"); // again: the entry must know
+  assert.deepEqual(hosts().slice(3), ["entry:1"]);
+  end(4421, "call c:7");
+  end(1006, "");
+  assert.deepEqual(hosts().slice(4), ["c:7"]);
+  timers.filter(({ seconds }) => seconds === 0.5).at(-1).callback();
+  assert.deepEqual(hosts().slice(5), ["entry:1"]);
+  session.stream.close();
+});

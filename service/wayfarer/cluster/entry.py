@@ -42,7 +42,7 @@ from wayfarer.transport.caller import Scope, current_caller
 from wayfarer.transport.grpc_guard import GuardInterceptor
 from wayfarer.transport.grpc_server import GrpcServer, bracketed
 from wayfarer.transport.grpc_server.interceptors import ErrorInterceptor
-from wayfarer.transport.http_guard import REASON_BYTES, SUBPROTOCOL
+from wayfarer.transport.http_guard import SUBPROTOCOL
 from wayfarer.transport.ports import bind, http_url
 from wayfarer.transport.request_limits import MESHES, RequestLimits, add_problem_handlers
 from wayfarer.transport.residence import misdirected
@@ -224,7 +224,7 @@ class Entry:
         raise _elsewhere(wanted, f"{verb} {path}", node)
 
     async def _socket_redirect(self, socket: WebSocket) -> None:
-        """The endpoint is in the reason; pages, which see code and reason, ask over HTTP."""
+        """The endpoint is in the reason."""
         await socket.accept(SUBPROTOCOL if SUBPROTOCOL in socket.scope["subprotocols"] else None)
         try:
             name = session_of(socket.url.query) or await _opened(socket)
@@ -232,8 +232,7 @@ class Entry:
             error: WayfarerError = misdirected(name, endpoint(node))
         except WayfarerError as found:
             error = found
-        reason = str(error).encode()[:REASON_BYTES].decode(errors="ignore")
-        await socket.close(errors.close_code(error), reason)
+        await socket.close(errors.close_code(error), errors.close_reason(error))
 
     async def _health(self, request: Request) -> Response:
         """Live while it answers; ready and startup say why not."""

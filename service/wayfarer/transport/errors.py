@@ -25,6 +25,9 @@ from wayfarer import errors
 DOMAIN: Final = "wayfarer"
 PROBLEM_JSON: Final = "application/problem+json"
 
+REASON_BYTES: Final = 123
+"""RFC 6455, 5.5: a control frame has 125 bytes, two of them the code."""
+
 
 @dataclass(frozen=True, slots=True)
 class Code:
@@ -229,6 +232,14 @@ def to_problem(error: BaseException) -> dict[str, Any]:
 def close_code(error: BaseException) -> int:
     """WebSocket close code: 4000 + HTTP status, in the range left to applications."""
     return 4000 + int(code_of(error).http)
+
+
+def close_reason(error: BaseException) -> str:
+    """WebSocket close reason: the message, or where a misdirected call should have gone."""
+    reason = message_of(error)
+    if isinstance(error, errors.Misdirected):
+        reason = f"call {error.endpoint.host}:{error.endpoint.http_port}"
+    return reason.encode()[:REASON_BYTES].decode(errors="ignore")
 
 
 def log_unexpected(log: Any, error: BaseException, where: str) -> None:

@@ -42,9 +42,6 @@ PAGE_POLICY: Final = (
 HOST_SHOWN: Final = 64
 """Characters of a Host header that an error repeats."""
 
-REASON_BYTES: Final = 123
-"""RFC 6455, 5.5: a control frame has 125 bytes, two of them the code."""
-
 
 @dataclass(frozen=True, slots=True)
 class HttpGuard:
@@ -205,5 +202,5 @@ async def _refuse(error: WayfarerError, scope: Scope, receive: Receive, send: Se
     # Accepted first: browsers hide code and reason from a page otherwise.
     await receive()
     await send({"type": "websocket.accept"})
-    reason = errors.message_of(error).encode()[:REASON_BYTES].decode(errors="ignore")
-    await send({"type": "websocket.close", "code": errors.close_code(error), "reason": reason})
+    code, reason = errors.close_code(error), errors.close_reason(error)
+    await send({"type": "websocket.close", "code": code, "reason": reason})

@@ -28,9 +28,6 @@ log = structlog.get_logger(__name__)
 STALL_S: Final = 30.0
 """Seconds after which a reader that takes nothing is disconnected. It may resume."""
 
-REASON_BYTES: Final = 123
-"""RFC 6455, 5.5: a control frame has 125 bytes, two of them the code."""
-
 LOOKS: Final = 20
 """Times a second that viewpoints are moved at most; the last ones count."""
 
@@ -206,8 +203,7 @@ async def _close(socket: WebSocket, error: BaseException | None) -> None:
     code, reason = 1000, "the session has ended"
     if error is not None:
         errors.log_unexpected(log, error, socket.url.path)
-        code = errors.close_code(error)
-        reason = errors.message_of(error).encode()[:REASON_BYTES].decode(errors="ignore")
+        code, reason = errors.close_code(error), errors.close_reason(error)
     # It has left at the same moment; a RuntimeError when uvicorn has answered its close, or broken
     # frames, by itself.
     with contextlib.suppress(WebSocketDisconnect, RuntimeError):

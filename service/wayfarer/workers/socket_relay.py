@@ -15,7 +15,7 @@ from websockets.typing import Subprotocol
 
 from wayfarer.errors import Unavailable, WayfarerError
 from wayfarer.transport import errors
-from wayfarer.transport.http_guard import REASON_BYTES, SUBPROTOCOL, check_page, presented
+from wayfarer.transport.http_guard import SUBPROTOCOL, check_page, presented
 from wayfarer.transport.server_options import ServerOptions
 from wayfarer.transport.websocket import STALL_S
 from wayfarer.v1 import control_pb2
@@ -161,7 +161,7 @@ async def _refuse(socket: WebSocket, error: WayfarerError) -> None:
     """Accepted first: browsers hide code and reason from a page otherwise."""
     if socket.application_state is WebSocketState.CONNECTING:
         await socket.accept(_offered(socket))
-    reason = str(error).encode()[:REASON_BYTES].decode(errors="ignore")
+    reason = errors.close_reason(error)
     await _close(socket, errors.close_code(error), reason)
 
 

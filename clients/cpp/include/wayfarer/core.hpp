@@ -3,6 +3,7 @@
 
 #include "wayfarer/bases.hpp"
 #include "wayfarer/bone_map.hpp"
+#include "wayfarer/homes.hpp"
 #include "wayfarer/messages.hpp"
 #include "wayfarer/player.hpp"
 #include "wayfarer/playout.hpp"

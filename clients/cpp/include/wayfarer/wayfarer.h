@@ -147,6 +147,30 @@ WF_API void wf_root_destroy(wf_root *root);
 WF_API void wf_root_update(wf_root *root, double time, const float *frame, double ground, double point[3],
                            double *heading);
 
+/* ---- where a call goes when a server is many nodes (clients/README.md, "Many nodes") */
+
+typedef struct wf_homes wf_homes;
+typedef struct wf_route wf_route;
+
+/* `entry`: the server's address, "http://host:port". Any thread may call. */
+WF_API wf_homes *wf_homes_create(const char *entry);
+WF_API void wf_homes_destroy(wf_homes *homes);
+
+/* Of one call, or of a stream; outlives `homes`. `about`: a path, or an id; "": nobody's. */
+WF_API wf_route *wf_route_create(wf_homes *homes, const char *about);
+WF_API void wf_route_destroy(wf_route *route);
+/* Where it goes next. Stays until the next call of this route. */
+WF_API const char *wf_route_address(const wf_route *route);
+/* Start again: as for a new call. */
+WF_API void wf_route_begin(wf_route *route);
+/* The call has succeeded, or the stream has begun. `made`: id of what was made by it, or "". */
+WF_API void wf_route_answered(wf_route *route, const char *made);
+/* It was refused: by an HTTP status (0: no answer) and the problem's `endpoint`. Whether it goes on, to the address that
+   is now the route's: 1 or 0. */
+WF_API int32_t wf_route_refused(wf_route *route, int32_t status, const char *host, int32_t port);
+/* A stream has ended, with this code and reason: whether to connect to the route's address at once. */
+WF_API int32_t wf_route_closed(wf_route *route, int32_t code, const char *reason);
+
 #ifdef __cplusplus
 }
 #endif

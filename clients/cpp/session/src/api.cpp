@@ -65,6 +65,20 @@ std::string said(const Json& problem, unsigned status) {
   return problem.value("detail", problem.value("title", "HTTP " + std::to_string(status)));
 }
 
+/// The id of what an answer says was made, or "".
+std::string made(const Json& answer) {
+  for (const char* key : {"session_id", "scene_id"})
+    if (answer.is_object() && answer.contains(key) && answer.at(key).is_string()) return answer.at(key);
+  return "";
+}
+
+/// Whether a call goes on, at another node.
+bool goes_on(Route& route, const ApiError& error) {
+  const auto found = error.problem.find("endpoint");
+  if (found == error.problem.end() || !found->is_object()) return route.refused(error.status, "", 0);
+  return route.refused(error.status, found->value("host", ""), found->value("http_port", 0));
+}
+
 std::string agent_path(const std::string& id) { return "/v1/agents/" + url_encoded(id); }
 
 }  // namespace
@@ -101,7 +115,10 @@ Server::Server(const std::string& url) : tls(url.rfind("https://", 0) == 0) {
   if (port.empty() || port.find_first_not_of("0123456789") != std::string::npos) refuse("its port is no number");
 }
 
-Api::Api(const std::string& server, std::string token) : server_(server), token_(std::move(token)) {}
+Api::Api(const std::string& server, std::string token)
+    : server_(server),
+      homes_(std::make_shared<Homes>(server.substr(0, server.find_last_not_of('/') + 1))),
+      token_(std::move(token)) {}
 
 Json Api::create_session(const Json& options) const { return call("POST", "/v1/sessions", options); }
 
@@ -147,10 +164,14 @@ Json Api::behave(const std::string& agent_id, const Json& behaviour) const {
 void Api::clear_goal(const std::string& agent_id) const { call("DELETE", agent_path(agent_id) + "/goal"); }
 
 Json Api::call(const std::string& method, const std::string& path, const Json& body) const {
+  Route route(*homes_, path);
   for (double patience = PATIENCE;;) {
     try {
-      return ask(method, path, body);
+      Json answer = ask(route.address(), method, path, body);
+      route.answered(made(answer));
+      return answer;
     } catch (const ApiError& error) {
+      if (goes_on(route, error)) continue;
       const double wait = error.status == 429 && error.problem.is_object() ? error.problem.value("retry_after_s", 0.0) : 0;
       if (wait <= 0 || wait > patience) throw;
       patience -= wait;
@@ -159,9 +180,10 @@ Json Api::call(const std::string& method, const std::string& path, const Json& b
   }
 }
 
-Json Api::ask(const std::string& method, const std::string& path, const Json& body) const {
+Json Api::ask(const std::string& address, const std::string& method, const std::string& path, const Json& body) const {
+  const Server server(address);
   http::request<http::string_body> request{http::string_to_verb(method), path, 11};
-  request.set(http::field::host, server_.host + ":" + server_.port);
+  request.set(http::field::host, server.host + ":" + server.port);
   request.set(http::field::accept, "application/json");
   request.set(http::field::connection, "close");
   if (!token_.empty()) request.set(http::field::authorization, "Bearer " + token_);
@@ -172,9 +194,9 @@ Json Api::ask(const std::string& method, const std::string& path, const Json& bo
   request.prepare_payload();
   http::response<http::string_body> response;
   try {
-    response = send(server_, request);
+    response = send(server, request);
   } catch (const boost::system::system_error& error) {
-    throw ApiError("no answer from " + server_.host + ":" + server_.port + ": " + error.code().message(), 0);
+    throw ApiError("no answer from " + server.host + ":" + server.port + ": " + error.code().message(), 0);
   }
   const Json answer = response.body().empty() ? Json() : Json::parse(response.body(), nullptr, false);
   const unsigned status = response.result_int();

@@ -127,10 +127,16 @@ class Socket : public Connection, public std::enable_shared_from_this<Socket<Str
 struct MotionStream::Impl {
   Impl(const Api& calls, std::string id, std::map<std::string, std::string> asked, MotionPlayer& plays,
        StreamEvents tells)
-      : api(calls), session_id(std::move(id)), wish(std::move(asked)), player(plays), on(std::move(tells)) {}
+      : api(calls),
+        session_id(std::move(id)),
+        route(calls.homes(), session_id),
+        wish(std::move(asked)),
+        player(plays),
+        on(std::move(tells)) {}
 
   const Api& api;
   std::string session_id;
+  Route route;
   std::map<std::string, std::string> wish;
   MotionPlayer& player;
   StreamEvents on;
@@ -139,6 +145,7 @@ struct MotionStream::Impl {
   std::string forgotten;  // a resume token that the server does not know
   std::string text, said;  // to be sent; the last that was to be
   bool begun = false;      // this connection's header has come
+  bool moved = false;      // the route says where to connect
   double said_at = -PAUSE;
   double now = 0, retry = RETRY_FIRST, connect_at = 0, heard_at = 0;
   bool over = false;
@@ -156,8 +163,8 @@ struct MotionStream::Impl {
   }
 
   template <class Stream, class... Rest>
-  void open(Rest&... rest) {
-    const auto socket = std::make_shared<Socket<Stream>>(api.server(), target(), api.token(), io, rest...);
+  void open(const Server& server, Rest&... rest) {
+    const auto socket = std::make_shared<Socket<Stream>>(server, target(), api.token(), io, rest...);
     socket->received = [this](const std::uint8_t* bytes, std::size_t size) { receive(bytes, size); };
     socket->closed = [this](int code, const std::string& reason) { lost(code, reason); };
     connection = socket;
@@ -169,10 +176,13 @@ struct MotionStream::Impl {
     player.begin();
     begun = false;
     heard_at = now;
+    if (!moved) route.begin();
+    moved = false;
+    const Server server(route.address());
 #ifdef WAYFARER_TLS
-    if (api.server().tls) return open<Secure>(trust());
+    if (server.tls) return open<Secure>(server, trust());
 #endif
-    open<Plain>();
+    open<Plain>(server);
   }
 
   void end(const std::string& reason) {
@@ -197,6 +207,7 @@ struct MotionStream::Impl {
     if (kind != MessageKind::header) return;
     retry = RETRY_FIRST;
     begun = true;
+    route.answered();
     tell("open");
   }
 
@@ -208,6 +219,9 @@ struct MotionStream::Impl {
       connect_at = now;
     } else if (code == ENDED || code == NOT_FOUND || code == UNKNOWN_CALLER || code == FORBIDDEN || code == INVALID) {
       end(reason);
+    } else if (route.closed(code, reason)) {
+      moved = true;
+      connect_at = now;
     } else {
       tell("lost", reason);
       connect_at = now + retry;

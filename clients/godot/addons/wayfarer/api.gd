@@ -15,7 +15,12 @@ class Reply:
 
 
 ## The server's address, as http://localhost:8080
-var server := "http://localhost:8080"
+var server := "http://localhost:8080":
+	set(value):
+		server = value
+		homes = WayfarerHomes.new(value.trim_suffix("/"))
+## The nodes of a cluster that are known.
+var homes := WayfarerHomes.new("http://localhost:8080")
 ## API key or JWT, for a server that asks for one.
 var token := ""
 
@@ -98,8 +103,14 @@ func call_server(
 	method: HTTPClient.Method, path: String, body: Variant = null, seconds: float = ANSWER_SECONDS
 ) -> Reply:
 	var patience := PATIENCE_SECONDS
+	var route := WayfarerHomes.Route.new(homes, path)
 	while true:
-		var reply: Reply = await _ask(method, path, body, seconds)
+		var reply: Reply = await _ask(route.address, method, path, body, seconds)
+		if reply.error == "":
+			route.answered(_made(reply.data))
+			return reply
+		if route.refused(reply.status, reply.data) and is_inside_tree():
+			continue
 		var wait := 0.0
 		if reply.status == 429 and reply.data is Dictionary:
 			wait = reply.data.get("retry_after_s", 0.0)
@@ -122,7 +133,7 @@ func stream_address(session_id: String, wish: Dictionary, resume_token: String) 
 		var packed := Marshalls.utf8_to_base64(token)
 		packed = packed.replace("+", "-").replace("/", "_").replace("=", "")
 		protocols.append("wayfarer.token." + packed)
-	var url := "ws" + server.trim_suffix("/").trim_prefix("http") + "/v1/stream?" + query
+	var url := "ws" + homes.home(session_id).trim_prefix("http") + "/v1/stream?" + query
 	return {"url": url, "protocols": protocols}
 
 
@@ -136,7 +147,9 @@ static func goal(at: Vector3, how: Dictionary = {}) -> Dictionary:
 	return how.merged({"position": place(at)})
 
 
-func _ask(method: HTTPClient.Method, path: String, body: Variant, seconds: float) -> Reply:
+func _ask(
+	address: String, method: HTTPClient.Method, path: String, body: Variant, seconds: float
+) -> Reply:
 	var reply := Reply.new()
 	var request := HTTPRequest.new()
 	request.timeout = seconds
@@ -148,7 +161,7 @@ func _ask(method: HTTPClient.Method, path: String, body: Variant, seconds: float
 	if body != null:
 		headers.append("content-type: application/json")
 		text = JSON.stringify(body)
-	var url := server.trim_suffix("/") + path
+	var url := address + path
 	var error := request.request(url, headers, method, text)
 	if error != OK:
 		reply.error = "%s: %s" % [url, error_string(error)]
@@ -157,7 +170,7 @@ func _ask(method: HTTPClient.Method, path: String, body: Variant, seconds: float
 	var answer: Array = await request.request_completed
 	request.queue_free()
 	if answer[0] != HTTPRequest.RESULT_SUCCESS:
-		reply.error = "the server does not answer (%s, result %d)" % [server, answer[0]]
+		reply.error = "the server does not answer (%s, result %d)" % [address, answer[0]]
 		return reply
 	reply.status = answer[1]
 	var said: String = answer[3].get_string_from_utf8()
@@ -178,6 +191,11 @@ static func _refusal(reply: Reply) -> String:
 	if not fields.is_empty():
 		return "; ".join(fields)
 	return reply.data.get("detail", reply.data.get("title", bare))
+
+
+## The id of what an answer says was made, or "".
+static func _made(answer: Variant) -> String:
+	return answer.get("session_id", answer.get("scene_id", "")) if answer is Dictionary else ""
 
 
 static func _path(kind: String, id: String) -> String:

@@ -28,6 +28,7 @@ var closed := false
 var _address: Callable
 var _player: WayfarerMotionPlayer
 var _new_socket: Callable
+var _route: WayfarerHomes.Route
 var _socket: RefCounted
 var _retry := RETRY_FIRST
 var _retry_at := -INF
@@ -39,12 +40,15 @@ var _begun := false  # this connection's header has come
 var _forgotten := ""  # a resume token that the server does not know
 
 
-## `address(resume_token)`: {url, protocols}; `new_socket()`: a WayfarerSocket, or one like it.
+## `address(resume_token)`: {url, protocols}; `new_socket()`: a WayfarerSocket, or one like it;
+## `route`: is told what came of an address; null: there is only one.
 func _init(
 	address: Callable,
 	player: WayfarerMotionPlayer,
-	new_socket: Callable = func() -> WayfarerSocket: return WayfarerSocket.new()
+	new_socket: Callable = func() -> WayfarerSocket: return WayfarerSocket.new(),
+	route: WayfarerHomes.Route = null
 ) -> void:
+	_route = route
 	_address = address
 	_player = player
 	_new_socket = new_socket
@@ -67,6 +71,8 @@ func say(text: String) -> void:
 ## Take what has come until `now` (seconds), and see to the connection. Never waits.
 func update(now: float) -> void:
 	if not closed and _socket == null and now >= _retry_at:
+		if _route != null:
+			_route.begin()
 		_connect(now)
 	if not closed and _socket != null:
 		_socket.poll()
@@ -117,6 +123,8 @@ func _receive(message: PackedByteArray, now: float) -> void:
 		"header":
 			_retry = RETRY_FIRST
 			_begun = true
+			if _route != null:
+				_route.answered()
 			status_changed.emit("open", "")
 
 
@@ -128,7 +136,9 @@ func _take_loss(code: int, reason: String, now: float) -> void:
 		_connect(now)
 		return
 	closed = code in [GONE, NOT_FOUND, UNKNOWN_CALLER, FORBIDDEN, INVALID]
-	if not closed:
+	if not closed and _route != null and _route.closed(code, reason):
+		_connect(now)
+	elif not closed:
 		_retry_at = now + _retry
 		_retry = minf(RETRY_MOST, 2.0 * _retry)
 		status_changed.emit("lost", reason)

@@ -87,7 +87,7 @@ static func seconds() -> float:
 
 ## The page of the server that shows this session.
 func viewer_url() -> String:
-	return "%s/?session=%s" % [server.trim_suffix("/"), id.uri_encode()]
+	return "%s/?session=%s" % [api.homes.home(id), id.uri_encode()]
 
 
 ## See the agents from a place of their world, with `rings`, where there is no camera. Call it as
@@ -138,7 +138,9 @@ func _begin(session_id: String) -> void:
 			if not rings.is_empty():
 				wish.interest = JSON.stringify({"rings": rings, "viewpoints": _viewpoints()})
 			return api.stream_address(session_id, wish, resume),
-		player
+		player,
+		func() -> WayfarerSocket: return WayfarerSocket.new(),
+		WayfarerHomes.Route.new(api.homes, session_id)
 	)
 	stream.ended.connect(_lose.bind("has ended"))
 	stream.refused.connect(_lose.bind("was refused"))
@@ -169,7 +171,7 @@ func _leave() -> void:
 
 ## End the session while this node goes away: by a client that outlives it for a moment.
 func _abandon() -> void:
-	var parts := server.trim_suffix("/").split("://")
+	var parts := api.homes.home(id).split("://")
 	var host := parts[-1].get_slice(":", 0)
 	var secure := parts[0] == "https"
 	var port := parts[-1].get_slice(":", 1).to_int() if ":" in parts[-1] else -1

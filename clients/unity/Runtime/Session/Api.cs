@@ -42,12 +42,16 @@ namespace Wayfarer
                 throw new ArgumentException("\"" + server + "\" is no address of a server, as http://localhost:8080");
             }
             Server = server.TrimEnd('/');
+            Homes = new Homes(Server);
             Access = access ?? new Access();
             this.http = http ?? new Http();
             this.pause = pause ?? (seconds => Task.Delay(TimeSpan.FromSeconds(seconds)));
         }
 
         public string Server { get; }
+
+        /// <summary>The nodes of a cluster that are known.</summary>
+        public Homes Homes { get; }
 
         public Access Access { get; }
 
@@ -212,15 +216,23 @@ namespace Wayfarer
         public async Task<JToken> Call(string method, string path, JObject body = null, double seconds = AnswerSeconds)
         {
             double patience = PatienceSeconds;
+            var route = new Route(Homes, path);
             for (;;)
             {
                 double wait;
                 try
                 {
-                    return await Ask(method, path, body, seconds).ConfigureAwait(false);
+                    JToken answer = await Ask(route.Address, method, path, body, seconds).ConfigureAwait(false);
+                    route.Answered(Made(answer as JObject));
+                    return answer;
                 }
                 catch (ApiException error)
                 {
+                    JObject place = error.Problem["endpoint"] as JObject ?? new JObject();
+                    if (route.Refused(error.Status, (string)place["host"] ?? "", (int?)place["http_port"] ?? 0))
+                    {
+                        continue;
+                    }
                     wait = error.Status == 429 ? (double?)error.Problem["retry_after_s"] ?? 0 : 0;
                     if (!(wait > 0 && wait <= patience))
                     {
@@ -247,16 +259,22 @@ namespace Wayfarer
             {
                 query.Append("&resume_token=").Append(Uri.EscapeDataString(resumeToken));
             }
-            string url = "ws" + Server.Substring("http".Length) + "/v1/stream?" + query;
+            string url = "ws" + Homes.Home(sessionId).Substring("http".Length) + "/v1/stream?" + query;
             return new StreamAddress { Url = url, Protocols = Access.Protocols };
         }
 
-        private async Task<JToken> Ask(string method, string path, JObject body, double seconds)
+        /// <summary>The id of what an answer says was made, or "".</summary>
+        private static string Made(JObject answer)
+        {
+            return answer == null ? "" : (string)answer["session_id"] ?? (string)answer["scene_id"] ?? "";
+        }
+
+        private async Task<JToken> Ask(string server, string method, string path, JObject body, double seconds)
         {
             var call = new HttpCall
             {
                 Method = method,
-                Url = Server + path,
+                Url = server + path,
                 Body = body == null ? null : body.ToString(Formatting.None),
                 Authorization = Access.Header,
                 Seconds = seconds,

@@ -26,6 +26,7 @@ namespace Wayfarer
         private readonly Func<string, StreamAddress> address;
         private readonly MotionPlayer player;
         private readonly Func<ISocket> newSocket;
+        private readonly Route route;
         private ISocket socket;
         private double retry = RetryFirst;
         private double retryAt;
@@ -39,8 +40,11 @@ namespace Wayfarer
         /// <param name="address">Where to connect, by resume token (<see cref="Api.StreamAddress"/>).</param>
         /// <param name="player">What takes the motion.</param>
         /// <param name="newSocket">Makes a socket; null: <see cref="ClientSocket"/>.</param>
-        public MotionStream(Func<string, StreamAddress> address, MotionPlayer player, Func<ISocket> newSocket = null)
+        /// <param name="route">Is told what came of an address; null: there is only one.</param>
+        public MotionStream(
+            Func<string, StreamAddress> address, MotionPlayer player, Func<ISocket> newSocket = null, Route route = null)
         {
+            this.route = route;
             this.address = address;
             this.player = player;
             this.newSocket = newSocket ?? (() => new ClientSocket());
@@ -83,6 +87,7 @@ namespace Wayfarer
         {
             if (!Closed && socket == null && now >= retryAt)
             {
+                route?.Begin();
                 Connect(now);
             }
             SocketNews news;
@@ -156,6 +161,7 @@ namespace Wayfarer
             }
             retry = RetryFirst;
             begun = true;
+            route?.Answered();
             StatusChanged?.Invoke(StreamStatus.Open, "");
         }
 
@@ -170,7 +176,11 @@ namespace Wayfarer
                 return;
             }
             Closed = code == Gone || code == NotFound || code == UnknownCaller || code == Forbidden || code == Invalid;
-            if (!Closed)
+            if (!Closed && route != null && route.Closed(code, reason))
+            {
+                Connect(now);
+            }
+            else if (!Closed)
             {
                 retryAt = now + retry;
                 retry = Math.Min(RetryMost, 2 * retry);

@@ -62,7 +62,8 @@ namespace Wayfarer
             this.options = options;
             this.own = renewing = own;
             interest = (JObject)options.Interest?.DeepClone();
-            Stream = new MotionStream(token => api.StreamAddress(id, Query(), token), Player, options.NewSocket);
+            var route = new Route(api.Homes, id);
+            Stream = new MotionStream(token => api.StreamAddress(id, Query(), token), Player, options.NewSocket, route);
             renewAt = options.Now() + options.LeaseSeconds / RenewalsPerLease;
         }
 
@@ -77,7 +78,7 @@ namespace Wayfarer
         public MotionStream Stream { get; }
 
         /// <summary>The page of the server that shows this session.</summary>
-        public string ViewerUrl => Api.Server + "/?session=" + Uri.EscapeDataString(Id);
+        public string ViewerUrl => Api.Homes.Home(Id) + "/?session=" + Uri.EscapeDataString(Id);
 
         /// <summary>
         /// A session of your own. It ends when you close it, or when its lease has run out after your program has ended.

@@ -2,6 +2,7 @@
 
 export { BASES, headingOf } from "./bases.js";
 export { BoneMap, BoneMapError, mapBones } from "./bone_map.js";
+export { Homes, Route, placeOf } from "./homes.js";
 export { FLAG, StreamDecoder } from "./messages.js";
 export { MotionPlayer, PlayedAgent } from "./player.js";
 export { PlayoutClock, PoseTrack, mixPoses } from "./playout.js";

@@ -1,10 +1,12 @@
 // The HTTP API as calls. A server's /docs is its reference.
 #pragma once
 
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
 
+#include "wayfarer/homes.hpp"
 #include "wayfarer/retarget.hpp"
 
 namespace wayfarer {
@@ -53,12 +55,15 @@ class Api {
   Json call(const std::string& method, const std::string& path, const Json& body = nullptr) const;
 
   const Server& server() const { return server_; }
+  /// The nodes of a cluster that are known.
+  Homes& homes() const { return *homes_; }
   const std::string& token() const { return token_; }
 
  private:
-  Json ask(const std::string& method, const std::string& path, const Json& body) const;
+  Json ask(const std::string& address, const std::string& method, const std::string& path, const Json& body) const;
 
   Server server_;
+  std::shared_ptr<Homes> homes_;
   std::string token_;
 };
 

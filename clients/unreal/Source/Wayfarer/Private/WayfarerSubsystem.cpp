@@ -34,6 +34,33 @@ TSharedPtr<FJsonObject> Place(const FVector& Location)
 	return Found;
 }
 
+TSharedRef<wf_route> RouteOf(wf_homes* Homes, const FString& About)
+{
+	return MakeShareable(wf_route_create(Homes, TCHAR_TO_UTF8(*About)), [](wf_route* Route) { wf_route_destroy(Route); });
+}
+
+/** Whether a refused call goes on, at another node of a cluster. */
+bool GoesOn(wf_route* Route, int32 Status, const TSharedPtr<FJsonObject>& Answer)
+{
+	const TSharedPtr<FJsonObject>* Place = nullptr;
+	FString Host;
+	int32 Port = 0;
+	if (Answer && Answer->TryGetObjectField(TEXT("endpoint"), Place))
+	{
+		(*Place)->TryGetStringField(TEXT("host"), Host);
+		(*Place)->TryGetNumberField(TEXT("http_port"), Port);
+	}
+	return wf_route_refused(Route, Status, TCHAR_TO_UTF8(*Host), Port) != 0;
+}
+
+/** The id of what an answer says was made, or "". */
+FString Made(const FJsonObject& Answer)
+{
+	FString Id;
+	if (!Answer.TryGetStringField(TEXT("session_id"), Id)) Answer.TryGetStringField(TEXT("scene_id"), Id);
+	return Id;
+}
+
 FString AgentPath(const FString& Id, const TCHAR* Rest)
 {
 	return TEXT("/v1/agents/") + FGenericPlatformHttp::UrlEncode(Id) + Rest;
@@ -51,6 +78,7 @@ void UWayfarerSubsystem::Open(FString Server, FString Token, const FString& Scen
 	while (Server.EndsWith(TEXT("/"))) Server.LeftChopInline(1);
 	Address = Server;
 	Key = Token;
+	Homes = wf_homes_create(TCHAR_TO_UTF8(*Address));
 	Core = wf_player_create();
 	if (!Core)
 	{
@@ -81,6 +109,7 @@ void UWayfarerSubsystem::Open(FString Server, FString Token, const FString& Scen
 	if (!Scene.IsEmpty()) Wanted->SetStringField(TEXT("scene"), Scene);
 	Call(TEXT("POST"), TEXT("/v1/sessions"), Wanted, [this](const FJsonObject& Answer) {
 		SessionId = Answer.GetStringField(TEXT("session_id"));
+		StreamRoute = RouteOf(Homes, SessionId);
 		Connect();
 		TArray<TFunction<void()>> Ready = MoveTemp(WhenOpen);
 		WhenOpen.Reset();
@@ -99,6 +128,10 @@ void UWayfarerSubsystem::Close()
 	if (Core) wf_player_clear(Core);
 	wf_player_destroy(Core);
 	Core = nullptr;
+	wf_homes_destroy(Homes);
+	Homes = nullptr;
+	StreamRoute.Reset();
+	bMoved = false;
 	Aliases.Reset();
 	Retry = RetryFirst;
 	ConnectAt = 0;
@@ -240,8 +273,14 @@ FString UWayfarerSubsystem::Viewpoints() const
 
 void UWayfarerSubsystem::Call(const FString& Verb, const FString& Path, const TSharedPtr<FJsonObject>& Body, TFunction<void(const FJsonObject&)> Answered)
 {
+	if (Homes) Send(RouteOf(Homes, Path), Verb, Path, Body, Answered);
+}
+
+void UWayfarerSubsystem::Send(const TSharedRef<wf_route>& Route, const FString& Verb, const FString& Path, const TSharedPtr<FJsonObject>& Body, TFunction<void(const FJsonObject&)> Answered)
+{
+	const FString To = UTF8_TO_TCHAR(wf_route_address(&Route.Get()));
 	TSharedRef<IHttpRequest, ESPMode::ThreadSafe> Request = FHttpModule::Get().CreateRequest();
-	Request->SetURL(Address + Path);
+	Request->SetURL(To + Path);
 	Request->SetVerb(Verb);
 	Request->SetTimeout(10);
 	Request->SetHeader(TEXT("Accept"), TEXT("application/json"));
@@ -253,17 +292,19 @@ void UWayfarerSubsystem::Call(const FString& Verb, const FString& Path, const TS
 		Request->SetHeader(TEXT("Content-Type"), TEXT("application/json"));
 		Request->SetContentAsString(Text);
 	}
-	Request->OnProcessRequestComplete().BindWeakLambda(this, [this, Verb, Path, Answered, Asked = Opened](FHttpRequestPtr, FHttpResponsePtr Response, bool bConnected) {
+	Request->OnProcessRequestComplete().BindWeakLambda(this, [this, Route, To, Verb, Path, Body, Answered, Asked = Opened](FHttpRequestPtr, FHttpResponsePtr Response, bool bConnected) {
 		if (Asked != Opened) return; // of an earlier session
 		TSharedPtr<FJsonObject> Answer;
 		if (bConnected && Response) FJsonSerializer::Deserialize(TJsonReaderFactory<>::Create(Response->GetContentAsString()), Answer);
 		const int32 Status = bConnected && Response ? Response->GetResponseCode() : 0;
 		if (Status >= 200 && Status < 300)
 		{
+			wf_route_answered(&Route.Get(), TCHAR_TO_UTF8(*(Answer ? Made(*Answer) : FString())));
 			if (Answered && Answer) Answered(*Answer);
 			return;
 		}
-		FString Why = Status ? FString::Printf(TEXT("HTTP %d"), Status) : Address + TEXT(" does not answer");
+		if (GoesOn(&Route.Get(), Status, Answer)) return Send(Route, Verb, Path, Body, Answered);
+		FString Why = Status ? FString::Printf(TEXT("HTTP %d"), Status) : To + TEXT(" does not answer");
 		if (Answer) Answer->TryGetStringField(TEXT("detail"), Why);
 		OnRefused.Broadcast(Verb + TEXT(" ") + Path, Why);
 		if (SessionId.IsEmpty()) OnStatus.Broadcast(TEXT("ended"), Why);
@@ -273,7 +314,9 @@ void UWayfarerSubsystem::Call(const FString& Verb, const FString& Path, const TS
 
 void UWayfarerSubsystem::Connect()
 {
-	FString Url = TEXT("ws") + Address.RightChop(4) + TEXT("/v1/stream?encoding=smallest_three&session=") + FGenericPlatformHttp::UrlEncode(SessionId);
+	if (!bMoved) wf_route_begin(StreamRoute.Get());
+	bMoved = false;
+	FString Url = TEXT("ws") + FString(UTF8_TO_TCHAR(wf_route_address(StreamRoute.Get()))).RightChop(4) + TEXT("/v1/stream?encoding=smallest_three&session=") + FGenericPlatformHttp::UrlEncode(SessionId);
 	const FString Token = UTF8_TO_TCHAR(wf_player_resume_token(Core));
 	if (!Token.IsEmpty() && Token != Forgotten) Url += TEXT("&resume_token=") + FGenericPlatformHttp::UrlEncode(Token);
 	TMap<FString, FString> Headers;
@@ -306,6 +349,7 @@ void UWayfarerSubsystem::Receive(const void* Data, SIZE_T Size, SIZE_T BytesRema
 	{
 		Retry = RetryFirst;
 		bBegun = true;
+		wf_route_answered(StreamRoute.Get(), "");
 		OnStatus.Broadcast(TEXT("open"), SessionId);
 	}
 }
@@ -324,6 +368,11 @@ void UWayfarerSubsystem::Lost(int32 Code, const FString& Reason)
 	else if (Code == Ended || Code == UnknownCaller || Code == Forbidden || Code == NotFound || Code == Invalid)
 	{
 		End(Reason);
+	}
+	else if (wf_route_closed(StreamRoute.Get(), Code, TCHAR_TO_UTF8(*Reason)))
+	{
+		bMoved = true;
+		ConnectAt = Now;
 	}
 	else
 	{

@@ -7,7 +7,9 @@
 
 class FJsonObject;
 class IWebSocket;
+struct wf_homes;
 struct wf_player;
+struct wf_route;
 
 DECLARE_DYNAMIC_MULTICAST_DELEGATE_TwoParams(FWayfarerStatus, const FString&, Status, const FString&, Detail);
 DECLARE_DYNAMIC_MULTICAST_DELEGATE_TwoParams(FWayfarerAgent, const FString&, AgentId, const FString&, Name);
@@ -93,6 +95,7 @@ public:
 private:
 	void Create(const TSharedPtr<FJsonObject>& Agent, TFunction<void(const FString&)> Created);
 	void Call(const FString& Verb, const FString& Path, const TSharedPtr<FJsonObject>& Body, TFunction<void(const FJsonObject&)> Answered);
+	void Send(const TSharedRef<wf_route>& Route, const FString& Verb, const FString& Path, const TSharedPtr<FJsonObject>& Body, TFunction<void(const FJsonObject&)> Answered);
 	void Connect();
 	void Receive(const void* Data, SIZE_T Size, SIZE_T BytesRemaining);
 	void Lost(int32 Code, const FString& Reason);
@@ -107,6 +110,9 @@ private:
 	double SaidAt = 0;
 	bool bBegun = false; // this connection's header has come
 	TSharedPtr<IWebSocket> Socket;
+	wf_homes* Homes = nullptr; // nodes of a cluster that are known
+	TSharedPtr<wf_route> StreamRoute;
+	bool bMoved = false; // the route says where to connect
 	TArray<TFunction<void()>> WhenOpen;
 	TArray<uint8> Message;
 	TMap<FString, uint32> Aliases;

@@ -2,6 +2,7 @@
 
 #include "bases.cpp"
 #include "bone_map.cpp"
+#include "homes.cpp"
 #include "messages.cpp"
 #include "player.cpp"
 #include "playout.cpp"

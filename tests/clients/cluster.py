@@ -1,0 +1,53 @@
+"""An entry with two nodes, for clients that are programs of their own."""
+
+import asyncio
+import contextlib
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+from tests.cluster.local import LocalCluster
+
+
+class RunningCluster:
+    """A `LocalCluster` in a thread of its own; a context manager."""
+
+    def __enter__(self):
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+        self._thread.start()
+        self._cluster = LocalCluster(nodes=2)
+        self._call(self._cluster.__aenter__())
+        self.url = self._cluster.entry.http_url
+        self.grpc_address = self._cluster.entry.grpc_address
+        return self
+
+    def __exit__(self, *_):
+        self._call(self._cluster.__aexit__())
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+    def _call(self, work):
+        return asyncio.run_coroutine_threadsafe(work, self._loop).result()
+
+    @contextlib.contextmanager
+    def drained_meanwhile(self):
+        """The node of the first agent that comes is drained; its session moves to the other one."""
+        with ThreadPoolExecutor() as pool:
+            drained = pool.submit(self._call, self._drain())
+            yield
+            drained.result(timeout=10)
+
+    async def _drain(self):
+        """A new node takes its place."""
+        cluster = self._cluster
+        status = await cluster.until(lambda s: cluster.ready(s) == 2 and any(map(busy, s.nodes)))
+        name = next(node.node.name for node in status.nodes if busy(node))
+        await asyncio.sleep(2.5)  # it walks, and clients that test a lost connection have done so
+        await cluster.directory.drain(name)
+        await cluster.until(lambda s: name not in [node.node.name for node in s.nodes])
+        await cluster.add_node()
+
+
+def busy(node):
+    return node.load.agents > 0
