@@ -2,19 +2,22 @@
 // PICTURES: how often each chunk (.2 s) is shown. Prints bytes of heap per chunk in the best of ten windows of 1,000 chunks,
 // after warm-up and 10,000 chunks more. What a chunk needs is in every window; what the engine takes for itself, as when it
 // compiles, is not. A window in which it collects garbage, and then holds less than before, does not count.
+// Code that runs once per message boxes each number until the engine has compiled it: after some thousand messages, here
+// of one agent each.
 
 import { BASES, MotionPlayer, Retarget, Rig, SmoothRoot, mapBones } from "../src/core/index.js";
 import { batch, header } from "./crowd.js";
 import { golden } from "./golden.js";
 
 const AGENTS = 25;
-const WARM = 400;
+const ALONE = 8000; // messages of one agent
+const WARM = 400; // messages of all of them
 const COUNTED = 10_000 / AGENTS;
 const WINDOWS = 10;
 const PICTURES = Number(process.argv[2]);
 
 const rigs = golden("retarget.json").cases.filter(({ basis }) => basis === "gltf");
-const messages = Array.from({ length: WARM + 2 * COUNTED }, (_, seq) => batch(AGENTS, seq));
+const messages = Array.from({ length: WARM + 2 * COUNTED }, (_, k) => batch(AGENTS, ALONE + k, k === 0));
 const characters = new Map();
 const player = new MotionPlayer({
   added: ({ agent }) => {
@@ -29,28 +32,39 @@ const show = (played, alias) => {
   root.update(player.moment, played.frame, 0);
 };
 
-function play(seq) {
+function play(seq, message) {
   const now = 100 + 0.2 * seq;
-  player.receive(messages[seq], now);
+  player.receive(message, now);
   for (let k = 0; k < PICTURES; k += 1) {
     player.advance(now + (0.2 * k) / PICTURES);
     player.agents.forEach(show);
   }
 }
 
-player.receive(header(), 100);
-for (let seq = 0; seq < WARM; seq += 1) play(seq);
-gc();
-for (let seq = WARM; seq < WARM + COUNTED; seq += 1) play(seq);
-const begun = performance.now();
-const windows = [];
-for (let seq = WARM + COUNTED; seq < messages.length;) {
-  const before = process.memoryUsage().heapUsed;
-  for (const end = seq + COUNTED / WINDOWS; seq < end; seq += 1) play(seq);
-  windows.push((process.memoryUsage().heapUsed - before) / (AGENTS * COUNTED / WINDOWS));
+function playAll(from, to) {
+  for (let k = from; k < to; k += 1) play(ALONE + k, messages[k]);
 }
+
+/** Bytes of heap that `act` takes, with the `own` ones of two looks at the heap. */
+function bytesOf(act, own = 0) {
+  const before = process.memoryUsage().heapUsed;
+  act();
+  return process.memoryUsage().heapUsed - before - own;
+}
+
+player.receive(header(), 100);
+for (let seq = 0; seq < ALONE; seq += 1) play(seq, batch(1, seq));
+playAll(0, WARM);
+gc();
+playAll(WARM, WARM + COUNTED);
+const own = Math.min(...Array.from({ length: WINDOWS }, () => bytesOf(() => {})));
+const chunks = player.stats.chunks, begun = performance.now();
+const windows = Array.from({ length: WINDOWS }, (_, k) => {
+  const from = WARM + COUNTED + (k * COUNTED) / WINDOWS;
+  return bytesOf(() => playAll(from, from + COUNTED / WINDOWS), own) / ((AGENTS * COUNTED) / WINDOWS);
+});
 const took = performance.now() - begun;
 console.log(JSON.stringify({
-  chunks: player.stats.chunks - AGENTS * (WARM + COUNTED), underruns: player.underruns,
+  chunks: player.stats.chunks - chunks, underruns: player.underruns,
   bytesPerChunk: Math.min(...windows.filter((bytes) => bytes >= 0)), windows, microsPerChunk: (1000 * took) / (COUNTED * AGENTS),
 }));

@@ -37,8 +37,8 @@ export function header() {
   return joined(number(1, 1e15), block(2, fields));
 }
 
-/** Batch `seq` of `count` agents: 8 frames of each. The first introduces them. */
-export function batch(count, seq) {
+/** Batch `seq` of `count` agents: 8 frames of each. The first introduces them, or another that is to. */
+export function batch(count, seq, introduces = seq === 0) {
   const at = 1e15 + 200_000 * seq;
   const aliases = Array.from({ length: count }, (_, k) => k + 1);
   const poses = new Float32Array(count * 8 * (3 + TURNED[0].length));
@@ -58,7 +58,7 @@ export function batch(count, seq) {
     packed(6, all(2)), packed(7, all(0)), packed(10, all(0)), packed(11, all(1)), block(8, new Uint8Array(poses.buffer)),
     block(9, aliases.flatMap(() => [1, 1, 1, 3, 2, 2, 2, 3])),
   );
-  const added = seq ? [] : aliases.map((alias) => block(1, joined(
+  const added = !introduces ? [] : aliases.map((alias) => block(1, joined(
     text(1, `agent-${alias}`), number(2, alias), block(15, floats(OFFSETS.flat())),
   )));
   return joined(number(1, at), block(3, joined(...added, block(2, chunks), text(4, `epoch.${seq}`))));
