@@ -101,6 +101,14 @@ def test_new_agents_are_moved_by_the_model_in_use(models, old, new):
     assert [(m.name, m.in_use) for m in models.infos()] == [("old", False), ("new", True)]
 
 
+def test_an_agent_is_moved_by_the_model_that_it_names(models):
+    world = make_world(models, 1)
+    world.create_agents("s", people(1, model="new"), 0.0)
+    with pytest.raises(NotFound, match="'old', 'new'"):
+        world.create_agents("s", people(2, model="newer"), 0.0)
+    assert moved_by(world) == ["old", "new"]
+
+
 def test_agents_go_on_with_another_model_at_their_next_primitive(models, old, new):
     world = make_world(models, 3)
     agents = world.list_agents("s")

@@ -201,6 +201,11 @@ def test_feet_are_locked_unless_it_is_refused(sent, wanted):
     assert convert.agent_spec(request, Basis.GLTF, BODIES, 0).foot_lock is wanted
 
 
+def test_a_model_is_passed_on():
+    request = wire.parse(schema.AgentSpec, agent_pb2.AgentSpec(model="v2"))
+    assert convert.agent_spec(request, Basis.GLTF, BODIES, 0).model == "v2"
+
+
 def test_a_seed_of_its_own_goes_before_the_drawn_one():
     for own, made in ((None, 7), (0, 0), (3, 3)):
         request = schema.AgentSpec(seed=own)

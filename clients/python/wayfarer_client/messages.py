@@ -118,6 +118,7 @@ class AgentSpec:
     seed: int | None = None  # None: the server chooses, and reports it
     name: str = ""
     foot_lock: bool = True  # keep feet on the floor from sliding; False: as the model makes them
+    model: str = ""  # loaded motion model that moves it; empty: the one in use
 
     def to_wire(self) -> agent_pb2.AgentSpec:
         """As protobuf."""
@@ -129,6 +130,7 @@ class AgentSpec:
             seed=self.seed,
             name=self.name,
             foot_lock=self.foot_lock,
+            model=self.model,
         )
         if self.phenotype is not None:
             words = {name: getattr(self.phenotype, name) for name in Phenotype.__slots__}

@@ -151,7 +151,8 @@ class LoadedModels:
     def enter(self, roster: "Roster", stamp: str = "") -> int:
         """An agent enters. Returns the number of its model.
 
-        That is the one of the stamp, or one of that name, or the one in use.
+        That is the one of the stamp, or one of that name (a stamp may be a name alone), or the
+        one in use.
         """
         name = stamp.partition("@")[0]
         with self._lock:

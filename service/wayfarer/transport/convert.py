@@ -109,6 +109,7 @@ def agent_spec(
         name=spec.name,
         foot_lock=spec.foot_lock,
         floor=floor,
+        model=spec.model,
     )
 
 

@@ -84,6 +84,9 @@ class AgentSpec(Message):
         default=True,
         description="keep feet from sliding on the floor; false: the model's own poses",
     )
+    model: Text = Field(
+        default="", description="loaded motion model that moves it, see /v1/models; else that in use"
+    )
 
     @model_validator(mode="after")
     def _one_body(self) -> "AgentSpec":

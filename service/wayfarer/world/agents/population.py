@@ -70,11 +70,15 @@ class Population:
     def add(
         self, session: Session, specs: Sequence[AgentSpec], seeds: Sequence[Motion], now: float
     ) -> list[Agent]:
-        """Let agents begin. There must be free slots."""
+        """Let agents begin. There must be free slots. Raises NotFound for models not loaded."""
         if not specs:
             return []
         count = len(specs)
-        slots = self._enter(specs, Motion.join(seeds), [0] * count, [""] * count, now)
+        for spec in specs:
+            if spec.model:
+                self._models.named(spec.model)
+        models = [spec.model for spec in specs]
+        slots = self._enter(specs, Motion.join(seeds), [0] * count, models, now)
         self._table.rows.footing.put(np.array(slots), standing([spec.floor for spec in specs]))
         agents = []
         for spec, slot in zip(specs, slots, strict=True):
@@ -198,7 +202,7 @@ class Population:
     ) -> list[int]:
         """Slots whose next chunks have the numbers `seqs` and go on from `motions`.
 
-        `models`: stamps of those that shall move them.
+        `models`: stamps or names of those that shall move them; empty: the one in use.
         """
         entered = self._table.acquire(len(specs))
         slots, rows = self._table.rows, np.array(entered)
