@@ -77,18 +77,27 @@ def local(page: Page, folder: Path) -> Iterator[str]:
     page.call("Page.addScriptToEvaluateOnNewDocument", source=NO_DRAWING)
     page.call("Page.addScriptToEvaluateOnNewDocument", source=WATCH)
     with serving(folder) as url:
-        visits = []
         for _ in range(VISITS + 1):
-            page.call("Page.navigate", url="about:blank")
-            page.call("Page.navigate", url=url)
-            page.wait_for("globalThis.thereAt", 120)
-            visits.append(page.evaluate("[readyAt / 1000, thereAt / 1000]"))
-        for ready, there in visits:
-            yield f"ready after {ready:.1f} s, ten people there after {there:.1f}"
+            yield visit(page, url)
         main = main_thread(page)
         for count in (30, 50):
             page.wait_for(MORE_UNTIL.format(count), 60)
             yield work(page, main)
+
+
+def visit(page: Page, url: str) -> str:
+    """How soon people are there, by the clock and in CPU time of the page and of its worker."""
+    page.call("Page.navigate", url=f"{url}/bodies/looks.json")  # of this origin: the process stays
+    main = main_thread(page)
+    before = cpu_ms(main)
+    page.call("Page.navigate", url=url)
+    page.wait_for("globalThis.thereAt", 120)
+    took = cpu_ms(main) - before, cpu_ms(worker_thread(main))
+    ready, there = page.evaluate("[readyAt / 1000, thereAt / 1000]")
+    return (
+        f"ready after {ready:.1f} s, ten people there after {there:.1f}; CPU until then: page "
+        f"{took[0] / 1000:.2f} s, worker {took[1] / 1000:.2f} s; load {os.getloadavg()[0]:.0f}"
+    )
 
 
 def work(page: Page, main: Path) -> str:

@@ -1,8 +1,10 @@
 import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { vrmAnimation, withMotion } from "../../service/wayfarer/transport/viewer/animated_glb.js";
-import { PoseTrack } from "../../service/wayfarer/transport/viewer/client/index.js";
+import { BONES, PARENTS, PoseTrack, multiply, rotate } from "../../service/wayfarer/transport/viewer/client/index.js";
 import { History } from "../../service/wayfarer/transport/viewer/history.js";
+import { decodePast, pastOf } from "../../service/wayfarer/transport/viewer/past.js";
 import { decodeScript, encodeScript, scriptOf } from "../../service/wayfarer/transport/viewer/script.js";
 import { Timeline } from "../../service/wayfarer/transport/viewer/timeline.js";
 
@@ -136,4 +138,49 @@ test("bodies' files get one animation, and a VRM animation has bones alone", () 
   const { document: bones } = read(vrmAnimation(people[0], ["pelvis"]));
   assert.deepEqual(bones.extensions.VRMC_vrm_animation.humanoid.humanBones, { hips: { node: 0 } });
   assert.deepEqual([bones.nodes, bones.meshes, bones.buffers[0].byteLength], [[{ name: "hips", translation: [0, 1, 0] }], undefined, 8 + 24 + 32]);
+});
+
+/** Where joints are: x, y, z of each. `rest`: of each joint relative to its parent's. */
+function joints(frame, rest) {
+  const [turns, places, turned] = [Float64Array.from(frame.subarray(3)), new Float64Array(3 * BONES.length), new Float64Array(3)];
+  places.set(frame.subarray(0, 3));
+  for (let bone = 1; bone < BONES.length; bone += 1) {
+    const parent = PARENTS[bone];
+    rotate(turns, 4 * parent, Float64Array.from(rest[bone]), 0, turned, 0);
+    for (let k = 0; k < 3; k += 1) places[3 * bone + k] = places[3 * parent + k] + turned[k];
+    multiply(turns, 4 * parent, turns, 4 * bone, turns, 4 * bone);
+  }
+  return places;
+}
+
+test("what was seen fits into an address: within 2 cm, at the moment shared within 1 mm", async () => {
+  const walk = JSON.parse(readFileSync(new URL("../golden/walk.json", import.meta.url)));
+  const rest = BONES.map((_, bone) => walk.rest_offsets.slice(3 * bone, 3 * bone + 3));
+  const track = new PoseTrack(3 + 4 * BONES.length), late = new PoseTrack(3 + 4 * BONES.length);
+  const whole = walk.hips.map((place, k) => [...place, ...walk.rotations[k].flat()]);
+  for (let k = 0; k < whole.length; k += 1) {
+    track.push(k / walk.fps, walk.fps, whole[k], 1, walk.contacts, k);
+    if (k >= walk.fps) late.push(k / walk.fps, walk.fps, whole[k], 1, walk.contacts, k);
+  }
+  const people = [track, late].map((found, alias) => ({ agent: { alias }, played: { track: found, frame: new Float32Array(91), since: alias } }));
+  const history = new History();
+  for (let at = 0; at < (whole.length - 2) / walk.fps; at += 0.05) history.note(at, people);
+  const { text, seconds } = await pastOf(people, history, history.last, 50_000);
+  assert.ok(seconds > 0.9 * (history.last - history.first) && text.length < 2 * 1200 * seconds + 400, `${text.length} characters for ${seconds} s`);
+  const { count, people: [first, second] } = await decodePast(text);
+  assert.equal(first.frames.length, count);
+  assert.ok(Math.abs(second.frames.length - (history.last - 1) * 30) <= 1);
+  const frame = new Float32Array(91);
+  const off = first.frames.map((kept, k) => {
+    assert.ok(history.sample(0, history.last - (count - 1 - k) / 30 + 1e-6, frame));
+    const [a, b] = [joints(kept, rest), joints(frame, rest)];
+    return Math.max(...a.map((place, n) => Math.abs(place - b[n])));
+  });
+  assert.ok(Math.max(...off) < 0.02, `${Math.max(...off)} m`);
+  assert.ok(off.at(-1) < 0.001, `${off.at(-1)} m`);
+  assert.deepEqual([...first.contacts].slice(-9), Array.from({ length: 9 }, (_, k) => history.contacts(0, history.last - (8 - k) / 30)));
+  const less = await pastOf(people, history, history.last, 1500);
+  assert.ok(less.text.length <= 1500 && less.seconds < seconds);
+  await assert.rejects(decodePast(text.slice(0, -9)), /not whole/);
+  assert.deepEqual(await pastOf([], new History(), NaN, 9000), { text: "", seconds: 0 });
 });

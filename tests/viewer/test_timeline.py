@@ -1,5 +1,6 @@
 """The last minute, what is saved of it, links that replay, and a person driven by hand."""
 
+import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pygltflib
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tests.clips.test_gltf_validator import TESTS, issues
 from tests.viewer.chromium import CONNECTION, Page, needs_chromium
@@ -19,11 +21,6 @@ VALIDATOR = TESTS / "node_modules" / "gltf-validator"
 PEOPLE = "globalThis.wayfarer.crowd.people"
 SHOWN = f"{PEOPLE}.filter(({{ shown }}) => shown).length"
 PLACES = f"{PEOPLE}.map(({{ x, z }}) => [x, z])"
-FIRST_PLACES = f"""{PEOPLE}.map(({{ agent }}) => {{
-  const track = wayfarer.history.tracks.get(agent.alias);
-  const at = track.width * track.slot(0);
-  return [track.frames[at], track.frames[at + 2]];
-}})"""
 LENGTH = "wayfarer.history.last - wayfarer.history.first"
 STEADY = (
     "(({ underruns, stats: { gaps, held } }) => underruns + gaps + held === 0)(wayfarer.player)"
@@ -249,27 +246,70 @@ def test_a_goal_is_dragged_and_turned(page: Page):
     assert page.problems == []
 
 
-def test_a_shared_link_replays_alike_each_time(page: Page):
-    names = page.evaluate(f"{PEOPLE}.map(({{ agent }}) => agent.name).sort()")
-    places = np.array(page.evaluate(PLACES))
+POSES_AT = """(moment) => wayfarer.crowd.people.map(({ agent }) => {
+  const frame = new Float32Array(91);
+  return wayfarer.history.sample(agent.alias, moment, frame) ? [...frame] : null;
+})"""
+
+
+def joints(frame: list[float], rest: list[float], parents: list[int]) -> np.ndarray:
+    """Where the joints of a pose are, [22, 3]."""
+    turns = [Rotation.from_quat(frame[3 + 4 * b : 7 + 4 * b]) for b in range(22)]
+    places = [np.array(frame[:3])]
+    for b in range(1, 22):
+        places.append(places[parents[b]] + turns[parents[b]].apply(rest[3 * b : 3 * b + 3]))
+        turns[b] = turns[parents[b]] * turns[b]
+    return np.array(places)
+
+
+def test_a_shared_link_shows_what_was_seen_and_goes_on_alike_each_time(page: Page):
+    page.wait_for(f"{LENGTH} > 4", 60)
+    press(page, " ")
+    page.wait_for("wayfarer.timeline.moment !== null", 10)
+    names = page.evaluate(f"{PEOPLE}.map(({{ agent }}) => agent.name)")
+    shared = page.evaluate("wayfarer.timeline.moment")
+    bones = page.evaluate("wayfarer.api.call('GET', '/v1/skeleton')")["bones"]
+    rests = page.evaluate(f"{PEOPLE}.map(({{ agent }}) => agent.restOffsets)")
+
+    def poses(moment: float) -> list[np.ndarray]:
+        parents = [bone["parent"] for bone in bones]
+        frames = page.evaluate(f"({POSES_AT})({moment})")
+        return [joints(f, rest, parents) for f, rest in zip(frames, rests, strict=True)]
+
+    seen = [poses(shared - ago) for ago in (0.0, 1.0, 2.0)]
     page.evaluate("document.querySelector('#share').click()")
     address = page.wait_for("document.querySelector('#share-address').value", 10)
-    assert len(address) < 2000
+    assert len(address) <= 64_000
+    said = page.evaluate("document.querySelector('#share-tells').textContent")
+    seconds = float(re.search(r"last ([\d.]+) seconds", said)[1])
+    assert seconds > 3
     made = page.call("Page.addScriptToEvaluateOnNewDocument", source=KEEP_STEPS)
-    poses = "step.batches.map(({ chunks }) => [chunks.poses, chunks.contacts, chunks.aliases])"
-    seen = []
+    sent = "step.batches.map(({ chunks }) => [chunks.poses, chunks.contacts, chunks.aliases])"
+    steps = []
     for _ in range(2):
         page.call("Page.navigate", url="about:blank")
         page.call("Page.navigate", url=address)
         page.wait_for(f"globalThis.steps?.length >= 3 && {SHOWN} === 2", 60)
-        seen.append(page.evaluate(f"steps.slice(0, 3).map((step) => {poses})"))
-        assert page.evaluate(f"{PEOPLE}.map(({{ agent }}) => agent.name).sort()") == names
+        steps.append(page.evaluate(f"steps.slice(0, 3).map((step) => {sent})"))
+        assert page.evaluate(f"{PEOPLE}.map(({{ agent }}) => agent.name)") == names
         assert page.evaluate("document.querySelector('#scene').value") == "corridor"
-    assert seen[0] == seen[1]
-    page.wait_for(f"{LENGTH} > 1", 30)  # its timeline
-    assert np.abs(np.array(page.evaluate(FIRST_PLACES)) - places).max() < 4
+    assert steps[0] == steps[1]
+    page.wait_for(f"wayfarer.history.last > {seconds} + 0.6", 60)
+    assert page.evaluate("wayfarer.history.first") == pytest.approx(0, abs=1e-6)
+    moment = page.evaluate(
+        "(() => { const { past } = wayfarer.replay; return (past.count - 1) / 30; })()"
+    )
+    assert moment == pytest.approx(seconds, abs=0.051)
+    for ago, before, bar in zip((0.0, 1.0, 2.0), seen, (1e-3, 0.025, 0.025), strict=True):
+        for one, other in zip(poses(moment - ago), before, strict=True):
+            assert np.linalg.norm(one - other, axis=1).max() < bar
+    # nobody jumps where what was seen ends
+    for earlier in np.arange(moment - 0.2, moment + 0.5, 1 / 30):
+        for one, other in zip(poses(earlier), poses(earlier + 1 / 30), strict=True):
+            assert np.linalg.norm(one[0] - other[0]) < 0.15
     # from the moment shown on, with the same people over them whose seeds are others
     page.evaluate("document.querySelector('#share').click()")
+    page.wait_for("document.querySelector('#share-address').value", 10)
     page.evaluate(
         "(() => { const beside = document.querySelector('#share-beside'); beside.value = 'seeds';"
         " beside.dispatchEvent(new Event('change')); })()"
@@ -278,8 +318,10 @@ def test_a_shared_link_replays_alike_each_time(page: Page):
     page.call("Page.navigate", url="about:blank")
     page.call("Page.navigate", url=onward)
     page.wait_for(f"globalThis.steps?.length >= 2 && {SHOWN} === 4", 60)
-    both = page.evaluate(f"steps.slice(0, 2).map((step) => {poses})")
-    assert seen[0][0] in both and both[0] != both[1]
+    both = page.evaluate(f"steps.slice(0, 2).map((step) => {sent})")
+    assert steps[0][0] in both and both[0] != both[1]
+    legend = page.evaluate("document.querySelector('#legend').innerText")
+    assert legend.split("\n") == ["their seeds", "other seed"]
     twice = page.evaluate(f"{PEOPLE}.map(({{ agent }}) => agent.name)")
     assert sorted(twice) == sorted([*names, *(f"{name}, other seed" for name in names)])
     begun = float(onward.rpartition("at=")[2].split("&")[0])

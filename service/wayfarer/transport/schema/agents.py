@@ -85,7 +85,8 @@ class AgentSpec(Message):
         description="keep feet from sliding on the floor; false: the model's own poses",
     )
     model: Text = Field(
-        default="", description="loaded motion model that moves it, see /v1/models; else that in use"
+        default="",
+        description="loaded motion model that moves it, see /v1/models; else that in use",
     )
 
     @model_validator(mode="after")

@@ -73,7 +73,7 @@ export class History {
     for (let at = this.last + 1 / FPS; at <= moment; at += 1 / FPS) {
       this.last = at;
       for (const { agent, played } of people) {
-        if (!played.track.sample(at, played.frame)) continue;
+        if (at < played.since || !played.track.sample(at, played.frame)) continue; // `since`: of a replay
         let track = this.tracks.get(agent.alias);
         if (!track) this.tracks.set(agent.alias, track = new Track(played.frame.length));
         track.push(at, played.frame, played.track.contacts);

@@ -49,6 +49,12 @@ export function showConnection(state, text) {
   line.textContent = text;
 }
 
+/** Who is who, where people are shown over themselves: what is said of them, and of those in blue; null: they are not. */
+export function showLegend(texts) {
+  byId("legend").hidden = !texts;
+  for (const [k, id] of ["legend-plain", "legend-beside"].entries()) byId(id).textContent = texts?.[k] ?? "";
+}
+
 /** What keeps the page from working, until it is over: null. */
 export function showTrouble(title, text = "") {
   byId("trouble").hidden = title === null;

@@ -13,6 +13,7 @@ import { askToken, byId, disclose, listPeople, mention, Readout, showConnection,
 import { watchKeys } from "./keyboard.js";
 import { Overlays } from "./overlays.js";
 import { ScenePanel } from "./panel.js";
+import { decodePast } from "./past.js";
 import { floorRing } from "./people.js";
 import { watchPointer } from "./pointer.js";
 import { bringBack, remember, restoreText } from "./restore.js";
@@ -160,7 +161,9 @@ async function othersSession(id) {
 /** The session of the script in the page's address, if it can be made. */
 async function replayed() {
   try {
-    return await session.replay(await decodeScript(replaying), { beside: shared.get("beside"), at: Number(shared.get("at")) || 0 });
+    const [script, past] = await Promise.all([decodeScript(replaying), shared.has("past") ? decodePast(shared.get("past")) : null]);
+    const at = shared.has("at") ? Number(shared.get("at")) || 0 : null;
+    return await session.replay(script, { beside: shared.get("beside") ?? "", past, at });
   } catch (error) {
     if (error.status === 0) throw error; // no server
     tell(error.message);
@@ -395,5 +398,6 @@ globalThis.wayfarer = {
   crowd, stage, api, level, book, tools, wardrobe, bones: BONES, timeline, history, drive, overlays, arrivals, selection, frame: show,
   get session() { return session.id; },
   get player() { return session.player; },
+  get replay() { return session.watchOnly ? session.current : null; },
   get stream() { return session.current?.stream; },
 };

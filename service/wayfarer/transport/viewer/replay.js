@@ -1,7 +1,9 @@
-// A script played in lock-step sessions of its own: nobody else's people, no clock but the steps, so each time alike.
-// Played twice, the second time otherwise, the two are seen over each other.
+// What a link holds: first the last seconds as somebody saw them, then a script, played in lock-step sessions of its own:
+// nobody else's people, no clock but the steps, so each time alike. Played twice, the second time otherwise, the two are
+// seen over each other.
 
 import { ENCODING, PlayedAgent, frameBytes, onFloor, unpackPoses } from "./client/index.js";
+import { FPS as PAST_FPS } from "./past.js";
 import { prismOf } from "./scenes.js";
 
 const LEASE = 60; // seconds
@@ -15,23 +17,39 @@ const FLOOR = { area: { center: { x: 0, y: 0, z: 0 }, radius: 9 } }; // where pe
 const BONES = 22;
 const CODING = ENCODING.F32_LE;
 const OTHERS = 4096; // added to aliases of the second time
+const SEAM = 0.4; // seconds in which people go over from what was seen to the stand that they begin with
+const MODEL = "model:";
 const OTHERWISE = { // by name, as in an address: what is said of people, and how they are made
-  seeds: { title: "other seed", made: (spec) => ({ ...spec, seed: (spec.seed + 1) % 2 ** 32 }) },
-  poses: { title: "without foot lock", made: (spec) => ({ ...spec, foot_lock: false }) },
+  seeds: { title: "other seed", plain: "their seeds", made: (spec) => ({ ...spec, seed: (spec.seed + 1) % 2 ** 32 }) },
+  poses: { title: "without foot lock", plain: "with foot lock", made: (spec) => ({ ...spec, foot_lock: false }) },
 };
 
-/** Whether people can be compared with themselves in this way. */
-export const isComparison = (name) => Object.hasOwn(OTHERWISE, name);
+/** How people are compared with themselves: "seeds", "poses" or "model:" and a loaded model's name; null: not. */
+function comparison(name) {
+  if (Object.hasOwn(OTHERWISE, name)) return OTHERWISE[name];
+  if (!name.startsWith(MODEL) || name === MODEL) return null;
+  const model = name.slice(MODEL.length);
+  return { title: `model ${model}`, plain: null, made: (spec) => ({ ...spec, model }) }; // plain: the one in use
+}
 
 export class Replay {
-  /** `on`: as of a session's player; `beside`: what else is played over it, "seeds" or "poses"; `at`: seconds where it begins. */
-  constructor(api, script, on, { beside = "", at = 0 } = {}) {
-    Object.assign(this, { script, on, at: Math.min(at, script.seconds - STEP_SECONDS) });
+  /**
+   * `on`: as of a session's player; `beside`: what else is played over it, see `comparison`; `past`: what was seen before
+   * (`decodePast`); `at`: seconds where it begins; without it, the first that was seen, or where a comparison begins.
+   */
+  constructor(api, script, on, { beside = "", past = null, at = null } = {}) {
+    const otherwise = comparison(beside);
+    this.begins = past ? (past.count - 1) / PAST_FPS + SEAM : 0; // what is made here
+    this.ends = this.begins + script.seconds;
+    Object.assign(this, { script, on, past });
+    this.at = Math.min(at ?? (otherwise ? this.begins : 0), this.ends - STEP_SECONDS);
     this.calls = (...call) => api.call(...call);
     this.own = true;
     this.scene = "";
-    this.player = new ReplayPlayer(on, this.at);
-    this.takes = [null, ...(isComparison(beside) ? [OTHERWISE[beside]] : [])].map((otherwise, k) => ({ otherwise, first: k * OTHERS, id: null }));
+    this.player = new ReplayPlayer(on, this.at, this.begins);
+    this.takes = [null, ...(otherwise ? [otherwise] : [])].map((other, k) => ({ otherwise: other, first: k * OTHERS, id: null, people: [] }));
+    this.legend = null; // texts: what is said of people, and of those over them
+    this.given = 0; // frames of the past that have been given to the player
     this.closed = false;
   }
 
@@ -50,8 +68,13 @@ export class Replay {
       const session = await calls("POST", "/v1/sessions", { basis: "gltf", lease_s: LEASE, lock_step: true, seed: 0, ...(scene && { scene }) });
       take.id = session.session_id;
       const title = take.otherwise ? `, ${take.otherwise.title}` : "";
-      for (const agent of await this.#people(take)) {
-        this.player.add({ ...agent, alias: agent.alias + take.first, name: agent.name + title, beside: title !== "" });
+      const agents = await this.#people(take);
+      if (take.otherwise) this.legend = [take.otherwise.plain ?? `model ${this.takes[0].people[0]?.agent.model}`, take.otherwise.title];
+      for (const [k, agent] of agents.entries()) {
+        const seen = take.otherwise ? [] : this.past?.people[k]?.frames ?? [];
+        const since = this.past && seen.length ? (this.past.count - seen.length) / PAST_FPS : this.begins;
+        const told = { ...agent, alias: agent.alias + take.first, name: agent.name + title, beside: title !== "" };
+        take.people.push(this.player.add(told, since));
       }
     }
     do await this.#step(); while (this.player.made <= this.at + STEP_SECONDS);
@@ -91,7 +114,7 @@ export class Replay {
 
   async #steps() {
     try {
-      while (!this.closed && this.player.made < this.script.seconds) {
+      while (!this.closed && this.player.made < this.ends) {
         if (this.player.made - (this.player.moment || 0) < AHEAD) await this.#step();
         else await new Promise((go) => setTimeout(go, WAIT));
       }
@@ -101,13 +124,26 @@ export class Replay {
   }
 
   async #step() {
+    if (this.past && this.given < this.past.count) return this.#remember(PAST_FPS);
     const made = await Promise.all(this.takes.map(({ id }) => this.calls("POST", `/v1/sessions/${id}/step`, { steps: STEPS })));
     made.forEach(({ batches, events }, k) => {
       const { first } = this.takes[k];
       for (const { chunks } of batches) if (chunks) this.player.take(chunks, first);
       for (const event of events) this.on.event?.({ ...event, alias: event.alias + first });
     });
-    this.player.made += made[0].batches.length * STEP_SECONDS;
+    this.player.made = Math.max(this.player.made, this.begins) + made[0].batches.length * STEP_SECONDS;
+  }
+
+  /** Give the player some more frames of what was seen. */
+  #remember(frames) {
+    const { people, count } = this.past;
+    const to = Math.min(count, this.given + frames);
+    people.forEach(({ frames: seen, contacts }, number) => {
+      const came = count - seen.length, { track } = this.takes[0].people[number];
+      for (let k = Math.max(this.given, came); k < to; k += 1) track.push(k / PAST_FPS, PAST_FPS, seen[k - came], 1, contacts, k - came);
+    });
+    this.given = to;
+    this.player.made = (to - 1) / PAST_FPS;
   }
 
   close() {
@@ -119,9 +155,9 @@ export class Replay {
 
 /** What is shown of a replay: as MotionPlayer, of steps instead of a stream. Times are seconds from its beginning. */
 class ReplayPlayer {
-  /** `at`: seconds where it begins. */
-  constructor(on, at) {
-    Object.assign(this, { on, at });
+  /** `at`: seconds where it is shown from; `begins`: where the first chunk is. */
+  constructor(on, at, begins) {
+    Object.assign(this, { on, at, begins });
     this.agents = new Map();
     this.moment = NaN;
     this.made = 0; // seconds that there is motion of
@@ -134,10 +170,13 @@ class ReplayPlayer {
     this.epoch = null;
   }
 
-  add({ agent_id: id, alias, name, gender, betas, rest_offsets: restOffsets, beside }) {
-    const played = new PlayedAgent({ id, alias, name, gender, betas, restOffsets, beside }, 3 + 4 * BONES);
+  /** Somebody who is there from `since` on. */
+  add({ agent_id: id, alias, name, gender, betas, rest_offsets: restOffsets, model, beside }, since) {
+    const played = new PlayedAgent({ id, alias, name, gender, betas, restOffsets, model, beside }, 3 + 4 * BONES);
+    played.since = since;
     this.agents.set(alias, played);
     this.on.added(played);
+    return played;
   }
 
   /** Chunks of a step, as columns; `first` is added to their aliases. */
@@ -150,7 +189,7 @@ class ReplayPlayer {
     aliases.forEach((alias, k) => {
       const played = this.agents.get(alias + first);
       unpackPoses(view, k * frames * size, frames, CODING, BONES, this.room);
-      played.track.push(times[k] / 1e6 - this.epoch, FPS, this.room, frames, stood, k * frames);
+      played.track.push(this.begins + times[k] / 1e6 - this.epoch, FPS, this.room, frames, stood, k * frames);
       played.state = states[k];
       this.on.chunk(played, { flags: flags[k], goalRevision: revisions[k], waypoint: waypoints[k] });
     });
@@ -159,7 +198,7 @@ class ReplayPlayer {
   /** Show everybody as at local `now`; it waits where there is no motion yet, and stands at the end. */
   advance(now) {
     this.moment = this.#at(now);
-    for (const played of this.agents.values()) played.shown = played.track.sample(this.moment, played.frame);
+    for (const played of this.agents.values()) played.shown = this.moment >= played.since && played.track.sample(this.moment, played.frame);
     return this.moment;
   }
 

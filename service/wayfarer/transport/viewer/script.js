@@ -31,22 +31,31 @@ export function scriptOf({ scene, crates, agents, people, camera }) {
 
 /** The script as text for an address: letters, digits, - and _. */
 export async function encodeScript(script) {
-  const packed = await through(new CompressionStream("deflate-raw"), new TextEncoder().encode(JSON.stringify(script)));
-  let text = "";
-  for (const byte of packed) text += String.fromCharCode(byte);
-  return btoa(text).replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
+  return pack(new TextEncoder().encode(JSON.stringify(script)));
 }
 
 /** The script that a text holds. Throws in words when it holds none. */
 export async function decodeScript(text) {
   try {
-    const bytes = Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (letter) => letter.charCodeAt(0));
-    const script = JSON.parse(new TextDecoder().decode(await through(new DecompressionStream("deflate-raw"), bytes)));
+    const script = JSON.parse(new TextDecoder().decode(await unpack(text)));
     if (script.version === VERSION && Array.isArray(script.people) && script.people.length <= MOST) return script;
   } catch {
     // said below
   }
   throw new Error("The link is not whole, or of another version of this page");
+}
+
+/** Bytes as text for an address. */
+export async function pack(bytes) {
+  let text = "";
+  for (const byte of await through(new CompressionStream("deflate-raw"), bytes)) text += String.fromCharCode(byte);
+  return btoa(text).replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
+}
+
+/** The bytes of a text. Throws when it holds none. */
+export async function unpack(text) {
+  const packed = Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (letter) => letter.charCodeAt(0));
+  return through(new DecompressionStream("deflate-raw"), packed);
 }
 
 async function through(stream, bytes) {

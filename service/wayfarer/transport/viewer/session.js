@@ -1,7 +1,7 @@
 // This page's session: opened, joined, left; and what is shown of its connection.
 
 import { Session } from "./client/index.js";
-import { mention, showConnection, tell } from "./hud.js";
+import { mention, showConnection, showLegend, tell } from "./hud.js";
 import { Replay } from "./replay.js";
 import { RINGS } from "./sight.js";
 
@@ -47,7 +47,10 @@ export class PageSession {
     showConnection("connecting", "making the replay");
     await replay.open();
     this.scene = replay.scene;
-    showConnection("open", `replay of ${script.seconds} s`);
+    const seen = replay.begins ? `${replay.begins.toFixed(0)} s as they were seen, then ` : "";
+    showConnection("open", `replay: ${seen}${script.seconds} s made again`);
+    showLegend(replay.legend);
+    document.body.classList.add("replay");
     return replay;
   }
 
@@ -74,6 +77,8 @@ export class PageSession {
   }
 
   #enter(session) {
+    showLegend(null);
+    document.body.classList.remove("replay");
     this.current?.close();
     this.current = session;
     this.scene = session.scene;

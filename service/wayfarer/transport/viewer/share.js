@@ -1,32 +1,49 @@
 // A link to what is shown, for somebody else.
 
 import { byId } from "./hud.js";
+import { pastOf } from "./past.js";
 import { encodeScript, scriptOf } from "./script.js";
 
-/** The address of a script of what is there now. Throws when it cannot be shared. */
-export async function shareLink({ api, session, place, crowd, stage }) {
+const LONGEST = 64_000; // characters of an address: what comes before the moment shown has what is left of them
+
+/** The address of what was seen up to the moment shown, and of a script of what is there then. Throws when it cannot be shared. */
+export async function shareLink({ api, session, place, crowd, stage, timeline, history }) {
   const choice = place.choices.find(({ value }) => value === place.value);
   if (place.value && !choice?.example) throw new Error("Only example scenes can be shared: a level of yours is not in a link");
-  const script = scriptOf({
-    scene: choice?.example ?? "",
-    crates: place.book.obstacles,
-    agents: await api.agents(session.id),
-    people: crowd.people,
-    camera: { eye: stage.camera.position.toArray(), target: stage.controls.target.toArray() },
-  });
-  const url = new URL(location.pathname, location.href);
-  url.hash = `replay=${await encodeScript(script)}`;
-  return url.href;
+  const { live } = timeline;
+  const moment = live ? history.last : timeline.moment;
+  timeline.pause(); // while it is packed
+  try {
+    const agents = await api.agents(session.id), known = new Set(agents.map(({ agent_id: id }) => id));
+    const people = crowd.people.filter(({ agent, shown }) => shown && known.has(agent.id));
+    const script = await encodeScript(scriptOf({
+      scene: choice?.example ?? "",
+      crates: place.book.obstacles,
+      agents,
+      people,
+      camera: { eye: stage.camera.position.toArray(), target: stage.controls.target.toArray() },
+    }));
+    const url = new URL(location.pathname, location.href);
+    const { text, seconds } = await pastOf(people, history, moment, LONGEST - url.href.length - script.length - 20);
+    url.hash = `replay=${script}${text && `&past=${text}`}`;
+    return { address: url.href, seconds };
+  } finally {
+    if (live) timeline.goLive();
+  }
 }
 
 /** The address of the replay that is shown, from a moment of it on. */
 export function momentLink(moment) {
-  return changed(location.href, "at", Number.isFinite(moment) && moment > 0 ? moment.toFixed(2) : "");
+  return { address: changed(location.href, "at", Number.isFinite(moment) && moment > 0 ? moment.toFixed(2) : ""), seconds: null };
 }
 
-/** Let the user choose what else is in it, and copy it or look at it. */
-export function showLink(address) {
+/** Let the user choose what else is in it, and copy it or look at it. `models`: names of others that are loaded. */
+export function showLink({ address, seconds }, models) {
   const shown = byId("share-address"), beside = byId("share-beside");
+  byId("share-models").replaceChildren(...models.map((name) => new Option(name, `model:${name}`)));
+  byId("share-models").hidden = !models.length;
+  byId("share-tells").textContent = seconds === null
+    ? "It goes on from the moment shown." : `Who opens it sees ${seconds ? `the last ${seconds.toFixed(1)} seconds up to the moment shown, as you saw them, and then` : ""} these people go on from there for 30 seconds, made again from their seeds and goals: alike each time on the same server.`;
   shown.value = address;
   beside.value = new URLSearchParams(new URL(address).hash.slice(1)).get("beside") ?? "";
   beside.onchange = () => {
