@@ -116,6 +116,27 @@ def test_a_walk_in_words_on_our_skeleton(url, model):
     assert 0.0 < feet.min(1).max() < 0.08  # one foot is on the floor, always
 
 
+def test_a_walk_in_words_begins_where_the_character_stands(url, model):
+    """As MMCP's add-on for Blender asks: it pins the first frame, beside words and settings."""
+    asked = request(model, segments=text("walk forward 2 m", 120))
+    asked["options"] = {
+        "diffusion_steps": 50,
+        "num_samples": 1,
+        "seed": None,
+        "post_processing": True,
+        "transition_frames": 5,
+        "guidance": {"type": "separated", "weight": [2.0, 2.0]},
+    }
+    asked["constraints"] = [{"type": "root_path", "frames": [0], "positions_xz": [[3, -1]]}]
+    names, places = world(made(url, asked))
+    hips = places[:, names.index("Hips")]
+    np.testing.assert_allclose(hips[0, [0, 2]], [3, -1], atol=0.2)
+    np.testing.assert_allclose(hips[-1, [0, 2]], [3, 1], atol=0.4)
+    asked["constraints"][0]["heading_radians"] = [np.pi / 2]
+    names, places = world(made(url, asked))
+    np.testing.assert_allclose(places[-1, names.index("Hips")][[0, 2]], [5, -1], atol=0.4)
+
+
 RIGS = {"a_pose": next(c.rig for c in GLTF if c.name == "a_pose")} | {
     name: foreign_rigs()[name] for name in ("game_engine", "rigify")
 }

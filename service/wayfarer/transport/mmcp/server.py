@@ -125,7 +125,9 @@ def plan(request: GenerateRequest, fps: float) -> dict[str, Any]:
     asked = [(_orders(segment), segment.duration_frames / fps) for segment in request.segments]
     paths = [c for c in request.constraints if isinstance(c, RootPathConstraint)]
     seconds = max(request.total_frames / fps, 0.2) + 1 / FPS
-    agent, goals = _along(paths[0], fps) if paths else ({}, _in_words(asked))
+    agent, goals = _along(paths[0], fps) if paths else ({}, [])
+    if not goals:  # no path, or a start alone: clients pin the place where the character stands
+        goals = _in_words(asked, agent)
     return {"agent": agent, "goals": goals, "seconds": seconds, "basis": "gltf"}
 
 
@@ -138,9 +140,14 @@ def _orders(segment: Any) -> list[Clause]:
         raise ProtocolError("invalid_request", str(error), {"prompt": segment.prompt}) from None
 
 
-def _in_words(asked: list[tuple[list[Clause], float]]) -> list[dict[str, Any]]:
-    """Goals after each other: a clause without a distance has its share of the segment's time."""
-    x = z = heading = 0.0
+def _in_words(
+    asked: list[tuple[list[Clause], float]], agent: dict[str, Any]
+) -> list[dict[str, Any]]:
+    """Goals after each other, from where the agent stands: a clause without a distance has its
+    share of the segment's time.
+    """
+    start, heading = agent.get("position", {}), agent.get("heading", 0.0)
+    x, z = start.get("x", 0.0), start.get("z", 0.0)
     goals: list[dict[str, Any]] = []
     for clauses, seconds in asked:
         share = seconds / len(clauses)
