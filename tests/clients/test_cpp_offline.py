@@ -1,45 +1,28 @@
-"""clients/cpp/examples/offline: a person walks without a server, in C++, as on the server.
+"""clients/cpp/local: people walk without a server, in C++, as on the server and in the browser.
 
-Held to two references. *The same rules*: the server's own steering and engine, step by step,
-without what the example leaves out; the trace is the same to 0.1 mm. *The whole server*: a
-lock-step world with the same start pose and goal. What that adds shows as a difference of paths
-(`pytest --log-cli-level=INFO` tells it, 2 to 24 cm):
-
-    manner     people move in a way of their own (here without: noise 0)
-    planting   feet that stand are kept in place, which moves and turns the body by a little
-    strides    steps are shorter or longer by up to a tenth
-    trim       the speed that is asked for follows the speed that was walked
-    mirror     half of all people are the mirror image of what the model does
-    reactions  people set off up to 0.6 s after they were asked to
-    output     foot lock and postures change what is sent, not where people go
+The trace of the server that local mode of the web client is held to is walked in C++ on an export
+for engines: three people, 30 s, with foot lock and postures and without. The JavaScript port then
+takes the trace of the C++ one as the one to follow, on the same export.
 """
 
 import csv
 import io
+import json
 import logging
 import os
 import shutil
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import onnxruntime
 import pytest
 
-from wayfarer.engines.onnx_engine import OnnxEngine
-from wayfarer.model_bundle import DEFAULT_MODEL, START_POSES, load_bodies, load_models
-from wayfarer.spec import FPS, NEW_FRAMES, SEED_FRAMES, STEP_SECONDS
-from wayfarer.world.agents.agent import AgentSpec, SessionSpec
-from wayfarer.world.agents.goal import Goal, goal_columns
-from wayfarer.world.agents.heading import heading_of
-from wayfarer.world.agents.slots import Mode, Seeds
-from wayfarer.world.agents.spawn import Spawner, load_start_poses
-from wayfarer.world.goals.steering import Steering, default_searches, observe
-from wayfarer.world.stepping.batch import assemble
-from wayfarer.world.stepping.settings import WorldSettings
-from wayfarer.world.world import World
+from tests.clients.local_traces import PEOPLE, SECONDS, both_ways
+from tests.clients.web_scripts import FOLDER as WEB
+from tests.clients.web_scripts import node
+from wayfarer.spec import FPS, STEP_SECONDS
 
 LOG = logging.getLogger(__name__)
 FOLDER = Path(__file__).parents[2] / "clients" / "cpp" / "examples"
@@ -63,13 +46,6 @@ if LIBRARY is None:
     missing.append("a pip package of onnxruntime with its library")
 pytestmark = pytest.mark.skipif(bool(missing), reason=f"needs {', '.join(missing)}")
 
-GENDER, SECONDS = "female", 7.0
-WALKS = {  # pose, heading, goal, speed
-    "ahead": (0, 0.0, (0.0, 4.0), 1.2),
-    "behind": (7, 0.4, (1.0, -3.0), 1.0),
-    "aside": (20, -1.0, (2.0, 1.0), 1.2),  # slows by itself, and stops there: `pausing`
-}
-
 
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory):
@@ -82,132 +58,117 @@ def exported(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def program(tmp_path_factory):
+def programs(tmp_path_factory):
     """Built as its CMakeLists.txt tells, with the library of the pip package."""
     folder = tmp_path_factory.mktemp("build")
     (folder / "libonnxruntime.so.1").symlink_to(LIBRARY)  # the name that it is linked by
     said = [
         f"-DONNXRUNTIME_INCLUDE={INCLUDE}",
         f"-DONNXRUNTIME_LIBRARY={folder}/libonnxruntime.so.1",
+        "-DWAYFARER_TRACE=ON",
     ]
     flags = "-DCMAKE_CXX_FLAGS=-Wall -Wextra -Wpedantic -Werror"
     commands = (["-S", FOLDER, "-B", folder, "-G", "Ninja", flags, *said], ["--build", folder])
     for words in commands:
         done = subprocess.run(["cmake", *map(str, words)], capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
-    return folder / "offline"
+    return folder
 
 
-def walked(program: Path, exported: Path, walk: str) -> list[dict[str, str]]:
-    pose, heading, (x, y), speed = WALKS[walk]
-    options = ["--pose", pose, "--heading", heading, "--goal", f"{x},{y}", "--speed", speed]
-    words = [program, exported, "--seconds", SECONDS, *options]
-    done = subprocess.run([str(word) for word in words], capture_output=True, text=True, timeout=60)
+@pytest.fixture(scope="module")
+def drawn():
+    """What the server sends."""
+    return both_ways()
+
+
+@pytest.fixture(scope="module")
+def walked(programs, exported, drawn, tmp_path_factory):
+    """A file with the same commands, and what this program does by them."""
+    folder = tmp_path_factory.mktemp("traces")
+    (folder / "server.json").write_text(json.dumps(drawn))
+    out = run(programs / "trace", exported, folder / "server.json")
+    (folder / "cpp.json").write_text(out)
+    return folder / "cpp.json"
+
+
+def run(*words: object) -> str:
+    done = subprocess.run([str(w) for w in words], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
-    return list(csv.DictReader(io.StringIO(done.stdout)))
+    return done.stdout
 
 
-def places(rows: list[dict[str, str]]) -> np.ndarray:
-    return np.array([[float(row[axis]) for axis in "xyz"] for row in rows])
+def test_its_trace_is_the_servers(drawn, walked):
+    found = json.loads(walked.read_text())["chunks"]
+    assert len(found) == len(drawn["chunks"]) == 2 * len(PEOPLE)
+    for person, (own, theirs) in enumerate(zip(found, drawn["chunks"], strict=True)):
+        assert len(own) == len(theirs) >= (SECONDS - 1) / STEP_SECONDS
+        for name in ("seq", "flags", "state", "waypoint"):
+            assert [chunk[name] for chunk in own] == [chunk[name] for chunk in theirs], name
+        off, turned = (apart(own, theirs, name) for name in ("translation", "rotations"))
+        LOG.info("%d: hips %.4f mm, turns %.1e", person, 1000 * off, turned)
+        assert off < 1e-3 and turned < 1e-3
+        others = sum(a["contacts"] != b["contacts"] for a, b in zip(own, theirs, strict=True))
+        assert others <= 1  # by thresholds that the last digit may cross
 
 
-def without_manner() -> Steering:
-    searches = {m: replace(s, candidates=1, manner=0.0) for m, s in default_searches().items()}
-    return Steering(searches=searches)
+def apart(own: list[dict], theirs: list[dict], name: str) -> float:
+    numbers = ([chunk[name] for chunk in chunks] for chunks in (own, theirs))
+    return float(np.abs(np.subtract(*numbers)).max())
 
 
-def by_the_servers_steering(walk: str) -> tuple[np.ndarray, list[str], np.ndarray]:
-    """Places [F, 3], modes and headings [F]: the server's functions without its corrections."""
-    pose, heading, (x, y), speed = WALKS[walk]
-    steering, engine = without_manner(), OnnxEngine(load_models(DEFAULT_MODEL), 1)
-    spawner = Spawner(load_bodies("anny52"), load_start_poses(START_POSES))
-    motion = spawner.stand(AgentSpec(GENDER, heading=heading, noise_seed=pose))
-    seed, gait = motion.seed, motion.gait
-    goals = goal_columns([Goal((x, y, 0.0), speed=speed)], (0.0, 0.0))
-    gait.mode[:] = Mode.WALKING
-    gait.planted[:] = False  # nobody waits
-    still = np.zeros((1, 1, 128), np.float32)
-    shown, modes, headings = [], [], []
-    for _ in range(round(SECONDS / STEP_SECONDS)):
-        gait = steering.decide(gait, seed, goals)
-        if gait.mode[0] == Mode.STANDING and gait.arrived[0]:
-            frames = np.repeat(seed.translation[:, -1:], NEW_FRAMES, 1)
-            turns = np.repeat(seed.rotations[:, -1:], NEW_FRAMES, 1)
-            gait.speed[:] = 0
-        else:
-            betas, none = np.zeros((1, 10), np.float32), np.zeros(1, np.uint64)
-            out = engine.step(GENDER, assemble(seed, betas, gait, goals, still, none, steering))
-            frames, turns = out.translation, out.rotations
-            gait = replace(
-                observe(gait, seed.translation[:, -1], frames, goals), trim=gait.trim * 0
-            )
-            seed = Seeds(out.next_seed_markers, frames[:, -SEED_FRAMES:], turns[:, -SEED_FRAMES:])
-        shown.append(frames[0])
-        modes += [Mode(gait.mode[0]).name] * NEW_FRAMES
-        headings += [heading_of(turn) for turn in turns[0, :, 0]]
-    return np.concatenate(shown), modes, np.array(headings)
+def test_its_trace_is_the_browsers(exported, walked):
+    """The runtimes differ too: that of the pip package, and WASM."""
+    if not shutil.which("node") or not (WEB / "node_modules" / "onnxruntime-web").is_dir():
+        pytest.skip("needs node, and onnxruntime-web: cd clients/web && npm ci")
+    for person in json.loads(node("local_trace.js", exported, walked))["people"]:
+        LOG.info("hips %.4f mm, turns %.1e", 1000 * person["hips"], person["turns"])
+        assert person["chunks"][0] == person["chunks"][1] >= (SECONDS - 1) / STEP_SECONDS
+        assert person["hips"] < 1e-3 and person["turns"] < 1e-3
+        assert person["otherStates"] == person["otherNotes"] == 0
 
 
-def by_the_server(walk: str) -> np.ndarray:
-    """Places [F, 3] that a world of the server sends, from the start pose of the same number."""
-    pose, heading, (x, y), speed = WALKS[walk]
-    settings = WorldSettings(steering=Steering().with_search(candidates=1))
-    engine = OnnxEngine(load_models(DEFAULT_MODEL), 1)
-    world = World(engine, load_bodies("anny52"), load_start_poses(START_POSES), settings)
-    session = world.create_session(SessionSpec(lock_step=True), now=0.0).session_id
-    spec = AgentSpec(GENDER, heading=heading, noise_seed=pose)
-    (agent,) = world.create_agents(session, [spec], now=0.0)
-    world.give(agent.agent_id, Goal((x, y, 0.0), speed=speed), now=0.0)
-    chunks = list(world.advance(SECONDS + 1.0))
-    return np.concatenate([chunk.translation for chunk in chunks])
+@pytest.mark.parametrize("gender", ["female", "male"])
+def test_the_example_walks_to_a_goal(programs, exported, gender):
+    words = [
+        "--goal",
+        "2,-1.5",
+        "--gender",
+        gender,
+        "--heading",
+        "0.4",
+        "--seed",
+        2**64 - 1,
+        "--seconds",
+        12,
+    ]
+    rows = list(csv.DictReader(io.StringIO(run(programs / "offline", exported, *words))))
+    assert rows[0]["state"] == "standing" and rows[0]["done"] == "0"
+    assert rows[-1]["state"] == "standing" and rows[-1]["done"] == "1"
+    assert len(rows) >= 11 * FPS
+    assert np.hypot(float(rows[0]["x"]), float(rows[0]["y"])) < 0.05
+    assert np.hypot(float(rows[-1]["x"]) - 2, float(rows[-1]["y"]) + 1.5) < 0.3
+    assert all(row["left"] == row["right"] == "1" for row in rows[-FPS:])
 
 
-@pytest.mark.parametrize("walk", WALKS)
-def test_its_trace_is_the_servers_rules(program, exported, walk):
-    rows = walked(program, exported, walk)
-    shown, modes, headings = by_the_servers_steering(walk)
-    assert len(rows) == len(shown) == round(SECONDS * FPS)
-    assert [row["mode"] for row in rows] == modes
-    off = np.abs(places(rows) - shown).max()
-    turned = np.abs(np.unwrap([float(row["heading"]) for row in rows]) - np.unwrap(headings)).max()
-    LOG.info("%s: off by %.4f mm, %.4f degrees", walk, 1000 * off, np.degrees(turned))
-    assert off < 1e-4 and turned < 1e-3
-    assert modes[-1] == "STANDING" and rows[-1]["arrived"] == "1"
-
-
-@pytest.mark.parametrize("walk", WALKS)
-def test_it_goes_where_the_server_goes(program, exported, walk):
-    own, server = places(walked(program, exported, walk)), by_the_server(walk)
-    goal = np.array(WALKS[walk][2])
-
-    def arrival(path: np.ndarray) -> float:
-        near = np.linalg.norm(path[:, :2] - goal, axis=1) <= Goal((0, 0, 0)).radius
-        assert near.any()
-        return float(near.argmax()) / FPS
-
-    # from each frame of the example to the nearest place of the server's path
-    aside = np.linalg.norm(own[:, None, :2] - server[None, :, :2], axis=-1).min(1).max()
-    ends = np.linalg.norm(own[-1, :2] - server[-1, :2])
-    later = arrival(server) - arrival(own)
-    figures = walk, 100 * aside, 100 * ends, later
-    LOG.info("%s: paths %.0f cm apart, ends %.0f cm; server arrives %.2f s later", *figures)
-    assert aside < 0.5 and ends < 0.3 and abs(later) < 2.0
-
-
-def test_it_says_what_is_wrong(program, exported, tmp_path):
+def test_it_says_what_is_wrong(programs, exported, tmp_path):
     def refused(*words: object) -> str:
-        done = subprocess.run([str(w) for w in (program, *words)], capture_output=True, text=True)
-        assert done.returncode == 1 and not done.stdout
+        done = subprocess.run(
+            [str(w) for w in (programs / "offline", *words)], capture_output=True, text=True
+        )
+        assert done.returncode == 1
         return done.stderr
 
     assert "usage: offline FOLDER" in refused()
-    assert "holds no wayfarer.json" in refused(tmp_path)
+    assert "wayfarer.json: cannot be read" in refused(tmp_path)
     assert "--goal 3: not X,Y" in refused(exported, "--goal", "3")
     assert "--speed fast: no number" in refused(exported, "--speed", "fast")
-    assert "there are 26 start poses" in refused(exported, "--pose", "26")
+    assert "other: the model has no such body" in refused(exported, "--gender", "other")
     for file in exported.iterdir():
         (tmp_path / file.name).write_bytes(file.read_bytes()[:9000])
+    assert "wayfarer.json: " in refused(tmp_path)
     (tmp_path / "wayfarer.json").write_bytes((exported / "wayfarer.json").read_bytes())
-    assert "body_female.bin: is cut short" in refused(tmp_path)
-    (tmp_path / "body_female.bin").write_bytes((exported / "body_female.bin").read_bytes())
+    assert ".bin: is cut short" in refused(tmp_path)
+    for gender in ("female", "male"):
+        name = f"body_{gender}.bin"
+        (tmp_path / name).write_bytes((exported / name).read_bytes())
     assert "onnxruntime: " in refused(tmp_path)

@@ -373,7 +373,9 @@ hips, stop_facing what they face.
 The server does more, and none of it is in the graph: feet that stand are kept from sliding, the
 speed is trimmed, heads and arms are held in an own way, steps have an own length, half of all
 people are mirrored, people set off after a reaction time, and steps that no body can take are
-repaired. `clients/cpp/examples/offline.cpp` in Wayfarer's repository is the rules above in C++.
+repaired. In Wayfarer's repository all of it is in `clients/cpp/local` (C++17, used by
+`clients/cpp/examples/offline.cpp`) and `clients/web/src/local` (JavaScript): the frames are the
+server's to 0.01 mm over 30 s.
 
 ## Modes
 `term_weights` in the order {terms}.

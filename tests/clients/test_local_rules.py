@@ -1,9 +1,13 @@
-"""Local mode of the web client, rule by rule: the server's, where no trace leads."""
+"""Local mode in JavaScript and in C++, rule by rule: the server's, where no trace leads."""
 
 import json
 import logging
 import shutil
+import subprocess
+from collections.abc import Callable
 from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,17 +30,47 @@ from wayfarer.world.stepping.guards import fallen, got_up, smoothed
 from wayfarer.world.stepping.mirror import is_mirrored
 
 LOG = logging.getLogger(__name__)
-pytestmark = pytest.mark.skipif(
-    not shutil.which("node"), reason="needs node: apt-get install nodejs"
-)
+CPP = Path(__file__).parents[2] / "clients" / "cpp"
+Port = Callable[[str, Path], Any]
+"""What a port makes of the rows in a file, by one of random, guards and rules."""
 
 
-def test_people_are_drawn_from_their_seeds_as_on_the_server(tmp_path):
+@pytest.fixture(scope="module")
+def cpp(tmp_path_factory) -> Port:
+    """The C++ port, compiled without CMake; undefined behaviour ends it."""
+    if not shutil.which("g++") or not Path("/usr/include/nlohmann/json.hpp").exists():
+        pytest.skip("needs g++ and nlohmann-json3-dev")
+    program = tmp_path_factory.mktemp("cpp") / "rules"
+    sources = [CPP / "local/tests/rules.cpp", *sorted((CPP / "local/src").glob("*.cpp"))]
+    folders = [CPP / "local/src", CPP / "local/include", CPP / "include"]
+    flags = ["-std=c++17", "-O0", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    words = ["g++", *flags, *(f"-I{folder}" for folder in folders), *sources, "-o", program]
+    done = subprocess.run([str(word) for word in words], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return lambda rules, file: _found([program, rules, file])
+
+
+@pytest.fixture(params=["javascript", "cpp"])
+def port(request) -> Port:
+    if request.param == "cpp":
+        return request.getfixturevalue("cpp")
+    if not shutil.which("node"):
+        pytest.skip("needs node: apt-get install nodejs")
+    return lambda rules, file: json.loads(node(f"local_{rules}.js", file))
+
+
+def _found(words: list[object]) -> Any:
+    done = subprocess.run([str(word) for word in words], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_people_are_drawn_from_their_seeds_as_on_the_server(port, tmp_path):
     seeds = np.random.default_rng(0).integers(0, 2**64, 200, np.uint64)
     seeds[:4] = 0, 1, 2, 2**64 - 1
     file = tmp_path / "seeds.json"
     file.write_text(json.dumps([str(seed) for seed in seeds]))
-    found = json.loads(node("local_random.js", file))
+    found = port("random", file)
     np.testing.assert_allclose(
         [one["manner"] for one in found], manner(seeds), rtol=1e-6, atol=1e-7
     )
@@ -53,7 +87,7 @@ def test_people_are_drawn_from_their_seeds_as_on_the_server(tmp_path):
     assert ready == sets_off(seeds, chunk, 3).tolist()
 
 
-def test_guards_repair_as_the_servers_do(tmp_path):
+def test_guards_repair_as_the_servers_do(port, tmp_path):
     """Steps that no body takes: joints that jump, twisted knees, signs that flip, falls."""
     rng = np.random.default_rng(3)
     bodies, poses = load_bodies("anny52"), load_start_poses(START_POSES)
@@ -96,7 +130,7 @@ def test_guards_repair_as_the_servers_do(tmp_path):
     measured = {name: values[0].ravel() for name, values in measured.items()}
     measured["standing"] = [-down - heel]
     file.write_text(json.dumps({"legs": measured, "steps": steps}, default=_flat))
-    found = json.loads(node("local_guards.js", file))
+    found = port("guards", file)
     up = got_up(seeds, target)  # changes the stands' arms
     assert fell.any() and not fell.all()
     assert np.flatnonzero((repaired != turns)[0].any((0, 2))).tolist() == [KNEES[0]]
@@ -140,7 +174,7 @@ def random_gaits(count: int) -> tuple[Gait, Seeds, GoalColumns, np.ndarray]:
     return gait, seed, goals, some(0.7)
 
 
-def test_people_decide_and_feet_are_moved_as_on_the_server(tmp_path):
+def test_people_decide_and_feet_are_moved_as_on_the_server(port, tmp_path):
     count, steering = 3000, Steering()
     gait, seed, goals, ready = random_gaits(count)
     facing = facing_of(seed.rotations[:, -1, 0])
@@ -198,7 +232,7 @@ def test_people_decide_and_feet_are_moved_as_on_the_server(tmp_path):
     }
     file = tmp_path / "rows.json"
     file.write_text(json.dumps(given, default=_flat))
-    found = json.loads(node("local_rules.js", file))
+    found = port("rules", file)
 
     after = steering.decide(gait, seed, goals, ready)
     never = replace(steering, pausing=0).decide(gait, seed, goals, ready)

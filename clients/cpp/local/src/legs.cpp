@@ -1,0 +1,100 @@
+#include "legs.hpp"
+
+namespace wayfarer::local {
+namespace {
+
+constexpr std::size_t HIPS[] = {1, 2}, KNEES[] = {4, 5}, ANKLES[] = {7, 8}, BALLS[] = {10, 11};
+constexpr double STRETCH = 0.999, FOLD = 0.3, TINY = 1e-9, STRAIGHT = 0.25;
+constexpr Vec3 LEFT{-1, 0, 0};
+
+Quat relative(const Quat& parent, const Quat& turn) { return multiply(inverse(parent), turn); }
+
+// distance from hip to ankle that a leg takes when it is `wanted`
+double reach(double before, double wanted, double leg) {
+  const double half = std::max((STRETCH * leg - before) / 2, 1e-6), more = wanted - before;
+  const double eased = std::min(more, half) + half * (1 - std::exp(-std::max(more - half, 0.0) / half));
+  return std::max(before + eased, std::min(before, FOLD * leg));
+}
+
+double knee_angle(double upper, double lower, double distance) {
+  const double both = std::max(2 * upper * lower, 1e-12);
+  return std::acos(bounded((upper * upper + lower * lower - distance * distance) / both, -1, 1));
+}
+
+void move_ankle(const LegPose& pose, std::size_t side, const Vec3& shift, double turn, Turns& turns) {
+  const Vec3 thigh = pose.knee[side] - pose.hip[side], shin = pose.ankle[side] - pose.knee[side];
+  const Vec3 target = pose.ankle[side] + shift - pose.hip[side];
+  const double upper = length(thigh), lower = length(shin), far = length(target);
+  const double before = length(pose.ankle[side] - pose.hip[side]), after = reach(before, far, upper + lower);
+
+  const Vec3 across = rotate(pose.hip_turn[side], LEFT);
+  const Vec3 plane = (1 / std::max(upper * lower, TINY)) * cross(thigh, shin);
+  const double forward = dot(plane, across);  // sine of the bend
+  const Vec3 axis = plane + (std::max(-2 * forward, 0.0) + STRAIGHT) * across;
+  const double norm = std::max(length(axis), 1e-12);
+  double inner = knee_angle(upper, lower, before);
+  if (forward < 0) {  // beyond straight; of a knee that is bent sideways what is about the axis counts
+    const double about = dot(plane, axis) / norm / std::max(length(plane), TINY);
+    inner = PI - about * (PI - inner);
+  }
+  const double half = 0.5 * (inner - knee_angle(upper, lower, after)), sine = std::sin(half) / norm;
+  const Quat bend = unit(Quat{axis.x * sine, axis.y * sine, axis.z * sine, std::cos(half)});
+
+  // the shortest arc that swings the bent leg onto its target
+  const Vec3 ankle_to = thigh + rotate(bend, shin), about = cross(ankle_to, target);
+  Quat swing = unit(Quat{about.x, about.y, about.z, dot(ankle_to, target) + length(ankle_to) * far + TINY});
+  const double quarter = turn / 4, along = (target.z < 0 ? -1 : 1) * std::sin(quarter) / std::max(far, 1e-12);
+  swing = multiply({target.x * along, target.y * along, target.z * along, std::cos(quarter)}, swing);
+  const Quat foot = multiply(about_z(turn), pose.ankle_turn[side]);
+  const Quat hip = multiply(swing, pose.hip_turn[side]);
+  const Quat knee = multiply(swing, multiply(bend, pose.knee_turn[side]));
+  turns[HIPS[side]] = relative(pose.root, hip);
+  turns[KNEES[side]] = relative(hip, knee);
+  turns[ANKLES[side]] = relative(knee, foot);
+}
+
+}  // namespace
+
+void Legs::measure() {
+  double down = 0, soles = 0;
+  for (std::size_t side = 0; side < 2; ++side) {
+    length[side] = wayfarer::length(knee[side]) + wayfarer::length(ankle[side]);
+    down += (hip[side].z + knee[side].z + ankle[side].z) / 2;
+    soles += sole_of_ankle[side][0].z / 2;
+  }
+  standing = -down - soles;
+}
+
+LegPose::LegPose(const Legs& legs, const Vec3& hips, const Turns& turns) : root(turns[0]), facing(facing_of(turns[0])) {
+  for (std::size_t side = 0; side < 2; ++side) {
+    hip[side] = rotate(root, legs.hip[side]);
+    hip_turn[side] = multiply(root, turns[HIPS[side]]);
+    knee[side] = hip[side] + rotate(hip_turn[side], legs.knee[side]);
+    knee_turn[side] = multiply(hip_turn[side], turns[KNEES[side]]);
+    ankle[side] = knee[side] + rotate(knee_turn[side], legs.ankle[side]);
+    ankle_turn[side] = multiply(knee_turn[side], turns[ANKLES[side]]);
+    const Quat ball_turn = multiply(ankle_turn[side], turns[BALLS[side]]);
+    const Vec3 place = hips + ankle[side], ball = rotate(ankle_turn[side], legs.ball[side]);
+    for (std::size_t p = 0; p < SOLES; ++p)
+      soles[side][p] = place + legs.ball_share[side][p] * ball +
+                       rotate(ankle_turn[side], legs.sole_of_ankle[side][p]) +
+                       rotate(ball_turn, legs.sole_of_ball[side][p]);
+  }
+}
+
+void move_feet(const LegPose& pose, const Vec3& hips, const Feet<Vec3>& shifts, const Feet<double>& angles,
+               Turns& turns) {
+  for (std::size_t side = 0; side < 2; ++side) {
+    const Vec3 arm = hips + pose.ankle[side] - middle(pose.soles[side]);  // turns with the foot
+    const Point moved = turned(floor_of(arm), angles[side]) - floor_of(arm);
+    move_ankle(pose, side, shifts[side] + Vec3{moved.x, moved.y, 0}, angles[side], turns);
+  }
+}
+
+double lowest(const Soles& soles) {
+  return std::min({soles[0].z, soles[1].z, soles[2].z, soles[3].z});
+}
+
+Vec3 middle(const Soles& soles) { return 1.0 / SOLES * (soles[0] + soles[1] + soles[2] + soles[3]); }
+
+}  // namespace wayfarer::local

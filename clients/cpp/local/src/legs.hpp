@@ -1,0 +1,45 @@
+// Legs of a body: what is fixed by its shape, and where joints and soles are in a posed frame; and two-bone inverse
+// kinematics. The server's world/output/legs.py and twobone.py, for one person. Left comes before right.
+#pragma once
+
+#include "geometry.hpp"
+
+namespace wayfarer::local {
+
+template <class T>
+using Feet = std::array<T, 2>;
+using Soles = std::array<Vec3, SOLES>;
+
+/// Both legs in the T-pose: each joint seen from the one above it; sole markers as ankle and ball have them, times
+/// their share. `standing`: height of the hips.
+struct Legs {
+  Feet<Vec3> hip, knee, ankle, ball;
+  Feet<Soles> sole_of_ankle, sole_of_ball;
+  Feet<std::array<double, SOLES>> ball_share{};
+  Feet<double> length{};
+  double standing = 0;
+
+  /// Fills `length` and `standing` from the rest.
+  void measure();
+};
+
+/// Legs in a frame: turns in the world, joints seen from the root, soles in the world.
+struct LegPose {
+  Quat root;
+  Feet<Quat> hip_turn, knee_turn, ankle_turn;
+  Feet<Vec3> hip, knee, ankle;
+  Feet<Soles> soles;
+  Point facing;
+
+  LegPose() = default;
+  LegPose(const Legs& legs, const Vec3& hips, const Turns& turns);
+};
+
+/// Put each foot `shifts` off, turned by `angles` about the middle of its sole. Writes hips, knees and ankles.
+void move_feet(const LegPose& pose, const Vec3& hips, const Feet<Vec3>& shifts, const Feet<double>& angles,
+               Turns& turns);
+
+double lowest(const Soles& soles);
+Vec3 middle(const Soles& soles);
+
+}  // namespace wayfarer::local

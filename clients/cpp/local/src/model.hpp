@@ -1,0 +1,51 @@
+// An export (wayfarer.json, body_<gender>.bin): what the graph takes, start poses, bones and soles of any shape.
+#pragma once
+
+#include "legs.hpp"
+#include "planting.hpp"
+
+namespace wayfarer::local {
+
+using Betas = std::array<double, 10>;
+
+/// A body of one gender.
+class Body {
+ public:
+  explicit Body(std::map<std::string, std::vector<float>> parts) : parts_(std::move(parts)) {}
+
+  std::size_t poses() const { return part("start_rotations").size() / (4 * JOINTS); }
+  /// Offsets of the bones from their parents in the T-pose; of the hips, over the floor.
+  std::array<Vec3, JOINTS> bones(const Betas& betas) const;
+  Legs legs(const Betas& betas) const;
+  /// The seed of a person who stands in a start pose, soles on the floor, hips over `place`.
+  Seed stand(std::size_t pose, const Betas& betas, const SoleMarkers& soles, Point place, double heading) const;
+
+ private:
+  std::map<std::string, std::vector<float>> parts_;
+
+  const std::vector<float>& part(const std::string& name) const;
+  std::vector<Vec3> shaped(const std::string& name, const Betas& betas, std::size_t from, std::size_t count) const;
+  std::vector<Vec3> shaped(const std::string& name, const Betas& betas) const;
+};
+
+/// What the graph is told of a mode.
+struct ModeInputs {
+  std::vector<float> term_weights;
+  float policy = 0, manner = 0;
+};
+
+}  // namespace wayfarer::local
+
+namespace wayfarer {
+
+struct LocalModel::Parts {
+  std::vector<std::string> inputs, outputs;
+  std::vector<std::vector<std::int64_t>> shapes;  // of the inputs; 0: people
+  std::array<local::ModeInputs, 5> modes;
+  std::map<std::string, double> steering;
+  std::map<std::string, local::Body> bodies;
+  local::SoleMarkers soles;
+  std::vector<std::size_t> mirrored_markers, mirrored_joints;
+};
+
+}  // namespace wayfarer

@@ -1,0 +1,139 @@
+#include "person.hpp"
+
+#include <limits>
+
+namespace wayfarer::local {
+namespace {
+
+constexpr int LEAD = 1;                              // chunks that are planned ahead of their time
+constexpr int REPLAN_FRAMES = 3, REPLAN_MARGIN = 2;  // a chunk that is shown this soon is not planned again
+constexpr double HALTED = 0.25;  // m/s: who is stopping and slower has nothing left of the walk
+constexpr double NEVER = std::numeric_limits<double>::infinity();
+
+}  // namespace
+
+Person::Person(const LocalSpec& given, const LocalModel::Parts& model, const Steering& steering, double start)
+    : spec(given),
+      mirrored(is_mirrored(given.seed)),
+      manner(manner_of(given.seed)),
+      body_(model.bodies.at(given.gender)),
+      soles_(model.soles),
+      steering_(steering),
+      legs_(body_.legs(given.betas)),
+      stride_(stride_of(given.seed)),
+      reaction_(reaction_of(given.seed, steering.reactions)),
+      habits_(habits_of(given.seed)),
+      lock_(legs_),
+      planned_(stand({given.x, given.y}, given.heading)),
+      committed_(planned_),
+      start_(start) {}
+
+double Person::plan_frame() const {
+  if (planned_chunks_ - sent_chunks_ > LEAD) return NEVER;
+  return shown(planned_chunks_) - (replanned_ ? REPLAN_FRAMES : LEAD * FRAMES);
+}
+
+double Person::send_frame() const { return queue_.empty() ? NEVER : shown(sent_chunks_); }
+
+double Person::shown(int seq) const { return start_ + FRAMES * seq; }
+
+void Person::give(const std::vector<LocalGoal>& goals, double frame) {
+  replan(frame + REPLAN_MARGIN);
+  ++revision_;
+  from_ = floor_of(planned_.seed.hips.back());
+  goals_ = goals;
+  path_ = goal_rows(goals_, from_);
+  if (!goals.empty()) planned_.gait.mode = WALKING;
+  planned_.gait.arrived = false;
+  planned_.gait.waypoint = 0;
+}
+
+void Person::append(const std::vector<LocalGoal>& goals, double frame) {
+  if (goals_.empty()) return give(goals, frame);
+  ++revision_;
+  goals_.insert(goals_.end(), goals.begin(), goals.end());
+  path_ = goal_rows(goals_, from_);
+}
+
+Asked Person::next() const {
+  const Seed& seed = planned_.seed;
+  const Start start{floor_of(seed.hips[1]), floor_of(seed.hips[0]), facing_of(seed.turns[1][0])};
+  Gait gait = steering_.advance(planned_.gait, goal_at(path_, planned_.gait.waypoint));
+  const GoalRow goal = goal_at(path_, gait.waypoint);
+  const bool ready = (planned_chunks_ + reaction_) % steering_.reactions == 0;
+  gait = shortened_gait(steering_.decide(gait, start, goal, ready), goal, stride_);
+  return {start, gait, goal, steering_.targets(gait, start, goal), steering_.carried(gait, start, goal)};
+}
+
+void Person::take(const Asked& asked, Step made) {
+  const auto& [start, gait, goal, targets, carried] = asked;
+  const Seed& seed = planned_.seed;
+  const bool is_broken = broken(seed.hips.back(), made);
+  if (is_broken) {
+    made.hips.fill(seed.hips.back());
+    made.turns.fill(seed.turns.back());
+  }
+  made.turns = smoothed(seed, made.hips, made.turns, legs_);
+  Planted planted = plant(soles_, gait, seed, start.facing, made, carried);
+  shorten(planned_.gait.shortened, planted.gait.shortened, start.hips, planted);
+  Step& step = planted.step;
+  const Gait after = observe(planted.gait, start.hips, step.hips, goal);
+  int flags = replanned_ ? LocalChunk::REPLANNED : 0;
+  if (after.arrived && !gait.arrived) flags |= LocalChunk::ARRIVED;
+  Motion end{planted.seed, after};
+  if (is_broken || fallen(step.hips, step.turns, legs_)) {
+    if (is_broken) flags |= LocalChunk::FIRST;
+    end = stand(start.hips, std::atan2(-start.facing.x, start.facing.y));
+    end.gait.waypoint = after.waypoint;
+    get_up(seed, end.seed, step.hips, step.turns);
+    for (auto& both : step.contacts) both = {true, true};
+  }
+  queue_.push_back(
+      {planned_chunks_, flags, revision_, !goal.more, goal.through, step.hips, step.turns, step.contacts, end});
+  planned_ = std::move(end);
+  ++planned_chunks_;
+  replanned_ = false;
+}
+
+Planned Person::send() {
+  Planned chunk = std::move(queue_.front());
+  queue_.pop_front();
+  ++sent_chunks_;
+  committed_ = chunk.end;
+  const Gait& gait = chunk.end.gait;
+  if (!spec.foot_lock) {
+    lock_.shorten_steps(chunk.hips, chunk.turns, gait.shortened);
+    return chunk;
+  }
+  if (chunk.flags & LocalChunk::FIRST) {
+    lock_.restart();
+    looks_.reset();
+  }
+  if (!looks_) looks_ = looks(chunk.turns[0]);
+  const bool halted = gait.mode == STOPPING && (gait.speed < HALTED || gait.planted);
+  const bool steps = gait.mode == STANDING || gait.mode == TURNING || gait.mode == STRAFING || halted;
+  chunk.contacts = lock_.clean(chunk.hips, chunk.turns, steps, gait.shortened);
+  looks_ = hold(*looks_, chunk.turns, habits_);
+  return chunk;
+}
+
+// throw away planned chunks that are shown after a world frame
+void Person::replan(double until) {
+  const std::size_t before = queue_.size();
+  while (!queue_.empty() && shown(queue_.back().seq) > until) queue_.pop_back();
+  if (queue_.size() == before) return;
+  replanned_ = true;
+  planned_chunks_ = sent_chunks_ + static_cast<int>(queue_.size());
+  planned_ = queue_.empty() ? committed_ : queue_.back().end;
+}
+
+Motion Person::stand(Point place, double heading) const {
+  Motion motion;
+  motion.seed = body_.stand(spec.seed % body_.poses(), spec.betas, soles_, place, heading);
+  motion.gait.stop_place = place;
+  motion.gait.stop_facing = {-std::sin(heading), std::cos(heading)};
+  motion.gait.soles = sole_places(motion.seed.markers, 0, soles_);
+  return motion;
+}
+
+}  // namespace wayfarer::local

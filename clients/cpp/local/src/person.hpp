@@ -1,0 +1,88 @@
+// One person: the motion that is planned and that which is sent, goals, and what a step makes of them. The server's
+// world/stepping (scheduler, playback, cleanup), for one person. Time: frames, 40 a second.
+#pragma once
+
+#include <deque>
+
+#include "footlock.hpp"
+#include "model.hpp"
+#include "posture.hpp"
+#include "random.hpp"
+
+namespace wayfarer::local {
+
+/// Motion between two steps.
+struct Motion {
+  Seed seed;
+  Gait gait;
+};
+
+/// Eight frames that are planned, and what comes after them.
+struct Planned {
+  int seq, flags, goal_revision;
+  bool last, through;  // of the goal: the path ends there; it is passed
+  FrameHips hips;
+  FrameTurns turns;
+  Contacts contacts;
+  Motion end;
+};
+
+/// What the next step is asked for.
+struct Asked {
+  Start start;
+  Gait gait;
+  GoalRow goal;
+  Targets targets;
+  Point carried;
+};
+
+class Person {
+ public:
+  /// `model` and `steering` outlive it. `start`: world frame of the first frame.
+  Person(const LocalSpec& spec, const LocalModel::Parts& model, const Steering& steering, double start);
+
+  const LocalSpec spec;
+  const bool mirrored;
+  const std::array<float, LATENT> manner;
+
+  /// World frame by which the next chunk has to be planned, and at which the next planned one is sent; or infinity.
+  double plan_frame() const;
+  double send_frame() const;
+  /// World frame of a chunk's first frame.
+  double shown(int seq) const;
+  const Seed& seed() const { return planned_.seed; }
+  std::array<Vec3, JOINTS> bones() const { return body_.bones(spec.betas); }
+
+  void give(const std::vector<LocalGoal>& goals, double frame);
+  void append(const std::vector<LocalGoal>& goals, double frame);
+  Asked next() const;
+  /// Plan a chunk from what the engine has made.
+  void take(const Asked& asked, Step made);
+  /// Take out the next chunk, cleaned as it is shown.
+  Planned send();
+
+ private:
+  const Body& body_;
+  const SoleMarkers& soles_;
+  const Steering& steering_;
+  const Legs legs_;
+  const double stride_;
+  const int reaction_;
+  const Habits habits_;
+  FootLock lock_;
+  std::optional<Looks> looks_;  // after what was sent
+  std::deque<Planned> queue_;   // planned, not sent
+  bool replanned_ = false;
+  Motion planned_, committed_;
+  int planned_chunks_ = 0, sent_chunks_ = 0;
+  double start_;
+  int revision_ = 0;
+  std::vector<LocalGoal> goals_;
+  std::vector<GoalRow> path_;
+  Point from_;  // where the path begins
+
+  void replan(double until);
+  Motion stand(Point place, double heading) const;
+};
+
+}  // namespace wayfarer::local

@@ -1,0 +1,93 @@
+// What a person does next: stand, walk, stop, turn, or go in side steps. The server's world/goals/steering.py, for one
+// person.
+#pragma once
+
+#include <map>
+#include <string>
+
+#include "geometry.hpp"
+#include "wayfarer/local.hpp"
+
+namespace wayfarer::local {
+
+enum Mode { STANDING, WALKING, STOPPING, TURNING, STRAFING };
+inline constexpr const char* MODES[] = {"STANDING", "WALKING", "STOPPING", "TURNING", "STRAFING"};
+
+using SolePlaces = std::array<Point, 2 * SOLES>;  // left foot first; heel, two balls, toe
+
+/// What is remembered from step to step.
+struct Gait {
+  Mode mode = STANDING;
+  double speed = 0, slow_seconds = 0;  // m/s over the last step
+  Point stop_place, stop_facing;
+  bool arrived = false;
+  int waypoint = 0;
+  Point carried;  // m/s in side steps
+  double trim = 0, shortened = 0;
+  bool planted = true;
+  SolePlaces soles{};  // while planted
+};
+
+/// A goal on a path, as steering has it.
+struct GoalRow {
+  bool given = false;
+  Point place;
+  double radius = 0, speed = 0;
+  bool has_heading = false;
+  Point heading;  // unit vector to face
+  bool strafe = false, through = false;
+  double dwell = 0;
+  bool more = false;
+  double bend = 0;  // radians
+  Point onward;
+};
+
+/// The rows of a path that is walked from `start`.
+std::vector<GoalRow> goal_rows(const std::vector<LocalGoal>& goals, Point start);
+/// The goal at a place of a path; one that is not given beyond its end.
+GoalRow goal_at(const std::vector<GoalRow>& rows, int waypoint);
+
+/// Hips and facing where a step starts; `first`: hips in the first frame of the seed.
+struct Start {
+  Point hips, first, facing;
+};
+
+/// What the next step aims at.
+struct Targets {
+  Point place, facing;
+  double speed = 0;
+};
+
+/// The rules, with the constants of an export's sidecar.
+class Steering {
+ public:
+  /// Throws std::runtime_error where a constant is missing.
+  explicit Steering(const std::map<std::string, double>& constants);
+
+  int reactions = 0;
+
+  /// Who is done with a goal that another follows is sent on.
+  Gait advance(Gait gait, const GoalRow& goal) const;
+  /// The gait of the next step. `ready`: whoever waits may set off.
+  Gait decide(Gait gait, const Start& start, const GoalRow& goal, bool ready) const;
+  Targets targets(const Gait& gait, const Start& start, const GoalRow& goal) const;
+  /// Velocity at the end of the step of a body in side steps.
+  Point carried(const Gait& gait, const Start& start, const GoalRow& goal) const;
+
+ private:
+  double braking_seconds_, braking_margin_, slowing_distance_, slowest_, acceleration_, coasting_seconds_, sharp_,
+      corner_speed_, pausing_, slow_, slow_seconds_, resume_margin_, lookahead_, behind_, abeam_, faced_, astray_,
+      turn_ahead_, side_step_speed_, side_step_acceleration_, side_step_faced_;
+
+  Point ahead(const Start& start, const GoalRow& goal) const;
+  double speed(const Gait& gait, const Start& start, const GoalRow& goal) const;
+  Point rest(const Gait& gait, const Start& start) const;
+};
+
+/// The gait with the share that steps are shortened by at its end. `stride`: 0 … 1, of the person.
+Gait shortened_gait(Gait gait, const GoalRow& goal, double stride);
+
+/// What a step brought.
+Gait observe(Gait gait, Point start, const std::array<Vec3, FRAMES>& hips, const GoalRow& goal);
+
+}  // namespace wayfarer::local
