@@ -55,19 +55,20 @@ def load_models(path: Path, body: str = "") -> ModelFolder:
 def load_bodies(name: str) -> Bodies:
     """The bodies of a name, by gender, with few vertices if there is a choice.
 
-    A body with markers of another set than ours is refused: worlds lock feet by the markers under
-    them, and move half of all agents in a mirror, for which each marker needs its counterpart.
-
-    Raises NotFound, ArtifactError.
+    Raises NotFound, and ArtifactError for a body whose feet cannot be found: worlds lock them.
     """
     detail: Detail = "low" if name == SHIPPED else "high"  # a user's own body has one
     bodies = {gender: load_body(name, gender, detail) for gender in GENDERS}
-    for body in bodies.values():
-        missing = [m for m in landmarks.marker_names() if m not in body.marker_names]
-        if missing:
+    for gender, body in bodies.items():
+        try:
+            soles = len(body.sole_vertices)
+        except ValueError as error:
+            raise ArtifactError(f"body {name} ({gender}) has no soles: {error}") from error
+        if soles != len(body.sole_markers):
             raise ArtifactError(
-                f"body {name} lacks markers {missing[:4]} …, which a server needs; take away the "
-                f"markers.json in {SMPLX_FOLDER}, and they are found by geometry"
+                f"body {name} ({gender}) lacks markers of the feet, which a server needs: "
+                f"{[s + m for s in 'LR' for m in landmarks.AROUND_SOLE]}; take away the "
+                f"markers.json in {SMPLX_FOLDER}, and ours are found by geometry"
             )
     return bodies
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from wayfarer.body.landmarks import marker_names
 from wayfarer.body.model import BodyModel
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.service.persistence.capture import capture_session
@@ -89,12 +90,11 @@ def stick_body(gender: str = "female") -> BodyModel:
     joints = np.zeros((JOINTS, 3))
     joints[0, 2] = HIPS_HEIGHT
     joints[1:, 2] = np.linspace(0.8, 0.1, JOINTS - 1)
+    names = marker_names()
+    downwards = sorted(range(MARKERS), key=lambda i: "SOLE" in names[i])  # soles are lowest
     vertices = np.zeros((MARKERS, 3))
-    vertices[:, 2] = np.linspace(1.7, 0.0, MARKERS)
+    vertices[downwards, 2] = np.linspace(1.7, 0.0, MARKERS)
     vertices[:, 0] = 0.1
-    names = [f"M{i}" for i in range(MARKERS)]
-    parts = ("HEEL", "MT1", "MT5", "TOE")
-    names[-8:] = [f"{side}SOLE_{part}" for side in "LR" for part in parts]
     parents = np.zeros(JOINTS, np.int64)
     parents[0] = -1
     bones = np.zeros((MARKERS, 4), np.int64)
@@ -115,7 +115,7 @@ def stick_body(gender: str = "female") -> BodyModel:
         skin_joints=bones,
         skin_weights=weights,
         faces=np.zeros((0, 3), np.int64),
-        marker_names=tuple(names),
+        marker_names=names,
         marker_vertices=np.arange(MARKERS),
     )
 

@@ -24,6 +24,7 @@ from wayfarer.world.rows import Index
 from wayfarer.world.search.beam import grow
 from wayfarer.world.search.beam_settings import BeamSettings
 from wayfarer.world.search.problem import BeamLevel, PlanningProblem, Tree
+from wayfarer.world.stepping.mirror import has_mirror_image
 from wayfarer.world.world import World
 from wayfarer_lab.evaluation.figures import distances, first, mean, share
 from wayfarer_lab.evaluation.gait import Row, Windows, gait_row, lean
@@ -86,7 +87,8 @@ def offline(
         motions = world.prepare(specs)
         if lead is not None:
             lead(specs, motions)
-        problem = PlanningProblem.of(specs, motions, goals)
+        mirrors = has_mirror_image(bodies.values())
+        problem = PlanningProblem.of(specs, motions, goals, mirrors=mirrors)
         trees = grow(engine, problem, settings)
         owners = _owners(trees[0].levels)
         for row, (pair, tree) in enumerate(zip(some, trees, strict=True)):

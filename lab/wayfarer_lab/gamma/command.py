@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from wayfarer.body.library import SMPLX_FOLDER
+from wayfarer.motion.primitive import GROUNDING
 from wayfarer_lab.gamma.models import Checkpoints, import_gamma
 from wayfarer_lab.gamma.networks import PASSES
 
@@ -33,6 +34,15 @@ def gamma(
     passes: Annotated[
         int, typer.Option(min=1, help="Passes of the regressors: n_recur of their configuration.")
     ] = PASSES,
+    grounding: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            max=1.0,
+            help="Share of a primitive's height error that is taken off. 0: none, as in the paper; "
+            "bodies float off or sink over minutes.",
+        ),
+    ] = GROUNDING,
 ) -> None:
     """Write the checkpoints of GAMMA-release, the paper's own code, as a model folder.
 
@@ -47,6 +57,6 @@ def gamma(
     """
     os.environ[SMPLX_FOLDER] = str(smpl_models)  # where the body library looks
     files = Checkpoints(predictor_1f, predictor_2f, policy, regressor_male, regressor_female)
-    for file, difference in import_gamma(files, out, passes).items():
+    for file, difference in import_gamma(files, out, passes, grounding).items():
         typer.echo(f"{file}: torch and ONNX differ by at most {difference:.1e}")
     typer.echo(f"{out}: written")

@@ -1,7 +1,10 @@
 """A model folder of GAMMA-release's networks, on the user's own SMPL-X body with MOJO's markers.
 
 The recursion around the networks is ours (`motion/primitive.py`), set to what the paper has: the
-canonical frame at the hips, every frame regressed, markers averaged, no help from the floor.
+canonical frame at the hips, every frame regressed, markers averaged. Such a frame does not know the
+floor, so bodies would float off or sink over minutes: unless asked for the paper's recursion alone,
+the step takes a part of the height off, as ours does. SSM2 has nothing under the feet; contact and
+height are those of the skin there.
 """
 
 from collections.abc import Sequence
@@ -9,11 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from wayfarer.body.landmarks import AROUND_SOLE
 from wayfarer.body.library import SMPLX_FOLDER, body_file, load_body
 from wayfarer.body.model import BodyModel
 from wayfarer.errors import ArtifactError
 from wayfarer.marker_bodies import marker_body
-from wayfarer.motion.primitive import PrimitiveStep
+from wayfarer.motion.primitive import GROUNDING, PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.spec import GENDERS
 from wayfarer_lab.gamma.convert import load_policy, load_predictor, load_regressor
@@ -29,8 +33,6 @@ from wayfarer_lab.training.graphs import (
 from wayfarer_lab.training.smpl_joints import load_joints
 
 BODY = "smplx"
-FEET = ("HEE", "MT1", "MT5", "TOE")
-"""SSM2 has nothing under the feet: these markers stand for the soles, 1 to 3 cm above them."""
 
 
 @dataclass(frozen=True)
@@ -61,16 +63,22 @@ def ssm2_sites(names: Sequence[str]) -> Sites:
         left_waist=find("LFWT", "LBWT"),
         right_waist=find("RFWT", "RBWT"),
         chest=find("C7", "CLAV"),
-        left_sole=find(*("L" + name for name in FEET)),
-        right_sole=find(*("R" + name for name in FEET)),
+        # before a body is known, these stand for the soles, 1 to 3 cm above them
+        left_sole=find(*("L" + name for name in AROUND_SOLE)),
+        right_sole=find(*("R" + name for name in AROUND_SOLE)),
         left_ankle=find("LANK")[0],
         right_ankle=find("RANK")[0],
         outline=find(*(side + name for side in "LR" for name in reaching)),
     )
 
 
-def gamma_graphs(files: Checkpoints, passes: int = PASSES) -> dict[str, ExportGraph]:
-    """Every graph of the model folder by file name. Raises ArtifactError, NotFound."""
+def gamma_graphs(
+    files: Checkpoints, passes: int = PASSES, grounding: float = GROUNDING
+) -> dict[str, ExportGraph]:
+    """Every graph of the model folder by file name. Raises ArtifactError, NotFound.
+
+    `grounding`: share of a primitive's height error that is taken off; 0, as in the paper: none.
+    """
     one = round_to_half(load_predictor(files.predictor_1f, 1))
     two = round_to_half(load_predictor(files.predictor_2f, 2))
     policy: Any = round_to_half(load_policy(files.policy))  # in a policy's place, not its subclass
@@ -91,17 +99,20 @@ def gamma_graphs(files: Checkpoints, passes: int = PASSES) -> dict[str, ExportGr
             ssm2_sites(body.marker_names),
             policy,
             floor_origin=False,
-            grounding=0.0,
+            grounding=grounding,
             every=1,
+            soles=marker_body(body, body.sole_vertices.tolist()),
         ).eval()
         graphs[f"regressor_{gender}.onnx"] = regressor_graph(regressor)
         graphs[f"step_{gender}.onnx"] = step_graph(step)
     return graphs
 
 
-def import_gamma(files: Checkpoints, out: Path, passes: int = PASSES) -> dict[str, float]:
-    """Write the model folder; return each graph's torch-ONNX difference."""
-    graphs = gamma_graphs(files, passes)
+def import_gamma(
+    files: Checkpoints, out: Path, passes: int = PASSES, grounding: float = GROUNDING
+) -> dict[str, float]:
+    """Write the model folder; return each graph's torch-ONNX difference. See `gamma_graphs`."""
+    graphs = gamma_graphs(files, passes, grounding)
     return write_models(graphs, out, _card(out.name, files), out.name, BODY, floor_origin=False)
 
 

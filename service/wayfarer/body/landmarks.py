@@ -74,6 +74,9 @@ FOOT: Final = ("LHEE", "LTOE", "LMT1", "LMT5")
 SOLE: Final = ("HEEL", "MT1", "MT5", "TOE")
 """Markers on the underside of each foot, LSOLE_HEEL …"""
 
+AROUND_SOLE: Final = ("HEE", "MT1", "MT5", "TOE")
+"""Of `FOOT`, and of MOJO's SSM2, those nearest to each of `SOLE`."""
+
 
 def marker_names() -> tuple[str, ...]:
     """67 names: 5 central ones, 31 left ones, and their 31 mirror images in the same order."""
@@ -111,6 +114,17 @@ def find_markers(
         twice = [n for n in marker_names() if indices.count(found[n]) > 1]
         raise ValueError(f"markers {twice} share a vertex")
     return np.array(indices, dtype=np.int64)
+
+
+def find_soles(vertices: Array, joints: Mapping[str, Array]) -> Index:
+    """Vertices [8] under both feet, left ones first, in the order of `SOLE`.
+
+    Arguments as in `find_markers`. Raises ValueError when there are no vertices near the floor.
+    """
+    flip = np.array([-1.0, 1.0, 1.0])
+    feet = [(vertices, joints["left_foot"]), (vertices * flip, joints["right_foot"] * flip)]
+    found = [_soles(body, _foot(body, ball)) for body, ball in feet]
+    return np.array([foot[f"LSOLE_{part}"] for foot in found for part in SOLE], dtype=np.int64)
 
 
 def _central_markers(

@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from wayfarer.body import landmarks
 from wayfarer.errors import InvalidArgument
 
 Array = NDArray[np.floating[Any]]
@@ -63,8 +64,36 @@ class BodyModel:
 
     @cached_property
     def sole_markers(self) -> NDArray[np.int64]:
-        """Indices of markers under the feet; their names end in SOLE…, left ones first."""
-        return np.array([i for i, n in enumerate(self.marker_names) if "SOLE" in n])
+        """Indices [8] of the markers of the soles, left ones first: heel, both balls, toe.
+
+        A set with nothing under the feet (MOJO's SSM2) has those around them in their place, 1 to
+        3 cm above the floor: see `sole_vertices`.
+        """
+        if self._has_soles:
+            return np.array([i for i, n in enumerate(self.marker_names) if "SOLE" in n])
+        around = [side + part for side in "LR" for part in landmarks.AROUND_SOLE]
+        return np.array([self.marker_names.index(n) for n in around if n in self.marker_names])
+
+    @cached_property
+    def sole_vertices(self) -> NDArray[np.int64]:
+        """Vertices [8] under the feet, in the order of `sole_markers`.
+
+        They carry those markers, or are found on the mesh. Raises ValueError when it has no feet.
+        """
+        if self._has_soles:
+            return self.marker_vertices[self.sole_markers]
+        joints = dict(zip(self.joint_names, self.rest_joints(np.zeros(self.betas)), strict=True))
+        return landmarks.find_soles(self.rest_vertices(np.zeros(self.betas)), joints)
+
+    @cached_property
+    def _has_soles(self) -> bool:
+        return any("SOLE" in name for name in self.marker_names)
+
+    def sole_height(self, betas: Array, rotations: Array, places: Array, markers: Array) -> float:
+        """Height in metres of the lowest point under the feet; one pose, arguments as in `skin`."""
+        if self._has_soles:
+            return float(markers[self.sole_markers, 2].min())
+        return float(self.skin(betas, rotations, places, self.sole_vertices)[:, 2].min())
 
     def check_betas(self, betas: Array) -> Array:
         """Return betas as float64. Raises InvalidArgument on shape, NaN or |beta| > 5."""

@@ -22,6 +22,7 @@ from wayfarer.world.rows import Flags, Float
 from wayfarer.world.search.beam import plan
 from wayfarer.world.search.beam_settings import BeamSettings
 from wayfarer.world.search.problem import Ending, MotionPlan, PlanningProblem
+from wayfarer.world.stepping.mirror import has_mirror_image
 
 
 def plan_clip(
@@ -46,7 +47,8 @@ def plan_clip(
     if frames < 1:
         raise InvalidArgument(f"seconds is {seconds:g}; at least one frame is needed", "seconds")
     whole = replace(settings, depth=ceil(frames / NEW_FRAMES), until="depth")
-    problem = PlanningProblem.of([spec], [start], [goals])
+    mirrors = has_mirror_image([body])
+    problem = PlanningProblem.of([spec], [start], [goals], mirrors=mirrors)
     [found] = plan(engine, problem, whole, watch=lambda level, _: watch(level * STEP_SECONDS))
     if found.ending is Ending.BROKEN:
         raise FailedPrecondition(

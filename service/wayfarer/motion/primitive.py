@@ -81,8 +81,12 @@ class PrimitiveStep(nn.Module):
         blend: float = BLEND,
         grounding: float = GROUNDING,
         every: int = EVERY,
+        soles: MarkerBody | None = None,
     ) -> None:
-        """Without a policy, latents come from the prior N(0, I) whatever the condition is."""
+        """Without a policy, latents come from the prior N(0, I) whatever the condition is.
+
+        `soles` skins the 8 points under the feet of a body whose markers have nothing there.
+        """
         super().__init__()
         self.predictor = predictor
         self.regressor = regressor
@@ -93,6 +97,7 @@ class PrimitiveStep(nn.Module):
         self.blend = blend
         self.grounding = grounding
         self.every = every
+        self.soles = soles
 
     def forward(
         self,
@@ -171,12 +176,15 @@ class PrimitiveStep(nn.Module):
         )
         pose = self._body(seed, future, betas, shape, shown)
         joints = self.body.place(shape, pose.hips, pose.rotations)
-        feet = self.body.shaped(betas, self._feet())
         # [A, F, 8, 3], the left foot first
-        soles = self._above(frame, self.body.blend(feet, joints).transpose(-1, -2))
+        soles = self._above(frame, self._under(betas, joints))
         lift = self._ground(soles)  # [A, F]
         soles = soles + lift[:, :, None, None] * _up(soles)
-        before = self._above(frame, take(seed[:, -1:], self._feet()))
+        if self.soles is None:
+            before = self._above(frame, take(seed[:, -1:], self._feet()))
+        else:
+            last = self.body.place(shape, shown.hips[:, -1:], shown.rotations[..., -1:, :])
+            before = self._above(frame, self._under(betas, last))
 
         keep = seed.shape[1]
         ends = Placed(joints.rotations[..., -keep:, :], joints.places[..., -keep:, :])
@@ -195,6 +203,14 @@ class PrimitiveStep(nn.Module):
 
     def _feet(self) -> list[int]:
         return self.sites.left_sole + self.sites.right_sole
+
+    def _under(self, betas: Tensor, joints: Placed) -> Tensor:
+        """Points under the feet [A, F, 8, 3] of bodies whose joints lie there."""
+        if self.soles is None:
+            feet = self.body.shaped(betas, self._feet())
+        else:
+            feet = self.soles.shaped(betas)
+        return self.body.blend(feet, joints).transpose(-1, -2)
 
     def _ground(self, soles: Tensor) -> Tensor:
         """Metres [A, F] to raise frames by so that the lowest sole [A, F, 8, 3] meets the floor.

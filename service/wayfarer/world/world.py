@@ -48,6 +48,7 @@ from wayfarer.world.stepping.budget import DegradationLevel
 from wayfarer.world.stepping.cleanup import clean_feet
 from wayfarer.world.stepping.due import Due, due_by_session
 from wayfarer.world.stepping.load import Load
+from wayfarer.world.stepping.mirror import has_mirror_image
 from wayfarer.world.stepping.playback import Playback, Sent
 from wayfarer.world.stepping.scheduler import Launch, PendingStep, Scheduler, at_once
 from wayfarer.world.stepping.settings import WorldSettings
@@ -122,6 +123,7 @@ class World:
             planned=self._planned,
             guide=self._scene_context.guide,
             soles=next(iter(bodies.values())).sole_markers.reshape(2, -1),
+            mirrors=has_mirror_image(bodies.values()),
         )
         self.load = Load(
             settings=settings,

@@ -24,9 +24,10 @@ SSM2 = (
 """Names and order of MOJO's set of 67 markers. Its vertices are not given here."""
 
 
-def write_body(folder: Path) -> None:
+def write_body(folder: Path, pose_blend: float = 1.0) -> None:
     """SMPLX_{MALE,FEMALE}.npz and markers.json, markers where ours have the same name."""
     arrays, body = smplx_arrays(), load_body("anny52", "female", "low")
+    arrays["posedirs"] = pose_blend * arrays["posedirs"]
     ours = dict(zip(body.marker_names, body.marker_vertices.tolist(), strict=True))
     others = iter(np.random.default_rng(1).integers(0, len(arrays["v_template"]), 67).tolist())
     indices = {name: ours.get(name, next(others)) for name in SSM2}

@@ -9,7 +9,6 @@ from tests.lab.gamma import release
 from tests.lab.gamma.files import SSM2, write_body, write_checkpoints
 from wayfarer.body.library import SMPLX_FOLDER, load_body
 from wayfarer.errors import ArtifactError
-from wayfarer.model_bundle import load_bodies
 from wayfarer.motion.frame import to_local
 from wayfarer.motion.policy import Condition
 from wayfarer_lab.gamma.models import gamma_graphs, ssm2_sites
@@ -69,12 +68,6 @@ def test_markers_keep_the_files_order(folder, monkeypatch) -> None:
     indices = json.loads((folder / "markers.json").read_text())["markersets"][0]["indices"]
     assert body.marker_names == tuple(SSM2)
     assert body.marker_vertices.tolist() == [indices[name] for name in SSM2]
-
-
-def test_a_server_refuses_these_markers_and_says_why(folder, monkeypatch) -> None:
-    monkeypatch.setenv(SMPLX_FOLDER, str(folder))
-    with pytest.raises(ArtifactError, match=r"lacks markers \['ARIEL'.*markers\.json"):
-        load_bodies("smplx")
 
 
 def test_other_markers_are_refused_with_the_file_that_is_needed() -> None:

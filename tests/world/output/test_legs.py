@@ -41,5 +41,5 @@ def test_a_body_without_the_four_markers_under_each_foot_is_refused():
     stick = stick_body()
     names = tuple(name.replace("LSOLE_TOE", "M0") for name in stick.marker_names)
     short = stick.__class__(**(vars(stick) | {"marker_names": names}))
-    with pytest.raises(InvalidArgument, match="7 sole markers; expected 8"):
+    with pytest.raises(InvalidArgument, match="7 sole points; expected 8"):
         measure_legs(short, np.zeros(BETAS))

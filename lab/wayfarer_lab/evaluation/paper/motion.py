@@ -20,6 +20,7 @@ from wayfarer.world.goals.steering import Steering
 from wayfarer.world.search.beam import grow
 from wayfarer.world.search.beam_settings import BeamSettings
 from wayfarer.world.search.problem import PlanningProblem
+from wayfarer.world.stepping.mirror import has_mirror_image
 from wayfarer_lab.evaluation.control import random_pairs
 from wayfarer_lab.evaluation.outcome import NEAR, REACHED, STEP_LIMIT
 from wayfarer_lab.evaluation.parts import Parts, Variant
@@ -153,7 +154,12 @@ def methods(bundles: Mapping[str, tuple[ModelBundle, float]], seed: int) -> list
     for name, (bundle, share) in bundles.items():
         world = bundle.world(1, Steering())
         settings = BeamSettings.paper(policy=share, reach=NEAR)
-        problem = PlanningProblem.of([pair.spec], world.prepare([pair.spec]), [[pair.goal]])
+        problem = PlanningProblem.of(
+            [pair.spec],
+            world.prepare([pair.spec]),
+            [[pair.goal]],
+            mirrors=has_mirror_image(bundle.bodies.values()),
+        )
         (tree,) = grow(bundle.engine, problem, settings)
         plan = tree.plan(int(np.argmin(tree.distances)))
         body = bundle.bodies[pair.spec.gender]

@@ -58,7 +58,7 @@ class Spawner:
         local[0] = matrix_from_quaternion(turn) @ local[0]
         rotations, places = body.forward_kinematics(np.zeros(3), local, body.rest_joints(betas))
         markers = body.markers(betas, rotations, places)
-        hips = np.array([*spec.position, -markers[body.sole_markers, 2].min()])
+        hips = np.array([*spec.position, -body.sole_height(betas, rotations, places, markers)])
         quaternions = np.concatenate([multiply(turn, pose[0])[None], pose[1:]])
 
         seed, gait = Seeds.empty(1), Gait.empty(1)

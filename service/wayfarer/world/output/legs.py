@@ -23,7 +23,7 @@ from wayfarer.world.output.quaternion import (
 from wayfarer.world.rows import Float, Rows, Shape
 
 SOLES: Final = 4
-"""Sole markers of a foot: heel, both balls, toe."""
+"""Points under a foot: heel, both balls, toe."""
 
 
 def _pair(part: str) -> list[int]:
@@ -41,20 +41,20 @@ class Legs(Rows):
     knee: Annotated[Float, Shape(2, 3)]
     ankle: Annotated[Float, Shape(2, 3)]
     ball: Annotated[Float, Shape(2, 3)]
-    # Sole markers are skinned to two bones: where each bone has them, times its share of them.
+    # Points of the sole are skinned to two bones: where each has them, times its share of them.
     sole_of_ankle: Annotated[Float, Shape(2, SOLES, 3)]
     sole_of_ball: Annotated[Float, Shape(2, SOLES, 3)]
     ball_share: Annotated[Float, Shape(2, SOLES)]
 
 
 def measure_legs(body: BodyModel, betas: NDArray[np.floating[Any]]) -> Legs:
-    """One row for a shape [10]. Raises InvalidArgument when a foot has not 4 sole markers."""
-    if len(body.sole_markers) != 2 * SOLES:
+    """One row for a shape [10]. Raises InvalidArgument when a foot has not 4 sole points."""
+    if len(body.sole_vertices) != 2 * SOLES:
         raise InvalidArgument(
-            f"body {body.name} has {len(body.sole_markers)} sole markers; expected {2 * SOLES}: "
+            f"body {body.name} has {len(body.sole_vertices)} sole points; expected {2 * SOLES}: "
             "heel, two balls and toe of each foot, left ones first"
         )
-    vertices = body.marker_vertices[body.sole_markers].reshape(2, SOLES)
+    vertices = body.sole_vertices.reshape(2, SOLES)
     soles = body.bind_vertices[vertices] + body.bind_vertices_dirs[vertices] @ betas
     joints = body.bind_joints + body.bind_joints_dirs @ betas
     on_ball = body.skin_joints[vertices] == np.array(BALLS)[:, None, None]

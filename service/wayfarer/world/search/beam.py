@@ -36,7 +36,7 @@ from wayfarer.world.search.problem import (
     Tree,
 )
 from wayfarer.world.stepping.batch import assemble, broken
-from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
+from wayfarer.world.stepping.mirror import mirror_inputs, mirror_outputs
 from wayfarer.world.stepping.noise import latents
 
 Watch = Callable[[int, int], None]
@@ -132,10 +132,9 @@ class _Search:
         noise = self._noise(starts, nodes)
         asked = assemble(seed, starts.betas, gait, goals, noise, starts.noise_seed, self._steering)
         count = noise.shape[1]
-        mirrored = is_mirrored(starts.noise_seed)
-        rows = fan_out(mirror_inputs(asked, mirrored))
+        rows = fan_out(mirror_inputs(asked, starts.mirrored))
         outputs = _step(self._engine, np.repeat(starts.gender, count), rows)
-        outputs = mirror_outputs(outputs, np.repeat(mirrored, count))
+        outputs = mirror_outputs(outputs, np.repeat(starts.mirrored, count))
 
         parent = np.repeat(np.arange(len(nodes.agent)), count)
         start = seed.translation[:, -1]

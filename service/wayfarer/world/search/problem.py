@@ -18,6 +18,7 @@ from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal, GoalColumns, check_path, goal_columns
 from wayfarer.world.agents.slots import Gait, Mode, Motion
 from wayfarer.world.rows import Flags, Float, Index, Int, Int8, Rows, Shape, UInt64
+from wayfarer.world.stepping.mirror import is_mirrored
 
 
 @dataclass(slots=True)
@@ -26,6 +27,7 @@ class PlanningStart(Rows):
 
     gender: Int8  # index into spec.GENDERS
     noise_seed: UInt64
+    mirrored: Flags  # moved as its mirror image; see stepping/mirror.py
     chunk: Int  # number of the first primitive; noise is drawn by it
     betas: Annotated[Float, Shape(BETAS)]
     path: Int  # row of the first of its goals
@@ -46,11 +48,13 @@ class PlanningProblem:
         motions: Sequence[Motion],
         paths: Sequence[Sequence[Goal]],
         first_chunk: int = 0,
+        mirrors: bool = True,
     ) -> Self:
         """`motions` as of `World.prepare` or `MotionPlan.end`; an agent with an empty path stands.
 
         `first_chunk` goes on with the agents' noise where an earlier plan ended
-        (`MotionPlan.next_chunk`). Raises InvalidArgument for bad goals and lists of unequal length.
+        (`MotionPlan.next_chunk`). `mirrors`: whether the bodies have a mirror image
+        (`has_mirror_image`). Raises InvalidArgument for bad goals and lists of unequal length.
         """
         if not specs or not len(specs) == len(motions) == len(paths):
             raise InvalidArgument(
@@ -65,6 +69,7 @@ class PlanningProblem:
             x, y, z = motion.seed.translation[0, -1].tolist()
             starts.gender[row] = GENDERS.index(spec.gender)
             starts.noise_seed[row] = spec.noise_seed
+            starts.mirrored[row] = mirrors and is_mirrored(starts.noise_seed[row : row + 1])[0]
             starts.betas[row] = spec.betas
             starts.path[row] = sum(len(columns.given) for columns in goals)
             starts.motion.put(np.array([row]), motion)

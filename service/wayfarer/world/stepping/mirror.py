@@ -4,11 +4,12 @@ A model prefers a side: it steps off with the right foot and swings the left arm
 in which everybody does so marches. Bodies are symmetric, so the step of a mirror image, mirrored,
 is a step of the agent, and as good as its own; over a crowd no side is preferred any more. Which
 agents these are follows from their noise seeds, so the same seed still gives the same motion.
+Bodies with MOJO's SSM2 are never mirrored: some of its markers have no counterpart.
 
 The mirror is the plane x = 0 of the world.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -16,12 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.body import landmarks, skeleton
+from wayfarer.body.model import BodyModel
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.spec import POSED_JOINTS
 from wayfarer.world.rows import Flags, Float
 
 _SPREAD: Final = np.uint64(0x9E3779B97F4A7C15)
 """Spreads seeds that are near each other, as 1, 2, 3, over all bits (Fibonacci hashing)."""
+
+
+def has_mirror_image(bodies: Iterable[BodyModel]) -> bool:
+    """Whether the bodies' markers are ours, each of which has its counterpart."""
+    return all(body.marker_names == landmarks.marker_names() for body in bodies)
 
 
 def is_mirrored(noise_seed: NDArray[np.uint64]) -> Flags:

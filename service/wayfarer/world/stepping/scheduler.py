@@ -104,11 +104,13 @@ class Scheduler:
         planned: Callable[[Index, Index, int], None],
         guide: Guide,
         soles: Index,
+        mirrors: bool,
     ) -> None:
         """`reset(slot)` gives the standing motion from which an agent goes on that has fallen.
 
         `planned(slots, seqs, candidates)` is called with all new chunks, 0 candidates for those
-        that are held. `soles` [2, P]: the markers under the left and the right foot.
+        that are held. `soles` [2, P]: the markers under the left and the right foot. `mirrors`:
+        half of all agents are moved in a mirror.
         """
         self._table = table
         self._playback = playback
@@ -120,6 +122,7 @@ class Scheduler:
         self._planned = planned
         self._guide = guide
         self._soles = soles
+        self._mirrors = mirrors
         self._single_threaded = settings.single_threaded
         self._company = settings.batch_lookahead_s * FPS  # frames
         self._full = settings.batch_multiple
@@ -207,7 +210,7 @@ class Scheduler:
             candidates=count,
             reduced=asked > count,
             carried=self._steering.carried(gait, seed, course.ahead),
-            mirrored=is_mirrored(slots.noise_seed[rows]),
+            mirrored=is_mirrored(slots.noise_seed[rows]) & self._mirrors,
         )
 
     def hold(self, frame: float) -> int:
