@@ -1,9 +1,9 @@
 """Commands that need torch: `wayfarer train …`."""
 
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import torch
 import typer
@@ -47,11 +47,22 @@ MinutesOption = Annotated[
         help="Stop after this time; the same command resumes.", show_default="until finished"
     ),
 ]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        help="NAME=VALUE in place of the config's value, as often as needed: --set steps=800",
+        show_default="nothing",
+    ),
+]
 ThreadsOption = Annotated[int, typer.Option(help="CPU threads; 0: torch chooses.")]
 
 
-def read_config(kind: type[Config], name: str) -> Config:
-    """Parse a config file. Raises InvalidArgument naming the field and the allowed ones."""
+def read_config(kind: type[Config], name: str, changes: Sequence[str] = ()) -> Config:
+    """Parse a config file, with some of its top values changed: "steps=800", as TOML has them.
+
+    Raises InvalidArgument naming the field and the allowed ones.
+    """
     path = Path(name) if name.endswith(".toml") else CONFIGS / f"{name}.toml"
     if not path.exists():
         known = sorted(
@@ -59,11 +70,25 @@ def read_config(kind: type[Config], name: str) -> Config:
         )
         raise InvalidArgument(f"no config {path}; shipped ones: {known}", "config")
     try:
-        return kind.model_validate(tomllib.loads(path.read_text()))
+        return kind.model_validate(tomllib.loads(path.read_text()) | _changed(changes))
     except (tomllib.TOMLDecodeError, ValidationError) as error:
         raise InvalidArgument(
             f"{path}: {error}\nallowed keys: {sorted(kind.model_fields)}", "config"
         ) from None
+
+
+def _changed(changes: Sequence[str]) -> dict[str, Any]:
+    """NAME=VALUE by name; a value that is no TOML is a string."""
+    found: dict[str, Any] = {}
+    for change in changes:
+        name, equals, value = change.partition("=")
+        if not equals or not name.isidentifier():
+            raise InvalidArgument(f"{change!r} is not NAME=VALUE", "set")
+        try:
+            found |= tomllib.loads(change)
+        except tomllib.TOMLDecodeError:
+            found[name] = value
+    return found
 
 
 Train = Callable[[Config, Path, Path, float], bool]
@@ -80,12 +105,13 @@ def training(
             data: DataOption,
             out: OutOption,
             config: ConfigOption = usual,
+            changes: SetOption = None,
             minutes: MinutesOption = float("inf"),
             threads: ThreadsOption = 0,
         ) -> None:
             if threads:
                 torch.set_num_threads(threads)
-            done = train(read_config(kind, config), data, out, minutes)
+            done = train(read_config(kind, config, changes or ()), data, out, minutes)
             typer.echo(f"{out}: finished" if done else f"{out}: stopped; the same command resumes")
 
         command.__doc__ = train.__doc__
