@@ -108,6 +108,15 @@ GROUPS: Final = (
         {},
     ),
     Group(
+        "reprojection",
+        "The body regressor beside reprojection by optimisation, as in MOJO: on recorded "
+        "primitives, whose seeds are known, and in random motion of the 2-frame model.",
+        {
+            "ms_per_primitive": "processor time to find the bodies of a primitive, in batches of "
+            "recorded primitives, ÷ their number",
+        },
+    ),
+    Group(
         "bodies",
         "Shapes lie at −2.5 … 2.5 standard deviations of the first two components together (the "
         "range of training; the paper interpolates −6 … 6 of SMPL-X), all from the same ten "

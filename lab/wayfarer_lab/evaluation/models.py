@@ -136,10 +136,10 @@ def regressor_rows(parts: Parts, recorded: Recorded, count: int, seed: int) -> l
             poses = _join(parts_of).canonical()
             made = _regressed(parts.regressors[gender], poses, bodies[gender])
             body = recorded.bodies[gender]
-            rows.append(_differences(f"{gender}, {name}", made, poses, body, bodies[gender]))
+            rows.append(differences(f"{gender}, {name}", made, poses, body, bodies[gender]))
     gender = present[0]
     truth = known[gender].canonical()
-    rows.append(_differences("mocap", truth, truth, recorded.bodies[gender], bodies[gender]))
+    rows.append(differences("mocap", truth, truth, recorded.bodies[gender], bodies[gender]))
     return rows
 
 
@@ -171,7 +171,7 @@ def _regressed(regressor: BodyRegressor, poses: Primitives, body: MarkerBody) ->
     return Primitives(torch.cat(place), torch.cat(rotations), poses.betas)
 
 
-def _differences(
+def differences(
     name: str, made: Primitives, truth: Primitives, body: BodyModel, marker_body: MarkerBody
 ) -> Row:
     """AMD, AVD and the mean angle between joint rotations (the hips' own left out)."""

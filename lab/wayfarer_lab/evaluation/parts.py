@@ -27,6 +27,7 @@ from wayfarer.motion.primitive import BLEND, GROUNDING, PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor, Pose
 from wayfarer.spec import GENDERS, PRIMITIVE_FRAMES
+from wayfarer_lab.evaluation.fitted import FittedStep
 from wayfarer_lab.training.pose_networks import PosePrior
 from wayfarer_lab.training.run import load_weights, read_run_config
 
@@ -51,6 +52,7 @@ class Variant:
     blend: float = BLEND  # share of reprojected markers in the next seed
     grounding: float = GROUNDING  # share of the height error taken off in a primitive; 0: none
     policy: bool = False  # latents from the policy rather than from N(0, I)
+    fitted: int = 0  # iterations of reprojection by optimisation, as MOJO's; 0: the regressor
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,8 @@ class Parts:
         if variant.policy and self.policy is None:
             raise InvalidArgument(f"variant {variant.name!r} needs a policy, and there is none")
         body = load_marker_bodies()[gender]
-        return PrimitiveStep(
+        kind = FittedStep if variant.fitted else PrimitiveStep
+        step = kind(
             self.predictors[variant.predictor],
             self.regressors[gender],
             body,
@@ -83,6 +86,9 @@ class Parts:
             variant.blend,
             variant.grounding,
         ).eval()
+        if isinstance(step, FittedStep):
+            step.iterations = variant.fitted
+        return step
 
 
 def load_parts(models: Path, runs: Path | None = None, threads: int = 0) -> Parts:

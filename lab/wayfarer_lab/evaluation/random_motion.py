@@ -146,7 +146,7 @@ def realism(
     for variant in variants(bench.parts):
         bench.watch(variant.name)
         made = bench.make(variant, poses, round(seconds * FPS))
-        row = _judged(variant.name, made, judge)
+        row = judged(variant.name, made, judge)
         rows.append(row | carried_figures([r.sound() for r in made], body.marker_names))
     if mocap is not None:
         bench.watch("mocap")
@@ -167,7 +167,7 @@ def skating(
         if variant.name in bench.parts.predictors or variant.policy:
             bench.watch(variant.name)
             made = bench.make(variant, poses, primitives * NEW_FRAMES)
-            rows.append(_judged(variant.name, made, judge))
+            rows.append(judged(variant.name, made, judge))
     if mocap is not None:
         bench.watch("mocap")
         rows.append(judge("mocap", mocap))
@@ -197,7 +197,7 @@ def bodies(
     def row(name: str, turns: torch.Tensor, betas: torch.Tensor) -> Row:
         bench.watch(name)
         group = [FrozenPoses(p.gender, turns, betas.expand(len(turns), -1)) for p in poses]
-        made = _judged(name, bench.make(plain, group, round(seconds * FPS)), judge)
+        made = judged(name, bench.make(plain, group, round(seconds * FPS)), judge)
         return made | bench.reach(steered, group) if steered else made
 
     turns = poses[0].rotations  # both genders get them
@@ -220,7 +220,7 @@ def bodies(
     return {"Shapes": shapes + real, "Start poses": starts, "Spread": spread}
 
 
-def _judged(name: str, made: Sequence[Rollout], judge: Callable[[str, JudgedMotion], Row]) -> Row:
+def judged(name: str, made: Sequence[Rollout], judge: Callable[[str, JudgedMotion], Row]) -> Row:
     """The row of a variant: `lost` are those that did not stay bodies; only the others count."""
     sound = [rollout.sound() for rollout in made]
     tracks = [track for rollout in sound for track in rollout.tracks()]

@@ -161,7 +161,7 @@ def random_goals(count: int, random: np.random.Generator) -> Goals:
     return goals
 
 
-@torch.inference_mode()
+@torch.no_grad()  # no inference mode: a step may optimise
 def roll_out(
     parts: Parts,
     variant: Variant,

@@ -14,9 +14,11 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.model_bundle import DEFAULT_MODEL
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.commands.options import (
+    CountOption,
     DataOption,
     JsonOption,
     ModelsOption,
+    RecordedOption,
     RunsOption,
     SeedOption,
     SplitOption,
@@ -157,6 +159,41 @@ def skating(
     finish(
         json, tables, **origin(models, runs, data, split, seed), poses=poses, primitives=primitives
     )
+
+
+@app.command(short_help="The regressor beside reprojection by optimisation (MOJO, Sec. A.3).")
+def reprojection(
+    data: RecordedOption,
+    models: ModelsOption = DEFAULT_MODEL,
+    runs: RunsOption = None,
+    poses: PosesOption = 100,
+    primitives: Annotated[int, typer.Option(help="Primitives of each motion.", min=5)] = 20,
+    count: CountOption = 100,
+    iterations: Annotated[
+        list[int], typer.Option(help="Iterations of a row of optimisation.", min=1)
+    ] = [30, 100],  # noqa: B006
+    split: SplitOption = "heldout",
+    threads: ThreadsOption = 0,
+    seed: SeedOption = 0,
+    json: JsonOption = None,
+) -> None:
+    """Find bodies behind markers by the regressor, and by optimisation as MOJO does.
+
+    On recorded primitives: the error, and the processor time for a primitive of one body. In random
+    motion of the 2-frame model: realism, as in `wayfarer eval realism`.
+    """
+    from wayfarer_lab.evaluation.models import primitives as windows
+    from wayfarer_lab.evaluation.reprojection import reprojection as make
+
+    recorded = Recorded(data, split)
+    genders = sorted({clip.gender for clip in recorded.clips})
+    known = {gender: windows(recorded, gender, count, seed).canonical() for gender in genders}
+    with _bench(models, runs, threads, seed) as bench:
+        tables = make(bench, _poses(recorded, poses, seed), primitives, known, iterations)
+    finish(
+        json, tables, ("amd_mm", "ms_per_primitive", "heel_skating_75mm_s", "slide_cm_s"),
+        **origin(models, runs, data, split, seed), poses=poses, primitives=primitives,
+    )  # fmt: skip
 
 
 def _poses(recorded: Recorded | None, count: int, seed: int) -> "list[FrozenPoses]":
