@@ -1,6 +1,7 @@
 """The runtime of a server, put together from its settings: models, engine, worlds, journal."""
 
 import hashlib
+import os
 import signal
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
@@ -10,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from wayfarer.artifacts import ModelFolder, sha256_of
-from wayfarer.body.library import body_file
+from wayfarer.body.library import SMPLX_FOLDER, body_file
 from wayfarer.config import Settings
 from wayfarer.engines.choice import open_engine
 from wayfarer.engines.model_store import ModelStore
@@ -77,7 +78,12 @@ def compiled_folder(settings: Settings) -> Path | None:
 
 
 def model_folder(settings: Settings) -> ModelFolder:
-    """The model to start with. Raises InvalidArgument, NotFound, ArtifactError."""
+    """The model to start with. Raises InvalidArgument, NotFound, ArtifactError.
+
+    From now on this process and those that it starts find the user's own bodies.
+    """
+    if settings.smplx_dir is not None:
+        os.environ[SMPLX_FOLDER] = str(settings.smplx_dir)
     name = settings.model
     return load_models(Path(name) if "/" in name else model_store(settings).find(name))
 

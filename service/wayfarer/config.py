@@ -117,6 +117,10 @@ class Settings(BaseSettings):
     models_dir: Path | None = Field(
         default=None, description="folder of further model folders, for AdminService.LoadModel"
     )
+    smplx_dir: Path | None = Field(
+        default=None,
+        description="folder of your own SMPLX_MALE.npz and SMPLX_FEMALE.npz, for models of SMPL-X",
+    )
     state_dir: Path | None = Field(
         default=None, description="folder of the journal, from which sessions survive a restart"
     )

@@ -15,7 +15,7 @@ from wayfarer.artifacts import (
     sha256_of,
 )
 from wayfarer.body import landmarks
-from wayfarer.body.library import SHIPPED, SMPLX_FOLDER, Detail, body_file, load_body
+from wayfarer.body.library import SMPLX_FOLDER, body_file, load_body
 from wayfarer.body.model import BodyModel
 from wayfarer.engines.choice import open_engine
 from wayfarer.engines.engine import EngineKind
@@ -53,12 +53,11 @@ def load_models(path: Path, body: str = "") -> ModelFolder:
 
 
 def load_bodies(name: str) -> Bodies:
-    """The bodies of a name, by gender, with few vertices if there is a choice.
+    """The bodies of a name, by gender, with few vertices.
 
     Raises NotFound, and ArtifactError for a body whose feet cannot be found: worlds lock them.
     """
-    detail: Detail = "low" if name == SHIPPED else "high"  # a user's own body has one
-    bodies = {gender: load_body(name, gender, detail) for gender in GENDERS}
+    bodies = {gender: load_body(name, gender, "low") for gender in GENDERS}
     for gender, body in bodies.items():
         try:
             soles = len(body.sole_vertices)

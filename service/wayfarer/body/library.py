@@ -54,15 +54,16 @@ _PER_DETAIL = (
 
 
 def load_body(name: str, gender: str, detail: Detail = "high") -> BodyModel:
-    """A body, cached. Both details have the same joints, betas and markers.
+    """A body, cached. Both details have the same joints, betas and markers; a user's own body has
+    one mesh for both.
 
     Raises:
         NotFound: no such body, gender or detail; the message lists those there are.
         ArtifactError: its file is missing, damaged or of another layout.
     """
     path = body_file(name, gender)
-    _check("detail", detail, DETAILS if name == SHIPPED else DETAILS[:1])
-    return _load(name, gender, detail, path)
+    _check("detail", detail, DETAILS)
+    return _load(name, gender, detail if name == SHIPPED else "high", path)
 
 
 def texture_file(name: str) -> str:

@@ -10,13 +10,16 @@ import torch
 from tests.lab.gamma import release
 from tests.lab.gamma.files import write_body, write_checkpoints
 from tests.world.fakes import FakeEngine, people
+from wayfarer.assembly import model_folder
 from wayfarer.body.library import SMPLX_FOLDER
 from wayfarer.body.rotation import GLTF_FROM_CORE
 from wayfarer.body.smplx import load_smplx
+from wayfarer.config_sources import load
 from wayfarer.engines.engine import StepOutputs
 from wayfarer.errors import ArtifactError
 from wayfarer.limits import Limits
 from wayfarer.model_bundle import START_POSES, load_bodies
+from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.world.agents.agent import SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.spawn import Spawner, load_start_poses
@@ -91,6 +94,16 @@ def test_soles_are_found_on_the_skin_as_our_own_markers_are(folder) -> None:
     for field in fields(measure_legs(ours, betas)):
         legs = (getattr(measure_legs(body, betas), field.name) for body in (theirs, ours))
         np.testing.assert_array_equal(*legs)
+
+
+def test_a_server_is_told_where_the_bodies_are_and_shows_them(folder, monkeypatch) -> None:
+    assert load({}).smplx_dir == folder  # WAYFARER_SMPLX_DIR
+    monkeypatch.delenv(SMPLX_FOLDER)
+    settings = load({"smplx_dir": folder, "model": "./nothing"})
+    with pytest.raises(ArtifactError):
+        model_folder(settings)
+    library = BodyLibrary("smplx")
+    assert library.model("female", "low") is library.model("female", "high")
 
 
 def test_bodies_stand_with_their_skin_on_the_floor() -> None:
