@@ -56,9 +56,8 @@ def _accuracy(bench: Bench, recorded: Mapping[str, Primitives], iterations: int)
             if iterations:
                 made = _fitted(skin, truth, markers, iterations)
             else:
-                made = Primitives(
-                    *bench.parts.regressors[gender](markers, truth.betas), truth.betas
-                )
+                place, turns = bench.parts.regressors[gender](markers, truth.betas)
+                made = Primitives(place, turns, truth.betas)
             seconds += time.process_time() - begun
         count += len(truth.betas)
         body = load_body(SHIPPED, gender, "low")

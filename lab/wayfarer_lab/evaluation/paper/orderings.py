@@ -18,7 +18,9 @@ from wayfarer_lab.evaluation.paper.published import (
 )
 from wayfarer_lab.evaluation.paper.results import Measured, ResultsFolder, Source, number
 
-Verdict = Literal["as in the paper", "the other way", "within the spread", "not measured"]
+Verdict = Literal[
+    "as in the paper", "the other way", "no difference", "within the spread", "not measured"
+]
 
 
 @dataclass(frozen=True)
@@ -56,11 +58,13 @@ def state(ordering: Ordering, results: ResultsFolder) -> Statement:
         return Statement(ordering, "not measured", ordering.why or _missing(sources, values))
     one, other = (row for row in rows if isinstance(row, Measured))
     told = f"`{ordering.figure}` {one.text(ordering.figure)} and {other.text(ordering.figure)}"
-    high, low = values if ordering.more else reversed(values)
+    high, low = values if ordering.more else values[::-1]
     if min(high) > max(low):
         verdict: Verdict = "as in the paper"
     elif max(high) < min(low):
         verdict = "the other way"
+    elif high == low:
+        verdict = "no difference"
     else:
         verdict = "within the spread"
     if max(map(len, values)) == 1:

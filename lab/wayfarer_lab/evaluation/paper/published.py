@@ -19,6 +19,7 @@ UNTRAINED_PPO: Final = (
 BASE: Final = (
     "the shipped model has no base predictor, and no `paper/predictor_{0}` is trained to its end"
 )
+NOT_RUN: Final = "not run yet"
 LICENCE: Final = "the licence of these recordings does not allow them here"
 
 
@@ -215,10 +216,10 @@ A_2: Final = Exhibit(
     "deviations all arrive, in 12 to 53 primitives; of ten poses of VPoser three do not.",
     {"success_075m": "arrive", "steps": "steps", "lost": "no body any more"},
     (
-        Line("ten shapes, ±6 σ", (1.0,), bodies_row("mean of shapes"), "not run yet"),
-        Line("the thinnest, -6 σ", (), bodies_row("shape -6.00"), "not run yet"),
-        Line("the largest, 6 σ", (), bodies_row("shape +6.00"), "not run yet"),
-        Line("ten poses of the pose prior", (0.7,), bodies_row("mean of poses"), "not run yet"),
+        Line("ten shapes, ±6 σ", (1.0,), bodies_row("mean of shapes"), NOT_RUN),
+        Line("the thinnest, -6 σ", (), bodies_row("shape -6.00"), NOT_RUN),
+        Line("the largest, 6 σ", (), bodies_row("shape +6.00"), NOT_RUN),
+        Line("ten poses of the pose prior", (0.7,), bodies_row("mean of poses"), NOT_RUN),
         Line("ours: -2.5 σ", (), bodies_25_row("shape -2.50")),
         Line("ours: 2.5 σ", (), bodies_25_row("shape +2.50")),
         Line("ours: spread over shapes, ±2.5 σ", (), bodies_25_row("std of shapes")),
@@ -235,8 +236,10 @@ A_3: Final = Exhibit(
         Line("GAMMA", (0.064,), skating_row("ro-2f")),
         Line("MOJO", (0.341,), why="its weights come under the licence of AMASS"),
         Line("MOJO, second figure", (0.278,), why="its weights come under the licence of AMASS"),
-        Line("ours: optimisation as MOJO's, fewer bodies", (), reprojection_row(OPTIMISED)),
-        Line("ours: the same bodies, regressor", (), reprojection_row(REGRESSED)),
+        Line(
+            "ours: optimisation as MOJO's, fewer bodies", (), reprojection_row(OPTIMISED), NOT_RUN
+        ),
+        Line("ours: the same bodies, regressor", (), reprojection_row(REGRESSED), NOT_RUN),
         Line("ours: 1-frame model", (), skating_row("ro-1f")),
         Line("ours: policy", (), skating_row("ro-policy")),
         Line("recordings", (0.067,), skating_row("mocap")),
@@ -281,7 +284,7 @@ REPROJECTION: Final = Exhibit(
         "lost": "no body any more",
     },
     tuple(
-        Line(name, (), reprojection_row(name))
+        Line(name, (), reprojection_row(name), NOT_RUN)
         for name in (REGRESSED, "optimised, 30 iterations", OPTIMISED)
     ),
 )

@@ -44,7 +44,7 @@ def order(more: bool = True) -> Ordering:
         ([0.9], [0.8], False, "the other way"),
         ([0.9, 0.95, 0.92], [0.8, 0.7, 0.89], True, "as in the paper"),
         ([0.9, 0.95, 0.92], [0.8, 0.7, 0.91], True, "within the spread"),
-        ([0.9], [0.9], True, "within the spread"),
+        ([0.9], [0.9], True, "no difference"),
         ([0.5, 0.6], [0.7, 0.8], True, "the other way"),
     ],
 )
