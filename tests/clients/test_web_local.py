@@ -23,6 +23,7 @@ from tests.clients.local_traces import PEOPLE, SECONDS, both_ways, traced
 from tests.clients.web_scripts import FOLDER, node
 from tests.viewer.characters import MANNEQUIN
 from tests.viewer.chromium import Page, find_chromium, needs_chromium
+from tests.viewer.threads import main_thread, worker_threads
 from wayfarer.navigation.examples import rectangle
 from wayfarer.navigation.scene_spec import Box, Floor, SceneSpec
 from wayfarer.spec import STEP_SECONDS
@@ -141,6 +142,7 @@ def test_ten_people_walk_to_goals_with_no_server(exported, tmp_path):
         page.call("Page.navigate", url=address)
         page.wait_for("globalThis.log?.ready || globalThis.log?.failed.length", 120)
         assert page.evaluate("log.failed") == []
+        assert len(worker_threads(main_thread(page))) == 2  # one for each gender
         server.shutdown()
         server.server_close()  # from here on nothing can be loaded
         before = page.evaluate("performance.getEntriesByType('resource').length")

@@ -62,7 +62,10 @@ class Page:
                 target = next(t for t in json.load(answer) if t["type"] == "page")
             self._stack = ExitStack()
             address = target["webSocketDebuggerUrl"]
-            self._socket = self._stack.enter_context(connect(address, max_size=None))
+            # without pings: on a busy machine the browser answers them too late
+            self._socket = self._stack.enter_context(
+                connect(address, max_size=None, ping_interval=None)
+            )
         except BaseException:
             self._process.kill()
             raise

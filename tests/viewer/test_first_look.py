@@ -8,14 +8,13 @@ from pathlib import Path
 import pytest
 
 from tests.viewer.chromium import CONNECTION, Page, needs_chromium
-from tests.viewer.stage import look_down
+from tests.viewer.stage import FIRST_SECONDS, FREE_SPOT, SIZES, look_down
 
 pytestmark = needs_chromium
 SIZE = (700, 500)
 
 PEOPLE = "globalThis.wayfarer?.crowd.people"
 WALKING = f"{PEOPLE}?.filter(({{ shown, played }}) => shown && played.state === 'walking').length"
-SIZES = ((1440, 900), (844, 390), (390, 844))
 AXE = Path(__file__).parents[2] / "clients" / "web" / "node_modules" / "axe-core" / "axe.min.js"
 TROUBLE = "document.querySelector('#trouble')"
 CONTROLS = "button, select, input, a, summary, label.button"
@@ -28,25 +27,6 @@ HIDDEN_CONTROLS = f"""[...document.querySelectorAll("{CONTROLS}")].filter((one) 
   const inside = left > -1 && right < innerWidth + 1 && top > -1 && bottom < innerHeight + 1;
   return !inside || !(one.contains(seen) || seen?.contains(one));
 }}).map((one) => one.id || one.textContent)"""
-
-
-FIRST_SECONDS = """(() => {
-  const at = globalThis.firstSeen = {};
-  (function look() {
-    const { stage, session, crowd } = globalThis.wayfarer ?? {};
-    const now = performance.now() / 1000;
-    if (crowd) at["page runs"] ??= now;
-    if (session) at["session is open"] ??= now;
-    if (stage?.renderer) at["stage is made"] ??= now;
-    const shown = crowd?.people.filter((person) => person.shown) ?? [];
-    if (shown.length) at["somebody is there"] ??= now;
-    if (shown.some(({ played }) => played.state === "walking")) {
-      const gl = stage.renderer.getContext(); // waits until the picture is finished
-      gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
-      at["people walk in a finished picture"] = performance.now() / 1000;
-    } else setTimeout(look, 20);
-  })();
-})()"""
 
 
 def test_people_walk_without_a_click(page: Page, record_property):
@@ -68,25 +48,8 @@ def test_a_click_sends_the_nearest_of_those_who_walk(page: Page):
     assert page.evaluate("document.querySelector('#scene').value") == "town_square"
     assert page.evaluate("document.querySelector('#rest').hidden")
     assert page.evaluate("document.querySelectorAll('.first > *').length") == 3
-    spot = """(() => {
-      const { camera } = wayfarer.stage;
-      for (let x = -6; x <= 6; x += 0.5) for (let z = 3; z <= 9; z += 0.5) {
-        const y = wayfarer.level.ground.heightAt(x, z, 0);
-        const gaps = wayfarer.crowd.people.map((one) => Math.hypot(one.x - x, one.z - z));
-        if (y === null || Math.min(...gaps) < 1.5) continue;
-        const p = camera.position.clone().set(x, y, z).project(camera);
-        const [u, v] = [(p.x + 1) / 2 * innerWidth, (1 - p.y) / 2 * innerHeight];
-        const on = document.elementFromPoint(u, v)?.id === "view";
-        // nobody is before it, or will be in a moment
-        const ray = (du) => wayfarer.stage.ray({ clientX: u + du, clientY: v });
-        if ([-60, -30, 0, 30, 60].some((du) => wayfarer.tools.personAt(ray(du)))) continue;
-        const met = on && wayfarer.level.meets(wayfarer.stage.ray({ clientX: u, clientY: v }));
-        if (met && Math.hypot(met.point.x - x, met.point.z - z) < 0.2) return [u, v];
-      }
-      return null;
-    })()"""
     look_down(page, 0.0, 6.0, 14.0)  # from there nobody hides the ground for long
-    page.click(*page.wait_for(spot, 20))
+    page.click(*page.wait_for(FREE_SPOT, 20))
     page.wait_for(
         f"{PEOPLE}.filter(({{ ahead, passed }}) => ahead.length + passed).length === 1", 20
     )
@@ -157,7 +120,9 @@ def test_names_do_not_lie_over_each_other(page: Page):
 
 @pytest.mark.skipif(not AXE.is_file(), reason="needs axe-core: cd clients/web && npm ci")
 @pytest.mark.parametrize("scheme", ("light", "dark"))
-def test_it_is_accessible(page: Page, scheme: str):
+@pytest.mark.parametrize("size", SIZES)
+def test_it_is_accessible(page: Page, size: tuple[int, int], scheme: str):
+    page.resize(*size)
     # contrast is judged at rest: a message that is just fading in is paler for .3 s
     features = {"prefers-color-scheme": scheme, "prefers-reduced-motion": "reduce"}
     page.call(
@@ -170,12 +135,16 @@ def test_it_is_accessible(page: Page, scheme: str):
         "document.querySelector('#view').style.visibility = 'hidden'"
     )
     page.evaluate(f"{AXE.read_text()}; 0")
-    found = page.evaluate(
-        "axe.run().then(({ violations, incomplete }) =>"
-        " [...violations, ...incomplete].map(({ id, nodes }) =>"
-        " [id, ...nodes.map(({ html, failureSummary }) => html + failureSummary)]))"
-    )
+    found = []
+    for dialog in ("close", "showModal"):
+        page.evaluate(f"document.querySelector('#share-link').{dialog}()")
+        found += page.evaluate(
+            "axe.run().then(({ violations, incomplete }) =>"
+            " [...violations, ...incomplete].map(({ id, nodes }) =>"
+            " [id, ...nodes.map(({ html, failureSummary }) => html + failureSummary)]))"
+        )
     page.evaluate(
+        "document.querySelector('#share-link').close();"
         "document.querySelector('#more').click();"
         "document.querySelector('#view').style.visibility = ''"
     )

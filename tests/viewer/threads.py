@@ -46,8 +46,8 @@ def cpu_ms(thread: Path) -> float:
     return int(thread.read_text().split()[0]) / 1e6
 
 
-def worker_thread(main: Path) -> Path:
-    """Of the page of this main thread, its worker that has run most."""
+def worker_threads(main: Path) -> list[Path]:
+    """Of the page of this main thread, its workers; that which has run most is the first."""
     names = main.parents[1].glob("*/comm")
     workers = [name.parent / "schedstat" for name in names if "Dedicated" in name.read_text()]
-    return max(workers, key=cpu_ms)
+    return sorted(workers, key=cpu_ms, reverse=True)

@@ -2,6 +2,7 @@
 
 import { openExport } from "./graphs.js";
 import { LocalHost } from "./host.js";
+import { openRuntime } from "./runtime.js";
 import { LocalScene } from "./scene.js";
 
 /** @typedef {{ model: string, runtime: string, scene?: string }} Addresses absolute ones: the export's folder; ort.wasm.min.mjs; the scene's folder */
@@ -19,17 +20,35 @@ export async function openHost({ model, runtime, scene }, tell, loaded) {
     return bytes;
   };
   const [opened, walked] = await Promise.all([
-    openExport((name) => read(new URL(name, model)), openRuntime(runtime)),
+    openExport((name) => read(new URL(name, model)), openRuntime(runtime), inWorker(runtime)),
     scene ? LocalScene.read((name) => read(new URL(name, scene))) : null,
   ]);
   return new LocalHost({ ...opened, scene: walked }, tell);
 }
 
-/** @param {string} runtime */
-async function openRuntime(runtime) {
-  const ort = await import(/* @vite-ignore */ /* webpackIgnore: true */ runtime);
-  ort.env.wasm.numThreads = 1; // several need isolation by headers, which a plain web host does not send
-  const folder = new URL(".", runtime).href;
-  ort.env.wasm.wasmPaths = folder;
-  return ort;
-}
+/**
+ * Opens a graph in a worker of its own, which ends with this one. Rejects where workers have no workers.
+ * @param {string} runtime @returns {import("./graphs.js").Elsewhere}
+ */
+const inWorker = (runtime) => async (model, weights) => {
+  const worker = new Worker(new URL("./graph_worker.js", import.meta.url), { type: "module" });
+  /** @type {Map<number, { done: (value: any) => void, failed: (error: Error) => void }>} */
+  const calls = new Map();
+  let last = 0;
+  const ask = (/** @type {any} */ message) => new Promise((done, failed) => {
+    calls.set(last += 1, { done, failed });
+    worker.postMessage({ id: last, ...message });
+  });
+  worker.addEventListener("message", ({ data: { id, outputs, error } }) => {
+    const call = calls.get(id);
+    calls.delete(id);
+    if (error) call?.failed(new Error(error));
+    else call?.done(outputs);
+  });
+  worker.addEventListener("error", (event) => {
+    for (const { failed } of calls.values()) failed(new Error(event.message || "a worker could not be loaded"));
+    calls.clear();
+  });
+  await ask({ open: [runtime, model, weights] });
+  return (feeds) => ask({ feeds });
+};

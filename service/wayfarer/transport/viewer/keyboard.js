@@ -13,7 +13,10 @@ export function watchKeys(view, { arrow, enter, held, keys }) {
       enter();
     }
   });
+  // the page gives the stage the focus when it opens, so browsers frame it before a key has been pressed
+  addEventListener("pointerdown", () => view.classList.remove("keys"), { capture: true });
   addEventListener("keydown", (event) => {
+    view.classList.add("keys");
     const meant = event.target === view || (event.key.length > 1 && !event.target.matches?.("select, input"));
     const key = event.key.toLowerCase();
     if (meant && !event.ctrlKey && !event.metaKey && !event.altKey && !held(key)) keys[key]?.();

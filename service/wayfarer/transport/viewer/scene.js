@@ -8,7 +8,7 @@ import { floorTexture, skyTexture } from "./textures.js";
 
 const TIMES = { // of day: as the page is light or dark
   day: { sky: ["#7fb2d6", "#dfeaf0"], haze: "#dfeaf0", sun: "#fff0d8", strength: 3.4, above: "#dbeaf7", below: "#8d8069", fill: 1.1, floor: "#ffffff" },
-  night: { sky: ["#0b1526", "#24344d"], haze: "#24344d", sun: "#c9d8ff", strength: 1.7, above: "#8fa6cf", below: "#39404d", fill: 1.25, floor: "#8b93a3" },
+  night: { sky: ["#0b1526", "#24344d"], haze: "#24344d", sun: "#c9d8ff", strength: 1.7, above: "#8fa6cf", below: "#39404d", fill: 1.25, floor: "#e2e5ec" },
 };
 const SKY_RADIUS = 450; // metres
 const FLOOR_SIZE = 1000; // metres
@@ -145,11 +145,11 @@ export class Stage {
   /** Look at the middle of what is looked at from so near that people are people. Returns where they should be: { x, z }. */
   approach() {
     const { x, z } = this.controls.target;
-    const tall = this.camera.aspect < 1;
-    const [eye, seen] = tall ? [[0, 7, 11.5], [-0.6, 0.6, 2.4]] : [[0.4, 3.3, 10.4], [-1.3, 1.5, 1.6]];
+    const tall = this.canvas.clientWidth < this.canvas.clientHeight; // the camera's aspect comes with the first picture
+    const [eye, seen] = tall ? [[-0.6, 6.4, 9.4], [-0.9, 0.6, 3.3]] : [[0.3, 3.4, 9.3], [-0.7, 1.5, 2]]; // before the trees, between two stalls
     const place = ([right, up, near]) => new Vector3(x + right, up, z + near);
     this.#move(place(eye), place(seen), 1);
-    return { x: x - 1, z: z + 4.6 }; // before what stands in the middle
+    return { x: x - 0.8, z: z + (tall ? 4.6 : 4.1) }; // before what stands in the middle
   }
 
   /** Look from one place { eye, target } as [x, y, z]. */
