@@ -20,7 +20,7 @@ import numpy as np
 from tests.golden.rigs import cases, foreign_rigs
 from wayfarer_client.bone_map import BoneMap, map_bones
 from wayfarer_client.character import Character
-from wayfarer_client.quaternions import multiply, rotate
+from wayfarer_client.quaternions import inverse, multiply, rotate
 from wayfarer_client.retarget import LEGS, Retarget
 from wayfarer_client.rig import BONES, PARENTS
 
@@ -103,13 +103,15 @@ def errors(retarget: Retarget, walk: Walk) -> Errors:
     began: dict[int, Array] = {}
     for frame in range(len(walk.hips)):
         places, turns = walk.places(frame)
-        found = retarget.pose(walk.hips[frame], walk.rotations[frame], ground=0.0).places
+        pose = retarget.pose(walk.hips[frame], walk.rotations[frame], ground=0.0)
+        found = pose.places
         for leg, (_, _, ankle, toe) in enumerate(LEGS):
             if not walk.contacts[frame, leg]:
                 began.pop(leg, None)
                 continue
-            low, ball = _sole(retarget.foot[leg], turns, ankle, toe)
-            own_low, own_ball = _sole(retarget.source_foot[leg], turns, ankle, toe)
+            turned = multiply(pose.rotations[ankle], inverse(retarget.rest[ankle]))
+            low, ball = _sole(retarget.foot[leg], turned, turns[toe])
+            own_low, own_ball = _sole(retarget.source_foot[leg], turns[ankle], turns[toe])
             own_height = retarget.ratio * (places[ankle][1] + own_low)
             feet.append(abs(found[ankle][1] + low - own_height))
             moved = (found[ankle] + ball - places[ankle] - own_ball)[[0, 2]]
@@ -127,12 +129,12 @@ def errors(retarget: Retarget, walk: Walk) -> Errors:
     return Errors(max(feet), max(slides), max(hips), max(arms), max(legs), min(upright))
 
 
-def _sole(
-    foot: tuple[Array, Array, Array], turns: list[Array], ankle: int, toe: int
-) -> tuple[float, Array]:
-    """Height of the lowest point of a foot over its ankle, and the ball from the ankle."""
-    heel, ball = (rotate(turns[ankle], point) for point in foot[:2])
-    return min(point[1] for point in (heel, ball, ball + rotate(turns[toe], foot[2]))), ball
+def _sole(foot: tuple[Array, Array, Array], ankle: Array, toe: Array) -> tuple[float, Array]:
+    """Height of the lowest point of a foot over its ankle, and the ball from the ankle; by the
+    turns of ankle and toes.
+    """
+    heel, ball = (rotate(ankle, point) for point in foot[:2])
+    return min(point[1] for point in (heel, ball, ball + rotate(toe, foot[2]))), ball
 
 
 def _angle(a: Array, b: Array) -> float:

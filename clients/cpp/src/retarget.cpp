@@ -13,6 +13,7 @@ constexpr double SINKS = 0.018;  // of a leg's length: how far hips sink at most
 // heights of a sole over the ground by the leg's length: hips sink by all that a foot lacks while it is below the first,
 // by nothing when it is above the second
 constexpr double STANDS = 0.02, LEAVES = 0.06;
+constexpr double TIPTOE = 0.25;   // radians: how far a heel rises at most for a foot to reach its print
 constexpr double BEND = 0.1;     // of the thigh's length: a knee that bends less than this bends forwards
 constexpr double HEEL = 0.35;    // of the way from ankle to ball: how far the heel is behind the ankle
 constexpr double TIP = 0.45;     // of the way from ankle to ball: how far the tip of the toes is before the ball
@@ -223,7 +224,10 @@ void Retarget::pose(const float* frame, double ground) {
     sunk = std::max(sunk, lacks(leg, high));
   }
   for (const int b : mapped_) places_[at(b)] = places_[at(b)] - sunk * up;
-  for (int leg = 0; leg < 2; ++leg) bend(leg);
+  for (int leg = 0; leg < 2; ++leg) {
+    raise(leg);
+    bend(leg);
+  }
   put();
   relate();
 }
@@ -286,6 +290,33 @@ double Retarget::lacks(int leg, double high) const {
   const double lacking = dot(way, basis_.up) - std::sqrt(std::max(0.0, most * most - away * away));
   const double share = std::clamp((LEAVES - high / most) / (LEAVES - STANDS), 0.0, 1.0);
   return std::min(SINKS * most, std::max(0.0, lacking) * share);
+}
+
+/// Lift the heel so far that the leg reaches its goal: the foot turns about its ball, as far as the ball bears it.
+void Retarget::raise(int leg) {
+  const auto& [hip, knee, ankle, toe] = LEGS[leg];
+  const Vec3 &start = places_[at(hip)], &bend = places_[at(knee)], &end = places_[at(ankle)];
+  const double most = REACH * (length(bend - start) + length(end - bend));
+  Leg& own = legs_[at(leg)];
+  const Quat& foot = turns_[at(ankle)];
+  const Vec3 heel = rotate(foot, own.sole.heel), ball = rotate(foot, own.sole.ball);
+  Vec3 axis = basis_.level(rotate(foot, basis_.left));
+  axis = 1 / length(axis) * axis;
+  Vec3 raises = cross(ball, axis);  // which way the ankle goes
+  if (dot(raises, basis_.up) < 0) {
+    axis = -axis;
+    raises = -raises;
+  }
+  const Vec3 thigh = start - own.goal - ball, aside = dot(axis, ball) * axis;  // from the ball
+  const double near = dot(thigh, aside - ball), ahead = dot(thigh, raises);
+  const double wanted = (dot(thigh, thigh) + dot(ball, ball) - most * most) / 2 + dot(thigh, aside);
+  const double share = wanted / std::max(std::hypot(near, ahead), 1e-9);
+  const double lacking = std::atan2(ahead, near) - std::acos(std::clamp(share, -1.0, 1.0));
+  const double bears = std::clamp(1 - dot(ball - heel, basis_.up) / (STANDS * most), 0.0, 1.0);
+  const double half = bears * std::clamp(lacking, 0.0, TIPTOE) / 2, sine = std::sin(half);
+  const Quat turn{sine * axis.x, sine * axis.y, sine * axis.z, std::cos(half)};
+  world_[at(ankle)] = multiply(turn, world_[at(ankle)]);
+  own.goal = own.goal + ball - rotate(turn, ball);
 }
 
 /// Turn thigh and shin so that the ankle is at its goal, or as near as the leg reaches.

@@ -33,6 +33,8 @@ LEAVES: Final = 0.06
 """Heights of a sole over the ground, as shares of the leg's length: hips sink by all that a foot
 lacks while it is below the first, by nothing when it is above the second.
 """
+TIPTOE: Final = 0.25
+"""Most that a heel rises for a foot to reach its print: radians about the ball."""
 BEND: Final = 0.1
 """Share of the thigh's length; a knee that bends less than this bends forwards."""
 HEEL: Final = 0.35
@@ -82,7 +84,8 @@ class Retarget:
         rest = {b: multiply(turn, rig.rotations[n]) for b, n in self.nodes.items()}
         place = {b: rotate(turn, rig.places[n]) for b, n in self.nodes.items()}
         correct = self._corrections(place)
-        self._rest = {b: multiply(correct[b], rest[b]) for b in self.nodes}
+        self.rest = {b: multiply(correct[b], rest[b]) for b in self.nodes}
+        """World rotation of each bone [4] in the T-pose."""
         self._offset = {}  # of each bone, in the axes of the one above
         self._between = {}  # rest rotation of the node's parent, in the axes of the bone above
         for b, node in self.nodes.items():
@@ -180,7 +183,7 @@ class Retarget:
         ]
         if ground is None:
             ground = min(clear)
-        world: dict[int, Array] = {b: multiply(turns[b], self._rest[b]) for b in self.nodes}
+        world: dict[int, Array] = {b: multiply(turns[b], self.rest[b]) for b in self.nodes}
         thighs = _middle(places)
         lifted = ground + (thighs @ up - ground) * self.ratio
         thighs = basis.level(thighs) + lifted * up
@@ -191,7 +194,8 @@ class Retarget:
         sunk = max(self._lacks(LEGS[leg], goals[leg], high[leg], found) for leg in range(len(LEGS)))
         for b in found:
             found[b] = found[b] - sunk * up
-        for bones, goal in zip(LEGS, goals, strict=True):
+        for leg, bones in enumerate(LEGS):
+            goal = self._raised(leg, goals[leg], turns, world, found)
             self._bend(bones, goal, turns, world, found)
         self._put(world, found)
         return CharacterPose(world, found, *self._local(world, found[0]))
@@ -250,6 +254,39 @@ class Retarget:
         lacks = float((start - goal) @ self.basis.up) - np.sqrt(max(0.0, most**2 - away**2))
         share = (LEAVES - high / most) / (LEAVES - STANDS)
         return float(min(SINKS * most, max(0.0, lacks) * min(1.0, max(0.0, share))))
+
+    def _raised(
+        self,
+        leg: int,
+        goal: Array,
+        turns: list[Array],
+        world: dict[int, Array],
+        places: dict[int, Array],
+    ) -> Array:
+        """The goal of an ankle [3] with the heel up so far that the leg reaches it: the foot turns
+        about its ball, as far as the ball bears it.
+        """
+        hip, knee, ankle, _ = LEGS[leg]
+        start, bend, end = (places[b] for b in (hip, knee, ankle))
+        most = REACH * float(np.linalg.norm(bend - start) + np.linalg.norm(end - bend))
+        basis, up, foot = self.basis, self.basis.up, turns[ankle]
+        heel, ball = (rotate(foot, point) for point in self.foot[leg][:2])
+        axis = basis.level(rotate(foot, basis.left))
+        axis = axis / np.linalg.norm(axis)
+        raises = np.cross(ball, axis)  # which way the ankle goes
+        if raises @ up < 0:
+            axis, raises = -axis, -raises
+        thigh = start - goal - ball  # from the ball
+        aside = (axis @ ball) * axis
+        near, ahead = float(thigh @ (aside - ball)), float(thigh @ raises)
+        wanted = float(thigh @ thigh + ball @ ball - most**2) / 2 + float(thigh @ aside)
+        share = wanted / max(float(np.hypot(near, ahead)), 1e-9)
+        lacking = float(np.arctan2(ahead, near) - np.arccos(min(1.0, max(-1.0, share))))
+        bears = min(1.0, max(0.0, 1 - float((ball - heel) @ up) / (STANDS * most)))
+        angle = bears * min(TIPTOE, max(0.0, lacking))
+        turn = np.array([*(np.sin(angle / 2) * axis), np.cos(angle / 2)])
+        world[ankle] = multiply(turn, world[ankle])
+        return np.asarray(goal + ball - rotate(turn, ball))
 
     def _bend(
         self,

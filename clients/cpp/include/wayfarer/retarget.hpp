@@ -67,6 +67,7 @@ class Retarget {
   void put();
   Vec3 goal_of(int leg, double sole) const;
   double lacks(int leg, double high) const;
+  void raise(int leg);
   void bend(int leg);
   Vec3 within(const Vec3& start, const Vec3& goal, double most, double least) const;
   void relate();

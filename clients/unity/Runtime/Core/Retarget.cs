@@ -15,6 +15,7 @@ namespace Wayfarer
         // heights of a sole over the ground by the leg's length: hips sink by all that a foot lacks while it is below the
         // first, by nothing when it is above the second
         private const double Stands = 0.02, Leaves = 0.06;
+        private const double Tiptoe = 0.25; // radians: how far a heel rises at most for a foot to reach its print
         private const double Bend = 0.1; // of the thigh's length: a knee that bends less than this bends forwards
 
         // places in the scratch array: of vectors, then of numbers
@@ -25,6 +26,7 @@ namespace Wayfarer
         private readonly int[] mapped;
         private readonly double[] up;
         private readonly double[] forward;
+        private readonly double[] left;
         private readonly double[] rotations = new double[4 * Bones.Count];
         private readonly double[] places = new double[3 * Bones.Count];
         private readonly double[] local = new double[4 * Bones.Count];
@@ -47,6 +49,7 @@ namespace Wayfarer
             mapped = rest.Mapped;
             up = basis.UpAxis;
             forward = basis.ForwardAxis;
+            left = basis.LeftAxis;
         }
 
         public BoneMap Map { get; }
@@ -106,10 +109,10 @@ namespace Wayfarer
                 Quaternions.Multiply(turns, b, rest.Rotations, b, rotations, b);
             }
             double[] s = scratch;
-            int left = 3 * RetargetRest.Legs[0][0], right = 3 * RetargetRest.Legs[1][0];
+            int leftThigh = 3 * RetargetRest.Legs[0][0], rightThigh = 3 * RetargetRest.Legs[1][0];
             for (int n = 0; n < 3; n++)
             {
-                s[From + n] = (source[left + n] + source[right + n]) / 2;
+                s[From + n] = (source[leftThigh + n] + source[rightThigh + n]) / 2;
             }
             double high = High(From);
             double lift = ground + (high - ground) * rest.Ratio - high;
@@ -135,6 +138,7 @@ namespace Wayfarer
             }
             for (int leg = 0; leg < 2; leg++)
             {
+                RaiseHeel(leg);
                 BendLeg(leg);
             }
             Put();
@@ -213,6 +217,56 @@ namespace Wayfarer
             double lacking = down - Math.Sqrt(Math.Max(0, most * most - away * away));
             double share = Math.Min(1, Math.Max(0, (Leaves - lifted / most) / (Leaves - Stands)));
             return Math.Min(Sinks * most, Math.Max(0, lacking) * share);
+        }
+
+        /// <summary>
+        /// Lift the heel so far that the leg reaches its goal: the foot turns about its ball, as far as the ball bears it.
+        /// </summary>
+        private void RaiseHeel(int leg)
+        {
+            double[] s = scratch, sole = rest.Soles[leg];
+            int[] bones = RetargetRest.Legs[leg];
+            int start = 3 * bones[0], bend = 3 * bones[1], ankle = bones[2], goal = Goals + 3 * leg;
+            double most = Reach * (Gap(places, bend, places, start) + Gap(places, 3 * ankle, places, bend));
+            Quaternions.Rotate(turns, 4 * ankle, sole, 0, s, From); // the heel
+            Quaternions.Rotate(turns, 4 * ankle, sole, 3, s, Ball);
+            Quaternions.Rotate(turns, 4 * ankle, left, 0, s, Ahead); // the axis
+            Without(Ahead, up, 0);
+            double length = Size(Ahead), along = 0;
+            for (int n = 0; n < 3; n++)
+            {
+                s[Ahead + n] /= length;
+                along += s[Ahead + n] * s[Ball + n];
+            }
+            s[Side] = s[Ball + 1] * s[Ahead + 2] - s[Ball + 2] * s[Ahead + 1]; // which way the ankle goes
+            s[Side + 1] = s[Ball + 2] * s[Ahead] - s[Ball] * s[Ahead + 2];
+            s[Side + 2] = s[Ball] * s[Ahead + 1] - s[Ball + 1] * s[Ahead];
+            double sign = High(Side) < 0 ? -1 : 1, near = 0, ahead = 0, beside = 0, square = 0;
+            for (int n = 0; n < 3; n++)
+            {
+                double ball = s[Ball + n], aside = along * s[Ahead + n];
+                double thigh = places[start + n] - s[goal + n] - ball; // from the ball
+                near += thigh * (aside - ball);
+                ahead += sign * thigh * s[Side + n];
+                beside += thigh * aside;
+                square += thigh * thigh + ball * ball;
+            }
+            double wanted = (square - most * most) / 2 + beside;
+            double share = wanted / Math.Max(Math.Sqrt(near * near + ahead * ahead), 1e-9);
+            double lacking = Math.Atan2(ahead, near) - Math.Acos(Math.Min(1, Math.Max(-1, share)));
+            double bears = Math.Min(1, Math.Max(0, 1 - (High(Ball) - High(From)) / (Stands * most)));
+            double half = bears * Math.Min(Tiptoe, Math.Max(0, lacking)) / 2, sine = sign * Math.Sin(half);
+            for (int n = 0; n < 3; n++)
+            {
+                s[Turn + n] = sine * s[Ahead + n];
+            }
+            s[Turn + 3] = Math.Cos(half);
+            Quaternions.Multiply(s, Turn, rotations, 4 * ankle, rotations, 4 * ankle);
+            Quaternions.Rotate(s, Turn, s, Ball, s, To);
+            for (int n = 0; n < 3; n++)
+            {
+                s[goal + n] += s[Ball + n] - s[To + n];
+            }
         }
 
         /// <summary>Turn thigh and shin so that the ankle is at its goal, or as near as the leg reaches.</summary>

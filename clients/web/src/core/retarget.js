@@ -11,6 +11,7 @@ const SINKS = 0.018; // of a leg's length: how far hips sink at most for a stand
 // heights of a sole over the ground by the leg's length: hips sink by all that a foot lacks while it is below the first,
 // by nothing when it is above the second
 const STANDS = 0.02, LEAVES = 0.06;
+const TIPTOE = 0.25; // radians: how far a heel rises at most for a foot to reach its print
 const BEND = 0.1; // of the thigh's length: a knee that bends less than this bends forwards
 
 // places in the scratch array of vectors
@@ -96,7 +97,10 @@ export class Retarget {
       const b = 3 * mapped[n];
       for (let k = 0; k < 3; k += 1) places[b + k] -= s[SUNK] * up[k];
     }
-    for (let leg = 0; leg < 2; leg += 1) this.#bend(leg);
+    for (let leg = 0; leg < 2; leg += 1) {
+      this.#raise(leg);
+      this.#bend(leg);
+    }
     this.#put();
     this.#relate();
   }
@@ -182,6 +186,52 @@ export class Retarget {
     const lacks = Math.max(0, down - Math.sqrt(Math.max(0, most * most - away)));
     const share = Math.min(1, Math.max(0, (LEAVES - s[SOLE] / most) / (LEAVES - STANDS)));
     s[SUNK] = Math.max(s[SUNK], Math.min(SINKS * most, lacks * share));
+  }
+
+  /**
+   * Lift the heel so far that the leg reaches its goal: the foot turns about its ball, as far as the ball bears it.
+   * @param {number} leg
+   */
+  #raise(leg) {
+    const { turns, rotations, places, scratch: s } = this;
+    const { up, left } = this.basis;
+    const sole = this.#rest.soles[leg];
+    const ankle = LEGS[leg][2], goal = GOALS + 3 * leg;
+    const start = 3 * LEGS[leg][0], bend = 3 * LEGS[leg][1], end = 3 * ankle;
+    gap(places, bend, places, start, s, LENGTH);
+    gap(places, end, places, bend, s, MOST);
+    const most = REACH * (s[LENGTH] + s[MOST]);
+    rotate(turns, 4 * ankle, sole, 0, s, FROM); // the heel
+    rotate(turns, 4 * ankle, sole, 3, s, BALL);
+    rotate(turns, 4 * ankle, left, 0, s, AHEAD); // the axis
+    flatten(s, AHEAD, up);
+    size(s, AHEAD, LENGTH);
+    for (let n = 0; n < 3; n += 1) s[AHEAD + n] /= s[LENGTH];
+    s[SIDE] = s[BALL + 1] * s[AHEAD + 2] - s[BALL + 2] * s[AHEAD + 1]; // which way the ankle goes
+    s[SIDE + 1] = s[BALL + 2] * s[AHEAD] - s[BALL] * s[AHEAD + 2];
+    s[SIDE + 2] = s[BALL] * s[AHEAD + 1] - s[BALL + 1] * s[AHEAD];
+    const sign = s[SIDE] * up[0] + s[SIDE + 1] * up[1] + s[SIDE + 2] * up[2] < 0 ? -1 : 1;
+    const along = s[AHEAD] * s[BALL] + s[AHEAD + 1] * s[BALL + 1] + s[AHEAD + 2] * s[BALL + 2];
+    let near = 0, ahead = 0, beside = 0, square = 0, over = 0;
+    for (let n = 0; n < 3; n += 1) {
+      const ball = s[BALL + n], aside = along * s[AHEAD + n];
+      const thigh = places[start + n] - s[goal + n] - ball; // from the ball
+      near += thigh * (aside - ball);
+      ahead += sign * thigh * s[SIDE + n];
+      beside += thigh * aside;
+      square += thigh * thigh + ball * ball;
+      over += (ball - s[FROM + n]) * up[n];
+    }
+    const wanted = (square - most * most) / 2 + beside;
+    const share = wanted / Math.max(Math.sqrt(near * near + ahead * ahead), 1e-9);
+    const lacking = Math.atan2(ahead, near) - Math.acos(Math.min(1, Math.max(-1, share)));
+    const bears = Math.min(1, Math.max(0, 1 - over / (STANDS * most)));
+    const half = (bears * Math.min(TIPTOE, Math.max(0, lacking))) / 2, sine = sign * Math.sin(half);
+    for (let n = 0; n < 3; n += 1) s[TURN + n] = sine * s[AHEAD + n];
+    s[TURN + 3] = Math.cos(half);
+    multiply(s, TURN, rotations, 4 * ankle, rotations, 4 * ankle);
+    rotate(s, TURN, s, BALL, s, TO);
+    for (let n = 0; n < 3; n += 1) s[goal + n] += s[BALL + n] - s[TO + n];
   }
 
   /** Turn thigh and shin so that the ankle is at its goal, or as near as the leg reaches. @param {number} leg */

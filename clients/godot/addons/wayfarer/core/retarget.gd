@@ -14,6 +14,8 @@ const _SINKS := 0.018
 ## it is below the first, by nothing when it is above the second.
 const _STANDS := 0.02
 const _LEAVES := 0.06
+## Radians: how far a heel rises at most for a foot to reach its print.
+const _TIPTOE := 0.25
 const _BEND := 0.1  # of the thigh's length: a knee that bends less than this bends forwards
 const _HEEL := 0.35  # of the way from ankle to ball: how far the heel is behind the ankle
 const _TIP := 0.45  # of the way from ankle to ball: how far the tip is before the ball
@@ -113,7 +115,7 @@ func pose(frame: WayfarerPose, at_ground: float = NAN) -> void:
 	for b in mapped:
 		places[b] -= sunk * _up
 	for leg in 2:
-		_bend(leg, goals[leg])
+		_bend(leg, _raised(leg, goals[leg]))
 	_put()
 	_relate()
 
@@ -279,6 +281,36 @@ func _lacks(leg: int, goal: Vector3, high: float) -> float:
 	var lacking := (start - goal).dot(_up) - sqrt(maxf(0.0, most * most - away * away))
 	var share := clampf((_LEAVES - high / most) / (_LEAVES - _STANDS), 0.0, 1.0)
 	return minf(_SINKS * most, maxf(0.0, lacking) * share)
+
+
+## The goal with the heel up so far that the leg reaches it: the foot turns about its ball, as far
+## as the ball bears it.
+func _raised(leg: int, goal: Vector3) -> Vector3:
+	var ankle: int = LEGS[leg][2]
+	var start := places[LEGS[leg][0]]
+	var knee := places[LEGS[leg][1]]
+	var most := _REACH * (start.distance_to(knee) + knee.distance_to(places[ankle]))
+	var heel := _turns[ankle] * _soles[leg][0]
+	var ball := _turns[ankle] * _soles[leg][1]
+	var axis := basis.level(_turns[ankle] * basis.left).normalized()
+	var raises := ball.cross(axis)  # which way the ankle goes
+	if raises.dot(_up) < 0.0:
+		axis = -axis
+		raises = -raises
+	var thigh := start - goal - ball  # from the ball
+	var aside := axis.dot(ball) * axis
+	var near := thigh.dot(aside - ball)
+	var ahead := thigh.dot(raises)
+	var square := thigh.length_squared() + ball.length_squared()
+	var wanted := (square - most * most) / 2.0 + thigh.dot(aside)
+	var share := wanted / maxf(sqrt(near * near + ahead * ahead), 1e-9)
+	var lacking := atan2(ahead, near) - acos(clampf(share, -1.0, 1.0))
+	var bears := clampf(1.0 - (ball - heel).dot(_up) / (_STANDS * most), 0.0, 1.0)
+	var half := bears * clampf(lacking, 0.0, _TIPTOE) / 2.0
+	var about := sin(half) * axis
+	var turn := Quaternion(about.x, about.y, about.z, cos(half))
+	rotations[ankle] = turn * rotations[ankle]
+	return goal + ball - turn * ball
 
 
 ## Turn thigh and shin so that the ankle is at the goal, or as near as the leg reaches.
