@@ -33,8 +33,6 @@ SLOW = (
     "engines/test_openvino_engine.py",  # compiles networks
     "service/persistence/test_journal.py",  # kills servers
     "transport/test_reference.py",  # a browser
-    "workers/test_front.py",
-    "workers/test_scenes.py",
     "world/behaviours",  # minutes of a crowd's time
     "world/scenes/test_bake_queue.py",  # processes that hang, and are killed
     "world/scenes/test_populate.py",

@@ -12,6 +12,7 @@ from typing import Final
 
 from wayfarer.artifacts import ModelFolder, sha256_of
 from wayfarer.body.library import SMPLX_FOLDER, body_file
+from wayfarer.cluster.plans import threads_of
 from wayfarer.config import Settings
 from wayfarer.engines.choice import open_engine
 from wayfarer.engines.model_store import ModelStore
@@ -26,7 +27,6 @@ from wayfarer.service.persistence.journal import Journal
 from wayfarer.service.persistence.snapshot import BodyStamp
 from wayfarer.service.worlds import Worlds
 from wayfarer.spec import GENDERS, STEP_SECONDS
-from wayfarer.workers.assignments import threads_of
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.scenes.bake_queue import BakeQueue
@@ -158,7 +158,7 @@ def runtime(
 
 
 def with_engine(settings: Settings) -> Settings:
-    """The engine chosen, once for all workers: a log must replay alike in each of them."""
+    """The engine chosen, once for all nodes: a log must replay alike in each of them."""
     if settings.engine != "auto":
         return settings
     # in a process of its own, whose memory goes with it; a terminal's Ctrl-C is for this one
@@ -171,7 +171,7 @@ def with_engine(settings: Settings) -> Settings:
 
 
 def _engine_kind(settings: str) -> str:
-    """The setting `engine` for the faster one with a worker's threads."""
+    """The setting `engine` for the faster one with a node's threads."""
     read = Settings.model_validate_json(settings)
     configure_logging(read.log_level, read.log_format)
     compiled = compiled_folder(read)

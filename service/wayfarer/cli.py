@@ -116,8 +116,9 @@ def _whole(
 _command(
     app, "serve", "wayfarer.serve:serve_command", "Start the server: gRPC, HTTP and the viewer."
 )
-_command(app, "worker", "wayfarer.serve:worker_command", "For `serve --workers`.", hidden=True)
-_command(app, "node", "wayfarer.serve:node_command", "For `wayfarer cluster`.", hidden=True)
+_command(
+    app, "node", "wayfarer.serve:node_command", "For `serve --workers` and `cluster`.", hidden=True
+)
 _command(app, "cluster", "wayfarer.cluster_command:app", "Run many servers as one service, on Ray.")
 _command(app, "probe", "wayfarer.probe:probe", "Check whether the server on this machine is ready.")
 _command(app, "keys", "wayfarer.transport.auth.commands:app", "Make API keys.")

@@ -93,12 +93,12 @@ def start_command(
     try:
         link = ray.directory(rules)
         if address:
-            run(_enter(settings, link, _covered(ray, settings, secret, go_on)))
+            run(_enter(settings, link, secret, _covered(ray, settings, secret, go_on)))
         else:
             each = {"threads": settings.threads or max(1, cores() // nodes)}
             for number in range(nodes):
                 ray.keep(_plan(f"node{number}", number, settings, each, secret, go_on))
-            run(_enter(settings, link))
+            run(_enter(settings, link, secret))
     finally:
         ray.close()
 
@@ -113,11 +113,12 @@ def entry_command(
 ) -> None:
     """One more entry of a cluster that runs."""
     settings = _settings(config, options)
+    secret = _secret(True)
     from wayfarer.cluster.ray_actors import RayCluster
 
     ray = RayCluster(address)
     try:
-        run(_enter(settings, ray.find_directory()))
+        run(_enter(settings, ray.find_directory(), secret))
     finally:
         ray.close()
 
@@ -125,6 +126,7 @@ def entry_command(
 async def _enter(
     settings: Settings,
     link: DirectoryLink,
+    secret: str,
     beside: contextlib.AbstractAsyncContextManager[None] | None = None,
 ) -> None:
     """Run an entry until a signal comes."""
@@ -132,7 +134,7 @@ async def _enter(
     for sign in SIGNALS:
         asyncio.get_running_loop().add_signal_handler(sign, stop.set)
     warn_if_open(settings)
-    entry = Entry(settings, DirectoryClient(link))
+    entry = Entry(settings, DirectoryClient(link), secret, stop.set)
     await entry.start()
     async with beside or contextlib.nullcontext():
         while not (entry.finder.ready or stop.is_set()):

@@ -137,16 +137,16 @@ class Settings(BaseSettings):
         default=0,
         ge=0,
         le=256,
-        description="threads of the engine; 0: all cores, shared among the workers",
+        description="threads of the engine; 0: all cores, shared among the nodes",
     )
     workers: int = Field(
         default=1,
         ge=1,
         le=64,
-        description="worker processes that share the sessions; 1: one process",
+        description="processes (nodes) that share the sessions; 1: the server itself",
     )
     pin_workers: bool = Field(
-        default=False, description="bind each worker to its share of the cores"
+        default=False, description="bind each node to its share of the cores"
     )
     candidates: int = Field(
         default=4, ge=1, le=256, description="candidate primitives tried per step"
@@ -230,7 +230,7 @@ class Settings(BaseSettings):
         return self
 
     def _check_ports(self) -> None:
-        """The workers' ports follow the server's own."""
+        """The nodes' ports follow the server's own."""
         for name, port in (("grpc_port", self.grpc_port), ("http_port", self.http_port)):
             if port + self.workers > 65535:
                 raise ValueError(

@@ -7,6 +7,7 @@ import asyncio
 import ctypes
 import gc
 import inspect
+import os
 import signal
 import sys
 from collections.abc import Callable, Coroutine
@@ -23,6 +24,7 @@ from wayfarer import __version__, config_sources
 from wayfarer.assembly import fingerprint, model_folder, runtime, with_engine
 from wayfarer.cluster.messages import NodePlan
 from wayfarer.cluster.node_agent import joined, read_plan, tenancy_of
+from wayfarer.cluster.plans import check_state
 from wayfarer.config import Settings
 from wayfarer.config_page import as_toml
 from wayfarer.logs import configure_logging
@@ -32,9 +34,6 @@ from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.server import Server
 from wayfarer.transport.server_options import ServerOptions
-from wayfarer.workers.assignments import check_state
-from wayfarer.workers.member import bind_to, read_assignment, supervised
-from wayfarer.workers.messages import Assignment
 
 log = structlog.get_logger(__name__)
 
@@ -53,19 +52,17 @@ OPTIONS: Final = (
 """Settings that the command line knows."""
 
 
-async def serve(
-    settings: Settings, worker: Assignment | None = None, plan: NodePlan | None = None
-) -> None:
+async def serve(settings: Settings, plan: NodePlan | None = None) -> None:
     """Run until SIGINT, SIGTERM or AdminService.Drain.
 
-    As a worker, as a node of a cluster (`plan`), or as the whole server.
+    As a node of several (`plan`), or as the whole server.
     """
     sys.setswitchinterval(SWITCH_SECONDS)
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for sign in SIGNALS:
         loop.add_signal_handler(sign, stop.set)
-    if worker is None and plan is None:
+    if plan is None:
         warn_if_open(settings)
     clock = steady_clock()
     operation = ServerOptions.from_settings(settings)
@@ -73,34 +70,21 @@ async def serve(
         loop.add_signal_handler(signal.SIGHUP, operation.guard.authenticator.reload)
     folder = model_folder(settings)
     tenancy = tenancy_of(plan, fingerprint(folder)) if plan else None
-    ownership: Ownership = tenancy or (worker.shares if worker else SingleNode())
+    ownership: Ownership = tenancy or SingleNode()
     motion = runtime(settings, folder, clock, operation.metrics, ownership)
     gateway = Gateway(motion, BodyLibrary(folder.body), settings.limits, clock, stop.set, ownership)
-    server = Server(
-        gateway,
-        settings.host,
-        settings.http_port,
-        settings.grpc_port,
-        operation,
-        worker.inside if worker else None,
-    )
+    server = Server(gateway, settings.host, settings.http_port, settings.grpc_port, operation)
     motion.start()
     try:
         await server.start()
         beside: AbstractAsyncContextManager[None] = nullcontext()
-        if worker:
-            beside = supervised(gateway, stop.set)
-        elif plan and tenancy:
+        if plan and tenancy:
             beside = joined(plan, tenancy, gateway, server.ports, stop.set)
         async with beside:
             await server.until_ready()
             settle()
-            if worker or plan:
-                log.info(
-                    "worker ready" if worker else "node ready",
-                    http=server.http_url,
-                    grpc=server.grpc_address,
-                )
+            if plan:
+                log.info("node ready", http=server.http_url, grpc=server.grpc_address)
             else:
                 announce(settings, server.http_url, server.grpc_address)
             await stop.wait()
@@ -142,7 +126,7 @@ def announce(settings: Settings, http_url: str, grpc_address: str) -> None:
     console.print(f"  HTTP    {http_url}/docs")
     console.print(f"  gRPC    {grpc_address}")
     if settings.workers > 1:
-        console.print(f"  workers {settings.workers}, on the ports after these")
+        console.print(f"  workers {settings.workers}, at ports of their own")
     console.print("Ctrl-C stops it.")
 
 
@@ -207,29 +191,22 @@ def serve_command(
     if settings.workers == 1:
         run(serve(settings))
         return
-    from wayfarer.workers.server import serve_workers
+    from wayfarer.cluster.one_machine import serve_nodes
 
     model_folder(settings)
     warn_if_open(settings)
     settings = with_engine(settings)
-    run(serve_workers(settings, partial(announce, settings)))
-
-
-def worker_command() -> None:
-    """One worker of several; its supervisor starts it, and tells it on stdin what it is."""
-    worker = read_assignment()
-    settings = worker.settings
-    configure_logging(settings.log_level, settings.log_format, worker=worker.index)
-    bind_to(worker.cores)
-    run(serve(settings, worker))
+    run(serve_nodes(settings, partial(announce, settings)))
 
 
 def node_command() -> None:
-    """One node of a cluster; its keeper starts it, and tells it on stdin what it is."""
+    """One node of several; its keeper starts it, and tells it on stdin what it is."""
     plan = read_plan()
     settings = plan.settings
     configure_logging(settings.log_level, settings.log_format, node=plan.name)
-    run(serve(settings, plan=plan))
+    if plan.cores and hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, plan.cores)
+    run(serve(settings, plan))
 
 
 def run(work: Coroutine[Any, Any, None]) -> None:

@@ -7,7 +7,7 @@ import pytest
 from wayfarer_client import Client, Scene, Session, SyncClient, SyncScene, SyncScenes, SyncSession
 from wayfarer_client.scenes import Scenes
 
-ASYNC_ONLY = {"control", "connect", "connection_of"}
+ASYNC_ONLY = {"control", "connect"}
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import json
 import sys
 
 from wayfarer.cluster.directory import LeaseRules
-from wayfarer.cluster.directory_service import DirectoryClient, DirectoryService
+from wayfarer.cluster.directory_service import DirectoryClient, LocalLink
 from wayfarer.cluster.entry import Entry
 from wayfarer.cluster.keeper import NodeKeeper
 from wayfarer.cluster.messages import NodePlan
@@ -14,20 +14,21 @@ from wayfarer.config import Settings
 from wayfarer.errors import Unavailable
 
 LEASE_S = 3.0
+SECRET = "s" * 32
 
 
-class LocalLink:
-    """To a directory in this process; `away` for a while, it may be."""
+class Link(LocalLink):
+    """One that is `away` for a while."""
 
     def __init__(self, rules=LeaseRules(LEASE_S)):
-        self.service = DirectoryService(rules)
+        super().__init__(rules)
         self.away = False
 
     async def call(self, method, body):
         await asyncio.sleep(0)
         if self.away:
             raise Unavailable("the directory is away")
-        return self.service.answer(method, body)
+        return await super().call(method, body)
 
 
 class LocalCluster:
@@ -35,7 +36,7 @@ class LocalCluster:
 
     def __init__(self, nodes=3, go_on=False, log="/dev/null", **settings):
         """`log`: file of what the nodes say."""
-        self.link = LocalLink(LeaseRules(LEASE_S, go_on))
+        self.link = Link(LeaseRules(LEASE_S, go_on))
         self.directory = DirectoryClient(self.link)
         common = Settings(
             http_port=0, grpc_port=0, engine="onnxruntime", threads=1, candidates=2,
@@ -51,7 +52,7 @@ class LocalCluster:
                 name=f"node{number}",
                 number=number,
                 host="127.0.0.1",
-                secret="s" * 32,
+                secret=SECRET,
                 settings=self.settings,
                 go_on=self._go_on,
             ),
@@ -66,7 +67,7 @@ class LocalCluster:
         self._keeping.append(asyncio.create_task(keeper.keep()))
 
     async def __aenter__(self):
-        self.entry = Entry(self.settings, self.directory)
+        self.entry = self.new_entry(self.settings)
         await self.entry.start()
         self._keeping = [asyncio.create_task(keeper.keep()) for keeper in self.keepers]
         await self.until(lambda status: self.ready(status) == len(self.keepers))
@@ -80,6 +81,9 @@ class LocalCluster:
             task.cancel()
         await asyncio.gather(*self._keeping, return_exceptions=True)
         await self.entry.stop()
+
+    def new_entry(self, settings):
+        return Entry(settings, self.directory, SECRET, lambda: None)
 
     @staticmethod
     def ready(status):

@@ -7,14 +7,15 @@ from wayfarer.cluster.tenancy import Tenancy
 LEASE = 2.0
 
 
-def info(name, fingerprint="a", capacity=100):
+def info(name, fingerprint="a", capacity=100, number=None):
+    number = int(name[1:]) if number is None else number
     return NodeInfo(
         name=name,
-        number=int(name[1:]),
+        number=number,
         host="127.0.0.1",
-        grpc_port=1000 + int(name[1:]),
-        http_port=2000 + int(name[1:]),
-        peer_port=3000 + int(name[1:]),
+        grpc_port=1000 + number,
+        http_port=2000 + number,
+        peer_port=3000 + number,
         fingerprint=fingerprint,
         capacity=capacity,
     )
@@ -36,9 +37,10 @@ class Bench:
         self.beat()
 
     def add(self, name, **fields):
+        """`fields`: of its NodeInfo; `number` where the name does not say it."""
         node = Tenancy(info(name, **fields), self.directory.rules.go_on, lambda: self.now)
         self.nodes[name] = node
-        self.present[name] = set()
+        self.present.setdefault(name, set())
         self.loads[name] = NodeLoad()
         self.beat(name)
         return node
@@ -54,7 +56,7 @@ class Bench:
         for name in names or list(self.nodes):
             node = self.nodes[name]
             if not node.registered:
-                told = node.registration(self.loads[name])
+                told = node.registration(self.loads[name], self.present[name])
                 answers[name] = self.directory.register(told, self.now)
                 node.take_registered(answers[name], told, self.now)
             else:

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from tests.cluster.local import LocalCluster, lines
-from wayfarer.cluster.entry import Entry
 from wayfarer.ids import slot_of
 from wayfarer_client import AgentSpec, Client, Flag, Goal
 
@@ -221,7 +220,7 @@ async def restart_entry(cluster, watched):
     for one in watched:
         await one.goes_on()
     settings = cluster.settings.model_copy(update={"grpc_port": port})
-    cluster.entry = Entry(settings, cluster.directory)
+    cluster.entry = cluster.new_entry(settings)
     await cluster.entry.start()
     for one in watched:
         await one.goes_on()

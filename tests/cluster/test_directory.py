@@ -318,6 +318,56 @@ def test_an_imported_snapshot_claims_the_slot_of_its_id():
     assert bench.beat("n1")["n1"].lost == (0xABCD,)
 
 
+def named(slot):
+    return f"session-{slot:04x}0123456789ab"
+
+
+def test_what_a_node_keeps_on_disk_waits_for_its_next_life():
+    bench = Bench(["n0", "n1"], settled=False, nodes=2, keep=True)
+    kept, ended = bench.new_session("n0"), bench.new_session("n0")
+    assert not bench.beat()["n0"].neighbour, "nobody needs a copy"
+    epoch = bench.nodes["n0"].epoch(named(kept))
+    bench.directory.ended("n0")
+    del bench.nodes["n0"]
+    bench.later(LEASE, "n1")
+    for slot in (kept, ended):
+        with pytest.raises(Unavailable, match="started again"):
+            bench.nodes["n1"].endpoint_of(named(slot))
+        with pytest.raises(Unavailable, match="started again"):
+            bench.nodes["n1"].view.node_for(named(slot))
+    bench.present["m0"] = {kept}
+    bench.add("m0", number=0)
+    assert bench.nodes["m0"].epoch(named(kept)) > epoch and not bench.nodes["m0"].lost
+    bench.beat()
+    assert bench.nodes["n1"].endpoint_of(named(kept)).worker == 0
+    assert bench.nodes["n1"].endpoint_of(named(ended)) is None, "its journal knows nothing of it"
+
+
+def test_a_node_that_was_silent_gets_back_what_it_keeps():
+    bench = Bench(["n0", "n1"], settled=False, nodes=2, keep=True)
+    slot = bench.new_session("n0")
+    bench.beat()
+    bench.later(2 * LEASE, "n1")
+    assert [one.node.name for one in bench.directory.status(bench.now).nodes] == ["n1"]
+    assert bench.beat("n0")["n0"].fenced
+    bench.beat("n0")
+    assert bench.nodes["n0"].may_step() and not bench.nodes["n0"].lost
+    assert bench.directory.node_for(slot).name == "n0"
+
+
+def test_nothing_is_given_away_until_all_have_told_what_they_have_kept():
+    bench = Bench(settled=False, nodes=2, keep=True)
+    bench.present["n0"] = {7}
+    bench.add("n0")
+    assert bench.nodes["n0"].leased and bench.nodes["n0"].epoch(named(7)) > 0
+    assert bench.beat()["n0"].pool == {}
+    bench.present["n1"] = {7, 8}  # it was moving when all were killed
+    bench.add("n1")
+    assert bench.nodes["n1"].lost == {7}
+    assert {len(answer.pool) for answer in bench.beat().values()} == {POOL}
+    assert bench.directory.status(bench.now).settled
+
+
 def test_rendezvous_moves_only_what_it_must():
     names = [f"n{i}" for i in range(5)]
     before = {slot: rendezvous(slot, names) for slot in range(2000)}

@@ -1,40 +1,55 @@
-"""The entry alone: a directory in this process, and nodes that are registered without a process."""
+"""The entry alone: a directory in this process, and nodes without a process of their own."""
 
 import asyncio
+from functools import partial
 
 import httpx
 import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
-from tests.cluster.local import LocalLink
+from tests.cluster.local import SECRET, Link
 from tests.cluster.nodes import info
+from tests.transport.auth.test_keys import FILE, STUDIO
+from tests.transport.fakes import opened
+from tests.transport.samples import MODEL
+from wayfarer import errors
 from wayfarer.cluster.directory import LeaseRules
 from wayfarer.cluster.directory_service import DirectoryClient
 from wayfarer.cluster.entry import Entry
+from wayfarer.cluster.every_node import answer
 from wayfarer.cluster.messages import LeaseRenewal, NodeLoad, Registration
+from wayfarer.cluster.peer import Peers, PeerServer, Replicas
 from wayfarer.config import Settings
 from wayfarer.ids import session_id
-from wayfarer_client import Client, FailedPrecondition, Misdirected, Unavailable
+from wayfarer.transport import schema
+from wayfarer.transport.server_options import ServerOptions
+from wayfarer_client import Client, NotFound, PermissionDenied, Unavailable
 
 
 class Rig:
     """An entry with two nodes of whom the directory only has heard."""
 
     async def __aenter__(self):
-        self.link = LocalLink(LeaseRules(600.0))
+        self.link = Link(LeaseRules(600.0))
         self.link.service._directory._settled_at = 0.0
         directory = DirectoryClient(self.link)
-        self.nodes = [info("n1"), info("n2")]
+        self.nodes = [await self.node(name) for name in ("n1", "n2")]
         for node in self.nodes:
             await directory.register(Registration(node=node, count=1))
-        self.entry = Entry(Settings(http_port=0, grpc_port=0, drain_s=0.2), directory)
+        settings = Settings(http_port=0, grpc_port=0, drain_s=0.2)
+        self.stopped = asyncio.Event()
+        self.entry = Entry(settings, directory, SECRET, self.stopped.set)
         await self.entry.start()
         self.http = httpx.AsyncClient(base_url=self.entry.http_url)
         async with asyncio.timeout(10):
             while not self.entry.finder.ready:
                 await asyncio.sleep(0.01)
         return self
+
+    async def node(self, name):
+        """Nobody listens at its ports, unless a test starts something there."""
+        return info(name)
 
     async def __aexit__(self, *_):
         await self.http.aclose()
@@ -66,12 +81,12 @@ async def test_every_call_is_sent_to_a_node():
         assert found.status_code == 421
         assert found.json()["endpoint"]["grpc_port"] == node.grpc_port
 
-        page = await rig.http.get("/client/index.js")
+        page = await rig.http.get("/client/index.js?a=b")
         assert page.status_code == 307, "browsers open the viewer of a node"
-        assert page.headers["location"].endswith("/client/index.js")
-        all_of_them = await rig.http.get("/v1/sessions")
-        assert all_of_them.status_code == 409
-        assert "/v1/cluster" in all_of_them.json()["detail"]
+        assert page.headers["location"].endswith("/client/index.js?a=b")
+        stats = await rig.http.get("/v1/stats")
+        assert stats.status_code == 409
+        assert "/v1/cluster" in stats.json()["detail"]
 
         url = rig.entry.http_url.replace("http", "ws")
         async with connect(f"{url}/v1/stream?session={name}") as socket:
@@ -83,9 +98,94 @@ async def test_every_call_is_sent_to_a_node():
         async with Client(rig.entry.grpc_address, timeout=5) as client:
             with pytest.raises(Unavailable):  # it followed; nobody listens there
                 await client.session(name)
-            with pytest.raises(FailedPrecondition, match="each node") as refused:
-                await client.sessions()
-            assert not isinstance(refused.value, Misdirected)
+
+
+class AnsweringRig(Rig):
+    """Its nodes answer what concerns all of them, over a fake service."""
+
+    async def __aenter__(self):
+        self.gateways, self.servers = [], []
+        return await super().__aenter__()
+
+    async def node(self, name):
+        gateway = await opened()
+        server = PeerServer("127.0.0.1", SECRET, Replicas(), None, partial(answer, gateway))
+        await server.start()
+        self.gateways.append(gateway)
+        self.servers.append(server)
+        return info(name).model_copy(update={"peer_port": server.port, "host": ""})
+
+    async def __aexit__(self, *_):
+        await super().__aexit__()
+        for server in self.servers:
+            await server.stop()
+
+
+async def test_what_concerns_all_nodes_is_asked_of_all():
+    async with AnsweringRig() as rig, Client(rig.entry.grpc_address, timeout=5) as client:
+        for gateway in (*rig.gateways, rig.gateways[0]):
+            await gateway.sessions.create(schema.NewSession())
+        scenes = [
+            await gateway.scenes.create_example("corridor", schema.NewExampleScene())
+            for gateway in rig.gateways
+        ]
+        made = ["session-1", "session-1", "session-2"]  # each numbers its own
+        listed = (await rig.http.get("/v1/sessions")).json()["sessions"]
+        assert sorted(one["session_id"] for one in listed) == made
+        assert sorted(one.session_id for one in await client.sessions()) == made
+        listed = (await rig.http.get("/v1/scenes")).json()["scenes"]
+        assert {one["scene_id"] for one in listed} == {one.scene_id for one in scenes}
+        assert len(await client.scenes.all()) == 2
+
+        model = (await rig.http.post("/v1/admin/models", json={"name": "v2"})).json()
+        assert model["name"] == "v2"
+        for gateway in rig.gateways:
+            assert "v2" in [one.name for one in (await gateway.catalogue.models()).models]
+        await client.admin.use_model("v2", move_agents=True)
+        with pytest.raises(NotFound, match="v9"):
+            await client.admin.use_model("v9")
+        wrong = await rig.http.post("/v1/admin/models", json={"name": "../v2"})
+        assert wrong.status_code == 422 and wrong.json()["errors"][0]["field"] == "name"
+        await client.admin.use_model(MODEL.name)
+        assert (await rig.http.delete("/v1/admin/models/v2")).status_code == 204
+        assert (await rig.http.delete("/v1/admin/models/v2")).status_code == 404
+
+        assert not rig.stopped.is_set()
+        await client.admin.drain()
+        assert rig.stopped.is_set(), "as Ctrl-C"
+
+
+async def test_nodes_know_who_asks_through_the_entry(tmp_path):
+    keys = tmp_path / "keys.toml"
+    keys.write_text(FILE)
+    settings = Settings(http_port=0, grpc_port=0, auth={"keys_file": keys})
+    async with AnsweringRig() as rig:
+        guard = ServerOptions.from_settings(settings).guard
+        object.__setattr__(rig.entry._guard, "authenticator", guard.authenticator)
+        await rig.gateways[0].sessions.create(schema.NewSession())  # of `local`
+        async with Client(rig.entry.grpc_address, timeout=5, api_key=STUDIO) as client:
+            assert await client.sessions() == [], "somebody else's"
+            with pytest.raises(PermissionDenied, match=r"'key:studio'"):
+                await client.admin.load_model("v2")
+            with pytest.raises(PermissionDenied, match="admin"):
+                await client.admin.drain()
+        assert (await rig.http.get("/v1/sessions")).status_code == 401
+        assert not rig.stopped.is_set()
+
+
+async def test_a_node_that_does_not_answer_is_told_and_no_stranger_may_ask():
+    async with AnsweringRig() as rig:
+        stranger = Peers("x" * 32)
+        with pytest.raises(errors.Unavailable, match="not a node of this cluster"):
+            await stranger.ask(rig.nodes[0], b"{}")
+        friend = Peers(SECRET)
+        with pytest.raises(errors.Unavailable, match="not a call of a node"):
+            await friend.ask(rig.nodes[0], b"{}")
+        for peers in (stranger, friend):
+            await peers.forget_others(set())
+        await rig.servers[1].stop()
+        refused = await rig.http.get("/v1/sessions")
+        assert refused.status_code == 503 and "n2" in refused.json()["detail"]
 
 
 async def test_the_same_request_is_sent_to_the_same_node():
@@ -130,7 +230,7 @@ async def test_who_may_not_is_told_nothing(tmp_path):
     keys = tmp_path / "keys.toml"
     keys.write_text("")
     settings = Settings(http_port=0, grpc_port=0, auth={"keys_file": keys}, drain_s=0.2)
-    entry = Entry(settings, DirectoryClient(LocalLink()))
+    entry = Entry(settings, DirectoryClient(Link()), SECRET, lambda: None)
     await entry.start()
     async with httpx.AsyncClient(base_url=entry.http_url) as http:
         for verb, path in (("GET", "/v1/cluster"), ("POST", "/v1/sessions")):

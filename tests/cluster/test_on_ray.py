@@ -51,7 +51,7 @@ async def test_a_cluster_of_two_on_ray(cluster):
         await session.create_agents(AgentSpec())
         async with session.stream() as stream:
             assert len((await anext(aiter(stream))).frames) == 1
-        node = client.connection._homes[session.session_id.split("-")[1][:4]]
+        node = client.connection.homes.home(session.session_id)
         assert node != ready["grpc"], "it is called on its own node"
     process.send_signal(signal.SIGINT)
     assert process.wait(60) == 0

@@ -73,7 +73,7 @@ class Sim:
         node, sent_at = self.nodes[name], self.now
         coming = not node.registered
         told = (
-            node.registration(NodeLoad())
+            node.registration(NodeLoad(), self.present[name] - node.lost)
             if coming
             else node.renewal(NodeLoad(), self.present[name] - node.lost)
         )

@@ -1,6 +1,7 @@
 """`wayfarer serve --workers 2` as processes, with the shipped model, and the Python client."""
 
 import asyncio
+import contextlib
 import os
 import signal
 import socket
@@ -12,122 +13,144 @@ import pytest
 
 import wayfarer_client as wf
 from tests.serving import Service
-from wayfarer.workers.shares import worker_of
 
 TWO = ("--workers", "2", "--engine", "onnxruntime")
 
 
-async def watch(session: wf.Session, chunks: int, token: str = "") -> tuple[dict, str, list]:
-    """The last place of each agent, the token to go on with, events."""
-    last, events, taken = {}, [], 0
-    async with asyncio.timeout(120), session.stream(resume_token=token) as stream:
-        async for batch in stream:
-            events += batch.events
-            for frames in batch:
-                last[frames.agent.agent_id] = frames.translation[-1]
-                taken += 1
-            if taken >= chunks:
-                break
-    return last, stream.resume_token, events
+class Watch:
+    """Follows a session whatever happens."""
+
+    def __init__(self, session: wf.Session):
+        self.session, self.events, self.places = session, [], []
+        self.task = asyncio.create_task(self._follow())
+
+    async def _follow(self) -> None:
+        async with self.session.stream(deadline=60) as self.stream:
+            async for batch in self.stream:
+                self.events += [event.kind for event in batch.events]
+                self.places += [frames.translation[-1] for frames in batch]
+
+    async def goes_on(self, chunks: int = 5) -> None:
+        wanted = len(self.places) + chunks
+        async with asyncio.timeout(60):
+            while len(self.places) < wanted and not self.task.done():
+                await asyncio.sleep(0.02)
+        if self.task.done():
+            self.task.result()
+            pytest.fail("the stream has ended as if the session had")
+
+    async def close(self) -> None:
+        self.task.cancel()
+        await asyncio.gather(self.task, return_exceptions=True)
 
 
-def pids(service: Service) -> list[int]:
-    """Of the workers: the children of the server."""
-    return [child.pid for child in psutil.Process(service.process.pid).children()]
+def nodes(service: Service) -> list[psutil.Process]:
+    """Its children, in the order in which they were started."""
+    return sorted(psutil.Process(service.process.pid).children(), key=lambda one: one.pid)
 
 
-async def ready(service: Service) -> None:
-    async with asyncio.timeout(300), httpx.AsyncClient() as http:
-        while (await http.get(f"{service.url}/v1/health/ready")).status_code != 200:
-            await asyncio.sleep(0.2)
+async def home(service: Service, session: wf.Session) -> int:
+    """Number of the node that has it, as the entry says."""
+    async with httpx.AsyncClient() as http:
+        answer = await http.get(f"{service.url}/v1/sessions/{session.session_id}")
+    assert answer.status_code == 421
+    return answer.json()["endpoint"]["worker"]
 
 
-async def test_two_workers_are_one_server_and_outlive_a_kill(tmp_path):
+async def people(session: wf.Session) -> list[str]:
+    """Ids of those in it, once its node is back."""
+    async with asyncio.timeout(120):
+        while True:
+            with contextlib.suppress(wf.Unavailable):
+                return [agent.agent_id for agent in await session.agents()]
+            await asyncio.sleep(0.1)
+
+
+async def test_two_nodes_are_one_server_whose_sessions_outlive_a_kill_and_a_restart(tmp_path):
     with Service(*TWO, "--state-dir", str(tmp_path)) as service:
-        async with (
-            wf.Client(service.grpc_address, timeout=60) as client,
-            wf.Client(service.grpc_address, timeout=60, direct=False) as relayed,
-        ):
+        async with wf.Client(service.grpc_address, timeout=60) as client:
+            scene = await client.scenes.example("corridor")
+            inside = await client.create_session(lease=600, scene=scene)
+            await inside.create_agents(wf.AgentSpec(seed=1))
             sessions = [await client.create_session(lease=600) for _ in range(2)]
-            homes = [worker_of(session.session_id, 2) for session in sessions]
-            assert sorted(homes) == [0, 1], "sessions are spread"
-            people = [
-                (await session.create_agents(wf.AgentSpec(seed=1)))[0] for session in sessions
-            ]
-            for session, person in zip(sessions, people, strict=True):
-                assert worker_of(person.agent_id, 2) == worker_of(session.session_id, 2)
+            for session in sessions:
+                (person,) = await session.create_agents(wf.AgentSpec(seed=1))
                 await session.set_goal(person, (0.0, 0.0, 40.0))
-                # straight to its worker, and through the front
-                assert session._connection is not client.connection
-                assert await watch(session, 2)
-            through = [await relayed.session(session.session_id) for session in sessions]
-            assert {session._connection for session in through} == {relayed.connection}
-            tokens = [(await watch(session, 4))[1] for session in through]
-            assert {s.session_id for s in await client.sessions()} == {
-                s.session_id for s in sessions
-            }
+            everybody = {one.session_id: one for one in (inside, *sessions)}
+            homes = {name: await home(service, one) for name, one in everybody.items()}
+            assert set(homes.values()) == {0, 1}, "sessions are spread"
+            assert {one.session_id for one in await client.sessions()} == set(everybody)
+            assert len(await client.scenes.all()) == 1
 
-            wrong = sessions[0]._connection.sessions.GetSession
-            other = wf.client.session_pb2.GetSessionRequest(session_id=sessions[1].session_id)
-            sent_on = await sessions[0]._connection.call(wrong, other)
-            assert sent_on.session.session_id == sessions[1].session_id, "the client follows"
-
-            before = [
-                await session.agent(person)
-                for session, person in zip(sessions, people, strict=True)
-            ]
-            os.kill(sorted(pids(service))[homes[0]], signal.SIGKILL)  # started in their order
-            # the other one walks on meanwhile, and nothing of it is lost
-            _, _, events = await watch(sessions[1], 5, tokens[1])
-            assert events == []
-            await ready(service)
-            after, _, events = await watch(sessions[0], 5, tokens[0])
-            assert [event.kind for event in events] == ["gap"], "it has a new epoch"
-            agent = await through[0].agent(people[0])
-            assert agent.goal_revision == before[0].goal_revision == 1
-            assert agent.position[2] >= before[0].position[2] - 1.0 and set(after) == {
-                agent.agent_id
-            }
-            page = httpx.get(f"{service.url}/metrics").text
-            restarts = f'wayfarer_worker_restarts_total{{worker="{homes[0]}"}} 1.0'
-            assert restarts in page
-            assert f'wayfarer_worker_restarts_total{{worker="{homes[1]}"}} 0.0' in page
-        workers = pids(service)
+            killed = homes[sessions[0].session_id]
+            there = [one for name, one in everybody.items() if homes[name] == killed]
+            here = [one for name, one in everybody.items() if homes[name] != killed]
+            watched = {one.session_id: Watch(one) for one in everybody.values()}
+            for one in watched.values():
+                await one.goes_on()
+            late = [(await one.create_agents(wf.AgentSpec()))[0] for one in there]
+            nodes(service)[killed].kill()
+            for one in there:  # what was answered is on disk, and waits for its node
+                assert late[there.index(one)].agent_id in await people(one)
+            for one in everybody.values():
+                await watched[one.session_id].goes_on()
+            assert all("gap" in watched[one.session_id].events for one in there)
+            for one in here:
+                assert watched[one.session_id].stream.reconnections == 0, "they do not notice"
+            assert {name: await home(service, one) for name, one in everybody.items()} == homes
+            for one in watched.values():
+                await one.close()
+        below = nodes(service)
         service.process.send_signal(signal.SIGTERM)
         assert service.process.wait(timeout=120) == 0
-        for pid in workers:
-            with pytest.raises(ProcessLookupError):
-                os.kill(pid, 0)
+        assert not psutil.wait_procs(below, timeout=20)[1]
+        service.stop()
+        assert "Traceback" not in "".join(service.said)
 
-
-async def test_an_admin_drains_them_all():
-    with Service(*TWO) as service:
-        async with wf.Client(service.grpc_address, timeout=30) as client:
+    with Service(*TWO, "--state-dir", str(tmp_path)) as service:
+        async with wf.Client(service.grpc_address, timeout=60) as client:
+            back = {one.session_id: one for one in await client.sessions()}
+            assert set(back) == set(everybody)
+            assert len(await client.scenes.all()) == 1
+            for name, one in back.items():
+                assert await home(service, one) == homes[name]
+                watch = Watch(one)
+                await watch.goes_on(1)
+                await watch.close()
             await client.admin.drain()
         assert service.process.wait(timeout=120) == 0
 
 
-async def test_workers_do_not_outlive_their_supervisor():
+def test_nodes_do_not_outlive_their_parent_and_neighbours_take_over():
     with Service(*TWO) as service:
-        workers = pids(service)
-        assert len(workers) == 2
+        asyncio.run(neighbours_take_over(service))
+        below = nodes(service)
+        assert len(below) == 2
         service.process.kill()
-        service.process.wait()
-        async with asyncio.timeout(120):
-            while any(alive(pid) for pid in workers):
+        assert not psutil.wait_procs(below, timeout=120)[1]
+
+
+async def neighbours_take_over(service: Service) -> None:
+    async with wf.Client(service.grpc_address, timeout=60) as client:
+        session = await client.create_session(lease=600)
+        (person,) = await session.create_agents(wf.AgentSpec(seed=1))
+        await session.set_goal(person, (0.0, 0.0, 40.0))
+        watch = Watch(session)
+        await watch.goes_on(10)
+        before = await home(service, session)
+        os.kill(nodes(service)[before].pid, signal.SIGKILL)
+        await watch.goes_on(10)
+        assert "gap" in watch.events
+        assert await home(service, session) != before
+        await watch.close()
+        async with asyncio.timeout(60):
+            while len(nodes(service)) < 2:  # it is started again
                 await asyncio.sleep(0.1)
 
 
-def alive(pid: int) -> bool:
-    """What has ended may stay a zombie where there is no init."""
-    try:
-        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
-    except psutil.NoSuchProcess:
-        return False
-
-
-def test_a_workers_port_in_use_is_told():
+def test_a_nodes_port_in_use_is_told():
     with closing(socket.create_server(("127.0.0.1", 0))) as taken:
         port = taken.getsockname()[1]
-        with pytest.raises(RuntimeError, match="cannot listen for gRPC on 127"):
+        with pytest.raises(RuntimeError, match="cannot listen for gRPC on 127") as refused:
             Service(*TWO, "--grpc-port", str(port - 2))
+        assert "node 1 ended while it was starting" in str(refused.value)

@@ -1,10 +1,9 @@
 """The asynchronous client."""
 
-import asyncio
 from collections.abc import AsyncGenerator, Callable, Iterable, Mapping, Sequence
 from contextlib import aclosing
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Self
 
 from wayfarer_client.admin import Admin
 from wayfarer_client.bases import BASES
@@ -33,9 +32,6 @@ from wayfarer_client.v1 import (
 )
 from wayfarer_client.wire import GENDERS, BatchReader
 
-REACH_S: Final = 1.0
-"""Seconds after which a worker's port that takes no connection counts as behind a firewall."""
-
 
 class Client:
     """A connection to a server. Use it as `async with`, or call `connect` and `close`."""
@@ -48,12 +44,8 @@ class Client:
         api_key: str = "",
         token: str | Callable[[], str] = "",
         tls: Tls | None = None,
-        direct: bool = True,
     ) -> None:
         """`timeout`: seconds for connecting and for each call.
-
-        `direct`: where the server has several workers, call a session's own on its own port, if it
-        can be reached; the server's port, which relays all, will do in any case.
 
         `token` is a JWT, or a function that gives a fresh one: it is asked at every call. Keys and
         tokens can be read on the way unless `tls` is given.
@@ -61,9 +53,6 @@ class Client:
         self.connection = Connection(address, timeout, Access(api_key, token), tls)
         self.admin = Admin(self.connection)
         self.scenes = Scenes(self.connection)
-        self._direct = direct
-        self._workers: dict[int, Connection] = {}  # by port, as far as they have been called
-        self._reaching = asyncio.Lock()
         self._skeleton: catalog_pb2.Skeleton | None = None
 
     @property
@@ -78,26 +67,7 @@ class Client:
 
     async def close(self) -> None:
         """Close the connection. Sessions live on until they are deleted or their lease ends."""
-        for connection in {self.connection, *self._workers.values()}:
-            await connection.close()
-
-    async def connection_of(self, session: session_pb2.Session) -> Connection:
-        """Over which to call a session: to its worker, if that can be, else to the server."""
-        if not session.HasField("endpoint"):
-            return self.connection
-        if session.endpoint.host:  # a node of a cluster: it may move, and nothing relays
-            where = session.endpoint
-            self.connection.learn(session.session_id, where.host, where.grpc_port)
-            return self.connection
-        if not self._direct:
-            return self.connection
-        port = session.endpoint.grpc_port
-        async with self._reaching:
-            if port not in self._workers:
-                worker = self.connection.beside(port)
-                reached = worker is not None and await worker.reached(REACH_S)
-                self._workers[port] = worker if worker and reached else self.connection
-        return self._workers[port]
+        await self.connection.close()
 
     async def __aenter__(self) -> Self:
         return await self.connect()
@@ -140,28 +110,31 @@ class Client:
             record=record,
         )
         reply = await self.connection.create(self.connection.sessions.CreateSession, request)
-        return await self._session(reply.session, owned=True)
+        return self._session(reply.session, owned=True)
 
     async def session(self, session_id: str) -> Session:
         """Take part in a session that exists; it is not deleted at the end. Raises NotFound."""
         request = session_pb2.GetSessionRequest(session_id=session_id)
         reply = await self.connection.call(self.connection.sessions.GetSession, request)
-        return await self._session(reply.session, owned=False)
+        return self._session(reply.session, owned=False)
 
     async def sessions(self) -> list[Session]:
         """Those of this caller, oldest first."""
         request = session_pb2.ListSessionsRequest()
         reply = await self.connection.call(self.connection.sessions.ListSessions, request)
-        return [await self._session(message, owned=False) for message in reply.sessions]
+        return [self._session(message, owned=False) for message in reply.sessions]
 
     async def import_session(self, snapshot: bytes) -> Session:
         """Go on with a session that `Session.export` has exported, here or on another server."""
         request = snapshot_pb2.ImportSessionRequest(snapshot=snapshot)
         reply = await self.connection.call(self.connection.snapshots.ImportSession, request)
-        return await self._session(reply.session, owned=True)
+        return self._session(reply.session, owned=True)
 
-    async def _session(self, message: session_pb2.Session, owned: bool) -> Session:
-        return Session(self, await self.connection_of(message), message, owned)
+    def _session(self, message: session_pb2.Session, owned: bool) -> Session:
+        if message.HasField("endpoint"):  # one node of several has it
+            where = message.endpoint
+            self.connection.learn(message.session_id, where.host, where.grpc_port)
+        return Session(self, self.connection, message, owned)
 
     # clips and replays
 

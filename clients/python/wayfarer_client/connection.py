@@ -36,8 +36,6 @@ from wayfarer_client.v1 import (
 BACKOFF_S: Final = (0.1, 2.0)
 """First and longest pause between attempts; doubled in between."""
 
-READY: Final = grpc.ChannelConnectivity.READY
-
 OPTIONS: Final = [
     ("grpc.keepalive_time_ms", 20_000),
     ("grpc.keepalive_timeout_ms", 10_000),
@@ -126,27 +124,6 @@ class Connection:
         except TimeoutError:
             await self.close()
             raise Unavailable(f"no server at {self.address} within {self.timeout:g} s") from None
-
-    async def reached(self, seconds: float) -> bool:
-        """Whether the server can be reached within `seconds`; closes the channel if not."""
-        state = self._channel.get_state(try_to_connect=True)
-        try:
-            async with asyncio.timeout(seconds):
-                while state not in (READY, grpc.ChannelConnectivity.TRANSIENT_FAILURE):
-                    await self._channel.wait_for_state_change(state)
-                    state = self._channel.get_state()
-        except TimeoutError:
-            pass
-        if state is not READY:
-            await self.close()
-        return state is READY
-
-    def beside(self, port: int) -> "Connection | None":
-        """Another connection to the same host; None where the address names no port."""
-        host, _, own = self.address.rpartition(":")
-        if not host or not own.isdigit():
-            return None
-        return Connection(f"{host}:{port}", self.timeout, self._access, self._tls)
 
     async def close(self) -> None:
         """Close the channels."""

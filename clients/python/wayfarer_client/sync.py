@@ -161,7 +161,6 @@ class SyncClient:
         api_key: str = "",
         token: str | Callable[[], str] = "",
         tls: Tls | None = None,
-        direct: bool = True,
     ) -> None:
         """As `Client`. Raises Unavailable when no server answers within `timeout` seconds."""
         self._loop = asyncio.new_event_loop()
@@ -172,7 +171,7 @@ class SyncClient:
 
         async def connected() -> Client:
             # grpc.aio binds a channel to the event loop that it is made in
-            client = Client(address, timeout, api_key=api_key, token=token, tls=tls, direct=direct)
+            client = Client(address, timeout, api_key=api_key, token=token, tls=tls)
             return await client.connect()
 
         try:

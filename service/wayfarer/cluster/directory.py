@@ -61,6 +61,11 @@ class LeaseRules:
     go_on: bool = False
     """Nodes that cannot renew go on stepping; then their slots move only once their end is known
     (`ended`), never because they are silent."""
+    nodes: int = 0
+    """How many there will be, if that is known, and if no directory was before this one: it gives
+    nothing away until all have told what they have kept."""
+    keep: bool = False
+    """Nodes keep on disk what they own. Nobody adopts it: it waits for its node's next life."""
 
 
 @dataclass(slots=True)
@@ -103,6 +108,8 @@ class Directory:
         self._nodes_version = 0
         self._log: deque[tuple[int, int]] = deque(maxlen=LOGGED)  # version, slot
         self._placed: OrderedDict[str, str] = OrderedDict()  # request → node
+        self._came: set[int] = set()  # numbers of the nodes that have ever registered
+        self._waiting: dict[int, set[int]] = {}  # slots by the number of the node that keeps them
         self._random = random.Random(seed)
 
     # ---- nodes
@@ -111,12 +118,16 @@ class Directory:
         """Enter a node and what it holds. It may come again at any time."""
         self.expire(now)
         name = told.node.name
-        if not self._settled(now) and not told.leased and told.held:
+        if not (self._settled(now) or told.leased or self.rules.nodes) and told.held:
             return Answer()  # who of two claimants is right is known once all have come
         node = self._nodes.get(name)
         if node is None:
             node = self._nodes[name] = _Node(told.node, told.load, now)
             self._nodes_changed()
+            self._came.add(told.node.number)
+            for slot in self._waiting.pop(told.node.number, ()):
+                self._own(slot, name, self._next_epoch())
+                node.used.add(slot)
         if told.count <= node.count:
             return Answer()
         node.count = told.count
@@ -180,7 +191,9 @@ class Directory:
         return self._answer(node, now, told.seen, tuple(lost), epochs)
 
     def ended(self, name: str) -> None:
-        """A node's process is known to have ended: the keepers of its replicas adopt its slots."""
+        """A node's process is known to have ended: the keepers of its replicas adopt its slots, or
+        they wait for its next life (`LeaseRules.keep`).
+        """
         node = self._nodes.pop(name, None)
         if node is None:
             return
@@ -188,6 +201,9 @@ class Directory:
         for other in self._nodes.values():
             if name in other.keepers:
                 other.keepers = tuple(one for one in other.keepers if one != name)
+        if self.rules.keep:  # a slot of its pool may hold what it had no time to tell of
+            self._waiting.setdefault(node.info.number, set()).update(node.used | node.pool)
+            return
         for slot in node.pool:
             self._disown(slot)
         for slot in sorted(node.used):
@@ -393,6 +409,8 @@ class Directory:
     # ---- slots
 
     def _settled(self, now: float) -> bool:
+        if self.rules.nodes:
+            return len(self._came) >= self.rules.nodes
         return now >= self._settled_at
 
     def _fill(self, node: _Node) -> None:
@@ -452,6 +470,8 @@ class Directory:
 
     def _choose_keeper(self, node: _Node) -> None:
         """Keep the neighbour while it is good; the one before still has older replicas."""
+        if self.rules.keep:
+            return
         name = node.info.name
         able = {
             other.info.name

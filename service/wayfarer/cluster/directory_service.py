@@ -3,14 +3,12 @@
 Whatever carries the calls (Ray, or one process) carries two texts, and knows nothing of them.
 """
 
-import json
 import time
 from collections.abc import Callable
 from typing import Any, Final, Protocol
 
 from pydantic import TypeAdapter, ValidationError
 
-from wayfarer import errors
 from wayfarer.cluster.directory import Directory, LeaseRules
 from wayfarer.cluster.messages import (
     Answer,
@@ -20,8 +18,11 @@ from wayfarer.cluster.messages import (
     Registration,
     Status,
     Transfer,
+    heard,
+    problem,
+    value,
 )
-from wayfarer.errors import InvalidArgument, Unavailable, WayfarerError
+from wayfarer.errors import InvalidArgument, WayfarerError
 
 
 class DirectoryLink(Protocol):
@@ -39,17 +40,27 @@ class DirectoryService:
         self._directory = Directory(rules, time.monotonic(), time.time_ns() // 1000)
 
     def answer(self, method: str, body: str) -> str:
-        """JSON: `value`, or `error` with its class and text."""
+        """See messages.py."""
         try:
             if method not in METHODS:
                 raise InvalidArgument(f"the directory has no method {method!r}")
             call, takes, _ = METHODS[method]
-            value = call(self._directory, takes.validate_json(body), time.monotonic())
-            return json.dumps({"value": _plain(value)})
+            return value(call(self._directory, takes.validate_json(body), time.monotonic()))
         except ValidationError as error:
-            return _problem(InvalidArgument(f"{method}: {error.error_count()} fields are wrong"))
+            return problem(InvalidArgument(f"{method}: {error.error_count()} fields are wrong"))
         except WayfarerError as error:
-            return _problem(error)
+            return problem(error)
+
+
+class LocalLink:
+    """To a directory in this process."""
+
+    def __init__(self, rules: LeaseRules) -> None:
+        self.service = DirectoryService(rules)
+
+    async def call(self, method: str, body: str) -> str:
+        """See `DirectoryLink`."""
+        return self.service.answer(method, body)
 
 
 class DirectoryClient:
@@ -97,11 +108,8 @@ class DirectoryClient:
 
     async def _call(self, method: str, told: Any) -> Any:
         _, takes, gives = METHODS[method]
-        found = json.loads(await self._link.call(method, takes.dump_json(told).decode()))
-        if "error" in found:
-            kind = getattr(errors, found["error"], Unavailable)
-            raise kind(found["text"])
-        return gives.validate_python(found["value"], strict=False)
+        found = heard(await self._link.call(method, takes.dump_json(told).decode()))
+        return gives.validate_python(found, strict=False)
 
 
 Call = Callable[[Directory, Any, float], Any]
@@ -148,11 +156,3 @@ METHODS: Final[dict[str, tuple[Call, TypeAdapter[Any], TypeAdapter[Any]]]] = {
     ),
 }
 """By name: what it does, what it takes, what it gives."""
-
-
-def _plain(value: Any) -> Any:
-    return value.model_dump(mode="json") if hasattr(value, "model_dump") else value
-
-
-def _problem(error: WayfarerError) -> str:
-    return json.dumps({"error": type(error).__name__, "text": str(error)})

@@ -1,8 +1,9 @@
 """The service that clients of a cluster meet first: it says which node to call.
 
-It relays nothing. Every call ends with Misdirected and the node's endpoint: the one that has the
-session, or the one with the most room for what is made new. Any number of copies may run: what they
-know comes from the directory, and what they knew last is right in most things while it is away.
+It relays nothing. A call ends with Misdirected and the node's endpoint: the one that has the
+session, or the one with the most room for what is made new. Only what concerns all nodes, the entry
+answers itself (every_node.py). Any number of copies may run: what they know comes from the
+directory, and what they knew last is right in most things while it is away.
 """
 
 import asyncio
@@ -10,7 +11,7 @@ import contextlib
 import hashlib
 import random
 import time
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from typing import Any, Final
 
 import grpc
@@ -25,7 +26,18 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from wayfarer.cluster.directory_service import DirectoryClient
+from wayfarer.cluster.every_node import Calls, EveryNode
 from wayfarer.cluster.messages import NodeInfo, Status
+from wayfarer.cluster.peer import Peers
+from wayfarer.cluster.routes import (
+    METHODS,
+    RoutedMethod,
+    RouteKind,
+    Subject,
+    http_kind,
+    http_subject,
+    session_of,
+)
 from wayfarer.cluster.slot_map import SlotMap, endpoint
 from wayfarer.config import Settings
 from wayfarer.errors import (
@@ -48,15 +60,8 @@ from wayfarer.transport.request_limits import MESHES, RequestLimits, add_problem
 from wayfarer.transport.residence import misdirected
 from wayfarer.transport.server import HttpServer
 from wayfarer.transport.server_options import ServerOptions
+from wayfarer.transport.wire import answer
 from wayfarer.v1 import control_pb2
-from wayfarer.workers.routes import (
-    METHODS,
-    RelayedMethod,
-    RouteKind,
-    http_kind,
-    http_worker,
-    session_of,
-)
 
 log = structlog.get_logger(__name__)
 
@@ -71,25 +76,6 @@ FIRST_S: Final = 10.0
 
 VERBS: Final = ["GET", "HEAD", "OPTIONS", "POST", "PUT", "PATCH", "DELETE"]
 
-Wanted = tuple[str, str]
-"""What a call is about: ("new", its request id), ("named", an id), ("any", "")."""
-
-
-class _Wanted:
-    """Notes what a call is about; a `Placer`."""
-
-    def choose(self, request_id: str = "") -> Wanted:
-        return "new", request_id
-
-    def any(self) -> Wanted:
-        return "any", ""
-
-    def find(self, name: str) -> Wanted:
-        return "named", name
-
-
-WANTED: Final = _Wanted()
-
 
 class NodeFinder:
     """Which node takes a call, as far as is known here."""
@@ -97,6 +83,7 @@ class NodeFinder:
     def __init__(self, directory: DirectoryClient) -> None:
         self._directory = directory
         self._view = SlotMap()
+        self.closing = False
         self._heard_at = float("-inf")
         self.status: Status | None = None
 
@@ -120,20 +107,29 @@ class NodeFinder:
     @property
     def ready(self) -> bool:
         """New sessions are welcome."""
-        return not self.away and self.status is not None and self.status.capacity > 0
+        status = self.status
+        if self.closing or self.away or status is None:
+            return False
+        return status.settled and status.capacity > 0
 
-    async def node(self, wanted: Wanted, caller: str) -> NodeInfo:
+    @property
+    def nodes(self) -> list[NodeInfo]:
+        """Those that run."""
+        return list(self._view.nodes.values())
+
+    async def node(self, subject: Subject, caller: str) -> NodeInfo:
         """Raises Unavailable."""
-        kind, text = wanted
+        kind, text = subject
         if kind == "new":
+            if self.closing:
+                raise Unavailable("the server is shutting down")
             if self.away:
                 raise Unavailable("the cluster's directory is away: nothing new is made until then")
             digest = hashlib.sha256(f"{caller}\n{text}".encode()).hexdigest() if text else ""
             return await self._directory.place(digest)
-        nodes = list(self._view.nodes.values())
-        if not nodes:
+        if not self.nodes:
             raise Unavailable("no node of the cluster runs; they are starting or stopping")
-        found = self._view.node_for(text) if kind == "named" else random.choice(nodes)
+        found = self._view.node_for(text) if kind == "named" else random.choice(self.nodes)
         assert found is not None
         return found
 
@@ -145,18 +141,29 @@ class NodeFinder:
 class Entry:
     """gRPC and HTTP. Binds when created, so a port in use is known at once."""
 
-    def __init__(self, settings: Settings, directory: DirectoryClient) -> None:
-        """Create it inside a running event loop. Raises Unavailable when a port is taken."""
+    def __init__(
+        self,
+        settings: Settings,
+        directory: DirectoryClient,
+        secret: str,
+        stop: Callable[[], None],
+    ) -> None:
+        """`secret`: of the nodes. `stop` is what AdminService.Drain does.
+
+        Create it inside a running event loop. Raises Unavailable when a port is taken.
+        """
         operation = ServerOptions.from_settings(settings)
         host, tls, limits = settings.host, operation.tls, settings.limits
-        self._secure = tls is not None
         self.finder = NodeFinder(directory)
+        self._peers = Peers(secret)
+        every = EveryNode(self._peers, lambda: self.finder.nodes, stop)
         self._socket = bind(host, settings.http_port, settings.grpc_port)
         guard = GuardInterceptor(
             operation.guard, operation.metrics, operation.tracing, operation.access_log
         )
+        redirecting = _Redirecting(self.finder, every.calls)
         self._grpc = GrpcServer(
-            lambda server: server.add_generic_rpc_handlers((_Redirecting(self.finder),)),
+            lambda server: server.add_generic_rpc_handlers((redirecting,)),
             limits,
             host,
             settings.grpc_port,
@@ -170,6 +177,7 @@ class Entry:
         app.add_middleware(
             RequestLimits, body_bytes=limits.message_bytes, mesh_bytes=limits.mesh_bytes
         )
+        every.add_routes(app)
         app.router.routes += [
             WebSocketRoute("/v1/stream", self._socket_redirect),
             WebSocketRoute("/v1/control", self._socket_redirect),
@@ -180,7 +188,8 @@ class Entry:
         ]
         self._http = HttpServer(front(app, operation, _no_loop), limits, operation)
         self._drain_s = operation.drain_s
-        self.http_url = http_url(host, self._socket, self._secure)
+        self._guard = operation.guard
+        self.http_url = http_url(host, self._socket, tls is not None)
         self.grpc_address = f"{bracketed(host)}:{self._grpc.port}"
         self._tasks: list[asyncio.Task[None]] = []
 
@@ -193,6 +202,14 @@ class Entry:
             asyncio.create_task(self._tell_health(), name="health"),
         ]
 
+    def reload(self) -> None:
+        """Read the keys again."""
+        self._guard.authenticator.reload()
+
+    def drain(self) -> None:
+        """Say that new work is not welcome."""
+        self.finder.closing = True
+
     async def stop(self) -> None:
         """Streams do not notice: they go to the nodes."""
         http, *others = self._tasks
@@ -200,6 +217,7 @@ class Entry:
             task.cancel()
         self._http.should_exit = True
         await asyncio.gather(self._grpc.stop(self._drain_s), http)
+        await self._peers.forget_others(set())
 
     async def _tell_health(self) -> None:
         while True:
@@ -214,21 +232,21 @@ class Entry:
             raise _for_each(f"{verb} {path}")
         key = request.headers.get("idempotency-key", "")
         body = b"" if path == MESHES else await request.body()
-        wanted = http_worker(verb, path, request.url.query, key, body, WANTED)
+        subject = http_subject(verb, path, request.url.query, key, body)
         is_page = not path.startswith(("/v1/", "/mmcp"))
-        node = await self.finder.node(wanted, "" if is_page else current_caller().name)
+        node = await self.finder.node(subject, "" if is_page else current_caller().name)
         if is_page:
-            scheme = "https" if self._secure else "http"
-            where = f"{scheme}://{bracketed(node.host)}:{node.http_port}{path}"
-            return RedirectResponse(where, 307)
-        raise _elsewhere(wanted, f"{verb} {path}", node)
+            host = bracketed(node.host or request.url.hostname or "localhost")
+            where = request.url.replace(netloc=f"{host}:{node.http_port}")
+            return RedirectResponse(str(where), 307)
+        raise _elsewhere(subject, f"{verb} {path}", node)
 
     async def _socket_redirect(self, socket: WebSocket) -> None:
         """The endpoint is in the reason."""
         await socket.accept(SUBPROTOCOL if SUBPROTOCOL in socket.scope["subprotocols"] else None)
         try:
             name = session_of(socket.url.query) or await _opened(socket)
-            node = await self.finder.node(WANTED.find(name), current_caller().name)
+            node = await self.finder.node(("named", name), current_caller().name)
             error: WayfarerError = misdirected(name, endpoint(node))
         except WayfarerError as found:
             error = found
@@ -257,10 +275,11 @@ class Entry:
 
 
 class _Redirecting(grpc.GenericRpcHandler):
-    """Ends every call of ours with the node that takes it."""
+    """Ends every call of ours with the node that takes it, but for those on all nodes."""
 
-    def __init__(self, finder: NodeFinder) -> None:
+    def __init__(self, finder: NodeFinder, calls: Calls) -> None:
         self._finder = finder
+        self._calls = calls
 
     def service(self, handler_call_details: grpc.HandlerCallDetails) -> Any:
         """The handler of a call; None where the method is not ours."""
@@ -269,22 +288,30 @@ class _Redirecting(grpc.GenericRpcHandler):
             return None
 
         async def handle(requests: AsyncIterator[bytes], context: Any) -> AsyncIterator[bytes]:
-            raise await self._answer(method, requests)
-            yield b""
+            try:
+                async with asyncio.timeout(FIRST_S):
+                    first = await anext(requests, b"")
+            except TimeoutError:
+                raise InvalidArgument(f"no request has come within {FIRST_S:g} s") from None
+            if method.kind is RouteKind.ALL:
+                yield await self._on_all(method, first)
+            else:
+                raise await self._elsewhere(method, first)
 
         return grpc.stream_stream_rpc_method_handler(handle)
 
-    async def _answer(self, method: RelayedMethod, requests: AsyncIterator[bytes]) -> WayfarerError:
-        if method.kind is RouteKind.ALL:
-            return _for_each(method.path)
+    async def _on_all(self, method: RoutedMethod, first: bytes) -> bytes:
+        call = self._calls[method.path.rpartition("/")[2]]
         try:
-            async with asyncio.timeout(FIRST_S):
-                first = await anext(requests, b"")
-        except TimeoutError:
-            return InvalidArgument(f"no request has come within {FIRST_S:g} s")
-        wanted = method.worker(first, WANTED)
-        node = await self._finder.node(wanted, current_caller().name)
-        return _elsewhere(wanted, method.path, node)
+            asked = method.request.FromString(first)
+        except DecodeError:
+            raise InvalidArgument("not a protobuf message of this call; see proto/") from None
+        return answer(method.reply, await call(asked)).SerializeToString()
+
+    async def _elsewhere(self, method: RoutedMethod, first: bytes) -> WayfarerError:
+        subject = method.subject(first)
+        node = await self._finder.node(subject, current_caller().name)
+        return _elsewhere(subject, method.path, node)
 
 
 class _ClusterFigures(Collector):
@@ -331,8 +358,8 @@ async def _opened(socket: WebSocket) -> str:
         raise InvalidArgument("nothing was opened") from None
 
 
-def _elsewhere(wanted: Wanted, call: str, node: NodeInfo) -> Misdirected:
-    kind, name = wanted
+def _elsewhere(subject: Subject, call: str, node: NodeInfo) -> Misdirected:
+    kind, name = subject
     if kind == "named":
         return misdirected(name, endpoint(node))
     return Misdirected(f"{call} is for node {node.number}; call {endpoint(node)}", endpoint(node))

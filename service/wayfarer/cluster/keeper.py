@@ -52,8 +52,9 @@ class NodeKeeper:
         self._directory = DirectoryClient(link)
         self._command = command
         self._process: Process | None = None
+        self._spoke = False  # the process has
         self._stopping = asyncio.Event()
-        self.name = ""
+        self.name = plan.name
         self.restarts = 0
 
     @property
@@ -80,9 +81,17 @@ class NodeKeeper:
     def stop(self) -> None:
         """Let the node end, and start none again."""
         self._stopping.set()
+        self._signal(signal.SIGTERM)
+
+    def reload(self) -> None:
+        """Let the node read its keys again."""
+        if self._spoke:  # before, it would end by it
+            self._signal(signal.SIGHUP)
+
+    def _signal(self, number: signal.Signals) -> None:
         if self._process is not None:
             with contextlib.suppress(ProcessLookupError):
-                self._process.send_signal(signal.SIGTERM)
+                self._process.send_signal(number)
 
     async def _once(self) -> int:
         """One life; its exit code."""
@@ -95,16 +104,20 @@ class NodeKeeper:
         try:
             with contextlib.suppress(ConnectionError):
                 await _write(process, plan.model_dump_json())
+                if self._stopping.is_set():  # before there was a process to tell
+                    self._signal(signal.SIGTERM)
                 await self._relay(process)
             return await process.wait()
         finally:
-            self._process = None
+            self._process, self._spoke = None, False
             if process.returncode is None:
                 with contextlib.suppress(ProcessLookupError):
                     process.kill()
                 await process.wait()
-            with contextlib.suppress(WayfarerError):  # else its lease tells
-                await self._directory.ended(self.name)
+            # while all end, nobody shall adopt anything
+            if not self._stopping.is_set():
+                with contextlib.suppress(WayfarerError):  # else its lease tells
+                    await self._directory.ended(self.name)
 
     async def _relay(self, process: Process) -> None:
         """Carry calls and answers until the node ends, or is silent for too long."""
@@ -120,7 +133,7 @@ class NodeKeeper:
                 return
             if not line:
                 return
-            patience = SILENCE_S
+            patience, self._spoke = SILENCE_S, True
             try:
                 call = NodeCall.model_validate_json(line)
             except ValidationError:

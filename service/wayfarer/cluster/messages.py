@@ -1,14 +1,39 @@
 """What nodes, entries and the directory tell each other: small JSON documents, and never a pose.
 
+An answer is `{"value": …}`, or `{"error": class, "text": …}` of a WayfarerError.
+
 A *node* is a server process with its own ports, under a name that no other process ever gets again.
 A *slot* is the first four hexadecimal digits of an id (ids.py), 0 to 65,535.
 """
 
-from typing import Literal
+import json
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from wayfarer import errors
 from wayfarer.config import Settings
+from wayfarer.errors import Unavailable, WayfarerError
+
+
+def value(found: Any) -> str:
+    """The answer that holds a message, or what is JSON already."""
+    plain = found.model_dump(mode="json") if isinstance(found, BaseModel) else found
+    return json.dumps({"value": plain})
+
+
+def problem(error: WayfarerError) -> str:
+    """The answer that holds an error."""
+    return json.dumps({"error": type(error).__name__, "text": str(error)})
+
+
+def heard(answer: str | bytes) -> Any:
+    """The value of an answer. Raises the error that it holds."""
+    found = json.loads(answer)
+    if "error" in found:
+        kind = getattr(errors, found["error"], Unavailable)
+        raise kind(found["text"])
+    return found["value"]
 
 
 class ClusterMessage(BaseModel):
@@ -17,14 +42,24 @@ class ClusterMessage(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
+class NodeQuestion(ClusterMessage):
+    """What an entry asks every node on behalf of a caller (every_node.py)."""
+
+    method: str
+    caller: str
+    scopes: tuple[str, ...]
+    told: dict[str, Any] = {}
+
+
 class NodePlan(ClusterMessage):
     """What a node process is to be: its keeper writes it to its stdin, as one line."""
 
     name: str
     number: int
-    host: str  # at which others reach it
+    host: str  # at which others reach it; empty: all nodes are on one machine (LOOPBACK)
     secret: str  # that nodes show each other
     go_on: bool = False  # as `LeaseRules`
+    cores: tuple[int, ...] = ()  # those it may run on; none: all
     settings: Settings
 
 
@@ -58,7 +93,7 @@ class NodeInfo(ClusterMessage):
 
     name: str
     number: int  # of its keeper, from 0
-    host: str
+    host: str  # empty: clients call it at the host at which they called the entry
     grpc_port: int
     http_port: int
     peer_port: int  # of the service between nodes; 0: none

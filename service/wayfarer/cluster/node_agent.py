@@ -13,6 +13,7 @@ from typing import Final
 import structlog
 
 from wayfarer.cluster.directory_service import DirectoryClient
+from wayfarer.cluster.every_node import answer
 from wayfarer.cluster.messages import (
     Answer,
     NodeCall,
@@ -23,7 +24,7 @@ from wayfarer.cluster.messages import (
     NodeReply,
     Transfer,
 )
-from wayfarer.cluster.peer import Peers, PeerServer, Replicas
+from wayfarer.cluster.peer import LOOPBACK, Peers, PeerServer, Replicas
 from wayfarer.cluster.slot_map import endpoint
 from wayfarer.cluster.tenancy import Tenancy, boot_clock
 from wayfarer.errors import InvalidArgument, Unavailable, WayfarerError
@@ -72,8 +73,11 @@ class KeeperLink:
                     self._writer.write(line.encode() + b"\n")
                     await self._writer.drain()
                     reply = await self._reply()
-            except (TimeoutError, ConnectionError):
+            except TimeoutError:
                 raise Unavailable("the directory does not answer") from None
+            except (ConnectionError, RuntimeError):  # uvloop's, for a pipe that is closed
+                self.lost.set()
+                raise Unavailable("the keeper of this node has ended") from None
         if reply.problem:
             raise Unavailable(reply.problem)
         return reply.body
@@ -83,7 +87,6 @@ class KeeperLink:
         while True:
             line = await self._reader.readline()
             if not line:
-                self.lost.set()
                 raise ConnectionError
             reply = NodeReply.model_validate_json(line)
             if reply.number == self._number:
@@ -161,7 +164,10 @@ class NodeAgent:
         tenancy, load = self._tenancy, await self._load()
         sent_at = boot_clock()
         if not tenancy.registered:
-            registration = tenancy.registration(load)
+            if not self._gateway.started:  # what it has kept is not there yet
+                await self._directory.status()  # its keeper hears that it lives
+                return
+            registration = tenancy.registration(load, self._moves.slots)
             answer = await self._directory.register(registration)
             heard = tenancy.take_registered(answer, registration, sent_at)
         else:
@@ -208,7 +214,9 @@ class NodeAgent:
     async def _give_up(self, slot: int) -> None:
         """What was here has another owner: end it, before anything steps again."""
         for name in self._moves.of(slot):
-            owner = self._tenancy.view.owner(name)
+            owner = None
+            with contextlib.suppress(Unavailable):
+                owner = self._tenancy.view.owner(name)
             await self._moves.release(name, endpoint(owner) if owner else None)
             log.warning("session lost to another node", session_id=name, at=boot_clock())
         self._tenancy.released(slot)
@@ -293,7 +301,11 @@ async def joined(
     async def take(slot: int, epoch: int, sessions: list[bytes]) -> None:
         await agent.take(slot, epoch, sessions)
 
-    server = PeerServer(plan.settings.host, plan.secret, replicas, take)
+    async def ask(question: bytes) -> bytes:
+        return await answer(gateway, question)
+
+    host = plan.settings.host if plan.host else LOOPBACK
+    server = PeerServer(host, plan.secret, replicas, take, ask)
     tenancy.node = tenancy.node.model_copy(
         update={"grpc_port": ports[0], "http_port": ports[1], "peer_port": server.port}
     )
@@ -330,7 +342,9 @@ def read_plan() -> NodePlan:
     try:
         return NodePlan.model_validate_json(bytes(line))
     except ValueError:
-        raise InvalidArgument("a node is started by `wayfarer cluster`, not by hand") from None
+        raise InvalidArgument(
+            "a node is started by `wayfarer serve` or `wayfarer cluster`, not by hand"
+        ) from None
 
 
 def tenancy_of(plan: NodePlan, fingerprint: str) -> Tenancy:

@@ -1,4 +1,5 @@
-"""What nodes send each other: replicas and live sessions, as bytes over gRPC on a port of its own.
+"""What nodes send each other: replicas and live sessions, as bytes over gRPC on a port of its own;
+and what an entry asks each of them.
 
 Both ends are of one cluster and one version, so the messages are the service's own containers
 (persistence/container.py), which check themselves; a header of JSON says what they are. Who calls
@@ -35,7 +36,11 @@ REPLICA_BYTES: Final = 512 * 1024 * 1024
 KEPT_S: Final = 60.0
 """A replica that nobody has renewed for so long is dropped."""
 
+LOOPBACK: Final = "127.0.0.1"
+"""Where nodes reach each other that are all on one machine."""
+
 CALL_S: Final = 10.0
+STOP_S: Final = 1.0
 CALLS: Final = 32
 
 
@@ -88,14 +93,19 @@ Take = Callable[[int, int, list[bytes]], Awaitable[None]]
 """Let the live sessions of this slot, with this epoch, go on here."""
 
 
-class PeerServer:
-    """Answers other nodes. Create it inside a running event loop."""
+Ask = Callable[[bytes], Awaitable[bytes]]
+"""Answer a NodeQuestion."""
 
-    def __init__(self, host: str, secret: str, replicas: Replicas, take: Take) -> None:
+
+class PeerServer:
+    """Answers other nodes and entries. Create it inside a running event loop."""
+
+    def __init__(self, host: str, secret: str, replicas: Replicas, take: Take, ask: Ask) -> None:
         """Raises Unavailable when no port can be had."""
         self._secret = secret.encode()
         self._replicas = replicas
         self._take = take
+        self._ask = ask
         self._server = grpc.aio.server(
             maximum_concurrent_rpcs=CALLS,
             options=[
@@ -114,16 +124,18 @@ class PeerServer:
         await self._server.start()
 
     async def stop(self) -> None:
-        """At once."""
-        await self._server.stop(0)
+        """Let calls end."""
+        await self._server.stop(STOP_S)
 
-    async def handle(self, name: str, data: bytes, metadata: dict[str, Any]) -> None:
-        """One call. Raises PermissionDenied, InvalidArgument, ResourceExhausted, …"""
+    async def handle(self, name: str, data: bytes, metadata: dict[str, Any]) -> bytes:
+        """The answer to one call. Raises PermissionDenied, InvalidArgument, ResourceExhausted, …"""
         shown = str(metadata.get("authorization", "")).encode()
         if not secrets.compare_digest(shown, b"Bearer " + self._secret):
             raise PermissionDenied("not a node of this cluster")
         try:
             header = json.loads(metadata["wayfarer-header"])
+            if name == "Ask":
+                return await self._ask(data)
             if name == "Keep":
                 self._replicas.keep(header["owner"], header["session_id"], data)
             elif name == "Present":
@@ -134,6 +146,7 @@ class PeerServer:
                 )
         except (KeyError, ValueError, TypeError) as error:
             raise InvalidArgument(f"not a call of a node: {error!r}") from None
+        return b""
 
 
 class _Methods(grpc.GenericRpcHandler):
@@ -142,15 +155,16 @@ class _Methods(grpc.GenericRpcHandler):
 
     def service(self, handler_call_details: grpc.HandlerCallDetails) -> Any:
         name = handler_call_details.method.removeprefix(SERVICE)
-        if name not in ("Keep", "Present", "Take"):
+        if name not in ("Keep", "Present", "Take", "Ask"):
             return None
 
         async def handle(data: bytes, context: Any) -> bytes:
             try:
-                await self._server.handle(name, data, dict(context.invocation_metadata() or ()))
+                metadata = dict(context.invocation_metadata() or ())
+                return await self._server.handle(name, data, metadata)
             except WayfarerError as error:
                 await context.abort_with_status(errors.to_grpc(error))
-            return b""
+                raise
 
         return grpc.unary_unary_rpc_method_handler(handle)
 
@@ -182,16 +196,27 @@ class Peers:
         header = {"slot": slot, "epoch": epoch, "sizes": [len(one) for one in sessions]}
         await self._call(node, "Take", header, b"".join(sessions))
 
+    async def ask(self, node: NodeInfo, question: bytes, seconds: float = CALL_S) -> bytes:
+        """Its answer. Raises Unavailable."""
+        return await self._call(node, "Ask", {}, question, seconds)
+
     async def forget_others(self, nodes: set[str]) -> None:
         """Close the channels to all but these."""
         for name in self._channels.keys() - nodes:
             await self._channels.pop(name).close(None)
 
-    async def _call(self, node: NodeInfo, name: str, header: dict[str, Any], data: bytes) -> None:
+    async def _call(
+        self,
+        node: NodeInfo,
+        name: str,
+        header: dict[str, Any],
+        data: bytes,
+        seconds: float = CALL_S,
+    ) -> bytes:
         channel = self._channels.get(node.name)
         if channel is None:
             options = [("grpc.max_send_message_length", MESSAGE_BYTES)]
-            where = f"{bracketed(node.host)}:{node.peer_port}"
+            where = f"{bracketed(node.host or LOOPBACK)}:{node.peer_port}"
             channel = self._channels[node.name] = grpc.aio.insecure_channel(where, options=options)
         metadata = (
             ("authorization", f"Bearer {self._secret}"),
@@ -199,6 +224,6 @@ class Peers:
         )
         call: Any = channel.unary_unary(SERVICE + name, None, None)  # bytes both ways
         try:
-            await call(data, timeout=CALL_S, metadata=metadata)
+            return bytes(await call(data, timeout=seconds, metadata=metadata))
         except grpc.aio.AioRpcError as error:
             raise Unavailable(f"node {node.name}: {error.details()}") from None

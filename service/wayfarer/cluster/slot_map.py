@@ -3,6 +3,7 @@
 from wayfarer.cluster.directory import rendezvous
 from wayfarer.cluster.messages import Changes, NodeInfo
 from wayfarer.endpoint import Endpoint
+from wayfarer.errors import Unavailable
 from wayfarer.ids import slot_of
 
 
@@ -30,11 +31,20 @@ class SlotMap:
         self.seen = (changes.generation, changes.version)
 
     def owner(self, name: str) -> NodeInfo | None:
-        """The node that has what has this id; None: nobody is known to."""
-        return self.nodes.get(self._owners.get(slot_of(name), ""))
+        """The node that has what has this id; None: nobody is known to.
+
+        Raises Unavailable while that node is being started again.
+        """
+        owner = self._owners.get(slot_of(name))
+        if owner is not None and owner not in self.nodes:
+            raise Unavailable(f"the node that has {name!r} is being started again; try again")
+        return None if owner is None else self.nodes[owner]
 
     def node_for(self, name: str) -> NodeInfo | None:
-        """The owner, or the node that answers that there is nothing; None without any node."""
+        """The owner, or the node that answers that there is nothing; None without any node.
+
+        Raises as `owner`.
+        """
         return self.owner(name) or self.nodes.get(rendezvous(slot_of(name), self.nodes))
 
 

@@ -61,7 +61,7 @@ class Tenancy:
     def endpoint_of(self, name: str) -> Endpoint | None:
         """Where what has this id lives; None: here, or nowhere that is known.
 
-        Raises Unavailable for what is on its way here.
+        Raises Unavailable for what is on its way here, and for what a node has that is down.
         """
         slot = slot_of(name)
         if slot in self._coming:
@@ -116,8 +116,10 @@ class Tenancy:
         """Slots whose sessions are to be released here."""
         return self._lost
 
-    def registration(self, load: NodeLoad) -> Registration:
-        """To come, or to come again."""
+    def registration(self, load: NodeLoad, present: Collection[int]) -> Registration:
+        """To come, or to come again. `present`: as in `renewal`; a journal may have kept it."""
+        for slot in set(present) - self._held.keys() - self._lost - self._coming:
+            self._held[slot] = 0
         self._count += 1
         return Registration(
             node=self.node,

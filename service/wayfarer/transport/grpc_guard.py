@@ -5,7 +5,14 @@ import inspect
 import time
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
+from collections.abc import (
+    AsyncGenerator,
+    AsyncIterator,
+    Awaitable,
+    Callable,
+    Iterable,
+    Mapping,
+)
 from contextlib import aclosing, asynccontextmanager
 from typing import Any, Final
 from urllib.parse import unquote
@@ -20,7 +27,6 @@ from wayfarer.transport.guard import Guard, begin
 from wayfarer.transport.http_guard import bearer
 from wayfarer.transport.metrics import Metrics
 from wayfarer.transport.tracing import Tracing
-from wayfarer.transport.worker_sockets import ClientOrigin
 
 log = structlog.get_logger(__name__)
 
@@ -100,8 +106,8 @@ class GuardInterceptor(AroundInterceptor):
         begin(headers.get("x-request-id", ""))
         try:
             with self._tracing.call(method.removeprefix("/"), headers):
-                origin = origin_of(headers, context)
-                await self._guard.admit(_presented(headers, origin), origin.address)
+                shown = _presented(headers, context.auth_context())
+                await self._guard.admit(shown, address(context.peer()))
                 yield
         except (asyncio.CancelledError, GeneratorExit):
             code = "CANCELLED"
@@ -175,21 +181,11 @@ def _headers(context: Any) -> Headers:
     return found
 
 
-def origin_of(headers: Headers, context: Any) -> ClientOrigin:
-    """The origin of a call; for a relayed call, the one that the front of the server names."""
-    peer = context.peer()
-    if peer.startswith("unix:"):  # bound only where there is a front
-        return ClientOrigin.read(headers)
-    names = context.auth_context().get("x509_common_name", ())
-    return ClientOrigin(
-        address(peer), next((name.decode("utf-8", "replace") for name in names), "")
-    )
-
-
-def _presented(headers: Headers, origin: ClientOrigin) -> Credentials:
-    """Raises Unauthenticated."""
+def _presented(headers: Headers, connection: Mapping[str, Iterable[bytes]]) -> Credentials:
+    """`connection`: what gRPC knows of it. Raises Unauthenticated."""
+    names = connection.get("x509_common_name", ())
     return Credentials(
         bearer=bearer(headers.get("authorization", "")),
         api_key=headers.get("x-api-key", ""),
-        certificate=origin.certificate,
+        certificate=next((name.decode("utf-8", "replace") for name in names), ""),
     )

@@ -60,4 +60,4 @@ class Residence:
 
 def misdirected(name: str, right: Endpoint) -> Misdirected:
     """The error that says where to call."""
-    return Misdirected(f"{name!r} lives in worker {right.worker}; call {right}", right)
+    return Misdirected(f"{name!r} lives in node {right.worker}; call {right}", right)

@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 from collections.abc import Iterator
 from functools import partial
-from pathlib import Path
 from typing import Final
 
 import structlog
@@ -28,7 +27,6 @@ from wayfarer.transport.guard import Guard
 from wayfarer.transport.http_server import http_app
 from wayfarer.transport.ports import bind, http_url
 from wayfarer.transport.server_options import ServerOptions
-from wayfarer.transport.worker_sockets import TrustedRelay, WorkerSockets
 
 log = structlog.get_logger(__name__)
 
@@ -39,15 +37,12 @@ WATCH_S: Final = 0.25
 class HttpServer(uvicorn.Server):
     """uvicorn, bounded. Signals are the composition root's business."""
 
-    def __init__(
-        self, app: ASGIApp, limits: Limits, operation: ServerOptions, inside: Path | None = None
-    ) -> None:
-        """HTTP on the sockets that `serve` gets, or on the socket `inside`, which has no TLS."""
-        tls = operation.tls if inside is None else None
+    def __init__(self, app: ASGIApp, limits: Limits, operation: ServerOptions) -> None:
+        """HTTP on the sockets that `serve` gets."""
+        tls = operation.tls
         super().__init__(
             uvicorn.Config(
                 app,
-                uds=str(inside) if inside else None,
                 http=HttpConnection,
                 ws=SocketConnection,
                 lifespan="off",
@@ -79,12 +74,8 @@ class Server:
         http_port: int,
         grpc_port: int,
         operation: ServerOptions | None = None,
-        inside: WorkerSockets | None = None,
     ) -> None:
-        """Ports 0: any free one. `inside`: where the front comes in, of a server with workers.
-
-        Raises Unavailable when a port is taken.
-        """
+        """Ports 0: any free one. Raises Unavailable when a port is taken."""
         self._gateway = gateway
         if operation is None:
             rates = CallRates(gateway.limits.calls_per_second)
@@ -95,8 +86,6 @@ class Server:
         guard = GuardInterceptor(
             operation.guard, operation.metrics, operation.tracing, operation.access_log
         )
-        if inside is not None:
-            inside.clear()
         self._grpc = GrpcServer(
             partial(add_services, gateway),
             gateway.limits,
@@ -104,14 +93,10 @@ class Server:
             grpc_port,
             tls.grpc() if tls else None,
             gateway_interceptors(guard),
-            inside.grpc if inside else None,
             operation.connections,
         )
         app = front(http_app(gateway), operation, gateway.loop_stats)
-        self._http = [HttpServer(app, gateway.limits, operation)]
-        if inside is not None:
-            relayed = TrustedRelay(app)
-            self._http.append(HttpServer(relayed, gateway.limits, operation, inside.http))
+        self._http = HttpServer(app, gateway.limits, operation)
         self.http_url = http_url(host, self._socket, bool(tls))
         self.grpc_address = f"{bracketed(host)}:{self._grpc.port}"
         self._tasks: list[asyncio.Task[None]] = []
@@ -126,13 +111,12 @@ class Server:
         await self._grpc.start()
         self._tasks = [
             asyncio.create_task(self._watch(), name="watch"),
-            asyncio.create_task(self._http[0].serve(sockets=[self._socket]), name="http"),
-            *(asyncio.create_task(inner.serve(), name="http inside") for inner in self._http[1:]),
+            asyncio.create_task(self._http.serve(sockets=[self._socket]), name="http"),
         ]
 
     async def until_ready(self) -> None:
         """Return when the runtime is ready. Raises Unavailable when it will never be."""
-        while not (self._gateway.runtime_ready and all(http.started for http in self._http)):
+        while not (self._gateway.runtime_ready and self._http.started):
             if not self._gateway.alive:
                 raise Unavailable("the motion loop ended while it was starting; see the log")
             await asyncio.sleep(0.01)
@@ -144,13 +128,12 @@ class Server:
 
         Takes twice `drain_s` at most, and a second.
         """
-        watch, *serving = self._tasks
+        watch, serving = self._tasks
         watch.cancel()
         await self._grpc.enter_shutdown()
         await self._gateway.drain(self._operation.drain_s)
-        for http in self._http:
-            http.should_exit = True
-        await asyncio.gather(self._grpc.stop(self._operation.drain_s), *serving)
+        self._http.should_exit = True
+        await asyncio.gather(self._grpc.stop(self._operation.drain_s), serving)
         self._operation.tracing.close()
 
     async def _watch(self) -> None:

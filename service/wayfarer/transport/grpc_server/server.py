@@ -1,7 +1,6 @@
 """The gRPC server: health and reflection beside services that are added to it."""
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Final
 
 import grpc
@@ -33,11 +32,9 @@ class GrpcServer:
         port: int,
         credentials: grpc.ServerCredentials | None = None,
         interceptors: Sequence[grpc.aio.ServerInterceptor] = (),
-        inside: Path | None = None,
         connections: int = 1024,
     ) -> None:
-        """Bind, to the socket `inside` too. `add` adds the services. Each socket takes up to
-        `connections` connections and closes further ones at once.
+        """Bind. `add` adds the services. More than `connections` connections are closed at once.
 
         Raises Unavailable when the port cannot be had.
         """
@@ -47,8 +44,7 @@ class GrpcServer:
             maximum_concurrent_rpcs=CALLS + limits.streams,
             options=[
                 ("grpc.max_allowed_incoming_connections", connections),
-                # of one connection; that of a front brings everybody's
-                ("grpc.max_concurrent_streams", CALLS + (limits.streams if inside else 0)),
+                ("grpc.max_concurrent_streams", CALLS),  # of one connection
                 ("grpc.max_connection_idle_ms", 600_000),
                 # clients reconnect now and then and so are balanced; their streams go on
                 ("grpc.max_connection_age_ms", 3_600_000),
@@ -75,9 +71,6 @@ class GrpcServer:
                 if credentials
                 else server.add_insecure_port(address)
             )
-            if inside is not None:
-                address = f"unix:{inside}"
-                server.add_insecure_port(address)
         except RuntimeError as error:
             raise Unavailable(f"cannot listen for gRPC on {address}: {error}") from None
 

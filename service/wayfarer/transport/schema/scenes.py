@@ -152,7 +152,7 @@ class Scene(Message):
     bake_s: float = Field(description="seconds that baking took")
     lease_s: float = Field(description="seconds it outlives its last session and call")
     endpoint: Endpoint | None = Field(
-        default=None, description="the worker that holds it; null on a server of one process"
+        default=None, description="the node that holds it; null on a server of one process"
     )
 
 

@@ -54,7 +54,7 @@ class Session(Message):
     record: bool
     scene: str = Field(description="id of its scene; empty: the endless flat floor")
     endpoint: Endpoint | None = Field(
-        default=None, description="the worker that holds it; null on a server of one process"
+        default=None, description="the node that holds it; null on a server of one process"
     )
     avoid: bool = Field(description="in a scene: its agents avoid each other")
 

@@ -1,9 +1,9 @@
 import pytest
 
+from wayfarer.cluster.routes import METHODS, RouteKind, http_kind, http_subject
 from wayfarer.service.persistence.container import ContainerKind as Container
 from wayfarer.service.persistence.container import seal
 from wayfarer.v1 import (
-    admin_pb2,
     control_pb2,
     goal_pb2,
     motion_pb2,
@@ -11,29 +11,13 @@ from wayfarer.v1 import (
     session_pb2,
     snapshot_pb2,
 )
-from wayfarer.workers.routes import METHODS, RouteKind, http_kind, http_worker
 
-# of worker 2 of 5; fixed, since parametrized tests need the same names in every process
+# fixed, since parametrized tests need the same names in every process
 SESSION, SCENE = "session-35b8bb18b6d57bb7", "scene-6cfe141cc4da068c"
 AGENT = "agent-35b81c099b4977b6"
 SNAPSHOT = seal(
     Container.SNAPSHOT, b'{"fps":40,"session":{"session_id":"%s"}}' % SESSION.encode(), b""
 )
-
-
-class Fixed:
-    def __init__(self) -> None:
-        self.requests: list[str] = []
-
-    def choose(self, request_id: str = "") -> int:
-        self.requests.append(request_id)
-        return 4
-
-    def any(self) -> int:
-        return 3
-
-    def find(self, name: str) -> int:
-        return {SESSION: 2, AGENT: 2, SCENE: 2}.get(name, 0)
 
 
 def kinds() -> dict[str, RouteKind]:
@@ -79,70 +63,71 @@ def test_every_method_goes_somewhere_sensible():
     ],
     ids=lambda message: type(message).__name__,
 )
-def test_grpc_calls_go_to_the_worker_of_whom_they_name(request_):
+def test_grpc_calls_are_about_whom_they_name(request_):
     (method,) = (m for m in METHODS.values() if m.request.DESCRIPTOR == request_.DESCRIPTOR)
-    assert method.worker(request_.SerializeToString(), Fixed()) == 2
+    kind, name = method.subject(request_.SerializeToString())
+    assert kind == "named" and name in (SESSION, SCENE, AGENT)
 
 
-def test_a_new_session_is_placed_by_its_request_id():
-    placement = Fixed()
+def test_a_new_session_is_known_by_its_request_id():
     method = METHODS["/wayfarer.v1.SessionService/CreateSession"]
     data = session_pb2.CreateSessionRequest(request_id="r").SerializeToString()
-    assert method.worker(data, placement) == 4
-    assert http_worker("POST", "/v1/sessions", "", "", b'{"request_id": "s"}', placement) == 4
-    assert http_worker("POST", "/v1/sessions", "", "key", b"", placement) == 4
-    assert http_worker("POST", "/v1/sessions", "", "key", b"[not json", placement) == 4
-    assert http_worker("POST", "/v1/sessions", "", "key", b'{"request_id": [1]}', placement) == 4
-    assert placement.requests == ["r", "s", "key", "key", "key"]
+    assert method.subject(data) == ("new", "r")
+    for body, known in (
+        (b'{"request_id": "s"}', "s"),
+        (b"", "key"),
+        (b"[not json", "key"),
+        (b'{"request_id": [1]}', "key"),
+    ):
+        assert http_subject("POST", "/v1/sessions", "", "key", body) == ("new", known)
 
 
 def test_a_session_goes_where_its_scene_is_and_a_mesh_by_its_request_id():
-    placement = Fixed()
     body = b'{"scene": "%s", "request_id": "r"}' % SCENE.encode()
-    assert http_worker("POST", "/v1/sessions", "", "", body, placement) == 2
-    assert placement.requests == []
-    http_worker("POST", "/v1/scenes/mesh", "format=obj&request_id=m", "", b"", placement)
-    http_worker("POST", "/v1/scenes/mesh", "", "key", b"", placement)
+    assert http_subject("POST", "/v1/sessions", "", "", body) == ("named", SCENE)
+    query = "format=obj&request_id=m"
+    assert http_subject("POST", "/v1/scenes/mesh", query, "", b"") == ("new", "m")
+    assert http_subject("POST", "/v1/scenes/mesh", "", "key", b"") == ("new", "key")
     header = scene_pb2.CreateMeshSceneRequest(header={"scene": {"request_id": "n"}})
     method = METHODS["/wayfarer.v1.SceneService/CreateMeshScene"]
-    assert method.worker(header.SerializeToString(), placement) == 4
-    assert placement.requests == ["m", "key", "n"]
+    assert method.subject(header.SerializeToString()) == ("new", "n")
 
 
 def test_what_cannot_be_read_goes_somewhere_to_be_refused():
-    assert METHODS["/wayfarer.v1.SessionService/GetSession"].worker(b"\xff", Fixed()) == 3
+    method = METHODS["/wayfarer.v1.SessionService/GetSession"]
+    assert method.subject(b"\xff") == ("any", "")
     damaged = snapshot_pb2.ImportSessionRequest(snapshot=SNAPSHOT[:20]).SerializeToString()
-    assert METHODS["/wayfarer.v1.SnapshotService/ImportSession"].worker(damaged, Fixed()) == 0
-    assert METHODS["/wayfarer.v1.AdminService/Drain"].request is admin_pb2.DrainRequest
+    method = METHODS["/wayfarer.v1.SnapshotService/ImportSession"]
+    assert method.subject(damaged)[0] == "named"
 
 
 @pytest.mark.parametrize(
-    ("method", "path", "query", "worker"),
+    ("method", "path", "query", "about"),
     [
-        ("GET", f"/v1/sessions/{SESSION}", "", 2),
-        ("POST", f"/v1/sessions/{SESSION}/agents", "", 2),
-        ("PUT", f"/v1/agents/{AGENT}/goal", "expected_revision=1", 2),
-        ("GET", f"/v1/scenes/{SCENE}", "", 2),
-        ("PUT", f"/v1/scenes/{SCENE}/obstacles/mesh", "", 2),
-        ("POST", f"/v1/scenes/{SCENE}/path", "", 2),
-        ("GET", "/v1/scenes/examples", "", 3),
-        ("POST", "/v1/scenes", "", 4),
-        ("POST", "/v1/scenes/mesh", "", 4),
-        ("POST", "/v1/scenes/examples/corridor", "", 4),
-        ("GET", "/v1/events", f"agent=x&session={SESSION}", 2),
-        ("GET", "/v1/events", "", 0),
-        ("POST", "/v1/clips", "", 3),
-        ("GET", "/v1/info", "", 3),
-        ("GET", "/people.js", "", 3),
-        ("OPTIONS", "/v1/sessions", "", 3),
+        ("GET", f"/v1/sessions/{SESSION}", "", ("named", SESSION)),
+        ("POST", f"/v1/sessions/{SESSION}/agents", "", ("named", SESSION)),
+        ("PUT", f"/v1/agents/{AGENT}/goal", "expected_revision=1", ("named", AGENT)),
+        ("GET", f"/v1/scenes/{SCENE}", "", ("named", SCENE)),
+        ("PUT", f"/v1/scenes/{SCENE}/obstacles/mesh", "", ("named", SCENE)),
+        ("POST", f"/v1/scenes/{SCENE}/path", "", ("named", SCENE)),
+        ("GET", "/v1/scenes/examples", "", ("any", "")),
+        ("POST", "/v1/scenes", "", ("new", "")),
+        ("POST", "/v1/scenes/mesh", "", ("new", "")),
+        ("POST", "/v1/scenes/examples/corridor", "", ("new", "")),
+        ("GET", "/v1/events", f"agent=x&session={SESSION}", ("named", SESSION)),
+        ("GET", "/v1/events", "", ("named", "")),
+        ("POST", "/v1/clips", "", ("any", "")),
+        ("GET", "/v1/info", "", ("any", "")),
+        ("GET", "/people.js", "", ("any", "")),
+        ("OPTIONS", "/v1/sessions", "", ("any", "")),
     ],
 )
-def test_http_requests_go_where_they_belong(method, path, query, worker):
-    assert http_worker(method, path, query, "", b"", Fixed()) == worker
+def test_http_requests_are_about_whom_they_name(method, path, query, about):
+    assert http_subject(method, path, query, "", b"") == about
 
 
 def test_an_imported_session_goes_where_its_id_says():
-    assert http_worker("POST", "/v1/snapshots", "", "", SNAPSHOT, Fixed()) == 2
+    assert http_subject("POST", "/v1/snapshots", "", "", SNAPSHOT) == ("named", SESSION)
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,11 @@
-"""Where a call goes, by what it is and whom it names: over gRPC and over HTTP alike."""
+"""What a call is about, over gRPC and over HTTP alike: so it goes to the node that has that."""
 
 import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, auto
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Final, Literal
 from urllib.parse import parse_qs
 
 from google.protobuf.message import DecodeError, Message
@@ -17,24 +17,10 @@ from wayfarer.transport.request_limits import MESHES
 
 NAMES: Final = ("scene_id", "session_id", "agent_id")
 
-T_co = TypeVar("T_co", covariant=True)
-T = TypeVar("T")
+Subject = tuple[Literal["new", "named", "any"], str]
+"""("new", its request id), ("named", an id), or ("any", ""): one node does as well as another."""
 
-
-class Placer(Protocol[T_co]):
-    """Says which server takes a call. Raises Unavailable."""
-
-    def choose(self, request_id: str = "") -> T_co:
-        """For what is made new; the same request goes where it went before."""
-        ...
-
-    def any(self) -> T_co:
-        """For what each does as well as another."""
-        ...
-
-    def find(self, name: str) -> T_co:
-        """For the scene, session or agent of this id."""
-        ...
+ANY_NODE: Final[Subject] = ("any", "")
 
 
 class RouteKind(Enum):
@@ -43,8 +29,8 @@ class RouteKind(Enum):
     NEW = auto()  # a scene or a session is made: placement chooses, unless a scene is named
     NAMED = auto()  # the scene, session or agent that it names
     IMPORT = auto()  # the session in the snapshot that it brings
-    ALL = auto()  # every worker is asked, and the answers are merged
-    ANY = auto()  # one worker does as well as another
+    ALL = auto()  # every node is asked (every_node.py)
+    ANY = auto()  # one node does as well as another
 
 
 ALL: Final = ("ListSessions", "ListScenes", "LoadModel", "UseModel", "UnloadModel", "Drain")
@@ -52,7 +38,7 @@ NEW: Final = ("CreateSession", "CreateScene", "CreateMeshScene", "CreateExampleS
 
 
 @dataclass(frozen=True, slots=True)
-class RelayedMethod:
+class RoutedMethod:
     """A gRPC method."""
 
     path: str  # /package.Service/Method
@@ -60,24 +46,21 @@ class RelayedMethod:
     request: type[Message]
     reply: type[Message]
 
-    def worker(self, data: bytes, placement: Placer[T]) -> T:
-        """For the call that begins with this message. Raises Unavailable.
-
-        What cannot be read goes anywhere, to be refused there.
-        """
+    def subject(self, data: bytes) -> Subject:
+        """Of the call that begins with this message; what cannot be read is refused anywhere."""
         if self.kind is RouteKind.ANY:
-            return placement.any()
+            return ANY_NODE
         try:
             message: Any = self.request.FromString(data)
         except DecodeError:
-            return placement.any()
+            return ANY_NODE
         if self.kind is RouteKind.NEW:
             if scene := _scene_in(message):
-                return placement.find(scene)
-            return placement.choose(_request_id_in(message))
+                return "named", scene
+            return "new", _request_id_in(message)
         if self.kind is RouteKind.IMPORT:
-            return placement.find(named_session(message.snapshot))
-        return placement.find(_name_in(message))
+            return "named", named_session(message.snapshot)
+        return "named", _name_in(message)
 
 
 def _name_in(message: Any) -> str:
@@ -109,13 +92,13 @@ def _kind(name: str, request: Any) -> RouteKind:
     return RouteKind.NAMED if named else RouteKind.ANY
 
 
-METHODS: Final[Mapping[str, RelayedMethod]] = {
+METHODS: Final[Mapping[str, RoutedMethod]] = {
     method.path: method
     for file in FILES
     for service in file.DESCRIPTOR.services_by_name.values()
     for found in service.methods
     for method in [
-        RelayedMethod(
+        RoutedMethod(
             f"/{service.full_name}/{found.name}",
             _kind(found.name, found.input_type),
             GetMessageClass(found.input_type),
@@ -149,24 +132,22 @@ def http_kind(method: str, path: str) -> RouteKind:
     return RouteKind.ANY
 
 
-def http_worker(
-    method: str, path: str, query: str, key: str, body: bytes, placement: Placer[T]
-) -> T:
-    """For a request that is not for all; `key`: its Idempotency-Key. Raises Unavailable."""
+def http_subject(method: str, path: str, query: str, key: str, body: bytes) -> Subject:
+    """Of a request that is not for all; `key`: its Idempotency-Key."""
     kind = http_kind(method, path)
     if kind is RouteKind.NEW:
         if path == MESHES:
-            return placement.choose(parse_qs(query).get("request_id", [""])[0] or key)
+            return "new", parse_qs(query).get("request_id", [""])[0] or key
         request = _json(body)
         if path == "/v1/sessions" and (scene := _text(request, "scene")):
-            return placement.find(scene)
-        return placement.choose(_text(request, "request_id") or key)
+            return "named", scene
+        return "new", _text(request, "request_id") or key
     if kind is RouteKind.IMPORT:
-        return placement.find(named_session(body))
+        return "named", named_session(body)
     if kind is RouteKind.NAMED:
         found = _NAMED.match(path)
-        return placement.find(found[1] if found else session_of(query))
-    return placement.any()
+        return "named", found[1] if found else session_of(query)
+    return ANY_NODE
 
 
 def session_of(query: str) -> str:
@@ -177,7 +158,7 @@ def session_of(query: str) -> str:
 def _json(body: bytes) -> Any:
     try:
         return json.loads(body or b"{}")
-    except ValueError:  # to be refused by the worker
+    except ValueError:  # to be refused by the node
         return {}
 
 

@@ -1,0 +1,126 @@
+"""Calls that concern all nodes: an entry asks each, as the caller, and joins the answers."""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Iterable
+from typing import Any, Final
+
+import structlog
+from fastapi import FastAPI
+
+from wayfarer.cluster.messages import NodeInfo, NodeQuestion, heard, problem, value
+from wayfarer.cluster.peer import CALL_S, Peers
+from wayfarer.errors import Unavailable, WayfarerError
+from wayfarer.transport import schema
+from wayfarer.transport.caller import Caller, Scope, current_caller, enter
+from wayfarer.transport.gateway import Gateway
+from wayfarer.transport.http_server.parameters import ModelName
+from wayfarer.transport.wire import parse
+
+log = structlog.get_logger(__name__)
+
+MODEL_S: Final = 300.0
+"""Within which a model is loaded."""
+
+METHODS: Final[dict[str, Callable[[Gateway, dict[str, Any]], Awaitable[Any]]]] = {
+    "list_sessions": lambda gateway, told: gateway.sessions.list_own(),
+    "list_scenes": lambda gateway, told: gateway.scenes.list_own(),
+    "load_model": lambda gateway, told: gateway.admin.load_model(schema.NewModel(**told)),
+    "use_model": lambda gateway, told: gateway.admin.use_model(
+        told["name"], schema.ModelUse(move_agents=told["move_agents"])
+    ),
+    "unload_model": lambda gateway, told: gateway.admin.unload_model(told["name"]),
+}
+
+
+async def answer(gateway: Gateway, question: bytes) -> bytes:
+    """A node's, to a NodeQuestion; the gateway checks whether the caller may. Raises ValueError."""
+    asked = NodeQuestion.model_validate_json(question)
+    enter(Caller(asked.caller, frozenset(Scope(scope) for scope in asked.scopes)))
+    try:
+        return value(await METHODS[asked.method](gateway, asked.told)).encode()
+    except WayfarerError as error:
+        return problem(error).encode()
+
+
+Calls = dict[str, Callable[[Any], Awaitable[Any]]]
+"""gRPC methods by name: each takes its request."""
+
+
+class EveryNode:
+    """The calls. Each raises what a node raises, and Unavailable when one does not answer."""
+
+    def __init__(
+        self, peers: Peers, nodes: Callable[[], Iterable[NodeInfo]], stop: Callable[[], None]
+    ) -> None:
+        """`stop` is what `drain` does."""
+        self._peers = peers
+        self._nodes = nodes
+        self._stop = stop
+        self.calls: Calls = {
+            "ListSessions": lambda asked: self.list_sessions(),
+            "ListScenes": lambda asked: self.list_scenes(),
+            "LoadModel": lambda asked: self.load_model(parse(schema.NewModel, asked)),
+            "UseModel": lambda asked: self.use_model(asked.name, parse(schema.ModelUse, asked)),
+            "UnloadModel": lambda asked: self.unload_model(asked.name),
+            "Drain": lambda asked: self.drain(),
+        }
+
+    def add_routes(self, app: FastAPI) -> None:
+        """The same over HTTP."""
+        models = "/v1/admin/models"
+        app.add_api_route("/v1/sessions", self.list_sessions)
+        app.add_api_route("/v1/scenes", self.list_scenes)
+        app.add_api_route(models, self.load_model, methods=["POST"], status_code=201)
+        app.add_api_route(f"{models}/{{name}}/use", self.use_model, methods=["POST"])
+        app.add_api_route(
+            f"{models}/{{name}}", self.unload_model, methods=["DELETE"], status_code=204
+        )
+        app.add_api_route("/v1/admin/drain", self.drain, methods=["POST"], status_code=202)
+
+    async def list_sessions(self) -> schema.Sessions:
+        """The caller's, oldest first."""
+        lists = [schema.Sessions(**one).sessions for one in await self._ask("list_sessions")]
+        return schema.Sessions(sessions=_by_age(lists))
+
+    async def list_scenes(self) -> schema.Scenes:
+        """The caller's, oldest first."""
+        lists = [schema.Scenes(**one).scenes for one in await self._ask("list_scenes")]
+        return schema.Scenes(scenes=_by_age(lists))
+
+    async def load_model(self, request: schema.NewModel) -> schema.Model:
+        """Everywhere."""
+        found = await self._ask("load_model", MODEL_S, **request.model_dump())
+        return schema.Model(**found[0])
+
+    async def use_model(
+        self, name: ModelName, request: schema.ModelUse | None = None
+    ) -> schema.ModelUsed:
+        """Everywhere; how many people of all nodes it moves now."""
+        request = request or schema.ModelUse()
+        found = await self._ask("use_model", MODEL_S, name=name, move_agents=request.move_agents)
+        return schema.ModelUsed(moved=sum(one["moved"] for one in found))
+
+    async def unload_model(self, name: ModelName) -> None:
+        """Everywhere."""
+        await self._ask("unload_model", name=name)
+
+    async def drain(self) -> None:
+        """End all that this command has started, as Ctrl-C does."""
+        current_caller().require(Scope.ADMIN)
+        log.info("drain asked for", caller=current_caller().name)
+        self._stop()
+
+    async def _ask(self, method: str, seconds: float = CALL_S, **told: Any) -> list[Any]:
+        nodes, caller = list(self._nodes()), current_caller()
+        if not nodes:
+            raise Unavailable("no node runs; they are starting or stopping")
+        await self._peers.forget_others({node.name for node in nodes})
+        scopes = tuple(sorted(caller.scopes))
+        question = NodeQuestion(method=method, caller=caller.name, scopes=scopes, told=told)
+        data = question.model_dump_json().encode()
+        answers = await asyncio.gather(*(self._peers.ask(node, data, seconds) for node in nodes))
+        return [heard(one) for one in answers]
+
+
+def _by_age(lists: Iterable[Iterable[Any]]) -> tuple[Any, ...]:
+    return tuple(sorted((one for found in lists for one in found), key=lambda o: o.created_at_us))

@@ -1,0 +1,92 @@
+"""What each node of `wayfarer serve --workers N` is to be: its ports, cores and state folder."""
+
+import os
+import secrets
+import sys
+from itertools import pairwise
+from pathlib import Path
+from typing import Final
+
+from wayfarer.cluster.messages import NodePlan
+from wayfarer.config import Settings
+from wayfarer.errors import InvalidArgument
+
+JOURNAL: Final = "journal.sqlite3"
+FOLDER: Final = "worker-"
+
+
+def node_plans(settings: Settings) -> list[NodePlan]:
+    """One for each node. Raises InvalidArgument."""
+    if sys.platform == "win32":
+        raise InvalidArgument(
+            "setting workers: several need pipes and clocks that Windows has not; set 1", "workers"
+        )
+    check_state(settings)
+    shares, secret = shares_of(_cores(), settings.workers), secrets.token_hex(32)
+    return [
+        NodePlan(
+            name=f"node{number}",
+            number=number,
+            host="",
+            secret=secret,
+            cores=shares[number] if settings.pin_workers else (),
+            settings=settings.model_copy(
+                update={
+                    "workers": 1,
+                    "grpc_port": _port(settings.grpc_port, number),
+                    "http_port": _port(settings.http_port, number),
+                    "threads": threads_of(settings),
+                    "state_dir": settings.state_dir and settings.state_dir / f"{FOLDER}{number}",
+                }
+            ),
+        )
+        for number in range(settings.workers)
+    ]
+
+
+def shares_of(cores: list[int], nodes: int) -> list[tuple[int, ...]]:
+    """Neighbouring cores for each node, as evenly as can be; shared where there are too few."""
+    if len(cores) < nodes:
+        return [(cores[i % len(cores)],) for i in range(nodes)]
+    bounds = [i * len(cores) // nodes for i in range(nodes + 1)]
+    return [tuple(cores[a:b]) for a, b in pairwise(bounds)]
+
+
+def threads_of(settings: Settings) -> int:
+    """Threads of each node's engine: the cores of the node that has the fewest."""
+    return settings.threads or len(shares_of(_cores(), settings.workers)[0])
+
+
+def check_state(settings: Settings) -> None:
+    """Raises InvalidArgument when the state folder holds sessions that would not come back."""
+    folder, workers = settings.state_dir, settings.workers
+    if folder is None or not folder.is_dir():
+        return
+    kept = _kept(folder)
+    if kept > workers or (kept == 1 and workers > 1):
+        enough = f"{kept} or more" if kept > 1 else "1"
+        raise InvalidArgument(
+            f"setting state_dir: {folder} holds the sessions of --workers {kept}, and this is "
+            f"--workers {workers}; start it with {enough} once more and let the sessions end, or "
+            "export them, or take another folder",
+            "state_dir",
+        )
+
+
+def _kept(folder: Path) -> int:
+    """Of how many nodes there are sessions."""
+    if (folder / JOURNAL).exists():
+        return 1
+    return sum(1 for path in folder.glob(f"{FOLDER}*") if path.is_dir())
+
+
+def _port(public: int, number: int) -> int:
+    """It follows the server's own, so that a firewall can name it; any, where that is any."""
+    return public and public + 1 + number
+
+
+def _cores() -> list[int]:
+    """Those that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return sorted(os.sched_getaffinity(0))
+    return list(range(os.cpu_count() or 1))

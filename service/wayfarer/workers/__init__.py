@@ -1,1 +1,0 @@
-"""Several workers on one machine: their supervisor, and the front that relays calls to them."""
