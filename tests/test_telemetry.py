@@ -12,10 +12,9 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-import httpx
 import pytest
 
-from tests.serving import Service
+from tests.serving import Service, post
 from tests.traced import Asked, asked, strace
 
 ROOT = Path(__file__).parent.parent
@@ -135,9 +134,9 @@ def test_serve_tells_nobody_and_writes_into_its_state_folder_only(environment, t
         before=strace(record),
         environment=environment,
     ) as service:
-        session = httpx.post(f"{service.url}/v1/sessions", json={}, timeout=60).json()
-        agents = f"{service.url}/v1/sessions/{session['session_id']}/agents"
-        httpx.post(agents, json={"agents": [{}]}, timeout=60).raise_for_status()
+        session = post(service.url, "/v1/sessions", {}).json()
+        agents = f"/v1/sessions/{session['session_id']}/agents"
+        post(service.url, agents, {"agents": [{}]}).raise_for_status()
         time.sleep(LATER_S)
     found = asked(record)
     assert found.hosts == []

@@ -8,10 +8,11 @@ from typer.testing import CliRunner
 from wayfarer.cli import app
 
 
-@pytest.mark.parametrize("transport", ["grpc", "websocket"])
-def test_a_run_measures_a_server_of_its_own(tmp_path, monkeypatch, transport):
+@pytest.mark.parametrize(("transport", "workers"), [("grpc", "1"), ("websocket", "2")])
+def test_a_run_measures_a_server_of_its_own(tmp_path, monkeypatch, transport, workers):
     monkeypatch.setenv("WAYFARER_ADMISSION", "false")  # a busy test machine shall refuse nobody
     monkeypatch.setenv("WAYFARER_CANDIDATES", "1")
+    monkeypatch.setenv("WAYFARER_WORKERS", workers)
     path = tmp_path / "run.json"
     options = {
         "sessions": 2,

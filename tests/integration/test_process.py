@@ -15,6 +15,7 @@ import psutil
 import pytest
 
 import wayfarer_client as wf
+from tests.serving import post
 
 COMMAND = [sys.executable, "-m", "wayfarer.cli", "serve", "--log-format", "json"]
 ANY_PORTS = ["--http-port", "0", "--grpc-port", "0"]
@@ -109,7 +110,7 @@ def test_starts_serves_and_stops(sign):
 
 
 def bakeries(service: Process) -> list[psutil.Process]:
-    """The processes that bake scenes: of a worker of several, its child."""
+    """The processes that bake scenes: of a node of several, its child."""
     below = psutil.Process(service.process.pid).children(recursive=True)
     return [one for one in below if "wayfarer.world.scenes.bake_process" in one.cmdline()]
 
@@ -121,7 +122,7 @@ def test_the_process_that_bakes_scenes_ends_with_the_server(sign, workers):
     with serve(*ANY_PORTS, "--workers", str(workers)) as service:
         assert not bakeries(service)
         for _ in range(2):
-            made = httpx.post(f"{service.http}/v1/scenes", json=YARD, timeout=60)
+            made = post(service.http, "/v1/scenes", YARD)
             assert made.is_success, made.text
         found = bakeries(service)
         assert 1 <= len(found) <= workers

@@ -15,7 +15,7 @@ from wayfarer_lab.load.plan import LoadPlan
 from wayfarer_lab.load.reader import LOST_S, GoalWatch, Reader
 from wayfarer_lab.load.tally import Tally
 from wayfarer_lab.load.target import Target
-from wayfarer_lab.load.wire import Connection, StreamError, followed
+from wayfarer_lab.load.wire import Connection, StreamError, followed, node_of
 
 AT_ONCE = 64
 """Agents asked for in one call."""
@@ -36,7 +36,7 @@ class SimulatedClient:
     """One session with one healthy stream. Its commands keep their schedule (open loop)."""
 
     def __init__(self, target: Target, plan: LoadPlan, tally: Tally, number: int) -> None:
-        self._target, self._plan, self._tally = target, plan, tally
+        self.target, self._plan, self._tally = target, plan, tally
         self._chance = random.Random(plan.seed * 100_003 + number)
         self._connection = Connection(target)
         self._agents: list[agent_pb2.Agent] = []
@@ -44,12 +44,21 @@ class SimulatedClient:
         self.session_id = ""
 
     async def open(self) -> None:
-        """Create the session and as many agents as the server admits."""
+        """Create the session, at the node that takes it, and as many agents as that admits."""
         metadata = self._connection.metadata
         request = session_pb2.CreateSessionRequest(seed=self._chance.getrandbits(32))
-        made = await self._when_ready(
-            lambda: self._connection.sessions.CreateSession(request, metadata=metadata)
-        )
+
+        async def create() -> session_pb2.CreateSessionResponse:
+            return await self._connection.sessions.CreateSession(request, metadata=metadata)
+
+        try:
+            made = await self._when_ready(create)
+        except grpc.aio.AioRpcError as error:
+            if (node := node_of(error, self.target)) is None:
+                raise
+            await self._connection.close()
+            self.target, self._connection = node, Connection(node)
+            made = await self._when_ready(create)
         self.session_id = made.session.session_id
         wanted = self._plan.agents
         while wanted:

@@ -27,9 +27,7 @@ async def run(
         start = time.time() + plan.warm_up
         until = start + plan.seconds
         async with asyncio.TaskGroup() as tasks:
-            nuisances = [
-                tasks.create_task(work) for work in _nuisances(target, plan, tally, clients)
-            ]
+            nuisances = [tasks.create_task(work) for work in _nuisances(plan, tally, clients)]
             memory = MemoryWatch(target, start, until)
             watches = [
                 tasks.create_task(_watch(tally, start, progress)),
@@ -47,11 +45,11 @@ async def run(
 
 
 def _nuisances(
-    target: Target, plan: LoadPlan, tally: Tally, clients: list[SimulatedClient]
+    plan: LoadPlan, tally: Tally, clients: list[SimulatedClient]
 ) -> list[Coroutine[Any, Any, None]]:
     """The slow and the vanishing readers, spread over the sessions."""
     readers = [
-        Nuisance(target, plan, tally, clients[number % len(clients)].session_id, number)
+        Nuisance(clients[number % len(clients)], plan, tally, number)
         for number in range(plan.slow + plan.vanishing)
     ]
     return [reader.read_slowly() for reader in readers[: plan.slow]] + [
@@ -127,13 +125,11 @@ VANISH_SECONDS = 1.0
 
 
 class Nuisance:
-    """One more reader of a session."""
+    """One more reader of a client's session."""
 
-    def __init__(
-        self, target: Target, plan: LoadPlan, tally: Tally, session_id: str, number: int
-    ) -> None:
-        self._target, self._plan, self._tally = target, plan, tally
-        self._session_id = session_id
+    def __init__(self, client: SimulatedClient, plan: LoadPlan, tally: Tally, number: int) -> None:
+        self._target, self._plan, self._tally = client.target, plan, tally
+        self._session_id = client.session_id
         self._chance = random.Random(plan.seed * 100_003 - number)
 
     async def read_slowly(self) -> None:

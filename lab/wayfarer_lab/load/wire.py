@@ -3,11 +3,14 @@
 import json
 import time
 from collections.abc import AsyncIterator
+from dataclasses import replace
 from typing import Any
 from urllib.parse import quote
 
 import grpc
 import websockets
+from google.rpc.error_details_pb2 import ErrorInfo
+from google.rpc.status_pb2 import Status
 
 from wayfarer.v1 import (
     agent_pb2_grpc,
@@ -106,6 +109,20 @@ def _document(interest: motion_pb2.Interest) -> dict[str, Any]:
         ],
         "viewpoints": [{"position": {"x": 0, "y": 0, "z": 0}}],
     }
+
+
+def node_of(error: grpc.aio.AioRpcError, target: Target) -> Target | None:
+    """The node that a misdirected call names; None: the call was not misdirected."""
+    info = ErrorInfo()
+    details = dict(error.trailing_metadata() or ()).get("grpc-status-details-bin", b"")
+    for detail in Status.FromString(details).details:
+        if detail.Unpack(info) and info.reason == "MISDIRECTED":
+            node = info.metadata
+            host = node["host"] or target.grpc.rpartition(":")[0]
+            scheme = target.http.partition(":")[0]
+            http = f"{scheme}://{host}:{node['http_port']}"
+            return replace(target, grpc=f"{host}:{node['grpc_port']}", http=http)
+    return None
 
 
 async def followed(
