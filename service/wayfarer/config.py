@@ -145,9 +145,7 @@ class Settings(BaseSettings):
         le=64,
         description="processes (nodes) that share the sessions; 1: the server itself",
     )
-    pin_workers: bool = Field(
-        default=False, description="bind each node to its share of the cores"
-    )
+    pin_workers: bool = Field(default=False, description="bind each node to its share of the cores")
     candidates: int = Field(
         default=4, ge=1, le=256, description="candidate primitives tried per step"
     )

@@ -13,6 +13,7 @@ def test_a_run_measures_a_server_of_its_own(tmp_path, monkeypatch, transport, wo
     monkeypatch.setenv("WAYFARER_ADMISSION", "false")  # a busy test machine shall refuse nobody
     monkeypatch.setenv("WAYFARER_CANDIDATES", "1")
     monkeypatch.setenv("WAYFARER_WORKERS", workers)
+    monkeypatch.setenv("WAYFARER_ENGINE", "onnxruntime")
     path = tmp_path / "run.json"
     options = {
         "sessions": 2,

@@ -51,6 +51,21 @@ def test_a_chunk_leaves_at_its_time_and_not_before():
     assert [c.seq for c in world.collect(due)] == [0]
 
 
+def test_what_is_being_made_for_those_who_leave_is_lost():
+    """An engine call that takes long ends after its session was packed for another server."""
+    world, _ = populated(2)
+    list(world.advance(1.0))
+    while (step := world.schedule(world.next_event())) is None:
+        world.collect(world.next_event())
+    session = world.registry.session("s")
+    assert not world.members.freeze(session, True), "a call is under way"
+    world.take_rest("s")
+    world.apply(step)
+    assert world.collect(1000.0) == []
+    world.members.freeze(session, False)
+    assert {chunk.alias for chunk in world.advance(3.0)} == {1, 2}, "who stays goes on"
+
+
 def test_walks_to_its_goal_arrives_once_and_stands():
     world, [agent] = populated()
     world.give(agent, GOAL, 0.0)

@@ -2,9 +2,9 @@
 
 import json
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterable
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 from urllib.parse import quote
 
 import grpc
@@ -113,9 +113,9 @@ def _document(interest: motion_pb2.Interest) -> dict[str, Any]:
 
 def node_of(error: grpc.aio.AioRpcError, target: Target) -> Target | None:
     """The node that a misdirected call names; None: the call was not misdirected."""
-    info = ErrorInfo()
-    details = dict(error.trailing_metadata() or ()).get("grpc-status-details-bin", b"")
-    for detail in Status.FromString(details).details:
+    info, told = ErrorInfo(), cast("Iterable[tuple[str, Any]]", error.trailing_metadata() or ())
+    metadata = dict(told)
+    for detail in Status.FromString(metadata.get("grpc-status-details-bin", b"")).details:
         if detail.Unpack(info) and info.reason == "MISDIRECTED":
             node = info.metadata
             host = node["host"] or target.grpc.rpartition(":")[0]

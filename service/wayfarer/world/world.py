@@ -339,9 +339,13 @@ class World:
         return self._leave(self._playback.send(self._timeline.frame(until)))
 
     def take_rest(self, session_id: str) -> list[Due]:
-        """All that is planned for a session's agents, before its time. Raises NotFound."""
+        """All that is planned for a session's agents, before its time. Raises NotFound.
+
+        What is still being made for them is lost: it would be sent after the rest.
+        """
         agents = self.registry.session(session_id).agents.values()
         rows = np.array([agent.slot for agent in agents], np.int64)
+        self.slots.engine_call[rows] = 0
         return self._leave(self._playback.send(np.inf, rows))
 
     def live_rows(self, session_id: str) -> LiveRows:
