@@ -271,8 +271,9 @@ REPROJECTION: Final = Exhibit(
     "The paper says that its regressor is faster than MOJO's optimisation and as accurate; it has "
     "no figures. Bodies behind the markers of recorded primitives (three people of CMU), and in "
     "random motion of the shipped 2-frame model. Optimisation as in MOJO: gradient descent (Adam) "
-    "from the pose before; its frames are handed on as they are, the regressor's joined to the "
-    "seed. *ms*: processor time for a primitive of one body, in batches.",
+    "from the pose before, not at its end after 100 iterations; its frames are handed on as they "
+    "are, the regressor's joined to the seed. *ms*: processor time for a primitive of one body, in "
+    "batches.",
     {
         "amd_mm": "AMD, mm",
         "avd_mm": "AVD, mm",
