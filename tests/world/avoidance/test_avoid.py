@@ -61,9 +61,46 @@ def test_a_standing_person_is_walked_around():
 def test_who_comes_towards_one_is_passed_on_the_right():
     people = standing_at((0.0, 0.0), (0.0, 5.0))
     people.walks[:] = True
-    people.velocity[:] = (0.0, 1.2), (0.0, -1.2)
+    people.velocity[:] = people.memory.preferred[:] = (0.0, 1.2), (0.0, -1.2)
     chosen, _ = velocity(people, (0.0, 1.2))
     assert chosen[0] > 0.1
+
+
+def oncoming(*places):
+    """Person 0 at the origin, and people who stand at places and would walk towards -y."""
+    people = standing_at((0.0, 0.0), *places)
+    people.walks[:] = True
+    people.velocity[0] = 0.0, 1.2
+    people.memory.preferred[:] = [(0.0, 1.2)] + [(0.0, -1.2)] * len(places)
+    return people
+
+
+def test_a_stream_is_passed_on_the_right_even_if_it_is_there_and_one_person_is_not():
+    stream = oncoming((1.3, 5.0), (1.4, 6.0), (1.3, 7.0), (1.4, 8.0))
+    chosen, _ = velocity(stream, (0.0, 1.2))
+    assert chosen[0] > 0.2
+    chosen, _ = velocity(oncoming((1.3, 5.0)), (0.0, 1.2))
+    assert np.allclose(chosen, (0.0, 1.2), atol=1e-3)
+
+
+def test_an_oncoming_stream_is_seen_behind_ones_own():
+    own = [(x, y) for x in (-0.6, 0.0, 0.6) for y in (1.0, 2.0, 3.0, 4.0)]
+    people = oncoming(*own, (0.0, 8.0), (0.2, 9.0))
+    people.memory.preferred[1:-2] = people.velocity[:-2] = 0.0, 1.2
+    chosen, _ = velocity(people, (0.0, 1.2))
+    assert chosen[0] > 0.1
+
+
+@pytest.mark.parametrize("oncoming", [True, False])
+def test_way_is_made_for_who_comes_towards_one_and_not_for_who_walks_behind(oncoming):
+    people = standing_at((0.0, 1.0), (0.0, 0.0))
+    people.number[:] = 2, 1
+    people.walks[:] = True
+    people.memory.waited[:] = 5.0
+    people.memory.preferred[:] = 0.0, 1.2
+    mine = (0.0, -1.2 if oncoming else 1.2)
+    course = avoid(people, np.array([0]), np.array([mine], np.float32), None, 0.2)
+    assert (course.memory.yields[0] > 0) == oncoming
 
 
 def test_a_wall_is_not_walked_into():
@@ -142,6 +179,29 @@ def test_a_corridor_with_twenty_against_twenty_clears():
         walkers.run(2.0)
     assert is_clear()
     assert too_near(walkers) < 0.02 and walkers.stuck.max() < 10
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_jam_in_a_corridor_dissolves(seed):
+    """People of both directions who stand mixed, as where two streams have run into each other."""
+    random = np.random.default_rng(seed)
+    place = np.stack(np.meshgrid(np.arange(6) * 0.8, (-0.8, 0.0, 0.8)), -1).reshape(-1, 2)
+    ahead = np.where(random.permutation(18) < 9, 1.0, -1.0)
+    goals = place + np.stack([1000 * ahead, np.zeros(18)], -1)
+    walkers = Walkers(
+        place + random.uniform(-0.05, 0.05, (18, 2)),
+        to(goals),
+        clear=lambda p: 1.25 - np.abs(p[..., 1]),
+    )
+
+    def is_clear():
+        x = walkers.people.position[:, 0]
+        return x[ahead > 0].min() > x[ahead < 0].max()
+
+    while walkers.now < 60 and not is_clear():
+        walkers.run(1.0)
+    assert is_clear()
+    assert too_near(walkers) < 0.02
 
 
 def doorway(points):

@@ -1,7 +1,8 @@
 """People as points with the inertia of bodies: what avoidance is tested with.
 
 They are told where to walk every 0.2 s, a quarter of them at a time, react within 0.3 s, turn by
-2 rad/s at most and, as bodies do, stumble along at 0.5 m/s when told to walk more slowly.
+2 rad/s at most and, as bodies do, stumble along at 0.5 m/s when told to walk more slowly. Who
+stands starts when told to for 0.6 s on end.
 """
 
 from collections.abc import Callable
@@ -15,6 +16,7 @@ from wayfarer.world.avoidance.people import Float, Memory, People
 TICK, PHASES = 0.05, 4
 STEP = TICK * PHASES
 REACTION, TURN, SLOWEST = 0.3, 2.0, 0.5
+START, STANDS = 0.6, 0.25
 
 
 @dataclass
@@ -45,6 +47,7 @@ class Walkers:
         self.told = np.zeros((count, 2), np.float32)
         self.speed = np.broadcast_to(np.float32(self.speed), count)
         self.facing = None
+        self._starting = np.zeros(count)
         self.stuck = np.zeros(count)
         self._anchor = np.array(self.start, float)
         self._since = np.zeros(count)
@@ -79,6 +82,9 @@ class Walkers:
         people = self.people
         want = np.linalg.norm(self.told, axis=-1)
         want = np.where(want > 0, np.maximum(want, np.minimum(SLOWEST, self.speed)), 0)
+        stands = np.linalg.norm(people.velocity, axis=-1) < STANDS
+        self._starting = np.where(stands & (want > 0), self._starting + TICK, 0)
+        want = np.where(stands & (self._starting < START), 0, want)
         if self.facing is None:
             self.facing = np.arctan2(*(self.goals(self) - people.position).T[::-1])
         aim = np.arctan2(self.told[:, 1], self.told[:, 0])

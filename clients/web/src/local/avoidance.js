@@ -1,6 +1,8 @@
 // Where to walk among others: sampled reciprocal velocity obstacles. The server's world/avoidance, where the rules are
 // explained, for one person at a time. World: metres, m/s, seconds.
 
+import { bounded } from "./steering.js";
+
 /** @typedef {import("./scene.js").Point} Point */
 /**
  * What is remembered of a person from step to step.
@@ -25,8 +27,9 @@ const FAN = SPEEDS.flatMap((speed) => TURNS.map((turn) => {
 }));
 const NEIGHBOURS = 10, SIGHT = 8, HORIZON = 3.5, SOON = 0.3, CLOSE = 1.5, COMFORT = 0.35, REACTION = 0.25, SLOWEST = 0.5;
 const WALL_ROOM = 0.1, WALL_TIMES = [0.3, 0.7, 1.2];
-const DEVIATION = 2, CHANGE = 0.7, COLLISION = 2.2, SIDE = 0.5, WALL = 15;
-const PATIENCE = Math.fround(1.2), YIELDING = Math.fround(1.6), YIELD_SPEED = 0.6, PUSH = 4; // times are counted in float32, as there
+const DEVIATION = 2, CHANGE = 0.7, COLLISION = 2.2, WALL = 15;
+const PATIENCE = Math.fround(1.2), YIELDING = Math.fround(1.6), YIELD_SPEED = 0.6, PUSH = 4, LEAST_COMFORT = 0.15, HURRY = 2.5, SHORTEST = 1; // times are counted in float32, as there
+const OPPOSITE = 0.5, LANE = 0.6, LANE_SIGHT = 12, LANE_WIDE = 1.8, BESIDE = 1.2, LANE_SOON = 0.5, LANE_MOST = 0.8;
 const EVEN = 1e-4, FACING = 0.3, BLOCKING = 1.6;
 
 /** @returns {Memory} */
@@ -40,7 +43,7 @@ export const freshMemory = () => ({ preferred: [0, 0], chosen: [0, 0], waited: 0
  */
 export function avoid(people, self, preferred, clear, seconds) {
   const { memory } = self, near = neighbours(people, self);
-  const way = memory.yields > 0 ? scaled(YIELD_SPEED, memory.retreat) : preferred;
+  const way = memory.yields > 0 ? scaled(YIELD_SPEED, memory.retreat) : keepRight(people, self, preferred);
   const room = clear ? Math.min(RADIUS + WALL_ROOM, clear(self.position[0], self.position[1])) : 0;
   const tried = candidates(way, memory.chosen);
   const costs = tried.map((each) => DEVIATION * apart(each, way) + CHANGE * apart(each, memory.chosen)
@@ -65,6 +68,27 @@ function neighbours(people, self) {
   return found.sort((a, b) => a.urgency - b.urgency).slice(0, NEIGHBOURS);
 }
 
+/** The preferred velocity, turned to the right for who is oncoming. @param {Other[]} people @param {Other} self @param {Point} preferred @returns {Point} */
+function keepRight(people, self, preferred) {
+  const speed = Math.max(Math.hypot(...preferred), 1e-6), ux = preferred[0] / speed, uy = preferred[1] / speed;
+  let pair = 0, sum = 0, count = 0;
+  for (const { position, walks, memory: { preferred: [x, y] } } of people) {
+    const dx = Math.fround(position[0] - self.position[0]), dy = Math.fround(position[1] - self.position[1]);
+    const ahead = dx * ux + dy * uy, left = dy * ux - dx * uy, fast = Math.max(Math.hypot(x, y), 1e-6);
+    if (!walks || ahead <= 0 || ahead >= LANE_SIGHT || Math.abs(left) >= LANE_WIDE) continue;
+    if (-(x * ux + y * uy) / fast <= OPPOSITE) continue;
+    const aside = Math.max(LANE - left, 0) / Math.max(ahead / (speed + fast), LANE_SOON);
+    pair = Math.max(pair, aside * bounded(left + BESIDE, 0, 1));
+    sum += aside;
+    count += 1;
+  }
+  const stream = count ? (sum / count) * (1 - 1 / count) : 0;
+  const sideways = Math.min(Math.max(pair, stream), LANE_MOST * speed);
+  if (!sideways) return preferred;
+  const x = preferred[0] + sideways * uy, y = preferred[1] - sideways * ux, turned = speed / Math.max(Math.hypot(x, y), 1e-6);
+  return [Math.fround(turned * x), Math.fround(turned * y)];
+}
+
 /** The preferred velocity, a fan around it, the last one, a stop. @param {Point} way @param {Point} last @returns {Point[]} */
 function candidates(way, last) {
   const speed = Math.hypot(way[0], way[1]), least = Math.min(SLOWEST, speed) / Math.max(speed, 1e-6);
@@ -77,10 +101,11 @@ function candidates(way, last) {
   return tried;
 }
 
-/** How soon and how nearly others are met, and on which side. @param {Other} self @param {Neighbour[]} near @param {Point} tried */
+/** How soon and how nearly others are met. @param {Other} self @param {Neighbour[]} near @param {Point} tried */
 function meetings(self, near, [vx, vy]) {
   const [ux, uy] = self.velocity, touch = 2 * RADIUS;
-  const comfort = COMFORT / (1 + self.memory.waited / PUSH), room = touch + comfort;
+  const { waited } = self.memory, room = touch + Math.max(COMFORT / (1 + waited / PUSH), LEAST_COMFORT);
+  const horizon = Math.max(HORIZON / Math.max(waited / HURRY, 1), SHORTEST);
   let most = 0, sum = 0;
   for (const { other, dx: x, dy: y, distance } of near) {
     const [ox, oy] = other.velocity;
@@ -91,14 +116,9 @@ function meetings(self, near, [vx, vy]) {
     const along = wx * dx + wy * dy, fast = Math.max(wx * wx + wy * wy, 1e-4);
     const at = Math.min(Math.max(along / fast, SOON), HORIZON);
     const gap = Math.hypot(dx - wx * at, dy - wy * at);
-    const depth = Math.max(room - gap, 0) / comfort;
+    const depth = Math.max(room - gap, 0) / COMFORT;
     const sooner = at - Math.sqrt(Math.max(room * room - gap * gap, 0) / fast);
-    let each = COLLISION * depth * (1 / (0.1 + Math.max(sooner, 0) / HORIZON) - 1 / 1.1);
-    if (ux * ox + uy * oy < -0.2) { // oncoming: pass on the left
-      const cross = (wx * dy - wy * dx) / Math.sqrt(fast);
-      const wrong = along > 0 ? Math.min(Math.max((0.35 - cross) / 0.7, 0), 1) : 0;
-      each += SIDE * wrong * Math.min(Math.max(1.5 - Math.abs(cross), 0), 1);
-    }
+    const each = COLLISION * depth * (1 / (0.1 + bounded(sooner / horizon, 0, 1)) - 1 / 1.1);
     most = Math.max(most, each);
     sum += each;
   }
@@ -126,11 +146,14 @@ function remember({ velocity, memory }, preferred, chosen, seconds) {
 /** Who has waited too long before others of lower numbers begins to make way. @param {Memory} memory @param {Other} self @param {Neighbour[]} near @returns {Memory} */
 function makeWay(memory, self, near) {
   if (memory.waited <= PATIENCE || memory.yields > 0) return memory;
+  const mine = memory.preferred, pace = Math.max(Math.hypot(...mine), 1e-6);
   const first = near.find(({ other, dx, dy, distance }) => {
     const [x, y] = other.memory.preferred, speed = Math.max(Math.hypot(x, y), 1e-6);
     const towards = -(x * dx + y * dy) / (Math.max(distance, 1e-6) * speed);
+    const along = (x * mine[0] + y * mine[1]) / (speed * pace);
     const [ox, oy] = other.velocity, slow = ox * ox + oy * oy < 0.25 * speed * speed;
-    return other.walks && other.number < self.number && distance < BLOCKING && towards > FACING && slow;
+    return other.walks && other.number < self.number && distance < BLOCKING && towards > FACING
+      && along < OPPOSITE && slow;
   });
   if (!first) return memory;
   const [x, y] = first.other.memory.preferred, speed = Math.max(Math.hypot(x, y), 1e-6);

@@ -13,7 +13,7 @@ const CURVE = [0.4, 1.6], BENDS = [(25 * Math.PI) / 180, (80 * Math.PI) / 180], 
 const NARROW = [0.02, 0.15], NARROW_SPEED = [0.8, 1.5];
 const PASSED = 0.3, TURNED = 0.1;
 const QUERIES = 4; // ways that one step looks for; others wait a step
-const OFF = 1.2, GOAL_MOVES = 0.4, GOAL_SHARE = 0.15, RETRY = 5;
+const OFF = 1.2, ASTRAY = [0.5, 3], GOAL_MOVES = 0.4, GOAL_SHARE = 0.15, RETRY = 5;
 export const MOVED = 0.01;
 const BACK = 0.5, WINDOW = 2;
 const FORESIGHT = 0.4, SLOW = 0.15;
@@ -94,7 +94,8 @@ export class Guide {
     if (known?.open) {
       const off = follow(known, hips), end = known.points[known.points.length - 1];
       const moved = Math.hypot(...minus(end, goal.place));
-      lost = moved > Math.max(GOAL_MOVES, GOAL_SHARE * (lengthOf(known) - known.progress)) || (off > OFF && wait === 0);
+      const waits = (this.#memories.get(person)?.waited ?? 0) > ASTRAY[1], astray = off > OFF || (off > ASTRAY[0] && waits);
+      lost = moved > Math.max(GOAL_MOVES, GOAL_SHARE * (lengthOf(known) - known.progress)) || (astray && wait === 0);
     }
     if (route) route.wait = Math.max(wait - 1, 0);
     if (!wanted || (known && !lost && (known.open || known.wait > 0)) || this.#looks >= QUERIES) return known;

@@ -3,8 +3,9 @@
 Each person tries velocities around the one it would like, and takes that of the least cost (see
 costs.py). As RVO has it, of somebody who avoids others, too, it expects half of what is to be done;
 of others nothing. Bodies are slow to react and do not walk well below some speed: a person walks
-faster than that or waits. Two who block each other are parted by their numbers: the one of the
-higher number makes way.
+faster than that or waits. Before people who come the other way it keeps to the right (lanes.py).
+Two who block each other are parted by their numbers: the one of the higher number makes way, but
+not for somebody who goes the same way, from behind.
 """
 
 from collections.abc import Callable
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.world.avoidance.costs import costs
+from wayfarer.world.avoidance.lanes import keep_right
 from wayfarer.world.avoidance.neighbours import Neighbours, neighbours
 from wayfarer.world.avoidance.people import Float, Memory, People
 from wayfarer.world.avoidance.rules import FAN, RULES, Rules
@@ -57,7 +59,8 @@ def avoid(
     preferred = keep_together(people, rows, preferred)
     near = neighbours(people, rows, rules)
     yields = memory.yields > 0
-    way = np.where(yields[:, None], memory.retreat * rules.yield_speed, preferred)
+    lane = keep_right(people, rows, preferred, rules)
+    way = np.where(yields[:, None], memory.retreat * rules.yield_speed, lane)
     tried = _candidates(way, memory.chosen, rules)
     total = costs(people, rows, near, way, tried, memory.chosen, clear, rules)
     best = (total <= total.min(1, keepdims=True) + EVEN).argmax(1)
@@ -104,6 +107,10 @@ def _make_way(
     distance = np.maximum(near.distance, 1e-6)
     speed = np.maximum(np.sqrt((theirs * theirs).sum(-1)), 1e-6)
     towards = -(theirs[..., 0] * near.dx + theirs[..., 1] * near.dy) / (distance * speed)
+    mine = memory.preferred / np.maximum(
+        np.sqrt((memory.preferred * memory.preferred).sum(-1, keepdims=True)), 1e-6
+    )
+    along = (theirs[..., 0] * mine[:, :1] + theirs[..., 1] * mine[:, 1:]) / speed
     slow = (people.velocity[near.index] ** 2).sum(-1) < 0.25 * speed**2
     before = (
         ~near.nobody
@@ -111,6 +118,7 @@ def _make_way(
         & (people.number[near.index] < people.number[rows][:, None])
         & (distance < 1.6)
         & (towards > FACING)
+        & (along < rules.opposite)
         & slow
     )
     begins = impatient & before.any(1)

@@ -32,7 +32,7 @@ def costs(
 
 
 def meetings(people: People, rows: Index, near: Neighbours, tried: Float, rules: Rules) -> Float:
-    """How soon and how nearly others are met, and on which side. [A, C]"""
+    """How soon and how nearly others are met. [A, C]"""
     own, their = people.velocity[rows], people.velocity[near.index]
     # w: velocity relative to the other, reciprocal (2v - own - theirs) where it gives way, too;
     # close by it would be too late to rely on that
@@ -54,22 +54,18 @@ def meetings(people: People, rows: Index, near: Neighbours, tried: Float, rules:
 
     mine = people.group[rows][:, None]
     same = (mine > 0) & (people.group[near.index] == mine)
-    # the longer an agent has waited, the less room it asks for
-    asked = rules.comfort / (1 + people.memory.waited[rows] / rules.push)
-    comfort = np.where(same, 0.05, asked[:, None])
-    room = touch + comfort
-    depth = np.maximum(room[:, None] - gap, 0) / comfort[:, None]  # 1: they touch
+    # the longer an agent has waited, the less room it asks for and the less far it looks ahead:
+    # people who all stand 0.8 m apart could else not move, for fear of a touch seconds later
+    waited = people.memory.waited[rows]
+    asked = np.maximum(rules.comfort / (1 + waited / rules.push), rules.least_comfort)
+    room = touch + np.where(same, 0.05, asked[:, None])
+    depth = np.maximum(room[:, None] - gap, 0) / np.where(same, 0.05, rules.comfort)[:, None]
     depth[np.broadcast_to(near.nobody[:, None], depth.shape)] = 0
     sooner = at - np.sqrt(np.maximum(room[:, None] ** 2 - gap * gap, 0) / fast)
-    urgency = 1 / (0.1 + np.maximum(sooner, 0) / rules.horizon) - 1 / 1.1
+    horizon = np.maximum(rules.horizon / np.maximum(waited / rules.hurry, 1), rules.shortest)
+    away = np.clip(sooner / horizon[:, None, None], 0, 1)
+    urgency = 1 / (0.1 + away) - 1 / 1.1
     each = rules.collision * depth * urgency
-
-    # oncoming people should pass on the left
-    oncoming = ((own[:, None] * their).sum(-1) < -0.2) & ~same & ~near.nobody
-    cross = (wx * dy - wy * dx) / np.sqrt(fast)  # metres by which it is passed on the right
-    wrong = np.clip((0.35 - cross) / 0.7, 0, 1) * (along > 0) * oncoming[:, None]
-    beside = np.clip((1.5 - np.abs(cross)) / 1.0, 0, 1)
-    each += rules.side * wrong * beside
     return each.max(-1) + 0.25 * each.sum(-1)
 
 

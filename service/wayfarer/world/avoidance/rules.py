@@ -35,13 +35,23 @@ class Rules:
     deviation: float = 2.0  # costs, of 1 m/s: not to go where one would
     change: float = 0.7  # to go elsewhere than last time
     collision: float = 2.2  # to collide (at once: ten times that)
-    side: float = 0.5  # for passing oncoming people on the left
     wall: float = 15.0  # to touch a wall
 
     patience: float = 1.2  # seconds of waiting until a person makes way for those before it
     yielding: float = 1.6  # seconds for which it does
     yield_speed: float = 0.6
     push: float = 4.0  # seconds of waiting until a person is content with half of that room
+    least_comfort: float = 0.15  # and the room that it wants however long it waits
+    hurry: float = 2.5  # seconds of waiting; after n times that it looks ahead 1/n as far
+    shortest: float = 1.0  # seconds that it looks ahead at least
+
+    opposite: float = 0.5  # cosine from which two walk against each other, or the same way
+    lane: float = 0.6  # metres by which oncoming people are passed on the right
+    lane_sight: float = 12.0  # metres ahead in which they are seen
+    lane_wide: float = 1.8  # metres to either side of the way in which they are
+    beside: float = 1.2  # metres to the right from which one person is passed on the left
+    lane_soon: float = 0.5  # seconds: a lane is taken no faster, however near somebody is,
+    lane_most: float = 0.8  # nor at a greater share of the speed
 
 
 RULES: Final = Rules()

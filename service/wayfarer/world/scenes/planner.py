@@ -1,8 +1,8 @@
 """Finds agents' ways through their scenes, and reports goals that no way leads to.
 
 A way leads to one goal of the agent's path and is searched when that goal's turn comes. It is
-searched again when a change of the scene has closed it, when the agent has been pushed far off it,
-and when its goal has moved.
+searched again when a change of the scene has closed it, when the agent has been pushed off it, and
+when its goal has moved.
 """
 
 from collections.abc import Callable
@@ -25,6 +25,10 @@ Array = NDArray[np.floating[Any]]
 
 OFF: Final = 1.2
 """Metres from its way at which an agent looks for another one."""
+
+ASTRAY: Final = (0.5, 3.0)
+"""Metres from its way and seconds of waiting from which it looks, too: others may have pushed it
+through a door, and a wall is now between it and its way."""
 
 GOAL_MOVES: Final = 0.4
 GOAL_SHARE: Final = 0.15
@@ -92,7 +96,9 @@ class Planner:
         moved = np.linalg.norm(self._routes.ends(rows)[:, :2] - goals[:, :2], axis=-1)
         left = route.length[rows] - route.progress[rows]
         gone: Flags = moved > np.maximum(GOAL_MOVES, GOAL_SHARE * left)
-        return gone | (off > OFF) & (route.wait[rows] == 0)
+        waits = self._slots.memory.waited[rows] > ASTRAY[1]
+        astray = (off > OFF) | (off > ASTRAY[0]) & waits
+        return gone | astray & (route.wait[rows] == 0)
 
     def _may_open(self, rows: Index) -> Flags:
         route = self._slots.route
