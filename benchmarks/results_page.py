@@ -54,6 +54,7 @@ COMMANDS = {
     "predictor": f"wayfarer eval predictor {HELDOUT} --seed 7",
     "regressor": f"wayfarer eval regressor {HELDOUT} --seed 7",
     "scenes": "wayfarer eval scenes --only cubes,corridor,slope,storeys,doors,crates --seed 0",
+    "scenes_streams": "wayfarer eval scenes --only corridor,doorway --repeats 5 --seed 0",
     "scenes_square": "wayfarer eval scenes --only square --seed 0",
 }
 SEEDS = """## control, three trainings of the policy

@@ -228,16 +228,18 @@ GROUPS: Final = (
         "scenes",
         "`cubes`: the paper's field of 20 × 20 m with 30 boxes, random starts and goals, "
         "everybody alone (as in `slope`, `storeys`, `doors`, `crates`). `corridor`: two streams "
-        "of people who change sides. `square`: people by `PopulateSession` for some minutes. "
+        "of people who change sides; `doorway`: 8 people in either of two rooms change rooms "
+        "through a door of 1.2 m. `square`: people by `PopulateSession` for some minutes. "
         "`slope`, `storeys`: up and down again. `doors`: the door to the goal's room shuts 2 m "
         "before the agent and opens after 6 s. `crates`: a crate is dropped 2 m before the "
-        "agent. Every frame counts; in `corridor` every second one, in `square` every eighth. "
+        "agent. Every frame counts; in `corridor` and `doorway` every second one, in `square` "
+        "every eighth. "
         "The JSON's `meta` lists the worst moments of each scenario (number of the agent, time).",
         {
             "success": "share that reaches its last goal within 10 s + path ÷ 0.5 m/s (`slope`, "
-            "`storeys`: 15 s + path ÷ 0.4 m/s; `corridor`: 90 s); `doors`: that waits while the "
-            "door is shut, and arrives afterwards; `crates`: that arrives within 45 s; `square`: "
-            "that is never stuck",
+            "`storeys`: 15 s + path ÷ 0.4 m/s; `corridor`, `doorway`: 90 s); `doors`: that waits "
+            "while the door is shut, and arrives afterwards; `crates`: that arrives within 45 s; "
+            "`square`: that is never stuck",
             "agent_frames": "number of frames of all agents that count",
             "goals_per_minute_each": "goals reached by an agent per minute",
             "seconds_median": "time until arrival, median",

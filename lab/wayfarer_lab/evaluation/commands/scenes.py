@@ -24,7 +24,14 @@ from wayfarer_lab.evaluation.scenes.pictures import Focus, plan, save, view
 from wayfarer_lab.evaluation.scenes.play import House
 from wayfarer_lab.evaluation.scenes.scenarios.changes import crates, doors
 from wayfarer_lab.evaluation.scenes.scenarios.seen import Seen
-from wayfarer_lab.evaluation.scenes.scenarios.walking import corridor, cubes, slope, square, storeys
+from wayfarer_lab.evaluation.scenes.scenarios.walking import (
+    corridor,
+    cubes,
+    doorway,
+    slope,
+    square,
+    storeys,
+)
 
 app = typer.Typer()
 
@@ -34,18 +41,20 @@ Scenario = Callable[[House, int, int, Watch], Seen]
 SCENARIOS: Final[Mapping[str, tuple[Scenario, int]]] = {
     "cubes": (cubes, 100),
     "corridor": (corridor, 20),
+    "doorway": (doorway, 8),
     "slope": (slope, 8),
     "storeys": (storeys, 8),
     "doors": (doors, 8),
     "crates": (crates, 16),
 }
-"""Scenario and number of people; in the corridor, at either end."""
+"""Scenario and number of people; in corridor and doorway, at either end."""
 
 SQUARE, PEOPLE = "square", 200
 ALL: Final = (*SCENARIOS, SQUARE)
 CAMERAS: Final = {
     "cubes": Focus((10.0, 9.0), 13.0),
     "corridor": Focus((12.0, 0.0), 7.5, elevation=60.0),
+    "doorway": Focus((0.0, 0.0), 6.0, elevation=60.0),
     "slope": Focus((10.0, 11.0), 9.0),
     "storeys": Focus((4.5, 3.0), 7.5),
     "doors": Focus((12.0, 0.0), 12.0, elevation=60.0),
@@ -83,6 +92,9 @@ def scenes(
     engine: EngineOption = "onnxruntime",
     threads: ThreadsOption = 1,
     seed: SeedOption = 0,
+    repeats: Annotated[
+        int, typer.Option(help="Runs of each scenario, with seeds from --seed on.", min=1)
+    ] = 1,
     json: JsonOption = None,
 ) -> None:
     """Let people find their way through example scenes, and measure what they touch."""
@@ -92,20 +104,23 @@ def scenes(
         SQUARE: (partial(square, 60 * minutes), PEOPLE),
     }
     rows, worst = [], {}
+    runs = [(name, seed + k) for name in only.split(",") for k in range(repeats)]
     with progress() as bar:
-        for name in only.split(","):
+        for name, number in runs:
             scenario, usual = tried[name]
-            task = bar.add_task(name, total=None)
+            called = name if repeats == 1 else f"{name}, seed {number}"
+            task = bar.add_task(called, total=None)
             people = max(1, round(scale * usual))
-            seen = scenario(house, seed, people, partial(_advance, bar, task))
-            rows.append(seen.row)
-            worst[name] = seen.witness.worst()
+            seen = scenario(house, number, people, partial(_advance, bar, task))
+            rows.append(seen.row | {"name": called})
+            worst[called] = seen.witness.worst()
             if pictures:
-                save(pictures / f"{name}.png", plan(seen.scene, seen.witness.trails()))
-                save(pictures / f"{name}_view.png", view(seen.scene, seen.witness, CAMERAS[name]))
+                save(pictures / f"{called}.png", plan(seen.scene, seen.witness.trails()))
+                drawn = view(seen.scene, seen.witness, CAMERAS[name])
+                save(pictures / f"{called}_view.png", drawn)
     finish(
         json, {"Scenes": rows}, PLOTS, **origin(models, None, None, "", seed), engine=engine,
-        candidates=candidates, scale=scale, minutes=minutes, worst=worst,
+        candidates=candidates, scale=scale, minutes=minutes, repeats=repeats, worst=worst,
     )  # fmt: skip
 
 

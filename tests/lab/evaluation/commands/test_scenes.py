@@ -60,6 +60,14 @@ def test_two_streams_meet_in_the_corridor_and_wanderers_in_the_square(tmp_path: 
     assert 0 <= square["overlap_frames"] < 1
 
 
+def test_a_door_is_shared_and_runs_are_repeated_with_other_seeds(tmp_path: Path) -> None:
+    made = report(tmp_path, "--only", "doorway", "--scale", "0.25", "--repeats", "2")
+    assert [row["name"] for row in made["rows"]] == ["doorway, seed 0", "doorway, seed 1"]
+    assert all(row["agents"] == 4 and row["success"] == 1.0 for row in made["rows"])
+    assert made["rows"][0]["agent_frames"] != made["rows"][1]["agent_frames"]
+    assert set(made["meta"]["worst"]) == {"doorway, seed 0", "doorway, seed 1"}
+
+
 def test_unknown_scenarios_are_refused_with_those_there_are() -> None:
     answer = CliRunner().invoke(app, ["scenes", "--only", "cubes,moon"])
     assert answer.exit_code == 2 and "moon" in answer.output

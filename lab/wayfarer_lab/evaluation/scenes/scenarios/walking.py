@@ -9,13 +9,14 @@ import numpy as np
 from wayfarer.navigation.examples import (
     PLATFORM,
     cubes_field,
+    rectangle,
     slope_with_steps,
     town_square,
     two_storeys,
 )
 from wayfarer.navigation.examples import corridor as corridor_spec
 from wayfarer.navigation.scene import Scene, bake
-from wayfarer.navigation.scene_spec import Point2, Point3
+from wayfarer.navigation.scene_spec import Box, Floor, Point2, Point3, SceneSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.scenes.messages import Crowd
 from wayfarer_lab.evaluation.figures import mean, quantile
@@ -76,12 +77,46 @@ def corridor(house: House, seed: int, each: int, watch: Watch) -> Seen:
         front = FIRST + APART * ((each - 1) // len(LANES) - place)
         ends.append(((back, LANES[lane]), (LENGTH - front, LANES[lane])))
         ends.append(((LENGTH - back, -LANES[lane]), (front, -LANES[lane])))
-    play = house.play(scene, 2 * each, avoid=True, every=2)
+    return _streams("corridor", house, scene, ends, random, watch)
+
+
+ROOM, WALL, DOOR = 5.0, 0.16, 1.2
+"""Metres: side of a room, thickness of the wall between two of them, width of its door."""
+
+
+def doorway(house: House, seed: int, each: int, watch: Watch) -> Seen:
+    """`each` people in either of two rooms walk through the door between them to the other."""
+    random = np.random.default_rng(seed)
+    beside = (ROOM - DOOR) / 2
+    wall = [Box((0.0, side * (DOOR + beside) / 2), (WALL, beside), 2.6) for side in (-1.0, 1.0)]
+    ground = Floor(rectangle(-ROOM, -ROOM / 2, ROOM, ROOM / 2))
+    ends: list[tuple[Point2, Point2]] = []
+    for number in range(each):
+        row, lane = divmod(number, len(PLACES))
+        start, goal = (1.8 + APART * row, PLACES[lane]), (1.8 + APART * row, -PLACES[lane])
+        ends.append(((-start[0], start[1]), goal))
+        ends.append((start, (-goal[0], goal[1])))
+    return _streams("doorway", house, bake(SceneSpec((ground,), tuple(wall))), ends, random, watch)
+
+
+PLACES: Final = (-1.5, -0.5, 0.5, 1.5)
+
+
+def _streams(
+    name: str,
+    house: House,
+    scene: Scene,
+    ends: Sequence[tuple[Point2, Point2]],
+    random: np.random.Generator,
+    watch: Watch,
+) -> Seen:
+    """People who walk from one end to the other, and see each other."""
+    play = house.play(scene, len(ends), avoid=True, every=2)
     people = [person(k, random, a, b) for k, (a, b) in enumerate(ends)]
     seconds = errands(play, people, [[Goal((*b, 0.0))] for _, b in ends], CLEAR, watch)
     there = ~np.isnan(seconds)
     row: Row = {
-        "name": "corridor",
+        "name": name,
         "success": float(there.mean()),
         "seconds_median": quantile(seconds.tolist(), 0.5),
         "seconds_last": float(seconds.max()) if there.all() else float("nan"),
