@@ -54,6 +54,9 @@ class Notes:
             (agent, seq, candidates) for agent, seq in zip(agent_ids, seqs.tolist(), strict=True)
         ]
 
+    def fell(self, falls):
+        self.calls += falls
+
     def sent(self, due):
         pass
 

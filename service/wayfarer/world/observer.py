@@ -1,12 +1,13 @@
 """What a world reports to those that keep its history: the journal and the recordings."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.world.agents.agent import AgentChange, AgentSpec
+from wayfarer.world.agents.agent import AgentChange, AgentSpec, AgentState
 from wayfarer.world.agents.records import AgentRecord
 from wayfarer.world.agents.registry import Agent, Session
 from wayfarer.world.goals.commands import GoalCommand
@@ -17,6 +18,17 @@ Names = NDArray[np.object_]
 
 Start = AgentSpec | AgentRecord
 """What an agent starts from: nothing but a spec, or where it was elsewhere."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fall:
+    """What the guard saw of a planned chunk, in whose place the agent gets up."""
+
+    agent_id: str
+    seq: int
+    state: AgentState  # of the step
+    lean: float  # radians of the spine at its end; NaN, as `hips`: the step could not be shown
+    hips: float  # their height, as a share of what it is in a stand
 
 
 class WorldObserver(Protocol):
@@ -58,6 +70,10 @@ class WorldObserver(Protocol):
         `models` are the stamps of the models that move them. A chunk of the same number that was
         planned before is void.
         """
+        ...
+
+    def fell(self, falls: Sequence[Fall]) -> None:
+        """Agents get up in the course of the chunks that are planned next."""
         ...
 
     def sent(self, due: Due) -> None:

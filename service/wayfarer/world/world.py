@@ -7,6 +7,7 @@ offline use). The same calls give the same motion. Not thread-safe, except `plac
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
+from math import acos
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ from wayfarer.world.agents.population import Population
 from wayfarer.world.agents.records import LiveRows
 from wayfarer.world.agents.registry import Agent, Registry
 from wayfarer.world.agents.reservations import Reservation
-from wayfarer.world.agents.slots import Motion, SlotTable
+from wayfarer.world.agents.slots import Mode, Motion, SlotTable
 from wayfarer.world.agents.timeline import Timeline
 from wayfarer.world.agents.views import agent_info
 from wayfarer.world.events import Event
@@ -37,8 +38,8 @@ from wayfarer.world.goal_commands import GoalCommands
 from wayfarer.world.goals.commands import GoalCommand
 from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.membership import Membership
-from wayfarer.world.observer import WorldObserver
-from wayfarer.world.rows import Index
+from wayfarer.world.observer import Fall, WorldObserver
+from wayfarer.world.rows import Float, Index, Int8
 from wayfarer.world.scenes.context import SceneContext
 from wayfarer.world.scenes.grounding import ground
 from wayfarer.world.scenes.guide import SceneGuide
@@ -121,6 +122,7 @@ class World:
             settings=settings,
             reset=self._population.stand_again,
             planned=self._planned,
+            fell=self._fell,
             guide=self._scene_context.guide,
             soles=next(iter(bodies.values())).sole_markers.reshape(2, -1),
             mirrors=has_mirror_image(bodies.values()),
@@ -425,6 +427,19 @@ class World:
         models = [stamps[number] for number in numbers]
         for observer in self._observers:
             observer.planned(self.slots.agent_id[rows], seqs, candidates, models)
+
+    def _fell(self, rows: Index, modes: Int8, upright: Float, hips: Float) -> None:
+        if not self._observers:
+            return
+        falls = [
+            Fall(self.slots.agent_id[row], seq, Mode(mode).state, acos(min(cosine, 1.0)), height)
+            for row, seq, mode, cosine, height in zip(
+                rows.tolist(), self.slots.planned_chunks[rows].tolist(), modes.tolist(),
+                upright.tolist(), hips.tolist(), strict=True,
+            )
+        ]  # fmt: skip
+        for observer in self._observers:
+            observer.fell(falls)
 
     def _info(self, agent: Agent) -> AgentInfo:
         return agent_info(agent, self.slots, self.models)

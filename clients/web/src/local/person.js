@@ -6,6 +6,7 @@ import { broken, fallen, gotUp, smoothed } from "./guards.js";
 import { plant, shorten } from "./planting.js";
 import { habitsOf, hold, looks } from "./posture.js";
 import { isMirrored, mannerOf, reactionOf, strideOf } from "./random.js";
+import { righted } from "./righting.js";
 import {
   STANDING, STOPPING, STRAFING, TURNING, WALKING, facingOf, goalAt, goalRows, observe, shortenedGait,
 } from "./steering.js";
@@ -173,6 +174,7 @@ export class Person {
     let step = made;
     if (isBroken) step = { ...made, ...stillFrames(seed) };
     step = { ...step, rotations: smoothed(seed, step.translation, step.rotations, this.legs) };
+    step = righted(gait.mode, step, this.body.shares);
     const planted = plant(this.body.soles, gait, seed, start.facing, step, carried);
     const shortened = shorten(
       this.planned.gait.shortened, planted.gait.shortened, start.hips, planted.step, planted.seed,

@@ -11,7 +11,8 @@ const MAX_STRIDE = 0.06, MAX_TWIST = (6 * Math.PI) / 180; // of a foot of its ow
 const STRIDE = 0.05;
 const WIDTH = [0.14, 0.26];
 const LEG_HEIGHT = 0.8;
-const EASE = Array.from({ length: FRAMES }, (_, t) => 0.5 - 0.5 * Math.cos((Math.PI * (t + 1)) / FRAMES));
+/** Share of a correction in each new frame. */
+export const EASE = Array.from({ length: FRAMES }, (_, t) => 0.5 - 0.5 * Math.cos((Math.PI * (t + 1)) / FRAMES));
 
 /** @typedef {import("./steering.js").Gait} Gait */
 /** @typedef {[number, number]} Point */

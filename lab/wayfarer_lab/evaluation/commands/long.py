@@ -1,5 +1,6 @@
 """`wayfarer eval long`: minutes of goal after goal, and adversarial goal commands."""
 
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -20,6 +21,7 @@ from wayfarer_lab.evaluation.commands.options import (
     ThreadsOption,
 )
 from wayfarer_lab.evaluation.commands.shared import finish, origin, progress
+from wayfarer_lab.evaluation.falls import FallWatch, draw_falls
 from wayfarer_lab.evaluation.gait import Row, Windows, posed_gait_rows
 from wayfarer_lab.evaluation.goals import Watch, random_specs, run_errands
 from wayfarer_lab.evaluation.health import FAULTS, health_row
@@ -51,18 +53,25 @@ def long(
     engine: EngineOption = "onnxruntime",
     threads: ThreadsOption = 0,
     seed: SeedOption = 0,
+    strips: Annotated[
+        Path | None,
+        typer.Option(help="Folder for film strips of the agents that got up.", file_okay=False),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Let agents walk from goal to goal for minutes, and count faults of their bodies.
 
     These agents get a new goal only when they stand. The adversarial scripts put goals behind
     walking agents, turn them round twice a second, and give a new goal every quarter of a second.
+    An agent that leans or squats as nobody does gets up: each has a row with the moment and what
+    the guard saw, and with --strips the seconds around it are drawn.
     """
     recorded = Recorded(data, split) if data else None
     bundle = open_bundle(models, threads, engine)
     steering, bodies = Steering().with_search(candidates=candidates), bundle.bodies
     world, random = bundle.world(agents, steering), np.random.default_rng(seed)
     specs = random_specs(agents, random)
+    falls = [(NAME, _watched(world))]
     with progress(NAME) as watch:
         seen = wander(world, bodies, specs, minutes * 60, random, watch)
     row = health_row(NAME, seen.health, seen.resets)
@@ -73,13 +82,24 @@ def long(
     scripts = []
     for case in (*SCRIPTS, *MORE_SCRIPTS) if scripted else ():
         alone = bundle.world(scripted, steering)
+        falls.append((case.name, _watched(alone)))
         with progress(case.name) as watch:
             scripts.append(_script(case, alone, scripted, random, bodies, watch))
+    if strips:
+        for name, found in falls:
+            draw_falls(name, found.falls, bodies, strips)
+    told = [fallen.row(name) for name, found in falls for fallen in found.falls]
     finish(
-        json, {"Health": [row], "Scripts": scripts, "Gait": gait}, PLOTS,
+        json, {"Health": [row], "Scripts": scripts, "Gait": gait, "Resets": told}, PLOTS,
         **origin(models, None, data, split, seed),
         engine=engine, candidates=candidates, agents=agents, minutes=minutes, scripted=scripted,
     )  # fmt: skip
+
+
+def _watched(world: World) -> FallWatch:
+    falls = FallWatch()
+    world.observe(falls)
+    return falls
 
 
 def _script(

@@ -13,7 +13,7 @@ from wayfarer.world.agents.registry import Agent, Session
 from wayfarer.world.agents.slots import Mode
 from wayfarer.world.behaviours import known_behaviour
 from wayfarer.world.goals.commands import GoalCommand
-from wayfarer.world.observer import Names, Start
+from wayfarer.world.observer import Fall, Names, Start
 from wayfarer.world.rows import Index
 from wayfarer.world.stepping.due import Due
 from wayfarer.world.world import World
@@ -94,6 +94,9 @@ class JournalObserver:
         self, agent_ids: Names, seqs: Index, candidates: int, models: Sequence[str]
     ) -> None:
         """What is planned and not sent is made again after a restart."""
+
+    def fell(self, falls: Sequence[Fall]) -> None:
+        """Where agents stand tells as much."""
 
     def sent(self, due: Due) -> None:
         """Places are kept by `stood`, less often than chunks are sent."""

@@ -16,7 +16,7 @@ from wayfarer.world.agents.records import AgentRecord
 from wayfarer.world.agents.registry import Agent, Session
 from wayfarer.world.behaviours import Behaviour, Routine
 from wayfarer.world.goals.commands import Append, GoalCommand, Path
-from wayfarer.world.observer import Names, Start
+from wayfarer.world.observer import Fall, Names, Start
 from wayfarer.world.rows import Index
 from wayfarer.world.stepping.due import Due
 
@@ -193,6 +193,9 @@ class Recordings:
             if found := self._tracks.get(agent_id):
                 log, track = found
                 self._grow(log, track.plan(ChunkRun(seq, candidates, model)))
+
+    def fell(self, falls: Sequence[Fall]) -> None:
+        """Follows from what is noted."""
 
     def stood(self, agents: Sequence[Agent]) -> None:
         """A log holds no places."""

@@ -271,6 +271,15 @@ def _flexion(knees: Array, legs: Legs) -> Array:
 
 def fallen(translation: Float, rotations: Float, legs: Legs) -> Flags:
     """Bodies [A] that lean or squat at the end of their step: [A, F, 3], [A, F, 22, 4]."""
+    upright, hips = bearing(translation, rotations, legs)
+    found: Flags = (upright < FELL) | (hips < FOLDED)
+    return found
+
+
+def bearing(translation: Float, rotations: Float, legs: Legs) -> tuple[Float, Float]:
+    """How upright bodies [A] are at the end of their step, as the cosine of their lean, and how
+    high their hips, as a share of what they are in a stand: [A, F, 3], [A, F, 22, 4].
+    """
     trunk = np.moveaxis(rotations[:, -1, [0, *_SPINE]], -1, 0)  # [4, A, 4]
     turn = trunk[:, :, 0]
     upright = np.zeros(len(translation), np.float32)
@@ -280,8 +289,7 @@ def fallen(translation: Float, rotations: Float, legs: Legs) -> Flags:
         upright += (1 - 2 * (x * x + y * y)) / 3
     heel = legs.sole_of_ankle[:, :, 0, 2]
     height = -(legs.hip + legs.knee + legs.ankle)[..., 2].mean(1) - heel.mean(1)
-    found: Flags = (upright < FELL) | (translation[:, -1, 2] < FOLDED * height)
-    return found
+    return upright, translation[:, -1, 2] / height
 
 
 _SPINE: Final = [joint_names().index(f"spine{k}") for k in (1, 2, 3)]

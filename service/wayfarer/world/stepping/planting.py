@@ -64,7 +64,7 @@ WIDTH: Final = (0.14, 0.26)
 LEG_HEIGHT: Final = 0.8
 """Metres: a marker this high is not moved with a foot; below, the lower the more."""
 
-_EASE: Final = (0.5 - 0.5 * np.cos(np.pi * np.arange(1, NEW_FRAMES + 1) / NEW_FRAMES)).astype(
+EASE: Final = (0.5 - 0.5 * np.cos(np.pi * np.arange(1, NEW_FRAMES + 1) / NEW_FRAMES)).astype(
     np.float32
 )
 """Share of the correction in each new frame: nothing at the seam, all of it at the end."""
@@ -187,7 +187,7 @@ def _corrected(
     both = both._replace(turn=both.turn + back)
 
     hips, root = step.translation[rows, :, :2], step.rotations[rows, :, 0]
-    ease, all_ = np.broadcast_to(_EASE, hips.shape[:2]), np.ones(hips.shape[:2], np.float32)
+    ease, all_ = np.broadcast_to(EASE, hips.shape[:2]), np.ones(hips.shape[:2], np.float32)
     moved = both.spread(1)
     translation[rows, :, :2] = moved.moved(hips, ease) + way
     rotations[rows, :, 0] = _yawed(root, ease * both.turn[:, None])

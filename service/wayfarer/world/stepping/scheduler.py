@@ -19,13 +19,14 @@ from wayfarer.world.agents.style import sets_off, stride
 from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.goals.steering import observe
 from wayfarer.world.output.legs import Legs
-from wayfarer.world.rows import Flags, Float, Index
+from wayfarer.world.rows import Flags, Float, Index, Int8
 from wayfarer.world.stepping.batch import broken, gather
-from wayfarer.world.stepping.guards import fallen, got_up, smoothed
+from wayfarer.world.stepping.guards import bearing, fallen, got_up, smoothed
 from wayfarer.world.stepping.guide import Guide, NextTarget
 from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
 from wayfarer.world.stepping.planting import Step, plant
 from wayfarer.world.stepping.playback import Chunks, Playback
+from wayfarer.world.stepping.righting import righted
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.stepping.strides import shorten, shortened_gait
 
@@ -102,6 +103,7 @@ class Scheduler:
         settings: WorldSettings,
         reset: Callable[[int], Motion],
         planned: Callable[[Index, Index, int], None],
+        fell: Callable[[Index, Int8, Float, Float], None],
         guide: Guide,
         soles: Index,
         mirrors: bool,
@@ -109,8 +111,9 @@ class Scheduler:
         """`reset(slot)` gives the standing motion from which an agent goes on that has fallen.
 
         `planned(slots, seqs, candidates)` is called with all new chunks, 0 candidates for those
-        that are held. `soles` [2, P]: the markers under the left and the right foot. `mirrors`:
-        half of all agents are moved in a mirror.
+        that are held. `fell(slots, modes, upright, hips)` is called before that with those who get
+        up, and their bearing (see guards.py). `soles` [2, P]: the markers under the left and the
+        right foot. `mirrors`: half of all agents are moved in a mirror.
         """
         self._table = table
         self._playback = playback
@@ -120,6 +123,7 @@ class Scheduler:
         self._reset = reset
         self._sizes = settings.batch_sizes
         self._planned = planned
+        self._fell = fell
         self._guide = guide
         self._soles = soles
         self._mirrors = mirrors
@@ -260,6 +264,8 @@ class Scheduler:
             outputs.next_seed_markers,
             outputs.contacts > 0.5,
         )
+        if self._mirrors:  # the markers are ours, of which `righted` knows where they are
+            step = righted(batch.gait.mode, step)
         gait, step, seed = plant(self._soles, batch.gait, batch.seed, step, batch.carried)
         before = slots.planned.gait.shortened[rows]
         step, seed = shorten(before, gait, start, step, seed)
@@ -279,7 +285,11 @@ class Scheduler:
         gets_up = is_broken | fallen(step.translation, step.rotations, legs)
         if gets_up.any():
             chunks.flags[is_broken] |= np.uint8(ChunkFlag.FIRST)  # it may jump
-            chunks = self._mend(rows, chunks, batch.seed, np.flatnonzero(gets_up))
+            which = np.flatnonzero(gets_up)
+            bore = bearing(step.translation[which], step.rotations[which], legs.take(which))
+            unknown = np.where(is_broken[which], np.float32(np.nan), np.float32(0))
+            self._fell(rows[which], gait.mode[which], *(value + unknown for value in bore))
+            chunks = self._mend(rows, chunks, batch.seed, which)
         self._append(rows, chunks, batch.candidates)
         self.reduced_steps += int(batch.reduced.sum())
 
