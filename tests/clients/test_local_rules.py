@@ -35,7 +35,7 @@ from wayfarer.world.stepping.righting import righted
 LOG = logging.getLogger(__name__)
 CPP = Path(__file__).parents[2] / "clients" / "cpp"
 Port = Callable[[str, Path], Any]
-"""What a port makes of the rows in a file, by one of random, guards and rules."""
+"""What a port makes of the rows in a file, by one of random, guards, righting and rules."""
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +148,7 @@ def test_guards_repair_as_the_servers_do(port, tmp_path):
             np.testing.assert_allclose(one[name], wanted.ravel(), atol=2e-4, err_msg=name)
 
 
-def test_leaning_people_straighten_up_as_on_the_server(tmp_path):
+def test_leaning_people_straighten_up_as_on_the_server(port, tmp_path):
     """All modes, leans of both sides of the bounds, in all directions."""
     count, rng = 60, np.random.default_rng(8)
     bends = np.radians(12) * rng.normal(size=(count, NEW_FRAMES, POSED_JOINTS, 3))
@@ -167,7 +167,7 @@ def test_leaning_people_straighten_up_as_on_the_server(tmp_path):
     ]
     file = tmp_path / "steps.json"
     file.write_text(json.dumps({"names": marker_names(), "steps": rows}, default=_flat))
-    found = json.loads(node("local_righting.js", file))
+    found = port("righting", file)
     after = righted(modes, step)
     left = (after.markers == step.markers).all((1, 2, 3))
     assert 5 < left.sum() < count - 20

@@ -3,6 +3,7 @@
 
 #include "legs.hpp"
 #include "planting.hpp"
+#include "righting.hpp"
 
 namespace wayfarer::local {
 
@@ -45,6 +46,7 @@ struct LocalModel::Parts {
   std::map<std::string, double> steering;
   std::map<std::string, local::Body> bodies;
   local::SoleMarkers soles;
+  std::vector<double> shares;  // of the markers when the spine turns, see righting.hpp
   std::vector<std::size_t> mirrored_markers, mirrored_joints;
 };
 

@@ -18,6 +18,7 @@ Person::Person(const LocalSpec& given, const LocalModel::Parts& model, const Ste
       manner(manner_of(given.seed)),
       body_(model.bodies.at(given.gender)),
       soles_(model.soles),
+      shares_(model.shares),
       steering_(steering),
       legs_(body_.legs(given.betas)),
       stride_(stride_of(given.seed)),
@@ -74,6 +75,7 @@ void Person::take(const Asked& asked, Step made) {
     made.turns.fill(seed.turns.back());
   }
   made.turns = smoothed(seed, made.hips, made.turns, legs_);
+  right(gait.mode, shares_, made);
   Planted planted = plant(soles_, gait, seed, start.facing, made, carried);
   shorten(planned_.gait.shortened, planted.gait.shortened, start.hips, planted);
   Step& step = planted.step;
