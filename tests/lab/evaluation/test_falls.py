@@ -49,7 +49,7 @@ def test_a_fall_is_told_with_what_was_sent_around_it(seconds: float) -> None:
     [fallen] = seen(seconds).falls
     row = fallen.row("a run")
     assert row["name"] == "a run, agent 1" and row["state"] == AgentState.WALKING.value
-    assert 40 < row["lean_deg"] < 50 and row["hips"] > 0.9
+    assert row["lean_deg"] == pytest.approx(50, abs=1e-3) and row["hips"] > 0.9
     seqs = [chunk.seq for chunk in fallen.chunks]
     assert seqs == list(range(fallen.fall.seq - BEFORE + 1, fallen.fall.seq + AFTER + 1))
     there = fallen.chunks[BEFORE - 1]
