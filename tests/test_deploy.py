@@ -2,13 +2,16 @@
 
 import json
 import re
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 import yaml
 
-from wayfarer import config_sources
+from wayfarer import cluster_command, config_sources
 from wayfarer.service.stats import LoopStats
 from wayfarer.transport.metrics import Metrics
 from wayfarer.transport.server_options import ServerOptions
@@ -120,3 +123,60 @@ def test_monitoring_is_started_only_when_asked_for():
     services = compose()["services"]
     asked = {name for name, service in services.items() if service.get("profiles")}
     assert asked == set(services) - {"wayfarer"}
+
+
+def cluster_compose() -> dict:
+    return yaml.safe_load((ROOT / "docker-compose.cluster.yml").read_text())
+
+
+def commands_of(service: dict) -> Iterator[list[str]]:
+    """What a container runs, as words; those of a shell script one by one."""
+    command = service["command"]
+    if command[:2] == ["/bin/bash", "-c"]:
+        for line in command[2].splitlines():
+            words = shlex.split(line)
+            if words[0] != "set":
+                yield words[1:] if words[0] == "exec" else words
+    else:
+        yield command
+
+
+def unknown(group: Any, words: list[str]) -> list[str]:
+    """Options of a command line that its command does not have. KeyError: no such command."""
+    name, *rest = words
+    known = {option for param in group.commands[name].params for option in param.opts}
+    return [word for word in rest if word.startswith("--") and word not in known]
+
+
+def test_three_nodes_in_compose_run_commands_that_there_are(monkeypatch):
+    services = cluster_compose()["services"]
+    assert services["node"]["deploy"]["replicas"] == 3
+    run = [words for service in services.values() for words in commands_of(service)]
+    assert [words[:2] for words in run] == [
+        ["ray", "start"],
+        ["wayfarer", "cluster"],
+        ["ray", "start"],
+    ]
+    own = typer.main.get_command(cluster_command.app)
+    assert unknown(own, run[1][2:]) == []
+    assert unknown(own, ["start", "--address", "auto", "--nonsense"]) == ["--nonsense"]
+    for service in services.values():
+        assert (ROOT / service["build"]["dockerfile"]).exists()
+        environment = service["environment"]
+        others = {n for n in environment if not n.startswith(("WAYFARER_", "RAY_AUTH_"))}
+        assert others == {cluster_command.SECRET}
+        for name, value in environment.items():
+            monkeypatch.setenv(name, value)
+        assert config_sources.load({}).insecure_no_auth
+    # nodes call Ray at the service that is its head
+    head = run[2][run[2].index("--address") + 1]
+    assert head.split(":") == ["entry", run[0][run[0].index("--port") + 1]]
+
+
+def test_compose_starts_ray_with_options_that_it_has():
+    scripts = pytest.importorskip("ray.scripts.scripts")
+    for service in cluster_compose()["services"].values():
+        lines = [words for words in commands_of(service) if words[0] == "ray"]
+        lines += [service["healthcheck"]["test"][1:]] if "healthcheck" in service else []
+        for words in lines:
+            assert unknown(scripts.cli, words[1:]) == []

@@ -1,7 +1,8 @@
 """Ids that say which slot they belong to, so that several processes can share a service.
 
 An id is `session-`, `scene-` or `agent-` and hexadecimal digits. The first four are its *slot*,
-which a session and its agents share, on every server. Who owns a slot owns all that lives in it.
+which a session and its agents share, and a scene and all its sessions, on every server. Who owns a
+slot owns all that lives in it.
 """
 
 import re

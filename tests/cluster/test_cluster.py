@@ -14,7 +14,7 @@ import pytest
 
 from tests.cluster.local import LocalCluster, lines
 from wayfarer.ids import slot_of
-from wayfarer_client import AgentSpec, Client, Flag, Goal
+from wayfarer_client import AgentSpec, Box, Client, Flag, Floor, Goal
 
 pytestmark = pytest.mark.slow
 
@@ -32,8 +32,8 @@ class Watcher:
         self.task = asyncio.create_task(self._follow())
 
     @classmethod
-    async def of(cls, client):
-        session = await client.create_session(lease=120)
+    async def of(cls, client, scene=""):
+        session = await client.create_session(lease=900, scene=scene)
         (agent,) = await session.create_agents(AgentSpec())
         await session.set_goal(agent, Goal((0.0, 0.0, 300.0)))
         return cls(session, agent)
@@ -77,25 +77,79 @@ class Watcher:
         await asyncio.gather(self.task, return_exceptions=True)
 
 
+class Stepped:
+    """Two people in lock-step, in a scene; what they do is what the same people do elsewhere."""
+
+    @classmethod
+    async def of(cls, client, scene):
+        self = cls()
+        self.twins = [
+            await client.create_session(lease=900, lock_step=True, scene=where)
+            for where in (scene, scene)
+        ]
+        for session in self.twins:
+            people = [AgentSpec(seed=seed, position=(2, 0, 3 * seed)) for seed in (1, 2)]
+            for agent in await session.create_agents(*people):
+                await session.set_goal(agent, Goal((2.0, 0.0, 200.0)))
+        self.steps = []
+        return self
+
+    async def goes_on(self):
+        """Both make the same step, and it is the next one."""
+        (batch,), (other,) = [await session.step() for session in self.twins]
+        for one, same in zip(batch.frames, other.frames, strict=True):
+            assert np.array_equal(one.rotations, same.rotations)
+            assert np.array_equal(one.times, same.times)
+        self.steps.append([(frames.seq, frames.times[0]) for frames in batch.frames])
+        assert np.allclose(np.diff(self.steps, axis=0), (1, 0.2)), self.steps
+
+
 async def test_people_live_on_whatever_happens_to_a_node(tmp_path, record_testsuite_property):
     said = tmp_path / "nodes.log"
     async with LocalCluster(log=said) as cluster, Client(cluster.entry.grpc_address) as client:
-        idle = [await client.create_session(lease=120) for _ in range(54)]
-        watched = [await Watcher.of(client) for _ in range(6)]
-        everybody = [*idle, *(one.session for one in watched)]
-        status = await cluster.until(lambda s: sum(n.load.sessions for n in s.nodes) == 60)
+        corners = [(-3, 0, -3), (3, 0, -3), (3, 0, 310), (-3, 0, 310)]
+        field = await client.scenes.create([Floor(corners)])
+        version = field.message.version
+        stepped = await Stepped.of(client, field.scene_id)
+        idle = [await client.create_session(lease=900) for _ in range(52)]
+        watched = [await Watcher.of(client) for _ in range(5)]
+        watched.append(await Watcher.of(client, field.scene_id))
+        everybody = [*idle, *stepped.twins, *(one.session for one in watched)]
+        # those in lock-step are no load in real time
+        status = await cluster.until(lambda s: sum(n.load.sessions for n in s.nodes) == 58)
         counts = [node.load.sessions for node in status.nodes]
         assert all(16 <= count <= 24 for count in counts), counts
         for one in watched:
             await one.goes_on()
         await asyncio.to_thread(javascript_follows, cluster.entry.http_url)
 
+        async def all_go_on():
+            nonlocal version
+            for session in everybody:
+                assert await session.renew() > 0
+            await stepped.goes_on()
+            crate = Box(position=(-2, 0, 100 + version), size=(0.5, 0.5, 0.5))
+            version += 1
+            assert await field.put("crate", crate) == version
+
+        async def settle():
+            """All go on, and the scene has been copied by the node that has it now."""
+            await all_go_on()
+            name, ends_at = await with_the_scene(cluster, watched), time.monotonic() + 120
+            while time.monotonic() < ends_at:
+                if [name] == [line["node"] for line in lines(said.read_text())
+                              if line.get("event") == "scene copied"][-1:]:  # fmt: skip
+                    return
+                await asyncio.sleep(0.2)
+            pytest.fail(f"{name} has not copied its scene")
+
+        await settle()
         await kill(cluster, watched, record_testsuite_property)
-        await all_answer(everybody)
+        await settle()
         await stop_for_long(cluster, watched, said)
-        await all_answer(everybody)
+        await settle()
         await drain(cluster, watched, record_testsuite_property)
-        await all_answer(everybody)
+        await all_go_on()
         await restart_entry(cluster, watched)
         for one in watched:
             await one.close()
@@ -124,26 +178,20 @@ def javascript_follows(url):
     assert done.returncode == 0, done.stderr
 
 
-async def all_answer(sessions):
-    for session in sessions:
-        assert await session.renew() > 0
-
-
 def living_on(cluster, name, watched):
     """Those of the watched who live on this node."""
     view = cluster.entry.finder._view
     return [one for one in watched if view.owner(one.session.session_id).name == name]
 
 
-async def busiest(cluster, watched):
-    """Name of the node that has most of the watched."""
+async def with_the_scene(cluster, watched):
+    """Name of the node that has the last of the watched, in a scene with those in lock-step."""
     await asyncio.sleep(0.5)  # the entry's view
-    names = [keeper.name for keeper in cluster.keepers]
-    return max(names, key=lambda name: len(living_on(cluster, name, watched)))
+    return cluster.entry.finder._view.owner(watched[-1].session.session_id).name
 
 
 async def kill(cluster, watched, record_testsuite_property):
-    name = await busiest(cluster, watched)
+    name = await with_the_scene(cluster, watched)
     there = living_on(cluster, name, watched)
     await asyncio.sleep(1.5)  # all have been copied to the neighbour since they began to walk
     for one in watched:
@@ -169,7 +217,7 @@ def settled(status):
 
 
 async def stop_for_long(cluster, watched, said):
-    name = await busiest(cluster, watched)
+    name = await with_the_scene(cluster, watched)
     there = living_on(cluster, name, watched)
     pid = cluster.keeper(name).pid
     assert there
@@ -195,7 +243,7 @@ async def stop_for_long(cluster, watched, said):
 
 
 async def drain(cluster, watched, record_testsuite_property):
-    name = await busiest(cluster, watched)
+    name = await with_the_scene(cluster, watched)
     there = living_on(cluster, name, watched)
     assert there
     for one in watched:

@@ -109,7 +109,7 @@ class AnsweringRig(Rig):
 
     async def node(self, name):
         gateway = await opened()
-        server = PeerServer("127.0.0.1", SECRET, Replicas(), None, partial(answer, gateway))
+        server = PeerServer("127.0.0.1", SECRET, Replicas(), None, None, partial(answer, gateway))
         await server.start()
         self.gateways.append(gateway)
         self.servers.append(server)

@@ -6,6 +6,7 @@ import pytest
 
 from tests.service.kept_worlds import STICK, assert_same_poses, fake_worlds
 from tests.service.servers import Servers
+from tests.world.scenes.grounds import BOX, FIELD
 from wayfarer.endpoint import Endpoint
 from wayfarer.errors import (
     AlreadyExists,
@@ -14,7 +15,9 @@ from wayfarer.errors import (
     Misdirected,
     ResourceExhausted,
 )
+from wayfarer.ids import slot_of
 from wayfarer.limits import Limits
+from wayfarer.navigation.scene_spec import Cylinder, SceneSpec
 from wayfarer.service.persistence.capture import capture_planned
 from wayfarer.service.persistence.live_state import LiveParts, decode_live, encode_live
 from wayfarer.service.streams.publications import Resume, StreamOptions
@@ -24,6 +27,7 @@ from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import Patrol, Routine, Stand, Wander
 from wayfarer.world.behaviours.routine import Part
 from wayfarer.world.goals.commands import Path
+from wayfarer.world.scenes.messages import SceneSource
 
 ELSEWHERE = Misdirected("elsewhere", Endpoint(1, 2, 3, "b"))
 NOTHING = SessionLog("e", 0, 0.0, None, {}, ())
@@ -189,7 +193,7 @@ async def test_what_cannot_go_goes_on_here(servers):
     assert seqs == list(range(seqs[0], seqs[0] + len(seqs)))
 
 
-async def test_damaged_bytes_and_sessions_in_lock_step_are_refused(servers):
+async def test_damaged_bytes_are_refused(servers):
     here = await servers.start()
     session = (await here.create_session(SessionSpec())).session_id
     await here.create_agents(session, [AgentSpec()])
@@ -199,9 +203,79 @@ async def test_damaged_bytes_and_sessions_in_lock_step_are_refused(servers):
         with pytest.raises((InvalidArgument, FailedPrecondition)):
             await here.moves.read(damaged)
     await here.moves.unfreeze(session)
-    stepped = (await here.create_session(SessionSpec(lock_step=True))).session_id
-    with pytest.raises(FailedPrecondition, match="lock-step"):
-        await here.moves.freeze(stepped)
+
+
+async def stepping(runtime):
+    """A session in lock-step with two people who walk."""
+    spec = SessionSpec(lock_step=True, record=True)
+    session = (await runtime.create_session(spec)).session_id
+    people = await runtime.create_agents(session, [AgentSpec(noise_seed=i) for i in range(2)])
+    await runtime.give(people[0].agent_id, goals((1, 0), (1, 1))[0])
+    await runtime.give(people[1].agent_id, goals((9, 0))[0])
+    return session
+
+
+async def test_a_session_in_lock_step_moves_between_two_steps_and_goes_on_bit_for_bit(servers):
+    here, there = await servers.start(), await servers.start()
+    stays, moves = await stepping(here), await stepping(here)
+    expected = await here.step_session(stays, 4)
+    found = await here.step_session(moves, 4)
+    await here.moves.freeze(moves)
+    waiting = asyncio.create_task(here.step_session(moves, 1))
+    data = await here.moves.export(moves, {})
+    await there.moves.import_(await there.moves.read(data))
+    await there.moves.unfreeze(moves)
+    await here.moves.release(moves, ELSEWHERE)
+    with pytest.raises(Misdirected):
+        await waiting
+    expected += await here.step_session(stays, 12)
+    found += await there.step_session(moves, 12)
+    assert [p.position for p in found] == [p.position for p in expected]
+    for one, other in zip(found, expected, strict=True):
+        assert [(e.kind, e.at) for e in one.events] == [(e.kind, e.at) for e in other.events]
+        for name in ("seq", "scheduled_at", "translation", "rotations", "contacts", "flags"):
+            assert getattr(one.chunks, name).tobytes() == getattr(other.chunks, name).tobytes()
+    assert any(p.events for p in found[4:])
+    log = await there.export_log(moves)
+    assert [p async for p in there.replay(log)], "the log has gone along"
+    assert [s.session_id for s in await here.list_sessions()] == [stays]
+
+
+async def test_a_scene_moves_with_its_sessions_and_its_obstacles(servers):
+    here, there = await servers.start(), await servers.start()
+    made = await here.scenes.create_scene(SceneSource(SceneSpec((FIELD,), (BOX,)), "field"))
+    scene = made.scene_id
+    sessions = [(await here.create_session(SessionSpec(scene=scene))).session_id for _ in "ab"]
+    assert {slot_of(name) for name in sessions} == {slot_of(scene)}
+    person = (await here.create_agents(sessions[0], [AgentSpec(position=(6.0, 2.0))]))[0].agent_id
+    await here.give(person, goals((6, 10))[0])
+    await here.scenes.put_obstacle(scene, "crate", Cylinder((1.0, 1.0), 0.5, 1.0))
+    content = await here.scenes.content(scene)
+    await there.scenes.prepare(scene, content)
+    assert await there.scenes.list_scenes() == []
+
+    await here.scenes.freeze(scene)
+    packed = []
+    for session in sessions:
+        await here.moves.freeze(session)
+        packed.append(await here.moves.export(session, {}))
+    coming = asyncio.create_task(here.create_session(SessionSpec(scene=scene)))
+    changing = asyncio.create_task(here.scenes.remove_obstacle(scene, "crate"))
+    await there.scenes.adopt(scene, content, here.scenes.obstacles(scene))
+    for session, data in zip(sessions, packed, strict=True):
+        await there.moves.import_(await there.moves.read(data))
+        await there.moves.unfreeze(session)
+        await here.moves.release(session, ELSEWHERE)
+    await here.scenes.release(scene, ELSEWHERE)
+    for waiting in (coming, changing):
+        with pytest.raises(Misdirected):
+            await waiting
+    assert await here.scenes.list_scenes() == [] and await here.list_sessions() == []
+    moved = await there.scenes.get_scene(scene)
+    assert moved.sessions == 2 and list(moved.obstacles) == ["crate"]
+    assert (moved.content_hash, moved.version) == (made.content_hash, made.version + 1)
+    assert (await there.get_agent(person)).goal_revision == 1
+    await there.scenes.remove_obstacle(scene, "crate")
 
 
 async def test_a_recorded_session_takes_its_log_along(servers):

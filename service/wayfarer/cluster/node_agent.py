@@ -24,11 +24,12 @@ from wayfarer.cluster.messages import (
     NodeReply,
     Transfer,
 )
-from wayfarer.cluster.peer import LOOPBACK, Peers, PeerServer, Replicas
+from wayfarer.cluster.peer import CONTENT, LOOPBACK, Peers, PeerServer, Replicas
 from wayfarer.cluster.slot_map import endpoint
 from wayfarer.cluster.tenancy import Tenancy, boot_clock
 from wayfarer.errors import InvalidArgument, Unavailable, WayfarerError
 from wayfarer.transport.gateway import Gateway
+from wayfarer.transport.gateway.moves import is_scene
 
 log = structlog.get_logger(__name__)
 
@@ -116,6 +117,7 @@ class NodeAgent:
         self._neighbour = ""
         self._leased = False
         self._held_until = 0.0
+        self._contents: dict[str, asyncio.Task[None]] = {}  # of scenes, sent to the neighbour
         self._busy: dict[int, asyncio.Task[None]] = {}  # slots that are being moved or adopted
 
     async def renewing(self) -> None:
@@ -143,16 +145,17 @@ class NodeAgent:
             await self._peers.forget_others(set(self._tenancy.view.nodes))
             await asyncio.sleep(max(0.0, REPLICATE_S - (time.monotonic() - began)))
 
-    async def take(self, slot: int, epoch: int, sessions: list[bytes]) -> None:
+    async def take(self, slot: int, epoch: int, live: dict[str, bytes]) -> None:
         """A slot comes from another node, with all that lives there. Raises WayfarerError."""
         self._tenancy.coming(slot)
-        came = list[str]()
+        came, kept = list[str](), self._replicas.take(slot)
         try:
-            for live in sessions:
-                came.append(await self._moves.take(live))
+            for name, data in live.items():
+                await self._moves.take(name, data, kept.get(name + CONTENT, b""))
+                came.append(name)
         except BaseException:
-            for session_id in came:  # its owner goes on with all of them
-                await self._moves.release(session_id, None)
+            for name in reversed(came):  # its owner goes on with all of them
+                await self._moves.release(name, None)
             self._tenancy.refused(slot)
             raise
         self._tenancy.came(slot, epoch)
@@ -224,14 +227,16 @@ class NodeAgent:
     async def _adopt(self, order: NodeOrder) -> None:
         slot, adopted = order.slot, 0
         self._tenancy.coming(slot)
-        for replica in self._replicas.take(slot):
+        kept = self._replicas.take(slot)
+        names = [name for name in kept if not name.endswith(CONTENT)]
+        for name in sorted(names, key=is_scene, reverse=True):  # first what sessions need
             try:
-                session_id = await self._moves.adopt(replica)
+                await self._moves.adopt(name, kept[name], kept.get(name + CONTENT, b""))
             except WayfarerError as error:
-                log.error("session not adopted", slot=slot, reason=str(error))
+                log.error("session not adopted", session_id=name, reason=str(error))
                 continue
             adopted += 1
-            log.info("session adopted", session_id=session_id, epoch=order.epoch, at=boot_clock())
+            log.info("session adopted", session_id=name, epoch=order.epoch, at=boot_clock())
         if adopted:
             self._tenancy.adopted(slot, order.epoch)
         else:
@@ -240,20 +245,27 @@ class NodeAgent:
     async def _move(self, order: NodeOrder) -> None:
         """Give all that is in a slot to another node; if that fails it goes on here."""
         tenancy, slot, node = self._tenancy, order.slot, self._tenancy.view.nodes.get(order.to)
-        names = self._moves.of(slot)
+        own, names = tenancy.node.name, self._moves.of(slot)
         if node is None or not all(map(self._moves.is_movable, names)):
+            return
+        try:
+            for name in filter(is_scene, names):  # which takes long, while they live on
+                await self._peers.prepare(node, own, name, await self._moves.content(name))
+        except WayfarerError as error:
+            log.error("scene not moved", slot=slot, to=order.to, reason=str(error))
             return
         began, frozen = boot_clock(), dict[str, bytes]()
         tenancy.moving(slot)
         epoch = order.epoch
         try:
-            for name in names:
+            for name in reversed(names):  # nobody enters a scene any more, first
                 frozen[name] = await self._moves.freeze(name)
-            own = tenancy.node.name
+            if set(self._moves.of(slot)) != set(names):
+                raise Unavailable("somebody has come or gone meanwhile")
             told = Transfer(slot=slot, owner=own, epoch=epoch, to=node.name)
             given = await self._directory.transfer(told)
             try:
-                await self._peers.take(node, slot, given, list(frozen.values()))
+                await self._peers.take(node, slot, given, frozen)
             except WayfarerError:
                 back = Transfer(slot=slot, owner=node.name, epoch=given, to=own)
                 epoch = await self._directory.transfer(back)
@@ -262,6 +274,7 @@ class NodeAgent:
             log.error("session not moved", slot=slot, to=order.to, reason=str(error))
             for name in frozen:
                 await self._moves.thaw(name)
+            self._contents.clear()  # the other node may have let go of them
             tenancy.stays(slot, epoch)
             return
         for name in names:
@@ -273,17 +286,39 @@ class NodeAgent:
     # Replicas
 
     async def _replicate(self, node: NodeInfo) -> None:
-        own, sessions = self._tenancy.node.name, list[str]()
-        for session_id in self._moves.sessions:
-            if not self._moves.is_movable(session_id):
+        own, names = self._tenancy.node.name, list[str]()
+        self._send_content(node)
+        for name in (*self._moves.scenes, *self._moves.sessions):
+            if not self._moves.is_movable(name):
                 continue
-            sessions.append(session_id)
+            names.append(name)
             try:
-                replica = await self._moves.replica(session_id)
+                replica = await self._moves.replica(name)
             except WayfarerError:  # it has just ended, or moved
                 continue
-            await self._peers.keep(node, own, session_id, replica)
-        await self._peers.present(node, own, sessions)
+            await self._peers.keep(node, own, name, replica)
+        await self._peers.present(node, own, names)
+
+    def _send_content(self, node: NodeInfo) -> None:
+        """Of each scene, once to this life of the neighbour; it bakes while sessions are copied."""
+        where = f"{node.name} {node.peer_port}"
+        here = {f"{where} {scene_id}": scene_id for scene_id in self._moves.scenes}
+        for key, sending in list(self._contents.items()):
+            if key not in here or (sending.done() and sending.exception() is not None):
+                sending.cancel()
+                del self._contents[key]
+        for key in here.keys() - self._contents.keys():
+            work = self._send_scene(node, here[key])
+            self._contents[key] = asyncio.create_task(work, name="scene")
+
+    async def _send_scene(self, node: NodeInfo, scene_id: str) -> None:
+        try:
+            content = await self._moves.content(scene_id)
+            await self._peers.prepare(node, self._tenancy.node.name, scene_id, content)
+            log.info("scene copied", scene_id=scene_id, to=node.name)
+        except WayfarerError as error:
+            log.warning("scene not copied", scene_id=scene_id, reason=str(error))
+            raise
 
 
 @contextlib.asynccontextmanager
@@ -298,14 +333,14 @@ async def joined(
     replicas, peers = Replicas(), Peers(plan.secret)
     link = await KeeperLink.open()
 
-    async def take(slot: int, epoch: int, sessions: list[bytes]) -> None:
-        await agent.take(slot, epoch, sessions)
+    async def take(slot: int, epoch: int, live: dict[str, bytes]) -> None:
+        await agent.take(slot, epoch, live)
 
     async def ask(question: bytes) -> bytes:
         return await answer(gateway, question)
 
-    host = plan.settings.host if plan.host else LOOPBACK
-    server = PeerServer(host, plan.secret, replicas, take, ask)
+    host, prepare = plan.settings.host if plan.host else LOOPBACK, gateway.moves.prepare
+    server = PeerServer(host, plan.secret, replicas, take, prepare, ask)
     tenancy.node = tenancy.node.model_copy(
         update={"grpc_port": ports[0], "http_port": ports[1], "peer_port": server.port}
     )

@@ -52,33 +52,33 @@ class _Replica:
 
 
 class Replicas:
-    """The latest state of other nodes' sessions."""
+    """The latest state of other nodes' sessions and scenes."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._kept: dict[str, _Replica] = {}  # by session
+        self._kept: dict[str, _Replica] = {}  # by id of a session or scene
 
-    def keep(self, owner: str, session_id: str, data: bytes) -> None:
+    def keep(self, owner: str, name: str, data: bytes) -> None:
         """In place of an earlier one. Raises ResourceExhausted."""
-        before = self._kept.get(session_id)
+        before = self._kept.get(name)
         size = self.bytes + len(data) - (len(before.data) if before else 0)
         if size > REPLICA_BYTES:
             raise ResourceExhausted(f"a node keeps {REPLICA_BYTES >> 20} MiB of replicas at most")
-        self._kept[session_id] = _Replica(owner, data, self._clock())
+        self._kept[name] = _Replica(owner, data, self._clock())
 
     def renew(self, owner: str, present: set[str]) -> None:
-        """These sessions are on the owner now, and no others."""
+        """These are on the owner now, and no others."""
         now = self._clock()
-        for session_id, replica in list(self._kept.items()):
-            if replica.owner == owner and session_id in present:
+        for name, replica in list(self._kept.items()):
+            if replica.owner == owner and name.removesuffix(CONTENT) in present:
                 replica.at = now
             elif replica.owner == owner or now - replica.at > KEPT_S:
-                del self._kept[session_id]
+                del self._kept[name]
 
-    def take(self, slot: int) -> list[bytes]:
-        """Those of a slot; they are not kept any more."""
+    def take(self, slot: int) -> dict[str, bytes]:
+        """Those of a slot, by name; they are not kept any more."""
         names = [name for name in self._kept if slot_of(name) == slot]
-        return [self._kept.pop(name).data for name in names]
+        return {name: self._kept.pop(name).data for name in names}
 
     @property
     def bytes(self) -> int:
@@ -89,8 +89,17 @@ class Replicas:
         return len(self._kept)
 
 
-Take = Callable[[int, int, list[bytes]], Awaitable[None]]
-"""Let the live sessions of this slot, with this epoch, go on here."""
+Take = Callable[[int, int, dict[str, bytes]], Awaitable[None]]
+"""Let the live sessions and scenes of this slot, by id, with this epoch, go on here."""
+
+Prepare = Callable[[str, bytes], Awaitable[None]]
+"""A scene of this content may come: bake it."""
+
+CONTENT: Final = "/content"
+"""Behind a scene's id: the replica of what never changes of it; under the id is what does."""
+
+PREPARE_S: Final = 60.0
+"""Within which a scene is baked."""
 
 
 Ask = Callable[[bytes], Awaitable[bytes]]
@@ -100,11 +109,14 @@ Ask = Callable[[bytes], Awaitable[bytes]]
 class PeerServer:
     """Answers other nodes and entries. Create it inside a running event loop."""
 
-    def __init__(self, host: str, secret: str, replicas: Replicas, take: Take, ask: Ask) -> None:
+    def __init__(
+        self, host: str, secret: str, replicas: Replicas, take: Take, prepare: Prepare, ask: Ask
+    ) -> None:
         """Raises Unavailable when no port can be had."""
         self._secret = secret.encode()
         self._replicas = replicas
         self._take = take
+        self._prepare = prepare
         self._ask = ask
         self._server = grpc.aio.server(
             maximum_concurrent_rpcs=CALLS,
@@ -137,13 +149,16 @@ class PeerServer:
             if name == "Ask":
                 return await self._ask(data)
             if name == "Keep":
-                self._replicas.keep(header["owner"], header["session_id"], data)
+                self._replicas.keep(header["owner"], header["name"], data)
+            elif name == "Prepare":
+                self._replicas.keep(header["owner"], header["scene_id"] + CONTENT, data)
+                await self._prepare(header["scene_id"], data)
             elif name == "Present":
                 self._replicas.renew(header["owner"], set(json.loads(data)))
             else:
-                await self._take(
-                    int(header["slot"]), int(header["epoch"]), _split(data, header["sizes"])
-                )
+                parts = _split(data, header["sizes"])
+                live = dict(zip(header["names"], parts, strict=True))
+                await self._take(int(header["slot"]), int(header["epoch"]), live)
         except (KeyError, ValueError, TypeError) as error:
             raise InvalidArgument(f"not a call of a node: {error!r}") from None
         return b""
@@ -155,7 +170,7 @@ class _Methods(grpc.GenericRpcHandler):
 
     def service(self, handler_call_details: grpc.HandlerCallDetails) -> Any:
         name = handler_call_details.method.removeprefix(SERVICE)
-        if name not in ("Keep", "Present", "Take", "Ask"):
+        if name not in ("Keep", "Present", "Take", "Prepare", "Ask"):
             return None
 
         async def handle(data: bytes, context: Any) -> bytes:
@@ -183,18 +198,24 @@ class Peers:
         self._secret = secret
         self._channels: dict[str, grpc.aio.Channel] = {}  # by node
 
-    async def keep(self, node: NodeInfo, owner: str, session_id: str, data: bytes) -> None:
+    async def keep(self, node: NodeInfo, owner: str, name: str, data: bytes) -> None:
         """Leave a replica there. Raises Unavailable."""
-        await self._call(node, "Keep", {"owner": owner, "session_id": session_id}, data)
+        await self._call(node, "Keep", {"owner": owner, "name": name}, data)
 
-    async def present(self, node: NodeInfo, owner: str, sessions: list[str]) -> None:
-        """Say which sessions there are. Raises Unavailable."""
-        await self._call(node, "Present", {"owner": owner}, json.dumps(sessions).encode())
+    async def present(self, node: NodeInfo, owner: str, names: list[str]) -> None:
+        """Say which sessions and scenes there are. Raises Unavailable."""
+        await self._call(node, "Present", {"owner": owner}, json.dumps(names).encode())
 
-    async def take(self, node: NodeInfo, slot: int, epoch: int, sessions: list[bytes]) -> None:
-        """Give the live sessions of a slot away. Raises Unavailable."""
-        header = {"slot": slot, "epoch": epoch, "sizes": [len(one) for one in sessions]}
-        await self._call(node, "Take", header, b"".join(sessions))
+    async def take(self, node: NodeInfo, slot: int, epoch: int, live: dict[str, bytes]) -> None:
+        """Give away what lives in a slot, scenes first. Raises Unavailable."""
+        sizes = [len(one) for one in live.values()]
+        header = {"slot": slot, "epoch": epoch, "names": list(live), "sizes": sizes}
+        await self._call(node, "Take", header, b"".join(live.values()))
+
+    async def prepare(self, node: NodeInfo, owner: str, scene_id: str, content: bytes) -> None:
+        """Leave a scene's content there, and wait until it is baked. Raises Unavailable."""
+        header = {"owner": owner, "scene_id": scene_id}
+        await self._call(node, "Prepare", header, content, PREPARE_S)
 
     async def ask(self, node: NodeInfo, question: bytes, seconds: float = CALL_S) -> bytes:
         """Its answer. Raises Unavailable."""

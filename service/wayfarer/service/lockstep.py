@@ -11,11 +11,16 @@ from dataclasses import replace
 from math import floor
 from typing import Final, TypeVar
 
+import numpy as np
+
 from wayfarer.errors import NotFound, ResourceExhausted, Unavailable, WayfarerError
 from wayfarer.service.inbox import Inbox
 from wayfarer.service.offline import Offline
+from wayfarer.service.persistence.capture import capture_session
+from wayfarer.service.persistence.live_state import LiveParts
 from wayfarer.service.streams.goal_events import GoalEvents
 from wayfarer.service.streams.publications import Publication, model_changed
+from wayfarer.service.streams.publisher import SessionLog
 from wayfarer.service.worlds import Worlds
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import (
@@ -32,6 +37,9 @@ from wayfarer.world.goals.commands import GoalCommand
 from wayfarer.world.world import World
 
 T = TypeVar("T")
+
+LOCK_STEP: Final = "lock-step"
+"""The epoch of its log, where no stream resumes."""
 
 INBOX: Final = 256
 """Commands that may wait in one session."""
@@ -115,6 +123,23 @@ class LockStep:
         """See `MotionService`."""
         return await self.ask(lambda world, now: world.give(agent_id, command, now, expected))
 
+    async def parts(self, session_id: str) -> LiveParts:
+        """What the session goes on with elsewhere, between two steps. Raises NotFound."""
+        return await self.ask(lambda world, _: self._parts(world, session_id))
+
+    def go_on(self, log: SessionLog) -> None:
+        """Count on from another server's, before `start`."""
+        self._position, self._steps = log.position, round(log.motion / STEP_SECONDS)
+        self._started_at -= self._steps * STEP_SECONDS
+        self._goal_events.stopping.update(log.stopping)
+
+    def _parts(self, world: World, session_id: str) -> LiveParts:
+        session = world.registry.session(session_id)
+        seconds, stopping = self._steps * STEP_SECONDS, dict(self._goal_events.stopping)
+        log = SessionLog(LOCK_STEP, self._position, seconds, None, stopping, ())
+        rows = world.members.live_rows(session, lambda rows: np.zeros(len(rows)))
+        return LiveParts(capture_session(world, session_id), rows, log, None)
+
     def _use_model(self, name: str) -> int:
         moved = self.world.use_model(name)
         self._told += [model_changed(agent, self._steps * STEP_SECONDS) for agent in moved]
@@ -169,14 +194,28 @@ class LockSteps:
 
     def create(self, spec: SessionSpec) -> SessionInfo:
         """Open a session. Raises InvalidArgument, ResourceExhausted."""
-        return self._open(lambda world, _: world.create_session(spec, self._clock()))
+        return self._open(lambda home: home.world.create_session(spec, self._clock()))
 
-    def put(self, record: SessionRecord) -> SessionInfo:
-        """Go on with one. Raises InvalidArgument, ResourceExhausted."""
+    def put(
+        self,
+        record: SessionRecord,
+        log: SessionLog | None = None,
+        entered: Callable[[], None] = lambda: None,
+    ) -> SessionInfo:
+        """Go on with one; `log` says how far it has come, if that is known.
+
+        `entered` is called before it takes calls. Raises InvalidArgument, ResourceExhausted.
+        """
         self._check_agents(len(record.agents))
-        return self._open(
-            lambda world, now: world.members.put_session(record, now, admit=False).info()
-        )
+
+        def enter(home: LockStep) -> SessionInfo:
+            if log is not None:
+                home.go_on(log)
+            session = home.world.members.put_session(record, home.now, admit=False)
+            entered()
+            return session.info()
+
+        return self._open(enter)
 
     async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
         """See `MotionService`."""
@@ -226,13 +265,13 @@ class LockSteps:
         for home in homes:
             home.join()
 
-    def _open(self, enter: Callable[[World, float], SessionInfo]) -> SessionInfo:
+    def _open(self, enter: Callable[[LockStep], SessionInfo]) -> SessionInfo:
         if len(self._sessions) >= self._limits.sessions:
             raise ResourceExhausted(
                 f"all {self._limits.sessions} sessions in lock-step are open; delete one first"
             )
         home = LockStep(self._worlds.lock_step(), self._offline, self._clock())
-        session = enter(home.world, home.now)
+        session = enter(home)
         self._sessions[session.session_id] = home
         self._agents |= dict.fromkeys(session.agent_ids, home)
         home.start()

@@ -7,6 +7,7 @@ blocks it.
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 
 from wayfarer.engines.engine import Engine
@@ -116,13 +117,14 @@ class MotionService:
 
     async def create_session(self, spec: SessionSpec) -> SessionInfo:
         """Open a session. Raises AlreadyExists, ResourceExhausted."""
-        if spec.session_id is None:  # it gets an id of its own: nobody needs to wait at the door
-            made = await self._create_session(spec)
-        else:
-            async with self._door:
-                await self._refuse_taken(spec.session_id)
+        async with self._gates.through(spec.scene) if spec.scene else nullcontext():
+            if spec.session_id is None:  # it gets an id of its own: nobody waits at the door
                 made = await self._create_session(spec)
-        return await self._persistence.durable(made)
+            else:
+                async with self._door:
+                    await self._refuse_taken(spec.session_id)
+                    made = await self._create_session(spec)
+            return await self._persistence.durable(made)
 
     async def get_session(self, session_id: str) -> SessionInfo:
         """Raises NotFound."""
@@ -206,7 +208,8 @@ class MotionService:
             raise FailedPrecondition(
                 f"session {session_id!r} runs in real time; create it with `lock_step` to step it"
             )
-        return await home.step(steps)
+        async with self._gates.through(session_id):
+            return await home.step(steps)
 
     def generate_clip(
         self, spec: AgentSpec, goals: Sequence[Goal], seconds: float, until_arrival: bool
@@ -255,13 +258,14 @@ class MotionService:
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted.
         """
         record = await self._archive.read_session(snapshot, attributes or {})
-        async with self._door:
+        scene = record.spec.scene
+        async with self._gates.through(scene) if scene else nullcontext(), self._door:
             await self._refuse_taken(record.session_id)
             if record.spec.lock_step:
                 made = await asyncio.to_thread(self._lock_steps.put, record)
             else:
                 made = await self._live.put_session(record)
-        return await self._persistence.durable(made)
+            return await self._persistence.durable(made)
 
     async def export_log(self, session_id: str) -> bytes:
         """Commands of a recorded session. Raises NotFound, FailedPrecondition."""

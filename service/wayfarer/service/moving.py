@@ -1,4 +1,4 @@
-"""Live sessions go to another server and come from one, and nobody who watches notices.
+"""Sessions go to another server and come from one, and nobody who watches notices.
 
 Here: `freeze` stops planning and sends at once what is planned; `export` packs what is left;
 `release` ends the session and its streams, `unfreeze` lets it go on here after all. There:
@@ -32,7 +32,7 @@ LOOK_S: Final = 0.002
 
 
 class LiveMoves:
-    """Of the sessions in real time. One move of a session at a time."""
+    """Of all sessions; one in lock-step goes between two steps. One move of a session at a time."""
 
     def __init__(
         self,
@@ -50,17 +50,18 @@ class LiveMoves:
         self._persistence = persistence
         self._gates = gates
 
+    def is_lock_step(self, session_id: str) -> bool:
+        """Whether it is in lock-step here."""
+        return self._lock_steps.session(session_id) is not None
+
     async def freeze(self, session_id: str) -> None:
         """Let calls that change the session wait, plan nothing more, and send what is planned.
 
-        Raises NotFound, FailedPrecondition (it is in lock-step), and Unavailable when calls on it
-        do not end.
+        Raises NotFound, and Unavailable when calls on it do not end.
         """
-        if self._lock_steps.session(session_id) is not None:
-            raise FailedPrecondition(
-                f"session {session_id!r} is in lock-step: export it, and import it elsewhere"
-            )
         await self._gates.close(session_id)
+        if self._lock_steps.session(session_id) is not None:
+            return
         try:
             ends = asyncio.get_running_loop().time() + CALL_S
             while not await self._live.ask(lambda world, _: _freeze(world, session_id)):
@@ -74,24 +75,29 @@ class LiveMoves:
 
     async def export(self, session_id: str, attachment: Mapping[str, object]) -> bytes:
         """A frozen session. `attachment`: what the caller keeps with it. Raises NotFound."""
-        parts = await self._live.parts(session_id)
+        home = self._lock_steps.session(session_id) or self._live
+        parts = await home.parts(session_id)
         recording = b""
         if parts.captured[0].spec.record:
             with contextlib.suppress(FailedPrecondition):  # it has been dropped
-                recording = await self._archive.export_log(self._live, session_id)
+                recording = await self._archive.export_log(home, session_id)
         body = self._worlds.body
         return await asyncio.to_thread(encode_live, parts, body, recording, attachment)
 
     async def unfreeze(self, session_id: str) -> None:
         """Let it go on here. Raises NotFound."""
-        await self._live.ask(lambda world, _: _thaw(world, session_id))
+        if self._lock_steps.session(session_id) is None:
+            await self._live.ask(lambda world, _: _thaw(world, session_id))
         self._gates.open(session_id)
 
     async def release(self, session_id: str, error: WayfarerError) -> None:
         """It lives elsewhere: its streams end with `error`, once they have sent everything, and so
         do the calls that wait.
         """
-        await self._live.leave(session_id, error)
+        if self._lock_steps.session(session_id) is not None:
+            await self._lock_steps.delete_session(session_id)
+        else:
+            await self._live.leave(session_id, error)
         self._gates.open(session_id, error)
         await self._persistence.durable(None)
 
@@ -109,10 +115,17 @@ class LiveMoves:
         await self._gates.close(session_id)
         try:
             log = await self._log(session.recording) if session.recording else None
-            made = await self._live.put_live(session)
-            if session.record.spec.record:
-                recordings = self._worlds.recordings
-                await self._live.ask(lambda *_: recordings.go_on(log, session_id))
+
+            def entered() -> None:
+                if session.record.spec.record:
+                    self._worlds.recordings.go_on(log, session_id)
+
+            if session.record.spec.lock_step:
+                put = self._lock_steps.put
+                made = await asyncio.to_thread(put, session.record, session.log, entered)
+            else:
+                made = await self._live.put_live(session)
+                await self._live.ask(lambda *_: entered())
         except BaseException:
             self._gates.open(session_id)
             raise

@@ -9,13 +9,18 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.errors import FailedPrecondition
+from wayfarer.errors import FailedPrecondition, WayfarerError
 from wayfarer.navigation.ground.ground import triangles
 from wayfarer.navigation.scene_spec import Obstacle, Point2, Point3
 from wayfarer.service.gates import SessionGates
 from wayfarer.service.live import LiveMotion
 from wayfarer.service.lockstep import LockSteps
 from wayfarer.service.persistence.persistence import Persistence
+from wayfarer.service.persistence.scene_entries import (
+    content_bytes,
+    decode_scene,
+    obstacles_bytes,
+)
 from wayfarer.world.scenes.messages import (
     Crowd,
     CrowdState,
@@ -84,7 +89,8 @@ class SceneService:
 
     async def delete_scene(self, scene_id: str) -> None:
         """Raises NotFound; FailedPrecondition while sessions are in it."""
-        self._book.delete(scene_id)
+        async with self._gates.through(scene_id):
+            self._book.delete(scene_id)
         await self._persistence.durable(None)
 
     async def put_obstacle(self, scene_id: str, name: str, obstacle: Obstacle) -> SceneInfo:
@@ -93,12 +99,14 @@ class SceneService:
         Raises NotFound, InvalidArgument, ResourceExhausted, and FailedPrecondition when no free
         ground would be left.
         """
-        made = await self._work(lambda: self._book.put(scene_id, name, obstacle))
+        async with self._gates.through(scene_id):
+            made = await self._work(lambda: self._book.put(scene_id, name, obstacle))
         return await self._persistence.durable(made)
 
     async def remove_obstacle(self, scene_id: str, name: str) -> SceneInfo:
         """Raises NotFound."""
-        made = await self._work(lambda: self._book.remove(scene_id, name))
+        async with self._gates.through(scene_id):
+            made = await self._work(lambda: self._book.remove(scene_id, name))
         return await self._persistence.durable(made)
 
     async def query_path(self, scene_id: str, start: Point2 | Point3, goal: Point2 | Point3) -> Way:
@@ -151,6 +159,56 @@ class SceneService:
                 break
             await asyncio.sleep(LOOKS_EVERY)
         return state
+
+    # Moves to another server: of its content at any time, of the rest with its sessions
+
+    async def content(self, scene_id: str) -> bytes:
+        """What never changes of it, for `prepare`. Raises NotFound."""
+        kept = self._book.kept(scene_id)
+        return await self._work(lambda: content_bytes(kept))
+
+    def obstacles(self, scene_id: str) -> bytes:
+        """What changes of it, for `adopt`. Raises NotFound."""
+        return obstacles_bytes(self._book.kept(scene_id))
+
+    async def prepare(self, scene_id: str, content: bytes) -> None:
+        """It may come from another server: bake it. Raises InvalidArgument, ResourceExhausted."""
+        record = await self._work(lambda: decode_scene(scene_id, content))
+        await self._work(lambda: self._book.prepare(record.source.spec))
+
+    async def adopt(self, scene_id: str, content: bytes, obstacles: bytes) -> SceneInfo:
+        """Let it be here, from another server.
+
+        Raises InvalidArgument, AlreadyExists, ResourceExhausted.
+        """
+        record = await self._work(lambda: decode_scene(scene_id, content, obstacles))
+        source, at, version = record.source, record.created_at, record.version
+        await self._work(
+            lambda: self._book.restore(scene_id, source, at, version, record.obstacles, told=False)
+        )
+        return await self._persistence.durable(self._book.info(scene_id))
+
+    async def freeze(self, scene_id: str) -> None:
+        """Let calls that change it, or make sessions in it, wait; until `unfreeze` or `release`.
+
+        Raises Unavailable when those under way do not end.
+        """
+        await self._gates.close(scene_id)
+
+    def unfreeze(self, scene_id: str) -> None:
+        """Let it go on here."""
+        self._gates.open(scene_id)
+
+    async def release(self, scene_id: str, error: WayfarerError) -> None:
+        """It lives elsewhere, as its sessions do: calls that wait end with `error`.
+
+        Raises NotFound, FailedPrecondition when sessions are in it.
+        """
+        try:
+            self._book.delete(scene_id)
+        finally:
+            self._gates.open(scene_id, error)
+        await self._persistence.durable(None)
 
     async def _work(self, call: Callable[[], T]) -> T:
         return await asyncio.get_running_loop().run_in_executor(self._workers, call)

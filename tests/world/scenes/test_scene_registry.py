@@ -151,3 +151,17 @@ def test_restores_a_scene_as_it_was():
     assert book.scene("scene-1").distance(np.array(BOX.center)) < 0
     with pytest.raises(AlreadyExists):
         book.restore("scene-1", SOURCE, 5.0, 0, {})
+
+
+def test_what_is_prepared_is_baked_once_and_is_not_there_before_it_comes():
+    counted = Counted()
+    book = SceneRegistry(Limits(scenes=1), bake=counted)
+    book.prepare(SOURCE.spec)
+    book.prepare(SOURCE.spec)
+    assert book.infos() == [] and counted.bakes == 1
+    book.restore("scene-1", SOURCE, 5.0, 0, {}, told=False)
+    assert counted.bakes == 1
+    book.prepare(SceneSpec((FIELD,), (BOX,)))
+    book.delete("scene-1")
+    book.prepare(SOURCE.spec)
+    assert counted.bakes == 3, "only so many are kept as there may be scenes"

@@ -188,6 +188,11 @@ def decode_live(data: bytes, body: BodyStamp, limits: Limits) -> LiveSession:
     )
 
 
+def is_live(data: bytes) -> bool:
+    """Whether that is what `encode_live` gives, and no snapshot."""
+    return data.startswith(ContainerKind.LIVE.value)
+
+
 def most_live_bytes(limits: Limits) -> int:
     """Upper bound of a live session that this server accepts."""
     log_bytes = SESSION_BYTES + limits.log_entries * (AGENT_BYTES // 64)

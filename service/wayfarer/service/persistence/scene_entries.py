@@ -7,6 +7,7 @@ from typing import ClassVar, Final
 import structlog
 from pydantic import Base64Bytes, ConfigDict, TypeAdapter, ValidationError
 
+from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.scene_spec import (
     Box,
     Cylinder,
@@ -136,6 +137,24 @@ def obstacles_part(kept: SceneEntry) -> ObstaclesPart:
     scene = kept.scene
     parts = {name: SolidPart.of(obstacle) for name, obstacle in scene.obstacles.items()}
     return ObstaclesPart(scene.version, parts)
+
+
+def content_bytes(kept: SceneEntry) -> bytes:
+    """The part of a scene that never changes, for another server."""
+    return SCENE.dump_json(scene_part(kept))
+
+
+def obstacles_bytes(kept: SceneEntry) -> bytes:
+    """The part of a scene that changes, for another server."""
+    return OBSTACLES.dump_json(obstacles_part(kept))
+
+
+def decode_scene(scene_id: str, content: bytes, obstacles: bytes = b"") -> SceneRecord:
+    """A scene of another server. Raises InvalidArgument."""
+    try:
+        return _record(scene_id, content, obstacles or None)
+    except ValueError as error:  # pydantic's are such, too
+        raise InvalidArgument(f"scene {scene_id!r} is unsound: {error}", "scene") from None
 
 
 def decode_scenes(entries: Entries) -> list[SceneRecord]:

@@ -1,14 +1,22 @@
-"""Sessions leave for other nodes of a cluster, and come from them.
+"""Sessions and scenes leave for other nodes of a cluster, and come from them.
 
 For the node itself (cluster/), and not for callers: nothing here asks who calls.
 """
 
+import contextlib
+
 from wayfarer.endpoint import Endpoint
 from wayfarer.errors import FailedPrecondition, NotFound, Unavailable, WayfarerError
 from wayfarer.ids import slot_of
+from wayfarer.service.persistence.live_state import is_live
 from wayfarer.transport.gateway.context import GatewayContext
 from wayfarer.transport.residence import misdirected
 from wayfarer.world.agents.agent import SessionInfo
+
+
+def is_scene(name: str) -> bool:
+    """Whether an id is a scene's, and not a session's."""
+    return name.startswith("scene-")
 
 
 class SessionMoves:
@@ -20,11 +28,11 @@ class SessionMoves:
     @property
     def slots(self) -> set[int]:
         """In which a session or a scene is."""
-        return {slot_of(name) for name in (*self.sessions, *self._context.scenes.ids())}
+        return {slot_of(name) for name in (*self.sessions, *self.scenes)}
 
     def of(self, slot: int) -> list[str]:
-        """Ids of the sessions in a slot, then of the scenes."""
-        names = (*self.sessions, *self._context.scenes.ids())
+        """Ids of the sessions in a slot, then of the scenes: as they can be ended."""
+        names = (*self.sessions, *self.scenes)
         return [name for name in names if slot_of(name) == slot]
 
     @property
@@ -32,56 +40,91 @@ class SessionMoves:
         """Ids of all."""
         return self._context.book.ids()
 
-    def is_movable(self, session_id: str) -> bool:
-        """Whether it is here, and can live elsewhere: it needs no scene, which is here only."""
-        return self._context.book.scene_of(session_id) == ""
+    @property
+    def scenes(self) -> list[str]:
+        """Ids of all."""
+        return self._context.scenes.ids()
+
+    def is_movable(self, name: str) -> bool:
+        """Whether a session or scene is here, and can live elsewhere: with its scene, in one slot.
+
+        It can, unless the session was made before they shared one.
+        """
+        if is_scene(name):
+            return name in self.scenes
+        scene = self._context.book.scene_of(name)
+        return scene is not None and (not scene or slot_of(scene) == slot_of(name))
+
+    # The content of a scene, which is large, goes ahead of it
+
+    async def content(self, scene_id: str) -> bytes:
+        """What never changes of a scene. Raises NotFound."""
+        return await self._context.service.scenes.content(scene_id)
+
+    async def prepare(self, scene_id: str, content: bytes) -> None:
+        """A scene may come: bake it. Raises InvalidArgument, ResourceExhausted."""
+        await self._context.service.scenes.prepare(scene_id, content)
 
     # A copy
 
-    async def replica(self, session_id: str) -> bytes:
-        """Its state, as `adopt` takes it. Raises NotFound."""
-        return await self._context.service.export_session(session_id)
+    async def replica(self, name: str) -> bytes:
+        """The state of a session or scene, as `adopt` takes it. Raises NotFound."""
+        if is_scene(name):
+            return self._context.service.scenes.obstacles(name)
+        moves = self._context.service.moves
+        if moves.is_lock_step(name):  # it is between two steps whenever it is asked
+            return await moves.export(name, {})
+        return await self._context.service.export_session(name)
 
-    async def adopt(self, replica: bytes) -> str:
-        """Let it live on from a copy; its id. Streams that come begin with a gap.
+    async def adopt(self, name: str, replica: bytes, content: bytes) -> None:
+        """Let it live on from a copy; `content` is a scene's. Streams that come begin with a gap.
 
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted.
         """
-        info = await self._context.service.import_session(replica)
-        await self._enter(info)
-        return info.session_id
+        if is_scene(name) or is_live(replica):
+            await self.take(name, replica, content)
+        else:
+            await self._enter(await self._context.service.import_session(replica))
 
     # A move
 
-    async def freeze(self, session_id: str) -> bytes:
+    async def freeze(self, name: str) -> bytes:
         """Stop it after what is planned, and pack it; end that with `release` or `thaw`.
 
         Raises NotFound, FailedPrecondition, Unavailable.
         """
-        if not self.is_movable(session_id):
-            raise FailedPrecondition("it is in a scene, and scenes cannot be moved")
+        if not self.is_movable(name):
+            raise FailedPrecondition("its scene is in another slot, and may live on another node")
+        if is_scene(name):
+            await self._context.service.scenes.freeze(name)
+            return self._context.service.scenes.obstacles(name)
         moves = self._context.service.moves
-        await moves.freeze(session_id)
+        await moves.freeze(name)
         try:
-            return await moves.export(session_id, {})
+            return await moves.export(name, {})
         except BaseException:
-            await moves.unfreeze(session_id)
+            await moves.unfreeze(name)
             raise
 
-    async def thaw(self, session_id: str) -> None:
-        """Let a frozen session go on here. Raises NotFound."""
-        await self._context.service.moves.unfreeze(session_id)
+    async def thaw(self, name: str) -> None:
+        """Let what is frozen go on here. Raises NotFound."""
+        if is_scene(name):
+            self._context.service.scenes.unfreeze(name)
+        else:
+            await self._context.service.moves.unfreeze(name)
 
-    async def take(self, live: bytes) -> str:
-        """Let a session that was frozen elsewhere go on here; its id.
+    async def take(self, name: str, live: bytes, content: bytes) -> None:
+        """Let what was frozen elsewhere go on here; `content` is a scene's.
 
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted, Unavailable.
         """
+        if is_scene(name):
+            await self._adopt_scene(name, live, content)
+            return
         moves = self._context.service.moves
         info = await moves.import_(await moves.read(live))
         await self._enter(info)
         await moves.unfreeze(info.session_id)
-        return info.session_id
 
     async def release(self, name: str, to: Endpoint | None) -> None:
         """A session or scene lives there now, or nobody knows where: end it here, and its streams.
@@ -95,19 +138,14 @@ class SessionMoves:
             error = misdirected(name, to)
         self._context.book.forget(name)
         self._context.scenes.forget(name)
-        try:
-            await self._context.service.moves.release(name, error)
-        except NotFound:
-            await self._end_other(name)
-
-    async def _end_other(self, name: str) -> None:
-        """One in lock-step, or a scene."""
         service = self._context.service
-        end = service.scenes.delete_scene if name.startswith("scene-") else service.delete_session
-        try:
-            await end(name)
-        except NotFound:
-            return
+        with contextlib.suppress(NotFound):
+            await (service.scenes if is_scene(name) else service.moves).release(name, error)
+
+    async def _adopt_scene(self, scene_id: str, obstacles: bytes, content: bytes) -> None:
+        info = await self._context.service.scenes.adopt(scene_id, content, obstacles)
+        self._context.scenes.open(info)
+        self._context.residence.came(scene_id)
 
     async def _enter(self, info: SessionInfo) -> None:
         agents = await self._context.service.list_agents(info.session_id)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from wayfarer.errors import AlreadyExists, NotFound, ResourceExhausted
-from wayfarer.ids import agent_id
+from wayfarer.ids import agent_id, slot_of
 from wayfarer.ids import session_id as new_session_id
 from wayfarer.limits import Limits
 from wayfarer.world.agents.agent import AgentSpec, SessionInfo, SessionSpec
@@ -79,7 +79,10 @@ class Registry:
 
     def add_session(self, spec: SessionSpec, now: float) -> Session:
         """Raises AlreadyExists, ResourceExhausted."""
-        session_id = spec.session_id or new_session_id(self._new_slot())
+        # in the scene's slot, since a scene and all of its sessions live on one node
+        session_id = spec.session_id or new_session_id(
+            slot_of(spec.scene) if spec.scene else self._new_slot()
+        )
         if session_id in self.sessions:
             raise AlreadyExists(f"session {session_id!r} exists already")
         if len(self.sessions) >= self._limits.sessions:

@@ -6,6 +6,7 @@ changes take milliseconds to seconds: they belong on a worker thread.
 """
 
 import time
+from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -98,6 +99,7 @@ class SceneRegistry:
         self._bake = bake
         self._diary = diary
         self._kept: dict[str, SceneEntry] = {}
+        self._prepared: OrderedDict[str, Scene] = OrderedDict()  # by content, the latest last
         self._lock = Lock()
         self._queue = BoundedSemaphore(MAX_BAKES)
         self._baking = Lock()
@@ -115,6 +117,11 @@ class SceneRegistry:
         scene = self._alike(source.spec) or self._baked(source.spec)
         return self._add(source, scene, now, time.perf_counter() - started)
 
+    def prepare(self, spec: SceneSpec) -> None:
+        """Bake what may come soon, so that `restore` need not. Takes time. Raises as `create`."""
+        if self._alike(spec) is None:
+            self._baked(spec, prepared=True)
+
     def restore(
         self,
         scene_id: str,
@@ -122,8 +129,13 @@ class SceneRegistry:
         created_at: float,
         version: int,
         obstacles: Mapping[str, Obstacle],
+        *,
+        told: bool = True,
     ) -> None:
-        """Let a scene that was kept be here again. Takes time. Raises as `create` and `put` do."""
+        """Let a scene that was kept be here again. Takes time. Raises as `create` and `put` do.
+
+        Not `told`: the listener has not heard of it.
+        """
         started = time.perf_counter()
         baked = self._alike(source.spec) or self._baked(source.spec)
         scene = baked
@@ -135,6 +147,9 @@ class SceneRegistry:
         )
         with self._lock:
             self._enter(kept)
+            if self._diary is not None and not told:
+                self._diary.put_scene(kept)
+                self._diary.put_obstacles(kept)
 
     def add(self, scene: Scene, now: float = 0.0, name: str = "") -> SceneInfo:
         """Keep a scene that has been baked elsewhere. Raises ResourceExhausted."""
@@ -219,11 +234,17 @@ class SceneRegistry:
     def _alike(self, spec: SceneSpec) -> Scene | None:
         """A scene of this content as it was baked, if there is one."""
         content, kept = spec.content_hash, list(self._kept.values())
-        return next((one.baked for one in kept if one.baked.content_hash == content), None)
+        here = next((one.baked for one in kept if one.baked.content_hash == content), None)
+        return here or self._prepared.get(content)
 
-    def _baked(self, spec: SceneSpec) -> Scene:
+    def _baked(self, spec: SceneSpec, prepared: bool = False) -> Scene:
         with self._turn():
-            return self._alike(spec) or self._bake(spec)
+            scene = self._alike(spec) or self._bake(spec)
+            if prepared:  # before the next one's turn, who may wait for the same
+                self._prepared[spec.content_hash] = scene
+                while len(self._prepared) > self._limits.scenes:
+                    self._prepared.popitem(last=False)
+            return scene
 
     @contextmanager
     def _turn(self) -> Iterator[None]:
