@@ -90,7 +90,7 @@ def test_joint_angles_are_in_degrees(recorded: Recorded) -> None:
     turned[:, :, 1:] = torch.tensor([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     made = models.Primitives(poses.translation, turned, poses.betas)
     body = recorded.bodies["male"]
-    row = models._differences("x", made, poses, body, models.load_marker_bodies()["male"])
+    row = models.differences("x", made, poses, body, models.load_marker_bodies()["male"])
     assert row["joint_angle_deg"] == pytest.approx(30.0, abs=1e-3)
 
 
