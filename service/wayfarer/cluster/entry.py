@@ -83,6 +83,7 @@ class NodeFinder:
     def __init__(self, directory: DirectoryClient) -> None:
         self._directory = directory
         self._view = SlotMap()
+        self._looking = asyncio.Lock()
         self.closing = False
         self._heard_at = float("-inf")
         self.status: Status | None = None
@@ -91,13 +92,17 @@ class NodeFinder:
         """For ever: follow the directory."""
         while True:
             was_away = self.away
+            await self._look()
+            if self.away != was_away:
+                log.info("directory is away" if self.away else "directory answers")
+            await asyncio.sleep(LOOK_S)
+
+    async def _look(self) -> None:
+        async with self._looking:
             with contextlib.suppress(WayfarerError):
                 self._view.take(await self._directory.changes(self._view.seen))
                 self.status = await self._directory.status()
                 self._heard_at = time.monotonic()
-            if self.away != was_away:
-                log.info("directory is away" if self.away else "directory answers")
-            await asyncio.sleep(LOOK_S)
 
     @property
     def away(self) -> bool:
@@ -116,6 +121,11 @@ class NodeFinder:
     def nodes(self) -> list[NodeInfo]:
         """Those that run."""
         return list(self._view.nodes.values())
+
+    async def all_nodes(self) -> list[NodeInfo]:
+        """Those that run now, not a moment ago; those known last, while the directory is away."""
+        await self._look()
+        return self.nodes
 
     async def node(self, subject: Subject, caller: str) -> NodeInfo:
         """Raises Unavailable."""
@@ -156,7 +166,7 @@ class Entry:
         host, tls, limits = settings.host, operation.tls, settings.limits
         self.finder = NodeFinder(directory)
         self._peers = Peers(secret)
-        every = EveryNode(self._peers, lambda: self.finder.nodes, stop)
+        every = EveryNode(self._peers, self.finder.all_nodes, stop)
         self._socket = bind(host, settings.http_port, settings.grpc_port)
         guard = GuardInterceptor(
             operation.guard, operation.metrics, operation.tracing, operation.access_log

@@ -50,7 +50,10 @@ class EveryNode:
     """The calls. Each raises what a node raises, and Unavailable when one does not answer."""
 
     def __init__(
-        self, peers: Peers, nodes: Callable[[], Iterable[NodeInfo]], stop: Callable[[], None]
+        self,
+        peers: Peers,
+        nodes: Callable[[], Awaitable[list[NodeInfo]]],
+        stop: Callable[[], None],
     ) -> None:
         """`stop` is what `drain` does."""
         self._peers = peers
@@ -111,7 +114,7 @@ class EveryNode:
         self._stop()
 
     async def _ask(self, method: str, seconds: float = CALL_S, **told: Any) -> list[Any]:
-        nodes, caller = list(self._nodes()), current_caller()
+        nodes, caller = await self._nodes(), current_caller()
         if not nodes:
             raise Unavailable("no node runs; they are starting or stopping")
         await self._peers.forget_others({node.name for node in nodes})
