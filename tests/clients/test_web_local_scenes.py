@@ -38,6 +38,7 @@ def _crowd(rng: np.random.Generator, count: int) -> People:
         number=np.arange(1, count + 1),
         group=np.zeros(count, int),
         position=10 + 2 * _vectors(rng, count),
+        height=np.zeros(count, np.float32),
         velocity=np.float32(0.7) * _vectors(rng, count) * moves,
         walks=walks,
         radius=np.full(count, 0.25, np.float32),

@@ -58,6 +58,19 @@ def test_a_standing_person_is_walked_around():
     assert abs(chosen[0]) > 0.2 and chosen[1] > 0.5
 
 
+def test_nobody_meets_people_of_another_storey():
+    people = standing_at((0.0, 0.0), (0.0, 2.0), (0.1, 6.0))
+    people.velocity[:] = (0.0, 1.2), (0.0, -1.2), (0.0, -1.2)
+    people.memory.preferred[:] = people.velocity
+    people.walks[:] = True
+    people.height[:] = 0.9, 3.5, -1.7
+    chosen, _ = velocity(people, (0.0, 1.2))
+    assert np.allclose(chosen, (0.0, 1.2), atol=1e-3)
+    people.height[1] = 1.7  # some steps up
+    chosen, _ = velocity(people, (0.0, 1.2))
+    assert chosen[0] > 0.2
+
+
 def test_who_comes_towards_one_is_passed_on_the_right():
     people = standing_at((0.0, 0.0), (0.0, 5.0))
     people.walks[:] = True

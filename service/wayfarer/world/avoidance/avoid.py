@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from wayfarer.world.avoidance.costs import costs
 from wayfarer.world.avoidance.lanes import keep_right
-from wayfarer.world.avoidance.neighbours import Neighbours, neighbours
+from wayfarer.world.avoidance.neighbours import Neighbours, near_pairs, neighbours
 from wayfarer.world.avoidance.people import Float, Memory, People
 from wayfarer.world.avoidance.rules import FAN, RULES, Rules
 from wayfarer.world.rows import Index
@@ -57,9 +57,10 @@ def avoid(
     """
     memory = people.memory.take(rows)
     preferred = keep_together(people, rows, preferred)
-    near = neighbours(people, rows, rules)
+    pairs = near_pairs(people, rows, rules)
+    near = neighbours(people, rows, pairs, rules)
     yields = memory.yields > 0
-    lane = keep_right(people, rows, preferred, rules)
+    lane = keep_right(people, pairs, preferred, rules)
     way = np.where(yields[:, None], memory.retreat * rules.yield_speed, lane)
     tried = _candidates(way, memory.chosen, rules)
     total = costs(people, rows, near, way, tried, memory.chosen, clear, rules)

@@ -41,16 +41,18 @@ def meetings(people: People, rows: Index, near: Neighbours, tried: Float, rules:
     far = np.clip((near.distance - touch) / rules.close - 1, 0, 1)
     share = 1 + gives_way * far
     base = (share - 1)[..., None] * own[:, None] + their
-    vx, vy = tried[:, :, 0, None], tried[:, :, 1, None]
-    wx = share[:, None] * vx - base[:, None, :, 0]
-    wy = share[:, None] * vy - base[:, None, :, 1]
+    # [A, K, C] from here on: sums over K neighbours are then fast
+    vx, vy = tried[:, None, :, 0], tried[:, None, :, 1]
+    wx = share[:, :, None] * vx - base[:, :, None, 0]
+    wy = share[:, :, None] * vy - base[:, :, None, 1]
     # until the body reacts it keeps its velocity
-    dx = near.dx[:, None] - rules.reaction * (own[:, None, None, 0] - vx)
-    dy = near.dy[:, None] - rules.reaction * (own[:, None, None, 1] - vy)
+    dx = near.dx[:, :, None] - rules.reaction * (own[:, None, None, 0] - vx)
+    dy = near.dy[:, :, None] - rules.reaction * (own[:, None, None, 1] - vy)
     along, fast = wx * dx + wy * dy, np.maximum(wx * wx + wy * wy, 1e-4)
-    at = np.clip(along / fast, rules.soon, rules.horizon)  # seconds to the nearest approach
-    gap_x, gap_y = dx - wx * at, dy - wy * at
-    gap = np.sqrt(gap_x * gap_x + gap_y * gap_y)
+    at = (along / fast).clip(rules.soon, rules.horizon)  # seconds to the nearest approach
+    dx -= wx * at
+    dy -= wy * at
+    square = dx * dx + dy * dy
 
     mine = people.group[rows][:, None]
     same = (mine > 0) & (people.group[near.index] == mine)
@@ -59,14 +61,14 @@ def meetings(people: People, rows: Index, near: Neighbours, tried: Float, rules:
     waited = people.memory.waited[rows]
     asked = np.maximum(rules.comfort / (1 + waited / rules.push), rules.least_comfort)
     room = touch + np.where(same, 0.05, asked[:, None])
-    depth = np.maximum(room[:, None] - gap, 0) / np.where(same, 0.05, rules.comfort)[:, None]
-    depth[np.broadcast_to(near.nobody[:, None], depth.shape)] = 0
-    sooner = at - np.sqrt(np.maximum(room[:, None] ** 2 - gap * gap, 0) / fast)
+    weight = np.where(near.nobody, 0, rules.collision / np.where(same, 0.05, rules.comfort))
+    room, weight = room[:, :, None], weight.astype(np.float32)[:, :, None]
+    depth = weight * np.maximum(room - np.sqrt(square), 0)
+    sooner = at - np.sqrt(np.maximum(room * room - square, 0) / fast)
     horizon = np.maximum(rules.horizon / np.maximum(waited / rules.hurry, 1), rules.shortest)
-    away = np.clip(sooner / horizon[:, None, None], 0, 1)
-    urgency = 1 / (0.1 + away) - 1 / 1.1
-    each = rules.collision * depth * urgency
-    return each.max(-1) + 0.25 * each.sum(-1)
+    away = (sooner / horizon[:, None, None]).clip(0, 1)
+    each = depth * (1 / (0.1 + away) - 1 / 1.1)
+    return np.asarray(each.max(1) + 0.25 * each.sum(1), np.float32)
 
 
 def walls(people: People, rows: Index, tried: Float, clear: Clearance, rules: Rules) -> Float:

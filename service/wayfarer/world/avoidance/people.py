@@ -24,6 +24,7 @@ class People(Rows):
     number: Int  # never changes; of two who block each other the lower one goes first
     group: Int  # those of one group walk close together; 0: of none
     position: Annotated[Float, Shape(2)]  # metres
+    height: Float  # metres, of the hips: it tells storeys apart
     velocity: Annotated[Float, Shape(2)]  # m/s
     walks: Flags  # it has a way to go and avoids others, so half of the task is its own
     radius: Float  # metres

@@ -1,7 +1,7 @@
 """Everything about avoidance that is tuned: metres, seconds, m/s."""
 
 from dataclasses import dataclass
-from math import cos, radians, sin
+from math import cos, hypot, radians, sin
 from typing import Final
 
 import numpy as np
@@ -23,6 +23,9 @@ class Rules:
 
     neighbours: int = 10  # of whom a person takes notice at most
     sight: float = 8.0  # metres beyond which others are ignored
+    storey: float = (
+        2.0  # metres up or down from which others are on another storey
+    )
     horizon: float = 3.5  # seconds that are looked ahead
     soon: float = 0.3  # what happens before cannot be helped
     close: float = 1.5  # nearer nobody relies on others; twice as far, on half of the task
@@ -52,6 +55,11 @@ class Rules:
     beside: float = 1.2  # metres to the right from which one person is passed on the left
     lane_soon: float = 0.5  # seconds: a lane is taken no faster, however near somebody is,
     lane_most: float = 0.8  # nor at a greater share of the speed
+
+    @property
+    def reach(self) -> float:
+        """Metres within which anybody can matter."""
+        return max(self.sight, hypot(self.lane_sight, self.lane_wide)) + 0.1
 
 
 RULES: Final = Rules()

@@ -45,6 +45,7 @@ def people_of(slots: Slots, session: int, rows: Index) -> SessionPeople:
         number=slots.alias[members],
         group=slots.group[members],
         position=(seed.translation[members, -1, :2] + velocity * ahead[:, None]).astype(np.float32),
+        height=seed.translation[members, -1, 2].astype(np.float32),
         velocity=velocity,
         walks=walks | (mode == Mode.WALKING),
         radius=np.full(len(members), RADIUS, np.float32),
