@@ -28,6 +28,21 @@ HIDDEN_CONTROLS = f"""[...document.querySelectorAll("{CONTROLS}")].filter((one) 
   return !inside || !(one.contains(seen) || seen?.contains(one));
 }}).map((one) => one.id || one.textContent)"""
 
+# what a line of news lies over: clicks go through it, but what it covers cannot be read
+UNDER_NEWS = f"""(() => {{
+  const line = document.createElement("p");
+  line.textContent = "W, A, S, D, a gamepad or the stick on a touch screen walk; Esc ends";
+  document.querySelector("#news").append(line);
+  const news = line.getBoundingClientRect();
+  const under = [...document.querySelectorAll("{CONTROLS}")].filter((one) => {{
+    const {{ left, right, top, bottom, width }} = one.getBoundingClientRect();
+    if (!width || one.closest("dialog:not([open])")) return false;
+    return left < news.right && right > news.left && top < news.bottom && bottom > news.top;
+  }});
+  line.remove();
+  return under.map((one) => one.id || one.textContent);
+}})()"""
+
 
 def test_people_walk_without_a_click(page: Page, record_property):
     made = page.call("Page.addScriptToEvaluateOnNewDocument", source=FIRST_SECONDS)
@@ -62,7 +77,9 @@ def test_a_click_sends_the_nearest_of_those_who_walk(page: Page):
 @pytest.mark.parametrize("size", SIZES)
 def test_every_control_can_be_reached_on(page: Page, size: tuple[int, int]):
     page.resize(*size)
-    for _ in range(2):  # at first, and with all of them
+    for timeline in (False, True):  # at first, and with all of them
+        page.wait_for(f"document.querySelector('#timeline').hidden !== {str(timeline).lower()}", 10)
+        assert page.evaluate(UNDER_NEWS) == []
         assert page.evaluate(HIDDEN_CONTROLS) == []
         page.evaluate("document.querySelector('#more').click()")
     assert page.evaluate("document.querySelector('#more').getAttribute('aria-expanded')") == "false"
