@@ -134,6 +134,30 @@ def test_time_is_stopped_scrubbed_and_let_go(page: Page):
     assert page.problems == []
 
 
+def test_slow_motion_falls_behind_at_the_rate_that_is_chosen(page: Page):
+    page.wait_for(f"{LENGTH} > 4", 60)
+    page.evaluate("document.querySelector('#more').click()")  # which shows the timeline
+    page.wait_for("!document.querySelector('#timeline').hidden", 10)
+    page.evaluate(
+        "(() => { const rate = document.querySelector('#rate'); rate.value = '0.25';"
+        " rate.dispatchEvent(new Event('change')); })()"
+    )
+    page.wait_for("!wayfarer.timeline.live", 10)
+    moments = "[wayfarer.timeline.moment, wayfarer.player.moment]"
+    seen, came = page.evaluate(moments)
+    page.evaluate(f"globalThis.before = JSON.stringify({PLACES})")
+    page.wait_for(f"wayfarer.player.moment > {came} + 2", 30)
+    slowly, by_then = page.evaluate(moments)
+    # both clocks follow the page's pictures, whatever their pace
+    assert 0.2 < (slowly - seen) / (by_then - came) < 0.3
+    assert page.evaluate(f"JSON.stringify({PLACES}) !== before")  # slow, but not still
+    page.evaluate("document.querySelector('#live').click()")
+    page.wait_for("wayfarer.timeline.live", 10)
+    page.wait_for("document.querySelector('#rate').value === '1'", 10)
+    page.evaluate("document.querySelector('#more').click()")
+    assert page.problems == []
+
+
 def test_a_box_selects_people_whose_motion_is_saved(page: Page, opened: Path):
     page.wait_for(f"{LENGTH} > 3", 60)
     page.evaluate("document.querySelector('#save-glb').click()")
@@ -221,6 +245,34 @@ def test_somebody_is_driven_with_keys_and_stops_when_they_are_let_go(page: Page)
     press(page, "Escape")
     assert page.evaluate("wayfarer.drive.on") is False
     assert page.evaluate("document.querySelector('#wander').ariaPressed") == "false"
+    assert page.problems == []
+
+
+def test_somebody_is_driven_with_a_gamepad(page: Page):
+    """Chromium has none here: the page reads axes of the shape that the Gamepad API has."""
+    page.evaluate(
+        "globalThis.pad = { axes: [0.1, -0.1, 0, 0] };"  # a stick at rest is seldom at 0
+        " navigator.getGamepads = () => [null, pad]"
+    )
+    page.evaluate("document.querySelector('#drive').click()")
+    page.wait_for("wayfarer.drive.on", 10)
+    person = f"{PEOPLE}.find(({{ marker }}) => marker.visible)"
+    page.wait_for(f"{person}.played.state === 'standing'", 30)
+    page.evaluate(
+        "document.querySelector('#follow').checked && document.querySelector('#follow').click()"
+    )
+    page.evaluate(f"({LOOK_WHERE_IT_IS_FREE})({person})")
+    page.evaluate(f"({KEEP_SENT})({person})")
+    assert page.evaluate("wayfarer.drive.driven") is None
+    page.evaluate("pad.axes[1] = -1")
+    page.wait_for("sent.length >= 2 && sentOn() > 0.5", 60)
+    page.evaluate("pad.axes[1] = 0")
+    page.wait_for("wayfarer.drive.driven === null", 10)
+    for ahead, sideways in page.evaluate("sent.map(({ ahead, sideways }) => [ahead, sideways])"):
+        assert ahead > 2.4 and abs(sideways) < 0.11 * ahead  # the stick leans to the right by .1
+    page.wait_for(f"{person}.played.state === 'standing'", 30)
+    page.evaluate("delete navigator.getGamepads")
+    press(page, "Escape")
     assert page.problems == []
 
 
