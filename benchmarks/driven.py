@@ -142,10 +142,11 @@ class Driven:
             self.now = event
             started = time.thread_time()
             sent = self._world.take_due(event)
-            for session_id, chunks in sent:
+            for session_id, chunks, slots in sent:
                 self._publisher.publish(session_id, chunks)
+                self._world.see(slots, self._publisher.sights(session_id, chunks))
             if sent:
-                due = np.concatenate([chunks.scheduled_at for _, chunks in sent])
+                due = np.concatenate([one.chunks.scheduled_at for one in sent])
                 self._meter.chunks(event - due)
             self._publisher.flush()
             while self._world.step(event):

@@ -5,15 +5,16 @@ So what happens after a stall, or beside other programs, takes no real time and 
 """
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import cycle
 
 from tests.world.fakes import make_world, people
 from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.pipeline import DEPTH
 from wayfarer.service.thread import MotionThread
 from wayfarer.spec import STEP_SECONDS
-from wayfarer.world.agents.agent import SessionSpec
+from wayfarer.world.agents.agent import SessionSpec, Sight
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.stepping.budget import BudgetRules
 
@@ -143,9 +144,9 @@ class Left:
 class Publisher:
     """Notes what leaves, and when."""
 
-    def __init__(self, machine: Machine, chunk: float) -> None:
-        """Seconds of the thread for a chunk."""
-        self._machine, self._chunk = machine, chunk
+    def __init__(self, machine: Machine, chunk: float, seen: Mapping[str, Sight]) -> None:
+        """Seconds of the thread for a chunk; how well agents are seen that are not near."""
+        self._machine, self._chunk, self._seen = machine, chunk, seen
         self.left: list[Left] = []
 
     def publish(self, session_id: str, chunks: object) -> None:
@@ -154,6 +155,9 @@ class Publisher:
         self.left += [
             Left(*row[:3], self._machine.now, row[3]) for row in zip(*columns, strict=True)
         ]
+
+    def sights(self, session_id: str, chunks: object) -> list[Sight]:
+        return [self._seen.get(agent, Sight.NEAR) for agent in chunks.agent_id]
 
     def waiting_sessions(self, now: float) -> list[str]:
         return []
@@ -175,6 +179,7 @@ class Run:
     left: list[Left]
     levels: list[tuple[float, int]]  # of the ladder, when it changed
     walkers: set[str]
+    seen: dict[str, Sight]
 
     def missed(self, since: float, until: float) -> list[tuple[str, float]]:
         """Agents and due times of the primitives that were never seen, or came when over."""
@@ -200,11 +205,13 @@ def simulated(
     agents: int = 48,
     load: float = 0.6,
     standing: float = 0.4,
+    sights: Sequence[Sight] = (Sight.NEAR,),
     **settings: object,
 ) -> Run:
     """Agents on a machine whose engine is busy for the share `load` of a quiet time.
 
     `shares`: seconds from, to, and what is left of the machine then. A part of the agents stand.
+    `sights`: how well they are seen, by turns.
     """
     machine = Machine(START + seconds, [(START + a, START + b, share) for a, b, share in shares])
     full = agents // 6
@@ -221,7 +228,8 @@ def simulated(
     each = load * STEP_SECONDS / agents
     most = max(search.candidates for search in world.settings.steering.searches.values())
     pipeline = Pipeline(machine, 0.8 * each / most, 0.2 * each * 2 * full)
-    publisher = Publisher(machine, 0.1 * STEP_SECONDS / agents)
+    seen = dict(zip(made, cycle(sights), strict=False))
+    publisher = Publisher(machine, 0.1 * STEP_SECONDS / agents, seen)
     thread = MotionThread(
         world=world, publisher=publisher, inbox=Inbox(machine, pipeline), pipeline=pipeline,
         warm_up=lambda: None, clock=machine, meter=MetricsSink(),
@@ -238,4 +246,4 @@ def simulated(
     world.load.allow = watched
     with contextlib.suppress(Over):
         thread.run()
-    return Run(publisher.left, levels, walkers)
+    return Run(publisher.left, levels, walkers, seen)

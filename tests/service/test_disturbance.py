@@ -7,8 +7,8 @@ from itertools import pairwise
 import pytest
 
 from tests.service.simulated import Run, simulated
-from wayfarer.spec import STEP_SECONDS
-from wayfarer.world.agents.agent import ChunkFlag
+from wayfarer.spec import GENDERS, STEP_SECONDS
+from wayfarer.world.agents.agent import ChunkFlag, Sight
 from wayfarer.world.goals.steering import Steering
 
 AGENTS = 48
@@ -60,3 +60,29 @@ def test_in_a_burst_that_is_too_much_the_standing_are_held_and_the_rest_is_back_
     # what is left of the time is used: two thirds and more of what the machine could do
     walked = sum(2.5 <= c.due - 1000.0 < 5.0 and not c.flags & ChunkFlag.HELD for c in run.left)
     assert walked > 0.67 * 0.4 / 0.9 * AGENTS * 2.5 / STEP_SECONDS
+
+
+SIGHTS = (Sight.NEAR, Sight.FAR, Sight.ROOT, Sight.NONE)
+"""By turns. Genders take turns as well, and have calls of their own."""
+
+
+def by_sight(run: Run, agents: list[str]) -> list[int]:
+    return [sum(run.seen[agent] == sight for agent in agents) for sight in SIGHTS]
+
+
+def test_when_there_is_time_for_half_of_all_who_is_near_is_in_time():
+    mixed = [sight for sight in SIGHTS for _ in GENDERS]
+    run = simulated(4.5, [(2.0, 4.0, 0.5)], AGENTS, 0.9, standing=0.0, sights=mixed, steering=ONE)
+    missed = [agent for agent, _ in run.missed(0.5, 4.4)]
+    near, far, root, none = by_sight(run, missed)
+    assert near == 0 < far < root < none
+    walked = [c.agent for c in run.left if 2.5 <= c.due - 1000.0 < 4.0]
+    assert min(by_sight(run, walked)) > 0, "nobody waits for ever"
+
+
+def test_without_need_the_order_changes_nothing():
+    plain, mixed = (
+        simulated(2.0, [], AGENTS, 0.6, sights=sights, steering=ONE)
+        for sights in ((Sight.NEAR,), SIGHTS)
+    )
+    assert [c.late for c in plain.left] == [c.late for c in mixed.left]

@@ -1,6 +1,8 @@
 """Rings around viewpoints: who comes in which tier, over Control and WebSockets."""
 
+import asyncio
 import json
+import time
 from collections import Counter
 from contextlib import aclosing
 from urllib.parse import quote
@@ -10,11 +12,15 @@ import pytest
 import websockets
 from pydantic import ValidationError
 
+from tests.service.kept_worlds import fake_worlds
+from tests.transport.fakes import gateway
 from tests.transport.gateway.calls import session, stream
+from tests.transport.rig import until
 from tests.transport.samples import chunk
 from tests.transport.test_control import Client, begun, read
 from wayfarer.errors import InvalidArgument
 from wayfarer.service.metrics_sink import MetricsSink
+from wayfarer.service.motion_service import MotionService
 from wayfarer.service.streams.root_tracks import RootTracks
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
@@ -22,7 +28,7 @@ from wayfarer.transport.codec import PoseEncoding, PoseFormat, TierEncoder, enco
 from wayfarer.transport.control import control
 from wayfarer.transport.detail_levels import DetailLevels, DetailRing, ViewPlace
 from wayfarer.v1 import motion_pb2
-from wayfarer.world.agents.agent import ChunkFlag, MotionChunks
+from wayfarer.world.agents.agent import ChunkFlag, MotionChunks, Sight
 
 RINGS = (DetailRing(10.0, PoseFormat()), DetailRing(30.0, PoseFormat(PoseEncoding.ROOT, (), 10)))
 FIRST = motion_pb2.CHUNK_FLAG_FIRST
@@ -80,6 +86,45 @@ def test_the_state_of_a_deleted_agent_goes_with_it():
     sort(interest, 5.0, 6.0)
     interest.forget(1)
     assert list(interest._tiers) == [2]
+
+
+# what the motion thread knows
+
+
+async def test_the_motion_thread_knows_who_is_near():
+    """Through a real service: rings, a viewpoint that moves, an events stream, the end."""
+    motion = MotionService(fake_worlds())
+    motion.start()
+    api = gateway(motion, clock=time.time)
+    await until(lambda: motion.ready)
+    await api.take_over()
+
+    async def seen(*expected: Sight) -> None:
+        columns = motion._world.slots
+        async with asyncio.timeout(10):
+            while [Sight(k) for k in columns.sight[columns.active]] != list(expected):
+                await asyncio.sleep(0.02)
+
+    try:
+        session_id = await crowd(api, 5, 15, 25, 100)
+        client, messages, _ = await opened_with(api, session_id, interest=TIERS)
+        events = api.motion.events(schema.StreamRequest(session_id=session_id))
+        async with aclosing(messages), aclosing(events):
+            reading = asyncio.create_task(read_on(messages))
+            await anext(events)
+            await seen(Sight.NEAR, Sight.FAR, Sight.ROOT, Sight.NONE)
+            client.send(viewpoints={"viewpoints": [{"position": {"z": 100}}]})
+            await seen(Sight.NONE, Sight.NONE, Sight.NONE, Sight.NEAR)
+            reading.cancel()
+            await asyncio.gather(reading, return_exceptions=True)
+        await seen(*[Sight.NEAR] * 4)
+    finally:
+        await motion.stop()
+
+
+async def read_on(messages) -> None:
+    async for _ in messages:
+        pass
 
 
 # packing

@@ -355,7 +355,8 @@ def test_what_leaves_is_told_by_session_and_has_each_agent_once():
         pass
     late = world.take_due(1.0)
     numbers = {name: [] for name in ("s", "t")}
-    for session_id, chunks in late:
+    for session_id, chunks, slots in late:
+        assert world.slots.alias[slots].tolist() == chunks.alias.tolist()
         aliases = chunks.alias.tolist()
         assert len(set(aliases)) == len(aliases)
         assert chunks.scheduled_at.tolist() == sorted(chunks.scheduled_at.tolist())

@@ -29,10 +29,15 @@ def whole(least: int, most: int, sizes: tuple[int, ...], full: int) -> int:
     return filled if filled and is_waste else min(room, most)
 
 
+def fitting(rows: int, sizes: tuple[int, ...]) -> int:
+    """The least of `sizes` (ascending) that holds so many rows; where there is none, `rows`."""
+    return next((size for size in sizes if size >= rows), rows)
+
+
 def pad(inputs: StepInputs, sizes: tuple[int, ...]) -> StepInputs:
     """Repeat the last row up to the next of `sizes` (ascending), which the engine has warmed."""
     rows = len(inputs.goal)
-    size = next((s for s in sizes if s >= rows), rows)
+    size = fitting(rows, sizes)
     if size == rows:
         return inputs
     return pick(inputs, np.minimum(np.arange(size), rows - 1))

@@ -173,8 +173,9 @@ class MotionThread:
             return
         due = self._world.take_due(self._clock() + EARLY_SECONDS)
         now = self._clock()
-        for session_id, chunks in due:
+        for session_id, chunks, slots in due:
             self._publisher.publish(session_id, chunks)
+            self._world.see(slots, self._publisher.sights(session_id, chunks))
         self._figures.published(now, due)
         for session_id, event in self._world.take_events():
             self._publisher.tell(session_id, [event])

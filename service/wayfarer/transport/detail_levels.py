@@ -19,6 +19,8 @@ the next batch on.
   outside are `hidden`.
 * Packing is shared (`codec/tier_encoder.py`): a publication's chunk is packed once per basis and
   format, when the first reader needs it in that tier.
+* The motion thread is told how well each agent is seen (`service/streams/sights.py`): when time is
+  short, it steps those in the innermost ring first.
 * Bounds: 8 rings, 8 viewpoints, finite radii; state per agent is one number, of agents that the
   session has. The state of a deleted agent goes with it.
 """
@@ -30,8 +32,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from wayfarer.transport.codec import PoseFormat
-from wayfarer.world.agents.agent import MotionChunks
+from wayfarer.service.streams.sights import Sights
+from wayfarer.transport.codec import PoseEncoding, PoseFormat
+from wayfarer.world.agents.agent import MotionChunks, Sight
 
 HYSTERESIS: Final = 0.1
 """Part of its radius by which an agent is beyond a ring when it leaves it."""
@@ -64,6 +67,9 @@ class DetailLevels:
         self.rings = tuple(rings)
         self._radii = np.array([ring.radius for ring in rings])
         self._tiers: dict[int, int] = {}  # by alias; len(rings): nothing
+        self.sights = Sights()
+        """What the motion thread may know of the tiers."""
+        self._sight_of = [*map(_sight, range(len(rings)), rings), Sight.NONE]  # by tier
         self.look(viewpoints)
 
     def look(self, viewpoints: Sequence[ViewPlace]) -> None:
@@ -74,6 +80,7 @@ class DetailLevels:
     def forget(self, alias: int) -> None:
         """It has been deleted."""
         self._tiers.pop(alias, None)
+        self.sights.forget(alias)
 
     def sort(self, chunks: MotionChunks) -> tuple[NDArray[np.intp], NDArray[np.bool_], list[int]]:
         """The tier of each chunk [A], len(rings) for nothing; whose agent has entered from nothing
@@ -86,7 +93,9 @@ class DetailLevels:
         # after a resume, who may be shown already counts as coming from within the wider ring
         before[unknown] = outer[unknown] if self.resumed else nothing
         tiers = before.clip(outer, inner)
-        self._tiers.update(zip(aliases, tiers.tolist(), strict=True))
+        found = list(zip(aliases, tiers.tolist(), strict=True))
+        self._tiers.update(found)
+        self.sights.see((alias, self._sight_of[tier]) for alias, tier in found)
         outside = tiers == nothing
         entered = (before == nothing) & ~outside
         left = outside & ((before < nothing) | (unknown & self.resumed))
@@ -102,3 +111,9 @@ class DetailLevels:
             np.searchsorted(self._radii, distance),
             np.searchsorted(self._radii * (1 + HYSTERESIS), distance),
         )
+
+
+def _sight(tier: int, ring: DetailRing) -> Sight:
+    if ring.pose_format.encoding is PoseEncoding.ROOT:
+        return Sight.ROOT
+    return Sight.FAR if tier else Sight.NEAR

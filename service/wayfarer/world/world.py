@@ -24,6 +24,7 @@ from wayfarer.world.agents.agent import (
     MotionChunk,
     SessionInfo,
     SessionSpec,
+    Sight,
 )
 from wayfarer.world.agents.checks import check_change, check_session, check_specs
 from wayfarer.world.agents.population import Population
@@ -319,10 +320,12 @@ class World:
         self._goals.walk_on(frame + self.settings.batch_lookahead_s * FPS)
         if level is None:
             slack, scheduler = self._playback.slack(frame) / FPS, self.scheduler
-            level = self.load.allow(now, slack, scheduler.held_share, scheduler.under_way)
+            level = self.load.allow(
+                now, slack, scheduler.held_share, scheduler.under_way, scheduler.is_any_distant
+            )
         if level.hold_idle:
             self.scheduler.hold(frame)
-        return self.scheduler.begin(frame, level.candidates, launch)
+        return self.scheduler.begin(frame, level, launch)
 
     def apply(self, step: PendingStep) -> int:
         """Plan the chunks that a scheduled step has made; returns how many agents it stepped."""
@@ -339,6 +342,12 @@ class World:
         A session comes again for an agent's next chunk.
         """
         return self._leave(self._playback.send(self._timeline.frame(until)))
+
+    def see(self, slots: Index, sights: Sequence[Sight] | Sight) -> None:
+        """From now on these agents are seen so well: who is seen better goes first when time is
+        short. It counts until it is said again; for new agents, `NEAR`.
+        """
+        self.slots.sight[slots] = sights
 
     def take_rest(self, session_id: str) -> list[Due]:
         """All that is planned for a session's agents, before its time. Raises NotFound.

@@ -8,7 +8,8 @@ from tests.service.streams.stage import HOLD, Stage, kinds, seqs, take
 from wayfarer.errors import InvalidArgument, Unavailable
 from wayfarer.service.metrics_sink import ResumeResult
 from wayfarer.service.streams.publications import Resume, SlowReader
-from wayfarer.world.agents.agent import ChunkFlag
+from wayfarer.service.streams.sights import Sights
+from wayfarer.world.agents.agent import ChunkFlag, Sight
 from wayfarer.world.events import EventKind
 
 # Positions
@@ -270,3 +271,26 @@ async def test_goal_to_motion_is_measured_to_the_first_chunk_planned_for_it():
     stage.publisher.publish("s", together(chunk(2, goal_revision=2)))
     stage.publisher.publish("s", together(chunk(3, goal_revision=2)))
     assert stage.meter.goals == [pytest.approx(0.3)]
+
+
+# How well readers see agents
+
+
+async def test_an_agent_is_seen_as_well_as_by_the_reader_that_sees_it_best():
+    stage, one, other = Stage(), Sights(), Sights()
+    one.see([(ord("a"), Sight.ROOT), (ord("b"), Sight.NONE), (ord("c"), Sight.FAR)])
+    other.see([(ord("a"), Sight.NONE), (ord("b"), Sight.NONE), (ord("d"), Sight.NONE)])
+    chunks = together(*(chunk(0, agent) for agent in "abcd"))
+    assert stage.publisher.sights("s", chunks) is Sight.NEAR, "nobody reads it, or will later"
+    await stage.subscribe(events_only=True)
+    kept = [await stage.subscribe(sights=one), await stage.subscribe(sights=other)]
+    expected = [Sight.ROOT, Sight.NONE, Sight.NEAR, Sight.NEAR]  # not seen yet: it may be near
+    assert stage.publisher.sights("s", chunks) == expected
+    whole = await stage.subscribe()
+    assert stage.publisher.sights("s", chunks) is Sight.NEAR
+    await whole.close()
+    one.forget(ord("a"))
+    assert stage.publisher.sights("s", chunks)[0] is Sight.NEAR
+    for reader in kept:
+        await reader.close()
+    assert stage.publisher.sights("s", chunks) is Sight.NEAR

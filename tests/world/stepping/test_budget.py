@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import pytest
 
 from wayfarer.world.stepping.budget import (
@@ -12,7 +14,13 @@ RULES = BudgetRules()
 CALL = 0.05  # seconds of one engine call with all candidates
 PLENTY = 0.2
 SHORT = -1.0
-HOLD, REFUSE = DegradationLevel(1, hold_idle=True), DegradationLevel(1, hold_idle=True, refuse=True)
+HOLD = DegradationLevel(1, near_first=True, hold_idle=True)
+REFUSE = replace(HOLD, refuse=True)
+
+
+def level(count):
+    """One on which who is near comes first."""
+    return DegradationLevel(count, near_first=True)
 
 
 def candidates(budget, now, slack):
@@ -25,7 +33,8 @@ def candidates(budget, now, slack):
 )
 def test_the_ladder_begins_with_what_is_wished_and_ends_with_a_refusal(most, counts):
     assert candidate_counts(most) == counts
-    assert ladder(most) == (*map(DegradationLevel, counts), HOLD, REFUSE)
+    near_first = [DegradationLevel(count, near_first=True) for count in counts]
+    assert ladder(most) == (DegradationLevel(most), *near_first, HOLD, REFUSE)
 
 
 def busy(budget, start, seconds, call, share):
@@ -48,7 +57,7 @@ def test_a_call_that_would_end_too_late_tries_fewer():
     assert candidates(budget, 1.0, CALL - RULES.late - 0.001) == 4
     assert candidates(budget, 1.0 + RULES.settle / 2 - 0.01, SHORT) == 4, "first see what it brings"
     assert candidates(budget, 1.0 + RULES.settle + 0.01, SHORT) == 2
-    assert budget.number == 2
+    assert budget.number == 3
 
 
 def test_an_engine_that_is_busy_all_the_time_but_in_time_changes_nothing():
@@ -75,7 +84,24 @@ def test_short_calls_between_do_not_hide_the_long_ones():
 def test_when_candidates_are_few_idle_agents_are_held_and_then_new_ones_refused():
     budget = Budget(4, RULES)
     found = [budget.allow(float(t), -1.0) for t in range(6)]
-    assert found == [DegradationLevel(2), DegradationLevel(1), HOLD, REFUSE, REFUSE, REFUSE]
+    assert found == [level(2), level(1), HOLD, REFUSE, REFUSE, REFUSE]
+
+
+def test_where_agents_are_distant_they_give_way_first_and_come_back_last():
+    budget = Budget(4, RULES)
+    found = [budget.allow(float(t), SHORT, distant=True) for t in range(4)]
+    assert found == [level(4), level(2), level(1), HOLD]
+    times = (3.0 + RULES.patience * step for step in range(1, 5))
+    back = [budget.allow(time, PLENTY, distant=True) for time in times]
+    assert back == [level(1), level(2), level(4), DegradationLevel(4)]
+
+
+def test_when_nobody_is_distant_any_more_it_does_not_stay_there():
+    budget = Budget(4, RULES)
+    budget.allow(0.0, SHORT, distant=True)
+    assert budget.allow(RULES.patience, PLENTY) == DegradationLevel(4)
+    budget.allow(10.0, SHORT, distant=True)
+    assert budget.allow(11.0, SHORT).candidates == 2
 
 
 def test_more_are_tried_again_after_a_calm_while():
@@ -90,7 +116,7 @@ def test_it_climbs_level_by_level_with_patience():
     for t in range(4):
         budget.allow(float(t), -1.0)
     found = [budget.allow(100.0 + RULES.patience * step, PLENTY) for step in range(4)]
-    assert found == [HOLD, DegradationLevel(1), DegradationLevel(2), DegradationLevel(2)]
+    assert found == [HOLD, level(1), DegradationLevel(2), DegradationLevel(2)]
 
 
 def test_a_climb_that_was_a_mistake_is_tried_again_later_and_later():

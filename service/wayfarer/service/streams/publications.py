@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from wayfarer.service.streams.root_tracks import Roots
+from wayfarer.service.streams.sights import Sights
 from wayfarer.world.agents.agent import NO_CHUNKS, AgentInfo, MotionChunks
 from wayfarer.world.events import Event, EventKind
 
@@ -50,6 +51,8 @@ class StreamOptions:
     resume: Resume | None = None  # of an earlier subscription to the same agents
     hold_s: float = 30.0  # HOLD: longest time that agents wait; the session's lease
     roots: bool = False  # publications shall have roots
+    events_only: bool = False  # it shows nobody
+    sights: Sights | None = None  # of a stream with rings; none: it shows everybody in full
 
 
 def model_changed(agent: AgentInfo, at: float) -> Event:

@@ -19,9 +19,10 @@ from wayfarer.service.metrics_sink import MetricsSink, ResumeResult
 from wayfarer.service.streams.goal_events import GoalEvents
 from wayfarer.service.streams.publications import Publication, Resume, SlowReader
 from wayfarer.service.streams.root_tracks import RootTracks
+from wayfarer.service.streams.sights import best_of
 from wayfarer.service.streams.subscription import QueuedPublication, Subscription, SubscriptionStart
 from wayfarer.spec import STEP_SECONDS
-from wayfarer.world.agents.agent import NO_CHUNKS, AgentInfo, MotionChunks
+from wayfarer.world.agents.agent import NO_CHUNKS, AgentInfo, MotionChunks, Sight
 from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.events import Event, EventKind
 
@@ -50,6 +51,10 @@ class Publisher:
         log = self._log(session_id)
         log.answer(chunks, self._meter)
         self._deliver(log, chunks, log.goal_events.events(chunks))
+
+    def sights(self, session_id: str, chunks: MotionChunks) -> list[Sight] | Sight:
+        """How well the readers of a session see the agents [A] that these chunks are of."""
+        return self._log(session_id).sights(chunks)
 
     def tell(self, session_id: str, events: Sequence[Event]) -> None:
         """Tell a session's subscribers, now and those that resume, of events of other origin."""
@@ -222,6 +227,14 @@ class _Log:
         self.epoch, self.position, self.motion = state.epoch, state.position, state.motion
         self._last_at, self._ring = state.last_at, deque(state.held)
         self.goal_events.stopping = dict(state.stopping)
+
+    def sights(self, chunks: MotionChunks) -> list[Sight] | Sight:
+        """How well the readers see the agents [A]; who have no rings, or are none, do so alike."""
+        options = [reader.options for reader in self.open() if not reader.options.events_only]
+        ringed = [each.sights for each in options if each.sights is not None]
+        if not ringed or len(ringed) < len(options):
+            return Sight.NEAR
+        return best_of(ringed, chunks.alias.tolist())
 
     # Starts
 

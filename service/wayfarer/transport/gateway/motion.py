@@ -1,7 +1,7 @@
 """Streams, clips, lock-step."""
 
 import secrets
-from collections.abc import AsyncGenerator, AsyncIterator, Iterable
+from collections.abc import AsyncGenerator, AsyncIterator, Sequence
 from contextlib import aclosing, asynccontextmanager
 from itertools import chain
 
@@ -147,7 +147,7 @@ class MotionApi:
     async def _followed(
         self,
         request: schema.StreamRequest,
-        formats: Iterable[PoseFormat] = (),
+        formats: Sequence[PoseFormat] = (),
         interest: DetailLevels | None = None,
     ) -> AsyncIterator[tuple[OpenSession, MotionStream]]:
         context = self._context
@@ -172,6 +172,8 @@ class MotionApi:
                     since.resume(followed) if since else None,
                     hold_s=session.lease_s,
                     roots=any(each.encoding is PoseEncoding.ROOT for each in formats),
+                    events_only=not formats,
+                    sights=interest.sights if interest else None,
                 ),
             )
             try:

@@ -5,7 +5,7 @@ Transports convert their wire types to these and back, and nothing else crosses.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from enum import IntFlag, StrEnum
+from enum import IntEnum, IntFlag, StrEnum
 from typing import Annotated, Final, Self
 
 import numpy as np
@@ -53,6 +53,15 @@ class AgentState(StrEnum):
 
 STATES: Final = tuple(AgentState)
 """As `MotionChunks.state` counts them."""
+
+
+class Sight(IntEnum):
+    """How well the reader that sees an agent best does; see transport/detail_levels.py."""
+
+    NEAR = 0  # in the innermost ring, or in all there is: a stream without rings shows everybody so
+    FAR = 1
+    ROOT = 2  # as a place and a heading
+    NONE = 3
 
 
 class ChunkFlag(IntFlag):

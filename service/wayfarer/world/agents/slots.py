@@ -116,6 +116,7 @@ class Slots(Rows):
     route: Route
     memory: Memory  # of avoiding others
     footing: Footing  # after the frames already sent
+    sight: Int8  # Sight
 
 
 class SlotTable:

@@ -2,6 +2,8 @@
 
 Frames must be there at their time whatever the load; quality gives way first:
 
+    near agents first     those seen as a root, or not at all, come last, and with
+                          one candidate                                             (REDUCED)
     fewer candidates      the search tries 16, 8, 4, 2, 1 in place of what was asked for  (REDUCED)
     hold idle agents      who stands with nothing to do keeps its pose, unstepped     (HELD)
     refuse new agents     ResourceExhausted
@@ -9,11 +11,14 @@ Frames must be there at their time whatever the load; quality gives way first:
 One goes down a level at a time, and up again after a calm while. Time is an argument.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from wayfarer.world.stepping.window import Window
 
 COUNTS = (16, 8, 4, 2, 1)
+
+NEAR_FIRST = 1
+"""Number of the level that differs from the one above for distant agents only."""
 
 WINDOW = 1.0
 """Seconds over which calls are looked at."""
@@ -24,6 +29,7 @@ class DegradationLevel:
     """What there is time for."""
 
     candidates: int  # the most to try
+    near_first: bool = False  # agents seen as a root at most come last, with one candidate
     hold_idle: bool = False
     refuse: bool = False
 
@@ -35,10 +41,12 @@ def candidate_counts(most: int) -> tuple[int, ...]:
 
 def ladder(most: int) -> tuple[DegradationLevel, ...]:
     """All levels, best first."""
+    full, *fewer = map(DegradationLevel, candidate_counts(most))
     return (
-        *map(DegradationLevel, candidate_counts(most)),
-        DegradationLevel(1, hold_idle=True),
-        DegradationLevel(1, hold_idle=True, refuse=True),
+        full,
+        *(replace(level, near_first=True) for level in (full, *fewer)),
+        DegradationLevel(1, near_first=True, hold_idle=True),
+        DegradationLevel(1, near_first=True, hold_idle=True, refuse=True),
     )
 
 
@@ -82,12 +90,12 @@ class Budget:
         self._calls.add(now, seconds)
 
     def allow(
-        self, now: float, slack: float, held: float = 0.0, ahead: int = 0
+        self, now: float, slack: float, held: float = 0.0, ahead: int = 0, distant: bool = False
     ) -> DegradationLevel:
         """The level for a call that begins now, `slack` seconds before its deadline.
 
         `held` is the share of the agents, below 1, that are held at present; `ahead` calls are
-        under way before it.
+        under way before it; `distant`: there are agents that are seen as a root at most.
         """
         rules, since = self._rules, now - self._changed_at
         calls = sorted(self._calls.values(now))
@@ -97,24 +105,30 @@ class Budget:
         if slack < call - rules.late:
             settle = rules.settle / 2 if slack < call - rules.hurry else rules.settle
             if since >= settle and self.number < len(self._levels) - 1:
-                self._fall(now)
+                self._fall(now, distant)
         elif self.number > 0 and since >= self._patience:
             longer, more = self._growth(held)
             fits = slack >= call * longer - rules.late
             if fits and busy * longer * more <= rules.most_busy * WINDOW:
-                self.number, self._changed_at = self.number - 1, now
+                self.number, self._changed_at = self._other(-1, distant), now
                 self._climbed_at, self._is_trial = now, True
         return self.level
 
     def _growth(self, held: float) -> tuple[float, float]:
         """Factors of one level up: of the time of a call, and of the number of calls."""
         above = self._levels[self.number - 1]
-        if above.candidates > self.level.candidates:
+        distant_get_more = self.number == 1 and above.candidates > 1
+        if above.candidates > self.level.candidates or distant_get_more:
             return self._rules.headroom, 1.0
         releases = self.level.hold_idle and not above.hold_idle
         return 1.0, 1 / (1 - min(held, 0.99)) if releases else 1.0
 
-    def _fall(self, now: float) -> None:
+    def _other(self, way: int, distant: bool) -> int:
+        """The next level up (-1) or down (1) that changes something."""
+        number = self.number + way
+        return number + way if number == NEAR_FIRST and not distant else number
+
+    def _fall(self, now: float, distant: bool) -> None:
         rules, since = self._rules, now - self._climbed_at
         # a second fall that follows the first one tells nothing new of that climb
         if since >= rules.most_patience:
@@ -122,4 +136,4 @@ class Budget:
         elif self._is_trial:
             self._patience = min(2 * self._patience, rules.most_patience)
         self._is_trial = False
-        self.number, self._changed_at = self.number + 1, now
+        self.number, self._changed_at = self._other(1, distant), now

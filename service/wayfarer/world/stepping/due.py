@@ -9,6 +9,7 @@ from wayfarer.world.agents.agent import STATES, MotionChunks
 from wayfarer.world.agents.registry import Agent
 from wayfarer.world.agents.slots import Mode, Slots
 from wayfarer.world.agents.timeline import Timeline
+from wayfarer.world.rows import Index
 from wayfarer.world.stepping.playback import Sent
 
 STATE_OF_MODE: Final = np.array([STATES.index(mode.state) for mode in Mode], np.int8)
@@ -20,6 +21,7 @@ class Due(NamedTuple):
 
     session_id: str
     chunks: MotionChunks  # one of an agent at most
+    slots: Index  # of their agents
 
 
 def due_by_session(
@@ -32,10 +34,14 @@ def due_by_session(
     session = slots.session[sent.slots]
     chunks = _columns(sent, slots, timeline)
     if (session == session[0]).all():
-        return [Due(by_slot[int(sent.slots[0])].session_id, chunks)]
+        return [Due(by_slot[int(sent.slots[0])].session_id, chunks, sent.slots)]
     order = np.argsort(session, kind="stable")
     parts = np.split(order, np.flatnonzero(np.diff(session[order])) + 1)
-    return [Due(by_slot[int(sent.slots[part[0]])].session_id, chunks.take(part)) for part in parts]
+    slots_of = [sent.slots[part] for part in parts]
+    return [
+        Due(by_slot[int(own[0])].session_id, chunks.take(part), own)
+        for own, part in zip(slots_of, parts, strict=True)
+    ]
 
 
 def _columns(sent: Sent, slots: Slots, timeline: Timeline) -> MotionChunks:

@@ -48,12 +48,12 @@ class Load:
         return self._admission.refused
 
     def allow(
-        self, now: float, slack: float, held_share: float, under_way: int
+        self, now: float, slack: float, held_share: float, under_way: int, distant: bool
     ) -> DegradationLevel:
         """The level for the next step; see `Budget.allow`."""
         if self._budget is None:
             return self._full
-        return self._budget.allow(now, slack, held_share, under_way)
+        return self._budget.allow(now, slack, held_share, under_way, distant)
 
     def measured(self, agents: int, candidates: int, seconds: float) -> None:
         """An engine call of this size took `seconds` during warm-up."""

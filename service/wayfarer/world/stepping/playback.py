@@ -12,7 +12,7 @@ import numpy as np
 
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
 from wayfarer.world.agents.slots import Motion, Slots
-from wayfarer.world.rows import Flags, Float, Index, Int, Int16, Rows, Shape, UInt8
+from wayfarer.world.rows import Double, Flags, Float, Index, Int, Int16, Rows, Shape, UInt8
 
 ROUNDING: Final = 1e-3
 """Share of a primitive: what is due this shortly before a moment is due at that moment."""
@@ -70,6 +70,11 @@ class Playback:
         """Which slots [A], all of which may be planned, need their next chunk by `frame`."""
         due: Flags = self._plan_frame(rows) <= frame
         return due
+
+    def lateness(self, rows: Index, frame: float) -> Double:
+        """Frames since the next chunks of slots [A] were to be planned; negative: it is not yet."""
+        late: Double = np.float64(frame) - self._plan_frame(rows)
+        return late
 
     def next_event(self, planning: bool = True, early: float = 0.0) -> float | None:
         """World frame of the next sending or, unless not asked for, planning; None without any.

@@ -5,22 +5,24 @@ mean.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Final
 
 import numpy as np
 
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.engines.models import LoadedModels
-from wayfarer.engines.padding import cut, pad, pick, whole
+from wayfarer.engines.padding import cut, fitting, pad, pick, whole
 from wayfarer.spec import FPS, GENDERS, NEW_FRAMES
-from wayfarer.world.agents.agent import ChunkFlag
+from wayfarer.world.agents.agent import ChunkFlag, Sight
 from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Gait, Mode, Motion, Seeds, SlotTable
 from wayfarer.world.agents.style import sets_off, stride
 from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.goals.steering import observe
 from wayfarer.world.output.legs import Legs
-from wayfarer.world.rows import Flags, Float, Index, Int8
+from wayfarer.world.rows import Flags, Float, Index, Int, Int8
 from wayfarer.world.stepping.batch import broken, gather
+from wayfarer.world.stepping.budget import DegradationLevel
 from wayfarer.world.stepping.guards import bearing, fallen, got_up, smoothed
 from wayfarer.world.stepping.guide import Guide, NextTarget
 from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
@@ -62,6 +64,11 @@ class Batch:
         )
 
 
+PATIENCE: Final = (0.0, 0.375, 0.875, 0.9375)
+"""How long an agent that is due waits for others, when time is short: by `Sight`, as a share of the
+time after which its primitive is left out. So nobody waits for ever."""
+
+
 @dataclass(frozen=True, slots=True)
 class Call:
     """One engine call, as far as its duration depends on it."""
@@ -88,6 +95,11 @@ Launch = Callable[[Outputs], Outputs]
 def at_once(call: Outputs) -> Outputs:
     """The call is made when its result is asked for."""
     return call
+
+
+def _most(level: DegradationLevel, sights: Int8) -> Int:
+    """Candidates [A] that a level allows to agents that are seen so well."""
+    return np.where(level.near_first & (sights >= Sight.ROOT), 1, level.candidates)
 
 
 class Scheduler:
@@ -130,6 +142,7 @@ class Scheduler:
         self._single_threaded = settings.single_threaded
         self._company = settings.batch_lookahead_s * FPS  # frames
         self._full = settings.batch_multiple
+        self._patience = NEW_FRAMES * (settings.lead + 1) * np.array(PATIENCE)
         self._engine_calls = 0  # begun so far
         self.under_way = 0  # of them, those that are not finished
         self.resets = 0  # rows so far that could not be shown, or had fallen
@@ -138,20 +151,27 @@ class Scheduler:
         self.held_steps = 0  # rows held in place of a step
 
     @property
+    def is_any_distant(self) -> bool:
+        """Somebody is seen as a root, or not at all."""
+        slots = self._table.rows
+        return bool((slots.active & (slots.sight >= Sight.ROOT)).any())
+
+    @property
     def held_share(self) -> float:
         """Share of the agents whose last chunk was held."""
         slots = self._table.rows
         return float(slots.held[slots.active].mean()) if slots.active.any() else 0.0
 
     def begin(
-        self, frame: float, most: int | None = None, launch: Launch = at_once
+        self, frame: float, level: DegradationLevel | None = None, launch: Launch = at_once
     ) -> PendingStep | None:
         """Set an engine call going for the agents most urgently due by world frame `frame`.
 
-        Tries `most` candidates at most. None when nobody is due. Until `finish`, agents
-        under way are not due; what is planned for an agent that is replanned or leaves is lost.
+        Tries as many candidates as `level` allows, else as steering asks for. None when nobody is
+        due. Until `finish`, agents under way are not due; what is planned for an agent that is
+        replanned or leaves is lost.
         """
-        batch = self.schedule(frame, most)
+        batch = self.schedule(frame, level)
         if batch is None:
             return None
         inputs = pad(mirror_inputs(batch.inputs, batch.mirrored), self._sizes)
@@ -178,7 +198,7 @@ class Scheduler:
             self.apply(step.batch.take(kept), pick(outputs, kept))
         return len(rows)
 
-    def schedule(self, frame: float, most: int | None = None) -> Batch | None:
+    def schedule(self, frame: float, level: DegradationLevel | None = None) -> Batch | None:
         """The most urgent agent and, in order of urgency, those that fit into its batch.
 
         While nothing is under way a full batch of those who are due soon need not wait for it.
@@ -188,15 +208,17 @@ class Scheduler:
         is_due = self._playback.is_due(rows, frame)
         if not is_due.any() and (self.under_way or len(rows) < self._full):
             return None
-        model, gender = slots.model[rows[0]], slots.gender[rows[0]]
-        alike = (slots.model[rows] == model) & (slots.gender[rows] == gender)
-        rows, due = rows[alike], int(is_due[alike].sum())
+        if level is not None and level.near_first and slots.sight[rows].any():
+            rows, due = self._near_first(rows, frame)
+        else:
+            alike = self._alike(rows)
+            rows, due = rows[alike], int(is_due[alike].sum())
         rows = rows[: whole(due, len(rows), self._sizes, self._full)]
         if not len(rows):
             return None
         seed, gait, course = self._next(rows)
         asked = self._steering.candidates(gait.mode)
-        tried = asked if most is None else np.minimum(asked, most)
+        tried = asked if level is None else np.minimum(asked, _most(level, slots.sight[rows]))
         count = int(tried[0])
         if len(together := np.flatnonzero(tried == count)) < len(rows):
             rows, asked = rows[together], asked[together]
@@ -205,8 +227,8 @@ class Scheduler:
         obstacles = self._guide.obstacles(rows, seed)
         return Batch(
             rows=rows,
-            model=int(model),
-            gender=GENDERS[gender],
+            model=int(slots.model[rows[0]]),
+            gender=GENDERS[slots.gender[rows[0]]],
             seed=seed,
             gait=gait,
             goals=course.judged,
@@ -292,6 +314,30 @@ class Scheduler:
             chunks = self._mend(rows, chunks, batch.seed, which)
         self._append(rows, chunks, batch.candidates)
         self.reduced_steps += int(batch.reduced.sum())
+
+    def _alike(self, rows: Index) -> Flags:
+        """Who may be in one batch with the first."""
+        slots = self._table.rows
+        model, gender = slots.model[rows], slots.gender[rows]
+        alike: Flags = (model == model[0]) & (gender == gender[0])
+        return alike
+
+    def _near_first(self, rows: Index, frame: float) -> tuple[Index, int]:
+        """The rows of a batch, and how many of them cannot wait.
+
+        Who is seen less well waits for others (`PATIENCE`), and is in their batch only where it
+        would be padded. When nobody else is due, those go, a few at a time: who becomes due
+        meanwhile waits for them.
+        """
+        late = self._playback.lateness(rows, frame)
+        patience = np.where(late < 0, 0, self._patience[self._table.rows.sight[rows]])
+        must = late >= patience
+        order = np.lexsort((patience - late, late < 0, ~must))
+        order = order[self._alike(rows[order])]
+        if count := int(must[order].sum()):
+            return rows[order[: fitting(count, self._sizes)]], count
+        order = order[: self._full]
+        return rows[order], int((late[order] >= 0).sum())
 
     def _next(self, rows: Index) -> tuple[Seeds, Gait, NextTarget]:
         """Where the next step of some slots starts, their gait during it, and where it leads."""

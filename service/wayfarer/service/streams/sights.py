@@ -1,0 +1,33 @@
+"""How well one reader sees each agent of its session, for the motion thread: who is seen well goes
+first when time is short.
+"""
+
+from collections.abc import Iterable
+
+from wayfarer.world.agents.agent import Sight
+
+
+class Sights:
+    """Of one stream with rings. The stream writes; the motion thread may read at any time, since it
+    only looks up single agents.
+    """
+
+    def __init__(self) -> None:
+        self._by_alias: dict[int, Sight] = {}
+
+    def see(self, sights: Iterable[tuple[int, Sight]]) -> None:
+        """From now on it sees these agents, by alias, so well."""
+        self._by_alias.update(sights)
+
+    def forget(self, alias: int) -> None:
+        """It has been deleted."""
+        self._by_alias.pop(alias, None)
+
+    def of(self, alias: int) -> Sight:
+        """Who has not been seen yet counts as near."""
+        return self._by_alias.get(alias, Sight.NEAR)
+
+
+def best_of(readers: Iterable[Sights], aliases: Iterable[int]) -> list[Sight]:
+    """How well the reader that sees each agent best does."""
+    return [min(column) for column in zip(*(map(r.of, aliases) for r in readers), strict=True)]
