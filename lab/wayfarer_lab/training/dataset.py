@@ -4,9 +4,10 @@ The predictor learns from windows of markers; the regressor from single poses, w
 re-skinned with any body shape.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -16,12 +17,14 @@ from torch import Tensor
 from wayfarer.body.library import SHIPPED
 from wayfarer.errors import InvalidArgument
 from wayfarer.marker_bodies import load_marker_bodies
-from wayfarer.motion.frame import canonical_frame, to_local
+from wayfarer.motion.frame import Frame, canonical_frame
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.spec import BETAS, FPS, GENDERS
 from wayfarer_lab.training.mocap.selection import Use
 from wayfarer_lab.training.mocap.store import ClipRange, Dataset, mirror
 from wayfarer_lab.training.rotation import matrix_from_quaternion
+
+Part = TypeVar("Part")
 
 
 @dataclass(frozen=True)
@@ -54,11 +57,9 @@ class Frames(Poses):
         """Windows in the world [B, length, 67, 3]."""
         return self.markers[starts[:, None] + torch.arange(length)]
 
-    def canonical(self, starts: Tensor, length: int, floor_origin: bool) -> Tensor:
-        """Windows [B, length, 201] in the canonical frame of their first frame."""
-        frame = canonical_frame(self.hips[starts], self.hips_rotation[starts], floor_origin)
-        windows = self.world(starts, length)
-        return to_local(frame, windows.flatten(1, 2)).reshape(len(starts), length, -1)
+    def frame(self, at: Tensor, floor_origin: bool) -> Frame:
+        """Canonical frames of primitives that begin at frames `at` [B]."""
+        return canonical_frame(self.hips[at], self.hips_rotation[at], floor_origin)
 
 
 class WindowSampler:
@@ -72,6 +73,23 @@ class WindowSampler:
         """`count` start frames."""
         u = torch.rand(count, dtype=torch.float64, generator=generator) * self._upto[-1]
         return self.index[torch.searchsorted(self._upto, u).clamp(max=len(self.index) - 1)]
+
+
+def by_gender(
+    gender: Tensor, parts: Sequence[Part], do: Callable[[Part, Tensor], Sequence[Tensor]]
+) -> tuple[Tensor, ...]:
+    """What `do(part, rows)` gives for the rows of each gender, in the order of all rows.
+
+    `gender` [B] are indices of `parts`; results have a first axis of as many rows.
+    """
+    made, order = [], []
+    for number, part in enumerate(parts):
+        rows = torch.nonzero(gender == number).squeeze(-1)
+        if len(rows):
+            made.append(do(part, rows))
+            order.append(rows)
+    back = torch.cat(order).argsort()
+    return tuple(torch.cat(column)[back] for column in zip(*made, strict=True))
 
 
 def skin_frames(

@@ -10,13 +10,14 @@ the data, which is the weakness that the paper sees in this baseline.
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Literal
 
 import torch
 from torch import Tensor
 
 from wayfarer.body.library import SHIPPED, load_body
 from wayfarer.marker_bodies import marker_body
-from wayfarer.motion.frame import canonical_frame, to_local
+from wayfarer.motion.frame import to_local
 from wayfarer.motion.layers import Gru
 from wayfarer.motion.policy import Condition, state
 from wayfarer.motion.predictor import HIDDEN, SIZE, MarkerPredictor
@@ -57,6 +58,7 @@ class GoalCvaeStep(PrimitiveStep):
 class GoalCvaeConfig(PredictorConfig):
     """As a predictor's; `start_from` is a predictor's run."""
 
+    representation: Literal["markers"] = "markers"
     goal_seconds: float = 8.0  # the farthest that a goal lies in the future
 
 
@@ -79,7 +81,7 @@ class GoalCvaeTrainer(PredictorTrainer):
         most = frames.run[at].clamp(max=round(self.config.goal_seconds * FPS)) - PRIMITIVE_FRAMES
         ahead = PRIMITIVE_FRAMES - 1 + (torch.rand(len(at)) * (most + 1)).long()
         goal = frames.hips[at + ahead] * torch.tensor([1.0, 1.0, 0.0])
-        frame = canonical_frame(frames.hips[at], frames.hips_rotation[at], self.config.floor_origin)
+        frame = frames.frame(at, self.config.floor_origin)
         return state(seed, to_local(frame, goal[:, None])[:, 0])
 
 

@@ -10,13 +10,14 @@ from torch import Tensor
 from wayfarer.body.library import load_body
 from wayfarer.errors import InvalidArgument
 from wayfarer.marker_bodies import marker_body
-from wayfarer.motion.frame import canonical_frame, to_local, to_world
+from wayfarer.motion.frame import canonical_frame, to_local
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep, Settled
 from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer.spec import GENDERS, PRIMITIVE_FRAMES
-from wayfarer_lab.training.dataset import Frames, WindowSampler
+from wayfarer.spec import FPS, GENDERS, PRIMITIVE_FRAMES
+from wayfarer_lab.training.dataset import Frames, WindowSampler, by_gender
+from wayfarer_lab.training.representation import REPRESENTATIONS, Markers, Name, Whose
 from wayfarer_lab.training.rotation import matrix_from_quaternion
 from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_weights
 
@@ -26,6 +27,7 @@ class PredictorConfig(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    representation: Name = "markers"
     seed_frames: int = 2
     steps: int = 12_000
     batch: int = 1024
@@ -49,23 +51,27 @@ class PredictorConfig(BaseModel):
     seed: int = 0
 
 
-def primitive_loss(
-    model: MarkerPredictor, seed: Tensor, future: Tensor, config: PredictorConfig
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Eq. 1 for seed [B, S, 201], future [B, F, 201]: reconstruction, velocity and KL terms, Y^rec.
-
-    The step from the last seed frame to the first new one counts as velocity too, which GAMMA's
-    code leaves out: it is the seam that viewers see.
+def guess_primitive(
+    model: MarkerPredictor, seed: Tensor, future: Tensor
+) -> tuple[Tensor, Tensor]:
+    """A sample of the posterior of seed [B, S, size] and future [B, F, size], decoded, and the KL
+    term of Eq. 1.
     """
     posterior = model.encode(seed, future)
     guess = model.decode(seed, posterior.sample()[:, None])[:, 0].float()
-    reconstruction = (guess - future).abs().mean()
-    last = seed[:, -1:, : future.shape[-1]]
-    before = torch.cat([last, future[:, :-1]], 1)
-    guess_before = torch.cat([last, guess[:, :-1]], 1)
-    velocity = ((guess - guess_before) - (future - before)).abs().mean()
     kl = posterior.kl().float().mean()
-    return reconstruction, velocity, torch.sqrt(1 + kl * kl) - 1, guess
+    return guess, torch.sqrt(1 + kl * kl) - 1
+
+
+def marker_terms(made: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
+    """The terms of Eq. 1 of markers [B, F, 201]: places and their change from frame to frame.
+
+    The step from the last seed frame to the first new one counts too, which GAMMA's code leaves
+    out: it is the seam that viewers see. Both begin at the same seed.
+    """
+    error = made - truth
+    change = torch.diff(error, dim=1, prepend=torch.zeros_like(error[:, :1]))
+    return error.abs().mean(), change.abs().mean()
 
 
 class Serving:
@@ -100,16 +106,12 @@ class Serving:
         rotations: Tensor,  # [B, S, 22, 4]
     ) -> Settled:
         """The bodies behind the markers of `future`."""
-        parts, order = [], []
-        for number, step in enumerate(self.steps):
-            rows = torch.nonzero(frames.gender[starts] == number).squeeze(-1)
-            if len(rows):
-                betas = frames.betas[starts[rows]]
-                found = step.follow(seed[rows], hips[rows], rotations[rows], betas, future[rows])
-                parts.append(found)
-                order.append(rows)
-        back = torch.cat(order).argsort()
-        return Settled(*(torch.cat(column)[back] for column in zip(*parts, strict=True)))
+
+        def of_gender(step: PrimitiveStep, rows: Tensor) -> Settled:
+            betas = frames.betas[starts[rows]]
+            return step.follow(seed[rows], hips[rows], rotations[rows], betas, future[rows])
+
+        return Settled(*by_gender(frames.gender[starts], self.steps, of_gender))
 
 
 class PredictorTrainer:
@@ -119,8 +121,9 @@ class PredictorTrainer:
         torch.manual_seed(config.seed)
         self.config = config
         self.frames, self.validation = train, validation
+        self.kind = self.representation()
         self.model = self.network()
-        self.loss = torch.compile(primitive_loss) if config.compile else primitive_loss
+        self.guess = torch.compile(guess_primitive) if config.compile else guess_primitive
         self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.rate, fused=True)
         self.stride = PRIMITIVE_FRAMES - config.seed_frames
         # long clips are scarce: shorter rollouts keep the others in use
@@ -131,9 +134,18 @@ class PredictorTrainer:
         self.serving = Serving(config) if config.regressors else None
         self.run: TrainingRun | None = None
 
+    def representation(self) -> Markers:
+        """What frames are given by. Raises InvalidArgument where it cannot be served."""
+        if self.config.regressors and self.config.representation != "markers":
+            raise InvalidArgument(
+                f"seeds as they are served are markers, not {self.config.representation!r}",
+                "regressors",
+            )
+        return REPRESENTATIONS[self.config.representation]()
+
     def network(self) -> MarkerPredictor:
         """What is trained, with the weights that it starts from."""
-        model = MarkerPredictor(self.config.seed_frames)
+        model = MarkerPredictor(self.config.seed_frames, self.kind.size)
         if self.config.start_from:
             load_weights(model, Path(self.config.start_from)).train()
         if not self.config.learned_prior:
@@ -164,37 +176,44 @@ class PredictorTrainer:
         what the service hands on: half the markers of the regressed body, set on the floor, in that
         body's own frame.
         """
-        s, config = self.config.seed_frames, self.config
-        world = frames.world(starts, self.window(primitives))
-        begin = starts[:, None] + torch.arange(s)
-        seed_world, hips, rotations = world[:, :s], frames.hips[begin], frames.rotations[begin]
+        s, kind, floor = self.config.seed_frames, self.kind, self.config.floor_origin
+        whose = Whose.of(frames, starts)
+        within = torch.arange(s + self.stride)
+        begin = starts[:, None] + within[:s]
+        hips, rotations = frames.hips[begin], frames.rotations[begin]  # of seeds as served
+        markers = frames.world(starts, s)
+        seed, before = torch.empty(0), frames.frame(starts, floor)
         for p in range(primitives):
             at = starts + p * self.stride
             if self.serving:
-                frame = canonical_frame(
-                    hips[:, 0], matrix_from_quaternion(rotations[:, 0, 0]), config.floor_origin
-                )
+                root = matrix_from_quaternion(rotations[:, 0, 0])
+                frame = canonical_frame(hips[:, 0], root, floor)
             else:
-                frame = canonical_frame(
-                    frames.hips[at], frames.hips_rotation[at], config.floor_origin
-                )
-            target = world[:, s + p * self.stride : s + (p + 1) * self.stride]
-            seed = to_local(frame, seed_world.flatten(1, 2)).reshape(len(starts), s, -1)
-            seed = self.condition(frames, at, seed)
-            future = to_local(frame, target.flatten(1, 2)).reshape(len(starts), self.stride, -1)
+                frame = frames.frame(at, floor)
+            told = kind.recorded(frames, at[:, None] + within, frame)
+            if self.serving:
+                seed = to_local(frame, markers.flatten(1, 2)).reshape(len(starts), s, -1)
+            else:
+                seed = kind.moved(seed, before, frame) if p else told.features[:, :s]
+            given, future = self.condition(frames, at, seed), told.features[:, s:]
             with torch.autocast("cpu", dtype=torch.bfloat16):
-                reconstruction, velocity, kl, guess = self.loss(self.model, seed, future, config)
+                guess, kl = self.guess(self.model, given, future)
+            made = kind.markers(guess, whose)
+            reconstruction, velocity = marker_terms(made, told.markers[:, s:])
+            if (beside := kind.beside(guess)) and (true := kind.beside(future)):
+                reconstruction = reconstruction + (beside.places - true.places).abs().mean()
+                off = (beside.velocities - true.velocities).abs().mean()
+                velocity = velocity + off / FPS
             yield reconstruction, velocity, kl
             if p + 1 == primitives:
                 break
-            guess = guess.detach()
+            handed = kind.handed_on(guess, made).detach()
             if self.serving:
-                made = self.serving.follow(frames, starts, seed_world, guess, hips, rotations)
-                seed_world = made.next_seed_markers
-                hips, rotations = made.translation[:, -s:], made.rotations[:, -s:]
+                step = self.serving.follow(frames, starts, markers, handed, hips, rotations)
+                markers = step.next_seed_markers
+                hips, rotations = step.translation[:, -s:], step.rotations[:, -s:]
             else:
-                last = guess[:, -s:].reshape(len(starts), -1, 3)
-                seed_world = to_world(frame, last).unflatten(1, (s, -1))
+                seed, before = handed[:, -s:], frame
 
     def update(self) -> dict[str, float]:
         """One optimiser step."""
@@ -220,19 +239,22 @@ class PredictorTrainer:
     @torch.no_grad()
     def validate(self) -> dict[str, float]:
         """Mean marker error in cm on fixed validation windows: posterior, prior, best of 10."""
-        length = self.window(1)
-        starts, _ = self.validation.starts(length)
+        length, held, kind = self.window(1), self.validation, self.kind
+        starts, _ = held.starts(length)
         starts = starts[:: max(1, len(starts) // 1024)]
-        windows = self.validation.canonical(starts, length, self.config.floor_origin)
-        seed, future = windows[:, : self.config.seed_frames], windows[:, self.config.seed_frames :]
-        seed = self.condition(self.validation, starts, seed)
+        frame, whose = held.frame(starts, self.config.floor_origin), Whose.of(held, starts)
+        told = kind.recorded(held, starts[:, None] + torch.arange(length), frame)
+        seed, future = told.features.split([self.config.seed_frames, self.stride], 1)
+        truth = told.markers[:, self.config.seed_frames :]
+        seed = self.condition(held, starts, seed)
         generator = torch.Generator().manual_seed(1)
         latent = torch.randn(len(starts), 10, 128, generator=generator)
-        prior = self.model.decode(seed, latent)
-        mean = self.model.decode(seed, self.model.encode(seed, future).mean[:, None])[:, 0]
-        error = _marker_error(prior, future[:, None])
+        drawn = kind.markers(self.model.decode(seed, latent).flatten(1, 2), whose)
+        posterior = self.model.encode(seed, future).mean[:, None]
+        mean = kind.markers(self.model.decode(seed, posterior)[:, 0], whose)
+        error = _marker_error(drawn.unflatten(1, (10, -1)), truth[:, None])
         return {
-            "val/posterior_cm": float(_marker_error(mean, future).mean()),
+            "val/posterior_cm": float(_marker_error(mean, truth).mean()),
             "val/prior_cm": float(error.mean()),
             "val/best_of_10_cm": float(error.amin(1).mean()),
         }

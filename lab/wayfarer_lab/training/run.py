@@ -78,10 +78,17 @@ class TrainingRun:
             self._load()
 
     def _check_config(self, config: BaseModel) -> None:
-        """A folder belongs to one configuration: resuming with another would mix two trainings."""
+        """A folder belongs to one configuration: resuming with another would mix two trainings.
+
+        A setting that a run's folder does not know yet had its default value.
+        """
         path, wanted = self.folder / "config.json", config.model_dump(mode="json")
         if path.exists():
             had = json.loads(path.read_text())
+            for name, field in type(config).model_fields.items():
+                usual = field.get_default(call_default_factory=True)
+                if name not in had and getattr(config, name) == usual:
+                    had[name] = wanted[name]
             changed = sorted(k for k in {*had, *wanted} if had.get(k) != wanted.get(k))
             if changed:
                 raise InvalidArgument(

@@ -42,14 +42,15 @@ class Posterior(NamedTuple):
 
 
 class MarkerPredictor(nn.Module):
-    """Frames are flat markers [201] in metres, canonical frame."""
+    """Frames are flat markers [201] in metres, canonical frame; or `size` other numbers."""
 
-    def __init__(self, seed_frames: int) -> None:
+    def __init__(self, seed_frames: int, size: int = SIZE) -> None:
         super().__init__()
+        self.size = size
         self.seed_frames = seed_frames
         self.new_frames = PRIMITIVE_FRAMES - seed_frames
-        self.seed_encoder = Gru(SIZE, HIDDEN)
-        self.future_encoder = Gru(SIZE, HIDDEN)
+        self.seed_encoder = Gru(size, HIDDEN)
+        self.future_encoder = Gru(size, HIDDEN)
         self.posterior = Mlp([2 * HIDDEN, 512, HIDDEN])
         self.mean = nn.Linear(HIDDEN, LATENT)
         self.log_variance = nn.Linear(HIDDEN, LATENT)
@@ -58,10 +59,10 @@ class MarkerPredictor(nn.Module):
         nn.init.zeros_(expected.bias)
         self.prior = nn.Sequential(Mlp([HIDDEN, HIDDEN]), expected)
         self.first_state = Mlp([HIDDEN, 512, HIDDEN, HIDDEN])
-        self.decoder = Gru(SIZE, HIDDEN)
+        self.decoder = Gru(size, HIDDEN)
         self.from_seed = nn.Linear(HIDDEN, 3 * HIDDEN, bias=False)
         self.from_latent = nn.Linear(LATENT, 3 * HIDDEN, bias=False)
-        self.output = nn.Sequential(Mlp([HIDDEN, 512, HIDDEN]), nn.Linear(HIDDEN, SIZE))
+        self.output = nn.Sequential(Mlp([HIDDEN, 512, HIDDEN]), nn.Linear(HIDDEN, size))
 
     def expected(self, hx: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and log σ [..., 128] of p(Z | X) from an encoded seed [..., 256]."""
@@ -70,7 +71,7 @@ class MarkerPredictor(nn.Module):
         return mean, log_std.clamp(low, high)
 
     def encode(self, seed: Tensor, future: Tensor) -> Posterior:
-        """Seed [..., S, 201 or more], future [..., F, 201] → posterior."""
+        """Seed [..., S, size or more], future [..., F, size] → posterior."""
         hx = self.seed_encoder.encode(seed)
         features = self.posterior(torch.cat([hx, self.future_encoder.encode(future)], -1))
         mean, log_std = self.expected(hx)
@@ -96,7 +97,7 @@ class MarkerPredictor(nn.Module):
         # Two axes only: exporters make one operator of a product and its bias then.
         condition = for_all(self.from_seed(hx)) + self.from_latent(latent.flatten(0, 1))
         fixed = self.decoder.fixed(condition)
-        state, frame = for_all(self.first_state(hx)), for_all(seed[:, -1, :SIZE])
+        state, frame = for_all(self.first_state(hx)), for_all(seed[:, -1, : self.size])
         frames = []
         for _ in range(self.new_frames):
             state = self.decoder.step(frame, fixed, state)

@@ -3,10 +3,16 @@
 import numpy as np
 import torch
 
+from wayfarer.marker_bodies import load_marker_bodies
 from wayfarer.spec import FPS, GENDERS, MARKERS
-from wayfarer_lab.training.dataset import Frames
+from wayfarer_lab.training.dataset import Frames, skin_frames
 from wayfarer_lab.training.mocap.selection import Use
 from wayfarer_lab.training.mocap.store import ClipRange, Dataset
+from wayfarer_lab.training.rotation import (
+    matrix_from_quaternion,
+    matrix_from_rotvec,
+    quaternion_from_matrix,
+)
 
 
 def gliding_frames(clips: int = 4, length: int = 90, seed: int = 0) -> Frames:
@@ -31,6 +37,34 @@ def gliding_frames(clips: int = 4, length: int = 90, seed: int = 0) -> Frames:
         weight=torch.ones(n),
         betas=torch.zeros(n, 10),
         gender=torch.arange(n) // length % 2,
+    )
+
+
+def walking_frames(clips: int = 4, length: int = 60, seed: int = 0) -> Frames:
+    """Bodies of both genders and different shapes that swing their joints along a curved way."""
+    generator = torch.Generator().manual_seed(seed)
+    time = torch.arange(length)[:, None, None] / FPS
+    hips, rotations, betas = [], [], []
+    for _ in range(clips):
+        swing = 0.3 * torch.randn(1, 22, 3, generator=generator)
+        turns = swing * torch.sin(5 * time + 6 * torch.rand(1, 22, 1, generator=generator))
+        turns[:, 0, 2] += 1.5 * time[:, 0, 0]
+        rotations.append(quaternion_from_matrix(matrix_from_rotvec(turns)))
+        angle = 1.5 * time[:, 0]
+        hips.append(torch.cat([torch.cos(angle), torch.sin(angle), 0.9 + 0 * angle], -1))
+        betas.append(torch.randn(1, 10, generator=generator).expand(length, -1))
+    n = clips * length
+    gender = torch.arange(n) // length % 2
+    places, turned, shapes = torch.cat(hips), torch.cat(rotations), torch.cat(betas)
+    return Frames(
+        markers=skin_frames(places, turned, shapes, gender, load_marker_bodies()),
+        hips=places,
+        hips_rotation=matrix_from_quaternion(turned[:, 0]),
+        rotations=turned,
+        run=torch.arange(length, 0, -1).repeat(clips),
+        weight=torch.ones(n),
+        betas=shapes,
+        gender=gender,
     )
 
 

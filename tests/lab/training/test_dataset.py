@@ -3,7 +3,7 @@ import torch
 
 from tests.lab.training.fakes import gliding_frames
 from wayfarer.errors import InvalidArgument
-from wayfarer_lab.training.dataset import WindowSampler, draw_weights
+from wayfarer_lab.training.dataset import WindowSampler, by_gender, draw_weights
 
 
 def test_windows_never_cross_a_clip_edge():
@@ -18,12 +18,13 @@ def test_windows_longer_than_any_clip_are_refused():
         gliding_frames(clips=3, length=20).starts(21)
 
 
-def test_canonical_windows_begin_above_the_origin():
-    frames = gliding_frames()
-    windows = frames.canonical(torch.tensor([5, 40]), 10, floor_origin=True).unflatten(-1, (-1, 3))
-    moved = windows - windows[:, :1]
-    assert torch.allclose(windows[0, 0], windows[1, 0], atol=1e-5)  # the cloud is rigid
-    assert (moved[:, -1, :, 1] > 0).all() and moved[..., [0, 2]].abs().max() < 1e-5
+def test_what_is_done_by_gender_comes_back_in_order():
+    gender = torch.tensor([1, 0, 1, 1])
+    values = torch.arange(4)
+    (made,) = by_gender(gender, [10, 100], lambda factor, rows: (factor * values[rows],))
+    assert made.tolist() == [0, 10, 200, 300]
+    (alone,) = by_gender(gender[1:2], [10, 100], lambda factor, rows: (factor + rows,))
+    assert alone.tolist() == [10]
 
 
 def test_sampler_follows_the_weights():

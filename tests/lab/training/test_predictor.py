@@ -3,7 +3,7 @@ import json
 import pytest
 import torch
 
-from tests.lab.training.fakes import gliding_frames
+from tests.lab.training.fakes import gliding_frames, walking_frames
 from wayfarer.body.library import load_body
 from wayfarer.errors import InvalidArgument
 from wayfarer.marker_bodies import marker_body
@@ -11,6 +11,7 @@ from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS
 from wayfarer_lab.training.cli import CONFIGS, read_config
 from wayfarer_lab.training.predictor import PredictorConfig, PredictorTrainer, train_predictor
+from wayfarer_lab.training.representation import Markers
 
 SMALL = PredictorConfig(steps=60, batch=64, rate=2e-3)
 
@@ -53,6 +54,34 @@ def test_resuming_with_another_config_is_refused(trained):
     with pytest.raises(InvalidArgument, match="kl_weight"):
         train_predictor(other, gliding_frames(), gliding_frames(seed=1), trained)
     assert json.loads((trained / "config.json").read_text())["kl_weight"] == SMALL.kl_weight
+
+
+def test_a_run_of_a_time_before_a_setting_resumes_with_its_default(trained):
+    path = trained / "config.json"
+    known = json.loads(path.read_text())
+    path.write_text(json.dumps({k: v for k, v in known.items() if k != "representation"}))
+    other = SMALL.model_copy(update={"representation": "body"})
+    with pytest.raises(InvalidArgument, match="representation"):
+        train_predictor(other, gliding_frames(), gliding_frames(seed=1), trained)
+    assert train_predictor(SMALL, gliding_frames(), gliding_frames(seed=1), trained)
+    assert json.loads(path.read_text()) == known
+
+
+@pytest.mark.parametrize("representation", ["body", "humor"])
+def test_body_parameters_are_learned_by_their_markers(representation, tmp_path):
+    data, held = walking_frames(), walking_frames(seed=1)
+    config = SMALL.model_copy(update={"representation": representation, "rollout": 2, "steps": 40})
+    before = PredictorTrainer(config, data, held).validate()
+    assert train_predictor(config, data, held, tmp_path / "run")
+    last = (tmp_path / "run" / "log.txt").read_text().splitlines()[-1]
+    error = float(last.split("val/posterior_cm")[1].split()[0])
+    assert error < 0.7 * before["val/posterior_cm"]
+
+
+def test_body_parameters_are_not_served():
+    config = SMALL.model_copy(update={"representation": "body", "regressors": {"male": "x"}})
+    with pytest.raises(InvalidArgument, match="are markers, not 'body'"):
+        PredictorTrainer(config, gliding_frames(), gliding_frames(seed=1))
 
 
 def test_a_stopped_run_equals_one_that_was_not(tmp_path):
@@ -101,7 +130,8 @@ def test_rollout_seeds_may_be_those_that_the_service_hands_on(regressors):
     starts = torch.tensor([0, 95, 3])
     assert data.gender[starts].tolist() == [0, 1, 0]
     begin = starts[:, None] + torch.arange(2)
-    future = data.canonical(starts, 10, floor_origin=True)[:, 2:]
+    index = starts[:, None] + torch.arange(10)
+    future = Markers().recorded(data, index, data.frame(starts, True)).features[:, 2:]
     assert trainer.serving is not None
     made = trainer.serving.follow(
         data, starts, data.world(starts, 2), future, data.hips[begin], data.rotations[begin]
