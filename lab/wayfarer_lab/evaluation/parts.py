@@ -6,7 +6,7 @@ Forward only: an ONNX graph has no gradients.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, cast
 
@@ -29,6 +29,7 @@ from wayfarer.motion.regressor import BodyRegressor, Pose
 from wayfarer.spec import GENDERS, PRIMITIVE_FRAMES
 from wayfarer_lab.evaluation.fitted import FittedStep
 from wayfarer_lab.training.pose_networks import PosePrior
+from wayfarer_lab.training.representation import REPRESENTATIONS, BodyParameters
 from wayfarer_lab.training.run import load_weights, read_run_config
 
 SHIPPED: Final = {"ro-1f": "predictor_1f.onnx", "ro-2f": "predictor_2f.onnx"}
@@ -55,6 +56,24 @@ class Variant:
     fitted: int = 0  # iterations of reprojection by optimisation, as MOJO's; 0: the regressor
 
 
+DIRECT: Final = {
+    "direct-body": "direct_body",
+    "direct-humor": "direct_humor",
+    "ro-direct-body": "direct_body_rollout",
+    "ro-direct-humor": "direct_humor_rollout",
+}
+"""Run folders of predictors of body parameters (Sec. A.4)."""
+
+
+@dataclass(frozen=True)
+class Direct:
+    """A predictor that needs no regressor: its frames are body parameters."""
+
+    predictor: MarkerPredictor
+    kind: BodyParameters
+    floor_origin: bool
+
+
 @dataclass(frozen=True)
 class Parts:
     """Networks by name, and the bodies that they were trained on."""
@@ -64,6 +83,7 @@ class Parts:
     policy: GoalPolicy | None
     pose_prior: PosePrior | None
     floor_origin: bool
+    direct: Mapping[str, Direct] = field(default_factory=dict)
 
     def step(self, gender: str, variant: Variant) -> PrimitiveStep:
         """The step of `variant`. Raises InvalidArgument when a part is missing."""
@@ -151,12 +171,29 @@ def _with_runs(parts: Parts, runs: Path) -> Parts:
         prior = load_weights(PosePrior(), runs / "pose_prior")
     if len(floors) > 1:
         raise ArtifactError(f"{runs}: predictors differ in floor_origin and cannot be compared")
-    names = [*TRAINED.values(), *(f"regressor_{g}" for g in GENDERS), "policy", "pose_prior"]
+    direct = {
+        name: _direct(runs / folder) for name, folder in DIRECT.items() if _finished(runs / folder)
+    }
+    names = [
+        *(*TRAINED.values(), *DIRECT.values()),
+        *(f"regressor_{g}" for g in GENDERS),
+        *("policy", "pose_prior"),
+    ]
     if not any(_finished(runs / name) for name in names):
         raise ArtifactError(f"{runs}: holds no checkpoint NAME/last.pt of {names}")
     floor = floors.pop() if floors else parts.floor_origin
     predictors = {name: predictors[name] for name in TRAINED if name in predictors}
-    return Parts(predictors, regressors, policy, prior, floor)
+    return Parts(predictors, regressors, policy, prior, floor, direct)
+
+
+def _direct(run: Path) -> Direct:
+    """Raises ArtifactError for a run whose frames are no body parameters."""
+    config = read_run_config(run)
+    kind = REPRESENTATIONS[config["representation"]]()
+    if not isinstance(kind, BodyParameters):
+        raise ArtifactError(f"{run}: its frames are {config['representation']}")
+    predictor = load_weights(MarkerPredictor(config["seed_frames"], kind.size), run)
+    return Direct(predictor, kind, bool(config["floor_origin"]))
 
 
 def _finished(run: Path) -> bool:

@@ -2,13 +2,16 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
 import torch
 
 from wayfarer.body.model import BodyModel
+from wayfarer.errors import InvalidArgument
 from wayfarer.spec import BETAS, FPS, NEW_FRAMES
+from wayfarer_lab.evaluation.direct import roll_out_direct
 from wayfarer_lab.evaluation.gait import Row, gait_row
 from wayfarer_lab.evaluation.maneuvers.likeness import People, compare, windows_of
 from wayfarer_lab.evaluation.metrics.frechet import Reference
@@ -35,6 +38,9 @@ from wayfarer_lab.training.rotation import matrix_from_quaternion
 
 Watch = Callable[[str], None]
 """Called with the name of each row before it is made."""
+
+Maker = Callable[[Sequence[FrozenPoses], int], list[Rollout]]
+"""Rollouts of so many frames from poses."""
 
 SHAPES: Final = 10
 """Bodies between the two ends of the shape space, and start poses (Sec. A.2)."""
@@ -75,6 +81,13 @@ class Bench:
             made.append(self._roll(variant, group, frames, number, goals))
         return made
 
+    def make_direct(self, name: str, poses: Sequence[FrozenPoses], frames: int) -> list[Rollout]:
+        """As `make`, by the predictor of body parameters of that name."""
+        return [
+            roll_out_direct(self.parts.direct[name], group, frames, self._random(number))
+            for number, group in enumerate(poses)
+        ]
+
     def reach(self, variant: Variant, poses: Sequence[FrozenPoses]) -> Row:
         """How many of `poses` reach a goal 5 m ahead within 60 primitives, and in how many."""
         steps = []
@@ -93,8 +106,10 @@ class Bench:
     def _roll(
         self, variant: Variant, poses: FrozenPoses, frames: int, number: int, goals: Goals | None
     ) -> Rollout:
-        random = torch.Generator().manual_seed(2 * self.seed + number)
-        return roll_out(self.parts, variant, poses, frames, random, goals)
+        return roll_out(self.parts, variant, poses, frames, self._random(number), goals)
+
+    def _random(self, number: int) -> torch.Generator:
+        return torch.Generator().manual_seed(2 * self.seed + number)
 
 
 def variants(parts: Parts) -> list[Variant]:
@@ -124,8 +139,10 @@ def realism(
     mocap: JudgedMotion | None = None,
     reference: Reference | None = None,
     people: People | None = None,
+    only: Sequence[str] = (),
 ) -> dict[str, list[Row]]:
-    """Fig. 3: every variant from the same poses, and the recordings; all motion, and walking.
+    """Fig. 3: every variant from the same poses (or those called `only`), and the recordings; all
+    motion, and walking. Predictors of body parameters (Sec. A.4) are variants too.
 
     In place of the paper's users, a classifier tells motion from that of recorded `people`: `auc`.
     """
@@ -142,11 +159,15 @@ def realism(
         compared = compare(own, people)
         return row | {"auc": compared["auc"], "auc_windows": int(compared["compared"])}
 
+    makers: dict[str, Maker] = {v.name: partial(bench.make, v) for v in variants(bench.parts)}
+    makers |= {name: partial(bench.make_direct, name) for name in bench.parts.direct}
+    if unknown := sorted(set(only) - set(makers)):
+        raise InvalidArgument(f"no rows {unknown}; there are {list(makers)}", "only")
     rows = []
-    for variant in variants(bench.parts):
-        bench.watch(variant.name)
-        made = bench.make(variant, poses, round(seconds * FPS))
-        row = judged(variant.name, made, judge)
+    for name in only or makers:
+        bench.watch(name)
+        made = makers[name](poses, round(seconds * FPS))
+        row = judged(name, made, judge)
         rows.append(row | carried_figures([r.sound() for r in made], body.marker_names))
     if mocap is not None:
         bench.watch("mocap")

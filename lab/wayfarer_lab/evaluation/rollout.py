@@ -15,9 +15,10 @@ from torch import Tensor
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.model_bundle import START_POSES
-from wayfarer.motion.marker_body import Shaped
+from wayfarer.motion.marker_body import MarkerBody, Shaped
 from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.primitive import PrimitiveStep, StepResult
+from wayfarer.motion.quality import Sites
 from wayfarer.spec import BETAS, GENDERS, LATENT
 from wayfarer.terms import WALK, weights
 from wayfarer.world.agents.spawn import load_start_poses
@@ -177,7 +178,7 @@ def roll_out(
     step = parts.step(poses.gender, variant)
     shape, keep = step.body.shaped(poses.betas), step.predictor.seed_frames
     lead = _lead(parts, variant, poses.gender) or step
-    still = _frozen(step, poses)
+    still = frozen(step.body, step.sites, poses)
     seed = Seed(*(part.repeat_interleave(lead.predictor.seed_frames, 1) for part in still))
     result = advance(lead, seed, poses, _noise(poses, random), goals)
     markers = result.next_seed_markers
@@ -211,13 +212,13 @@ def _lead(parts: Parts, variant: Variant, gender: str) -> PrimitiveStep | None:
     return parts.step(gender, replace(variant, predictor=name, policy=False))
 
 
-def _frozen(step: PrimitiveStep, poses: FrozenPoses) -> Seed:
+def frozen(body: MarkerBody, sites: Sites, poses: FrozenPoses) -> Seed:
     """One frame: hips over the origin, the lowest sole marker on the floor."""
     rotations = poses.rotations[:, None]
     places = torch.zeros(len(rotations), 1, 3)
     local = matrix_from_quaternion(rotations)
-    markers, _ = step.body.skin(step.body.shaped(poses.betas), places, local)
-    soles = step.sites.left_sole + step.sites.right_sole
+    markers, _ = body.skin(body.shaped(poses.betas), places, local)
+    soles = sites.left_sole + sites.right_sole
     lift = -markers[:, :, soles, 2].amin(-1)[..., None] * torch.tensor([0.0, 0.0, 1.0])
     return Seed(markers + lift[:, :, None], places + lift, rotations)
 

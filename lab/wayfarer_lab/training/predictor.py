@@ -51,9 +51,7 @@ class PredictorConfig(BaseModel):
     seed: int = 0
 
 
-def guess_primitive(
-    model: MarkerPredictor, seed: Tensor, future: Tensor
-) -> tuple[Tensor, Tensor]:
+def guess_primitive(model: MarkerPredictor, seed: Tensor, future: Tensor) -> tuple[Tensor, Tensor]:
     """A sample of the posterior of seed [B, S, size] and future [B, F, size], decoded, and the KL
     term of Eq. 1.
     """

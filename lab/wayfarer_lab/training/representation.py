@@ -100,11 +100,13 @@ class BodyParameters(Markers):
         root = frame.rotation.transpose(-1, -2)[:, None] @ rotations[:, :, 0]
         rotations = torch.cat([root[:, :, None], rotations[:, :, 1:]], 2)
         hips = to_local(frame, frames.hips[index])
-        told = self._told(hips, rotations, Whose.of(frames, index[:, 0]))
+        told = self.features(hips, rotations, Whose.of(frames, index[:, 0]))
         return Told(told, super().recorded(frames, index, frame).markers)
 
-    def _told(self, hips: Tensor, rotations: Tensor, whose: Whose) -> Tensor:
-        """Features of poses: hips [B, F, 3], rotations [B, F, 22, 3, 3]."""
+    def features(self, hips: Tensor, rotations: Tensor, whose: Whose) -> Tensor:
+        """Features of poses in their canonical frame: hips [B, F, 3], rotations
+        [B, F, 22, 3, 3].
+        """
         return torch.cat([hips, sixd_from_matrix(rotations).flatten(2)], -1)
 
     def pose(self, features: Tensor) -> tuple[Tensor, Tensor]:
@@ -139,13 +141,14 @@ class HumorFeatures(BodyParameters):
 
     size = BodyParameters.size + 6 + 6 * POSED_JOINTS
 
-    def _told(self, hips: Tensor, rotations: Tensor, whose: Whose) -> Tensor:
+    def features(self, hips: Tensor, rotations: Tensor, whose: Whose) -> Tensor:
+        """As `BodyParameters.features`."""
         joints = self.skin(hips, rotations, whose)[1].flatten(2)
         turn = rotations[:, 1:, 0] @ rotations[:, :-1, 0].transpose(-1, -2)
         spin = FPS * rotvec_from_matrix(turn)
         return torch.cat(
             [
-                super()._told(hips, rotations, whose),
+                super().features(hips, rotations, whose),
                 _velocity(hips),
                 torch.cat([spin[:, :1], spin], 1),
                 joints,

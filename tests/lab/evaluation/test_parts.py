@@ -32,6 +32,7 @@ from wayfarer_lab.training.graphs import (
 )
 from wayfarer_lab.training.pose_graphs import pose_decoder_graph, pose_encoder_graph
 from wayfarer_lab.training.pose_networks import PosePrior
+from wayfarer_lab.training.representation import REPRESENTATIONS, Name
 from wayfarer_lab.training.rotation import matrix_from_rotvec
 
 
@@ -40,13 +41,17 @@ def shipped():
     return load_parts(DEFAULT_MODEL, threads=1)
 
 
-def run_folder(runs: Path, name: str, floor_origin: bool = True) -> MarkerPredictor:
+def run_folder(
+    runs: Path, name: str, floor_origin: bool = True, representation: Name = "markers"
+) -> MarkerPredictor:
     """A run as `wayfarer train` leaves it, of an untrained network."""
     folder = runs / name
     folder.mkdir(parents=True)
-    model = MarkerPredictor(2)
+    model = MarkerPredictor(2, REPRESENTATIONS[representation].size)
     torch.save({"model": model.state_dict()}, folder / "last.pt")
-    config = {"seed_frames": 2, "floor_origin": floor_origin}
+    config = {
+        "seed_frames": 2, "floor_origin": floor_origin, "representation": representation
+    }  # fmt: skip
     (folder / "config.json").write_text(json.dumps(config))
     return model
 
@@ -123,6 +128,17 @@ def test_runs_take_the_place_of_what_ships(shipped, tmp_path: Path) -> None:
         weights = parts.predictors[name].state_dict()
         assert all(torch.equal(value, weights[key]) for key, value in model.state_dict().items())
     assert not hasattr(parts.predictors["ro-1f"], "decoder"), "still the exported graph"
+
+
+def test_runs_may_hold_predictors_of_body_parameters(shipped, tmp_path: Path) -> None:
+    run_folder(tmp_path, "direct_humor_rollout", representation="humor")
+    parts = load_parts(DEFAULT_MODEL, tmp_path, threads=1)
+    assert list(parts.direct) == ["ro-direct-humor"] and not shipped.direct
+    assert parts.direct["ro-direct-humor"].predictor.size == 273
+    assert list(parts.predictors) == ["ro-1f", "ro-2f"]
+    run_folder(tmp_path, "direct_body", representation="markers")
+    with pytest.raises(ArtifactError, match="direct_body: its frames are markers"):
+        load_parts(DEFAULT_MODEL, tmp_path, threads=1)
 
 
 def test_runs_without_a_checkpoint_are_refused(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import typer
 from wayfarer.body.library import SHIPPED, load_body
 from wayfarer.errors import InvalidArgument
 from wayfarer.model_bundle import DEFAULT_MODEL
+from wayfarer.spec import FPS
 from wayfarer_lab.evaluation import report
 from wayfarer_lab.evaluation.commands.options import (
     CountOption,
@@ -50,6 +51,9 @@ def realism(
     runs: RunsOption = None,
     poses: PosesOption = 100,
     seconds: Annotated[float, typer.Option(help="Seconds of each motion.", min=1.0)] = 10.0,
+    only: Annotated[
+        str, typer.Option(help="Rows to make, as ro-1f,ro-2f.", show_default="all")
+    ] = "",
     data: DataOption = None,
     split: SplitOption = "heldout",
     threads: ThreadsOption = 0,
@@ -62,13 +66,15 @@ def realism(
     goals; there is no search. With --data, start poses are frames of the split. Without it, they
     are the shipped ones, and the row "mocap", the Fréchet distance and `auc` are missing: how far
     a classifier tells the motion from that of recorded people (of the train split), which stands in
-    for the paper's perceptual study.
+    for the paper's perceptual study. Rows "direct-…" are of --runs that hold predictors of body
+    parameters (Sec. A.4).
     """
     from wayfarer_lab.evaluation.maneuvers.likeness import windows_of
     from wayfarer_lab.evaluation.metrics.frechet import FRAMES, Reference
     from wayfarer_lab.evaluation.random_motion import realism as make
     from wayfarer_lab.evaluation.realism import JudgedMotion, recorded_tracks
 
+    rows = [name for name in only.split(",") if name]
     recorded = Recorded(data, split) if data else None
     reference = mocap = people = None
     if data and recorded:
@@ -80,13 +86,50 @@ def realism(
         owners = [subjects.index(subject) for _, subject in long]
         people = windows_of([track.markers for track, _ in long], owners, names)
     with _bench(models, runs, threads, seed) as bench:
-        tables = make(bench, _poses(recorded, poses, seed), seconds, mocap, reference, people)
+        tables = make(bench, _poses(recorded, poses, seed), seconds, mocap, reference, people, rows)
     finish(
         json, tables,
         ("contact_paper", "contact_strict", "slide_cm_s", "both_feet_skating",
          "penetration_cm", "jerk_m_s3", "seam_ratio", "frechet_v1"),
         **origin(models, runs, data, split, seed), poses=poses, seconds=seconds,
     )  # fmt: skip
+
+
+@app.command(short_help="A picture of the least usual poses of random motion (Fig. S3).")
+def failures(
+    runs: Annotated[Path, typer.Option(help="Folder of runs direct_body…, direct_humor….")],
+    models: ModelsOption = DEFAULT_MODEL,
+    poses: PosesOption = 100,
+    seconds: Annotated[float, typer.Option(help="Seconds of each motion.", min=1.0)] = 10.0,
+    columns: Annotated[int, typer.Option(help="Poses in a row.", min=1)] = 8,
+    data: DataOption = None,
+    split: SplitOption = "heldout",
+    threads: ThreadsOption = 0,
+    seed: SeedOption = 0,
+    out: Annotated[Path, typer.Option(help="Picture to write (.png).")] = Path(
+        "docs/images/paper_fig_s3.png"
+    ),
+) -> None:
+    """Draw how random motion of direct representations fails (Fig. S3), beside that of markers.
+
+    Of each motion the pose that the pose prior finds least usual, and of those the least usual: a
+    row for each predictor of body parameters, and for the 2-frame marker predictor.
+    """
+    from wayfarer_lab.evaluation.direct import worst_poses
+    from wayfarer_lab.evaluation.parts import Variant
+
+    recorded = Recorded(data, split) if data else None
+    with _bench(models, runs, threads, seed) as bench:
+        if bench.pose_score is None:
+            raise InvalidArgument(f"{models} holds no pose prior to judge poses by", "models")
+        starts, frames = _poses(recorded, poses, seed), round(seconds * FPS)
+        made = {name: bench.make_direct(name, starts, frames) for name in bench.parts.direct}
+        made["markers, ro-2f"] = bench.make(Variant("ro-2f", "ro-2f"), starts, frames)
+        rows = {name: list(zip(starts, own, strict=True)) for name, own in made.items()}
+        picture = worst_poses(rows, bench.pose_score, columns)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    picture.quantize(64).save(out, optimize=True)
+    typer.echo(f"{out}: {', '.join(rows)}")
 
 
 @app.command(short_help="Influence of body shape and start pose (Sec. A.2).")

@@ -4,13 +4,18 @@ import json
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from typer.testing import CliRunner
 
 from tests.lab.evaluation.fakes import known_parts
 from tests.lab.evaluation.recordings import SPEED, write_recordings
+from tests.lab.evaluation.test_direct import Circle
 from wayfarer.errors import DataError, InvalidArgument
 from wayfarer_lab.evaluation import parts, random_motion
 from wayfarer_lab.evaluation.commands import app
+from wayfarer_lab.evaluation.direct import CAPTION, CELL
+from wayfarer_lab.evaluation.parts import Direct
+from wayfarer_lab.training.representation import BodyParameters
 
 SMALL = {
     "realism": ["--poses", "4", "--seconds", "1.2"],
@@ -51,6 +56,30 @@ def test_without_data_there_is_no_row_of_mocap(tmp_path: Path) -> None:
     text = json.loads(path.read_text())
     assert [row["name"] for row in text["rows"]] == ["ro-1f", "ro-2f"]
     assert text["meta"]["data"] is None and text["meta"]["split"] is None
+
+
+def test_only_the_rows_that_are_asked_for_are_made(tmp_path: Path) -> None:
+    path = tmp_path / "realism.json"
+    options = ["--only", "ro-pred-2f,ro-1f", "--json", str(path), *SMALL["realism"]]
+    answer = CliRunner().invoke(app, ["realism", *options])
+    assert answer.exit_code == 0, answer.output
+    rows = json.loads(path.read_text())["rows"]
+    assert [row["name"] for row in rows[:2]] == ["ro-pred-2f", "ro-1f"] and len(rows) == 4
+    answer = CliRunner().invoke(app, ["realism", "--only", "3f", *SMALL["realism"]])
+    assert isinstance(answer.exception, InvalidArgument) and "'3f'" in str(answer.exception)
+
+
+def test_failures_are_drawn_beside_what_markers_do(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    direct = {"direct-body": Direct(Circle(), BodyParameters(), True)}
+    monkeypatch.setattr(parts, "load_parts", lambda *asked: known_parts(direct=direct))
+    out = tmp_path / "images" / "failures.png"
+    size = ["--poses", "2", "--seconds", "1.2", "--columns", "1", "--runs", str(tmp_path)]
+    answer = CliRunner().invoke(app, ["failures", *size, "--out", str(out)])
+    assert answer.exit_code == 0, answer.output
+    assert "direct-body, markers, ro-2f" in answer.output
+    assert Image.open(out).size == (CELL[0], 2 * (CAPTION + CELL[1]))
 
 
 @pytest.mark.parametrize("table", SMALL)
