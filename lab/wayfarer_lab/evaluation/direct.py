@@ -62,8 +62,10 @@ def roll_out_direct(
         made.append((markers, hips, quaternion_from_matrix(turns), markers[:, None, -keep:]))
         after = canonical_frame(hips[:, -keep], turns[:, -keep, 0], model.floor_origin)
         seed, frame = kind.moved(future[:, -keep:], frame, after), after
-    parts = [torch.cat(column, 1).numpy() for column in zip(*made[1:], strict=True)]
-    return Rollout(*parts, seam_every=every)
+    skins, places, rotations, carried = (
+        torch.cat(column, 1).numpy() for column in zip(*made[1:], strict=True)
+    )
+    return Rollout(skins, places, rotations, carried, every)
 
 
 def _with_root(turn: Tensor, rotations: Tensor) -> Tensor:

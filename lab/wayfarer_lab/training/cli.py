@@ -16,6 +16,7 @@ from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer_lab.training.analytic import AnalyticConfig, load_walks, train_analytic
 from wayfarer_lab.training.blend import blend_runs
 from wayfarer_lab.training.dataset import Frames, load_frames, load_poses
+from wayfarer_lab.training.end_to_end import EndToEndConfig, train_end_to_end
 from wayfarer_lab.training.goal_cvae import GoalCvaeConfig, train_goal_cvae
 from wayfarer_lab.training.policy import PolicyConfig, load_environment, train_policy
 from wayfarer_lab.training.pose_prior import PosePriorConfig, train_pose_prior
@@ -188,6 +189,20 @@ def policy_analytic(settings: AnalyticConfig, data: Path, out: Path, minutes: fl
 def goal_cvae(settings: GoalCvaeConfig, data: Path, out: Path, minutes: float) -> bool:
     """Train the goal-conditioned CVAE (Sec. 4.2), the baseline of `wayfarer eval control`."""
     return train_goal_cvae(settings, *_frames(data, settings.mix), out, minutes)
+
+
+@training(
+    "end-to-end",
+    EndToEndConfig,
+    "paper/end_to_end",
+    "Train predictor and regressors together (Eq. 12).",
+)
+def end_to_end(settings: EndToEndConfig, data: Path, out: Path, minutes: float) -> bool:
+    """Train a predictor and both regressors together (Sec. B.1, Eq. 12), from trained ones.
+
+    What comes out lies in the run's folder as runs of its own, for --runs of export and eval.
+    """
+    return train_end_to_end(settings, *_frames(data, settings.mix), out, minutes)
 
 
 @app.command(short_help="Turn a model folder into run folders.")

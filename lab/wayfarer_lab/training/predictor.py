@@ -5,7 +5,7 @@ from pathlib import Path
 
 import torch
 from pydantic import BaseModel, ConfigDict
-from torch import Tensor
+from torch import Tensor, nn
 
 from wayfarer.body.library import load_body
 from wayfarer.errors import InvalidArgument
@@ -122,7 +122,7 @@ class PredictorTrainer:
         self.kind = self.representation()
         self.model = self.network()
         self.guess = torch.compile(guess_primitive) if config.compile else guess_primitive
-        self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.rate, fused=True)
+        self.optimizer = torch.optim.Adam(self.parameters(), lr=config.rate, fused=True)
         self.stride = PRIMITIVE_FRAMES - config.seed_frames
         # long clips are scarce: shorter rollouts keep the others in use
         lengths = {config.rollout, max(1, config.rollout // 2), max(1, config.rollout // 4)}
@@ -155,6 +155,10 @@ class PredictorTrainer:
                 )
             model.prior.requires_grad_(False)
         return model
+
+    def parameters(self) -> list[nn.Parameter]:
+        """Weights that learn."""
+        return list(self.model.parameters())
 
     def condition(self, frames: Frames, at: Tensor, seed: Tensor) -> Tensor:
         """What the model is given of seeds [B, S, 201], which begin at frames `at` [B]."""
@@ -230,7 +234,7 @@ class PredictorTrainer:
             )
             (loss / primitives).backward()
             total += torch.stack([reconstruction, velocity, kl]).detach() / primitives
-        torch.nn.utils.clip_grad_norm_(self.model.parameters(), 1.0)
+        torch.nn.utils.clip_grad_norm_(self.parameters(), 1.0)
         self.optimizer.step()
         return dict(zip(("reconstruction", "velocity", "kl"), total.tolist(), strict=True))
 

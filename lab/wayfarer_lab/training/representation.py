@@ -166,7 +166,7 @@ class HumorFeatures(BodyParameters):
 
     def moved(self, features: Tensor, before: Frame, after: Frame) -> Tensor:
         """As `Markers.moved`."""
-        pose, rest = features.split([BodyParameters.size, self.size - BodyParameters.size], -1)
+        pose = features[..., : BodyParameters.size]
         places, velocities = self.beside(features)
         places = Markers.moved(self, places, before, after)
         velocities = _turned(velocities, before, after)
