@@ -42,6 +42,7 @@ def origin(
         "models": str(models),
         "runs": str(runs) if runs else None,
         "cpu_minutes": training_minutes(runs) if runs else None,
+        "steps": training_steps(runs) if runs else None,
         "data": str(data) if data else None,
         "split": split if data else None,
     }
@@ -56,6 +57,16 @@ def training_minutes(runs: Path) -> dict[str, float | None]:
         path.parent.name: json_module.loads(path.read_text())["cpu_minutes"]
         for path in sorted(runs.glob("*/effort.json"))
     }
+
+
+def training_steps(runs: Path) -> dict[str, str]:
+    """Steps and batch of each training in a folder of runs: "800 × 128"."""
+    found = {}
+    for path in sorted(runs.glob("*/effort.json")):
+        batch = json_module.loads((path.parent / "config.json").read_text()).get("batch")
+        steps = json_module.loads(path.read_text())["steps"]
+        found[path.parent.name] = f"{steps} × {batch}" if batch else str(steps)
+    return found
 
 
 @contextmanager

@@ -145,11 +145,14 @@ def _trained(meta: Mapping[str, Any]) -> str:
     minutes = meta.get("cpu_minutes") or {}
     if not minutes:
         return "minutes of training: not counted"
+    steps = meta.get("steps") or {}
     told = [
         f"{name} {'not counted' if m is None else f'{m:.0f}'}"
+        + (f" ({steps[name]})" if name in steps else "")
         for name, m in sorted(minutes.items())
     ]
-    return "minutes of training: " + ", ".join(told)
+    counted = " (steps × batch)" if steps else ""
+    return f"minutes of training{counted}: " + ", ".join(told)
 
 
 def _runtime(s3: Mapping[int, float] | None) -> str:

@@ -24,6 +24,7 @@ META = {
     "machine": {"cpu": "EPYC", "cores": 2},
     "command": "wayfarer eval control --pairs 3",
     "cpu_minutes": {"policy": 41.6, "predictor_2f": None},
+    "steps": {"policy": "500 × 64"},
 }
 
 
@@ -75,7 +76,8 @@ def test_rows_tell_what_made_them_and_trainings_their_range(tmp_path):
     (line,) = (line for line in made.splitlines() if line.startswith("| policy(10) |"))
     assert "| 33.9 |" in line and "| 0.95 | 0.9 (0.8…1) |" in line, "the paper's runs come first"
     assert "`wayfarer eval control --pairs 3`, seed 2, split heldout, commit 0123456" in made
-    assert "minutes of training: policy 42, predictor_2f not counted" in made
+    told = "minutes of training (steps × batch): policy 42 (500 × 64), predictor_2f not counted"
+    assert told in made
     assert "**policy(10)** is missing" not in made and "**policy(1)** is missing" in made
     assert "| 64 | 0.1 | 0.01 |" in made and "| 128 | 0.15 | – |" in made
 
