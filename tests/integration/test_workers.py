@@ -141,16 +141,25 @@ def test_nodes_do_not_outlive_their_parent_and_neighbours_take_over():
 
 async def neighbours_take_over(service: Service) -> None:
     async with wf.Client(service.grpc_address, timeout=60) as client:
-        session = await client.create_session(lease=600)
+        corners = [(-5, 0, -5), (5, 0, -5), (5, 0, 45), (-5, 0, 45)]
+        field = await client.scenes.create([wf.Floor(corners)])
+        session = await client.create_session(lease=600, scene=field.scene_id)
         (person,) = await session.create_agents(wf.AgentSpec(seed=1))
         await session.set_goal(person, (0.0, 0.0, 40.0))
+        await session.populate(3, seed=1, stay=2.0)
         watch = Watch(session)
         await watch.goes_on(10)
+        await asyncio.sleep(1.5)  # all is copied to the neighbour, the scene first
         before = await home(service, session)
         os.kill(nodes(service)[before].pid, signal.SIGKILL)
         await watch.goes_on(10)
-        assert "gap" in watch.events
+        await watch.has_a_gap()
         assert await home(service, session) != before
+        crowd = set(await people(session))
+        assert person.agent_id in crowd
+        async with asyncio.timeout(60):
+            while set(await people(session)) <= crowd:  # others still come
+                await asyncio.sleep(0.1)
         await watch.close()
         async with asyncio.timeout(60):
             while len(nodes(service)) < 2:  # it is started again

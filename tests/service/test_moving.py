@@ -20,6 +20,7 @@ from wayfarer.limits import Limits
 from wayfarer.navigation.scene_spec import Cylinder, SceneSpec
 from wayfarer.service.persistence.capture import capture_planned
 from wayfarer.service.persistence.live_state import LiveParts, decode_live, encode_live
+from wayfarer.service.persistence.replica import open_replica, seal_replica
 from wayfarer.service.streams.publications import Resume, StreamOptions
 from wayfarer.service.streams.publisher import SessionLog
 from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, SessionSpec
@@ -27,7 +28,8 @@ from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import Patrol, Routine, Stand, Wander
 from wayfarer.world.behaviours.routine import Part
 from wayfarer.world.goals.commands import Path
-from wayfarer.world.scenes.messages import SceneSource
+from wayfarer.world.scenes.messages import Crowd, SceneSource
+from wayfarer.world.scenes.populate import CrowdPeople
 
 ELSEWHERE = Misdirected("elsewhere", Endpoint(1, 2, 3, "b"))
 NOTHING = SessionLog("e", 0, 0.0, None, {}, ())
@@ -302,3 +304,49 @@ async def test_a_recorded_session_takes_its_log_along(servers):
     assert set(streamed) <= set(played)
     for seq, chunk in streamed.items():
         assert_same_poses(played[seq], chunk)
+
+
+async def test_from_its_replica_a_crowd_comes_and_goes_on(servers):
+    here, there = await servers.start(), await servers.start()
+    scene = (await here.scenes.create_scene(SceneSource(SceneSpec((FIELD,)), "field"))).scene_id
+    session = (await here.create_session(SessionSpec(scene=scene))).session_id
+    await here.scenes.populate(session, Crowd(6, seed=3, stay=1.0))
+    copy = await here.replica(session)
+    people = {agent.spec.name for agent in await here.list_agents(session)}
+    content, obstacles = await here.scenes.content(scene), here.scenes.obstacles(scene)
+    await servers.stop(here)  # nothing more is heard of it
+
+    await there.scenes.adopt(scene, content, obstacles)
+    await there.adopt(copy)
+    assert {agent.spec.name for agent in await there.list_agents(session)} <= people
+
+    async def names() -> set[str]:
+        return {agent.spec.name for agent in await there.list_agents(session)}
+
+    async with asyncio.timeout(30):
+        while not (new := await names() - people) or await names() & people == people:
+            await asyncio.sleep(0.1)
+    assert min(int(name.split()[-1]) for name in new) > len(people), "nobody comes twice"
+    assert len(await names()) <= 6
+    await there.scenes.populate(session, Crowd(0))
+    async with asyncio.timeout(30):
+        while await names():
+            await asyncio.sleep(0.1)
+
+
+async def test_a_session_without_a_crowd_is_copied_as_a_snapshot(servers):
+    runtime = await servers.start()
+    session = (await runtime.create_session(SessionSpec())).session_id
+    await runtime.create_agents(session, [AgentSpec()])
+    copy = await runtime.replica(session)
+    await runtime.delete_session(session)
+    assert (await runtime.import_session(copy)).session_id == session
+
+
+@pytest.mark.parametrize("cut", [10, 40, -1])
+def test_a_damaged_replica_is_refused(cut):
+    crowd = CrowdPeople(Crowd(3), 1.0, leaves_at={"a": float("inf")})
+    copy = seal_replica(b"snapshot", crowd)
+    assert open_replica(copy, Limits()) == (b"snapshot", crowd)
+    with pytest.raises(InvalidArgument):
+        open_replica(copy[:cut], Limits())

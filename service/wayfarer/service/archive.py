@@ -9,10 +9,12 @@ from wayfarer.service.persistence.capture import capture_session
 from wayfarer.service.persistence.log_format import LogOrigin, decode_log, encode_log
 from wayfarer.service.persistence.record import CommandLog
 from wayfarer.service.persistence.replay import replay
+from wayfarer.service.persistence.replica import seal_replica
 from wayfarer.service.persistence.snapshot import decode_session, encode_session
 from wayfarer.service.streams.publications import Publication
 from wayfarer.service.worlds import Worlds
 from wayfarer.world.agents.records import SessionRecord
+from wayfarer.world.scenes.populate import CrowdPeople
 from wayfarer.world.world import World
 
 T = TypeVar("T")
@@ -40,15 +42,11 @@ class Archive:
 
     async def export_session(self, home: Home, session_id: str) -> bytes:
         """See `MotionService`, as for all below."""
-        for _ in range(SETTLE_TRIES):
-            if await home.ask(lambda world, _: world.members.is_settled(session_id)):
-                break
-            await asyncio.sleep(SETTLE_SECONDS)
-        session, crowd = await home.ask(lambda world, _: capture_session(world, session_id))
-        parts = [member.part for member in crowd.members]
-        return await asyncio.to_thread(
-            encode_session, session, parts, crowd.rows, self._worlds.body
-        )
+        return (await self._captured(home, session_id))[0]
+
+    async def replica(self, home: Home, session_id: str) -> bytes:
+        """What it lives on from when this server has died. Raises NotFound."""
+        return seal_replica(*await self._captured(home, session_id))
 
     async def read_session(self, snapshot: bytes, attributes: Mapping[str, str]) -> SessionRecord:
         """A snapshot's session; `attributes` go before its own.
@@ -68,6 +66,20 @@ class Archive:
         """See `MotionService`."""
         commands = decode_log(log, self.origin, self._limits, self._limits.log_entries)
         yield from replay(commands, self._worlds.solo)
+
+    async def _captured(self, home: Home, session_id: str) -> tuple[bytes, CrowdPeople | None]:
+        """Its snapshot, and its crowd of the same moment. Raises NotFound."""
+        for _ in range(SETTLE_TRIES):
+            if await home.ask(lambda world, _: world.members.is_settled(session_id)):
+                break
+            await asyncio.sleep(SETTLE_SECONDS)
+        (session, agents), crowd = await home.ask(
+            lambda world, _: (capture_session(world, session_id), world.crowds.copy(session_id))
+        )
+        parts = [member.part for member in agents.members]
+        body = self._worlds.body
+        packed = await asyncio.to_thread(encode_session, session, parts, agents.rows, body)
+        return packed, crowd
 
     def _log(self, world: World, session_id: str) -> CommandLog:
         world.get_session(session_id)

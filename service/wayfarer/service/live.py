@@ -28,6 +28,7 @@ from wayfarer.world.agents.agent import AgentInfo, AgentSpec, SessionInfo, Sessi
 from wayfarer.world.agents.records import SessionRecord
 from wayfarer.world.agents.slots import Motion
 from wayfarer.world.goals.commands import Append, GoalCommand
+from wayfarer.world.scenes.populate import CrowdPeople
 from wayfarer.world.world import World
 
 T = TypeVar("T")
@@ -171,9 +172,13 @@ class LiveMotion:
                 capture_planned(world, session_id),
                 world.live_rows(session_id),
                 self._publisher.log_of(session_id),
-                world.crowds.take(session_id),
+                world.crowds.copy(session_id),
             )
         )
+
+    async def put_crowd(self, session_id: str, crowd: CrowdPeople) -> None:
+        """Let a crowd from elsewhere go on, whose people are here."""
+        await self.ask(lambda world, _: world.crowds.put(session_id, crowd))
 
     async def put_live(self, session: LiveSession) -> SessionInfo:
         """Put in a session from elsewhere, frozen; see `Membership.put_session`."""

@@ -22,6 +22,7 @@ from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.moving import LiveMoves
 from wayfarer.service.offline import Offline
 from wayfarer.service.persistence.persistence import SAVE_PARTS, Persistence
+from wayfarer.service.persistence.replica import open_replica
 from wayfarer.service.scenes import SceneService
 from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.publications import Publication, StreamOptions
@@ -249,6 +250,18 @@ class MotionService:
     async def export_session(self, session_id: str) -> bytes:
         """Its state as of the last frames sent. Raises NotFound."""
         return await self._archive.export_session(self._home(session_id), session_id)
+
+    async def replica(self, session_id: str) -> bytes:
+        """What it lives on from, with `adopt`, when this server has died. Raises NotFound."""
+        return await self._archive.replica(self._home(session_id), session_id)
+
+    async def adopt(self, replica: bytes) -> SessionInfo:
+        """Let a session live on from a replica. Raises as `import_session`."""
+        snapshot, crowd = open_replica(replica, self._worlds.settings.limits)
+        made = await self.import_session(snapshot)
+        if crowd is not None:
+            await self._live.put_crowd(made.session_id, crowd)
+        return made
 
     async def import_session(
         self, snapshot: bytes, attributes: Mapping[str, str] | None = None

@@ -1,6 +1,6 @@
 """What leaves the server as opaque bytes: a JSON header and arrays, compressed, told apart by kind.
 
-    8 bytes  magic and kind        b"WAYFSNAP", b"WAYFCLOG", b"WAYFLIVE"
+    8 bytes  magic and kind        b"WAYFSNAP", b"WAYFCLOG", b"WAYFLIVE", b"WAYFCOPY"
     2 bytes  format version        uint16, little-endian
     4 bytes  length of the header  uint32, little-endian
     rest     zlib (with its checksum) of: header, then arrays
@@ -28,11 +28,17 @@ class ContainerKind(Enum):
     SNAPSHOT = b"WAYFSNAP"
     LOG = b"WAYFCLOG"
     LIVE = b"WAYFLIVE"
+    REPLICA = b"WAYFCOPY"
 
     @property
     def field(self) -> str:
         """Name of the request's field that brings it."""
-        return {b"WAYFSNAP": "snapshot", b"WAYFCLOG": "log"}.get(self.value, "live session")
+        return {
+            b"WAYFSNAP": "snapshot",
+            b"WAYFCLOG": "log",
+            b"WAYFLIVE": "live session",
+            b"WAYFCOPY": "replica",
+        }[self.value]
 
 
 class Content(NamedTuple):

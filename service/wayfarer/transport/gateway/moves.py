@@ -74,7 +74,7 @@ class SessionMoves:
         moves = self._context.service.moves
         if moves.is_lock_step(name):  # it is between two steps whenever it is asked
             return await moves.export(name, {})
-        return await self._context.service.export_session(name)
+        return await self._context.service.replica(name)
 
     async def adopt(self, name: str, replica: bytes, content: bytes) -> None:
         """Let it live on from a copy; `content` is a scene's. Streams that come begin with a gap.
@@ -84,7 +84,7 @@ class SessionMoves:
         if is_scene(name) or is_live(replica):
             await self.take(name, replica, content)
         else:
-            await self._enter(await self._context.service.import_session(replica))
+            await self._enter(await self._context.service.adopt(replica))
 
     # A move
 

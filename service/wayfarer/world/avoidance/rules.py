@@ -23,9 +23,7 @@ class Rules:
 
     neighbours: int = 10  # of whom a person takes notice at most
     sight: float = 8.0  # metres beyond which others are ignored
-    storey: float = (
-        2.0  # metres up or down from which others are on another storey
-    )
+    storey: float = 2.0  # metres up or down from which others are on another storey
     horizon: float = 3.5  # seconds that are looked ahead
     soon: float = 0.3  # what happens before cannot be helped
     close: float = 1.5  # nearer nobody relies on others; twice as far, on half of the task

@@ -8,7 +8,7 @@ call, so that none takes long. Somebody leaves when they next stand, not in mid-
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
@@ -143,9 +143,10 @@ class Crowds:
         stay |= {agent_id: min(stay[agent_id], now) for agent_id in surplus}
         self._crowds[session_id] = CrowdPeople(crowd, now, leaves_at=stay)
 
-    def take(self, session_id: str) -> CrowdPeople | None:
-        """The session's crowd, to go on elsewhere; None: it has none."""
-        return self._crowds.get(session_id)
+    def copy(self, session_id: str) -> CrowdPeople | None:
+        """The session's crowd as it is now, to go on elsewhere; None: it has none."""
+        people = self._crowds.get(session_id)
+        return people and replace(people, leaves_at=dict(people.leaves_at))
 
     def put(self, session_id: str, people: CrowdPeople) -> None:
         """Go on with a crowd from elsewhere, whose people are here."""
