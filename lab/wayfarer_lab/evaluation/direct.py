@@ -5,7 +5,7 @@ floor.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Any, Final, TypedDict
 
 import numpy as np
 import torch
@@ -74,44 +74,61 @@ def _with_root(turn: Tensor, rotations: Tensor) -> Tensor:
     return torch.cat([root[:, :, None], rotations[:, :, 1:]], 2)
 
 
-def worst_poses(
-    rows: Mapping[str, Sequence[tuple[FrozenPoses, Rollout]]], score: PoseScore, columns: int
-) -> Image.Image:
-    """Fig. S3, right: a row for each way to make motion, by name.
+class ShownPose(TypedDict):
+    """A body in one frame; numbers are rounded for a file."""
 
-    Of each motion the pose that is least usual to the pose prior, and of these poses the least
-    usual ones; `rows` are rollouts of both genders and what they began with.
+    gender: str
+    betas: list[float]
+    hips: list[float]
+    rotations: list[list[float]]  # [22][4]
+    usual: float  # to the pose prior, 0…1
+
+
+def least_usual(
+    made: Sequence[tuple[FrozenPoses, Rollout]], score: PoseScore, count: int
+) -> list[ShownPose]:
+    """Of each motion the pose that is least usual, and of these the `count` least usual ones.
+
+    `made` are rollouts of both genders and what they began with.
     """
+    found: list[ShownPose] = []
+    for poses, rollout in made:
+        for row in range(len(rollout.hips)):
+            if not np.isfinite(rollout.markers[row]).all():
+                continue
+            usual = score(rollout.rotations[row])
+            frame = int(usual.argmin())
+            found.append(
+                ShownPose(
+                    gender=poses.gender,
+                    betas=np.round(poses.betas[row].numpy(), 3).tolist(),
+                    hips=np.round(rollout.hips[row, frame], 3).tolist(),
+                    rotations=np.round(rollout.rotations[row, frame], 3).tolist(),
+                    usual=round(float(usual[frame]), 3),
+                )
+            )
+    return sorted(found, key=lambda pose: pose["usual"])[:count]
+
+
+def draw_poses(rows: Mapping[str, Sequence[ShownPose]]) -> Image.Image:
+    """Fig. S3, right: a row for each way to make motion, by name."""
+    columns = max(map(len, rows.values()))
     sheet = Image.new("RGB", (columns * CELL[0], len(rows) * (CAPTION + CELL[1])), PAPER)
     draw = ImageDraw.Draw(sheet)
-    for line, (name, made) in enumerate(rows.items()):
+    for line, (name, poses) in enumerate(rows.items()):
         top = line * (CAPTION + CELL[1])
         draw.text((4, top + 3), name, INK, FONT)
-        found = [found for poses, rollout in made for found in _least_usual(poses, rollout, score)]
-        found.sort(key=lambda pair: pair[0])
-        for column, (_, clip) in enumerate(found[:columns]):
-            actor = ClipActor.of(clip, load_body("anny52", clip.gender), "sides")
+        for column, pose in enumerate(poses):
+            turns = np.array([pose["rotations"]], np.float32)
+            turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
+            clip = Clip(
+                np.array([pose["hips"]], np.float32),
+                turns,
+                np.zeros((1, 2), bool),
+                pose["gender"],
+                tuple(pose["betas"]),
+            )
+            actor = ClipActor.of(clip, load_body("anny52", clip.gender, "low"), "sides")
             cell = picture(close_up(actor, 0, "quarter", CELL), [(actor, 0)])
             sheet.paste(cell, (column * CELL[0], top + CAPTION))
     return sheet
-
-
-def _least_usual(
-    poses: FrozenPoses, rollout: Rollout, score: PoseScore
-) -> list[tuple[float, Clip]]:
-    """Of each sound motion the least usual pose, and how usual it is (0…1)."""
-    found = []
-    for row in range(len(rollout.hips)):
-        if not np.isfinite(rollout.markers[row]).all():
-            continue
-        usual = score(rollout.rotations[row])
-        frame = int(usual.argmin())
-        clip = Clip(
-            rollout.hips[row, [frame]],
-            rollout.rotations[row, [frame]],
-            np.zeros((1, 2), bool),
-            poses.gender,
-            tuple(poses.betas[row].tolist()),
-        )
-        found.append((float(usual[frame]), clip))
-    return found

@@ -8,7 +8,7 @@ Forward only: an ONNX graph has no gradients.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 import onnxruntime
@@ -42,6 +42,9 @@ TRAINED: Final = {
     "ro-2f": "predictor_2f_rollout",
 }
 """Run folders of the predictors, in the order of Tab. S1 (the recipe: docs/models.md)."""
+
+
+Part = TypeVar("Part")
 
 
 @dataclass(frozen=True)
@@ -109,6 +112,17 @@ class Parts:
         if isinstance(step, FittedStep):
             step.iterations = variant.fitted
         return step
+
+
+def some(named: Mapping[str, Part], only: str) -> dict[str, Part]:
+    """Those called `only` (names with commas between them), in that order; all without it.
+
+    Raises InvalidArgument for a name that is not there.
+    """
+    names = [name for name in only.split(",") if name] or list(named)
+    if unknown := sorted(set(names) - set(named)):
+        raise InvalidArgument(f"there is no {unknown}; there are {list(named)}", "only")
+    return {name: named[name] for name in names}
 
 
 def load_parts(models: Path, runs: Path | None = None, threads: int = 0) -> Parts:

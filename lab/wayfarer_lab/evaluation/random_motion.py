@@ -9,14 +9,13 @@ import numpy as np
 import torch
 
 from wayfarer.body.model import BodyModel
-from wayfarer.errors import InvalidArgument
 from wayfarer.spec import BETAS, FPS, NEW_FRAMES
 from wayfarer_lab.evaluation.direct import roll_out_direct
 from wayfarer_lab.evaluation.gait import Row, gait_row
 from wayfarer_lab.evaluation.maneuvers.likeness import People, compare, windows_of
 from wayfarer_lab.evaluation.metrics.frechet import Reference
 from wayfarer_lab.evaluation.outcome import REACHED, STEP_LIMIT
-from wayfarer_lab.evaluation.parts import Parts, Variant
+from wayfarer_lab.evaluation.parts import Parts, Variant, some
 from wayfarer_lab.evaluation.realism import (
     Array,
     JudgedMotion,
@@ -139,9 +138,9 @@ def realism(
     mocap: JudgedMotion | None = None,
     reference: Reference | None = None,
     people: People | None = None,
-    only: Sequence[str] = (),
+    only: str = "",
 ) -> dict[str, list[Row]]:
-    """Fig. 3: every variant from the same poses (or those called `only`), and the recordings; all
+    """Fig. 3: every variant from the same poses (`only`: see `parts.some`), and the recordings; all
     motion, and walking. Predictors of body parameters (Sec. A.4) are variants too.
 
     In place of the paper's users, a classifier tells motion from that of recorded `people`: `auc`.
@@ -161,12 +160,10 @@ def realism(
 
     makers: dict[str, Maker] = {v.name: partial(bench.make, v) for v in variants(bench.parts)}
     makers |= {name: partial(bench.make_direct, name) for name in bench.parts.direct}
-    if unknown := sorted(set(only) - set(makers)):
-        raise InvalidArgument(f"no rows {unknown}; there are {list(makers)}", "only")
     rows = []
-    for name in only or makers:
+    for name, make in some(makers, only).items():
         bench.watch(name)
-        made = makers[name](poses, round(seconds * FPS))
+        made = make(poses, round(seconds * FPS))
         row = judged(name, made, judge)
         rows.append(row | carried_figures([r.sound() for r in made], body.marker_names))
     if mocap is not None:

@@ -7,7 +7,7 @@ from torch import Tensor, nn
 
 from tests.lab.evaluation.fakes import upright_poses
 from wayfarer.spec import FPS, PRIMITIVE_FRAMES
-from wayfarer_lab.evaluation.direct import CAPTION, CELL, roll_out_direct, worst_poses
+from wayfarer_lab.evaluation.direct import CAPTION, CELL, draw_poses, least_usual, roll_out_direct
 from wayfarer_lab.evaluation.parts import Direct
 from wayfarer_lab.evaluation.rollout import FrozenPoses, Rollout
 from wayfarer_lab.training.representation import BodyParameters, HumorFeatures
@@ -68,17 +68,18 @@ def test_bodies_go_on_as_their_own_parameters_say(kind: type[BodyParameters]) ->
     assert abs(lowest[0, 0]) < 1e-4, "soles on the floor, as at the start"
 
 
-def test_the_least_usual_pose_is_shown_first() -> None:
+def usual(rotations: np.ndarray) -> np.ndarray:
+    """How a pose prior judges that knows only the spine's rest."""
+    return np.abs(rotations[:, 3, 3])
+
+
+def test_the_least_usual_poses_come_first() -> None:
     poses = FrozenPoses("female", *upright_poses(2))
-    rows = {
-        name: [(poses, rolled(model, BodyParameters()))]
-        for name, model in (("good", Circle()), ("bad", Twisted()))
-    }
-
-    def usual(rotations: np.ndarray) -> np.ndarray:
-        return np.abs(rotations[:, 3, 3])  # of the spine, against its rest
-
-    sheet = np.array(worst_poses(rows, usual, 2)).astype(int)
+    found = least_usual([(poses, rolled(Twisted(), BodyParameters()))], usual, 5)
+    assert [pose["usual"] for pose in found] == [pytest.approx(0.315, abs=2e-3), 1.0]
+    assert len(least_usual([(poses, rolled(Twisted(), BodyParameters()))], usual, 1)) == 1
+    straight = least_usual([(poses, rolled(Circle(), BodyParameters()))], usual, 5)
+    sheet = np.array(draw_poses({"good": straight, "bad": found})).astype(int)
     assert sheet.shape == (2 * (CAPTION + CELL[1]), 2 * CELL[0], 3)
     bodies = sheet.reshape(2, CAPTION + CELL[1], 2, CELL[0], 3)[:, CAPTION:]
     good, bad = bodies.transpose(0, 2, 1, 3, 4)

@@ -64,3 +64,4 @@ EngineOption = Annotated[
 ]
 ThreadsOption = Annotated[int, typer.Option(help="Threads of the engine; 0: all cores.", min=0)]
 CountOption = Annotated[int, typer.Option(help="Recorded primitives per gender.", min=1)]
+OnlyOption = Annotated[str, typer.Option(help="Rows to make, as ro-1f,ro-2f.", show_default="all")]

@@ -33,6 +33,8 @@ SHOWN_POSES: Final = 4
 """Poses of the pose prior: the one of all shapes in Fig. S2, and three more."""
 FIGURES: Final = "figures.json"
 """Result of `wayfarer eval figures`: motions, of which the page's pictures are drawn."""
+FAILURES: Final = "failures.json"
+"""Result of `wayfarer eval failures`: poses, likewise."""
 
 
 @app.command(short_help="The motions that the paper's pictures show (Fig. 4, S1, S2).")
@@ -97,10 +99,11 @@ def paper(
     Rows are found by the names of files and rows: TABLE.json, or TABLE_paper*.json for networks
     that were trained as the paper has it; several such files stand for several trainings and give
     mean and range. What is missing is named, with the reason. Pictures are drawn from figures.json
-    into images/ beside the page. Nothing is measured here: see `wayfarer eval --help` for the
-    tables.
+    and failures.json into images/ beside the page. Nothing is measured here: see `wayfarer eval
+    --help` for the tables.
     """
     drawn = draw_figures(results / FIGURES, out.parent / "images")
+    drawn |= draw_figures(results / FAILURES, out.parent / "images")
     text = page(ResultsFolder(results), results.as_posix(), runtime(results), drawn)
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(text, encoding="utf-8")
@@ -117,7 +120,13 @@ def draw_figures(path: Path, folder: Path) -> dict[str, str]:
     if not path.exists():
         return {}
     try:
-        made = pictures(json_module.loads(path.read_text(encoding="utf-8"))["figures"])
+        figures = json_module.loads(path.read_text(encoding="utf-8"))["figures"]
+        if path.name == FAILURES:
+            from wayfarer_lab.evaluation.direct import draw_poses
+
+            made = {"fig_s3": draw_poses(figures)}
+        else:
+            made = pictures(figures)
     except (ValueError, KeyError, TypeError, IndexError) as error:
         raise DataError(f"{path}: holds no motions to draw: {error!r}") from None
     folder.mkdir(parents=True, exist_ok=True)

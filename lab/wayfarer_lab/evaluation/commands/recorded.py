@@ -1,5 +1,6 @@
 """Tables of recorded motion: the recordings themselves, predictors and regressors on them."""
 
+from dataclasses import replace
 from typing import Annotated
 
 import typer
@@ -9,6 +10,7 @@ from wayfarer_lab.evaluation.commands.options import (
     CountOption,
     JsonOption,
     ModelsOption,
+    OnlyOption,
     RecordedOption,
     RunsOption,
     SeedOption,
@@ -48,6 +50,7 @@ def predictor(
     runs: RunsOption = None,
     split: SplitOption = "heldout",
     samples: Annotated[int, typer.Option(help="Futures per seed.", min=2)] = 10,
+    only: OnlyOption = "",
     count: CountOption = 1000,
     threads: ThreadsOption = 0,
     seed: SeedOption = 0,
@@ -59,11 +62,12 @@ def predictor(
     nearest seeds.
     """
     from wayfarer_lab.evaluation.models import ALIKE_SEEDS, predictor_rows
-    from wayfarer_lab.evaluation.parts import load_parts
+    from wayfarer_lab.evaluation.parts import load_parts, some
 
     recorded, memory = Recorded(data, split), Recorded(data, "train")
     parts = load_parts(models, runs, threads)
-    rows = predictor_rows(parts, recorded, samples, count, seed, memory)
+    chosen = some(parts.predictors, only)
+    rows = predictor_rows(replace(parts, predictors=chosen), recorded, samples, count, seed, memory)
     finish(
         json, {"Predictors": rows}, ("ade_m", "fde_m", "mmade_m", "mmfde_m", "apd_m"),
         **origin(models, runs, data, split, seed), alike_seeds_m=ALIKE_SEEDS,

@@ -1,5 +1,6 @@
 """Tables of open rollouts: random motion from a start pose."""
 
+import json as json_module
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
@@ -19,6 +20,7 @@ from wayfarer_lab.evaluation.commands.options import (
     DataOption,
     JsonOption,
     ModelsOption,
+    OnlyOption,
     RecordedOption,
     RunsOption,
     SeedOption,
@@ -51,9 +53,7 @@ def realism(
     runs: RunsOption = None,
     poses: PosesOption = 100,
     seconds: Annotated[float, typer.Option(help="Seconds of each motion.", min=1.0)] = 10.0,
-    only: Annotated[
-        str, typer.Option(help="Rows to make, as ro-1f,ro-2f.", show_default="all")
-    ] = "",
+    only: OnlyOption = "",
     data: DataOption = None,
     split: SplitOption = "heldout",
     threads: ThreadsOption = 0,
@@ -74,7 +74,6 @@ def realism(
     from wayfarer_lab.evaluation.random_motion import realism as make
     from wayfarer_lab.evaluation.realism import JudgedMotion, recorded_tracks
 
-    rows = [name for name in only.split(",") if name]
     recorded = Recorded(data, split) if data else None
     reference = mocap = people = None
     if data and recorded:
@@ -86,7 +85,7 @@ def realism(
         owners = [subjects.index(subject) for _, subject in long]
         people = windows_of([track.markers for track, _ in long], owners, names)
     with _bench(models, runs, threads, seed) as bench:
-        tables = make(bench, _poses(recorded, poses, seed), seconds, mocap, reference, people, rows)
+        tables = make(bench, _poses(recorded, poses, seed), seconds, mocap, reference, people, only)
     finish(
         json, tables,
         ("contact_paper", "contact_strict", "slide_cm_s", "both_feet_skating",
@@ -95,29 +94,30 @@ def realism(
     )  # fmt: skip
 
 
-@app.command(short_help="A picture of the least usual poses of random motion (Fig. S3).")
+@app.command(short_help="The least usual poses of random motion (Fig. S3).")
 def failures(
     runs: Annotated[Path, typer.Option(help="Folder of runs direct_body…, direct_humor….")],
     models: ModelsOption = DEFAULT_MODEL,
     poses: PosesOption = 100,
     seconds: Annotated[float, typer.Option(help="Seconds of each motion.", min=1.0)] = 10.0,
-    columns: Annotated[int, typer.Option(help="Poses in a row.", min=1)] = 8,
+    count: Annotated[int, typer.Option(help="Poses of each predictor.", min=1)] = 7,
     data: DataOption = None,
     split: SplitOption = "heldout",
     threads: ThreadsOption = 0,
     seed: SeedOption = 0,
-    out: Annotated[Path, typer.Option(help="Picture to write (.png).")] = Path(
-        "docs/images/paper_fig_s3.png"
-    ),
+    json: Annotated[Path, typer.Option(help="File to write.")] = Path("benchmarks/results")
+    / "failures.json",
 ) -> None:
-    """Draw how random motion of direct representations fails (Fig. S3), beside that of markers.
+    """Find how random motion of direct representations fails (Fig. S3), beside that of markers.
 
-    Of each motion the pose that the pose prior finds least usual, and of those the least usual: a
-    row for each predictor of body parameters, and for the 2-frame marker predictor.
+    Of each motion the pose that the pose prior finds least usual, and of those the least usual:
+    for each predictor of body parameters, and the 2-frame marker predictor. `wayfarer eval paper`
+    draws them.
     """
-    from wayfarer_lab.evaluation.direct import worst_poses
+    from wayfarer_lab.evaluation.direct import least_usual
     from wayfarer_lab.evaluation.parts import Variant
 
+    report.check_origin()
     recorded = Recorded(data, split) if data else None
     with _bench(models, runs, threads, seed) as bench:
         if bench.pose_score is None:
@@ -125,11 +125,15 @@ def failures(
         starts, frames = _poses(recorded, poses, seed), round(seconds * FPS)
         made = {name: bench.make_direct(name, starts, frames) for name in bench.parts.direct}
         made["markers, ro-2f"] = bench.make(Variant("ro-2f", "ro-2f"), starts, frames)
-        rows = {name: list(zip(starts, own, strict=True)) for name, own in made.items()}
-        picture = worst_poses(rows, bench.pose_score, columns)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    picture.quantize(64).save(out, optimize=True)
-    typer.echo(f"{out}: {', '.join(rows)}")
+        found = {
+            name: least_usual(list(zip(starts, own, strict=True)), bench.pose_score, count)
+            for name, own in made.items()
+        }
+    about = origin(models, runs, data, split, seed)
+    text = json_module.dumps({"figures": found, "meta": report.meta(about)}, allow_nan=False)
+    json.parent.mkdir(parents=True, exist_ok=True)
+    json.write_text(text + "\n")
+    typer.echo(f"{json}: {', '.join(found)}")
 
 
 @app.command(short_help="Influence of body shape and start pose (Sec. A.2).")

@@ -27,13 +27,16 @@ here. Ours are trained on CMU's recordings on the anny52 body and tested on thre
 CMU (08, 09, 32; not untouched: [results.md](results.md)). So compare orders, not values.
 [models.md](models.md#where-we-deviate-from-the-paper-and-why) lists all deviations.
 
-**Trainings.** No row of the shipped model stands for more than one training. *policy(10)* is one
+**Trainings.** "Made by" has steps × batch and minutes of processor time. No row of the shipped
+model stands for more than one training, nor does one of predictors that are *trained alike*: by the
+paper's equations, with the same data, steps and batch, from nothing, with one seed. These are far
+shorter than the paper's. *policy(10)* is one
 training after 140 of its 500 epochs, which is still learning ([curve](models.md#ppo-from-scratch)).
 It is told 1.2 m/s and begins, as the paper's, with a primitive of the 1-frame model; other rows of
-Table 1 are told 1.5 m/s and begin at rest. The predictors'
+Table 1 are told 1.5 m/s and begin at rest. The shipped predictors'
 rollout stages were short (300 and 80 steps), and so was the g-CVAE's training (600 steps): rows of
-*1-frame* models and of the g-CVAE say little about these methods. Minutes were not counted before
-2026-11-23.
+the shipped *1-frame* model and of the g-CVAE say little about these methods. Minutes were not
+counted before 2026-11-23.
 """
 
 
@@ -56,7 +59,7 @@ def page(
     for name, (title, about) in MOTIONS.items():
         file = (drawn or {}).get(name)
         shown = f"![{title}](images/{file})" if file else "Missing: no result of "
-        shown += "" if file else "`wayfarer eval figures`."
+        shown += "" if file else f"`wayfarer eval {'failures' if name == 'fig_s3' else 'figures'}`."
         parts.append(f"### {title}\n\n{about}\n\n{shown}\n")
     return "\n".join(parts)
 

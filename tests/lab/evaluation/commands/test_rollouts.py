@@ -13,6 +13,7 @@ from tests.lab.evaluation.test_direct import Circle
 from wayfarer.errors import DataError, InvalidArgument
 from wayfarer_lab.evaluation import parts, random_motion
 from wayfarer_lab.evaluation.commands import app
+from wayfarer_lab.evaluation.commands.paper import draw_figures
 from wayfarer_lab.evaluation.direct import CAPTION, CELL
 from wayfarer_lab.evaluation.parts import Direct
 from wayfarer_lab.training.representation import BodyParameters
@@ -69,17 +70,18 @@ def test_only_the_rows_that_are_asked_for_are_made(tmp_path: Path) -> None:
     assert isinstance(answer.exception, InvalidArgument) and "'3f'" in str(answer.exception)
 
 
-def test_failures_are_drawn_beside_what_markers_do(
+def test_failures_are_found_and_drawn_beside_what_markers_do(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     direct = {"direct-body": Direct(Circle(), BodyParameters(), True)}
     monkeypatch.setattr(parts, "load_parts", lambda *asked: known_parts(direct=direct))
-    out = tmp_path / "images" / "failures.png"
-    size = ["--poses", "2", "--seconds", "1.2", "--columns", "1", "--runs", str(tmp_path)]
-    answer = CliRunner().invoke(app, ["failures", *size, "--out", str(out)])
+    path = tmp_path / "failures.json"
+    size = ["--poses", "2", "--seconds", "1.2", "--count", "1", "--runs", str(tmp_path)]
+    answer = CliRunner().invoke(app, ["failures", *size, "--json", str(path)])
     assert answer.exit_code == 0, answer.output
     assert "direct-body, markers, ro-2f" in answer.output
-    assert Image.open(out).size == (CELL[0], 2 * (CAPTION + CELL[1]))
+    assert draw_figures(path, tmp_path) == {"fig_s3": "paper_fig_s3.png"}
+    assert Image.open(tmp_path / "paper_fig_s3.png").size == (CELL[0], 2 * (CAPTION + CELL[1]))
 
 
 @pytest.mark.parametrize("table", SMALL)

@@ -1,0 +1,207 @@
+"""Train what rows of docs/paper.md stand for, and measure it.
+
+    python -m benchmarks.paper_runs GROUP... --data PREPARED [--runs runs/paper] [--steps 5000]
+        [--rollout-steps 1000] [--batch 256] [--minutes 50] [--train | --measure]
+        [--poses 100]
+
+predictors   the four predictors of Table S1, trained alike; also their rows of Fig. 3
+direct       Sec. A.4: predictors of body parameters, and one of markers that is trained alike
+end_to_end   Eq. 12, from the 2-frame predictor of `predictors` and the shipped regressors
+regressors   Table S2: the paper's regressors
+
+One process loads the data once and trains, on one thread, what is not finished; the same line
+resumes. Steps and batch are those of `--config paper/NAME` unless given. Then `wayfarer eval`
+writes its tables into benchmarks/results, of what is finished. --train and --measure do one
+of both. Runs lie in RUNS/GROUP/NAME.
+"""
+
+import argparse
+import dataclasses
+import shlex
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import torch
+from pydantic import BaseModel
+
+from wayfarer.body.library import load_body
+from wayfarer.model_bundle import DEFAULT_MODEL
+from wayfarer.spec import GENDERS
+from wayfarer_lab.evaluation.parts import DIRECT, TRAINED
+from wayfarer_lab.training.cli import read_config
+from wayfarer_lab.training.dataset import Frames, load_frames, load_poses
+from wayfarer_lab.training.end_to_end import EndToEndConfig, train_end_to_end
+from wayfarer_lab.training.predictor import PredictorConfig, train_predictor
+from wayfarer_lab.training.regressor import RegressorConfig, train_regressor
+from wayfarer_lab.training.run import read_effort, read_run_config
+from wayfarer_lab.training.unpack import unpack_models
+
+RESULTS: Final = Path(__file__).parent / "results"
+
+
+class Group(NamedTuple):
+    """Runs in the order in which they start from each other, and the table they go into."""
+
+    runs: tuple[str, ...]
+    tables: Mapping[str, str]  # `wayfarer eval NAME` → file
+
+
+GROUPS: Final[dict[str, Group]] = {
+    "predictors": Group(
+        ("predictor_2f", "predictor_2f_rollout", "predictor_1f", "predictor_1f_rollout"),
+        {"predictor": "predictor_paper", "realism": "realism_paper"},
+    ),
+    "direct": Group(
+        (
+            *("predictor_2f", "direct_body", "direct_humor"),
+            *("predictor_2f_rollout", "direct_body_rollout", "direct_humor_rollout"),
+        ),
+        {"realism": "realism_direct", "failures": ""},
+    ),
+    "end_to_end": Group(("end_to_end",), {"realism": "realism_e2e"}),
+    "regressors": Group(tuple(f"regressor_{g}" for g in GENDERS), {"regressor": "regressor_paper"}),
+}
+
+VARIANTS: Final = {
+    "2f": ("2f", "reproj-2f"),
+    "1f": ("1f", "reproj-1f"),
+    "ro-2f": ("ro-2f",),
+    "ro-1f": ("ro-1f",),
+}
+"""Predictor → rows of Fig. 3."""
+
+Split = dict[str, Frames]
+
+
+class Data:
+    """Both splits of a prepared folder, loaded once; only what is drawn how often differs."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._known: Split = {}
+
+    def drawn(self, mix: Mapping[str, float]) -> tuple[Frames, Frames]:
+        """Those of training and of validation."""
+        found = []
+        for split in ("train", "validation"):
+            if split in self._known:
+                weight = load_poses(self.folder, split, mix).weight
+                self._known[split] = dataclasses.replace(self._known[split], weight=weight)
+            else:
+                self._known[split] = load_frames(self.folder, split, mix)
+            found.append(self._known[split])
+        return found[0], found[1]
+
+
+def settings(name: str, runs: Path, group: str, asked: argparse.Namespace) -> Any:
+    """What a run is trained with: its config, with the runs of this folder to start from."""
+    kind: type[BaseModel] = PredictorConfig
+    if group in ("end_to_end", "regressors"):
+        kind = EndToEndConfig if group == "end_to_end" else RegressorConfig
+    config = read_config(kind, f"paper/{name}")
+    steps = asked.rollout_steps if name.endswith("_rollout") else asked.steps
+    change: dict[str, Any] = {"steps": steps, "batch": asked.batch}
+    if isinstance(config, EndToEndConfig):
+        change["start_from"] = str(runs / "predictors" / "predictor_2f_rollout")
+        change["start_regressors"] = {g: str(runs / "shipped" / f"regressor_{g}") for g in GENDERS}
+    elif isinstance(config, PredictorConfig) and config.start_from:
+        change["start_from"] = str(runs / group / Path(config.start_from).name)
+    given = {key: value for key, value in change.items() if value is not None}
+    return kind.model_validate(config.model_dump() | given)
+
+
+def train(config: Any, data: Data, folder: Path, minutes: float) -> bool:
+    """Train or resume one run. True when it is finished."""
+    frames = data.drawn(config.mix)
+    if isinstance(config, EndToEndConfig):
+        return train_end_to_end(config, *frames, folder, minutes)
+    if isinstance(config, PredictorConfig):
+        return train_predictor(config, *frames, folder, minutes)
+    body = load_body("anny52", config.gender)
+    return train_regressor(config, *frames, body, folder, minutes)
+
+
+def is_finished(folder: Path) -> bool:
+    """Whether all steps of a run are done."""
+    effort = read_effort(folder)
+    return effort is not None and effort.steps >= read_run_config(folder)["steps"]
+
+
+def rows(group: str, finished: Sequence[str]) -> list[str]:
+    """Names of the rows of `wayfarer eval realism` that finished runs stand for."""
+    if group == "end_to_end":
+        return ["ro-2f"] if finished else []
+    plain = {"direct": {**TRAINED, **DIRECT}}.get(group, TRAINED)
+    names = [name for name, run in plain.items() if run in finished]
+    if group == "direct":
+        return names
+    return [row for name in names for row in VARIANTS[name]]
+
+
+def measure(group: str, runs: Path, data: Path, poses: int) -> None:
+    """Write the tables of a group's finished runs into benchmarks/results."""
+    folder = runs / group
+    if group == "end_to_end":  # its networks are runs inside it
+        folder = folder / "end_to_end"
+    finished = [name for name in GROUPS[group].runs if is_finished(runs / group / name)]
+    for table, file in GROUPS[group].tables.items():
+        wanted = ["--runs", str(folder), "--data", str(data), "--split", "heldout"]
+        wanted += ["--seed", "7", "--threads", "1"]
+        only = rows(group, finished)
+        if table == "realism":
+            wanted += ["--only", ",".join(only), "--poses", str(poses)]
+        if table == "predictor":
+            wanted += ["--only", ",".join(n for n in TRAINED if TRAINED[n] in finished)]
+        if table == "failures":
+            wanted += ["--poses", str(poses)]
+        if file:
+            wanted += ["--json", str(RESULTS / f"{file}.json")]
+        if not finished:
+            print(f"{group}: nothing is finished, so there is no {table}")
+            continue
+        command = ["wayfarer", "eval", table, *wanted]
+        print(shlex.join(command), flush=True)
+        subprocess.run(command, check=True)
+        for leftover in (".md", ".png") if file else ():  # the page is made of the JSON alone
+            (RESULTS / f"{file}{leftover}").unlink(missing_ok=True)
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Train and measure; 1 when the time was up before all was trained."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("groups", nargs="+", choices=GROUPS)
+    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--runs", type=Path, default=Path("runs/paper"))
+    for name in ("--steps", "--rollout-steps", "--batch"):
+        parser.add_argument(name, type=int)
+    parser.add_argument("--minutes", type=float, default=float("inf"))
+    parser.add_argument("--poses", type=int, default=100)
+    parser.add_argument("--measure", action="store_true")
+    parser.add_argument("--train", action="store_true")
+    asked = parser.parse_args(words)
+    until, data, done = time.monotonic() + 60 * asked.minutes, Data(asked.data), True
+    torch.set_num_threads(1)
+    if "end_to_end" in asked.groups:
+        unpack_models(DEFAULT_MODEL, asked.runs / "shipped")
+    for group in () if asked.measure else asked.groups:
+        for name in GROUPS[group].runs:
+            folder = asked.runs / group / name
+            config = settings(name, asked.runs, group, asked)
+            if (folder / "config.json").exists() and is_finished(folder):
+                print(f"{folder}: finished", flush=True)
+                continue
+            minutes = (until - time.monotonic()) / 60
+            done = train(config, data, folder, minutes) and done
+    for group in () if asked.train else asked.groups:
+        measure(group, asked.runs, asked.data, asked.poses)
+    return 0 if done else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
