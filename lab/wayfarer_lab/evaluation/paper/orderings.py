@@ -212,12 +212,12 @@ ORDERINGS: Final = (
     ),
     *(
         Ordering(
-            f"marker primitives deform less than {what}: {part}", "A.4, Fig. S3",
-            direct_row("ro-2f"), direct_row(f"ro-direct-{name}"), f"deformation_{part}_mm", False,
-            RUNS.format("direct"),
+            f"marker primitives deform less than those of {what}: {part} torso", "A.4, Fig. S3",
+            direct_row("ro-2f"), direct_row(f"ro-direct-{name}"), f"deformation_{part}_torso_mm",
+            False, RUNS.format("direct"),
         )
         for what, name in (("body parameters", "body"), ("HuMoR's features", "humor"))
-        for part in ("upper_torso", "lower_torso")
+        for part in ("upper", "lower")
     ),
 )  # fmt: skip
 """In the order of docs/paper.md."""
