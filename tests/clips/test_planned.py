@@ -46,7 +46,7 @@ def test_keeping_one_it_is_the_clip_made_online(foot_lock):
     goals = [replace(GOALS[0], speed=HURRY[1])]  # nobody has a stride of their own
     online = generate_clip(world, spec, goals, 4.0)
     clip = planned(goals, 4.0, BeamSettings(keep=1, children=8), spec=spec)
-    on_the_way = slice(None, 64)  # then it stands, and a plan plants no feet
+    on_the_way = slice(None, 56)  # then it stands, and a plan plants no feet
     np.testing.assert_array_equal(clip.translation[on_the_way], online.translation[on_the_way])
     np.testing.assert_allclose(clip.rotations[on_the_way], online.rotations[on_the_way], atol=1e-6)
     np.testing.assert_array_equal(clip.contacts[on_the_way], online.contacts[on_the_way])

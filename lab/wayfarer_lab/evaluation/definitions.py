@@ -323,7 +323,11 @@ GROUPS: Final = (
             "after they have slowed to 0.3 m/s",
             "behind_cm*": "stop: how far they are behind the rear ankle in that time, at worst",
             "lean_back_deg*": "stop: how far the trunk leans back in that time, at worst",
-            "more_lifts": "stop: lifts of both feet in that time",
+            "more_lifts*": "stop: lifts of both feet in that time",
+            "hand_ahead_cm*": "stand and stop: how far a wrist is ahead of the hips, of the one "
+            "that is farther; in a stand its mean over time, in a stop 2 s after rest",
+            "hands_apart_cm*": "by how far it is ahead of the other one",
+            "hand_up_cm*": "by how far one wrist is above the other one",
             "pop_cm*": "largest second difference of any joint's position, cm/frame²",
             "both_up": "share of frames with both soles more than 3 cm above the ground",
             "folded": "share of agents whose hips sink below 0.75 of their height in the T-pose",

@@ -13,11 +13,12 @@ from wayfarer.errors import FailedPrecondition, InvalidArgument
 from wayfarer.spec import FPS, NEW_FRAMES, STEP_SECONDS
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal
-from wayfarer.world.agents.slots import Motion
+from wayfarer.world.agents.slots import Mode, Motion
 from wayfarer.world.agents.style import draws
 from wayfarer.world.output.footlock import begin, lock_feet
 from wayfarer.world.output.legs import measure_legs
-from wayfarer.world.output.posture import DRAWN, habits, hold, settled
+from wayfarer.world.output.posture import DRAWN, calmed, habits, hold, settled
+from wayfarer.world.output.quaternion import Array
 from wayfarer.world.rows import Flags, Float
 from wayfarer.world.search.beam import plan
 from wayfarer.world.search.beam_settings import BeamSettings
@@ -78,8 +79,21 @@ def _cleaned(body: BodyModel, spec: AgentSpec, found: MotionPlan) -> tuple[Float
     """Hips [N, 3], rotations [N, 22, 4] and contacts [N, 2] as the service would send them."""
     legs = measure_legs(body, np.array(spec.betas))
     hips, rotations = found.translation[None], found.rotations[None]
-    state = begin(legs, hips[:, 0], rotations[:, 0])
-    locked = lock_feet(state, legs, hips, rotations, np.zeros(1, np.bool_), np.zeros(1, np.float32))
+    state, nobody = begin(legs, hips[:, 0], rotations[:, 0]), np.zeros(1, np.bool_)
+    stands = found.modes == Mode.STANDING
+    rests = stands | (found.modes == Mode.TURNING)
+    rest, upright = _calmed(rests), _calmed(stands)
+    locked = lock_feet(state, legs, hips, rotations, nobody, np.zeros(1, np.float32), upright)
     own = habits(draws(np.array([spec.noise_seed], np.uint64), DRAWN))
-    held, _ = hold(settled(rotations[:, 0]), locked.rotations, own)
+    begun = settled(rotations[:, 0], rests[:1], stands[:1])
+    held, _ = hold(begun, locked.rotations, own, rest)
     return locked.translation[0], held[0], locked.contacts[0]
+
+
+def _calmed(rests: Flags) -> Array:
+    """How far somebody is at rest in each frame [N, 1], of whom it is known for primitives [L]."""
+    share, shares = rests[:1].astype(np.float32), []
+    for now in rests:
+        eased, share = calmed(share, now[None], NEW_FRAMES)
+        shares.append(eased)
+    return np.concatenate(shares)

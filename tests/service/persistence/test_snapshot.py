@@ -281,19 +281,24 @@ def test_flags_are_flags_and_rows_are_whole(snapshot):
         decode(changed(snapshot, rows=lambda rows: rows * 2))
 
 
-def test_what_an_older_build_wrote_goes_on(snapshot):
-    width, posture = row_bytes(AgentRows), row_bytes(PostureState)
+@pytest.mark.parametrize("known", [(), ("lean", "pitch")])
+def test_what_an_older_build_wrote_goes_on(snapshot, known):
+    width, floats = row_bytes(AgentRows), row_bytes(PostureState) // len(fields(PostureState))
+    missing = (len(fields(PostureState)) - len(known)) * floats
 
     def older(arrays):
         rows = np.frombuffer(arrays, np.uint8).reshape(-1, width)
-        return rows[:, : width - posture].tobytes()
+        return rows[:, : width - missing].tobytes()
 
     now, then = decode(snapshot), decode(changed(snapshot, rows=older))
     assert len(now.agents) == len(then.agents) > 0
     for agent, was in zip(now.agents, then.agents, strict=True):
         assert (pack(was.motion) == pack(agent.motion)).all()
         assert (pack(was.footing) == pack(agent.footing)).all()
-        assert not pack(was.posture).any()
+        for field in fields(PostureState):
+            value = getattr(was.posture, field.name)
+            before = getattr(agent.posture, field.name)
+            assert value == (before if field.name in known else 0), field.name
 
 
 @settings(max_examples=150)

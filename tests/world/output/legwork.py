@@ -51,6 +51,9 @@ def moved(translation: np.ndarray, velocity: tuple[float, float, float]) -> np.n
     return (translation + seconds * np.array(velocity)).astype(np.float32)
 
 
-def soles_of(translation: np.ndarray, rotations: np.ndarray) -> np.ndarray:
-    """Sole points [A, F, 2, P, 3] in the world."""
-    return pose_legs(legs(len(translation)), translation, rotations).soles.transpose(4, 3, 2, 1, 0)
+def soles_of(
+    translation: np.ndarray, rotations: np.ndarray, betas: np.ndarray | None = None
+) -> np.ndarray:
+    """Sole points [A, F, 2, P, 3] in the world, of the mean shape or `betas` [10]."""
+    shape = legs(len(translation), betas)
+    return pose_legs(shape, translation, rotations).soles.transpose(4, 3, 2, 1, 0)

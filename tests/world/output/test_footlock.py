@@ -17,7 +17,7 @@ from wayfarer.world.output.footlock import (
     lock_feet,
     shorten_steps,
 )
-from wayfarer.world.output.legs import ANKLES, HIPS, pose_legs
+from wayfarer.world.output.legs import ANKLES, HIPS, KNEES, pose_legs
 from wayfarer.world.output.quaternion import multiply
 from wayfarer.world.output.twobone import MOVED
 
@@ -32,10 +32,12 @@ def locked(
     rotations: np.ndarray,
     pieces: tuple[int, ...] = (),
     steps: bool = False,
+    upright: np.ndarray | None = None,
 ) -> Locked:
     """The motion from its first frame, in one call or cut at the frames `pieces`; `steps`: on the
-    spot.
+    spot; `upright` [F]: nobody is unless it is given.
     """
+    straight = np.zeros(translation.shape[1], np.float32) if upright is None else upright
     on_the_spot = np.full(len(translation), steps)
     shape = legs(len(translation))
     state = begin(shape, translation[:, 0], rotations[:, 0])
@@ -49,6 +51,7 @@ def locked(
             rotations[:, start:stop],
             on_the_spot,
             np.repeat(NONE, len(translation)),
+            straight[start:stop, None].repeat(len(translation), 1),
         )
         state = done.state
         hips.append(done.translation)
@@ -328,13 +331,44 @@ def test_feet_keep_their_turn_from_the_spot_until_they_swing():
     shape = legs(1)
     state = begin(shape, translation[:, 0], rotations[:, 0])
     spot, gone = np.array([True]), np.array([False])
-    state = lock_feet(state, shape, translation[:, :12], rotations[:, :12], spot, NONE).state
+    bent = np.zeros((24, 1), np.float32)
+    before = translation[:, :12], rotations[:, :12]
+    state = lock_feet(state, shape, *before, spot, NONE, bent[:12]).state
     assert np.abs(state.turn).max() > np.radians(10)
     still = np.repeat(rotations[:, 12:13], 24, axis=1)
     up = lifted(still, 0, 0.5 * np.ones(24))
-    free = lock_feet(state, shape, translation[:, 12:36], up, gone, NONE).state
+    free = lock_feet(state, shape, translation[:, 12:36], up, gone, NONE, bent).state
     assert abs(free.turn[0, 0]) < np.radians(2)
     assert free.turn[0, 1] == pytest.approx(state.turn[0, 1], abs=1e-6)
+
+
+def knees(rotations: np.ndarray) -> np.ndarray:
+    """Degrees [F, 2] that the first agent's knees are bent."""
+    return np.degrees(2 * np.arcsin(np.abs(rotations[0][:, KNEES, 0])))
+
+
+def test_who_stands_upright_straightens_the_knees_over_feet_that_stay():
+    translation, rotations = standing(40)
+    upright = np.linspace(0, 1, 40, dtype=np.float32)
+    made = locked(translation, rotations, (8, 16, 24, 32), True, upright)
+    bent = knees(made.rotations)
+    assert bent[0] == pytest.approx([30, 30], abs=3) and (bent[-1] < 15).all()
+    assert np.diff(bent, axis=0).max() < 0.01 and np.diff(bent, axis=0).min() > -2
+    soles = sent_soles(made)
+    np.testing.assert_allclose(soles, soles[:, :1].repeat(40, 1), atol=3e-4)
+    assert made.contacts.all()
+    assert np.ptp(knees(locked(translation, rotations, (), True).rotations)) < 0.1
+
+
+def test_the_longer_leg_says_how_far_knees_are_straightened():
+    translation, rotations = standing(40)
+    one_up = rotations.copy()
+    for joint in (HIPS[0], KNEES[0], ANKLES[0]):  # the left leg is straight: it bears all
+        one_up[:, :, joint] = rotations[:, :, joint] * 0 + np.array([0, 0, 0, 1])
+    translation[..., 2] -= soles_of(translation, one_up)[..., 2].min()
+    made = locked(translation, one_up, (), True, np.ones(40, np.float32))
+    assert knees(made.rotations)[:, 0].max() < 8
+    assert sent_soles(made)[0, :, 0, :, 2].min(-1).max() < 0.002, "it does not leave the floor"
 
 
 def test_steps_of_who_limps_become_as_long():

@@ -18,10 +18,13 @@ from wayfarer.world.output.posture import (
     TRUNK_SHARE,
     WRISTS,
     Habits,
+    PostureState,
+    calmed,
     habits,
     hold,
     settled,
 )
+from wayfarer.world.output.quaternion import multiply
 
 NAMES = joint_names()
 TOUCHED = [SPINE, NECK, HEAD, *SHOULDERS, *ELBOW_JOINTS, *WRISTS]
@@ -38,9 +41,16 @@ PLAIN = Habits(
 """Arms as the model has them; upright, with a level head."""
 
 
-def held(rotations: np.ndarray, own: Habits) -> np.ndarray:
+def begun(rotations: np.ndarray, rests: bool = False) -> PostureState:
     """Of who has been in the first pose for long."""
-    return hold(settled(rotations[:, 0]), rotations, own)[0]
+    rest = np.full(len(rotations), rests)
+    return settled(rotations[:, 0], rest, rest)
+
+
+def held(rotations: np.ndarray, own: Habits, rest: float = 0.0) -> np.ndarray:
+    """Of who has been in the first pose for long, and is so far at rest."""
+    shares = np.full((rotations.shape[1], len(rotations)), rest, np.float32)
+    return hold(begun(rotations), rotations, own, shares)[0]
 
 
 def hanging(frames: int = 1) -> np.ndarray:
@@ -118,10 +128,12 @@ def test_the_swing_of_the_trunk_within_a_step_is_left_to_it():
 
 def test_frames_in_pieces_are_held_as_all_at_once():
     rotations, own = leaning(np.linspace(-5, 12, 24)), PLAIN
-    whole, end = hold(settled(rotations[:, 0]), rotations, own)
-    state, parts = settled(rotations[:, 0]), []
+    rest = np.linspace(0, 1, 24, dtype=np.float32)[:, None]
+    whole, end = hold(begun(rotations), rotations, own, rest)
+    state, parts = begun(rotations), []
     for start in range(0, 24, 8):
-        made, state = hold(state, rotations[:, start : start + 8], own)
+        piece = slice(start, start + 8)
+        made, state = hold(state, rotations[:, piece], own, rest[piece])
         parts.append(made)
     np.testing.assert_array_equal(np.concatenate(parts, 1), whole)
     np.testing.assert_array_equal([state.lean, state.pitch], [end.lean, end.pitch])
@@ -164,6 +176,62 @@ def test_arms_hang_and_swing_as_their_owner_does():
         assert bends[1] > bends[0] + 15, "with its elbow bent"
 
 
+def mid_swing() -> np.ndarray:
+    """Somebody whom a walk has left with the left arm ahead, the right one behind, elbows bent."""
+    rotations = hanging()
+    for joint, elbow, side, swing in zip(
+        SHOULDERS, ELBOW_JOINTS, (-1, 1), (35.0, -25.0), strict=True
+    ):
+        swung = quaternion_from_rotvec(np.radians([swing, 0, 0]))
+        rotations[:, :, joint] = multiply(swung, rotations[0, 0, joint])
+        rotations[:, :, elbow] = quaternion_from_rotvec(np.radians([0, -20.0 * side, 34.0 * side]))
+    return rotations
+
+
+def test_arms_of_who_rests_hang_at_the_sides_wherever_the_walk_has_left_them():
+    walked = mid_swing()
+    for rest, most in ((0.0, None), (1.0, 0.09)):
+        _, places = pose(held(walked, PLAIN, rest))
+        ahead = [places[f"{side}_wrist"][1] - places["pelvis"][1] for side in ("left", "right")]
+        aside = [abs(places[f"{side}_wrist"][0]) for side in ("left", "right")]
+        if most is None:
+            assert max(ahead) > 0.25 and max(ahead) - min(ahead) > 0.2
+        else:
+            assert max(np.abs(ahead)) < most and max(ahead) - min(ahead) < 0.03
+            assert min(aside) > 0.2 and max(aside) < 0.4
+            assert places["left_wrist"][2] == pytest.approx(places["right_wrist"][2], abs=0.01)
+
+
+def test_arms_of_who_leans_hang_straight_down():
+    upright, leans = (pose(held(pitched(mid_swing(), SPINE, d), PLAIN, 1.0))[1] for d in (0, 12))
+    for side in ("left", "right"):
+        arm, leaning = (p[f"{side}_elbow"] - p[f"{side}_shoulder"] for p in (upright, leans))
+        assert leaning[1] == pytest.approx(arm[1], abs=0.02)
+
+
+def test_who_stops_comes_to_rest_in_a_second_and_leaves_faster():
+    share, shares = np.zeros(2, np.float32), []
+    for chunk in range(20):  # the second one walks on after 2 s
+        rests = np.array([True, chunk < 10])
+        eased, share = calmed(share, rests, 8)
+        shares.append(eased)
+    found = np.concatenate(shares)
+    assert found[:, 0].argmax() / FPS == pytest.approx(1.2, abs=0.05) and found[-1, 0] == 1
+    gone = (found[80:, 1] == 0).argmax() / FPS
+    assert gone == pytest.approx(0.6, abs=0.05)
+    assert np.abs(np.diff(found, axis=0)).max() < 0.07, "by degrees"
+    assert (calmed(np.ones(1, np.float32), np.array([True]), 8)[0] == 1).all()
+
+
+def test_elbows_at_rest_are_alike_whatever_sign_their_quaternions_have():
+    walked = mid_swing()
+    turned = walked.copy()
+    turned[:, :, ELBOW_JOINTS] *= -1
+    for rest in (0.3, 1.0):
+        (one, _), (other, _) = pose(held(walked, PLAIN, rest)), pose(held(turned, PLAIN, rest))
+        np.testing.assert_allclose(one["left_wrist"], other["left_wrist"], atol=1e-5)
+
+
 def test_lifted_arms_are_left_to_the_model():
     _, tee = standing(1)
     own = PLAIN._replace(
@@ -187,8 +255,10 @@ def test_upper_arms_and_hands_are_turned_alike_on_both_sides():
 def test_agents_differ_and_rows_do_not_touch_each_other():
     numbers = np.random.default_rng(0).random((DRAWN, 5), np.float32)
     rotations = np.repeat(hanging(3), 5, axis=0)
-    together = held(rotations, habits(numbers))
+    rest = np.array([[0, 1, 0.4, 0, 1]], np.float32).repeat(3, 0)
+    together, _ = hold(begun(rotations), rotations, habits(numbers), rest)
     for row in range(5):
-        alone = held(rotations[row : row + 1], habits(numbers[:, row : row + 1]))
+        one = rotations[row : row + 1]
+        alone, _ = hold(begun(one), one, habits(numbers[:, row : row + 1]), rest[:, row : row + 1])
         np.testing.assert_array_equal(alone[0], together[row])
     assert np.ptp(together[:, 0, SHOULDERS[0]], axis=0).max() > 0.01

@@ -9,6 +9,7 @@ from tests.world.output.legwork import body, soles_of, standing
 from wayfarer.world.agents.agent import AgentChange, AgentSpec, ChunkFlag, MotionChunk, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.steering import Steering
+from wayfarer.world.output.legs import KNEES
 from wayfarer.world.output.posture import (
     ELBOW_JOINTS,
     HEAD,
@@ -79,7 +80,8 @@ def test_feet_do_not_jump_at_seams_or_when_a_goal_is_changed():
 
 def test_the_lock_begins_anew_where_the_pose_jumps():
     engine = FakeEngine()
-    world, [agent] = world_of(AgentSpec(betas=(0.5,) + (0.0,) * 9), engine=engine)
+    betas = np.array([0.5] + [0.0] * 9)
+    world, [agent] = world_of(AgentSpec(betas=tuple(betas)), engine=engine)
     world.give(agent, SLOW, 0.0)
     before = list(world.advance(1.0))
     engine.nan_for_beta = 0.5
@@ -87,9 +89,29 @@ def test_the_lock_begins_anew_where_the_pose_jumps():
     pose = standing(1)[1][0, 0]
     assert np.abs(before[-1].rotations[:, MOVED] - pose[MOVED]).max() > 0.01
     hips, turns = after.translation[None], np.broadcast_to(pose, (1, 8, 22, 4))
-    shift = soles_of(hips, after.rotations[None]) - soles_of(hips, turns)
+    shift = soles_of(hips, after.rotations[None], betas) - soles_of(hips, turns, betas)
     assert np.abs(shift[:, 0, ..., :2]).max() < 0.002
     assert after.contacts.all()
+
+
+def knee_bend(chunk: MotionChunk) -> float:
+    """Degrees, the largest of the chunk's last frame."""
+    return float(np.degrees(2 * np.arcsin(np.abs(chunk.rotations[-1, KNEES, 0]).max())))
+
+
+def test_who_stands_on_level_ground_straightens_the_knees_and_who_walks_does_not():
+    world, [agent, walker] = world_of(AgentSpec(), AgentSpec(position=(3.0, 0.0)))
+    slots = world.slots
+    world.give(walker, SLOW, 0.0)
+    stands = list(world.advance(2.0))
+    bent = {
+        name: knee_bend([c for c in stands if c.agent_id == name][-1]) for name in (agent, walker)
+    }
+    assert bent[agent] < 16 and bent[walker] > 28
+    assert slots.posture.upright[:2].tolist() == [1, 0] and slots.posture.rest[0] == 1
+    slots.footing.feet[0] = 0.0, 0.05  # a step between the feet: only the arms rest
+    uneven = [c for c in world.advance(4.0) if c.agent_id == agent]
+    assert knee_bend(uneven[-1]) > 28 and slots.posture.rest[0] == 1
 
 
 def test_agents_of_one_moment_are_cleaned_together_and_apart_alike():

@@ -13,7 +13,7 @@ constexpr double STEP_HEIGHT = 0.05, FLIGHT[] = {0.15, 0.85};
 constexpr double STEP_SHIFT = 0.05, STEP_TURN = 24 * DEGREE, STEP_AHEAD = 0.15, AHEAD_SHIFT = 0.1,
                  AHEAD_TURN = 20 * DEGREE;
 constexpr double AIM = 0.2, TIDY = 0.6, LEADING = 0.25, APART = 0.11, RESTING[] = {0.03, 12 * DEGREE};
-constexpr double RAISED = 0.006, LOWERED = 0.013;
+constexpr double RAISED = 0.006, LOWERED = 0.013, STRAIGHTENED = 0.85;
 constexpr double KICK = 0.485, KICKED[] = {0.05, 0.22}, SPARED = 0.5, CLEAR[] = {TOLD_HEIGHT, 0.08};
 constexpr double AIRBORNE[] = {0, 0.15}, SWAY = 0.016, SURGE = 0.009, AMPLE = 0.5, LONG[] = {0.66, 0.8}, STILL = 0.6;
 constexpr double EVEN = 1 / (1.3 * FPS), EVEN_MOST = 0.05, FORGET = 0.025 / FPS;
@@ -132,13 +132,20 @@ void FootLock::set_out(State& state, bool steps, bool rests, Point across) {
 
 // Lowers the hips over feet that are apart, and heels that are kicked up. Adds to `shifts`; returns how far.
 double FootLock::sink(const LegPose& pose, const Feet<Point>& drawn, const Vec3& hips, const Feet<Slide>& feet,
-                      Feet<Vec3>& shifts) const {
+                      double upright, Feet<Vec3>& shifts) const {
   const double bears = borne(feet[0].height, feet[1].height);
-  const auto spare = [&](std::size_t side) { return legs_.length[side] - length(pose.ankle[side] - pose.hip[side]); };
+  const auto spare = [&](std::size_t side, const Vec3& off = {}) {
+    return legs_.length[side] - length(pose.ankle[side] + off - pose.hip[side]);
+  };
+  const auto placed = [&](std::size_t side) {
+    return spare(side, {shifts[side].x + drawn[side].x, shifts[side].y + drawn[side].y, 0});
+  };
   const Point apart = floor_of(pose.ankle[0]) + drawn[0] - floor_of(pose.ankle[1]) - drawn[1];
   const double wide = (bounded(dot(apart, apart), CLOSE * CLOSE, WIDE * WIDE) - CLOSE * CLOSE) /
                       (WIDE * WIDE - CLOSE * CLOSE);
-  const double sunk = (LOWERED * wide - std::min(RAISED, std::min(spare(0), spare(1)) / 2) * (1 - wide)) * bears;
+  const double walking = LOWERED * wide - std::min(RAISED, std::min(spare(0), spare(1)) / 2) * (1 - wide);
+  const double straight = -STRAIGHTENED * std::max(std::min(placed(0), placed(1)), 0.0);
+  const double sunk = (walking + upright * (straight - walking)) * bears;
   for (std::size_t side = 0; side < 2; ++side) {
     const double ankle = pose.ankle[side].z + hips.z, low = KICKED[0], high = KICKED[1];
     const double over = bounded(ankle - low, 0, high - low);
@@ -149,7 +156,8 @@ double FootLock::sink(const LegPose& pose, const Feet<Point>& drawn, const Vec3&
   return sunk;
 }
 
-Contacts FootLock::clean(FrameHips& hips, FrameTurns& turns, bool steps, double shortened) {
+Contacts FootLock::clean(FrameHips& hips, FrameTurns& turns, bool steps, double shortened,
+                         const std::array<double, FRAMES>& upright) {
   if (!state_) state_ = begin(hips[0], turns[0]);
   State& state = *state_;
   const Poses as_made = poses(hips, turns);
@@ -204,12 +212,12 @@ Contacts FootLock::clean(FrameHips& hips, FrameTurns& turns, bool steps, double 
   state.soles = posed.back().soles;
   state.shortened = shortened_ = shortened;
   for (std::size_t t = 0; t < FRAMES; ++t) {
-    const double sunk = sink(posed[t], drawn.way[t], hips[t], slide[t], shifts[t]);
+    const double sunk = sink(posed[t], drawn.way[t], hips[t], slide[t], upright[t], shifts[t]);
     const Point way = sway(as_made[t], drawn.along[t], drawn.stride[t], slide[t]);
     const Vec3 before = hips[t];
     hips[t] = hips[t] + Vec3{way.x, way.y, -sunk};
     for (Vec3& shift : shifts[t]) shift = shift - Vec3{way.x, way.y, 0};
-    move_feet(as_made[t], before, shifts[t], angles[t], turns[t]);
+    move_feet(as_made[t], before, shifts[t], angles[t], turns[t], FREE + (STRAIGHTENED - FREE) * upright[t]);
   }
   return contacts;
 }

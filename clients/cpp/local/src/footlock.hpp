@@ -19,8 +19,9 @@ class FootLock {
   void restart() { state_.reset(); }
 
   /// Clean a chunk in place. `steps`: the person is on the spot, where feet step. `shortened`: the share that the way
-  /// of the hips is shortened by at its end.
-  Contacts clean(FrameHips& hips, FrameTurns& turns, bool steps, double shortened);
+  /// of the hips is shortened by at its end. `upright`: how far the person has straightened the knees in each frame.
+  Contacts clean(FrameHips& hips, FrameTurns& turns, bool steps, double shortened,
+                 const std::array<double, FRAMES>& upright);
 
   /// Steps as long as the way of the hips, without a lock.
   void shorten_steps(const FrameHips& hips, FrameTurns& turns, double shortened);
@@ -59,7 +60,7 @@ class FootLock {
   static Slides slides(const Poses& poses, const Feet<Soles>& before, bool steps);
   static void set_out(State& state, bool steps, bool rests, Point across);
   double sink(const LegPose& pose, const Feet<Point>& drawn, const Vec3& hips, const Feet<Slide>& feet,
-              Feet<Vec3>& shifts) const;
+              double upright, Feet<Vec3>& shifts) const;
   static Point sway(const LegPose& pose, const Feet<double>& along, double stride, const Feet<Slide>& feet);
 
   Legs legs_;

@@ -10,9 +10,10 @@ constexpr Vec3 LEFT{-1, 0, 0};
 Quat relative(const Quat& parent, const Quat& turn) { return multiply(inverse(parent), turn); }
 
 // distance from hip to ankle that a leg takes when it is `wanted`
-double reach(double before, double wanted, double leg) {
-  const double half = std::max((STRETCH * leg - before) / 2, 1e-6), more = wanted - before;
-  const double eased = std::min(more, half) + half * (1 - std::exp(-std::max(more - half, 0.0) / half));
+double reach(double before, double wanted, double leg, double free) {
+  const double way = STRETCH * leg - before, more = wanted - before;
+  const double near = std::max(free * way, 1e-6), rest = std::max((1 - free) * way, 1e-6);
+  const double eased = std::min(more, near) + rest * (1 - std::exp(-std::max(more - near, 0.0) / rest));
   return std::max(before + eased, std::min(before, FOLD * leg));
 }
 
@@ -21,11 +22,11 @@ double knee_angle(double upper, double lower, double distance) {
   return std::acos(bounded((upper * upper + lower * lower - distance * distance) / both, -1, 1));
 }
 
-void move_ankle(const LegPose& pose, std::size_t side, const Vec3& shift, double turn, Turns& turns) {
+void move_ankle(const LegPose& pose, std::size_t side, const Vec3& shift, double turn, double free, Turns& turns) {
   const Vec3 thigh = pose.knee[side] - pose.hip[side], shin = pose.ankle[side] - pose.knee[side];
   const Vec3 target = pose.ankle[side] + shift - pose.hip[side];
   const double upper = length(thigh), lower = length(shin), far = length(target);
-  const double before = length(pose.ankle[side] - pose.hip[side]), after = reach(before, far, upper + lower);
+  const double before = length(pose.ankle[side] - pose.hip[side]), after = reach(before, far, upper + lower, free);
 
   const Vec3 across = rotate(pose.hip_turn[side], LEFT);
   const Vec3 plane = (1 / std::max(upper * lower, TINY)) * cross(thigh, shin);
@@ -83,11 +84,11 @@ LegPose::LegPose(const Legs& legs, const Vec3& hips, const Turns& turns) : root(
 }
 
 void move_feet(const LegPose& pose, const Vec3& hips, const Feet<Vec3>& shifts, const Feet<double>& angles,
-               Turns& turns) {
+               Turns& turns, double free) {
   for (std::size_t side = 0; side < 2; ++side) {
     const Vec3 arm = hips + pose.ankle[side] - middle(pose.soles[side]);  // turns with the foot
     const Point moved = turned(floor_of(arm), angles[side]) - floor_of(arm);
-    move_ankle(pose, side, shifts[side] + Vec3{moved.x, moved.y, 0}, angles[side], turns);
+    move_ankle(pose, side, shifts[side] + Vec3{moved.x, moved.y, 0}, angles[side], free, turns);
   }
 }
 

@@ -111,11 +111,16 @@ Planned Person::send() {
     lock_.restart();
     looks_.reset();
   }
-  if (!looks_) looks_ = looks(chunk.turns[0]);
   const bool halted = gait.mode == STOPPING && (gait.speed < HALTED || gait.planted);
-  const bool steps = gait.mode == STANDING || gait.mode == TURNING || gait.mode == STRAFING || halted;
-  chunk.contacts = lock_.clean(chunk.hips, chunk.turns, steps, gait.shortened);
-  looks_ = hold(*looks_, chunk.turns, habits_);
+  const bool stands = gait.mode == STANDING || halted, rests = stands || gait.mode == TURNING;
+  if (!looks_) {
+    looks_ = looks(chunk.turns[0]);
+    rest_ = rests;
+    upright_ = stands;
+  }
+  const auto rest = calmed(rest_, rests), upright = calmed(upright_, stands);
+  chunk.contacts = lock_.clean(chunk.hips, chunk.turns, rests || gait.mode == STRAFING, gait.shortened, upright);
+  looks_ = hold(*looks_, chunk.turns, habits_, rest);
   return chunk;
 }
 

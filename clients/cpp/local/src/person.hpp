@@ -71,7 +71,8 @@ class Person {
   const int reaction_;
   const Habits habits_;
   FootLock lock_;
-  std::optional<Looks> looks_;  // after what was sent
+  std::optional<Looks> looks_;          // after what was sent
+  double rest_ = 0, upright_ = 0;  // so far at rest, and with straight knees, then
   std::deque<Planned> queue_;   // planned, not sent
   bool replanned_ = false;
   Motion planned_, committed_;

@@ -9,6 +9,9 @@ constexpr double UPRIGHT[] = {-1.5, 1.5}, LEVEL[] = {-13, -3}, ASIDE[] = {-1, 10
                  TURNED[] = {-3, 16};     // degrees
 constexpr double FOLLOW = 1 / (0.4 * FPS);  // share by which the remembered lean and pitch follow in a frame
 constexpr double TRUNK_SHARE = 0.85, TRUNK_MOST = 5 * DEGREE, HEAD_SHARE = 0.6, HEAD_MOST = 15 * DEGREE;
+constexpr double CALMING = 1 / (1.2 * FPS), LEAVING = 1 / (0.6 * FPS), HANGING = -4 * DEGREE,
+                 HANGING_MOST = 45 * DEGREE, HANGING_ASIDE = 3 * DEGREE;
+constexpr Vec3 RELAXED{0, -4 * DEGREE, 6 * DEGREE}, PALM{-2 * DEGREE, -14 * DEGREE, -7 * DEGREE};
 constexpr double SWING[] = {0.7, 1.35}, SWING_MOST = 15 * DEGREE, UNEVEN = 5 * DEGREE, HANDS[] = {20, 14};
 constexpr std::size_t TRUNK[] = {3, 6, 9}, SPINE = 3, NECK = 12, HEAD = 15;
 constexpr std::size_t SHOULDERS[] = {16, 17}, ELBOW_JOINTS[] = {18, 19}, WRISTS[] = {20, 21};
@@ -21,15 +24,30 @@ double pitch(const Quat& q) { return std::asin(bounded(2 * (q.y * q.z + q.x * q.
 
 void turn_before(Quat& turn, double x, double y, double z) { turn = unit(multiply({x, y, z, 1}, turn)); }
 
-void arm(Turns& turns, std::size_t side, const Habits& own) {
+// brings a rotation so far to one by small angles, mirrored on the left side; not of unit length
+void relax(Quat& turn, const Vec3& angles, double sign, double rest) {
+  const Quat still = unit(Quat{0.5 * angles.x, 0.5 * sign * angles.y, 0.5 * sign * angles.z, 1});
+  const double near = turn.w < 0 ? -1 : 1;
+  turn.x += rest * (near * still.x - turn.x);
+  turn.y += rest * (near * still.y - turn.y);
+  turn.z += rest * (near * still.z - turn.z);
+  turn.w += rest * (near * still.w - turn.w);
+}
+
+// `vertical`: where an arm at rest points
+void arm(Turns& turns, std::size_t side, const Habits& own, double vertical, double rest) {
   const double sign = SIDES[side];
   Quat& shoulder = turns[SHOULDERS[side]];
   const auto [x, y, z, w] = shoulder;
   const double ahead = sign * 2 * (x * y + w * z), down = -sign * 2 * (x * z - w * y);
   const double hangs = bounded(2 * down - 0.4, 0, 1);
   const double swung = std::atan2(ahead, std::max(down, 0.2));
-  const double more = bounded((own.swing - 1) * swung, -SWING_MOST, SWING_MOST) * hangs;
-  turn_before(shoulder, 0.5 * more, -0.5 * sign * own.aside[side] * hangs, -0.5 * sign * own.turned * hangs);
+  const double swings = bounded((own.swing - 1) * swung, -SWING_MOST, SWING_MOST);
+  const double more = (swings + rest * (bounded(vertical - swung, -HANGING_MOST, HANGING_MOST) - swings)) * hangs;
+  const double aside = (own.aside[side] + HANGING_ASIDE * rest) * hangs;
+  turn_before(shoulder, 0.5 * more, -0.5 * sign * aside, -0.5 * sign * own.turned * hangs);
+  relax(turns[ELBOW_JOINTS[side]], RELAXED, sign, rest);
+  relax(turns[WRISTS[side]], PALM, sign, rest);
   turn_before(turns[ELBOW_JOINTS[side]], 0, 0, 0.5 * sign * own.elbows[side]);
   turn_before(turns[WRISTS[side]], 0.5 * own.hands[0], 0.5 * sign * own.hands[1], 0);
 }
@@ -57,9 +75,19 @@ Looks looks(const Turns& turns) {
   return {pitch(chest), pitch(multiply(multiply(chest, turns[NECK]), turns[HEAD]))};
 }
 
-Looks hold(Looks before, std::array<Turns, FRAMES>& frames, const Habits& own) {
+std::array<double, FRAMES> calmed(double& share, bool rests) {
+  std::array<double, FRAMES> shares;
+  for (double& eased : shares) {
+    share = bounded(share + (rests ? CALMING : -LEAVING), 0, 1);
+    eased = share * share * (3 - 2 * share);
+  }
+  return shares;
+}
+
+Looks hold(Looks before, std::array<Turns, FRAMES>& frames, const Habits& own, const std::array<double, FRAMES>& rest) {
   auto [lean, pitch] = before;
-  for (Turns& turns : frames) {
+  for (std::size_t t = 0; t < FRAMES; ++t) {
+    Turns& turns = frames[t];
     const Looks now = looks(turns);
     lean += FOLLOW * (now.lean - lean);
     pitch += FOLLOW * (now.pitch - pitch);
@@ -68,7 +96,7 @@ Looks hold(Looks before, std::array<Turns, FRAMES>& frames, const Habits& own) {
     turns[SPINE] = multiply(about_x(back), turns[SPINE]);
     turns[NECK] = multiply(about_x(up / 2), turns[NECK]);
     turns[HEAD] = multiply(about_x(up / 2), turns[HEAD]);
-    for (std::size_t side = 0; side < 2; ++side) arm(turns, side, own);
+    for (std::size_t side = 0; side < 2; ++side) arm(turns, side, own, HANGING - (lean + back), rest[t]);
   }
   return {lean, pitch};
 }

@@ -20,7 +20,11 @@ struct Looks {
 };
 Looks looks(const Turns& turns);
 
-/// Hold frames so, in place. `before`: how chest and head have looked for the last steps; so does the result.
-Looks hold(Looks before, std::array<Turns, FRAMES>& turns, const Habits& own);
+/// How far somebody is at rest in each frame, eased. `share`: that at the start, and then at the end.
+std::array<double, FRAMES> calmed(double& share, bool rests);
+
+/// Hold frames so, in place. `before`: how chest and head have looked for the last steps; so does the result. `rest`:
+/// how far the person is at rest in each frame.
+Looks hold(Looks before, std::array<Turns, FRAMES>& turns, const Habits& own, const std::array<double, FRAMES>& rest);
 
 }  // namespace wayfarer::local

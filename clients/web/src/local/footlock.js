@@ -1,7 +1,7 @@
 // Feet that bear weight stay where they are, in what is shown. The server's world/output/footlock.py, for one person:
 // what its rules are for is told there. World: metres, Z up, 40 frames per second.
 
-import { FRAMES, LegPose, SOLES, moveFeet } from "./legs.js";
+import { FRAMES, FREE, LegPose, SOLES, moveFeet } from "./legs.js";
 import { bounded } from "./steering.js";
 
 const FPS = 40, DEGREE = Math.PI / 180;
@@ -13,7 +13,7 @@ const SETTLE = 0.25, DROP = 0.02;
 const STEP_FRAMES = 12, STEP_HEIGHT = 0.05, FLIGHT = [0.15, 0.85];
 const STEP_SHIFT = 0.05, STEP_TURN = 24 * DEGREE, STEP_AHEAD = 0.15, AHEAD_SHIFT = 0.1, AHEAD_TURN = 20 * DEGREE;
 const AIM = 0.2, TIDY = 0.6, LEADING = 0.25, APART = 0.11, RESTING = [0.03, 12 * DEGREE];
-const RAISED = 0.006, LOWERED = 0.013;
+const RAISED = 0.006, LOWERED = 0.013, STRAIGHTENED = 0.85;
 const KICK = 0.485, KICKED = [0.05, 0.22], SPARED = 0.5, CLEAR = [TOLD_HEIGHT, 0.08];
 const AIRBORNE = [0, 0.15], SWAY = 0.016, SURGE = 0.009, AMPLE = 0.5, LONG = [0.66, 0.8], STILL = 0.6;
 const EVEN = 1 / (1.3 * FPS), EVEN_MOST = 0.05, FORGET = 0.025 / FPS;
@@ -79,10 +79,12 @@ export class FootLock {
 
   /**
    * Clean a chunk in place. `steps`: the person is on the spot, where feet step. `shortened`: the share that the way
-   * of the hips is shortened by at its end. Returns contacts, left and right of each frame.
+   * of the hips is shortened by at its end. `upright`: how far they have straightened their knees in each frame.
+   * Returns contacts, left and right of each frame.
    * @param {Float64Array} translation @param {Float64Array} rotations @param {boolean} steps @param {number} shortened
+   * @param {Float64Array} upright
    */
-  clean(translation, rotations, steps, shortened) {
+  clean(translation, rotations, steps, shortened, upright) {
     const state = (this.#state ??= this.#begin(translation, rotations));
     const { legs } = this, pose = new LegPose(legs, translation, rotations);
     const { drawn, along, stride } = drawnIn(pose, state, steps, shortened);
@@ -127,7 +129,7 @@ export class FootLock {
     }
     state.soles.set(pose.soles.subarray(-6 * SOLES));
     state.shortened = this.shortened = shortened;
-    sink(legs, pose, drawn, translation, height, shifts);
+    sink(legs, pose, drawn, translation, height, shifts, upright);
     moveSoles(pose, drawn, -1);
     const before = Float64Array.from(translation);
     for (let t = 0; t < FRAMES; t += 1) {
@@ -138,7 +140,7 @@ export class FootLock {
       }
       translation[3 * t + 2] -= pose.sunk[t];
     }
-    moveFeet(pose, before, shifts, turns, rotations);
+    moveFeet(pose, before, shifts, turns, rotations, upright.map((share) => FREE + (STRAIGHTENED - FREE) * share));
     return contacts;
   }
 
@@ -296,21 +298,28 @@ function swayed(pose, along, stride, speed, height, t) {
 /**
  * Lower the hips over feet that are apart, and heels that are kicked up. Fills `pose.sunk`, adds to `shifts`.
  * @param {import("./legs.js").Legs} legs @param {LegPose} pose @param {Float64Array} drawn @param {Float64Array} translation
- * @param {Float64Array} height @param {Float64Array} shifts
+ * @param {Float64Array} height @param {Float64Array} shifts @param {Float64Array} upright
  */
-function sink(legs, pose, drawn, translation, height, shifts) {
+function sink(legs, pose, drawn, translation, height, shifts, upright) {
   for (let t = 0; t < FRAMES; t += 1) {
     const bears = borne(height, t);
-    const spare = [0, 1].map((side) => {
+    const spared = (/** @type {number} */ side, /** @type {number[]} */ off) => {
       const i = 6 * t + 3 * side;
-      const [x, y, z] = [0, 1, 2].map((n) => pose.ankle[i + n] - pose.hip[i + n]);
+      const [x, y, z] = off.map((moved, n) => pose.ankle[i + n] + moved - pose.hip[i + n]);
       return legs.length[side] - Math.hypot(x, y, z);
+    };
+    const spare = [0, 1].map((side) => spared(side, [0, 0, 0]));
+    const placed = [0, 1].map((side) => {
+      const k = 2 * t + side;
+      return spared(side, [shifts[3 * k] + drawn[2 * k], shifts[3 * k + 1] + drawn[2 * k + 1], 0]);
     });
     const at = (/** @type {number} */ side, /** @type {number} */ axis) =>
       pose.ankle[6 * t + 3 * side + axis] + drawn[4 * t + 2 * side + axis];
     const square = (at(0, 0) - at(1, 0)) ** 2 + (at(0, 1) - at(1, 1)) ** 2;
     const wide = (bounded(square, CLOSE ** 2, WIDE ** 2) - CLOSE ** 2) / (WIDE ** 2 - CLOSE ** 2);
-    const sunk = (LOWERED * wide - Math.min(RAISED, Math.min(...spare) / 2) * (1 - wide)) * bears;
+    const walking = LOWERED * wide - Math.min(RAISED, Math.min(...spare) / 2) * (1 - wide);
+    const straight = -STRAIGHTENED * Math.max(Math.min(...placed), 0);
+    const sunk = (walking + upright[t] * (straight - walking)) * bears;
     pose.sunk[t] = sunk;
     for (let side = 0; side < 2; side += 1) {
       const k = 2 * t + side, ankle = pose.ankle[3 * k + 2] + translation[3 * t + 2];

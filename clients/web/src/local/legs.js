@@ -6,6 +6,7 @@ import { multiply, relative, rotate } from "../core/quaternions.js";
 const TURN = 88;
 export const FRAMES = 8, SOLES = 4;
 const HIPS = [1, 2], KNEES = [4, 5], ANKLES = [7, 8], BALLS = [10, 11];
+export const FREE = 0.5;
 const STRETCH = 0.999, FOLD = 0.3, TINY = 1e-9, STRAIGHT = 0.25;
 
 /**
@@ -98,10 +99,11 @@ function add(a, i, b, out, k) {
 
 /**
  * Put each foot `shifts` [frame, side, 3] off, turned by `turns` [frame, side] about the middle of its sole. Writes
- * hips, knees and ankles of `rotations`.
- * @param {LegPose} pose @param {ArrayLike<number>} translation @param {Float64Array} shifts @param {Float64Array} turns @param {Float64Array} rotations
+ * hips, knees and ankles of `rotations`. `free`: share of their length by which legs are stretched at once, in each frame.
+ * @param {LegPose} pose @param {ArrayLike<number>} translation @param {Float64Array} shifts @param {Float64Array} turns
+ * @param {Float64Array} rotations @param {Float64Array} [free]
  */
-export function moveFeet(pose, translation, shifts, turns, rotations) {
+export function moveFeet(pose, translation, shifts, turns, rotations, free) {
   for (let t = 0; t < FRAMES; t += 1) {
     for (let side = 0; side < 2; side += 1) {
       const k = 2 * t + side, turn = turns[k];
@@ -112,7 +114,7 @@ export function moveFeet(pose, translation, shifts, turns, rotations) {
       }
       const cos = Math.cos(turn) - 1, sin = Math.sin(turn);
       const shift = [shifts[3 * k] + cos * x - sin * y, shifts[3 * k + 1] + sin * x + cos * y, shifts[3 * k + 2]];
-      moveAnkle(pose, t, side, shift, turn, rotations);
+      moveAnkle(pose, t, side, shift, turn, rotations, free?.[t]);
     }
   }
 }
@@ -121,8 +123,8 @@ const one = () => new Float64Array(4);
 const [plane, axis, ankleTo, target, bend, swing, twist, hipTurn, kneeTurn, footTurn] = Array.from({ length: 10 }, one);
 const [thigh, shin, side3, bentShin] = Array.from({ length: 4 }, () => new Float64Array(3));
 
-/** @param {LegPose} pose @param {number} t @param {number} side @param {number[]} shift @param {number} turn @param {Float64Array} rotations */
-export function moveAnkle(pose, t, side, shift, turn, rotations) {
+/** @param {LegPose} pose @param {number} t @param {number} side @param {number[]} shift @param {number} turn @param {Float64Array} rotations @param {number} [free] */
+export function moveAnkle(pose, t, side, shift, turn, rotations, free = FREE) {
   const k = 2 * t + side, i = 3 * k;
   let before = 0, wanted = 0;
   for (let n = 0; n < 3; n += 1) {
@@ -134,7 +136,7 @@ export function moveAnkle(pose, t, side, shift, turn, rotations) {
   }
   before = Math.sqrt(before);
   const upper = Math.hypot(thigh[0], thigh[1], thigh[2]), lower = Math.hypot(shin[0], shin[1], shin[2]);
-  const after = reach(before, Math.sqrt(wanted), upper + lower);
+  const after = reach(before, Math.sqrt(wanted), upper + lower, free);
 
   rotate(pose.hipTurn, 4 * k, LEFT, 0, side3, 0);
   cross(thigh, shin, plane, 1 / Math.max(upper * lower, TINY));
@@ -176,10 +178,11 @@ export function moveAnkle(pose, t, side, shift, turn, rotations) {
 
 const LEFT = Float64Array.of(-1, 0, 0);
 
-/** Distance from hip to ankle that a leg takes when it is `wanted`. @param {number} before @param {number} wanted @param {number} leg */
-function reach(before, wanted, leg) {
-  const half = Math.max((STRETCH * leg - before) / 2, 1e-6), more = wanted - before;
-  const eased = Math.min(more, half) + half * (1 - Math.exp(-Math.max(more - half, 0) / half));
+/** Distance from hip to ankle that a leg takes when it is `wanted`. @param {number} before @param {number} wanted @param {number} leg @param {number} free */
+function reach(before, wanted, leg, free) {
+  const way = STRETCH * leg - before, more = wanted - before;
+  const near = Math.max(free * way, 1e-6), rest = Math.max((1 - free) * way, 1e-6);
+  const eased = Math.min(more, near) + rest * (1 - Math.exp(-Math.max(more - near, 0) / rest));
   return Math.max(before + eased, Math.min(before, FOLD * leg));
 }
 

@@ -4,7 +4,7 @@
 import { FootLock } from "./footlock.js";
 import { broken, fallen, gotUp, smoothed } from "./guards.js";
 import { plant, shorten } from "./planting.js";
-import { habitsOf, hold, looks } from "./posture.js";
+import { calmed, habitsOf, hold, looks } from "./posture.js";
 import { isMirrored, mannerOf, reactionOf, strideOf } from "./random.js";
 import { righted } from "./righting.js";
 import {
@@ -40,7 +40,7 @@ export class Person {
   /** @type {LocalChunk[]} */
   #queue = []; // planned, not sent
   #replanned = false;
-  /** @type {ReturnType<typeof looks> | null} */
+  /** @type {(ReturnType<typeof looks> & { rest: number, upright: number }) | null} */
   #posture = null; // after what was sent
   #revision = 0;
   /** @type {import("./steering.js").GoalRow[]} */
@@ -219,11 +219,14 @@ export class Person {
       this.lock.restart();
       this.#posture = null;
     }
-    this.#posture ??= looks(shown.rotations);
     const halted = gait.mode === STOPPING && (gait.speed < HALTED || gait.planted);
-    const steps = gait.mode === STANDING || gait.mode === TURNING || gait.mode === STRAFING || halted;
-    shown.contacts = this.lock.clean(shown.translation, shown.rotations, steps, gait.shortened);
-    this.#posture = hold(this.#posture, shown.rotations, this.habits);
+    const stands = gait.mode === STANDING || halted, rests = stands || gait.mode === TURNING;
+    const before = (this.#posture ??= { ...looks(shown.rotations), rest: Number(rests), upright: Number(stands) });
+    const rest = calmed(before.rest, rests, FRAMES), upright = calmed(before.upright, stands, FRAMES);
+    const steps = rests || gait.mode === STRAFING;
+    shown.contacts = this.lock.clean(shown.translation, shown.rotations, steps, gait.shortened, upright.shares);
+    const held = hold(before, shown.rotations, this.habits, rest.shares);
+    this.#posture = { ...held, rest: rest.share, upright: upright.share };
     return shown;
   }
 

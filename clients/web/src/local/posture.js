@@ -9,6 +9,8 @@ const DEGREE = Math.PI / 180, TURN = 88;
 const UPRIGHT = [-1.5, 1.5], LEVEL = [-13, -3], ASIDE = [-1, 10], ELBOWS = [0, 22], TURNED = [-3, 16]; // degrees
 const FOLLOW = 1 / (0.4 * 40); // share by which the remembered lean and pitch follow in a frame
 const TRUNK_SHARE = 0.85, TRUNK_MOST = 5 * DEGREE, HEAD_SHARE = 0.6, HEAD_MOST = 15 * DEGREE;
+const CALMING = 1 / (1.2 * 40), LEAVING = 1 / (0.6 * 40), HANGING = -4 * DEGREE, HANGING_MOST = 45 * DEGREE;
+const HANGING_ASIDE = 3 * DEGREE, RELAXED = [0, -4 * DEGREE, 6 * DEGREE], PALM = [-2, -14, -7].map((n) => n * DEGREE);
 const SWING = [0.7, 1.35], SWING_MOST = 15 * DEGREE, UNEVEN = 5 * DEGREE, HANDS = [20, 14];
 const TRUNK = [0, 3, 6, 9], SPINE = 3, NECK = 12, HEAD = 15;
 const SHOULDERS = [16, 17], ELBOW_JOINTS = [18, 19], WRISTS = [20, 21];
@@ -43,10 +45,25 @@ export function looks(rotations, at = 0) {
 }
 
 /**
- * Hold the frames of a chunk so, in place. `before`: how chest and head have looked for the last steps; so does the result.
- * @param {ReturnType<typeof looks>} before @param {Float64Array} rotations @param {ReturnType<typeof habitsOf>} own
+ * How far somebody is at rest in each frame of a chunk, eased, and at its end; `before` that at its start.
+ * @param {number} before @param {boolean} rests @param {number} frames
  */
-export function hold(before, rotations, own) {
+export function calmed(before, rests, frames) {
+  let share = before;
+  const shares = Float64Array.from({ length: frames }, () => {
+    share = bounded(share + (rests ? CALMING : -LEAVING), 0, 1);
+    return share * share * (3 - 2 * share);
+  });
+  return { shares, share };
+}
+
+/**
+ * Hold the frames of a chunk so, in place. `before`: how chest and head have looked for the last steps; so does the
+ * result. `rest`: how far the person is at rest in each frame.
+ * @param {ReturnType<typeof looks>} before @param {Float64Array} rotations @param {ReturnType<typeof habitsOf>} own
+ * @param {Float64Array} rest
+ */
+export function hold(before, rotations, own, rest) {
   let { lean, pitch } = before;
   for (let at = 0; at < rotations.length; at += TURN) {
     const now = looks(rotations, at);
@@ -58,22 +75,37 @@ export function hold(before, rotations, own) {
       turn.set([Math.sin(angle / 2), 0, 0, Math.cos(angle / 2)]);
       multiply(turn, 0, rotations, at + 4 * joint, rotations, at + 4 * joint);
     }
-    for (let side = 0; side < 2; side += 1) arm(rotations, at, side, own);
+    for (let side = 0; side < 2; side += 1) arm(rotations, at, side, own, HANGING - (lean + back), rest[at / TURN]);
   }
   return { lean, pitch };
 }
 
-/** @param {Float64Array} rotations @param {number} at @param {number} side @param {ReturnType<typeof habitsOf>} own */
-function arm(rotations, at, side, own) {
+/**
+ * @param {Float64Array} rotations @param {number} at @param {number} side @param {ReturnType<typeof habitsOf>} own
+ * @param {number} vertical where an arm at rest points @param {number} rest
+ */
+function arm(rotations, at, side, own, vertical, rest) {
   const sign = SIDES[side], shoulder = at + 4 * SHOULDERS[side];
   const [x, y, z, w] = rotations.subarray(shoulder, shoulder + 4);
   const ahead = sign * 2 * (x * y + w * z), down = -sign * 2 * (x * z - w * y);
   const hangs = bounded(2 * down - 0.4, 0, 1);
   const swung = Math.atan2(ahead, Math.max(down, 0.2));
-  const more = bounded((own.swing - 1) * swung, -SWING_MOST, SWING_MOST) * hangs;
-  before(rotations, shoulder, 0.5 * more, -0.5 * sign * own.aside[side] * hangs, -0.5 * sign * own.turned * hangs);
-  before(rotations, at + 4 * ELBOW_JOINTS[side], 0, 0, 0.5 * sign * own.elbows[side]);
-  before(rotations, at + 4 * WRISTS[side], 0.5 * own.hands[0], 0.5 * sign * own.hands[1], 0);
+  const swings = bounded((own.swing - 1) * swung, -SWING_MOST, SWING_MOST);
+  const more = (swings + rest * (bounded(vertical - swung, -HANGING_MOST, HANGING_MOST) - swings)) * hangs;
+  const aside = (own.aside[side] + HANGING_ASIDE * rest) * hangs;
+  before(rotations, shoulder, 0.5 * more, -0.5 * sign * aside, -0.5 * sign * own.turned * hangs);
+  const elbow = at + 4 * ELBOW_JOINTS[side], wrist = at + 4 * WRISTS[side];
+  relax(rotations, elbow, RELAXED, sign, rest);
+  before(rotations, elbow, 0, 0, 0.5 * sign * own.elbows[side]);
+  relax(rotations, wrist, PALM, sign, rest);
+  before(rotations, wrist, 0.5 * own.hands[0], 0.5 * sign * own.hands[1], 0);
+}
+
+/** Bring the rotation at i so far to one by small angles, mirrored on the left side; not of unit length. @param {Float64Array} q @param {number} i @param {number[]} angles @param {number} sign @param {number} rest */
+function relax(q, i, [x, y, z], sign, rest) {
+  const near = q[i + 3] < 0 ? -1 : 1, length = Math.hypot(0.5 * x, 0.5 * y, 0.5 * z, 1);
+  turn.set([0.5 * x, 0.5 * sign * y, 0.5 * sign * z, 1]);
+  for (let n = 0; n < 4; n += 1) q[i + n] += rest * ((near * turn[n]) / length - q[i + n]);
 }
 
 /** Turn the rotation at i from the left by (x, y, z, 1), and make it a unit one. @param {Float64Array} q @param {number} i @param {number} x @param {number} y @param {number} z */

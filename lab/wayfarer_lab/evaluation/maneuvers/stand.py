@@ -17,8 +17,8 @@ from wayfarer_lab.evaluation.maneuvers.maneuver import (
     spread,
     way_to,
 )
-from wayfarer_lab.evaluation.metrics import feet
-from wayfarer_lab.evaluation.takes import Take
+from wayfarer_lab.evaluation.metrics import feet, joints
+from wayfarer_lab.evaluation.takes import WRISTS, Take
 
 SECONDS: Final = 60.0
 WALK: Final = 10.0
@@ -61,6 +61,20 @@ def judge(shot: Shot) -> Figures:
         "creep_cm": 100 * float(np.linalg.norm(middle[-1] - middle[0])),
         "sway_cm_s": 100 * float(sway),
         "knee_deg": float(take.knees.max(-1).mean()),
+    } | arms(take)
+
+
+def arms(take: Take) -> Figures:
+    """Means over a take in which somebody stands: `hand_ahead_cm` of the hips, of the hand that is
+    farther ahead; `hands_apart_cm`, by how far one is ahead of the other; `hand_up_cm`, how far the
+    higher one is above the lower.
+    """
+    wrists = take.joints[:, WRISTS]
+    ahead = 100 * joints.hands_ahead(wrists, take.hips, take.facing)
+    return {
+        "hand_ahead_cm": float(ahead.max(-1).mean()),
+        "hands_apart_cm": float(np.ptp(ahead, axis=-1).mean()),
+        "hand_up_cm": 100 * float(np.ptp(wrists[..., 2], axis=-1).mean()),
     }
 
 
@@ -79,6 +93,12 @@ def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
         drift_cm_mean="mean of drift_cm",
         sway_cm_s="mean of sway_cm_s",
         knee_deg="mean of knee_deg",
+        knee_deg_p90="p90 of knee_deg",
+        hand_ahead_cm="median of hand_ahead_cm",
+        hand_ahead_cm_p90="p90 of hand_ahead_cm",
+        hands_apart_cm="median of hands_apart_cm",
+        hands_apart_cm_p90="p90 of hands_apart_cm",
+        hand_up_cm_p90="p90 of hand_up_cm",
     ) | contact_figures([the_stand(shot) for shot in shots])
 
 

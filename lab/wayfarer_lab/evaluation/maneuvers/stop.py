@@ -19,6 +19,7 @@ from wayfarer_lab.evaluation.maneuvers.maneuver import (
     spread,
     way_to,
 )
+from wayfarer_lab.evaluation.maneuvers.stand import arms
 from wayfarer_lab.evaluation.metrics import feet, joints
 from wayfarer_lab.evaluation.takes import HEAD, Take
 
@@ -117,17 +118,21 @@ def judge(shot: Shot) -> Figures:
     if begun is not None:
         after = take.ankles[start + begun :, :, :2]
         moved = float(np.linalg.norm(after[-1] - after[0], axis=-1).max())
-    return {
-        "rests": float(begun is not None),
-        "rest_s": np.nan if begun is None else begun / FPS,
-        "apart_cm": 100 * float(joints.apart_along(take.ankles[moment], take.facing[moment])),
-        "heel_up": float(heels.max() > HEEL_UP),
-        "heel_cm": 100 * float(heels.max()),
-        "knee_deg": float(take.knees[moment].max()),
-        "head_deg": float(joints.head_pitch(take.turns[moment, HEAD])),
-        "tilt_max_deg": float(stop.tilt.max()),
-        "creep_cm": 100 * moved,
-    } | settling(stop)
+    return (
+        {
+            "rests": float(begun is not None),
+            "rest_s": np.nan if begun is None else begun / FPS,
+            "apart_cm": 100 * float(joints.apart_along(take.ankles[moment], take.facing[moment])),
+            "heel_up": float(heels.max() > HEEL_UP),
+            "heel_cm": 100 * float(heels.max()),
+            "knee_deg": float(take.knees[moment].max()),
+            "head_deg": float(joints.head_pitch(take.turns[moment, HEAD])),
+            "tilt_max_deg": float(stop.tilt.max()),
+            "creep_cm": 100 * moved,
+        }
+        | settling(stop)
+        | arms(take[moment : moment + 1])
+    )
 
 
 def the_stop(shot: Shot) -> Take:
@@ -150,6 +155,11 @@ def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
         rest_s_median="median of rest_s",
         rest_s_p90="p90 of rest_s",
         knee_deg="median of knee_deg",
+        knee_deg_p90="p90 of knee_deg",
+        hand_ahead_cm="median of hand_ahead_cm",
+        hand_ahead_cm_p90="p90 of hand_ahead_cm",
+        hands_apart_cm="median of hands_apart_cm",
+        hands_apart_cm_p90="p90 of hands_apart_cm",
         head_deg="median of head_deg",
         creep_cm_p90="p90 of creep_cm",
         tilt_max_deg="mean of tilt_max_deg",
@@ -158,6 +168,7 @@ def summary(shots: Sequence[Shot], each: Sequence[Figures]) -> Figures:
         behind_cm_p95="p95 of behind_cm",
         lean_back_deg_p95="p95 of lean_back_deg",
         more_lifts="mean of more_lifts",
+        more_lifts_p90="p90 of more_lifts",
     ) | contact_figures([shot.take for shot in shots])
 
 

@@ -77,3 +77,13 @@ def turn_seconds(turned: Array, asked: float) -> float:
 def apart_along(ankles: Array, facing: Array) -> Array:
     """Metres from ankle to ankle along the direction faced. [..., 2, 3], [..., 2] → [...]"""
     return np.abs(((ankles[..., 0, :2] - ankles[..., 1, :2]) * facing).sum(-1))
+
+
+def hands_ahead(wrists: Array, hips: Array, facing: Array) -> Array:
+    """Metres that each wrist is ahead of the hips, the way that these face.
+
+    wrists [..., 2, 3], hips [..., 3], facing [..., 2]. [..., 2]
+    """
+    away = (wrists - hips[..., None, :])[..., :2]
+    ahead: Array = (away * facing[..., None, :]).sum(-1)
+    return ahead

@@ -74,7 +74,11 @@ class AgentRows(Rows):
     feet: LockState
     feet_begun: Flags  # False: the feet have not been locked yet; `feet`, `posture` mean nothing
     footing: Footing
-    posture: PostureState  # since 2026-11-23; older rows end before it
+    posture: PostureState  # since 2026-11-23; older rows end before it, or after its pitch
+
+
+OLDER: Final = (row_bytes(PostureState) // 2, row_bytes(PostureState))
+"""Bytes that rows of older builds lack: half of the posture, `rest` and `upright`, or all of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,11 +233,12 @@ def unpack_agents(arrays: bytes, count: int, where: str) -> AgentRows:
     Those that an older build wrote lack the last columns, which are zero. Raises InvalidArgument.
     """
     width = row_bytes(AgentRows)
-    older = width - row_bytes(PostureState)
-    if len(arrays) == count * older:
-        rows = np.zeros((count, width), np.uint8)
-        rows[:, :older] = np.frombuffer(arrays, np.uint8).reshape(count, older)
-        arrays = rows.tobytes()
+    for missing in OLDER:
+        if len(arrays) == count * (width - missing):
+            rows = np.zeros((count, width), np.uint8)
+            rows[:, :-missing] = np.frombuffer(arrays, np.uint8).reshape(count, -1)
+            arrays = rows.tobytes()
+            break
     return unpack(AgentRows, arrays, where)
 
 

@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 from wayfarer.spec import FPS
 from wayfarer.world.output.legs import SOLES, LegPose, Legs, pose_legs
 from wayfarer.world.output.quaternion import Array, bounded, length
-from wayfarer.world.output.twobone import MOVED, move_ankles, move_feet
+from wayfarer.world.output.twobone import FREE, MOVED, move_ankles, move_feet
 from wayfarer.world.rows import Flags, Float, Int8, Rows, Shape
 
 TOUCH_HEIGHT: Final = 0.03
@@ -119,6 +119,10 @@ RAISED: Final = 0.006
 LOWERED: Final = 0.013
 """Metres by which hips are raised over feet that are `CLOSE` to each other, as far as knees are
 bent, and lowered over those that are `WIDE` apart: people come down with each step."""
+
+STRAIGHTENED: Final = 0.85
+"""Share of what bent knees take off the shorter leg by which the hips of who stands upright are
+raised instead; legs reach that far without being eased, see `twobone.FREE`."""
 
 SWAY: Final = 0.016
 SURGE: Final = 0.009
@@ -213,12 +217,14 @@ def lock_feet(
     rotations: Float,
     steps: Flags,
     shortened: Float,
+    upright: Array,
 ) -> Locked:
     """Clean the next F frames of A agents: translation [A, F, 3], rotations [A, F, 22, 4].
 
     `steps` [A]: those that are on the spot, whose feet step. `shortened` [A]: the share that the
-    way of the hips is shortened by at the last of these frames, see `strides.py`. Many frames at
-    once or in pieces, the result is the same; every agent's is its own.
+    way of the hips is shortened by at the last of these frames, see `strides.py`. `upright`
+    [F, A]: how far they have straightened their knees, 0 … 1. Many frames at once or in pieces, the
+    result is the same; every agent's is its own.
     """
     pose = pose_legs(legs, translation, rotations)
     facing = pose.facing
@@ -270,7 +276,7 @@ def lock_feet(
         held[:, frame] = contact & (grip >= 0.5) & (height[:, frame] + moved[2] <= TOLD_HEIGHT)
 
     bears = 1 - _smooth(height.min(0), *AIRBORNE)
-    sunk = _sunk(pose, legs, drawn) * bears
+    sunk = _sunk(pose, legs, drawn, shifts, upright) * bears
     leg = (length(legs.knee.T) + length(legs.ankle.T))[:, None]  # [2, 1, A]
     spare = leg - length(pose.ankle - pose.hip)  # a knee that is nearly straight would snap
     kick = np.minimum(_kick(pose.ankle[2] + translation[..., 2].T, height), SPARED * spare)
@@ -283,7 +289,8 @@ def lock_feet(
     lowered, cleaned = translation.astype(np.float32), rotations.astype(np.float32)
     lowered[..., 2] -= sunk.T
     lowered[..., :2] += swayed.T
-    cleaned[:, :, MOVED] = move_feet(pose, translation, shifts, turns)
+    free = FREE + (np.float32(STRAIGHTENED) - FREE) * upright
+    cleaned[:, :, MOVED] = move_feet(pose, translation, shifts, turns, free)
     after = LockState(
         soles=path[:, :, :, -1].T,
         contact=contact.T,
@@ -354,15 +361,22 @@ _SIDES: Final = np.array([1.0, -1.0], np.float32)[:, None, None]
 """Left and right foot."""
 
 
-def _sunk(pose: LegPose, legs: Legs, drawn: Array | None) -> Array:
-    """Metres by which hips are lowered over their feet [F, A]."""
+def _sunk(pose: LegPose, legs: Legs, drawn: Array | None, shifts: Array, upright: Array) -> Array:
+    """Metres by which hips are lowered over their feet [F, A], which are moved by `shifts`
+    [3, 2, F, A]; over those of who stands upright [F, A] they are raised.
+    """
     ankle = pose.ankle[:2] if drawn is None else pose.ankle[:2] + drawn
     apart = ankle[:, 0] - ankle[:, 1]
     square = bounded((apart * apart).sum(0), CLOSE**2, WIDE**2)
     wide = (square - CLOSE**2) / (WIDE**2 - CLOSE**2)
     leg = (length(legs.knee.T) + length(legs.ankle.T))[:, None]  # [2, 1, A]
     spare = (leg - length(pose.ankle - pose.hip)).min(0)  # straight knees lift nobody
-    return LOWERED * wide - np.minimum(RAISED, spare / 2) * (1 - wide)
+    walking = LOWERED * wide - np.minimum(RAISED, spare / 2) * (1 - wide)
+    placed = pose.ankle - pose.hip
+    placed[:2] += shifts[:2] if drawn is None else shifts[:2] + drawn
+    straight = -STRAIGHTENED * np.maximum((leg - length(placed)).min(0), 0)
+    found: Array = walking + upright * (straight - walking)
+    return found
 
 
 def _swayed(along: Array, facing: Array, speed: Array, reach: Array) -> Array:

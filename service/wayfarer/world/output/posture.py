@@ -9,9 +9,11 @@ arms alike. Frame by frame:
     arms    swing wider or less, hang farther from the body or with elbows more bent, and are
             turned more or less about themselves, as are hands: each agent's have habits of their
             own, see `habits`. So have trunk and head.
+    rest    who stands lets the arms hang, see `HANGING` and `RELAXED`: the model leaves them where
+            the walk has, bent and often one of them ahead, for as long as somebody stands
 
-Lean and pitch are those of the last steps, which is all that is remembered: how trunk and head
-swing within a step is left as it is.
+Lean and pitch are those of the last steps: how trunk and head swing within a step is left as it is.
+They are remembered, and so is how far somebody has come to rest.
 
 Legs and hips are untouched, and so is the motion that the next primitive starts from. Arrays have
 their components first, see `quaternion.py`; angles are radians about axes of the joint above: X to
@@ -28,7 +30,7 @@ import numpy as np
 from wayfarer.body.skeleton import joint_names
 from wayfarer.spec import FPS
 from wayfarer.world.output.quaternion import Array, bounded, multiply, stacked, unit
-from wayfarer.world.rows import Float, Rows
+from wayfarer.world.rows import Flags, Float, Rows
 
 UPRIGHT: Final = (radians(-1.5), radians(1.5))
 """Range over agents of the forward lean of the trunk that is left as it is."""
@@ -76,6 +78,28 @@ bent arms would reach into the body."""
 HANDS: Final = (radians(20), radians(14))
 """Largest angles by which hands are turned about the forearm, and to the palm or away from it."""
 
+CALMING: Final = 1 / (1.2 * FPS)
+LEAVING: Final = 1 / (0.6 * FPS)
+"""Share of the way that somebody comes to rest in a frame, and goes from it."""
+
+HANGING: Final = radians(-4)
+"""Angle by which upper arms that hang at rest point ahead of straight down."""
+
+HANGING_MOST: Final = radians(45)
+"""An arm is not moved by more for it."""
+
+HANGING_ASIDE: Final = radians(3)
+"""Angle by which they hang farther from the body, beside their owner's habit: a straight arm is
+nearer to the thigh."""
+
+RELAXED: Final = (radians(6), radians(-4))
+"""Angles by which an elbow at rest is bent, beside its owner's habit, and which its forearm has
+about the axis that lies across: the model's bend has this direction, and is 35° in those who stand.
+"""
+
+PALM: Final = (radians(-2), radians(-14), radians(-7))
+"""And those of its wrist."""
+
 DRAWN: Final = 12
 """Numbers that the habits of an agent follow from."""
 
@@ -96,10 +120,12 @@ _SIDES: Final = np.array([-1.0, 1.0], np.float32)[:, None, None]
 
 @dataclass(slots=True)
 class PostureState(Rows):
-    """How trunk and head have been for the last steps, as the model has them; radians."""
+    """How trunk and head have been for the last steps, as the model has them, radians; and rest."""
 
     lean: Float  # that the chest looks up
     pitch: Float  # that the head does
+    rest: Float  # 0…1: how far they have come to rest, since 2026-11-23
+    upright: Float  # and have straightened their knees
 
 
 class Habits(NamedTuple):
@@ -133,15 +159,31 @@ def habits(numbers: Sequence[Array]) -> Habits:
     )
 
 
-def settled(rotations: Float) -> PostureState:
-    """The state of agents who have been in a pose for long: rotations [A, 22, 4]."""
+def settled(rotations: Float, rest: Flags, upright: Flags) -> PostureState:
+    """The state of agents who have been in a pose for long: rotations [A, 22, 4], some of them at
+    rest and upright [A].
+    """
     chest, head = _looks(_local(rotations[:, None], TRUNK))
-    return PostureState(chest[0], head[0])
+    return PostureState(chest[0], head[0], rest.astype(np.float32), upright.astype(np.float32))
 
 
-def hold(before: PostureState, rotations: Float, own: Habits) -> tuple[Float, PostureState]:
-    """Rotations [A, F, 22, 4] of frames as the model makes them, as they are sent. Many frames at
-    once or in pieces, the result is the same.
+def calmed(before: Float, rests: Flags, frames: int) -> tuple[Array, Float]:
+    """How far those who rest now [A], and the others, are at rest in so many frames [F, A], eased;
+    and at the end of them, `before` that at their start [A].
+    """
+    shares = np.empty((frames, len(before)), np.float32)
+    share: Array = before
+    for frame in range(frames):
+        share = bounded(share + np.where(rests, np.float32(CALMING), np.float32(-LEAVING)), 0, 1)
+        shares[frame] = share
+    return shares * shares * (3 - 2 * shares), share
+
+
+def hold(
+    before: PostureState, rotations: Float, own: Habits, rest: Array
+) -> tuple[Float, PostureState]:
+    """Rotations [A, F, 22, 4] of frames as the model makes them, as they are sent, with agents so
+    far at rest [F, A]. Many frames at once or in pieces, the result is the same.
     """
     local = _local(rotations, [*TRUNK, *SHOULDERS, *ELBOW_JOINTS, *WRISTS])
     lean, pitch = (
@@ -157,10 +199,11 @@ def hold(before: PostureState, rotations: Float, own: Habits) -> tuple[Float, Po
         (HEAD, _about_x(up / 2, local[:, 5])),
     ):
         held[:, :, joint] = turned.transpose(2, 1, 0)
-    arms = _arms(local[:, 6:8], local[:, 8:10], local[:, 10:12], own)
+    down = HANGING - (lean + back)
+    arms = _arms(local[:, 6:8], local[:, 8:10], local[:, 10:12], own, down, rest)
     for joints, turned in zip((SHOULDERS, ELBOW_JOINTS, WRISTS), arms, strict=True):
         held[:, :, joints] = turned.transpose(3, 2, 1, 0)
-    return held, PostureState(lean[-1], pitch[-1])
+    return held, PostureState(lean[-1], pitch[-1], before.rest, before.upright)
 
 
 def _local(rotations: Float, joints: Sequence[int]) -> Array:
@@ -186,25 +229,53 @@ def _followed(value: Array, values: Array) -> Array:
 
 
 def _arms(
-    shoulders: Array, elbows: Array, wrists: Array, own: Habits
+    shoulders: Array, elbows: Array, wrists: Array, own: Habits, vertical: Array, rest: Array
 ) -> tuple[Array, Array, Array]:
-    """Local rotations [4, 2, F, A] of shoulders, elbows and wrists, held as agents do."""
+    """Local rotations [4, 2, F, A] of shoulders, elbows and wrists, held as agents do.
+
+    An arm at rest points `vertical` [F, A] radians ahead of where the chest's feet are; `rest` is
+    how far each has come there [F, A].
+    """
     x, y, z, w = shoulders
     # where the upper arm points, seen from the chest
     ahead, down = _SIDES * 2 * (x * y + w * z), -_SIDES * 2 * (x * z - w * y)
     hangs = bounded(2 * down - 0.4, 0, 1)  # not while it is lifted
     swung = np.arctan2(ahead, np.maximum(down, 0.2))
-    more = bounded((own.swing - 1) * swung, -SWING_MOST, SWING_MOST) * hangs
-    aside = own.aside[:, None] * hangs
+    more = bounded((own.swing - 1) * swung, -SWING_MOST, SWING_MOST)
+    hung = bounded(vertical - swung, -HANGING_MOST, HANGING_MOST)
+    more = (more + rest * (hung - more)) * hangs
+    aside = (own.aside[:, None] + HANGING_ASIDE * rest) * hangs
     # an arm that hangs is moved away from the body about Y, to its own side
     half = 0.5 * more, -0.5 * _SIDES * aside, -0.5 * _SIDES * own.turned * hangs
     zero, one = np.zeros_like(half[0]), np.ones_like(half[0])
     moved = multiply(stacked(*half, one), shoulders)
     bend = 0.5 * _SIDES * own.elbows[:, None] * one
+    elbows = _relaxed(elbows, _ELBOW, rest)
     bent = multiply(stacked(zero, zero, bend, one), elbows)
+    wrists = _relaxed(wrists, _WRIST, rest)
     about, palm = 0.5 * own.hands[0] * one, 0.5 * _SIDES * own.hands[1] * one
     held = multiply(stacked(about, palm, zero, one), wrists)
     return unit(moved), unit(bent), unit(held)
+
+
+def _relaxed(turns: Array, resting: Array, rest: Array) -> Array:
+    """Local rotations [4, 2, F, A], so far [F, A] on their way to `resting` [4, 2, 1, 1]; not of
+    unit length.
+    """
+    near = np.where(turns[3] < 0, np.float32(-1), np.float32(1))  # q and −q are one rotation
+    found: Array = turns + rest * (near * resting - turns)
+    return found
+
+
+def _both(x: float, y: float, z: float) -> Array:
+    """Small turns of the left and the right arm's joint [4, 2, 1, 1], as quaternions."""
+    one = np.ones((2, 1, 1), np.float32)
+    turns = stacked(0.5 * x * one, 0.5 * y * _SIDES, 0.5 * z * _SIDES, one)
+    return unit(turns).astype(np.float32)
+
+
+_ELBOW: Final = _both(0, RELAXED[1], RELAXED[0])
+_WRIST: Final = _both(*PALM)
 
 
 def _pitch(turn: Array) -> Array:

@@ -40,7 +40,14 @@ of a leg that is nearly straight swings about with the least turn, and that of o
 way is the wrong way round."""
 
 
-def move_feet(pose: LegPose, translation: Float, shift: Array, turn: Array) -> Array:
+FREE: Final = np.float32(0.5)
+"""Share of the way from a leg's length to its full one that it is stretched by at once; the rest is
+approached ever more slowly, so that a knee does not snap straight."""
+
+
+def move_feet(
+    pose: LegPose, translation: Float, shift: Array, turn: Array, free: Array | np.float32 = FREE
+) -> Array:
     """As `move_ankles`, with each foot first turned by `turn` radians [2, F, A] about the vertical
     through the middle of its sole; translation [A, F, 3].
 
@@ -50,20 +57,23 @@ def move_feet(pose: LegPose, translation: Float, shift: Array, turn: Array) -> A
     arm = (pose.ankle + root)[:2] - pose.soles[:2].mean(1)
     cos, sin = np.cos(turn) - 1, np.sin(turn)
     off = stacked(cos * arm[0] - sin * arm[1], sin * arm[0] + cos * arm[1], np.zeros_like(sin))
-    return move_ankles(pose, shift + off, turn)
+    return move_ankles(pose, shift + off, turn, free)
 
 
-def move_ankles(pose: LegPose, shift: Array, turn: Array | None = None) -> Array:
+def move_ankles(
+    pose: LegPose, shift: Array, turn: Array | None = None, free: Array | np.float32 = FREE
+) -> Array:
     """Local rotations [A, F, 6, 4] of the joints `MOVED`, with the ankles `shift` [3, 2, F, A] off.
 
-    An ankle that is out of reach goes as far as `reach` lets it, in the direction of its target.
+    An ankle that is out of reach goes as far as `reach` lets it, `free` [F, A] as there, in the
+    direction of its target.
     Feet keep their turn in the world, unless it is changed by `turn` [2, F, A], radians.
     """
     thigh, shin = pose.knee - pose.hip, pose.ankle - pose.knee
     upper, lower = length(thigh), length(shin)
     straight, target = pose.ankle - pose.hip, pose.ankle + shift - pose.hip
     before = length(straight)
-    after = reach(before, length(target), upper + lower)
+    after = reach(before, length(target), upper + lower, free)
 
     side = rotate(pose.hip_turn, np.array([-1, 0, 0], shift.dtype).reshape(3, 1, 1, 1))
     plane = cross(thigh, shin) / np.maximum(upper * lower, TINY)
@@ -100,16 +110,16 @@ def move_ankles(pose: LegPose, shift: Array, turn: Array | None = None) -> Array
     return np.concatenate(turns, 1).transpose(3, 2, 1, 0)
 
 
-def reach(before: Array, wanted: Array, leg: Array) -> Array:
+def reach(before: Array, wanted: Array, leg: Array, free: Array | np.float32 = FREE) -> Array:
     """Distance from hip to ankle that a leg takes when it is `wanted`; metres, all shapes alike.
 
-    Of the way from `before` to the full length the first half is free, the rest is approached
-    ever more slowly, so that a knee does not snap straight.
+    Of the way from `before` to the full length a share is `free`, see `FREE`.
     """
-    half = np.maximum((STRETCH * leg - before) / 2, 1e-6)
+    way = STRETCH * leg - before
+    near, rest = np.maximum(free * way, 1e-6), np.maximum((1 - free) * way, 1e-6)
     more = wanted - before
-    beyond = np.maximum(more - half, 0)
-    eased = np.minimum(more, half) + half * (1 - np.exp(-beyond / half))
+    beyond = np.maximum(more - near, 0)
+    eased = np.minimum(more, near) + rest * (1 - np.exp(-beyond / rest))
     return np.maximum(before + eased, np.minimum(before, FOLD * leg))
 
 

@@ -12,12 +12,15 @@ from wayfarer.world.agents.agent import ChunkFlag
 from wayfarer.world.agents.slots import Gait, Mode, Slots
 from wayfarer.world.agents.style import draws
 from wayfarer.world.output.footlock import begin, lock_feet, shorten_steps
-from wayfarer.world.output.posture import DRAWN, habits, hold, settled
+from wayfarer.world.output.posture import DRAWN, calmed, habits, hold, settled
 from wayfarer.world.rows import Flags, Index
 from wayfarer.world.stepping.playback import Sent
 
 HALTED: Final = 0.25
 """m/s: a person who is stopping and slower than this has nothing left of the walk."""
+
+EVEN: Final = 0.01
+"""Metres between the feet's floors up to which somebody who stands straightens both knees."""
 
 
 def clean_feet(slots: Slots, sent: Sent) -> None:
@@ -36,19 +39,27 @@ def clean_feet(slots: Slots, sent: Sent) -> None:
         return
     translation, rotations = chunks.translation[wanted], chunks.rotations[wanted]
     legs, feet, posture = slots.legs.take(rows), slots.feet.take(rows), slots.posture.take(rows)
+    gait = chunks.end.gait
+    stands, turns = _stands(gait)[wanted], gait.mode[wanted] == Mode.TURNING
+    floors = slots.footing.feet[rows]
+    level = np.abs(floors[:, 0] - floors[:, 1]) < EVEN
+    rests, upright = stands | turns, stands & level
     jumps = (chunks.flags[wanted] & ChunkFlag.FIRST) > 0
     if len(new := np.flatnonzero(jumps | ~slots.feet_begun[rows])):
         state = begin(legs.take(new), translation[new, 0], rotations[new, 0])
         state.shortened[:] = feet.shortened[new]
         feet.put(new, state)
-        posture.put(new, settled(rotations[new, 0]))
-    steps = _on_the_spot(chunks.end.gait)[wanted]
-    shortened = chunks.end.gait.shortened[wanted]
-    locked = lock_feet(feet, legs, translation, rotations, steps, shortened)
+        posture.put(new, settled(rotations[new, 0], rests[new], upright[new]))
+    frames = translation.shape[1]
+    rest, posture.rest = calmed(posture.rest, rests, frames)
+    straight, posture.upright = calmed(posture.upright, upright, frames)
+    steps = rests | (gait.mode[wanted] == Mode.STRAFING)
+    shortened = gait.shortened[wanted]
+    locked = lock_feet(feet, legs, translation, rotations, steps, shortened, straight)
     slots.feet.put(rows, locked.state)
     slots.feet_begun[rows] = True
     own = habits(draws(slots.noise_seed[rows], DRAWN))
-    held, posture = hold(posture, locked.rotations, own)
+    held, posture = hold(posture, locked.rotations, own, rest)
     slots.posture.put(rows, posture)
     chunks.translation[wanted], chunks.rotations[wanted] = locked.translation, held
     chunks.contacts[wanted] = locked.contacts
@@ -71,7 +82,8 @@ def _shorten(slots: Slots, sent: Sent, unlocked: Index) -> None:
     )
 
 
-def _on_the_spot(gait: Gait) -> Flags:
-    """Those [A] whose feet step where they would slide: they do not walk."""
+def _stands(gait: Gait) -> Flags:
+    """Those [A] who stand, or have come to it."""
     halted = (gait.mode == Mode.STOPPING) & ((gait.speed < HALTED) | gait.planted)
-    return np.isin(gait.mode, (Mode.STANDING, Mode.TURNING, Mode.STRAFING)) | halted
+    found: Flags = (gait.mode == Mode.STANDING) | halted
+    return found

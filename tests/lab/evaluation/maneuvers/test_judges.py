@@ -97,6 +97,22 @@ def test_a_hop_is_no_step() -> None:
 # Stopping
 
 
+ARMS_DOWN = {"left_shoulder": (0.0, -75.0, 0.0), "right_shoulder": (0.0, 75.0, 0.0)}
+
+
+def test_an_arm_that_is_held_ahead_while_somebody_stands_is_seen() -> None:
+    still = stand.judge(shot(take(4.0, **ARMS_DOWN)))
+    assert still["hands_apart_cm"] == pytest.approx(0, abs=1) and abs(still["hand_ahead_cm"]) < 8
+    assert still["hand_up_cm"] < 0.5
+    held = stand.judge(shot(take(4.0, **ARMS_DOWN, left_elbow=(0.0, 0.0, -60.0))))
+    assert held["hands_apart_cm"] > 12 and held["hand_up_cm"] > 6
+    assert held["hand_ahead_cm"] == pytest.approx(
+        still["hand_ahead_cm"] + held["hands_apart_cm"], abs=2
+    )
+    after = stop.judge(shot(take(6.0, **ARMS_DOWN, left_elbow=(0.0, 0.0, -60.0)), (0.0, 0.5)))
+    assert after["hands_apart_cm"] == pytest.approx(held["hands_apart_cm"], abs=0.1)
+
+
 def stopped(seconds: float = 6.0, stride_deg: float = 0.0, pitch: float = 0.0) -> dict[str, float]:
     """Two seconds at 1 m/s, then a stand with the legs `stride_deg` ahead and behind."""
     way = np.minimum(time(seconds), 2.0)

@@ -66,6 +66,13 @@ def test_a_turn_lasts_from_a_tenth_to_nine_tenths() -> None:
     assert np.isnan(joints.turn_seconds(turned, 120.0)), "it never gets there"
 
 
+def test_hands_are_ahead_of_the_hips_whichever_way_these_face() -> None:
+    wrists = np.array([[0.2, 1.3, 1.0], [-0.2, 0.9, 0.8]])
+    hips, faces = np.array([0.0, 1.0, 0.9]), np.array([0.0, 1.0])
+    assert joints.hands_ahead(wrists, hips, faces) == pytest.approx([0.3, -0.1])
+    assert joints.hands_ahead(wrists, hips, -faces) == pytest.approx([-0.3, 0.1])
+
+
 def test_feet_apart_along_the_facing_only() -> None:
     ankles = np.array([[-0.1, 0.2, 0.08], [0.1, 0.0, 0.08]])
     assert joints.apart_along(ankles, np.array([0.0, 1.0])) == pytest.approx(0.2)
