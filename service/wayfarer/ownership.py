@@ -1,5 +1,6 @@
 """Who owns which session, scene and agent, as one node knows it."""
 
+from collections.abc import Sequence
 from typing import Protocol
 
 from wayfarer.endpoint import Endpoint
@@ -14,6 +15,13 @@ class Ownership(Protocol):
     @property
     def own(self) -> Endpoint | None:
         """Where this node is called; None: at the address that its clients know."""
+        ...
+
+    @property
+    def nodes(self) -> Sequence[Endpoint]:
+        """All that share the sessions, and those that did lately: a page of one that has ended
+        goes on at others.
+        """
         ...
 
     def endpoint_of(self, name: str) -> Endpoint | None:
@@ -41,6 +49,7 @@ class SingleNode:
     """A server alone: everything lives here, and always may. Implements `Ownership`."""
 
     own: Endpoint | None = None
+    nodes: Sequence[Endpoint] = ()
 
     def endpoint_of(self, name: str) -> Endpoint | None:
         """None: here, or nowhere."""

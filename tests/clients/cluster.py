@@ -2,6 +2,8 @@
 
 import asyncio
 import contextlib
+import os
+import signal
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
@@ -29,6 +31,15 @@ class RunningCluster:
 
     def _call(self, work):
         return asyncio.run_coroutine_threadsafe(work, self._loop).result()
+
+    def nodes(self):
+        """Names of the nodes that run now, by their addresses."""
+        status = self._call(self._cluster.directory.status())
+        return {f"http://127.0.0.1:{node.node.http_port}": node.node.name for node in status.nodes}
+
+    def kill(self, url):
+        """The node at this address, at once; it is started again elsewhere."""
+        os.kill(self._cluster.keeper(self.nodes()[url]).pid, signal.SIGKILL)
 
     @contextlib.contextmanager
     def drained_meanwhile(self):

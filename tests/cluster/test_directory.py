@@ -6,8 +6,8 @@ import pytest
 
 from tests.cluster.nodes import LEASE, Bench, info, registration, renewal
 from wayfarer.cluster.directory import DRIFT, POOL, Directory, LeaseRules, rendezvous
-from wayfarer.cluster.messages import NodeLoad
-from wayfarer.cluster.slot_map import SlotMap
+from wayfarer.cluster.messages import Changes, NodeLoad
+from wayfarer.cluster.slot_map import MOST_PLACES, SlotMap
 from wayfarer.errors import Aborted, FailedPrecondition, NotFound, Unavailable
 
 
@@ -307,6 +307,25 @@ def test_a_node_knows_where_the_sessions_of_others_are():
     there = bench.nodes["n1"].endpoint_of(f"session-{slot:04x}0123456789ab")
     assert (there.worker, there.grpc_port, there.host) == (0, 1000, "127.0.0.1")
     assert bench.nodes["n0"].endpoint_of(f"session-{slot:04x}0123456789ab") is None
+
+
+def test_a_node_knows_all_nodes_and_those_that_were():
+    bench = Bench(["n0", "n1"])
+    bench.beat()
+    assert {place.http_port for place in bench.nodes["n0"].nodes} == {2000, 2001}
+    bench.later(LEASE * 2, "n0")  # n1 has ended
+    bench.add("n2")
+    bench.beat("n0", "n2")
+    assert {node.http_port for node in bench.nodes["n0"].view.nodes.values()} == {2000, 2002}
+    assert bench.nodes["n0"].nodes[0].http_port == 2001, "oldest first"
+    assert len(bench.nodes["n0"].nodes) == 3
+
+
+def test_places_of_nodes_are_bounded():
+    view = SlotMap()
+    for number in range(MOST_PLACES + 9):
+        view.take(Changes(generation=1, version=number, nodes=(info(f"n{number}"),)))
+    assert [place.worker for place in view.places] == list(range(9, MOST_PLACES + 9))
 
 
 def test_an_imported_snapshot_claims_the_slot_of_its_id():

@@ -13,6 +13,7 @@ from starlette.websockets import WebSocketDisconnect
 
 from tests.transport.auth.test_keys import FILE, STUDIO
 from wayfarer import config_sources
+from wayfarer.endpoint import Endpoint
 from wayfarer.errors import Unavailable
 from wayfarer.service.stats import LoopStats
 from wayfarer.transport.asgi import front
@@ -66,12 +67,12 @@ def guarded(tmp_path, per_second: int = 1000) -> Guard:
     return Guard(Authenticator(KeyFile(path)), CallRates(1000, clock=lambda: 0.0))
 
 
-def client(operation: ServerOptions, stats=None, **options) -> TestClient:
+def client(operation: ServerOptions, stats=None, nodes=None, **options) -> TestClient:
     async def told() -> LoopStats:
         return STATS
 
     options = {"base_url": "http://localhost", **options}
-    return TestClient(front(APP, operation, stats or told), **options)
+    return TestClient(front(APP, operation, stats or told, nodes), **options)
 
 
 @pytest.fixture
@@ -323,3 +324,56 @@ def test_requests_are_counted_by_route_never_by_what_a_client_makes_up():
     assert count("wayfarer_http_seconds_count", labels) == 1
     failed = [line for line in page.splitlines() if 'status="500"' in line and "_count" in line]
     assert len(failed) == 1 and failed[0].endswith(" 1.0")
+
+
+# Pages of the other nodes of a cluster
+
+NODES = (Endpoint(0, 1, 8081), Endpoint(1, 2, 8082, "node-b"), Endpoint(2, 3, 8083, "::1"))
+ASKS = {"access-control-request-method": "POST", "access-control-request-headers": "content-type"}
+
+
+@pytest.fixture
+def node(tmp_path):
+    return client(ServerOptions(guarded(tmp_path)), nodes=lambda: NODES)
+
+
+@pytest.mark.parametrize(
+    "origin", ["http://localhost:8081", "https://node-b:8082", "http://[::1]:8083"]
+)
+def test_pages_of_the_other_nodes_may_call_and_read(node, origin):
+    asked = node.options("/v1/me/x", headers={"origin": origin, **ASKS})
+    assert asked.status_code == 200
+    assert asked.headers["access-control-allow-origin"] == origin
+    answer = node.post("/v1/me/x", headers={"origin": origin, **KEY})
+    assert answer.status_code != 403
+    assert answer.headers["access-control-allow-origin"] == origin
+    assert node.get("/v1/me/x", headers={"origin": origin}).status_code == 401, "a key all the same"
+
+
+@pytest.mark.parametrize(
+    "origin",
+    [
+        *("http://node-b", "http://node-b:8081", "http://node-b:80820", "http://node-b.evil:8082"),
+        *(
+            "http://evil@node-b:8082",
+            "ftp://node-b:8082",
+            "node-b:8082",
+            "null",
+            "http://evil:8081",
+        ),
+    ],
+)
+def test_and_no_others(node, origin):
+    asked = node.options("/v1/me/x", headers={"origin": origin, **ASKS})
+    assert "access-control-allow-origin" not in asked.headers
+    answer = node.post("/v1/me/x", headers={"origin": origin, **KEY})
+    assert answer.status_code == 403
+    assert "access-control-allow-origin" not in answer.headers
+
+
+def test_a_page_may_call_the_other_nodes_and_nothing_else(node, http):
+    policy = node.get("/index.html").headers["content-security-policy"]
+    called = "connect-src 'self' localhost:8081 node-b:8082 [::1]:8083 ws: wss: data: blob:;"
+    assert called in policy
+    for answer in (node.get("/v1/me/x", headers=KEY), http.get("/index.html")):
+        assert "connect-src 'self' ws:" in answer.headers["content-security-policy"]

@@ -1,10 +1,14 @@
 """What a node or an entry knows of the directory: who lives where, a moment ago."""
 
+from typing import Final
+
 from wayfarer.cluster.directory import rendezvous
 from wayfarer.cluster.messages import Changes, NodeInfo
 from wayfarer.endpoint import Endpoint
 from wayfarer.errors import Unavailable
 from wayfarer.ids import slot_of
+
+MOST_PLACES: Final = 64
 
 
 class SlotMap:
@@ -13,6 +17,7 @@ class SlotMap:
     def __init__(self) -> None:
         self.seen = (0, 0)  # generation and version
         self.nodes: dict[str, NodeInfo] = {}
+        self._places: dict[tuple[str, int], Endpoint] = {}  # by host and port, the latest last
         self._owners: dict[int, str] = {}
 
     def take(self, changes: Changes | None) -> None:
@@ -28,7 +33,15 @@ class SlotMap:
                 self._owners.pop(slot, None)
         if changes.nodes is not None:
             self.nodes = {node.name: node for node in changes.nodes}
+            for node in changes.nodes:
+                self._places.pop((node.host, node.http_port), None)
+                self._places[node.host, node.http_port] = endpoint(node)
         self.seen = (changes.generation, changes.version)
+
+    @property
+    def places(self) -> list[Endpoint]:
+        """The nodes, and before them those that were; `MOST_PLACES` at most."""
+        return list(self._places.values())[-MOST_PLACES:]
 
     def owner(self, name: str) -> NodeInfo | None:
         """The node that has what has this id; None: nobody is known to.

@@ -58,6 +58,11 @@ class Tenancy:
         """Where this node is called."""
         return endpoint(self.node)
 
+    @property
+    def nodes(self) -> list[Endpoint]:
+        """See `Ownership`."""
+        return self.view.places
+
     def endpoint_of(self, name: str) -> Endpoint | None:
         """Where what has this id lives; None: here, or nowhere that is known.
 

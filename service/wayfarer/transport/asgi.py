@@ -2,9 +2,10 @@
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Collection
 
 from prometheus_client import make_asgi_app
+from starlette.datastructures import Headers
 from starlette.middleware.cors import CORSMiddleware
 from starlette.types import ASGIApp, Receive, Scope, Send
 
@@ -12,8 +13,9 @@ from wayfarer.errors import WayfarerError
 from wayfarer.service.stats import LoopStats
 from wayfarer.transport.caller import Scope as CallerScope
 from wayfarer.transport.caller import current_caller
-from wayfarer.transport.http_guard import HttpGuard
+from wayfarer.transport.http_guard import HttpGuard, Nodes
 from wayfarer.transport.metrics import Metrics
+from wayfarer.transport.origins import is_page_of, places_of
 from wayfarer.transport.request_limits import problem_response
 from wayfarer.transport.server_options import ServerOptions
 
@@ -23,8 +25,10 @@ STATS_S = 1.0
 Stats = Callable[[], Awaitable[LoopStats]]
 
 
-def front(app: ASGIApp, operation: ServerOptions, stats: Stats) -> ASGIApp:
-    """`app` with all that stands before it."""
+def front(
+    app: ASGIApp, operation: ServerOptions, stats: Stats, nodes: Nodes | None = None
+) -> ASGIApp:
+    """`app` with all that stands before it. `nodes`: of the cluster, whose pages may call."""
     if operation.metrics_access != "off":
         app = MetricsEndpoint(app, operation.metrics, stats, operation.metrics_access == "guarded")
     guarded: ASGIApp = HttpGuard(
@@ -35,12 +39,36 @@ def front(app: ASGIApp, operation: ServerOptions, stats: Stats) -> ASGIApp:
         operation.tracing,
         access_log=operation.access_log,
         metrics_open=operation.metrics_access != "guarded",
+        nodes=nodes or tuple,
     )
-    if not operation.origins.listed:
-        return guarded
+    if operation.origins.listed:
+        guarded = cors(guarded, operation.origins.listed)
+    return guarded if nodes is None else SiblingPages(guarded, nodes)
+
+
+class SiblingPages:
+    """CORS for the pages of a cluster's other nodes; all else goes to `app`."""
+
+    def __init__(self, app: ASGIApp, nodes: Nodes) -> None:
+        self._app = app
+        self._nodes = nodes
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handle one request."""
+        app = self._app
+        if scope["type"] == "http":
+            headers = Headers(scope=scope)
+            origin = headers.get("origin", "")
+            if origin and is_page_of(origin, places_of(self._nodes(), headers.get("host", ""))):
+                app = cors(app, [origin])
+        await app(scope, receive, send)
+
+
+def cors(app: ASGIApp, origins: Collection[str]) -> ASGIApp:
+    """Pages of these origins may read answers."""
     return CORSMiddleware(
-        guarded,
-        allow_origins=sorted(operation.origins.listed),
+        app,
+        allow_origins=sorted(origins),
         allow_methods=["GET", "POST", "PUT", "PATCH", "DELETE"],
         allow_headers=["authorization", "x-api-key", "content-type", "x-request-id",
                        "idempotency-key", "last-event-id", "if-match"],

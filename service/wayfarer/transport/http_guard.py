@@ -2,7 +2,7 @@
 
 import time
 from base64 import urlsafe_b64decode
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -10,13 +10,14 @@ import structlog
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from wayfarer.endpoint import Endpoint
 from wayfarer.errors import PermissionDenied, Unauthenticated, WayfarerError
 from wayfarer.transport import errors
 from wayfarer.transport.auth import Credentials
 from wayfarer.transport.connection import CERTIFICATE
 from wayfarer.transport.guard import Guard, begin
 from wayfarer.transport.metrics import Metrics
-from wayfarer.transport.origins import Origins
+from wayfarer.transport.origins import Origins, is_page_of, places_of
 from wayfarer.transport.request_limits import problem_response
 from wayfarer.transport.tracing import Tracing
 
@@ -39,6 +40,9 @@ PAGE_POLICY: Final = (
 )
 """Content-Security-Policy of the viewer and of /docs: nothing comes from elsewhere."""
 
+Nodes = Callable[[], Iterable[Endpoint]]
+"""The nodes of the cluster, as they are now."""
+
 HOST_SHOWN: Final = 64
 """Characters of a Host header that an error repeats."""
 
@@ -54,6 +58,7 @@ class HttpGuard:
     tracing: Tracing
     access_log: bool = False
     metrics_open: bool = False
+    nodes: Nodes = tuple
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handle one request or socket."""
@@ -64,6 +69,9 @@ class HttpGuard:
         request_id = begin(headers.get("x-request-id", ""))
         started = time.perf_counter()
         status, streams = 500, scope["type"] == "websocket"
+        siblings = places_of(self.nodes(), headers.get("host", ""))
+        is_guarded = self._is_guarded(scope["path"])
+        policy = page_policy(self.origins, () if is_guarded else siblings)
 
         async def noted_send(message: Message) -> None:
             nonlocal status, streams
@@ -71,7 +79,7 @@ class HttpGuard:
                 status = message["status"]
                 answer = MutableHeaders(scope=message)
                 answer["x-request-id"] = request_id
-                answer["content-security-policy"] = page_policy(self.origins)
+                answer["content-security-policy"] = policy
                 answer["x-frame-options"] = "SAMEORIGIN"  # for what knows no frame-ancestors
                 streams = answer.get("content-type", "").startswith(STREAM_TYPES)
             elif message["type"] == "websocket.accept":
@@ -83,9 +91,9 @@ class HttpGuard:
 
         try:
             try:
-                check_page(scope, headers, self.origins)
+                check_page(scope, headers, self.origins, siblings)
                 shown = presented(scope, headers)
-                if self._is_guarded(scope["path"]):
+                if is_guarded:
                     await self.guard.admit(shown, _address(scope))
             except WayfarerError as error:
                 await _refuse(error, scope, receive, noted_send)
@@ -112,9 +120,11 @@ class HttpGuard:
             log.info("call", method=_method(scope), path=path, status=status, ms=ms)
 
 
-def check_page(scope: Scope, headers: Mapping[str, str], origins: Origins) -> None:
+def check_page(
+    scope: Scope, headers: Mapping[str, str], origins: Origins, siblings: Collection[str] = ()
+) -> None:
     """Refuse pages of other origins that open a socket or change something; CORS decides on
-    reads. Raises PermissionDenied.
+    reads. Those of the other nodes of a cluster may. Raises PermissionDenied.
     """
     host = headers.get("host", "")
     if not origins.is_name(host) and not _is_health(scope["path"]):
@@ -124,16 +134,21 @@ def check_page(scope: Scope, headers: Mapping[str, str], origins: Origins) -> No
         )
     if scope["type"] == "http" and scope["method"] in READS:
         return
-    if not origins.allows(headers.get("origin"), host):
+    origin = headers.get("origin")
+    if not (origins.allows(origin, host) or is_page_of(origin or "", siblings)):
         raise PermissionDenied(
             "web pages of this origin may not call; the setting cors_origins lists which may"
         )
 
 
-def page_policy(origins: Origins) -> str:
-    """Content-Security-Policy. Pages of this server may be framed by those that may call."""
+def page_policy(origins: Origins, siblings: Iterable[str] = ()) -> str:
+    """Content-Security-Policy. Pages of this server may be framed by those that may call, and may
+    call the other nodes of its cluster.
+    """
     framing = " ".join(("'self'", *sorted(origins.listed)))
-    return f"{PAGE_POLICY}; frame-ancestors {framing}"
+    called = " ".join(("connect-src 'self'", *siblings))
+    policy = PAGE_POLICY.replace("connect-src 'self'", called)
+    return f"{policy}; frame-ancestors {framing}"
 
 
 def presented(scope: Scope, headers: Mapping[str, str]) -> Credentials:

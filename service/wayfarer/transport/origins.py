@@ -1,10 +1,13 @@
 """Which web pages may call, and by which names the server may be called."""
 
 import socket
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from ipaddress import ip_address
 from typing import Final
 from urllib.parse import urlsplit
+
+from wayfarer.endpoint import Endpoint
 
 ANY: Final = "*"
 """Among `names`: all."""
@@ -46,6 +49,25 @@ class Origins:
             return is_this_machine(parts.hostname or "") or parts.netloc == host
         except ValueError:  # no URL
             return False
+
+
+def places_of(nodes: Iterable[Endpoint], host: str) -> list[str]:
+    """Host and port of each, as they stand in an origin; `host`: the Host header of the call."""
+    try:
+        own = urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        own = ""
+    return [f"{_bracketed(node.host or own)}:{node.http_port}" for node in nodes]
+
+
+def is_page_of(origin: str, places: Collection[str]) -> bool:
+    """Whether a page of `origin` is one of these servers'."""
+    scheme, _, place = origin.partition("://")
+    return scheme in ("http", "https") and place in places
+
+
+def _bracketed(host: str) -> str:
+    return f"[{host}]" if ":" in host else host
 
 
 def own_names() -> frozenset[str]:

@@ -1,6 +1,7 @@
 """Which sessions, scenes and agents a server answers for, and where the others are called."""
 
 from collections import OrderedDict
+from collections.abc import Sequence
 from typing import Final
 
 from wayfarer.endpoint import Endpoint
@@ -25,6 +26,11 @@ class Residence:
         """Where this server is called; None: at the address that its clients know."""
         own = self._ownership.own
         return None if own is None else schema.Endpoint.of(own)
+
+    @property
+    def nodes(self) -> Sequence[Endpoint]:
+        """See `Ownership`."""
+        return self._ownership.nodes
 
     @property
     def holds(self) -> bool:

@@ -95,7 +95,7 @@ class Server:
             gateway_interceptors(guard),
             operation.connections,
         )
-        app = front(http_app(gateway), operation, gateway.loop_stats)
+        app = front(http_app(gateway), operation, gateway.loop_stats, gateway.nodes)
         self._http = HttpServer(app, gateway.limits, operation)
         self.http_url = http_url(host, self._socket, bool(tls))
         self.grpc_address = f"{bracketed(host)}:{self._grpc.port}"

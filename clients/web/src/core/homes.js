@@ -8,6 +8,14 @@ export class Homes {
   /** @param {string} entry the server's address, "http://host:port" or "host:port" */
   constructor(entry) {
     this.entry = entry;
+    /** Addresses to ask when `entry` does not answer, in turn. @type {string[]} */
+    this.others = [];
+  }
+
+  /** From now on another one is asked in place of the entry. */
+  turn() {
+    this.others.push(this.entry);
+    this.entry = /** @type {string} */ (this.others.shift());
   }
 
   /** The address at which the one whose id is in `about` is called. @param {string} about */
@@ -41,13 +49,14 @@ export class Homes {
 
 /**
  * The addresses that a call, or a stream, goes to in turn: `address` is the next one. At most four: the node that is
- * known, the one that it names, the entry, the one that it names.
+ * known, the one that it names, the entry, the one that it names; and two more for each of `Homes.others`.
  */
 export class Route {
   #homes;
   #about;
   #asked = false; // the entry
   #followed = false;
+  #turns = 0;
   address = "";
 
   /** @param {Homes} homes @param {string} about */
@@ -62,6 +71,7 @@ export class Route {
     this.address = this.#homes.home(this.#about);
     this.#asked = this.address === this.#homes.entry;
     this.#followed = false;
+    this.#turns = 0;
   }
 
   /** The call has succeeded, or the stream has begun. @param {string} [made] id of what was made by it */
@@ -106,7 +116,10 @@ export class Route {
 
   #ask() {
     this.#homes.forget(this.#about);
-    if (this.#asked) return false;
+    if (this.#asked) {
+      if (this.#turns++ === this.#homes.others.length) return false;
+      this.#homes.turn();
+    }
     this.#asked = true;
     this.#followed = false;
     this.address = this.#homes.entry;

@@ -6,10 +6,11 @@ caller (caller.py): its scopes are checked at the method's door (`needs`), its s
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import structlog
 
+from wayfarer.endpoint import Endpoint
 from wayfarer.errors import Unauthenticated, Unavailable
 from wayfarer.limits import Limits
 from wayfarer.ownership import Ownership
@@ -85,6 +86,10 @@ class Gateway:
     def streams(self) -> int:
         """Open streams."""
         return self._context.book.streams
+
+    def nodes(self) -> Sequence[Endpoint]:
+        """See `Ownership`."""
+        return self._context.residence.nodes
 
     async def loop_stats(self) -> LoopStats:
         """Figures for the metrics page; checks no scope."""

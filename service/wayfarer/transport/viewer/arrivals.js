@@ -14,7 +14,7 @@ export class Arrivals {
 
   /** Where somebody's body is, and what it is asked for with: [URL, headers]. `detail`: "low" or "high". */
   mesh(agent, detail) {
-    const url = new URL(this.bodies.get(agent.gender).glb_path, location.href);
+    const url = new URL(this.bodies.get(agent.gender).glb_path, `${this.api.homes.entry}/`);
     url.searchParams.set("betas", agent.betas.map((beta) => beta.toFixed(4)).join(","));
     url.searchParams.set("style", agent.alias);
     url.searchParams.set("detail", this.detail ?? detail);

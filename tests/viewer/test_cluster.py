@@ -1,0 +1,53 @@
+"""The page in a cluster: its node is killed, and it goes on at the one that has its people then."""
+
+import time
+from collections.abc import Collection
+from urllib.request import urlopen
+
+from tests.clients.cluster import RunningCluster
+from tests.viewer.chromium import CONNECTION, Page, needs_chromium
+
+pytestmark = needs_chromium
+
+SHARED_SERVER = False  # it starts its own
+PEOPLE = "globalThis.wayfarer.crowd.people"
+NAMES = f"{PEOPLE}.map(({{ agent }}) => agent.name).sort()"
+SHOWN = f"{PEOPLE}.filter(({{ shown }}) => shown).length"
+CHUNKS = "globalThis.wayfarer.player.stats.chunks"
+ADD = "document.querySelector('#add-one').click()"
+
+
+def test_a_page_whose_node_is_killed_goes_on_at_another(page: Page):
+    with RunningCluster() as cluster:
+        until_they_know_each_other(cluster.nodes())
+        page.call("Page.navigate", url=f"{cluster.url}/?detail=low&scene=corridor")
+        page.wait_for(f"globalThis.wayfarer?.book.version >= 0 && {CONNECTION} === 'open'", 60)
+        node = page.evaluate("location.origin")
+        assert node != cluster.url
+        for _ in range(2):
+            page.evaluate(ADD)
+        page.wait_for(f"{SHOWN} === 2", 60)
+        session, names = page.evaluate("wayfarer.session"), page.evaluate(NAMES)
+        time.sleep(2.5)  # all is copied to the neighbour
+        cluster.kill(node)
+        page.wait_for(f"{CONNECTION} !== 'open'", 30)
+        page.wait_for(f"{CONNECTION} === 'open'", 60)
+        before = page.evaluate(CHUNKS)
+        page.wait_for(f"{CHUNKS} > {before} + 4", 30)
+        assert (page.evaluate("wayfarer.session"), page.evaluate(NAMES)) == (session, names)
+        page.evaluate(ADD)  # over HTTP, of another origin than the page
+        page.wait_for(f"{SHOWN} === 3", 60)
+        assert page.evaluate("wayfarer.session") == session
+        assert page.evaluate("location.origin") == node
+
+
+def until_they_know_each_other(urls: Collection[str]) -> None:
+    """A page may call the nodes that its own one knew when it was opened."""
+    places = {url.removeprefix("http://") for url in urls}
+    ends_at = time.monotonic() + 30
+    while time.monotonic() < ends_at:
+        policies = [urlopen(url).headers["content-security-policy"].split() for url in urls]
+        if all(places <= set(policy) for policy in policies):
+            return
+        time.sleep(0.1)
+    raise TimeoutError(policies)
