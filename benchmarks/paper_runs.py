@@ -1,8 +1,8 @@
 """Train what rows of docs/paper.md stand for, and measure it.
 
-    python -m benchmarks.paper_runs GROUP... --data PREPARED [--runs runs/paper] [--steps 5000]
-        [--rollout-steps 1000] [--batch 256] [--minutes 50] [--train | --measure]
-        [--poses 100]
+    python -m benchmarks.paper_runs GROUP... --data PREPARED [--test PREPARED_CMU]
+        [--runs runs/paper] [--steps 5000] [--rollout-steps 1000] [--batch 256] [--minutes 50]
+        [--train | --measure] [--poses 100]
 
 predictors   the four predictors of Table S1, trained alike; also their rows of Fig. 3
 direct       Sec. A.4: predictors of body parameters, and one of markers that is trained alike
@@ -12,7 +12,8 @@ regressors   Table S2: the paper's regressors
 One process loads the data once and trains, on one thread, what is not finished; the same line
 resumes. Steps and batch are those of `--config paper/NAME` unless given. Then `wayfarer eval`
 writes its tables into benchmarks/results, of what is finished. --train and --measure do one
-of both. Runs lie in RUNS/GROUP/NAME.
+of both. docs/paper.md is measured on data prepared of CMU's recordings alone. Runs lie in
+RUNS/GROUP/NAME.
 """
 
 import argparse
@@ -177,6 +178,7 @@ def main(words: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("groups", nargs="+", choices=GROUPS)
     parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--test", type=Path, help="prepared data to measure on; --data")
     parser.add_argument("--runs", type=Path, default=Path("runs/paper"))
     for name in ("--steps", "--rollout-steps", "--batch"):
         parser.add_argument(name, type=int)
@@ -199,7 +201,7 @@ def main(words: Sequence[str] | None = None) -> int:
             minutes = (until - time.monotonic()) / 60
             done = train(config, data, folder, minutes) and done
     for group in () if asked.train else asked.groups:
-        measure(group, asked.runs, asked.data, asked.poses)
+        measure(group, asked.runs, asked.test or asked.data, asked.poses)
     return 0 if done else 1
 
 
