@@ -72,8 +72,9 @@ def test_what_comes_out_is_runs_that_can_be_measured(config, tmp_path):
     ):
         weights = network.state_dict()
         assert all(torch.equal(weights[k], v) for k, v in made[name].items() if k in weights)
-    effort = json.loads((out / "regressor_male" / "effort.json").read_text())
+    effort = json.loads((out / "predictor_2f_rollout" / "effort.json").read_text())
     assert effort["steps"] == config.steps
+    assert not (out / "regressor_male" / "effort.json").exists(), "told once"
     kept = {name: value.clone() for name, value in made["regressor_male"].items()}
     assert train_end_to_end(config, DATA, DATA, out), "resumes to nothing"
     again = torch.load(out / "regressor_male" / "last.pt", weights_only=True)["model"]

@@ -23,7 +23,10 @@ MOJO: Final = (
     "its weights come under the licence of AMASS; the row of optimisation below does as it does"
 )
 HUMOR: Final = "its weights come under the licences of AMASS and SMPL, which do not allow them here"
-LICENCE: Final = "the licence of these recordings does not allow them here"
+LICENCE: Final = (
+    "the licence of these recordings does not allow them here; who has AMASS prepares them as "
+    "docs/data.md says and measures them with --data"
+)
 
 
 @dataclass(frozen=True)
