@@ -1,6 +1,6 @@
 """Train what rows of docs/paper.md stand for, and measure it.
 
-    python -m benchmarks.paper_runs GROUP... --data PREPARED [--test PREPARED_CMU]
+    python -m benchmarks.paper_runs GROUP... --data PREPARED [--test PREPARED]
         [--runs runs/paper] [--steps 5000] [--rollout-steps 1000] [--batch 256] [--minutes 50]
         [--train | --measure] [--poses 100]
 
@@ -12,8 +12,8 @@ regressors   Table S2: the paper's regressors
 One process loads the data once and trains, on one thread, what is not finished; the same line
 resumes. Steps and batch are those of `--config paper/NAME` unless given. Then `wayfarer eval`
 writes its tables into benchmarks/results, of what is finished. --train and --measure do one
-of both. docs/paper.md is measured on data prepared of CMU's recordings alone. Runs lie in
-RUNS/GROUP/NAME.
+of both. docs/paper.md is measured on data whose held-out people are those of CMU alone. Runs lie
+in RUNS/GROUP/NAME.
 """
 
 import argparse

@@ -25,7 +25,7 @@ not measured; a row that is missing says why. *Recordings* are measured by the s
 **Data.** The paper trains and tests on AMASS, on SMPL-X bodies; its recordings may not be used
 here. Ours are trained on CMU's recordings on the anny52 body (those *trained alike* also on
 100STYLE's) and tested on three other people of CMU (08, 09, 32; not untouched:
-[results.md](results.md)), prepared without 100STYLE. So compare orders, not values.
+[results.md](results.md)), without the held-out takes of 100STYLE. So compare orders, not values.
 [models.md](models.md#where-we-deviate-from-the-paper-and-why) lists all deviations.
 
 **Trainings.** "Made by" has steps × batch and minutes of processor time. No row of the shipped
