@@ -156,8 +156,10 @@ def _jerks(path: Float) -> Float:
     """Squared second differences [N, F, ...] of turns [N, 2 + F, ..., 4]."""
     turns = path[:, 1:] - path[:, :-1]
     change = turns[:, 1:] - turns[:, :-1]
-    x, y, z, w = np.moveaxis(change * change, -1, 0)
-    squared: Float = x + y + z + w
+    change *= change  # in place, as the sum: these arrays are the largest there are
+    squared: Float = change[..., 0] + change[..., 1]
+    squared += change[..., 2]
+    squared += change[..., 3]
     return squared
 
 

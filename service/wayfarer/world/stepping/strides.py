@@ -56,11 +56,13 @@ def shorten(before: Float, gait: Gait, start: Float, step: Step, seed: Seeds) ->
         return step, seed
     rise = np.arange(1, NEW_FRAMES + 1, dtype=np.float32) / NEW_FRAMES
     share = before[:, None] + rise * (gait.shortened - before)[:, None]
-    path = np.concatenate([start[:, None, :2], step.translation[..., :2]], 1)
-    off = -np.cumsum(share[..., None] * np.diff(path, axis=1), axis=1)
-    translation, whole = step.translation.copy(), off[:, -1:].astype(np.float32)
-    translation[..., :2] += off
+    translation = step.translation.copy()
     moved = Seeds(seed.markers.copy(), seed.translation.copy(), seed.rotations)
-    moved.markers[..., :2] += whole[:, None]
-    moved.translation[..., :2] += whole
+    for axis in (0, 1):  # one after the other: numpy is slow over a last axis of two
+        path = np.concatenate([start[:, None, axis], step.translation[..., axis]], 1)
+        off = -np.cumsum(share * np.diff(path, axis=1), axis=1)
+        whole = off[:, -1:].astype(np.float32)
+        translation[..., axis] += off
+        moved.markers[..., axis] += whole[..., None]
+        moved.translation[..., axis] += whole
     return step._replace(translation=translation), moved
