@@ -83,7 +83,8 @@ def _cleaned(body: BodyModel, spec: AgentSpec, found: MotionPlan) -> tuple[Float
     stands = found.modes == Mode.STANDING
     rests = stands | (found.modes == Mode.TURNING)
     rest, upright = _calmed(rests), _calmed(stands)
-    locked = lock_feet(state, legs, hips, rotations, nobody, np.zeros(1, np.float32), upright)
+    level = np.zeros(1, np.float32)
+    locked = lock_feet(state, legs, hips, rotations, nobody, nobody, level, upright)
     own = habits(draws(np.array([spec.noise_seed], np.uint64), DRAWN))
     begun = settled(rotations[:, 0], rests[:1], stands[:1])
     held, _ = hold(begun, locked.rotations, own, rest)

@@ -12,7 +12,7 @@ constexpr int STEP_FRAMES = 12;
 constexpr double STEP_HEIGHT = 0.05, FLIGHT[] = {0.15, 0.85};
 constexpr double STEP_SHIFT = 0.05, STEP_TURN = 24 * DEGREE, STEP_AHEAD = 0.15, AHEAD_SHIFT = 0.1,
                  AHEAD_TURN = 20 * DEGREE;
-constexpr double AIM = 0.2, TIDY = 0.6, LEADING = 0.25, APART = 0.11, RESTING[] = {0.03, 12 * DEGREE};
+constexpr double AIM = 0.2, TIDY = 0.8, PATIENT = 1.6, LEADING = 0.25, APART = 0.11, RESTING[] = {0.03, 12 * DEGREE};
 constexpr double RAISED = 0.006, LOWERED = 0.013, STRAIGHTENED = 0.85;
 constexpr double KICK = 0.485, KICKED[] = {0.05, 0.22}, SPARED = 0.5, CLEAR[] = {TOLD_HEIGHT, 0.08};
 constexpr double AIRBORNE[] = {0, 0.15}, SWAY = 0.016, SURGE = 0.009, AMPLE = 0.5, LONG[] = {0.66, 0.8}, STILL = 0.6;
@@ -119,7 +119,7 @@ FootLock::Slides FootLock::slides(const Poses& poses, const Feet<Soles>& before,
 }
 
 // one foot sets out on a step if it is due
-void FootLock::set_out(State& state, bool steps, bool rests, Point across) {
+void FootLock::set_out(State& state, bool steps, double bound, Point across) {
   const auto error = [&](std::size_t side) {
     return std::max(length(floor_of(state.shift[side])) / STEP_SHIFT, std::abs(state.turn[side]) / STEP_TURN);
   };
@@ -127,7 +127,7 @@ void FootLock::set_out(State& state, bool steps, bool rests, Point across) {
   const double to_left = lag - (state.turn[0] + state.turn[1]) / STEP_TURN;
   const std::size_t first = error(0) + (to_left > 0 ? LEADING : -LEADING) >= error(1) ? 0 : 1;
   const bool free = steps && state.contact[0] && state.contact[1] && state.swing[0] == 0 && state.swing[1] == 0;
-  if (free && error(first) > (rests ? TIDY : 1)) state.swing[first] = STEP_FRAMES;
+  if (free && error(first) > bound) state.swing[first] = STEP_FRAMES;
 }
 
 // Lowers the hips over feet that are apart, and heels that are kicked up. Adds to `shifts`; returns how far.
@@ -156,7 +156,7 @@ double FootLock::sink(const LegPose& pose, const Feet<Point>& drawn, const Vec3&
   return sunk;
 }
 
-Contacts FootLock::clean(FrameHips& hips, FrameTurns& turns, bool steps, double shortened,
+Contacts FootLock::clean(FrameHips& hips, FrameTurns& turns, bool steps, bool waits, double shortened,
                          const std::array<double, FRAMES>& upright) {
   if (!state_) state_ = begin(hips[0], turns[0]);
   State& state = *state_;
@@ -184,7 +184,7 @@ Contacts FootLock::clean(FrameHips& hips, FrameTurns& turns, bool steps, double 
           foot.height < (was ? LIFT_HEIGHT : TOUCH_HEIGHT) && foot.speed < (was ? LIFT_SPEED : TOUCH_SPEED);
       state.hold[side] = bounded(state.hold[side] + (state.contact[side] ? RISE : -RISE), 0, 1);
     }
-    set_out(state, steps, rests, across);
+    set_out(state, steps, rests ? TIDY : waits ? PATIENT : 1, across);
     Feet<Vec3> goals{};
     if (steps) goals = {landing(feet[0].way, feet[0].turn), landing(feet[1].way, feet[1].turn)};
     goals = uncrossed(goals, state.shift, between, across);

@@ -18,9 +18,10 @@ class FootLock {
   /// Forget the past: the next chunk starts in another pose.
   void restart() { state_.reset(); }
 
-  /// Clean a chunk in place. `steps`: the person is on the spot, where feet step. `shortened`: the share that the way
-  /// of the hips is shortened by at its end. `upright`: how far the person has straightened the knees in each frame.
-  Contacts clean(FrameHips& hips, FrameTurns& turns, bool steps, double shortened,
+  /// Clean a chunk in place. `steps`: the person is on the spot, where feet step, and `waits` with it who comes to a
+  /// stand. `shortened`: the share that the way of the hips is shortened by at its end. `upright`: how far the person
+  /// has straightened the knees in each frame.
+  Contacts clean(FrameHips& hips, FrameTurns& turns, bool steps, bool waits, double shortened,
                  const std::array<double, FRAMES>& upright);
 
   /// Steps as long as the way of the hips, without a lock.
@@ -58,7 +59,7 @@ class FootLock {
   Poses poses(const FrameHips& hips, const FrameTurns& turns) const;
   static Drawn draw_in(const Poses& poses, State& state, bool steps, double shortened, bool evens);
   static Slides slides(const Poses& poses, const Feet<Soles>& before, bool steps);
-  static void set_out(State& state, bool steps, bool rests, Point across);
+  static void set_out(State& state, bool steps, double bound, Point across);
   double sink(const LegPose& pose, const Feet<Point>& drawn, const Vec3& hips, const Feet<Slide>& feet,
               double upright, Feet<Vec3>& shifts) const;
   static Point sway(const LegPose& pose, const Feet<double>& along, double stride, const Feet<Slide>& feet);

@@ -113,13 +113,14 @@ Planned Person::send() {
   }
   const bool halted = gait.mode == STOPPING && (gait.speed < HALTED || gait.planted);
   const bool stands = gait.mode == STANDING || halted, rests = stands || gait.mode == TURNING;
+  const bool steps = rests || gait.mode == STRAFING, waits = gait.mode == STANDING;
   if (!looks_) {
     looks_ = looks(chunk.turns[0]);
     rest_ = rests;
     upright_ = stands;
   }
   const auto rest = calmed(rest_, rests), upright = calmed(upright_, stands);
-  chunk.contacts = lock_.clean(chunk.hips, chunk.turns, rests || gait.mode == STRAFING, gait.shortened, upright);
+  chunk.contacts = lock_.clean(chunk.hips, chunk.turns, steps, waits, gait.shortened, upright);
   looks_ = hold(*looks_, chunk.turns, habits_, rest);
   return chunk;
 }

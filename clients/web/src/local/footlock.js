@@ -12,7 +12,7 @@ const FADE = 1 / (0.15 * FPS);
 const SETTLE = 0.25, DROP = 0.02;
 const STEP_FRAMES = 12, STEP_HEIGHT = 0.05, FLIGHT = [0.15, 0.85];
 const STEP_SHIFT = 0.05, STEP_TURN = 24 * DEGREE, STEP_AHEAD = 0.15, AHEAD_SHIFT = 0.1, AHEAD_TURN = 20 * DEGREE;
-const AIM = 0.2, TIDY = 0.6, LEADING = 0.25, APART = 0.11, RESTING = [0.03, 12 * DEGREE];
+const AIM = 0.2, TIDY = 0.8, PATIENT = 1.6, LEADING = 0.25, APART = 0.11, RESTING = [0.03, 12 * DEGREE];
 const RAISED = 0.006, LOWERED = 0.013, STRAIGHTENED = 0.85;
 const KICK = 0.485, KICKED = [0.05, 0.22], SPARED = 0.5, CLEAR = [TOLD_HEIGHT, 0.08];
 const AIRBORNE = [0, 0.15], SWAY = 0.016, SURGE = 0.009, AMPLE = 0.5, LONG = [0.66, 0.8], STILL = 0.6;
@@ -78,13 +78,13 @@ export class FootLock {
   }
 
   /**
-   * Clean a chunk in place. `steps`: the person is on the spot, where feet step. `shortened`: the share that the way
-   * of the hips is shortened by at its end. `upright`: how far they have straightened their knees in each frame.
+   * Clean a chunk in place. `steps`: the person is on the spot, where feet step, and `waits` with it who comes to a
+   * stand. `shortened`: the share that the way of the hips is shortened by at its end. `upright`: how far they have straightened their knees in each frame.
    * Returns contacts, left and right of each frame.
-   * @param {Float64Array} translation @param {Float64Array} rotations @param {boolean} steps @param {number} shortened
-   * @param {Float64Array} upright
+   * @param {Float64Array} translation @param {Float64Array} rotations @param {boolean} steps @param {boolean} waits
+   * @param {number} shortened @param {Float64Array} upright
    */
-  clean(translation, rotations, steps, shortened, upright) {
+  clean(translation, rotations, steps, waits, shortened, upright) {
     const state = (this.#state ??= this.#begin(translation, rotations));
     const { legs } = this, pose = new LegPose(legs, translation, rotations);
     const { drawn, along, stride } = drawnIn(pose, state, steps, shortened);
@@ -102,7 +102,7 @@ export class FootLock {
         state.contact[side] = height[k] < up && speed[k] < (state.contact[side] ? LIFT_SPEED : TOUCH_SPEED);
         state.hold[side] = bounded(state.hold[side] + (state.contact[side] ? RISE : -RISE), 0, 1);
       }
-      setOut(state, steps, rests, across);
+      setOut(state, steps, rests ? TIDY : waits ? PATIENT : 1, across);
       const goals = uncrossed(land.map((goal) => goal.map((n) => (steps ? n : 0))), state.shift, between, across);
       const next = [0, 1].map((side) => {
         const k = 2 * t + side, shift = state.shift[side], stays = KEPT[state.swing[side]];
@@ -253,8 +253,8 @@ function apartness(pose, t) {
   return { between, across: apart.map((n) => n / Math.max(between, 1e-6)) };
 }
 
-/** One foot sets out on a step if it is due. @param {LockState} state @param {boolean} steps @param {boolean} rests @param {number[]} across */
-function setOut(state, steps, rests, across) {
+/** One foot sets out on a step if it is due. @param {LockState} state @param {boolean} steps @param {number} bound @param {number[]} across */
+function setOut(state, steps, bound, across) {
   const { shift, turn, swing, contact } = state;
   const error = [0, 1].map((side) =>
     Math.max(Math.hypot(shift[side][0], shift[side][1]) / STEP_SHIFT, Math.abs(turn[side]) / STEP_TURN));
@@ -262,7 +262,7 @@ function setOut(state, steps, rests, across) {
   const toLeft = lag - (turn[0] + turn[1]) / STEP_TURN;
   const first = error[0] + (toLeft > 0 ? LEADING : -LEADING) >= error[1] ? 0 : 1;
   const free = steps && contact[0] && contact[1] && swing[0] === 0 && swing[1] === 0;
-  if (free && error[first] > (rests ? TIDY : 1)) swing[first] = STEP_FRAMES;
+  if (free && error[first] > bound) swing[first] = STEP_FRAMES;
 }
 
 /** Landings at which no foot comes nearer to the other than `APART`. @param {number[][]} goals @param {number[][]} shift @param {number} between @param {number[]} across */

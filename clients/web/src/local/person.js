@@ -223,8 +223,8 @@ export class Person {
     const stands = gait.mode === STANDING || halted, rests = stands || gait.mode === TURNING;
     const before = (this.#posture ??= { ...looks(shown.rotations), rest: Number(rests), upright: Number(stands) });
     const rest = calmed(before.rest, rests, FRAMES), upright = calmed(before.upright, stands, FRAMES);
-    const steps = rests || gait.mode === STRAFING;
-    shown.contacts = this.lock.clean(shown.translation, shown.rotations, steps, gait.shortened, upright.shares);
+    const steps = rests || gait.mode === STRAFING, waits = gait.mode === STANDING;
+    shown.contacts = this.lock.clean(shown.translation, shown.rotations, steps, waits, gait.shortened, upright.shares);
     const held = hold(before, shown.rotations, this.habits, rest.shares);
     this.#posture = { ...held, rest: rest.share, upright: upright.share };
     return shown;

@@ -103,8 +103,12 @@ AIM: Final = 0.2
 """Share by which the landing follows that place in a frame: the model's speed may change at once,
 a foot in the air does not."""
 
-TIDY: Final = 0.6
+TIDY: Final = 0.8
 """Share of those bounds from which a foot steps when the model has come to rest."""
+
+PATIENT: Final = 1.6
+"""Share from which it steps before that if somebody stands: where a foot is to be is only known
+when the model's feet rest, and one that sets out earlier has to be set down again."""
 
 LEADING: Final = 0.25
 """Share of those bounds by which the inner or leading foot is preferred."""
@@ -216,12 +220,14 @@ def lock_feet(
     translation: Float,
     rotations: Float,
     steps: Flags,
+    waits: Flags,
     shortened: Float,
     upright: Array,
 ) -> Locked:
     """Clean the next F frames of A agents: translation [A, F, 3], rotations [A, F, 22, 4].
 
-    `steps` [A]: those that are on the spot, whose feet step. `shortened` [A]: the share that the
+    `steps` [A]: those that are on the spot, whose feet step. `waits` [A]: of them those who stand,
+    whose feet step late, see `PATIENT`. `shortened` [A]: the share that the
     way of the hips is shortened by at the last of these frames, see `strides.py`. `upright`
     [F, A]: how far they have straightened their knees, 0 … 1. Many frames at once or in pieces, the
     result is the same; every agent's is its own.
@@ -253,10 +259,11 @@ def lock_feet(
     apart = np.diff(pose.soles[:2].mean(1), axis=1)[:, 0]  # [2, F, A] from left to right foot
     between = length(apart)
     across = apart / np.maximum(between, 1e-6)
+    bounds = np.where(rests, TIDY, np.where(waits, PATIENT, 1))
     for frame in range(height.shape[1]):
         contact = np.where(contact, stays[:, frame], touches[:, frame])
         hold = bounded(hold + np.where(contact, RISE, -RISE), 0, 1)
-        swing = _begun(swing, contact & steps, shift, turn, rests[frame], across[:, frame])
+        swing = _begun(swing, contact & steps, shift, turn, bounds[frame], across[:, frame])
         flies = _FLIES[swing]
         leashed = firmness[:, frame] * (1 - _smooth(length(shift[:2]), *LEASH))
         grip = hold * np.where(steps, 1, leashed) * ~flies
@@ -436,9 +443,10 @@ def _landings(slide: Array, turning: Array) -> tuple[Array, Flags]:
 
 
 def _begun(
-    swing: NDArray[np.int8], may: Flags, shift: Array, turn: Array, rests: Flags, across: Array
+    swing: NDArray[np.int8], may: Flags, shift: Array, turn: Array, bound: Array, across: Array
 ) -> NDArray[np.int8]:
-    """Frames left of each foot's step [2, A]: one foot of those that `may` sets out if it is due.
+    """Frames left of each foot's step [2, A]: one foot of those that `may` sets out if it is due,
+    from `bound` [A] on.
 
     The foot that is farther from its place, while both bear. Of feet about as far away the inner
     one goes first in a turn, and the leading one aside; across [2, A] points from left to right.
@@ -448,7 +456,7 @@ def _begun(
     to_left = lag - (turn[0] + turn[1]) / STEP_TURN
     left_first = error[0] + np.where(to_left > 0, LEADING, -LEADING) >= error[1]
     free = may[0] & may[1] & (swing[0] == 0) & (swing[1] == 0)
-    sets_out = free & (error > np.where(rests, TIDY, 1))
+    sets_out = free & (error > bound)
     sets_out[0] &= left_first
     sets_out[1] &= ~left_first
     return np.where(sets_out, np.int8(STEP_FRAMES), swing)

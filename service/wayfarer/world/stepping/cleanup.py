@@ -54,8 +54,9 @@ def clean_feet(slots: Slots, sent: Sent) -> None:
     rest, posture.rest = calmed(posture.rest, rests, frames)
     straight, posture.upright = calmed(posture.upright, upright, frames)
     steps = rests | (gait.mode[wanted] == Mode.STRAFING)
+    waits = gait.mode[wanted] == Mode.STANDING
     shortened = gait.shortened[wanted]
-    locked = lock_feet(feet, legs, translation, rotations, steps, shortened, straight)
+    locked = lock_feet(feet, legs, translation, rotations, steps, waits, shortened, straight)
     slots.feet.put(rows, locked.state)
     slots.feet_begun[rows] = True
     own = habits(draws(slots.noise_seed[rows], DRAWN))
