@@ -96,10 +96,14 @@ class LegPose:
         return ahead / np.maximum(length(ahead), 1e-9)
 
 
+_USED: Final = (0, *HIPS, *KNEES, *ANKLES, *BALLS)
+
+
 def pose_legs(legs: Legs, translation: Float, rotations: Float) -> LegPose:
     """Forward kinematics: translation [A, F, 3], rotations [A, F, 22, 4] as in `StepOutputs`."""
-    used = rotations.take([0, *HIPS, *KNEES, *ANKLES, *BALLS], axis=2)
-    local = np.ascontiguousarray(used.transpose(3, 2, 1, 0))  # [4, 9, F, A]
+    local = np.empty((4, len(_USED), *rotations.shape[1::-1]), rotations.dtype)  # [4, 9, F, A]
+    for place, joint in enumerate(_USED):  # all of them at once take five times as long
+        local[:, place] = rotations[:, :, joint].transpose(2, 1, 0)
     root_turn = local[:, :1]
     hip = rotate(root_turn, _column(legs.hip))
     hip_turn = multiply(root_turn, local[:, 1:3])
