@@ -3,10 +3,12 @@
 import asyncio
 import base64
 import contextlib
+import json
 import struct
 from urllib.parse import quote, urlsplit
 
 import websockets
+from google.protobuf.json_format import ParseDict, ParseError
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from tests.fuzz.inputs import Inputs
@@ -17,6 +19,8 @@ SURFACE = "WebSocket"
 REQUEST = control_pb2.ControlRequest.DESCRIPTOR
 BAD_CODES = {1011, 4500, 4503, 4504}
 QUERIES = ("", "", "&fps=10", "&fps=nan", "&bones=hips", "&agent=%00", "&x=1")
+VIEWPOINTS = '{"viewpoints": [{"position": {"x": 1.5, "y": 0, "z": -2e3}, "reach": 0.5}]}'
+INTEREST = '{"rings": [{"radius": 9}, {"radius": 20, "format": {"encoding": 4}}], ' + VIEWPOINTS[1:]
 FRAMES = 12
 """Sent over one connection, at most."""
 
@@ -44,8 +48,11 @@ async def _messages(url: str, inputs: Inputs, quota: Quota, tally: Tally) -> Non
                     break
                 kind, data = inputs.draw(REQUEST)
                 sent[0] = data
-                text = inputs.chance.random() < 0.1
-                await socket.send(data.decode("latin-1") if text else data)
+                text = inputs.chance.random()
+                if text < 0.1:
+                    await socket.send(data.decode("latin-1"))
+                else:
+                    await socket.send(_nearly(inputs, VIEWPOINTS) if text < 0.2 else data)
                 tally.answer(SURFACE, kind, "sent")
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(0.05):
@@ -73,13 +80,30 @@ def _closed(tally: Tally, kind: str, code: int, data: bytes) -> None:
 def _address(url: str, inputs: Inputs) -> str:
     session = quote(inputs.text("session_id"))
     extra = inputs.chance.choice(QUERIES)
+    if inputs.chance.random() < 0.3:
+        extra = f"&interest={quote(_nearly(inputs, INTEREST))}"
     path = inputs.chance.choice(("/v1/control", f"/v1/stream?session={session}{extra}"))
     return url.replace("http", "ws", 1) + path
+
+
+def _nearly(inputs: Inputs, text: str) -> str:
+    """As it is, or with a number or some bytes of it changed."""
+    if inputs.chance.random() < 0.3:
+        return text
+    if inputs.chance.random() < 0.5:
+        odd = inputs.chance.choice(("1e400", "-1", "null", "NaN", "[]", '"9"', "1e-300"))
+        return text.replace(inputs.chance.choice(("9", "1.5", "-2e3", "0.5", "0")), odd)
+    return inputs.mutate(text.encode()).decode("latin-1")
 
 
 def _opening(inputs: Inputs) -> bytes:
     request = control_pb2.ControlRequest()
     request.open.session_id = inputs.text("session_id")
+    if inputs.chance.random() < 0.3:
+        with contextlib.suppress(ParseError):
+            ParseDict(json.loads(INTEREST), request.open.interest)
+        if inputs.chance.random() < 0.5:
+            return inputs.mutate(request.SerializeToString())
     return request.SerializeToString()
 
 
