@@ -2,7 +2,7 @@
 
     python -m benchmarks.paper_runs GROUP... --data PREPARED [--test PREPARED]
         [--runs runs/paper] [--steps 5000] [--rollout-steps 1000] [--batch 256] [--minutes 50]
-        [--train | --measure] [--poses 100]
+        [--train | --measure] [--poses 100] [--results FOLDER]
 
 predictors   the four predictors of Table S1, trained alike; also their rows of Fig. 3
 direct       Sec. A.4: predictors of body parameters, and one of markers that is trained alike
@@ -12,8 +12,9 @@ regressors   Table S2: the paper's regressors
 One process loads the data once and trains, on one thread, what is not finished; the same line
 resumes. Steps and batch are those of `--config paper/NAME` unless given. Then `wayfarer eval`
 writes its tables into benchmarks/results, of what is finished. --train and --measure do one
-of both. docs/paper.md is measured on data whose held-out people are those of CMU alone. Runs lie
-in RUNS/GROUP/NAME.
+of both. docs/paper.md is measured on data whose held-out people are those of CMU alone, and into
+a folder outside of the checkout: a second table would find the commit changed by the first. Runs
+lie in RUNS/GROUP/NAME.
 """
 
 import argparse
@@ -61,7 +62,7 @@ GROUPS: Final[dict[str, Group]] = {
             *("predictor_2f", "direct_body", "direct_humor"),
             *("predictor_2f_rollout", "direct_body_rollout", "direct_humor_rollout"),
         ),
-        {"realism": "realism_direct", "failures": ""},
+        {"realism": "realism_direct", "failures": "failures"},
     ),
     "end_to_end": Group(("end_to_end",), {"realism": "realism_e2e"}),
     "regressors": Group(tuple(f"regressor_{g}" for g in GENDERS), {"regressor": "regressor_paper"}),
@@ -143,8 +144,8 @@ def rows(group: str, finished: Sequence[str]) -> list[str]:
     return [row for name in names for row in VARIANTS[name]]
 
 
-def measure(group: str, runs: Path, data: Path, poses: int) -> None:
-    """Write the tables of a group's finished runs into benchmarks/results."""
+def measure(group: str, runs: Path, data: Path, poses: int, results: Path = RESULTS) -> None:
+    """Write the tables of a group's finished runs into a folder."""
     folder = runs / group
     if group == "end_to_end":  # its networks are runs inside it
         folder = folder / "end_to_end"
@@ -159,16 +160,15 @@ def measure(group: str, runs: Path, data: Path, poses: int) -> None:
             wanted += ["--only", ",".join(n for n in TRAINED if TRAINED[n] in finished)]
         if table == "failures":
             wanted += ["--poses", str(poses)]
-        if file:
-            wanted += ["--json", str(RESULTS / f"{file}.json")]
+        wanted += ["--json", str(results / f"{file}.json")]
         if not finished:
             print(f"{group}: nothing is finished, so there is no {table}")
             continue
         command = ["wayfarer", "eval", table, *wanted]
         print(shlex.join(command), flush=True)
         subprocess.run(command, check=True)
-        for leftover in (".md", ".png") if file else ():  # the page is made of the JSON alone
-            (RESULTS / f"{file}{leftover}").unlink(missing_ok=True)
+        for leftover in (".md", ".png"):  # the page is made of the JSON alone
+            (results / f"{file}{leftover}").unlink(missing_ok=True)
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -180,6 +180,7 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--test", type=Path, help="prepared data to measure on; --data")
     parser.add_argument("--runs", type=Path, default=Path("runs/paper"))
+    parser.add_argument("--results", type=Path, default=RESULTS)
     for name in ("--steps", "--rollout-steps", "--batch"):
         parser.add_argument(name, type=int)
     parser.add_argument("--minutes", type=float, default=float("inf"))
@@ -201,7 +202,7 @@ def main(words: Sequence[str] | None = None) -> int:
             minutes = (until - time.monotonic()) / 60
             done = train(config, data, folder, minutes) and done
     for group in () if asked.train else asked.groups:
-        measure(group, asked.runs, asked.test or asked.data, asked.poses)
+        measure(group, asked.runs, asked.test or asked.data, asked.poses, asked.results)
     return 0 if done else 1
 
 
