@@ -236,7 +236,7 @@ def unpack_agents(arrays: bytes, count: int, where: str) -> AgentRows:
     for missing in OLDER:
         if len(arrays) == count * (width - missing):
             rows = np.zeros((count, width), np.uint8)
-            rows[:, :-missing] = np.frombuffer(arrays, np.uint8).reshape(count, -1)
+            rows[:, :-missing] = np.frombuffer(arrays, np.uint8).reshape(count, width - missing)
             arrays = rows.tobytes()
             break
     return unpack(AgentRows, arrays, where)
