@@ -134,8 +134,9 @@ def test_serve_tells_nobody_and_writes_into_its_state_folder_only(environment, t
         before=strace(record),
         environment=environment,
     ) as service:
-        session = post(service.url, "/v1/sessions", {}).json()
-        agents = f"/v1/sessions/{session['session_id']}/agents"
+        answer = post(service.url, "/v1/sessions", {})
+        assert answer.is_success, answer.text
+        agents = f"/v1/sessions/{answer.json()['session_id']}/agents"
         post(service.url, agents, {"agents": [{}]}).raise_for_status()
         time.sleep(LATER_S)
     found = asked(record)

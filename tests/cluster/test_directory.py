@@ -21,6 +21,16 @@ def test_a_node_gets_slots_of_its_own_for_new_sessions():
     assert all(len(node._pool) == POOL for node in bench.nodes.values())
 
 
+def test_a_node_has_slots_only_once_all_have_come():
+    """Until then it is not ready: what is placed there would be refused."""
+    bench = Bench(["n0"], settled=False, nodes=2)
+    assert not bench.nodes["n0"].has_slots
+    bench.add("n1")
+    assert bench.nodes["n1"].has_slots and not bench.nodes["n0"].has_slots
+    bench.beat()
+    assert bench.nodes["n0"].has_slots
+
+
 def test_slots_are_shared_when_the_pool_is_used_up_and_filled_again():
     bench = Bench(["n0"])
     slots = [bench.new_session("n0") for _ in range(POOL + 3)]
@@ -63,16 +73,34 @@ def test_a_report_that_comes_after_its_successor_is_not_heard():
     assert bench.directory.status(bench.now).agents == 2
 
 
-def test_placement_spreads_sessions_that_hold_nobody_yet():
+@pytest.mark.parametrize("gap", [0.005, 0.05, 0.5])
+def test_placement_spreads_sessions_that_hold_nobody_yet(gap):
+    """However fast they come, and though each node reports at a time of its own."""
     bench = Bench(["n0", "n1", "n2"])
     placed = Counter()
-    for i in range(60):
-        name = bench.directory.place(bench.now).name
-        placed[name] += 1
-        bench.loads[name] = NodeLoad(sessions=placed[name])
-        if i % 5 == 0:
-            bench.later(0.25, "n0", "n1", "n2")
-    assert max(placed.values()) <= 24 and min(placed.values()) >= 16
+    reports_at = {name: bench.now + 0.08 * i for i, name in enumerate(bench.nodes)}
+    for _ in range(60):
+        bench.now += gap
+        for name, at in reports_at.items():
+            if at <= bench.now:
+                bench.loads[name] = NodeLoad(sessions=placed[name])
+                bench.beat(name)
+                reports_at[name] = bench.now + 0.25
+        placed[bench.directory.place(bench.now).name] += 1
+    assert max(placed.values()) - min(placed.values()) <= 4, placed
+
+
+def test_sessions_that_were_placed_and_never_made_are_forgotten():
+    bench = Bench(["n0", "n1"])
+    bench.directory.drain("n1")
+    for _ in range(5):
+        assert bench.directory.place(bench.now).name == "n0"
+    bench.add("n2")
+    bench.loads["n2"] = NodeLoad(sessions=3)
+    bench.beat()
+    assert bench.directory.place(bench.now).name == "n2"
+    bench.later(2.5, "n0", "n1", "n2")
+    assert bench.directory.place(bench.now).name == "n0"
 
 
 def test_placement_prefers_free_capacity_not_few_people():

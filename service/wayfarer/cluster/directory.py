@@ -78,7 +78,16 @@ class _Node:
     used: set[int] = field(default_factory=set)
     keepers: tuple[str, ...] = ()  # of its replicas: the present one, and the one before
     draining: bool = False
-    placed: deque[float] = field(default_factory=deque)  # when sessions were placed here
+    placed: deque[tuple[float, int]] = field(default_factory=deque)
+    """When a session was placed here, and how many the node had reported then."""
+
+    def sessions(self, now: float) -> int:
+        """That it has, or will have once the clients have called to whom it was given."""
+        while self.placed and self.placed[0][0] < now - UNSEEN_S:
+            self.placed.popleft()
+        # a report may hold some of those placed in this time: what each found, and those after it
+        found = (reported - index for index, (_, reported) in enumerate(self.placed))
+        return max(self.load.sessions, len(self.placed) + max(found, default=0))
 
 
 @dataclass(slots=True)
@@ -283,7 +292,7 @@ class Directory:
         drawn = self._random.sample(able, min(2, len(able)))
         mean = self._mean_session(able)
         chosen = min(drawn, key=lambda node: self._burden(node, mean, now))
-        chosen.placed.append(now)
+        chosen.placed.append((now, chosen.load.sessions))
         self.counters["placed"] += 1
         if request:
             self._placed[request] = chosen.info.name
@@ -318,13 +327,10 @@ class Directory:
     def _burden(self, node: _Node, mean: float, now: float) -> float:
         """Share of a node's room that is taken.
 
-        Agents come after their session, and reports later still: a session counts as the mean one
-        beside the agents that are there, and from when it is placed.
+        Agents come after their session: a session counts as the mean one beside the agents that
+        are there.
         """
-        while node.placed and node.placed[0] < now - UNSEEN_S:
-            node.placed.popleft()
-        sessions = node.load.sessions + len(node.placed)
-        return (node.load.agents + mean * sessions) / max(1, node.info.capacity)
+        return (node.load.agents + mean * node.sessions(now)) / max(1, node.info.capacity)
 
     # ---- answers
 

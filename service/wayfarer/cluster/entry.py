@@ -100,8 +100,10 @@ class NodeFinder:
     async def _look(self) -> None:
         async with self._looking:
             with contextlib.suppress(WayfarerError):
+                status = await self._directory.status()
+                # after the status: who reads there that nodes are ready finds them in the view
                 self._view.take(await self._directory.changes(self._view.seen))
-                self.status = await self._directory.status()
+                self.status = status
                 self._heard_at = time.monotonic()
 
     @property

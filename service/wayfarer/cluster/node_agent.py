@@ -115,6 +115,7 @@ class NodeAgent:
         self._replicas = replicas
         self._stop = stop
         self._neighbour = ""
+        self._agents = self._sessions = 0
         self._leased = False
         self._held_until = 0.0
         self._contents: dict[str, asyncio.Task[None]] = {}  # of scenes, sent to the neighbour
@@ -183,13 +184,13 @@ class NodeAgent:
             await self._obey(answer)
 
     async def _load(self) -> NodeLoad:
-        agents = sessions = 0
+        """What it had last, where it has no time to count: a busy node is not an empty one."""
         with contextlib.suppress(WayfarerError, TimeoutError):
             async with asyncio.timeout(STATS_S):
                 stats = await self._gateway.loop_stats()
-            agents, sessions = stats.agents, stats.sessions
-        ready = self._gateway.started and self._gateway.alive
-        return NodeLoad(agents=agents, sessions=sessions, ready=ready)
+            self._agents, self._sessions = stats.agents, stats.sessions
+        ready = self._gateway.started and self._gateway.alive and self._tenancy.has_slots
+        return NodeLoad(agents=self._agents, sessions=self._sessions, ready=ready)
 
     def _tell_lease(self) -> None:
         leased = self._tenancy.leased

@@ -78,6 +78,11 @@ class Tenancy:
             raise Unavailable(f"{name!r} is on its way to this node; try again")
         return None if found is None else endpoint(found)
 
+    @property
+    def has_slots(self) -> bool:
+        """For new sessions; a node that has just come has none until the directory's answer."""
+        return bool(self._pool or self._held)
+
     def new_key(self) -> int:
         """A slot of its own; when these are used up, one that another session shares.
 
