@@ -227,7 +227,7 @@ async def stop_for_long(cluster, watched, said):
     wanted = settled(status) + next(n.slots for n in status.nodes if n.node.name == name)
     await cluster.until(lambda s: settled(s) == wanted)
     os.kill(pid, signal.SIGCONT)
-    await cluster.until(lambda s: name in [n.node.name for n in s.nodes if n.slots == 0])
+    await cluster.until(lambda s: name in [n.node.name for n in s.nodes])
     for one in there:
         one.clear()
     for one in watched:

@@ -56,14 +56,13 @@ class Rig:
         await self.entry.stop()
 
     async def owned(self, node):
-        """Id of a session of this node, of which the entry has heard."""
+        """Id of a session of this node."""
         directory = DirectoryClient(self.link)
         slot = next(
             s for s, entry in self.link.service._directory._slots.items()
             if entry.owner == node.name
         )  # fmt: skip
         await directory.renew(LeaseRenewal(name=node.name, count=2, load=NodeLoad(), used=(slot,)))
-        await asyncio.sleep(0.6)
         return session_id(slot)
 
 
@@ -98,6 +97,19 @@ async def test_every_call_is_sent_to_a_node():
         async with Client(rig.entry.grpc_address, timeout=5) as client:
             with pytest.raises(Unavailable):  # it followed; nobody listens there
                 await client.session(name)
+
+
+async def test_who_was_made_a_moment_ago_is_found():
+    """The entry looks at the directory every quarter of a second, and again for an unknown id."""
+    async with Rig() as rig:
+        name = session_id(0xFFFF)
+        assert (await rig.http.get(f"/v1/sessions/{name}")).status_code == 421, "to some node"
+        for count, node in enumerate(rig.nodes, start=2):
+            slot = 0xFF00 + count
+            told = LeaseRenewal(name=node.name, count=count, load=NodeLoad(), used=(slot,))
+            await DirectoryClient(rig.link).renew(told)
+            found = await rig.http.get(f"/v1/sessions/{session_id(slot)}")
+            assert found.json()["endpoint"]["grpc_port"] == node.grpc_port
 
 
 class AnsweringRig(Rig):

@@ -277,7 +277,10 @@ export class Api {
     try {
       response = await this.fetcher(base + path, request);
     } catch (error) {
-      throw new ApiError(`the server does not answer (${/** @type {Error} */ (error).message})`, 0);
+      const { message, cause } = /** @type {Error & { cause?: { code?: string, message: string } }} */ (error);
+      // Node repeats what is answered with 421 by itself, now and then without the body: the server took nothing
+      if (cause?.code === "UND_ERR_REQ_CONTENT_LENGTH_MISMATCH") return this.#ask(base, method, path, body, seconds);
+      throw new ApiError(`the server does not answer (${cause?.message ?? message})`, 0); // Node says "fetch failed" only
     }
     const text = await response.text();
     if (!response.ok) throw refusal(text, response.status);

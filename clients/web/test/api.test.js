@@ -106,6 +106,20 @@ test("no answer is an error of its own", async () => {
   await assert.rejects(client.stats(), { name: "ApiError", status: 0, message: /does not answer/ });
 });
 
+test("a body that Node has lost is sent again, and what Node says no more of has its cause told", async () => {
+  const lost = (code) => new TypeError("fetch failed", { cause: Object.assign(new Error(`it is ${code}`), { code }) });
+  const fails = [lost("UND_ERR_REQ_CONTENT_LENGTH_MISMATCH"), lost("ECONNREFUSED")];
+  const { api: server } = api(200, '{"session_id": "s"}');
+  const client = new Api("", {
+    fetcher: async (...asked) => {
+      if (fails.length) throw fails.shift();
+      return server.fetcher(...asked);
+    },
+  });
+  await assert.rejects(client.createSession(60), /the server does not answer \(it is ECONNREFUSED\)/);
+  assert.equal((await client.createSession(60)).session_id, "s");
+});
+
 test("the stream's address follows the page's", () => {
   const client = new Api();
   const of = (href, ...rest) => client.streamAddress("s 1", ...rest, new URL(href)).url;

@@ -84,6 +84,7 @@ class NodeFinder:
         self._directory = directory
         self._view = SlotMap()
         self._looking = asyncio.Lock()
+        self._looked_at = float("-inf")
         self.closing = False
         self._heard_at = float("-inf")
         self.status: Status | None = None
@@ -98,7 +99,12 @@ class NodeFinder:
             await asyncio.sleep(LOOK_S)
 
     async def _look(self) -> None:
+        """See the directory as it is now. Calls that wait together share one look."""
+        asked_at = time.monotonic()
         async with self._looking:
+            if self._looked_at > asked_at:
+                return
+            self._looked_at = time.monotonic()
             with contextlib.suppress(WayfarerError):
                 status = await self._directory.status()
                 # after the status: who reads there that nodes are ready finds them in the view
@@ -139,6 +145,8 @@ class NodeFinder:
                 raise Unavailable("the cluster's directory is away: nothing new is made until then")
             digest = hashlib.sha256(f"{caller}\n{text}".encode()).hexdigest() if text else ""
             return await self._directory.place(digest)
+        if kind == "named" and self._view.owner(text) is None and not self.away:
+            await self._look()  # it may have been made a moment ago
         if not self.nodes:
             raise Unavailable("no node of the cluster runs; they are starting or stopping")
         found = self._view.node_for(text) if kind == "named" else random.choice(self.nodes)
