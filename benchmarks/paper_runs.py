@@ -2,19 +2,25 @@
 
     python -m benchmarks.paper_runs GROUP... --data PREPARED [--test PREPARED]
         [--runs runs/paper] [--steps 5000] [--rollout-steps 1000] [--batch 256] [--minutes 50]
-        [--train | --measure] [--poses 100] [--results FOLDER]
+        [--seed 0] [--train | --measure] [--poses 100] [--results FOLDER]
 
-predictors   the four predictors of Table S1, trained alike; also their rows of Fig. 3
-direct       Sec. A.4: predictors of body parameters, and one of markers that is trained alike
-end_to_end   Eq. 12, from the 2-frame predictor of `predictors` and the shipped regressors
-regressors   Table S2: the paper's regressors
+predictors        the four predictors of Table S1, trained alike; also their rows of Fig. 3
+short             the same, 1,000 (rollouts: 200) steps × 256: what a spread of seeds costs least
+direct            Sec. A.4: predictors of body parameters, and one of markers, trained alike
+end_to_end        Eq. 12, from the 2-frame predictor of `predictors` and the shipped regressors
+regressors        Table S2: the paper's regressors
+regressors_apart  the same, but each pass of the recursion learns alone
+kl_0.05 kl_0.2 kl_1
+                  docs/models.md: the 2-frame predictor of `short` by the weight of its KL term,
+                  on people of the validation
 
 One process loads the data once and trains, on one thread, what is not finished; the same line
-resumes. Steps and batch are those of `--config paper/NAME` unless given. Then `wayfarer eval`
-writes its tables into benchmarks/results, of what is finished. --train and --measure do one
-of both. docs/paper.md is measured on data whose held-out people are those of CMU alone, and into
-a folder outside of the checkout: a second table would find the commit changed by the first. Runs
-lie in RUNS/GROUP/NAME.
+resumes. Steps and batch are those of `--config paper/NAME` unless given or named above. Then
+`wayfarer eval` writes its tables into benchmarks/results, of what is finished. --train and
+--measure do one of both. docs/paper.md is measured on data whose held-out people are those of CMU
+alone, and into a folder outside of the checkout: a second table would find the commit changed by
+the first. Runs lie in RUNS/GROUP/NAME. With another seed than 0, runs and tables have names of
+their own (GROUP_seed_1), and the page tells the spread of all that there are.
 """
 
 import argparse
@@ -50,13 +56,17 @@ class Group(NamedTuple):
 
     runs: tuple[str, ...]
     tables: Mapping[str, str]  # `wayfarer eval NAME` → file
+    values: Mapping[str, Any] = {}  # what replaces values of the configs; the command line wins
+    split: str = "heldout"  # whom it is measured on
 
+
+SHORT: Final = {"steps": 1000, "rollout_steps": 200, "batch": 256}
+REGRESSORS: Final = tuple(f"regressor_{gender}" for gender in GENDERS)
+PREDICTORS: Final = ("predictor_2f", "predictor_2f_rollout", "predictor_1f", "predictor_1f_rollout")
 
 GROUPS: Final[dict[str, Group]] = {
-    "predictors": Group(
-        ("predictor_2f", "predictor_2f_rollout", "predictor_1f", "predictor_1f_rollout"),
-        {"predictor": "predictor_paper", "realism": "realism_paper"},
-    ),
+    "predictors": Group(PREDICTORS, {"predictor": "predictor_paper", "realism": "realism_paper"}),
+    "short": Group(PREDICTORS, {"predictor": "predictor_short", "realism": "realism_short"}, SHORT),
     "direct": Group(
         (
             *("predictor_2f", "direct_body", "direct_humor"),
@@ -65,7 +75,17 @@ GROUPS: Final[dict[str, Group]] = {
         {"realism": "realism_direct", "failures": "failures"},
     ),
     "end_to_end": Group(("end_to_end",), {"realism": "realism_e2e"}),
-    "regressors": Group(tuple(f"regressor_{g}" for g in GENDERS), {"regressor": "regressor_paper"}),
+    "regressors": Group(REGRESSORS, {"regressor": "regressor_paper"}),
+    "regressors_apart": Group(REGRESSORS, {"regressor": "regressor_apart"}, {"through": False}),
+    **{
+        f"kl_{weight:g}": Group(
+            ("predictor_2f",),
+            {"predictor": f"predictor_kl_{weight:g}"},
+            {**SHORT, "kl_weight": weight},
+            "validation",
+        )
+        for weight in (0.05, 0.2, 1.0)
+    },
 }
 
 VARIANTS: Final = {
@@ -99,21 +119,31 @@ class Data:
         return found[0], found[1]
 
 
+def seeded(name: str, seed: int) -> str:
+    """A group or a table by its seed."""
+    return f"{name}_seed_{seed}" if seed else name
+
+
 def settings(name: str, runs: Path, group: str, asked: argparse.Namespace) -> Any:
     """What a run is trained with: its config, with the runs of this folder to start from."""
     kind: type[BaseModel] = PredictorConfig
-    if group in ("end_to_end", "regressors"):
-        kind = EndToEndConfig if group == "end_to_end" else RegressorConfig
+    if name in ("end_to_end", *REGRESSORS):
+        kind = EndToEndConfig if name == "end_to_end" else RegressorConfig
     config = read_config(kind, f"paper/{name}")
-    steps = asked.rollout_steps if name.endswith("_rollout") else asked.steps
-    change: dict[str, Any] = {"steps": steps, "batch": asked.batch}
+    given = {key: value for key in SHORT if (value := getattr(asked, key)) is not None}
+    change = {**GROUPS[group].values, **given, "seed": asked.seed}
+    rollout_steps = change.pop("rollout_steps", None)
+    if name.endswith("_rollout"):
+        change.pop("steps", None)
+        change |= {"steps": rollout_steps} if rollout_steps is not None else {}
     if isinstance(config, EndToEndConfig):
-        change["start_from"] = str(runs / "predictors" / "predictor_2f_rollout")
+        predictors = runs / seeded("predictors", asked.seed)
+        change["start_from"] = str(predictors / "predictor_2f_rollout")
         change["start_regressors"] = {g: str(runs / "shipped" / f"regressor_{g}") for g in GENDERS}
     elif isinstance(config, PredictorConfig) and config.start_from:
-        change["start_from"] = str(runs / group / Path(config.start_from).name)
-    given = {key: value for key, value in change.items() if value is not None}
-    return kind.model_validate(config.model_dump() | given)
+        started = runs / seeded(group, asked.seed)
+        change["start_from"] = str(started / Path(config.start_from).name)
+    return kind.model_validate(config.model_dump() | change)
 
 
 def train(config: Any, data: Data, folder: Path, minutes: float) -> bool:
@@ -139,23 +169,25 @@ def rows(group: str, finished: Sequence[str]) -> list[str]:
         return ["ro-2f"] if finished else []
     plain = {"direct": {**TRAINED, **DIRECT}}.get(group, TRAINED)
     names = [name for name, run in plain.items() if run in finished]
-    if group == "direct":
+    if group in ("direct", "short"):
         return names
     return [row for name in names for row in VARIANTS[name]]
 
 
-def measure(group: str, runs: Path, data: Path, poses: int, results: Path = RESULTS) -> None:
-    """Write the tables of a group's finished runs into a folder."""
-    folder = runs / group
+def measure(
+    group: str, runs: Path, data: Path, poses: int, results: Path = RESULTS, seed: int = 0
+) -> None:
+    """Write the tables of a group's finished runs into a folder. `seed`: that of the training."""
+    trained = folder = runs / seeded(group, seed)
     if group == "end_to_end":  # its networks are runs inside it
         folder = folder / "end_to_end"
-    finished = [name for name in GROUPS[group].runs if is_finished(runs / group / name)]
-    for table, file in GROUPS[group].tables.items():
-        wanted = ["--runs", str(folder), "--data", str(data), "--split", "heldout"]
+    finished = [name for name in GROUPS[group].runs if is_finished(trained / name)]
+    for table, stem in GROUPS[group].tables.items():
+        file = seeded(stem, seed)
+        wanted = ["--runs", str(folder), "--data", str(data), "--split", GROUPS[group].split]
         wanted += ["--seed", "7", "--threads", "1"]
-        only = rows(group, finished)
         if table == "realism":
-            wanted += ["--only", ",".join(only), "--poses", str(poses)]
+            wanted += ["--only", ",".join(rows(group, finished)), "--poses", str(poses)]
         if table == "predictor":
             wanted += ["--only", ",".join(n for n in TRAINED if TRAINED[n] in finished)]
         if table == "failures":
@@ -183,6 +215,7 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--results", type=Path, default=RESULTS)
     for name in ("--steps", "--rollout-steps", "--batch"):
         parser.add_argument(name, type=int)
+    parser.add_argument("--seed", type=int, default=0, help="of the trainings")
     parser.add_argument("--minutes", type=float, default=float("inf"))
     parser.add_argument("--poses", type=int, default=100)
     parser.add_argument("--measure", action="store_true")
@@ -194,7 +227,7 @@ def main(words: Sequence[str] | None = None) -> int:
         unpack_models(DEFAULT_MODEL, asked.runs / "shipped")
     for group in () if asked.measure else asked.groups:
         for name in GROUPS[group].runs:
-            folder = asked.runs / group / name
+            folder = asked.runs / seeded(group, asked.seed) / name
             config = settings(name, asked.runs, group, asked)
             if (folder / "config.json").exists() and is_finished(folder):
                 print(f"{folder}: finished", flush=True)
@@ -202,7 +235,8 @@ def main(words: Sequence[str] | None = None) -> int:
             minutes = (until - time.monotonic()) / 60
             done = train(config, data, folder, minutes) and done
     for group in () if asked.train else asked.groups:
-        measure(group, asked.runs, asked.test or asked.data, asked.poses, asked.results)
+        data_of = asked.data if GROUPS[group].split == "validation" else asked.test or asked.data
+        measure(group, asked.runs, data_of, asked.poses, asked.results, asked.seed)
     return 0 if done else 1
 
 

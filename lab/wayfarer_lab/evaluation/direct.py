@@ -19,7 +19,7 @@ from wayfarer.motion.frame import canonical_frame, to_local, to_world
 from wayfarer.motion.quality import Sites
 from wayfarer.spec import GENDERS, LATENT
 from wayfarer_lab.evaluation.parts import Direct
-from wayfarer_lab.evaluation.pictures.framing import close_up
+from wayfarer_lab.evaluation.pictures.framing import FLOATING, close_up
 from wayfarer_lab.evaluation.pictures.paper import FONT, INK, PAPER
 from wayfarer_lab.evaluation.pictures.scene import ClipActor, picture
 from wayfarer_lab.evaluation.realism import PoseScore
@@ -131,4 +131,7 @@ def draw_poses(rows: Mapping[str, Sequence[ShownPose]]) -> Image.Image:
             actor = ClipActor.of(clip, load_body("anny52", clip.gender, "low"), "sides")
             cell = picture(close_up(actor, 0, "quarter", CELL), [(actor, 0)])
             sheet.paste(cell, (column * CELL[0], top + CAPTION))
+            if pose["hips"][2] > FLOATING:
+                corner = (column * CELL[0] + 4, top + CAPTION + CELL[1] - 16)
+                draw.text(corner, f"hips at {pose['hips'][2]:.1f} m", INK, FONT)
     return sheet

@@ -11,7 +11,7 @@ from wayfarer_lab.evaluation.commands.maneuvers import MANEUVERS
 from wayfarer_lab.evaluation.definitions import as_markdown, definitions
 
 ROOT = Path(__file__).parents[3]
-OTHERS = ("performance", "figures")  # what a server costs; the joints of pictures
+OTHERS = ("performance", "figures", "failures")  # what a server costs; the bodies of pictures
 TABLES = [p for p in (ROOT / "benchmarks/results").glob("*.json") if not p.name.startswith(OTHERS)]
 
 

@@ -1,5 +1,6 @@
 """What the paper says is better than what, and whether it is so here."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -9,6 +10,7 @@ from wayfarer_lab.evaluation.paper.published import (
     OPTIMISED,
     REGRESSED,
     RUNS,
+    SHORT,
     UNTRAINED_PPO,
     alike_row,
     bodies_row,
@@ -17,6 +19,7 @@ from wayfarer_lab.evaluation.paper.published import (
     predictor_row,
     realism_row,
     reprojection_row,
+    short_row,
     skating_row,
 )
 from wayfarer_lab.evaluation.paper.results import Measured, ResultsFolder, Source, number
@@ -80,28 +83,44 @@ def _missing(sources: tuple[Source | None, ...], values: list[list[float]]) -> s
     return f"no result has {' and '.join(repr(name) for name in names)}"
 
 
+Row = Callable[[str], Source]
 ALIKE: Final = "no two that are trained alike: " + RUNS.format("predictors")
 
+
+def _alike(predictor: Row, motion: Row, why: str, how: str = "") -> tuple[Ordering, ...]:
+    """What the paper says of its four predictors, of ours that are trained alike."""
+    return (
+        *(
+            Ordering(
+                f"training on rollouts {does}{how}", "Table S1",
+                predictor(f"ro-{frames}f"), predictor(f"{frames}f"), figure, True, why,
+            )
+            for does, frames, figure in (
+                ("makes the 2-frame predictor more diverse", 2, "apd_m"),
+                ("costs the 2-frame predictor some accuracy", 2, "ade_m"),
+                ("makes the 1-frame predictor more diverse", 1, "apd_m"),
+            )
+        ),
+        *(
+            Ordering(
+                f"1-frame models are {what} than 2-frame models, {stage} rollouts{how}", where,
+                row(f"{ro}1f"), row(f"{ro}2f"), figure, True, why,
+            )
+            for ro, stage in (("", "without"), ("ro-", "with"))
+            for what, figure, where, row in (
+                ("more diverse", "apd_m", "Table S1", predictor),
+                ("less accurate", "ade_m", "Table S1", predictor),
+                ("less continuous", "seam_ratio", "Sec. 4.1", motion),
+            )
+        ),
+    )  # fmt: skip
+
+
 ORDERINGS: Final = (
-    Ordering(
-        "training on rollouts makes the 2-frame predictor more diverse", "Table S1",
-        predictor_row("ro-2f"), predictor_row("2f"), "apd_m", True, ALIKE,
-    ),
-    Ordering(
-        "training on rollouts costs the 2-frame predictor some accuracy", "Table S1",
-        predictor_row("ro-2f"), predictor_row("2f"), "ade_m", True, ALIKE,
-    ),
-    Ordering(
-        "training on rollouts makes the 1-frame predictor more diverse", "Table S1",
-        predictor_row("ro-1f"), predictor_row("1f"), "apd_m", True, ALIKE,
-    ),
-    *(
-        Ordering(
-            f"1-frame models are {what} than 2-frame models, {how} rollouts", "Table S1",
-            predictor_row(f"{stage}1f"), predictor_row(f"{stage}2f"), figure, True, ALIKE,
-        )
-        for stage, how in (("", "without"), ("ro-", "with"))
-        for what, figure in (("more diverse", "apd_m"), ("less accurate", "ade_m"))
+    *_alike(predictor_row, alike_row, ALIKE),
+    *_alike(
+        lambda name: short_row("predictor", name), lambda name: short_row("realism", name),
+        SHORT, "; short trainings",
     ),
     Ordering(
         "the regressor is faster than optimisation", "Sec. 3.2.2",
@@ -110,14 +129,6 @@ ORDERINGS: Final = (
     Ordering(
         "the regressor is as accurate as optimisation", "Sec. 3.2.2",
         reprojection_row(REGRESSED), reprojection_row(OPTIMISED), "amd_mm", False,
-    ),
-    *(
-        Ordering(
-            f"motion of 1-frame models is less continuous than that of 2-frame models, {how} "
-            "rollouts", "Sec. 4.1",
-            alike_row(f"{stage}1f"), alike_row(f"{stage}2f"), "seam_ratio", True, ALIKE,
-        )
-        for stage, how in (("", "without"), ("ro-", "with"))
     ),
     Ordering(
         "of all variants the policy has the best contact", "Fig. 3",

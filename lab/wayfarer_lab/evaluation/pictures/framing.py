@@ -28,6 +28,7 @@ people walk to the right; "body" is the same, but turns with the body."""
 DISTANCE: Final = 6.0  # metres from the body
 METRES: Final = 2.35  # of height that a picture of one body shows
 MIDDLE: Final = 0.87  # metres over the floor that are in the middle of it
+FLOATING: Final = 1.1  # metres: a body whose hips are higher draws the middle up
 CALM: Final = 0.5  # seconds over which a following camera smooths the body's way
 
 WIDE_AZIMUTH: Final = radians(-20)
@@ -65,8 +66,8 @@ def view_of(name: str, heading: float, size: Size) -> View:
 def close_up(actor: ClipActor, frame: int, name: str, size: Size) -> Camera:
     """One body in the middle of the picture."""
     heading = body_heading(actor, frame) if name == "body" else way_heading(actor)
-    x, y, _ = actor.hips[min(frame, actor.clip.frames - 1)].tolist()
-    return Camera(view_of(name, heading, size), (x, y, MIDDLE))
+    x, y, z = actor.hips[min(frame, actor.clip.frames - 1)].tolist()
+    return Camera(view_of(name, heading, size), (x, y, MIDDLE + max(0.0, z - FLOATING)))
 
 
 def following(actor: ClipActor, name: str, size: Size) -> list[Camera]:
