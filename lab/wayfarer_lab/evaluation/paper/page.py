@@ -32,10 +32,10 @@ here. Ours are trained on CMU's recordings on the anny52 body (those *trained al
 model stands for more than one training, nor does one of predictors that are *trained alike*: by the
 paper's equations, with the same data, steps and batch, from nothing, with one seed. Those called
 *short* had a tenth of that or less, with seeds 0, 1 and 2: the mean, and the least and the largest
-figure. All are far shorter than the paper's. *policy(10)* is one training after 140 of its 500
-epochs, which is still learning ([curve](models.md#ppo-from-scratch)).
-It is told 1.2 m/s and begins, as the paper's, with a primitive of the 1-frame model; other rows of
-Table 1 are told 1.5 m/s and begin at rest. The shipped predictors'
+figure. All are far shorter than the paper's. *policy(10)* and *policy(1)* are one training each,
+after 140 and 156 of 500 epochs, of about 44 and 52 minutes ([curves](models.md#ppo-from-scratch));
+they are told 1.2 m/s and begin, as the paper's, with a primitive of the 1-frame model. Other rows
+of Table 1 are told 1.5 m/s and begin at rest. The shipped predictors'
 rollout stages were short (300 and 80 steps), and so was the g-CVAE's training (600 steps): rows of
 the shipped *1-frame* model and of the g-CVAE say little about these methods. Minutes were not
 counted before 2026-11-23.

@@ -137,6 +137,7 @@ TABLE_1: Final = Exhibit(
                 ("policy(10) & top4", 10, (23.4, 0.96, 1.98, 0.96)),
             )
         ),
+        Line("ours: policy(1) & top1", (), control_row("policy(1) & top1")),
         Line("ours: policy, shipped", (), control_row("policy", OURS)),
         Line("ours: policy & top1, shipped", (), control_row("policy & top1", OURS)),
         Line("ours: policy & top4, shipped", (), control_row("policy & top4", OURS)),
