@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from wayfarer.body.glb import body_glb
+from wayfarer.body.hems import dressed
 from wayfarer.body.library import load_body
-from wayfarer.body.outfit import regions
 from wayfarer.body.rotation import (
     GLTF_FROM_CORE,
     gltf_quaternion,
@@ -78,9 +78,8 @@ def triangles(document):
 
 
 def in_file_order(body):
-    """Faces of a body as a file has them: those of one region after the other."""
-    worn = regions(body)[body.faces].max(-1)
-    return np.argsort(worn, kind="stable")
+    """Triangles of the dressed body as a file has them: one region after the other."""
+    return np.argsort(dressed(body)[1], kind="stable")
 
 
 def skin(document, translations, rotations):
@@ -107,7 +106,8 @@ def parsed(body, betas, style=0):
 @pytest.mark.parametrize("gender", ["female", "male"])
 @pytest.mark.parametrize("detail", ["high", "low"])
 def test_skinning_of_a_random_pose_is_that_of_the_body(gender, detail):
-    body = load_body("anny52", gender, detail)
+    bare = load_body("anny52", gender, detail)
+    body, _ = dressed(bare)
     rng = np.random.default_rng(5)
     betas = rng.normal(size=10)
     quaternions = quaternion_from_rotvec(rng.normal(scale=0.5, size=(POSED_JOINTS, 3)))
@@ -117,12 +117,12 @@ def test_skinning_of_a_random_pose_is_that_of_the_body(gender, detail):
     )
     expected = body.skin(betas, turned, placed) @ GLTF_FROM_CORE.T
 
-    document = parsed(body, betas)
+    document = parsed(bare, betas)
     wire = gltf_quaternion(quaternions)
     found = skin(document, {0: GLTF_FROM_CORE @ hips}, dict(enumerate(wire)))
 
     # vertices at borders and seams are doubled: compare corner by corner
-    faces = body.faces[in_file_order(body)]
+    faces = body.faces[in_file_order(bare)]
     np.testing.assert_allclose(found[triangles(document)], expected[faces], atol=1e-5)
 
 
@@ -168,7 +168,7 @@ def test_every_region_is_a_slot_for_a_material(detail):
     slots = [document.materials[p.material].name for p in document.meshes[0].primitives]
     assert slots == ["skin", "hair", "shirt", "trousers", "shoes", "eyes"]
     counts = [document.accessors[p.indices].count // 3 for p in document.meshes[0].primitives]
-    assert counts == np.bincount(regions(body)[body.faces].max(-1)).tolist()
+    assert counts == np.bincount(dressed(body)[1]).tolist()
 
 
 @pytest.mark.parametrize("gender", ["female", "male"])
@@ -177,7 +177,8 @@ def test_texture_coordinates_are_those_of_the_body(gender, detail):
     body = load_body("anny52", gender, detail)
     document = parsed(body, np.zeros(10))
     found = values(document, "TEXCOORD_0")[triangles(document)] / 65_535
-    np.testing.assert_allclose(found, body.uvs[body.uv_faces][in_file_order(body)], atol=1e-5)
+    worn, order = dressed(body)[0], in_file_order(body)
+    np.testing.assert_allclose(found, worn.uvs[worn.uv_faces][order], atol=1e-5)
 
 
 def test_one_texture_fits_both_details():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from wayfarer.body.hems import dressed
 from wayfarer.body.library import load_body
 from wayfarer.body.rotation import GLTF_FROM_CORE
 from wayfarer.clips.files import (
@@ -56,5 +57,8 @@ def test_joints_and_skin(stage, clip, frame):
     points = mesh.GetPointsAttr().Get()
     transforms = query.ComputeSkinningTransforms(frame)
     cache.GetSkinningQuery(mesh.GetPrim()).ComputeSkinnedPoints(transforms, points, frame)
-    wanted = body.skin(np.asarray(clip.betas), turns[frame], places[frame]) @ GLTF_FROM_CORE.T
+    wanted = (
+        dressed(body)[0].skin(np.asarray(clip.betas), turns[frame], places[frame])
+        @ GLTF_FROM_CORE.T
+    )
     np.testing.assert_allclose(np.array(points), wanted, atol=1e-3)

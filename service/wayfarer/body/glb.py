@@ -14,9 +14,10 @@ import pygltflib as gltf
 from numpy.typing import NDArray
 
 from wayfarer import __version__
+from wayfarer.body.hems import dressed
 from wayfarer.body.mesh import split_vertices, vertex_normals
 from wayfarer.body.model import BodyModel
-from wayfarer.body.outfit import REGIONS, ROUGHNESS, linear_colours, outfit, regions
+from wayfarer.body.outfit import REGIONS, ROUGHNESS, linear_colours, outfit
 from wayfarer.body.rotation import GLTF_FROM_CORE
 
 Array = NDArray[np.floating[Any]]
@@ -157,10 +158,9 @@ def _mesh(file: GlbFile, body: BodyModel, betas: Array, style: int) -> gltf.Mesh
 
     Vertices are doubled where two regions meet, so that hems are crisp, and at texture seams.
     """
+    body, worn = dressed(body)
     vertices = body.bind_vertices + body.bind_vertices_dirs @ betas
     normals = vertex_normals(vertices, body.faces)
-    # the outermost garment of the corners: a majority would make zigzag hems of split quads
-    worn = regions(body)[body.faces].max(-1)
     marks = [np.repeat(worn[:, None], 3, axis=1)]
     if body.uv_faces is not None:
         marks.append(body.uv_faces)

@@ -34,7 +34,7 @@ def largest_weights(dense: Array) -> tuple[NDArray[np.int64], Array]:
     return joints, kept / kept.sum(-1, keepdims=True)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BodyModel:
     """Arrays of a body. J joints, V vertices, B betas, M markers."""
 

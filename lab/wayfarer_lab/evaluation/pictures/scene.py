@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from wayfarer.body.hems import dressed
 from wayfarer.body.mesh import split_vertices, vertex_normals
 from wayfarer.body.model import BodyModel
-from wayfarer.body.outfit import linear_colours, outfit, regions
+from wayfarer.body.outfit import linear_colours, outfit
 from wayfarer.clips.clip import Clip
 from wayfarer.errors import InvalidArgument
 from wayfarer_lab.evaluation.pictures.camera import Camera
@@ -38,6 +39,7 @@ def check_look(name: str) -> str:
 class Dress:
     """Colours of a mesh whose vertices are doubled where two colours meet. V' ≥ V vertices."""
 
+    body: BodyModel  # cut along the hems, where it is dressed
     source: NDArray[np.int64]  # [V'] vertex of the body
     faces: Faces  # [F, 3] over V'
     albedo: Array  # [V', 3] share of the light sent back
@@ -45,10 +47,9 @@ class Dress:
     @classmethod
     def clothes(cls, body: BodyModel, style: int) -> "Dress":
         """Skin, hair and clothes; the same seed `style`, the same look."""
-        worn = regions(body)[body.faces].max(-1)
-        worn = np.repeat(worn[:, None], 3, axis=1)
-        source, [region], faces = split_vertices(body.faces, worn)
-        return cls(source, faces, linear_colours(outfit(style))[region])
+        body, worn = dressed(body)
+        source, [region], faces = split_vertices(body.faces, np.repeat(worn[:, None], 3, axis=1))
+        return cls(body, source, faces, linear_colours(outfit(style))[region])
 
     @classmethod
     def sides(cls, body: BodyModel) -> "Dress":
@@ -59,7 +60,7 @@ class Dress:
                 if name.startswith(side) and "collar" not in name:
                     by_joint[joint] = colour(paint)
         albedo = np.einsum("vk,vkc->vc", body.skin_weights, by_joint[body.skin_joints])
-        return cls(np.arange(len(albedo)), body.faces, albedo)
+        return cls(body, np.arange(len(albedo)), body.faces, albedo)
 
 
 @dataclass(frozen=True)
@@ -73,8 +74,9 @@ class ClipActor:
     @classmethod
     def of(cls, clip: Clip, body: BodyModel, look: str, style: int = 0) -> "ClipActor":
         """Its look: "dressed" in clothes of a style, or its "sides" in two colours."""
-        dressed = check_look(look) == "dressed"
-        return cls(clip, body, Dress.clothes(body, style) if dressed else Dress.sides(body))
+        sides = check_look(look) == "sides"
+        dress = Dress.sides(body) if sides else Dress.clothes(body, style)
+        return cls(clip, dress.body, dress)
 
     @cached_property
     def pose(self) -> tuple[Array, Array]:

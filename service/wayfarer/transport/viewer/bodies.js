@@ -195,16 +195,22 @@ function bodyOf(scene, boneNames) {
   };
 }
 
-/** Clothes and hair stand off the skin: hems have an edge. */
+/** Clothes and hair stand off the skin. On a hem two parts keep together, or one would look through between them. */
 function thickened(position, parts) {
-  const moved = position.slice();
-  let at = 0;
-  for (const { geometry: { attributes: { normal } }, material } of parts) {
-    const off = THICKNESS[material.name] ?? 0;
-    for (let k = 0; k < 3 * normal.count; k += 1) moved[at + k] += off * normal.array[k];
-    at += 3 * normal.count;
-  }
-  return moved;
+  const off = joinedArrays(parts.map(({ geometry, material }) => (
+    new Float32Array(geometry.attributes.position.count).fill(THICKNESS[material.name] ?? 0)
+  )));
+  const normal = joinedArrays(parts.map(({ geometry }) => geometry.attributes.normal.array));
+  const place = (k) => position[3 * k] + 1e3 * position[3 * k + 1] + 1e6 * position[3 * k + 2]; // equal on both sides of a hem
+  const there = new Map();
+  off.forEach((value, k) => {
+    const { sum, count } = there.get(place(k)) ?? { sum: 0, count: 0 };
+    there.set(place(k), { sum: sum + value, count: count + 1 });
+  });
+  return position.map((value, at) => {
+    const k = Math.floor(at / 3), { sum, count } = there.get(place(k));
+    return value + (sum / count) * normal[at];
+  });
 }
 
 /** Several arrays of one type as one. */
