@@ -13,6 +13,11 @@ from tests.viewer.stage import FIRST_SECONDS, FREE_SPOT, SIZES, look_down
 pytestmark = needs_chromium
 SIZE = (700, 500)
 
+IN_VIEW = """wayfarer.crowd.people.filter((person) => {
+  const { x, y, z, height, shown } = person;
+  const at = shown && wayfarer.stage.seenAt({ x, y: y + height / 2, z });
+  return at && document.elementFromPoint(at.x, at.y)?.id === "view";
+}).length"""
 PEOPLE = "globalThis.wayfarer?.crowd.people"
 WALKING = f"{PEOPLE}?.filter(({{ shown, played }}) => shown && played.state === 'walking').length"
 AXE = Path(__file__).parents[2] / "clients" / "web" / "node_modules" / "axe-core" / "axe.min.js"
@@ -57,6 +62,19 @@ def test_people_walk_without_a_click(page: Page, record_property):
     assert next(iter(seen)) == "page runs" and list(seen)[-1].startswith("people walk")
     assert page.evaluate("document.querySelector('#trouble').hidden")
     assert page.problems == []
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_people_stay_in_view_on(page: Page, size: tuple[int, int]):
+    page.resize(*size)
+    page.call("Page.navigate", url="about:blank")
+    page.call("Page.navigate", url=f"{page.url}/")
+    page.wait_for(f"{WALKING} >= 8", 90)
+    seen = []
+    for _ in range(10):
+        time.sleep(1)
+        seen.append(page.evaluate(IN_VIEW))
+    assert sum(seen) / len(seen) >= 5, seen  # of ten
 
 
 def test_a_click_sends_the_nearest_of_those_who_walk(page: Page):

@@ -4,7 +4,7 @@ import { onFloor } from "./client/index.js";
 import { arranged, dragHeading, escort, othersThan, recipients } from "./choices.js";
 import { mention, tell } from "./hud.js";
 
-const WANDER_RADIUS = 9; // metres around the middle, where there is no scene
+const PLAIN = { x: 0, z: 0, radius: 9 }; // where people walk about without a scene, metres
 const WAYS = 8; // people at most whose ways are asked for and drawn at a time
 const MARK = 0.4; // metres around a goal that are its mark
 const NEAR = 0.05; // metres that a goal may be moved without a word
@@ -88,12 +88,12 @@ export class Errands {
     await Promise.all(people.map(({ agent }) => this.roamAgent(agent.id)));
   }
 
-  /** The same for an agent that may not have been seen yet; `near`: they stay about there. */
-  roamAgent(id, near = this.scene() ? null : { x: 0, z: 0 }) {
+  /** The same for an agent that may not have been seen yet; `near` { x, z, radius }: they stay there. */
+  roamAgent(id, near = this.scene() ? null : PLAIN) {
     const how = { speed: this.ask().speed };
     this.abroad.add(id);
     this.notice();
-    return near ? this.api.wander(id, near, WANDER_RADIUS, how) : this.api.roam(id, how);
+    return near ? this.api.wander(id, near, near.radius, how) : this.api.roam(id, how);
   }
 
   /** Send an agent that may not have been seen yet to goals in turn. */

@@ -142,14 +142,14 @@ export class Stage {
     this.#move(eye, target, 1);
   }
 
-  /** Look at the middle of what is looked at from so near that people are people. Returns where they should be: { x, z }. */
+  /** Look at the middle of what is looked at from so near that people are people. Returns where they should stay: { x, z, radius }. */
   approach() {
     const { x, z } = this.controls.target;
     const tall = this.canvas.clientWidth < this.canvas.clientHeight; // the camera's aspect comes with the first picture
-    const [eye, seen] = tall ? [[-0.6, 6.4, 9.4], [-0.9, 0.6, 3.3]] : [[0.3, 3.4, 9.3], [-0.7, 1.5, 2]]; // before the trees, between two stalls
+    const [eye, seen] = tall ? [[-0.5, 10.5, 13.5], [-0.7, 0.6, 2.6]] : [[0.3, 3.4, 9.3], [-0.7, 1.5, 2]]; // before the trees, between two stalls
     const place = ([right, up, near]) => new Vector3(x + right, up, z + near);
     this.#move(place(eye), place(seen), 1);
-    return { x: x - 0.8, z: z + (tall ? 4.6 : 4.1) }; // before what stands in the middle
+    return { x: x - 0.8, z: z + 4.1, radius: tall ? 4 : 9 }; // before what stands in the middle
   }
 
   /** Look from one place { eye, target } as [x, y, z]. */
