@@ -46,11 +46,17 @@ class Authority:
         self.path = folder / f"{name}.pem"
         self.path.write_bytes(self._signed(certificate))
 
-    def issue(self, name: str, ends: timedelta = DAY, password: str = "") -> tuple[Path, Path]:
-        """Certificate and key for 127.0.0.1, for either end of a connection."""
+    def issue(
+        self,
+        name: str,
+        ends: timedelta = DAY,
+        password: str = "",
+        addresses: tuple[str, ...] = ("127.0.0.1",),
+    ) -> tuple[Path, Path]:
+        """Certificate and key for localhost and `addresses`, for either end of a connection."""
         key = ec.generate_private_key(ec.SECP256R1())
         certificate = self._certificate(_named(name), key, ends)
-        places = [x509.DNSName("localhost"), x509.IPAddress(ip_address("127.0.0.1"))]
+        places = [x509.DNSName("localhost"), *(x509.IPAddress(ip_address(a)) for a in addresses)]
         certificate = certificate.add_extension(x509.SubjectAlternativeName(places), critical=False)
         paths = self.folder / f"{name}.pem", self.folder / f"{name}.key"
         paths[0].write_bytes(self._signed(certificate))

@@ -171,6 +171,7 @@ def test_ways_beyond_loopback(given):
     [
         ({"tls_cert": "a.pem"}, "tls_cert and tls_key belong together"),
         ({"tls_client_ca": "ca.pem"}, "tls_client_ca needs tls_cert"),
+        ({"peer_tls": {"cert": "a.pem", "key": "a.key"}}, "peer_tls: cert, key and ca belong"),
         ({"auth": {"jwt_keys": "keys.json"}}, "auth: jwt_keys and jwt_issuer belong together"),
         (
             {"auth": {"jwt_keys": "http://issuer.example", "jwt_issuer": "x"}},
@@ -247,11 +248,11 @@ def test_the_settings_in_the_documents_are_these():
 
 
 def test_every_setting_is_described():
-    models = (config.Settings, config.Limits, config.Auth)
+    models = (config.Settings, config.Limits, config.Auth, config.PeerTls)
     bare = [
         name
         for model in models
         for name, field in model.model_fields.items()
-        if not field.description and name not in ("limits", "auth")
+        if not field.description and name not in ("limits", "auth", "peer_tls")
     ]
     assert bare == []

@@ -1,8 +1,10 @@
 """Files for Prometheus, Grafana and compose: do they name what there is?"""
 
 import json
+import os
 import re
 import shlex
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,6 +17,7 @@ from wayfarer import cluster_command, config_sources
 from wayfarer.service.stats import LoopStats
 from wayfarer.transport.metrics import Metrics
 from wayfarer.transport.server_options import ServerOptions
+from wayfarer.transport.tls import peer_tls
 
 ROOT = Path(__file__).parent.parent
 DEPLOY = ROOT / "deploy"
@@ -171,6 +174,57 @@ def test_three_nodes_in_compose_run_commands_that_there_are(monkeypatch):
     # nodes call Ray at the service that is its head
     head = run[2][run[2].index("--address") + 1]
     assert head.split(":") == ["entry", run[0][run[0].index("--port") + 1]]
+
+
+def test_a_pod_makes_a_certificate_that_nodes_and_ray_take(tmp_path, monkeypatch):
+    text = (DEPLOY / "kuberay/wayfarer.yaml").read_text()
+    cluster = next(yaml.safe_load_all(text))["spec"]
+    pods = [
+        group["template"]["spec"]
+        for group in (cluster["headGroupSpec"], *cluster["workerGroupSpecs"])
+    ]
+    (made,) = pods[0]["initContainers"]
+    comment = "".join(
+        line[1:].rstrip("\\\n") for line in text.splitlines(keepends=True) if line[0] == "#"
+    )
+    authority = re.search(r"openssl req -x509.*?ca\.pem", comment)[0]
+    tls, ca = tmp_path / "tls", tmp_path / "ca"
+    tls.mkdir()
+    ca.mkdir()
+    subprocess.run(shlex.split(authority), cwd=ca, check=True)
+    script = (
+        made["args"][0].replace("/etc/wayfarer-tls", str(tls)).replace("/etc/wayfarer-ca", str(ca))
+    )
+    told = {"POD_IP": "127.0.0.9", "POD_NAME": "one", "POD_NAMESPACE": "default"}
+    assert set(told) == {one["name"] for one in made["env"]}
+    subprocess.run([*made["command"], script], env={**os.environ, **told}, check=True)
+    for pod in pods:
+        assert pod["initContainers"] == [made]
+        (container,) = pod["containers"]
+        for one in container["env"]:
+            if "value" in one:
+                here = one["value"].replace("/etc/wayfarer-tls", str(tls))
+                monkeypatch.setenv(one["name"], here)
+        found = peer_tls(config_sources.load({}).peer_tls)
+        assert found is not None and found.cert == tls / "node.pem"
+        for ray, own in (
+            ("SERVER_CERT", found.cert),
+            ("SERVER_KEY", found.key),
+            ("CA_CERT", found.client_ca),
+        ):
+            assert os.environ[f"RAY_TLS_{ray}"] == str(own)
+    subprocess.run(
+        [
+            "openssl",
+            "verify",
+            "-CAfile",
+            ca / "ca.pem",
+            "-verify_ip",
+            "127.0.0.9",
+            tls / "node.pem",
+        ],
+        check=True,
+    )
 
 
 def test_compose_starts_ray_with_options_that_it_has():

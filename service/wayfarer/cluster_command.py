@@ -18,11 +18,12 @@ from wayfarer.cluster.directory import LeaseRules
 from wayfarer.cluster.directory_service import DirectoryClient, DirectoryLink
 from wayfarer.cluster.entry import Entry
 from wayfarer.cluster.messages import NodePlan
-from wayfarer.config import Settings
+from wayfarer.config import PeerTls, Settings
 from wayfarer.engines.row_partitioner import cores
 from wayfarer.errors import InvalidArgument
 from wayfarer.logs import configure_logging
 from wayfarer.serve import SIGNALS, given_options, run, warn_if_open, with_options
+from wayfarer.transport.tls import peer_tls
 
 if TYPE_CHECKING:  # Ray takes seconds to import
     from wayfarer.cluster.ray_actors import RayCluster
@@ -118,6 +119,8 @@ def entry_command(
 
     ray = RayCluster(address)
     try:
+        for host in ray.machines().values():
+            _check_links(settings, host)
         run(_enter(settings, ray.find_directory(), secret))
     finally:
         ray.close()
@@ -157,6 +160,7 @@ async def _covered(
                 raise InvalidArgument(
                     f"nodes on {host} cannot be reached at {settings.host}; give --host 0.0.0.0"
                 )
+            _check_links(settings, host)
             plan = _plan(f"node-{machine[:12]}", number, settings, {}, secret, go_on)
             if not settings.is_loopback:
                 plan = plan.model_copy(update={"host": host})
@@ -180,9 +184,27 @@ def _plan(
     name: str, number: int, settings: Settings, more: dict[str, Any], secret: str, go_on: bool
 ) -> NodePlan:
     own = settings.model_copy(update={"http_port": 0, "grpc_port": 0, **more})
-    return NodePlan(
-        name=name, number=number, host=settings.host, secret=secret, go_on=go_on, settings=own
-    )
+    return NodePlan(name=name, number=number, host="", secret=secret, go_on=go_on, settings=own)
+
+
+def _check_links(settings: Settings, host: str) -> None:
+    """Refuse what would go over a network as plain text. Raises InvalidArgument."""
+    if not (settings.peer_tls.cert or settings.insecure_peers or ip_address(host).is_loopback):
+        raise InvalidArgument(
+            f"nodes on {host} would get people and the cluster's secret over the network as plain "
+            "text; set peer_tls.cert, peer_tls.key and peer_tls.ca (docs/cluster.md), or, where "
+            "something else protects the network between the machines, insecure_peers",
+            "peer_tls",
+        )
+
+
+def _encrypt_ray(tls: PeerTls) -> None:
+    """Ray's links, the directory's among them, with the same files: before Ray is imported."""
+    if tls.cert:
+        os.environ.setdefault("RAY_USE_TLS", "1")
+        os.environ.setdefault("RAY_TLS_SERVER_CERT", str(tls.cert))
+        os.environ.setdefault("RAY_TLS_SERVER_KEY", str(tls.key))
+        os.environ.setdefault("RAY_TLS_CA_CERT", str(tls.ca))
 
 
 def _settings(config: Path | None, options: dict[str, Any]) -> Settings:
@@ -190,6 +212,8 @@ def _settings(config: Path | None, options: dict[str, Any]) -> Settings:
     configure_logging(settings.log_level, settings.log_format)
     if settings.workers > 1 or settings.state_dir:
         raise InvalidArgument("a cluster has no workers and no state_dir: nodes copy each other")
+    peer_tls(settings.peer_tls)  # checked before anything is started
+    _encrypt_ray(settings.peer_tls)
     return settings
 
 

@@ -96,6 +96,29 @@ def _signature(name: str) -> str:
     return name
 
 
+class PeerTls(BaseModel):
+    """What the nodes and entries of a cluster show each other, beside their secret."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    cert: Path | None = Field(
+        default=None,
+        description="PEM file of the certificate that a node or an entry shows the others",
+    )
+    key: Path | None = Field(default=None, description="PEM file of its private key")
+    ca: Path | None = Field(
+        default=None,
+        description="PEM file of the authority of the cluster's own, whose certificates are "
+        "accepted between nodes and entries",
+    )
+
+    @model_validator(mode="after")
+    def _whole(self) -> "PeerTls":
+        if len({bool(one) for one in (self.cert, self.key, self.ca)}) > 1:
+            raise ValueError("cert, key and ca belong together: set all, or none")
+        return self
+
+
 class Settings(BaseSettings):
     """Everything that can be set."""
 
@@ -175,6 +198,11 @@ class Settings(BaseSettings):
     )
     tls_client_ca: Path | None = Field(
         default=None, description="PEM file of the authority whose client certificates are accepted"
+    )
+    peer_tls: PeerTls = PeerTls()
+    insecure_peers: bool = Field(
+        default=False,
+        description="let nodes on several machines talk to each other without encryption",
     )
     cors_origins: Annotated[
         Texts, AfterValidator(lambda found: tuple(_origin(text) for text in found))

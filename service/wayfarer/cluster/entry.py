@@ -60,6 +60,7 @@ from wayfarer.transport.request_limits import MESHES, RequestLimits, add_problem
 from wayfarer.transport.residence import misdirected
 from wayfarer.transport.server import HttpServer
 from wayfarer.transport.server_options import ServerOptions
+from wayfarer.transport.tls import peer_tls
 from wayfarer.transport.wire import answer
 from wayfarer.v1 import control_pb2
 
@@ -175,7 +176,7 @@ class Entry:
         operation = ServerOptions.from_settings(settings)
         host, tls, limits = settings.host, operation.tls, settings.limits
         self.finder = NodeFinder(directory)
-        self._peers = Peers(secret)
+        self._peers = Peers(secret, peer_tls(settings.peer_tls))
         every = EveryNode(self._peers, self.finder.all_nodes, stop)
         self._socket = bind(host, settings.http_port, settings.grpc_port)
         guard = GuardInterceptor(

@@ -30,6 +30,7 @@ from wayfarer.cluster.tenancy import Tenancy, boot_clock
 from wayfarer.errors import InvalidArgument, Unavailable, WayfarerError
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.gateway.moves import is_scene
+from wayfarer.transport.tls import peer_tls
 
 log = structlog.get_logger(__name__)
 
@@ -331,7 +332,8 @@ async def joined(
     stop: Callable[[], None],
 ) -> AsyncIterator[None]:
     """Be a node of the cluster meanwhile. `ports`: of gRPC and HTTP."""
-    replicas, peers = Replicas(), Peers(plan.secret)
+    tls = peer_tls(plan.settings.peer_tls)
+    replicas, peers = Replicas(), Peers(plan.secret, tls)
     link = await KeeperLink.open()
 
     async def take(slot: int, epoch: int, live: dict[str, bytes]) -> None:
@@ -341,7 +343,7 @@ async def joined(
         return await answer(gateway, question)
 
     host, prepare = plan.settings.host if plan.host else LOOPBACK, gateway.moves.prepare
-    server = PeerServer(host, plan.secret, replicas, take, prepare, ask)
+    server = PeerServer(host, plan.secret, replicas, take, prepare, ask, tls)
     tenancy.node = tenancy.node.model_copy(
         update={"grpc_port": ports[0], "http_port": ports[1], "peer_port": server.port}
     )
@@ -350,7 +352,7 @@ async def joined(
     tasks = [
         asyncio.create_task(agent.renewing(), name="lease"),
         asyncio.create_task(agent.replicating(), name="replicas"),
-        asyncio.create_task(_until_orphaned(link, plan, stop), name="keeper"),
+        asyncio.create_task(_until_orphaned(link, plan, gateway, stop), name="keeper"),
     ]
     try:
         yield
@@ -362,11 +364,17 @@ async def joined(
         await peers.forget_others(set())
 
 
-async def _until_orphaned(link: KeeperLink, plan: NodePlan, stop: Callable[[], None]) -> None:
-    """Without a keeper nobody renews the lease: end, unless the cluster's rule is to go on."""
+async def _until_orphaned(
+    link: KeeperLink, plan: NodePlan, gateway: Gateway, stop: Callable[[], None]
+) -> None:
+    """Without a keeper nobody renews the lease: end; where the rule is to go on, once it is empty.
+
+    Its successor runs beside it then, and takes what is new.
+    """
     await link.lost.wait()
-    if not plan.go_on:
-        stop()
+    while plan.go_on and (gateway.moves.sessions or gateway.streams):
+        await asyncio.sleep(RENEW_S)
+    stop()
 
 
 def read_plan() -> NodePlan:

@@ -3,7 +3,7 @@ and what an entry asks each of them.
 
 Both ends are of one cluster and one version, so the messages are the service's own containers
 (persistence/container.py), which check themselves; a header of JSON says what they are. Who calls
-shows the cluster's secret. Not encrypted: a private network's.
+shows the cluster's secret; with TLS both show a certificate of the cluster's authority.
 """
 
 import itertools
@@ -27,6 +27,7 @@ from wayfarer.errors import (
 from wayfarer.ids import slot_of
 from wayfarer.transport import errors
 from wayfarer.transport.grpc_server import bracketed
+from wayfarer.transport.tls import Tls
 
 SERVICE: Final = "/wayfarer.cluster.Peer/"
 MESSAGE_BYTES: Final = 64 * 1024 * 1024
@@ -110,7 +111,14 @@ class PeerServer:
     """Answers other nodes and entries. Create it inside a running event loop."""
 
     def __init__(
-        self, host: str, secret: str, replicas: Replicas, take: Take, prepare: Prepare, ask: Ask
+        self,
+        host: str,
+        secret: str,
+        replicas: Replicas,
+        take: Take,
+        prepare: Prepare,
+        ask: Ask,
+        tls: Tls | None = None,
     ) -> None:
         """Raises Unavailable when no port can be had."""
         self._secret = secret.encode()
@@ -126,8 +134,12 @@ class PeerServer:
             ],
         )
         self._server.add_generic_rpc_handlers((_Methods(self),))
+        where = f"{bracketed(host)}:0"
         try:
-            self.port = self._server.add_insecure_port(f"{bracketed(host)}:0")
+            if tls:
+                self.port = self._server.add_secure_port(where, tls.grpc())
+            else:
+                self.port = self._server.add_insecure_port(where)
         except RuntimeError as error:
             raise Unavailable(f"cannot listen for other nodes on {host}: {error}") from None
 
@@ -194,8 +206,9 @@ def _split(data: bytes, sizes: list[int]) -> list[bytes]:
 class Peers:
     """Calls other nodes."""
 
-    def __init__(self, secret: str) -> None:
+    def __init__(self, secret: str, tls: Tls | None = None) -> None:
         self._secret = secret
+        self._tls = tls
         self._channels: dict[str, grpc.aio.Channel] = {}  # by node
 
     async def keep(self, node: NodeInfo, owner: str, name: str, data: bytes) -> None:
@@ -236,9 +249,7 @@ class Peers:
     ) -> bytes:
         channel = self._channels.get(node.name)
         if channel is None:
-            options = [("grpc.max_send_message_length", MESSAGE_BYTES)]
-            where = f"{bracketed(node.host or LOOPBACK)}:{node.peer_port}"
-            channel = self._channels[node.name] = grpc.aio.insecure_channel(where, options=options)
+            channel = self._channels[node.name] = self._channel(node)
         metadata = (
             ("authorization", f"Bearer {self._secret}"),
             ("wayfarer-header", json.dumps(header)),
@@ -248,3 +259,11 @@ class Peers:
             return bytes(await call(data, timeout=seconds, metadata=metadata))
         except grpc.aio.AioRpcError as error:
             raise Unavailable(f"node {node.name}: {error.details()}") from None
+
+    def _channel(self, node: NodeInfo) -> grpc.aio.Channel:
+        """The certificate must name the address at which the node is called."""
+        options = [("grpc.max_send_message_length", MESSAGE_BYTES)]
+        where = f"{bracketed(node.host or LOOPBACK)}:{node.peer_port}"
+        if self._tls is None:
+            return grpc.aio.insecure_channel(where, options=options)
+        return grpc.aio.secure_channel(where, self._tls.grpc_channel(), options=options)

@@ -9,7 +9,12 @@ import os
 import threading
 from typing import Any, Final
 
-os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # before Ray is imported: no call home
+# Before Ray is imported; a Ray that `ray start` makes needs the last two, too (docs/cluster.md).
+os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # no call home
+# in seconds: after a minute without Ray's head, Ray ends who waits for it; but entries find what
+# lives, and keepers have their nodes, without a head
+os.environ.setdefault("RAY_gcs_rpc_server_reconnect_timeout_s", "604800")
+os.environ.setdefault("RAY_worker_niceness", "0")  # else all nodes give way to everything (15)
 
 import ray
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy

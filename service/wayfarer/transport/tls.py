@@ -1,14 +1,15 @@
-"""TLS of both ports, from PEM files that are checked at the start."""
+"""TLS, from PEM files that are checked at the start: of the public ports, and between nodes."""
 
 import ssl
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import grpc
 import structlog
 
+from wayfarer.config import PeerTls
 from wayfarer.errors import InvalidArgument
 
 log = structlog.get_logger(__name__)
@@ -23,29 +24,32 @@ class Tls:
     cert: Path
     key: Path
     client_ca: Path | None = None
+    settings: tuple[str, str, str] = ("tls_cert", "tls_key", "tls_client_ca")  # that name them
 
     def check(self) -> None:
         """Raises InvalidArgument that names the setting whose file does not do."""
-        _dated("tls_cert", self.cert)
+        cert, _, client_ca = self.settings
+        _dated(cert, self.cert)
         if self.client_ca:
-            _dated("tls_client_ca", self.client_ca)
+            _dated(client_ca, self.client_ca)
         self.http()
 
     def http(self) -> ssl.SSLContext:
         """For HTTP. A client without a certificate gets as far as what is open to everybody."""
         context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
         context.minimum_version = ssl.TLSVersion.TLSv1_2
+        setting = self.settings[1]
         try:
-            context.load_cert_chain(self.cert, self.key, password=_no_password)
+            context.load_cert_chain(self.cert, self.key, password=lambda: _no_password(setting))
         except ssl.SSLError as error:
             why = error.reason or str(error)
             raise InvalidArgument(
-                f"setting tls_key: {self.key} is not the private key, in PEM, of "
+                f"setting {setting}: {self.key} is not the private key, in PEM, of "
                 f"{self.cert}: {why.replace('_', ' ').lower()}",
-                "tls_key",
+                setting,
             ) from None
         except OSError as error:
-            raise _unreadable("tls_key", self.key, error) from None
+            raise _unreadable(setting, self.key, error) from None
         if self.client_ca:
             context.load_verify_locations(self.client_ca)
             context.verify_mode = ssl.CERT_OPTIONAL
@@ -58,6 +62,23 @@ class Tls:
             self.client_ca.read_bytes() if self.client_ca else None,
             require_client_auth=self.client_ca is not None,
         )
+
+    def grpc_channel(self) -> Any:
+        """To a server of the same authority, which asks for this certificate."""
+        assert self.client_ca is not None
+        return grpc.ssl_channel_credentials(
+            self.client_ca.read_bytes(), self.key.read_bytes(), self.cert.read_bytes()
+        )
+
+
+def peer_tls(settings: PeerTls) -> Tls | None:
+    """Between nodes, and of entries with them. Raises InvalidArgument as `Tls.check`."""
+    if not (settings.cert and settings.key and settings.ca):
+        return None
+    names = ("peer_tls.cert", "peer_tls.key", "peer_tls.ca")
+    tls = Tls(settings.cert, settings.key, settings.ca, names)
+    tls.check()
+    return tls
 
 
 def _dated(setting: str, path: Path) -> None:
@@ -85,10 +106,10 @@ def _unreadable(setting: str, path: Path, error: OSError) -> InvalidArgument:
     return InvalidArgument(f"setting {setting}: {path}: {error.strerror}", setting)
 
 
-def _no_password() -> str:
+def _no_password(setting: str) -> str:
     """Rather than to ask for one on a terminal that nobody sits at."""
     raise InvalidArgument(
-        "setting tls_key: the private key is encrypted; a server needs it in the clear, in a file "
-        "that only its user can read",
-        "tls_key",
+        f"setting {setting}: the private key is encrypted; a server needs it in the clear, in a "
+        "file that only its user can read",
+        setting,
     )
