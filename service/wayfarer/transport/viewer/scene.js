@@ -149,7 +149,7 @@ export class Stage {
     const [eye, seen] = tall ? [[-0.5, 10.5, 13.5], [-0.7, 0.6, 2.6]] : [[0.3, 3.4, 9.3], [-0.7, 1.5, 2]]; // before the trees, between two stalls
     const place = ([right, up, near]) => new Vector3(x + right, up, z + near);
     this.#move(place(eye), place(seen), 1);
-    return { x: x - 0.8, z: z + 4.1, radius: tall ? 4 : 9 }; // before what stands in the middle
+    return { x: x - 0.8, z: z + 3.6, radius: 4.5 }; // about what stands in the middle, most of it before
   }
 
   /** Look from one place { eye, target } as [x, y, z]. */
