@@ -12,7 +12,7 @@ constexpr double TRUNK_SHARE = 0.85, TRUNK_MOST = 5 * DEGREE, HEAD_SHARE = 0.6, 
 constexpr double CALMING = 1 / (1.2 * FPS), LEAVING = 1 / (0.6 * FPS), HANGING = -4 * DEGREE,
                  HANGING_MOST = 45 * DEGREE, HANGING_ASIDE = 3 * DEGREE;
 constexpr Vec3 RELAXED{0, -4 * DEGREE, 6 * DEGREE}, PALM{-2 * DEGREE, -14 * DEGREE, -7 * DEGREE};
-constexpr double SWING[] = {0.7, 1.35}, SWING_MOST = 15 * DEGREE, UNEVEN = 5 * DEGREE, HANDS[] = {20, 14};
+constexpr double SWING[] = {0.5, 1.8}, SWING_MOST = 20 * DEGREE, UNEVEN = 5 * DEGREE, HANDS[] = {20, 14};
 constexpr std::size_t TRUNK[] = {3, 6, 9}, SPINE = 3, NECK = 12, HEAD = 15;
 constexpr std::size_t SHOULDERS[] = {16, 17}, ELBOW_JOINTS[] = {18, 19}, WRISTS[] = {20, 21};
 constexpr double SIDES[] = {-1, 1};
@@ -41,9 +41,9 @@ void arm(Turns& turns, std::size_t side, const Habits& own, double vertical, dou
   const auto [x, y, z, w] = shoulder;
   const double ahead = sign * 2 * (x * y + w * z), down = -sign * 2 * (x * z - w * y);
   const double hangs = bounded(2 * down - 0.4, 0, 1);
-  const double swung = std::atan2(ahead, std::max(down, 0.2));
-  const double swings = bounded((own.swing - 1) * swung, -SWING_MOST, SWING_MOST);
-  const double more = (swings + rest * (bounded(vertical - swung, -HANGING_MOST, HANGING_MOST) - swings)) * hangs;
+  const double off = vertical - std::atan2(ahead, std::max(down, 0.2));
+  const double swings = bounded((1 - own.swing) * off, -SWING_MOST, SWING_MOST);
+  const double more = (swings + rest * (bounded(off, -HANGING_MOST, HANGING_MOST) - swings)) * hangs;
   const double aside = (own.aside[side] + HANGING_ASIDE * rest) * hangs;
   turn_before(shoulder, 0.5 * more, -0.5 * sign * aside, -0.5 * sign * own.turned * hangs);
   relax(turns[ELBOW_JOINTS[side]], RELAXED, sign, rest);

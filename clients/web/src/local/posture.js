@@ -11,7 +11,7 @@ const FOLLOW = 1 / (0.4 * 40); // share by which the remembered lean and pitch f
 const TRUNK_SHARE = 0.85, TRUNK_MOST = 5 * DEGREE, HEAD_SHARE = 0.6, HEAD_MOST = 15 * DEGREE;
 const CALMING = 1 / (1.2 * 40), LEAVING = 1 / (0.6 * 40), HANGING = -4 * DEGREE, HANGING_MOST = 45 * DEGREE;
 const HANGING_ASIDE = 3 * DEGREE, RELAXED = [0, -4 * DEGREE, 6 * DEGREE], PALM = [-2, -14, -7].map((n) => n * DEGREE);
-const SWING = [0.7, 1.35], SWING_MOST = 15 * DEGREE, UNEVEN = 5 * DEGREE, HANDS = [20, 14];
+const SWING = [0.5, 1.8], SWING_MOST = 20 * DEGREE, UNEVEN = 5 * DEGREE, HANDS = [20, 14];
 const TRUNK = [0, 3, 6, 9], SPINE = 3, NECK = 12, HEAD = 15;
 const SHOULDERS = [16, 17], ELBOW_JOINTS = [18, 19], WRISTS = [20, 21];
 const SIDES = [-1, 1];
@@ -89,9 +89,9 @@ function arm(rotations, at, side, own, vertical, rest) {
   const [x, y, z, w] = rotations.subarray(shoulder, shoulder + 4);
   const ahead = sign * 2 * (x * y + w * z), down = -sign * 2 * (x * z - w * y);
   const hangs = bounded(2 * down - 0.4, 0, 1);
-  const swung = Math.atan2(ahead, Math.max(down, 0.2));
-  const swings = bounded((own.swing - 1) * swung, -SWING_MOST, SWING_MOST);
-  const more = (swings + rest * (bounded(vertical - swung, -HANGING_MOST, HANGING_MOST) - swings)) * hangs;
+  const off = vertical - Math.atan2(ahead, Math.max(down, 0.2));
+  const swings = bounded((1 - own.swing) * off, -SWING_MOST, SWING_MOST);
+  const more = (swings + rest * (bounded(off, -HANGING_MOST, HANGING_MOST) - swings)) * hangs;
   const aside = (own.aside[side] + HANGING_ASIDE * rest) * hangs;
   before(rotations, shoulder, 0.5 * more, -0.5 * sign * aside, -0.5 * sign * own.turned * hangs);
   const elbow = at + 4 * ELBOW_JOINTS[side], wrist = at + 4 * WRISTS[side];

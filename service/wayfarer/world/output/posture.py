@@ -55,10 +55,11 @@ FOLLOW: Final = 1 / (0.4 * FPS)
 """Share by which the remembered lean and pitch follow in a frame: a step takes half a second, and
 little of what comes and goes with it is seen in them."""
 
-SWING: Final = (0.7, 1.35)
-"""Factors of the arms' swing, from the one that holds them still to the one that lets them go."""
+SWING: Final = (0.5, 1.8)
+"""Factors of the arms' swing about the vertical, from the one that holds them still to the one that
+lets them go: people's swing differs by as much (standard deviation 15° at 1.1 to 1.5 m/s)."""
 
-SWING_MOST: Final = radians(15)
+SWING_MOST: Final = radians(20)
 """An arm is not moved by more: one that points or is lifted is no swinging arm."""
 
 ASIDE: Final = (radians(-1), radians(10))
@@ -241,8 +242,9 @@ def _arms(
     ahead, down = _SIDES * 2 * (x * y + w * z), -_SIDES * 2 * (x * z - w * y)
     hangs = bounded(2 * down - 0.4, 0, 1)  # not while it is lifted
     swung = np.arctan2(ahead, np.maximum(down, 0.2))
-    more = bounded((own.swing - 1) * swung, -SWING_MOST, SWING_MOST)
-    hung = bounded(vertical - swung, -HANGING_MOST, HANGING_MOST)
+    off = vertical - swung
+    more = bounded((1 - own.swing) * off, -SWING_MOST, SWING_MOST)
+    hung = bounded(off, -HANGING_MOST, HANGING_MOST)
     more = (more + rest * (hung - more)) * hangs
     aside = (own.aside[:, None] + HANGING_ASIDE * rest) * hangs
     # an arm that hangs is moved away from the body about Y, to its own side
