@@ -76,6 +76,23 @@ def test_a_knee_beyond_straight_is_bent_forwards_again(bend):
     np.testing.assert_allclose(after.ankle_turn, before.ankle_turn, atol=1e-5)
 
 
+@pytest.mark.parametrize("bend", [-0.08, 0.0, 0.02])
+@pytest.mark.parametrize("beside", [-0.3, 0.3])
+def test_a_knee_turned_sideways_is_not_stretched_beyond_straight(bend, beside):
+    """The sideways turn is not taken off by the hinge: that made knees of -7 degrees."""
+    shape, shift = legs(), np.full((3, 2, 1, 1), 0.0, np.float32)
+    shift[2] = -0.05
+    translation, rotations = standing(1, bend)
+    rotations[:, :, KNEES, 1] = beside
+    rotations /= np.linalg.norm(rotations, axis=-1, keepdims=True)
+    before = pose_legs(shape, translation, rotations)
+    rotations[:, :, MOVED] = move_ankles(before, shift)
+    after = pose_legs(shape, translation, rotations)
+    thigh, shin = after.knee - after.hip, after.ankle - after.knee
+    side = rotate(after.hip_turn, np.array([-1.0, 0, 0]).reshape(3, 1, 1, 1))
+    assert (dot(cross(thigh, shin), side) > -1e-3).all()
+
+
 def test_no_move_changes_nothing():
     before, after = moved_pose(0.5, np.zeros(3))
     for name in ("hip_turn", "knee_turn", "ankle_turn"):

@@ -4,7 +4,7 @@ namespace wayfarer::local {
 namespace {
 
 constexpr std::size_t HIPS[] = {1, 2}, KNEES[] = {4, 5}, ANKLES[] = {7, 8}, BALLS[] = {10, 11};
-constexpr double STRETCH = 0.999, FOLD = 0.3, TINY = 1e-9, STRAIGHT = 0.25;
+constexpr double STRETCH = 0.999, FOLD = 0.3, TINY = 1e-9;
 constexpr Vec3 LEFT{-1, 0, 0};
 
 Quat relative(const Quat& parent, const Quat& turn) { return multiply(inverse(parent), turn); }
@@ -17,35 +17,26 @@ double reach(double before, double wanted, double leg, double free) {
   return std::max(before + eased, std::min(before, FOLD * leg));
 }
 
-double knee_angle(double upper, double lower, double distance) {
-  const double both = std::max(2 * upper * lower, 1e-12);
-  return std::acos(bounded((upper * upper + lower * lower - distance * distance) / both, -1, 1));
-}
-
 void move_ankle(const LegPose& pose, std::size_t side, const Vec3& shift, double turn, double free, Turns& turns) {
   const Vec3 thigh = pose.knee[side] - pose.hip[side], shin = pose.ankle[side] - pose.knee[side];
   const Vec3 target = pose.ankle[side] + shift - pose.hip[side];
-  const double upper = length(thigh), lower = length(shin), far = length(target);
-  const double before = length(pose.ankle[side] - pose.hip[side]), after = reach(before, far, upper + lower, free);
-
-  const Vec3 across = rotate(pose.hip_turn[side], LEFT);
-  const Vec3 plane = (1 / std::max(upper * lower, TINY)) * cross(thigh, shin);
-  const double forward = dot(plane, across);  // sine of the bend
-  const Vec3 axis = plane + (std::max(-2 * forward, 0.0) + STRAIGHT) * across;
-  const double norm = std::max(length(axis), 1e-12);
-  double inner = knee_angle(upper, lower, before);
-  if (forward < 0) {  // beyond straight; of a knee that is bent sideways what is about the axis counts
-    const double about = dot(plane, axis) / norm / std::max(length(plane), TINY);
-    inner = PI - about * (PI - inner);
-  }
-  const double half = 0.5 * (inner - knee_angle(upper, lower, after)), sine = std::sin(half) / norm;
-  const Quat bend = unit(Quat{axis.x * sine, axis.y * sine, axis.z * sine, std::cos(half)});
+  // a shin turned by an angle about the hinge has thigh · shin = along + most · cos(angle + bend)
+  const Vec3 hinge = rotate(pose.hip_turn[side], LEFT);
+  const double along = dot(thigh, hinge) * dot(shin, hinge);
+  const double level = dot(thigh, shin) - along, upright = dot(cross(thigh, shin), hinge);
+  const double most = std::max(std::hypot(level, upright), TINY);
+  const double fixed = dot(thigh, thigh) + dot(shin, shin) + 2 * along;
+  const double full = std::sqrt(std::max(fixed + 2 * most, TINY)), far = length(target);
+  const double after = reach(length(pose.ankle[side] - pose.hip[side]), far, full, free);
+  const double bent = std::acos(bounded((after * after - fixed) / (2 * most), -1, 1));
+  const double half = 0.5 * (bent - std::atan2(upright, level)), sine = std::sin(half);
+  const Quat bend{hinge.x * sine, hinge.y * sine, hinge.z * sine, std::cos(half)};
 
   // the shortest arc that swings the bent leg onto its target
   const Vec3 ankle_to = thigh + rotate(bend, shin), about = cross(ankle_to, target);
   Quat swing = unit(Quat{about.x, about.y, about.z, dot(ankle_to, target) + length(ankle_to) * far + TINY});
-  const double quarter = turn / 4, along = (target.z < 0 ? -1 : 1) * std::sin(quarter) / std::max(far, 1e-12);
-  swing = multiply({target.x * along, target.y * along, target.z * along, std::cos(quarter)}, swing);
+  const double quarter = turn / 4, twist = (target.z < 0 ? -1 : 1) * std::sin(quarter) / std::max(far, 1e-12);
+  swing = multiply({target.x * twist, target.y * twist, target.z * twist, std::cos(quarter)}, swing);
   const Quat foot = multiply(about_z(turn), pose.ankle_turn[side]);
   const Quat hip = multiply(swing, pose.hip_turn[side]);
   const Quat knee = multiply(swing, multiply(bend, pose.knee_turn[side]));

@@ -2,12 +2,13 @@
 // kinematics. The server's world/output/legs.py and twobone.py, for one person. Left comes before right.
 
 import { multiply, relative, rotate } from "../core/quaternions.js";
+import { bounded } from "./steering.js";
 
 const TURN = 88;
 export const FRAMES = 8, SOLES = 4;
 const HIPS = [1, 2], KNEES = [4, 5], ANKLES = [7, 8], BALLS = [10, 11];
 export const FREE = 0.5;
-const STRETCH = 0.999, FOLD = 0.3, TINY = 1e-9, STRAIGHT = 0.25;
+const STRETCH = 0.999, FOLD = 0.3, TINY = 1e-9;
 
 /**
  * Both legs in the T-pose: each joint seen from the one above it, [2, 3]; sole markers as ankle and ball have them,
@@ -120,8 +121,8 @@ export function moveFeet(pose, translation, shifts, turns, rotations, free) {
 }
 
 const one = () => new Float64Array(4);
-const [plane, axis, ankleTo, target, bend, swing, twist, hipTurn, kneeTurn, footTurn] = Array.from({ length: 10 }, one);
-const [thigh, shin, side3, bentShin] = Array.from({ length: 4 }, () => new Float64Array(3));
+const [across, ankleTo, target, bend, swing, twist, hipTurn, kneeTurn, footTurn] = Array.from({ length: 9 }, one);
+const [thigh, shin, hinge, bentShin] = Array.from({ length: 4 }, () => new Float64Array(3));
 
 /** @param {LegPose} pose @param {number} t @param {number} side @param {number[]} shift @param {number} turn @param {Float64Array} rotations @param {number} [free] */
 export function moveAnkle(pose, t, side, shift, turn, rotations, free = FREE) {
@@ -134,36 +135,26 @@ export function moveAnkle(pose, t, side, shift, turn, rotations, free = FREE) {
     before += (pose.ankle[i + n] - pose.hip[i + n]) ** 2;
     wanted += target[n] ** 2;
   }
-  before = Math.sqrt(before);
-  const upper = Math.hypot(thigh[0], thigh[1], thigh[2]), lower = Math.hypot(shin[0], shin[1], shin[2]);
-  const after = reach(before, Math.sqrt(wanted), upper + lower, free);
-
-  rotate(pose.hipTurn, 4 * k, LEFT, 0, side3, 0);
-  cross(thigh, shin, plane, 1 / Math.max(upper * lower, TINY));
-  const forward = plane[0] * side3[0] + plane[1] * side3[1] + plane[2] * side3[2]; // sine of the bend
-  const share = Math.max(-2 * forward, 0) + STRAIGHT;
-  for (let n = 0; n < 3; n += 1) axis[n] = plane[n] + share * side3[n];
-  const norm = Math.max(Math.hypot(axis[0], axis[1], axis[2]), 1e-12);
-  let inner = kneeAngle(upper, lower, before);
-  if (forward < 0) { // beyond straight; of a knee that is bent sideways what is about the axis counts
-    const dot = plane[0] * axis[0] + plane[1] * axis[1] + plane[2] * axis[2];
-    const about = dot / norm / Math.max(Math.hypot(plane[0], plane[1], plane[2]), TINY);
-    inner = Math.PI - about * (Math.PI - inner);
-  }
-  const half = 0.5 * (inner - kneeAngle(upper, lower, after)), sine = Math.sin(half) / norm;
-  bend.set([axis[0] * sine, axis[1] * sine, axis[2] * sine, Math.cos(half)]);
-  unit(bend);
+  // a shin turned by an angle about the hinge has thigh · shin = along + most · cos(angle + bend)
+  rotate(pose.hipTurn, 4 * k, LEFT, 0, hinge, 0);
+  cross(thigh, shin, across, 1);
+  const along = dot(thigh, hinge) * dot(shin, hinge), level = dot(thigh, shin) - along, upright = dot(across, hinge);
+  const most = Math.max(Math.hypot(level, upright), TINY), fixed = dot(thigh, thigh) + dot(shin, shin) + 2 * along;
+  const full = Math.sqrt(Math.max(fixed + 2 * most, TINY));
+  const after = reach(Math.sqrt(before), Math.sqrt(wanted), full, free);
+  const bent = Math.acos(bounded((after * after - fixed) / (2 * most), -1, 1));
+  const half = 0.5 * (bent - Math.atan2(upright, level)), sine = Math.sin(half);
+  bend.set([hinge[0] * sine, hinge[1] * sine, hinge[2] * sine, Math.cos(half)]);
 
   // the shortest arc that swings the bent leg onto its target
   rotate(bend, 0, shin, 0, bentShin, 0);
   for (let n = 0; n < 3; n += 1) ankleTo[n] = thigh[n] + bentShin[n];
-  const dot = ankleTo[0] * target[0] + ankleTo[1] * target[1] + ankleTo[2] * target[2];
   cross(ankleTo, target, swing, 1);
-  swing[3] = dot + Math.hypot(ankleTo[0], ankleTo[1], ankleTo[2]) * Math.hypot(target[0], target[1], target[2]) + TINY;
+  swing[3] = dot(ankleTo, target) + Math.hypot(ankleTo[0], ankleTo[1], ankleTo[2]) * Math.hypot(target[0], target[1], target[2]) + TINY;
   unit(swing);
   const quarter = turn / 4, up = target[2] < 0 ? -1 : 1;
-  const along = (up * Math.sin(quarter)) / Math.max(Math.hypot(target[0], target[1], target[2]), 1e-12);
-  twist.set([target[0] * along, target[1] * along, target[2] * along, Math.cos(quarter)]);
+  const turned = (up * Math.sin(quarter)) / Math.max(Math.hypot(target[0], target[1], target[2]), 1e-12);
+  twist.set([target[0] * turned, target[1] * turned, target[2] * turned, Math.cos(quarter)]);
   multiply(twist, 0, swing, 0, swing, 0);
   twist.set([0, 0, Math.sin(turn / 2), Math.cos(turn / 2)]);
   multiply(twist, 0, pose.ankleTurn, 4 * k, footTurn, 0);
@@ -186,11 +177,8 @@ function reach(before, wanted, leg, free) {
   return Math.max(before + eased, Math.min(before, FOLD * leg));
 }
 
-/** @param {number} upper @param {number} lower @param {number} distance */
-function kneeAngle(upper, lower, distance) {
-  const both = Math.max(2 * upper * lower, 1e-12);
-  return Math.acos(Math.min(Math.max((upper ** 2 + lower ** 2 - distance ** 2) / both, -1), 1));
-}
+/** @param {Float64Array} a @param {Float64Array} b */
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
 /** @param {Float64Array} a @param {Float64Array} b @param {Float64Array} out @param {number} scale */
 function cross(a, b, out, scale) {

@@ -1,4 +1,8 @@
-"""Two-bone inverse kinematics: ankles are moved, knees stay in their plane, feet keep their turn.
+"""Two-bone inverse kinematics: ankles are moved, knees bend about a hinge, feet keep their turn.
+
+The hinge lies across the thigh. What the model bends a knee sideways by stays as it is: to
+straighten that, too, would take the knee beyond straight. A knee that is beyond straight is bent
+the right way.
 
 Arrays have their components first, see `quaternion.py`; 2 legs, F frames, A agents.
 """
@@ -34,12 +38,6 @@ FOLD: Final = 0.3
 TINY: Final = 1e-9
 """Square metres: a leg without length is not swung."""
 
-STRAIGHT: Final = 0.25
-"""Sine of the knee's bend below which its plane is taken from the hip's side axis by degrees: that
-of a leg that is nearly straight swings about with the least turn, and that of one bent the wrong
-way is the wrong way round."""
-
-
 FREE: Final = np.float32(0.5)
 """Share of the way from a leg's length to its full one that it is stretched by at once; the rest is
 approached ever more slowly, so that a knee does not snap straight."""
@@ -70,23 +68,18 @@ def move_ankles(
     Feet keep their turn in the world, unless it is changed by `turn` [2, F, A], radians.
     """
     thigh, shin = pose.knee - pose.hip, pose.ankle - pose.knee
-    upper, lower = length(thigh), length(shin)
     straight, target = pose.ankle - pose.hip, pose.ankle + shift - pose.hip
-    before = length(straight)
-    after = reach(before, length(target), upper + lower, free)
-
-    side = rotate(pose.hip_turn, np.array([-1, 0, 0], shift.dtype).reshape(3, 1, 1, 1))
-    plane = cross(thigh, shin) / np.maximum(upper * lower, TINY)
-    forward = dot(plane, side)  # sine of the bend; below 0 where the knee is beyond straight
-    axis = unit(plane + (np.maximum(-2 * forward, 0) + STRAIGHT) * side)
-    # Law of cosines: the inner angle of the knee before and after; their difference bends it, from
-    # beyond straight, too, and of a knee that is bent sideways by what is about the axis.
-    inner = _knee(upper, lower, before)
-    about = dot(plane, axis) / np.maximum(length(plane), TINY)
-    reversed_ = np.pi - about * (np.pi - inner)
-    inner = np.where(forward < 0, reversed_, inner).astype(shift.dtype)
-    half_bend = 0.5 * (inner - _knee(upper, lower, after))
-    bend = unit(_quaternion(axis * np.sin(half_bend), np.cos(half_bend)))
+    hinge = rotate(pose.hip_turn, np.array([-1, 0, 0], shift.dtype).reshape(3, 1, 1, 1))
+    # A shin turned by φ about the hinge has thigh · shin = along + most · cos(φ + bend).
+    along = dot(thigh, hinge) * dot(shin, hinge)
+    level, upright = dot(thigh, shin) - along, dot(cross(thigh, shin), hinge)
+    most = np.maximum(np.sqrt(level * level + upright * upright), TINY)
+    fixed = dot(thigh, thigh) + dot(shin, shin) + 2 * along  # of the squared way to the ankle
+    full = np.sqrt(np.maximum(fixed + 2 * most, TINY))
+    after = reach(length(straight), length(target), full, free)
+    bent = np.arccos(bounded((after * after - fixed) / (2 * most), -1, 1))
+    half_bend = 0.5 * (bent - np.arctan2(upright, level))
+    bend = _quaternion(hinge * np.sin(half_bend), np.cos(half_bend))
 
     # The shortest arc that swings the bent leg onto its target; half angles by |a||b| + a·b.
     ankle = thigh + rotate(bend, shin)
@@ -96,8 +89,8 @@ def move_ankles(
     foot_turn = pose.ankle_turn
     if turn is not None:
         half = turn / 4
-        along = unit(target) * np.where(target[2] < 0, np.float32(-1), np.float32(1))
-        swing = multiply(_quaternion(along * np.sin(half), np.cos(half)), swing)
+        upward = unit(target) * np.where(target[2] < 0, np.float32(-1), np.float32(1))
+        swing = multiply(_quaternion(upward * np.sin(half), np.cos(half)), swing)
         zero = np.zeros_like(turn)
         foot_turn = multiply(stacked(zero, zero, np.sin(turn / 2), np.cos(turn / 2)), foot_turn)
     hip = multiply(swing, pose.hip_turn)
@@ -121,11 +114,6 @@ def reach(before: Array, wanted: Array, leg: Array, free: Array | np.float32 = F
     beyond = np.maximum(more - near, 0)
     eased = np.minimum(more, near) + rest * (1 - np.exp(-beyond / rest))
     return np.maximum(before + eased, np.minimum(before, FOLD * leg))
-
-
-def _knee(upper: Array, lower: Array, distance: Array) -> Array:
-    both = np.maximum(2 * upper * lower, 1e-12)
-    return np.arccos(bounded((upper**2 + lower**2 - distance**2) / both, -1, 1))
 
 
 def _quaternion(vector: Array, scalar: Array) -> Array:
