@@ -93,6 +93,27 @@ def test_a_knee_turned_sideways_is_not_stretched_beyond_straight(bend, beside):
     assert (dot(cross(thigh, shin), side) > -1e-3).all()
 
 
+def bends(pose: LegPose) -> np.ndarray:
+    """Degrees by which knees are bent about their hinge."""
+    thigh, shin = pose.knee - pose.hip, pose.ankle - pose.knee
+    side = rotate(pose.hip_turn, np.array([-1.0, 0, 0]).reshape(3, 1, 1, 1))
+    return np.degrees(np.arctan2(dot(cross(thigh, shin), side), dot(thigh, shin)))
+
+
+def test_a_straight_knee_does_not_jump_as_its_foot_is_lifted():
+    """As it steps, by 3 mm and by 9 more: a quite straight knee began to bend by 10 degrees."""
+    heights = [0.0, 0.0, 0.0033, 0.0125]
+    bent = [bends(moved_pose(0.0, np.array([0, 0, height]))[1]).max() for height in heights]
+    assert bent[0] == pytest.approx(4, abs=0.1)
+    assert np.diff(bent, 2).max() < 7
+
+
+@pytest.mark.parametrize("bend", [-0.02, 0.0, 0.02, 0.05, 0.1])
+def test_a_knee_that_is_kept_from_straight_moves_its_foot_by_half_a_millimetre(bend):
+    before, after = moved_pose(bend, np.zeros(3))
+    assert length(after.ankle - before.ankle).max() < 6e-4
+
+
 def test_no_move_changes_nothing():
     before, after = moved_pose(0.5, np.zeros(3))
     for name in ("hip_turn", "knee_turn", "ankle_turn"):

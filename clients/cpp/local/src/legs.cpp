@@ -4,7 +4,7 @@ namespace wayfarer::local {
 namespace {
 
 constexpr std::size_t HIPS[] = {1, 2}, KNEES[] = {4, 5}, ANKLES[] = {7, 8}, BALLS[] = {10, 11};
-constexpr double STRETCH = 0.999, FOLD = 0.3, TINY = 1e-9;
+constexpr double STRETCH = 0.999, FOLD = 0.3, TINY = 1e-9, SOFT = PI / 45;
 constexpr Vec3 LEFT{-1, 0, 0};
 
 Quat relative(const Quat& parent, const Quat& turn) { return multiply(inverse(parent), turn); }
@@ -28,7 +28,9 @@ void move_ankle(const LegPose& pose, std::size_t side, const Vec3& shift, double
   const double fixed = dot(thigh, thigh) + dot(shin, shin) + 2 * along;
   const double full = std::sqrt(std::max(fixed + 2 * most, TINY)), far = length(target);
   const double after = reach(length(pose.ankle[side] - pose.hip[side]), far, full, free);
-  const double bent = std::acos(bounded((after * after - fixed) / (2 * most), -1, 1));
+  double bent = std::acos(bounded((after * after - fixed) / (2 * most), -1, 1));
+  const double soft = std::max(2 * SOFT - bent, 0.0);
+  bent += soft * soft / (4 * SOFT);
   const double half = 0.5 * (bent - std::atan2(upright, level)), sine = std::sin(half);
   const Quat bend{hinge.x * sine, hinge.y * sine, hinge.z * sine, std::cos(half)};
 

@@ -8,7 +8,7 @@ const TURN = 88;
 export const FRAMES = 8, SOLES = 4;
 const HIPS = [1, 2], KNEES = [4, 5], ANKLES = [7, 8], BALLS = [10, 11];
 export const FREE = 0.5;
-const STRETCH = 0.999, FOLD = 0.3, TINY = 1e-9;
+const STRETCH = 0.999, FOLD = 0.3, TINY = 1e-9, SOFT = Math.PI / 45;
 
 /**
  * Both legs in the T-pose: each joint seen from the one above it, [2, 3]; sole markers as ankle and ball have them,
@@ -142,7 +142,8 @@ export function moveAnkle(pose, t, side, shift, turn, rotations, free = FREE) {
   const most = Math.max(Math.hypot(level, upright), TINY), fixed = dot(thigh, thigh) + dot(shin, shin) + 2 * along;
   const full = Math.sqrt(Math.max(fixed + 2 * most, TINY));
   const after = reach(Math.sqrt(before), Math.sqrt(wanted), full, free);
-  const bent = Math.acos(bounded((after * after - fixed) / (2 * most), -1, 1));
+  let bent = Math.acos(bounded((after * after - fixed) / (2 * most), -1, 1));
+  bent += Math.max(2 * SOFT - bent, 0) ** 2 / (4 * SOFT);
   const half = 0.5 * (bent - Math.atan2(upright, level)), sine = Math.sin(half);
   bend.set([hinge[0] * sine, hinge[1] * sine, hinge[2] * sine, Math.cos(half)]);
 

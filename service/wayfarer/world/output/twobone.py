@@ -2,7 +2,7 @@
 
 The hinge lies across the thigh. What the model bends a knee sideways by stays as it is: to
 straighten that, too, would take the knee beyond straight. A knee that is beyond straight is bent
-the right way.
+the right way, and none is quite straight.
 
 Arrays have their components first, see `quaternion.py`; 2 legs, F frames, A agents.
 """
@@ -34,6 +34,12 @@ STRETCH: Final = 0.999
 
 FOLD: Final = 0.3
 """And folded to this share at most."""
+
+SOFT: Final = np.float32(np.radians(4))
+"""Radians that a straight knee is bent by; one that is bent by twice as much stays as it is. A bend
+grows with the root of what its leg is shortened by: knees that were quite straight when their foot
+was lifted bent by 19 degrees in a frame. The foot comes up to half a millimetre short of its place.
+"""
 
 TINY: Final = 1e-9
 """Square metres: a leg without length is not swung."""
@@ -78,6 +84,7 @@ def move_ankles(
     full = np.sqrt(np.maximum(fixed + 2 * most, TINY))
     after = reach(length(straight), length(target), full, free)
     bent = np.arccos(bounded((after * after - fixed) / (2 * most), -1, 1))
+    bent = bent + np.maximum(2 * SOFT - bent, 0) ** 2 / (4 * SOFT)
     half_bend = 0.5 * (bent - np.arctan2(upright, level))
     bend = _quaternion(hinge * np.sin(half_bend), np.cos(half_bend))
 
