@@ -88,8 +88,9 @@ async def serve(settings: Settings, plan: NodePlan | None = None) -> None:
             else:
                 announce(settings, server.http_url, server.grpc_address)
             await stop.wait()
-            for sign in SIGNALS:
-                loop.remove_signal_handler(sign)  # one more ends the process at once
+            if plan is None:  # a node is told more than once that it shall end
+                for sign in SIGNALS:
+                    loop.remove_signal_handler(sign)  # one more ends the process at once
             log.info("draining", streams=gateway.streams)
             await server.stop()
     finally:

@@ -7,7 +7,6 @@ import contextlib
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -20,7 +19,7 @@ import pytest
 
 from tests.certificates import Authority
 from tests.serving import LIGHT
-from wayfarer_client import AgentSpec, Client
+from wayfarer_client import AgentSpec, Client, Flag, Unavailable
 
 if find_spec("ray") is None:
     # `make test` installs it for all Pythons for which there is one: there it is never left out
@@ -28,6 +27,7 @@ if find_spec("ray") is None:
     pytest.skip("Ray is not installed: `pip install .[cluster]`", allow_module_level=True)
 pytestmark = pytest.mark.slow
 
+NODES = 3
 LOCAL_ADDRESS = "127.0.0.2"  # of Ray, on one machine
 ONE_THREAD = {"WAYFARER_ENGINE": "onnxruntime", "WAYFARER_THREADS": "1"}
 
@@ -54,7 +54,8 @@ class Command:
                 break
         else:
             pytest.fail("it did not start:\n" + "".join(self.said))
-        threading.Thread(target=self._listen, daemon=True).start()
+        self._listening = threading.Thread(target=self._listen, daemon=True)
+        self._listening.start()
         self.ready = json.loads(self.said[-1])
         self.url, self.grpc = self.ready["http"], self.ready["grpc"]
 
@@ -93,6 +94,20 @@ class Command:
                 pytest.fail(f"{what}: not within {seconds} s\n" + "".join(self.said[-40:]))
             await asyncio.sleep(0.2)
 
+    def ctrl_c(self):
+        """Twice: it ends well all the same, with all that it has started."""
+        theirs = self.processes()
+        self.process.send_signal(signal.SIGINT)
+        time.sleep(1)
+        self.process.send_signal(signal.SIGINT)
+        assert self.process.wait(60) == 0
+        left = [one for one in theirs if one.is_running() and one.status() != "zombie"]
+        assert not left
+        self._listening.join(10)
+        told = "".join(self.said)
+        assert "Traceback" not in told, told
+        assert "did not end" not in told, told
+
     def close(self):
         self._killer.cancel()
         left = self.processes()
@@ -117,25 +132,111 @@ def start():
         one.close()
 
 
-async def test_a_cluster_of_two_with_certificates_ends_with_its_command(start, tmp_path):
+class Follower:
+    """One person's stream, over whatever happens."""
+
+    @classmethod
+    async def of(cls, client):
+        self = cls()
+        self.session = await client.create_session(lease=900)
+        await self.session.create_agents(AgentSpec())
+        self.flags, self.events = [], []
+        self.task = asyncio.create_task(self._follow())
+        return self
+
+    def port(self, client):
+        """Of the node that has it."""
+        return int(client.connection.homes.home(self.session.session_id).rpartition(":")[2])
+
+    async def _follow(self):
+        async with self.session.stream(deadline=60) as stream:
+            async for batch in stream:
+                self.events += [event.kind for event in batch.events]
+                self.flags += [frames.flags for frames in batch.frames]
+
+    async def goes_on(self, chunks=5):
+        """What came meanwhile: flags and events."""
+        self.flags.clear()
+        self.events.clear()
+        async with asyncio.timeout(60):
+            while len(self.flags) < chunks:
+                assert not self.task.done(), self.task
+                await asyncio.sleep(0.05)
+        return list(self.flags), list(self.events)
+
+
+async def all_go_on(everybody):
+    """And nobody notices anything."""
+    for flags, events in await asyncio.gather(*(one.goes_on() for one in everybody)):
+        assert not events
+        assert not any(flag & Flag.FIRST for flag in flags)
+
+
+async def test_three_nodes_live_on_whatever_happens_to_ray(start, tmp_path):
+    """With certificates, so that all that happens is seen with them."""
     authority = Authority(tmp_path)
     cert, key = authority.issue("node", addresses=("127.0.0.1", LOCAL_ADDRESS))
     given = {"CERT": str(cert), "KEY": str(key), "CA": str(authority.path)}
     command = start(
-        "--nodes", "2", **{f"WAYFARER_PEER_TLS__{name}": path for name, path in given.items()}
+        *("--nodes", str(NODES), "--go-on"),
+        **{f"WAYFARER_PEER_TLS__{name}": path for name, path in given.items()},
     )
+    await command.until(lambda: len(command.nodes()) == NODES, "all nodes are ready")
+    async with Client(command.grpc, timeout=30) as client:
+        everybody = [await Follower.of(client) for _ in range(2 * NODES)]
+        ports = [one.port(client) for one in everybody]
+        assert command.grpc not in ports
+        assert len(set(ports)) == NODES, "they are spread"
+        await asyncio.gather(*(one.goes_on() for one in everybody))
+
+        # a node, whose neighbour has its people then; its keeper starts it again
+        victim = command.processes("wayfarer node")[0]
+        port = {c.laddr.port for c in victim.net_connections() if c.status == psutil.CONN_LISTEN}
+        there = [one for one in everybody if one.port(client) in port]
+        assert there
+        victim.kill()
+        await asyncio.gather(*(one.goes_on() for one in there))
+
+        # a keeper, which Ray starts again: what lives on its node stays there, beside a new one
+        command.kill("KeeperActor")
+        await all_go_on(everybody)
+        await command.until(lambda: len(command.nodes()) == NODES + 1, "both are back")
+        await all_go_on(everybody)
+
+        # the directory, which Ray starts again: nodes tell it what they hold
+        command.kill("DirectoryActor")
+        await all_go_on(everybody)
+        await command.until(lambda: command.health()[0] == 200, "the directory is back")
+        newcomer = await client.create_session()
+        await newcomer.create_agents(AgentSpec())
+
+        # Ray's head, and the directory with it: nothing new, and it is said; all others go on
+        command.kill("gcs_server")
+        command.kill("DirectoryActor")
+        await command.until(lambda: command.health()[0] == 503, "it is not ready")
+        assert command.health()[1]["away"] is True
+        figures = (await asyncio.to_thread(httpx.get, command.url + "/metrics")).text
+        assert "wayfarer_cluster_directory_up 0.0" in figures
+        async with Client(command.grpc, timeout=2) as other:
+            with pytest.raises(Unavailable, match="directory"):
+                await other.create_session()
+            found = await other.session(newcomer.session_id)
+            assert len(await found.agents()) == 1, "what lives is found"
+        await all_go_on(everybody)
+        for one in everybody:
+            one.task.cancel()
+    assert len(command.processes("wayfarer node")) == NODES + 1
+    command.ctrl_c()  # ends all: also the node that has no keeper any more
+
+
+async def test_it_ends_by_ctrl_c_while_ray_is_well(start):
+    command = start("--nodes", "1")
     async with Client(command.grpc, timeout=30) as client:
         session = await client.create_session()
         await session.create_agents(AgentSpec())
         async with session.stream() as stream:
             assert len((await anext(aiter(stream))).frames) == 1
-        node = client.connection.homes.home(session.session_id)
-        assert node != command.grpc, "it is called on its own node"
-    command.process.send_signal(signal.SIGINT)
-    assert command.process.wait(60) == 0
-    port = int(node.rpartition(":")[2])
-    with pytest.raises(ConnectionRefusedError):  # its nodes have ended with it
-        socket.create_connection(("127.0.0.1", port)).close()
+    command.ctrl_c()
 
 
 def test_ray_calls_nobody():

@@ -5,26 +5,36 @@ Ray starts these actors, watches them and starts them again; between them go two
 """
 
 import asyncio
+import atexit
 import os
+import signal
+import sys
 import threading
+from collections.abc import Collection
 from typing import Any, Final
 
 # Before Ray is imported; a Ray that `ray start` makes needs the last two, too (docs/cluster.md).
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # no call home
+if sys.platform == "linux":  # nodes drain without their keepers (`RayCluster.close`)
+    os.environ.setdefault("RAY_kill_child_processes_on_worker_exit", "0")
 # in seconds: after a minute without Ray's head, Ray ends who waits for it; but entries find what
 # lives, and keepers have their nodes, without a head
 os.environ.setdefault("RAY_gcs_rpc_server_reconnect_timeout_s", "604800")
 os.environ.setdefault("RAY_worker_niceness", "0")  # else all nodes give way to everything (15)
 
 import ray
+import structlog
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 from wayfarer.cluster.directory import LeaseRules
 from wayfarer.cluster.directory_service import DirectoryService
 from wayfarer.cluster.keeper import NodeKeeper
 from wayfarer.cluster.messages import NodePlan
+from wayfarer.cluster.process_tree import adopt_orphans, descendants, end_descendants
 from wayfarer.errors import Unavailable
 from wayfarer.logs import configure_logging
+
+log = structlog.get_logger(__name__)
 
 NAMESPACE: Final = "wayfarer"
 DIRECTORY: Final = "directory"
@@ -38,6 +48,12 @@ STARTS: Final = 4
 """Ray starts as many processes at a time as it is told that there are cores."""
 
 CALL_S: Final = 1.5
+LEAVE_S: Final = 3.0
+"""Ray is left within 2 s; within 7 s if its head has ended, and never if its head hangs."""
+
+GRACE_S: Final = 5.0
+"""Beyond what a node takes at most to drain."""
+
 FOREVER: Final = -1
 
 
@@ -80,11 +96,6 @@ class KeeperActor:
         self._thread = threading.Thread(target=self._run, name="keeper", daemon=True)
         self._thread.start()
 
-    def stop(self) -> None:
-        """Let the node end; return when it has."""
-        self._loop.call_soon_threadsafe(self._keeper.stop)
-        self._thread.join()
-
     def _run(self) -> None:
         self._loop.run_until_complete(self._keeper.keep())
 
@@ -98,10 +109,14 @@ class RayCluster:
         Raises Unavailable.
         """
         self._own = not address
+        self._others: Collection[int] = ()  # children of this process that are not Ray's
         self._keepers: dict[str, Any] = {}
+        self._drain_s = 0.0
         common: dict[str, Any] = {"namespace": NAMESPACE, "configure_logging": False}
         try:
             if self._own:
+                adopt_orphans()
+                self._others = descendants()
                 ray.init(
                     "local",
                     num_cpus=STARTS,
@@ -146,12 +161,26 @@ class RayCluster:
             options["scheduling_strategy"] = NodeAffinitySchedulingStrategy(machine, soft=False)
         actor = ray.remote(KeeperActor).options(name=plan.name, **options)
         self._keepers[plan.name] = actor.remote(plan.model_dump_json())
+        self._drain_s = plan.settings.drain_s
 
     def close(self) -> None:
-        """Leave Ray; end the nodes and Ray if they are its own."""
+        """Leave Ray, whether it answers or not; end Ray and the nodes if they are its own.
+
+        Ray ends first: then nobody starts a node again. No call of Ray ends the nodes: while its
+        head is away, calls of actors that were started again get no answer. Call it on the main
+        thread; it ignores SIGINT and SIGTERM from then on.
+        """
+        for sign in (signal.SIGINT, signal.SIGTERM):  # a second one would leave nodes behind
+            signal.signal(sign, signal.SIG_IGN)
+        leaving = threading.Thread(target=ray.shutdown, name="leave Ray", daemon=True)
+        leaving.start()
+        leaving.join(LEAVE_S)
         if self._own:
-            ray.get([keeper.stop.remote() for keeper in self._keepers.values()])
-        ray.shutdown()
+            end_descendants(2 * self._drain_s + GRACE_S, self._others)
+        leaving.join(LEAVE_S)  # a head that hung has been killed
+        if leaving.is_alive():
+            log.warning("Ray's head does not answer; it is not waited for")
+            atexit.unregister(ray.shutdown)  # which Ray has put there, and would wait, too
 
     def _life(self) -> dict[str, Any]:
         """Options of an actor: it needs no core, is started again, and is one of its name."""
