@@ -4,7 +4,9 @@ import asyncio
 import contextlib
 import os
 import secrets
-from collections.abc import AsyncIterator
+import threading
+from collections.abc import AsyncIterator, Callable
+from concurrent.futures import Future
 from ipaddress import ip_address
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -169,15 +171,32 @@ async def _covered(
     async def covering() -> None:
         while True:
             await asyncio.sleep(LOOK_S)
-            await asyncio.to_thread(cover)
+            await _on_daemon(cover)
 
-    await asyncio.to_thread(cover)
+    await _on_daemon(cover)
     task = asyncio.create_task(covering(), name="machines")
     try:
         yield
     finally:
         task.cancel()
         await asyncio.wait([task])
+
+
+async def _on_daemon(work: Callable[[], None]) -> None:
+    """Run on a thread whose end the process does not wait for: Ray may never answer it."""
+    done = Future[None]()
+    done.set_running_or_notify_cancel()  # so that nobody cancels what cannot be stopped
+
+    def run_it() -> None:
+        try:
+            work()
+        except Exception as error:
+            done.set_exception(error)
+        else:
+            done.set_result(None)
+
+    threading.Thread(target=run_it, name="machines", daemon=True).start()
+    await asyncio.wrap_future(done)
 
 
 def _plan(
