@@ -70,14 +70,22 @@ def by_sight(run: Run, agents: list[str]) -> list[int]:
     return [sum(run.seen[agent] == sight for agent in agents) for sight in SIGHTS]
 
 
-def test_when_there_is_time_for_half_of_all_who_is_near_is_in_time():
+def test_when_there_is_time_for_half_of_all_who_is_near_and_who_is_hardly_seen_is_in_time():
     mixed = [sight for sight in SIGHTS for _ in GENDERS]
     run = simulated(4.5, [(2.0, 4.0, 0.5)], AGENTS, 0.9, standing=0.0, sights=mixed, steering=ONE)
     missed = [agent for agent, _ in run.missed(0.5, 4.4)]
     near, far, root, none = by_sight(run, missed)
-    assert near == 0 < far < root < none
+    assert near == root == none == 0 < far, "walkers that are seen as a root need no engine"
     walked = [c.agent for c in run.left if 2.5 <= c.due - 1000.0 < 4.0]
     assert min(by_sight(run, walked)) > 0, "nobody waits for ever"
+
+
+def test_twice_the_people_when_most_are_seen_as_roots():
+    mixed = [Sight.NEAR, Sight.NEAR, *[Sight.ROOT] * 8]
+    run = simulated(9.0, [], 2 * AGENTS, 1.8, standing=0.0, sights=mixed, steering=ONE)
+    assert not run.missed(2.0, 8.5)
+    assert 0 not in {level for at, level in run.levels if at > 1.0}, "it does not try in vain"
+    assert any(c.flags & ChunkFlag.REDUCED for c in run.left)
 
 
 def test_without_need_the_order_changes_nothing():

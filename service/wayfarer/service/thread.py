@@ -130,6 +130,7 @@ class MotionThread:
             load=world.load.share(now),
             degradation_level=world.load.level_number,
             held_steps=world.scheduler.held_steps,
+            coasted_steps=world.scheduler.coasted_steps,
             refused_agents=world.load.refused_agents,
             **self._figures.values(now),
         )
@@ -175,7 +176,7 @@ class MotionThread:
         now = self._clock()
         for session_id, chunks, slots in due:
             self._publisher.publish(session_id, chunks)
-            self._world.see(slots, self._publisher.sights(session_id, chunks))
+            self._world.see(session_id, slots, self._publisher.sights(session_id, chunks))
         self._figures.published(now, due)
         for session_id, event in self._world.take_events():
             self._publisher.tell(session_id, [event])

@@ -210,6 +210,7 @@ class _Stand(Collector):
             ("agent_steps", "Agents moved by one primitive", now.steps),
             ("reduced_steps", "Those with fewer candidates than asked for", now.reduced_steps),
             ("held_steps", "Those left out, the agent being idle", now.held_steps),
+            ("coasted_steps", "Those made without the model, seen as a root", now.coasted_steps),
             ("skipped_steps", "Those never made, their time being over", now.skipped_steps),
             ("refused_agents", "Agents refused for want of time", now.refused_agents),
             ("mended_steps", "Those with a joint kept within its limits", now.mended_steps),

@@ -33,7 +33,7 @@ from wayfarer.world.agents.registry import Agent, Registry
 from wayfarer.world.agents.reservations import Reservation
 from wayfarer.world.agents.slots import Mode, Motion, SlotTable
 from wayfarer.world.agents.timeline import Timeline
-from wayfarer.world.agents.views import agent_info
+from wayfarer.world.agents.views import agent_info, distant_by_gender
 from wayfarer.world.events import Event
 from wayfarer.world.goal_commands import GoalCommands
 from wayfarer.world.goals.commands import GoalCommand
@@ -132,6 +132,7 @@ class World:
             settings=settings,
             registry=self.registry,
             agents=lambda: self._population.phases.by_gender,
+            distant=lambda: distant_by_gender(self.slots),
         )
         self.members = Membership(
             registry=self.registry,
@@ -313,7 +314,8 @@ class World:
         """Start an engine call for the agents most urgently due; see `Scheduler.begin`.
 
         On the level of degradation that the load asks for, unless `level` is given. If the level
-        says so, agents that are due and have nothing to do are held before. None: nobody is due.
+        says so, walkers whom nobody sees but as a root coast before, and agents that are due and
+        have nothing to do are held. None: nobody else is due.
         """
         frame = self._timeline.frame(now)
         self._scene_context.refresh()
@@ -323,6 +325,8 @@ class World:
             level = self.load.allow(
                 now, slack, scheduler.held_share, scheduler.under_way, scheduler.is_any_distant
             )
+        if level.near_first:
+            self.scheduler.coast(frame)
         if level.hold_idle:
             self.scheduler.hold(frame)
         return self.scheduler.begin(frame, level, launch)
@@ -343,11 +347,14 @@ class World:
         """
         return self._leave(self._playback.send(self._timeline.frame(until)))
 
-    def see(self, slots: Index, sights: Sequence[Sight] | Sight) -> None:
-        """From now on these agents are seen so well: who is seen better goes first when time is
-        short. It counts until it is said again; for new agents, `NEAR`.
+    def see(self, session_id: str, slots: Index, sights: Sequence[Sight] | Sight) -> None:
+        """From now on these agents of a session are seen so well: who is seen better goes first
+        when time is short. It counts until it is said again; for new agents, `NEAR`.
+
+        In a session that is recorded all are `NEAR`: a replay has no readers. Raises NotFound.
         """
-        self.slots.sight[slots] = sights
+        recorded = self.registry.session(session_id).spec.record
+        self.slots.sight[slots] = Sight.NEAR if recorded else sights
 
     def take_rest(self, session_id: str) -> list[Due]:
         """All that is planned for a session's agents, before its time. Raises NotFound.

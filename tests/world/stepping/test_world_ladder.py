@@ -126,13 +126,11 @@ def test_held_agents_leave_the_time_to_others_and_do_not_move_them():
         np.testing.assert_array_equal(a.translation, b.translation)
 
 
-def test_the_distant_get_one_candidate_and_move_as_they_would_in_any_order():
+def test_the_distant_who_do_not_walk_get_one_candidate_and_move_as_they_would_in_any_order():
     def walk(level, *sights):
         world, agents = populated(4, steering=Steering(reactions=1).with_search(candidates=4))
         slots = np.array([world.registry.agent(agent).slot for agent in agents])
-        for agent in agents:
-            world.give(agent, GOAL, 0.0)
-        world.see(slots, sights)
+        world.see("s", slots, sights)
         chunks = run(world, 2.0, level)
         return [own(chunks, alias) for alias in (1, 2, 3, 4)]
 

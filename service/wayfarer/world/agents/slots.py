@@ -104,7 +104,8 @@ class Slots(Rows):
     sent_chunks: Int  # = seq of the next chunk to send
     engine_call: Int  # number of the engine call that makes its next chunk; 0: none
     replanned: Flags  # the next chunk replaces one that was thrown away
-    held: Flags  # the last chunk planned was held
+    held: Flags  # the last chunk planned was made without the engine
+    coasted: Flags  # and so was its walk: see coasting.py
     frozen: Flags  # it is on its way to another server: nothing more is planned for it here
     foot_lock: Flags  # the agent wants its feet locked in what is sent
     legs: Legs

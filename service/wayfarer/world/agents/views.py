@@ -3,7 +3,8 @@
 import numpy as np
 
 from wayfarer.engines.models import LoadedModels
-from wayfarer.world.agents.agent import AgentInfo, AgentState
+from wayfarer.spec import GENDERS
+from wayfarer.world.agents.agent import AgentInfo, AgentState, Sight
 from wayfarer.world.agents.heading import heading_of
 from wayfarer.world.agents.registry import Agent
 from wayfarer.world.agents.slots import Mode, Slots
@@ -38,3 +39,9 @@ def agents_by_state(slots: Slots) -> dict[AgentState, int]:
     for mode in Mode:
         states[mode.state] += int(counts[mode])
     return states
+
+
+def distant_by_gender(slots: Slots) -> list[int]:
+    """How many agents of each gender are seen as a root at most."""
+    distant = slots.active & (slots.sight >= Sight.ROOT)
+    return np.bincount(slots.gender[distant], minlength=len(GENDERS)).tolist()

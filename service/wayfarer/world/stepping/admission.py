@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 
 from wayfarer.errors import ResourceExhausted
 from wayfarer.spec import GENDERS, STEP_SECONDS
-from wayfarer.world.stepping.costs import WINDOW, Counts, Excess, Rest, WarmCalls
+from wayfarer.world.stepping.costs import WINDOW, Excess, Rest, WarmCalls, Weighted
 from wayfarer.world.stepping.scheduler import Call
 from wayfarer.world.stepping.settings import WorldSettings
 from wayfarer.world.stepping.window import Window
@@ -64,7 +64,7 @@ class Admission:
         """An engine call of this size took `seconds` in the warm-up."""
         self._warm.measured(rows, candidates, seconds)
 
-    def spent(self, now: float, call: Call, stepped: int, seconds: float, agents: Counts) -> None:
+    def spent(self, now: float, call: Call, stepped: int, seconds: float, agents: Weighted) -> None:
         """A call for `stepped` of the agents took `seconds`."""
         with self._lock:
             self._steps.add(now, seconds)
@@ -84,7 +84,7 @@ class Admission:
         with self._lock:
             return max(sum(self._steps.values(now)), self._rest.total(now)) / WINDOW
 
-    def check(self, agents: Counts, coming: Sequence[int], now: float, late: bool) -> None:
+    def check(self, agents: Weighted, coming: Sequence[int], now: float, late: bool) -> None:
         """Agents of these genders are to be added. Raises ResourceExhausted when they do not fit.
 
         `late`: the ladder is at its end, whatever is predicted.
@@ -95,14 +95,14 @@ class Admission:
         with self._lock:
             self.refused += len(coming)
         if late:
-            why = f"{sum(agents)} are in use, and steps come late with all that can give way"
+            why = f"{sum(agents):g} are in use, and steps come late with all that can give way"
         else:
             # of these genders fewer fit than were asked for, whatever fits of both in turn
             fit = min(self.capacity(now), sum(agents) + len(coming) - 1)
             load = f"{busy:.0%}" if busy < MOST_REPORTED else f"more than {MOST_REPORTED:.0%}"
             why = (
-                f"{sum(agents)} of about {fit} are in use, and the projected load would be {load} "
-                f"(limit {self._rules.most_load:.0%})"
+                f"{sum(agents):g} of about {fit:g} are in use, and the projected load would be "
+                f"{load} (limit {self._rules.most_load:.0%})"
             )
         many = "1 agent" if len(coming) == 1 else f"{len(coming)} agents"
         raise ResourceExhausted(f"cannot add {many}: {why}", retry_after=self._rules.retry_after)
@@ -125,14 +125,14 @@ class Admission:
         with self._lock:
             return Prices(self._excess.value(now), *self._rest.line(now))
 
-    def _busy(self, agents: Counts, prices: Prices) -> float:
+    def _busy(self, agents: Weighted, prices: Prices) -> float:
         """Share of the time that the busier one of engine and thread needs."""
         if not self._warm.known:
             return 0.0
         thread = self._thread(agents, prices.turn, prices.chunk)
         return max(prices.excess * self._engine(self._warm.share(agents), thread), thread)
 
-    def _thread(self, agents: Counts, turn: float, chunk: float) -> float:
+    def _thread(self, agents: Weighted, turn: float, chunk: float) -> float:
         """Share of the time that the motion thread needs."""
         return (self._warm.count(agents) * turn + sum(agents) * chunk) / STEP_SECONDS
 
@@ -142,7 +142,7 @@ class Admission:
         return alone / left if left > 0 else inf
 
 
-def with_more(agents: Counts, genders: Sequence[int]) -> list[int]:
+def with_more(agents: Weighted, genders: Sequence[int]) -> list[float]:
     """Counts with the further agents of these genders."""
     return [count + genders.count(gender) for gender, count in enumerate(agents)]
 

@@ -2,8 +2,8 @@
 
 Frames must be there at their time whatever the load; quality gives way first:
 
-    near agents first     those seen as a root, or not at all, come last, and with
-                          one candidate                                             (REDUCED)
+    near agents first     of those seen as a root, or not at all, walkers go on without
+                          the model, and the others come last, with one candidate   (REDUCED)
     fewer candidates      the search tries 16, 8, 4, 2, 1 in place of what was asked for  (REDUCED)
     hold idle agents      who stands with nothing to do keeps its pose, unstepped     (HELD)
     refuse new agents     ResourceExhausted
@@ -29,7 +29,7 @@ class DegradationLevel:
     """What there is time for."""
 
     candidates: int  # the most to try
-    near_first: bool = False  # agents seen as a root at most come last, with one candidate
+    near_first: bool = False  # agents seen as a root at most coast, or come last
     hold_idle: bool = False
     refuse: bool = False
 
@@ -117,11 +117,13 @@ class Budget:
     def _growth(self, held: float) -> tuple[float, float]:
         """Factors of one level up: of the time of a call, and of the number of calls."""
         above = self._levels[self.number - 1]
-        distant_get_more = self.number == 1 and above.candidates > 1
-        if above.candidates > self.level.candidates or distant_get_more:
-            return self._rules.headroom, 1.0
-        releases = self.level.hold_idle and not above.hold_idle
-        return 1.0, 1 / (1 - min(held, 0.99)) if releases else 1.0
+        calls_distant = self.number == NEAR_FIRST
+        releases = calls_distant or (self.level.hold_idle and not above.hold_idle)
+        tries_more = above.candidates > (1 if calls_distant else self.level.candidates)
+        return (
+            self._rules.headroom if tries_more else 1.0,
+            1 / (1 - min(held, 0.99)) if releases else 1.0,
+        )
 
     def _other(self, way: int, distant: bool) -> int:
         """The next level up (-1) or down (1) that changes something."""

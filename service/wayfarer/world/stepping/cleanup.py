@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from wayfarer.world.agents.agent import ChunkFlag
+from wayfarer.world.agents.agent import ChunkFlag, Sight
 from wayfarer.world.agents.slots import Gait, Mode, Slots
 from wayfarer.world.agents.style import draws
 from wayfarer.world.output.footlock import begin, lock_feet, shorten_steps
@@ -27,11 +27,14 @@ def clean_feet(slots: Slots, sent: Sent) -> None:
     """Lock the feet, in the chunks of `sent`, of those agents that want it.
 
     A pose that begins or jumps restarts its lock, and so does a lock that is switched on. Steps of
-    the other agents only become as long as the way of their hips.
+    the other agents only become as long as the way of their hips. Poses that nobody sees stay as
+    they are: an agent that is seen as a root at most costs half as much beside the engine.
     """
-    foot_locked = slots.foot_lock[sent.slots]
+    seen = slots.sight[sent.slots] < Sight.ROOT
+    foot_locked = slots.foot_lock[sent.slots] & seen
     slots.feet_begun[sent.slots] &= foot_locked
-    _shorten(slots, sent, np.flatnonzero(~foot_locked))
+    slots.feet.shortened[sent.slots[~seen]] = sent.chunks.end.gait.shortened[~seen]
+    _shorten(slots, sent, np.flatnonzero(seen & ~foot_locked))
     # A slice, where it will do, spares copies.
     wanted = slice(None) if foot_locked.all() else np.flatnonzero(foot_locked)
     chunks, rows = sent.chunks, sent.slots[wanted]

@@ -31,6 +31,9 @@ OUTLIER: Final = 3.0
 Counts = Sequence[int]
 """Agents by gender (index into `spec.GENDERS`)."""
 
+Weighted = Sequence[float]
+"""The same, of whom some count for less than one."""
+
 
 class WarmCalls:
     """What engine calls take in the warm-up, with nothing beside them."""
@@ -50,7 +53,7 @@ class WarmCalls:
         by_rows = self._seconds.setdefault(candidates, {})
         by_rows[rows] = min(seconds, by_rows.get(rows, inf))
 
-    def call(self, rows: int, candidates: int) -> float:
+    def call(self, rows: float, candidates: int) -> float:
         """Seconds; between sizes that were measured, in proportion. Infinite where unknown."""
         by_rows = sorted(self._seconds.get(candidates, {}).items())
         if not by_rows or rows > by_rows[-1][0]:
@@ -58,11 +61,11 @@ class WarmCalls:
         known, seconds = zip(*by_rows, strict=True)
         return float(np.interp(rows, known, seconds))
 
-    def count(self, agents: Counts) -> float:
+    def count(self, agents: Weighted) -> float:
         """Calls for a step of them all: full batches, at least one for each gender."""
         return sum(max(count / self._full, 1.0) for count in agents if count)
 
-    def share(self, agents: Counts, candidates: int | None = None) -> float:
+    def share(self, agents: Weighted, candidates: int | None = None) -> float:
         """Share of the time that steps of all agents take; None: the fewest measured candidates.
 
         Infinite where this number of candidates, or batches as large, were not measured.

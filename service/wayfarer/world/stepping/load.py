@@ -3,14 +3,19 @@
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from functools import partial
+from typing import Final
 
 from wayfarer.world.agents.registry import Registry
 from wayfarer.world.agents.reservations import Reservation, Reservations
 from wayfarer.world.stepping.admission import Admission, with_more
 from wayfarer.world.stepping.budget import Budget, DegradationLevel
-from wayfarer.world.stepping.costs import Counts
+from wayfarer.world.stepping.costs import Counts, Weighted
 from wayfarer.world.stepping.scheduler import PendingStep
 from wayfarer.world.stepping.settings import WorldSettings
+
+COASTING: Final = 0.25
+"""What agents that are seen as a root at most count for, in agents: when time is short their
+walkers cost no engine call, but they have to be moved and sent, and some will come near."""
 
 
 class Load:
@@ -20,12 +25,20 @@ class Load:
     """
 
     def __init__(
-        self, *, settings: WorldSettings, registry: Registry, agents: Callable[[], Counts]
+        self,
+        *,
+        settings: WorldSettings,
+        registry: Registry,
+        agents: Callable[[], Counts],
+        distant: Callable[[], Counts] | None = None,
     ) -> None:
-        """`agents()` counts the agents of each gender in each phase."""
+        """`agents()` counts the agents of each gender, `distant()` those of them that are seen as a
+        root at most; None: there are none.
+        """
         asked = max(search.candidates for search in settings.steering.searches.values())
         self._registry = registry
         self._agents = agents
+        self._distant = distant
         self._refuses = settings.admission.refuse
         self._full = DegradationLevel(asked)
         self._budget = Budget(asked, settings.budget) if settings.budget is not None else None
@@ -61,7 +74,7 @@ class Load:
 
     def spent(self, now: float, step: PendingStep, seconds: float) -> None:
         """A step has ended that kept the engine busy for `seconds`."""
-        self._admission.spent(now, step.call, len(step.batch.rows), seconds, self._agents())
+        self._admission.spent(now, step.call, len(step.batch.rows), seconds, self._weighted())
         if self._budget is not None:
             self._budget.spent(now, seconds)
 
@@ -74,8 +87,11 @@ class Load:
         return self._admission.load(now)
 
     def capacity(self, now: float) -> int:
-        """Agents that can be stepped in time, present ones included; 0: not known yet."""
-        return self._admission.capacity(now)
+        """Agents that can be moved in time, present ones included, if the others are seen as well
+        as these; 0: not known yet.
+        """
+        fit, counted, weighted = self._admission.capacity(now), self._agents(), self._weighted()
+        return int(fit * sum(counted) / sum(weighted)) if any(weighted) else fit
 
     def held(self) -> tuple[Reservation, ...]:
         """The reservations that are held now."""
@@ -105,5 +121,12 @@ class Load:
             # the level is looked at with each step: without agents it stays where it was left
             late = self.level.refuse and bool(self._registry.agents)
             coming = [gender for other in held for gender in other.genders]
-            agents = with_more(self._agents(), coming)
+            agents = with_more(self._weighted(), coming)
             self._admission.check(agents, wanted.genders, now, late)
+
+    def _weighted(self) -> Weighted:
+        """Agents of each gender, those that may coast with what they count for."""
+        agents = self._agents()
+        if self._distant is None:
+            return agents
+        return [n - (1 - COASTING) * d for n, d in zip(agents, self._distant(), strict=True)]

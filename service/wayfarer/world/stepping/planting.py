@@ -34,8 +34,9 @@ import numpy as np
 from wayfarer.spec import NEW_FRAMES, SEED_FRAMES, STEP_SECONDS
 from wayfarer.world.agents.heading import facing_of
 from wayfarer.world.agents.slots import Gait, Mode, Seeds
-from wayfarer.world.output.quaternion import bounded, multiply
+from wayfarer.world.output.quaternion import bounded
 from wayfarer.world.rows import Flags, Float, Index
+from wayfarer.world.stepping.plane import PlaneMotion, yawed
 
 MAX_SHIFT: Final = 0.03
 """Metres that one step is moved by at most: a larger error is taken off over several steps."""
@@ -77,30 +78,6 @@ class Step(NamedTuple):
     rotations: Float  # [A, F, 22, 4]
     markers: Float  # [A, S, 67, 3] of the last S frames
     contacts: Flags  # [A, F, 2] left, right
-
-
-class _Motion(NamedTuple):
-    """A motion in the plane: about `centre` by radians `turn`, then by `shift`."""
-
-    centre: Float  # [..., 2]
-    turn: Float  # [...]
-    shift: Float  # [..., 2]
-
-    def moved(self, points: Float, share: Float) -> Float:
-        """Points [..., 2] moved by a share [...] of it."""
-        x, y = np.moveaxis(points - self.centre, -1, 0)
-        cos, sin = np.cos(share * self.turn), np.sin(share * self.turn)
-        turned = np.stack([cos * x - sin * y, sin * x + cos * y], -1)
-        return turned + self.centre + share[..., None] * self.shift
-
-    def spread(self, axes: int) -> "_Motion":
-        """The same with `axes` more axes behind the first, for several points each."""
-        ones = (1,) * axes
-        return _Motion(
-            self.centre.reshape(len(self.centre), *ones, 2),
-            self.turn.reshape(len(self.turn), *ones),
-            self.shift.reshape(len(self.shift), *ones, 2),
-        )
 
 
 def plant(
@@ -190,23 +167,16 @@ def _corrected(
     ease, all_ = np.broadcast_to(EASE, hips.shape[:2]), np.ones(hips.shape[:2], np.float32)
     moved = both.spread(1)
     translation[rows, :, :2] = moved.moved(hips, ease) + way
-    rotations[rows, :, 0] = _yawed(root, ease * both.turn[:, None])
+    rotations[rows, :, 0] = yawed(root, ease * both.turn[:, None])
     seed = _end(Step(translation, rotations, markers, step.contacts))
     last = slice(-SEED_FRAMES, None)
     seed = Seeds(markers, seed.translation.copy(), seed.rotations.copy())
     seed.translation[rows, :, :2] = moved.moved(hips[:, last], all_[:, last]) + way[:, -1:]
-    seed.rotations[rows, :, 0] = _yawed(root[:, last], all_[:, last] * both.turn[:, None])
+    seed.rotations[rows, :, 0] = yawed(root[:, last], all_[:, last] * both.turn[:, None])
     ends[..., :2] = both.spread(2).moved(ends[..., :2], np.ones(ends.shape[:3], np.float32))
     ends[..., :2] += way[:, -1, None, None]
     markers[rows] = _bent(ends, soles, places + way[:, None, None, -1])
     return Step(translation, rotations, markers, step.contacts), seed
-
-
-def _yawed(rotations: Float, angle: Float) -> Float:
-    """Rotations [R, F, 4] turned by radians `angle` [R, F] about the vertical."""
-    turn = np.zeros((4, *angle.shape), np.float32)
-    turn[2], turn[3] = np.sin(angle / 2), np.cos(angle / 2)
-    return np.moveaxis(multiply(turn, np.moveaxis(rotations, -1, 0)), 0, -1)
 
 
 def _bent(markers: Float, soles: Index, places: Float) -> Float:
@@ -235,7 +205,7 @@ def _distance(points: Float, sole: Float) -> Float:
     return distance
 
 
-def _between(found: Float, wanted: Float, most: float, most_turn: float) -> _Motion:
+def _between(found: Float, wanted: Float, most: float, most_turn: float) -> PlaneMotion:
     """The motion that brings points [R, P, 2] nearest to where they are wanted, within bounds."""
     centre = found.mean(1)
     shift = wanted.mean(1) - centre
@@ -243,4 +213,4 @@ def _between(found: Float, wanted: Float, most: float, most_turn: float) -> _Mot
     a, b = found - centre[:, None], wanted - wanted.mean(1)[:, None]
     crossed = (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]).sum(-1)
     turn = bounded(np.arctan2(crossed, (a * b).sum((-1, -2))), -most_turn, most_turn)
-    return _Motion(centre, turn, shift * np.minimum(1, most / np.maximum(far, 1e-9)))
+    return PlaneMotion(centre, turn, shift * np.minimum(1, most / np.maximum(far, 1e-9)))

@@ -5,7 +5,7 @@ mean.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from wayfarer.world.output.legs import Legs
 from wayfarer.world.rows import Flags, Float, Index, Int, Int8
 from wayfarer.world.stepping.batch import broken, gather
 from wayfarer.world.stepping.budget import DegradationLevel
+from wayfarer.world.stepping.coasting import coast
 from wayfarer.world.stepping.guards import bearing, fallen, got_up, smoothed
 from wayfarer.world.stepping.guide import Guide, NextTarget
 from wayfarer.world.stepping.mirror import is_mirrored, mirror_inputs, mirror_outputs
@@ -149,6 +150,7 @@ class Scheduler:
         self.mended_steps = 0  # rows in which a joint did what no body can do
         self.reduced_steps = 0  # rows stepped with fewer candidates than asked for
         self.held_steps = 0  # rows held in place of a step
+        self.coasted_steps = 0  # rows that coasted in place of a step
 
     @property
     def is_any_distant(self) -> bool:
@@ -158,7 +160,7 @@ class Scheduler:
 
     @property
     def held_share(self) -> float:
-        """Share of the agents whose last chunk was held."""
+        """Share of the agents whose last chunk was held, or who coasted."""
         slots = self._table.rows
         return float(slots.held[slots.active].mean()) if slots.active.any() else 0.0
 
@@ -245,9 +247,8 @@ class Scheduler:
         They stand as they stood: the last frame again and again. The motion seed stays as it is,
         so they go on from it as if no time had passed. Returns how many were held.
         """
-        slots = self._table.rows
         rows = self._playback.due(frame)
-        rows = rows[slots.planned.gait.mode[rows] == Mode.STANDING]
+        rows = rows[self._table.rows.planned.gait.mode[rows] == Mode.STANDING]
         if not len(rows):
             return 0
         seed, gait, (_, goals) = self._next(rows)
@@ -255,18 +256,38 @@ class Scheduler:
         rows, seed, gait, goals = rows[idle], seed.take(idle), gait.take(idle), goals.take(idle)
         start = seed.translation[:, -1]
         translation = np.repeat(start[:, None], NEW_FRAMES, axis=1)
-        flags = ChunkFlag.HELD | np.where(slots.replanned[rows], ChunkFlag.REPLANNED, 0)
-        chunks = Chunks(
-            translation=translation,
-            rotations=np.repeat(seed.rotations[:, -1:], NEW_FRAMES, axis=1),
-            contacts=np.ones((len(rows), NEW_FRAMES, 2), np.bool_),
-            flags=flags.astype(np.uint8),
-            goal_revision=slots.goal_revision[rows],
-            candidates=np.zeros(len(rows), np.int16),
-            end=Motion(seed, observe(gait, start, translation, goals)),
-        )
-        self._append(rows, chunks, 0)
+        rotations = np.repeat(seed.rotations[:, -1:], NEW_FRAMES, axis=1)
+        contacts = np.ones((len(rows), NEW_FRAMES, 2), np.bool_)
+        after = Motion(seed, observe(gait, start, translation, goals))
+        self._append_unstepped(rows, translation, rotations, contacts, after, ChunkFlag.HELD)
         self.held_steps += len(rows)
+        return len(rows)
+
+    def coast(self, frame: float) -> int:
+        """Plan the next chunk of all walkers due by world frame `frame` whom nobody sees but as a
+        root: without the engine, see coasting.py. Returns how many coasted.
+        """
+        slots = self._table.rows
+        rows = self._playback.due(frame)
+        distant = slots.sight[rows] >= Sight.ROOT
+        rows = rows[distant & (slots.planned.gait.mode[rows] == Mode.WALKING)]
+        if not len(rows):
+            return 0
+        seed, gait, course = self._next(rows)
+        walks = np.flatnonzero(gait.mode == Mode.WALKING)
+        rows, seed, before = rows[walks], seed.take(walks), gait.take(walks)
+        ahead, judged = course.ahead.take(walks), course.judged.take(walks)
+        targets = self._steering.targets(before, seed, ahead)
+        translation, rotations, contacts, end = coast(
+            seed, before, targets, ahead, slots.planned_chunks[rows]
+        )
+        gait = observe(before, seed.translation[:, -1], translation, judged)
+        arrives = np.where(gait.arrived & ~before.arrived, ChunkFlag.ARRIVED, ChunkFlag.NONE)
+        self._append_unstepped(
+            rows, translation, rotations, contacts, Motion(end, gait), ChunkFlag.REDUCED | arrives
+        )
+        slots.coasted[rows] = True
+        self.coasted_steps += len(rows)
         return len(rows)
 
     def apply(self, batch: Batch, outputs: StepOutputs) -> None:
@@ -295,6 +316,8 @@ class Scheduler:
         flags = np.where(slots.replanned[rows], ChunkFlag.REPLANNED, ChunkFlag.NONE)
         flags |= np.where(gait.arrived & ~batch.gait.arrived, ChunkFlag.ARRIVED, ChunkFlag.NONE)
         flags |= np.where(batch.reduced, ChunkFlag.REDUCED, ChunkFlag.NONE)
+        # who has coasted had another pose
+        flags |= np.where(slots.coasted[rows], ChunkFlag.FIRST, ChunkFlag.NONE)
         chunks = Chunks(
             translation=step.translation,
             rotations=step.rotations,
@@ -354,11 +377,35 @@ class Scheduler:
         gait = shortened_gait(gait, course.ahead, habit)
         return seed, gait, course
 
+    def _append_unstepped(
+        self,
+        rows: Index,
+        translation: Float,
+        rotations: Float,
+        contacts: Flags,
+        end: Motion,
+        flags: Any,
+    ) -> None:
+        """Put frames into playback that the engine has not made."""
+        slots = self._table.rows
+        flags = flags | np.where(slots.replanned[rows], ChunkFlag.REPLANNED, ChunkFlag.NONE)
+        chunks = Chunks(
+            translation=translation,
+            rotations=rotations,
+            contacts=contacts,
+            flags=flags.astype(np.uint8),
+            goal_revision=slots.goal_revision[rows],
+            candidates=np.zeros(len(rows), np.int16),
+            end=end,
+        )
+        self._append(rows, chunks, 0)
+
     def _append(self, rows: Index, chunks: Chunks, candidates: int) -> None:
         slots = self._table.rows
         self._planned(rows, slots.planned_chunks[rows], candidates)
         self._playback.append(rows, chunks)
         slots.replanned[rows] = False
+        slots.coasted[rows] = False
         slots.held[rows] = not candidates
 
     def _smoothed(self, seed: Seeds, translation: Float, rotations: Float, legs: Legs) -> Float:

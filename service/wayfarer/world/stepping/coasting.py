@@ -1,0 +1,107 @@
+"""Coasting: walkers that are seen as a root at most go on without the model.
+
+Nobody sees their poses, so when time is short they cost no engine call: the hips go straight to
+what steering aims at, at its speed, and the body turns that way. Only the thighs swing, for the
+phase of the gait that a root has (`service/streams/root_tracks.py`). The seed is moved along as a
+rigid body. So somebody who comes near is in mid-stride, and the model goes on from there.
+
+World space, metres. Pure functions of columns: rows do not influence each other.
+"""
+
+from math import pi
+from typing import Final
+
+import numpy as np
+
+from wayfarer.body.skeleton import joint_names
+from wayfarer.spec import FPS, NEW_FRAMES, STEP_SECONDS
+from wayfarer.world.agents.goal import GoalColumns
+from wayfarer.world.agents.heading import facing_of
+from wayfarer.world.agents.slots import Gait, Seeds
+from wayfarer.world.goals.steering import Targets
+from wayfarer.world.output.quaternion import bounded
+from wayfarer.world.rows import Double, Flags, Float, Index
+from wayfarer.world.stepping.plane import PlaneMotion, yawed
+
+TURN: Final = pi * STEP_SECONDS
+"""Radians that a body turns by in a step at most."""
+
+CADENCE: Final = (0.57, 0.27)
+"""Strides a second of who hardly moves, and further ones per m/s."""
+
+LEG: Final = 0.85
+"""Metres from hip to ankle, for the swing of a thigh."""
+
+BEARS: Final = 0.6
+"""Share of a stride for which a foot is on the floor."""
+
+HIPS: Final = [joint_names().index(f"{side}_hip") for side in ("left", "right")]
+
+_RISE: Final = np.arange(1, NEW_FRAMES + 1, dtype=np.float32) / NEW_FRAMES
+
+
+def coast(
+    seed: Seeds, gait: Gait, targets: Targets, goals: GoalColumns, chunks: Index
+) -> tuple[Float, Float, Flags, Seeds]:
+    """The next step of walkers: translation [A, F, 3], rotations [A, F, 22, 4], contacts [A, F, 2]
+    (left, right), and where the step after it starts.
+
+    `gait`, `targets` and `goals` are those of the step, `chunks` [A] the numbers of its chunks.
+    """
+    hips = seed.translation[:, -1]
+    way = targets.place - hips[:, :2]
+    distance = np.linalg.norm(way, axis=-1)
+    # what the model is asked for makes up for its errors and for shortened steps
+    speed = targets.speed * (1 - gait.shortened) / (1 + gait.trim)
+    metres = (
+        STEP_SECONDS * _RISE * (gait.speed[:, None] + _RISE / 2 * (speed - gait.speed)[:, None])
+    )
+    metres = np.minimum(metres, distance[:, None])
+    translation = np.repeat(hips[:, None], NEW_FRAMES, axis=1)
+    translation[..., :2] += metres[..., None] * (way / np.maximum(distance, 1e-6)[:, None])[:, None]
+
+    angle = _turn(facing_of(seed.rotations[:, -1, 0]), way)
+    rotations = np.repeat(seed.rotations[:, -1:], NEW_FRAMES, axis=1)
+    rotations[:, :, 0] = yawed(rotations[:, :, 0], (_RISE * angle[:, None]).astype(np.float32))
+    phase, swing = _stride(goals.speed, chunks)
+    for joint, half in zip(HIPS, (phase, phase + 0.5), strict=True):
+        thigh = swing[:, None] * np.cos(2 * pi * half) / 2
+        rotations[:, :, joint] = 0
+        rotations[:, :, joint, 0], rotations[:, :, joint, 3] = np.sin(thigh), np.cos(thigh)
+    bears = np.stack([phase % 1 < BEARS, (phase + 0.5) % 1 < BEARS], -1)
+    return translation, rotations, bears, _moved(seed, angle, translation[:, -1] - hips)
+
+
+def _turn(facing: Float, way: Float) -> Float:
+    """Radians [A] by which bodies turn in the step that face [A, 2] another way [A, 2]."""
+    crossed = facing[:, 0] * way[:, 1] - facing[:, 1] * way[:, 0]
+    angle: Float = bounded(np.arctan2(crossed, (facing * way).sum(-1)), -TURN, TURN)
+    return angle.astype(np.float32)
+
+
+def _stride(speed: Float, chunks: Index) -> tuple[Double, Float]:
+    """The phase of each frame [A, F], 0 as the left foot strikes, and how far a thigh swings to
+    each side [A], radians. The phase follows from the number of the chunk: nothing is remembered.
+    """
+    cadence = CADENCE[0] + CADENCE[1] * speed
+    frames = NEW_FRAMES * chunks[:, None] + np.arange(NEW_FRAMES)
+    step = speed / (2 * cadence)
+    swing = np.arcsin(bounded(step / (2 * LEG), 0, 1))
+    phase: Double = cadence[:, None].astype(np.float64) * frames / FPS
+    return phase, swing.astype(np.float32)
+
+
+def _moved(seed: Seeds, angle: Float, way: Float) -> Seeds:
+    """Seeds turned by radians `angle` [A] about the vertical through the hips, and moved by `way`
+    [A, 3].
+    """
+    motion = PlaneMotion(seed.translation[:, -1, :2], angle, way[:, :2])
+    markers, translation, rotations = (
+        values.copy() for values in (seed.markers, seed.translation, seed.rotations)
+    )
+    for points, axes in ((markers, 2), (translation, 1)):
+        whole = np.ones(points.shape[:-1], np.float32)
+        points[..., :2] = motion.spread(axes).moved(points[..., :2], whole)
+    frames = rotations.shape[1]
+    rotations[:, :, 0] = yawed(rotations[:, :, 0], np.repeat(angle[:, None], frames, axis=1))
+    return Seeds(markers, translation, rotations)
