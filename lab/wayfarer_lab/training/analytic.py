@@ -32,6 +32,7 @@ from wayfarer_lab.training.dataset import Frames
 from wayfarer_lab.training.likeness import FRAMES
 from wayfarer_lab.training.mocap.store import Dataset
 from wayfarer_lab.training.posture import LOOSE, Posture, off_body
+from wayfarer_lab.training.precision import half_precision
 from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_weights
 from wayfarer_lab.training.steady import (
     LikenessConfig,
@@ -180,7 +181,7 @@ class AnalyticTrainer:
         for network in (predictor, regressor):
             network.requires_grad_(False)
         # matrix products in bfloat16; skinning and terms stay in float32
-        half = torch.autocast("cpu", dtype=torch.bfloat16)
+        half = half_precision()
         self.decoders[gender] = WatchedDecoder(half(predictor.decode))
         predictor.decode = self.decoders[gender]  # type: ignore[method-assign,assignment]
         regressor.know = half(regressor.know)  # type: ignore[method-assign]

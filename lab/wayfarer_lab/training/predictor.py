@@ -17,6 +17,7 @@ from wayfarer.motion.quality import Sites
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import FPS, GENDERS, PRIMITIVE_FRAMES
 from wayfarer_lab.training.dataset import Frames, WindowSampler, by_gender
+from wayfarer_lab.training.precision import half_precision
 from wayfarer_lab.training.representation import REPRESENTATIONS, Markers, Name, Whose
 from wayfarer_lab.training.rotation import matrix_from_quaternion
 from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_weights
@@ -85,7 +86,7 @@ class Serving:
         model = load_body("anny52", gender)
         body = marker_body(model)
         regressor = load_weights(BodyRegressor(body), Path(config.regressors[gender]))
-        half = torch.autocast("cpu", dtype=torch.bfloat16)
+        half = half_precision()
         regressor.know = half(regressor.know)  # type: ignore[method-assign]
         regressor.correct = half(regressor.correct)  # type: ignore[method-assign]
         sites = Sites.from_names(model.marker_names)
@@ -198,7 +199,7 @@ class PredictorTrainer:
             else:
                 seed = kind.moved(seed, before, frame) if p else told.features[:, :s]
             given, future = self.condition(frames, at, seed), told.features[:, s:]
-            with torch.autocast("cpu", dtype=torch.bfloat16):
+            with half_precision():
                 guess, kl = self.guess(self.model, given, future)
             made = kind.markers(guess, whose)
             reconstruction, velocity = marker_terms(made, told.markers[:, s:])

@@ -10,6 +10,7 @@ from wayfarer.body.model import BodyModel
 from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.regressor import BodyRegressor
 from wayfarer_lab.training.dataset import Frames, WindowSampler, random_betas
+from wayfarer_lab.training.precision import half_precision
 from wayfarer_lab.training.rotation import (
     matrix_from_quaternion,
     matrix_from_rotvec,
@@ -66,7 +67,7 @@ class RegressorTrainer:
         if config.start_from:
             load_weights(self.model, Path(config.start_from)).train()
         # skinning stays in float32: a bfloat16 metre is known to 4 mm
-        half = torch.autocast("cpu", dtype=torch.bfloat16)
+        half = half_precision()
         self.model.know = half(self.model.know)  # type: ignore[method-assign]
         self.model.correct = half(self.model.correct)  # type: ignore[method-assign]
         self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.rate, fused=True)
