@@ -1,7 +1,8 @@
 """How a server comes through a disturbance: what is missed, and how soon it is on time again.
 
     python -m benchmarks.disturbance [--agents 768] [--engine openvino] [--candidates 1]
-        [--kinds quiet stall burst light] [--repeat 1] [--json FILE] [--quick]
+        [--kinds quiet stall burst light] [--repeat 1]
+        [--rings full:8.5,part:17,root --area 50] [--json FILE] [--quick]
 
 A fresh server for each kind, agents that walk, eight clients over gRPC:
 
@@ -13,7 +14,8 @@ A fresh server for each kind, agents that walk, eight clients over gRPC:
 *before*, *within* and *after* are the primitives missed that were due in that time. *inevitable*:
 those of a stall whose last frame was over before it ended. *back_s*: seconds from the end of the
 disturbance until the server is on time again, which it is when for a second nothing is missed or
-more than 50 ms late; *worst_ms* is the greatest lateness from two seconds after the end on. A
+more than 50 ms late; *worst_ms* is the greatest lateness from two seconds after the end on. With
+`--rings` the clients read levels of detail, and the same is told of those seen in each ring. A
 JSON file has lateness over time, too; a plot goes beside it.
 """
 
@@ -31,7 +33,7 @@ from typing import Any, Final
 from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.models import ENGINES, add_engine
-from benchmarks.servers import SESSIONS, Summary, settings
+from benchmarks.servers import SESSIONS, Summary, add_rings, ringed, settings
 from wayfarer.spec import STEP_SECONDS
 from wayfarer_lab.load.plan import LoadPlan
 from wayfarer_lab.load.report import plot_over_time
@@ -144,6 +146,8 @@ def missed(rows: list[dict[str, float]], since: float, until: float) -> int:
 
 def back_after(rows: list[dict[str, float]], end: float) -> float | None:
     """Seconds from `end` until a second on time begins; None: it never did."""
+    if not rows:
+        return None
     late = [r["at"] for r in rows if r["missed"] or r["max_ms"] > ON_TIME_MS]
     last = rows[-1]["at"] + BIN_S
     for start in [end, *(at + BIN_S for at in late if at + BIN_S > end)]:
@@ -155,22 +159,37 @@ def back_after(rows: list[dict[str, float]], end: float) -> float | None:
 
 def row(kind: str, agents: int, summary: Summary, span: Span) -> Row:
     """The figures of a run."""
-    rows, late = summary["over_time"], summary["lateness_ms"]
-    settled = [r["max_ms"] for r in rows if r["at"] >= span.end + SETTLED_S]
     over = int((span.end - span.start) / STEP_SECONDS) - 1 if kind == "stall" else 0
     return {
         "kind": kind,
         "agents": summary["agents"],
+        "inevitable": over * agents,
+        **course(summary, span),
+        "server": summary["cpu"]["server"],
+    }
+
+
+def ring_rows(kind: str, summary: Summary, span: Span) -> list[Row]:
+    """The figures of each ring of a run."""
+    return [
+        {"kind": kind, "ring": ring["ring"], "people": ring["people"], **course(ring, span)}
+        for ring in summary["rings"]
+    ]
+
+
+def course(figures: dict[str, Any], span: Span) -> Row:
+    """How it went with all primitives, or those of a ring."""
+    rows, late = figures["over_time"], figures["lateness_ms"]
+    settled = [r["max_ms"] for r in rows if r["at"] >= span.end + SETTLED_S]
+    return {
         "before": missed(rows, 0.0, span.start),
         "within": missed(rows, span.start, span.end),
-        "inevitable": over * agents,
         "after": missed(rows, span.end, float("inf")),
         "back_s": back_after(rows, span.end),
         "worst_ms": max(settled, default=None),
         "p99_ms": late and late["p99"],
-        "held": summary["held"],
-        "reduced": summary["reduced"],
-        "server": summary["cpu"]["server"],
+        "held": figures["held"],
+        "reduced": figures["reduced"],
     }
 
 
@@ -194,22 +213,26 @@ def main() -> None:
     parser.set_defaults(engine=ENGINES[-1])
     parser.add_argument("--candidates", type=int, default=1)
     parser.add_argument("--kinds", nargs="+", choices=list(KINDS), default=list(KINDS))
+    add_rings(parser)
     parser.add_argument("--repeat", type=int, default=1, help="runs of each kind")
     parser.add_argument("--after", type=float, help="seconds after it: 15, or 6 when quick")
     asked: argparse.Namespace = parser.parse_args()
     at, after = (3.0, asked.after or 6.0) if asked.quick else (8.0, asked.after or 15.0)
     each = max(asked.agents // SESSIONS, 1)
     command = (*SERVE, "--engine", asked.engine)
-    rows, runs = [], []
+    rows, of_rings, runs = [], [], []
     for kind in [kind for kind in asked.kinds for _ in range(asked.repeat)]:
         lasts = {"stall": STALL_S, "burst": BURST_S}.get(kind, 0.0)
-        plan = LoadPlan(SESSIONS, each, at + lasts + after, 3.0 if asked.quick else WARM_UP)
+        warm_up = 3.0 if asked.quick else WARM_UP
+        plan = LoadPlan(SESSIONS, each, at + lasts + after, warm_up, **ringed(asked))
         environment = settings(plan, candidates=asked.candidates)
         summary, span = asyncio.run(disturbed(kind, plan, at, environment, command))
         rows.append(row(kind, each * SESSIONS, summary, span))
+        of_rings += ring_rows(kind, summary, span)
         runs.append({"kind": kind, **vars(span), **summary})
         print({k: v for k, v in rows[-1].items() if v is not None}, flush=True)
-    bench.finish(asked, rows, engine=asked.engine, candidates=asked.candidates, runs=runs)
+    more = {"engine": asked.engine, "candidates": asked.candidates, "runs": runs}
+    bench.finish(asked, rows + of_rings, **more)
     if asked.json:
         plot(asked.json.with_suffix(".png"), runs)
 

@@ -30,6 +30,7 @@ from wayfarer.transport.codec import PoseEncoding, PoseProfile
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.stream import MotionStream
 from wayfarer.v1 import motion_pb2
+from wayfarer_lab.load.rings import PART_BONES
 
 NEAR, MIDDLE, FAR = 12.0, 25.0, 60.0
 """Metres: radii of the rings."""
@@ -40,10 +41,6 @@ SPEED = 3.0
 LOOKS = 10
 """Times a second that the viewpoint is moved."""
 
-BONES = (
-    *("pelvis", "left_hip", "right_hip", "left_knee", "right_knee", "spine1", "spine2", "spine3"),
-    *("neck", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow"),
-)
 NAMES = ("full", "fewer bones", "root")
 FIRST, GAP = motion_pb2.CHUNK_FLAG_FIRST, motion_pb2.CHUNK_FLAG_GAP
 
@@ -51,7 +48,7 @@ FIRST, GAP = motion_pb2.CHUNK_FLAG_FIRST, motion_pb2.CHUNK_FLAG_GAP
 def interest(x: float) -> schema.Interest:
     """The rings, seen from (x, 1.7, 0) in the glTF basis."""
     fewer = schema.PoseFormat(
-        encoding=PoseEncoding.SMALLEST_THREE, profile=PoseProfile.BONES, bones=BONES, fps=20
+        encoding=PoseEncoding.SMALLEST_THREE, profile=PoseProfile.BONES, bones=PART_BONES, fps=20
     )
     root = schema.PoseFormat(encoding=PoseEncoding.ROOT)
     return schema.Interest(

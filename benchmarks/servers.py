@@ -1,16 +1,48 @@
 """A server to measure: `wayfarer serve` in its own process, with its CPU time and memory."""
 
+import argparse
 import asyncio
 from collections.abc import Mapping
 from typing import Any
 
+from benchmarks.bench import Row
 from wayfarer_lab.load.plan import LoadPlan
+from wayfarer_lab.load.rings import parse_rings
 from wayfarer_lab.load.run import run
 from wayfarer_lab.load.target import SERVE, own_server, room
 
 Summary = dict[str, Any]
 
 SESSIONS = 8
+
+
+def add_rings(parser: argparse.ArgumentParser) -> None:
+    """Options for readers with levels of detail; `ringed` gives them to a plan."""
+    parser.add_argument(
+        "--rings", type=parse_rings, default=(), help="as of wayfarer load: full:8.5,part:17,root"
+    )
+    parser.add_argument(
+        "--area", type=float, default=LoadPlan.area, help="metres, as of wayfarer load"
+    )
+
+
+def ringed(asked: argparse.Namespace) -> dict[str, Any]:
+    """What `LoadPlan` gets of the options of `add_rings`."""
+    return {"rings": asked.rings, "area": asked.area}
+
+
+def ring_rows(summary: Summary, **of_run: object) -> list[Row]:
+    """The figures of each ring of a run; `of_run` tells the runs apart."""
+    kept = ("ring", "people", "misses", "reduced", "held")
+    return [
+        {
+            **of_run,
+            **{name: ring[name] for name in kept},
+            **{f"{name}_ms": (ring["lateness_ms"] or {}).get(name) for name in ("p50", "p99")},
+            "kb_s_person": ring["kb_s_person"],
+        }
+        for ring in summary["rings"]
+    ]
 
 
 def settings(plan: LoadPlan, **more: object) -> dict[str, str]:

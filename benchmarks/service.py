@@ -2,15 +2,17 @@
 
     python -m benchmarks.service [--candidates 1 8] [--engine onnxruntime] [--seconds 300]
                                  [--transports grpc websocket] [--most 2048] [--agents N]
+                                 [--rings full:8.5,part:17,root --area 50]
                                  [--json FILE] [--quick]
 
 In real time: every agent is stepped every 0.2 s, all with the full number of candidates; no
 primitive is missed, and p99 of lateness at the client is within 50 ms. Bisection in short runs over
 gRPC finds the most agents for which that holds. A fresh server then holds them for `--seconds` over
 each transport, or 5 % fewer if that fails, at most three times. `--agents` replaces the search by a
-number, which is held once. Server and generator share the machine; *server* and *generator* are the
-cores that they use. *alone* is the number of agents that the engine could step in the same time if
-all cores did nothing else.
+number, which is held once. With `--rings` the clients read levels of detail around viewpoints that
+walk, and the figures are told by ring, too. Server and generator share the machine; *server* and
+*generator* are the cores that they use. *alone* is the number of agents that the engine could step
+in the same time if all cores did nothing else.
 """
 
 import argparse
@@ -24,7 +26,7 @@ from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.models import add_engine, opened
 from benchmarks.paper_s3 import CALL_SIZES, call_seconds
-from benchmarks.servers import SESSIONS, loaded, settings
+from benchmarks.servers import SESSIONS, add_rings, loaded, ring_rows, ringed, settings
 from wayfarer.engines.engine import Engine
 from wayfarer.spec import STEP_SECONDS
 from wayfarer_lab.load.knee import find_knee, in_time
@@ -119,28 +121,31 @@ def main() -> None:
     parser.add_argument(
         "--agents", type=int, help="hold this number of agents instead of searching for the most"
     )
+    add_rings(parser)
     parser.add_argument("--seconds", type=float, help="of the long runs: 300, or 15 when quick")
     asked: argparse.Namespace = parser.parse_args()
     seconds = asked.seconds or (15.0 if asked.quick else 300.0)
     command = (*SERVE, "--engine", asked.engine)
     cores = len(os.sched_getaffinity(0))
 
-    rows, ratios = [], {}
+    rows, of_rings, ratios = [], [], {}
     for candidates in asked.candidates:
         engine = opened(asked.engine, cores)
         could = alone(engine, candidates, 0.3 if asked.quick else 1.0)
         del engine
-        short = LoadPlan(SESSIONS, 1, 6.0 if asked.quick else 15.0, warm_up=3.0)
+        short = LoadPlan(SESSIONS, 1, 6.0 if asked.quick else 15.0, warm_up=3.0, **ringed(asked))
         room = settings(replace(short, agents=asked.most), candidates=candidates)
         agents = asked.agents or asyncio.run(search(short, asked.most, command, room))
         for transport in asked.transports:
-            plan = LoadPlan(SESSIONS, max(agents // SESSIONS, 1), seconds, WARM_UP, transport)
+            each = max(agents // SESSIONS, 1)
+            plan = LoadPlan(SESSIONS, each, seconds, WARM_UP, transport, **ringed(asked))
             summary = held(plan, candidates, command, 1 if asked.agents else TRIES)
             rows.append(row(asked.engine, candidates, plan, could, summary))
+            of_rings += ring_rows(summary, candidates=candidates, transport=transport)
             name = f"{asked.engine} K={candidates} over {transport}: agents in time / engine alone"
             served = summary["agents"] if rows[-1]["in_time"] else 0
             ratios[name] = bench.ratio(served / max(could, 1), "higher")
-    bench.finish(asked, rows, ratios=ratios)
+    bench.finish(asked, rows + of_rings, ratios=ratios)
 
 
 if __name__ == "__main__":

@@ -111,6 +111,20 @@ def test_a_server_is_back_when_a_second_on_time_begins():
     assert disturbance.back_after(never, 1.0) is None
 
 
+def test_the_figures_of_a_disturbance_are_told_by_ring():
+    near = {"over_time": over_time(*[0.0] * 20), "lateness_ms": {"p99": 3.0}}
+    far = {"over_time": over_time(*[0.0] * 20, missed=(6,)), "lateness_ms": {"p99": 9.0}}
+    empty = {"over_time": [], "lateness_ms": None}
+    rings = [
+        {"ring": name, "people": 10.0, "held": 0, "reduced": 0, **figures}
+        for name, figures in (("full:8", near), ("root", far), ("part:9", empty))
+    ]
+    found = disturbance.ring_rows("stall", {"rings": rings}, disturbance.Span(1.0, 2.0))
+    assert [row["ring"] for row in found] == ["full:8", "root", "part:9"]
+    assert [row["within"] for row in found] == [0, 10, 0]
+    assert [row["back_s"] for row in found] == [0.0, 0.0, None]
+
+
 def test_misses_are_counted_by_when_they_were_due():
     rows = over_time(*[0.0] * 20, missed=(4, 5, 6, 12))
     counted = [disturbance.missed(rows, *span) for span in ((0, 1), (1, 2), (2, 9))]

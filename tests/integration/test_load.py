@@ -8,28 +8,24 @@ from typer.testing import CliRunner
 from wayfarer.cli import app
 
 
-@pytest.mark.parametrize(("transport", "workers"), [("grpc", "1"), ("websocket", "2")])
-def test_a_run_measures_a_server_of_its_own(tmp_path, monkeypatch, transport, workers):
+def measured(tmp_path, monkeypatch, workers="1", **options):
+    """The JSON of a short run."""
     monkeypatch.setenv("WAYFARER_ADMISSION", "false")  # a busy test machine shall refuse nobody
     monkeypatch.setenv("WAYFARER_CANDIDATES", "1")
     monkeypatch.setenv("WAYFARER_WORKERS", workers)
     monkeypatch.setenv("WAYFARER_ENGINE", "onnxruntime")
     path = tmp_path / "run.json"
-    options = {
-        "sessions": 2,
-        "agents": 2,
-        "seconds": 2,
-        "warm-up": 1,
-        "goal-rate": 2,
-        "slow": 1,
-        "vanishing": 1,
-        "transport": transport,
-        "json": path,
-    }
+    options |= {"sessions": 2, "seconds": 2, "warm-up": 1, "goal-rate": 2, "json": path}
     words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
     result = CliRunner().invoke(app, ["load", *words])
     assert result.exit_code == 0, result.output
-    found = json.loads(path.read_text())
+    return json.loads(path.read_text())
+
+
+@pytest.mark.parametrize(("transport", "workers"), [("grpc", "1"), ("websocket", "2")])
+def test_a_run_measures_a_server_of_its_own(tmp_path, monkeypatch, transport, workers):
+    options = {"agents": 2, "slow": 1, "vanishing": 1, "transport": transport}
+    found = measured(tmp_path, monkeypatch, workers, **options)
     assert found["agents"] == 4 and found["refused"] == 0
     assert found["chunks"] > 10
     assert found["lateness_ms"]["max"] >= found["lateness_ms"]["p50"] >= 0
@@ -37,4 +33,19 @@ def test_a_run_measures_a_server_of_its_own(tmp_path, monkeypatch, transport, wo
     assert found["cpu"]["server"] > 0 and found["cpu"]["generator"] > 0
     memory = found["server_rss_mb"]
     assert len(memory["samples"]) > 10 and memory["warm"] > 0 and memory["end"] > 0
-    assert path.with_suffix(".png").stat().st_size > 1000
+    assert (tmp_path / "run.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("transport", ["grpc", "websocket"])
+def test_readers_with_rings_see_people_by_their_distance(tmp_path, monkeypatch, transport):
+    options = {"agents": 12, "rings": "full:4,part:7,root:14", "viewpoint-speed": 8}
+    options |= {"slow": 1, "vanishing": 1, "transport": transport}
+    found = measured(tmp_path, monkeypatch, **options)
+    full, part, root = found["rings"]
+    assert [ring["ring"] for ring in found["rings"]] == ["full:4", "part:7", "root:14"]
+    assert all(ring["chunks"] for ring in found["rings"])
+    assert sum(ring["chunks"] for ring in found["rings"]) == found["chunks"]
+    assert full["kb_s_person"] > part["kb_s_person"] > root["kb_s_person"] > 0
+    assert 0 < found["of_full"] < 1 and 0 < found["unseen_share"] < 1
+    assert [found[fault] for fault in ("popped", "repeated", "malformed", "silent")] == [0] * 4
+    assert not [name for name in found["failures"] if name.startswith("VIEWPOINTS")]

@@ -14,10 +14,10 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from wayfarer import __version__
-from wayfarer.errors import InvalidArgument
 from wayfarer_lab.load import report
 from wayfarer_lab.load.knee import find_knee
 from wayfarer_lab.load.plan import LoadPlan
+from wayfarer_lab.load.rings import parse_rings
 from wayfarer_lab.load.run import run
 from wayfarer_lab.load.tally import Tally
 from wayfarer_lab.load.target import Target, own_server, room
@@ -48,11 +48,20 @@ def load(
     rings: Annotated[
         str,
         typer.Option(
-            help="Levels of detail of each stream: radii in metres around its session's middle, "
-            "as 3,6,12. Full poses in the first ring, roots in the last, 20 frames per second "
-            "between; who is farther away is not sent."
+            help="Levels of detail: rings around a viewpoint that walks through each session's "
+            "crowd, as DETAIL:METRES from the inside out. full: as without rings; part: 13 bones, "
+            "20 frames a second; root: place and heading, 10 a second. Without a radius, the last "
+            "ring has all the others; with one, who is beyond is not sent. With --area 50, "
+            "full:8.5,part:17,root has some 5, 15 and 80 % of the people in its rings."
         ),
     ] = "",
+    viewpoint_speed: Annotated[
+        float,
+        typer.Option(help="With --rings: metres per second of the viewpoint; 0: it stands."),
+    ] = LoadPlan.viewpoint_speed,
+    area: Annotated[
+        float, typer.Option(help="Metres: radius of the disc in which each session's agents walk.")
+    ] = LoadPlan.area,
     knee: Annotated[
         int,
         typer.Option(
@@ -91,17 +100,12 @@ def load(
     plan = LoadPlan(
         *(sessions, agents, seconds, warm_up, transport, goal_rate, slow, vanishing),
         seed=seed,
-        rings=_radii(rings),
+        rings=parse_rings(rings),
+        viewpoint_speed=viewpoint_speed,
+        area=area,
     )
     with asyncio.Runner(loop_factory=_loop_factory()) as runner:
         runner.run(_load(plan, target, http, tuple(serve or ()), knee, p99_ms, json))
-
-
-def _radii(text: str) -> tuple[float, ...]:
-    try:
-        return tuple(float(part) for part in text.split(",") if part)
-    except ValueError:
-        raise InvalidArgument(f"{text!r} are no radii; write them as 3,6,12", "rings") from None
 
 
 def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:

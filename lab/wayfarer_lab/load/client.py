@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import grpc
 
-from wayfarer.v1 import agent_pb2, common_pb2, goal_pb2, session_pb2
+from wayfarer.v1 import agent_pb2, goal_pb2, session_pb2
 from wayfarer_lab.load.plan import LoadPlan
 from wayfarer_lab.load.reader import LOST_S, GoalWatch, Reader
 from wayfarer_lab.load.tally import Tally
@@ -38,6 +38,7 @@ class SimulatedClient:
     def __init__(self, target: Target, plan: LoadPlan, tally: Tally, number: int) -> None:
         self.target, self._plan, self._tally = target, plan, tally
         self._chance = random.Random(plan.seed * 100_003 + number)
+        self._viewpoint = plan.viewpoint(number, tally.failed)
         self._connection = Connection(target)
         self._agents: list[agent_pb2.Agent] = []
         self._commands: set[asyncio.Task[None]] = set()
@@ -100,20 +101,15 @@ class SimulatedClient:
         return agent_pb2.AgentSpec(
             gender=self._chance.choice([agent_pb2.GENDER_FEMALE, agent_pb2.GENDER_MALE]),
             betas=[self._chance.uniform(-1.5, 1.5) for _ in range(10)],
-            position=self._place(),
+            position=self._plan.place(self._chance),
             heading=self._chance.uniform(-math.pi, math.pi),
         )
-
-    def _place(self) -> common_pb2.Vector3:
-        angle = self._chance.uniform(0, 2 * math.pi)
-        reach = self._plan.area * math.sqrt(self._chance.random())
-        return common_pb2.Vector3(x=reach * math.sin(angle), z=reach * math.cos(angle))
 
     async def run(self, measuring_from: float, until: float) -> None:
         """Read the stream and give goals until `until` (Unix seconds), and count the end."""
         if not self._agents:
             return
-        reader = Reader(self._tally, measuring_from, until, bool(self._plan.rings))
+        reader = Reader(self._tally, measuring_from, until)
         reading = asyncio.create_task(self._read(reader))
         giving = asyncio.create_task(self._give_goals(reader.goals, measuring_from))
         try:
@@ -137,7 +133,7 @@ class SimulatedClient:
                 self.session_id,
                 self._plan.transport,
                 self._tally.first_chunk,
-                self._plan.interest(),
+                self._viewpoint,
             )
             try:
                 async for message in messages:
@@ -170,7 +166,8 @@ class SimulatedClient:
         task.add_done_callback(self._commands.discard)
 
     async def _set_goal(self, agent: agent_pb2.Agent, goals: GoalWatch | None, due: float) -> None:
-        goal = goal_pb2.Goal(position=self._place(), speed=self._chance.uniform(0.8, 1.6))
+        place = self._plan.place(self._chance)
+        goal = goal_pb2.Goal(position=place, speed=self._chance.uniform(0.8, 1.6))
         request = goal_pb2.SetGoalRequest(agent_id=agent.agent_id, goal=goal)
         try:
             reply = await self._connection.goals.SetGoal(

@@ -3,7 +3,7 @@
 from collections.abc import Awaitable, Callable
 from typing import Any
 
-FAULTS = ("misses", "refused", "held", "reduced", "malformed", "repeated")
+FAULTS = ("misses", "refused", "held", "reduced", "malformed", "repeated", "popped")
 
 Trial = Callable[[int], Awaitable[dict[str, Any]]]
 

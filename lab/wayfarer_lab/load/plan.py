@@ -1,18 +1,22 @@
 """What a load run does."""
 
 import math
+import random
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.v1 import common_pb2, motion_pb2
+from wayfarer.v1 import common_pb2
+from wayfarer_lab.load.rings import LoadRing, WalkingViewpoint, check_rings
 
 TRANSPORTS = ("grpc", "websocket")
 
-MOST_RINGS: Final = 8
+MOST_AREA: Final = 1000.0
+"""Metres: largest radius of the disc in which agents walk."""
 
-MIDDLE: Final = motion_pb2.PoseFormat(fps=20)
-FAR: Final = motion_pb2.PoseFormat(encoding=motion_pb2.POSE_ENCODING_ROOT)
+MOST_SPEED: Final = 100.0
+"""Metres per second of a viewpoint."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +33,8 @@ class LoadPlan:
     vanishing: int = 0  # extra streams, each cut off every second or so
     area: float = 15.0  # metres: radius of the disc in which a session's agents walk
     seed: int = 0
-    rings: tuple[float, ...] = ()  # metres: radii of the levels of detail of each stream
+    rings: tuple[LoadRing, ...] = ()  # levels of detail of each stream; none: everybody in full
+    viewpoint_speed: float = 1.5  # metres per second at which the middle of the rings walks
 
     def __post_init__(self) -> None:
         for name in ("sessions", "agents"):
@@ -38,26 +43,35 @@ class LoadPlan:
         for name in ("slow", "vanishing", "goal_rate", "warm_up"):
             if getattr(self, name) < 0:
                 raise InvalidArgument(f"{name} must be 0 or more", name)
+        if not 0 < self.area <= MOST_AREA:
+            raise InvalidArgument(
+                f"area is {self.area:g}; allowed: above 0, to {MOST_AREA:g} m", "area"
+            )
+        if not 0 <= self.viewpoint_speed <= MOST_SPEED:
+            raise InvalidArgument(
+                f"viewpoint_speed is {self.viewpoint_speed:g}; allowed: 0 to {MOST_SPEED:g} m/s",
+                "viewpoint_speed",
+            )
         if self.seconds <= 0:
             raise InvalidArgument("seconds must be positive", "seconds")
         if self.transport not in TRANSPORTS:
             raise InvalidArgument(f"transport must be one of {', '.join(TRANSPORTS)}", "transport")
-        ascending = all(a < b for a, b in zip((0.0, *self.rings), self.rings, strict=False))
-        if len(self.rings) > MOST_RINGS or not ascending or not all(map(math.isfinite, self.rings)):
-            raise InvalidArgument(
-                f"at most {MOST_RINGS} radii in metres, above 0 and ascending", "rings"
-            )
+        check_rings(self.rings)
 
-    def interest(self) -> motion_pb2.Interest | None:
-        """What each stream asks for, seen from the middle of its session: full poses in the first
-        ring, roots in the last of several, 20 frames a second between them. None: all in full.
+    def place(self, chance: random.Random) -> common_pb2.Vector3:
+        """Somewhere in the disc, in the basis of the session."""
+        angle = chance.uniform(0, 2 * math.pi)
+        reach = self.area * math.sqrt(chance.random())
+        return common_pb2.Vector3(x=reach * math.sin(angle), z=reach * math.cos(angle))
+
+    def viewpoint(self, number: int, refused: Callable[[str], None]) -> WalkingViewpoint | None:
+        """Rings and a walking viewpoint for one stream; None: it gets everybody in full.
+
+        The same seed and `number` give the same way. See `WalkingViewpoint` for `refused`.
         """
         if not self.rings:
             return None
-        formats = [None, *[MIDDLE] * (len(self.rings) - 2), FAR][: len(self.rings)]
-        rings = [
-            motion_pb2.InterestRing(radius=radius, format=each)
-            for radius, each in zip(self.rings, formats, strict=True)
-        ]
-        middle = motion_pb2.Viewpoint(position=common_pb2.Vector3())
-        return motion_pb2.Interest(rings=rings, viewpoints=[middle])
+        chance = random.Random(self.seed * 100_019 + number)
+        return WalkingViewpoint(
+            self.rings, self.viewpoint_speed, lambda: self.place(chance), refused
+        )

@@ -2,15 +2,17 @@
 
 import math
 from collections import defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.v1 import agent_pb2, motion_pb2
-from wayfarer_lab.load.tally import Tally
+from wayfarer_lab.load.tally import RingTally, Tally
 
 STANDING = agent_pb2.AGENT_STATE_STANDING
+FIRST, GAP = motion_pb2.CHUNK_FLAG_FIRST, motion_pb2.CHUNK_FLAG_GAP
 REDUCED, HELD = motion_pb2.CHUNK_FLAG_REDUCED, motion_pb2.CHUNK_FLAG_HELD
 
 LOST_S = STEP_SECONDS
@@ -23,6 +25,7 @@ class Latest:
 
     seq: int
     due: float  # its scheduled instant, Unix seconds
+    ring: RingTally  # in which it came
 
 
 class Reader:
@@ -30,30 +33,34 @@ class Reader:
 
     What counts are the primitives that fall due in [since, until). An agent has one every 0.2 s
     from its first on: those that are left out, dropped, or taken off its schedule by a server that
-    has fallen behind are misses all the same, and as late as they are when that shows.
+    has fallen behind are misses all the same, and as late as they are when that shows. They count
+    in the ring in which the agent came last.
+
+    With rings, nothing is due of an agent who is out of sight: until it is in `added`, and once it
+    is in `hidden`.
     """
 
-    def __init__(
-        self, tally: Tally, since: float, until: float = math.inf, has_rings: bool = False
-    ) -> None:
-        """`has_rings`: agents beyond the last ring are not sent, so nothing is due of them."""
-        self.goals = GoalWatch(tally, has_rings)
-        self._has_rings = has_rings
+    def __init__(self, tally: Tally, since: float, until: float = math.inf) -> None:
+        self._has_rings = bool(tally.rings)
+        self.goals = GoalWatch(tally, self._has_rings)
         self._tally = tally
         self._since, self._until = since, until
         self._latest: dict[int, Latest] = {}  # by alias
+        self._shown: set[int] = set()  # aliases introduced on this stream, and not taken away
         self._check = PoseCheck()
 
     def take(self, message: motion_pb2.StreamMotionResponse, now: float) -> None:
         """Count a message that came at `now`."""
         if message.HasField("header"):
-            self._check = PoseCheck(message.header)
-        chunks, tier = message.batch.chunks, message.batch.tier
+            self._begin(message.header, now)
+        batch = message.batch
+        chunks, ring = batch.chunks, self._tally.by_ring[batch.tier]
         if self._since <= now < self._until:
-            self._tally.sent(tier, len(chunks.aliases), message.ByteSize())
-        for alias in message.batch.hidden:
-            self._latest.pop(alias, None)
-            self.goals.hide(alias)
+            described = sum(agent.ByteSize() for agent in batch.added)
+            self._tally.described += described
+            ring.bytes += message.ByteSize() - described
+        self._hide((*batch.hidden, *batch.removed), now)
+        added = {agent.alias for agent in batch.added}
         columns = zip(
             *(chunks.aliases, chunks.seqs, chunks.scheduled_at_us),
             *(chunks.goal_revisions, chunks.states, chunks.flags),
@@ -61,41 +68,59 @@ class Reader:
         )
         for row, (alias, seq, at, revision, state, flags) in enumerate(columns):
             due = 1e-6 * at
-            self._follow(alias, seq, due, now)
+            self._tally.popped += self._pops(alias, seq, flags, alias in added)
+            self._follow(alias, Latest(seq, due, ring), now)
             self.goals.seen(alias, revision, now)
             if self._since <= due < self._until:
-                self._count(now - due, state, flags)
-                self._tally.over_time.add(due - self._since, now - due, now - due > LOST_S)
-                # poses beyond the first ring are packed in other ways
-                self._tally.malformed += tier == 0 and not self._check.passes(chunks, row)
+                self._count(ring, due, now - due, flags)
+                self._tally.idle += state == STANDING
+                self._tally.malformed += not self._check.passes(chunks, row, batch.tier)
 
-    def _follow(self, alias: int, seq: int, due: float, now: float) -> None:
-        latest = self._latest.get(alias)
-        if latest is None:
-            self._latest[alias] = Latest(seq, due)
-            return
-        self._tally.repeated += seq <= latest.seq
-        self._lose(latest, round((due - latest.due) / STEP_SECONDS) - 1, now)
-        latest.seq, latest.due = seq, due
+    def _begin(self, header: motion_pb2.StreamHeader, now: float) -> None:
+        """A stream has begun, which introduces everybody anew."""
+        self._check = PoseCheck(header)
+        self._shown.clear()
+        if self._has_rings:  # of those shown before, it brings who is in sight
+            self._hide(list(self._latest), now)
 
-    def _count(self, late: float, state: int, flags: int) -> None:
-        tally = self._tally
-        tally.chunks += 1
-        tally.lateness.add(late)
-        tally.late += late > LOST_S
-        tally.idle += state == STANDING
+    def _hide(self, aliases: Iterable[int], now: float) -> None:
+        """The agents are out of sight: what was due of them by `now` is all that is lost."""
+        for alias in aliases:
+            self._shown.discard(alias)
+            self.goals.hide(alias)
+            if latest := self._latest.pop(alias, None):
+                self._lose(latest, math.floor((now - latest.due) / STEP_SECONDS) - 1, now)
+
+    def _pops(self, alias: int, seq: int, flags: int, is_added: bool) -> bool:
+        """Somebody appears, or jumps, of whom the stream has not said so."""
+        if alias not in self._shown:
+            self._shown.add(alias)
+            return not (is_added and flags & FIRST)
+        return seq > self._latest[alias].seq + 1 and not flags & (FIRST | GAP)
+
+    def _follow(self, alias: int, new: Latest, now: float) -> None:
+        if latest := self._latest.get(alias):
+            self._tally.repeated += new.seq <= latest.seq
+            self._lose(latest, round((new.due - latest.due) / STEP_SECONDS) - 1, now)
+        self._latest[alias] = new
+
+    def _count(self, ring: RingTally, due: float, late: float, flags: int) -> None:
+        ring.chunks += 1
+        ring.lateness.add(late)
+        ring.late += late > LOST_S
+        ring.over_time.add(due - self._since, late, late > LOST_S)
         if flags:
-            tally.reduced += bool(flags & REDUCED)
-            tally.held += bool(flags & HELD)
+            ring.reduced += bool(flags & REDUCED)
+            ring.held += bool(flags & HELD)
 
     def _lose(self, latest: Latest, count: int, now: float) -> None:
         """Number of primitives after the latest that have not come by `now`."""
         for number in range(1, count + 1):
             due = latest.due + number * STEP_SECONDS
             if self._since <= due < self._until:
-                self._tally.lost += 1
-                self._tally.lateness.add(now - due)
-                self._tally.over_time.add(due - self._since, now - due, True)
+                latest.ring.lost += 1
+                latest.ring.lateness.add(now - due)
+                latest.ring.over_time.add(due - self._since, now - due, True)
 
     def finish(self, agents: int, now: float) -> None:
         """Nothing more is read: what `agents` agents have not sent in time by `now` is lost."""
@@ -105,7 +130,7 @@ class Reader:
         silent = 0 if self._has_rings else max(agents - len(self._latest), 0)
         self._tally.silent += silent
         for _ in range(silent):  # unknown schedule: as if it began with the measurement
-            begun = Latest(-1, self._since - STEP_SECONDS)
+            begun = Latest(-1, self._since - STEP_SECONDS, self._tally.by_ring[0])
             self._lose(begun, math.ceil((last - begun.due) / STEP_SECONDS) - 1, now)
         self.goals.finish(now)
 
@@ -114,31 +139,39 @@ EVERY = 64
 """One chunk in this number is unpacked."""
 
 TRANSLATION_FLOATS = 3
+TRANSLATION_BYTES = 4 * TRANSLATION_FLOATS
 ROTATION_FLOATS = 4
 NORM_TOLERANCE = 1e-3
 
+F32 = motion_pb2.POSE_ENCODING_F32_LE
+
 
 class PoseCheck:
-    """Checks chunks of one stream in float32, the default encoding."""
+    """Checks chunks of one stream: their length, where people are, and rotations in float32."""
 
     def __init__(self, header: motion_pb2.StreamHeader | None = None) -> None:
-        """`header` has the layout; without a header no chunk is valid."""
-        bones = 0 if header is None else len(header.bones)
-        self._frame_floats = TRANSLATION_FLOATS + ROTATION_FLOATS * bones if bones else 0
+        """`header` has the layout of each ring; without a header no chunk is valid."""
+        self._layouts = [
+            (each.frame_bytes, each.pose_encoding == F32)
+            for each in (header.tiers or [header] if header else [])
+        ]
         self._seen = 0
 
-    def passes(self, chunks: motion_pb2.MotionChunks, row: int) -> bool:
+    def passes(self, chunks: motion_pb2.MotionChunks, row: int, tier: int) -> bool:
         """False if this chunk is in the sample and is not finite or has no unit quaternions."""
         self._seen += 1
-        return self._seen % EVERY != 1 or self._is_motion(chunks, row)
+        return self._seen % EVERY != 1 or self._is_motion(chunks, row, tier)
 
-    def _is_motion(self, chunks: motion_pb2.MotionChunks, row: int) -> bool:
-        frames, size = len(chunks.contacts), 4 * self._frame_floats
+    def _is_motion(self, chunks: motion_pb2.MotionChunks, row: int, tier: int) -> bool:
+        if tier >= len(self._layouts):
+            return False
+        frames, (size, has_floats) = len(chunks.contacts), self._layouts[tier]
         if not frames or frames % len(chunks.aliases) or len(chunks.poses) != size * frames:
             return False
         own = frames // len(chunks.aliases)
-        values = np.frombuffer(chunks.poses, "<f4", own * self._frame_floats, row * own * size)
-        values = values.reshape(own, self._frame_floats)
+        packed = np.frombuffer(chunks.poses, np.uint8, own * size, row * own * size)
+        known = packed.reshape(own, size)[:, : size if has_floats else TRANSLATION_BYTES]
+        values = np.ascontiguousarray(known).view("<f4")
         rotations = values[:, TRANSLATION_FLOATS:].reshape(own, -1, ROTATION_FLOATS)
         off_unit = np.abs(np.linalg.norm(rotations, axis=-1) - 1)
         return bool(np.isfinite(values).all() and (off_unit < NORM_TOLERANCE).all())

@@ -18,7 +18,7 @@ SHOWN = {
 }
 
 
-FAULTS = ("silent", "unanswered", "repeated", "malformed")
+FAULTS = ("silent", "unanswered", "repeated", "malformed", "popped")
 
 MOST_GENERATOR = 0.7
 """Cores used by the generator above which it may itself be late."""
@@ -46,15 +46,29 @@ def show(summary: dict[str, Any], console: Console) -> None:
             f"server memory, MB: {memory['start']:.0f} at first, {memory['warm']:.0f} after the "
             f"warm-up, {memory['end']:.0f} at the end ({memory['growth']:+.1%})"
         )
-    if len(summary["rings"]) > 1:
-        each = (
-            f"{ring['ring']}: {ring['chunks']}, {ring['megabytes']} MB" for ring in summary["rings"]
-        )
-        console.print(f"chunks by ring: {'; '.join(each)}")
+    if summary["rings"]:
+        _show_rings(summary, console)
     if faults := {name: summary[name] for name in FAULTS if summary[name]}:
         console.print(f"[red]faults: {faults}")
     if summary["failures"]:
         console.print(f"failed calls: {summary['failures']}")
+
+
+def _show_rings(summary: dict[str, Any], console: Console) -> None:
+    table = Table("ring", "people", "missed", "p50 ms", "p99", "max", "reduced", "kB/s", "each")
+    table.columns[0].no_wrap = table.columns[1].no_wrap = True
+    for ring in summary["rings"]:
+        late, each = ring["lateness_ms"] or {}, ring["kb_s_person"]
+        table.add_row(
+            *(ring["ring"], f"{ring['people']:.0f} ({ring['share']:.0%})", str(ring["misses"])),
+            *(f"{late[key]:.0f}" if late else "–" for key in ("p50", "p99", "max")),
+            *(str(ring["reduced"]), f"{ring['kb_s']:.1f}", "–" if each is None else f"{each:.2f}"),
+        )
+    console.print(table)
+    console.print(
+        f"out of sight: {summary['unseen_share']:.1%} of the people; the streams have "
+        f"{summary['of_full']:.1%} of the bytes of everybody in full"
+    )
 
 
 def write(path: Path, summary: dict[str, Any], meta: dict[str, Any], tally: Tally) -> None:

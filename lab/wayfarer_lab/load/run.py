@@ -20,7 +20,7 @@ async def run(
     target: Target, plan: LoadPlan, progress: Callable[[float, Tally], None] = lambda _s, _t: None
 ) -> tuple[dict[str, Any], Tally]:
     """The summary of a run, and its counts. `progress` gets the seconds done, twice a second."""
-    tally = Tally()
+    tally = Tally(plan.rings)
     clients = [SimulatedClient(target, plan, tally, i) for i in range(plan.sessions)]
     try:
         await asyncio.gather(*(client.open() for client in clients))
@@ -131,13 +131,18 @@ class Nuisance:
         self._target, self._plan, self._tally = client.target, plan, tally
         self._session_id = client.session_id
         self._chance = random.Random(plan.seed * 100_003 - number)
+        # seen as by the healthy ones: a stream without rings would make everybody near
+        self._viewpoint = plan.viewpoint(plan.sessions + number, tally.failed)
 
     async def read_slowly(self) -> None:
         """Take a message every few seconds; reconnect when the server ends the stream."""
         while True:
             connection = Connection(self._target)
             try:
-                async for _ in connection.stream(self._session_id, self._plan.transport):
+                messages = connection.stream(
+                    self._session_id, self._plan.transport, self._viewpoint
+                )
+                async for _ in messages:
                     await asyncio.sleep(SLOW_SECONDS)
             except StreamError:
                 self._tally.failed("SLOW_READER_ENDED")
@@ -159,7 +164,11 @@ class Nuisance:
 
     async def _glance(self, connection: Connection) -> None:
         messages = followed(
-            connection, self._session_id, self._plan.transport, self._tally.first_chunk
+            connection,
+            self._session_id,
+            self._plan.transport,
+            self._tally.first_chunk,
+            self._viewpoint,
         )
         async for _ in messages:
             pass

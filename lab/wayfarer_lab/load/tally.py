@@ -1,9 +1,14 @@
 """What a load run counts, and the summary that is written."""
 
+from collections import defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 from hdrh.histogram import HdrHistogram
+
+from wayfarer.spec import NEW_FRAMES, POSED_JOINTS, STEP_SECONDS
+from wayfarer_lab.load.rings import LoadRing
 
 MOST_S = 60.0
 PERCENTILES = {"p50": 50.0, "p95": 95.0, "p99": 99.0, "p999": 99.9}
@@ -14,6 +19,14 @@ class Latencies:
 
     def __init__(self) -> None:
         self.histogram = HdrHistogram(1, int(MOST_S * 1e6), 3)
+
+    @classmethod
+    def sum(cls, parts: Iterable[Self]) -> Self:
+        """All of several."""
+        found = cls()
+        for part in parts:
+            found.histogram.add(part.histogram)
+        return found
 
     def add(self, seconds: float) -> None:
         """Count one."""
@@ -54,6 +67,19 @@ class OverTime:
     def __init__(self) -> None:
         self._found: dict[int, Interval] = {}
 
+    @classmethod
+    def sum(cls, parts: Iterable[Self]) -> Self:
+        """All of several."""
+        found = cls()
+        for part in parts:
+            for number, one in part._found.items():
+                of_all = found._found.setdefault(number, Interval())
+                of_all.due += one.due
+                of_all.missed += one.missed
+                of_all.late_s += one.late_s
+                of_all.most_s = max(of_all.most_s, one.most_s)
+        return found
+
     def add(self, at: float, late: float, missed: bool) -> None:
         """A primitive that fell due `at` seconds of measuring came so late, or never."""
         found = self._found.setdefault(int(at / BIN_S), Interval())
@@ -77,42 +103,97 @@ class OverTime:
 
 
 @dataclass
-class Tally:
-    """Counts of one run, over all its clients."""
+class RingTally:
+    """What came of one ring. A stream without rings has one, with everybody."""
 
     lateness: Latencies = field(default_factory=Latencies)  # arrival - scheduled instant
-    first_chunk: Latencies = field(default_factory=Latencies)  # from the call to the first batch
-    goal_latency: Latencies = field(default_factory=Latencies)  # command to first changed pose
-    refusal: Latencies = field(default_factory=Latencies)  # how long a refused creation took
     over_time: OverTime = field(default_factory=OverTime)  # lateness and misses by due time
-    agents: int = 0  # admitted
-    refused: int = 0  # agents that were not
     chunks: int = 0
     late: int = 0  # chunks that came after their last frame's time
-    lost: int = 0  # primitives that never came
-    silent: int = 0  # agents without any chunk
-    repeated: int = 0  # chunks that had come before: a fault
-    malformed: int = 0  # of a sample of chunks, those that hold no poses: a fault
-    idle: int = 0  # chunks of agents who stand
+    lost: int = 0  # primitives that never came, of agents who were seen in it last
     reduced: int = 0  # chunks with fewer candidates than set
     held: int = 0  # chunks that hold a pose
-    goals: int = 0  # commands that were taken
-    unanswered: int = 0  # goals that never showed
-    failures: dict[str, int] = field(default_factory=dict)  # calls that failed, by status
-    bytes: int = 0
-    tiers: dict[int, list[int]] = field(default_factory=dict)  # chunks and bytes of each ring
+    bytes: int = 0  # of messages, without descriptions of agents
 
     @property
     def misses(self) -> int:
         """Primitives that came too late or never."""
         return self.late + self.lost
 
-    def sent(self, tier: int, chunks: int, size: int) -> None:
-        """Count a message of `size` bytes with chunks of one ring."""
-        self.bytes += size
-        of_ring = self.tiers.setdefault(tier, [0, 0])
-        of_ring[0] += chunks
-        of_ring[1] += size
+    @property
+    def due(self) -> int:
+        """Primitives that should have come."""
+        return self.chunks + self.lost
+
+    def row(self, ring: str, seconds: float, agents: int) -> dict[str, Any]:
+        """The figures of `seconds` of measuring; `agents` are those of all rings."""
+        people = self.due * STEP_SECONDS / seconds  # seen in it, on average
+        each = self.bytes / max(self.chunks, 1) / STEP_SECONDS / 1e3  # of who comes
+        return {
+            "ring": ring,
+            "people": round(people, 2),
+            "share": round(people / max(agents, 1), 4),
+            "chunks": self.chunks,
+            "misses": self.misses,
+            "miss_rate": self.misses / max(self.due, 1),
+            "lateness_ms": self.lateness.milliseconds(),
+            "reduced": self.reduced,
+            "held": self.held,
+            "kb_s": round(self.bytes / seconds / 1e3, 2),
+            "kb_s_person": round(each, 3) if each else None,
+            "over_time": self.over_time.rows(),
+        }
+
+
+FULL_CHUNK_BYTES = NEW_FRAMES * (12 + 16 * POSED_JOINTS + 1)
+"""Of a primitive in full: frames of 22 bones in float32, and their contacts."""
+
+
+@dataclass
+class Tally:
+    """Counts of one run, over all its clients."""
+
+    rings: tuple[LoadRing, ...] = ()  # of its streams; none: everybody comes in full
+    by_ring: defaultdict[int, RingTally] = field(default_factory=lambda: defaultdict(RingTally))
+    first_chunk: Latencies = field(default_factory=Latencies)  # from the call to the first batch
+    goal_latency: Latencies = field(default_factory=Latencies)  # command to first changed pose
+    refusal: Latencies = field(default_factory=Latencies)  # how long a refused creation took
+    agents: int = 0  # admitted
+    refused: int = 0  # agents that were not
+    silent: int = 0  # agents without any chunk
+    repeated: int = 0  # chunks that had come before: a fault
+    malformed: int = 0  # of a sample of chunks, those that hold no poses: a fault
+    popped: int = 0  # chunks of people who appear or jump without a word: a fault
+    idle: int = 0  # chunks of agents who stand
+    goals: int = 0  # commands that were taken
+    unanswered: int = 0  # goals that never showed
+    failures: dict[str, int] = field(default_factory=dict)  # calls that failed, by status
+    described: int = 0  # bytes of descriptions of agents who come into sight
+
+    @property
+    def lateness(self) -> Latencies:
+        """Of the primitives of all rings."""
+        return Latencies.sum(ring.lateness for ring in self.by_ring.values())
+
+    @property
+    def chunks(self) -> int:
+        """Primitives that came."""
+        return sum(ring.chunks for ring in self.by_ring.values())
+
+    @property
+    def late(self) -> int:
+        """Primitives that came too late."""
+        return sum(ring.late for ring in self.by_ring.values())
+
+    @property
+    def lost(self) -> int:
+        """Primitives that never came."""
+        return sum(ring.lost for ring in self.by_ring.values())
+
+    @property
+    def misses(self) -> int:
+        """Primitives that came too late or never."""
+        return self.late + self.lost
 
     def failed(self, status: str) -> None:
         """Count a call that failed."""
@@ -120,6 +201,9 @@ class Tally:
 
     def summary(self, seconds: float) -> dict[str, Any]:
         """The figures of `seconds` of measuring."""
+        rings = [self.by_ring[tier] for tier in sorted(self.by_ring)]
+        size = self.described + sum(ring.bytes for ring in rings)
+        full = self.agents * seconds / STEP_SECONDS * FULL_CHUNK_BYTES
         return {
             "agents": self.agents,
             "seconds": round(seconds, 3),
@@ -127,23 +211,31 @@ class Tally:
             "misses": self.misses,
             "miss_rate": self.misses / max(self.chunks + self.lost, 1),
             "lateness_ms": self.lateness.milliseconds(),
-            "over_time": self.over_time.rows(),
+            "over_time": OverTime.sum(ring.over_time for ring in rings).rows(),
             "first_chunk_ms": self.first_chunk.milliseconds(),
             "goal_latency_ms": self.goal_latency.milliseconds(),
             "goals": self.goals,
             "unanswered": self.unanswered,
             "refused": self.refused,
             "refusal_ms": self.refusal.milliseconds(),
-            "reduced": self.reduced,
-            "held": self.held,
+            "reduced": sum(ring.reduced for ring in rings),
+            "held": sum(ring.held for ring in rings),
             "idle_share": round(self.idle / max(self.chunks, 1), 3),
             "silent": self.silent,
             "repeated": self.repeated,
             "malformed": self.malformed,
+            "popped": self.popped,
             "failures": self.failures,
-            "megabytes": round(self.bytes / 1e6, 3),
+            "megabytes": round(size / 1e6, 3),
             "rings": [
-                {"ring": tier, "chunks": chunks, "megabytes": round(size / 1e6, 3)}
-                for tier, (chunks, size) in sorted(self.tiers.items())
+                self.by_ring[tier].row(ring.name, seconds, self.agents)
+                for tier, ring in enumerate(self.rings)
             ],
+            "unseen_share": round(self._unseen(seconds), 4),
+            "of_full": round(size / full, 4) if full else None,
         }
+
+    def _unseen(self, seconds: float) -> float:
+        """Share of the agents beyond the last ring."""
+        every = self.agents * seconds / STEP_SECONDS
+        return max(1 - (self.chunks + self.lost) / every, 0.0) if self.rings and every else 0.0

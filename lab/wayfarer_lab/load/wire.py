@@ -1,6 +1,6 @@
 """The few calls that a simulated client makes: plain stubs, so that the generator stays cheap."""
 
-import json
+import asyncio
 import time
 from collections.abc import AsyncIterator, Iterable
 from dataclasses import replace
@@ -9,16 +9,20 @@ from urllib.parse import quote
 
 import grpc
 import websockets
+from google.rpc import code_pb2
 from google.rpc.error_details_pb2 import ErrorInfo
 from google.rpc.status_pb2 import Status
 
 from wayfarer.v1 import (
     agent_pb2_grpc,
+    control_pb2,
+    control_pb2_grpc,
     goal_pb2_grpc,
     motion_pb2,
     motion_pb2_grpc,
     session_pb2_grpc,
 )
+from wayfarer_lab.load.rings import WalkingViewpoint
 from wayfarer_lab.load.tally import Latencies
 from wayfarer_lab.load.target import Target
 
@@ -45,6 +49,7 @@ class Connection:
         self.sessions = session_pb2_grpc.SessionServiceStub(self._channel)
         self.agents = agent_pb2_grpc.AgentServiceStub(self._channel)
         self.goals = goal_pb2_grpc.GoalServiceStub(self._channel)
+        self._control = control_pb2_grpc.ControlServiceStub(self._channel)
         self._motion = motion_pb2_grpc.MotionServiceStub(self._channel)
 
     async def close(self) -> None:
@@ -52,13 +57,14 @@ class Connection:
         await self._channel.close(None)
 
     async def stream(
-        self, session_id: str, transport: str, interest: motion_pb2.Interest | None = None
+        self, session_id: str, transport: str, viewpoint: WalkingViewpoint | None = None
     ) -> AsyncIterator[motion_pb2.StreamMotionResponse]:
-        """The messages of a stream over "grpc" or "websocket". Raises StreamError, in any case."""
+        """The messages of a stream over "grpc" or "websocket"; with a viewpoint
+        over Control, which moves it. Raises StreamError, in any case.
+        """
         read = self._calls if transport == "grpc" else self._frames
-        messages = read(session_id, interest)
         try:
-            async for message in messages:
+            async for message in read(session_id, viewpoint):
                 yield message
         except grpc.aio.AioRpcError as error:
             raise StreamError(error.code().name) from error
@@ -68,47 +74,61 @@ class Connection:
             raise StreamError(type(error).__name__) from error
         raise StreamError("OK")
 
-    def _calls(
-        self, session_id: str, interest: motion_pb2.Interest | None
+    async def _calls(
+        self, session_id: str, viewpoint: WalkingViewpoint | None
     ) -> AsyncIterator[motion_pb2.StreamMotionResponse]:
-        request = motion_pb2.StreamMotionRequest(session_id=session_id, interest=interest)
-        messages: AsyncIterator[motion_pb2.StreamMotionResponse] = self._motion.StreamMotion(
-            request, metadata=self.metadata
-        )
-        return messages
+        if viewpoint is None:
+            request = motion_pb2.StreamMotionRequest(session_id=session_id)
+            async for message in self._motion.StreamMotion(request, metadata=self.metadata):
+                yield message
+            return
+        requests = viewpoint.requests(session_id)
+        async for response in self._control.Control(requests, metadata=self.metadata):
+            if message := _motion(response, viewpoint):
+                yield message
 
     async def _frames(
-        self, session_id: str, interest: motion_pb2.Interest | None
+        self, session_id: str, viewpoint: WalkingViewpoint | None
     ) -> AsyncIterator[motion_pb2.StreamMotionResponse]:
-        url = f"{self._target.http.replace('http', 'ws', 1)}/v1/stream?session={quote(session_id)}"
-        if interest is not None:
-            url += f"&interest={quote(json.dumps(_document(interest)))}"
+        path = "control" if viewpoint else f"stream?session={quote(session_id)}"
         async with websockets.connect(
-            url,
+            f"{self._target.http.replace('http', 'ws', 1)}/v1/{path}",
             additional_headers=dict(self.metadata),
             compression=None,
             max_size=MESSAGE_BYTES,
         ) as socket:
-            async for frame in socket:
-                if isinstance(frame, bytes):
-                    yield motion_pb2.StreamMotionResponse.FromString(frame)
+            if viewpoint is None:
+                async for frame in socket:
+                    if isinstance(frame, bytes):
+                        yield motion_pb2.StreamMotionResponse.FromString(frame)
+                return
+            asking = asyncio.create_task(_ask(socket, viewpoint, session_id))
+            try:
+                async for frame in socket:
+                    response = control_pb2.ControlResponse.FromString(cast("bytes", frame))
+                    if message := _motion(response, viewpoint):
+                        yield message
+            finally:
+                asking.cancel()
+                await asyncio.gather(asking, return_exceptions=True)
 
 
-def _document(interest: motion_pb2.Interest) -> dict[str, Any]:
-    """As the query of a WebSocket has it; the viewpoint is the origin."""
-    formats = [
-        {"encoding": "root"}
-        if ring.format.encoding == motion_pb2.POSE_ENCODING_ROOT
-        else {"fps": ring.format.fps or 40}
-        for ring in interest.rings
-    ]
-    return {
-        "rings": [
-            {"radius": ring.radius, "format": each}
-            for ring, each in zip(interest.rings, formats, strict=True)
-        ],
-        "viewpoints": [{"position": {"x": 0, "y": 0, "z": 0}}],
-    }
+async def _ask(
+    socket: websockets.ClientConnection, viewpoint: WalkingViewpoint, session_id: str
+) -> None:
+    async for request in viewpoint.requests(session_id):
+        await socket.send(request.SerializeToString())
+
+
+def _motion(
+    response: control_pb2.ControlResponse, viewpoint: WalkingViewpoint
+) -> motion_pb2.StreamMotionResponse | None:
+    """What a message over Control has of motion; a viewpoint is answered only when refused."""
+    if response.HasField("motion"):
+        return response.motion
+    code = code_pb2.Code.Name(response.reply.problem.code)
+    viewpoint.refused(f"VIEWPOINTS_{code}")
+    return None
 
 
 def node_of(error: grpc.aio.AioRpcError, target: Target) -> Target | None:
@@ -130,11 +150,11 @@ async def followed(
     session_id: str,
     transport: str,
     first_chunk: Latencies,
-    interest: motion_pb2.Interest | None = None,
+    viewpoint: WalkingViewpoint | None = None,
 ) -> AsyncIterator[motion_pb2.StreamMotionResponse]:
     """A stream's messages; how long the first poses took is counted. Raises StreamError."""
     began, waits = time.monotonic(), True
-    async for message in connection.stream(session_id, transport, interest):
+    async for message in connection.stream(session_id, transport, viewpoint):
         if waits and message.HasField("batch"):
             first_chunk.add(time.monotonic() - began)
             waits = False
