@@ -40,7 +40,7 @@ class LoopStats:
     load: float = 0.0  # share of the last seconds: the engine, or if busier the motion thread
     degradation_level: int = 0  # 0: nothing is left out
     held_steps: int = 0  # agent steps left out because time was short and they idle, since start
-    coasted_steps: int = 0  # and steps of walkers seen as a root at most, made without the model
+    coasted_steps: int = 0  # those of agents seen as a root at most, made without the model
     refused_agents: int = 0  # not created, because they could not be stepped in time, since start
     mended_steps: int = 0  # agent steps with a joint kept within what bodies can do, since start
     journal_failing: bool = False  # nothing that changes now would survive the process

@@ -314,8 +314,8 @@ class World:
         """Start an engine call for the agents most urgently due; see `Scheduler.begin`.
 
         On the level of degradation that the load asks for, unless `level` is given. If the level
-        says so, walkers whom nobody sees but as a root coast before, and agents that are due and
-        have nothing to do are held. None: nobody else is due.
+        says so, those whom nobody sees but as a root coast before, and agents that are due and have
+        nothing to do are held. None: nobody else is due.
         """
         frame = self._timeline.frame(now)
         self._scene_context.refresh()

@@ -1,4 +1,4 @@
-"""Walkers that nobody sees but as a root go on without the model when time is short."""
+"""Agents that nobody sees but as a root go on without the model when time is short."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,8 @@ def step(gait, seed, places, speeds, chunk=0):
     places, speeds = np.array(places, np.float32), np.array(speeds, np.float32)
     facing = np.zeros_like(places)
     chunks = np.full(len(places), chunk)
-    return coast(seed, gait, Targets(places, speeds, facing), goals, chunks)
+    still = np.zeros_like(places)
+    return coast(seed, gait, Targets(places, speeds, facing), goals, still, chunks)
 
 
 def test_it_goes_straight_on_at_the_speed_asked_for():
@@ -117,8 +118,28 @@ def test_the_distant_arrive_and_stop_as_others_do():
     world.give(agents[0], Goal((0.0, 8.0, 0.0)), 2.0)
     chunks = run(world, 16.0, SHORT)
     assert sum(bool(c.flags & ChunkFlag.ARRIVED) for c in chunks) == 1
-    assert chunks[-1].state is AgentState.STANDING
+    assert chunks[-1].state is AgentState.STANDING and not chunks[-1].candidates
     assert np.linalg.norm(chunks[-1].translation[-1, :2] - [0, 8]) < 0.4
+
+
+def test_they_stop_turn_and_walk_back_when_a_goal_lies_behind_them():
+    world, agents, _ = distant()
+    world.give(agents[0], Goal((0.0, -3.0, 0.0)), 2.0)
+    chunks = run(world, 16.0, SHORT)
+    assert {c.state for c in chunks} > {AgentState.TURNING, AgentState.STOPPING}
+    assert not any(c.candidates for c in chunks[1:])
+    assert is_seamless(chunks)
+    assert np.linalg.norm(chunks[-1].translation[-1, :2] - [0, -3]) < 0.4
+    assert facing_of(chunks[-1].rotations[-1, 0]) @ [0, -1] > 0.9
+
+
+def test_they_go_in_side_steps_where_that_is_asked_for():
+    world, agents, _ = distant()
+    world.give(agents[0], Goal((3.0, 2.0, 0.0), heading=0.0), 2.0)
+    chunks = run(world, 16.0, SHORT)
+    assert not any(c.candidates for c in chunks[1:]) and is_seamless(chunks)
+    assert np.linalg.norm(chunks[-1].translation[-1, :2] - [3, 2]) < 0.4
+    assert facing_of(chunks[-1].rotations[-1, 0]) @ [0, 1] > 0.99
 
 
 @pytest.mark.parametrize("sight", [Sight.NEAR, Sight.FAR])

@@ -6,7 +6,7 @@ import pytest
 from tests.world.fakes import GOAL, FakeEngine, make_world, people, populated
 from wayfarer.errors import NotFound
 from wayfarer.spec import NEW_FRAMES, STEP_SECONDS
-from wayfarer.world.agents.agent import AgentState, ChunkFlag, SessionSpec, Sight
+from wayfarer.world.agents.agent import AgentState, ChunkFlag, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.views import agents_by_state
 from wayfarer.world.behaviours import Wander
@@ -124,27 +124,6 @@ def test_held_agents_leave_the_time_to_others_and_do_not_move_them():
     assert few == many / 6
     for a, b in zip(held, stepped, strict=True):
         np.testing.assert_array_equal(a.translation, b.translation)
-
-
-def test_the_distant_who_do_not_walk_get_one_candidate_and_move_as_they_would_in_any_order():
-    def walk(level, *sights):
-        world, agents = populated(4, steering=Steering(reactions=1).with_search(candidates=4))
-        slots = np.array([world.registry.agent(agent).slot for agent in agents])
-        world.see("s", slots, sights)
-        chunks = run(world, 2.0, level)
-        return [own(chunks, alias) for alias in (1, 2, 3, 4)]
-
-    first = DegradationLevel(4, near_first=True)
-    found = walk(first, Sight.NEAR, Sight.FAR, Sight.ROOT, Sight.NONE)
-    tried = [{chunk.candidates for chunk in chunks} for chunks in found]
-    assert tried == [{4}, {4}, {1}, {1}]
-    assert all(c.flags & ChunkFlag.REDUCED for c in [*found[2], *found[3]])
-    assert walk(None, *Sight)[3][-1].candidates == 4, "not while there is time"
-    for level, moved in ((4, found[:2]), (1, found[2:])):
-        whole = walk(DegradationLevel(level), *[Sight.NEAR] * 4)
-        for a, b in zip(moved, whole[:2] if level == 4 else whole[2:], strict=True):
-            for one, other in zip(a, b, strict=True):
-                np.testing.assert_array_equal(one.translation, other.translation)
 
 
 def test_under_pressure_candidates_go_first_then_the_idle_are_held_then_it_comes_back():

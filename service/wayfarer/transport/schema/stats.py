@@ -37,7 +37,7 @@ class Stats(Message):
     degradation_level: int = Field(description="degradation level; 0: nothing is left out")
     held_steps: int = Field(description="steps not made for idle agents, since start")
     coasted_steps: int = Field(
-        description="steps of walkers seen as a root at most that were made without the model, "
+        description="steps of agents seen as a root at most that were made without the model, "
         "because time was short, since start"
     )
     refused_agents: int = Field(description="agents refused because time was short, since start")

@@ -2,8 +2,8 @@
 
 Frames must be there at their time whatever the load; quality gives way first:
 
-    near agents first     of those seen as a root, or not at all, walkers go on without
-                          the model, and the others come last, with one candidate   (REDUCED)
+    near agents first     those seen as a root, or not at all, go on without the model,
+                          and of the others those come last who are not near        (REDUCED)
     fewer candidates      the search tries 16, 8, 4, 2, 1 in place of what was asked for  (REDUCED)
     hold idle agents      who stands with nothing to do keeps its pose, unstepped     (HELD)
     refuse new agents     ResourceExhausted
@@ -29,7 +29,7 @@ class DegradationLevel:
     """What there is time for."""
 
     candidates: int  # the most to try
-    near_first: bool = False  # agents seen as a root at most coast, or come last
+    near_first: bool = False  # agents seen as a root at most coast, the near come first
     hold_idle: bool = False
     refuse: bool = False
 

@@ -1,9 +1,10 @@
-"""Coasting: walkers that are seen as a root at most go on without the model.
+"""Coasting: agents that are seen as a root at most go on without the model.
 
-Nobody sees their poses, so when time is short they cost no engine call: the hips go straight to
-what steering aims at, at its speed, and the body turns that way. Only the thighs swing, for the
-phase of the gait that a root has (`service/streams/root_tracks.py`). The seed is moved along as a
-rigid body. So somebody who comes near is in mid-stride, and the model goes on from there.
+Nobody sees their poses, so when time is short they cost no engine call. The hips go straight to
+what steering aims at, at its speed, and the body turns to where it is to face. Only the thighs
+swing, for the phase of the gait that a root has (`service/streams/root_tracks.py`). The seed is
+moved along as a rigid body. So somebody who comes near is in mid-stride, and the model goes on from
+there.
 
 World space, metres. Pure functions of columns: rows do not influence each other.
 """
@@ -41,35 +42,44 @@ _RISE: Final = np.arange(1, NEW_FRAMES + 1, dtype=np.float32) / NEW_FRAMES
 
 
 def coast(
-    seed: Seeds, gait: Gait, targets: Targets, goals: GoalColumns, chunks: Index
+    seed: Seeds, gait: Gait, targets: Targets, goals: GoalColumns, carried: Float, chunks: Index
 ) -> tuple[Float, Float, Flags, Seeds]:
-    """The next step of walkers: translation [A, F, 3], rotations [A, F, 22, 4], contacts [A, F, 2]
+    """The next step of agents: translation [A, F, 3], rotations [A, F, 22, 4], contacts [A, F, 2]
     (left, right), and where the step after it starts.
 
-    `gait`, `targets` and `goals` are those of the step, `chunks` [A] the numbers of its chunks.
+    `gait`, `targets` and `goals` are those of the step, `carried` [A, 2] is the velocity in side
+    steps at its end, `chunks` [A] the numbers of its chunks.
     """
     hips = seed.translation[:, -1]
     way = targets.place - hips[:, :2]
     distance = np.linalg.norm(way, axis=-1)
     # what the model is asked for makes up for its errors and for shortened steps
     speed = targets.speed * (1 - gait.shortened) / (1 + gait.trim)
-    metres = (
-        STEP_SECONDS * _RISE * (gait.speed[:, None] + _RISE / 2 * (speed - gait.speed)[:, None])
-    )
-    metres = np.minimum(metres, distance[:, None])
+    metres = np.minimum(_evenly(gait.speed[:, None], speed[:, None])[..., 0], distance[:, None])
     translation = np.repeat(hips[:, None], NEW_FRAMES, axis=1)
     translation[..., :2] += metres[..., None] * (way / np.maximum(distance, 1e-6)[:, None])[:, None]
+    translation[..., :2] += _evenly(gait.carried, carried)
 
-    angle = _turn(facing_of(seed.rotations[:, -1, 0]), way)
+    asked = np.where(targets.facing.any(-1, keepdims=True), targets.facing, way)
+    angle = _turn(facing_of(seed.rotations[:, -1, 0]), asked)
     rotations = np.repeat(seed.rotations[:, -1:], NEW_FRAMES, axis=1)
     rotations[:, :, 0] = yawed(rotations[:, :, 0], (_RISE * angle[:, None]).astype(np.float32))
-    phase, swing = _stride(goals.speed, chunks)
+    gone = np.linalg.norm(translation[:, -1] - hips, axis=-1)
+    phase, swing = _stride((gone / STEP_SECONDS).astype(np.float32), goals.speed, chunks)
     for joint, half in zip(HIPS, (phase, phase + 0.5), strict=True):
         thigh = swing[:, None] * np.cos(2 * pi * half) / 2
         rotations[:, :, joint] = 0
         rotations[:, :, joint, 0], rotations[:, :, joint, 3] = np.sin(thigh), np.cos(thigh)
     bears = np.stack([phase % 1 < BEARS, (phase + 0.5) % 1 < BEARS], -1)
+    bears |= swing[:, None, None] == 0
     return translation, rotations, bears, _moved(seed, angle, translation[:, -1] - hips)
+
+
+def _evenly(before: Float, after: Float) -> Float:
+    """Way [A, F, D] of what goes at `before` and, in the end, at `after` [A, D] m/s."""
+    rise = _RISE[:, None]
+    way: Float = STEP_SECONDS * rise * (before[:, None] + rise / 2 * (after - before)[:, None])
+    return way
 
 
 def _turn(facing: Float, way: Float) -> Float:
@@ -79,11 +89,13 @@ def _turn(facing: Float, way: Float) -> Float:
     return angle.astype(np.float32)
 
 
-def _stride(speed: Float, chunks: Index) -> tuple[Double, Float]:
+def _stride(speed: Float, usual: Float, chunks: Index) -> tuple[Double, Float]:
     """The phase of each frame [A, F], 0 as the left foot strikes, and how far a thigh swings to
-    each side [A], radians. The phase follows from the number of the chunk: nothing is remembered.
+    each side [A], radians, of who goes so fast [A] and usually goes at `usual` [A] m/s.
+
+    The phase follows from the number of the chunk: nothing is remembered.
     """
-    cadence = CADENCE[0] + CADENCE[1] * speed
+    cadence = CADENCE[0] + CADENCE[1] * usual
     frames = NEW_FRAMES * chunks[:, None] + np.arange(NEW_FRAMES)
     step = speed / (2 * cadence)
     swing = np.arcsin(bounded(step / (2 * LEG), 0, 1))

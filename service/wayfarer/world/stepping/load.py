@@ -14,8 +14,8 @@ from wayfarer.world.stepping.scheduler import PendingStep
 from wayfarer.world.stepping.settings import WorldSettings
 
 COASTING: Final = 0.25
-"""What agents that are seen as a root at most count for, in agents: when time is short their
-walkers cost no engine call, but they have to be moved and sent, and some will come near."""
+"""What agents that are seen as a root at most count for, in agents: when time is short they
+cost no engine call, but they have to be moved and sent, and some will come near."""
 
 
 class Load:

@@ -20,7 +20,7 @@ from wayfarer.world.agents.style import sets_off, stride
 from wayfarer.world.goals.path_columns import PathColumns
 from wayfarer.world.goals.steering import observe
 from wayfarer.world.output.legs import Legs
-from wayfarer.world.rows import Flags, Float, Index, Int, Int8
+from wayfarer.world.rows import Flags, Float, Index, Int8
 from wayfarer.world.stepping.batch import broken, gather
 from wayfarer.world.stepping.budget import DegradationLevel
 from wayfarer.world.stepping.coasting import coast
@@ -65,9 +65,9 @@ class Batch:
         )
 
 
-PATIENCE: Final = (0.0, 0.375, 0.875, 0.9375)
+PATIENCE: Final = (0.0, 0.375)
 """How long an agent that is due waits for others, when time is short: by `Sight`, as a share of the
-time after which its primitive is left out. So nobody waits for ever."""
+time after which its primitive is left out. So nobody waits for ever. The others coast."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,11 +96,6 @@ Launch = Callable[[Outputs], Outputs]
 def at_once(call: Outputs) -> Outputs:
     """The call is made when its result is asked for."""
     return call
-
-
-def _most(level: DegradationLevel, sights: Int8) -> Int:
-    """Candidates [A] that a level allows to agents that are seen so well."""
-    return np.where(level.near_first & (sights >= Sight.ROOT), 1, level.candidates)
 
 
 class Scheduler:
@@ -207,6 +202,8 @@ class Scheduler:
         """
         slots = self._table.rows
         rows = self._playback.due(frame + self._company)
+        if level is not None and level.near_first:
+            rows = rows[slots.sight[rows] < Sight.ROOT]  # who coasts, and is not due yet
         is_due = self._playback.is_due(rows, frame)
         if not is_due.any() and (self.under_way or len(rows) < self._full):
             return None
@@ -220,7 +217,7 @@ class Scheduler:
             return None
         seed, gait, course = self._next(rows)
         asked = self._steering.candidates(gait.mode)
-        tried = asked if level is None else np.minimum(asked, _most(level, slots.sight[rows]))
+        tried = asked if level is None else np.minimum(asked, level.candidates)
         count = int(tried[0])
         if len(together := np.flatnonzero(tried == count)) < len(rows):
             rows, asked = rows[together], asked[together]
@@ -264,24 +261,22 @@ class Scheduler:
         return len(rows)
 
     def coast(self, frame: float) -> int:
-        """Plan the next chunk of all walkers due by world frame `frame` whom nobody sees but as a
+        """Plan the next chunk of all agents due by world frame `frame` whom nobody sees but as a
         root: without the engine, see coasting.py. Returns how many coasted.
         """
         slots = self._table.rows
         rows = self._playback.due(frame)
-        distant = slots.sight[rows] >= Sight.ROOT
-        rows = rows[distant & (slots.planned.gait.mode[rows] == Mode.WALKING)]
+        rows = rows[slots.sight[rows] >= Sight.ROOT]
         if not len(rows):
             return 0
-        seed, gait, course = self._next(rows)
-        walks = np.flatnonzero(gait.mode == Mode.WALKING)
-        rows, seed, before = rows[walks], seed.take(walks), gait.take(walks)
-        ahead, judged = course.ahead.take(walks), course.judged.take(walks)
+        seed, before, (ahead, judged) = self._next(rows)
         targets = self._steering.targets(before, seed, ahead)
+        carried = self._steering.carried(before, seed, ahead)
         translation, rotations, contacts, end = coast(
-            seed, before, targets, ahead, slots.planned_chunks[rows]
+            seed, before, targets, ahead, carried, slots.planned_chunks[rows]
         )
-        gait = observe(before, seed.translation[:, -1], translation, judged)
+        gait = replace(before, planted=np.zeros(len(rows), np.bool_), carried=carried)
+        gait = observe(gait, seed.translation[:, -1], translation, judged)
         arrives = np.where(gait.arrived & ~before.arrived, ChunkFlag.ARRIVED, ChunkFlag.NONE)
         self._append_unstepped(
             rows, translation, rotations, contacts, Motion(end, gait), ChunkFlag.REDUCED | arrives
@@ -348,9 +343,9 @@ class Scheduler:
     def _near_first(self, rows: Index, frame: float) -> tuple[Index, int]:
         """The rows of a batch, and how many of them cannot wait.
 
-        Who is seen less well waits for others (`PATIENCE`), and is in their batch only where it
-        would be padded. When nobody else is due, those go, a few at a time: who becomes due
-        meanwhile waits for them.
+        Who is not near waits for others (`PATIENCE`), and is in their batch only where it would be
+        padded. When nobody else is due, those go, a few at a time: who becomes due meanwhile waits
+        for them.
         """
         late = self._playback.lateness(rows, frame)
         patience = np.where(late < 0, 0, self._patience[self._table.rows.sight[rows]])
