@@ -78,8 +78,8 @@ def coast(
 def _evenly(before: Float, after: Float) -> Float:
     """Way [A, F, D] of what goes at `before` and, in the end, at `after` [A, D] m/s."""
     rise = _RISE[:, None]
-    way: Float = STEP_SECONDS * rise * (before[:, None] + rise / 2 * (after - before)[:, None])
-    return way
+    way = STEP_SECONDS * rise * (before[:, None] + rise / 2 * (after - before)[:, None])
+    return np.asarray(way, np.float32)
 
 
 def _turn(facing: Float, way: Float) -> Float:
