@@ -3,7 +3,7 @@
 import numpy as np
 
 from wayfarer.engines.models import LoadedModels
-from wayfarer.world.agents.agent import AgentInfo, AgentState
+from wayfarer.world.agents.agent import AgentInfo, AgentState, Sight, by_sight
 from wayfarer.world.agents.heading import heading_of
 from wayfarer.world.agents.registry import Agent
 from wayfarer.world.agents.slots import Mode, Slots
@@ -38,3 +38,8 @@ def agents_by_state(slots: Slots) -> dict[AgentState, int]:
     for mode in Mode:
         states[mode.state] += int(counts[mode])
     return states
+
+
+def agents_by_sight(slots: Slots) -> dict[str, int]:
+    """How many agents are seen how well, as of what has been sent; see `by_sight`."""
+    return by_sight(np.bincount(slots.sight[slots.active], minlength=len(Sight)))
