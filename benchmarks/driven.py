@@ -24,6 +24,7 @@ from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.scenes.messages import SceneInfo
+from wayfarer.world.stepping.due import sights_of
 from wayfarer.world.stepping.settings import AdmissionRules, WorldSettings
 from wayfarer.world.world import World
 
@@ -142,12 +143,13 @@ class Driven:
             self.now = event
             started = time.thread_time()
             sent = self._world.take_due(event)
+            sights = sights_of(sent, self._world.slots)
             for session_id, chunks, slots in sent:
                 self._publisher.publish(session_id, chunks)
                 self._world.see(slots, self._publisher.sights(session_id, chunks))
             if sent:
                 due = np.concatenate([one.chunks.scheduled_at for one in sent])
-                self._meter.chunks(event - due)
+                self._meter.chunks(event - due, sights)
             self._publisher.flush()
             while self._world.step(event):
                 pass

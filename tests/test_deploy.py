@@ -44,7 +44,7 @@ def exported() -> set[str]:
 def labels() -> set[str]:
     """Labels that some metric of ours has."""
     metrics = Metrics()
-    found = {"state"}
+    found = {"state", "sight"}  # of collectors of our own
     for collector in set(metrics.registry._collector_to_names):
         found.update(getattr(collector, "_labelnames", ()))
     return found

@@ -31,7 +31,8 @@ class KeepingMeter:
     def step(self, seconds, agents):
         self.steps.append((seconds, agents))
 
-    def chunks(self, lateness):
+    def chunks(self, lateness, sights):
+        assert len(lateness) == len(sights)
         self.lateness += lateness.tolist()
 
     def queue(self, seconds):

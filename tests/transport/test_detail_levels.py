@@ -27,6 +27,7 @@ from wayfarer.transport.basis import Basis
 from wayfarer.transport.codec import PoseEncoding, PoseFormat, TierEncoder, encode
 from wayfarer.transport.control import control
 from wayfarer.transport.detail_levels import DetailLevels, DetailRing, ViewPlace
+from wayfarer.transport.metrics import SIGHTS
 from wayfarer.v1 import motion_pb2
 from wayfarer.world.agents.agent import ChunkFlag, MotionChunks, Sight
 
@@ -113,6 +114,7 @@ async def test_the_motion_thread_knows_who_is_near():
             reading = asyncio.create_task(read_on(messages))
             await anext(events)
             await seen(Sight.NEAR, Sight.FAR, Sight.ROOT, Sight.NONE)
+            assert (await motion.stats()).sights == dict.fromkeys(SIGHTS, 1)
             client.send(viewpoints={"viewpoints": [{"position": {"z": 100}}]})
             await seen(Sight.NONE, Sight.NONE, Sight.NONE, Sight.NEAR)
             reading.cancel()
@@ -190,16 +192,18 @@ async def opened_with(api, session_id: str, **options: object):
 
 
 class CountingMeter(MetricsSink):
-    """Counts chunks by tier."""
+    """Counts chunks and bytes by tier."""
 
     def __init__(self) -> None:
         self.chunks: Counter[str] = Counter()
+        self.bytes: Counter[str] = Counter()
 
-    def sent(self, tier: str, chunks: int) -> None:
+    def sent(self, tier: str, chunks: int, size: int) -> None:
         self.chunks[tier] += chunks
+        self.bytes[tier] += size
 
 
-async def test_the_metrics_count_chunks_by_tier(service, api):
+async def test_the_metrics_count_chunks_and_bytes_by_tier(service, api):
     session_id = await crowd(api, 5, 15, 25, 100)
     for interest, expected in (
         (TIERS, {"0": 1, "1": 1, "2": 1, "hidden": 1}),
@@ -209,8 +213,12 @@ async def test_the_metrics_count_chunks_by_tier(service, api):
         meter = service.subscriptions[-1].meter = CountingMeter()
         async with aclosing(messages):
             service.emit(session_id)
-            await anext(messages)
+            sizes: Counter[str] = Counter()
+            for _ in range(3 if interest else 1):
+                motion = (await anext(messages)).motion
+                sizes[str(motion.batch.tier) if interest else "whole"] += motion.ByteSize()
             assert meter.chunks == expected
+            assert +meter.bytes == sizes
 
 
 async def test_one_batch_per_tier_and_first_on_entering(service, api):

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayfarer.service.streams.publications import SlowReader
+from wayfarer.world.rows import Int8
 
 Seconds = NDArray[np.float64]
 """One for each of several things."""
@@ -29,8 +30,10 @@ class MetricsSink:
     def step(self, seconds: float, agents: int) -> None:
         """One engine call, and for how many agents."""
 
-    def chunks(self, lateness: Seconds) -> None:
-        """Chunks left together; seconds of each after its scheduled time (below 0: before it)."""
+    def chunks(self, lateness: Seconds, sights: Int8) -> None:
+        """Chunks left together; seconds of each after its scheduled time (below 0: before it), and
+        how well its agent is seen (`Sight`).
+        """
 
     def queue(self, seconds: float) -> None:
         """Seconds of motion that wait for a subscriber, after a publication was added."""
@@ -38,9 +41,10 @@ class MetricsSink:
     def drops(self, policy: SlowReader, publications: int) -> None:
         """Publications were dropped for a subscriber that was too slow."""
 
-    def sent(self, tier: str, chunks: int) -> None:
-        """Chunks were sent to a stream: its ring from 0 on, "whole" for a stream without rings, or
-        "hidden" for those beyond the last ring, which were not sent.
+    def sent(self, tier: str, chunks: int, size: int) -> None:
+        """A batch of chunks was sent to a stream, in a message of `size` bytes: its ring from 0 on,
+        "whole" for a stream without rings, or "hidden" for those beyond the last ring, which were
+        not sent.
         """
 
     def resume(self, result: ResumeResult) -> None:

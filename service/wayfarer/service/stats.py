@@ -8,7 +8,8 @@ import numpy as np
 
 from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.spec import FPS
-from wayfarer.world.agents.agent import AgentState
+from wayfarer.world.agents.agent import AgentState, Sight, by_sight
+from wayfarer.world.rows import Int8
 from wayfarer.world.stepping.due import Due
 from wayfarer.world.stepping.window import Window, mean, percentile
 
@@ -32,10 +33,12 @@ class LoopStats:
     resets: int = 0  # agents put back to a stand: they fell or their step was broken, since start
     failures: int = 0  # turns of the loop that raised, since start
     skipped_steps: int = 0  # agent steps never made, as their time was over, since start
+    skipped_by_sight: Mapping[str, int] = field(default_factory=dict)  # those; see `by_sight`
     dropped_batches: int = 0  # lost by the present subscribers, who were too slow
     reduced_steps: int = 0  # agent steps with fewer candidates than asked for, since start
     held_sessions: int = 0  # whose agents wait for a subscriber now
     states: Mapping[AgentState, int] = field(default_factory=dict)  # agents in each
+    sights: Mapping[str, int] = field(default_factory=dict)  # agents seen so well; see `by_sight`
     capacity: int = 0  # agents that fit, by the measured cost of a step; 0: not known yet
     load: float = 0.0  # share of the last seconds: the engine, or if busier the motion thread
     degradation_level: int = 0  # 0: nothing is left out
@@ -54,6 +57,7 @@ class _Values(TypedDict):
     lateness_ms_p95: float
     failures: int
     skipped_steps: int
+    skipped_by_sight: dict[str, int]
     held_sessions: int
 
 
@@ -63,7 +67,7 @@ class ThreadFigures:
     def __init__(self, meter: MetricsSink) -> None:
         self._meter = meter
         self.failures = 0  # turns
-        self.skipped = 0  # steps of agents
+        self.skipped = np.zeros(len(Sight), np.int64)  # steps of agents, by `Sight`
         self.held = 0  # sessions whose agents wait now
         self.worked = 0.0  # seconds of the thread's own since the last engine call was applied
         self._steps = 0  # of agents
@@ -78,14 +82,14 @@ class ThreadFigures:
         self._step_seconds.add(now, seconds)
         self._meter.step(seconds, agents)
 
-    def published(self, now: float, due: Sequence[Due]) -> None:
-        """Chunks left the thread."""
+    def published(self, now: float, due: Sequence[Due], sights: Int8) -> None:
+        """Chunks left the thread, of agents who were seen so well."""
         if not due:
             return
         lateness = now - np.concatenate([one.chunks.scheduled_at for one in due])
         self._lateness.add(now, max(0.0, float(lateness.max())))
         self._late += int(np.count_nonzero(lateness > LATE_SECONDS))
-        self._meter.chunks(lateness)
+        self._meter.chunks(lateness, sights)
         self._published += len(lateness)
 
     def take_worked(self) -> tuple[float, int]:
@@ -104,6 +108,7 @@ class ThreadFigures:
             late_chunks=self._late,
             lateness_ms_p95=1e3 * percentile(self._lateness.values(now), 95),
             failures=self.failures,
-            skipped_steps=self.skipped,
+            skipped_steps=int(self.skipped.sum()),
+            skipped_by_sight=by_sight(self.skipped),
             held_sessions=self.held,
         )

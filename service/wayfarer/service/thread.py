@@ -27,8 +27,9 @@ from wayfarer.service.pipeline import EnginePipeline
 from wayfarer.service.stats import LoopStats, ThreadFigures
 from wayfarer.service.streams.publisher import Publisher
 from wayfarer.spec import FPS
-from wayfarer.world.agents.views import agents_by_state
+from wayfarer.world.agents.views import agents_by_sight, agents_by_state
 from wayfarer.world.events import Event, EventKind
+from wayfarer.world.stepping.due import sights_of
 from wayfarer.world.stepping.scheduler import PendingStep
 from wayfarer.world.world import World
 
@@ -126,6 +127,7 @@ class MotionThread:
             dropped_batches=sum(subscription.dropped for subscription in open_),
             reduced_steps=world.scheduler.reduced_steps,
             states=agents_by_state(world.slots),
+            sights=agents_by_sight(world.slots),
             capacity=world.load.capacity(now),
             load=world.load.share(now),
             degradation_level=world.load.level_number,
@@ -174,10 +176,11 @@ class MotionThread:
             return
         due = self._world.take_due(self._clock() + EARLY_SECONDS)
         now = self._clock()
+        sights = sights_of(due, self._world.slots)  # by which they came first, or later
         for session_id, chunks, slots in due:
             self._publisher.publish(session_id, chunks)
             self._world.see(session_id, slots, self._publisher.sights(session_id, chunks))
-        self._figures.published(now, due)
+        self._figures.published(now, due, sights)
         for session_id, event in self._world.take_events():
             self._publisher.tell(session_id, [event])
         self._publisher.flush()
@@ -240,8 +243,9 @@ class MotionThread:
         self._figures.held = len(waiting)
         for session_id in waiting:
             self._world.hold(session_id, now + HOLD_SECONDS)
-        if skipped := self._world.skip(now):
-            self._figures.skipped += skipped
+        by_sight = self._world.skip(now)
+        if skipped := int(by_sight.sum()):
+            self._figures.skipped += by_sight
             if now - self._told_at >= TOLD_SECONDS:
                 self._told_at = now
                 log.warning("primitives are left out: the motion loop is behind", steps=skipped)

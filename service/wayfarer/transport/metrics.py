@@ -26,13 +26,17 @@ from wayfarer.service.metrics_sink import MetricsSink, ResumeResult, Seconds
 from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.publications import SlowReader
 from wayfarer.spec import FPS, NEW_FRAMES
-from wayfarer.world.agents.agent import AgentState
+from wayfarer.world.agents.agent import AgentState, Sight
+from wayfarer.world.rows import Int8
 
 MISSED_S: Final = 1 / FPS
 """A chunk that leaves later than a frame after its time has missed its deadline."""
 
 PERIOD_S: Final = NEW_FRAMES / FPS
 """What an agent's step may take: 0.2 s."""
+
+SIGHTS: Final = tuple(sight.name.lower() for sight in Sight)
+"""As `Sight` counts them."""
 
 STEP_BUCKETS: Final = (0.002, 0.005, 0.01, 0.02, 0.04, 0.06, 0.08, 0.1, 0.14, PERIOD_S, 0.4, 1.0)
 LATENESS_BUCKETS: Final = (0.0, 0.001, 0.002, 0.005, 0.01, 1 / FPS, 0.05, 0.1, PERIOD_S, 0.5, 1.0)
@@ -64,7 +68,7 @@ class Metrics(MetricsSink):
             registry=registry,
         )  # fmt: skip
         self._misses = _count(
-            registry, "deadline_misses", "Chunks that left more than a frame late"
+            registry, "deadline_misses", "Chunks that left more than a frame late", "sight"
         )
         self._lateness = _Lateness()
         registry.register(self._lateness)
@@ -84,6 +88,9 @@ class Metrics(MetricsSink):
         )
         self._sent = _count(
             registry, "stream_chunks", "Chunks sent to streams, by level of detail", "tier"
+        )
+        self._bytes = _count(
+            registry, "stream_bytes", "Bytes of messages with chunks, by level of detail", "tier"
         )
         self._resumes = _count(registry, "resumes", "Streams that came back", "result")
 
@@ -109,6 +116,8 @@ class Metrics(MetricsSink):
             self._drops.labels(policy)
         for result in ResumeResult:
             self._resumes.labels(result)
+        for sight in SIGHTS:
+            self._misses.labels(sight)
         for command in ("create_session", "create_agents"):
             self._rejections.labels(command)
 
@@ -121,11 +130,14 @@ class Metrics(MetricsSink):
         if self._traced:
             self._traced(agents, seconds)
 
-    def chunks(self, lateness: Seconds) -> None:
+    def chunks(self, lateness: Seconds, sights: Int8) -> None:
         """See `MetricsSink`."""
-        self._lateness.observe(np.maximum(lateness, 0.0))
-        if missed := int(np.count_nonzero(lateness > MISSED_S)):
-            self._misses.inc(missed)
+        self._lateness.observe(np.maximum(lateness, 0.0), sights)
+        late = lateness > MISSED_S
+        if late.any():
+            missed = np.bincount(sights[late], minlength=len(SIGHTS)).tolist()
+            for sight, count in zip(SIGHTS, missed, strict=True):
+                self._misses.labels(sight).inc(count)
 
     def queue(self, seconds: float) -> None:
         """See `MetricsSink`."""
@@ -135,9 +147,10 @@ class Metrics(MetricsSink):
         """See `MetricsSink`."""
         self._drops.labels(policy).inc(publications)
 
-    def sent(self, tier: str, chunks: int) -> None:
+    def sent(self, tier: str, chunks: int, size: int) -> None:
         """See `MetricsSink`."""
         self._sent.labels(tier).inc(chunks)
+        self._bytes.labels(tier).inc(size)
 
     def resume(self, result: ResumeResult) -> None:
         """See `MetricsSink`."""
@@ -193,6 +206,16 @@ class _Stand(Collector):
         for state in AgentState:
             agents.add_metric([state], now.states.get(state, 0))
         yield agents
+        seen = GaugeMetricFamily(
+            "wayfarer_seen_agents", "Agents, by the reader that sees each best", labels=["sight"]
+        )
+        skipped = CounterMetricFamily(
+            "wayfarer_skipped_steps", "Steps never made, their time being over", labels=["sight"]
+        )
+        for sight in SIGHTS:
+            seen.add_metric([sight], now.sights.get(sight, 0))
+            skipped.add_metric([sight], now.skipped_by_sight.get(sight, 0))
+        yield from (seen, skipped)
         for name, what, value in (
             ("sessions", "Sessions", now.sessions),
             ("streams", "Subscriptions to motion", now.subscribers),
@@ -211,7 +234,6 @@ class _Stand(Collector):
             ("reduced_steps", "Those with fewer candidates than asked for", now.reduced_steps),
             ("held_steps", "Those left out, the agent being idle", now.held_steps),
             ("coasted_steps", "Those made without the model, seen as a root", now.coasted_steps),
-            ("skipped_steps", "Those never made, their time being over", now.skipped_steps),
             ("refused_agents", "Agents refused for want of time", now.refused_agents),
             ("mended_steps", "Those with a joint kept within its limits", now.mended_steps),
             ("agent_resets", "Agents put back to a stand", now.resets),
@@ -225,28 +247,32 @@ class _Lateness(Collector):
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._counts = np.zeros(len(LATENESS_BUCKETS) + 1, np.int64)
-        self._sum = 0.0
+        self._counts = np.zeros((len(SIGHTS), len(LATENESS_BUCKETS) + 1), np.int64)
+        self._sums = np.zeros(len(SIGHTS))
 
-    def observe(self, lateness: Seconds) -> None:
+    def observe(self, lateness: Seconds, sights: Int8) -> None:
         """Count values."""
-        places = np.searchsorted(LATENESS_BUCKETS, lateness)
-        counts = np.bincount(places, minlength=len(self._counts))
+        width = self._counts.shape[1]
+        places = np.searchsorted(LATENESS_BUCKETS, lateness) + width * sights.astype(np.int64)
+        counts = np.bincount(places, minlength=self._counts.size).reshape(self._counts.shape)
+        sums = np.bincount(sights, lateness, len(SIGHTS))
         with self._lock:
             self._counts += counts
-            self._sum += float(lateness.sum())
+            self._sums += sums
 
     def collect(self) -> Iterator[Metric]:
         """Called by the registry."""
         with self._lock:
-            up_to, total = np.cumsum(self._counts).tolist(), self._sum
+            up_to, sums = np.cumsum(self._counts, axis=1).tolist(), self._sums.tolist()
         names = [*map(floatToGoString, LATENESS_BUCKETS), "+Inf"]
-        yield HistogramMetricFamily(
+        found = HistogramMetricFamily(
             "wayfarer_chunk_lateness_seconds",
             "Chunk after its scheduled time, seconds",
-            buckets=list(zip(names, up_to, strict=True)),
-            sum_value=total,
+            labels=["sight"],
         )
+        for sight, counts, total in zip(SIGHTS, up_to, sums, strict=True):
+            found.add_metric([sight], list(zip(names, counts, strict=True)), total)
+        yield found
 
 
 def _times(

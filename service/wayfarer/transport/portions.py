@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,14 @@ class Shown:
     hidden: Sequence[int] = ()  # aliases
 
 
+class WrittenBatch(NamedTuple):
+    """A batch, encoded."""
+
+    tier: int
+    chunks: int
+    parts: list[Part]
+
+
 @dataclass(frozen=True, slots=True)
 class _Portion:
     """What one batch holds."""
@@ -57,7 +65,7 @@ class PortionWriter:
 
     def batches(
         self, shown: Shown, removed: Sequence[int], before: str, after: str
-    ) -> list[list[Part]]:
+    ) -> list[WrittenBatch]:
         """Batches, encoded; none when there is nothing to tell. The last has the resume token
         `after`, those before it have `before`, since one who has them has not got all.
         """
@@ -65,11 +73,14 @@ class PortionWriter:
             [writer] = self._writers
             added = shown.added.values()
             is_any = bool(shown.chunks) or bool(removed)
-            return [writer.batch(shown.chunks, added, removed, after)] if is_any else []
+            if not is_any:
+                return []
+            parts = writer.batch(shown.chunks, added, removed, after)
+            return [WrittenBatch(0, len(shown.chunks), parts)]
         portions = list(self._portions(shown, ALIAS_BYTES * (len(removed) + len(shown.hidden))))
         if not portions and (removed or shown.hidden):
             portions = [_Portion(0, NO_ROWS, [])]
-        roots, found = shown.roots, []
+        roots, found = shown.roots, list[WrittenBatch]()
         for k, portion in enumerate(portions):
             writer = self._writers[portion.tier]
             if roots is None and writer.pose_format.encoding is PoseEncoding.ROOT:
@@ -81,7 +92,8 @@ class PortionWriter:
                 resume_token=after if k == len(portions) - 1 else before,
                 tier=portion.tier,
             )
-            found.append(writer.portion(batch, shown.chunks, portion.rows, roots))
+            parts = writer.portion(batch, shown.chunks, portion.rows, roots)
+            found.append(WrittenBatch(portion.tier, len(portion.rows), parts))
         return found
 
     def _portions(self, shown: Shown, news: int) -> Iterator[_Portion]:

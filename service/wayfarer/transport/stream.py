@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayfarer.errors import InvalidArgument, NotFound, Unavailable, WayfarerError
 from wayfarer.service.motion_service import MotionService
@@ -20,7 +19,7 @@ from wayfarer.transport.batches import BatchWriter, event_message
 from wayfarer.transport.detail_levels import DetailLevels
 from wayfarer.transport.framing import Part, field
 from wayfarer.transport.merge import paced
-from wayfarer.transport.portions import NO_ROWS, PortionWriter, Shown
+from wayfarer.transport.portions import NO_ROWS, PortionWriter, Shown, WrittenBatch
 from wayfarer.transport.resume import Progress
 from wayfarer.v1 import motion_pb2
 from wayfarer.world.agents.agent import NO_CHUNKS, AgentInfo, ChunkFlag, MotionChunks
@@ -128,11 +127,15 @@ class MotionStream:
                 if published:
                     before = self._progress(published, None, -1)
                     self._token = self._progress(published, 0 if events else None)
-                self._count_sent(shown.tiers)
+                if self._interest is not None:
+                    hidden = int(np.count_nonzero(shown.tiers == self._count))
+                    self._subscription.meter.sent("hidden", hidden, 0)
                 if batches := portions.batches(shown, self._removed, before, self._token):
                     self._removed = []
                     for batch in batches:
-                        yield self._batch(batch)
+                        message = self._batch(batch.parts)
+                        self._count_sent(batch, len(message))
+                        yield message
                 elif published and self._interest:
                     # nobody is in sight; now and then the reader gets a token to resume from
                     if self._clock() - self._sent_at >= HEARTBEAT_S:
@@ -169,15 +172,9 @@ class MotionStream:
                 yield "", self._draining()
             raise self._error
 
-    def _count_sent(self, tiers: NDArray[np.intp]) -> None:
-        meter = self._subscription.meter
-        if self._interest is None:
-            meter.sent("whole", len(tiers))
-            return
-        *within, hidden = np.bincount(tiers, minlength=self._count + 1).tolist()
-        for tier, chunks in enumerate(within):
-            meter.sent(str(tier), chunks)
-        meter.sent("hidden", hidden)
+    def _count_sent(self, batch: WrittenBatch, size: int) -> None:
+        tier = "whole" if self._interest is None else str(batch.tier)
+        self._subscription.meter.sent(tier, batch.chunks, size)
 
     def _aliased(self, event: Event) -> Event:
         """The event with its alias: the runtime knows only the id of an agent that has left."""

@@ -411,8 +411,8 @@ class World:
         frame = self._playback.next_event(planning, early * FPS)
         return None if frame is None else self._timeline.time(frame)
 
-    def skip(self, now: float) -> int:
-        """Leave out primitives that nobody could see in time any more; returns how many.
+    def skip(self, now: float) -> Index:
+        """Leave out primitives that nobody could see in time any more: how many, by `Sight`.
 
         An agent that is late by more than a primitive goes on where it is, not where it would be:
         what is over is not made, and no time is spent on it that others need.

@@ -22,6 +22,9 @@ class Stats(Message):
     skipped_steps: int = Field(
         description="agent steps never made because their time was over, since start"
     )
+    skipped_by_sight: dict[str, int] = Field(
+        description="those, by how well the reader that sees an agent best does: as in `sights`"
+    )
     dropped_batches: int = Field(
         description="batches that open streams lost because they were too slow"
     )
@@ -30,6 +33,10 @@ class Stats(Message):
     )
     held_sessions: int = Field(description="sessions whose agents now wait for a slow reader")
     states: dict[str, int] = Field(description="agents in each state")
+    sights: dict[str, int] = Field(
+        description="agents by how well the reader that sees each best does: near (also in sessions"
+        " with a stream without rings, or without any), far, root, none"
+    )
     capacity: int = Field(description="agents that fit, by the measured cost; 0: not known yet")
     load: float = Field(
         description="share of the last seconds that the engine, or the loop, was busy"

@@ -3,7 +3,7 @@
 Transports convert their wire types to these and back, and nothing else crosses.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum, IntFlag, StrEnum
 from typing import Annotated, Final, Self
@@ -62,6 +62,11 @@ class Sight(IntEnum):
     FAR = 1
     ROOT = 2  # as a place and a heading
     NONE = 3
+
+
+def by_sight(counts: Iterable[int]) -> dict[str, int]:
+    """Counts in the order of `Sight`, by names: near, far, root, none."""
+    return {sight.name.lower(): int(count) for sight, count in zip(Sight, counts, strict=True)}
 
 
 class ChunkFlag(IntFlag):

@@ -4,7 +4,7 @@ import numpy as np
 
 from wayfarer.engines.models import LoadedModels
 from wayfarer.spec import GENDERS
-from wayfarer.world.agents.agent import AgentInfo, AgentState, Sight
+from wayfarer.world.agents.agent import AgentInfo, AgentState, Sight, by_sight
 from wayfarer.world.agents.heading import heading_of
 from wayfarer.world.agents.registry import Agent
 from wayfarer.world.agents.slots import Mode, Slots
@@ -45,3 +45,8 @@ def distant_by_gender(slots: Slots) -> list[int]:
     """How many agents of each gender are seen as a root at most."""
     distant = slots.active & (slots.sight >= Sight.ROOT)
     return np.bincount(slots.gender[distant], minlength=len(GENDERS)).tolist()
+
+
+def agents_by_sight(slots: Slots) -> dict[str, int]:
+    """How many agents are seen how well, as of what has been sent; see `by_sight`."""
+    return by_sight(np.bincount(slots.sight[slots.active], minlength=len(Sight)))

@@ -1,5 +1,6 @@
 """Chunks that are due, as columns by session."""
 
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ from wayfarer.world.agents.agent import STATES, MotionChunks
 from wayfarer.world.agents.registry import Agent
 from wayfarer.world.agents.slots import Mode, Slots
 from wayfarer.world.agents.timeline import Timeline
-from wayfarer.world.rows import Index
+from wayfarer.world.rows import Index, Int8
 from wayfarer.world.stepping.playback import Sent
 
 STATE_OF_MODE: Final = np.array([STATES.index(mode.state) for mode in Mode], np.int8)
@@ -22,6 +23,11 @@ class Due(NamedTuple):
     session_id: str
     chunks: MotionChunks  # one of an agent at most
     slots: Index  # of their agents
+
+
+def sights_of(due: Sequence[Due], slots: Slots) -> Int8:
+    """How well the agents of these chunks are seen [A]; see `Sight`."""
+    return slots.sight[np.concatenate([one.slots for one in due])] if due else np.zeros(0, np.int8)
 
 
 def due_by_session(

@@ -11,6 +11,7 @@ from typing import Annotated, Final
 import numpy as np
 
 from wayfarer.spec import NEW_FRAMES, POSED_JOINTS
+from wayfarer.world.agents.agent import Sight
 from wayfarer.world.agents.slots import Motion, Slots
 from wayfarer.world.rows import Double, Flags, Float, Index, Int, Int16, Rows, Shape, UInt8
 
@@ -162,8 +163,9 @@ class Playback:
         short = np.ceil(behind - ROUNDING).astype(np.int64)
         self._slots.start_frame[rows] += NEW_FRAMES * np.maximum(short, 0)
 
-    def skip(self, frame: float) -> int:
-        """Leave out the primitives that are over by world frame `frame`; returns how many.
+    def skip(self, frame: float) -> Index:
+        """Leave out the primitives that are over by world frame `frame`; returns how many, of
+        agents seen so well (by `Sight`).
 
         A slot whose next chunk has not left by then goes on with that chunk at the first of its
         moments that is not over: later by whole primitives, so that it stays in its phase, and
@@ -174,7 +176,7 @@ class Playback:
         late = frame - self._send_frame(rows)
         over = np.maximum(late // NEW_FRAMES, 0).astype(np.int64)
         slots.start_frame[rows] += NEW_FRAMES * over
-        return int(over.sum())
+        return np.bincount(np.repeat(slots.sight[rows], over), minlength=len(Sight))
 
     @property
     def _grounded(self) -> Flags:
