@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from benchmarks.bench import Row
+from wayfarer.errors import InvalidArgument
 from wayfarer_lab.load.plan import LoadPlan
-from wayfarer_lab.load.rings import parse_rings
+from wayfarer_lab.load.rings import LoadRing, parse_rings
 from wayfarer_lab.load.run import run
 from wayfarer_lab.load.target import SERVE, own_server, room
 
@@ -19,11 +20,18 @@ SESSIONS = 8
 def add_rings(parser: argparse.ArgumentParser) -> None:
     """Options for readers with levels of detail; `ringed` gives them to a plan."""
     parser.add_argument(
-        "--rings", type=parse_rings, default=(), help="as of wayfarer load: full:8.5,part:17,root"
+        "--rings", type=_rings, default=(), help="as of wayfarer load: full:8.5,part:17,root"
     )
     parser.add_argument(
         "--area", type=float, default=LoadPlan.area, help="metres, as of wayfarer load"
     )
+
+
+def _rings(text: str) -> tuple[LoadRing, ...]:
+    try:
+        return parse_rings(text)
+    except InvalidArgument as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def ringed(asked: argparse.Namespace) -> dict[str, Any]:

@@ -133,6 +133,22 @@ async def test_poses_of_all_tiers_have_the_bones_of_the_first(server, client):
     assert frames.times[1] - frames.times[0] == pytest.approx(0.1)
 
 
+async def test_who_comes_nearer_goes_on_and_who_was_not_introduced_is_not_there(server, client):
+    session = await client.create_session()
+    names = ("header_tiers", "batch_closer", "batch_root", "batch_closer")
+    hiding = motion_pb2.StreamMotionResponse(batch=motion_pb2.MotionBatch(hidden=[300]))
+    told = [*map(golden, names), hiding, golden("batch_closer")]
+    server.scripts["Control"] = [[ASKED, *map(moved, told), FOREVER]]
+    async with session.control(interest=INTEREST) as control:
+        unknown, root, closer, hidden, late = [await anext(control) for _ in range(5)]
+    assert not unknown.frames and not late.frames
+    [before], [after] = root, closer
+    assert root.added == hidden.hidden == (before.agent,)
+    assert not closer.added and closer.tier == 1 and after.agent is before.agent
+    assert after.seq == before.seq + 1 and not after.flags
+    assert after.times[0] == pytest.approx(before.times[-1] + 0.1)
+
+
 def golden(name: str) -> motion_pb2.StreamMotionResponse:
     path = Path(__file__).parents[1] / "golden" / "messages.json"
     return motion_pb2.StreamMotionResponse.FromString(

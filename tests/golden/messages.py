@@ -132,6 +132,19 @@ def messages() -> dict[str, motion_pb2.StreamMotionResponse]:
         waypoints=[2],
         candidates=[1],
     )
+    closer = motion_pb2.MotionChunks(  # of who was a root: nothing is said of the way between tiers
+        aliases=[300],
+        seqs=[15],
+        first_frames=[120],
+        scheduled_at_us=[1_780_000_000_723_456],
+        goal_revisions=[3],
+        states=[agent_pb2.AGENT_STATE_WALKING],
+        flags=[0],
+        poses=small_poses(4),
+        contacts=bytes([1, 2, 1, 2]),
+        waypoints=[2],
+        candidates=[8],
+    )
     event = motion_pb2.Event(
         kind=motion_pb2.EVENT_KIND_GOAL_REACHED,
         agent_id="a-7",
@@ -157,6 +170,9 @@ def messages() -> dict[str, motion_pb2.StreamMotionResponse]:
             "batch": motion_pb2.MotionBatch(
                 added=[agent], chunks=root, resume_token="r.1.43", tier=2, hidden=[7, 1000]
             )
+        },
+        "batch_closer": {
+            "batch": motion_pb2.MotionBatch(chunks=closer, resume_token="r.1.44", tier=1)
         },
         "event": {"event": event},
         "heartbeat": {"heartbeat": motion_pb2.Heartbeat()},

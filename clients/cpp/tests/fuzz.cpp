@@ -40,8 +40,8 @@ int main(int count, char** values) {
   using namespace wayfarer;
   const long rounds = count > 1 ? std::atol(values[1]) : 20000;
   std::vector<Bytes> seeds;
-  for (const char* name : {"header", "header_small", "header_tiers", "batch", "batch_small", "batch_root", "event",
-                           "heartbeat"})
+  for (const char* name : {"header", "header_small", "header_tiers", "batch", "batch_small", "batch_root",
+                           "batch_closer", "event", "heartbeat"})
     seeds.push_back(golden::message(name));
   const golden::Walk walk = golden::walk("gltf");
   seeds.push_back(crowd::header());

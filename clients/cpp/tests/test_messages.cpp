@@ -172,3 +172,24 @@ TEST_CASE("a player shows all tiers alike, and takes away who is hidden") {
   give(plain, "header", 0);
   CHECK_THROWS_WITH_AS(give(plain, "batch_root", 0), doctest::Contains("1 tiers, not of 2"), DecodeError);
 }
+
+TEST_CASE("who comes nearer goes on, and who was not introduced is not shown") {
+  std::vector<std::string> told;
+  PlayerEvents on;
+  on.added = [&](PlayedAgent& played) { told.push_back("+" + played.agent.id); };
+  on.removed = [&](PlayedAgent& played) { told.push_back("-" + played.agent.id); };
+  MotionPlayer player(on);
+  give(player, "header_tiers", 0);
+  give(player, "batch_closer", 0);
+  CHECK(player.agents().empty());
+  give(player, "batch_root", 0);
+  CHECK(player.agents().at(300).tier == 2);
+  give(player, "batch_closer", 0.2);
+  player.advance(0.3);
+  CHECK((player.agents().at(300).shown && player.agents().at(300).tier == 1));
+  const Bytes hiding{0x1a, 4, 0x32, 2, 0xac, 2};  // batch { hidden: [300] }
+  player.receive(hiding.data(), hiding.size(), 0.4);
+  give(player, "batch_closer", 0.4);
+  CHECK(player.agents().empty());
+  CHECK(told == std::vector<std::string>{"+a-7", "-a-7"});
+}

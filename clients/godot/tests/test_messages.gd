@@ -73,6 +73,27 @@ func test_all_tiers_are_shown_alike_and_who_is_hidden_is_taken_away(check: Check
 	check.holds("1 tiers, not of 2" in player.error, player.error)
 
 
+func test_who_comes_nearer_goes_on_and_who_was_not_introduced_is_not_shown(check: Checks) -> void:
+	var heard: Array[String] = []
+	var player := WayfarerMotionPlayer.new()
+	player.agent_added.connect(func(p: Variant) -> void: heard.append("added %d" % p.agent.alias))
+	player.agent_removed.connect(func(p: Variant) -> void: heard.append("hidden %s" % p.hidden))
+	player.receive(check.message("header_tiers"), 0.0)
+	player.receive(check.message("batch_closer"), 0.0)
+	check.equal(player.agents.size(), 0)
+	player.receive(check.message("batch_root"), 0.0)
+	var played := player.agents[300]
+	check.equal(played.tier, 2)
+	player.receive(check.message("batch_closer"), 0.2)
+	player.advance(0.3)
+	check.equal([played.shown, played.tier, player.agents[300] == played], [true, 1, true])
+	# batch { hidden: [300] }
+	player.receive(PackedByteArray([0x1a, 4, 0x32, 2, 0xac, 2]), 0.4)
+	player.receive(check.message("batch_closer"), 0.4)
+	check.equal(player.agents.size(), 0)
+	check.equal(heard, ["added 300", "hidden true"])
+
+
 func test_tiers_with_less_than_all_bones_become_whole_poses(check: Checks) -> void:
 	for own: Dictionary in check.document("tiers.json").cases:
 		var header := WayfarerStreamDecoder.Header.new()

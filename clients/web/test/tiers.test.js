@@ -64,6 +64,28 @@ test("a player shows all tiers alike, and takes away who is hidden", () => {
   assert.deepEqual(told.slice(2), ["+300"]);
 });
 
+test("who comes nearer goes on, and who was not introduced is not shown", () => {
+  const told = [];
+  const player = new MotionPlayer({
+    added: ({ agent }) => told.push(`+${agent.alias}`),
+    removed: ({ agent }) => told.push(`-${agent.alias}`),
+  });
+  player.receive(message("header_tiers"), 0);
+  player.receive(message("batch_closer"), 0);
+  assert.equal(player.agents.size, 0);
+  player.receive(message("batch_root"), 0);
+  const [played] = player.agents.values();
+  assert.equal(played.tier, 2);
+  player.receive(message("batch_closer"), 0.2);
+  player.advance(0.3);
+  assert.ok(played.shown && played.tier === 1 && player.agents.get(300) === played);
+  const hiding = Uint8Array.from([0x1a, 4, 0x32, 2, 0xac, 2]); // batch { hidden: [300] }
+  player.receive(hiding, 0.4);
+  player.receive(message("batch_closer"), 0.4);
+  assert.equal(player.agents.size, 0);
+  assert.deepEqual(told, ["+300", "-300"]);
+});
+
 test("a batch of a tier that the header does not know is refused", () => {
   const player = new MotionPlayer();
   player.receive(message("header"), 0);

@@ -65,9 +65,10 @@ def check_rings(rings: tuple[LoadRing, ...]) -> tuple[LoadRing, ...]:
     before = 0.0
     for ring in rings:
         if not before < ring.radius <= MOST_RADIUS:
+            within = ", that of the ring within it," if before else ""
             raise InvalidArgument(
-                f"the radius of {ring.name} must be above {before:g} m, that of the ring within "
-                f"it, and at most {MOST_RADIUS:g} m; only the last ring may have none",
+                f"the radius of {ring.name} must be above {before:g} m{within} and at most "
+                f"{MOST_RADIUS:g} m; only the last ring may have none",
                 "rings",
             )
         before = ring.radius

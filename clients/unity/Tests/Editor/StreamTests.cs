@@ -72,6 +72,29 @@ namespace Wayfarer.Tests
         }
 
         [Test]
+        public void Who_comes_nearer_goes_on_and_who_was_not_introduced_is_not_shown()
+        {
+            var hiding = new byte[] { 0x1a, 4, 0x32, 2, 0xac, 2 }; // batch { hidden: [300] }
+            sockets[0].Say("header_tiers");
+            sockets[0].Say("batch_closer");
+            stream.Update(0.1);
+            Assert.AreEqual(0, player.Agents.Count);
+            sockets[0].Say("batch_root");
+            stream.Update(0.2);
+            PlayedAgent played = player.Agents[0];
+            Assert.AreEqual(2, played.Tier);
+            sockets[0].Say("batch_closer");
+            stream.Update(0.3);
+            player.Advance(0.4);
+            Assert.IsTrue(played.Shown && played.Tier == 1 && player.Agents[0] == played);
+            sockets[0].Say(hiding);
+            sockets[0].Say("batch_closer");
+            stream.Update(0.5);
+            Assert.AreEqual(0, player.Agents.Count);
+            Assert.AreEqual(1, heard.Count(said => said == "added"));
+        }
+
+        [Test]
         public void Texts_are_sent_once_the_header_has_come_the_last_of_those_in_a_tenth_of_a_second()
         {
             stream.Say("a");
