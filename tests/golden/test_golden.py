@@ -20,7 +20,29 @@ each = pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry["name"]
 @pytest.mark.parametrize("made", [vectors, messages, homes, rules, words, gait, tiers])
 def test_files_are_up_to_date(made):
     for path, content in made.files().items():
-        assert path.read_bytes() == content, f"{path.name}: run python -m tests.golden"
+        kept = path.read_bytes()
+        same = kept == content or (
+            path.suffix == ".json" and alike(json.loads(kept), json.loads(content))
+        )
+        assert same, f"{path.name}: run python -m tests.golden"
+
+
+def alike(a, b):
+    """Equal, numbers but for their last digit: processors with and without AVX-512 differ in it."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        return a.keys() == b.keys() and all(alike(a[key], b[key]) for key in a)
+    if isinstance(a, list) and isinstance(b, list):
+        return len(a) == len(b) and all(map(alike, a, b))
+    if isinstance(a, float) and isinstance(b, float):
+        return a == pytest.approx(b, rel=1e-6, abs=2e-6)
+    return type(a) is type(b) and a == b
+
+
+def test_alike_sees_what_differs():
+    one = {"a": [1, 0.1, "x"], "b": None}
+    assert alike(one, {"a": [1, 0.1000001, "x"], "b": None})
+    for other in (0.2, {"a": [1, 0.1]}, {"a": [1, 0.1001, "x"], "b": None}, {**one, "b": 0}):
+        assert not alike(one, other)
 
 
 def test_nothing_is_left_over():
