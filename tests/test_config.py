@@ -185,6 +185,10 @@ def test_ways_beyond_loopback(given):
         ({"cors_origins": ["https://a.example/"]}, "with no path"),
         ({"allowed_hosts": ["a.example:8080"]}, "no scheme and no port"),
         ({"allowed_hosts": ["https://a.example"]}, "'https://a.example' is no host name"),
+        ({"node_hosts": ["*"]}, "would let pages call every server"),
+        ({"node_hosts": ["*.a.example:*"]}, "no scheme and no port"),
+        ({"node_hosts": ["a.example; script-src *"]}, "is no host name"),
+        ({"node_hosts": ["*.*"]}, "would let pages call every server"),
     ],
 )
 def test_settings_that_do_not_fit_together(given, what):

@@ -51,6 +51,13 @@ def _host(text: str) -> str:
     return text.lower()
 
 
+def _node_host(text: str) -> str:
+    name = text.removeprefix("*.")
+    if name == "*":
+        raise ValueError(f"{text!r} would let pages call every server; write *.nodes.example.org")
+    return text.removesuffix(name) + _host(name)
+
+
 class Auth(BaseModel):
     """How callers are authenticated. If nothing is set, every caller may do everything."""
 
@@ -215,6 +222,13 @@ class Settings(BaseSettings):
         default=(),
         description="further host names of the server, e.g. wayfarer.example.org; *: any; checked "
         "only on servers without credentials",
+    )
+    node_hosts: Annotated[
+        Texts, AfterValidator(lambda found: tuple(_node_host(text) for text in found))
+    ] = Field(
+        default=(),
+        description="hosts of nodes that are to come, which open viewers may call, e.g. "
+        "*.nodes.example.org; a cluster's machines need not be listed",
     )
     metrics: Literal["guarded", "open", "off"] = Field(
         default="guarded", description="/metrics is guarded (readable with scope read), open or off"

@@ -34,12 +34,22 @@ class RunningCluster:
 
     def nodes(self):
         """Names of the nodes that run now, by their addresses."""
-        status = self._call(self._cluster.directory.status())
+        return self._urls(self._call(self._cluster.directory.status()))
+
+    @staticmethod
+    def _urls(status):
         return {f"http://127.0.0.1:{node.node.http_port}": node.node.name for node in status.nodes}
 
     def kill(self, url):
         """The node at this address, at once; it is started again elsewhere."""
         os.kill(self._cluster.keeper(self.nodes()[url]).pid, signal.SIGKILL)
+
+    def until_replaced(self, url):
+        """Another node has been started in place of the killed one at this address."""
+        ready = self._cluster.ready
+        self._call(
+            self._cluster.until(lambda status: url not in self._urls(status) and ready(status) == 2)
+        )
 
     @contextlib.contextmanager
     def drained_meanwhile(self):

@@ -13,7 +13,7 @@ def test_a_scene_comes_with_its_content_and_its_sessions():
     kept = Replicas()
     for name in (SCENE + CONTENT, SCENE, SESSION, OTHER):
         kept.keep("a", name, name.encode())
-    found = kept.take(0x00FF)
+    found = {name: replica.state for name, replica in kept.take(0x00FF).items()}
     assert found == {name: name.encode() for name in (SCENE + CONTENT, SCENE, SESSION)}
     assert len(kept) == 1 and kept.take(0x00FF) == {}
 
@@ -39,3 +39,34 @@ def test_there_is_a_limit(monkeypatch):
     kept.keep("a", SESSION, b"123")
     with pytest.raises(ResourceExhausted):
         kept.keep("a", OTHER, b"1")
+
+
+def logs_of(kept):
+    return {name: replica.log_parts for name, replica in kept.take(0x00FF).items()}
+
+
+def test_the_parts_of_a_log_gather_while_its_state_is_replaced():
+    kept = Replicas()
+    assert kept.keep("a", SESSION, b"1", b"x") == 1
+    assert kept.keep("a", SESSION, b"2", b"", 1) == 1
+    assert kept.keep("a", SESSION, b"3", b"y", 1) == 2
+    [replica] = kept.take(0x00FF).values()
+    assert (replica.state, replica.log_parts) == (b"3", [b"x", b"y"])
+
+
+def test_where_parts_are_missing_the_log_is_asked_for_again_and_the_state_is_kept():
+    kept = Replicas()
+    assert kept.keep("a", SESSION, b"1", b"z", 2) == 0
+    assert len(kept) == 1
+    assert kept.keep("a", SESSION, b"2", b"x") == 1
+    assert kept.keep("a", SESSION, b"3", b"x") == 1, "from its beginning"
+    assert logs_of(kept) == {SESSION: [b"x"]}
+
+
+def test_logs_have_a_limit_of_their_own(monkeypatch):
+    monkeypatch.setattr(peer, "LOG_BYTES", 2 * (peer.PART_BYTES + 1))
+    kept = Replicas()
+    assert kept.keep("a", SCENE, b"1", b"x") == 1
+    assert kept.keep("a", SESSION, b"1", b"x") == 1
+    assert kept.keep("a", SESSION, b"2", b"y", 1) == 0
+    assert logs_of(kept) == {SCENE: [b"x"], SESSION: []}

@@ -20,6 +20,7 @@ from wayfarer.limits import Limits
 from wayfarer.navigation.scene_spec import Cylinder, SceneSpec
 from wayfarer.service.persistence.capture import capture_planned
 from wayfarer.service.persistence.live_state import LiveParts, decode_live, encode_live
+from wayfarer.service.persistence.record import UNCOPIED
 from wayfarer.service.persistence.replica import open_replica, seal_replica
 from wayfarer.service.streams.publications import Resume, StreamOptions
 from wayfarer.service.streams.publisher import SessionLog
@@ -306,12 +307,93 @@ async def test_a_recorded_session_takes_its_log_along(servers):
         assert_same_poses(played[seq], chunk)
 
 
+async def test_what_was_told_right_before_a_move_is_in_the_log(servers):
+    here, there = await servers.start(), await servers.start()
+    session = (await here.create_session(SessionSpec(record=True))).session_id
+    people = await here.create_agents(session, [AgentSpec(noise_seed=i) for i in range(6)])
+    await asyncio.sleep(0.4)
+    for person in people:  # one and the other will not have planned for it yet
+        await here.give(person.agent_id, goals((5, 0))[0])
+    await here.moves.freeze(session)
+    await there.moves.import_(await there.moves.read(await here.moves.export(session, {})))
+    await there.moves.unfreeze(session)
+    await here.moves.release(session, ELSEWHERE)
+    follows = await there.subscribe(session, StreamOptions())
+    async with asyncio.timeout(10):
+        await same_as_replayed(there, session, await collected(follows, count=12))
+
+
+async def same_as_replayed(runtime, session, publications):
+    """What was streamed is in the session's log, bit for bit."""
+    log = await runtime.export_log(session)
+    played = {(c.agent_id, c.seq): c async for p in runtime.replay(log) for c in p.chunks}
+    streamed = {(c.agent_id, c.seq): c for p in publications for c in p.chunks}
+    assert streamed and set(streamed) <= set(played)
+    for key, chunk in streamed.items():
+        assert_same_poses(played[key], chunk)
+
+
+async def test_from_replicas_a_recorded_session_lives_on_with_its_log(servers):
+    here, there = await servers.start(), await servers.start()
+    session = (await here.create_session(SessionSpec(record=True))).session_id
+    [person] = await here.create_agents(session, [AgentSpec(noise_seed=3)])
+    subscription = await here.subscribe(session, StreamOptions())
+    reading = asyncio.create_task(all_of(subscription))
+    mark, parts = UNCOPIED, []
+    for place in ((5, 0), (0, 5)):
+        await here.give(person.agent_id, goals(place)[0])
+        await asyncio.sleep(0.7)
+        replica = await here.replica(session, mark)
+        mark, parts = replica.mark, [*parts, replica.log_part]
+    assert len(parts[1]) < len(parts[0]), "only what is new"
+    await here.give(person.agent_id, goals((-5, -5))[0])  # lost, as all after the last copy
+    await asyncio.sleep(0.4)
+    await servers.stop(here)
+
+    assert (await there.adopt(replica.state, parts)).session_id == session
+    follows = await there.subscribe(session, StreamOptions())
+    await there.give(person.agent_id, goals((9, 9))[0])
+    async with asyncio.timeout(10):
+        after = await collected(follows, count=8)
+    again = min(c.seq for p in after for c in p.chunks)
+    before = [p for p in await reading if all(c.seq < again - 2 for c in p.chunks)]
+    assert before
+    await same_as_replayed(there, session, [*before, *after])
+
+
+async def all_of(subscription):
+    return [publication async for publication in subscription]
+
+
+async def test_from_replicas_a_session_in_lock_step_lives_on_with_its_log(servers):
+    here, there = await servers.start(), await servers.start()
+    session = await stepping(here)
+    mark, parts, seen = UNCOPIED, [], []
+    for _ in range(3):
+        seen += await here.step_session(session, 4)
+        replica = await here.replica(session, mark)
+        mark, parts = replica.mark, [*parts, replica.log_part]
+    assert not any(parts[1:]), "nothing was told since"
+    await there.adopt(replica.state, [part for part in parts if part])
+    seen += await there.step_session(session, 6)
+    await same_as_replayed(there, session, seen)
+
+
+async def test_with_a_damaged_log_a_session_lives_on_and_its_log_begins_again(servers):
+    here, there = await servers.start(), await servers.start()
+    session = await stepping(here)
+    await here.step_session(session, 4)
+    replica = await here.replica(session)
+    await there.adopt(replica.state, [replica.log_part[:-9]])
+    await same_as_replayed(there, session, await there.step_session(session, 6))
+
+
 async def test_from_its_replica_a_crowd_comes_and_goes_on(servers):
     here, there = await servers.start(), await servers.start()
     scene = (await here.scenes.create_scene(SceneSource(SceneSpec((FIELD,)), "field"))).scene_id
     session = (await here.create_session(SessionSpec(scene=scene))).session_id
     await here.scenes.populate(session, Crowd(6, seed=3, stay=1.0))
-    copy = await here.replica(session)
+    copy = (await here.replica(session)).state
     people = {agent.spec.name for agent in await here.list_agents(session)}
     content, obstacles = await here.scenes.content(scene), here.scenes.obstacles(scene)
     await servers.stop(here)  # nothing more is heard of it
@@ -338,7 +420,7 @@ async def test_a_session_without_a_crowd_is_copied_as_a_snapshot(servers):
     runtime = await servers.start()
     session = (await runtime.create_session(SessionSpec())).session_id
     await runtime.create_agents(session, [AgentSpec()])
-    copy = await runtime.replica(session)
+    copy = (await runtime.replica(session)).state
     await runtime.delete_session(session)
     assert (await runtime.import_session(copy)).session_id == session
 

@@ -2,21 +2,33 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { Homes } from "../../clients/web/src/core/homes.js";
-import { otherNodes } from "../../service/wayfarer/transport/viewer/nodes.js";
+import { otherNodes, watchPolicy } from "../../service/wayfarer/transport/viewer/nodes.js";
 
-const PAGE = { href: "http://h:1/?scene=x#y", protocol: "http:", host: "h:1" };
 const ABOUT = "session-00ff1234";
 
 const answering = (policy) => async (href, { method }) => {
-  assert.deepEqual([href, method], [PAGE.href, "HEAD"]);
+  assert.deepEqual([href, method], ["http://h:1/", "HEAD"]);
   return { headers: new Headers(policy ? { "content-security-policy": policy } : {}) };
 };
 
-test("the nodes are those that the page's policy names", async () => {
-  const policy = "default-src 'none'; connect-src 'self' h:1 h:2 other.example:80 ws: wss: data:; base-uri h:9";
-  assert.deepEqual(await otherNodes(PAGE, answering(policy)), ["http://h:2", "http://other.example:80"]);
-  assert.deepEqual(await otherNodes(PAGE, answering("connect-src 'self' ws:")), []);
-  assert.deepEqual(await otherNodes(PAGE, answering("")), []);
+test("the nodes are those that the policy of a node's page names, the latest first", async () => {
+  const named = "h:1 h:2 other.example:80 h:* other.example:* *.later.example:*";
+  const policy = `default-src 'none'; connect-src 'self' ${named} ws: wss: data:; base-uri h:9`;
+  assert.deepEqual(await otherNodes("http://h:1", answering(policy)), ["http://other.example:80", "http://h:2"]);
+  assert.deepEqual(await otherNodes("http://h:1", answering("connect-src 'self' ws:")), []);
+  assert.deepEqual(await otherNodes("http://h:1", answering("")), []);
+});
+
+test("where the page's policy forbids a call, it is said where to go on", () => {
+  const page = new EventTarget(), told = [];
+  watchPolicy((text) => told.push(text), () => "session-1", page);
+  const forbid = (effectiveDirective, blockedURI) =>
+    page.dispatchEvent(Object.assign(new Event("securitypolicyviolation"), { effectiveDirective, blockedURI }));
+  forbid("img-src", "http://n9:8080/x.png");
+  forbid("connect-src", "inline");
+  assert.deepEqual(told, []);
+  forbid("connect-src", "http://n9:8080/v1/agents/x");
+  assert.match(told[0], /may not call n9:8080.*Go on at http:\/\/n9:8080\/\?session=session-1$/);
 });
 
 function cluster() {

@@ -1,4 +1,6 @@
-"""The page in a cluster: its node is killed, and it goes on at the one that has its people then."""
+"""The page in a cluster: its node is killed, and it goes on at the one that has its people then; so
+it does when that is killed, too, and only a node is left that came after the page.
+"""
 
 import time
 from collections.abc import Collection
@@ -27,18 +29,28 @@ def test_a_page_whose_node_is_killed_goes_on_at_another(page: Page):
         for _ in range(2):
             page.evaluate(ADD)
         page.wait_for(f"{SHOWN} === 2", 60)
-        session, names = page.evaluate("wayfarer.session"), page.evaluate(NAMES)
-        time.sleep(2.5)  # all is copied to the neighbour
-        cluster.kill(node)
-        page.wait_for(f"{CONNECTION} !== 'open'", 30)
-        page.wait_for(f"{CONNECTION} === 'open'", 60)
-        before = page.evaluate(CHUNKS)
-        page.wait_for(f"{CHUNKS} > {before} + 4", 30)
-        assert (page.evaluate("wayfarer.session"), page.evaluate(NAMES)) == (session, names)
-        page.evaluate(ADD)  # over HTTP, of another origin than the page
-        page.wait_for(f"{SHOWN} === 3", 60)
-        assert page.evaluate("wayfarer.session") == session
-        assert page.evaluate("location.origin") == node
+        session = page.evaluate("wayfarer.session")
+        [other] = cluster.nodes().keys() - {node}
+        for shown, killed in ((3, node), (4, other)):
+            names = page.evaluate(NAMES)
+            time.sleep(2.5)  # all is copied to the neighbour
+            cluster.kill(killed)
+            page.wait_for(f"{CONNECTION} !== 'open'", 30)
+            page.wait_for(f"{CONNECTION} === 'open'", 60)
+            before = page.evaluate(CHUNKS)
+            page.wait_for(f"{CHUNKS} > {before} + 4", 30)
+            assert (page.evaluate("wayfarer.session"), page.evaluate(NAMES)) == (session, names)
+            page.evaluate(ADD)  # over HTTP, of another origin than the page
+            page.wait_for(f"{SHOWN} === {shown}", 60)
+            assert page.evaluate("wayfarer.session") == session
+            assert page.evaluate("location.origin") == node
+            if killed == node:
+                cluster.until_replaced(node)
+                [newcomer] = cluster.nodes().keys() - {other}
+                page.wait_for(f"wayfarer.api.homes.others.includes('{newcomer}')", 30)
+        page.evaluate("void fetch('http://127.0.0.2:9/').catch(() => {})")  # no machine of it
+        told = "document.querySelector('#messages').textContent"
+        page.wait_for(f"{told}.includes('Go on at http://127.0.0.2:9/?session={session}')", 10)
 
 
 def until_they_know_each_other(urls: Collection[str]) -> None:

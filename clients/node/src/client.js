@@ -13,7 +13,7 @@ import { MotionService } from "./gen/wayfarer/v1/motion_pb.js";
 import { SceneService } from "./gen/wayfarer/v1/scene_pb.js";
 import { SessionService } from "./gen/wayfarer/v1/session_pb.js";
 import { SnapshotService } from "./gen/wayfarer/v1/snapshot_pb.js";
-import { FollowingCall, aboutOf, goesOn, madeOf, repeatable } from "./nodes.js";
+import { ControlState, FollowingCall, aboutOf, goesOn, madeOf, repeatable } from "./nodes.js";
 import { retryAfterMs } from "./refusal.js";
 
 const TIMEOUT_MS = 10_000;
@@ -62,7 +62,8 @@ export function connect(address, { apiKey, token, tls, timeoutMs = TIMEOUT_MS } 
 
 /** `at(node)`: the stub that calls a node. */
 function caller(at, homes, { localName, methodKind }, metadata, timeoutMs) {
-  if (methodKind === "bidi_streaming") return () => new FollowingCall(homes, (node) => at(node)[localName](metadata));
+  if (methodKind === "bidi_streaming")
+    return () => new FollowingCall(homes, (node) => at(node)[localName](metadata), undefined, new ControlState());
   if (methodKind === "server_streaming")
     return (request = {}) =>
       new FollowingCall(homes, (node) => at(node)[localName](request, metadata), aboutOf(request));

@@ -1,7 +1,9 @@
 // Calls that find the node of a cluster that has their session: clients/README.md, "Many nodes".
 
 import { Duplex, Readable } from "node:stream";
+import { create } from "@bufbuild/protobuf";
 import { status } from "@grpc/grpc-js";
+import { ControlResponseSchema } from "./gen/wayfarer/v1/control_pb.js";
 import { placeOf } from "./refusal.js";
 
 const GONE = [status.UNAVAILABLE, status.DEADLINE_EXCEEDED];
@@ -38,22 +40,29 @@ export function repeatable(requests) {
 
 /**
  * A call that answers by a stream: messages are read as of grpc-js's call, and written where it takes them. It goes from
- * node to node until one answers; what is written until then is written again.
+ * node to node until one answers; what is written until then is written again. One with `control` goes on when its
+ * session moves later.
  */
 export class FollowingCall extends Duplex {
   #homes;
   #open;
+  #control;
   #route;
   #call;
   #kept = []; // written before the first answer
   #begun = false;
   #ended = false; // nothing more will be written
+  #written = null; // to be called when the last message has been
 
-  /** `open(address)` begins the call there. `about`: see `aboutOf`; undefined: the first message says it. */
-  constructor(homes, open, about) {
+  /**
+   * `open(address)` begins the call there. `about`: see `aboutOf`; undefined: the first message says it.
+   * `control`: a ControlState.
+   */
+  constructor(homes, open, about, control = null) {
     super({ objectMode: true, writable: about === undefined });
     this.#homes = homes;
     this.#open = open;
+    this.#control = control;
     if (about !== undefined) this.#begin(about);
   }
 
@@ -66,7 +75,12 @@ export class FollowingCall extends Duplex {
   }
 
   _write(message, _, done) {
-    if (this.#begun) return this.#call.write(message, done);
+    this.#control?.sent(message);
+    if (this.#begun) {
+      this.#written = done;
+      this.#call.write(message, () => this.#goOn());
+      return;
+    }
     this.#kept.push(message);
     if (this.#call) this.#call.write(message);
     else this.#begin(aboutOf(message.payload?.value));
@@ -84,6 +98,12 @@ export class FollowingCall extends Duplex {
     done(error);
   }
 
+  #goOn() {
+    const done = this.#written;
+    this.#written = null;
+    done?.();
+  }
+
   #begin(about) {
     this.#route = this.#homes.route(about);
     this.#connect();
@@ -98,14 +118,60 @@ export class FollowingCall extends Duplex {
       if (!this.#begun) this.#route.answered();
       this.#begun = true;
       this.#kept = [];
+      this.#control?.heard(message);
       if (!this.push(message)) call.pause();
     });
-    call.on("end", () => this.push(null));
+    call.on("end", () => this.#call === call && this.push(null)); // grpc-js ends a call after its error, too
     call.on("error", (error) => {
       const follows = goesOn(this.#route, error); // also after it has begun: the next call goes there
       if (this.destroyed) return;
-      if (follows && !this.#begun) this.#connect();
-      else this.destroy(error);
+      const moves = this.#begun && this.#control && placeOf(error);
+      if (!follows || (this.#begun && !moves)) {
+        this.destroy(error);
+        return;
+      }
+      if (moves) {
+        this.#begun = false;
+        this.#control.unanswered().forEach((reply) => this.push(reply));
+        this.#kept = [this.#control.opening];
+      }
+      this.#connect();
+      this.#goOn();
     });
+  }
+}
+
+/** What a Control stream begins with at the node to which its session has moved, and what was not answered before. */
+export class ControlState {
+  /** Its first message: with the token of the last batch, and the last viewpoints. */
+  opening = null;
+  #asked = new Set(); // ids of commands
+
+  sent(message) {
+    const { case: kind, value } = message.payload ?? {};
+    if (kind === "open") this.opening = message;
+    else if (kind === "viewpoints") this.#amend({ interest: { ...this.opening.payload.value.interest, viewpoints: value.viewpoints } });
+    else if (kind !== "ack") this.#asked.add(BigInt(message.commandId ?? 0));
+  }
+
+  heard({ payload: { case: kind, value } }) {
+    if (kind === "reply") this.#asked.delete(value.commandId);
+    const token = kind === "motion" && value.payload.case === "batch" && value.payload.value.resumeToken;
+    if (token) this.#amend({ resumeToken: token });
+  }
+
+  /** A reply for each command that has got none: whether it was heard is not known. */
+  unanswered() {
+    const message = "the session moved to another node before it answered: the command may or may not have been heard";
+    const replies = [...this.#asked].map((commandId) => create(ControlResponseSchema, {
+      payload: { case: "reply", value: { commandId, problem: { code: status.UNAVAILABLE, message } } },
+    }));
+    this.#asked.clear();
+    return replies;
+  }
+
+  #amend(change) {
+    const { opening } = this;
+    this.opening = { ...opening, payload: { case: "open", value: { ...opening.payload.value, ...change } } };
   }
 }

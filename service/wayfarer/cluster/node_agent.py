@@ -1,12 +1,11 @@
-"""A node's part in its cluster: it renews the lease, obeys orders, and copies its sessions to its
-neighbour. Runs on the node's event loop.
+"""A node's part in its cluster: it renews the lease and obeys orders. Runs on the node's event
+loop.
 """
 
 import asyncio
 import contextlib
 import os
 import sys
-import time
 from collections.abc import AsyncIterator, Callable
 from typing import Final
 
@@ -24,7 +23,8 @@ from wayfarer.cluster.messages import (
     NodeReply,
     Transfer,
 )
-from wayfarer.cluster.peer import CONTENT, LOOPBACK, Peers, PeerServer, Replicas
+from wayfarer.cluster.peer import CONTENT, LOOPBACK, KeptReplica, Peers, PeerServer, Replicas
+from wayfarer.cluster.replication import Replication
 from wayfarer.cluster.slot_map import endpoint
 from wayfarer.cluster.tenancy import Tenancy, boot_clock
 from wayfarer.errors import InvalidArgument, Unavailable, WayfarerError
@@ -40,7 +40,6 @@ RENEW_S: Final = 0.25
 ANSWER_S: Final = 2.0
 """How long an answer is waited for before the directory is asked again."""
 
-REPLICATE_S: Final = 1.0
 STATS_S: Final = 1.0
 LINE_BYTES: Final = 16 * 1024 * 1024
 
@@ -105,6 +104,7 @@ class NodeAgent:
         directory: DirectoryClient,
         peers: Peers,
         replicas: Replicas,
+        replication: Replication,
         stop: Callable[[], None],
     ) -> None:
         """`stop` ends the server: everything has been given away."""
@@ -114,12 +114,11 @@ class NodeAgent:
         self._directory = directory
         self._peers = peers
         self._replicas = replicas
+        self._replication = replication
         self._stop = stop
-        self._neighbour = ""
         self._agents = self._sessions = 0
         self._leased = False
         self._held_until = 0.0
-        self._contents: dict[str, asyncio.Task[None]] = {}  # of scenes, sent to the neighbour
         self._busy: dict[int, asyncio.Task[None]] = {}  # slots that are being moved or adopted
 
     async def renewing(self) -> None:
@@ -134,26 +133,13 @@ class NodeAgent:
             self._tell_lease()
             await asyncio.sleep(RENEW_S)
 
-    async def replicating(self) -> None:
-        """For ever: leave every session's state with the neighbour, once a second."""
-        while True:
-            began = time.monotonic()
-            node = self._tenancy.view.nodes.get(self._neighbour)
-            if node is not None and self._tenancy.may_step():
-                try:
-                    await self._replicate(node)
-                except WayfarerError as error:
-                    log.warning("replicas not kept", neighbour=node.name, reason=str(error))
-            await self._peers.forget_others(set(self._tenancy.view.nodes))
-            await asyncio.sleep(max(0.0, REPLICATE_S - (time.monotonic() - began)))
-
     async def take(self, slot: int, epoch: int, live: dict[str, bytes]) -> None:
         """A slot comes from another node, with all that lives there. Raises WayfarerError."""
         self._tenancy.coming(slot)
         came, kept = list[str](), self._replicas.take(slot)
         try:
             for name, data in live.items():
-                await self._moves.take(name, data, kept.get(name + CONTENT, b""))
+                await self._moves.take(name, data, _content(kept, name))
                 came.append(name)
         except BaseException:
             for name in reversed(came):  # its owner goes on with all of them
@@ -206,7 +192,7 @@ class NodeAgent:
     async def _obey(self, answer: Answer) -> None:
         for slot in self._tenancy.lost:
             await self._give_up(slot)
-        self._neighbour = answer.neighbour
+        self._replication.neighbour = answer.neighbour
         self._busy = {slot: task for slot, task in self._busy.items() if not task.done()}
         for order in answer.orders:
             if order.slot not in self._busy:
@@ -233,7 +219,8 @@ class NodeAgent:
         names = [name for name in kept if not name.endswith(CONTENT)]
         for name in sorted(names, key=is_scene, reverse=True):  # first what sessions need
             try:
-                await self._moves.adopt(name, kept[name], kept.get(name + CONTENT, b""))
+                found, content = kept[name], _content(kept, name)
+                await self._moves.adopt(name, found.state, content, found.log_parts)
             except WayfarerError as error:
                 log.error("session not adopted", session_id=name, reason=str(error))
                 continue
@@ -276,7 +263,7 @@ class NodeAgent:
             log.error("session not moved", slot=slot, to=order.to, reason=str(error))
             for name in frozen:
                 await self._moves.thaw(name)
-            self._contents.clear()  # the other node may have let go of them
+            self._replication.forget()  # the other node may have let go of them
             tenancy.stays(slot, epoch)
             return
         for name in names:
@@ -284,43 +271,6 @@ class NodeAgent:
             ms = round(1e3 * (boot_clock() - began))
             log.info("session moved", session_id=name, to=node.name, ms=ms)
         tenancy.moved(slot)
-
-    # Replicas
-
-    async def _replicate(self, node: NodeInfo) -> None:
-        own, names = self._tenancy.node.name, list[str]()
-        self._send_content(node)
-        for name in (*self._moves.scenes, *self._moves.sessions):
-            if not self._moves.is_movable(name):
-                continue
-            names.append(name)
-            try:
-                replica = await self._moves.replica(name)
-            except WayfarerError:  # it has just ended, or moved
-                continue
-            await self._peers.keep(node, own, name, replica)
-        await self._peers.present(node, own, names)
-
-    def _send_content(self, node: NodeInfo) -> None:
-        """Of each scene, once to this life of the neighbour; it bakes while sessions are copied."""
-        where = f"{node.name} {node.peer_port}"
-        here = {f"{where} {scene_id}": scene_id for scene_id in self._moves.scenes}
-        for key, sending in list(self._contents.items()):
-            if key not in here or (sending.done() and sending.exception() is not None):
-                sending.cancel()
-                del self._contents[key]
-        for key in here.keys() - self._contents.keys():
-            work = self._send_scene(node, here[key])
-            self._contents[key] = asyncio.create_task(work, name="scene")
-
-    async def _send_scene(self, node: NodeInfo, scene_id: str) -> None:
-        try:
-            content = await self._moves.content(scene_id)
-            await self._peers.prepare(node, self._tenancy.node.name, scene_id, content)
-            log.info("scene copied", scene_id=scene_id, to=node.name)
-        except WayfarerError as error:
-            log.warning("scene not copied", scene_id=scene_id, reason=str(error))
-            raise
 
 
 @contextlib.asynccontextmanager
@@ -347,11 +297,13 @@ async def joined(
     tenancy.node = tenancy.node.model_copy(
         update={"grpc_port": ports[0], "http_port": ports[1], "peer_port": server.port}
     )
-    agent = NodeAgent(tenancy, gateway, DirectoryClient(link), peers, replicas, stop)
+    replication = Replication(tenancy, gateway.moves, peers)
+    directory = DirectoryClient(link)
+    agent = NodeAgent(tenancy, gateway, directory, peers, replicas, replication, stop)
     await server.start()
     tasks = [
         asyncio.create_task(agent.renewing(), name="lease"),
-        asyncio.create_task(agent.replicating(), name="replicas"),
+        asyncio.create_task(replication.running(), name="replicas"),
         asyncio.create_task(_until_orphaned(link, plan, gateway, stop), name="keeper"),
     ]
     try:
@@ -362,6 +314,11 @@ async def joined(
         await asyncio.wait(tasks)
         await server.stop()
         await peers.forget_others(set())
+
+
+def _content(kept: dict[str, KeptReplica], scene_id: str) -> bytes:
+    found = kept.get(scene_id + CONTENT)
+    return found.state if found else b""
 
 
 async def _until_orphaned(

@@ -11,7 +11,7 @@ import json
 import secrets
 import time
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import grpc
@@ -25,6 +25,7 @@ from wayfarer.errors import (
     WayfarerError,
 )
 from wayfarer.ids import slot_of
+from wayfarer.service.persistence.replica import Replica
 from wayfarer.transport import errors
 from wayfarer.transport.grpc_server import bracketed
 from wayfarer.transport.tls import Tls
@@ -33,6 +34,12 @@ SERVICE: Final = "/wayfarer.cluster.Peer/"
 MESSAGE_BYTES: Final = 64 * 1024 * 1024
 REPLICA_BYTES: Final = 512 * 1024 * 1024
 """All replicas that a node keeps for others."""
+
+LOG_BYTES: Final = 128 * 1024 * 1024
+"""The logs beside them. A log without room is not kept, and begins again when its node dies."""
+
+PART_BYTES: Final = 64
+"""What a part of a log takes beside its own bytes."""
 
 KEPT_S: Final = 60.0
 """A replica that nobody has renewed for so long is dropped."""
@@ -46,10 +53,14 @@ CALLS: Final = 32
 
 
 @dataclass(slots=True)
-class _Replica:
+class KeptReplica:
+    """The latest of a session or scene."""
+
     owner: str  # node
-    data: bytes
+    state: bytes
     at: float  # monotonic
+    log_parts: list[bytes] = field(default_factory=list)  # of a recorded session
+    log_bytes: int = 0
 
 
 class Replicas:
@@ -57,15 +68,27 @@ class Replicas:
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._kept: dict[str, _Replica] = {}  # by id of a session or scene
+        self._kept: dict[str, KeptReplica] = {}  # by id of a session or scene
 
-    def keep(self, owner: str, name: str, data: bytes) -> None:
-        """In place of an earlier one. Raises ResourceExhausted."""
+    def keep(self, owner: str, name: str, state: bytes, part: bytes = b"", after: int = 0) -> int:
+        """In place of an earlier one. `part` of its log follows `after` others, if it is not empty.
+
+        Returns how many parts there are now: none where others are missing, or where there is no
+        room for a log. Raises ResourceExhausted.
+        """
         before = self._kept.get(name)
-        size = self.bytes + len(data) - (len(before.data) if before else 0)
-        if size > REPLICA_BYTES:
+        if self.bytes + len(state) - (len(before.state) if before else 0) > REPLICA_BYTES:
             raise ResourceExhausted(f"a node keeps {REPLICA_BYTES >> 20} MiB of replicas at most")
-        self._kept[name] = _Replica(owner, data, self._clock())
+        now = KeptReplica(owner, state, self._clock())
+        if before is not None and after and len(before.log_parts) == after:
+            now.log_parts, now.log_bytes = before.log_parts, before.log_bytes
+        self._kept[name] = now
+        if part and len(now.log_parts) == after:
+            now.log_parts.append(part)
+            now.log_bytes += len(part) + PART_BYTES
+        if sum(replica.log_bytes for replica in self._kept.values()) > LOG_BYTES:
+            now.log_parts, now.log_bytes = [], 0
+        return len(now.log_parts)
 
     def renew(self, owner: str, present: set[str]) -> None:
         """These are on the owner now, and no others."""
@@ -76,15 +99,15 @@ class Replicas:
             elif replica.owner == owner or now - replica.at > KEPT_S:
                 del self._kept[name]
 
-    def take(self, slot: int) -> dict[str, bytes]:
+    def take(self, slot: int) -> dict[str, KeptReplica]:
         """Those of a slot, by name; they are not kept any more."""
         names = [name for name in self._kept if slot_of(name) == slot]
-        return {name: self._kept.pop(name).data for name in names}
+        return {name: self._kept.pop(name) for name in names}
 
     @property
     def bytes(self) -> int:
-        """Of all."""
-        return sum(len(replica.data) for replica in self._kept.values())
+        """Of all states."""
+        return sum(len(replica.state) for replica in self._kept.values())
 
     def __len__(self) -> int:
         return len(self._kept)
@@ -161,8 +184,10 @@ class PeerServer:
             if name == "Ask":
                 return await self._ask(data)
             if name == "Keep":
-                self._replicas.keep(header["owner"], header["name"], data)
-            elif name == "Prepare":
+                state, part = _split(data, header["sizes"])
+                owner, kept, after = header["owner"], header["name"], int(header["after"])
+                return b"%d" % self._replicas.keep(owner, kept, state, part, after)
+            if name == "Prepare":
                 self._replicas.keep(header["owner"], header["scene_id"] + CONTENT, data)
                 await self._prepare(header["scene_id"], data)
             elif name == "Present":
@@ -211,9 +236,14 @@ class Peers:
         self._tls = tls
         self._channels: dict[str, grpc.aio.Channel] = {}  # by node
 
-    async def keep(self, node: NodeInfo, owner: str, name: str, data: bytes) -> None:
-        """Leave a replica there. Raises Unavailable."""
-        await self._call(node, "Keep", {"owner": owner, "name": name}, data)
+    async def keep(
+        self, node: NodeInfo, owner: str, name: str, replica: Replica, after: int
+    ) -> int:
+        """Leave a replica there; see `Replicas.keep`. Raises Unavailable."""
+        state, part = replica.state, replica.log_part
+        sizes = [len(state), len(part)]
+        header = {"owner": owner, "name": name, "sizes": sizes, "after": after}
+        return int(await self._call(node, "Keep", header, state + part))
 
     async def present(self, node: NodeInfo, owner: str, names: list[str]) -> None:
         """Say which sessions and scenes there are. Raises Unavailable."""

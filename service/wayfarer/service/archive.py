@@ -1,16 +1,18 @@
 """What leaves a server and comes back: snapshots and logs, packed off the motion thread."""
 
 import asyncio
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final, Protocol, TypeVar
 
 from wayfarer.service.persistence.capture import capture_session
+from wayfarer.service.persistence.journal_entries import CapturedAgents
+from wayfarer.service.persistence.log_copy import encode_part, join_parts
 from wayfarer.service.persistence.log_format import LogOrigin, decode_log, encode_log
-from wayfarer.service.persistence.record import CommandLog
+from wayfarer.service.persistence.record import CommandLog, LogMark, LogNews
 from wayfarer.service.persistence.replay import replay
-from wayfarer.service.persistence.replica import seal_replica
-from wayfarer.service.persistence.snapshot import decode_session, encode_session
+from wayfarer.service.persistence.replica import Replica, seal_replica
+from wayfarer.service.persistence.snapshot import SessionPart, decode_session, encode_session
 from wayfarer.service.streams.publications import Publication
 from wayfarer.service.worlds import Worlds
 from wayfarer.world.agents.records import SessionRecord
@@ -42,11 +44,34 @@ class Archive:
 
     async def export_session(self, home: Home, session_id: str) -> bytes:
         """See `MotionService`, as for all below."""
-        return (await self._captured(home, session_id))[0]
+        return await self._packed(await self._taken(home, session_id, None))
 
-    async def replica(self, home: Home, session_id: str) -> bytes:
+    async def replica(self, home: Home, session_id: str, mark: LogMark | None) -> Replica:
         """What it lives on from when this server has died. Raises NotFound."""
-        return seal_replica(*await self._captured(home, session_id))
+        taken = await self._taken(home, session_id, mark)
+        state = seal_replica(await self._packed(taken), taken.crowd)
+        return await self.with_log(state, taken.news)
+
+    async def with_log(self, state: bytes, news: LogNews | None) -> Replica:
+        """The replica of a session, with what was new in its log at that moment."""
+        if news is None:
+            return Replica(state)
+        part = await asyncio.to_thread(encode_part, news, self.origin)
+        return Replica(state, part, news.mark)
+
+    def news(self, session_id: str, mark: LogMark | None) -> LogNews | None:
+        """What is new in a log, on the thread of the session's world; None: it is not recorded, or
+        not asked for.
+        """
+        return None if mark is None else self._worlds.recordings.since(session_id, mark)
+
+    async def joined_log(self, parts: Sequence[bytes]) -> CommandLog | None:
+        """The log in the replicas of a session; None: it has been dropped.
+
+        Raises InvalidArgument, FailedPrecondition.
+        """
+        most = self._limits.log_entries
+        return await asyncio.to_thread(join_parts, parts, self.origin, self._limits, most)
 
     async def read_session(self, snapshot: bytes, attributes: Mapping[str, str]) -> SessionRecord:
         """A snapshot's session; `attributes` go before its own.
@@ -67,19 +92,25 @@ class Archive:
         commands = decode_log(log, self.origin, self._limits, self._limits.log_entries)
         yield from replay(commands, self._worlds.solo)
 
-    async def _captured(self, home: Home, session_id: str) -> tuple[bytes, CrowdPeople | None]:
-        """Its snapshot, and its crowd of the same moment. Raises NotFound."""
+    async def _taken(self, home: Home, session_id: str, mark: LogMark | None) -> "_Taken":
+        """With what is new in its log since `mark`, if there is one. Raises NotFound."""
         for _ in range(SETTLE_TRIES):
             if await home.ask(lambda world, _: world.members.is_settled(session_id)):
                 break
             await asyncio.sleep(SETTLE_SECONDS)
-        (session, agents), crowd = await home.ask(
-            lambda world, _: (capture_session(world, session_id), world.crowds.copy(session_id))
+        return await home.ask(
+            lambda world, _: _Taken(
+                *capture_session(world, session_id),
+                world.crowds.copy(session_id),
+                self.news(session_id, mark),
+            )
         )
+
+    async def _packed(self, taken: "_Taken") -> bytes:
+        """The snapshot."""
+        agents, body = taken.agents, self._worlds.body
         parts = [member.part for member in agents.members]
-        body = self._worlds.body
-        packed = await asyncio.to_thread(encode_session, session, parts, agents.rows, body)
-        return packed, crowd
+        return await asyncio.to_thread(encode_session, taken.session, parts, agents.rows, body)
 
     def _log(self, world: World, session_id: str) -> CommandLog:
         world.get_session(session_id)
@@ -91,3 +122,13 @@ class Archive:
         steering = self._worlds.settings.steering
         asked = max(search.candidates for search in steering.searches.values())
         return LogOrigin(self._worlds.body, self._worlds.models.stamps, asked)
+
+
+@dataclass(frozen=True, slots=True)
+class _Taken:
+    """A session of one moment."""
+
+    session: SessionPart
+    agents: CapturedAgents
+    crowd: CrowdPeople | None
+    news: LogNews | None

@@ -125,20 +125,21 @@ class LockStep:
 
     async def parts(self, session_id: str) -> LiveParts:
         """What the session goes on with elsewhere, between two steps. Raises NotFound."""
-        return await self.ask(lambda world, _: self._parts(world, session_id))
+        return await self.ask(lambda *_: self.parts_now(session_id))
+
+    def parts_now(self, session_id: str) -> LiveParts:
+        """`parts` for callers who are on the session's thread."""
+        session = self.world.registry.session(session_id)
+        seconds, stopping = self._steps * STEP_SECONDS, dict(self._goal_events.stopping)
+        log = SessionLog(LOCK_STEP, self._position, seconds, None, stopping, ())
+        rows = self.world.members.live_rows(session, lambda rows: np.zeros(len(rows)))
+        return LiveParts(capture_session(self.world, session_id), rows, log, None)
 
     def go_on(self, log: SessionLog) -> None:
         """Count on from another server's, before `start`."""
         self._position, self._steps = log.position, round(log.motion / STEP_SECONDS)
         self._started_at -= self._steps * STEP_SECONDS
         self._goal_events.stopping.update(log.stopping)
-
-    def _parts(self, world: World, session_id: str) -> LiveParts:
-        session = world.registry.session(session_id)
-        seconds, stopping = self._steps * STEP_SECONDS, dict(self._goal_events.stopping)
-        log = SessionLog(LOCK_STEP, self._position, seconds, None, stopping, ())
-        rows = world.members.live_rows(session, lambda rows: np.zeros(len(rows)))
-        return LiveParts(capture_session(world, session_id), rows, log, None)
 
     def _use_model(self, name: str) -> int:
         moved = self.world.use_model(name)

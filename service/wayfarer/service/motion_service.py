@@ -21,8 +21,10 @@ from wayfarer.service.lockstep import LockStep, LockSteps
 from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.moving import LiveMoves
 from wayfarer.service.offline import Offline
+from wayfarer.service.persistence.live_state import is_live
 from wayfarer.service.persistence.persistence import SAVE_PARTS, Persistence
-from wayfarer.service.persistence.replica import open_replica
+from wayfarer.service.persistence.record import UNCOPIED, LogMark
+from wayfarer.service.persistence.replica import Replica, open_replica
 from wayfarer.service.scenes import SceneService
 from wayfarer.service.stats import LoopStats
 from wayfarer.service.streams.publications import Publication, StreamOptions
@@ -251,16 +253,27 @@ class MotionService:
         """Its state as of the last frames sent. Raises NotFound."""
         return await self._archive.export_session(self._home(session_id), session_id)
 
-    async def replica(self, session_id: str) -> bytes:
-        """What it lives on from, with `adopt`, when this server has died. Raises NotFound."""
-        return await self._archive.replica(self._home(session_id), session_id)
+    async def replica(self, session_id: str, mark: LogMark | None = UNCOPIED) -> Replica:
+        """What it lives on from, with `adopt`, when this server has died; with its log since
+        `mark`, that of the replica before, or without it. Raises NotFound.
+        """
+        if self.moves.is_lock_step(session_id):
+            return await self.moves.replica(session_id, mark)
+        return await self._archive.replica(self._home(session_id), session_id, mark)
 
-    async def adopt(self, replica: bytes) -> SessionInfo:
-        """Let a session live on from a replica. Raises as `import_session`."""
+    async def adopt(self, replica: bytes, log_parts: Sequence[bytes] = ()) -> SessionInfo:
+        """Let a session live on from a replica's state, and its log from the parts of all.
+
+        Raises as `import_session`.
+        """
+        if is_live(replica):
+            return await self.moves.adopt(replica, log_parts)
         snapshot, crowd = open_replica(replica, self._worlds.settings.limits)
         made = await self.import_session(snapshot)
         if crowd is not None:
             await self._live.put_crowd(made.session_id, crowd)
+        if log_parts:
+            await self.moves.go_on_with_log(made.session_id, log_parts)
         return made
 
     async def import_session(

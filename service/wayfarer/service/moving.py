@@ -7,10 +7,12 @@ Here: `freeze` stops planning and sends at once what is planned; `export` packs 
 
 import asyncio
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
-from wayfarer.errors import FailedPrecondition, WayfarerError
+import structlog
+
+from wayfarer.errors import FailedPrecondition, InvalidArgument, NotFound, WayfarerError
 from wayfarer.service.archive import Archive
 from wayfarer.service.gates import SessionGates
 from wayfarer.service.live import LiveMotion
@@ -18,10 +20,13 @@ from wayfarer.service.lockstep import LockSteps
 from wayfarer.service.persistence.live_state import LiveSession, decode_live, encode_live
 from wayfarer.service.persistence.log_format import decode_log
 from wayfarer.service.persistence.persistence import Persistence
-from wayfarer.service.persistence.record import CommandLog
+from wayfarer.service.persistence.record import CommandLog, LogMark
+from wayfarer.service.persistence.replica import Replica
 from wayfarer.service.worlds import Worlds
 from wayfarer.world.agents.agent import SessionInfo
 from wayfarer.world.world import World
+
+log = structlog.get_logger(__name__)
 
 CALL_S: Final = 0.1
 """Seconds that a move waits for engine calls under way; what they make is lost then, and made again
@@ -111,15 +116,56 @@ class LiveMoves:
 
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted, Unavailable.
         """
+        spec, session_id = session.record.spec, session.record.session_id
+        kept = await self._log(session.recording) if session.recording else None
+
+        def entered() -> None:
+            if spec.record:
+                # who steps in lock-step begins as it stood; LiveRows are for real time
+                self._worlds.recordings.go_on(kept, session_id, restarted=spec.lock_step)
+
+        return await self._put(session, entered)
+
+    # Of sessions in lock-step, and of logs: copies for when this server dies
+
+    async def replica(self, session_id: str, mark: LogMark | None) -> Replica:
+        """See `MotionService`, for a session in lock-step. Raises NotFound."""
+        home = self._lock_steps.session(session_id)
+        if home is None:
+            raise NotFound(f"no session {session_id!r} is in lock-step")
+        parts, news = await home.ask(
+            lambda *_: (home.parts_now(session_id), self._archive.news(session_id, mark))
+        )
+        state = await asyncio.to_thread(encode_live, parts, self._worlds.body, b"", {})
+        return await self._archive.with_log(state, news)
+
+    async def adopt(self, replica: bytes, log_parts: Sequence[bytes]) -> SessionInfo:
+        """See `MotionService`, for a session in lock-step. Raises as `import_`."""
+        made = await self._put(await self.read(replica), lambda: None)
+        try:
+            if log_parts:
+                await self.go_on_with_log(made.session_id, log_parts)
+        finally:
+            self._gates.open(made.session_id)
+        return made
+
+    async def go_on_with_log(self, session_id: str, parts: Sequence[bytes]) -> None:
+        """Let an adopted session go on with its log; if that is damaged, with one that begins here.
+
+        Raises NotFound.
+        """
+        try:
+            kept = await self._archive.joined_log(parts)
+        except (InvalidArgument, FailedPrecondition) as error:
+            log.error("a log begins again", session_id=session_id, reason=str(error))
+            return
+        go_on, home = self._worlds.recordings.go_on, self._lock_steps.session(session_id)
+        await (home or self._live).ask(lambda *_: go_on(kept, session_id, restarted=True))
+
+    async def _put(self, session: LiveSession, entered: Callable[[], None]) -> SessionInfo:
         session_id = session.record.session_id
         await self._gates.close(session_id)
         try:
-            log = await self._log(session.recording) if session.recording else None
-
-            def entered() -> None:
-                if session.record.spec.record:
-                    self._worlds.recordings.go_on(log, session_id)
-
             if session.record.spec.lock_step:
                 put = self._lock_steps.put
                 made = await asyncio.to_thread(put, session.record, session.log, entered)

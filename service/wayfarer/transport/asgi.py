@@ -2,7 +2,7 @@
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Callable, Collection
+from collections.abc import Awaitable, Callable, Collection, Sequence
 
 from prometheus_client import make_asgi_app
 from starlette.datastructures import Headers
@@ -15,9 +15,12 @@ from wayfarer.transport.caller import Scope as CallerScope
 from wayfarer.transport.caller import current_caller
 from wayfarer.transport.http_guard import HttpGuard, Nodes
 from wayfarer.transport.metrics import Metrics
-from wayfarer.transport.origins import is_page_of, places_of
+from wayfarer.transport.origins import is_page_of, machines_of, places_of
 from wayfarer.transport.request_limits import problem_response
 from wayfarer.transport.server_options import ServerOptions
+
+POLICY = "content-security-policy"
+"""Names the nodes: a page of another one asks for them (viewer/nodes.js)."""
 
 STATS_S = 1.0
 """How long /metrics waits for the motion loop before it does without its figures."""
@@ -43,36 +46,39 @@ def front(
     )
     if operation.origins.listed:
         guarded = cors(guarded, operation.origins.listed)
-    return guarded if nodes is None else SiblingPages(guarded, nodes)
+    return guarded if nodes is None else SiblingPages(guarded, nodes, operation.origins.nodes)
 
 
 class SiblingPages:
-    """CORS for the pages of a cluster's other nodes; all else goes to `app`."""
+    """CORS for the pages of a cluster's machines; all else goes to `app`."""
 
-    def __init__(self, app: ASGIApp, nodes: Nodes) -> None:
+    def __init__(self, app: ASGIApp, nodes: Nodes, later: Collection[str] = ()) -> None:
+        """`later`: hosts of nodes that may come; see `Origins.nodes`."""
         self._app = app
         self._nodes = nodes
+        self._later = later
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handle one request."""
         app = self._app
         if scope["type"] == "http":
             headers = Headers(scope=scope)
-            origin = headers.get("origin", "")
-            if origin and is_page_of(origin, places_of(self._nodes(), headers.get("host", ""))):
-                app = cors(app, [origin])
+            if origin := headers.get("origin", ""):
+                places = places_of(self._nodes(), headers.get("host", ""))
+                if places and is_page_of(origin, machines_of(places, self._later)):
+                    app = cors(app, [origin], [POLICY])
         await app(scope, receive, send)
 
 
-def cors(app: ASGIApp, origins: Collection[str]) -> ASGIApp:
-    """Pages of these origins may read answers."""
+def cors(app: ASGIApp, origins: Collection[str], headers: Sequence[str] = ()) -> ASGIApp:
+    """Pages of these origins may read answers, and of their headers these, too."""
     return CORSMiddleware(
         app,
         allow_origins=sorted(origins),
         allow_methods=["GET", "POST", "PUT", "PATCH", "DELETE"],
         allow_headers=["authorization", "x-api-key", "content-type", "x-request-id",
                        "idempotency-key", "last-event-id", "if-match"],
-        expose_headers=["x-request-id", "retry-after", "www-authenticate"],
+        expose_headers=["x-request-id", "retry-after", "www-authenticate", *headers],
         max_age=600,
     )  # fmt: skip
 

@@ -17,7 +17,7 @@ from wayfarer.transport.auth import Credentials
 from wayfarer.transport.connection import CERTIFICATE
 from wayfarer.transport.guard import Guard, begin
 from wayfarer.transport.metrics import Metrics
-from wayfarer.transport.origins import Origins, is_page_of, places_of
+from wayfarer.transport.origins import Origins, is_page_of, machines_of, places_of
 from wayfarer.transport.request_limits import problem_response
 from wayfarer.transport.tracing import Tracing
 
@@ -69,9 +69,10 @@ class HttpGuard:
         request_id = begin(headers.get("x-request-id", ""))
         started = time.perf_counter()
         status, streams = 500, scope["type"] == "websocket"
-        siblings = places_of(self.nodes(), headers.get("host", ""))
+        places = places_of(self.nodes(), headers.get("host", ""))
+        machines = machines_of(places, self.origins.nodes) if places else []
         is_guarded = self._is_guarded(scope["path"])
-        policy = page_policy(self.origins, () if is_guarded else siblings)
+        policy = page_policy(self.origins, *(() if is_guarded else (places, machines)))
 
         async def noted_send(message: Message) -> None:
             nonlocal status, streams
@@ -91,7 +92,7 @@ class HttpGuard:
 
         try:
             try:
-                check_page(scope, headers, self.origins, siblings)
+                check_page(scope, headers, self.origins, machines)
                 shown = presented(scope, headers)
                 if is_guarded:
                     await self.guard.admit(shown, _address(scope))
@@ -121,10 +122,10 @@ class HttpGuard:
 
 
 def check_page(
-    scope: Scope, headers: Mapping[str, str], origins: Origins, siblings: Collection[str] = ()
+    scope: Scope, headers: Mapping[str, str], origins: Origins, machines: Collection[str] = ()
 ) -> None:
     """Refuse pages of other origins that open a socket or change something; CORS decides on
-    reads. Those of the other nodes of a cluster may. Raises PermissionDenied.
+    reads. Those of the machines of a cluster may. Raises PermissionDenied.
     """
     host = headers.get("host", "")
     if not origins.is_name(host) and not _is_health(scope["path"]):
@@ -135,18 +136,20 @@ def check_page(
     if scope["type"] == "http" and scope["method"] in READS:
         return
     origin = headers.get("origin")
-    if not (origins.allows(origin, host) or is_page_of(origin or "", siblings)):
+    if not (origins.allows(origin, host) or is_page_of(origin or "", machines)):
         raise PermissionDenied(
             "web pages of this origin may not call; the setting cors_origins lists which may"
         )
 
 
-def page_policy(origins: Origins, siblings: Iterable[str] = ()) -> str:
+def page_policy(origins: Origins, places: Iterable[str] = (), machines: Iterable[str] = ()) -> str:
     """Content-Security-Policy. Pages of this server may be framed by those that may call, and may
-    call the other nodes of its cluster.
+    call the other nodes of its cluster: those at these `places`, by which a page knows them, and
+    those that come later on these `machines`. What a page may call is settled when it is opened.
     """
     framing = " ".join(("'self'", *sorted(origins.listed)))
-    called = " ".join(("connect-src 'self'", *siblings))
+    anywhere = (f"{machine}:*" for machine in machines)
+    called = " ".join(("connect-src 'self'", *places, *anywhere))
     policy = PAGE_POLICY.replace("connect-src 'self'", called)
     return f"{policy}; frame-ancestors {framing}"
 

@@ -1,5 +1,6 @@
 """Which web pages may call, and by which names the server may be called."""
 
+import re
 import socket
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
@@ -8,6 +9,8 @@ from typing import Final
 from urllib.parse import urlsplit
 
 from wayfarer.endpoint import Endpoint
+
+_ORIGIN: Final = re.compile(r"https?://([\w.-]+|\[[0-9A-Fa-f:.]+\])(?::\d{1,5})?")
 
 ANY: Final = "*"
 """Among `names`: all."""
@@ -19,6 +22,7 @@ class Origins:
 
     listed: frozenset[str] = frozenset()  # origins of pages elsewhere, as https://example.org
     names: frozenset[str] | None = frozenset()  # of the server, in lower case; None: any will do
+    nodes: tuple[str, ...] = ()  # hosts of a cluster's nodes that may come; *.example.org: below it
 
     def is_name(self, host: str) -> bool:
         """Whether `host`, a Host header with or without port, is a name of this server.
@@ -60,10 +64,20 @@ def places_of(nodes: Iterable[Endpoint], host: str) -> list[str]:
     return [f"{_bracketed(node.host or own)}:{node.http_port}" for node in nodes]
 
 
-def is_page_of(origin: str, places: Collection[str]) -> bool:
-    """Whether a page of `origin` is one of these servers'."""
-    scheme, _, place = origin.partition("://")
-    return scheme in ("http", "https") and place in places
+def machines_of(places: Iterable[str], later: Iterable[str] = ()) -> list[str]:
+    """The hosts of these, and those that may come `later`: on any port of theirs a node may be."""
+    return list(dict.fromkeys((*(place.rpartition(":")[0] for place in places), *later)))
+
+
+def is_page_of(origin: str, machines: Collection[str]) -> bool:
+    """Whether a page of `origin` comes from one of these machines."""
+    found = _ORIGIN.fullmatch(origin)
+    if found is None:
+        return False
+    host = found[1].lower()
+    return host in machines or any(
+        machine.startswith("*.") and host.endswith(machine[1:]) for machine in machines
+    )
 
 
 def _bracketed(host: str) -> str:

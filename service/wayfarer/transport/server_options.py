@@ -43,6 +43,7 @@ class ServerOptions:
                 None
                 if settings.has_auth
                 else own_names() | {settings.host.lower(), *settings.allowed_hosts},
+                settings.node_hosts,
             ),
             metrics=Metrics(traces.step if settings.otlp_endpoint else None),
             metrics_access=settings.metrics,

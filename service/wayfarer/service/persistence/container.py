@@ -1,6 +1,6 @@
 """What leaves the server as opaque bytes: a JSON header and arrays, compressed, told apart by kind.
 
-    8 bytes  magic and kind        b"WAYFSNAP", b"WAYFCLOG", b"WAYFLIVE", b"WAYFCOPY"
+    8 bytes  magic and kind        b"WAYFSNAP", b"WAYFCLOG", b"WAYFLIVE" …
     2 bytes  format version        uint16, little-endian
     4 bytes  length of the header  uint32, little-endian
     rest     zlib (with its checksum) of: header, then arrays
@@ -29,6 +29,7 @@ class ContainerKind(Enum):
     LOG = b"WAYFCLOG"
     LIVE = b"WAYFLIVE"
     REPLICA = b"WAYFCOPY"
+    LOG_PART = b"WAYFPART"
 
     @property
     def field(self) -> str:
@@ -38,6 +39,7 @@ class ContainerKind(Enum):
             b"WAYFCLOG": "log",
             b"WAYFLIVE": "live session",
             b"WAYFCOPY": "replica",
+            b"WAYFPART": "part of a log",
         }[self.value]
 
 

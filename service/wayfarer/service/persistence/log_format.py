@@ -1,10 +1,10 @@
 """A command log as bytes, and back: what ExportLog gives and Replay takes.
 
-A container (container.py): a JSON header, and one row of raw arrays for each agent whose start was
-not a spec but a place in mid-motion.
+A container (container.py): a JSON header, and for each agent one row of raw arrays for its start,
+unless that was a spec and not a place in mid-motion, and one for each of its restarts.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import isfinite
@@ -24,7 +24,6 @@ from wayfarer.service.persistence.record import (
     LogEntry,
     Schedule,
     Told,
-    cost,
 )
 from wayfarer.service.persistence.snapshot import (
     AGENT_BYTES,
@@ -96,6 +95,7 @@ class TrackPart:
     end: int
     spec: AgentSpec | None = None
     record: AgentPart | None = None
+    restarts: tuple[AgentPart, ...] = ()
 
 
 class LogHeader(BaseModel):
@@ -112,18 +112,23 @@ class LogHeader(BaseModel):
 
 
 def encode_log(log: CommandLog, origin: LogOrigin) -> bytes:
-    """The log, as far as its chunks have been sent."""
-    header = LogHeader(
+    """The log, as far as its chunks have been sent, and with what counts from the next one on."""
+    tracks = log.tracks.values()
+    header = log_header(log, origin, tuple(track_part(track, track.end) for track in tracks))
+    text = header.model_dump_json(exclude_none=True)
+    return seal(ContainerKind.LOG, text.encode(), pack_agents(poses(tracks)))
+
+
+def log_header(log: CommandLog, origin: LogOrigin, tracks: tuple[TrackPart, ...]) -> LogHeader:
+    """The header of a log with these tracks."""
+    return LogHeader(
         fps=FPS,
         origin=origin,
         session_id=log.session_id,
         spec=log.spec,
         created_at=log.created_at,
-        tracks=tuple(_track_part(track) for track in log.tracks.values()),
+        tracks=tracks,
     )
-    records = [t.start for t in log.tracks.values() if isinstance(t.start, AgentRecord)]
-    text = header.model_dump_json(exclude_none=True)
-    return seal(ContainerKind.LOG, text.encode(), pack_agents(records))
 
 
 def decode_log(data: bytes, origin: LogOrigin, limits: Limits, most_entries: int) -> CommandLog:
@@ -132,46 +137,59 @@ def decode_log(data: bytes, origin: LogOrigin, limits: Limits, most_entries: int
     Raises InvalidArgument that names what is wrong, FailedPrecondition when it is sound but was
     made with another model, body or format.
     """
-    most = SESSION_BYTES + most_entries * (GOAL_BYTES + AGENT_BYTES // 64)
-    content = unseal(ContainerKind.LOG, data, most)
+    content = unseal(ContainerKind.LOG, data, most_log_bytes(most_entries))
     header = parse(LogHeader, content.header, ContainerKind.LOG, values=32 * most_entries)
+    return read_log(header, content.arrays, origin, limits, most_entries)
+
+
+def read_log(
+    header: LogHeader, arrays: bytes, origin: LogOrigin, limits: Limits, most_entries: int
+) -> CommandLog:
+    """See `decode_log`."""
     _check_origin(header, origin)
     check_session_id(header.session_id)
     log = CommandLog(header.session_id, header.spec, header.created_at)
-    rows = iter(_rows(content.arrays))
+    rows = iter(_rows(arrays))
     for number, part in enumerate(header.tracks):
         track = _track(part, rows, limits, f"tracks[{number}]")
         if track.agent_id in log.tracks:
             raise InvalidArgument("is there twice", f"tracks[{number}].agent_id")
         log.tracks[track.agent_id] = track
-        log.size += size(track)
+        log.size += track.size
     if next(rows, None) is not None:
         raise InvalidArgument("log has the motion of more agents than it names", "log")
     _check_size(log, most_entries)
     return log
 
 
-def size(track: AgentTrack) -> int:
-    """Entries that a track takes of a log."""
-    commands = sum(cost(entry.command) for entry in track.entries)
-    return 1 + commands + len(track.runs) + len(track.schedules)
+def most_log_bytes(most_entries: int) -> int:
+    """Upper bound of a log with so many entries, before compression."""
+    return SESSION_BYTES + most_entries * (GOAL_BYTES + AGENT_BYTES // 64)
 
 
 # To parts
 
 
-def _track_part(track: AgentTrack) -> TrackPart:
+def poses(tracks: Iterable[AgentTrack]) -> list[AgentRecord]:
+    """What has rows in the arrays, in their order."""
+    starts = (start for track in tracks for start in (track.start, *track.restarts))
+    return [start for start in starts if isinstance(start, AgentRecord)]
+
+
+def track_part(track: AgentTrack, last: int) -> TrackPart:
+    """What the header says of a track; with what counts from chunk `last` on, or before."""
     start = track.start
     return TrackPart(
         agent_id=track.agent_id,
         alias=track.alias,
         created_at=track.created_at,
-        entries=tuple(_entry_part(e) for e in track.entries if e.seq < track.end),
+        entries=tuple(_entry_part(e) for e in track.entries if e.seq <= last),
         runs=tuple(run for run in track.runs if run.first < track.end),
         schedules=tuple(track.schedules),
         end=track.end,
         spec=start if isinstance(start, AgentSpec) else None,
         record=agent_part(start) if isinstance(start, AgentRecord) else None,
+        restarts=tuple(map(agent_part, track.restarts)),
     )
 
 
@@ -213,7 +231,13 @@ def _track(part: TrackPart, rows: Iterator[AgentRows], limits: Limits, where: st
     _require(
         all(isfinite(s.at) and abs(s.at) < MAX_TIME for s in part.schedules), where, "schedules"
     )
-    _require(all(first <= e.seq < part.end for e in part.entries), where, "entries")
+    _require(all(first <= e.seq <= part.end for e in part.entries), where, "entries")
+    restarts = [
+        _record(kept, rows, limits, f"{where}.restarts[{number}]")
+        for number, kept in enumerate(part.restarts)
+    ]
+    seqs = [first, *(record.seq for record in restarts)]
+    _require(all(a < b for a, b in pairwise(seqs)) and seqs[-1] <= part.end, where, "restarts")
     return AgentTrack(
         agent_id=part.agent_id,
         alias=part.alias,
@@ -224,6 +248,7 @@ def _track(part: TrackPart, rows: Iterator[AgentRows], limits: Limits, where: st
         schedules=list(part.schedules),
         planned=part.end,
         end=part.end,
+        restarts=restarts,
     )
 
 
@@ -235,15 +260,19 @@ def _start(
             check_spec(spec, f"{where}.spec")
             return spec
         case None, AgentPart() as kept:
-            row = next(rows, None)
-            if row is None:
-                raise InvalidArgument("log has no motion for it to start from", f"{where}.record")
-            record = join_agent(kept, row)
-            check_agent_record(record, limits, f"{where}.record")
-            check_body(record, f"{where}.record")
-            return record
+            return _record(kept, rows, limits, f"{where}.record")
         case _:
             raise InvalidArgument("needs a spec or a record to start from, and not both", where)
+
+
+def _record(kept: AgentPart, rows: Iterator[AgentRows], limits: Limits, where: str) -> AgentRecord:
+    row = next(rows, None)
+    if row is None:
+        raise InvalidArgument("log has no motion for it to start from", where)
+    record = join_agent(kept, row)
+    check_agent_record(record, limits, where)
+    check_body(record, where)
+    return record
 
 
 def _entry(part: EntryPart, where: str) -> LogEntry:

@@ -5,13 +5,16 @@ effect, and from the number of candidates for each chunk. Agents do not depend o
 each has its own track. Most chunks are alike, so they are stored as runs.
 """
 
-from collections.abc import Sequence
+from bisect import bisect_left, insort_right
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
+from operator import attrgetter
 from typing import Final
 
 from wayfarer.errors import FailedPrecondition
 from wayfarer.spec import STEP_SECONDS
-from wayfarer.world.agents.agent import AgentChange, AgentSpec, SessionSpec
+from wayfarer.world.agents.agent import AgentChange, SessionSpec
 from wayfarer.world.agents.records import AgentRecord
 from wayfarer.world.agents.registry import Agent, Session
 from wayfarer.world.behaviours import Behaviour, Routine
@@ -22,6 +25,9 @@ from wayfarer.world.stepping.due import Due
 
 SAME_TIME: Final = 1e-6
 """Seconds: chunks that far from their schedule are on it, but for rounding."""
+
+RESTART_COST: Final = 8
+"""Entries that a restart counts for, beside the goals of its path: it holds a pose."""
 
 Told = GoalCommand | AgentChange
 
@@ -58,26 +64,70 @@ class Schedule:
 
 @dataclass(slots=True)
 class AgentTrack:
-    """What became of one agent. Chunks before `end` were sent; what counts is theirs."""
+    """What became of one agent. Chunks before `end` were sent; what counts is theirs.
+
+    Entries, runs and schedules ascend by their chunks, and those before `end` do not change.
+    """
 
     agent_id: str
     alias: int
     created_at: float  # Unix seconds
-    start: AgentSpec | AgentRecord
+    start: Start
     entries: list[LogEntry] = field(default_factory=list)
     runs: list[ChunkRun] = field(default_factory=list)
     schedules: list[Schedule] = field(default_factory=list)
     planned: int = 0  # = seq of the next chunk to plan
     end: int = 0  # = seq of the next chunk to send
+    restarts: list[AgentRecord] = field(default_factory=list)
+    """From each of them it went on, from that chunk on: as it stood there, and on another server.
+    """
 
-    def copy(self) -> "AgentTrack":
-        """A track that does not change any more."""
+    @property
+    def first(self) -> int:
+        """Number of its first chunk."""
+        return self.start.seq if isinstance(self.start, AgentRecord) else 0
+
+    @property
+    def size(self) -> int:
+        """Entries that it takes of a log."""
+        commands = sum(cost(entry.command) for entry in self.entries)
+        restarts = sum(RESTART_COST + len(record.path) for record in self.restarts)
+        return 1 + commands + len(self.runs) + len(self.schedules) + restarts
+
+    def copy(self, since: int = 0) -> "AgentTrack":
+        """A track that does not change any more; of what counts from chunk `since` on."""
         return replace(
             self,
-            entries=self.entries.copy(),
-            runs=self.runs.copy(),
-            schedules=self.schedules.copy(),
+            entries=self.entries[bisect_left(self.entries, since, key=_SEQ) :],
+            runs=self.runs[bisect_left(self.runs, since, key=_FIRST) :],
+            schedules=self.schedules[bisect_left(self.schedules, since, key=_FIRST) :],
+            restarts=self.restarts.copy(),
         )
+
+    def enter(self, entry: LogEntry) -> None:
+        """Something was told. An order may throw away the chunk that earlier ones first counted
+        for: then they count from where it does.
+        """
+        if not isinstance(entry.command, AgentChange):
+            later = bisect_left(self.entries, entry.seq + 1, key=_SEQ)
+            for place in range(later, len(self.entries)):
+                self.entries[place] = replace(self.entries[place], seq=entry.seq)
+        insort_right(self.entries, entry, key=_SEQ)
+
+    def restart(self, after: "AgentTrack") -> None:
+        """It went on elsewhere, as `after` from a record: what counted for chunks that were to
+        come by then is in the record, or is void.
+        """
+        assert isinstance(after.start, AgentRecord)  # nobody goes on from a spec
+        seq = after.first
+        self.entries = [entry for entry in self.entries if entry.seq < seq] + after.entries
+        self.runs = [run for run in self.runs if run.first < seq] + after.runs
+        self.schedules = [s for s in self.schedules if s.first < seq] + after.schedules
+        self.planned, self.end = after.planned, after.end
+        if seq > self.first:
+            self.restarts.append(after.start)
+        else:
+            self.start = after.start
 
     def plan(self, run: ChunkRun) -> int:
         """A chunk was planned; returns by how many runs the track has grown."""
@@ -102,6 +152,10 @@ class AgentTrack:
         return 1
 
 
+_SEQ: Final = attrgetter("seq")
+_FIRST: Final = attrgetter("first")
+
+
 @dataclass(slots=True)
 class CommandLog:
     """A recorded session; tracks in order of creation, those of deleted agents included."""
@@ -112,6 +166,30 @@ class CommandLog:
     tracks: dict[str, AgentTrack] = field(default_factory=dict)
     size: int = 0  # entries, goals in them, runs and schedules
     overflowed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class LogMark:
+    """How far a log has been copied."""
+
+    begun: bool
+    tracks: int  # the first ones, of which those not in `ends` are complete
+    ends: Mapping[str, int]  # by agent: chunks before that one are copied
+    overflowed: bool = False
+
+
+UNCOPIED: Final = LogMark(False, 0, {})
+
+
+@dataclass(frozen=True, slots=True)
+class LogNews:
+    """What is new in a log since a mark."""
+
+    log: CommandLog  # tracks hold what is new only
+    new_tracks: frozenset[str]  # the others go on
+    begins: bool  # nothing was copied before
+    overflows: bool  # the log has been dropped since
+    mark: LogMark
 
 
 class Recordings:
@@ -143,16 +221,45 @@ class Recordings:
             )
         return replace(log, tracks={name: track.copy() for name, track in log.tracks.items()})
 
-    def go_on(self, log: CommandLog | None, session_id: str) -> None:
-        """Go on with the log of a session that has come from elsewhere; None: it was dropped."""
+    def since(self, session_id: str, mark: LogMark) -> LogNews | None:
+        """What counts for chunks sent since; None: the session is not recorded."""
+        log = self._logs.get(session_id)
         if log is None:
-            self._logs[session_id].overflowed = True
-            self._tracks = {k: v for k, v in self._tracks.items() if v[0].session_id != session_id}
+            return None
+        news, begins = replace(log, tracks={}), not mark.begun
+        if log.overflowed:
+            now = LogMark(True, 0, {}, overflowed=True)
+            return LogNews(news, frozenset(), begins, not mark.overflowed, now)
+        new, ends = dict.fromkeys(islice(log.tracks, mark.tracks, None)), dict[str, int]()
+        for name in (*mark.ends, *new):
+            track, lives = log.tracks[name], name in self._tracks
+            found = track.copy(mark.ends.get(name, 0))
+            if lives:
+                ends[name] = track.end
+            # where an agent that lives has come to, its own copy says
+            if name in new or not lives or found.entries or found.runs or found.schedules:
+                news.tracks[name] = found
+        now = LogMark(True, len(log.tracks), ends)
+        return LogNews(news, frozenset(new), begins, False, now)
+
+    def go_on(self, log: CommandLog | None, session_id: str, restarted: bool) -> None:
+        """Go on with the log of a session that has come from elsewhere; None: it was dropped.
+
+        `restarted`: its agents have begun here as they stood, and not as if nothing had happened.
+        """
+        begun = self._logs[session_id]
+        if log is None:
+            self._drop(begun)
             return
-        self._logs[session_id] = log
-        for name, track in log.tracks.items():
+        for name, track in begun.tracks.items():
+            kept = log.tracks.setdefault(name, track)
+            if restarted and kept is not track:
+                kept.restart(track)
             if name in self._tracks:
-                self._tracks[name] = log, track
+                self._tracks[name] = log, kept
+        self._logs[session_id] = log
+        log.size = sum(track.size for track in log.tracks.values())
+        self._grow(log, 0)
 
     # As a `WorldObserver`
 
@@ -215,7 +322,7 @@ class Recordings:
     def _enter(self, agent: Agent, entry: LogEntry) -> None:
         if found := self._tracks.get(agent.agent_id):
             log, track = found
-            track.entries.append(entry)
+            track.enter(entry)
             self._grow(log, cost(entry.command))
 
     def _begin(self, log: CommandLog, agent: Agent, start: Start) -> None:
@@ -230,10 +337,13 @@ class Recordings:
     def _grow(self, log: CommandLog, entries: int) -> None:
         log.size += entries
         if log.size > self._limit and not log.overflowed:
-            log.overflowed = True
-            for agent_id in log.tracks:
-                self._tracks.pop(agent_id, None)
-            log.tracks.clear()
+            self._drop(log)
+
+    def _drop(self, log: CommandLog) -> None:
+        log.overflowed = True
+        for agent_id in log.tracks:
+            self._tracks.pop(agent_id, None)
+        log.tracks.clear()
 
 
 def cost(command: Told) -> int:

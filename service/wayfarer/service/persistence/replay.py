@@ -9,7 +9,7 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from typing import Final
 
 from wayfarer.errors import FailedPrecondition
@@ -26,6 +26,7 @@ from wayfarer.world.agents.agent import (
     SessionSpec,
 )
 from wayfarer.world.goals.commands import GoalCommand
+from wayfarer.world.observer import Start
 from wayfarer.world.stepping.budget import DegradationLevel
 from wayfarer.world.world import World
 
@@ -52,24 +53,40 @@ Played = tuple[MotionChunk, AgentInfo | None]
 
 
 def _play(session_id: str, track: AgentTrack, make_world: Callable[[], World]) -> Iterator[Played]:
-    world, start = make_world(), track.start
+    """From its start, and from each restart on in another world."""
+    introduced: AgentInfo | None = None
+    starts = [track.start, *track.restarts]
+    firsts = [track.first, *(record.seq for record in track.restarts), track.end]
+    for start, (first, end) in zip(starts, pairwise(firsts), strict=True):
+        world = make_world()
+        info = _enter(world, start)
+        if first == track.first:
+            introduced = replace(
+                info,
+                agent_id=track.agent_id,
+                alias=track.alias,
+                session_id=session_id,
+                created_at=track.created_at,
+            )
+        for chunk in _chunks(world, info.agent_id, track, first, end):
+            yield chunk, introduced
+            introduced = None
+
+
+def _enter(world: World, start: Start) -> AgentInfo:
     world.create_session(SessionSpec(SESSION), 0.0)
     if isinstance(start, AgentSpec):
         [info] = world.create_agents(SESSION, [start], 0.0)
-        first = 0
-    else:
-        info = world.get_agent(world.members.put_agent(SESSION, start, 0.0).agent_id)
-        first = start.seq
-    agent_id = info.agent_id
-    told: AgentInfo | None = replace(
-        info,
-        agent_id=track.agent_id,
-        alias=track.alias,
-        session_id=session_id,
-        created_at=track.created_at,
-    )
-    orders, changes = _orders(track.entries), _changes(track.entries)
-    for seq in range(first, track.end):
+        return info
+    return world.get_agent(world.members.put_agent(SESSION, start, 0.0).agent_id)
+
+
+def _chunks(
+    world: World, agent_id: str, track: AgentTrack, first: int, end: int
+) -> Iterator[MotionChunk]:
+    entries = [entry for entry in track.entries if first <= entry.seq < end]
+    orders, changes = _orders(entries), _changes(entries)
+    for seq in range(first, end):
         now = world.next_event()
         assert now is not None  # there is an agent
         while orders and orders[0][0] <= seq:
@@ -78,8 +95,7 @@ def _play(session_id: str, track: AgentTrack, make_world: Callable[[], World]) -
             world.update_agent(agent_id, changes.popleft()[1])
         run = _at(track.runs, seq)
         world.use_model(world.models.stamped(run.model).name)
-        yield _as_it_was(_step(world, run, now), track), told
-        told = None
+        yield _as_it_was(_step(world, run, now), track)
 
 
 def _as_it_was(chunk: MotionChunk, track: AgentTrack) -> MotionChunk:

@@ -95,7 +95,7 @@ class AgentPart:
     path: tuple[Goal, ...]
     passed: int
     path_start: tuple[float, float]
-    behaviour: AnyBehaviour | None
+    behaviour: AnyBehaviour | None = None
     part: int = 0
     begun: int = 0
     model: str = ""

@@ -4,11 +4,13 @@ For the node itself (cluster/), and not for callers: nothing here asks who calls
 """
 
 import contextlib
+from collections.abc import Sequence
 
 from wayfarer.endpoint import Endpoint
 from wayfarer.errors import FailedPrecondition, NotFound, Unavailable, WayfarerError
 from wayfarer.ids import slot_of
-from wayfarer.service.persistence.live_state import is_live
+from wayfarer.service.persistence.record import LogMark
+from wayfarer.service.persistence.replica import Replica
 from wayfarer.transport.gateway.context import GatewayContext
 from wayfarer.transport.residence import misdirected
 from wayfarer.world.agents.agent import SessionInfo
@@ -67,24 +69,25 @@ class SessionMoves:
 
     # A copy
 
-    async def replica(self, name: str) -> bytes:
-        """The state of a session or scene, as `adopt` takes it. Raises NotFound."""
+    async def replica(self, name: str, mark: LogMark | None) -> Replica:
+        """The state of a session or scene, as `adopt` takes it, and what is new since `mark`, if
+        that is given, in the log of a recorded session. Raises NotFound.
+        """
         if is_scene(name):
-            return self._context.service.scenes.obstacles(name)
-        moves = self._context.service.moves
-        if moves.is_lock_step(name):  # it is between two steps whenever it is asked
-            return await moves.export(name, {})
-        return await self._context.service.replica(name)
+            return Replica(self._context.service.scenes.obstacles(name))
+        return await self._context.service.replica(name, mark)
 
-    async def adopt(self, name: str, replica: bytes, content: bytes) -> None:
+    async def adopt(
+        self, name: str, replica: bytes, content: bytes, log_parts: Sequence[bytes]
+    ) -> None:
         """Let it live on from a copy; `content` is a scene's. Streams that come begin with a gap.
 
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted.
         """
-        if is_scene(name) or is_live(replica):
-            await self.take(name, replica, content)
+        if is_scene(name):
+            await self._adopt_scene(name, replica, content)
         else:
-            await self._enter(await self._context.service.adopt(replica))
+            await self._enter(await self._context.service.adopt(replica, log_parts))
 
     # A move
 

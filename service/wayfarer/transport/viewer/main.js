@@ -11,7 +11,7 @@ import { kindOf, watchFiles } from "./files.js";
 import { History } from "./history.js";
 import { askToken, byId, disclose, listPeople, mention, Readout, showConnection, showTrouble, tell } from "./hud.js";
 import { watchKeys } from "./keyboard.js";
-import { otherNodes } from "./nodes.js";
+import { watchNodes, watchPolicy } from "./nodes.js";
 import { Overlays } from "./overlays.js";
 import { ScenePanel } from "./panel.js";
 import { decodePast } from "./past.js";
@@ -57,7 +57,8 @@ const api = new Api("", {
     return new Promise((done) => setTimeout(done, 1000 * seconds));
   },
 });
-otherNodes().then((nodes) => (api.homes.others = nodes), () => {}); // when this page's node ends, they have its sessions
+watchNodes(api.homes);
+watchPolicy(tell, () => session.id);
 const stage = new Stage(view);
 const readout = new Readout();
 const place = new ScenePanel(api, stage, { enter, changed: attempt(() => errands.replan()), attempt });

@@ -1,14 +1,39 @@
-// The other nodes of the cluster that this page came from.
+// The nodes of the cluster that this page came from.
+
+const SECONDS = 3; // between two looks: a node is known before its neighbour has died, too
 
 /**
- * Their addresses: those that the page's policy lets it call; none where the server is no cluster.
- * @param {{ href: string, protocol: string, host: string }} [page] @param {typeof fetch} [ask]
- * @returns {Promise<string[]>}
+ * Keep `homes.others` up to date from now on; when the page's node ends, they have its sessions. They stand in the policy
+ * of any node's page; there are none where the server is no cluster.
+ * @param {import("../../../../clients/web/src/core/homes.js").Homes} homes
  */
-export async function otherNodes(page = location, ask = fetch) {
-  const answer = await ask(page.href, { method: "HEAD" });
+export function watchNodes(homes, look = otherNodes) {
+  const again = () => look(homes.entry).then((nodes) => (homes.others = nodes), () => {}); // no answer: calls go on without it
+  again().then((nodes) => nodes?.length && setInterval(again, 1000 * SECONDS));
+}
+
+/**
+ * Addresses of the other nodes that the one at `entry` knows, the latest first: those that were come last.
+ * @param {string} entry @param {typeof fetch} [ask] @returns {Promise<string[]>}
+ */
+export async function otherNodes(entry, ask = fetch) {
+  const { protocol, host } = new URL(entry);
+  const answer = await ask(`${entry}/`, { method: "HEAD" });
   const policy = answer.headers.get("content-security-policy") ?? "";
   const called = /connect-src ([^;]*)/.exec(policy)?.[1].split(" ") ?? [];
-  const places = called.filter((place) => /^[\w.-]+:\d+$/.test(place) && place !== page.host);
-  return places.map((place) => `${page.protocol}//${place}`);
+  const places = called.filter((place) => /^[\w.-]+:\d+$/.test(place) && place !== host);
+  return places.reverse().map((place) => `${protocol}//${place}`);
+}
+
+/**
+ * Say where to go on when the page's policy forbids a call: the page was opened before that machine was there.
+ * @param {(text: string) => void} tell @param {() => string | null} session its id @param {EventTarget} [page]
+ */
+export function watchPolicy(tell, session, page = document) {
+  page.addEventListener("securitypolicyviolation", (event) => {
+    const { effectiveDirective, blockedURI } = /** @type {SecurityPolicyViolationEvent} */ (event);
+    if (effectiveDirective !== "connect-src" || !URL.canParse(blockedURI)) return;
+    const { origin, host } = new URL(blockedURI), id = session();
+    tell(`This page may not call ${host}, a machine that came after it was opened. Go on at ${origin}/${id ? `?session=${id}` : ""}`);
+  });
 }

@@ -29,7 +29,7 @@ export function saveButtons({ api, session, place, crowd, stage, timeline, histo
     });
   }
   byId("share").onclick = attempt(async () => {
-    const link = session.watchOnly ? momentLink(timeline.moment ?? history.last) : await shareLink({ api, session, place, crowd, stage, timeline, history });
+    const link = session.watchOnly ? momentLink(api, timeline.moment ?? history.last) : await shareLink({ api, session, place, crowd, stage, timeline, history });
     showLink(link, (await api.call("GET", "/v1/models")).models.filter((model) => !model.in_use).map(({ name }) => name));
   });
 }

@@ -23,7 +23,7 @@ export async function shareLink({ api, session, place, crowd, stage, timeline, h
       people,
       camera: { eye: stage.camera.position.toArray(), target: stage.controls.target.toArray() },
     }));
-    const url = new URL(location.pathname, location.href);
+    const url = new URL(location.pathname, api.homes.entry); // of a cluster's nodes one that answers
     const { text, seconds } = await pastOf(people, history, moment, LONGEST - url.href.length - script.length - 20);
     url.hash = `replay=${script}${text && `&past=${text}`}`;
     return { address: url.href, seconds };
@@ -33,8 +33,10 @@ export async function shareLink({ api, session, place, crowd, stage, timeline, h
 }
 
 /** The address of the replay that is shown, from a moment of it on. */
-export function momentLink(moment) {
-  return { address: changed(location.href, "at", Number.isFinite(moment) && moment > 0 ? moment.toFixed(2) : ""), seconds: null };
+export function momentLink(api, moment) {
+  const { pathname, search, hash } = location;
+  const { href } = new URL(pathname + search + hash, api.homes.entry);
+  return { address: changed(href, "at", Number.isFinite(moment) && moment > 0 ? moment.toFixed(2) : ""), seconds: null };
 }
 
 /** Let the user choose what else is in it, and copy it or look at it. `models`: names of others that are loaded. */

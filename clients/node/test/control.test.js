@@ -1,0 +1,114 @@
+// A Control stream whose session moves, against nodes that answer as the test says.
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { create, fromBinary, toBinary } from "@bufbuild/protobuf";
+import { Metadata, Server, ServerCredentials, status } from "@grpc/grpc-js";
+import { ControlRequestSchema, ControlResponseSchema } from "../src/gen/wayfarer/v1/control_pb.js";
+import { connect } from "../src/index.js";
+
+const METHOD = {
+  control: {
+    path: "/wayfarer.v1.ControlService/Control",
+    requestStream: true,
+    responseStream: true,
+    requestSerialize: (message) => message,
+    requestDeserialize: (bytes) => fromBinary(ControlRequestSchema, bytes),
+    responseSerialize: (message) => Buffer.from(toBinary(ControlResponseSchema, create(ControlResponseSchema, message))),
+    responseDeserialize: (bytes) => bytes,
+  },
+};
+const SESSION = "session-00ff12";
+const batch = (resumeToken) => ({ payload: { case: "motion", value: { payload: { case: "batch", value: { resumeToken } } } } });
+const reply = (commandId) => ({ payload: { case: "reply", value: { commandId, revision: 1 } } });
+const goal = (commandId) => ({ commandId, payload: { case: "setGoal", value: { agentId: "agent-00ff34" } } });
+
+/** Field 1, 2 or 3 of an encoded message. */
+const field = (number, content) => {
+  const bytes = Buffer.from(content);
+  return Buffer.concat([Buffer.from([(number << 3) | 2, bytes.length]), bytes]);
+};
+
+function misdirected(port) {
+  const pair = (key, value) => field(3, Buffer.concat([field(1, key), field(2, value)]));
+  const info = Buffer.concat([field(1, "MISDIRECTED"), pair("grpc_port", String(port))]);
+  const any = Buffer.concat([field(1, "type.googleapis.com/google.rpc.ErrorInfo"), field(2, info)]);
+  const metadata = new Metadata();
+  metadata.set("grpc-status-details-bin", Buffer.concat([Buffer.from([0x08, 9]), Buffer.from([0x1a, any.length]), any]));
+  return { code: status.FAILED_PRECONDITION, details: "moved", metadata };
+}
+
+/** A node that calls `play(message, call)` for each message it hears; what those were. */
+async function node(play) {
+  const heard = [], server = new Server();
+  server.addService(METHOD, {
+    control(call) {
+      call.on("data", (message) => {
+        heard.push(message);
+        play(message, call);
+      });
+      call.on("end", () => call.end());
+    },
+  });
+  const port = await new Promise((resolve, reject) => {
+    server.bindAsync("127.0.0.1:0", ServerCredentials.createInsecure(), (error, bound) => (error ? reject(error) : resolve(bound)));
+  });
+  return { heard, port, end: () => server.forceShutdown() };
+}
+
+async function next(stream) {
+  const { value } = await stream.next();
+  return value.payload;
+}
+
+test("when its session moves, it is opened again where it lives then, and goes on", async () => {
+  const there = await node(({ commandId, payload }, call) => call.write(payload.case === "open" ? batch("t3") : reply(commandId)));
+  const here = await node(({ commandId, payload }, call) => {
+    if (payload.case === "open") call.write(batch("t1"));
+    else if (commandId === 1n) [reply(1n), batch("t2")].forEach((message) => call.write(message));
+    else if (commandId === 2n) call.emit("error", misdirected(there.port)); // it is not answered any more
+  });
+  const client = connect(`127.0.0.1:${here.port}`);
+  try {
+    const control = client.control.control(), stream = control[Symbol.asyncIterator]();
+    const interest = { rings: [{ radius: 5 }], viewpoints: [] };
+    control.write({ payload: { case: "open", value: { sessionId: SESSION, interest } } });
+    assert.equal((await next(stream)).case, "motion");
+    control.write({ payload: { case: "viewpoints", value: { viewpoints: [{ position: { x: 7 } }] } } });
+    control.write(goal(1n));
+    assert.equal((await next(stream)).value.commandId, 1n);
+    await next(stream);
+    control.write(goal(2n));
+    const { case: kind, value } = await next(stream);
+    assert.deepEqual([kind, value.commandId, value.problem.code], ["reply", 2n, status.UNAVAILABLE]);
+    assert.equal((await next(stream)).value.payload.value.resumeToken, "t3");
+    control.write(goal(3n));
+    assert.equal((await next(stream)).value.commandId, 3n);
+    const [open, ...others] = there.heard;
+    assert.deepEqual([open.payload.value.sessionId, open.payload.value.resumeToken], [SESSION, "t2"]);
+    assert.equal(open.payload.value.interest.viewpoints[0].position.x, 7);
+    assert.deepEqual(others.map(({ commandId }) => commandId), [3n]);
+    control.end();
+    assert.ok((await stream.next()).done);
+  } finally {
+    client.close();
+    here.end();
+    there.end();
+  }
+});
+
+test("another error ends it", async () => {
+  const here = await node((_, call) => {
+    call.write(batch("t1"));
+    call.emit("error", { code: status.UNAUTHENTICATED, details: "the key is gone" });
+  });
+  const client = connect(`127.0.0.1:${here.port}`);
+  try {
+    const control = client.control.control(), stream = control[Symbol.asyncIterator]();
+    control.write({ payload: { case: "open", value: { sessionId: SESSION } } });
+    await assert.rejects(async () => { for (;;) await next(stream); }, { code: status.UNAUTHENTICATED });
+  } finally {
+    client.close();
+    here.end();
+  }
+});

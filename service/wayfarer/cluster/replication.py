@@ -1,0 +1,123 @@
+"""A node leaves a copy of all that lives on it with its neighbour, once a second. Runs on the
+node's event loop.
+
+The state of a session or scene is sent whole each time. What never changes of a scene is sent once
+to each neighbour, and of the log of a recorded session what is new.
+"""
+
+import asyncio
+import time
+from dataclasses import dataclass
+from typing import Final
+
+import structlog
+
+from wayfarer.cluster.messages import NodeInfo
+from wayfarer.cluster.peer import Peers
+from wayfarer.cluster.tenancy import Tenancy
+from wayfarer.errors import WayfarerError
+from wayfarer.service.persistence.record import UNCOPIED, LogMark
+from wayfarer.service.persistence.replica import Replica
+from wayfarer.transport.gateway.moves import SessionMoves
+
+log = structlog.get_logger(__name__)
+
+REPLICATE_S: Final = 1.0
+
+LOG_PART_BYTES: Final = 32 * 1024 * 1024
+"""A log that has grown by more since its last copy is not copied: no message would take it."""
+
+
+@dataclass(frozen=True, slots=True)
+class _LogCopy:
+    """What the neighbour has of a log."""
+
+    parts: int = 0
+    mark: LogMark = UNCOPIED
+    refused: bool = False  # there is no room for it
+
+
+class Replication:
+    """Of one node."""
+
+    def __init__(self, tenancy: Tenancy, moves: SessionMoves, peers: Peers) -> None:
+        self.neighbour = ""
+        """Name of the node that gets the copies; empty: there is none."""
+        self._tenancy = tenancy
+        self._moves = moves
+        self._peers = peers
+        self._contents: dict[str, asyncio.Task[None]] = {}  # of scenes, by neighbour and scene
+        self._logs: dict[str, _LogCopy] = {}  # by neighbour and session
+
+    async def running(self) -> None:
+        """For ever."""
+        while True:
+            began = time.monotonic()
+            node = self._tenancy.view.nodes.get(self.neighbour)
+            if node is not None and self._tenancy.may_step():
+                try:
+                    await self._replicate(node)
+                except WayfarerError as error:
+                    log.warning("replicas not kept", neighbour=node.name, reason=str(error))
+            await self._peers.forget_others(set(self._tenancy.view.nodes))
+            await asyncio.sleep(max(0.0, REPLICATE_S - (time.monotonic() - began)))
+
+    def forget(self) -> None:
+        """The neighbour may have let go of what it was sent once: send it again."""
+        self._contents.clear()
+        self._logs.clear()
+
+    async def _replicate(self, node: NodeInfo) -> None:
+        names = [name for name in self._moves.scenes if self._moves.is_movable(name)]
+        names += [name for name in self._moves.sessions if self._moves.is_movable(name)]
+        self._send_content(node)
+        keys = {_key(node, name) for name in names}
+        self._logs = {key: known for key, known in self._logs.items() if key in keys}
+        for name in names:
+            await self._keep(node, name)
+        await self._peers.present(node, self._tenancy.node.name, names)
+
+    async def _keep(self, node: NodeInfo, name: str) -> None:
+        key = _key(node, name)
+        known = self._logs.pop(key, _LogCopy())  # if this fails, it is not known what has arrived
+        try:
+            replica = await self._moves.replica(name, None if known.refused else known.mark)
+        except WayfarerError:  # it has just ended, or moved
+            return
+        sent = known.parts + bool(replica.log_part)
+        if len(replica.log_part) > LOG_PART_BYTES:
+            replica, sent = Replica(replica.state), -1
+        own = self._tenancy.node.name
+        kept = await self._peers.keep(node, own, name, replica, known.parts)
+        if kept == sent:
+            self._logs[key] = _LogCopy(kept, replica.mark)
+        elif not known.parts:
+            log.warning("log not copied: it is too large", session_id=name, neighbour=node.name)
+            self._logs[key] = _LogCopy(refused=True)
+
+    # Scenes
+
+    def _send_content(self, node: NodeInfo) -> None:
+        """Of each scene, once to this life of the neighbour; it bakes while sessions are copied."""
+        here = {_key(node, scene_id): scene_id for scene_id in self._moves.scenes}
+        for key, sending in list(self._contents.items()):
+            if key not in here or (sending.done() and sending.exception() is not None):
+                sending.cancel()
+                del self._contents[key]
+        for key in here.keys() - self._contents.keys():
+            work = self._send_scene(node, here[key])
+            self._contents[key] = asyncio.create_task(work, name="scene")
+
+    async def _send_scene(self, node: NodeInfo, scene_id: str) -> None:
+        try:
+            content = await self._moves.content(scene_id)
+            await self._peers.prepare(node, self._tenancy.node.name, scene_id, content)
+            log.info("scene copied", scene_id=scene_id, to=node.name)
+        except WayfarerError as error:
+            log.warning("scene not copied", scene_id=scene_id, reason=str(error))
+            raise
+
+
+def _key(node: NodeInfo, name: str) -> str:
+    """A session or scene with this life of a neighbour."""
+    return f"{node.name} {node.peer_port} {name}"
