@@ -176,13 +176,43 @@ def test_three_nodes_in_compose_run_commands_that_there_are(monkeypatch):
     assert head.split(":") == ["entry", run[0][run[0].index("--port") + 1]]
 
 
+def kube_cluster() -> dict:
+    """The RayCluster of deploy/kuberay."""
+    return next(yaml.safe_load_all((DEPLOY / "kuberay/wayfarer.yaml").read_text()))["spec"]
+
+
+def groups() -> list[dict]:
+    cluster = kube_cluster()
+    return [cluster["headGroupSpec"], *cluster["workerGroupSpecs"]]
+
+
+def test_pods_run_commands_that_there_are():
+    own = typer.main.get_command(cluster_command.app)
+    (head, *nodes) = (group["template"]["spec"]["containers"][0] for group in groups())
+    run = [shlex.split(line) for line in head["args"][0].splitlines()]
+    (start,) = [words[1:] for words in run if "wayfarer" in words]
+    assert start[:2] == ["wayfarer", "cluster"] and unknown(own, start[2:]) == []
+    for container in (head, *nodes):  # Ray's own command comes from the operator
+        assert "$KUBERAY_GEN_RAY_START_CMD" in container["args"][0]
+    ports = {port["name"]: port["containerPort"] for port in head["ports"]}
+    settings = config_sources.load({})
+    assert ports == {"http": settings.http_port, "grpc": settings.grpc_port}
+    assert head["readinessProbe"]["httpGet"] == {"path": "/v1/health/ready", "port": "http"}
+
+
+def test_pods_start_ray_as_it_can_be_started():
+    scripts = pytest.importorskip("ray.scripts.scripts")
+    for group in groups():
+        words = [f"--{name}" for name in group["rayStartParams"]]
+        assert unknown(scripts.cli, ["start", *words]) == []
+    assert unknown(scripts.cli, ["health-check"]) == []
+    image = (DEPLOY / "kuberay/Dockerfile").read_text()
+    assert f"rayproject/ray:{kube_cluster()['rayVersion']}-" in image
+
+
 def test_a_pod_makes_a_certificate_that_nodes_and_ray_take(tmp_path, monkeypatch):
     text = (DEPLOY / "kuberay/wayfarer.yaml").read_text()
-    cluster = next(yaml.safe_load_all(text))["spec"]
-    pods = [
-        group["template"]["spec"]
-        for group in (cluster["headGroupSpec"], *cluster["workerGroupSpecs"])
-    ]
+    pods = [group["template"]["spec"] for group in groups()]
     (made,) = pods[0]["initContainers"]
     comment = "".join(
         line[1:].rstrip("\\\n") for line in text.splitlines(keepends=True) if line[0] == "#"

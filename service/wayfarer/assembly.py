@@ -23,6 +23,7 @@ from wayfarer.model_bundle import DEFAULT_MODEL, START_POSES, load_bodies, load_
 from wayfarer.ownership import Ownership, SingleNode
 from wayfarer.service.metrics_sink import MetricsSink
 from wayfarer.service.motion_service import MotionService
+from wayfarer.service.persistence.container import BETWEEN_SERVERS
 from wayfarer.service.persistence.journal import Journal
 from wayfarer.service.persistence.snapshot import BodyStamp
 from wayfarer.service.worlds import Worlds
@@ -89,10 +90,12 @@ def model_folder(settings: Settings) -> ModelFolder:
 
 
 def fingerprint(folder: ModelFolder) -> str:
-    """A hash over the model's files and the bodies: sessions move between equals only."""
+    """A hash over the model's files, the bodies, and the format in which sessions move: they move
+    between equals only.
+    """
     files = [*sorted(folder.path.iterdir()), *(body_file(folder.body, g) for g in GENDERS)]
     hashes = "".join(sha256_of(file) for file in files if file.is_file())
-    return hashlib.sha256(hashes.encode()).hexdigest()[:16]
+    return hashlib.sha256(f"{hashes} {BETWEEN_SERVERS}".encode()).hexdigest()[:16]
 
 
 def runtime(

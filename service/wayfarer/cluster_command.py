@@ -104,6 +104,7 @@ def start_command(
             run(_enter(settings, link, secret))
     finally:
         ray.close()
+    log.info("stopped; the nodes go on" if address else "stopped")
 
 
 @app.command("entry")
@@ -126,6 +127,7 @@ def entry_command(
         run(_enter(settings, ray.find_directory(), secret))
     finally:
         ray.close()
+    log.info("stopped; the nodes go on")
 
 
 async def _enter(
@@ -147,6 +149,7 @@ async def _enter(
         if not stop.is_set():
             log.info("ready", http=entry.http_url, grpc=entry.grpc_address)
         await stop.wait()
+        log.info("draining")
     await entry.stop()
 
 

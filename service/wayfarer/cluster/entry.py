@@ -291,7 +291,9 @@ class Entry:
     async def _drain(self, request: Request) -> Response:
         """Let a node give its sessions to others, and end."""
         current_caller().require(Scope.ADMIN)
-        await self.finder.drain(request.path_params["name"])
+        name = request.path_params["name"]
+        await self.finder.drain(name)
+        log.info("node is to drain", node=name)
         return Response(status_code=202)
 
 

@@ -97,7 +97,7 @@ class NodeInfo(ClusterMessage):
     grpc_port: int
     http_port: int
     peer_port: int  # of the service between nodes; 0: none
-    fingerprint: str  # hash over model and bodies: sessions move only between equals
+    fingerprint: str  # hash over model, bodies, format: sessions move only between equals
     capacity: int  # agents at most
 
 

@@ -15,6 +15,7 @@ from typing import Any, Final
 
 # Before Ray is imported; a Ray that `ray start` makes needs the last two, too (docs/cluster.md).
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # no call home
+os.environ.setdefault("RAY_DEDUP_LOGS", "0")  # else it swallows lines of nodes that look alike
 if sys.platform == "linux":  # nodes drain without their keepers (`RayCluster.close`)
     os.environ.setdefault("RAY_kill_child_processes_on_worker_exit", "0")
 # in seconds: after a minute without Ray's head, Ray ends who waits for it; but entries find what

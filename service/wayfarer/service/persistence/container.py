@@ -18,6 +18,12 @@ from typing import Final, NamedTuple
 from wayfarer.errors import FailedPrecondition, InvalidArgument
 
 VERSION: Final = 1
+
+BETWEEN_SERVERS: Final = 2
+"""To be raised when what only servers send each other changes: live sessions, replicas, parts of
+logs, and the calls that bring them (cluster/peer.py). Nodes of other numbers are of another kind.
+"""
+
 _HEAD: Final = struct.Struct("<8sHI")
 _LEVEL: Final = 1  # poses hardly shrink; the goals and names beside them do at any level
 
