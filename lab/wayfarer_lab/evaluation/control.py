@@ -20,6 +20,7 @@ from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.agents.slots import Motion
+from wayfarer.world.goals.steering import Steering
 from wayfarer.world.rows import Index
 from wayfarer.world.search.beam import grow
 from wayfarer.world.search.beam_settings import BeamSettings
@@ -76,10 +77,12 @@ def offline(
     settings: BeamSettings,
     random: np.random.Generator,
     lead: Callable[[Sequence[AgentSpec], Sequence[Motion]], None] | None = None,
+    steering: Steering | None = None,
 ) -> Iterator[Trial]:
     """Trials by tree search; `settings.reach` must be the nearer of the two distances, 0.3 m.
 
-    `lead` may move the standing bodies on before their trees begin.
+    `lead` may move the standing bodies on before their trees begin; `steering` tells them what to
+    do, else that of the service.
     """
     for begin in range(0, len(pairs), TOGETHER):
         some = pairs[begin : begin + TOGETHER]
@@ -89,7 +92,7 @@ def offline(
             lead(specs, motions)
         mirrors = has_mirror_image(bodies.values())
         problem = PlanningProblem.of(specs, motions, goals, mirrors=mirrors)
-        trees = grow(engine, problem, settings)
+        trees = grow(engine, problem, settings, steering)
         owners = _owners(trees[0].levels)
         for row, (pair, tree) in enumerate(zip(some, trees, strict=True)):
             nodes = [np.flatnonzero(owner == row) for owner in owners[: tree.depth]]

@@ -1,9 +1,10 @@
 """`wayfarer eval control`: Table 1 of the paper."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 import typer
@@ -46,6 +47,11 @@ app = typer.Typer()
 
 PLOTS = ("success", "success_03m", "steps", "avg_dist", "contact", "walk_slide_cm_s")
 PRIOR = "N(0, I)"
+AS_TRAINED: Final = Steering(behind=math.pi, acceleration=math.inf)
+"""Bodies are told goal and speed from the first primitive on, as in the paper's simulations. The
+service lets who has the goal behind it stop and turn on the spot first, which the paper's policies
+never learned: told to turn, they stand and sway."""
+
 Run = Callable[[list[Pair]], Iterator[Trial]]
 
 
@@ -95,7 +101,9 @@ def control(
     that weight of the KL term (Eq. 10). "search" rows are single bodies in the world that serves,
     with K candidates per step. Only the last row has the foot lock. Bodies begin at rest; with
     --lead those of offline rows begin as the paper's, with a primitive of the 1-frame predictor;
-    a policy that was trained so seldom sets off without it.
+    a policy that was trained so seldom sets off without it. Rows of policy(10), policy(1) and
+    g-CVAE are told goal and speed throughout, as they were trained; the others what the service
+    tells.
     """
     shipped = open_bundle(models, threads)
     of_paper = {"policy(10)": policy_10, "policy(1)": policy_1}
@@ -148,7 +156,8 @@ def _methods(
     if g_cvae:
         bundle = open_bundle(g_cvae, threads)
         yield ControlMethod(
-            "g-CVAE", _offline(bundle, seed, BeamSettings.paper(policy=0.0, reach=NEAR), lead)
+            "g-CVAE",
+            _offline(bundle, seed, BeamSettings.paper(policy=0.0, reach=NEAR), lead, AS_TRAINED),
         )
     trained = {"policy": shipped} if shipped.has_policy else {}
     for name, folder in of_paper.items():
@@ -160,7 +169,8 @@ def _methods(
     for ending, top in tops.items():
         for name, bundle in trained.items():
             settings = BeamSettings.paper(top, reach=NEAR)
-            yield ControlMethod(name + ending, _offline(bundle, seed, settings, lead))
+            told = AS_TRAINED if name in of_paper else None
+            yield ControlMethod(name + ending, _offline(bundle, seed, settings, lead, told))
     prior = BeamSettings.paper(1, policy=0.0, reach=NEAR)
     yield ControlMethod(f"{PRIOR} & top1", _offline(shipped, seed, prior, lead))
 
@@ -180,9 +190,20 @@ def _lead(models: Path, threads: int, seed: int) -> "Lead":
     return Lead(load_parts(models, None, threads), seed)
 
 
-def _offline(bundle: ModelBundle, seed: int, settings: BeamSettings, lead: "Lead | None") -> Run:
+def _offline(
+    bundle: ModelBundle,
+    seed: int,
+    settings: BeamSettings,
+    lead: "Lead | None",
+    told: Steering | None = None,
+) -> Run:
     world, random = bundle.world(TOGETHER, Steering()), np.random.default_rng(seed)
-    return lambda pairs: offline(bundle.engine, world, bundle.bodies, pairs, settings, random, lead)
+
+    def run(pairs: list[Pair]) -> Iterator[Trial]:
+        engine, bodies = bundle.engine, bundle.bodies
+        return offline(engine, world, bodies, pairs, settings, random, lead, told)
+
+    return run
 
 
 def _online(
