@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { Homes } from "../../clients/web/src/core/homes.js";
-import { otherNodes, watchPolicy } from "../../service/wayfarer/transport/viewer/nodes.js";
+import { nodesOf, watchNodes, watchPolicy } from "../../service/wayfarer/transport/viewer/nodes.js";
 
 const ABOUT = "session-00ff1234";
 
@@ -14,9 +14,26 @@ const answering = (policy) => async (href, { method }) => {
 test("the nodes are those that the policy of a node's page names, the latest first", async () => {
   const named = "h:1 h:2 other.example:80 h:* other.example:* *.later.example:*";
   const policy = `default-src 'none'; connect-src 'self' ${named} ws: wss: data:; base-uri h:9`;
-  assert.deepEqual(await otherNodes("http://h:1", answering(policy)), ["http://other.example:80", "http://h:2"]);
-  assert.deepEqual(await otherNodes("http://h:1", answering("connect-src 'self' ws:")), []);
-  assert.deepEqual(await otherNodes("http://h:1", answering("")), []);
+  assert.deepEqual(await nodesOf("http://h:1", answering(policy)), ["http://other.example:80", "http://h:2", "http://h:1"]);
+  assert.deepEqual(await nodesOf("http://h:1", answering("connect-src 'self' ws:")), []);
+  assert.deepEqual(await nodesOf("http://h:1", answering("")), []);
+});
+
+test("the others are looked up again and again, at the node that answers", async () => {
+  const homes = new Homes("http://h:1"), asked = [];
+  const answers = [["http://h:1"], new Error("away"), ["http://h:3", "http://h:2", "http://h:1"], []];
+  const seen = [];
+  await watchNodes(homes, async (entry) => {
+    asked.push(entry);
+    const answer = answers.shift();
+    if (answer instanceof Error) throw answer;
+    return answer;
+  }, async () => {
+    seen.push(homes.others);
+    if (answers.length === 2) homes.entry = "http://h:2"; // a call has turned
+  });
+  assert.deepEqual(asked, ["http://h:1", "http://h:1", "http://h:2", "http://h:2"]);
+  assert.deepEqual(seen, [[], [], ["http://h:3", "http://h:1"]]);
 });
 
 test("where the page's policy forbids a call, it is said where to go on", () => {

@@ -72,7 +72,8 @@ class NodeKeeper:
                 return
             if time.monotonic() - began > CALM_S:
                 pause = PAUSES_S[0]
-            log.error("node ended", node=self.name, code=code, again_in_s=pause)
+            how = f"exit code {code}" if code > 0 else f"signal {-code}, {signal.strsignal(-code)}"
+            log.error("node ended", node=self.name, by=how, again_in_s=pause)
             self.restarts += 1
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._stopping.wait(), pause)

@@ -89,7 +89,9 @@ class Replication:
             replica, sent = Replica(replica.state), -1
         own = self._tenancy.node.name
         kept = await self._peers.keep(node, own, name, replica, known.parts)
-        if kept == sent:
+        if known.refused:
+            self._logs[key] = known
+        elif kept == sent:
             self._logs[key] = _LogCopy(kept, replica.mark)
         elif not known.parts:
             log.warning("log not copied: it is too large", session_id=name, neighbour=node.name)

@@ -26,7 +26,7 @@ from wayfarer.world.stepping.due import Due
 SAME_TIME: Final = 1e-6
 """Seconds: chunks that far from their schedule are on it, but for rounding."""
 
-RESTART_COST: Final = 8
+RESTART_COST: Final = 16
 """Entries that a restart counts for, beside the goals of its path: it holds a pose."""
 
 Told = GoalCommand | AgentChange

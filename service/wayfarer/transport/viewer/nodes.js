@@ -3,26 +3,33 @@
 const SECONDS = 3; // between two looks: a node is known before its neighbour has died, too
 
 /**
- * Keep `homes.others` up to date from now on; when the page's node ends, they have its sessions. They stand in the policy
- * of any node's page; there are none where the server is no cluster.
+ * Keep `homes.others` up to date from now on: when the page's node ends, they have its sessions.
  * @param {import("../../../../clients/web/src/core/homes.js").Homes} homes
  */
-export function watchNodes(homes, look = otherNodes) {
-  const again = () => look(homes.entry).then((nodes) => (homes.others = nodes), () => {}); // no answer: calls go on without it
-  again().then((nodes) => nodes?.length && setInterval(again, 1000 * SECONDS));
+export async function watchNodes(homes, look = nodesOf, pause = sleep) {
+  for (;;) {
+    try {
+      const nodes = await look(homes.entry);
+      if (!nodes.length) return; // no cluster
+      homes.others = nodes.filter((node) => node !== homes.entry);
+    } catch {
+      // no answer: the next call that gets none asks another node, and so does this
+    }
+    await pause(SECONDS);
+  }
 }
 
 /**
- * Addresses of the other nodes that the one at `entry` knows, the latest first: those that were come last.
+ * Addresses of the nodes that the one at `entry` knows, itself among them, the latest first: those that were come last.
+ * They stand in the policy of any node's page; there are none where the server is no cluster.
  * @param {string} entry @param {typeof fetch} [ask] @returns {Promise<string[]>}
  */
-export async function otherNodes(entry, ask = fetch) {
-  const { protocol, host } = new URL(entry);
+export async function nodesOf(entry, ask = fetch) {
   const answer = await ask(`${entry}/`, { method: "HEAD" });
   const policy = answer.headers.get("content-security-policy") ?? "";
   const called = /connect-src ([^;]*)/.exec(policy)?.[1].split(" ") ?? [];
-  const places = called.filter((place) => /^[\w.-]+:\d+$/.test(place) && place !== host);
-  return places.reverse().map((place) => `${protocol}//${place}`);
+  const places = called.filter((place) => /^[\w.-]+:\d+$/.test(place));
+  return places.reverse().map((place) => `${new URL(entry).protocol}//${place}`);
 }
 
 /**
@@ -37,3 +44,5 @@ export function watchPolicy(tell, session, page = document) {
     tell(`This page may not call ${host}, a machine that came after it was opened. Go on at ${origin}/${id ? `?session=${id}` : ""}`);
   });
 }
+
+const sleep = (/** @type {number} */ seconds) => new Promise((done) => setTimeout(done, 1000 * seconds));
