@@ -151,8 +151,8 @@ def load_steps(
     """The step of each gender with the predictor of a run folder.
 
     The regressor is in half precision, which moves markers by 0.1 mm. (The predictor in bfloat16
-    would move them by 1.6 mm and be no faster.) Raises InvalidArgument, naming the config's `field`, when
-    the predictor has another number of seed frames.
+    would move them by 1.6 mm and be no faster.) Raises InvalidArgument, naming the config's
+    `field`, when the predictor has another number of seed frames.
     """
     trained = read_run_config(Path(folder))
     if trained["seed_frames"] != seed_frames:

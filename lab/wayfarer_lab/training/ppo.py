@@ -181,7 +181,7 @@ def update(
         for rows in torch.randperm(len(samples.latent)).split(settings.batch):
             part = samples.take(rows)
             if settled is None:
-                now, features, value = evaluate(policy, part.seed, part.condition)
+                now, _, value = evaluate(policy, part.seed, part.condition)
                 moved = divergence(part.old, now).mean()
                 if moved > settings.kl_limit:
                     settled = _all_features(policy, samples, settings.batch)

@@ -168,7 +168,7 @@ def approached(episode, gae=1.0):
 
 
 def test_credit_by_approach_pays_a_primitive_for_what_it_adds_to_the_goal_s_reward(episode):
-    """From 4 m, r_goal .8, agent 0 adds .05 a metre and .05 more within reach; 1 is twice as fast."""
+    """From 4 m, r_goal .8, agent 0 adds .05 a metre like the arrival; 1 is twice as fast."""
     returns = approached(episode)
     steps = torch.tensor([0.05, 0.05, 0.05, 0.05])
     assert returns[3, 0] == pytest.approx(0.05, abs=1e-6)
