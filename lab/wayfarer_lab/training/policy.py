@@ -102,6 +102,9 @@ class PolicyTrainer:
         )
         limit = -1.0 if self.run.step < config.critic_epochs else config.ppo.kl_limit
         settings = config.ppo.model_copy(update={"kl_limit": limit})
+        slow = self.run.step < config.ppo.slow_epochs
+        for group in self.optimizer.param_groups:
+            group["lr"] = config.ppo.rate * (0.5 if slow else 1.0)
         learning = update(self.model, self.optimizer, samples, settings)
         speed = {
             "time/agent_steps_per_second": len(samples.latent) / (simulated - began),

@@ -21,6 +21,7 @@ class PpoSettings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     rate: float = 3e-4
+    slow_epochs: int = 0  # first epochs, at half the rate: Adam's first steps are mostly noise
     batch: int = 1024
     passes: int = 3
     discount: float = 0.99  # γ of Eq. 13
