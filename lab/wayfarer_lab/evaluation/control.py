@@ -8,6 +8,7 @@ primitives. *Online* methods are the service's own: one body, without going back
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Any, Final
 
 import numpy as np
@@ -19,7 +20,8 @@ from wayfarer.model_bundle import Bodies
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal
-from wayfarer.world.agents.slots import Motion
+from wayfarer.world.agents.slots import Mode, Motion
+from wayfarer.world.goals.steering import Steering
 from wayfarer.world.rows import Index
 from wayfarer.world.search.beam import grow
 from wayfarer.world.search.beam_settings import BeamSettings
@@ -68,6 +70,23 @@ def random_pairs(count: int, speed: float, random: np.random.Generator) -> list[
     return [Pair(spec, _random_goal(spec, speed, random)) for spec in random_specs(count, random)]
 
 
+def told_the_goal_alone() -> Steering:
+    """Steering for policies trained by PPO, which were told a goal and a speed and nothing else.
+
+    The service's has those behind whom the goal lies turn on the spot, with a facing and weights
+    of its own, tells less speed at the start and before a stop, and gives each agent a manner.
+    """
+    usual = Steering()
+    walking = replace(usual.searches[Mode.WALKING], manner=0.0)
+    return replace(
+        usual,
+        searches=dict.fromkeys(Mode, walking),
+        behind=inf,
+        acceleration=inf,
+        slowest=inf,
+    )
+
+
 def offline(
     engine: Engine,
     world: World,
@@ -76,10 +95,11 @@ def offline(
     settings: BeamSettings,
     random: np.random.Generator,
     lead: Callable[[Sequence[AgentSpec], Sequence[Motion]], None] | None = None,
+    steering: Steering | None = None,
 ) -> Iterator[Trial]:
     """Trials by tree search; `settings.reach` must be the nearer of the two distances, 0.3 m.
 
-    `lead` may move the standing bodies on before their trees begin.
+    `lead` may move the standing bodies on before their trees begin; `steering` None: the service's.
     """
     for begin in range(0, len(pairs), TOGETHER):
         some = pairs[begin : begin + TOGETHER]
@@ -89,7 +109,7 @@ def offline(
             lead(specs, motions)
         mirrors = has_mirror_image(bodies.values())
         problem = PlanningProblem.of(specs, motions, goals, mirrors=mirrors)
-        trees = grow(engine, problem, settings)
+        trees = grow(engine, problem, settings, steering)
         owners = _owners(trees[0].levels)
         for row, (pair, tree) in enumerate(zip(some, trees, strict=True)):
             nodes = [np.flatnonzero(owner == row) for owner in owners[: tree.depth]]

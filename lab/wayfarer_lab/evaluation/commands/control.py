@@ -34,6 +34,7 @@ from wayfarer_lab.evaluation.control import (
     offline,
     online,
     random_pairs,
+    told_the_goal_alone,
 )
 from wayfarer_lab.evaluation.outcome import NEAR
 from wayfarer_lab.evaluation.tracks import Recorded
@@ -92,9 +93,11 @@ def control(
     search that keeps the k best of 32 primitives at every level. The row "policy" is the policy of
     --models; the shipped one is trained by analytic gradients, which the paper does not do
     (docs/models.md). The rows policy(10) and policy(1) need --policy-10 and --policy-1: PPO with
-    that weight of the KL term (Eq. 10). "search" rows are single bodies in the world that serves,
-    with K candidates per step. Only the last row has the foot lock. Bodies begin at rest; with
-    --lead those of offline rows begin as the paper's, with a primitive of the 1-frame predictor;
+    that weight of the KL term (Eq. 10); they are told the goal and the speed alone, as in their
+    training, where others are told to turn on the spot first. "search" rows are single bodies in
+    the world that serves, with K candidates per step. Only the last row has the foot lock. Bodies
+    begin at rest; with --lead those of offline rows begin as the paper's, with a primitive of the
+    1-frame predictor;
     a policy that was trained so seldom sets off without it.
     """
     shipped = open_bundle(models, threads)
@@ -160,7 +163,8 @@ def _methods(
     for ending, top in tops.items():
         for name, bundle in trained.items():
             settings = BeamSettings.paper(top, reach=NEAR)
-            yield ControlMethod(name + ending, _offline(bundle, seed, settings, lead))
+            steering = told_the_goal_alone() if name in of_paper else None
+            yield ControlMethod(name + ending, _offline(bundle, seed, settings, lead, steering))
     prior = BeamSettings.paper(1, policy=0.0, reach=NEAR)
     yield ControlMethod(f"{PRIOR} & top1", _offline(shipped, seed, prior, lead))
 
@@ -180,9 +184,17 @@ def _lead(models: Path, threads: int, seed: int) -> "Lead":
     return Lead(load_parts(models, None, threads), seed)
 
 
-def _offline(bundle: ModelBundle, seed: int, settings: BeamSettings, lead: "Lead | None") -> Run:
+def _offline(
+    bundle: ModelBundle,
+    seed: int,
+    settings: BeamSettings,
+    lead: "Lead | None",
+    steering: Steering | None = None,
+) -> Run:
     world, random = bundle.world(TOGETHER, Steering()), np.random.default_rng(seed)
-    return lambda pairs: offline(bundle.engine, world, bundle.bodies, pairs, settings, random, lead)
+    return lambda pairs: offline(
+        bundle.engine, world, bundle.bodies, pairs, settings, random, lead, steering
+    )
 
 
 def _online(
