@@ -8,6 +8,7 @@ primitives. *Online* methods are the service's own: one body, without going back
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Any, Final
 
 import numpy as np
@@ -19,7 +20,7 @@ from wayfarer.model_bundle import Bodies
 from wayfarer.spec import STEP_SECONDS
 from wayfarer.world.agents.agent import AgentSpec
 from wayfarer.world.agents.goal import Goal
-from wayfarer.world.agents.slots import Motion
+from wayfarer.world.agents.slots import Mode, Motion
 from wayfarer.world.goals.steering import Steering
 from wayfarer.world.rows import Index
 from wayfarer.world.search.beam import grow
@@ -69,6 +70,23 @@ def random_pairs(count: int, speed: float, random: np.random.Generator) -> list[
     return [Pair(spec, _random_goal(spec, speed, random)) for spec in random_specs(count, random)]
 
 
+def told_the_goal_alone() -> Steering:
+    """Steering for policies trained by PPO, which were told a goal and a speed and nothing else.
+
+    The service's has those behind whom the goal lies turn on the spot, with a facing and weights
+    of its own, tells less speed at the start and before a stop, and gives each agent a manner.
+    """
+    usual = Steering()
+    walking = replace(usual.searches[Mode.WALKING], manner=0.0)
+    return replace(
+        usual,
+        searches=dict.fromkeys(Mode, walking),
+        behind=inf,
+        acceleration=inf,
+        slowest=inf,
+    )
+
+
 def offline(
     engine: Engine,
     world: World,
@@ -81,8 +99,7 @@ def offline(
 ) -> Iterator[Trial]:
     """Trials by tree search; `settings.reach` must be the nearer of the two distances, 0.3 m.
 
-    `lead` may move the standing bodies on before their trees begin; `steering` tells them what to
-    do, else that of the service.
+    `lead` may move the standing bodies on before their trees begin; `steering` None: the service's.
     """
     for begin in range(0, len(pairs), TOGETHER):
         some = pairs[begin : begin + TOGETHER]

@@ -1,10 +1,11 @@
 """One episode of many agents: what they saw, did and got until each reached its goal or broke."""
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import torch
 from torch import Tensor
 
+from wayfarer.errors import InvalidArgument
 from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
 from wayfarer_lab.training import reward
 from wayfarer_lab.training.environment import AgentBatch, GoalEnvironment, State, take
@@ -17,6 +18,10 @@ from wayfarer_lab.training.ppo import (
     padded,
 )
 
+GoalCredit = Literal["episode", "approach"]
+"""Which primitives r_goal (Eq. 9) is credited to: all of the episode, as the paper has it, or those
+that came closer to the goal than any before them."""
+
 
 class Episode(NamedTuple):
     """T primitives of A agents. Fields [N, …] hold the samples of `alive`, in its order."""
@@ -26,6 +31,7 @@ class Episode(NamedTuple):
     policy: Gaussian  # [N, 128] that drew them
     values: Tensor  # [T, A] of the critic
     rewards: Tensor  # [T, A, R] in the order of `reward.REWARDS`
+    to_goal: Tensor  # [1 + T, A] Eq. 9 of the least distance so far, from the start on
     alive: Tensor  # [T, A] the agent was going when the primitive began
     future: Tensor  # [A] the critic's value of the end of agents that ran out of time, else 0
     closest: Tensor  # [A] metres, least distance to the goal at the end of a primitive
@@ -55,6 +61,8 @@ def simulate(
     hips = torch.full((1 + primitives, count, 3), torch.nan)
     hips[0] = agents.translation[:, -1]
     closest = torch.full((count,), torch.inf)
+    nearest = (agents.goal - agents.translation[:, -1])[:, :2].norm(dim=-1)
+    to_goal = reward.goal(nearest, task.area, task.reached).repeat(1 + primitives, 1)
     reached, broken = torch.zeros(count, dtype=torch.bool), torch.zeros(count, dtype=torch.bool)
     steps = torch.full((count,), primitives)
     samples: list[tuple[Tensor, ...]] = []
@@ -71,6 +79,8 @@ def simulate(
         closest[rows] = torch.where(
             sound, torch.minimum(closest[rows], feedback.distance), closest[rows]
         )
+        nearest = torch.minimum(nearest, closest)
+        to_goal[1 + t :] = reward.goal(nearest, task.area, task.reached)
         there = sound & (feedback.distance <= task.reached)
         steps[rows[there & ~reached[rows]]] = t + 1
         reached[rows] |= there
@@ -84,7 +94,7 @@ def simulate(
     if len(rows):
         future[rows] = evaluate(policy, *environment.observe(agents))[2]
     # Eq. 9 counts for all primitives of the episode
-    to_goal = reward.goal(closest, task.area, task.reached).expand(primitives, -1)
+    of_all = reward.goal(closest, task.area, task.reached).expand(primitives, -1)
     seeds, *fields = zip(*samples, strict=True)
     seed = torch.cat([padded(s, max(x.shape[1] for x in seeds)) for s in seeds])
     goal, speed, facing, weights, latent, mean, log_std = map(torch.cat, fields)
@@ -93,7 +103,8 @@ def simulate(
         latent=latent,
         policy=Gaussian(mean, log_std),
         values=values,
-        rewards=torch.cat([rewards, to_goal[..., None]], -1) * alive[..., None],
+        rewards=torch.cat([rewards, of_all[..., None]], -1) * alive[..., None],
+        to_goal=to_goal,
         alive=alive,
         future=future,
         closest=closest,
@@ -105,7 +116,12 @@ def simulate(
 
 
 def samples_of(
-    episode: Episode, weights: Tensor, arrival: float | None, settings: PpoSettings, clones: int = 1
+    episode: Episode,
+    weights: Tensor,
+    arrival: float | None,
+    settings: PpoSettings,
+    clones: int = 1,
+    credit: GoalCredit = "episode",
 ) -> SampleBatch:
     """What PPO learns from. `weights` [R] are those of Eq. 4.
 
@@ -116,12 +132,29 @@ def samples_of(
     for ever. (Every reward is positive: without it, ending early by arriving would be a loss, and
     agents would learn to dawdle.) With `arrival` None nothing comes after the last primitive: Eq.
     13 as it stands. `clones` agents after one another are those of one simulation.
+
+    Credit by `approach`: r_goal of the least distance so far is paid from each primitive on for
+    ever, so a primitive earns what it adds to that, at once, and a fall costs what had been earned.
+    What was earned before a primitive began is known then; to leave it out of the return, as a
+    baseline, changes the expected gradient as little as the critic does. What is left says which
+    primitive brought an agent closer, where a whole episode's r_goal is the same for all of them.
     """
-    scalar = (episode.rewards @ weights) / weights.sum() * (1 - settings.discount)
+    shares = weights / weights.sum()
+    scale = 1 - settings.discount
     if arrival is None:
+        if credit == "approach":
+            raise InvalidArgument("credit by approach needs the value of arrival", "goal_credit")
+        scalar = episode.rewards @ shares * scale
         after = torch.zeros_like(episode.future)
-    else:
+    elif credit == "episode":
+        scalar = episode.rewards @ shares * scale
         after = torch.where(episode.reached, arrival, episode.future)
+    else:
+        of_goal = shares[-1]
+        scalar = episode.rewards[..., :-1] @ shares[:-1] * scale
+        scalar = scalar + of_goal * episode.to_goal.diff(dim=0)
+        after = torch.where(episode.reached, arrival * (1 - of_goal), episode.future)
+        after = torch.where(episode.broken, -of_goal * episode.to_goal[-1], after)
     advantage, returns = advantages(
         scalar, episode.values, episode.alive, after, settings.discount, settings.gae
     )

@@ -22,9 +22,10 @@ from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS
 from wayfarer_lab.training.dataset import Poses
 from wayfarer_lab.training.environment import GoalEnvironment, Task
-from wayfarer_lab.training.episode import Episode, samples_of, simulate
+from wayfarer_lab.training.episode import Episode, GoalCredit, samples_of, simulate
 from wayfarer_lab.training.pose_prior import load_pose_prior
 from wayfarer_lab.training.ppo import PpoSettings, update
+from wayfarer_lab.training.precision import half_precision
 from wayfarer_lab.training.reward import REWARD, REWARDS
 from wayfarer_lab.training.run import TrainingRun, load_weights, read_run_config
 from wayfarer_lab.training.starts import StartSampler
@@ -52,6 +53,7 @@ class PolicyConfig(BaseModel):
     reward: dict[str, float] = REWARD  # β of Eq. 4
     ends: Literal["each", "all"] = "each"  # all: clones go on until all have arrived (the paper)
     arrival: float = 1.0  # share of all reward that an agent gets for ever once it has arrived
+    goal_credit: GoalCredit = "episode"  # which primitives r_goal is credited to
     start_kinds: dict[str, float] = {"standing": 0.45, "moving": 0.45, "pose_prior": 0.1}
     moving_mix: dict[str, float] = {"walk": 0.6, "start_stop": 0.2, "turn": 0.2}
     task: Task = Task()
@@ -95,9 +97,14 @@ class PolicyTrainer:
         episode = simulate(self.environment, self.model, agents, config.primitives, together)
         simulated = time.perf_counter()
         arrival = None if config.ends == "all" else config.arrival
-        samples = samples_of(episode, self.weights, arrival, config.ppo, config.clones)
+        samples = samples_of(
+            episode, self.weights, arrival, config.ppo, config.clones, config.goal_credit
+        )
         limit = -1.0 if self.run.step < config.critic_epochs else config.ppo.kl_limit
         settings = config.ppo.model_copy(update={"kl_limit": limit})
+        slow = self.run.step < config.ppo.slow_epochs
+        for group in self.optimizer.param_groups:
+            group["lr"] = config.ppo.rate * (0.5 if slow else 1.0)
         learning = update(self.model, self.optimizer, samples, settings)
         speed = {
             "time/agent_steps_per_second": len(samples.latent) / (simulated - began),
@@ -146,9 +153,9 @@ def load_steps(
 ) -> tuple[PrimitiveStep, ...]:
     """The step of each gender with the predictor of a run folder.
 
-    The regressor is in bfloat16, which moves markers by 0.1 mm. (The predictor in bfloat16 would
-    move them by 1.6 mm and be no faster.) Raises InvalidArgument, naming the config's `field`, when
-    the predictor has another number of seed frames.
+    The regressor is in half precision, which moves markers by 0.1 mm. (The predictor in bfloat16
+    would move them by 1.6 mm and be no faster.) Raises InvalidArgument, naming the config's
+    `field`, when the predictor has another number of seed frames.
     """
     trained = read_run_config(Path(folder))
     if trained["seed_frames"] != seed_frames:
@@ -157,7 +164,7 @@ def load_steps(
             f"this policy wants {seed_frames}",
             field,
         )
-    half = torch.autocast("cpu", dtype=torch.bfloat16)
+    half = half_precision()
     predictor = load_weights(MarkerPredictor(seed_frames), Path(folder))
     steps = []
     for gender in GENDERS:

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
+from wayfarer_lab.training.precision import half_precision
 
 
 class PpoSettings(BaseModel):
@@ -20,6 +21,7 @@ class PpoSettings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     rate: float = 3e-4
+    slow_epochs: int = 0  # first epochs, at half the rate: Adam's first steps are mostly noise
     batch: int = 1024
     passes: int = 3
     discount: float = 0.99  # γ of Eq. 13
@@ -57,11 +59,11 @@ class SampleBatch(NamedTuple):
 def evaluate(
     policy: GoalPolicy, seed: Tensor, condition: Condition
 ) -> tuple[Gaussian, Tensor, Tensor]:
-    """π(z | s), features and V(s) [N]. In bfloat16, except for what enters a ratio: float32.
+    """π(z | s), features and V(s) [N]. Half precision, except for what enters a ratio: float32.
 
     Seeds may be `padded`.
     """
-    with torch.autocast(seed.device.type, dtype=torch.bfloat16):
+    with half_precision():
         features = _features(policy, seed, condition)
         value = policy.value(features)
     return policy.act(features.float()), features, value.float()
@@ -155,6 +157,14 @@ def robust(divergence: Tensor) -> Tensor:
     return torch.sqrt(1 + divergence * divergence) - 1
 
 
+@torch.no_grad()
+def _all_features(policy: GoalPolicy, samples: SampleBatch, batch: int) -> Tensor:
+    """The policy's features [N, 512] of all samples."""
+    parts = torch.arange(len(samples.latent)).split(batch)
+    taken = (samples.take(rows) for rows in parts)
+    return torch.cat([evaluate(policy, part.seed, part.condition)[1].float() for part in taken])
+
+
 def update(
     policy: GoalPolicy,
     optimizer: torch.optim.Optimizer,
@@ -167,19 +177,20 @@ def update(
     shared encoder stay as they are.
     """
     watched: list[dict[str, float]] = []
-    acting = True
+    settled: Tensor | None = None  # [N, 512] features, once the encoder stays as it is
     for _ in range(settings.passes):
         for rows in torch.randperm(len(samples.latent)).split(settings.batch):
             part = samples.take(rows)
-            with torch.set_grad_enabled(acting):
-                now, features, value = evaluate(policy, part.seed, part.condition)
-            moved = divergence(part.old, now).mean()
-            acting = acting and bool(moved <= settings.kl_limit)
-            if not acting:
-                value = policy.value(features.detach().float())
+            if settled is None:
+                now, _, value = evaluate(policy, part.seed, part.condition)
+                moved = divergence(part.old, now).mean()
+                if moved > settings.kl_limit:
+                    settled = _all_features(policy, samples, settings.batch)
+            if settled is not None:
+                value = policy.value(settled[rows])
             error = value_loss(value, part.returns)
             loss = settings.value_weight * error
-            if acting:
+            if settled is None:
                 log_ratio = now.log_probability(part.latent) - part.old.log_probability(part.latent)
                 surrogate = policy_loss(log_ratio.exp(), part.advantage, settings.clip)
                 to_prior = now.kl().mean()

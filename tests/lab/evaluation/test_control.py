@@ -10,7 +10,9 @@ from tests.lab.evaluation.people import BODIES, make_world
 from tests.world.fakes import FakeEngine
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.spec import NEW_FRAMES
+from wayfarer.terms import WALK, weights
 from wayfarer.world.agents.goal import Goal
+from wayfarer.world.goals.steering import Steering
 from wayfarer.world.search.beam_settings import BeamSettings
 from wayfarer_lab.evaluation import control as module
 from wayfarer_lab.evaluation.control import (
@@ -21,6 +23,7 @@ from wayfarer_lab.evaluation.control import (
     offline,
     online,
     random_pairs,
+    told_the_goal_alone,
 )
 from wayfarer_lab.evaluation.gait import Windows
 
@@ -55,6 +58,37 @@ def test_clones_glide_to_the_goal() -> None:
         assert max(ends) == pytest.approx(0.75, abs=0.3), "cut at 0.75 m, though it goes on to 0.3"
         starts = [np.linalg.norm(t.hips[0, :2] - pair.spec.position) for t in trial.tracks]
         assert max(starts) < 0.1, "a track is the whole way of one clone"
+
+
+class ListeningEngine(FakeEngine):
+    """Keeps what each step was told."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.told: list[StepInputs] = []
+
+    def step(self, gender: str, inputs: StepInputs) -> StepOutputs:
+        self.told.append(inputs)
+        return super().step(gender, inputs)
+
+
+def told(steering: Steering | None) -> list[StepInputs]:
+    """The first steps of twelve bodies; behind some of them lies the goal."""
+    engine, beam = ListeningEngine(), BeamSettings(children=1, keep=4, roots=4, depth=3, reach=0.3)
+    random = np.random.default_rng(0)
+    some = pairs(12, 1.2)
+    list(offline(engine, make_world(), BODIES, some, beam, random, steering=steering))
+    return engine.told
+
+
+def test_the_paper_s_policies_are_told_the_goal_alone() -> None:
+    for step in told(told_the_goal_alone()):
+        assert np.allclose(step.target_speed, 1.2, atol=0.2)  # trimmed
+        assert not step.facing.any()
+        assert np.allclose(step.term_weights, weights(WALK))
+    usual = told(None)
+    assert any(step.facing.any() for step in usual)
+    assert (usual[0].target_speed < 0.7).all()
 
 
 class ShyEngine(FakeEngine):

@@ -3,6 +3,7 @@
 import pytest
 import torch
 
+from wayfarer.errors import InvalidArgument
 from wayfarer.motion.policy import Condition, GoalPolicy
 from wayfarer.spec import LATENT
 from wayfarer.terms import TERMS
@@ -153,3 +154,48 @@ def test_arriving_pays_more_than_dawdling(episode):
     slow, fast = with_it[rows][0], with_it[rows][1]
     assert fast > slow
     assert without[rows][1] < without[rows][0]
+
+
+def approached(episode, gae=1.0):
+    """Returns [T, A] where only r_goal counts and is credited by approach; γ = 1/2."""
+    weights = torch.zeros(len(REWARDS))
+    weights[REWARDS.index("goal")] = 1.0
+    settings = PpoSettings(discount=0.5, gae=gae)
+    returns = torch.zeros_like(episode.values)
+    batch = samples_of(episode, weights, 1.0, settings, credit="approach")
+    returns[episode.alive] = batch.returns
+    return returns
+
+
+def test_credit_by_approach_pays_a_primitive_for_what_it_adds_to_the_goal_s_reward(episode):
+    """From 4 m, r_goal .8, agent 0 adds .05 a metre like the arrival; 1 is twice as fast."""
+    returns = approached(episode)
+    steps = torch.tensor([0.05, 0.05, 0.05, 0.05])
+    assert returns[3, 0] == pytest.approx(0.05, abs=1e-6)
+    assert returns[0, 0] == pytest.approx(float(steps @ 0.5 ** torch.arange(4.0)), abs=1e-6)
+    assert returns[0, 1] == pytest.approx(0.1 + 0.5 * 0.1, abs=1e-6)
+
+
+def test_credit_by_approach_lets_a_fall_cost_what_was_earned(episode):
+    """Agent 3, 50 m away, earned nothing; were its goal near, all of that would be lost."""
+    assert approached(episode)[:3, 3].abs().max() == 0
+    earned = episode.to_goal.clone()
+    earned[1:, 3] = 0.4
+    returns = approached(episode._replace(to_goal=earned))
+    assert returns[2, 3] == pytest.approx(-0.5 * 0.4)
+    assert returns[0, 3] == pytest.approx(0.4 - 0.125 * 0.4)
+
+
+def test_credit_by_approach_equals_that_of_all_but_for_what_was_known_before():
+    """Both sums of one endless walk: Σ γ^t r_goal so far = r_goal at the start + what is added."""
+    torch.manual_seed(0)
+    scene = Points()
+    episode = simulate(scene, GoalPolicy(), scene.agents(), primitives=5)
+    so_far = episode.to_goal[1:, 0]  # of an agent that arrives, and gets 1 for ever
+    paid = 0.5 * float(so_far[:4] @ 0.5 ** torch.arange(4.0)) + 0.5**4 * 1.0
+    assert paid - episode.to_goal[0, 0] == pytest.approx(float(approached(episode)[0, 0]), abs=1e-6)
+
+
+def test_credit_by_approach_needs_the_value_of_arrival(episode):
+    with pytest.raises(InvalidArgument, match="arrival"):
+        samples_of(episode, torch.ones(len(REWARDS)), None, PpoSettings(), credit="approach")

@@ -142,3 +142,14 @@ def test_the_paper_s_policies_are_the_paper_s():
         assert (ppo.discount, ppo.gae, ppo.clip, ppo.kl_limit) == (0.99, 1.0, 0.2, 0.02)
         assert ppo.prior_weight == weight and ppo.normalised_over == "clones"
         assert (config.task.near_share, config.task.reached, config.task.area) == (0, 0.75, 20)
+
+
+def test_the_first_epochs_go_at_half_the_rate(world, tmp_path):
+    ppo = SMALL.ppo.model_copy(update={"slow_epochs": 1, "rate": 1e-4})
+    trainer = PolicyTrainer(SMALL.model_copy(update={"ppo": ppo}), world)
+    trainer.run = TrainingRun(tmp_path, trainer.config, trainer.model, trainer.optimizer)
+    rates = []
+    for trainer.run.step in range(2):
+        trainer.update()
+        rates.append(trainer.optimizer.param_groups[0]["lr"])
+    assert rates == [5e-5, 1e-4]

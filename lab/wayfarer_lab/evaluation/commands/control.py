@@ -1,10 +1,9 @@
 """`wayfarer eval control`: Table 1 of the paper."""
 
-import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -35,6 +34,7 @@ from wayfarer_lab.evaluation.control import (
     offline,
     online,
     random_pairs,
+    told_the_goal_alone,
 )
 from wayfarer_lab.evaluation.outcome import NEAR
 from wayfarer_lab.evaluation.tracks import Recorded
@@ -47,11 +47,6 @@ app = typer.Typer()
 
 PLOTS = ("success", "success_03m", "steps", "avg_dist", "contact", "walk_slide_cm_s")
 PRIOR = "N(0, I)"
-AS_TRAINED: Final = Steering(behind=math.pi, acceleration=math.inf)
-"""Bodies are told goal and speed from the first primitive on, as in the paper's simulations. The
-service lets who has the goal behind it stop and turn on the spot first, which the paper's policies
-never learned: told to turn, they stand and sway."""
-
 Run = Callable[[list[Pair]], Iterator[Trial]]
 
 
@@ -98,12 +93,11 @@ def control(
     search that keeps the k best of 32 primitives at every level. The row "policy" is the policy of
     --models; the shipped one is trained by analytic gradients, which the paper does not do
     (docs/models.md). The rows policy(10) and policy(1) need --policy-10 and --policy-1: PPO with
-    that weight of the KL term (Eq. 10). "search" rows are single bodies in the world that serves,
-    with K candidates per step. Only the last row has the foot lock. Bodies begin at rest; with
-    --lead those of offline rows begin as the paper's, with a primitive of the 1-frame predictor;
-    a policy that was trained so seldom sets off without it. Rows of policy(10), policy(1) and
-    g-CVAE are told goal and speed throughout, as they were trained; the others what the service
-    tells.
+    that weight of the KL term (Eq. 10); they and the g-CVAE are told the goal and the speed alone,
+    as in their training, where others are told to turn on the spot first. "search" rows are single
+    bodies in the world that serves, with K candidates per step. Only the last row has the foot
+    lock. Bodies begin at rest; with --lead those of offline rows begin as the paper's, with a
+    primitive of the 1-frame predictor; a policy that was trained so seldom sets off without it.
     """
     shipped = open_bundle(models, threads)
     of_paper = {"policy(10)": policy_10, "policy(1)": policy_1}
@@ -157,7 +151,13 @@ def _methods(
         bundle = open_bundle(g_cvae, threads)
         yield ControlMethod(
             "g-CVAE",
-            _offline(bundle, seed, BeamSettings.paper(policy=0.0, reach=NEAR), lead, AS_TRAINED),
+            _offline(
+                bundle,
+                seed,
+                BeamSettings.paper(policy=0.0, reach=NEAR),
+                lead,
+                told_the_goal_alone(),
+            ),
         )
     trained = {"policy": shipped} if shipped.has_policy else {}
     for name, folder in of_paper.items():
@@ -169,8 +169,8 @@ def _methods(
     for ending, top in tops.items():
         for name, bundle in trained.items():
             settings = BeamSettings.paper(top, reach=NEAR)
-            told = AS_TRAINED if name in of_paper else None
-            yield ControlMethod(name + ending, _offline(bundle, seed, settings, lead, told))
+            steering = told_the_goal_alone() if name in of_paper else None
+            yield ControlMethod(name + ending, _offline(bundle, seed, settings, lead, steering))
     prior = BeamSettings.paper(1, policy=0.0, reach=NEAR)
     yield ControlMethod(f"{PRIOR} & top1", _offline(shipped, seed, prior, lead))
 
@@ -195,15 +195,12 @@ def _offline(
     seed: int,
     settings: BeamSettings,
     lead: "Lead | None",
-    told: Steering | None = None,
+    steering: Steering | None = None,
 ) -> Run:
     world, random = bundle.world(TOGETHER, Steering()), np.random.default_rng(seed)
-
-    def run(pairs: list[Pair]) -> Iterator[Trial]:
-        engine, bodies = bundle.engine, bundle.bodies
-        return offline(engine, world, bodies, pairs, settings, random, lead, told)
-
-    return run
+    return lambda pairs: offline(
+        bundle.engine, world, bundle.bodies, pairs, settings, random, lead, steering
+    )
 
 
 def _online(
