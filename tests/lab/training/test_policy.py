@@ -144,6 +144,12 @@ def test_the_paper_s_policies_are_the_paper_s():
         assert (config.task.near_share, config.task.reached, config.task.area) == (0, 0.75, 20)
 
 
+def test_the_cheaper_estimator_is_of_the_paper_s_reward():
+    config = read_config(PolicyConfig, "paper/policy_10_approach")
+    assert config.reward == PAPER_REWARD and not config.start_from
+    assert (config.ppo.discount, config.ppo.clip, config.ppo.prior_weight) == (0.99, 0.2, 10.0)
+
+
 def test_the_first_epochs_go_at_half_the_rate(world, tmp_path):
     ppo = SMALL.ppo.model_copy(update={"slow_epochs": 1, "rate": 1e-4})
     trainer = PolicyTrainer(SMALL.model_copy(update={"ppo": ppo}), world)
