@@ -16,7 +16,6 @@ from wayfarer_lab.evaluation.paper.published import (
     bodies_row,
     control_row,
     direct_row,
-    ppo_row,
     predictor_row,
     realism_row,
     reprojection_row,
@@ -141,15 +140,15 @@ ORDERINGS: Final = (
     ),
     Ordering(
         "a policy arrives more often than the g-CVAE", "Table 1",
-        ppo_row("policy(10)"), control_row("g-CVAE"), "success", True, UNTRAINED_PPO.format(10),
+        control_row("policy(10)"), control_row("g-CVAE"), "success", True, UNTRAINED_PPO.format(10),
     ),
     Ordering(
         "a policy has better contact than the g-CVAE", "Table 1",
-        ppo_row("policy(10)"), control_row("g-CVAE"), "contact", True, UNTRAINED_PPO.format(10),
+        control_row("policy(10)"), control_row("g-CVAE"), "contact", True, UNTRAINED_PPO.format(10),
     ),
     Ordering(
         "a policy leaves bodies nearer to the goal than the g-CVAE", "Table 1",
-        ppo_row("policy(10)"), control_row("g-CVAE"), "avg_dist", False,
+        control_row("policy(10)"), control_row("g-CVAE"), "avg_dist", False,
         UNTRAINED_PPO.format(10),
     ),
     Ordering(
@@ -159,27 +158,27 @@ ORDERINGS: Final = (
     ),
     Ordering(
         "tree search arrives more often than the policy alone: PPO", "Table 1",
-        ppo_row("policy(10) & top1"), ppo_row("policy(10)"), "success", True,
+        control_row("policy(10) & top1"), control_row("policy(10)"), "success", True,
         UNTRAINED_PPO.format(10),
     ),
     Ordering(
         "tree search arrives sooner than the policy alone: PPO", "Table 1",
-        ppo_row("policy(10) & top1"), ppo_row("policy(10)"), "steps", False,
+        control_row("policy(10) & top1"), control_row("policy(10)"), "steps", False,
         UNTRAINED_PPO.format(10),
     ),
     Ordering(
         "tree search leaves bodies nearer to the goal: PPO", "Table 1",
-        ppo_row("policy(10) & top1"), ppo_row("policy(10)"), "avg_dist", False,
+        control_row("policy(10) & top1"), control_row("policy(10)"), "avg_dist", False,
         UNTRAINED_PPO.format(10),
     ),
     Ordering(
         "tree search has the better contact: PPO", "Table 1",
-        ppo_row("policy(10) & top1"), ppo_row("policy(10)"), "contact", True,
+        control_row("policy(10) & top1"), control_row("policy(10)"), "contact", True,
         UNTRAINED_PPO.format(10),
     ),
     Ordering(
         "to keep four nodes leaves bodies farther from the goal than to keep one: PPO", "Table 1",
-        ppo_row("policy(10) & top4"), ppo_row("policy(10) & top1"), "avg_dist", True,
+        control_row("policy(10) & top4"), control_row("policy(10) & top1"), "avg_dist", True,
         UNTRAINED_PPO.format(10),
     ),
     Ordering(
