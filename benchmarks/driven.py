@@ -146,7 +146,7 @@ class Driven:
             sights = sights_of(sent, self._world.slots)
             for session_id, chunks, slots in sent:
                 self._publisher.publish(session_id, chunks)
-                self._world.see(slots, self._publisher.sights(session_id, chunks))
+                self._world.see(session_id, slots, self._publisher.sights(session_id, chunks))
             if sent:
                 due = np.concatenate([one.chunks.scheduled_at for one in sent])
                 self._meter.chunks(event - due, sights)

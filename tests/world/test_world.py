@@ -300,7 +300,7 @@ def test_primitives_that_are_over_are_left_out_and_the_rest_follows_in_its_rhyth
     world, _ = populated(3)
     before = by_agent(world.advance(1.0))
     assert not world.skip(1.0).any() and not world.skip(1.15).any()
-    world.see(np.array([0]), [Sight.ROOT])
+    world.see("s", np.array([0]), [Sight.ROOT])
     by_sight = world.skip(4.0)
     assert by_sight.sum() == sum(
         int((4.0 - chunks[-1].scheduled_at - STEP_SECONDS + 1e-4) / STEP_SECONDS)

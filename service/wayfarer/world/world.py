@@ -325,7 +325,7 @@ class World:
             level = self.load.allow(
                 now, slack, scheduler.held_share, scheduler.under_way, scheduler.is_any_distant
             )
-        if level.near_first:
+        if level.coasts:
             self.scheduler.coast(frame)
         if level.hold_idle:
             self.scheduler.hold(frame)

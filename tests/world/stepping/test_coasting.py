@@ -15,7 +15,7 @@ from wayfarer.world.goals.steering import Steering, Targets
 from wayfarer.world.stepping.budget import DegradationLevel
 from wayfarer.world.stepping.coasting import TURN, coast
 
-SHORT = DegradationLevel(1, near_first=True)
+SHORT = DegradationLevel(1, coasts=True)
 FAR_GOAL = Goal((0.0, 30.0, 0.0))
 
 

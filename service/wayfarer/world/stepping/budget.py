@@ -2,8 +2,9 @@
 
 Frames must be there at their time whatever the load; quality gives way first:
 
-    near agents first     those seen as a root, or not at all, go on without the model,
-                          and of the others those come last who are not near        (REDUCED)
+    coasting              those seen as a root, or not at all, go on without the model (REDUCED)
+    near agents first     of the others those come last who are not near: engine calls are
+                          smaller then, and all together take longer
     fewer candidates      the search tries 16, 8, 4, 2, 1 in place of what was asked for  (REDUCED)
     hold idle agents      who stands with nothing to do keeps its pose, unstepped     (HELD)
     refuse new agents     ResourceExhausted
@@ -17,8 +18,9 @@ from wayfarer.world.stepping.window import Window
 
 COUNTS = (16, 8, 4, 2, 1)
 
-NEAR_FIRST = 1
-"""Number of the level that differs from the one above for distant agents only."""
+COASTING = 1
+NEAR_FIRST = 2
+"""Numbers of the levels that differ from the one above only where agents are distant."""
 
 WINDOW = 1.0
 """Seconds over which calls are looked at."""
@@ -29,7 +31,8 @@ class DegradationLevel:
     """What there is time for."""
 
     candidates: int  # the most to try
-    near_first: bool = False  # agents seen as a root at most coast, the near come first
+    coasts: bool = False  # agents seen as a root at most go on without the model
+    near_first: bool = False
     hold_idle: bool = False
     refuse: bool = False
 
@@ -42,11 +45,13 @@ def candidate_counts(most: int) -> tuple[int, ...]:
 def ladder(most: int) -> tuple[DegradationLevel, ...]:
     """All levels, best first."""
     full, *fewer = map(DegradationLevel, candidate_counts(most))
+    last = DegradationLevel(1, coasts=True, near_first=True, hold_idle=True)
     return (
         full,
-        *(replace(level, near_first=True) for level in (full, *fewer)),
-        DegradationLevel(1, near_first=True, hold_idle=True),
-        DegradationLevel(1, near_first=True, hold_idle=True, refuse=True),
+        replace(full, coasts=True),
+        *(replace(level, coasts=True, near_first=True) for level in (full, *fewer)),
+        last,
+        replace(last, refuse=True),
     )
 
 
@@ -117,7 +122,7 @@ class Budget:
     def _growth(self, held: float) -> tuple[float, float]:
         """Factors of one level up: of the time of a call, and of the number of calls."""
         above = self._levels[self.number - 1]
-        calls_distant = self.number == NEAR_FIRST
+        calls_distant = self.number == COASTING
         releases = calls_distant or (self.level.hold_idle and not above.hold_idle)
         tries_more = above.candidates > (1 if calls_distant else self.level.candidates)
         return (
@@ -128,7 +133,9 @@ class Budget:
     def _other(self, way: int, distant: bool) -> int:
         """The next level up (-1) or down (1) that changes something."""
         number = self.number + way
-        return number + way if number == NEAR_FIRST and not distant else number
+        while not distant and COASTING <= number <= NEAR_FIRST:
+            number += way
+        return number
 
     def _fall(self, now: float, distant: bool) -> None:
         rules, since = self._rules, now - self._climbed_at

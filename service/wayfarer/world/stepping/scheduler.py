@@ -202,7 +202,7 @@ class Scheduler:
         """
         slots = self._table.rows
         rows = self._playback.due(frame + self._company)
-        if level is not None and level.near_first:
+        if level is not None and level.coasts:
             rows = rows[slots.sight[rows] < Sight.ROOT]  # who coasts, and is not due yet
         is_due = self._playback.is_due(rows, frame)
         if not is_due.any() and (self.under_way or len(rows) < self._full):
