@@ -39,6 +39,10 @@ ALIVE_SECONDS: Final = 1.0  # without a turn for this long the thread counts as 
 HEARTBEAT: Final = 0.25  # the longest wait, so that an idle thread is seen to be alive
 TOLD_SECONDS: Final = 1.0  # skipped steps are logged this often at most
 EARLY_SECONDS: Final = 1 / FPS  # chunks leave this long before their time, rather than late
+BETWEEN_SECONDS: Final = 0.02
+"""At least, between publications. What is late leaves with what comes next: each engine call would
+have messages of its own else, for every session, and the event loop would have no time left for
+them. Chunks in time leave in rounds that are farther apart."""
 HOLD_SECONDS: Final = 0.5  # agents that wait are put off by this, turn by turn
 FAILURES: Final = 10  # failed turns in a row that end the thread
 RETRY_SECONDS: Final = 0.05  # pause after a failed turn
@@ -85,6 +89,7 @@ class MotionThread:
         self._started_at = self._beat = clock()
         self._failures_in_a_row = 0
         self._told_at = float("-inf")  # when skipped steps were logged last
+        self._publish_at = float("-inf")  # not before
         self._figures = ThreadFigures(meter)
 
     def start(self) -> None:
@@ -174,8 +179,13 @@ class MotionThread:
     def _publish(self) -> None:
         if not self._may_step():  # it has ended since this turn began: the machine was suspended
             return
-        due = self._world.take_due(self._clock() + EARLY_SECONDS)
+        began = self._clock()
+        if began < self._publish_at:
+            return
+        due = self._world.take_due(began + EARLY_SECONDS)
         now = self._clock()
+        if due:
+            self._publish_at = began + BETWEEN_SECONDS
         sights = sights_of(due, self._world.slots)  # by which they came first, or later
         for session_id, chunks, slots in due:
             self._publisher.publish(session_id, chunks)
@@ -235,7 +245,9 @@ class MotionThread:
         if self._pipeline.has_completed:
             return 0.0
         event = self._world.next_event(self._pipeline.has_room, EARLY_SECONDS)
-        return HEARTBEAT if event is None else min(max(event - self._clock(), 0.0), HEARTBEAT)
+        if event is None:
+            return HEARTBEAT
+        return min(max(max(event, self._publish_at) - self._clock(), 0.0), HEARTBEAT)
 
     def _keep_schedule(self, now: float) -> None:
         """Put off agents that wait for a slow reader, and those whose primitives are over."""

@@ -343,9 +343,9 @@ class Scheduler:
     def _near_first(self, rows: Index, frame: float) -> tuple[Index, int]:
         """The rows of a batch, and how many of them cannot wait.
 
-        Who is not near waits for others (`PATIENCE`), and is in their batch only where it would be
-        padded. When nobody else is due, those go, a few at a time: who becomes due meanwhile waits
-        for them.
+        Who is not near waits for others (`PATIENCE`), and fills their batch: a call of few rows
+        takes half as long as a full one, so small calls would leave everybody behind. When nobody
+        else is due, those go, a few at a time: who becomes due meanwhile waits for them.
         """
         late = self._playback.lateness(rows, frame)
         patience = np.where(late < 0, 0, self._patience[self._table.rows.sight[rows]])
@@ -353,7 +353,9 @@ class Scheduler:
         order = np.lexsort((patience - late, late < 0, ~must))
         order = order[self._alike(rows[order])]
         if count := int(must[order].sum()):
-            return rows[order[: fitting(count, self._sizes)]], count
+            due = int((late[order] >= 0).sum())
+            most = max(fitting(count, self._sizes), min(due, self._full))
+            return rows[order[:most]], min(max(count, due), most)
         order = order[: self._full]
         return rows[order], int((late[order] >= 0).sum())
 
