@@ -77,7 +77,7 @@ class Reader:
                 self._tally.malformed += not self._check.passes(chunks, row, batch.tier)
 
     def _begin(self, header: motion_pb2.StreamHeader, now: float) -> None:
-        """A stream has begun, which introduces everybody anew."""
+        """A stream has begun, which introduces everybody again."""
         self._check = PoseCheck(header)
         self._shown.clear()
         if self._has_rings:  # of those shown before, it brings who is in sight
