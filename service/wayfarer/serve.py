@@ -42,11 +42,6 @@ SWITCH_SECONDS: Final = 2e-4
 GIL. A call passes through three threads: with the usual 5 ms, handing over would take longer than
 computing."""
 
-M_ARENA_MAX: Final = -8  # of malloc.h
-ARENAS: Final = 2
-"""Pools that glibc allocates from. As many as it makes by itself, eight a core, hold 20 to 40 MB
-more that is free and not given back."""
-
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
 OPTIONS: Final = (
@@ -63,8 +58,6 @@ async def serve(settings: Settings, plan: NodePlan | None = None) -> None:
     As a node of several (`plan`), or as the whole server.
     """
     sys.setswitchinterval(SWITCH_SECONDS)
-    if sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "mallopt"):
-        libc.mallopt(M_ARENA_MAX, ARENAS)
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for sign in SIGNALS:

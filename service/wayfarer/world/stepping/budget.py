@@ -3,8 +3,7 @@
 Frames must be there at their time whatever the load; quality gives way first:
 
     coasting              those seen as a root, or not at all, go on without the model (REDUCED)
-    near agents first     of the others those come last who are not near: engine calls are
-                          smaller then, and all together take longer
+    near agents first     of the others those come last who are not near
     fewer candidates      the search tries 16, 8, 4, 2, 1 in place of what was asked for  (REDUCED)
     hold idle agents      who stands with nothing to do keeps its pose, unstepped     (HELD)
     refuse new agents     ResourceExhausted

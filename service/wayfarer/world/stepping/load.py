@@ -39,6 +39,7 @@ class Load:
         self._registry = registry
         self._agents = agents
         self._distant = distant
+        self._limit = settings.limits.agents
         self._refuses = settings.admission.refuse
         self._full = DegradationLevel(asked)
         self._budget = Budget(asked, settings.budget) if settings.budget is not None else None
@@ -91,7 +92,9 @@ class Load:
         as these; 0: not known yet.
         """
         fit, counted, weighted = self._admission.capacity(now), self._agents(), self._weighted()
-        return int(fit * sum(counted) / sum(weighted)) if any(weighted) else fit
+        if not any(weighted):
+            return fit
+        return min(int(fit * sum(counted) / sum(weighted)), self._limit)
 
     def held(self) -> tuple[Reservation, ...]:
         """The reservations that are held now."""
