@@ -1,4 +1,4 @@
-"""A log is copied part by part while it grows, and a server that goes on from the copy has all of it."""
+"""A log is copied part by part while it grows; a server goes on from the copy with all of it."""
 
 import random
 
