@@ -46,10 +46,11 @@ class RunningCluster:
 
     def until_replaced(self, url):
         """Another node has been started in place of the killed one at this address."""
+        self._call(self._until_replaced(url))
+
+    async def _until_replaced(self, url):
         ready = self._cluster.ready
-        self._call(
-            self._cluster.until(lambda status: url not in self._urls(status) and ready(status) == 2)
-        )
+        await self._cluster.until(lambda s: url not in self._urls(s) and ready(s) == 2)
 
     @contextlib.contextmanager
     def drained_meanwhile(self):
@@ -59,15 +60,35 @@ class RunningCluster:
             yield
             drained.result(timeout=10)
 
+    @contextlib.contextmanager
+    def killed_meanwhile(self):
+        """The same, but it is killed; another is started elsewhere."""
+        with ThreadPoolExecutor() as pool:
+            killed = pool.submit(self._call, self._kill())
+            yield
+            killed.result(timeout=30)
+
     async def _drain(self):
         """A new node takes its place."""
+        name = await self._walked_on()
+        await self._cluster.directory.drain(name)
+        await self._cluster.until(lambda s: name not in [node.node.name for node in s.nodes])
+        await self._cluster.add_node()
+
+    async def _kill(self):
+        name = await self._walked_on()
+        urls = self._urls(await self._cluster.directory.status())
+        os.kill(self._cluster.keeper(name).pid, signal.SIGKILL)
+        await self._until_replaced(next(url for url, own in urls.items() if own == name))
+
+    async def _walked_on(self):
+        """The name of the node with agents, once they walk, and clients that test a lost connection
+        have done so.
+        """
         cluster = self._cluster
         status = await cluster.until(lambda s: cluster.ready(s) == 2 and any(map(busy, s.nodes)))
-        name = next(node.node.name for node in status.nodes if busy(node))
-        await asyncio.sleep(2.5)  # it walks, and clients that test a lost connection have done so
-        await cluster.directory.drain(name)
-        await cluster.until(lambda s: name not in [node.node.name for node in s.nodes])
-        await cluster.add_node()
+        await asyncio.sleep(2.5)
+        return next(node.node.name for node in status.nodes if busy(node))
 
 
 def busy(node):

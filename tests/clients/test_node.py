@@ -41,6 +41,16 @@ def test_a_control_stream_goes_on_when_its_node_is_drained(cluster):
     assert "pass 1" in said and "skipped 0" in said
 
 
+def test_a_control_stream_goes_on_when_its_node_is_killed(cluster):
+    with cluster.killed_meanwhile():
+        said = node(
+            *("--test", "test/move.test.js"),
+            WAYFARER_CLUSTER=cluster.grpc_address,
+            WAYFARER_KILLED="1",
+        )
+    assert "pass 1" in said and "skipped 0" in said
+
+
 def test_the_example_walks_to_its_goal(real_server):
     *_, last = node("examples/first-stream.js", real_server.grpc_address).splitlines()
     x, z = map(float, last.partition(": (")[2].rstrip(")").split(", "))

@@ -63,7 +63,8 @@ export function connect(address, { apiKey, token, tls, timeoutMs = TIMEOUT_MS } 
 /** `at(node)`: the stub that calls a node. */
 function caller(at, homes, { localName, methodKind }, metadata, timeoutMs) {
   if (methodKind === "bidi_streaming")
-    return () => new FollowingCall(homes, (node) => at(node)[localName](metadata), undefined, new ControlState());
+    return ({ deadlineMs } = {}) =>
+      new FollowingCall(homes, (node) => at(node)[localName](metadata), undefined, new ControlState(), deadlineMs);
   if (methodKind === "server_streaming")
     return (request = {}) =>
       new FollowingCall(homes, (node) => at(node)[localName](request, metadata), aboutOf(request));

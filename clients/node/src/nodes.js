@@ -4,6 +4,7 @@ import { Duplex, Readable } from "node:stream";
 import { create } from "@bufbuild/protobuf";
 import { status } from "@grpc/grpc-js";
 import { ControlResponseSchema } from "./gen/wayfarer/v1/control_pb.js";
+import { Patience, SILENCE_MS } from "./patience.js";
 import { placeOf } from "./refusal.js";
 
 const GONE = [status.UNAVAILABLE, status.DEADLINE_EXCEEDED];
@@ -41,28 +42,31 @@ export function repeatable(requests) {
 /**
  * A call that answers by a stream: messages are read as of grpc-js's call, and written where it takes them. It goes from
  * node to node until one answers; what is written until then is written again. One with `control` goes on when its
- * session moves later.
+ * session moves later, or its connection is lost.
  */
 export class FollowingCall extends Duplex {
   #homes;
   #open;
   #control;
-  #route;
-  #call;
+  #patience;
+  #route = null;
+  #call = null; // null: between two attempts
   #kept = []; // written before the first answer
-  #begun = false;
+  #begun = false; // this connection has been answered
   #ended = false; // nothing more will be written
   #written = null; // to be called when the last message has been
+  #timer; // of the silence, or of the next attempt
 
   /**
    * `open(address)` begins the call there. `about`: see `aboutOf`; undefined: the first message says it.
-   * `control`: a ControlState.
+   * `control`: a ControlState, of a call that is made again for `deadlineMs` after the last sign of life.
    */
-  constructor(homes, open, about, control = null) {
+  constructor(homes, open, about, control = null, deadlineMs = undefined) {
     super({ objectMode: true, writable: about === undefined });
     this.#homes = homes;
     this.#open = open;
     this.#control = control;
+    this.#patience = new Patience(deadlineMs);
     if (about !== undefined) this.#begin(about);
   }
 
@@ -71,6 +75,7 @@ export class FollowingCall extends Duplex {
   }
 
   _read() {
+    if (this.#call?.isPaused()) this.#awaitLife();
     this.#call?.resume();
   }
 
@@ -83,7 +88,7 @@ export class FollowingCall extends Duplex {
     }
     this.#kept.push(message);
     if (this.#call) this.#call.write(message);
-    else this.#begin(aboutOf(message.payload?.value));
+    else if (!this.#route) this.#begin(aboutOf(message.payload?.value));
     done();
   }
 
@@ -94,6 +99,7 @@ export class FollowingCall extends Duplex {
   }
 
   _destroy(error, done) {
+    clearTimeout(this.#timer);
     this.#call?.cancel();
     done(error);
   }
@@ -115,33 +121,58 @@ export class FollowingCall extends Duplex {
     this.#kept.forEach((message) => call.write(message));
     if (this.#ended) call.end();
     call.on("data", (message) => {
+      if (this.#call !== call) return;
       if (!this.#begun) this.#route.answered();
       this.#begun = true;
       this.#kept = [];
       this.#control?.heard(message);
-      if (!this.push(message)) call.pause();
+      this.#patience.heard();
+      this.#awaitLife();
+      if (this.push(message)) return;
+      call.pause();
+      clearTimeout(this.#timer); // its reader is slow
     });
     call.on("end", () => this.#call === call && this.push(null)); // grpc-js ends a call after its error, too
-    call.on("error", (error) => {
-      const follows = goesOn(this.#route, error); // also after it has begun: the next call goes there
-      if (this.destroyed) return;
-      const moves = this.#begun && this.#control && placeOf(error);
-      if (!follows || (this.#begun && !moves)) {
-        this.destroy(error);
-        return;
-      }
-      if (moves) {
-        this.#begun = false;
-        this.#control.unanswered().forEach((reply) => this.push(reply));
-        this.#kept = [this.#control.opening];
-      }
+    call.on("error", (error) => this.#call === call && this.#failed(error));
+    if (this.#patience.begun) this.#awaitLife();
+  }
+
+  /** A connection over which nothing comes is given up, if the call can be made again. */
+  #awaitLife() {
+    clearTimeout(this.#timer);
+    if (!this.#control) return;
+    this.#timer = setTimeout(() => this.#failed(new Error(`nothing heard for ${SILENCE_MS / 1000} s`)), SILENCE_MS);
+  }
+
+  #failed(error) {
+    clearTimeout(this.#timer);
+    const follows = goesOn(this.#route, error); // also after it has begun: the next call goes there
+    if (this.destroyed) return;
+    const before = this.#patience.begun;
+    const again = before ? this.#control && this.#patience.next(error) : follows ? 0 : null;
+    if (again === null) {
+      this.destroy(error);
+      return;
+    }
+    const call = this.#call;
+    this.#call = null;
+    call.cancel();
+    if (this.#begun) {
+      this.#begun = false;
+      this.#control.unanswered().forEach((reply) => this.push(reply));
+      this.#kept = [this.#control.opening];
+    }
+    if (!before || (follows && placeOf(error))) {
       this.#connect();
-      this.#goOn();
-    });
+    } else {
+      this.#route.begin();
+      this.#timer = setTimeout(() => this.#connect(), again);
+    }
+    this.#goOn();
   }
 }
 
-/** What a Control stream begins with at the node to which its session has moved, and what was not answered before. */
+/** What a Control stream begins with when it is made again, and what was not answered before. */
 export class ControlState {
   /** Its first message: with the token of the last batch, and the last viewpoints. */
   opening = null;
@@ -162,7 +193,7 @@ export class ControlState {
 
   /** A reply for each command that has got none: whether it was heard is not known. */
   unanswered() {
-    const message = "the session moved to another node before it answered: the command may or may not have been heard";
+    const message = "the connection ended before it was answered: the command may or may not have been heard";
     const replies = [...this.#asked].map((commandId) => create(ControlResponseSchema, {
       payload: { case: "reply", value: { commandId, problem: { code: status.UNAVAILABLE, message } } },
     }));

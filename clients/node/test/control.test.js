@@ -1,4 +1,4 @@
-// A Control stream whose session moves, against nodes that answer as the test says.
+// A Control stream whose session moves or whose connection is lost, against nodes that answer as the test says.
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
@@ -110,5 +110,52 @@ test("another error ends it", async () => {
   } finally {
     client.close();
     here.end();
+  }
+});
+
+const lost = { code: status.UNAVAILABLE, details: "the node is gone" };
+
+/** A Control stream to a node that breaks off when it hears command 1, and refuses the next `refusals` openings. */
+async function broken(refusals, options) {
+  let opened = 0;
+  const here = await node(({ commandId, payload }, call) => {
+    if (payload.case === "open" && opened++ > 0 && opened <= refusals + 1) call.emit("error", lost);
+    else if (payload.case === "open") call.write(batch(`t${opened}`));
+    else if (commandId === 1n) call.emit("error", lost);
+    else call.write(reply(commandId));
+  });
+  const client = connect(`127.0.0.1:${here.port}`);
+  const control = client.control.control(options), stream = control[Symbol.asyncIterator]();
+  control.write({ payload: { case: "open", value: { sessionId: SESSION } } });
+  await next(stream);
+  control.write(goal(1n));
+  return { here, control, stream, end: () => [client.close(), here.end()] };
+}
+
+test("when its connection is lost, it is made again and goes on where it was", async () => {
+  const { here, control, stream, end } = await broken(2);
+  try {
+    const { value: { commandId, problem } } = await next(stream);
+    assert.deepEqual([commandId, problem.code], [1n, status.UNAVAILABLE]);
+    control.write(goal(2n)); // while there is no connection
+    const kinds = [await next(stream), await next(stream)];
+    assert.equal(kinds[0].value.payload.value.resumeToken, "t4");
+    assert.equal(kinds[1].value.commandId, 2n);
+    const openings = here.heard.filter(({ payload }) => payload.case === "open").map(({ payload }) => payload.value.resumeToken);
+    assert.deepEqual(openings, ["", "t1", "t1", "t1"]);
+    control.end();
+    assert.ok((await stream.next()).done);
+  } finally {
+    end();
+  }
+});
+
+test("after the deadline it gives up", async () => {
+  const { stream, end } = await broken(50, { deadlineMs: 500 });
+  try {
+    await next(stream); // command 1 is answered
+    await assert.rejects(next(stream), { code: status.UNAVAILABLE });
+  } finally {
+    end();
   }
 });

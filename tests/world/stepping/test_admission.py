@@ -109,6 +109,8 @@ def test_the_refusal_does_not_contradict_itself():
     assert str(error.value) == (
         "cannot add 1 agent: 1 are in use, and steps come late with all that can give way"
     )
+    with pytest.raises(ResourceExhausted, match=r"1 agent: the agents in use count as 1\.25, and"):
+        found.check([1, 0.25], [0], 0.0, late=True)  # the second is far away
 
 
 def run(found, agents, rows, times=1.0, calls=module.ENOUGH):

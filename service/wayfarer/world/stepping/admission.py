@@ -95,14 +95,14 @@ class Admission:
         with self._lock:
             self.refused += len(coming)
         if late:
-            why = f"{sum(agents):g} are in use, and steps come late with all that can give way"
+            why = f"{_used(agents)}, and steps come late with all that can give way"
         else:
             # of these genders fewer fit than were asked for, whatever fits of both in turn
             fit = min(self.capacity(now), sum(agents) + len(coming) - 1)
             load = f"{busy:.0%}" if busy < MOST_REPORTED else f"more than {MOST_REPORTED:.0%}"
             why = (
-                f"{sum(agents):g} of about {fit:g} are in use, and the projected load would be "
-                f"{load} (limit {self._rules.most_load:.0%})"
+                f"{_used(agents, f' of about {fit:g}')}, and the projected load would be {load} "
+                f"(limit {self._rules.most_load:.0%})"
             )
         many = "1 agent" if len(coming) == 1 else f"{len(coming)} agents"
         raise ResourceExhausted(f"cannot add {many}: {why}", retry_after=self._rules.retry_after)
@@ -140,6 +140,14 @@ class Admission:
         """Share of the time that the engine needs beside the thread; `alone` without it."""
         left = 1 - BESIDE * thread / self._cores
         return alone / left if left > 0 else inf
+
+
+def _used(agents: Weighted, of_all: str = "") -> str:
+    """Not a whole number: some are so far away that they count for less."""
+    count = sum(agents)
+    if count % 1:
+        return f"the agents in use count as {count:g}{of_all}"
+    return f"{count:g}{of_all} are in use"
 
 
 def with_more(agents: Weighted, genders: Sequence[int]) -> list[float]:
