@@ -1,12 +1,13 @@
 """What benchmarks make of what they measure, with small engines and hand-made runs."""
 
+import argparse
 import asyncio
 import time
 
 import pytest
 from benchmarks.flops import Product
 
-from benchmarks import disturbance, gemm, paper_s3, service, step, transport
+from benchmarks import disturbance, gemm, paper_s3, service, simulated, step, transport
 from wayfarer.spec import STEP_SECONDS
 from wayfarer_lab.load.knee import FAULTS
 from wayfarer_lab.load.plan import LoadPlan
@@ -129,3 +130,16 @@ def test_misses_are_counted_by_when_they_were_due():
     rows = over_time(*[0.0] * 20, missed=(4, 5, 6, 12))
     counted = [disturbance.missed(rows, *span) for span in ((0, 1), (1, 2), (2, 9))]
     assert counted == [10, 20, 10]
+
+
+def test_a_simulated_machine_is_late_only_when_it_has_too_much_to_do():
+    def run(agents, **changed):
+        values = {"seconds": 2.0, "slower": 1.0, "stall": 0.0, "phases": 2, "depth": 2, "cores": 2}
+        return simulated.simulated(agents, argparse.Namespace(**(values | changed)))
+
+    once, again = run(64), run(64)
+    assert once == again, "no clock of this machine counts"
+    assert once["missed"] == 0 and once["normal_p99"] == 0 and once["level"] == 0
+    assert 0 < once["engine_busy"] < 0.5 and once["rounds"] == pytest.approx(2, abs=0.2)
+    slow = run(64, slower=8.0)
+    assert slow["normal_p99"] > 20 and slow["engine_busy"] > 0.6 and slow["level"] > 0

@@ -65,6 +65,19 @@ def test_what_is_planned_anew_is_due_shortly_before_its_time():
     assert playback.is_due(ROW, when).all() and not playback.is_due(ROW, when - 1).any()
 
 
+def test_what_is_shown_first_is_planned_first_whoever_could_be_planned_longer():
+    slots, playback = playing(agents=3)
+    slots.start_frame[:3] = [103, 100, 102]
+    playback.append(np.array([0, 1, 2]), chunk(0, rows=3))
+    playback.replan(1, keep_until=0)
+    playback.send(101, only=np.array([0]))
+    now = 103
+    assert playback.due(now).tolist() == [1, 2, 0], "by 100, 110 and 111"
+    rows = np.array([0, 1, 2])
+    np.testing.assert_array_equal(playback.waited(rows, now), [0, 11, 1])
+    assert playback.due(100 - REPLAN_FRAMES).tolist() == [1], "the others have time yet"
+
+
 def test_what_is_held_is_shown_later_by_whole_chunks_and_planned_later_too():
     slots, playback = playing(agents=2)
     playback.append(np.array([0, 1]), chunk(0, rows=2))

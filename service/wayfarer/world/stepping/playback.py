@@ -18,9 +18,10 @@ from wayfarer.world.rows import Double, Flags, Float, Index, Int, Int16, Rows, S
 ROUNDING: Final = 1e-3
 """Share of a primitive: what is due this shortly before a moment is due at that moment."""
 
-REPLAN_FRAMES: Final = 3
-"""A replanned chunk is planned this many frames ahead of its time. Earlier planning would not be
-seen sooner, and goals that come one by one would each have an engine call of their own."""
+REPLAN_FRAMES: Final = 5
+"""A replanned chunk is planned this many frames ahead of its time: it may have to wait for two
+engine calls that are under way. Earlier planning would not be seen sooner, and goals that come one
+by one would each have an engine call of their own."""
 
 
 @dataclass(slots=True)
@@ -58,24 +59,27 @@ class Playback:
         self._ring = Chunks.empty(len(slots.active) * self._depth)
 
     def due(self, frame: float) -> Index:
-        """Slots whose next chunk is to be planned by world frame `frame`, most urgent first."""
+        """Slots whose next chunk is to be planned by world frame `frame`, those first for which it
+        is to be shown first.
+        """
         slots = self._slots
         rows = np.flatnonzero(
             self._grounded & (slots.planned_chunks - slots.sent_chunks < self._depth)
         )
-        when = self._plan_frame(rows)
-        order = np.argsort(when, kind="stable")
-        return rows[order][when[order] <= frame]
+        rows = rows[self._plan_frame(rows) <= frame]
+        return rows[np.argsort(self._next_shown(rows), kind="stable")]
 
     def is_due(self, rows: Index, frame: float) -> Flags:
         """Which slots [A], all of which may be planned, need their next chunk by `frame`."""
         due: Flags = self._plan_frame(rows) <= frame
         return due
 
-    def lateness(self, rows: Index, frame: float) -> Double:
-        """Frames since the next chunks of slots [A] were to be planned; negative: it is not yet."""
-        late: Double = np.float64(frame) - self._plan_frame(rows)
-        return late
+    def waited(self, rows: Index, frame: float) -> Double:
+        """Frames since the next chunks of slots [A] could first be planned; who is replanned could
+        be so as early as the others.
+        """
+        frames: Double = np.float64(frame) - (self._next_shown(rows) - NEW_FRAMES * self.lead)
+        return frames
 
     def next_event(self, planning: bool = True, early: float = 0.0) -> float | None:
         """World frame of the next sending or, unless not asked for, planning; None without any.
@@ -97,8 +101,7 @@ class Playback:
         """
         slots = self._slots
         rows = np.flatnonzero(self._grounded & ~slots.replanned & (slots.planned_chunks > 0))
-        show = self._show_frame(rows, self._slots.planned_chunks[rows])
-        return float(show.min(initial=np.iinfo(np.int64).max) - frame)
+        return float(self._next_shown(rows).min(initial=np.iinfo(np.int64).max) - frame)
 
     def append(self, rows: Index, chunks: Chunks) -> None:
         """Add the next planned chunk of each row."""
@@ -187,8 +190,12 @@ class Playback:
 
     def _plan_frame(self, rows: Index) -> Index:
         slots, ahead = self._slots, NEW_FRAMES * self.lead
-        show = self._show_frame(rows, slots.planned_chunks[rows])
-        return show - np.where(slots.replanned[rows], min(REPLAN_FRAMES, ahead), ahead)
+        early = np.where(slots.replanned[rows], min(REPLAN_FRAMES, ahead), ahead)
+        return self._next_shown(rows) - early
+
+    def _next_shown(self, rows: Index) -> Index:
+        """The world frame at which the next chunk to be planned is to be shown."""
+        return self._show_frame(rows, self._slots.planned_chunks[rows])
 
     def _send_frame(self, rows: Index) -> Index:
         return self._show_frame(rows, self._slots.sent_chunks[rows])

@@ -162,7 +162,7 @@ class Scheduler:
     def begin(
         self, frame: float, level: DegradationLevel | None = None, launch: Launch = at_once
     ) -> PendingStep | None:
-        """Set an engine call going for the agents most urgently due by world frame `frame`.
+        """Set an engine call going for agents due by world frame `frame`; see `schedule`.
 
         Tries as many candidates as `level` allows, else as steering asks for. None when nobody is
         due. Until `finish`, agents under way are not due; what is planned for an agent that is
@@ -196,7 +196,8 @@ class Scheduler:
         return len(rows)
 
     def schedule(self, frame: float, level: DegradationLevel | None = None) -> Batch | None:
-        """The most urgent agent and, in order of urgency, those that fit into its batch.
+        """A batch with the first agent that is due: of those that fit into it, the ones whose next
+        chunks are to be shown first. So a replanned agent, which has less time, goes before others.
 
         While nothing is under way a full batch of those who are due soon need not wait for it.
         """
@@ -210,7 +211,7 @@ class Scheduler:
         if level is not None and level.near_first and slots.sight[rows].any():
             rows, due = self._near_first(rows, frame)
         else:
-            alike = self._alike(rows)
+            alike = self._alike(rows, int(is_due.argmax()))
             rows, due = rows[alike], int(is_due[alike].sum())
         rows = rows[: whole(due, len(rows), self._sizes, self._full)]
         if not len(rows):
@@ -333,11 +334,11 @@ class Scheduler:
         self._append(rows, chunks, batch.candidates)
         self.reduced_steps += int(batch.reduced.sum())
 
-    def _alike(self, rows: Index) -> Flags:
-        """Who may be in one batch with the first."""
+    def _alike(self, rows: Index, one: int = 0) -> Flags:
+        """Who may be in one batch with one of them."""
         slots = self._table.rows
         model, gender = slots.model[rows], slots.gender[rows]
-        alike: Flags = (model == model[0]) & (gender == gender[0])
+        alike: Flags = (model == model[one]) & (gender == gender[one])
         return alike
 
     def _near_first(self, rows: Index, frame: float) -> tuple[Index, int]:
@@ -347,17 +348,17 @@ class Scheduler:
         takes half as long as a full one, so small calls would leave everybody behind. When nobody
         else is due, those go, a few at a time: who becomes due meanwhile waits for them.
         """
-        late = self._playback.lateness(rows, frame)
-        patience = np.where(late < 0, 0, self._patience[self._table.rows.sight[rows]])
-        must = late >= patience
-        order = np.lexsort((patience - late, late < 0, ~must))
+        is_due, waited = self._playback.is_due(rows, frame), self._playback.waited(rows, frame)
+        patience = np.where(is_due, self._patience[self._table.rows.sight[rows]], 0)
+        must = is_due & (waited >= patience)
+        order = np.lexsort((patience - waited, ~is_due, ~must))
         order = order[self._alike(rows[order])]
         if count := int(must[order].sum()):
-            due = int((late[order] >= 0).sum())
+            due = int(is_due[order].sum())
             most = max(fitting(count, self._sizes), min(due, self._full))
             return rows[order[:most]], min(max(count, due), most)
         order = order[: self._full]
-        return rows[order], int((late[order] >= 0).sum())
+        return rows[order], int(is_due[order].sum())
 
     def _next(self, rows: Index) -> tuple[Seeds, Gait, NextTarget]:
         """Where the next step of some slots starts, their gait during it, and where it leads."""

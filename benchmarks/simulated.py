@@ -1,0 +1,284 @@
+"""Lateness of primitives on a machine that is simulated, so that no noise touches it.
+
+    python -m benchmarks.simulated [--agents 448 512 576] [--seconds 30] [--slower 1.0]
+        [--stall 1.0] [--phases 2] [--depth 2] [--cores 2] [--json FILE] [--quick]
+
+The motion thread, its world and its ladder are those of the service; clock, engine and processor
+are not: an engine call takes CALL, and the thread's own work what is written beside (milliseconds,
+and further ones per agent, as measured on a 2-core AMD EPYC VM without AVX-512, onnxruntime, K = 1,
+2026-11-24). While a call is under way the thread's work takes that time from it, shared by the
+cores. Agents get new goals as in `wayfarer load`. *normal* and *replanned* are percentiles of the
+lateness of chunks as they leave, in milliseconds; *missed* are primitives left out; *rounds* and
+*calls* are publications and engine calls in 0.2 s; *level* is the ladder's, in the mean. The same
+arguments always give the same figures, so one order of steps can be compared with another.
+"""
+
+import argparse
+import asyncio
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Any, Final
+
+import numpy as np
+
+from benchmarks import bench
+from benchmarks.bench import Row
+from benchmarks.driven import InstantEngine
+from wayfarer.body.library import SHIPPED, load_body
+from wayfarer.engines.onnx_engine import SIZES
+from wayfarer.limits import Limits
+from wayfarer.model_bundle import START_POSES
+from wayfarer.service.pipeline import DEPTH
+from wayfarer.service.streams.publisher import Publisher
+from wayfarer.service.thread import MotionThread
+from wayfarer.spec import GENDERS, STEP_SECONDS
+from wayfarer.transport.metrics import Metrics
+from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, SessionSpec
+from wayfarer.world.agents.goal import Goal
+from wayfarer.world.agents.spawn import load_start_poses
+from wayfarer.world.goals.steering import Steering
+from wayfarer.world.stepping.budget import BudgetRules
+from wayfarer.world.stepping.scheduler import PendingStep, at_once
+from wayfarer.world.stepping.settings import AdmissionRules, WorldSettings
+from wayfarer.world.world import World
+
+CALL: Final = (3.0, 0.235)
+SCHEDULE: Final = (1.0, 0.005)
+APPLY: Final = (1.5, 0.02)
+PUBLISH: Final = (4.0, 0.018)
+GOAL: Final = (0.15, 0.0)
+"""Milliseconds, and further ones per agent."""
+
+SESSIONS: Final = 8
+GOAL_RATE: Final = 0.1  # new goals a second for each agent, as `wayfarer load` gives them
+WARM_UP: Final = 10.0
+STALL_AT: Final = WARM_UP + 5.0
+FAR: Final = 1500.0  # metres: nobody arrives, since the stand-in for the engine heeds no goal
+LEAST: Final = 1e-5  # seconds of a wait
+
+
+class Machine:
+    """Clock, processor, engine and inbox of a motion thread, in simulated time."""
+
+    def __init__(self, asked: argparse.Namespace) -> None:
+        self.now = 0.0
+        self.thread_busy = self.engine_busy = 0.0
+        self.calls = 0
+        self._scale = 1e-3 * asked.slower
+        self._depth, self._cores, self._stall = asked.depth, asked.cores, asked.stall
+        self._under_way: deque[list[Any]] = deque()  # step, seconds, when it ends
+        self._ends = WARM_UP + asked.seconds
+        self.give: Callable[[], None] = lambda: None
+        self.stop: Callable[[], None] = lambda: None
+        self._rate = GOAL_RATE
+        self.random = np.random.default_rng(1)
+        self._next_goal = np.inf
+
+    def clock(self) -> float:
+        """Seconds."""
+        return self.now
+
+    def begin_goals(self, agents: int) -> None:
+        """From now on goals come for so many."""
+        self._rate = GOAL_RATE * agents
+        self._next_goal = self.now + self.random.exponential(1 / self._rate)
+
+    def work(self, cost: tuple[float, float], agents: int = 0) -> None:
+        """The motion thread works; calls under way lose their share of the processor."""
+        seconds = self._scale * (cost[0] + cost[1] * agents)
+        self.now += seconds
+        self.thread_busy += seconds
+        for call in self._under_way:
+            call[2] += seconds / self._cores
+
+    # As `Inbox`
+
+    def open(self) -> None:
+        """Nothing waits."""
+
+    def close(self, reason: str = "") -> None:
+        """Nobody asks."""
+
+    def wake(self) -> None:
+        """It wakes by itself."""
+
+    def serve(self, timeout: float) -> None:
+        """Time passes until a call ends or a goal comes, `timeout` at most."""
+        until = [self.now + max(timeout, LEAST), self._next_goal]
+        if self._under_way:
+            until.append(self._under_way[0][2])
+        before, self.now = self.now, max(self.now + LEAST, min(until))
+        if self._stall and before < STALL_AT <= self.now:
+            self.now += self._stall
+            for call in self._under_way:
+                call[2] += self._stall
+        while self._next_goal <= self.now:
+            self.give()
+            self.work(GOAL)
+            self._next_goal += self.random.exponential(1 / self._rate)
+        if self.now >= self._ends:
+            self.stop()
+
+    # As `EnginePipeline`
+
+    def age(self, now: float) -> float:
+        """Calls never hang."""
+        return 0.0
+
+    @property
+    def is_idle(self) -> bool:
+        """See `EnginePipeline`."""
+        return not self._under_way
+
+    @property
+    def has_room(self) -> bool:
+        """See `EnginePipeline`."""
+        return len(self._under_way) < self._depth
+
+    @property
+    def has_completed(self) -> bool:
+        """See `EnginePipeline`."""
+        return bool(self._under_way) and self._under_way[0][2] <= self.now
+
+    def submit(self, schedule: Callable[..., PendingStep | None]) -> bool:
+        """See `EnginePipeline`."""
+        step = schedule(at_once)
+        if step is None:
+            return False
+        rows = step.call.rows
+        seconds = self._scale * (CALL[0] + CALL[1] * rows)
+        self.work(SCHEDULE, rows)
+        begins = max(self.now, self._under_way[-1][2] if self._under_way else self.now)
+        self._under_way.append([step, seconds, begins + seconds])
+        self.engine_busy += seconds
+        self.calls += 1
+        return True
+
+    def completed(self) -> Iterator[tuple[PendingStep, float]]:
+        """See `EnginePipeline`."""
+        while self.has_completed:
+            step, seconds, _ = self._under_way.popleft()
+            self.work(APPLY, len(step.batch.rows))
+            yield step, seconds
+
+
+def people(world: World, count: int, machine: Machine) -> list[str]:
+    """Their ids, in sessions of their own; all walk."""
+    ids = []
+    for number in range(SESSIONS):
+        session = world.create_session(SessionSpec(f"s{number}", avoid=False), 0.0).session_id
+        specs = [
+            AgentSpec(gender=GENDERS[k % 2], position=tuple(machine.random.uniform(-10, 10, 2)))
+            for k in range(count // SESSIONS)
+        ]
+        ids += [agent.agent_id for agent in world.create_agents(session, specs, 0.0)]
+    for agent_id in ids:
+        world.give(agent_id, far(machine), 0.0)
+    return ids
+
+
+def far(machine: Machine) -> Goal:
+    """A goal somewhere."""
+    return Goal((*machine.random.uniform(-FAR, FAR, 2).tolist(), 0.0))
+
+
+def simulated(agents: int, asked: argparse.Namespace) -> Row:
+    """A run with so many agents."""
+    machine, meter = Machine(asked), Metrics()
+    limits = Limits(
+        agents=agents, agents_per_session=agents, sessions=SESSIONS, goal_distance_m=1e5
+    )
+    settings = WorldSettings(
+        limits=limits,
+        steering=Steering().with_search(candidates=1),
+        admission=AdmissionRules(refuse=False),
+        budget=BudgetRules(),
+        batch_sizes=(*SIZES, *(SIZES[-1] * count for count in range(2, asked.cores + 1))),
+        batch_lookahead_s=STEP_SECONDS,
+        batch_multiple=SIZES[-1],
+        cores=asked.cores,
+        phases=asked.phases,
+    )
+    bodies = {gender: load_body(SHIPPED, gender, "low") for gender in GENDERS}
+    world = World(InstantEngine(), bodies, load_start_poses(START_POSES), settings)
+    publisher = Publisher(limits, meter, world.get_agent)
+    thread: Any = MotionThread(
+        world=world,
+        publisher=publisher,
+        inbox=machine,  # type: ignore[arg-type]
+        pipeline=machine,  # type: ignore[arg-type]
+        warm_up=lambda: None,
+        clock=machine.clock,
+        meter=meter,
+    )
+    late: dict[bool, list[float]] = {False: [], True: []}
+    rounds = levels = before = 0
+    take_due = world.take_due
+
+    def taken(until: float) -> Any:
+        nonlocal rounds, levels, before
+        due = take_due(until)
+        if machine.now <= WARM_UP:
+            before = thread.stats().skipped_steps
+        if due:
+            rounds += 1
+            levels += world.load.level_number
+            machine.work(PUBLISH, sum(len(one.slots) for one in due))
+        for one in due if machine.now > WARM_UP else ():
+            lateness = np.maximum(1e3 * (machine.now - one.chunks.scheduled_at), 0)
+            replanned = (one.chunks.flags & ChunkFlag.REPLANNED) > 0
+            for kind in late:
+                late[kind] += lateness[replanned == kind].tolist()
+        return due
+
+    setattr(world, "take_due", taken)  # noqa: B010  its time is counted, and what it takes
+    ids = people(world, agents, machine)
+    machine.begin_goals(len(ids))
+    machine.give = lambda: world.give(
+        ids[machine.random.integers(len(ids))], far(machine), machine.now
+    )
+    machine.stop = lambda: asyncio.run(thread.stop())
+    thread.run()
+    figures = thread.stats()
+    return {
+        "agents": len(ids),
+        "missed": figures.skipped_steps - before,
+        "p99_ms": percentiles(late[False] + late[True], 99)[0],
+        **dict(
+            zip(("normal_p99", "normal_p99.9"), percentiles(late[False], 99, 99.9), strict=True)
+        ),
+        **dict(
+            zip(("replanned_p90", "replanned_p99"), percentiles(late[True], 90, 99), strict=True)
+        ),
+        "rounds": rounds / machine.now * STEP_SECONDS,
+        "calls": machine.calls / machine.now * STEP_SECONDS,
+        "engine_busy": machine.engine_busy / machine.now,
+        "thread_busy": machine.thread_busy / machine.now,
+        "level": levels / max(rounds, 1),
+        "held": figures.held_steps,
+    }
+
+
+def percentiles(values: list[float], *shares: float) -> list[float]:
+    """NaN without any."""
+    return np.percentile(values, shares).tolist() if values else [float("nan")] * len(shares)
+
+
+def main() -> None:
+    """Simulate, and print."""
+    parser = bench.parser(__doc__)
+    parser.add_argument("--agents", type=int, nargs="+", default=[448, 512, 576])
+    parser.add_argument("--seconds", type=float, default=30.0, help=f"after {WARM_UP:g} s")
+    parser.add_argument("--slower", type=float, default=1.0, help="factor of all that takes time")
+    parser.add_argument("--stall", type=float, default=0.0, help="seconds of a stop, after 5 s")
+    parser.add_argument("--phases", type=int, default=WorldSettings().phases)
+    parser.add_argument("--depth", type=int, default=DEPTH, help="engine calls under way at a time")
+    parser.add_argument("--cores", type=int, default=2)
+    asked: argparse.Namespace = parser.parse_args()
+    if asked.quick:
+        asked.agents, asked.seconds = asked.agents[:1], 5.0
+    bench.finish(asked, [simulated(agents, asked) for agents in asked.agents])
+
+
+if __name__ == "__main__":
+    main()
