@@ -39,7 +39,7 @@ page, or by an unknown one: their figures need not hold for the shipped models.
 
 HELDOUT = "--data PREPARED --split heldout"
 COMMANDS = {
-    "control": f"wayfarer eval control --g-cvae GCVAE --speed 1.5 {HELDOUT} --seed 7",
+    "control": f"wayfarer eval control --speed 1.5 {HELDOUT} --seed 7",
     **{
         f"control_sent_{speed}": f"wayfarer eval control --only 'search K=8 π, foot lock' "
         f"--speed {speed} --seed 7"

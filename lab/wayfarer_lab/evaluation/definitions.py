@@ -167,8 +167,9 @@ GROUPS: Final = (
         "has the foot lock. `policy` is that of `--models`; the shipped one is trained by "
         "analytic gradients (docs/models.md), which the paper does not do. `--policy-10`, "
         "`--policy-1` and `--g-cvae` name model folders for the paper's rows `policy(10)`, "
-        "`policy(1)` (PPO with these KL weights) and `g-CVAE`. The first two are told the goal and "
-        "the speed alone, all others what the service's steering tells.",
+        "`policy(1)` (PPO with these KL weights) and `g-CVAE`. Those three are told the goal and "
+        "the speed alone, all others what the service's steering tells: it has who stands turn on "
+        "the spot first.",
         {
             "pairs": "number of bodies and goals",
             "success": "share in which a clone is within 0.75 m in 60 primitives",

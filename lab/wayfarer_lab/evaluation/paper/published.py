@@ -368,7 +368,6 @@ EXHIBITS: Final = (TABLE_1, S1, S2, FIG_3, A_2, A_3, A_4, REPROJECTION)
 
 COMMANDS: Final = {
     "bodies": "wayfarer eval bodies --data PREPARED",
-    "control": "wayfarer eval control --g-cvae GCVAE --speed 1.5 --data PREPARED",
     "control_seed_*": "wayfarer eval control --models MODELS --speed 1.5 --data PREPARED",
     "predictor": "wayfarer eval predictor --data PREPARED",
     "realism": "wayfarer eval realism --data PREPARED",
