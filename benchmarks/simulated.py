@@ -1,7 +1,8 @@
 """Lateness of primitives on a machine that is simulated, so that no noise touches it.
 
     python -m benchmarks.simulated [--agents 448 512 576] [--seconds 30] [--slower 1.0]
-        [--stall 1.0] [--phases 2] [--depth 2] [--cores 2] [--json FILE] [--quick]
+        [--call 3.0 0.235] [--stall 1.0] [--phases 2] [--depth 2] [--cores 2]
+        [--json FILE] [--quick]
 
 The motion thread, its world and its ladder are those of the service; clock, engine and processor
 are not: an engine call takes CALL, and the thread's own work what is written beside (milliseconds,
@@ -66,6 +67,7 @@ class Machine:
         self.calls = 0
         self._scale = 1e-3 * asked.slower
         self._depth, self._cores, self._stall = asked.depth, asked.cores, asked.stall
+        self._call = asked.call
         self._under_way: deque[list[Any]] = deque()  # step, seconds, when it ends
         self._ends = WARM_UP + asked.seconds
         self.give: Callable[[], None] = lambda: None
@@ -146,7 +148,7 @@ class Machine:
         if step is None:
             return False
         rows = step.call.rows
-        seconds = self._scale * (CALL[0] + CALL[1] * rows)
+        seconds = self._scale * (self._call[0] + self._call[1] * rows)
         self.work(SCHEDULE, rows)
         begins = max(self.now, self._under_way[-1][2] if self._under_way else self.now)
         self._under_way.append([step, seconds, begins + seconds])
@@ -270,6 +272,14 @@ def main() -> None:
     parser.add_argument("--agents", type=int, nargs="+", default=[448, 512, 576])
     parser.add_argument("--seconds", type=float, default=30.0, help=f"after {WARM_UP:g} s")
     parser.add_argument("--slower", type=float, default=1.0, help="factor of all that takes time")
+    parser.add_argument(
+        "--call",
+        type=float,
+        nargs=2,
+        default=CALL,
+        metavar="MS",
+        help="milliseconds of an engine call, and further ones per agent: of another engine",
+    )
     parser.add_argument("--stall", type=float, default=0.0, help="seconds of a stop, after 5 s")
     parser.add_argument("--phases", type=int, default=WorldSettings().phases)
     parser.add_argument("--depth", type=int, default=DEPTH, help="engine calls under way at a time")
