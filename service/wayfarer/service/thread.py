@@ -39,10 +39,14 @@ ALIVE_SECONDS: Final = 1.0  # without a turn for this long the thread counts as 
 HEARTBEAT: Final = 0.25  # the longest wait, so that an idle thread is seen to be alive
 TOLD_SECONDS: Final = 1.0  # skipped steps are logged this often at most
 EARLY_SECONDS: Final = 1 / FPS  # chunks leave this long before their time, rather than late
-BETWEEN_SECONDS: Final = 0.02
-"""At least, between publications. What is late leaves with what comes next: each engine call would
-have messages of its own else, for every session, and the event loop would have no time left for
-them. Chunks in time leave in rounds that are farther apart."""
+BETWEEN_SECONDS: Final = (0.02, 0.06)
+"""Between publications, at least: the later the chunks are, the longer, since a round costs some
+milliseconds however few leave with it, which a thread that is behind does not have. Each engine
+call would have messages of its own else, for every session. Chunks in time leave in rounds that are
+farther apart."""
+
+BETWEEN_SHARE: Final = 1 / 2
+"""Of the lateness of the chunks that leave."""
 HOLD_SECONDS: Final = 0.5  # agents that wait are put off by this, turn by turn
 FAILURES: Final = 10  # failed turns in a row that end the thread
 RETRY_SECONDS: Final = 0.05  # pause after a failed turn
@@ -185,7 +189,9 @@ class MotionThread:
         due = self._world.take_due(began + EARLY_SECONDS)
         now = self._clock()
         if due:
-            self._publish_at = began + BETWEEN_SECONDS
+            late = began - min(float(one.chunks.scheduled_at.min()) for one in due)
+            least, most = BETWEEN_SECONDS
+            self._publish_at = began + min(max(BETWEEN_SHARE * late, least), most)
         sights = sights_of(due, self._world.slots)  # by which they came first, or later
         for session_id, chunks, slots in due:
             self._publisher.publish(session_id, chunks)
