@@ -32,10 +32,10 @@ here. Ours are trained on CMU's recordings on the anny52 body (those *trained al
 model stands for more than one training, nor does one of predictors that are *trained alike*: by the
 paper's equations, with the same data, steps and batch, from nothing, with one seed. Those called
 *short* had a tenth of that or less, with seeds 0, 1 and 2: the mean, and the least and the largest
-figure. All are far shorter than the paper's. *policy(10)* and *policy(1)* are one training each, of
-40 epochs in 10 minutes of one core, by the paper's rewards with another estimator of the same
+figure. All are far shorter than the paper's. *policy(10)* and *policy(1)* are three trainings each,
+of 40 epochs in 10 minutes of one core, by the paper's rewards with another estimator of the same
 gradient ([what was tried](models.md#ppo-from-scratch)); the g-CVAE is one of 783 of 4,000 steps ×
-256. All three act on the shipped predictor, are told 1.2 m/s and the goal alone, and begin, as the
+256. All seven act on the shipped predictor, are told 1.2 m/s and the goal alone, and begin, as the
 paper's, with a primitive of the 1-frame model. Other rows of Table 1 are told 1.5 m/s, by the
 service's steering, and begin at rest. The shipped predictors'
 rollout stages were short (300 and 80 steps): rows of the shipped *1-frame* model say little about
