@@ -52,21 +52,20 @@ class RunningCluster:
         ready = self._cluster.ready
         await self._cluster.until(lambda s: url not in self._urls(s) and ready(s) == 2)
 
-    @contextlib.contextmanager
     def drained_meanwhile(self):
         """The node of the first agent that comes is drained; its session moves to the other one."""
-        with ThreadPoolExecutor() as pool:
-            drained = pool.submit(self._call, self._drain())
-            yield
-            drained.result(timeout=10)
+        return self._meanwhile(self._drain())
 
-    @contextlib.contextmanager
     def killed_meanwhile(self):
         """The same, but it is killed; another is started elsewhere."""
+        return self._meanwhile(self._kill())
+
+    @contextlib.contextmanager
+    def _meanwhile(self, work):
         with ThreadPoolExecutor() as pool:
-            killed = pool.submit(self._call, self._kill())
+            done = pool.submit(self._call, work)
             yield
-            killed.result(timeout=30)
+            done.result(timeout=30)
 
     async def _drain(self):
         """A new node takes its place."""

@@ -132,7 +132,11 @@ export class FollowingCall extends Duplex {
       call.pause();
       clearTimeout(this.#timer); // its reader is slow
     });
-    call.on("end", () => this.#call === call && this.push(null)); // grpc-js ends a call after its error, too
+    call.on("end", () => {
+      if (this.#call !== call) return; // grpc-js ends a call after its error, too
+      clearTimeout(this.#timer); // the session has ended: that is no silence
+      this.push(null);
+    });
     call.on("error", (error) => this.#call === call && this.#failed(error));
     if (this.#patience.begun) this.#awaitLife();
   }

@@ -2,10 +2,12 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { setTimeout as sleep } from "node:timers/promises";
 import { create, fromBinary, toBinary } from "@bufbuild/protobuf";
 import { Metadata, Server, ServerCredentials, status } from "@grpc/grpc-js";
 import { ControlRequestSchema, ControlResponseSchema } from "../src/gen/wayfarer/v1/control_pb.js";
 import { connect } from "../src/index.js";
+import { SILENCE_MS } from "../src/patience.js";
 
 const METHOD = {
   control: {
@@ -157,5 +159,24 @@ test("after the deadline it gives up", async () => {
     await assert.rejects(next(stream), { code: status.UNAVAILABLE });
   } finally {
     end();
+  }
+});
+
+test("a stream that the server has ended is not made again, however long it is kept", async () => {
+  const here = await node((_, call) => {
+    call.write(batch("t1"));
+    call.end();
+  });
+  const client = connect(`127.0.0.1:${here.port}`);
+  try {
+    const control = client.control.control();
+    control.write({ payload: { case: "open", value: { sessionId: SESSION } } });
+    await new Promise((resolve) => control.on("data", () => {}).on("end", resolve));
+    await sleep(SILENCE_MS + 300);
+    assert.equal(here.heard.length, 1);
+    control.end();
+  } finally {
+    client.close();
+    here.end();
   }
 });
