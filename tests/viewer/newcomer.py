@@ -4,6 +4,7 @@ On windows of a desk and of a phone: the page is opened, people walk, and a clic
 one of them. Prints when each happened, in seconds since the navigation began; leaves pictures.
 """
 
+import argparse
 import os
 import sys
 import tempfile
@@ -71,6 +72,15 @@ def main(folder: Path, sizes: tuple[tuple[int, int], ...]) -> None:
                 sys.stdout.flush()
 
 
+def size_of(text: str) -> tuple[int, int]:
+    """Of WIDTHxHEIGHT."""
+    width, height = map(int, text.split("x"))
+    return width, height
+
+
 if __name__ == "__main__":
-    asked = [argument.split("x") for argument in sys.argv[2:]]
-    main(Path(sys.argv[1]), tuple((int(x), int(y)) for x, y in asked) or SIZES)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path, help="for the pictures")
+    parser.add_argument("sizes", type=size_of, nargs="*", default=SIZES, metavar="WIDTHxHEIGHT")
+    asked = parser.parse_args()
+    main(asked.folder, tuple(asked.sizes))
