@@ -8,15 +8,9 @@ from hypothesis import strategies as st
 from tests.world.output.legwork import body, legs, lifted, moved, soles_of, standing
 from wayfarer.body.rotation import matrix_from_quaternion, quaternion_from_rotvec
 from wayfarer.spec import BETAS, FPS
-from wayfarer.world.output.footlock import (
-    LEASH,
-    SURGE,
-    SWAY,
-    Locked,
-    begin,
-    lock_feet,
-    shorten_steps,
-)
+from wayfarer.world.output.evenness import shorten_steps
+from wayfarer.world.output.footlock import LEASH, Locked, begin, lock_feet
+from wayfarer.world.output.hips import SURGE, SWAY
 from wayfarer.world.output.legs import ANKLES, HIPS, KNEES, pose_legs
 from wayfarer.world.output.quaternion import multiply
 from wayfarer.world.output.twobone import MOVED

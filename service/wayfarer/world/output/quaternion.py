@@ -27,6 +27,12 @@ def bounded(values: Array, low: float, high: float) -> Array:
     return found
 
 
+def smooth(value: Array, low: float, high: float) -> Array:
+    """0 below `low`, 1 above `high`, smooth between."""
+    t = bounded((value - low) / (high - low), 0, 1)
+    return t * t * (3 - 2 * t)
+
+
 def multiply(a: Array, b: Array) -> Array:
     """First turn by b, then by a."""
     ax, ay, az, aw = a

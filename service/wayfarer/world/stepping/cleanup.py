@@ -11,7 +11,8 @@ import numpy as np
 from wayfarer.world.agents.agent import ChunkFlag, Sight
 from wayfarer.world.agents.slots import Gait, Mode, Slots
 from wayfarer.world.agents.style import draws
-from wayfarer.world.output.footlock import begin, lock_feet, shorten_steps
+from wayfarer.world.output.evenness import shorten_steps
+from wayfarer.world.output.footlock import begin, lock_feet
 from wayfarer.world.output.posture import DRAWN, calmed, habits, hold, settled
 from wayfarer.world.rows import Flags, Index
 from wayfarer.world.stepping.playback import Sent
