@@ -1,7 +1,7 @@
 """Lateness of primitives on a machine that is simulated, so that no noise touches it.
 
     python -m benchmarks.simulated [--agents 448 512 576] [--seconds 30] [--slower 1.0]
-        [--call 3.0 0.235] [--stall 1.0] [--phases 2] [--depth 2] [--cores 2]
+        [--call 3.0 0.235] [--engine onnxruntime] [--stall 1.0] [--phases 2] [--depth 2] [--cores 2]
         [--json FILE] [--quick]
 
 The motion thread, its world and its ladder are those of the service; clock, engine and processor
@@ -26,7 +26,10 @@ from benchmarks import bench
 from benchmarks.bench import Row
 from benchmarks.driven import InstantEngine
 from wayfarer.body.library import SHIPPED, load_body
+from wayfarer.engines import openvino_engine
 from wayfarer.engines.onnx_engine import SIZES
+from wayfarer.engines.openvino_engine import OpenVinoEngine
+from wayfarer.engines.row_partitioner import RowPartitioner
 from wayfarer.limits import Limits
 from wayfarer.model_bundle import START_POSES
 from wayfarer.service.pipeline import DEPTH
@@ -184,20 +187,28 @@ def far(machine: Machine) -> Goal:
     return Goal((*machine.random.uniform(-FAR, FAR, 2).tolist(), 0.0))
 
 
+def batches(engine: str, cores: int) -> tuple[tuple[int, ...], int]:
+    """Sizes of an engine's batches, and the size for which a row costs least."""
+    if engine == "openvino":
+        return openvino_engine.batch_sizes(cores), OpenVinoEngine.full
+    return RowPartitioner(cores).sizes(SIZES), SIZES[-1]
+
+
 def simulated(agents: int, asked: argparse.Namespace) -> Row:
     """A run with so many agents."""
     machine, meter = Machine(asked), Metrics()
     limits = Limits(
         agents=agents, agents_per_session=agents, sessions=SESSIONS, goal_distance_m=1e5
     )
+    sizes, full = batches(asked.engine, asked.cores)
     settings = WorldSettings(
         limits=limits,
         steering=Steering().with_search(candidates=1),
         admission=AdmissionRules(refuse=False),
         budget=BudgetRules(),
-        batch_sizes=(*SIZES, *(SIZES[-1] * count for count in range(2, asked.cores + 1))),
+        batch_sizes=sizes,
         batch_lookahead_s=STEP_SECONDS,
-        batch_multiple=SIZES[-1],
+        batch_multiple=full,
         cores=asked.cores,
         phases=asked.phases,
     )
@@ -279,6 +290,12 @@ def main() -> None:
         default=CALL,
         metavar="MS",
         help="milliseconds of an engine call, and further ones per agent: of another engine",
+    )
+    parser.add_argument(
+        "--engine",
+        choices=("onnxruntime", "openvino"),
+        default="onnxruntime",
+        help="whose sizes of batches; what a call takes is CALL",
     )
     parser.add_argument("--stall", type=float, default=0.0, help="seconds of a stop, after 5 s")
     parser.add_argument("--phases", type=int, default=WorldSettings().phases)

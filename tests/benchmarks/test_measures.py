@@ -135,7 +135,7 @@ def test_misses_are_counted_by_when_they_were_due():
 def test_a_simulated_machine_is_late_only_when_it_has_too_much_to_do():
     def run(agents, **changed):
         values = {"seconds": 2.0, "slower": 1.0, "stall": 0.0, "phases": 2, "depth": 2, "cores": 2}
-        values["call"] = (3.0, 0.235)
+        values |= {"call": (3.0, 0.235), "engine": "onnxruntime"}
         return simulated.simulated(agents, argparse.Namespace(**(values | changed)))
 
     once, again = run(64), run(64)
