@@ -6,8 +6,10 @@ import time
 
 import pytest
 from benchmarks.flops import Product
+from benchmarks.models import opened
 
 from benchmarks import disturbance, gemm, paper_s3, service, simulated, step, transport
+from wayfarer.engines.onnx_engine import OnnxEngine
 from wayfarer.spec import STEP_SECONDS
 from wayfarer_lab.load.knee import FAULTS
 from wayfarer_lab.load.plan import LoadPlan
@@ -130,6 +132,13 @@ def test_misses_are_counted_by_when_they_were_due():
     rows = over_time(*[0.0] * 20, missed=(4, 5, 6, 12))
     counted = [disturbance.missed(rows, *span) for span in ((0, 1), (1, 2), (2, 9))]
     assert counted == [10, 20, 10]
+
+
+def test_a_simulated_engine_has_the_batches_of_the_real_one():
+    sizes, full = simulated.batches("onnxruntime", 2)
+    assert (sizes, full) == (opened("onnxruntime", 2).batch_sizes, OnnxEngine.full)
+    sizes, full = simulated.batches("openvino", 2)
+    assert sizes[-1] >= 2 * full == 256
 
 
 def test_a_simulated_machine_is_late_only_when_it_has_too_much_to_do():

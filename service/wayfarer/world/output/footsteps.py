@@ -121,3 +121,4 @@ def _step_tables() -> tuple[Flags, Array, Array]:
 
 
 FLIES, KEPT, LIFT = _step_tables()
+"""By the frames that a step still takes, 0 … `STEP_FRAMES`."""

@@ -1,7 +1,6 @@
 """How hips move over feet: they rise and fall with each step, and sway over the foot that bears.
 
-The model's glide on level hips, as if on wheels. Metres, world space; [F, A] frames and agents,
-[2, F, A] left and right foot.
+Metres, world space; [F, A] frames and agents, [2, F, A] left and right foot.
 """
 
 from typing import Final
