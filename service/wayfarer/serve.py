@@ -42,6 +42,9 @@ SWITCH_SECONDS: Final = 2e-4
 GIL. A call passes through three threads: with the usual 5 ms, handing over would take longer than
 computing."""
 
+M_ARENA_MAX: Final = -8
+"""Of glibc's malloc.h."""
+
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
 OPTIONS: Final = (
@@ -58,6 +61,7 @@ async def serve(settings: Settings, plan: NodePlan | None = None) -> None:
     As a node of several (`plan`), or as the whole server.
     """
     sys.setswitchinterval(SWITCH_SECONDS)
+    share_heaps()
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for sign in SIGNALS:
@@ -102,6 +106,15 @@ def warn_if_open(settings: Settings) -> None:
     """Say so when anybody may call from elsewhere."""
     if not (settings.is_loopback or settings.has_auth):
         log.warning("reachable from other machines without authentication", host=settings.host)
+
+
+def share_heaps() -> None:
+    """Let threads share one heap per core.
+
+    glibc makes up to eight, and what is freed stays there: 45 MB with OpenVINO on two cores.
+    """
+    if sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "mallopt"):
+        libc.mallopt(M_ARENA_MAX, os.cpu_count() or 1)
 
 
 def settle() -> None:

@@ -1,6 +1,7 @@
 """Compiled networks in a folder: found again as they were, or not at all."""
 
 import os
+import tempfile
 
 import pytest
 
@@ -11,8 +12,8 @@ BODY = bytes(range(256)) * 4
 
 
 def found(folder, *about) -> bytes | None:
-    body = CompiledNetworks(folder).find(*about)
-    return None if body is None else body.tobytes()
+    kept = CompiledNetworks(folder).find(*about)
+    return None if kept is None else kept.body.tobytes()
 
 
 def test_what_is_kept_is_found_under_its_description_alone(tmp_path):
@@ -44,17 +45,32 @@ def test_what_is_damaged_is_not_found_and_can_be_kept_again(tmp_path, damage):
     assert found(tmp_path, "a") == (None if damage == "folder" else BODY)
 
 
+def test_what_was_released_can_be_read_again_though_the_file_is_gone(tmp_path):
+    networks = CompiledNetworks(tmp_path)
+    kept = networks.keep(BODY, "a")
+    assert kept is not None
+    for file in tmp_path.iterdir():
+        file.unlink()
+    kept.release()
+    assert kept.body.tobytes() == BODY
+
+
 def test_a_folder_that_cannot_be_written_is_no_error(tmp_path):
     (tmp_path / "file").touch()
     networks = CompiledNetworks(tmp_path / "file" / "below")
-    networks.keep(BODY, "a")
+    assert networks.keep(BODY, "a") is None
     assert networks.find("a") is None
 
 
-def test_without_a_folder_nothing_is_kept():
+def test_without_a_folder_nothing_is_found_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     networks = CompiledNetworks(None)
-    networks.keep(BODY, "a")
-    assert networks.find("a") is None and not networks.are_kept
+    kept = networks.keep(BODY, "a")
+    assert kept is not None and kept.body.tobytes() == BODY
+    assert networks.find("a") is None
+    assert not list(tmp_path.iterdir())
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
+    assert networks.keep(BODY, "a") is None
 
 
 def test_what_was_used_longest_ago_goes(tmp_path, monkeypatch):

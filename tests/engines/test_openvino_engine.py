@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.engines.standing import standing_inputs
+from wayfarer.engines.compiled_networks import CompiledNetworks
 from wayfarer.engines.engine import StepInputs, StepOutputs
 from wayfarer.engines.onnx_engine import OnnxEngine
 from wayfarer.engines.openvino_engine import (
@@ -139,10 +140,11 @@ def test_rows_are_parted_into_the_sizes_there_are(rows, expected):
 def test_a_kept_network_is_used_with_the_same_bits_unless_openvino_refuses_it(
     models, mixed, inputs, tmp_path, monkeypatch
 ):
+    unusable = CompiledNetworks(None).keep(bytes(9999))
     first = OpenVinoEngine(models, 1, True, tmp_path)
-    monkeypatch.setattr(first._kept, "find", lambda *_: np.arange(9999).astype(np.uint8))
+    monkeypatch.setattr(first._kept, "find", lambda *_: unusable)
     again = OpenVinoEngine(models, 1, True, tmp_path)
-    monkeypatch.setattr(again, "_shaped", None)
+    monkeypatch.setattr(again, "_read", None)
     expected = mixed.step(GENDER, inputs)
     for engine in (first, again):
         found = engine.step(GENDER, inputs)
@@ -163,7 +165,7 @@ def test_alone_it_is_the_same_engine(mixed, inputs):
 
 
 def test_only_hidden_layers_are_in_bfloat16(models, mixed):
-    network = mixed._networks[GENDER]()
+    network = mixed._read(GENDER, 16, 1, True)
     lowered = [
         (node.get_type_name(), [size.to_string() for size in node.output(0).get_partial_shape()])
         for node in network.get_ordered_ops()

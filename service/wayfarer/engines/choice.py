@@ -38,7 +38,7 @@ def open_engine(
     """`auto` is onnxruntime, unless OpenVINO is installed and clearly faster.
 
     OpenVINO has a network for every number of candidates up to `candidates` (and every gender and
-    size of batch), each of 100 MB: with more than one candidate, `auto` leaves it alone. It keeps
+    size of batch), each of 80 MB: with more than one candidate, `auto` leaves it alone. It keeps
     them in the folder `compiled`, unless that is None.
 
     Raises InvalidArgument for an engine that is not installed or cannot run here, ArtifactError.

@@ -7,11 +7,12 @@ A folder that cannot be read or written costs the time that it would have saved,
 """
 
 import hashlib
+import mmap
 import os
 import tempfile
 from contextlib import suppress
 from pathlib import Path
-from typing import Final
+from typing import IO, Final
 
 import numpy as np
 import structlog
@@ -20,53 +21,75 @@ from numpy.typing import NDArray
 log = structlog.get_logger(__name__)
 
 SUFFIX: Final = ".network"
+HASH_BYTES: Final = hashlib.sha256().digest_size
+
 MOST: Final = 32
 """Files that are kept, 24 MB each: those that were used last. A model with one candidate has 4."""
+
+
+class KeptNetwork:
+    """A network as it was kept. Its bytes stay in the file: memory holds those that are read."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        """The file may be closed, and removed. Raises OSError, or ValueError for an empty file."""
+        # OpenVINO takes none that it may not write to, and writes nothing
+        self._mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY)
+        content = np.frombuffer(self._mapped, np.uint8)
+        self._hash = content[:HASH_BYTES].tobytes()
+        self.body: NDArray[np.uint8] = content[HASH_BYTES:]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether these are the bytes that were kept."""
+        return hashlib.sha256(self.body.data).digest() == self._hash
+
+    def release(self) -> None:
+        """Give the memory back: what is read once more comes from the file."""
+        if hasattr(mmap, "MADV_DONTNEED"):  # not on Windows
+            self._mapped.madvise(mmap.MADV_DONTNEED)
 
 
 class CompiledNetworks:
     """A folder of networks. Safe for several threads and processes."""
 
     def __init__(self, folder: Path | None) -> None:
-        """None: nothing is kept. The folder is made with the first file."""
+        """None: nothing is found again. The folder is made with the first file."""
         self._folder = folder
 
-    @property
-    def are_kept(self) -> bool:
-        """Whether there is a folder."""
-        return self._folder is not None
-
-    def find(self, *about: object) -> NDArray[np.uint8] | None:
-        """The bytes that were kept under this description, or None."""
+    def find(self, *about: object) -> KeptNetwork | None:
+        """What was kept under this description, or None."""
         if self._folder is None:
             return None
         path = self._path(about)
         try:
-            content = np.fromfile(path, np.uint8)
+            with path.open("rb") as file:
+                found = KeptNetwork(file)
         except FileNotFoundError:
             return None
-        except OSError as error:
+        except (OSError, ValueError) as error:
             log.warning("a compiled network cannot be read", file=str(path), error=str(error))
             return None
-        size = hashlib.sha256().digest_size
-        body = content[size:]
-        if hashlib.sha256(body.data).digest() != content[:size].tobytes():
+        if not found.is_whole:
             log.warning("a compiled network is damaged, and compiled again", file=str(path))
             return None
         with suppress(OSError):
             os.utime(path)  # it was used
-        return body
+        return found
 
-    def keep(self, body: bytes, *about: object) -> None:
-        """Keep bytes under a description; what was used longest ago goes."""
-        if self._folder is None:
-            return
+    def keep(self, body: bytes, *about: object) -> KeptNetwork | None:
+        """Keep bytes under a description; what was used longest ago goes.
+
+        Without a folder they are kept in a file without a name, which goes with the process. None
+        when no file can be written.
+        """
         try:
+            if self._folder is None:
+                with tempfile.TemporaryFile() as nameless:
+                    return _written(nameless, body)
             self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             with tempfile.NamedTemporaryFile(dir=self._folder, delete=False) as unfinished:
                 try:
-                    unfinished.write(hashlib.sha256(body).digest())
-                    unfinished.write(body)
+                    kept = _written(unfinished, body)
                     unfinished.close()
                     Path(unfinished.name).replace(self._path(about))
                 except BaseException:
@@ -74,8 +97,10 @@ class CompiledNetworks:
                     Path(unfinished.name).unlink(missing_ok=True)
                     raise
             self._tidy(self._folder)
+            return kept
         except OSError as error:
             log.warning("a compiled network cannot be kept", error=str(error))
+            return None
 
     def _path(self, about: tuple[object, ...]) -> Path:
         assert self._folder is not None
@@ -86,3 +111,10 @@ class CompiledNetworks:
         files = sorted(folder.glob(f"*{SUFFIX}"), key=lambda path: path.stat().st_mtime)
         for path in files[:-MOST]:
             path.unlink(missing_ok=True)
+
+
+def _written(file: IO[bytes], body: bytes) -> KeptNetwork:
+    file.write(hashlib.sha256(body).digest())
+    file.write(body)
+    file.flush()
+    return KeptNetwork(file)

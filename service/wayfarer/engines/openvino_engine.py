@@ -9,7 +9,7 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import fields
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, cast
 
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from wayfarer import __version__
 from wayfarer.artifacts import ModelFolder, sha256_of
 from wayfarer.engines import openvino_network
-from wayfarer.engines.compiled_networks import CompiledNetworks
+from wayfarer.engines.compiled_networks import CompiledNetworks, KeptNetwork
 from wayfarer.engines.engine import EngineKind, StepInputs, StepOutputs, variant
 from wayfarer.engines.openvino_network import LEFT_OUT, with_hidden_bfloat16, without_scores
 from wayfarer.engines.padding import pad
@@ -48,7 +48,7 @@ BITS: Final = 2
 """Raised when networks are compiled in another way, whose last bits differ: logs name it."""
 
 SIZES: Final = (16, 128)
-"""Rows for one thread. Each size is a network of its own: a second to compile, and 100 MB."""
+"""Rows for one thread. Each size is a network of its own: a second to compile, and 80 MB."""
 
 MOST: Final = 48
 """Rows that are computed 16 at a time: for more, 128 cost less, though some of them be padding."""
@@ -80,14 +80,12 @@ class OpenVinoEngine(WarmEngine):
         self.bfloat16 = capable if bfloat16 is None else bfloat16
         self.kind = "openvino-bf16" if self.bfloat16 else "openvino"
         self.name = models.path.resolve().name
+        self._paths = {g: models.graph("step", g, SEED_FRAMES) for g in GENDERS}
         self.graphs = tuple(
-            variant(f"{self.kind} {BITS}", sha256_of(models.graph("step", g, SEED_FRAMES)))
-            for g in GENDERS
+            variant(f"{self.kind} {BITS}", sha256_of(path)) for path in self._paths.values()
         )
-        # read when there is something to compile
-        self._networks = {g: cache(partial(self._read, models, g)) for g in GENDERS}
         self._kept = CompiledNetworks(compiled)
-        self._read_from: list[NDArray[np.uint8]] = []  # what networks lie in that were kept
+        self._read_from: list[KeptNetwork] = []
         self._identity = (
             __version__,
             sha256_of(Path(openvino_network.__file__)),
@@ -150,17 +148,6 @@ class OpenVinoEngine(WarmEngine):
             requests[name] = self._compiled[key].create_infer_request()
         return cast("openvino.InferRequest", requests[name])
 
-    def _read(self, models: ModelFolder, gender: str) -> "openvino.Model":
-        """A step graph, not to be changed."""
-        path = models.graph("step", gender, SEED_FRAMES)
-        try:
-            network = self._core.read_model(path)
-        except RuntimeError as error:
-            raise ArtifactError(f"{path}: OpenVINO cannot read it: {error}") from None
-        if self.bfloat16:
-            network = with_hidden_bfloat16(network)
-        return network
-
     def _compile(
         self, gender: str, rows: int, candidates: int, is_scored: bool
     ) -> "openvino.CompiledModel":
@@ -180,27 +167,39 @@ class OpenVinoEngine(WarmEngine):
     ) -> "openvino.CompiledModel":
         """The network, read from its file or compiled; both let Python run meanwhile."""
         about = (self._identity, gender, self.graphs, rows, candidates, is_scored, options)
-        if (kept := self._kept.find(*about)) is not None:
-            from openvino import Tensor
-
-            try:
-                # its weights stay where they were read to
-                tensor = Tensor(kept, shared_memory=True)
-                made = self._core.import_model(tensor, DEVICE, options)
-            except RuntimeError as error:
-                log.warning("a kept network cannot be used, and is compiled", error=str(error))
-            else:
-                self._read_from.append(kept)
-                return made
+        if (kept := self._kept.find(*about)) and (found := self._imported(kept, options)):
+            return found
         compiled = self._core.compile_model(
-            self._shaped(gender, rows, candidates, is_scored), DEVICE, options
+            self._read(gender, rows, candidates, is_scored), DEVICE, options
         )
-        if self._kept.are_kept:  # which does not
-            self._kept.keep(compiled.export_model().getvalue(), *about)
-        return compiled
+        kept = self._kept.keep(compiled.export_model().getvalue(), *about)
+        # One that was compiled takes 20 MB more than the same from a file.
+        return (kept and self._imported(kept, options)) or compiled
 
-    def _shaped(self, gender: str, rows: int, candidates: int, is_scored: bool) -> "openvino.Model":
-        network = self._networks[gender]().clone()
+    def _imported(
+        self, kept: KeptNetwork, options: dict[str, Any]
+    ) -> "openvino.CompiledModel | None":
+        from openvino import Tensor
+
+        try:
+            tensor = Tensor(kept.body, shared_memory=True)
+            found = self._core.import_model(tensor, DEVICE, options)
+        except RuntimeError as error:
+            log.warning("a kept network cannot be used, and is compiled", error=str(error))
+            return None
+        kept.release()  # weights are held in another order
+        self._read_from.append(kept)
+        return found
+
+    def _read(self, gender: str, rows: int, candidates: int, is_scored: bool) -> "openvino.Model":
+        """A step graph for so many rows."""
+        path = self._paths[gender]
+        try:
+            network = self._core.read_model(path)
+        except RuntimeError as error:
+            raise ArtifactError(f"{path}: OpenVINO cannot read it: {error}") from None
+        if self.bfloat16:
+            network = with_hidden_bfloat16(network)
         shapes = {}
         for tensor in network.inputs:
             shape = tensor.get_partial_shape()
