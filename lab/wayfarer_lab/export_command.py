@@ -89,14 +89,6 @@ def export(
         str | None,
         typer.Option(help="server: run of the goal-conditioned CVAE: write that baseline instead."),
     ] = None,
-    passes: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            help="server: passes of the regressor; 2: a lighter model (docs/models.md).",
-            show_default="3",
-        ),
-    ] = None,
 ) -> None:
     """Write a model in the form that something else runs.
 
@@ -118,7 +110,7 @@ def export(
     """
     of_runs = {
         "runs": runs, "data": data, "policy": policy, "predictor_1f": predictor_1f,
-        "predictor_2f": predictor_2f, "goal_cvae": goal_cvae, "passes": passes,
+        "predictor_2f": predictor_2f, "goal_cvae": goal_cvae,
     }  # fmt: skip
     if target is not ExportTarget.SERVER:
         _refuse(of_runs, target, "server")
@@ -154,13 +146,12 @@ def _for_engines(
 
 
 def _for_server(out: Path, given: dict[str, Any]) -> None:
-    from wayfarer.motion.regressor import PASSES
     from wayfarer_lab.training.export_runs import export_runs
 
     usual: dict[str, Any] = {
         "runs": Path("runs"), "data": None, "policy": "policy",
         "predictor_1f": "predictor_1f_rollout", "predictor_2f": "predictor_2f_rollout",
-        "goal_cvae": "", "passes": PASSES,
+        "goal_cvae": "",
     }  # fmt: skip
     for file, difference in export_runs(out=out, **usual | given).items():
         typer.echo(f"{file}: torch and ONNX differ by at most {difference:.1e}")

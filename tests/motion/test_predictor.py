@@ -35,6 +35,16 @@ def test_kl_is_zero_for_the_prior_and_grows_away_from_it():
     assert (Posterior(zero, zero - 2).kl() > 0).all()
 
 
+def test_a_prior_that_is_n_0_i_may_be_left_out(predictor):
+    seed, latent = torch.randn(2, predictor.seed_frames, 201), torch.randn(2, 3, LATENT)
+    assert not predictor.has_learned_prior
+    expected = predictor.decode(seed, latent)
+    predictor.uses_prior = False
+    assert torch.equal(predictor.decode(seed, latent), expected)
+    predictor.prior[1].bias.data[0] = 0.5
+    assert predictor.has_learned_prior
+
+
 def test_latents_are_counted_from_the_learned_prior(predictor):
     """Shifting the prior shifts what a latent stands for; the posterior moves against it."""
     seed, latent = torch.randn(3, predictor.seed_frames, MARKERS * 3), torch.randn(3, 1, LATENT)

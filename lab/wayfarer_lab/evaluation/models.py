@@ -14,8 +14,9 @@ from wayfarer.marker_bodies import load_marker_bodies
 from wayfarer.motion.frame import canonical_frame, to_local
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.predictor import MarkerPredictor
+from wayfarer.motion.primitive import EVERY
 from wayfarer.motion.regressor import BodyRegressor
-from wayfarer.spec import BETAS, GENDERS, LATENT, PRIMITIVE_FRAMES
+from wayfarer.spec import BETAS, GENDERS, LATENT, PRIMITIVE_FRAMES, SEED_FRAMES
 from wayfarer_lab.evaluation.gait import Row
 from wayfarer_lab.evaluation.metrics import prediction
 from wayfarer_lab.evaluation.parts import Parts
@@ -56,6 +57,11 @@ class Primitives:
         root = frame.rotation.transpose(-1, -2)[:, None] @ self.rotations[:, :, 0]
         rotations = torch.cat([root[:, :, None], self.rotations[:, :, 1:]], 2)
         return Primitives(to_local(frame, self.translation), rotations, self.betas)
+
+    def regressed(self) -> "Primitives":
+        """The frames that a step regresses: the last of the seed, and some of the new ones."""
+        some = slice(SEED_FRAMES - 1, None, EVERY)
+        return Primitives(self.translation[:, some], self.rotations[:, some], self.betas)
 
 
 def primitives(recorded: Recorded, gender: str, count: int, seed: int) -> Primitives:
@@ -121,8 +127,8 @@ def predictor_rows(
 def regressor_rows(parts: Parts, recorded: Recorded, count: int, seed: int) -> list[Row]:
     """Each gender's regressor on recorded poses: with the recorded shapes and with random ones.
 
-    The row "mocap" puts the recordings' own parameters in a regressor's place: the floor of these
-    figures, 0 but for rounding.
+    Frames are those that a step asks for. The row "mocap" puts the recordings' own parameters in a
+    regressor's place: the floor of these figures, 0 but for rounding.
     """
     bodies = load_marker_bodies()
     present = sorted({clip.gender for clip in recorded.clips})
@@ -133,12 +139,12 @@ def regressor_rows(parts: Parts, recorded: Recorded, count: int, seed: int) -> l
         # a recorded shape belongs to its gender, a pose fits any body
         cases["random shapes"] = [_reshape(poses, seed) for poses in known.values()]
         for name, parts_of in cases.items():
-            poses = _join(parts_of).canonical()
+            poses = _join(parts_of).canonical().regressed()
             made = _regressed(parts.regressors[gender], poses, bodies[gender])
             body = recorded.bodies[gender]
             rows.append(differences(f"{gender}, {name}", made, poses, body, bodies[gender]))
     gender = present[0]
-    truth = known[gender].canonical()
+    truth = known[gender].canonical().regressed()
     rows.append(differences("mocap", truth, truth, recorded.bodies[gender], bodies[gender]))
     return rows
 

@@ -1,7 +1,8 @@
 """The trained networks one by one, for combinations that the served graph does not offer.
 
-They come from a model folder (the ONNX graphs that other engines run) or from training runs (torch
-weights, base predictors included), with the same interface: that of the modules in `motion`.
+They come from a model folder (the ONNX graphs that other engines run; of regressors the weights, as
+those graphs take single frames) or from training runs (torch weights, base predictors included),
+with the same interface: that of the modules in `motion`.
 Forward only: an ONNX graph has no gradients.
 """
 
@@ -20,17 +21,18 @@ from wayfarer.body.library import load_body
 from wayfarer.errors import ArtifactError, InvalidArgument
 from wayfarer.marker_bodies import load_marker_bodies
 from wayfarer.model_bundle import load_models
-from wayfarer.motion.marker_body import Shaped
 from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor, Posterior
 from wayfarer.motion.primitive import BLEND, GROUNDING, PrimitiveStep
 from wayfarer.motion.quality import Sites
-from wayfarer.motion.regressor import BodyRegressor, Pose
+from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS, PRIMITIVE_FRAMES
 from wayfarer_lab.evaluation.fitted import FittedStep
 from wayfarer_lab.training.pose_networks import PosePrior
+from wayfarer_lab.training.regressor import load_regressor
 from wayfarer_lab.training.representation import REPRESENTATIONS, BodyParameters
 from wayfarer_lab.training.run import load_weights, read_run_config
+from wayfarer_lab.training.unpack import read_regressor
 
 SHIPPED: Final = {"ro-1f": "predictor_1f.onnx", "ro-2f": "predictor_2f.onnx"}
 """Predictors of a model folder by the paper's names; the shipped ones are trained on rollouts."""
@@ -149,13 +151,7 @@ def _from_models(path: Path, threads: int) -> Parts:
         for name, file in SHIPPED.items()
         if (found := session(file))
     }
-    regressors = {
-        gender: cast(BodyRegressor, OnnxRegressor(found))
-        for gender in GENDERS
-        if (found := session(f"regressor_{gender}.onnx"))
-    }
-    if missing := [g for g in GENDERS if g not in regressors]:
-        raise ArtifactError(f"{path}: holds no regressor of {missing}: export the models again")
+    regressors = {gender: read_regressor(path, gender) for gender in GENDERS}
     found = session("policy.onnx")
     policy = cast(GoalPolicy, OnnxPolicy(found)) if found else None
     found, decoder = session("pose_encoder.onnx"), session("pose_decoder.onnx")
@@ -177,8 +173,7 @@ def _with_runs(parts: Parts, runs: Path) -> Parts:
             predictors[name] = load_weights(MarkerPredictor(config["seed_frames"]), runs / folder)
     for gender in GENDERS:
         if _finished(runs / f"regressor_{gender}"):
-            empty = BodyRegressor(bodies[gender])
-            regressors[gender] = load_weights(empty, runs / f"regressor_{gender}")
+            regressors[gender] = load_regressor(bodies[gender], runs / f"regressor_{gender}")
     if _finished(runs / "policy"):
         policy = load_weights(GoalPolicy(), runs / "policy")
     if _finished(runs / "pose_prior"):
@@ -229,28 +224,6 @@ class OnnxPredictor(nn.Module):
         rows = seed.repeat_interleave(count, 0)
         (future,) = _run(self.session, ["future"], {"seed": rows, "latent": latent.flatten(0, 1)})
         return future.unflatten(0, (-1, count))
-
-
-class OnnxRegressor(nn.Module):
-    """An exported regressor with the interface of `BodyRegressor`."""
-
-    def __init__(self, session: onnxruntime.InferenceSession) -> None:
-        super().__init__()
-        self.session = session
-
-    def forward(self, markers: Tensor, betas: Tensor) -> tuple[Tensor, Tensor]:
-        """Markers [..., F, 67, 3], betas [..., 10] → hips [..., F, 3], turns [..., F, 22, 3, 3]."""
-        flat = markers.flatten(-2)
-        shapes = betas[..., None, :].expand(*flat.shape[:-1], betas.shape[-1])
-        given = {"markers": flat.flatten(0, -2), "betas": shapes.flatten(0, -2)}
-        place, rotations = _run(self.session, ["translation", "rotations"], given)
-        lead = flat.shape[:-1]
-        return place.reshape(*lead, 3), rotations.reshape(*lead, -1, 3, 3)
-
-    def solve(self, markers: Tensor, betas: Tensor, shape: Shaped) -> Pose:
-        """As `BodyRegressor.solve`; the graph knows its body and works out the shape itself."""
-        place, rotations = self(markers, betas)
-        return Pose(place.permute(2, 1, 0), rotations.permute(3, 4, 2, 1, 0))
 
 
 class OnnxPolicy(nn.Module):

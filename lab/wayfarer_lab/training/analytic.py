@@ -24,7 +24,6 @@ from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
-from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS, LATENT, NEW_FRAMES
 from wayfarer.terms import TERMS, WALK
 from wayfarer_lab.training.crowd import CrowdSampler, TrainingCrowd
@@ -33,6 +32,7 @@ from wayfarer_lab.training.likeness import FRAMES
 from wayfarer_lab.training.mocap.store import Dataset
 from wayfarer_lab.training.posture import LOOSE, Posture, off_body
 from wayfarer_lab.training.precision import half_precision
+from wayfarer_lab.training.regressor import load_regressor
 from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_weights
 from wayfarer_lab.training.steady import (
     LikenessConfig,
@@ -176,7 +176,7 @@ class AnalyticTrainer:
         model = load_body("anny52", gender)
         body: MarkerBody = marker_body(model)
         predictor = load_weights(MarkerPredictor(2), Path(self.config.predictor))
-        regressor = load_weights(BodyRegressor(body), Path(self.config.regressors[gender]))
+        regressor = load_regressor(body, Path(self.config.regressors[gender]))
         sites = Sites.from_names(model.marker_names)
         for network in (predictor, regressor):
             network.requires_grad_(False)
@@ -184,7 +184,6 @@ class AnalyticTrainer:
         half = half_precision()
         self.decoders[gender] = WatchedDecoder(half(predictor.decode))
         predictor.decode = self.decoders[gender]  # type: ignore[method-assign,assignment]
-        regressor.know = half(regressor.know)  # type: ignore[method-assign]
         regressor.correct = half(regressor.correct)  # type: ignore[method-assign]
         # No slope flows through the bodies: the terms are of the predicted markers.
         regressor.solve = torch.no_grad()(regressor.solve)  # type: ignore[method-assign]

@@ -21,8 +21,9 @@ from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS
 from wayfarer_lab.training.dataset import Frames, by_gender
 from wayfarer_lab.training.predictor import PredictorConfig, PredictorTrainer
+from wayfarer_lab.training.regressor import load_regressor
 from wayfarer_lab.training.representation import Markers, Whose
-from wayfarer_lab.training.run import TrainingRun, load_weights, read_run_config
+from wayfarer_lab.training.run import TrainingRun, read_run_config
 
 
 class EndToEndConfig(PredictorConfig):
@@ -74,8 +75,9 @@ class EndToEndTrainer(PredictorTrainer):
             raise InvalidArgument("no run of a predictor to start from", "start_from")
         found = []
         for gender in GENDERS:
-            model = BodyRegressor(marker_body(load_body(SHIPPED, gender)), through=True)
-            found.append(load_weights(model, Path(starts[gender])).train())
+            model = load_regressor(marker_body(load_body(SHIPPED, gender)), Path(starts[gender]))
+            model.through = True
+            found.append(model.train())
         return Regressed(found)
 
     def parameters(self) -> list[nn.Parameter]:

@@ -30,7 +30,6 @@ from wayfarer.motion.policy import GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
-from wayfarer.motion.regressor import PASSES, BodyRegressor
 from wayfarer.spec import GENDERS
 from wayfarer_lab.onnx_files import WeightStore, externalise
 from wayfarer_lab.training.graphs import (
@@ -44,6 +43,7 @@ from wayfarer_lab.training.graphs import (
 )
 from wayfarer_lab.training.pose_graphs import pose_decoder_graph, pose_encoder_graph
 from wayfarer_lab.training.pose_networks import PosePrior
+from wayfarer_lab.training.regressor import load_regressor
 from wayfarer_lab.training.row_independence import check_rows, make_rows_independent
 from wayfarer_lab.training.run import Network, load_weights, read_run_config
 
@@ -144,15 +144,16 @@ class Sources:
     pose_prior: Path
 
 
-def load_graphs(sources: Sources, body: str, passes: int = PASSES) -> dict[str, ExportGraph]:
+def load_graphs(sources: Sources, body: str) -> dict[str, ExportGraph]:
     """Every graph of a model folder by file name, from trained weights (rounded as shipped).
 
-    The step canonicalises as its predictor was trained (`floor_origin` of that run). `passes` of
-    the regressor.
+    The step canonicalises as its predictor was trained (`floor_origin` of that run).
     """
     floor_origin = read_run_config(sources.predictor_2f)["floor_origin"]
     one = round_to_half(load_weights(MarkerPredictor(1), sources.predictor_1f))
     two = round_to_half(load_weights(MarkerPredictor(2), sources.predictor_2f))
+    for predictor in (one, two):
+        predictor.uses_prior = predictor.has_learned_prior
     policy = round_to_half(load_weights(GoalPolicy(), sources.policy))
     prior = round_to_half(load_weights(PosePrior(), sources.pose_prior))
     graphs = {
@@ -166,7 +167,7 @@ def load_graphs(sources: Sources, body: str, passes: int = PASSES) -> dict[str, 
         model = load_body(body, gender)
         run = getattr(sources, f"regressor_{gender}")
         body_of = marker_body(model)
-        regressor = round_to_half(load_weights(BodyRegressor(body_of, passes), run))
+        regressor = round_to_half(load_regressor(body_of, run))
         sites = Sites.from_names(model.marker_names)
         step = PrimitiveStep(two, regressor, body_of, sites, policy, floor_origin).eval()
         graphs[f"regressor_{gender}.onnx"] = regressor_graph(regressor)
@@ -179,11 +180,10 @@ def export_models(
     out: Path,
     card: str,
     name: str = "gamma-anny52",
-    passes: int = PASSES,
 ) -> dict[str, float]:
     """Write a model folder from trained weights; see `load_graphs` and `write_models`."""
     floor_origin = bool(read_run_config(sources.predictor_2f)["floor_origin"])
-    graphs = load_graphs(sources, SHIPPED, passes)
+    graphs = load_graphs(sources, SHIPPED)
     return write_models(graphs, out, card, name, SHIPPED, floor_origin)
 
 

@@ -17,7 +17,6 @@ def export_runs(
     predictor_1f: str,
     predictor_2f: str,
     goal_cvae: str,
-    passes: int,
 ) -> dict[str, float]:
     """Write a model folder; return each graph's torch-ONNX difference.
 
@@ -37,4 +36,4 @@ def export_runs(
         graphs = load_goal_cvae_graphs(runs / goal_cvae, regressors)
         return write_models(graphs, out, model_card(out.name, trained, data), out.name)
     card = model_card(out.name, asdict(sources), data)
-    return export_models(sources, out, card, out.name, passes=passes)
+    return export_models(sources, out, card, out.name)

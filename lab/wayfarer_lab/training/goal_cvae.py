@@ -23,12 +23,12 @@ from wayfarer.motion.policy import Condition, state
 from wayfarer.motion.predictor import HIDDEN, SIZE, MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
-from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import FPS, PRIMITIVE_FRAMES
 from wayfarer_lab.training.dataset import Frames
 from wayfarer_lab.training.export import round_to_half
 from wayfarer_lab.training.graphs import ExportGraph, regressor_graph, step_graph
 from wayfarer_lab.training.predictor import PredictorConfig, PredictorTrainer
+from wayfarer_lab.training.regressor import load_regressor
 from wayfarer_lab.training.run import TrainingRun, load_weights, read_run_config
 
 
@@ -106,7 +106,7 @@ def load_goal_cvae_graphs(run: Path, regressors: Mapping[str, Path]) -> dict[str
     for gender, trained in regressors.items():
         model = load_body(SHIPPED, gender)
         skin = marker_body(model)
-        regressor = round_to_half(load_weights(BodyRegressor(skin), trained))
+        regressor = round_to_half(load_regressor(skin, trained))
         sites = Sites.from_names(model.marker_names)
         step = GoalCvaeStep(predictor, regressor, skin, sites, floor_origin=floor_origin).eval()
         graphs[f"regressor_{gender}.onnx"] = regressor_graph(regressor)

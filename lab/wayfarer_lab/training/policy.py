@@ -18,7 +18,6 @@ from wayfarer.motion.policy import GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
-from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import GENDERS
 from wayfarer_lab.training.dataset import Poses
 from wayfarer_lab.training.environment import GoalEnvironment, Task
@@ -26,6 +25,7 @@ from wayfarer_lab.training.episode import Episode, GoalCredit, samples_of, simul
 from wayfarer_lab.training.pose_prior import load_pose_prior
 from wayfarer_lab.training.ppo import PpoSettings, update
 from wayfarer_lab.training.precision import half_precision
+from wayfarer_lab.training.regressor import load_regressor
 from wayfarer_lab.training.reward import REWARD, REWARDS
 from wayfarer_lab.training.run import TrainingRun, load_weights, read_run_config
 from wayfarer_lab.training.starts import StartSampler
@@ -171,8 +171,7 @@ def load_steps(
         model = load_body("anny52", gender)
         body = marker_body(model)
         run = Path(getattr(config, f"regressor_{gender}"))
-        regressor = load_weights(BodyRegressor(body), run)
-        regressor.know = half(regressor.know)  # type: ignore[method-assign]
+        regressor = load_regressor(body, run)
         regressor.correct = half(regressor.correct)  # type: ignore[method-assign]
         sites = Sites.from_names(model.marker_names)
         steps.append(

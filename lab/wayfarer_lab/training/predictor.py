@@ -14,10 +14,10 @@ from wayfarer.motion.frame import canonical_frame, to_local
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep, Settled
 from wayfarer.motion.quality import Sites
-from wayfarer.motion.regressor import BodyRegressor
 from wayfarer.spec import FPS, GENDERS, PRIMITIVE_FRAMES
 from wayfarer_lab.training.dataset import Frames, WindowSampler, by_gender
 from wayfarer_lab.training.precision import half_precision
+from wayfarer_lab.training.regressor import load_regressor
 from wayfarer_lab.training.representation import REPRESENTATIONS, Markers, Name, Whose
 from wayfarer_lab.training.rotation import matrix_from_quaternion
 from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_weights
@@ -85,10 +85,8 @@ class Serving:
     def _step(self, config: PredictorConfig, gender: str) -> PrimitiveStep:
         model = load_body("anny52", gender)
         body = marker_body(model)
-        regressor = load_weights(BodyRegressor(body), Path(config.regressors[gender]))
-        half = half_precision()
-        regressor.know = half(regressor.know)  # type: ignore[method-assign]
-        regressor.correct = half(regressor.correct)  # type: ignore[method-assign]
+        regressor = load_regressor(body, Path(config.regressors[gender]))
+        regressor.correct = half_precision()(regressor.correct)  # type: ignore[method-assign]
         sites = Sites.from_names(model.marker_names)
         # the predictor is the one in training: only what follows it is asked of this step
         empty = MarkerPredictor(config.seed_frames)
@@ -148,7 +146,7 @@ class PredictorTrainer:
         if self.config.start_from:
             load_weights(model, Path(self.config.start_from)).train()
         if not self.config.learned_prior:
-            if any(bool(p.any()) for p in model.prior[-1].parameters()):
+            if model.has_learned_prior:
                 raise InvalidArgument(
                     f"{self.config.start_from} has a learned prior: it cannot go on as one with "
                     "N(0, I)",

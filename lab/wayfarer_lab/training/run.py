@@ -23,7 +23,7 @@ from typing import Any, TypeVar
 import torch
 from pydantic import BaseModel
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from torch import nn
+from torch import Tensor, nn
 from torch.optim import Optimizer
 from torch.utils.tensorboard import SummaryWriter
 
@@ -244,7 +244,13 @@ def read_run_config(folder: Path) -> dict[str, Any]:
 
 
 def load_weights(model: Network, folder: Path) -> Network:
-    """Weights of a run's last checkpoint into `model`: their moving average, if the run has one.
+    """`read_weights` into `model`. Raises ArtifactError."""
+    model.load_state_dict(read_weights(folder))
+    return model.eval()
+
+
+def read_weights(folder: Path) -> dict[str, Tensor]:
+    """Weights of a run's last checkpoint: their moving average, if the run has one.
 
     Raises ArtifactError.
     """
@@ -252,5 +258,5 @@ def load_weights(model: Network, folder: Path) -> Network:
     if not path.exists():
         raise ArtifactError(f"no checkpoint {path}; train it first (wayfarer train --help)")
     state: dict[str, Any] = torch.load(path, weights_only=True)
-    model.load_state_dict(state.get("average", state["model"]))
-    return model.eval()
+    found: dict[str, Tensor] = state.get("average", state["model"])
+    return found

@@ -5,15 +5,16 @@ those parts are initialised. Weights are those that ship, rounded to float16.
 """
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import onnx
 import torch
-from onnx import TensorProto, numpy_helper
 from torch import Tensor, nn
 
 from wayfarer.artifacts import CARD
 from wayfarer.body.library import load_body
+from wayfarer.engines.torch.weights import count_networks, named, output_biases
 from wayfarer.errors import ArtifactError
 from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.policy import GoalPolicy
@@ -33,13 +34,8 @@ def unpack_models(models: Path, runs: Path) -> dict[str, int]:
         folder = runs / name
         if folder.exists():
             continue
-        weights = {k: v for graph in graphs for k, v in read_weights(models / graph).items()}
-        if isinstance(network, BodyRegressor):
-            weights |= _last_bias(network, models / graphs[0])
+        found = _weights(network, [models / graph for graph in graphs])
         own = network.state_dict()
-        found = {k: v for k, v in weights.items() if k in own and own[k].shape == v.shape}
-        if not found:
-            raise ArtifactError(f"{models}: {graphs} hold no weights of {name}")
         folder.mkdir(parents=True)
         state = {"model": own | found, "optimizer": {}, "step": 0, "rng": torch.get_rng_state()}
         torch.save(state, folder / "last.pt")
@@ -48,6 +44,16 @@ def unpack_models(models: Path, runs: Path) -> dict[str, int]:
         (folder / "log.txt").write_text(log + "\n")
         written[name] = len(found)
     return written
+
+
+def read_regressor(models: Path, gender: str) -> BodyRegressor:
+    """The regressor of a model folder. Raises ArtifactError when its graph cannot be read."""
+    path = models / f"regressor_{gender}.onnx"
+    network = BodyRegressor(
+        marker_body(load_body("anny52", gender)), count_networks(named(_open(path)))
+    )
+    network.load_state_dict(_weights(network, [path]))
+    return network.eval()
 
 
 def _networks() -> dict[str, tuple[nn.Module, tuple[str, ...]]]:
@@ -67,34 +73,28 @@ def _networks() -> dict[str, tuple[nn.Module, tuple[str, ...]]]:
     }
 
 
-def read_weights(path: Path) -> dict[str, Tensor]:
-    """Tensors of a graph by the name of the network's parameter. Raises ArtifactError."""
-    try:
-        graph = onnx.load(path).graph
-    except (OSError, ValueError) as error:
-        raise ArtifactError(f"{path}: cannot be read: {error}") from error
-    found = {}
-    for tensor in graph.initializer:
-        _, _, name = tensor.name.removesuffix(".f16").partition(".")  # without the network's own
-        if name:
-            found[name] = torch.from_numpy(numpy_helper.to_array(tensor).astype("float32").copy())
+def _weights(network: nn.Module, paths: Sequence[Path]) -> dict[str, Tensor]:
+    """Tensors of `network` that graphs hold, by its own names. Raises ArtifactError for none."""
+    own, found = network.state_dict(), {}
+    for path in paths:
+        graph = _open(path)
+        weights = named(graph)
+        if isinstance(network, BodyRegressor):
+            weights |= output_biases(graph, weights, network.by_number, path)
+        for full, values in weights.items():
+            name = full.partition(".")[2]  # without the network's own
+            if name in own and own[name].shape == values.shape:
+                found[name] = values
+    if not found:
+        raise ArtifactError(f"{[str(path) for path in paths]} hold no weights of the network")
     return found
 
 
-def _last_bias(network: BodyRegressor, path: Path) -> dict[str, Tensor]:
-    """The bias of the regressor's last layer, which is exported in the order of its use."""
-    order = network.by_number
-    rows = [
-        numpy_helper.to_array(t)
-        for t in onnx.load(path).graph.initializer
-        if list(t.dims) == [len(order)] and t.data_type == TensorProto.FLOAT
-    ]
-    if len(rows) != 1:
-        raise ArtifactError(f"{path}: {len(rows)} tensors could be the last bias, expected one")
-    bias = torch.empty(len(order))
-    bias[order] = torch.from_numpy(rows[0].copy())
-    last = len(network.network) - 1
-    return {f"network.{last}.bias": bias}
+def _open(path: Path) -> onnx.GraphProto:
+    try:
+        return onnx.load(path).graph
+    except (OSError, ValueError) as error:
+        raise ArtifactError(f"{path}: cannot be read: {error}") from error
 
 
 def _settings(models: Path, name: str) -> tuple[dict[str, object], str]:

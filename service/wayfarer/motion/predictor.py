@@ -58,11 +58,17 @@ class MarkerPredictor(nn.Module):
         nn.init.zeros_(expected.weight)  # begins as N(0, I)
         nn.init.zeros_(expected.bias)
         self.prior = nn.Sequential(Mlp([HIDDEN, HIDDEN]), expected)
+        self.uses_prior = True
         self.first_state = Mlp([HIDDEN, 512, HIDDEN, HIDDEN])
         self.decoder = Gru(size, HIDDEN)
         self.from_seed = nn.Linear(HIDDEN, 3 * HIDDEN, bias=False)
         self.from_latent = nn.Linear(LATENT, 3 * HIDDEN, bias=False)
         self.output = nn.Sequential(Mlp([HIDDEN, 512, HIDDEN]), nn.Linear(HIDDEN, size))
+
+    @property
+    def has_learned_prior(self) -> bool:
+        """Whether the prior is another than N(0, I); if it is not, `uses_prior` may be false."""
+        return any(bool(parameter.any()) for parameter in self.prior[-1].parameters())
 
     def expected(self, hx: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and log σ [..., 128] of p(Z | X) from an encoded seed [..., 256]."""
@@ -88,8 +94,9 @@ class MarkerPredictor(nn.Module):
         """
         agents, candidates = latent.shape[:2]
         hx = self.seed_encoder.encode(seed)
-        mean, log_std = self.expected(hx)
-        latent = mean[:, None] + torch.exp(log_std)[:, None] * latent
+        if self.uses_prior:
+            mean, log_std = self.expected(hx)
+            latent = mean[:, None] + torch.exp(log_std)[:, None] * latent
 
         def for_all(x: Tensor) -> Tensor:  # [A, N] → [A · K, N]
             return x[:, None].expand(-1, candidates, -1).flatten(0, 1)

@@ -11,7 +11,7 @@ from torch.overrides import TorchFunctionMode
 
 from tests.engines.standing import standing_inputs
 from wayfarer.engines.torch.batch import INPUTS
-from wayfarer.motion import constants, primitive
+from wayfarer.motion import constants, primitive, regressor
 
 FROM_HOST = {torch.tensor, torch.as_tensor, torch.from_numpy, Tensor.new_tensor}
 TO_HOST = {
@@ -48,8 +48,8 @@ def on_a_gpu(monkeypatch):
     def constant(like, make, *arguments):
         return constants._kept(like.device, make, arguments)
 
-    monkeypatch.setattr(constants, "constant", constant)
-    monkeypatch.setattr(primitive, "constant", constant)
+    for module in (constants, primitive, regressor):
+        monkeypatch.setattr(module, "constant", constant)
     yield
     constants._kept.cache_clear()
 

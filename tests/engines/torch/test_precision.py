@@ -45,7 +45,6 @@ def seen(models, monkeypatch):
         monkeypatch.setattr(owner, name, watched)
 
     watch(MarkerPredictor, "decode")
-    watch(BodyRegressor, "know")
     watch(BodyRegressor, "correct")
     watch(MarkerBody, "blend")
     watch(MarkerBody, "shaped")
@@ -56,7 +55,7 @@ def seen(models, monkeypatch):
 
 
 def test_tf32_is_for_products_of_networks(seen):
-    networks = {"decode", "know", "correct"}
+    networks = {"decode", "correct"}
     assert {name for name, kinds in seen.items() if kinds == {"tf32"}} == networks
     assert all(kinds == {"ieee"} for name, kinds in seen.items() if name not in networks)
 

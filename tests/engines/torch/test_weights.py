@@ -8,7 +8,7 @@ import torch
 from onnx import helper, numpy_helper
 
 from wayfarer.engines.torch import weights
-from wayfarer.engines.torch.weights import LAST, load_step, named
+from wayfarer.engines.torch.weights import load_step, named, output_biases
 from wayfarer.errors import ArtifactError
 from wayfarer.motion.layers import Gru
 
@@ -16,38 +16,43 @@ ORDER = torch.tensor([2, 0, 1])
 PATH = Path("step_male.onnx")
 
 
-def output_layer(bias: torch.Tensor, products: int = 1) -> onnx.GraphProto:
-    """The regressor's last layer as it is exported, its rows in another order."""
-    nodes = [
-        helper.make_node("Cast", [f"{LAST}.weight.f16"], [f"{LAST}.weight"], to=1),
-        helper.make_node("GatherND", [f"{LAST}.weight", "order"], ["rows"]),
-        *(
-            helper.make_node("Gemm", [f"x{i}", "rows", f"bias{i}"], [f"y{i}"], transB=1)
-            for i in range(products)
-        ),
-    ]
-    constants = [
-        numpy_helper.from_array(torch.eye(3).half().numpy(), f"{LAST}.weight.f16"),
-        *(numpy_helper.from_array(bias[ORDER].numpy(), f"bias{i}") for i in range(products)),
-    ]
+LAST = "regressor.networks.{}.11"
+
+
+def output_layers(*biases: torch.Tensor, products: int = 1) -> onnx.GraphProto:
+    """The regressor's last layers as they are exported, their rows in another order."""
+    nodes, constants = [], []
+    for number, bias in enumerate(biases):
+        last = LAST.format(number)
+        nodes += [
+            helper.make_node("Cast", [f"{last}.weight.f16"], [f"{last}.weight"], to=1),
+            helper.make_node("GatherND", [f"{last}.weight", "order"], [f"rows_{number}"]),
+        ]
+        constants.append(numpy_helper.from_array(torch.eye(3).half().numpy(), f"{last}.weight.f16"))
+        for i in range(products):
+            given = [f"x_{number}_{i}", f"rows_{number}", f"bias_{number}_{i}"]
+            nodes.append(helper.make_node("Gemm", given, [f"y_{number}_{i}"], transB=1))
+            constants.append(numpy_helper.from_array(bias[ORDER].numpy(), given[-1]))
     return helper.make_graph(nodes, "step", [], [], constants)
 
 
-def test_a_bias_in_the_order_of_the_graph_is_put_back_into_that_of_training():
-    bias = torch.tensor([1.0, 2.0, 3.0])
-    graph = output_layer(bias)
-    assert torch.equal(weights._output_bias(graph, named(graph), ORDER, PATH), bias)
+def test_biases_in_the_order_of_the_graph_are_put_back_into_that_of_training():
+    biases = torch.tensor([1.0, 2.0, 3.0]), torch.tensor([4.0, 5.0, 6.0])
+    graph = output_layers(*biases)
+    found = output_biases(graph, named(graph), ORDER, PATH)
+    assert list(found) == [f"{LAST.format(n)}.bias" for n in (0, 1)]
+    assert all(map(torch.equal, found.values(), biases))
 
 
 @pytest.mark.parametrize("products", [0, 2])
 def test_a_bias_that_cannot_be_told_is_refused(products):
-    graph = output_layer(torch.ones(3), products)
+    graph = output_layers(torch.ones(3), products=products)
     with pytest.raises(ArtifactError, match=r"step_male.onnx: found \d biases"):
-        weights._output_bias(graph, named(graph), ORDER, PATH)
+        output_biases(graph, named(graph), ORDER, PATH)
 
 
 def test_halves_come_back_as_floats_under_their_own_names():
-    (found,) = (named(output_layer(torch.ones(3), 0))[f"{LAST}.weight"],)
+    found = named(output_layers(torch.ones(3)))[f"{LAST.format(0)}.weight"]
     assert found.dtype == torch.float32
     assert torch.equal(found, torch.eye(3))
 

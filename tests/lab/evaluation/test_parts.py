@@ -17,7 +17,6 @@ from wayfarer_lab.evaluation.parts import (
     OnnxPolicy,
     OnnxPosePrior,
     OnnxPredictor,
-    OnnxRegressor,
     Parts,
     Variant,
     load_parts,
@@ -27,7 +26,6 @@ from wayfarer_lab.training.graphs import (
     body_inputs,
     policy_graph,
     predictor_graph,
-    regressor_graph,
     step_inputs,
 )
 from wayfarer_lab.training.pose_graphs import pose_decoder_graph, pose_encoder_graph
@@ -77,7 +75,7 @@ def test_exported_parts_join_to_the_step_of_the_modules_themselves() -> None:
     modules = Parts({"ro-2f": predictor}, {"female": regressor}, policy, None, True)
     exported = Parts(
         {"ro-2f": OnnxPredictor(TorchSession(predictor_graph(predictor)), 2)},
-        {"female": OnnxRegressor(TorchSession(regressor_graph(regressor)))},
+        {"female": regressor},
         OnnxPolicy(TorchSession(policy_graph(policy))),
         None,
         True,

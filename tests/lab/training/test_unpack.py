@@ -12,9 +12,10 @@ from wayfarer.errors import ArtifactError
 from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.policy import GoalPolicy
 from wayfarer.motion.regressor import BodyRegressor
+from wayfarer.spec import GENDERS
 from wayfarer_lab.training.graphs import ExportGraph, policy_graph, regressor_graph
 from wayfarer_lab.training.run import load_weights
-from wayfarer_lab.training.unpack import unpack_models
+from wayfarer_lab.training.unpack import read_regressor, unpack_models
 
 MODELS = ASSETS / "models" / "gamma-anny52"
 
@@ -31,6 +32,13 @@ def test_networks_from_unpacked_weights_do_what_the_shipped_graphs_do(runs):
     regressor = load_weights(BodyRegressor(skin), runs / "regressor_male")
     same_as(regressor_graph(regressor), "regressor_male.onnx")
     same_as(policy_graph(load_weights(GoalPolicy(), runs / "policy")), "policy.onnx")
+
+
+def test_a_regressor_is_read_from_a_model_folder(tmp_path):
+    for gender in GENDERS:
+        same_as(regressor_graph(read_regressor(MODELS, gender)), f"regressor_{gender}.onnx")
+    with pytest.raises(ArtifactError, match="cannot be read"):
+        read_regressor(tmp_path, "male")
 
 
 def same_as(graph: ExportGraph, file: str) -> None:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import Any, Final, Literal
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.policy import Condition, GoalPolicy
@@ -51,21 +51,18 @@ def networks_in(precision: Precision, device: torch.device) -> Iterator[None]:
 
 
 class MixedRegressor(BodyRegressor):
-    """A regressor whose network, but not whose body, is in lower precision."""
+    """A regressor whose networks, but not whose body, are in lower precision."""
 
-    def __init__(self, body: MarkerBody, precision: Precision) -> None:
-        super().__init__(body)
+    def __init__(self, body: MarkerBody, networks: int, precision: Precision) -> None:
+        super().__init__(body, networks)
         self.precision = precision
 
-    def know(self, centred: Tensor, betas: Tensor) -> Tensor:
+    def correct(
+        self, network: nn.Sequential, centred: Tensor, error: Tensor, betas: Tensor, rows: Tensor
+    ) -> Tensor:
         """See `BodyRegressor`."""
-        with networks_in(self.precision, centred.device):
-            return super().know(centred, betas)
-
-    def correct(self, known: Tensor, error: Tensor, state: Tensor) -> Tensor:
-        """See `BodyRegressor`."""
-        with networks_in(self.precision, state.device):
-            return super().correct(known, error, state)
+        with networks_in(self.precision, rows.device):
+            return super().correct(network, centred, error, betas, rows)
 
 
 class MixedStep(PrimitiveStep):

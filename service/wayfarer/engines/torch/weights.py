@@ -1,8 +1,9 @@
 """The step of a model folder as a torch module: its weights, out of the ONNX graph that serves.
 
-A graph names its weights as the networks do, so one file is enough for every engine. One tensor
-alone goes by another name: the exporter folds the order of the regressor's numbers into the bias of
-its last layer; it is found beside that layer's product, and put back into the order of training.
+A graph names its weights as the networks do, so one file is enough for every engine. Only the
+biases of the regressor's last layers go by other names: the exporter folds the order of the
+regressor's numbers into them; they are found beside those layers' products, and put back into the
+order of training.
 """
 
 from collections.abc import Mapping
@@ -32,8 +33,8 @@ Network = TypeVar("Network", bound=nn.Module)
 HALF: Final = ".f16"
 """Ends the names of weights that are kept as float16 (`onnx_files.py`)."""
 
-LAST: Final = f"regressor.network.{BLOCKS + 1}"
-"""The regressor's output layer."""
+NETWORKS: Final = "regressor.networks."
+"""Begins the names of the regressor's weights."""
 
 FOR_TRAINING: Final = ("future_encoder.", "posterior.", "mean.", "log_variance.", "critic.")
 """Parts of networks that a step has no use for: their weights are not shipped."""
@@ -49,9 +50,8 @@ def load_step(models: ModelFolder, gender: str, precision: Precision) -> MixedSt
     weights = named(graph)
     body = load_body(models.body, gender)
     skin = marker_body(body)
-    regressor = MixedRegressor(skin, precision)
-    if f"{LAST}.bias" not in weights:
-        weights[f"{LAST}.bias"] = _output_bias(graph, weights, regressor.by_number, path)
+    regressor = MixedRegressor(skin, count_networks(weights), precision)
+    weights |= output_biases(graph, weights, regressor.by_number, path)
     has_policy = any(name.startswith("policy.") for name in weights)
     return MixedStep(
         _filled(MarkerPredictor(SEED_FRAMES), "predictor", weights, path),
@@ -81,17 +81,31 @@ def _open(path: Path) -> onnx.GraphProto:
         raise ArtifactError(f"{path}: cannot be read as ONNX: {error}") from error
 
 
-def _output_bias(graph: onnx.GraphProto, weights: Weights, by_number: Tensor, path: Path) -> Tensor:
-    """The bias of the regressor's last layer, in the order of training."""
-    rows = {node.output[0] for node in graph.node if f"{LAST}.weight" in node.input}
-    products = [node for node in graph.node if node.op_type == "Gemm" and node.input[1] in rows]
-    names = {product.input[2] for product in products}
-    if len(names) != 1:
-        raise ArtifactError(
-            f"{path}: found {len(names)} biases of {LAST}, expected 1: export the model again"
-        )
-    ordered = weights[names.pop()]
-    return torch.empty_like(ordered).index_copy(0, by_number, ordered)
+def count_networks(weights: Weights) -> int:
+    """How many networks the regressor has that these are the weights of."""
+    return len({k.split(".")[2] for k in weights if k.startswith(NETWORKS)})
+
+
+def output_biases(
+    graph: onnx.GraphProto, weights: Weights, by_number: Tensor, path: Path
+) -> dict[str, Tensor]:
+    """The biases of the regressor's last layers, by name, in the order of training.
+
+    Raises ArtifactError when they cannot be told.
+    """
+    found = {}
+    for number in range(count_networks(weights)):
+        last = f"{NETWORKS}{number}.{BLOCKS + 1}"
+        rows = {node.output[0] for node in graph.node if f"{last}.weight" in node.input}
+        products = [node for node in graph.node if node.op_type == "Gemm" and node.input[1] in rows]
+        names = {product.input[2] for product in products}
+        if len(names) != 1:
+            raise ArtifactError(
+                f"{path}: found {len(names)} biases of {last}, expected 1: export the model again"
+            )
+        ordered = weights[names.pop()]
+        found[f"{last}.bias"] = torch.empty_like(ordered).index_copy(0, by_number, ordered)
+    return found
 
 
 def _filled(network: Network, name: str, weights: Weights, path: Path) -> Network:
