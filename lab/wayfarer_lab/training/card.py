@@ -24,10 +24,6 @@ the body behind them. `step_*.onnx` hold the whole step; `predictor_*` and `regr
 > The data used in this project was obtained from mocap.cs.cmu.edu. The database was created with
 > funding from NSF EIA-0196217.
 
-Where the runs below were trained on it (shares `sideways` and `backward` of their `mix`): The
-100STYLE Dataset, Ian Mason, Sebastian Starke, Taku Komura, CC BY 4.0, modified (retargeted, cut,
-resampled).
-
 **Use.** People walking, standing, starting, stopping and turning on a flat floor. **Not for**
 stairs, uneven ground, sitting, carrying, or judging real people's gait. A few subjects carry most
 of the walking, so gaits are less varied than people's. Adults only.
