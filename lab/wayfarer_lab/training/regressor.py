@@ -131,7 +131,7 @@ class RegressorTrainer:
         turn = wanted - torch.atan2(right[:, 1], right[:, 0])
         zero = torch.zeros_like(turn)
         turned = matrix_from_rotvec(torch.stack([zero, zero, turn], -1))
-        rotations[:, :, 0] = turned[:, None] @ rotations[:, :, 0]
+        rotations = torch.cat([turned[:, None, None] @ rotations[:, :, :1], rotations[:, :, 1:]], 2)
         betas = random_betas(count)
         markers, skin = self.made(torch.zeros(count, FRAMES, 3), rotations, betas)
         scale = noise * torch.rand(count, FRAMES, 1, 1)
