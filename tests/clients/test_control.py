@@ -154,3 +154,17 @@ def golden(name: str) -> motion_pb2.StreamMotionResponse:
     return motion_pb2.StreamMotionResponse.FromString(
         bytes.fromhex(json.loads(path.read_text())[name])
     )
+
+
+async def test_what_is_said_at_the_same_time_is_all_said(server, client):
+    """A call of grpc.aio ends when it is written to twice at once."""
+    session = await client.create_session()
+    server.scripts["Control"] = [[ASKED, moved(HEADER), moved(batch("t0")), *[ASKED] * 51]]
+    async with session.control() as control:
+        await anext(control)
+        await asyncio.gather(*(control.ack(number) for number in range(1, 51)))
+        assert [found async for found in control] == [], "the server ends when it has read all"
+    _, *acks = server.asked("Control")
+    assert sorted(said.ack.playhead_us for said in acks)[1:] == [
+        1_000_000 * n for n in range(1, 51)
+    ]

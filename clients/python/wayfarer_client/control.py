@@ -59,6 +59,7 @@ class Control(GoalCommands):
         self._deadline = deadline
         self._reader = BatchReader()
         self._call: Any = None
+        self._writing = asyncio.Lock()  # grpc.aio ends a call that is written to twice at once
         self._replies: dict[int, asyncio.Future[int]] = {}
         self._number = 0
         self._opened = asyncio.Event()
@@ -174,7 +175,8 @@ class Control(GoalCommands):
 
     async def _write(self, request: control_pb2.ControlRequest) -> None:
         try:
-            await self._call.write(request)
+            async with self._writing:
+                await self._call.write(request)
         except Exception as error:  # what grpc.aio raises on a call that is over differs by moment
             raise Unavailable(f"the connection is lost: {error}") from None
 
