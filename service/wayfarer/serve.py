@@ -113,6 +113,8 @@ def share_heaps() -> None:
 
     glibc makes up to eight, and what is freed stays there: 45 MB with OpenVINO on two cores.
     """
+    if "MALLOC_ARENA_MAX" in os.environ:
+        return  # it was asked for otherwise
     if sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "mallopt"):
         libc.mallopt(M_ARENA_MAX, os.cpu_count() or 1)
 

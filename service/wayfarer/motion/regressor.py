@@ -5,8 +5,8 @@ inside and matrices at the output. Two networks per gender, one for each pass.
 
 Deviations from the paper, and why: every pass also sees where the markers of its estimate lie, as
 their distance from the given ones; so it learns to correct, not to guess again. The paper applies
-one network three times; two of their own are as good in two passes, and the first of them is cheap:
-it finds only the first, the middle and the last frame, the others lie between. Markers are centred
+one network again and again. Here each pass has its own, and two suffice; the first finds only the
+first, the middle and the last frame, the others lie between. Markers are centred
 on their mean (the hips' place is found relative to it), so that neither the floor nor the
 travelled way matters; the first estimate is the T-pose rather than zeros, which 6D cannot
 orthonormalise; fingers are held at rest, so the hand term of Eq. 2 has nothing to act on with the
