@@ -36,6 +36,14 @@ def test_an_untrained_policy_is_the_prior():
     assert torch.equal(pi.sample(noise, torch.ones(AGENTS)), noise)
 
 
+def test_a_narrower_policy_is_made_to_fit_its_weights():
+    narrow = GoalPolicy(hidden=64)
+    again = GoalPolicy.fitting(narrow.state_dict())
+    again.load_state_dict(narrow.state_dict())
+    seed, condition = seeds(2), asked()
+    assert torch.equal(again(seed, condition).mean, narrow(seed, condition).mean)
+
+
 def test_one_network_takes_seeds_of_one_and_two_frames():
     policy, condition = trained(), asked()
     for frames in (1, 2):

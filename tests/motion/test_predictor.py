@@ -5,10 +5,12 @@ from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.spec import LATENT, MARKERS
 
 
-@pytest.fixture(params=[1, 2])
+@pytest.fixture(params=[(1, 1), (2, 1), (2, 4), (2, 8)])
 def predictor(request):
+    """By frames of the seed, and found at once."""
     torch.manual_seed(0)
-    return MarkerPredictor(request.param).eval()
+    seed_frames, at_once = request.param
+    return MarkerPredictor(seed_frames, at_once=at_once).eval()
 
 
 def test_shapes_follow_the_seed_length(predictor):
@@ -17,6 +19,17 @@ def test_shapes_follow_the_seed_length(predictor):
     assert future.shape == (3, 4, 10 - predictor.seed_frames, MARKERS * 3)
     posterior = predictor.encode(seed, future[:, 0])
     assert posterior.mean.shape == posterior.log_variance.shape == (3, LATENT)
+
+
+def test_a_network_is_made_to_fit_weights(predictor):
+    again = MarkerPredictor.fitting(predictor.state_dict(), predictor.seed_frames)
+    again.load_state_dict(predictor.state_dict())
+    assert again.at_once == predictor.at_once
+
+
+def test_frames_that_are_no_multiple_are_refused():
+    with pytest.raises(ValueError, match="8 frames are no multiple of 3"):
+        MarkerPredictor(2, at_once=3)
 
 
 def test_candidates_do_not_influence_each_other(predictor):

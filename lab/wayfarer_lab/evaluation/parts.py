@@ -31,7 +31,12 @@ from wayfarer_lab.evaluation.fitted import FittedStep
 from wayfarer_lab.training.pose_networks import PosePrior
 from wayfarer_lab.training.regressor import load_regressor
 from wayfarer_lab.training.representation import REPRESENTATIONS, BodyParameters
-from wayfarer_lab.training.run import load_weights, read_run_config
+from wayfarer_lab.training.run import (
+    load_policy,
+    load_predictor,
+    load_weights,
+    read_run_config,
+)
 from wayfarer_lab.training.unpack import read_regressor
 
 SHIPPED: Final = {"ro-1f": "predictor_1f.onnx", "ro-2f": "predictor_2f.onnx"}
@@ -170,12 +175,12 @@ def _with_runs(parts: Parts, runs: Path) -> Parts:
         if _finished(runs / folder):
             config = read_run_config(runs / folder)
             floors.add(bool(config["floor_origin"]))
-            predictors[name] = load_weights(MarkerPredictor(config["seed_frames"]), runs / folder)
+            predictors[name] = load_predictor(runs / folder, config["seed_frames"])
     for gender in GENDERS:
         if _finished(runs / f"regressor_{gender}"):
             regressors[gender] = load_regressor(bodies[gender], runs / f"regressor_{gender}")
     if _finished(runs / "policy"):
-        policy = load_weights(GoalPolicy(), runs / "policy")
+        policy = load_policy(runs / "policy")
     if _finished(runs / "pose_prior"):
         prior = load_weights(PosePrior(), runs / "pose_prior")
     if len(floors) > 1:
@@ -201,7 +206,7 @@ def _direct(run: Path) -> Direct:
     kind = REPRESENTATIONS[config["representation"]]()
     if not isinstance(kind, BodyParameters):
         raise ArtifactError(f"{run}: its frames are {config['representation']}")
-    predictor = load_weights(MarkerPredictor(config["seed_frames"], kind.size), run)
+    predictor = load_predictor(run, config["seed_frames"])
     return Direct(predictor, kind, bool(config["floor_origin"]))
 
 

@@ -21,7 +21,6 @@ from wayfarer.marker_bodies import load_marker_bodies, marker_body
 from wayfarer.motion.marker_body import MarkerBody
 from wayfarer.motion.obstacles import no_obstacles
 from wayfarer.motion.policy import Condition, Gaussian, GoalPolicy
-from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.spec import GENDERS, LATENT, NEW_FRAMES
@@ -33,7 +32,12 @@ from wayfarer_lab.training.mocap.store import Dataset
 from wayfarer_lab.training.posture import LOOSE, Posture, off_body
 from wayfarer_lab.training.precision import half_precision
 from wayfarer_lab.training.regressor import load_regressor
-from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_weights
+from wayfarer_lab.training.run import (
+    TrainingRun,
+    cosine_rate,
+    load_policy,
+    load_predictor,
+)
 from wayfarer_lab.training.steady import (
     LikenessConfig,
     SteadyWalks,
@@ -151,9 +155,8 @@ class AnalyticTrainer:
             raise InvalidArgument("a critic ([likeness]) needs recorded walks", "walks")
         torch.manual_seed(config.seed)
         self.config = config
-        self.policy = GoalPolicy()
-        if config.start_from:
-            load_weights(self.policy, Path(config.start_from)).train()
+        start = config.start_from
+        self.policy = load_policy(Path(start)).train() if start else GoalPolicy()
         self.average = copy.deepcopy(self.policy).requires_grad_(False)
         self.watched = Watched(self.policy)
         names = load_body("anny52", GENDERS[0]).marker_names
@@ -175,7 +178,7 @@ class AnalyticTrainer:
     def _step(self, gender: str) -> PrimitiveStep:
         model = load_body("anny52", gender)
         body: MarkerBody = marker_body(model)
-        predictor = load_weights(MarkerPredictor(2), Path(self.config.predictor))
+        predictor = load_predictor(Path(self.config.predictor), 2)
         regressor = load_regressor(body, Path(self.config.regressors[gender]))
         sites = Sites.from_names(model.marker_names)
         for network in (predictor, regressor):

@@ -8,6 +8,7 @@ from typing import Annotated, Any, TypeVar
 import torch
 import typer
 from pydantic import BaseModel, ValidationError
+from rich.progress import Progress
 
 from wayfarer.artifacts import ASSETS
 from wayfarer.body.library import load_body
@@ -16,6 +17,12 @@ from wayfarer.world.agents.spawn import load_start_poses
 from wayfarer_lab.training.analytic import AnalyticConfig, load_walks, train_analytic
 from wayfarer_lab.training.blend import blend_runs
 from wayfarer_lab.training.dataset import Frames, load_frames, load_poses
+from wayfarer_lab.training.distillation import (
+    DistilledPolicyConfig,
+    DistilledPredictorConfig,
+    distil_policy,
+    distil_predictor,
+)
 from wayfarer_lab.training.end_to_end import EndToEndConfig, train_end_to_end
 from wayfarer_lab.training.goal_cvae import GoalCvaeConfig, train_goal_cvae
 from wayfarer_lab.training.policy import PolicyConfig, load_environment, train_policy
@@ -23,6 +30,7 @@ from wayfarer_lab.training.pose_prior import PosePriorConfig, train_pose_prior
 from wayfarer_lab.training.predictor import PredictorConfig, train_predictor
 from wayfarer_lab.training.regressor import RegressorConfig, train_regressor
 from wayfarer_lab.training.unpack import unpack_models
+from wayfarer_lab.training.visited import write_visited
 
 app = typer.Typer(
     help="Train the networks. A run lives in a folder and resumes from its checkpoint. "
@@ -38,7 +46,12 @@ ConfigOption = Annotated[
     str,
     typer.Option(help="A TOML file, or the name of a config in lab/wayfarer_lab/training/configs."),
 ]
-DataOption = Annotated[Path, typer.Option(help="Folder made by `wayfarer data prepare`.")]
+DataOption = Annotated[
+    Path,
+    typer.Option(
+        help="Folder made by `wayfarer data prepare`; of distillations, by `wayfarer train visit`."
+    ),
+]
 OutOption = Annotated[
     Path, typer.Option(help="Folder of this run; if it has a checkpoint, the run resumes.")
 ]
@@ -203,6 +216,68 @@ def end_to_end(settings: EndToEndConfig, data: Path, out: Path, minutes: float) 
     What comes out lies in the run's folder as runs of its own, for --runs of export and eval.
     """
     return train_end_to_end(settings, *_frames(data, settings.mix), out, minutes)
+
+
+@app.command(short_help="Write what a model is asked while it serves, for distillations.")
+def visit(
+    out: Annotated[Path, typer.Argument(help="Folder to write: train.pt and validation.pt.")],
+    models: Annotated[
+        Path, typer.Option(help="Model folder that serves.", show_default="the shipped model")
+    ] = SHIPPED,
+    agents: Annotated[int, typer.Option(min=1, help="People who are sent about.")] = 448,
+    seconds: Annotated[float, typer.Option(min=4, help="Seconds of their motion.")] = 120.0,
+    seed: Annotated[int, typer.Option(help="Of people and commands.")] = 1,
+) -> None:
+    """Send random people about by random commands, and write what each step asked the networks.
+
+    Every 0.2 s of a person is a question of 2.2 kB: the usual 448 people and 120 s are 280,000, and
+    take 5 minutes of two cores.
+    """
+    with Progress(transient=True) as progress:
+        task = progress.add_task("walking", total=None)
+        train, validation = write_visited(
+            models,
+            out,
+            agents,
+            seconds,
+            seed,
+            lambda done, total: progress.update(task, completed=done, total=total),
+        )
+    typer.echo(f"{out}: {train} questions for training, {validation} for validation")
+
+
+@training(
+    "distil-predictor",
+    DistilledPredictorConfig,
+    "distilled_predictor",
+    "Train a copy of the predictor that finds all frames at once.",
+)
+def distilled_predictor(
+    settings: DistilledPredictorConfig, data: Path, out: Path, minutes: float
+) -> bool:
+    """Train a copy of a 2-frame predictor that finds several frames at once: a cheaper step.
+
+    The config names the runs of the teachers, for example from `wayfarer train unpack`. The log
+    tells how far its markers are off the teacher's (mm), and their changes from frame to frame.
+    """
+    return distil_predictor(settings, data, out, minutes)
+
+
+@training(
+    "distil-policy",
+    DistilledPolicyConfig,
+    "distilled_policy",
+    "Train a narrower copy of the policy.",
+)
+def distilled_policy(
+    settings: DistilledPolicyConfig, data: Path, out: Path, minutes: float
+) -> bool:
+    """Train a narrower copy of a policy: a cheaper step.
+
+    With `served`, the run of the predictor that it will work with, it learns the markers that come
+    of its latents, not the latents alone.
+    """
+    return distil_policy(settings, data, out, minutes)
 
 
 @app.command(short_help="Turn a model folder into run folders.")

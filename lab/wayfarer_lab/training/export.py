@@ -26,8 +26,6 @@ from wayfarer.artifacts import (
 from wayfarer.body.library import SHIPPED, body_file, load_body
 from wayfarer.errors import ArtifactError
 from wayfarer.marker_bodies import marker_body
-from wayfarer.motion.policy import GoalPolicy
-from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.spec import GENDERS
@@ -45,7 +43,13 @@ from wayfarer_lab.training.pose_graphs import pose_decoder_graph, pose_encoder_g
 from wayfarer_lab.training.pose_networks import PosePrior
 from wayfarer_lab.training.regressor import load_regressor
 from wayfarer_lab.training.row_independence import check_rows, make_rows_independent
-from wayfarer_lab.training.run import Network, load_weights, read_run_config
+from wayfarer_lab.training.run import (
+    Network,
+    load_policy,
+    load_predictor,
+    load_weights,
+    read_run_config,
+)
 
 TOLERANCE = 1e-3
 """Largest difference allowed between torch and ONNX: metres for places, unitless for rotations."""
@@ -150,11 +154,11 @@ def load_graphs(sources: Sources, body: str) -> dict[str, ExportGraph]:
     The step canonicalises as its predictor was trained (`floor_origin` of that run).
     """
     floor_origin = read_run_config(sources.predictor_2f)["floor_origin"]
-    one = round_to_half(load_weights(MarkerPredictor(1), sources.predictor_1f))
-    two = round_to_half(load_weights(MarkerPredictor(2), sources.predictor_2f))
+    one = round_to_half(load_predictor(sources.predictor_1f, 1))
+    two = round_to_half(load_predictor(sources.predictor_2f, 2))
     for predictor in (one, two):
         predictor.uses_prior = predictor.has_learned_prior
-    policy = round_to_half(load_weights(GoalPolicy(), sources.policy))
+    policy = round_to_half(load_policy(sources.policy))
     prior = round_to_half(load_weights(PosePrior(), sources.pose_prior))
     graphs = {
         "predictor_1f.onnx": predictor_graph(one),

@@ -29,14 +29,20 @@ from wayfarer_lab.training.export import round_to_half
 from wayfarer_lab.training.graphs import ExportGraph, regressor_graph, step_graph
 from wayfarer_lab.training.predictor import PredictorConfig, PredictorTrainer
 from wayfarer_lab.training.regressor import load_regressor
-from wayfarer_lab.training.run import TrainingRun, load_weights, read_run_config
+from wayfarer_lab.training.run import (
+    TrainingRun,
+    load_predictor,
+    load_weights,
+    read_run_config,
+    read_weights,
+)
 
 
 class GoalCvae(MarkerPredictor):
     """A marker predictor whose seeds are states [..., S, 402]."""
 
-    def __init__(self, seed_frames: int) -> None:
-        super().__init__(seed_frames)
+    def __init__(self, seed_frames: int, size: int = SIZE, at_once: int = 1) -> None:
+        super().__init__(seed_frames, size, at_once)
         self.seed_encoder = Gru(2 * SIZE, HIDDEN)
 
     def start_from(self, predictor: MarkerPredictor) -> None:
@@ -69,10 +75,12 @@ class GoalCvaeTrainer(PredictorTrainer):
 
     def network(self) -> GoalCvae:
         """The g-CVAE with a predictor's weights, when there is one to start from."""
-        model = GoalCvae(self.config.seed_frames)
-        if self.config.start_from:
-            predictor = MarkerPredictor(self.config.seed_frames)
-            model.start_from(load_weights(predictor, Path(self.config.start_from)))
+        seed_frames = self.config.seed_frames
+        if not self.config.start_from:
+            return GoalCvae(seed_frames)
+        predictor = load_predictor(Path(self.config.start_from), seed_frames)
+        model = GoalCvae(seed_frames, at_once=predictor.at_once)
+        model.start_from(predictor)
         return model
 
     def condition(self, frames: Frames, at: Tensor, seed: Tensor) -> Tensor:
@@ -101,7 +109,7 @@ def train_goal_cvae(
 def load_goal_cvae_graphs(run: Path, regressors: Mapping[str, Path]) -> dict[str, ExportGraph]:
     """Step and regressor graphs of a model folder; `regressors` are runs by gender."""
     floor_origin = read_run_config(run)["floor_origin"]
-    predictor = round_to_half(load_weights(GoalCvae(2), run))
+    predictor = round_to_half(load_weights(GoalCvae.fitting(read_weights(run), 2), run))
     graphs = {}
     for gender, trained in regressors.items():
         model = load_body(SHIPPED, gender)

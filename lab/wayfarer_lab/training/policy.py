@@ -15,7 +15,6 @@ from wayfarer.body.library import load_body
 from wayfarer.errors import InvalidArgument
 from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.policy import GoalPolicy
-from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.motion.primitive import PrimitiveStep
 from wayfarer.motion.quality import Sites
 from wayfarer.spec import GENDERS
@@ -27,7 +26,12 @@ from wayfarer_lab.training.ppo import PpoSettings, update
 from wayfarer_lab.training.precision import half_precision
 from wayfarer_lab.training.regressor import load_regressor
 from wayfarer_lab.training.reward import REWARD, REWARDS
-from wayfarer_lab.training.run import TrainingRun, load_weights, read_run_config
+from wayfarer_lab.training.run import (
+    TrainingRun,
+    load_policy,
+    load_predictor,
+    read_run_config,
+)
 from wayfarer_lab.training.starts import StartSampler
 
 
@@ -81,9 +85,8 @@ class PolicyTrainer:
         self.config = config
         self.environment = environment
         self.weights = reward_weights(config.reward)
-        self.model = GoalPolicy()
-        if config.start_from:
-            load_weights(self.model, Path(config.start_from)).train()
+        start = config.start_from
+        self.model = load_policy(Path(start)).train() if start else GoalPolicy()
         self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.ppo.rate, fused=True)
         self.run: TrainingRun | None = None
 
@@ -165,7 +168,7 @@ def load_steps(
             field,
         )
     half = half_precision()
-    predictor = load_weights(MarkerPredictor(seed_frames), Path(folder))
+    predictor = load_predictor(Path(folder), seed_frames)
     steps = []
     for gender in GENDERS:
         model = load_body("anny52", gender)

@@ -20,7 +20,7 @@ from wayfarer_lab.training.precision import half_precision
 from wayfarer_lab.training.regressor import load_regressor
 from wayfarer_lab.training.representation import REPRESENTATIONS, Markers, Name, Whose
 from wayfarer_lab.training.rotation import matrix_from_quaternion
-from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_weights
+from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_predictor
 
 
 class PredictorConfig(BaseModel):
@@ -142,9 +142,17 @@ class PredictorTrainer:
 
     def network(self) -> MarkerPredictor:
         """What is trained, with the weights that it starts from."""
-        model = MarkerPredictor(self.config.seed_frames, self.kind.size)
-        if self.config.start_from:
-            load_weights(model, Path(self.config.start_from)).train()
+        start, frames = self.config.start_from, self.config.seed_frames
+        if start:
+            model = load_predictor(Path(start), frames).train()
+        else:
+            model = MarkerPredictor(frames, self.kind.size)
+        if model.size != self.kind.size:
+            raise InvalidArgument(
+                f"{start} has frames of {model.size} numbers, {self.config.representation!r} "
+                f"frames of {self.kind.size}",
+                "start_from",
+            )
         if not self.config.learned_prior:
             if model.has_learned_prior:
                 raise InvalidArgument(
@@ -253,15 +261,15 @@ class PredictorTrainer:
         drawn = kind.markers(self.model.decode(seed, latent).flatten(1, 2), whose)
         posterior = self.model.encode(seed, future).mean[:, None]
         mean = kind.markers(self.model.decode(seed, posterior)[:, 0], whose)
-        error = _marker_error(drawn.unflatten(1, (10, -1)), truth[:, None])
+        error = marker_error(drawn.unflatten(1, (10, -1)), truth[:, None])
         return {
-            "val/posterior_cm": float(_marker_error(mean, truth).mean()),
+            "val/posterior_cm": float(marker_error(mean, truth).mean()),
             "val/prior_cm": float(error.mean()),
             "val/best_of_10_cm": float(error.amin(1).mean()),
         }
 
 
-def _marker_error(guess: Tensor, truth: Tensor) -> Tensor:
+def marker_error(guess: Tensor, truth: Tensor) -> Tensor:
     """Mean distance per marker in cm. [..., F, 201] → [...]"""
     return 100 * (guess - truth).unflatten(-1, (-1, 3)).norm(dim=-1).mean((-1, -2))
 

@@ -28,6 +28,8 @@ from torch.optim import Optimizer
 from torch.utils.tensorboard import SummaryWriter
 
 from wayfarer.errors import ArtifactError, InvalidArgument
+from wayfarer.motion.policy import GoalPolicy
+from wayfarer.motion.predictor import MarkerPredictor
 
 Network = TypeVar("Network", bound=nn.Module)
 
@@ -247,6 +249,16 @@ def load_weights(model: Network, folder: Path) -> Network:
     """`read_weights` into `model`. Raises ArtifactError."""
     model.load_state_dict(read_weights(folder))
     return model.eval()
+
+
+def load_predictor(folder: Path, seed_frames: int) -> MarkerPredictor:
+    """The predictor of a run. Raises ArtifactError."""
+    return load_weights(MarkerPredictor.fitting(read_weights(folder), seed_frames), folder)
+
+
+def load_policy(folder: Path) -> GoalPolicy:
+    """The policy of a run. Raises ArtifactError."""
+    return load_weights(GoalPolicy.fitting(read_weights(folder)), folder)
 
 
 def read_weights(folder: Path) -> dict[str, Tensor]:

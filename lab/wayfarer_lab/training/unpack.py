@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from wayfarer.artifacts import CARD
 from wayfarer.body.library import load_body
-from wayfarer.engines.torch.weights import count_networks, named, output_biases
+from wayfarer.engines.torch.weights import count_networks, named, of_network, output_biases
 from wayfarer.errors import ArtifactError
 from wayfarer.marker_bodies import marker_body
 from wayfarer.motion.policy import GoalPolicy
@@ -30,7 +30,7 @@ def unpack_models(models: Path, runs: Path) -> dict[str, int]:
     Folders that exist are left alone. Raises ArtifactError when a graph or the card is missing.
     """
     written = {}
-    for name, (network, graphs) in _networks().items():
+    for name, (network, graphs) in _networks(models).items():
         folder = runs / name
         if folder.exists():
             continue
@@ -56,8 +56,10 @@ def read_regressor(models: Path, gender: str) -> BodyRegressor:
     return network.eval()
 
 
-def _networks() -> dict[str, tuple[nn.Module, tuple[str, ...]]]:
-    """By run name: an untrained network and the graphs that hold its weights."""
+def _networks(models: Path) -> dict[str, tuple[nn.Module, tuple[str, ...]]]:
+    """By run name: an untrained network as large as the one shipped, and the graphs that hold its
+    weights.
+    """
     regressors = {
         f"regressor_{g}": (
             BodyRegressor(marker_body(load_body("anny52", g))),
@@ -66,11 +68,21 @@ def _networks() -> dict[str, tuple[nn.Module, tuple[str, ...]]]:
         for g in GENDERS
     }
     return regressors | {
-        "predictor_1f": (MarkerPredictor(1), ("predictor_1f.onnx",)),
-        "predictor_2f": (MarkerPredictor(2), ("predictor_2f.onnx",)),
-        "policy": (GoalPolicy(), ("policy.onnx",)),
+        **{
+            f"predictor_{n}f": (
+                MarkerPredictor.fitting(_read(models / f"predictor_{n}f.onnx", "predictor"), n),
+                (f"predictor_{n}f.onnx",),
+            )
+            for n in (1, 2)
+        },
+        "policy": (GoalPolicy.fitting(_read(models / "policy.onnx", "policy")), ("policy.onnx",)),
         "pose_prior": (PosePrior(), ("pose_encoder.onnx", "pose_decoder.onnx")),
     }
+
+
+def _read(path: Path, network: str) -> dict[str, Tensor]:
+    """Weights that a graph has of a network, by its own names."""
+    return of_network(named(_open(path)), network)
 
 
 def _weights(network: nn.Module, paths: Sequence[Path]) -> dict[str, Tensor]:

@@ -8,7 +8,8 @@ speed, the target facing and the weights of the quality terms, so that one polic
 stops, stands and turns, and can be asked for any of them at any step.
 """
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple, Self
 
 import torch
 from torch import Tensor, nn
@@ -84,34 +85,40 @@ class LeakyBlock(nn.Module):
 class GoalPolicy(nn.Module):
     """Serves seeds of one and of two frames alike."""
 
-    def __init__(self) -> None:
+    def __init__(self, hidden: int = HIDDEN) -> None:
+        """`hidden`: width of its layers, H; 512 in the paper."""
         super().__init__()
-        self.encoder = Gru(2 * MARKERS * 3, HIDDEN)
-        self.condition = nn.Linear(1 + 2 + 1 + 2 + len(TOLD), HIDDEN)
-        self.actor = nn.Sequential(*(LeakyBlock(HIDDEN) for _ in range(BLOCKS)))
-        self.output = nn.Linear(HIDDEN, 2 * LATENT)
+        self.encoder = Gru(2 * MARKERS * 3, hidden)
+        self.condition = nn.Linear(1 + 2 + 1 + 2 + len(TOLD), hidden)
+        self.actor = nn.Sequential(*(LeakyBlock(hidden) for _ in range(BLOCKS)))
+        self.output = nn.Linear(hidden, 2 * LATENT)
         self.critic = nn.Sequential(
-            *(LeakyBlock(HIDDEN) for _ in range(BLOCKS)), nn.Linear(HIDDEN, 1)
+            *(LeakyBlock(hidden) for _ in range(BLOCKS)), nn.Linear(hidden, 1)
         )
         nn.init.zeros_(self.output.weight)  # begins as the prior N(0, I)
         nn.init.zeros_(self.output.bias)
+
+    @classmethod
+    def fitting(cls, weights: Mapping[str, Tensor]) -> Self:
+        """A new one of the width that these weights have."""
+        return cls(len(weights["condition.bias"]))
 
     def forward(self, seed: Tensor, condition: Condition) -> Gaussian:
         """Seed [A, S, 201], canonical frame → the distribution of latents."""
         return self.act(self.features(seed, condition))
 
     def act(self, features: Tensor) -> Gaussian:
-        """The actor on shared features [A, 512]."""
+        """The actor on shared features [A, H]."""
         mean, log_std = self.output(self.actor(features)).chunk(2, -1)
         low, high = LOG_STD
         return Gaussian(mean, log_std.clamp(low, high))
 
     def value(self, features: Tensor) -> Tensor:
-        """The critic on shared features [A, 512]: the expected return [A]."""
+        """The critic on shared features [A, H]: the expected return [A]."""
         return self.critic(features).squeeze(-1)
 
     def features(self, seed: Tensor, condition: Condition) -> Tensor:
-        """Encoding of the state [A, 512] (Eq. 3), and of what is asked."""
+        """Encoding of the state [A, H] (Eq. 3), and of what is asked."""
         encoded = self.encoder.encode(state(seed, condition.goal))
         way = condition.goal[:, :2]  # the canonical origin lies under the hips
         distance = torch.sqrt((way * way).sum(-1, keepdim=True) + 1e-6)

@@ -1,7 +1,9 @@
 """The marker predictor: a CVAE over motion primitives (paper Sec. 3.2.1, Fig. 2, left).
 
 Condition: the motion seed X (1 or 2 frames). Encoder (training only): q(Z | X, Y). Decoder:
-future frames Y from X and z, frame by frame, each the last one plus a predicted change.
+future frames Y from X and z, each the last known one plus a predicted change.
+
+Deviation from the paper: the decoder may find several frames at once, `at_once`, which is cheaper.
 
 Deviation from the paper: the prior is learned, p(Z | X) = N(μ(X), σ(X)) (as in HuMoR), because a
 posterior that a weak KL term leaves free is not distributed as N(0, I). Latents are relative to it:
@@ -9,7 +11,8 @@ a latent z of this module stands for μ(X) + σ(X) ⊙ z. A draw z ~ N(0, I) is 
 learned prior, and KL(· ‖ N(0, I)) is the divergence from it.
 """
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple, Self
 
 import torch
 from torch import Tensor, nn
@@ -44,11 +47,15 @@ class Posterior(NamedTuple):
 class MarkerPredictor(nn.Module):
     """Frames are flat markers [201] in metres, canonical frame; or `size` other numbers."""
 
-    def __init__(self, seed_frames: int, size: int = SIZE) -> None:
+    def __init__(self, seed_frames: int, size: int = SIZE, at_once: int = 1) -> None:
+        """`at_once`: frames that a step of the decoder finds; 1, as in the paper, is one by one."""
         super().__init__()
         self.size = size
         self.seed_frames = seed_frames
         self.new_frames = PRIMITIVE_FRAMES - seed_frames
+        if self.new_frames % at_once:
+            raise ValueError(f"{self.new_frames} frames are no multiple of {at_once}")
+        self.at_once = at_once
         self.seed_encoder = Gru(size, HIDDEN)
         self.future_encoder = Gru(size, HIDDEN)
         self.posterior = Mlp([2 * HIDDEN, 512, HIDDEN])
@@ -63,7 +70,13 @@ class MarkerPredictor(nn.Module):
         self.decoder = Gru(size, HIDDEN)
         self.from_seed = nn.Linear(HIDDEN, 3 * HIDDEN, bias=False)
         self.from_latent = nn.Linear(LATENT, 3 * HIDDEN, bias=False)
-        self.output = nn.Sequential(Mlp([HIDDEN, 512, HIDDEN]), nn.Linear(HIDDEN, size))
+        self.output = nn.Sequential(Mlp([HIDDEN, 512, HIDDEN]), nn.Linear(HIDDEN, at_once * size))
+
+    @classmethod
+    def fitting(cls, weights: Mapping[str, Tensor], seed_frames: int) -> Self:
+        """A new one of the sizes that these weights have."""
+        size = weights["decoder.from_input.weight"].shape[1]
+        return cls(seed_frames, size, len(weights["output.1.bias"]) // size)
 
     @property
     def has_learned_prior(self) -> bool:
@@ -106,8 +119,10 @@ class MarkerPredictor(nn.Module):
         fixed = self.decoder.fixed(condition)
         state, frame = for_all(self.first_state(hx)), for_all(seed[:, -1, : self.size])
         frames = []
-        for _ in range(self.new_frames):
+        for _ in range(0, self.new_frames, self.at_once):
             state = self.decoder.step(frame, fixed, state)
-            frame = frame + self.output(state)
-            frames.append(frame)
-        return torch.stack(frames, -2).unflatten(0, (agents, candidates))
+            changes = self.output(state).unflatten(-1, (self.at_once, self.size))
+            found = frame[:, None] + changes
+            frames.append(found)
+            frame = found[:, -1]
+        return torch.cat(frames, -2).unflatten(0, (agents, candidates))

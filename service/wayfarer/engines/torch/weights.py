@@ -52,13 +52,14 @@ def load_step(models: ModelFolder, gender: str, precision: Precision) -> MixedSt
     skin = marker_body(body)
     regressor = MixedRegressor(skin, count_networks(weights), precision)
     weights |= output_biases(graph, weights, regressor.by_number, path)
-    has_policy = any(name.startswith("policy.") for name in weights)
+    policy = of_network(weights, "policy")
+    predictor = MarkerPredictor.fitting(of_network(weights, "predictor"), SEED_FRAMES)
     return MixedStep(
-        _filled(MarkerPredictor(SEED_FRAMES), "predictor", weights, path),
+        _filled(predictor, "predictor", weights, path),
         _filled(regressor, "regressor", weights, path),
         skin,
         Sites.from_names(body.marker_names),
-        _filled(GoalPolicy(), "policy", weights, path) if has_policy else None,
+        _filled(GoalPolicy.fitting(policy), "policy", weights, path) if policy else None,
         models.contracts[path.name].floor_origin,
         precision,
     ).eval()
@@ -79,6 +80,12 @@ def _open(path: Path) -> onnx.GraphProto:
         return onnx.load(path).graph
     except (OSError, DecodeError, onnx.checker.ValidationError) as error:
         raise ArtifactError(f"{path}: cannot be read as ONNX: {error}") from error
+
+
+def of_network(weights: Weights, name: str) -> dict[str, Tensor]:
+    """Those of one network, by its own names."""
+    begin = f"{name}."
+    return {k.removeprefix(begin): v for k, v in weights.items() if k.startswith(begin)}
 
 
 def count_networks(weights: Weights) -> int:
