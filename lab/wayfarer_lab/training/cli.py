@@ -274,8 +274,7 @@ def distilled_policy(
 ) -> bool:
     """Train a narrower copy of a policy: a cheaper step.
 
-    With `served`, the run of the predictor that it will work with, it learns the markers that come
-    of its latents, not the latents alone.
+    The log tells how far its latents, and the markers that come of them, are off the teacher's.
     """
     return distil_policy(settings, data, out, minutes)
 

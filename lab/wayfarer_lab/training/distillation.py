@@ -6,17 +6,25 @@ within an hour. They learn nothing that their teachers do not know.
 """
 
 from pathlib import Path
+from typing import Literal
 
 import torch
 from pydantic import BaseModel, ConfigDict
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
+from wayfarer.errors import InvalidArgument
 from wayfarer.motion.policy import Gaussian, GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.spec import LATENT, NEW_FRAMES, SEED_FRAMES
 from wayfarer_lab.training.predictor import marker_error, marker_terms
-from wayfarer_lab.training.run import TrainingRun, cosine_rate, load_policy, load_predictor
+from wayfarer_lab.training.run import (
+    TrainingRun,
+    cosine_rate,
+    load_policy,
+    load_predictor,
+    read_run_config,
+)
 from wayfarer_lab.training.visited import Visited, load_visited
 
 TEMPERATURES = (0.0, 1.0)
@@ -24,7 +32,7 @@ TEMPERATURES = (0.0, 1.0)
 
 
 class DistillationConfig(BaseModel):
-    """What both have."""
+    """Settings that both have."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -33,7 +41,6 @@ class DistillationConfig(BaseModel):
     steps: int = 10_000
     batch: int = 1024
     rate: float = 1e-3
-    velocity_weight: float = 3.0  # as in Eq. 1
     start_from: str = ""  # run folder whose weights to begin with
     seed: int = 0
 
@@ -41,9 +48,10 @@ class DistillationConfig(BaseModel):
 class DistilledPredictorConfig(DistillationConfig):
     """A predictor that finds several frames at once."""
 
-    seed_frames: int = SEED_FRAMES
-    floor_origin: bool = True  # of the teacher
+    seed_frames: Literal[2] = 2  # seeds as they are served
+    floor_origin: bool = True  # as the teacher's
     at_once: int = NEW_FRAMES
+    velocity_weight: float = 3.0  # as in Eq. 1
     prior: float = 0.2  # share of latents that are drawn from N(0, I), not from the policy
 
 
@@ -51,8 +59,6 @@ class DistilledPolicyConfig(DistillationConfig):
     """A narrower policy."""
 
     hidden: int = 128
-    served: str = ""  # run of the predictor that it will be served with; none: only latents count
-    latent_weight: float = 0.02  # of latents beside metres
 
 
 class Teachers:
@@ -100,6 +106,11 @@ class PredictorDistillation:
     def __init__(
         self, config: DistilledPredictorConfig, train: Visited, validation: Visited
     ) -> None:
+        trained = read_run_config(Path(config.predictor))["floor_origin"]
+        if trained != config.floor_origin:
+            raise InvalidArgument(
+                f"{config.predictor} was trained with floor_origin {trained}", "floor_origin"
+            )
         torch.manual_seed(config.seed)
         self.config = config
         self.teachers, self.trial = Teachers(config, train), Teachers(config, validation)
@@ -123,27 +134,26 @@ class PredictorDistillation:
         latents = torch.where(torch.rand(count, 1) < config.prior, noise, latents)
         truth = self.teachers.futures(rows, latents)
         guess = self.model.decode(self.teachers.asked.seed[rows], latents[:, None])[:, 0]
-        return learn(self.optimizer, *marker_terms(guess, truth), config.velocity_weight)
+        places, changes = marker_terms(guess, truth)
+        learn(self.optimizer, places + config.velocity_weight * changes)
+        return {"places": float(places.detach()), "changes": float(changes.detach())}
 
     @torch.no_grad()
     def validate(self) -> dict[str, float]:
         """Distances from the teacher's markers on other people: millimetres, and mm per frame."""
-        rows = torch.arange(0, len(self.trial.asked), max(1, len(self.trial.asked) // 4096))
-        noise = noises(len(rows), torch.Generator().manual_seed(1))
+        rows, noise = trial_of(self.trial.asked)
         latents = self.trial.latents(rows, noise)
         guess = self.model.decode(self.trial.asked.seed[rows], latents[:, None])[:, 0]
         return off(guess, self.trial.futures(rows, latents))
 
 
 class PolicyDistillation:
-    """The policy learns its teacher's latents, and the markers that come of them."""
+    """The policy learns the distributions of its teacher."""
 
     def __init__(self, config: DistilledPolicyConfig, train: Visited, validation: Visited) -> None:
         torch.manual_seed(config.seed)
         self.config = config
         self.teachers, self.trial = Teachers(config, train), Teachers(config, validation)
-        self.served = load_predictor(Path(config.served or config.predictor), SEED_FRAMES)
-        self.served.requires_grad_(False)
         self.model = GoalPolicy(config.hidden)
         if config.start_from:
             self.model.load_state_dict(load_policy(Path(config.start_from)).state_dict())
@@ -153,33 +163,26 @@ class PolicyDistillation:
     def update(self) -> dict[str, float]:
         """One optimiser step."""
         assert self.run is not None
-        config, count = self.config, self.config.batch
-        set_rate(self.optimizer, config, self.run.step)
-        rows, noise = torch.randint(len(self.teachers.asked), (count,)), noises(count)
+        set_rate(self.optimizer, self.config, self.run.step)
+        rows = torch.randint(len(self.teachers.asked), (self.config.batch,))
         asked = self.teachers.asked[rows]
-        guess = self.model(asked.seed, asked.condition)
-        far = sum(
-            (a - b[rows]).square().mean() for a, b in zip(guess, self.teachers.answers, strict=True)
-        )
-        places = changes = torch.zeros(())
-        if config.served:
-            truth = self.teachers.futures(rows, self.teachers.latents(rows, noise))
-            made = self.served.decode(asked.seed, drawn(guess, asked, noise)[:, None])[:, 0]
-            places, changes = marker_terms(made, truth)
-        found = learn(
-            self.optimizer, places + config.latent_weight * far, changes, config.velocity_weight
-        )
-        return found | {"latents": float(far.detach())}
+        mean, log_std = self.model(asked.seed, asked.condition)
+        true = self.teachers.answers
+        far = (mean - true.mean[rows]).square().mean()
+        far = far + (log_std - true.log_std[rows]).square().mean()
+        learn(self.optimizer, far)
+        return {"latents": float(far.detach())}
 
     @torch.no_grad()
     def validate(self) -> dict[str, float]:
-        """As of the predictor, of markers that come of both policies' latents."""
-        rows = torch.arange(0, len(self.trial.asked), max(1, len(self.trial.asked) // 4096))
-        noise = noises(len(rows), torch.Generator().manual_seed(1))
+        """On other people: how far the mean is off the teacher's, root of mean squares; and how far
+        the markers are that the teachers' predictor makes of both policies' latents.
+        """
+        rows, noise = trial_of(self.trial.asked)
         asked = self.trial.asked[rows]
         guess = self.model(asked.seed, asked.condition)
         mean = (guess.mean - self.trial.answers.mean[rows]).square().mean().sqrt()
-        made = self.served.decode(asked.seed, drawn(guess, asked, noise)[:, None])[:, 0]
+        made = self.trial.futures(rows, drawn(guess, asked, noise))
         truth = self.trial.futures(rows, self.trial.latents(rows, noise))
         return off(made, truth) | {"val/mean": float(mean)}
 
@@ -201,14 +204,19 @@ def set_rate(optimizer: Optimizer, config: DistillationConfig, step: int) -> Non
         group["lr"] = cosine_rate(config.rate, step, config.steps)
 
 
-def learn(optimizer: Optimizer, places: Tensor, changes: Tensor, weight: float) -> dict[str, float]:
-    """One optimiser step down the sum of both terms."""
+def learn(optimizer: Optimizer, loss: Tensor) -> None:
+    """One optimiser step."""
     optimizer.zero_grad()
-    (places + weight * changes).backward()
+    loss.backward()
     parameters = [p for group in optimizer.param_groups for p in group["params"]]
     nn.utils.clip_grad_norm_(parameters, 1.0)
     optimizer.step()
-    return {"places": float(places.detach()), "changes": float(changes.detach())}
+
+
+def trial_of(asked: Visited) -> tuple[Tensor, Tensor]:
+    """Rows of questions and noise, always the same, on which a training is judged."""
+    rows = torch.arange(0, len(asked), max(1, len(asked) // 4096))
+    return rows, noises(len(rows), torch.Generator().manual_seed(1))
 
 
 def off(guess: Tensor, truth: Tensor) -> dict[str, float]:

@@ -3,6 +3,7 @@
 import pytest
 import torch
 
+from wayfarer.errors import InvalidArgument
 from wayfarer.motion.policy import GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.spec import LATENT, NEW_FRAMES
@@ -46,6 +47,7 @@ def teachers(tmp_path):
     for name, network in {"predictor": MarkerPredictor(2), "policy": policy}.items():
         (tmp_path / name).mkdir()
         torch.save({"model": network.state_dict()}, tmp_path / name / "last.pt")
+        (tmp_path / name / "config.json").write_text('{"floor_origin": true}')
     return {name: str(tmp_path / name) for name in ("predictor", "policy")}
 
 
@@ -66,10 +68,8 @@ def test_a_predictor_learns_to_find_all_frames_at_once(teachers, tmp_path):
     assert after["val/markers_mm"] < before["val/markers_mm"] / 2
 
 
-@pytest.mark.parametrize("together", [False, True])
-def test_a_narrow_policy_learns_its_teachers_latents(teachers, tmp_path, together):
-    served = {"served": teachers["predictor"]} if together else {}
-    config = DistilledPolicyConfig(**teachers, **served, steps=80, batch=128, hidden=64)
+def test_a_narrow_policy_learns_its_teachers_latents(teachers, tmp_path):
+    config = DistilledPolicyConfig(**teachers, steps=80, batch=128, hidden=64)
     trainer = PolicyDistillation(config, questions(400, 0), questions(64, 1))
     before, after = learnt(trainer, tmp_path / "run", config, 80)
     assert after["val/mean"] < before["val/mean"]
@@ -89,6 +89,12 @@ def test_a_copy_begins_with_what_its_teacher_knows():
     assert torch.allclose(found[:, 0, 0], first, atol=1e-5)
     change = torch.diff(found[:, 0], dim=1)
     assert torch.allclose(change, change[:, :1].expand_as(change), atol=1e-5)  # straight on
+
+
+def test_a_teacher_of_another_frame_is_refused(teachers):
+    config = DistilledPredictorConfig(**teachers, floor_origin=False)
+    with pytest.raises(InvalidArgument, match="floor_origin True"):
+        PredictorDistillation(config, questions(8, 0), questions(8, 1))
 
 
 def test_both_are_written_as_runs_and_resume(teachers, tmp_path):

@@ -47,8 +47,9 @@ MAX_TURN: Final = radians(2)
 AWRY: Final = radians(1.5)
 """Radians off his heading within which a person who stands may face …"""
 
-BACK: Final = (0.25, radians(0.7))
-"""… and beyond which a step takes off this share, at most so many radians."""
+BACK: Final = (0.4, radians(1.5))
+"""… and beyond which a step takes off this share, at most so many radians: the model pushes back
+by up to a degree a step, where it starts from a pose that it would not stand in."""
 
 MAX_STRIDE: Final = 0.06
 """Metres that a foot of its own is moved by at most in one step, …"""
