@@ -97,7 +97,7 @@ def test_people_find_their_ways_and_avoid_each_other_as_on_the_server(exported, 
     solids = (Box((0.0, 1.2), (2.0, 0.6), 2.0, 0.4), Box((-1.5, -1.2), (0.8, 1.6), 1.0))
     scene = write_scene(SceneSpec((Floor(rectangle(-7, -7, 7, 7)),), solids), tmp_path / "scene")
     trace = tmp_path / "trace.json"
-    told = traced(specs, commands, scene, seconds=14.0)
+    told = traced(specs, commands, scene, seconds=20.0)  # they may wait for each other
     trace.write_text(json.dumps(told))
     found = json.loads(node("local_trace.js", exported, trace, tmp_path / "scene"))
     off = max(person["hips"] for person in found["people"])

@@ -19,7 +19,7 @@ from wayfarer.errors import ArtifactError
 from wayfarer.model_bundle import ModelBundle, open_bundle
 from wayfarer.motion.frame import canonical_frame, to_local
 from wayfarer.motion.policy import Condition
-from wayfarer.spec import BETAS, GENDERS, SEED_FRAMES, STEP_SECONDS
+from wayfarer.spec import BETAS, GENDERS, SEED_FRAMES
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.goals.steering import Steering
@@ -41,8 +41,8 @@ which an agent stands already."""
 CANDIDATES = {1: 0.75, 4: 0.25}
 """Shares of the time with so many candidates: the policy alone, and the search of the service."""
 
-SETTLED = 2.0
-"""Seconds from the start that are not kept: all stand in the few poses that ship."""
+FIRST = 2.0
+"""Seconds within which everybody gets the first command."""
 
 
 @dataclass(frozen=True)
@@ -183,8 +183,7 @@ def visit(
     parts: list[Visited] = []
     heard: Any = _Heard(bundle.engine, lambda inputs: parts.append(Visited.of(inputs, floor)))
     _send_about(replace(bundle, engine=heard), agents, seconds, candidates, seed, watch)
-    kept = parts[round(SETTLED / STEP_SECONDS) * len(GENDERS) :]
-    return Visited.joined(kept or parts)
+    return Visited.joined(parts)
 
 
 def _send_about(
@@ -209,7 +208,7 @@ def _send_about(
         for number in range(agents)
     ]
     made = [agent.agent_id for agent in world.create_agents(session, specs, 0.0)]
-    again = {agent: float(random.uniform(0.0, SETTLED)) for agent in made}
+    again = {agent: float(random.uniform(0.0, FIRST)) for agent in made}
     for chunk in world.advance(seconds):
         now = chunk.scheduled_at
         if now < again[chunk.agent_id]:

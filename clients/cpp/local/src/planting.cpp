@@ -6,7 +6,7 @@ namespace wayfarer::local {
 namespace {
 
 constexpr double MAX_SHIFT = 0.03, MAX_TURN = 2 * DEGREE;    // of a step
-constexpr double AWRY = 1.5 * DEGREE, BACK = 0.25, BACK_MOST = 0.7 * DEGREE;  // off the heading of who stands
+constexpr double AWRY = 1.5 * DEGREE, BACK = 0.4, BACK_MOST = 1.5 * DEGREE;  // off the heading of who stands
 constexpr double MAX_STRIDE = 0.06, MAX_TWIST = 6 * DEGREE;  // of a foot of its own
 constexpr double STRIDE = 0.05, WIDTH[] = {0.14, 0.26}, LEG_HEIGHT = 0.8;
 

@@ -6,7 +6,7 @@ import { STANDING, STEP_SECONDS, STOPPING, STRAFING, bounded, facingOf } from ".
 
 const FRAMES = 8, SEED = 2, TURN = 88; // numbers of a frame's rotations
 const MAX_SHIFT = 0.03, MAX_TURN = (2 * Math.PI) / 180; // of a step
-const AWRY = (1.5 * Math.PI) / 180, BACK = [0.25, (0.7 * Math.PI) / 180]; // off the heading of who stands
+const AWRY = (1.5 * Math.PI) / 180, BACK = [0.4, (1.5 * Math.PI) / 180]; // off the heading of who stands
 const MAX_STRIDE = 0.06, MAX_TWIST = (6 * Math.PI) / 180; // of a foot of its own
 const STRIDE = 0.05;
 const WIDTH = [0.14, 0.26];

@@ -4,6 +4,7 @@ from math import cos, sin
 
 import numpy as np
 
+from wayfarer.world.output.quaternion import bounded
 from wayfarer.world.rows import Float
 
 
@@ -12,10 +13,12 @@ def facing_of(hips: Float) -> Float:
 
     It is at right angles to the body's right side, so that leaning does not change it.
     """
-    x, y, z, w = np.moveaxis(hips, -1, 0)
-    facing = np.stack([-2 * (x * y + z * w), 1 - 2 * (y * y + z * z)], -1)
-    length = np.linalg.norm(facing, axis=-1, keepdims=True)
-    return np.asarray(facing / np.maximum(length, 1e-9), np.float32)
+    x, y, z, w = (hips[..., k] for k in range(4))
+    aside, ahead = -2 * (x * y + z * w), 1 - 2 * (y * y + z * z)
+    length = np.maximum(np.sqrt(aside * aside + ahead * ahead), 1e-9)
+    facing = np.empty((*aside.shape, 2), np.float32)
+    facing[..., 0], facing[..., 1] = aside / length, ahead / length
+    return facing
 
 
 def heading_of(hips: Float) -> float:
@@ -31,4 +34,6 @@ def facing_at(heading: float) -> tuple[float, float]:
 
 def angle_between(a: Float, b: Float) -> Float:
     """Radians [...], 0 … π, between unit vectors [..., 2]."""
-    return np.asarray(np.arccos(np.clip((a * b).sum(-1), -1, 1)), np.float32)
+    return np.asarray(
+        np.arccos(bounded(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1], -1, 1)), np.float32
+    )

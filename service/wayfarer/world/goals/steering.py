@@ -27,6 +27,7 @@ from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.heading import angle_between, facing_of
 from wayfarer.world.agents.slots import Gait, Mode, Seeds
 from wayfarer.world.agents.style import STRIDE
+from wayfarer.world.output.quaternion import row_length
 from wayfarer.world.rows import Flags, Float, Index
 
 
@@ -168,7 +169,7 @@ class Steering:
         """
         hips = seed.translation[:, -1, :2]
         way = goals.position[:, :2] - hips
-        distance = np.linalg.norm(way, axis=-1)
+        distance = row_length(way)
         braking = (
             np.minimum(goals.radius / 2, self.braking_margin) + self.braking_seconds * gait.speed
         )
@@ -284,13 +285,13 @@ class Steering:
         0 for all others, who come to rest by degrees if they have just gone in them.
         """
         way = self._ahead(seed.translation[:, -1, :2], goals) - seed.translation[:, -1, :2]
-        distance = np.linalg.norm(way, axis=-1)
+        distance = row_length(way)
         target = np.minimum(goals.speed, self.side_step_speed)
         slowing = np.where(goals.through, target, distance / (2 * STEP_SECONDS))
         speed = np.minimum(target, slowing) * (gait.mode == Mode.STRAFING)
         change = way * (speed / np.maximum(distance, 1e-6))[:, None] - gait.carried
         most = self.side_step_acceleration * STEP_SECONDS
-        length = np.maximum(np.linalg.norm(change, axis=-1), 1e-9)
+        length = np.maximum(row_length(change), 1e-9)
         carried = gait.carried + change * np.minimum(1, most / length)[:, None]
         return carried.astype(np.float32)
 
@@ -299,7 +300,7 @@ class Steering:
 
         So nobody slows to meet it. Where the path turns the point is nearer: no corner is cut.
         """
-        distance = np.linalg.norm(goals.position[:, :2] - hips, axis=-1)
+        distance = row_length(goals.position[:, :2] - hips)
         beyond = np.maximum(self.lookahead * np.cos(goals.bend) - distance, 0) * goals.through
         return goals.position[:, :2] + goals.onward * beyond[:, None]
 
@@ -334,7 +335,7 @@ class Steering:
 
     def _speed(self, hips: Float, gait: Gait, goals: GoalColumns) -> Float:
         """Target speed on the way [A]: less at the start, before a stop, and at a corner."""
-        distance = np.linalg.norm(goals.position[:, :2] - hips, axis=-1)
+        distance = row_length(goals.position[:, :2] - hips)
         # The model does not know that its steps are shortened: by habit, which costs no speed, …
         habit = np.where(goals.tread > 0, 0, np.clip(gait.shortened, *STRIDE))
         target = goals.speed * (1 + gait.trim) / (1 - habit)
@@ -349,7 +350,7 @@ class Steering:
     def _rest(self, gait: Gait, path: Float) -> Float:
         """Where an agent that begins to brake now would come to rest [A, 2]."""
         direction = path[:, -1, :2] - path[:, 0, :2]
-        length = np.maximum(np.linalg.norm(direction, axis=-1, keepdims=True), 1e-6)
+        length = np.maximum(row_length(direction)[:, None], 1e-6)
         return path[:, -1, :2] + direction / length * self.coasting_seconds * gait.speed[:, None]
 
 
@@ -386,9 +387,9 @@ def observe(gait: Gait, start: Float, translation: Float, goals: GoalColumns) ->
     start [A, 3] is the last frame before the step, translation [A, F, 3] the new frames.
     """
     way = translation[:, -1, :2] - start[:, :2]
-    distance = np.linalg.norm(translation[:, :, :2] - goals.position[:, None, :2], axis=-1)
+    distance = row_length(translation[:, :, :2] - goals.position[:, None, :2])
     there = goals.given & (distance <= goals.radius[:, None]).any(-1)
-    speed = np.linalg.norm(way, axis=-1) / STEP_SECONDS
+    speed = row_length(way) / STEP_SECONDS
     lacks = 1 - speed / np.maximum(goals.speed, 1e-3)
     steady = goals.given & (gait.mode == Mode.WALKING) & (gait.shortened <= STRIDE[1])
     steady &= np.abs(lacks) < STEADY

@@ -9,6 +9,7 @@ from wayfarer.world.agents.goal import GoalColumns
 from wayfarer.world.agents.slots import Gait, Seeds, Slots
 from wayfarer.world.agents.style import manner
 from wayfarer.world.goals.steering import Steering
+from wayfarer.world.output.quaternion import row_length
 from wayfarer.world.rows import Index
 from wayfarer.world.stepping.noise import latents
 
@@ -70,5 +71,5 @@ def broken(start: NDArray[np.float32], outputs: StepOutputs) -> NDArray[np.bool_
     for values in (outputs.translation, outputs.rotations, outputs.next_seed_markers):
         finite &= np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
     with np.errstate(invalid="ignore"):
-        way = np.linalg.norm(outputs.translation - start[:, None], axis=-1).max(axis=-1)
+        way = row_length(outputs.translation - start[:, None]).max(axis=-1)
         return ~(finite & (way <= MAX_STEP_METRES))

@@ -16,11 +16,22 @@ class PlaneMotion(NamedTuple):
     shift: Float  # [..., 2]
 
     def moved(self, points: Float, share: Float) -> Float:
-        """Points [..., 2] moved by a share [...] of it."""
-        x, y = np.moveaxis(points - self.centre, -1, 0)
-        cos, sin = np.cos(share * self.turn), np.sin(share * self.turn)
-        turned = np.stack([cos * x - sin * y, sin * x + cos * y], -1)
-        return turned + self.centre + share[..., None] * self.shift
+        """Points [..., 2] moved by a share of it [...], or shaped to spread over them."""
+        moved = np.empty_like(points)
+        moved[..., 0], moved[..., 1] = self.moved_xy(points[..., 0], points[..., 1], share)
+        return moved
+
+    def moved_xy(self, x: Float, y: Float, share: Float) -> tuple[Float, Float]:
+        """`moved` of points whose coordinates are apart, [...] each: numpy is several times as fast
+        with them.
+        """
+        angle = share * self.turn
+        cos, sin = np.cos(angle), np.sin(angle)
+        dx, dy = x - self.centre[..., 0], y - self.centre[..., 1]
+        return (
+            cos * dx - sin * dy + self.centre[..., 0] + share * self.shift[..., 0],
+            sin * dx + cos * dy + self.centre[..., 1] + share * self.shift[..., 1],
+        )
 
     def spread(self, axes: int) -> "PlaneMotion":
         """The same with `axes` more axes behind the first, for several points each."""

@@ -174,7 +174,7 @@ def _corrected(
     seed = Seeds(markers, seed.translation.copy(), seed.rotations.copy())
     seed.translation[rows, :, :2] = moved.moved(hips[:, last], all_[:, last]) + way[:, -1:]
     seed.rotations[rows, :, 0] = yawed(root[:, last], all_[:, last] * both.turn[:, None])
-    ends[..., :2] = both.spread(2).moved(ends[..., :2], np.ones(ends.shape[:3], np.float32))
+    ends[..., :2] = both.spread(2).moved(ends[..., :2], np.ones((1, 1, 1), np.float32))
     ends[..., :2] += way[:, -1, None, None]
     markers[rows] = _bent(ends, soles, places + way[:, None, None, -1])
     return Step(translation, rotations, markers, step.contacts), seed
@@ -186,24 +186,28 @@ def _bent(markers: Float, soles: Index, places: Float) -> Float:
     A marker goes with the foot that it is nearer to, seen from above; in between, with both.
     """
     found = markers[:, -1][:, soles, :2]  # [R, 2, P, 2]
-    left, right = (_distance(markers[..., :2], found[:, foot]) for foot in (0, 1))
+    x, y = (np.ascontiguousarray(markers[..., axis]) for axis in (0, 1))  # [R, S, 67]
+    left, right = (_distance(x, y, found[:, foot]) for foot in (0, 1))
     to_right = bounded(2 * left / np.maximum(left + right, 1e-6) - 0.5, 0, 1)
     low = bounded(1 - markers[..., 2] / LEG_HEIGHT, 0, 1)
     bent = markers.copy()
     for foot, share in enumerate((1 - to_right, to_right)):
         own = _between(found[:, foot], places[:, foot], MAX_STRIDE, MAX_TWIST).spread(2)
-        bent[..., :2] += own.moved(markers[..., :2], low * share) - markers[..., :2]
+        to_x, to_y = own.moved_xy(x, y, low * share)
+        bent[..., 0] += to_x - x
+        bent[..., 1] += to_y - y
     return bent
 
 
-def _distance(points: Float, sole: Float) -> Float:
-    """Metres [R, S, M] from points [R, S, M, 2] to a sole [R, P, 2]: its line from heel to toe."""
-    heel, foot = sole[:, None, None, 0], (sole[:, -1] - sole[:, 0])[:, None, None]
-    along = ((points - heel) * foot).sum(-1) / np.maximum((foot * foot).sum(-1), 1e-6)
-    distance: Float = np.linalg.norm(
-        points - heel - bounded(along, 0, 1)[..., None] * foot, axis=-1
-    )
-    return distance
+def _distance(x: Float, y: Float, sole: Float) -> Float:
+    """Metres from points, [R, S, M] each, to a sole [R, P, 2]: its line from heel to toe."""
+    heel_x, heel_y = np.moveaxis(sole[:, 0, :, None, None], 1, 0)  # [R, 1, 1] each
+    foot_x, foot_y = np.moveaxis((sole[:, -1] - sole[:, 0])[..., None, None], 1, 0)
+    dx, dy = x - heel_x, y - heel_y
+    long = np.maximum(foot_x * foot_x + foot_y * foot_y, 1e-6)
+    along = bounded((dx * foot_x + dy * foot_y) / long, 0, 1)
+    dx, dy = dx - along * foot_x, dy - along * foot_y
+    return np.sqrt(dx * dx + dy * dy)
 
 
 def _between(found: Float, wanted: Float, most: float, most_turn: float) -> PlaneMotion:
