@@ -103,7 +103,7 @@ def export(
     wayfarer export --for engines --out Assets/Wayfarer
 
     --for web is the same for the web client's local mode: the two graphs share one file of float16
-    weights, 12 MB in all instead of 38. With --scene people walk around what stands there, and
+    weights, 10 MB in all instead of 27. With --scene people walk around what stands there, and
     around each other:
 
     wayfarer export --for web --out public/people --scene town_square
