@@ -1,5 +1,7 @@
+import pytest
 import torch
 
+from wayfarer.errors import ArtifactError
 from wayfarer.motion.policy import LOG_STD, Condition, Gaussian, GoalPolicy
 from wayfarer.spec import LATENT, MARKERS
 from wayfarer.terms import TERMS
@@ -42,6 +44,11 @@ def test_a_narrower_policy_is_made_to_fit_its_weights():
     again.load_state_dict(narrow.state_dict())
     seed, condition = seeds(2), asked()
     assert torch.equal(again(seed, condition).mean, narrow(seed, condition).mean)
+
+
+def test_weights_of_something_else_are_refused():
+    with pytest.raises(ArtifactError, match="no weights of a policy"):
+        GoalPolicy.fitting({"output.1.bias": torch.zeros(1)})
 
 
 def test_one_network_takes_seeds_of_one_and_two_frames():

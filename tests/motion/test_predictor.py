@@ -1,6 +1,7 @@
 import pytest
 import torch
 
+from wayfarer.errors import ArtifactError
 from wayfarer.motion.predictor import MarkerPredictor
 from wayfarer.spec import LATENT, MARKERS
 
@@ -25,6 +26,11 @@ def test_a_network_is_made_to_fit_weights(predictor):
     again = MarkerPredictor.fitting(predictor.state_dict(), predictor.seed_frames)
     again.load_state_dict(predictor.state_dict())
     assert again.at_once == predictor.at_once
+
+
+def test_weights_of_something_else_are_refused():
+    with pytest.raises(ArtifactError, match="no weights of a predictor"):
+        MarkerPredictor.fitting({"condition.bias": torch.zeros(1)}, 2)
 
 
 def test_frames_that_are_no_multiple_are_refused():

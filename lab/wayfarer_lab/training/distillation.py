@@ -16,7 +16,7 @@ from torch.optim import Optimizer
 from wayfarer.errors import InvalidArgument
 from wayfarer.motion.policy import Gaussian, GoalPolicy
 from wayfarer.motion.predictor import MarkerPredictor
-from wayfarer.spec import LATENT, NEW_FRAMES, SEED_FRAMES
+from wayfarer.spec import LATENT, SEED_FRAMES
 from wayfarer_lab.training.predictor import marker_error, marker_terms
 from wayfarer_lab.training.run import (
     TrainingRun,
@@ -50,7 +50,7 @@ class DistilledPredictorConfig(DistillationConfig):
 
     seed_frames: Literal[2] = 2  # seeds as they are served
     floor_origin: bool = True  # as the teacher's
-    at_once: int = NEW_FRAMES
+    at_once: Literal[1, 2, 4, 8] = 8
     velocity_weight: float = 3.0  # as in Eq. 1
     prior: float = 0.2  # share of latents that are drawn from N(0, I), not from the policy
 
@@ -117,6 +117,10 @@ class PredictorDistillation:
         self.model = MarkerPredictor(config.seed_frames, at_once=config.at_once)
         if config.start_from:
             found = load_predictor(Path(config.start_from), config.seed_frames)
+            if found.at_once != config.at_once:
+                raise InvalidArgument(
+                    f"{config.start_from} finds {found.at_once} frames at once", "at_once"
+                )
             self.model.load_state_dict(found.state_dict())
         else:
             begin_as(self.model, self.teachers.predictor)
@@ -156,7 +160,12 @@ class PolicyDistillation:
         self.teachers, self.trial = Teachers(config, train), Teachers(config, validation)
         self.model = GoalPolicy(config.hidden)
         if config.start_from:
-            self.model.load_state_dict(load_policy(Path(config.start_from)).state_dict())
+            known = load_policy(Path(config.start_from))
+            if known.condition.out_features != config.hidden:
+                raise InvalidArgument(
+                    f"{config.start_from} is {known.condition.out_features} wide", "hidden"
+                )
+            self.model.load_state_dict(known.state_dict())
         self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.rate, fused=True)
         self.run: TrainingRun | None = None
 

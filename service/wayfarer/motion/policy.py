@@ -14,6 +14,7 @@ from typing import NamedTuple, Self
 import torch
 from torch import Tensor, nn
 
+from wayfarer.errors import ArtifactError
 from wayfarer.motion.layers import Gru
 from wayfarer.spec import LATENT, MARKERS
 from wayfarer.terms import TOLD
@@ -100,7 +101,9 @@ class GoalPolicy(nn.Module):
 
     @classmethod
     def fitting(cls, weights: Mapping[str, Tensor]) -> Self:
-        """A new one of the width that these weights have."""
+        """A new one of the width that these weights have. Raises ArtifactError for others."""
+        if "condition.bias" not in weights:
+            raise ArtifactError("these are no weights of a policy: no 'condition.bias'")
         return cls(len(weights["condition.bias"]))
 
     def forward(self, seed: Tensor, condition: Condition) -> Gaussian:

@@ -17,6 +17,7 @@ from typing import NamedTuple, Self
 import torch
 from torch import Tensor, nn
 
+from wayfarer.errors import ArtifactError
 from wayfarer.motion.layers import Gru, Mlp
 from wayfarer.spec import LATENT, MARKERS, PRIMITIVE_FRAMES
 
@@ -74,9 +75,13 @@ class MarkerPredictor(nn.Module):
 
     @classmethod
     def fitting(cls, weights: Mapping[str, Tensor], seed_frames: int) -> Self:
-        """A new one of the sizes that these weights have."""
-        size = weights["decoder.from_input.weight"].shape[1]
-        return cls(seed_frames, size, len(weights["output.1.bias"]) // size)
+        """A new one of the sizes that these weights have. Raises ArtifactError for others."""
+        try:
+            size = weights["decoder.from_input.weight"].shape[1]
+            rows = len(weights["output.1.bias"])
+        except KeyError as error:
+            raise ArtifactError(f"these are no weights of a predictor: no {error}") from None
+        return cls(seed_frames, size, rows // size)
 
     @property
     def has_learned_prior(self) -> bool:

@@ -97,6 +97,15 @@ def test_a_teacher_of_another_frame_is_refused(teachers):
         PredictorDistillation(config, questions(8, 0), questions(8, 1))
 
 
+def test_a_start_of_another_size_is_refused(teachers):
+    predictor = DistilledPredictorConfig(**teachers, start_from=teachers["predictor"])
+    with pytest.raises(InvalidArgument, match="finds 1 frames at once"):
+        PredictorDistillation(predictor, questions(8, 0), questions(8, 1))
+    policy = DistilledPolicyConfig(**teachers, start_from=teachers["policy"])
+    with pytest.raises(InvalidArgument, match="is 512 wide"):
+        PolicyDistillation(policy, questions(8, 0), questions(8, 1))
+
+
 def test_both_are_written_as_runs_and_resume(teachers, tmp_path):
     (tmp_path / "asked").mkdir()
     for seed, file in enumerate(FILES):

@@ -52,7 +52,7 @@ def test_questions_are_what_the_step_asks_its_policy():
 
 def test_people_who_are_sent_about_ask_at_every_step():
     found = visit(SHIPPED, agents=4, seconds=6.0, candidates=1, seed=0)
-    assert 4 * 28 <= len(found) <= 4 * 40  # 30 steps each; commands plan some of them anew
+    assert 4 * 28 <= len(found) <= 4 * 40  # each takes 30 steps; a command may add one
     assert found.seed.shape[1:] == (2, 201) and found.manner.shape[1:] == (LATENT,)
     assert found.term_weights.shape[1:] == (len(TERMS),)
     assert all(torch.isfinite(getattr(found, f.name)).all() for f in fields(found))
