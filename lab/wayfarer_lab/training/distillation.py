@@ -52,7 +52,7 @@ class DistilledPredictorConfig(DistillationConfig):
     floor_origin: bool = True  # as the teacher's
     at_once: Literal[1, 2, 4, 8] = 8
     velocity_weight: float = 3.0  # as in Eq. 1
-    prior: float = 0.2  # share of latents that are drawn from N(0, I), not from the policy
+    prior: float = 0.2  # share of latents that are noise alone, of the same temperatures
 
 
 class DistilledPolicyConfig(DistillationConfig):

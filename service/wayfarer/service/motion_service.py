@@ -1,8 +1,8 @@
 """What every transport calls: real time, lock-step, clips, snapshots, logs and the journal.
 
 A call goes to the world in which its session or agent lives. What changes something returns once
-the journal, if there is one, has it on disk. All methods may be awaited from the event loop; none
-blocks it.
+the journal, if there is one and it can write, has it on disk. All methods may be awaited from the
+event loop; none blocks it.
 """
 
 import asyncio

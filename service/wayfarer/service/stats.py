@@ -27,7 +27,7 @@ class LoopStats:
     steps: int  # agent steps since start
     step_ms_mean: float  # one engine call
     step_ms_p95: float
-    late_chunks: int  # chunks ready after their scheduled time, since start
+    late_chunks: int  # that left more than `LATE_SECONDS` after their scheduled time, since start
     lateness_ms_p95: float
     uptime_s: float
     resets: int = 0  # agents put back to a stand: they fell or their step was broken, since start

@@ -1,7 +1,8 @@
 """Carries out goal commands: replans, writes the path, counts the revision.
 
 A path can be extended for ever: goals that the agent has passed are forgotten when more are added,
-and the numbers of the others stay (paths.py). A behaviour extends its path itself (behaviours/).
+and the numbers of the others stay (goals/agent_paths.py). A behaviour extends its path itself
+(behaviours/).
 """
 
 from collections.abc import Sequence

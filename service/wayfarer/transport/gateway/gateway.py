@@ -1,7 +1,8 @@
 """The API behind both transports: gRPC and HTTP only translate their own forms into its calls.
 
 Arguments and results are schema/'s, in the basis of the session. Every call is made by the present
-caller (caller.py): its scopes are checked at the method's door (`needs`), its sessions in book.py.
+caller (caller.py): its scopes are checked at the method's door (`needs`), its sessions in
+session_registry.py.
 """
 
 import asyncio

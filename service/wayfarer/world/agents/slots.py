@@ -38,7 +38,7 @@ class Mode(IntEnum):
 
 
 class Feeding(IntEnum):
-    """When an agent's behaviour is asked for goals; see behaving.py."""
+    """When an agent's behaviour is asked for goals; see behaviours/runner.py."""
 
     NONE = 0
     AT_END = 1  # when it is on the way to the last one of its path

@@ -133,7 +133,7 @@ class BakeWorkerError(Exception):
 
 
 class BakeWorker:
-    """The process (worker.py) as its parent sees it."""
+    """The process (bake_process.py) as its parent sees it."""
 
     def __init__(self, command: tuple[str, ...]) -> None:
         self._process = subprocess.Popen(

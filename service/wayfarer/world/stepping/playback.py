@@ -64,7 +64,7 @@ class Playback:
         """
         slots = self._slots
         rows = np.flatnonzero(
-            self._grounded & (slots.planned_chunks - slots.sent_chunks < self._depth)
+            self._plannable & (slots.planned_chunks - slots.sent_chunks < self._depth)
         )
         rows = rows[self._plan_frame(rows) <= frame]
         return rows[np.argsort(self._next_shown(rows), kind="stable")]
@@ -90,7 +90,7 @@ class Playback:
         waits = slots.active & (slots.planned_chunks > slots.sent_chunks)
         events = self._send_frame(np.flatnonzero(waits)) - early
         if planning:
-            plans = self._plan_frame(np.flatnonzero(self._grounded))
+            plans = self._plan_frame(np.flatnonzero(self._plannable))
             events = np.concatenate([events, plans])
         return float(events.min()) if len(events) else None
 
@@ -100,7 +100,7 @@ class Playback:
         Agents that are new or were just replanned are ignored: they are always due at once.
         """
         slots = self._slots
-        rows = np.flatnonzero(self._grounded & ~slots.replanned & (slots.planned_chunks > 0))
+        rows = np.flatnonzero(self._plannable & ~slots.replanned & (slots.planned_chunks > 0))
         return float(self._next_shown(rows).min(initial=np.iinfo(np.int64).max) - frame)
 
     def append(self, rows: Index, chunks: Chunks) -> None:
@@ -182,11 +182,11 @@ class Playback:
         return np.bincount(np.repeat(slots.sight[rows], over), minlength=len(Sight))
 
     @property
-    def _grounded(self) -> Flags:
+    def _plannable(self) -> Flags:
         """Slots whose next chunk is not being made, and may be."""
         slots = self._slots
-        grounded: Flags = slots.active & (slots.engine_call == 0) & ~slots.frozen
-        return grounded
+        plannable: Flags = slots.active & (slots.engine_call == 0) & ~slots.frozen
+        return plannable
 
     def _plan_frame(self, rows: Index) -> Index:
         slots, ahead = self._slots, NEW_FRAMES * self.lead
