@@ -157,7 +157,7 @@ def test_every_status_of_the_server_has_its_class():
 
 
 async def test_no_server(unused_tcp_port):
-    with pytest.raises(wf.Unavailable, match=f"no server at 127.0.0.1:{unused_tcp_port}"):
+    with pytest.raises(wf.Unavailable, match=f"no gRPC server at 127.0.0.1:{unused_tcp_port}"):
         await wf.Client(f"127.0.0.1:{unused_tcp_port}", timeout=0.2).connect()
 
 

@@ -151,8 +151,9 @@ async def test_the_lease_is_renewed_until_the_end(server, client):
     assert session.lease_s == pytest.approx(0.3)
 
 
-async def test_renewing_outlives_a_lost_connection_but_not_the_session(server, client):
-    refusals = [GONE, Refusal(grpc.StatusCode.NOT_FOUND, "no session")]
+async def test_renewing_outlives_refusals_but_not_the_session(server, client):
+    busy = Refusal(grpc.StatusCode.RESOURCE_EXHAUSTED, "100 calls per second")
+    refusals = [GONE, busy, Refusal(grpc.StatusCode.NOT_FOUND, "no session")]
 
     def renew(_):
         raise refusals.pop(0)
@@ -162,7 +163,7 @@ async def test_renewing_outlives_a_lost_connection_but_not_the_session(server, c
         while refusals:
             await asyncio.sleep(0.01)
         await asyncio.sleep(0.2)
-    assert len(server.asked("RenewSession")) == 2
+    assert len(server.asked("RenewSession")) == 3
 
 
 async def test_a_session_that_was_joined_lives_on(server, client):

@@ -162,8 +162,12 @@ def test_pages_elsewhere_may_not_change_anything(http):
     assert answer.status_code == 200 and "access-control-allow-origin" not in answer.headers
 
 
-def test_listed_pages_may(http):
-    page = {"origin": "https://app.example"}
+@pytest.mark.parametrize(
+    "origin",
+    ["https://app.example", "http://localhost:5173", "http://127.0.0.1:80", "http://[::1]"],
+)
+def test_pages_that_are_listed_or_of_this_machine_may_and_read_the_answer(http, origin):
+    page = {"origin": origin}
     asked = http.options(
         "/v1/me/x",
         headers={
@@ -173,17 +177,23 @@ def test_listed_pages_may(http):
         },
     )
     assert asked.status_code == 200
-    assert asked.headers["access-control-allow-origin"] == "https://app.example"
+    assert asked.headers["access-control-allow-origin"] == origin
     answer = http.post("/v1/me/x", headers={**KEY, **page})
-    assert answer.headers["access-control-allow-origin"] == "https://app.example"
+    assert answer.headers["access-control-allow-origin"] == origin
     refused = http.post("/v1/me/x", headers=page)  # so that the page can read why
     assert refused.status_code == 401 and "access-control-allow-origin" in refused.headers
 
 
-def test_without_a_list_there_is_no_cors():
+@pytest.mark.parametrize(
+    "origin",
+    [
+        *("https://app.example", "http://localhost.evil.example", "http://evil@localhost"),
+        *("http://notlocalhost", "http://127.0.0.1.evil.example", "null", "http://localhost/x"),
+    ],
+)
+def test_without_a_list_no_page_from_elsewhere_reads_an_answer(origin):
     answer = client(ServerOptions()).options(
-        "/v1/me/x",
-        headers={"origin": "https://app.example", "access-control-request-method": "GET"},
+        "/v1/me/x", headers={"origin": origin, "access-control-request-method": "GET"}
     )
     assert "access-control-allow-origin" not in answer.headers
 

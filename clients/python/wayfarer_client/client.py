@@ -57,7 +57,7 @@ class Client:
 
     @property
     def address(self) -> str:
-        """Version, limits and bases of the server."""
+        """Host and port of the server, as they were given."""
         return self.connection.address
 
     async def connect(self) -> Self:

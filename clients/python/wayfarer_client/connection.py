@@ -123,7 +123,10 @@ class Connection:
                 await self._channel.channel_ready()
         except TimeoutError:
             await self.close()
-            raise Unavailable(f"no server at {self.address} within {self.timeout:g} s") from None
+            raise Unavailable(
+                f"no gRPC server at {self.address} within {self.timeout:g} s; expected: HOST:PORT, "
+                "with its gRPC port (50051 by default)"
+            ) from None
 
     async def close(self) -> None:
         """Close the channels."""

@@ -17,6 +17,10 @@ def id_of(agent: Agent | str) -> str:
     return agent if isinstance(agent, str) else agent.agent_id
 
 
+def _wired(goal: Goal | Place, **how: Unpack[GoalOptions]) -> goal_pb2.Goal:
+    return (goal if isinstance(goal, Goal) else Goal(goal, **how)).to_wire()
+
+
 class GoalCommands(ABC):
     """Each command returns the revision that it makes, and raises WayfarerError.
 
@@ -37,32 +41,30 @@ class GoalCommands(ABC):
         **how: Unpack[GoalOptions],
     ) -> int:
         """Send an agent to a goal: a `Goal`, or a place and the other fields of one by name."""
-        if not isinstance(goal, Goal):
-            goal = Goal(goal, **how)
-        elif how:
+        if isinstance(goal, Goal) and how:
             raise InvalidArgument(
                 f"{', '.join(how)}: a Goal says itself how to walk there; give it there, or a place"
             )
         request = goal_pb2.SetGoalRequest(
-            agent_id=id_of(agent), goal=goal.to_wire(), expected_revision=expected
+            agent_id=id_of(agent), goal=_wired(goal, **how), expected_revision=expected
         )
         return await self._give(request)
 
     async def set_path(
-        self, agent: Agent | str, goals: Iterable[Goal], expected: int | None = None
+        self, agent: Agent | str, goals: Iterable[Goal | Place], expected: int | None = None
     ) -> int:
         """Send an agent to goals in turn, in place of what it had."""
-        wired = [goal.to_wire() for goal in goals]
+        wired = [_wired(goal) for goal in goals]
         request = goal_pb2.SetPathRequest(
             agent_id=id_of(agent), goals=wired, expected_revision=expected
         )
         return await self._give(request)
 
     async def append_goals(
-        self, agent: Agent | str, goals: Iterable[Goal], expected: int | None = None
+        self, agent: Agent | str, goals: Iterable[Goal | Place], expected: int | None = None
     ) -> int:
         """Add goals to the end of an agent's path; what it does now it goes on doing."""
-        wired = [goal.to_wire() for goal in goals]
+        wired = [_wired(goal) for goal in goals]
         request = goal_pb2.AppendGoalsRequest(
             agent_id=id_of(agent), goals=wired, expected_revision=expected
         )

@@ -1,7 +1,6 @@
 """A session: agents, goals, motion."""
 
 import asyncio
-import contextlib
 from collections.abc import Iterable
 from types import TracebackType
 from typing import TYPE_CHECKING, Final, Self
@@ -10,7 +9,7 @@ from google.protobuf.message import Message
 
 from wayfarer_client.connection import Connection
 from wayfarer_client.control import Control
-from wayfarer_client.errors import NotFound, Unavailable
+from wayfarer_client.errors import NotFound, Unavailable, WayfarerError
 from wayfarer_client.goals import GoalCommands, id_of
 from wayfarer_client.messages import (
     Agent,
@@ -85,12 +84,18 @@ class Session(GoalCommands):
                 raise
 
     async def _keep_alive(self) -> None:
-        """Renew the lease until the session has ended, which its next call reports."""
-        with contextlib.suppress(NotFound):
-            while True:
-                await asyncio.sleep(self.lease_s / RENEWALS_PER_LEASE)
-                with contextlib.suppress(Unavailable):
-                    await self.renew()
+        """Renew the lease until the session has ended, which its next call reports.
+
+        Any other failure may pass: the lease is long enough for another attempt.
+        """
+        while True:
+            await asyncio.sleep(self.lease_s / RENEWALS_PER_LEASE)
+            try:
+                await self.renew()
+            except NotFound:
+                return
+            except WayfarerError:
+                continue
 
     # life
 

@@ -280,7 +280,9 @@ export class Api {
       const { message, cause } = /** @type {Error & { cause?: { code?: string, message: string } }} */ (error);
       // Node repeats what is answered with 421 by itself, now and then without the body: the server took nothing
       if (cause?.code === "UND_ERR_REQ_CONTENT_LENGTH_MISMATCH") return this.#ask(base, method, path, body, seconds);
-      throw new ApiError(`the server does not answer (${cause?.message ?? message})`, 0); // Node says "fetch failed" only
+      const page = globalThis.location?.origin; // a browser does not say that the server has forbidden it
+      const elsewhere = page && new URL(base, page).origin !== page ? `, or its cors_origins do not list ${page}` : "";
+      throw new ApiError(`the server does not answer${elsewhere} (${cause?.message ?? message})`, 0); // Node says "fetch failed" only
     }
     const text = await response.text();
     if (!response.ok) throw refusal(text, response.status);

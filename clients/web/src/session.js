@@ -34,6 +34,9 @@ export class Session {
    * @param {SessionOptions} [options] @returns {Promise<Session>} rejects with ApiError
    */
   static async open(server, options = {}) {
+    if (!options.stream?.newSocket && !("WebSocket" in globalThis)) {
+      throw new Error("this runtime has no WebSocket (Node has one from 22 on): give options.stream.newSocket, see the README");
+    }
     const api = apiOf(server, options);
     const lease = options.leaseSeconds ?? 60;
     const { session_id: id } = await api.createSession(lease, options.scene ?? "");

@@ -109,6 +109,7 @@ export class MotionStream {
     socket.binaryType = "arraybuffer";
     socket.onmessage = ({ data }) => this.#receive(socket, data);
     socket.onclose = ({ code, reason }) => this.#lost(socket, code, reason);
+    socket.onerror = () => {}; // a close follows; the package "ws" ends the program where nobody listens
     this.#socket = socket;
     this.#watch(socket, this.#heard);
   }

@@ -1,4 +1,5 @@
 import assert from "node:assert/strict";
+import { EventEmitter } from "node:events";
 import { test } from "node:test";
 import { MotionPlayer, MotionStream, Session } from "../src/index.js";
 import { golden } from "./golden.js";
@@ -246,4 +247,26 @@ test("a stream that is sent on follows at once, and asks the entry when its node
   timers.filter(({ seconds }) => seconds === 0.5).at(-1).callback();
   assert.deepEqual(hosts().slice(5), ["entry:1"]);
   session.stream.close();
+});
+
+test("a socket that fails before it opens ends no program", () => {
+  // as the package "ws": an `error` that nobody listens to is thrown
+  class Failing extends EventEmitter {
+    set onmessage(listener) {}
+    set onclose(listener) { this.on("close", listener); }
+    set onerror(listener) { this.on("error", listener); }
+    fail() {
+      this.emit("error", new Error("connect ECONNREFUSED"));
+      this.emit("close", { code: 1006, reason: "" });
+    }
+  }
+  const sockets = [];
+  const newSocket = () => sockets[sockets.push(new Failing()) - 1];
+  const waits = [];
+  const schedule = (callback, seconds) => waits.push([callback, seconds]);
+  const address = () => ({ url: "ws://x", protocols: [] });
+  new MotionStream(address, new MotionPlayer({}), {}, { newSocket, schedule, now: () => 5 });
+  sockets[0].fail();
+  waits.find(([, seconds]) => seconds === 0.5)[0]();
+  assert.equal(sockets.length, 2);
 });

@@ -15,7 +15,7 @@ from wayfarer.transport.caller import Scope as CallerScope
 from wayfarer.transport.caller import current_caller
 from wayfarer.transport.http_guard import HttpGuard, Nodes
 from wayfarer.transport.metrics import Metrics
-from wayfarer.transport.origins import is_page_of, machines_of, places_of
+from wayfarer.transport.origins import LOOPBACK, is_page_of, machines_of, places_of
 from wayfarer.transport.request_limits import problem_response
 from wayfarer.transport.server_options import ServerOptions
 
@@ -44,8 +44,7 @@ def front(
         metrics_open=operation.metrics_access != "guarded",
         nodes=nodes or tuple,
     )
-    if operation.origins.listed:
-        guarded = cors(guarded, operation.origins.listed)
+    guarded = cors(guarded, operation.origins.listed)
     return guarded if nodes is None else SiblingPages(guarded, nodes, operation.origins.nodes)
 
 
@@ -71,10 +70,14 @@ class SiblingPages:
 
 
 def cors(app: ASGIApp, origins: Collection[str], headers: Sequence[str] = ()) -> ASGIApp:
-    """Pages of these origins may read answers, and of their headers these, too."""
+    """Pages of these origins, and of this machine, may read answers and these headers of them.
+
+    The same pages may change something, see `Origins.allows`.
+    """
     return CORSMiddleware(
         app,
         allow_origins=sorted(origins),
+        allow_origin_regex=LOOPBACK,
         allow_methods=["GET", "POST", "PUT", "PATCH", "DELETE"],
         allow_headers=["authorization", "x-api-key", "content-type", "x-request-id",
                        "idempotency-key", "last-event-id", "if-match"],

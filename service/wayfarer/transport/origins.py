@@ -12,6 +12,9 @@ from wayfarer.endpoint import Endpoint
 
 _ORIGIN: Final = re.compile(r"https?://([\w.-]+|\[[0-9A-Fa-f:.]+\])(?::\d{1,5})?")
 
+LOOPBACK: Final = r"https?://(([\w-]+\.)*localhost|127(\.\d{1,3}){3}|\[::1\])(:\d{1,5})?"
+"""Origins of pages from this machine, as a regular expression; see `is_this_machine`."""
+
 ANY: Final = "*"
 """Among `names`: all."""
 

@@ -78,7 +78,8 @@ class _Loss:
 
         `position` is of the last publication that was not: who resumes there may still get them.
         """
-        detail = f"{self.count} publications were lost: the reader was too slow"
+        lost = "1 publication was" if self.count == 1 else f"{self.count} publications were"
+        detail = f"{lost} lost: the reader was too slow"
         gap = Event(EventKind.GAP, self.last.scheduled_at, detail=detail)
         return Publication(position, events=(gap, *self.events))
 

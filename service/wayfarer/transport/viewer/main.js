@@ -129,13 +129,21 @@ async function start() {
     }
     beginStage();
     showConnection("lost", `${error.message}; trying again`);
-    showTrouble("The server does not answer", "Start it with “wayfarer serve”. This page tries again every two seconds.");
+    showTrouble(...reasonOf(error));
     setTimeout(start, 2000);
   }
 }
 
 function beginStage() {
   stage.begin(show, page.has("look") ? Number(page.get("look")) : null);
+}
+
+/** Headline and text for what keeps the page from beginning. */
+function reasonOf({ status, message }) {
+  const again = "This page tries again every two seconds.";
+  if (status === 0) return ["The server does not answer", `Start it with “wayfarer serve”. ${again}`];
+  if (status === 503) return ["The server is starting", again];
+  return [message, again];
 }
 
 function showNoPicture() {
