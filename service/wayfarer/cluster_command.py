@@ -22,7 +22,7 @@ from wayfarer.cluster.entry import Entry
 from wayfarer.cluster.messages import NodePlan
 from wayfarer.config import PeerTls, Settings
 from wayfarer.engines.row_partitioner import cores
-from wayfarer.errors import InvalidArgument
+from wayfarer.errors import InvalidArgument, Unavailable
 from wayfarer.logs import configure_logging
 from wayfarer.serve import SIGNALS, given_options, run, warn_if_open, with_options
 from wayfarer.transport.tls import peer_tls
@@ -158,9 +158,15 @@ async def _covered(
     ray: "RayCluster", settings: Settings, secret: str, go_on: bool
 ) -> AsyncIterator[None]:
     """Have a node on each of Ray's machines meanwhile, also on those that come."""
+    told = ""  # what was wrong in the last round
 
     def cover() -> None:
-        for number, (machine, host) in enumerate(sorted(ray.machines().items())):
+        machines = sorted(ray.machines().items())
+        if not machines:
+            raise Unavailable(
+                "no machine of Ray has a CPU resource; nodes start on those that come"
+            )
+        for number, (machine, host) in enumerate(machines):
             if settings.is_loopback and not ip_address(host).is_loopback:
                 raise InvalidArgument(
                     f"nodes on {host} cannot be reached at {settings.host}; give --host 0.0.0.0"
@@ -171,12 +177,24 @@ async def _covered(
                 plan = plan.model_copy(update={"host": host})
             ray.keep(plan, machine)
 
+    async def look() -> None:
+        nonlocal told
+        try:
+            await _on_daemon(cover)
+        except Exception as error:  # also of Ray; machines that come later get their nodes
+            if str(error) != told:
+                log.warning("machines without a node", reason=str(error))
+            told = str(error)
+        else:
+            told = ""
+
     async def covering() -> None:
         while True:
             await asyncio.sleep(LOOK_S)
-            await _on_daemon(cover)
+            await look()
 
-    await _on_daemon(cover)
+    with contextlib.suppress(Unavailable):  # the next look tells it
+        await _on_daemon(cover)
     task = asyncio.create_task(covering(), name="machines")
     try:
         yield
@@ -232,8 +250,16 @@ def _encrypt_ray(tls: PeerTls) -> None:
 def _settings(config: Path | None, options: dict[str, Any]) -> Settings:
     settings = config_sources.load(given_options(options), config)
     configure_logging(settings.log_level, settings.log_format)
-    if settings.workers > 1 or settings.state_dir:
-        raise InvalidArgument("a cluster has no workers and no state_dir: nodes copy each other")
+    if settings.workers > 1:
+        raise InvalidArgument(
+            f"workers is {settings.workers}; a cluster has none: each node is a process",
+            "workers",
+        )
+    if settings.state_dir:
+        raise InvalidArgument(
+            f"state_dir is {settings.state_dir}; a cluster has none: its nodes copy each other",
+            "state_dir",
+        )
     peer_tls(settings.peer_tls)  # checked before anything is started
     _encrypt_ray(settings.peer_tls)
     return settings

@@ -8,6 +8,7 @@ import asyncio
 import atexit
 import os
 import signal
+import socket
 import sys
 import threading
 from collections.abc import Collection
@@ -51,6 +52,9 @@ STARTS: Final = 4
 CALL_S: Final = 1.5
 LEAVE_S: Final = 3.0
 """Ray is left within 2 s; within 7 s if its head has ended, and never if its head hangs."""
+
+FIND_S: Final = 3.0
+"""For a connection to Ray's head, before Ray itself looks for it."""
 
 GRACE_S: Final = 5.0
 """Beyond what a node takes at most to drain."""
@@ -99,6 +103,8 @@ class KeeperActor:
 
     def _run(self) -> None:
         self._loop.run_until_complete(self._keeper.keep())
+        # its node has ended of its own will: who covers this machine again gets a new keeper
+        ray.kill(ray.get_runtime_context().current_actor, no_restart=True)
 
 
 class RayCluster:
@@ -113,6 +119,8 @@ class RayCluster:
         self._others: Collection[int] = ()  # children of this process that are not Ray's
         self._keepers: dict[str, Any] = {}
         self._drain_s = 0.0
+        if address:
+            _find(address)
         common: dict[str, Any] = {"namespace": NAMESPACE, "configure_logging": False}
         try:
             if self._own:
@@ -133,6 +141,8 @@ class RayCluster:
 
     def directory(self, rules: LeaseRules) -> RayLink:
         """Start it, unless it runs."""
+        if not self._own and _runs(DIRECTORY):
+            log.info("directory runs already, with the lease that it was started with")
         made = ray.remote(DirectoryActor).options(name=DIRECTORY, **self._life()).remote(rules)
         return RayLink(made)
 
@@ -161,6 +171,12 @@ class RayCluster:
         if machine:
             options["scheduling_strategy"] = NodeAffinitySchedulingStrategy(machine, soft=False)
         actor = ray.remote(KeeperActor).options(name=plan.name, **options)
+        if not self._own and _runs(plan.name):
+            log.info(
+                "a node runs already, with the options that it was started with; drain it to give "
+                "it others",
+                node=plan.name,
+            )
         self._keepers[plan.name] = actor.remote(plan.model_dump_json())
         self._drain_s = plan.settings.drain_s
 
@@ -187,3 +203,23 @@ class RayCluster:
         """Options of an actor: it needs no core, is started again, and is one of its name."""
         life = {} if self._own else {"lifetime": "detached"}
         return {"num_cpus": 0, "max_restarts": FOREVER, "get_if_exists": True, **life}
+
+
+def _runs(name: str) -> bool:
+    """An actor of this name is there."""
+    try:
+        ray.get_actor(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _find(address: str) -> None:
+    """Raises Unavailable at once where nothing listens: Ray itself tries for minutes."""
+    host, _, port = address.rpartition(":")
+    if not (host and port.isdecimal()):  # as `auto`
+        return
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), FIND_S).close()
+    except OSError as error:
+        raise Unavailable(f"no Ray cluster at {address}: {error.strerror or error}") from None
