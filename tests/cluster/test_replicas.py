@@ -2,9 +2,11 @@
 
 import pytest
 
+from tests.cluster.nodes import info
 from wayfarer.cluster import peer
-from wayfarer.cluster.peer import CONTENT, KEPT_S, Replicas
-from wayfarer.errors import ResourceExhausted
+from wayfarer.cluster.peer import CONTENT, KEPT_S, Peers, PeerServer, Replicas
+from wayfarer.errors import ResourceExhausted, Unavailable
+from wayfarer.service.persistence.replica import Replica
 
 SCENE, SESSION, OTHER = "scene-00ff12", "session-00ff34", "session-00ee34"
 
@@ -70,3 +72,23 @@ def test_logs_have_a_limit_of_their_own(monkeypatch):
     assert kept.keep("a", SESSION, b"1", b"x") == 1
     assert kept.keep("a", SESSION, b"2", b"y", 1) == 0
     assert logs_of(kept) == {SCENE: [b"x"], SESSION: []}
+
+
+@pytest.mark.parametrize(("limit", "most"), [("MESSAGE_BYTES", 1000), ("REPLICA_BYTES", 10)])
+async def test_what_is_refused_is_told_from_a_node_that_is_away(monkeypatch, limit, most):
+    monkeypatch.setattr(peer, limit, most)
+    kept, secret = Replicas(), "s" * 64
+
+    async def nothing(*_):
+        return b""
+
+    server = PeerServer("127.0.0.1", secret, kept, nothing, nothing, nothing)
+    await server.start()
+    peers, node = Peers(secret), info("n2").model_copy(update={"peer_port": server.port})
+    with pytest.raises(ResourceExhausted):
+        await peers.keep(node, "n1", SESSION, Replica(bytes(most + 1)), 0)
+    await peers.keep(node, "n1", SESSION, Replica(b"1"), 0)
+    await server.stop()
+    with pytest.raises(Unavailable):
+        await peers.keep(node, "n1", SESSION, Replica(b"2"), 0)
+    await peers.forget_others(set())

@@ -9,20 +9,25 @@ from tests.cluster.nodes import info
 from wayfarer.cluster import peer, replication
 from wayfarer.cluster.peer import Replicas
 from wayfarer.cluster.replication import Replication
-from wayfarer.errors import Unavailable
-from wayfarer.service.persistence.record import LogMark
+from wayfarer.errors import ResourceExhausted, Unavailable
+from wayfarer.service.persistence.record import UNCOPIED, LogMark
 from wayfarer.service.persistence.replica import Replica
 
 SESSION = "session-00ff34"
 
 
+OTHERS = tuple(f"session-00ee{number}" for number in range(10, 14))
+
+
 class Recorded:
     """Sessions of one node: one, with a log of numbers."""
 
-    sessions, scenes = (SESSION,), ()
+    scenes = ()
 
     def __init__(self):
-        self.state, self.entries = 0, ["0"]
+        self.sessions = [SESSION]
+        self.state, self.log_id, self.entries = 0, "a", ["0"]
+        self.broken = None
 
     def is_movable(self, name):
         return True
@@ -30,10 +35,13 @@ class Recorded:
     async def replica(self, name, mark):
         self.state += 1
         state = str(self.state).encode()
-        if mark is None:
+        if name == self.broken:
+            raise KeyError(name)
+        if mark is None or name != SESSION:
             return Replica(state)
+        mark = mark if mark.log_id == self.log_id else UNCOPIED
         part = ",".join(self.entries[mark.tracks :]).encode()
-        return Replica(state, part, LogMark(True, len(self.entries), {}))
+        return Replica(state, part, LogMark(self.log_id, len(self.entries), {}))
 
 
 class Neighbours:
@@ -41,17 +49,22 @@ class Neighbours:
 
     def __init__(self):
         self.kept = {"n2": Replicas(), "n3": Replicas()}
-        self.away = self.forgets = False
+        self.away = self.forgets = self.broken = False
+        self.refuses = None
 
     async def keep(self, node, owner, name, replica, after):
         if self.away:
             raise Unavailable("away")
+        if name == self.refuses:
+            raise ResourceExhausted("too large")
         if self.forgets:
             self.kept[node.name].renew(owner, set())
             self.forgets = False
         return self.kept[node.name].keep(owner, name, replica.state, replica.log_part, after)
 
     async def present(self, node, owner, names):
+        if self.broken:
+            raise KeyError("a bug")
         self.kept[node.name].renew(owner, set(names))
 
     async def forget_others(self, nodes):
@@ -115,6 +128,43 @@ async def test_a_new_neighbour_gets_all_of_it(copies):
     copies.work.neighbour = "n3"
     await copies.rounds()
     assert copies.peers.log("n3") == ["0", "1"]
+
+
+async def test_a_log_that_begins_again_under_the_same_id_replaces_the_one_before(copies):
+    copies.moves.entries += ["1", "2"]
+    await copies.rounds()
+    copies.moves.log_id, copies.moves.entries = "b", ["new"]
+    await copies.rounds()
+    assert copies.peers.log() == ["new"]
+
+
+@pytest.mark.parametrize("trouble", ["refused", "broken"])
+async def test_one_that_is_not_kept_does_not_stop_the_others(copies, caplog, trouble):
+    copies.moves.sessions = [*OTHERS, SESSION]
+    await copies.rounds(10)
+    if trouble == "refused":
+        copies.peers.refuses = OTHERS[1]
+    else:
+        copies.moves.broken = OTHERS[1]
+    copies.moves.sessions.remove(OTHERS[0])
+    before = copies.moves.state + 10
+    await copies.rounds(30)
+    kept = copies.peers.kept["n2"]._kept
+    assert kept.keys() == {*OTHERS[1:], SESSION}, "who has ended is known, too"
+    assert all(int(kept[name].state) > before for name in (*OTHERS[2:], SESSION))
+    assert OTHERS[1] in caplog.text
+
+
+async def test_a_round_that_fails_is_not_the_last_one(copies, caplog):
+    await copies.rounds()
+    copies.peers.broken = True
+    async with asyncio.timeout(5):
+        while "a round of copies failed" not in caplog.text:
+            await asyncio.sleep(0.005)
+    copies.peers.broken = False
+    copies.moves.entries.append("1")
+    await copies.rounds()
+    assert copies.peers.log() == ["0", "1"]
 
 
 @pytest.mark.parametrize(("where", "limit"), [(peer, "LOG_BYTES"), (replication, "LOG_PART_BYTES")])

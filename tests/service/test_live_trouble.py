@@ -60,6 +60,24 @@ async def test_a_loop_that_keeps_failing_ends_and_says_so():
             await loop.create_session(SessionSpec("t"))
 
 
+async def test_a_loop_that_may_not_step_is_alive():
+    engine, now, may_step = HeldEngine(), 1000.0, True
+    loop = LiveMotion(make_world(engine), clock=lambda: now, may_step=lambda: may_step)
+    loop.start()
+    await until(lambda: loop.ready)
+    await loop.create_session(SessionSpec("s"))
+    await loop.create_agents("s", people(1))
+    while not engine.is_busy.is_set():
+        now += 0.1
+        await asyncio.sleep(0.01)
+    may_step = False
+    engine.let_go.set()
+    await until(lambda: loop._thread._pipeline.has_completed)
+    now += 5.0
+    await until(lambda: loop.alive)
+    await loop.stop()
+
+
 async def test_before_it_is_warm_the_loop_is_alive_and_not_ready():
     warm = threading.Event()
     loop = LiveMotion(make_world(), warm_up=lambda: warm.wait(5))

@@ -1,13 +1,15 @@
 """Sessions in which time passes only when it is asked to."""
 
 import asyncio
+import sys
+import threading
 
 import numpy as np
 import pytest
 
 from tests.service.kept_worlds import fake_worlds
 from tests.service.running import HeldEngine
-from tests.world.fakes import FakeEngine, people
+from tests.world.fakes import FakeEngine, people, taken
 from wayfarer.errors import (
     AlreadyExists,
     FailedPrecondition,
@@ -17,13 +19,17 @@ from wayfarer.errors import (
     Unavailable,
 )
 from wayfarer.limits import Limits
+from wayfarer.service import lockstep
+from wayfarer.service.lockstep import LockSteps
 from wayfarer.service.motion_service import MotionService
+from wayfarer.service.offline import Offline
 from wayfarer.service.streams.publications import StreamOptions
 from wayfarer.spec import STEP_SECONDS
-from wayfarer.world.agents.agent import AgentChange, ChunkFlag, SessionSpec
+from wayfarer.world.agents.agent import AgentChange, ChunkFlag, SessionInfo, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.events import EventKind
 
+BIG = Limits(sessions=10_000, agents=1_000_000)
 LOCKED = SessionSpec("tool", lock_step=True)
 
 
@@ -155,6 +161,78 @@ async def test_limits_hold(runtime):
         await runtime.create_agents("b", people(5))
     await runtime.delete_session("a")
     await runtime.create_agents("b", people(5))
+
+
+async def test_limits_hold_while_a_session_is_put_in():
+    entering, may_enter = threading.Event(), threading.Event()
+
+    def entered():
+        entering.set()
+        assert may_enter.wait(5)
+
+    worlds = fake_worlds(limits=Limits(sessions=2, agents=5))
+    sessions = LockSteps(worlds, Offline(1), lambda: 0.0)
+    sessions.create(LOCKED)
+    putting = asyncio.create_task(asyncio.to_thread(sessions.put, record_of(3), None, entered))
+    assert await asyncio.to_thread(entering.wait, 5)
+    with pytest.raises(ResourceExhausted, match="2 sessions in lock-step"):
+        sessions.create(SessionSpec("third", lock_step=True))
+    with pytest.raises(ResourceExhausted, match="3 of 5 agents in lock-step"):
+        await sessions.create_agents("tool", people(3))
+    may_enter.set()
+    await putting
+    await sessions.create_agents("tool", people(2))
+    with pytest.raises(ResourceExhausted, match="5 of 5 agents in lock-step"):
+        await sessions.create_agents("tool", people(1))
+    sessions.stop("the test is over")
+
+
+def record_of(count):
+    """A session in lock-step as it comes from elsewhere."""
+    world = fake_worlds().lock_step()
+    world.create_session(SessionSpec("guest", lock_step=True), 0.0)
+    world.create_agents("guest", people(count), 0.0)
+    return taken(world, "guest")
+
+
+async def test_sessions_come_from_other_threads_while_others_are_deleted(monkeypatch):
+    class Home:
+        ended = 0
+
+        def __init__(self, *_):
+            pass
+
+        def start(self):
+            pass
+
+        def end(self, *_):
+            Home.ended += 1
+
+        async def delete_session(self, session_id):
+            pass
+
+    monkeypatch.setattr(lockstep, "LockStep", Home)
+    interval = sys.getswitchinterval()
+    sessions = LockSteps(fake_worlds(limits=BIG), Offline(1), lambda: 0.0)
+
+    def put(number):
+        names = tuple(f"agent-{number}-{i}" for i in range(250))
+        sessions._open(lambda _: SessionInfo(f"s{number}", names, 0.0, None), 250)
+
+    for number in range(40):
+        put(number)
+    sys.setswitchinterval(1e-6)
+    try:
+        putting = asyncio.create_task(asyncio.to_thread(lambda: [*map(put, range(40, 200))]))
+        for number in range(40):
+            await sessions.delete_session(f"s{number}")
+            await asyncio.sleep(0)
+        await putting
+    finally:
+        sys.setswitchinterval(interval)
+    assert Home.ended == 40
+    assert sessions._sessions.keys() == {f"s{number}" for number in range(40, 200)}
+    assert len(sessions._agents) == 160 * 250
 
 
 async def test_a_busy_session_keeps_nobody_else_waiting():

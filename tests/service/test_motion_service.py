@@ -193,3 +193,10 @@ async def test_a_session_that_does_not_fit_stays_in_the_journal(servers, tmp_pat
     await servers.stop(second)
     third = await servers.start(open_journal(tmp_path))
     assert len(await third.list_agents("s")) == 3
+    await servers.stop(third)
+    fourth = await servers.start(open_journal(tmp_path), limits=Limits(path_goals=5))
+    await fourth.create_session(SessionSpec("s"))  # its id is free, and used again
+    [agent] = await fourth.create_agents("s", people(1))
+    await servers.stop(fourth)
+    fifth = await servers.start(open_journal(tmp_path))
+    assert [a.agent_id for a in await fifth.list_agents("s")] == [agent.agent_id]

@@ -1,6 +1,7 @@
 """Live sessions that go from one runtime to another."""
 
 import asyncio
+from dataclasses import replace
 
 import pytest
 
@@ -78,7 +79,7 @@ def move(world, now, arrives=None):
     assert world.next_event() is None, "nothing is planned for it any more"
     assert not world.skip(now + 60).any(), "nothing of it is late meanwhile"
     parts = LiveParts(capture_planned(world, "s"), world.live_rows("s"), NOTHING, None)
-    session = decode_live(encode_live(parts, STICK, b"", {}), STICK, Limits())
+    session = decode_live(encode_live(parts, STICK, b""), STICK, Limits())
     there = fake_worlds(lead=1, phases=2).live()
     made = there.members.put_session(session.record, arrives or now, live=session.rows)
     there.members.freeze(made, False)
@@ -136,9 +137,8 @@ async def test_a_subscriber_misses_nothing_when_its_session_moves(servers):
     await asyncio.sleep(0.7)
     await here.moves.freeze(session)
     waiting = asyncio.create_task(here.give(people[0].agent_id, goals((0, -9))[0]))
-    data = await here.moves.export(session, {"lease": 3})
+    data = await here.moves.export(session)
     arrived = await there.moves.read(data)
-    assert arrived.attachment == {"lease": 3}
     await there.moves.import_(arrived)
     await there.moves.unfreeze(session)
     await here.moves.release(session, ELSEWHERE)
@@ -180,7 +180,7 @@ async def test_what_cannot_go_goes_on_here(servers):
     people = await here.create_agents(session, [AgentSpec(noise_seed=i) for i in range(3)])
     subscription = await here.subscribe(session, StreamOptions())
     await here.moves.freeze(session)
-    data = await here.moves.export(session, {})
+    data = await here.moves.export(session)
     with pytest.raises(ResourceExhausted):
         await there.moves.import_(await there.moves.read(data))
     assert await there.list_sessions() == []
@@ -201,11 +201,22 @@ async def test_damaged_bytes_are_refused(servers):
     session = (await here.create_session(SessionSpec())).session_id
     await here.create_agents(session, [AgentSpec()])
     await here.moves.freeze(session)
-    data = await here.moves.export(session, {})
+    data = await here.moves.export(session)
     for damaged in (data[:-9], data[:200], b"x" + data, data + b"x", b""):
         with pytest.raises((InvalidArgument, FailedPrecondition)):
             await here.moves.read(damaged)
     await here.moves.unfreeze(session)
+
+
+@pytest.mark.parametrize("epoch", ["", "a" * 41, "abc\n", "x" * 5000 + "\n~.~"])
+def test_an_epoch_that_no_server_makes_is_refused(epoch):
+    world, _ = walking(0.5)
+    log, session = replace(NOTHING, epoch=epoch), world.registry.session("s")
+    world.members.freeze(session, True)
+    list(world.take_rest("s"))
+    parts = LiveParts(capture_planned(world, "s"), world.live_rows("s"), log, None)
+    with pytest.raises(InvalidArgument, match="epoch"):
+        decode_live(encode_live(parts, STICK, b""), STICK, Limits())
 
 
 async def stepping(runtime):
@@ -225,7 +236,7 @@ async def test_a_session_in_lock_step_moves_between_two_steps_and_goes_on_bit_fo
     found = await here.step_session(moves, 4)
     await here.moves.freeze(moves)
     waiting = asyncio.create_task(here.step_session(moves, 1))
-    data = await here.moves.export(moves, {})
+    data = await here.moves.export(moves)
     await there.moves.import_(await there.moves.read(data))
     await there.moves.unfreeze(moves)
     await here.moves.release(moves, ELSEWHERE)
@@ -261,7 +272,7 @@ async def test_a_scene_moves_with_its_sessions_and_its_obstacles(servers):
     packed = []
     for session in sessions:
         await here.moves.freeze(session)
-        packed.append(await here.moves.export(session, {}))
+        packed.append(await here.moves.export(session))
     coming = asyncio.create_task(here.create_session(SessionSpec(scene=scene)))
     changing = asyncio.create_task(here.scenes.remove_obstacle(scene, "crate"))
     await there.scenes.adopt(scene, content, here.scenes.obstacles(scene))
@@ -290,7 +301,7 @@ async def test_a_recorded_session_takes_its_log_along(servers):
     reading = asyncio.create_task(until_elsewhere(subscription))
     await asyncio.sleep(0.5)
     await here.moves.freeze(session)
-    arrived = await there.moves.read(await here.moves.export(session, {}))
+    arrived = await there.moves.read(await here.moves.export(session))
     await there.moves.import_(arrived)
     await there.moves.unfreeze(session)
     await here.moves.release(session, ELSEWHERE)
@@ -315,7 +326,7 @@ async def test_what_was_told_right_before_a_move_is_in_the_log(servers):
     for person in people:  # one and the other will not have planned for it yet
         await here.give(person.agent_id, goals((5, 0))[0])
     await here.moves.freeze(session)
-    await there.moves.import_(await there.moves.read(await here.moves.export(session, {})))
+    await there.moves.import_(await there.moves.read(await here.moves.export(session)))
     await there.moves.unfreeze(session)
     await here.moves.release(session, ELSEWHERE)
     follows = await there.subscribe(session, StreamOptions())

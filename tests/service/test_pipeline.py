@@ -81,11 +81,13 @@ def test_the_age_is_that_of_the_oldest_call(bench):
     second = bench.send()
     assert bench.pipeline.age(3.0) == 3.0
     bench.land(first, 3.0)
+    assert bench.pipeline.age(3.0) == 2.0, "also before the first one is taken out"
     list(bench.pipeline.completed())
     assert bench.pipeline.age(3.0) == 2.0
     bench.land(second, 4.0)
+    assert bench.pipeline.age(5.0) == 0.0 and not bench.pipeline.is_idle
     list(bench.pipeline.completed())
-    assert bench.pipeline.age(5.0) == 0.0
+    assert bench.pipeline.age(5.0) == 0.0 and bench.pipeline.is_idle
 
 
 def test_a_call_that_fails_lands_and_leaves_the_next_one_alone(bench):

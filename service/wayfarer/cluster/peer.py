@@ -229,7 +229,9 @@ def _split(data: bytes, sizes: list[int]) -> list[bytes]:
 
 
 class Peers:
-    """Calls other nodes."""
+    """Calls other nodes. All calls raise ResourceExhausted when the node has no room or the message
+    is too large, and Unavailable when there is no answer for another reason.
+    """
 
     def __init__(self, secret: str, tls: Tls | None = None) -> None:
         self._secret = secret
@@ -239,29 +241,29 @@ class Peers:
     async def keep(
         self, node: NodeInfo, owner: str, name: str, replica: Replica, after: int
     ) -> int:
-        """Leave a replica there; see `Replicas.keep`. Raises Unavailable."""
+        """Leave a replica there; see `Replicas.keep`."""
         state, part = replica.state, replica.log_part
         sizes = [len(state), len(part)]
         header = {"owner": owner, "name": name, "sizes": sizes, "after": after}
         return int(await self._call(node, "Keep", header, state + part))
 
     async def present(self, node: NodeInfo, owner: str, names: list[str]) -> None:
-        """Say which sessions and scenes there are. Raises Unavailable."""
+        """Say which sessions and scenes there are."""
         await self._call(node, "Present", {"owner": owner}, json.dumps(names).encode())
 
     async def take(self, node: NodeInfo, slot: int, epoch: int, live: dict[str, bytes]) -> None:
-        """Give away what lives in a slot, scenes first. Raises Unavailable."""
+        """Give away what lives in a slot, scenes first."""
         sizes = [len(one) for one in live.values()]
         header = {"slot": slot, "epoch": epoch, "names": list(live), "sizes": sizes}
         await self._call(node, "Take", header, b"".join(live.values()))
 
     async def prepare(self, node: NodeInfo, owner: str, scene_id: str, content: bytes) -> None:
-        """Leave a scene's content there, and wait until it is baked. Raises Unavailable."""
+        """Leave a scene's content there, and wait until it is baked."""
         header = {"owner": owner, "scene_id": scene_id}
         await self._call(node, "Prepare", header, content, PREPARE_S)
 
     async def ask(self, node: NodeInfo, question: bytes, seconds: float = CALL_S) -> bytes:
-        """Its answer. Raises Unavailable."""
+        """Its answer."""
         return await self._call(node, "Ask", {}, question, seconds)
 
     async def forget_others(self, nodes: set[str]) -> None:
@@ -288,7 +290,9 @@ class Peers:
         try:
             return bytes(await call(data, timeout=seconds, metadata=metadata))
         except grpc.aio.AioRpcError as error:
-            raise Unavailable(f"node {node.name}: {error.details()}") from None
+            full = error.code() is grpc.StatusCode.RESOURCE_EXHAUSTED
+            kind = ResourceExhausted if full else Unavailable
+            raise kind(f"node {node.name}: {error.details()}") from None
 
     def _channel(self, node: NodeInfo) -> grpc.aio.Channel:
         """The certificate must name the address at which the node is called."""

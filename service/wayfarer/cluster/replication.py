@@ -8,6 +8,7 @@ to each neighbour, and of the log of a recorded session what is new.
 import asyncio
 import time
 from dataclasses import dataclass
+from itertools import islice
 from typing import Final
 
 import structlog
@@ -15,7 +16,7 @@ import structlog
 from wayfarer.cluster.messages import NodeInfo
 from wayfarer.cluster.peer import Peers
 from wayfarer.cluster.tenancy import Tenancy
-from wayfarer.errors import WayfarerError
+from wayfarer.errors import ResourceExhausted, Unavailable, WayfarerError
 from wayfarer.service.persistence.record import UNCOPIED, LogMark
 from wayfarer.service.persistence.replica import Replica
 from wayfarer.transport.gateway.moves import SessionMoves
@@ -26,6 +27,9 @@ REPLICATE_S: Final = 1.0
 
 LOG_PART_BYTES: Final = 32 * 1024 * 1024
 """A log that has grown by more since its last copy is not copied: no message would take it."""
+
+TOLD: Final = 4
+"""Refused replicas of a round that are named in the log."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +57,15 @@ class Replication:
         """For ever."""
         while True:
             began = time.monotonic()
-            node = self._tenancy.view.nodes.get(self.neighbour)
-            if node is not None and self._tenancy.may_step():
-                try:
-                    await self._replicate(node)
-                except WayfarerError as error:
-                    log.warning("replicas not kept", neighbour=node.name, reason=str(error))
-            await self._peers.forget_others(set(self._tenancy.view.nodes))
+            nodes = self._tenancy.view.nodes
+            try:
+                await self._peers.forget_others(set(nodes))
+                if self.neighbour in nodes and self._tenancy.may_step():
+                    await self._replicate(nodes[self.neighbour])
+            except WayfarerError as error:
+                log.warning("replicas not kept", neighbour=self.neighbour, reason=str(error))
+            except Exception:  # else nothing would be copied any more
+                log.exception("a round of copies failed", neighbour=self.neighbour)
             await asyncio.sleep(max(0.0, REPLICATE_S - (time.monotonic() - began)))
 
     def forget(self) -> None:
@@ -73,27 +79,42 @@ class Replication:
         self._send_content(node)
         keys = {_key(node, name) for name in names}
         self._logs = {key: known for key, known in self._logs.items() if key in keys}
-        for name in names:
-            await self._keep(node, name)
+        # First: what has ended makes room there, and a node that is away fails the round at once.
         await self._peers.present(node, self._tenancy.node.name, names)
+        refused = dict[str, str]()
+        for name in names:
+            try:
+                await self._keep(node, name)
+            except Unavailable:
+                raise
+            except ResourceExhausted as error:
+                refused[name] = str(error)
+            except Exception:  # else nothing behind it would ever be copied
+                log.exception("replica not made", session_id=name)
+        if refused:
+            told = dict(islice(refused.items(), TOLD))
+            log.warning("replicas refused", neighbour=node.name, count=len(refused), first=told)
 
     async def _keep(self, node: NodeInfo, name: str) -> None:
+        """Raises Unavailable, ResourceExhausted."""
         key = _key(node, name)
         known = self._logs.pop(key, _LogCopy())  # if this fails, it is not known what has arrived
         try:
             replica = await self._moves.replica(name, None if known.refused else known.mark)
         except WayfarerError:  # it has just ended, or moved
             return
-        sent = known.parts + bool(replica.log_part)
+        # another log than before, of a session with the same id, begins again
+        after = known.parts if replica.mark.log_id == known.mark.log_id else 0
+        sent = after + bool(replica.log_part)
         if len(replica.log_part) > LOG_PART_BYTES:
             replica, sent = Replica(replica.state), -1
         own = self._tenancy.node.name
-        kept = await self._peers.keep(node, own, name, replica, known.parts)
+        kept = await self._peers.keep(node, own, name, replica, after)
         if known.refused:
             self._logs[key] = known
         elif kept == sent:
             self._logs[key] = _LogCopy(kept, replica.mark)
-        elif not known.parts:
+        elif not after:
             log.warning("log not copied: it is too large", session_id=name, neighbour=node.name)
             self._logs[key] = _LogCopy(refused=True)
 

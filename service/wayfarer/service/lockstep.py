@@ -5,8 +5,8 @@ that session's own callers.
 """
 
 import threading
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from math import floor
 from typing import Final, TypeVar
@@ -175,7 +175,7 @@ class LockStep:
 
 
 class LockSteps:
-    """All sessions in lock-step, by their ids and those of their agents."""
+    """All sessions in lock-step, by their ids and those of their agents. Thread-safe."""
 
     def __init__(self, worlds: Worlds, offline: Offline, clock: Callable[[], float]) -> None:
         self._worlds = worlds
@@ -184,6 +184,8 @@ class LockSteps:
         self._clock = clock
         self._sessions: dict[str, LockStep] = {}
         self._agents: dict[str, LockStep] = {}
+        self._new_sessions = self._new_agents = 0  # that are being made, and are not in there yet
+        self._lock = threading.Lock()  # for changes: sessions are put in from other threads, too
 
     def session(self, session_id: str) -> LockStep | None:
         """The home of a session, if it is in lock-step."""
@@ -195,7 +197,7 @@ class LockSteps:
 
     def create(self, spec: SessionSpec) -> SessionInfo:
         """Open a session. Raises InvalidArgument, ResourceExhausted."""
-        return self._open(lambda home: home.world.create_session(spec, self._clock()))
+        return self._open(lambda home: home.world.create_session(spec, self._clock()), 0)
 
     def put(
         self,
@@ -207,7 +209,6 @@ class LockSteps:
 
         `entered` is called before it takes calls. Raises InvalidArgument, ResourceExhausted.
         """
-        self._check_agents(len(record.agents))
 
         def enter(home: LockStep) -> SessionInfo:
             if log is not None:
@@ -216,27 +217,31 @@ class LockSteps:
             entered()
             return session.info()
 
-        return self._open(enter)
+        return self._open(enter, len(record.agents))
 
     async def create_agents(self, session_id: str, specs: Sequence[AgentSpec]) -> list[AgentInfo]:
         """See `MotionService`."""
-        self._check_agents(len(specs))
         home = self._sessions[session_id]
-        agents = await home.create_agents(session_id, specs)
-        self._agents |= {agent.agent_id: home for agent in agents}
+        with self._room(0, len(specs)):
+            agents = await home.create_agents(session_id, specs)
+            with self._lock:
+                self._agents.update((agent.agent_id, home) for agent in agents)
         return agents
 
     async def delete_agent(self, agent_id: str) -> None:
         """See `MotionService`."""
         await self._agents[agent_id].delete_agent(agent_id)
-        self._agents.pop(agent_id, None)
+        with self._lock:
+            self._agents.pop(agent_id, None)
 
     async def delete_session(self, session_id: str) -> None:
         """See `MotionService`."""
         home = self._sessions[session_id]
         await home.delete_session(session_id)
-        self._sessions.pop(session_id, None)
-        self._agents = {name: other for name, other in self._agents.items() if other is not home}
+        with self._lock:
+            self._sessions.pop(session_id, None)
+            left = {name: other for name, other in self._agents.items() if other is not home}
+            self._agents = left
         home.end(f"session {session_id!r} has been deleted", NotFound)
 
     def infos(self) -> list[SessionInfo]:
@@ -266,21 +271,36 @@ class LockSteps:
         for home in homes:
             home.join()
 
-    def _open(self, enter: Callable[[LockStep], SessionInfo]) -> SessionInfo:
-        if len(self._sessions) >= self._limits.sessions:
-            raise ResourceExhausted(
-                f"all {self._limits.sessions} sessions in lock-step are open; delete one first"
-            )
-        home = LockStep(self._worlds.lock_step(), self._offline, self._clock())
-        session = enter(home)
-        self._sessions[session.session_id] = home
-        self._agents |= dict.fromkeys(session.agent_ids, home)
-        home.start()
+    def _open(self, enter: Callable[[LockStep], SessionInfo], agents: int) -> SessionInfo:
+        with self._room(1, agents):
+            home = LockStep(self._worlds.lock_step(), self._offline, self._clock())
+            session = enter(home)
+            home.start()
+            with self._lock:
+                self._sessions[session.session_id] = home
+                self._agents |= dict.fromkeys(session.agent_ids, home)
         return session
 
-    def _check_agents(self, more: int) -> None:
-        if len(self._agents) + more > self._limits.agents:
-            raise ResourceExhausted(
-                f"{len(self._agents)} of {self._limits.agents} agents in lock-step exist; "
-                f"{more} more were asked for"
-            )
+    @contextmanager
+    def _room(self, sessions: int, agents: int) -> Iterator[None]:
+        """Hold room for so many while they are made. Raises ResourceExhausted."""
+        limits = self._limits
+        with self._lock:
+            if len(self._sessions) + self._new_sessions + sessions > limits.sessions:
+                raise ResourceExhausted(
+                    f"all {limits.sessions} sessions in lock-step are open; delete one first"
+                )
+            present = len(self._agents) + self._new_agents
+            if present + agents > limits.agents:
+                raise ResourceExhausted(
+                    f"{present} of {limits.agents} agents in lock-step exist; "
+                    f"{agents} more were asked for"
+                )
+            self._new_sessions += sessions
+            self._new_agents += agents
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._new_sessions -= sessions
+                self._new_agents -= agents

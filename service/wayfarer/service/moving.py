@@ -7,7 +7,7 @@ Here: `freeze` stops planning and sends at once what is planned; `export` packs 
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import structlog
@@ -78,8 +78,8 @@ class LiveMoves:
             await self._thaw(session_id)
             raise
 
-    async def export(self, session_id: str, attachment: Mapping[str, object]) -> bytes:
-        """A frozen session. `attachment`: what the caller keeps with it. Raises NotFound."""
+    async def export(self, session_id: str) -> bytes:
+        """A frozen session, packed. Raises NotFound."""
         home = self._lock_steps.session(session_id) or self._live
         parts = await home.parts(session_id)
         recording = b""
@@ -87,7 +87,7 @@ class LiveMoves:
             with contextlib.suppress(FailedPrecondition):  # it has been dropped
                 recording = await self._archive.export_log(home, session_id)
         body = self._worlds.body
-        return await asyncio.to_thread(encode_live, parts, body, recording, attachment)
+        return await asyncio.to_thread(encode_live, parts, body, recording)
 
     async def unfreeze(self, session_id: str) -> None:
         """Let it go on here. Raises NotFound."""
@@ -136,7 +136,7 @@ class LiveMoves:
         parts, news = await home.ask(
             lambda *_: (home.parts_now(session_id), self._archive.news(session_id, mark))
         )
-        state = await asyncio.to_thread(encode_live, parts, self._worlds.body, b"", {})
+        state = await asyncio.to_thread(encode_live, parts, self._worlds.body, b"")
         return await self._archive.with_log(state, news)
 
     async def adopt(self, replica: bytes, log_parts: Sequence[bytes]) -> SessionInfo:

@@ -4,7 +4,6 @@ Two calls are under way at a time, in order: when one is complete the next is al
 the engine's threads never wait for Python.
 """
 
-from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -34,18 +33,19 @@ class EnginePipeline:
         self._clock = clock
         self._wake = wake
         self._pool = ThreadPoolExecutor(DEPTH, "engine-call")
-        self._calls: deque[_Call] = deque()
+        self._calls: tuple[_Call, ...] = ()  # replaced as a whole: `age` reads it from any thread
         self._last_ended = float("-inf")
-        self._since: float | None = None  # when the first call under way was started
 
     def age(self, now: float) -> float:
-        """Seconds since the first call under way was started; 0 without one. Thread-safe."""
-        since = self._since
-        return 0.0 if since is None else now - since
+        """Seconds since the first call that has not ended was started; 0 without one. Thread-safe.
+
+        A call that has ended may wait long to be taken out: while the thread may not step.
+        """
+        return max((now - c.started_at for c in self._calls if c.ended_at is None), default=0.0)
 
     @property
     def is_idle(self) -> bool:
-        """No call is under way."""
+        """No call is under way, or waits to be taken out."""
         return not self._calls
 
     @property
@@ -71,16 +71,15 @@ class EnginePipeline:
         if step is None:
             return False
         call = _Call(step, started_at)
-        self._calls.append(call)
-        self._since = self._calls[0].started_at
+        self._calls += (call,)
         futures[0].add_done_callback(lambda _: self._end(call))
         return True
 
     def completed(self) -> Iterator[tuple[PendingStep, float]]:
         """Take out complete steps in order, each with the seconds that the engine spent on it."""
         while self.has_completed:
-            call = self._calls.popleft()
-            self._since = self._calls[0].started_at if self._calls else None
+            call, *rest = self._calls
+            self._calls = tuple(rest)
             assert call.ended_at is not None
             seconds = max(call.ended_at - max(call.started_at, self._last_ended), 0.0)
             self._last_ended = call.ended_at

@@ -241,7 +241,7 @@ class MotionThread:
         self._figures.worked += self._clock() - now
         if applied:
             self._world.load.worked(now, *self._figures.take_worked())
-        if applied or not self._pipeline.age(now):
+        if applied or self._pipeline.is_idle:
             self._failures_in_a_row = 0
 
     def _time_to_wait(self) -> float:

@@ -319,6 +319,19 @@ def test_agents_without_a_session_are_told_and_let_go(many, caplog):
     assert "its session 's07' is not there" in caplog.text
 
 
+def test_a_session_begins_without_agents_that_another_of_its_id_has_left(many):
+    with closing(sqlite3.connect(many.folder / NAME)) as file:
+        file.execute("DELETE FROM entries WHERE kind = 1 AND id = 's07'")
+        file.commit()
+    journal = open_journal(many.folder)
+    journal.restore(LIMITS)
+    world = fake_worlds(journal).live()
+    journal.start()
+    populate(world, 1, "s07")
+    journal.stop()
+    assert [agent.alias for agent in many.restored()["s07"].agents] == [1]
+
+
 async def test_a_full_disk_is_told_once_and_waited_for(kept, caplog):
     populate(kept.world, 2)
     await kept.journal.durable()

@@ -13,7 +13,7 @@ from tests.service.persistence.test_replay import (
     replayed,
     run,
 )
-from tests.world.fakes import people
+from tests.world.fakes import people, taken
 from wayfarer.errors import FailedPrecondition, InvalidArgument, WayfarerError
 from wayfarer.limits import Limits
 from wayfarer.service.persistence.capture import capture_session
@@ -135,6 +135,22 @@ def test_who_lives_on_elsewhere_is_replayed_bit_for_bit_on_both_sides_of_the_jum
     tracks = worlds.recordings.copy("s").tracks
     assert [len(track.restarts) for track in tracks.values()] == [2, 2, 2, 2, 2, 0]
     assert_same(replayed(worlds, world), seen)
+
+
+def test_the_copy_begins_again_with_a_new_log_under_the_same_id():
+    worlds = server()
+    world, _ = begun(worlds, 2)
+    run(world, 1.0, [])
+    record = taken(world)
+    world.create_agents("s", people(1), 1.0)
+    copied = Copied(worlds)
+    copied.copy()
+    world.delete_session("s")
+    world.members.put_session(record, 1.0)  # within a second: nobody has seen it gone
+    run(world, 1.0, [], start=1.0)
+    copied.parts.clear()
+    copied.copy()
+    assert list(copied.log().tracks) == [agent.agent_id for agent in record.agents]
 
 
 def test_who_had_not_begun_begins_where_it_lives_on():

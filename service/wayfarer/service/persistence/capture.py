@@ -66,7 +66,7 @@ class JournalObserver:
 
     def opened(self, session: Session) -> None:
         """Keep the session."""
-        self._journal.put_session(_session_part(session))
+        self._journal.open_session(_session_part(session))
 
     def closed(self, session: Session) -> None:
         """Forget the session."""

@@ -63,6 +63,7 @@ class Journal:
             raise
         self._stored = set(self._entries.found)
         self._members: dict[Key, Member] = {}  # as they stand in the file
+        self._left: dict[str, list[str]] = {}  # agents in the file that are not here, by session
         self._pending: dict[Key, Value] = {(EntryKind.BODY, ""): body}
         self._noted = self._written = 0  # puts, and how many of them have been written
         self._waiting: list[_Waiter] = []
@@ -76,7 +77,8 @@ class Journal:
 
     def restore(self, limits: Limits) -> list[SessionRecord]:
         """The sessions that the file held at the start, oldest first; damaged ones are logged."""
-        return decode(self._entries, limits)
+        records, self._left = decode(self._entries, limits)
+        return records
 
     def restore_scenes(self) -> list[SceneRecord]:
         """The scenes that the file held, oldest first."""
@@ -122,8 +124,17 @@ class Journal:
 
     # From the motion thread
 
+    def leave(self, record: SessionRecord) -> None:
+        """A session of the file cannot go on here; it stays there until its id is used again."""
+        self._left[record.session_id] = [agent.agent_id for agent in record.agents]
+
+    def open_session(self, session: SessionPart) -> None:
+        """A session is new; agents that another one of its id has left in the file go."""
+        gone = _gone(self._left.pop(session.session_id, ()))
+        self._put({**gone, (EntryKind.SESSION, session.session_id): session})
+
     def put_session(self, session: SessionPart) -> None:
-        """A session is new or has changed; its agents are put on their own."""
+        """A session has changed; its agents are put on their own."""
         self._put({(EntryKind.SESSION, session.session_id): session})
 
     def refresh(self, crowd: CapturedAgents) -> None:
@@ -137,13 +148,11 @@ class Journal:
 
     def drop_agents(self, agent_ids: Iterable[str]) -> None:
         """Agents are gone."""
-        kinds = (EntryKind.AGENT, EntryKind.MOTION)
-        self._put({(kind, name): None for name in agent_ids for kind in kinds})
+        self._put(_gone(agent_ids))
 
     def drop_session(self, session_id: str, agent_ids: Iterable[str]) -> None:
         """A session and its agents are gone."""
-        self.drop_agents(agent_ids)
-        self._put({(EntryKind.SESSION, session_id): None})
+        self._put({**_gone(agent_ids), (EntryKind.SESSION, session_id): None})
 
     def _put(self, values: Mapping[Key, Value]) -> None:
         with self._changed:
@@ -217,6 +226,11 @@ class Journal:
         self._waiting = [w for w in self._waiting if w not in ready]
         for waiter in ready:
             post(waiter.loop, waiter.settle)
+
+
+def _gone(agent_ids: Iterable[str]) -> dict[Key, Value]:
+    kinds = (EntryKind.AGENT, EntryKind.MOTION)
+    return {(kind, name): None for name in agent_ids for kind in kinds}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -114,20 +114,24 @@ def check_origin(entries: Entries, body: BodyStamp, path: Path) -> None:
             )
 
 
-def decode(entries: Entries, limits: Limits) -> list[SessionRecord]:
-    """All sound sessions, oldest first; damaged ones are logged and lost."""
+def decode(entries: Entries, limits: Limits) -> tuple[list[SessionRecord], dict[str, list[str]]]:
+    """All sound sessions, oldest first; damaged ones are logged and lost. And by session the ids of
+    the agents that have lost it.
+    """
     agents = _agents(entries, limits)
-    records: list[SessionRecord] = []
+    records, left = list[SessionRecord](), dict[str, list[str]]()
     for name, text in entries.of(EntryKind.SESSION).items():
         own = tuple(sorted(agents.pop(name, ()), key=lambda agent: agent.alias))
         try:
             records.append(join_session(_SESSION.validate_json(text), own, limits))
         except (ValidationError, InvalidArgument) as error:
             _lost("session", name, error)
-    for name, left in agents.items():
-        for agent in left:
+            left[name] = [agent.agent_id for agent in own]
+    for name, others in agents.items():
+        left[name] = [agent.agent_id for agent in others]
+        for agent in others:
             _lost("agent", agent.agent_id, f"its session {name!r} is not there")
-    return sorted(records, key=lambda record: record.created_at)
+    return sorted(records, key=lambda record: record.created_at), left
 
 
 def _agents(entries: Entries, limits: Limits) -> dict[str, list[AgentRecord]]:

@@ -5,9 +5,8 @@ the next chunks are due, the last seconds of publications for streams that resum
 log of a recorded session. Between servers only; checked all the same.
 """
 
-import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from typing import Annotated, ClassVar, Final, NamedTuple
 
 import numpy as np
@@ -84,7 +83,7 @@ class _LogPart:
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
-    epoch: Annotated[str, Field(pattern=r"[A-Za-z0-9-]{1,40}")]
+    epoch: Annotated[str, Field(pattern=r"^[A-Za-z0-9-]{1,40}$")]
     position: Count
     motion: float
     last_at: float | None
@@ -102,7 +101,6 @@ class _LiveHeader(BaseModel):
     parts: Annotated[tuple[Count, ...], Field(min_length=4, max_length=4)]
     log: _LogPart
     crowd: CrowdPeople | None
-    attachment: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +112,6 @@ class LiveSession:
     log: SessionLog
     crowd: CrowdPeople | None = None
     recording: bytes = b""  # as `ExportLog` gives it; empty: it is not recorded
-    attachment: Mapping[str, object] = field(default_factory=dict)  # the transport's
 
 
 class LiveParts(NamedTuple):
@@ -126,9 +123,7 @@ class LiveParts(NamedTuple):
     crowd: CrowdPeople | None
 
 
-def encode_live(
-    live: LiveParts, body: BodyStamp, recording: bytes, attachment: Mapping[str, object]
-) -> bytes:
+def encode_live(live: LiveParts, body: BodyStamp, recording: bytes) -> bytes:
     """The container."""
     session, crowd = live.captured
     agents = [member.part for member in crowd.members]
@@ -157,7 +152,6 @@ def encode_live(
             ),
         ),
         crowd=live.crowd,
-        attachment=json.dumps(attachment),
     )
     return seal(ContainerKind.LIVE, header.model_dump_json().encode(), b"".join(parts), STORED)
 
@@ -184,7 +178,6 @@ def decode_live(data: bytes, body: BodyStamp, limits: Limits) -> LiveSession:
         _log(header.log, unpack(_ChunkRows, chunks, "chunks")),
         header.crowd,
         recording,
-        json.loads(header.attachment),
     )
 
 

@@ -69,6 +69,8 @@ class Persistence:
             try:
                 put(record)
             except WayfarerError as error:
+                if self._journal is not None:
+                    self._journal.leave(record)
                 log.error(
                     "a session of the journal does not fit in here; it is left in the journal",
                     session=record.session_id,

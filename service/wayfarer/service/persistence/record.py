@@ -5,6 +5,7 @@ effect, and from the number of candidates for each chunk. Agents do not depend o
 each has its own track. Most chunks are alike, so they are stored as runs.
 """
 
+import secrets
 from bisect import bisect_left, insort_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -166,19 +167,21 @@ class CommandLog:
     tracks: dict[str, AgentTrack] = field(default_factory=dict)
     size: int = 0  # entries, goals in them, runs and schedules
     overflowed: bool = False
+    log_id: str = field(default_factory=lambda: secrets.token_hex(8))
+    """Tells it from another log of a session with the same id."""
 
 
 @dataclass(frozen=True, slots=True)
 class LogMark:
     """How far a log has been copied."""
 
-    begun: bool
+    log_id: str  # empty: not at all
     tracks: int  # the first ones, of which those not in `ends` are complete
     ends: Mapping[str, int]  # by agent: chunks before that one are copied
     overflowed: bool = False
 
 
-UNCOPIED: Final = LogMark(False, 0, {})
+UNCOPIED: Final = LogMark("", 0, {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,13 +225,17 @@ class Recordings:
         return replace(log, tracks={name: track.copy() for name, track in log.tracks.items()})
 
     def since(self, session_id: str, mark: LogMark) -> LogNews | None:
-        """What counts for chunks sent since; None: the session is not recorded."""
+        """What counts for chunks sent since; all of it if the mark is of another log. None: the
+        session is not recorded.
+        """
         log = self._logs.get(session_id)
         if log is None:
             return None
-        news, begins = replace(log, tracks={}), not mark.begun
+        news, begins = replace(log, tracks={}), mark.log_id != log.log_id
+        if begins:
+            mark = UNCOPIED
         if log.overflowed:
-            now = LogMark(True, 0, {}, overflowed=True)
+            now = LogMark(log.log_id, 0, {}, overflowed=True)
             return LogNews(news, frozenset(), begins, not mark.overflowed, now)
         new, ends = dict.fromkeys(islice(log.tracks, mark.tracks, None)), dict[str, int]()
         for name in (*mark.ends, *new):
@@ -239,7 +246,7 @@ class Recordings:
             # where an agent that lives has come to, its own copy says
             if name in new or not lives or found.entries or found.runs or found.schedules:
                 news.tracks[name] = found
-        now = LogMark(True, len(log.tracks), ends)
+        now = LogMark(log.log_id, len(log.tracks), ends)
         return LogNews(news, frozenset(new), begins, False, now)
 
     def go_on(self, log: CommandLog | None, session_id: str, restarted: bool) -> None:

@@ -104,7 +104,7 @@ class SessionMoves:
         moves = self._context.service.moves
         await moves.freeze(name)
         try:
-            return await moves.export(name, {})
+            return await moves.export(name)
         except BaseException:
             await moves.unfreeze(name)
             raise
