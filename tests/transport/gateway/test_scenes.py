@@ -11,6 +11,7 @@ from wayfarer.errors import (
     InvalidArgument,
     NotFound,
     ResourceExhausted,
+    Unavailable,
     Unreachable,
 )
 from wayfarer.limits import Limits
@@ -116,6 +117,21 @@ async def test_scenes_of_a_caller_are_limited_also_those_in_the_making():
         with pytest.raises(InvalidArgument):
             await yard(api, floors=())
         await yard(api)  # no room is lost by failing
+
+
+async def test_a_scene_that_cannot_be_removed_now_is_kept_and_removed_later(service, clock, api):
+    made, delete = await yard(api, lease_s=50), service.delete_scene
+
+    async def refuse(_: str) -> None:
+        raise Unavailable("the session is being moved; try again")
+
+    clock.now += 51
+    service.delete_scene = refuse
+    await api.end_expired_sessions()
+    assert api.moves.scenes == [made.scene_id]
+    service.delete_scene = delete
+    await api.end_expired_sessions()
+    assert await service.list_scenes() == [] == api.moves.scenes
 
 
 async def test_a_scene_outlives_its_last_session_and_call_by_its_lease(service, clock, api):

@@ -12,6 +12,7 @@ import structlog
 from wayfarer.errors import (
     FailedPrecondition,
     InvalidArgument,
+    Misdirected,
     NotFound,
     Unavailable,
 )
@@ -209,14 +210,19 @@ class SceneApi:
                     await self._context.service.scenes.delete_scene(info.scene_id)
 
     async def end_expired(self) -> None:
-        """Remove the scenes whose lease has run out and that no session is in."""
+        """Remove the scenes whose lease has run out and that no session is in.
+
+        Those that cannot be removed now are tried again with the next call.
+        """
         for scene in self._context.scenes.expired():
             try:
                 await self._context.service.scenes.delete_scene(scene.scene_id)
             except FailedPrecondition:  # sessions are in it
                 self._context.scenes.renew(scene)
                 continue
-            except (NotFound, Unavailable):  # its client or the end was quicker
+            except Unavailable:
+                continue
+            except (NotFound, Misdirected):  # its client, or a move, was quicker
                 pass
             log.info("lease ended", scene_id=scene.scene_id, lease_s=scene.lease_s)
             self._context.scenes.close(scene)

@@ -105,6 +105,7 @@ class SessionRegistry:
         Raises InvalidArgument where its attributes are not the transport's.
         """
         owner, basis, lease_s = read_attributes(info.spec.attributes, self._limits)
+        self.forget(info.session_id)  # one that has just ended, and that the book still has
         session = OpenSession(
             info, owner, basis, lease_s, self._clock() + lease_s, endpoint=self._residence.own
         )
@@ -127,14 +128,15 @@ class SessionRegistry:
             self.close(session)
 
     def close(self, session: OpenSession) -> None:
-        """Forget a session. Safe to call twice."""
-        self._sessions.pop(session.session_id, None)
-        for agent_id in session.aliases:
-            self._by_agent.pop(agent_id, None)
+        """Forget a session. Safe to call twice, also when one of its id has come since."""
+        if self._is_open(session):
+            del self._sessions[session.session_id]
+            for agent_id in session.aliases:
+                del self._by_agent[agent_id]
 
     def enter_agents(self, session: OpenSession, agents: Sequence[AgentInfo]) -> None:
-        """Remember the agents of a session."""
-        for agent in agents:
+        """Remember the agents of a session, unless it has ended meanwhile."""
+        for agent in agents if self._is_open(session) else ():
             session.aliases[agent.agent_id] = agent.alias
             session.created = max(session.created, agent.alias)  # aliases count from 1
             self._by_agent[agent.agent_id] = session
@@ -249,6 +251,9 @@ class SessionRegistry:
     def streams(self) -> int:
         """Open streams."""
         return sum(len(session.places) for session in self._sessions.values())
+
+    def _is_open(self, session: OpenSession) -> bool:
+        return self._sessions.get(session.session_id) is session
 
     def _renewed(self, found: OpenSession | None, kind: str, name: str) -> OpenSession:
         caller, now = current_caller(), self._clock()

@@ -1,6 +1,5 @@
 """Sessions and their leases."""
 
-import contextlib
 import secrets
 
 import structlog
@@ -76,17 +75,25 @@ class SessionApi:
 
     @needs(Scope.CONTROL)
     async def delete(self, session_id: str) -> None:
-        """End a session, its agents and its streams. Raises NotFound."""
-        await self._end(self._context.book.session(session_id))
+        """End a session, its agents and its streams. Raises NotFound, Unavailable."""
+        await finish(self._end(self._context.book.session(session_id)))
 
     async def end_expired(self) -> list[str]:
-        """End the sessions whose lease has run out; their ids."""
-        expired = self._context.book.expired()
-        for session in expired:
+        """End the sessions whose lease has run out; ids of those that are no more.
+
+        Those that cannot be ended now are tried again with the next call.
+        """
+        ended: list[str] = []
+        for session in self._context.book.expired():
+            try:
+                await finish(self._end(session))
+            except Unavailable:
+                continue
+            except (NotFound, Misdirected):  # its client, or a move, was quicker
+                pass
             log.info("lease ended", session_id=session.session_id, lease_s=session.lease_s)
-            with contextlib.suppress(NotFound, Unavailable):  # its client or the end was quicker
-                await self._end(session)
-        return [session.session_id for session in expired]
+            ended.append(session.session_id)
+        return ended
 
     async def take_over(self) -> int:
         """Enter the sessions that the runtime has kept over a restart; how many there are."""
@@ -103,5 +110,10 @@ class SessionApi:
         return len(infos)
 
     async def _end(self, session: OpenSession) -> None:
+        """Raises NotFound, Unavailable; then the session lives, and the book still has it."""
+        try:
+            await self._context.service.delete_session(session.session_id)
+        except NotFound:
+            self._context.book.close(session)
+            raise
         self._context.book.close(session)
-        await finish(self._context.service.delete_session(session.session_id))
