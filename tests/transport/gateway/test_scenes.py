@@ -1,4 +1,5 @@
 import asyncio
+from contextlib import aclosing
 
 import pytest
 
@@ -316,3 +317,21 @@ async def test_a_stream_is_told_who_of_a_crowd_has_left(service, api):
     assert list(batch.batch.removed) == [1], "and not the guest, whom no call has created"
     assert list(batch.batch.chunks.aliases) == [other.alias, guest.alias, 4]
     await resumed.aclose()
+
+
+async def test_who_of_a_crowd_comes_while_a_stream_resumes_is_shown(service, api):
+    made = await yard(api)
+    session_id = await session(api, scene=made.scene_id)
+    subscribe, one = service.subscribe, schema.NewAgents(agents=[schema.AgentSpec()])
+
+    async def meanwhile(*options: object):
+        await service.create_agents(session_id, [AgentSpec()])
+        await api.agents.create(session_id, one)
+        return await subscribe(*options)
+
+    service.subscribe = meanwhile
+    async with aclosing(stream(api, session_id, resume_token="before.1")) as messages:
+        await anext(messages)
+        service.emit(session_id)
+        (batch,) = await take(messages, 1)
+    assert not batch.batch.removed and list(batch.batch.chunks.aliases) == [1, 2]

@@ -36,8 +36,8 @@ class AgentApi:
         if asked > most:
             raise InvalidArgument(f"1 to {most} agents per call, not {asked}", "agents")
         self._context.book.require_room(current_caller(), asked)
-        first = session.created
-        session.created += asked  # before the first await: two calls at a time draw other seeds
+        first = session.drawn
+        session.drawn += asked  # before the first await: two calls at a time draw other seeds
         try:
             specs = [
                 convert.agent_spec(
@@ -51,8 +51,8 @@ class AgentApi:
             with convert.in_basis(session.basis.axes):
                 made = await self._context.service.create_agents(session_id, specs)
         except BaseException:
-            if session.created == first + asked:
-                session.created = first
+            if session.drawn == first + asked:
+                session.drawn = first
             raise
         self._context.book.enter_agents(session, made)
         return await self._described(session, made)

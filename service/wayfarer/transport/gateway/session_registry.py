@@ -41,7 +41,8 @@ class OpenSession:
     basis: Basis
     lease_s: float
     expires_at: float  # clock's seconds, without regard to streams
-    created: int = 0  # agents ever created in it
+    drawn: int = 0  # seeds of agents that were created, or are being created
+    last_alias: int = 0  # the greatest that the runtime has told of
     endpoint: schema.Endpoint | None = None  # where it is called, if not everywhere
     aliases: dict[str, int] = field(default_factory=dict)  # by agent id, those that live
     places: set[StreamPlace] = field(default_factory=set)  # its streams
@@ -57,12 +58,15 @@ class OpenSession:
         """Id of the scene that it is in; empty for the flat floor."""
         return self.info.spec.scene
 
-    @property
-    def gone(self) -> list[int]:
-        """Aliases of agents that were deleted, the latest ones."""
-        first = max(self.created - TOLD_GONE, 0) + 1
-        living = set(self.aliases.values())
-        return [alias for alias in range(first, self.created + 1) if alias not in living]
+    def gone(self, agents: Sequence[AgentInfo] = ()) -> list[int]:
+        """Aliases of agents that are no more, the latest ones.
+
+        `agents`: all that it has now, where some come without a call.
+        """
+        living = {*self.aliases.values(), *(agent.alias for agent in agents)}
+        self.last_alias = max((self.last_alias, *living))
+        first = max(self.last_alias - TOLD_GONE, 0) + 1
+        return [alias for alias in range(first, self.last_alias + 1) if alias not in living]
 
     def describe(self, info: SessionInfo) -> schema.Session:
         """As its clients see it; `info` is its present state in the runtime."""
@@ -138,15 +142,9 @@ class SessionRegistry:
         """Remember the agents of a session, unless it has ended meanwhile."""
         for agent in agents if self._is_open(session) else ():
             session.aliases[agent.agent_id] = agent.alias
-            session.created = max(session.created, agent.alias)  # aliases count from 1
+            session.last_alias = max(session.last_alias, agent.alias)
+            session.drawn = max(session.drawn, agent.alias)  # aliases count from 1
             self._by_agent[agent.agent_id] = session
-
-    def know_agents(self, session: OpenSession, agents: Sequence[AgentInfo]) -> None:
-        """Remember these agents of a session and no others: crowds come and go without a call."""
-        for agent_id in session.aliases.keys() - {agent.agent_id for agent in agents}:
-            self._by_agent.pop(agent_id, None)
-            del session.aliases[agent_id]
-        self.enter_agents(session, agents)
 
     def remove_agent(self, session: OpenSession, agent_id: str) -> None:
         """Forget an agent and tell the session's streams. Safe to call twice."""
