@@ -262,6 +262,59 @@ async def test_quotas_of_agents_and_streams(api):
         await messages.aclose()
 
 
+async def test_limits_hold_for_calls_that_are_made_at_once(service, api):
+    who = caller("ada", quota=Quota(sessions=2, agents=3))
+    with called_by(who):
+        service.slow = asyncio.Event()
+        calls = [asyncio.create_task(session(api)) for _ in range(5)]
+        await asyncio.sleep(0.01)
+        service.slow.set()
+        made = await asyncio.gather(*calls, return_exceptions=True)
+        one, other = (each for each in made if isinstance(each, str))
+        service.slow = asyncio.Event()
+        calls = [asyncio.create_task(api.agents.create(s, TWO)) for s in (one, other, one)]
+        await asyncio.sleep(0.01)
+        service.slow.set()
+        made = await asyncio.gather(*calls, return_exceptions=True)
+        assert [isinstance(each, ResourceExhausted) for each in made] == [False, True, True]
+        assert "has 2 agents and may have 3; 2 more" in str(made[1])
+
+
+async def test_a_session_that_could_not_be_made_leaves_its_room(service):
+    api = await opened(service, Limits(sessions_per_caller=1))
+    create = service.create_session
+
+    async def refuse(_: object) -> None:
+        raise ResourceExhausted("full")
+
+    for service.create_session in (refuse, refuse):
+        with pytest.raises(ResourceExhausted, match="full"):
+            await session(api)
+    service.create_session = create
+    await session(api)
+
+
+async def test_limits_hold_for_sessions_that_are_imported_at_once(service, api):
+    who = caller("ada", quota=Quota(sessions=1, agents=2))
+    with called_by(who):
+        session_id, _ = await session_of_two(api)
+        snapshot = await api.snapshots.export_session(session_id)
+        await api.sessions.delete(session_id)
+        importing, going = service.import_session, asyncio.Event()
+
+        async def slowly(*parts: object):
+            await going.wait()
+            return await importing(*parts)
+
+        service.import_session = slowly
+        calls = [asyncio.create_task(api.snapshots.import_session(snapshot)) for _ in range(2)]
+        await asyncio.sleep(0.01)
+        going.set()
+        one, other = await asyncio.gather(*calls, return_exceptions=True)
+        assert one.session_id == session_id
+        assert "has 1 sessions and may have 1" in str(other)
+
+
 # over a restart
 
 

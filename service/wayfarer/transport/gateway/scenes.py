@@ -21,10 +21,12 @@ from wayfarer.navigation.scene_spec import MeshFile, SceneSpec
 from wayfarer.transport import convert, scene_convert, schema
 from wayfarer.transport.caller import Scope, current_caller
 from wayfarer.transport.gateway.context import GatewayContext, needs
+from wayfarer.transport.gateway.idempotency import finish
 from wayfarer.transport.gateway.scene_access import SCENE_LEASE_S, scene_attributes
+from wayfarer.transport.gateway.session_registry import OpenSession
 from wayfarer.transport.gateway.uploads import Uploads
 from wayfarer.transport.units import place
-from wayfarer.world.scenes.messages import SceneSource
+from wayfarer.world.scenes.messages import Crowd, CrowdState, SceneSource
 
 log = structlog.get_logger(__name__)
 
@@ -193,11 +195,22 @@ class SceneApi:
         most = self._context.limits.agents_per_session
         if request.count > most:
             raise InvalidArgument(f"is {request.count}; allowed: {most}", "count")
-        self._context.book.require_room(current_caller(), request.count)
         crowd = scene_convert.crowd(request, session.basis, secrets.randbits(32))
-        with convert.in_basis(session.basis.axes):
-            state = await self._context.service.scenes.populate(session_id, crowd)
+        # to its end even where the caller goes away: the crowd counts
+        state = await finish(self._populate(session, crowd))
         return schema.CrowdCame(came=state.came, waiting=state.waiting, reason=state.reason)
+
+    async def _populate(self, session: OpenSession, crowd: Crowd) -> CrowdState:
+        more = max(crowd.count - session.crowd, 0)
+        with self._context.book.agent_room(current_caller(), more):
+            try:
+                with convert.in_basis(session.basis.axes):
+                    state = await self._context.service.scenes.populate(session.session_id, crowd)
+            except Unavailable:  # it may be on its way
+                session.crowd = max(session.crowd, crowd.count)
+                raise
+            session.crowd = state.came + state.waiting  # another call may have replaced it
+        return state
 
     async def take_over(self) -> None:
         """Enter the scenes that the runtime has kept over a restart."""

@@ -36,7 +36,6 @@ class SessionApi:
         lease_s = min(LEASE_S, limits.lease_s) if request.lease_s is None else request.lease_s
         if lease_s > limits.lease_s:
             raise InvalidArgument(f"from 1 to {limits.lease_s:g} s, not {lease_s:g}", "lease_s")
-        self._context.book.require_room(caller)
         spec = SessionSpec(
             seed=secrets.randbits(32) if request.seed is None else request.seed,
             lock_step=request.lock_step,
@@ -45,8 +44,9 @@ class SessionApi:
             avoid=request.avoid,
             attributes=attributes(caller.name, request.basis, lease_s),
         )
-        info = await self._context.service.create_session(spec)
-        return self._context.book.open(info).describe(info)
+        with self._context.book.session_room(caller):
+            info = await self._context.service.create_session(spec)
+            return self._context.book.open(info).describe(info)
 
     @needs(Scope.READ)
     async def get(self, session_id: str) -> schema.Session:
