@@ -14,10 +14,13 @@ from tests.transport.gateway.calls import (
     stream,
     take,
 )
+from tests.transport.samples import NOW
 from wayfarer.errors import InvalidArgument, ResourceExhausted
 from wayfarer.service.streams.publications import Resume
 from wayfarer.transport import schema
 from wayfarer.v1 import motion_pb2
+from wayfarer.world.agents.agent import AgentSpec
+from wayfarer.world.events import Event, EventKind
 
 
 async def token_of(api, service, session_id: str, *events, **options: object) -> str:
@@ -57,6 +60,17 @@ async def test_a_stream_that_resumes_is_told_who_was_deleted_meanwhile(service, 
         await anext(messages)
         service.emit(session_id)
         assert not (await anext(messages)).batch.removed
+
+
+async def test_a_stream_that_resumes_is_told_of_who_left_before_it_showed_them_again(service, api):
+    session_id = await session(api)
+    (guest,) = await service.create_agents(session_id, [AgentSpec()])
+    token = await token_of(api, service, session_id)
+    await service.delete_agent(guest.agent_id)
+    service.emit(session_id, Event(EventKind.AGENT_LEFT, NOW, guest.agent_id, guest.alias))
+    service.emit(session_id)
+    _, left, batch = await resumed(api, session_id, token, 2)
+    assert left.event.alias == guest.alias and list(batch.batch.removed) == [guest.alias]
 
 
 ONE = schema.NewAgents(agents=[schema.AgentSpec(seed=1)])

@@ -378,7 +378,7 @@ async def test_a_stream_is_told_who_of_a_crowd_has_left(service, api):
     (first,) = await take(messages, 1)
     assert [agent.alias for agent in first.batch.added] == [1, 2]
     await service.delete_agent(one.agent_id)
-    service.emit(session_id, Event(EventKind.AGENT_LEFT, NOW, one.agent_id))
+    service.emit(session_id, Event(EventKind.AGENT_LEFT, NOW, one.agent_id, one.alias))
     _, left = await take(messages, 2)
     assert (left.event.agent_id, left.event.alias) == (one.agent_id, 1)
     service.emit(session_id)
