@@ -8,6 +8,7 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.transport import convert, schema
 from wayfarer.transport.caller import Scope, current_caller
 from wayfarer.transport.gateway.context import GatewayContext, needs
+from wayfarer.transport.gateway.idempotency import finish
 from wayfarer.transport.gateway.session_registry import OpenSession
 from wayfarer.world.agents.agent import AgentInfo
 
@@ -84,7 +85,9 @@ class AgentApi:
     @needs(Scope.CONTROL)
     async def delete(self, agent_id: str) -> None:
         """Remove an agent; the session's streams report it. Raises NotFound."""
-        session = await self._context.session_of(agent_id)
+        await finish(self._delete(await self._context.session_of(agent_id), agent_id))
+
+    async def _delete(self, session: OpenSession, agent_id: str) -> None:
         alias = session.aliases.get(agent_id)
         if alias is None:  # one of a crowd
             alias = (await self._context.service.get_agent(agent_id)).alias

@@ -110,7 +110,10 @@ class SessionApi:
         return len(infos)
 
     async def _end(self, session: OpenSession) -> None:
-        """Raises NotFound, Unavailable; then the session lives, and the book still has it."""
+        """End a session, and forget it then: before, nobody would end it if this did not succeed.
+
+        Raises NotFound, Unavailable.
+        """
         try:
             await self._context.service.delete_session(session.session_id)
         except NotFound:
