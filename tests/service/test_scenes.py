@@ -16,7 +16,7 @@ from wayfarer.world.agents.agent import AgentSpec, SessionSpec
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.events import EventKind
 from wayfarer.world.scenes.bake_queue import BakeQueue
-from wayfarer.world.scenes.messages import SceneSource
+from wayfarer.world.scenes.messages import Crowd, SceneSource
 
 SOURCE = SceneSource(SceneSpec((FIELD,), (BOX,)), "field", {"owner": "ada"})
 EMPTY = SceneSource(SceneSpec((FIELD,)))
@@ -174,3 +174,24 @@ def test_an_example_scene_waits_for_no_process():
     queue.stop()  # so that a bake there is refused
     with pytest.raises(Unavailable):
         worlds.scenes.create(EMPTY, 0.0)
+
+
+async def test_who_leaves_a_crowd_is_told_of_with_the_alias(servers):
+    runtime = await servers.start()
+    scene = await runtime.scenes.create_scene(EMPTY)
+    session = await runtime.create_session(SessionSpec(scene=scene.scene_id))
+    assert await runtime.scenes.crowd(session.session_id) is None
+    await runtime.create_agents(session.session_id, [SOUTH])
+    await runtime.scenes.populate(session.session_id, Crowd(2))
+    _, *people = await runtime.list_agents(session.session_id)
+    crowd = await runtime.scenes.crowd(session.session_id)
+    assert crowd.crowd.count == 2 and crowd.leaves_at.keys() == {one.agent_id for one in people}
+    stream = await runtime.subscribe(session.session_id, StreamOptions())
+    await runtime.scenes.populate(session.session_id, Crowd(0))
+    left = []
+    async with asyncio.timeout(20):
+        while len(left) < 2:
+            events = (await anext(stream)).events
+            left += [(e.agent_id, e.alias) for e in events if e.kind is EventKind.AGENT_LEFT]
+    assert sorted(left) == sorted((one.agent_id, one.alias) for one in people)
+    await stream.close()

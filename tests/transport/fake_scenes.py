@@ -18,6 +18,7 @@ from wayfarer.world.scenes.messages import (
     SceneSource,
     Way,
 )
+from wayfarer.world.scenes.populate import CrowdPeople
 
 
 class FakeScenes:
@@ -27,6 +28,7 @@ class FakeScenes:
         self.sources: list[SceneSource] = []
         self.crowds: list[tuple[str, Crowd]] = []
         self.guests: dict[str, str] = {}  # scene of each session
+        self.people: list[str] = []  # ids of agents who came without a call
         self._scenes: dict[str, tuple[SceneSource, Scene]] = {}
 
     async def create_scene(self, source: SceneSource) -> SceneInfo:
@@ -109,3 +111,7 @@ class FakeScenes:
     async def populate(self, session_id: str, crowd: Crowd) -> CrowdState:
         self.crowds.append((session_id, crowd))
         return CrowdState(crowd.count, 0)
+
+    async def crowd(self, session_id: str) -> CrowdPeople | None:
+        crowds = [crowd for name, crowd in self.crowds if name == session_id]
+        return CrowdPeople(crowds[-1], 0.0, leaves_at=dict.fromkeys(self.people, 0.0))

@@ -16,7 +16,7 @@ from tests.service.kept_worlds import fake_worlds
 from tests.transport.fakes import gateway
 from tests.transport.gateway.calls import session, stream
 from tests.transport.rig import until
-from tests.transport.samples import chunk
+from tests.transport.samples import NOW, chunk
 from tests.transport.test_control import Client, begun, read
 from wayfarer.errors import InvalidArgument
 from wayfarer.service.metrics_sink import MetricsSink
@@ -29,7 +29,8 @@ from wayfarer.transport.control import control
 from wayfarer.transport.detail_levels import DetailLevels, DetailRing, ViewPlace
 from wayfarer.transport.metrics import SIGHTS
 from wayfarer.v1 import motion_pb2
-from wayfarer.world.agents.agent import ChunkFlag, MotionChunks, Sight
+from wayfarer.world.agents.agent import AgentSpec, ChunkFlag, MotionChunks, Sight
+from wayfarer.world.events import Event, EventKind
 
 RINGS = (DetailRing(10.0, PoseFormat()), DetailRing(30.0, PoseFormat(PoseEncoding.ROOT, (), 10)))
 FIRST = motion_pb2.CHUNK_FLAG_FIRST
@@ -300,6 +301,36 @@ async def test_an_agent_that_is_deleted_is_removed_wherever_it_was(service, api)
         service.emit(session_id)
         batch = (await anext(messages)).motion.batch
         assert list(batch.removed) == [1] and not batch.chunks.aliases  # 2 was never seen
+
+
+async def test_a_stream_keeps_nothing_of_who_has_left(service, api):
+    """People of a crowd, within the rings and outside, and one who is deleted by a call."""
+    session_id = await crowd(api, 5)
+    (agent,) = (await api.agents.list_of(session_id)).agents
+    _, messages, _ = await opened_with(api, session_id, interest=TIERS)
+    (place,) = api._context.book.session(session_id).places
+    levels = place.stream._interest
+    async with aclosing(messages):
+        specs = [AgentSpec(position=(0.0, y)) for y in (5.0, 100.0)]
+        near, far = await service.create_agents(session_id, specs)
+        service.emit(session_id)
+        assert list((await anext(messages)).motion.batch.chunks.aliases) == [1, near.alias]
+        assert levels._tiers.keys() == levels.sights._by_alias.keys() == {1, 2, 3}
+        for one in (near, far):
+            await service.delete_agent(one.agent_id)
+            left = Event(EventKind.AGENT_LEFT, NOW, one.agent_id, one.alias)
+            service.emit(session_id, left)
+            await anext(messages)
+            assert (await anext(messages)).motion.event.alias == one.alias
+        service.emit(session_id)
+        assert list((await anext(messages)).motion.batch.chunks.aliases) == [1]
+        assert levels._tiers.keys() == levels.sights._by_alias.keys() == {1}
+        assert place.stream._known == place.stream._seen == {1} and not place.stream._gone
+        service.emit(session_id)  # a late chunk …
+        await api.agents.delete(agent.agent_id)
+        batch = (await anext(messages)).motion.batch
+        assert list(batch.removed) == [1] and not batch.chunks.aliases
+        assert not levels._tiers and not levels.sights._by_alias, "… is dropped"
 
 
 async def test_who_sees_nobody_gets_a_token_every_second(service, api, clock):

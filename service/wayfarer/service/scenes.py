@@ -30,6 +30,7 @@ from wayfarer.world.scenes.messages import (
     Way,
 )
 from wayfarer.world.scenes.outlines import outlines
+from wayfarer.world.scenes.populate import CrowdPeople
 from wayfarer.world.scenes.scene_registry import MAX_BAKES, SceneRegistry
 
 T = TypeVar("T")
@@ -159,6 +160,10 @@ class SceneService:
                 break
             await asyncio.sleep(LOOKS_EVERY)
         return state
+
+    async def crowd(self, session_id: str) -> CrowdPeople | None:
+        """The session's crowd as it is now; None: it has none."""
+        return await self._live.ask(lambda world, _: world.crowds.copy(session_id))
 
     # Moves to another server: of its content at any time, of the rest with its sessions
 

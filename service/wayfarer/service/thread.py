@@ -27,6 +27,7 @@ from wayfarer.service.pipeline import EnginePipeline
 from wayfarer.service.stats import LoopStats, ThreadFigures
 from wayfarer.service.streams.publisher import Publisher
 from wayfarer.spec import FPS
+from wayfarer.world.agents.registry import Agent
 from wayfarer.world.agents.views import agents_by_sight, agents_by_state
 from wayfarer.world.events import Event, EventKind
 from wayfarer.world.stepping.due import sights_of
@@ -163,10 +164,11 @@ class MotionThread:
 
     # The parts of a turn
 
-    def _forget(self, left: list[tuple[str, str]], now: float) -> None:
-        for session_id, agent_id in left:
-            self._publisher.forget_agent(session_id, agent_id)
-            self._publisher.tell(session_id, [Event(EventKind.AGENT_LEFT, now, agent_id)])
+    def _forget(self, left: list[Agent], now: float) -> None:
+        for agent in left:
+            self._publisher.forget_agent(agent.session_id, agent.agent_id)
+            event = Event(EventKind.AGENT_LEFT, now, agent.agent_id, agent.alias)
+            self._publisher.tell(agent.session_id, [event])
 
     def _apply(self, step: PendingStep, seconds: float) -> None:
         agents, now = self._world.apply(step), self._clock()

@@ -61,6 +61,7 @@ class MotionStream:
         self._error: WayfarerError | None = None
         self._followed = followed
         self._since = since
+        self._resumes = since is not None  # the reader may show agents that were not introduced
         self._token = ""  # of what has been sent
         self._interest, self._axes = interest, axes
         self._count = 1  # of tiers; this number stands for nothing
@@ -68,19 +69,15 @@ class MotionStream:
             self._count = len(interest.rings)
             interest.resumed = subscription.resumed
         self._sent_at = clock()
-        self._known: dict[int, str] = {}  # agents introduced, by alias
+        self._known: set[int] = set()  # aliases of agents introduced
         self._seen: set[int] = set()  # of those: within the rings
         self._gone = set(gone)  # aliases deleted: late chunks of theirs are dropped
         self._removed = list(gone)  # deleted and not yet reported
 
     def remove(self, alias: int) -> None:
         """Tell the reader, with the next message, that an agent was deleted."""
+        self._leave(alias)
         self._gone.add(alias)
-        self._seen.discard(alias)
-        if self._interest is not None:
-            self._interest.forget(alias)
-        if alias in self._known:
-            self._removed.append(alias)
 
     def end(self, error: WayfarerError) -> bool:
         """End it with `error`; False when it was ending already."""
@@ -144,10 +141,10 @@ class MotionStream:
                 elif not events:
                     yield self._response(heartbeat=motion_pb2.Heartbeat())
                 for token, event in events:
-                    yield self._response(event=event_message(self._aliased(event)))
+                    yield self._response(event=event_message(event))
                     self._token = token
-                    if event.kind is EventKind.AGENT_LEFT:
-                        self._leave(event.agent_id)
+                    if event.kind is EventKind.AGENT_LEFT:  # no chunk of it comes after that
+                        self._leave(event.alias)
         if self._error:
             if isinstance(self._error, Unavailable):
                 yield self._response(event=event_message(self._draining()))
@@ -176,19 +173,14 @@ class MotionStream:
         tier = "whole" if self._interest is None else str(batch.tier)
         self._subscription.meter.sent(tier, batch.chunks, size)
 
-    def _aliased(self, event: Event) -> Event:
-        """The event with its alias: the runtime knows only the id of an agent that has left."""
-        if event.kind is not EventKind.AGENT_LEFT:
-            return event
-        return replace(event, alias=self._alias(event.agent_id))
-
-    def _leave(self, agent_id: str) -> None:
-        if alias := self._alias(agent_id):
-            self.remove(alias)
-
-    def _alias(self, agent_id: str) -> int:
-        """The alias of an agent that has been introduced; else 0."""
-        return next((alias for alias, name in self._known.items() if name == agent_id), 0)
+    def _leave(self, alias: int) -> None:
+        """An agent is no more: keep nothing of it, and tell a reader who may show it."""
+        if alias in self._known or (self._resumes and alias not in self._gone):
+            self._removed.append(alias)
+        self._known.discard(alias)
+        self._seen.discard(alias)
+        if self._interest is not None:
+            self._interest.forget(alias)
 
     def _publications(self) -> AsyncGenerator[Publication | None]:
         return paced(aiter(self._subscription), HEARTBEAT_S, self._ended)
@@ -244,6 +236,8 @@ class MotionStream:
         tiers, left = np.zeros(len(aliases), np.intp), list[int]()
         if self._interest is not None:
             tiers, entered, left = self._interest.sort(chunks)
+            for alias in self._gone.intersection(aliases):  # late chunks
+                self._interest.forget(alias)
             chunks = replace(chunks, flags=chunks.flags | entered * np.uint8(ChunkFlag.FIRST))
             self._seen.difference_update(left)
         within = zip(aliases, chunks.agent_id, tiers < self._count, strict=True)
@@ -265,7 +259,7 @@ class MotionStream:
             infos = [info for name in agents.values() if (info := await self._agent(name))]
         wanted = agents.keys() - self._gone  # some have gone while it was asked for them
         found = {info.alias: info for info in infos if info.alias in wanted}
-        self._known.update((alias, info.agent_id) for alias, info in found.items())
+        self._known |= found.keys()
         self._seen |= found.keys()
         return found
 

@@ -1,10 +1,13 @@
+import asyncio
+
 import pytest
 
 from tests.transport.fakes import opened
-from tests.transport.gateway.calls import TWO, session, session_of_two
+from tests.transport.gateway.calls import TWO, called_by, caller, session, session_of_two
 from wayfarer.errors import InvalidArgument, ResourceExhausted
 from wayfarer.limits import Limits
 from wayfarer.transport import schema
+from wayfarer.transport.caller import Quota
 
 UNSEEDED = schema.NewAgents(agents=[schema.AgentSpec(), schema.AgentSpec(seed=5)])
 
@@ -44,6 +47,24 @@ async def test_a_deleted_agent_counts_and_a_refused_one_does_not(service, api):
         await api.agents.create(session_id, UNSEEDED)
     assert (await seeds(api, plain))[1:] == await seeds(api, deleted)
     assert await seeds(api, plain) == await seeds(api, refused)
+
+
+async def test_an_agent_is_forgotten_though_the_caller_who_deletes_it_goes_away(service, api):
+    delete, going = service.delete_agent, asyncio.Event()
+
+    async def slowly(agent_id: str) -> None:
+        await delete(agent_id)
+        await going.wait()
+
+    service.delete_agent = slowly
+    with called_by(caller("ada", quota=Quota(agents=3))):
+        session_id, (agent, _) = await session_of_two(api)
+        call = asyncio.create_task(api.agents.delete(agent.agent_id))
+        await asyncio.sleep(0.01)
+        call.cancel()
+        going.set()
+        await asyncio.sleep(0.01)
+        await api.agents.create(session_id, TWO)
 
 
 async def test_what_is_absent_from_an_update_stays(api):

@@ -1,5 +1,6 @@
 """Streams that go on where another one was cut off."""
 
+import asyncio
 import contextlib
 
 import pytest
@@ -13,10 +14,13 @@ from tests.transport.gateway.calls import (
     stream,
     take,
 )
-from wayfarer.errors import InvalidArgument
+from tests.transport.samples import NOW
+from wayfarer.errors import InvalidArgument, ResourceExhausted
 from wayfarer.service.streams.publications import Resume
 from wayfarer.transport import schema
 from wayfarer.v1 import motion_pb2
+from wayfarer.world.agents.agent import AgentSpec
+from wayfarer.world.events import Event, EventKind
 
 
 async def token_of(api, service, session_id: str, *events, **options: object) -> str:
@@ -56,6 +60,60 @@ async def test_a_stream_that_resumes_is_told_who_was_deleted_meanwhile(service, 
         await anext(messages)
         service.emit(session_id)
         assert not (await anext(messages)).batch.removed
+
+
+async def test_a_stream_that_resumes_is_told_of_who_left_before_it_showed_them_again(service, api):
+    session_id = await session(api)
+    (guest,) = await service.create_agents(session_id, [AgentSpec()])
+    token = await token_of(api, service, session_id)
+    await service.delete_agent(guest.agent_id)
+    service.emit(session_id, Event(EventKind.AGENT_LEFT, NOW, guest.agent_id, guest.alias))
+    service.emit(session_id)
+    _, left, batch = await resumed(api, session_id, token, 2)
+    assert left.event.alias == guest.alias and list(batch.batch.removed) == [guest.alias]
+
+
+ONE = schema.NewAgents(agents=[schema.AgentSpec(seed=1)])
+
+
+async def test_agents_that_are_being_created_while_a_stream_resumes_are_shown(service, api):
+    session_id, _ = await session_of_two(api)
+    token = await token_of(api, service, session_id)
+    service.slow = asyncio.Event()
+    coming = asyncio.create_task(api.agents.create(session_id, ONE))
+    await asyncio.sleep(0.01)
+    async with contextlib.aclosing(stream(api, session_id, resume_token=token)) as messages:
+        await anext(messages)
+        service.slow.set()
+        (new,) = (await coming).agents
+        service.emit(session_id)
+        (batch,) = await take(messages, 1)
+        assert not batch.batch.removed
+        assert list(batch.batch.chunks.aliases) == [1, 2, new.alias]
+
+
+async def test_agents_that_could_not_be_created_are_not_gone(service, api):
+    session_id, _ = await session_of_two(api)
+    create, going = service.create_agents, asyncio.Event()
+
+    async def refuse(*_: object) -> None:
+        await going.wait()
+        raise ResourceExhausted("no room")
+
+    service.create_agents = refuse
+    failing = asyncio.create_task(api.agents.create(session_id, ONE))
+    await asyncio.sleep(0.01)
+    service.create_agents = create
+    await api.agents.create(session_id, ONE)  # so that the counter of seeds is not put back
+    going.set()
+    await asyncio.gather(failing, return_exceptions=True)
+    token = await token_of(api, service, session_id)
+    async with contextlib.aclosing(stream(api, session_id, resume_token=token)) as messages:
+        await anext(messages)
+        (new,) = (await api.agents.create(session_id, ONE)).agents
+        service.emit(session_id)
+        (batch,) = await take(messages, 1)
+        assert not batch.batch.removed and new.alias in batch.batch.chunks.aliases
 
 
 async def test_a_token_knows_which_agents_were_followed(service, api):

@@ -1,9 +1,10 @@
 import asyncio
+from contextlib import aclosing
 
 import pytest
 
 from tests.transport.fakes import FakeService, opened
-from tests.transport.gateway.calls import called_by, caller, session, stream, take
+from tests.transport.gateway.calls import TWO, called_by, caller, session, stream, take
 from tests.transport.samples import NOW
 from wayfarer.errors import (
     Aborted,
@@ -11,11 +12,13 @@ from wayfarer.errors import (
     InvalidArgument,
     NotFound,
     ResourceExhausted,
+    Unavailable,
     Unreachable,
 )
 from wayfarer.limits import Limits
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
+from wayfarer.transport.caller import Quota
 from wayfarer.transport.gateway import Gateway, uploads
 from wayfarer.transport.gateway.scene_access import SCENE_LEASE_S
 from wayfarer.world.agents.agent import AgentSpec
@@ -116,6 +119,21 @@ async def test_scenes_of_a_caller_are_limited_also_those_in_the_making():
         with pytest.raises(InvalidArgument):
             await yard(api, floors=())
         await yard(api)  # no room is lost by failing
+
+
+async def test_a_scene_that_cannot_be_removed_now_is_kept_and_removed_later(service, clock, api):
+    made, delete = await yard(api, lease_s=50), service.delete_scene
+
+    async def refuse(_: str) -> None:
+        raise Unavailable("the session is being moved; try again")
+
+    clock.now += 51
+    service.delete_scene = refuse
+    await api.end_expired_sessions()
+    assert api.moves.scenes == [made.scene_id]
+    service.delete_scene = delete
+    await api.end_expired_sessions()
+    assert await service.list_scenes() == [] == api.moves.scenes
 
 
 async def test_a_scene_outlives_its_last_session_and_call_by_its_lease(service, clock, api):
@@ -249,6 +267,83 @@ async def test_people_come_to_a_session_that_is_in_a_scene():
         await api.scenes.populate(await session(api), schema.Crowd(count=1))
 
 
+async def test_people_of_a_crowd_count_as_the_agents_of_their_caller(service, api):
+    with called_by(caller("ada", quota=Quota(agents=4))):
+        made = await yard(api)
+        one, other = [await session(api, scene=made.scene_id) for _ in range(2)]
+        await api.scenes.populate(one, schema.Crowd(count=3))
+        with pytest.raises(ResourceExhausted, match="has 3 agents and may have 4; 2 more"):
+            await api.scenes.populate(other, schema.Crowd(count=2))
+        with pytest.raises(ResourceExhausted, match="2 more"):
+            await api.agents.create(one, TWO)
+        await api.scenes.populate(one, schema.Crowd(count=4))  # in place of the three
+        await api.scenes.populate(one, schema.Crowd(count=2))
+        await api.agents.create(one, TWO)
+
+
+async def test_a_crowd_counts_though_its_caller_has_gone_away(service, api):
+    populate, going = service.populate, asyncio.Event()
+
+    async def slowly(*parts: object):
+        await going.wait()
+        return await populate(*parts)
+
+    service.populate = slowly
+    with called_by(caller("ada", quota=Quota(agents=4))):
+        session_id = await session(api, scene=(await yard(api)).scene_id)
+        call = asyncio.create_task(api.scenes.populate(session_id, schema.Crowd(count=3)))
+        await asyncio.sleep(0.01)
+        call.cancel()
+        for _ in range(2):
+            with pytest.raises(ResourceExhausted, match="has 3 agents"):
+                await api.agents.create(session_id, TWO)
+            going.set()
+            await asyncio.sleep(0.01)
+    assert len(service.crowds) == 1
+
+
+async def test_people_of_a_crowd_who_were_asked_for_do_not_stay_in_the_book(service, api):
+    with called_by(caller("ada", quota=Quota(agents=2))):
+        session_id = await session(api)
+        for leaves in (service.delete_agent, api.agents.delete) * 2:
+            (guest,) = await service.create_agents(session_id, [AgentSpec()])
+            await api.agents.get(guest.agent_id)
+            await leaves(guest.agent_id)
+        await api.agents.create(session_id, TWO)
+
+
+async def test_a_crowd_that_comes_from_another_server_counts_as_it_was_asked_for(service, api):
+    with called_by(caller("ada", quota=Quota(agents=4))):
+        made = await yard(api)
+        session_id = await session(api, scene=made.scene_id)
+        await api.agents.create(session_id, schema.NewAgents(agents=[schema.AgentSpec()]))
+        await api.scenes.populate(session_id, schema.Crowd(count=2))
+        (guest,) = await service.create_agents(session_id, [AgentSpec()])
+        service.people = [guest.agent_id]
+        info = await service.get_session(session_id)
+
+        async def adopt(*_: object) -> object:
+            return info
+
+        service.adopt = adopt
+        await api.moves.adopt(session_id, b"", b"", ())
+        await service.delete_agent(guest.agent_id)
+        with pytest.raises(ResourceExhausted, match="has 3 agents and may have 4; 2 more"):
+            await api.agents.create(session_id, TWO)
+
+
+async def test_a_stream_is_told_of_one_of_a_crowd_who_is_deleted(service, api):
+    session_id = await session(api)
+    (guest,) = await service.create_agents(session_id, [AgentSpec()])
+    async with aclosing(stream(api, session_id)) as messages:
+        await anext(messages)
+        service.emit(session_id)
+        await anext(messages)
+        await api.agents.delete(guest.agent_id)
+        service.emit(session_id)
+        assert list((await anext(messages)).batch.removed) == [guest.alias]
+
+
 async def test_people_of_a_crowd_can_be_told_what_to_do_though_no_call_created_them(service, api):
     session_id = await session(api)
     (guest,) = await service.create_agents(session_id, [AgentSpec()])
@@ -283,7 +378,7 @@ async def test_a_stream_is_told_who_of_a_crowd_has_left(service, api):
     (first,) = await take(messages, 1)
     assert [agent.alias for agent in first.batch.added] == [1, 2]
     await service.delete_agent(one.agent_id)
-    service.emit(session_id, Event(EventKind.AGENT_LEFT, NOW, one.agent_id))
+    service.emit(session_id, Event(EventKind.AGENT_LEFT, NOW, one.agent_id, one.alias))
     _, left = await take(messages, 2)
     assert (left.event.agent_id, left.event.alias) == (one.agent_id, 1)
     service.emit(session_id)
@@ -300,3 +395,21 @@ async def test_a_stream_is_told_who_of_a_crowd_has_left(service, api):
     assert list(batch.batch.removed) == [1], "and not the guest, whom no call has created"
     assert list(batch.batch.chunks.aliases) == [other.alias, guest.alias, 4]
     await resumed.aclose()
+
+
+async def test_who_of_a_crowd_comes_while_a_stream_resumes_is_shown(service, api):
+    made = await yard(api)
+    session_id = await session(api, scene=made.scene_id)
+    subscribe, one = service.subscribe, schema.NewAgents(agents=[schema.AgentSpec()])
+
+    async def meanwhile(*options: object):
+        await service.create_agents(session_id, [AgentSpec()])
+        await api.agents.create(session_id, one)
+        return await subscribe(*options)
+
+    service.subscribe = meanwhile
+    async with aclosing(stream(api, session_id, resume_token="before.1")) as messages:
+        await anext(messages)
+        service.emit(session_id)
+        (batch,) = await take(messages, 1)
+    assert not batch.batch.removed and list(batch.batch.chunks.aliases) == [1, 2]

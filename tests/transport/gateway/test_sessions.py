@@ -141,6 +141,61 @@ async def test_an_ended_lease_cannot_be_renewed_though_nobody_has_looked_yet(clo
             await call
 
 
+async def test_a_session_that_cannot_be_ended_now_is_kept_and_ended_later(service, clock, api):
+    session_id = await session(api, lease_s=10)
+    service.fail_with = Unavailable("the session is being moved; try again")
+    with pytest.raises(Unavailable):
+        await api.sessions.delete(session_id)
+    assert api.moves.sessions == [session_id]
+    await api.sessions.get(session_id)
+    clock.now += 11
+    service.fail_with = Unavailable("4096 commands are waiting already; try again")
+    assert await api.end_expired_sessions() == []
+    assert await api.end_expired_sessions() == [session_id]
+    assert await service.list_sessions() == [] == api.moves.sessions
+
+
+async def test_calls_may_come_while_a_session_ends(service, api):
+    session_id, _ = await session_of_two(api)
+    delete, going = service.delete_session, asyncio.Event()
+
+    async def slowly(name: str) -> None:
+        await going.wait()
+        await delete(name)
+
+    service.delete_session = slowly
+    deletes = [asyncio.create_task(api.sessions.delete(session_id)) for _ in range(2)]
+    await asyncio.sleep(0.01)
+    service.slow = asyncio.Event()
+    coming = asyncio.create_task(api.agents.create(session_id, TWO))
+    await asyncio.sleep(0.01)
+    going.set()
+    first, second = await asyncio.gather(*deletes, return_exceptions=True)
+    assert first is None and isinstance(second, NotFound)
+    service.slow.set()
+    late = (await coming).agents[0]
+    for call in (api.sessions.get(session_id), api.goals.give(late.agent_id, GOAL)):
+        with pytest.raises(NotFound):
+            await call
+    assert not api._context.book._by_agent
+
+
+async def test_a_session_may_come_again_before_its_end_is_known(service, api):
+    session_id, (agent, _) = await session_of_two(api)
+    snapshot = await api.snapshots.export_session(session_id)
+    delete = service.delete_session
+
+    async def known_late(name: str) -> None:
+        await delete(name)
+        service.delete_session = delete
+        await api.snapshots.import_session(snapshot)
+
+    service.delete_session = known_late
+    await api.sessions.delete(session_id)
+    assert (await api.sessions.get(session_id)).session_id == session_id
+    assert (await api.agents.get(agent.agent_id)).agent_id == agent.agent_id
+
+
 async def test_a_stream_keeps_its_session_and_its_end_begins_the_lease(clock, api):
     session_id = await session(api, lease_s=10)
     messages = stream(api, session_id)
@@ -205,6 +260,59 @@ async def test_quotas_of_agents_and_streams(api):
         with pytest.raises(ResourceExhausted, match="may have 1 streams"):
             await anext(stream(api, other))
         await messages.aclose()
+
+
+async def test_limits_hold_for_calls_that_are_made_at_once(service, api):
+    who = caller("ada", quota=Quota(sessions=2, agents=3))
+    with called_by(who):
+        service.slow = asyncio.Event()
+        calls = [asyncio.create_task(session(api)) for _ in range(5)]
+        await asyncio.sleep(0.01)
+        service.slow.set()
+        made = await asyncio.gather(*calls, return_exceptions=True)
+        one, other = (each for each in made if isinstance(each, str))
+        service.slow = asyncio.Event()
+        calls = [asyncio.create_task(api.agents.create(s, TWO)) for s in (one, other, one)]
+        await asyncio.sleep(0.01)
+        service.slow.set()
+        made = await asyncio.gather(*calls, return_exceptions=True)
+        assert [isinstance(each, ResourceExhausted) for each in made] == [False, True, True]
+        assert "has 2 agents and may have 3; 2 more" in str(made[1])
+
+
+async def test_a_session_that_could_not_be_made_leaves_its_room(service):
+    api = await opened(service, Limits(sessions_per_caller=1))
+    create = service.create_session
+
+    async def refuse(_: object) -> None:
+        raise ResourceExhausted("full")
+
+    for service.create_session in (refuse, refuse):
+        with pytest.raises(ResourceExhausted, match="full"):
+            await session(api)
+    service.create_session = create
+    await session(api)
+
+
+async def test_limits_hold_for_sessions_that_are_imported_at_once(service, api):
+    who = caller("ada", quota=Quota(sessions=1, agents=2))
+    with called_by(who):
+        session_id, _ = await session_of_two(api)
+        snapshot = await api.snapshots.export_session(session_id)
+        await api.sessions.delete(session_id)
+        importing, going = service.import_session, asyncio.Event()
+
+        async def slowly(*parts: object):
+            await going.wait()
+            return await importing(*parts)
+
+        service.import_session = slowly
+        calls = [asyncio.create_task(api.snapshots.import_session(snapshot)) for _ in range(2)]
+        await asyncio.sleep(0.01)
+        going.set()
+        one, other = await asyncio.gather(*calls, return_exceptions=True)
+        assert one.session_id == session_id
+        assert "has 1 sessions and may have 1" in str(other)
 
 
 # over a restart

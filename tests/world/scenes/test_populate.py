@@ -80,6 +80,17 @@ def test_who_leaves_stands_and_another_comes():
     assert stood and len(names) > 8
 
 
+def test_those_who_have_gone_are_told():
+    world = square()
+    world.crowds.set("s", Crowd(3), 0.0)
+    world.crowds.tend(0.0)
+    came = {(a.session_id, a.agent_id, a.alias) for a in world.list_agents("s")}
+    world.crowds.set("s", Crowd(0), 1.0)
+    gone = world.crowds.tend(1.0)
+    assert {(a.session_id, a.agent_id, a.alias) for a in gone} == came and len(came) == 3
+    assert not world.crowds.tend(2.0)
+
+
 def test_none_at_all_and_fewer():
     world = square()
     world.crowds.set("s", Crowd(8), 0.0)

@@ -8,6 +8,7 @@ from wayfarer.errors import InvalidArgument
 from wayfarer.transport import convert, schema
 from wayfarer.transport.caller import Scope, current_caller
 from wayfarer.transport.gateway.context import GatewayContext, needs
+from wayfarer.transport.gateway.idempotency import finish
 from wayfarer.transport.gateway.session_registry import OpenSession
 from wayfarer.world.agents.agent import AgentInfo
 
@@ -35,9 +36,14 @@ class AgentApi:
         most, asked = self._context.limits.agents_per_call, len(request.agents)
         if asked > most:
             raise InvalidArgument(f"1 to {most} agents per call, not {asked}", "agents")
-        self._context.book.require_room(current_caller(), asked)
-        first = session.created
-        session.created += asked  # before the first await: two calls at a time draw other seeds
+        with self._context.book.agent_room(current_caller(), asked):
+            made = await self._made(session, request)
+            self._context.book.enter_agents(session, made)
+        return await self._described(session, made)
+
+    async def _made(self, session: OpenSession, request: schema.NewAgents) -> list[AgentInfo]:
+        first, asked = session.drawn, len(request.agents)
+        session.drawn += asked  # before the first await: two calls at a time draw other seeds
         try:
             specs = [
                 convert.agent_spec(
@@ -49,13 +55,11 @@ class AgentApi:
                 for i, spec in enumerate(request.agents)
             ]
             with convert.in_basis(session.basis.axes):
-                made = await self._context.service.create_agents(session_id, specs)
+                return await self._context.service.create_agents(session.session_id, specs)
         except BaseException:
-            if session.created == first + asked:
-                session.created = first
+            if session.drawn == first + asked:
+                session.drawn = first
             raise
-        self._context.book.enter_agents(session, made)
-        return await self._described(session, made)
 
     @needs(Scope.READ)
     async def get(self, agent_id: str) -> schema.Agent:
@@ -81,9 +85,14 @@ class AgentApi:
     @needs(Scope.CONTROL)
     async def delete(self, agent_id: str) -> None:
         """Remove an agent; the session's streams report it. Raises NotFound."""
-        session = await self._context.session_of(agent_id)
+        await finish(self._delete(await self._context.session_of(agent_id), agent_id))
+
+    async def _delete(self, session: OpenSession, agent_id: str) -> None:
+        alias = session.aliases.get(agent_id)
+        if alias is None:  # one of a crowd
+            alias = (await self._context.service.get_agent(agent_id)).alias
         await self._context.service.delete_agent(agent_id)
-        self._context.book.remove_agent(session, agent_id)
+        self._context.book.remove_agent(session, agent_id, alias)
 
     async def _described(self, session: OpenSession, infos: Sequence[AgentInfo]) -> schema.Agents:
         """A few at a time: each takes half a millisecond, in which other calls wait."""

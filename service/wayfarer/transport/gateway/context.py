@@ -82,17 +82,17 @@ class GatewayContext:
             raise Unavailable("the server is not ready yet")
 
     async def session_of(self, agent_id: str) -> OpenSession:
-        """As the book's; people of a crowd, who come without a call, are entered on the way."""
+        """As the book's, also of people of a crowd: they come and go without a call, so the book
+        does not have them.
+        """
         try:
             return self.book.session_of(agent_id)
         except NotFound as error:
             try:
                 info = await self.service.get_agent(agent_id)
-                session = self.book.session(info.session_id)
+                return self.book.session(info.session_id)
             except NotFound:
                 raise error from None
-            self.book.enter_agents(session, [info])
-            return session
 
     def writer(self, basis: Basis, pose_format: PoseFormat) -> BatchWriter:
         """Writes motion for one reader; all of them share what has been packed."""

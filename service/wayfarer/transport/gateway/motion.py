@@ -160,9 +160,6 @@ class MotionApi:
             )
         since = Progress.read(request.resume_token)
         followed = filter_mark(request.agent_ids)
-        if since and session.scene:
-            agents = await context.service.list_agents(request.session_id)
-            context.book.know_agents(session, agents)
         with context.book.place(caller, session) as place:
             subscription = await context.service.subscribe(
                 request.session_id,
@@ -177,6 +174,8 @@ class MotionApi:
                 ),
             )
             try:
+                # last of all that is awaited: the stream itself is told who goes from then on
+                gone = await self._gone(session) if since else []
                 place.stream = MotionStream(
                     context.service,
                     request.session_id,
@@ -184,13 +183,19 @@ class MotionApi:
                     context.clock,
                     followed,
                     since,
-                    session.gone if since else (),
+                    gone,
                     interest,
                     session.basis.axes,
                 )
                 yield session, place.stream
             finally:
                 await subscription.close()
+
+    async def _gone(self, session: OpenSession) -> list[int]:
+        """Aliases of agents that a reader that resumes may show, and that are no more."""
+        if not session.scene:
+            return session.gone()
+        return session.gone(await self._context.service.list_agents(session.session_id))
 
 
 def _levels(asked: schema.Interest | None, usual: PoseFormat, basis: Basis) -> DetailLevels | None:

@@ -151,6 +151,10 @@ class SessionMoves:
         self._context.residence.came(scene_id)
 
     async def _enter(self, info: SessionInfo) -> None:
-        agents = await self._context.service.list_agents(info.session_id)
-        self._context.book.open(info, agents)
+        service = self._context.service
+        agents = await service.list_agents(info.session_id)
+        crowd = await service.scenes.crowd(info.session_id) if info.spec.scene else None
+        people = crowd.leaves_at if crowd else {}
+        created = [agent for agent in agents if agent.agent_id not in people]
+        self._context.book.open(info, created).crowd = crowd.crowd.count if crowd else 0
         self._context.residence.came(info.session_id)

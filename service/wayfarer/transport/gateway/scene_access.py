@@ -76,8 +76,9 @@ class SceneAccess:
         self._scenes.pop(scene_id, None)
 
     def close(self, scene: OpenScene) -> None:
-        """Forget a scene. Safe to call twice."""
-        self._scenes.pop(scene.scene_id, None)
+        """Forget a scene. Safe to call twice, also when one of its id has come since."""
+        if self._scenes.get(scene.scene_id) is scene:
+            del self._scenes[scene.scene_id]
 
     def scene(self, scene_id: str) -> OpenScene:
         """A scene of the present caller, its lease renewed. Raises NotFound, Misdirected."""

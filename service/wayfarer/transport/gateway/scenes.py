@@ -12,6 +12,7 @@ import structlog
 from wayfarer.errors import (
     FailedPrecondition,
     InvalidArgument,
+    Misdirected,
     NotFound,
     Unavailable,
 )
@@ -20,10 +21,12 @@ from wayfarer.navigation.scene_spec import MeshFile, SceneSpec
 from wayfarer.transport import convert, scene_convert, schema
 from wayfarer.transport.caller import Scope, current_caller
 from wayfarer.transport.gateway.context import GatewayContext, needs
+from wayfarer.transport.gateway.idempotency import finish
 from wayfarer.transport.gateway.scene_access import SCENE_LEASE_S, scene_attributes
+from wayfarer.transport.gateway.session_registry import OpenSession
 from wayfarer.transport.gateway.uploads import Uploads
 from wayfarer.transport.units import place
-from wayfarer.world.scenes.messages import SceneSource
+from wayfarer.world.scenes.messages import Crowd, CrowdState, SceneSource
 
 log = structlog.get_logger(__name__)
 
@@ -192,11 +195,22 @@ class SceneApi:
         most = self._context.limits.agents_per_session
         if request.count > most:
             raise InvalidArgument(f"is {request.count}; allowed: {most}", "count")
-        self._context.book.require_room(current_caller(), request.count)
         crowd = scene_convert.crowd(request, session.basis, secrets.randbits(32))
-        with convert.in_basis(session.basis.axes):
-            state = await self._context.service.scenes.populate(session_id, crowd)
+        # to its end even where the caller goes away: the crowd counts
+        state = await finish(self._populate(session, crowd))
         return schema.CrowdCame(came=state.came, waiting=state.waiting, reason=state.reason)
+
+    async def _populate(self, session: OpenSession, crowd: Crowd) -> CrowdState:
+        more = max(crowd.count - session.crowd, 0)
+        with self._context.book.agent_room(current_caller(), more):
+            try:
+                with convert.in_basis(session.basis.axes):
+                    state = await self._context.service.scenes.populate(session.session_id, crowd)
+            except Unavailable:  # it may be on its way
+                session.crowd = max(session.crowd, crowd.count)
+                raise
+            session.crowd = state.came + state.waiting  # another call may have replaced it
+        return state
 
     async def take_over(self) -> None:
         """Enter the scenes that the runtime has kept over a restart."""
@@ -209,14 +223,19 @@ class SceneApi:
                     await self._context.service.scenes.delete_scene(info.scene_id)
 
     async def end_expired(self) -> None:
-        """Remove the scenes whose lease has run out and that no session is in."""
+        """Remove the scenes whose lease has run out and that no session is in.
+
+        Those that cannot be removed now are tried again with the next call.
+        """
         for scene in self._context.scenes.expired():
             try:
                 await self._context.service.scenes.delete_scene(scene.scene_id)
             except FailedPrecondition:  # sessions are in it
                 self._context.scenes.renew(scene)
                 continue
-            except (NotFound, Unavailable):  # its client or the end was quicker
+            except Unavailable:
+                continue
+            except (NotFound, Misdirected):  # its client, or a move, was quicker
                 pass
             log.info("lease ended", scene_id=scene.scene_id, lease_s=scene.lease_s)
             self._context.scenes.close(scene)

@@ -1,5 +1,6 @@
 """What the transport remembers of each session: whose it is, its basis, its lease."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -41,9 +42,11 @@ class OpenSession:
     basis: Basis
     lease_s: float
     expires_at: float  # clock's seconds, without regard to streams
-    created: int = 0  # agents ever created in it
+    drawn: int = 0  # seeds of agents that were created, or are being created
+    last_alias: int = 0  # the greatest that the runtime has told of
     endpoint: schema.Endpoint | None = None  # where it is called, if not everywhere
-    aliases: dict[str, int] = field(default_factory=dict)  # by agent id, those that live
+    aliases: dict[str, int] = field(default_factory=dict)  # by agent id, without a crowd's people
+    crowd: int = 0  # people who were asked for; they come and go without a call
     places: set[StreamPlace] = field(default_factory=set)  # its streams
     holders: int = 0  # streams and long calls that keep it alive
 
@@ -57,12 +60,15 @@ class OpenSession:
         """Id of the scene that it is in; empty for the flat floor."""
         return self.info.spec.scene
 
-    @property
-    def gone(self) -> list[int]:
-        """Aliases of agents that were deleted, the latest ones."""
-        first = max(self.created - TOLD_GONE, 0) + 1
-        living = set(self.aliases.values())
-        return [alias for alias in range(first, self.created + 1) if alias not in living]
+    def gone(self, agents: Sequence[AgentInfo] = ()) -> list[int]:
+        """Aliases of agents that are no more, the latest ones.
+
+        `agents`: all that it has now, where some come without a call.
+        """
+        living = {*self.aliases.values(), *(agent.alias for agent in agents)}
+        self.last_alias = max((self.last_alias, *living))
+        first = max(self.last_alias - TOLD_GONE, 0) + 1
+        return [alias for alias in range(first, self.last_alias + 1) if alias not in living]
 
     def describe(self, info: SessionInfo) -> schema.Session:
         """As its clients see it; `info` is its present state in the runtime."""
@@ -98,6 +104,8 @@ class SessionRegistry:
         self._residence = residence or Residence()
         self._sessions: dict[str, OpenSession] = {}
         self._by_agent: dict[str, OpenSession] = {}
+        self._coming_sessions: Counter[str] = Counter()  # by caller, being created
+        self._coming_agents: Counter[str] = Counter()
 
     def open(self, info: SessionInfo, agents: Sequence[AgentInfo] = ()) -> OpenSession:
         """Enter a session of the runtime by its attributes, with a fresh lease.
@@ -105,6 +113,7 @@ class SessionRegistry:
         Raises InvalidArgument where its attributes are not the transport's.
         """
         owner, basis, lease_s = read_attributes(info.spec.attributes, self._limits)
+        self.forget(info.session_id)  # one that has just ended, and that the book still has
         session = OpenSession(
             info, owner, basis, lease_s, self._clock() + lease_s, endpoint=self._residence.own
         )
@@ -127,32 +136,27 @@ class SessionRegistry:
             self.close(session)
 
     def close(self, session: OpenSession) -> None:
-        """Forget a session. Safe to call twice."""
-        self._sessions.pop(session.session_id, None)
-        for agent_id in session.aliases:
-            self._by_agent.pop(agent_id, None)
+        """Forget a session. Safe to call twice, also when one of its id has come since."""
+        if self._is_open(session):
+            del self._sessions[session.session_id]
+            for agent_id in session.aliases:
+                del self._by_agent[agent_id]
 
     def enter_agents(self, session: OpenSession, agents: Sequence[AgentInfo]) -> None:
-        """Remember the agents of a session."""
-        for agent in agents:
+        """Remember the agents of a session, unless it has ended meanwhile."""
+        for agent in agents if self._is_open(session) else ():
             session.aliases[agent.agent_id] = agent.alias
-            session.created = max(session.created, agent.alias)  # aliases count from 1
+            session.last_alias = max(session.last_alias, agent.alias)
+            session.drawn = max(session.drawn, agent.alias)  # aliases count from 1
             self._by_agent[agent.agent_id] = session
 
-    def know_agents(self, session: OpenSession, agents: Sequence[AgentInfo]) -> None:
-        """Remember these agents of a session and no others: crowds come and go without a call."""
-        for agent_id in session.aliases.keys() - {agent.agent_id for agent in agents}:
-            self._by_agent.pop(agent_id, None)
-            del session.aliases[agent_id]
-        self.enter_agents(session, agents)
-
-    def remove_agent(self, session: OpenSession, agent_id: str) -> None:
+    def remove_agent(self, session: OpenSession, agent_id: str, alias: int) -> None:
         """Forget an agent and tell the session's streams. Safe to call twice."""
-        if self._by_agent.pop(agent_id, None) is not None:
-            alias = session.aliases.pop(agent_id)
-            for place in session.places:
-                if place.stream is not None:
-                    place.stream.remove(alias)
+        if session.aliases.pop(agent_id, None) is not None:
+            self._by_agent.pop(agent_id, None)
+        for place in session.places:
+            if place.stream is not None:
+                place.stream.remove(alias)
 
     def session(self, session_id: str) -> OpenSession:
         """A session of the present caller, its lease renewed.
@@ -184,26 +188,33 @@ class SessionRegistry:
                 session.expires_at = now + session.lease_s
         return [s for s in self._sessions.values() if s.expires_at < now]
 
-    def require_room(self, caller: Caller, agents: int | None = None) -> None:
-        """Check that the caller may have one more session, or `agents` more agents.
+    @contextmanager
+    def session_room(self, caller: Caller) -> Iterator[None]:
+        """Room for a session of the caller, until it is entered. Raises ResourceExhausted."""
+        own = sum(s.owner == caller.name for s in self._sessions.values())
+        has, most = own + self._coming_sessions[caller.name], caller.quota.sessions
+        most = self._limits.sessions_per_caller if most is None else most
+        if has >= most:
+            raise ResourceExhausted(
+                f"{caller.name!r} has {has} sessions and may have {most}; delete one first"
+            )
+        with _counted(self._coming_sessions, caller.name, 1):
+            yield
 
-        Raises ResourceExhausted.
+    @contextmanager
+    def agent_room(self, caller: Caller, more: int) -> Iterator[None]:
+        """Room for agents of the caller, until they are entered; a crowd counts as it was asked
+        for. Raises ResourceExhausted.
         """
         own = [s for s in self._sessions.values() if s.owner == caller.name]
-        if agents is None:
-            most = caller.quota.sessions
-            most = self._limits.sessions_per_caller if most is None else most
-            if len(own) >= most:
-                raise ResourceExhausted(
-                    f"{caller.name!r} has {len(own)} sessions and may have {most}; delete one first"
-                )
-        elif caller.quota.agents is not None:
-            has = sum(len(s.aliases) for s in own)
-            if has + agents > caller.quota.agents:
-                raise ResourceExhausted(
-                    f"{caller.name!r} has {has} agents and may have {caller.quota.agents}; "
-                    f"{agents} more were asked for"
-                )
+        has, most = self._coming_agents[caller.name], caller.quota.agents
+        has += sum(len(s.aliases) + s.crowd for s in own)
+        if most is not None and more > 0 and has + more > most:
+            raise ResourceExhausted(
+                f"{caller.name!r} has {has} agents and may have {most}; {more} more were asked for"
+            )
+        with _counted(self._coming_agents, caller.name, more):
+            yield
 
     @contextmanager
     def held(self, session: OpenSession) -> Iterator[None]:
@@ -250,6 +261,9 @@ class SessionRegistry:
         """Open streams."""
         return sum(len(session.places) for session in self._sessions.values())
 
+    def _is_open(self, session: OpenSession) -> bool:
+        return self._sessions.get(session.session_id) is session
+
     def _renewed(self, found: OpenSession | None, kind: str, name: str) -> OpenSession:
         caller, now = current_caller(), self._clock()
         if found is None:
@@ -264,6 +278,17 @@ class SessionRegistry:
         structlog.contextvars.bind_contextvars(session_id=found.session_id)
         found.expires_at = now + found.lease_s
         return found
+
+
+@contextmanager
+def _counted(coming: Counter[str], name: str, number: int) -> Iterator[None]:
+    coming[name] += number
+    try:
+        yield
+    finally:
+        coming[name] -= number
+        if not coming[name]:
+            del coming[name]
 
 
 def read_attributes(found: Mapping[str, str], limits: Limits) -> tuple[str, Basis, float]:

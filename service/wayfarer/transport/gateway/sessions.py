@@ -1,6 +1,5 @@
 """Sessions and their leases."""
 
-import contextlib
 import secrets
 
 import structlog
@@ -37,7 +36,6 @@ class SessionApi:
         lease_s = min(LEASE_S, limits.lease_s) if request.lease_s is None else request.lease_s
         if lease_s > limits.lease_s:
             raise InvalidArgument(f"from 1 to {limits.lease_s:g} s, not {lease_s:g}", "lease_s")
-        self._context.book.require_room(caller)
         spec = SessionSpec(
             seed=secrets.randbits(32) if request.seed is None else request.seed,
             lock_step=request.lock_step,
@@ -46,8 +44,9 @@ class SessionApi:
             avoid=request.avoid,
             attributes=attributes(caller.name, request.basis, lease_s),
         )
-        info = await self._context.service.create_session(spec)
-        return self._context.book.open(info).describe(info)
+        with self._context.book.session_room(caller):
+            info = await self._context.service.create_session(spec)
+            return self._context.book.open(info).describe(info)
 
     @needs(Scope.READ)
     async def get(self, session_id: str) -> schema.Session:
@@ -76,17 +75,25 @@ class SessionApi:
 
     @needs(Scope.CONTROL)
     async def delete(self, session_id: str) -> None:
-        """End a session, its agents and its streams. Raises NotFound."""
-        await self._end(self._context.book.session(session_id))
+        """End a session, its agents and its streams. Raises NotFound, Unavailable."""
+        await finish(self._end(self._context.book.session(session_id)))
 
     async def end_expired(self) -> list[str]:
-        """End the sessions whose lease has run out; their ids."""
-        expired = self._context.book.expired()
-        for session in expired:
+        """End the sessions whose lease has run out; ids of those that are no more.
+
+        Those that cannot be ended now are tried again with the next call.
+        """
+        ended: list[str] = []
+        for session in self._context.book.expired():
+            try:
+                await finish(self._end(session))
+            except Unavailable:
+                continue
+            except (NotFound, Misdirected):  # its client, or a move, was quicker
+                pass
             log.info("lease ended", session_id=session.session_id, lease_s=session.lease_s)
-            with contextlib.suppress(NotFound, Unavailable):  # its client or the end was quicker
-                await self._end(session)
-        return [session.session_id for session in expired]
+            ended.append(session.session_id)
+        return ended
 
     async def take_over(self) -> int:
         """Enter the sessions that the runtime has kept over a restart; how many there are."""
@@ -103,5 +110,13 @@ class SessionApi:
         return len(infos)
 
     async def _end(self, session: OpenSession) -> None:
+        """End a session, and forget it then: before, nobody would end it if this did not succeed.
+
+        Raises NotFound, Unavailable.
+        """
+        try:
+            await self._context.service.delete_session(session.session_id)
+        except NotFound:
+            self._context.book.close(session)
+            raise
         self._context.book.close(session)
-        await finish(self._context.service.delete_session(session.session_id))

@@ -41,19 +41,19 @@ class SnapshotApi:
 
     async def _import(self, snapshot: bytes) -> schema.Session:
         caller, service = current_caller(), self._context.service
-        self._context.book.require_room(caller)
-        info = await service.import_session(snapshot, {"owner": caller.name})
-        try:
-            self._context.residence.require_own(info.session_id)
-            if info.spec.scene:
-                self._context.scenes.scene(info.spec.scene)
-            self._context.book.require_room(caller, len(info.agent_ids))
-            agents = await service.list_agents(info.session_id)
-            return self._context.book.open(info, agents).describe(info)
-        except BaseException:
-            with contextlib.suppress(NotFound):
-                await service.delete_session(info.session_id)
-            raise
+        with self._context.book.session_room(caller):
+            info = await service.import_session(snapshot, {"owner": caller.name})
+            try:
+                self._context.residence.require_own(info.session_id)
+                if info.spec.scene:
+                    self._context.scenes.scene(info.spec.scene)
+                with self._context.book.agent_room(caller, len(info.agent_ids)):
+                    agents = await service.list_agents(info.session_id)
+                    return self._context.book.open(info, agents).describe(info)
+            except BaseException:
+                with contextlib.suppress(NotFound):
+                    await service.delete_session(info.session_id)
+                raise
 
     @needs(Scope.READ)
     async def export_log(self, session_id: str) -> bytes:

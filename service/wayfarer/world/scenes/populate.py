@@ -24,7 +24,7 @@ from wayfarer.navigation.scene import Scene
 from wayfarer.spec import BETAS, GENDERS
 from wayfarer.world.agents.agent import AgentInfo, AgentSpec
 from wayfarer.world.agents.goal import MAX_DWELL, SPEED
-from wayfarer.world.agents.registry import Registry
+from wayfarer.world.agents.registry import Agent, Registry
 from wayfarer.world.agents.slots import Mode, Slots
 from wayfarer.world.behaviours import Wander
 from wayfarer.world.behaviours.places import drawn_places, largest_island
@@ -162,9 +162,9 @@ class Crowds:
         came = min(len(here & people.leaves_at.keys()), wanted)
         return CrowdState(came, wanted - came, people.waits if came < wanted else "")
 
-    def tend(self, now: float) -> list[tuple[str, str]]:
-        """Let people come and go; returns session and agent of those that have gone."""
-        gone = list[tuple[str, str]]()
+    def tend(self, now: float) -> list[Agent]:
+        """Let people come and go; returns those that have gone."""
+        gone: list[Agent] = []
         for session_id in list(self._crowds):
             scene = self._scene(session_id)
             people = self._crowds[session_id]
@@ -173,7 +173,7 @@ class Crowds:
                 continue
             if now >= people.looks_at and not self._registry.sessions[session_id].frozen:
                 people.looks_at = now + LOOKS_EVERY
-                gone += [(session_id, name) for name in self._leave(session_id, people, now)]
+                gone += self._leave(session_id, people, now)
                 self._let_in(session_id, people, scene, now)
         return gone
 
@@ -190,18 +190,18 @@ class Crowds:
         stands = sent.gait.mode[rows] == Mode.STANDING
         return Whereabouts(tuple(agents), sent.seed.translation[rows, -1, :2], stands)
 
-    def _leave(self, session_id: str, people: CrowdPeople, now: float) -> list[str]:
+    def _leave(self, session_id: str, people: CrowdPeople, now: float) -> list[Agent]:
         here = self._whereabouts(session_id)
         stands = dict(zip(here.agent_ids, here.stands.tolist(), strict=True))
         people.leaves_at = {a: at for a, at in people.leaves_at.items() if a in stands}
         gone = [
-            agent_id
+            self._registry.agent(agent_id)
             for agent_id, at in people.leaves_at.items()
             if now >= at and (stands[agent_id] or now >= at + LEAVES_WITHIN)
         ]
-        for agent_id in gone:
-            self._world.delete_agent(agent_id)
-            del people.leaves_at[agent_id]
+        for agent in gone:
+            self._world.delete_agent(agent.agent_id)
+            del people.leaves_at[agent.agent_id]
         return gone
 
     def _let_in(self, session_id: str, people: CrowdPeople, scene: Scene, now: float) -> None:
