@@ -32,6 +32,8 @@ from wayfarer.world.behaviours.routine import Part
 from wayfarer.world.goals.commands import Path
 from wayfarer.world.scenes.messages import Crowd, SceneSource
 from wayfarer.world.scenes.populate import CrowdPeople
+from wayfarer.world.stepping.admission import Admission
+from wayfarer.world.stepping.settings import AdmissionRules
 
 ELSEWHERE = Misdirected("elsewhere", Endpoint(1, 2, 3, "b"))
 NOTHING = SessionLog("e", 0, 0.0, None, {}, ())
@@ -342,6 +344,26 @@ async def same_as_replayed(runtime, session, publications):
     assert streamed and set(streamed) <= set(played)
     for key, chunk in streamed.items():
         assert_same_poses(played[key], chunk)
+
+
+async def test_from_a_replica_a_session_lives_on_where_there_is_no_time_for_it(
+    servers, monkeypatch
+):
+    here = await servers.start()
+    there = await servers.start(admission=AdmissionRules(refuse=True))
+    session = (await here.create_session(SessionSpec())).session_id
+    await here.create_agents(session, [AgentSpec()])
+    replica = await here.replica(session, UNCOPIED)
+    exported = await here.export_session(session)
+    await servers.stop(here)
+
+    def full(*_):
+        raise ResourceExhausted("no time")
+
+    monkeypatch.setattr(Admission, "check", full)
+    with pytest.raises(ResourceExhausted, match="no time"):
+        await there.import_session(exported)
+    assert len((await there.adopt(replica.state)).agent_ids) == 1
 
 
 async def test_from_replicas_a_recorded_session_lives_on_with_its_log(servers):

@@ -264,12 +264,13 @@ class MotionService:
     async def adopt(self, replica: bytes, log_parts: Sequence[bytes] = ()) -> SessionInfo:
         """Let a session live on from a replica's state, and its log from the parts of all.
 
-        Raises as `import_session`.
+        Also where there is no time for its agents: elsewhere there is nobody to step them. All are
+        then late, and degraded. Raises as `import_session`.
         """
         if is_live(replica):
             return await self.moves.adopt(replica, log_parts)
         snapshot, crowd = open_replica(replica, self._worlds.settings.limits)
-        made = await self.import_session(snapshot)
+        made = await self._go_on(snapshot, {}, admit=False)
         if crowd is not None:
             await self._live.put_crowd(made.session_id, crowd)
         if log_parts:
@@ -283,21 +284,26 @@ class MotionService:
 
         Raises InvalidArgument, FailedPrecondition, AlreadyExists, ResourceExhausted.
         """
-        record = await self._archive.read_session(snapshot, attributes or {})
-        scene = record.spec.scene
-        async with self._gates.through(scene) if scene else nullcontext(), self._door:
-            await self._refuse_taken(record.session_id)
-            if record.spec.lock_step:
-                made = await asyncio.to_thread(self._lock_steps.put, record)
-            else:
-                made = await self._live.put_session(record)
-            return await self._persistence.durable(made)
+        return await self._go_on(snapshot, attributes or {}, admit=True)
 
     async def export_log(self, session_id: str) -> bytes:
         """Commands of a recorded session. Raises NotFound, FailedPrecondition."""
         return await self._archive.export_log(self._home(session_id), session_id)
 
     # Within
+
+    async def _go_on(
+        self, snapshot: bytes, attributes: Mapping[str, str], admit: bool
+    ) -> SessionInfo:
+        record = await self._archive.read_session(snapshot, attributes)
+        scene = record.spec.scene
+        async with self._gates.through(scene) if scene else nullcontext(), self._door:
+            await self._refuse_taken(record.session_id)
+            if record.spec.lock_step:
+                made = await asyncio.to_thread(self._lock_steps.put, record)
+            else:
+                made = await self._live.put_session(record, admit)
+            return await self._persistence.durable(made)
 
     def _home(self, session_id: str) -> LiveMotion | LockStep:
         return self._lock_steps.session(session_id) or self._live
