@@ -119,17 +119,19 @@ def add_problem_handlers(app: FastAPI) -> None:
 
 
 def _refusal(request: Request, error: RequestValidationError) -> InvalidArgument:
+    """What FastAPI found wrong in a request."""
     first = error.errors()[0]
     if first["type"] == "json_invalid":
         place = f"{first['ctx']['error']}, at character {first['loc'][-1]}"
         return InvalidArgument(f"the body is not JSON: {place}")
-    if first["loc"] == ("body",) and first["type"] == "missing":
-        return InvalidArgument("a JSON body is needed; send content-type: application/json")
-    if first["loc"] == ("body",) and isinstance(first["input"], bytes):  # not read as JSON
-        came = request.headers.get("content-type", "none")[:64]
-        return InvalidArgument(f"send content-type: application/json, not {came}")
-    if first["loc"] == ("body",) and first["type"] == "model_attributes_type":
-        return InvalidArgument(f"the body {sentence(first)}")
+    for whole in (each for each in error.errors() if each["loc"] == ("body",)):
+        if whole["type"] == "missing":
+            return InvalidArgument("a JSON body is needed; send content-type: application/json")
+        if isinstance(whole["input"], bytes):  # not read as JSON
+            came = request.headers.get("content-type", "none")[:64]
+            return InvalidArgument(f"send content-type: application/json, not {came}")
+        if whole["type"] == "model_attributes_type":
+            return InvalidArgument(f"the body {sentence(whole)}")
     # loc starts with where the value stood: body, query, path
     found = [{**each, "loc": each["loc"][1:]} for each in error.errors()]
     body = request.scope["route"].body_field
