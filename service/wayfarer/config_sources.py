@@ -3,8 +3,7 @@
 import os
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,7 +12,7 @@ from pydantic.fields import FieldInfo
 from pydantic_settings import EnvSettingsSource, TomlConfigSettingsSource
 
 from wayfarer.config import PREFIX, Settings
-from wayfarer.errors import InvalidArgument
+from wayfarer.errors import InvalidArgument, unknown_name
 
 FILE_VARIABLE: Final = PREFIX + "CONFIG"
 SERVICE_LINK: Final = re.compile(PREFIX + r"(SERVICE_HOST|SERVICE_PORT(_.+)?|PORT(_\d+_.+)?)")
@@ -71,20 +70,12 @@ def _told(error: Any) -> tuple[str, str]:
     """Key and sentence of an error that pydantic has found."""
     key = ".".join(str(part) for part in error["loc"])
     if error["type"] == "extra_forbidden":
-        what = _unknown(key, list(fields()))
+        what = unknown_name(key, list(fields()))
     elif "error" in error.get("ctx", {}):  # raised by a check of ours
         what = str(error["ctx"]["error"])
     else:
         what = f"{error['msg']} (got {error['input']!r})"
     return key, f"setting {key}: {what}" if key else what
-
-
-def _unknown(name: str, known: Sequence[str]) -> str:
-    """Sentence about an unknown name: the nearest known one, or all of them."""
-    meant = get_close_matches(name, known, n=1)
-    if meant:
-        return f"unknown; did you mean {meant[0]}?"
-    return f"unknown; known are {', '.join(known)}"
 
 
 def settings_file(named: Path | None = None) -> Path | None:
@@ -128,6 +119,6 @@ def _unknown_variables() -> list[tuple[str, str]]:
         if key.startswith(PREFIX) and key not in known and not SERVICE_LINK.fullmatch(key)
     )
     return [
-        (key, f"setting {key} in the environment: {_unknown(key, sorted(known))}")
+        (key, f"setting {key} in the environment: {unknown_name(key, sorted(known))}")
         for key in unknown
     ]

@@ -20,8 +20,9 @@ the one table that turns these classes into gRPC and HTTP codes. Lengths and pla
 of an InvalidArgument are quantities, so that transport can write them in the client's basis.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 from wayfarer.endpoint import Endpoint
 
@@ -68,6 +69,13 @@ class Place:
 
 Quantity = Metres | MetresPerSecond | Heading | Place
 """A quantity whose text depends on the basis."""
+
+
+def unknown_name(name: str, known: Sequence[str]) -> str:
+    """Sentence about an unknown name: the nearest known one, or all of them."""
+    if meant := get_close_matches(name, known, n=1):
+        return f"unknown; did you mean {meant[0]}?"
+    return f"unknown; known are {', '.join(known)}" if known else "unknown; there are none"
 
 
 class WayfarerError(Exception):

@@ -31,7 +31,8 @@ async def refused(call) -> tuple[str, str]:
     answer = await call
     assert answer.status_code == 422, answer.text
     (error,) = answer.json()["errors"]
-    assert answer.json()["detail"] == error["detail"]
+    detail = answer.json()["detail"]
+    assert detail.endswith(error["detail"]) and detail.count(error["field"]) == 1
     return error["field"], error["detail"]
 
 
@@ -41,7 +42,7 @@ async def test_places_are_the_clients(http, basis):
     told = f"is {TOLD[basis]}; allowed: at most {BOUND[basis]} from the origin along each axis"
     asked = {"position": FAR[basis]}
     found = await refused(http.put(f"{agent}/goal", json=asked))
-    assert found == ("goal.position", f"goal.position {told}")
+    assert found == ("position", f"position {told}")
     found = await refused(http.put(f"{agent}/path", json={"goals": [{"position": HERE}, asked]}))
     assert found == ("goals[1].position", f"goals[1].position {told}")
     found = await refused(http.post(f"/v1/sessions/{session}/agents", json={"agents": [asked]}))
@@ -70,7 +71,7 @@ async def test_places_are_the_clients(http, basis):
 async def test_lengths_and_speeds_are_the_clients(http, basis, asked, field, told):
     _, agent = await walker(http, basis)
     found = await refused(http.put(f"{agent}/goal", json={"position": HERE, **asked}))
-    assert found[0] == f"goal.{field}" and found[1].endswith(told)
+    assert found[0] == field and found[1].endswith(told)
 
 
 @pytest.mark.parametrize(
@@ -100,7 +101,7 @@ async def test_behaviours_too(http, behaviour, field, told):
     if "follow" in behaviour:
         behaviour["follow"]["agent_id"] = "somebody"
     name, detail = await refused(http.put(f"{agent}/behaviour", json=behaviour))
-    assert name == f"behaviour.{field}" and told in detail
+    assert name == field and told in detail
 
 
 async def test_an_area_is_named_as_it_was_sent(http):

@@ -64,7 +64,7 @@ async def test_subscribers_are_told_of_what_agents_meet(servers):
     runtime = await servers.start()
     scene = await runtime.scenes.create_scene(EMPTY)
     await runtime.create_session(SessionSpec("s", scene=scene.scene_id))
-    with pytest.raises(FailedPrecondition, match="1 sessions are in scene"):
+    with pytest.raises(FailedPrecondition, match="delete its sessions first: 's'"):
         await runtime.scenes.delete_scene(scene.scene_id)
     [agent] = await runtime.create_agents("s", [SOUTH])
     subscription = await runtime.subscribe("s", StreamOptions())

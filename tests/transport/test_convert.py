@@ -158,7 +158,7 @@ def test_unknown_enum_values_are_refused():
 @pytest.mark.parametrize(
     ("fields", "field"),
     [
-        ({"betas": [0.0] * 9}, ""),
+        ({"betas": [0.0] * 9}, "betas"),
         ({"betas": [0.0] * 11}, "betas"),
         ({"betas": [5.1] + [0.0] * 9}, "betas[0]"),
         ({"betas": [0.0] * 10, "phenotype": {"weight": 0.5}}, ""),

@@ -3,6 +3,7 @@
 import grpc
 import pytest
 
+from wayfarer.errors import InvalidArgument
 from wayfarer.v1 import control_pb2, goal_pb2
 from wayfarer.world.agents.goal import Goal
 from wayfarer.world.behaviours import Follow, Wander
@@ -81,3 +82,31 @@ async def test_a_verb_is_refused(rig, rpc, command, method, path, body, meant):
             assert answer.json()["errors"][0]["field"] == WRONG[rpc][1]
             assert WRONG[rpc][1] in caught.value.details()
     assert rig.service.commands == []
+
+
+@pytest.mark.parametrize(
+    ("rpc", "path", "body", "fault", "on_grpc", "on_http"),
+    [
+        ("SetGoal", "goal", AHEAD, "goal.speed", "goal.speed", "speed"),
+        ("SetPath", "path", GOALS, "goals[0].speed", "goals[0].speed", "goals[0].speed"),
+        ("Wander", "wander", AREA, "behaviour.radius", "area.radius", "area.radius"),
+        (
+            *("Behave", "behaviour", FOLLOW, "behaviour.agent_id"),
+            *("behaviour.follow.agent_id", "follow.agent_id"),
+        ),
+    ],
+)
+async def test_the_field_at_fault_is_named_as_it_was_sent(
+    rig, monkeypatch, rpc, path, body, fault, on_grpc, on_http
+):
+    async def refuse(*_):
+        raise InvalidArgument("{} is {}", fault, fault, 9)
+
+    _, (agent, _) = await rig.session()
+    monkeypatch.setattr(rig.service, "give", refuse)
+    with pytest.raises(grpc.aio.AioRpcError) as caught:
+        await getattr(rig.goals, rpc)(request_of(rpc, agent["agent_id"], body))
+    assert caught.value.details() == f"{on_grpc} is 9"
+    answer = await rig.http.put(f"/v1/agents/{agent['agent_id']}/{path}", json=body)
+    assert answer.json()["errors"] == [{"field": on_http, "detail": f"{on_http} is 9"}]
+    assert answer.json()["detail"] == f"{on_http} is 9"

@@ -130,7 +130,56 @@ async def test_glb(rig):
     ],
 )
 async def test_glb_refusals(rig, path, status):
-    assert (await rig.http.get("/v1/bodies/" + path)).status_code == status
+    answer = await rig.http.get("/v1/bodies/" + path)
+    assert answer.status_code == status
+    if "betas" in path:
+        assert answer.json()["detail"].startswith("betas: must be 10 numbers between -10 and 10")
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "known"),
+    [
+        ("PUT", "/v1/agents/{agent}/goal?expected=7", "did you mean expected_revision?"),
+        ("DELETE", "/v1/agents/{agent}/goal?expected=7", "did you mean expected_revision?"),
+        ("POST", "/v1/replays?speed=2", "known are encoding, profile, bones, fps"),
+        ("POST", "/v1/scenes/mesh?unti=0.01", "did you mean unit?"),
+        ("GET", "/v1/sessions?limit=5", "there are none"),
+    ],
+)
+async def test_an_unknown_name_in_the_query_is_refused(rig, method, path, known):
+    _, (agent, _) = await rig.session()
+    path = path.format(agent=agent["agent_id"])
+    body = {"position": {"x": 0, "y": 0, "z": 1}} if method == "PUT" else None
+    answer = await rig.http.request(method, path, json=body)
+    assert answer.status_code == 422 and rig.service.commands == []
+    name = path.partition("?")[2].partition("=")[0]
+    assert answer.json()["errors"] == [{"field": name, "detail": f"unknown; {known}"}]
+    assert answer.json()["detail"] == f"{name}: unknown; {known}"
+
+
+@pytest.mark.parametrize("path", ["/v1/health/live", "/v1/health/ready", "/docs/", "/"])
+async def test_probes_and_pages_take_any_query(rig, path):
+    assert (await rig.http.get(f"{path}?v=7")).status_code == 200
+
+
+@pytest.mark.parametrize("kind", ["none", "text/plain", "application/x-www-form-urlencoded"])
+async def test_a_body_that_is_not_said_to_be_json_is_refused(rig, kind):
+    headers = {} if kind == "none" else {"content-type": kind}
+    for path in ("/v1/sessions", "/v1/sessions/none/agents"):
+        answer = await rig.http.post(path, content=b'{"agents": [{}]}', headers=headers)
+        assert answer.status_code == 422
+        assert answer.json()["detail"] == f"send content-type: application/json, not {kind}"
+
+
+async def test_what_a_body_has_to_be_is_told(rig):
+    path = "/v1/sessions/none/agents"
+    for body, told in (
+        ({}, "a JSON body is needed; send content-type: application/json"),
+        ({"json": None}, "a JSON body is needed; send content-type: application/json"),
+        ({"json": [1]}, "the body must be an object, not a list"),
+        ({"json": {"agent": []}}, "agents: is needed; agent: unknown; did you mean agents?"),
+    ):
+        assert (await rig.http.post(path, **body)).json()["detail"] == told
 
 
 async def test_a_page_and_all_it_imports_are_kept_by_the_browser(rig):

@@ -10,7 +10,8 @@ from pydantic import ValidationError
 
 from wayfarer.errors import InvalidArgument
 from wayfarer.transport import schema, wire
-from wayfarer.transport.errors import MOST_VIOLATIONS, InvalidRequest, invalid_request, violations
+from wayfarer.transport.errors import InvalidRequest
+from wayfarer.transport.violations import invalid_request
 from wayfarer.v1 import agent_pb2, goal_pb2, motion_pb2
 
 EMPTY, BAD = goal_pb2.Goal(), goal_pb2.Goal(radius=float("nan"), speed=-1.0)
@@ -53,16 +54,3 @@ def test_so_it_is_in_json():
         schema.Goals.model_validate_json(body)
     fields = [field for field, _ in invalid_request(caught.value).violations]
     assert fields == ["goals[0].position"]
-
-
-def test_of_many_violations_the_first_are_told():
-    error = InvalidRequest([(f"goals[{i}]", "bad") for i in range(1000)])
-    assert len(error.violations) == MOST_VIOLATIONS and len(str(error)) < 1000
-    assert str(error).endswith(f"; and {1000 - MOST_VIOLATIONS} more")
-
-
-def test_what_is_wrong_only_for_its_parts_is_left_out():
-    found = [((), "a"), (("goals",), "short"), (("goals", 0, "speed"), "b"), (("goals2",), "c")]
-    assert violations(found) == [("goals[0].speed", "b"), ("goals2", "c")]
-    many = [(("goals", i, "speed"), "b") for i in range(100_000)]
-    assert len(violations(many)) == 100_000

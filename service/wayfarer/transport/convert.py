@@ -29,6 +29,7 @@ from wayfarer.transport.basis import Axes, Basis
 from wayfarer.transport.bodies import BodyLibrary
 from wayfarer.transport.codec import PoseEncoding, PoseFormat
 from wayfarer.transport.detail_levels import DetailRing, ViewPlace
+from wayfarer.transport.motion_files import file_fields
 from wayfarer.transport.units import in_world, on_wire, place, vector
 from wayfarer.world.agents import agent as runtime
 from wayfarer.world.agents.goal import Goal
@@ -241,15 +242,16 @@ def body(bodies: BodyLibrary, gender: schema.Gender) -> schema.Body:
 
 def file_options(request: schema.MotionFile) -> FileOptions:
     """Raises InvalidArgument where options contradict each other."""
-    return FileOptions(
-        format=request.format,
-        names=request.names,
-        fps=request.fps,
-        root=request.root,
-        loop=request.loop,
-        unit=request.unit,
-        detail=request.detail,
-    )
+    with file_fields():
+        return FileOptions(
+            format=request.format,
+            names=request.names,
+            fps=request.fps,
+            root=request.root,
+            loop=request.loop,
+            unit=request.unit,
+            detail=request.detail,
+        )
 
 
 def fitted_body(request: schema.CharacterJoints, bodies: BodyLibrary) -> schema.FittedBody:

@@ -1,7 +1,7 @@
 """The one table that turns errors into gRPC statuses and HTTP problems."""
 
 import math
-from collections.abc import Iterable, Sequence
+import re
 from dataclasses import asdict, dataclass
 from http import HTTPStatus
 from typing import Any, Final
@@ -18,7 +18,6 @@ from google.rpc.error_details_pb2 import (
 )
 from google.rpc.status_pb2 import Status
 from grpc_status import rpc_status
-from pydantic import ValidationError
 
 from wayfarer import errors
 
@@ -99,37 +98,13 @@ MOST_VIOLATIONS: Final = 16
 class InvalidRequest(errors.InvalidArgument):
     """Several fields of a request are wrong; `violations` are (field, what is wrong)."""
 
-    def __init__(self, violations: list[tuple[str, str]]) -> None:
-        """Of many violations only the first are kept."""
-        told = violations[:MOST_VIOLATIONS]
-        text = "; ".join(f"{field}: {what}" if field else what for field, what in told)
-        if more := len(violations) - len(told):
+    def __init__(self, violations: list[tuple[str, str]], more: int = 0) -> None:
+        """`more`: how many there are beside these."""
+        text = "; ".join(f"{field}: {what}" if field else what for field, what in violations)
+        if more:
             text += f"; and {more} more"
-        super().__init__(text, told[0][0])
-        self.violations = told
-
-
-def invalid_request(error: ValidationError, field: str = "") -> InvalidRequest:
-    """What pydantic found in the part `field` of a request."""
-    found = error.errors(include_url=False, include_input=False)
-    return InvalidRequest(violations([((field, *e["loc"]), e["msg"]) for e in found]))
-
-
-def violations(found: Sequence[tuple[tuple[int | str, ...], str]]) -> list[tuple[str, str]]:
-    """(field, what is wrong) of what pydantic found, as (where, what).
-
-    A list whose items are wrong is then too short as well; that is left out.
-    """
-    around = {where[:depth] for where, _ in found for depth in range(len(where))}
-    return [(field_path(where), what) for where, what in found if where not in around]
-
-
-def field_path(parts: Iterable[int | str]) -> str:
-    """("agents", 0, "betas") → "agents[0].betas"."""
-    text = "".join(
-        f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts if part != ""
-    )
-    return text.removeprefix(".")
+        super().__init__(text, violations[0][0])
+        self.violations = violations
 
 
 def code_of(error: BaseException) -> Code:
@@ -138,16 +113,20 @@ def code_of(error: BaseException) -> Code:
 
 
 def message_of(error: BaseException) -> str:
-    """What the caller may read."""
-    return (
-        "internal error; the server's log tells more" if code_of(error) is INTERNAL else str(error)
-    )
+    """What the caller may read: with the field at fault, which may be all that the caller sees."""
+    if code_of(error) is INTERNAL:
+        return "internal error; the server's log tells more"
+    text = str(error)
+    field = error.field if isinstance(error, errors.InvalidArgument) else ""
+    if not field or re.search(rf"(?<![\w.]){re.escape(field)}(?!\w)", text):
+        return text
+    return f"{field}: {text}"
 
 
 def violations_of(error: BaseException) -> list[tuple[str, str]]:
     """(field, what is wrong) of an error about arguments; empty for others."""
     if isinstance(error, InvalidRequest):
-        return error.violations
+        return error.violations if error.field else []  # of the request as a whole
     if isinstance(error, errors.InvalidArgument) and error.field:
         return [(error.field, str(error))]
     return []

@@ -60,9 +60,13 @@ def fields_named(request: CommandRequest) -> Iterator[None]:
     try:
         yield
     except InvalidArgument as error:
-        field = _client_field(error.field, request)
-        text = str(error).replace(error.field, field) if error.field else str(error)
-        raise InvalidArgument(text, field) from None
+        raise renamed(error, _client_field(error.field, request)) from None
+
+
+def renamed(error: InvalidArgument, field: str) -> InvalidArgument:
+    """The same of a field that is named otherwise, in the text, too."""
+    text = str(error).replace(error.field, field) if error.field and field else str(error)
+    return InvalidArgument(text, field)
 
 
 def _client_field(field: str, request: CommandRequest) -> str:

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import AsyncGenerator, Iterator
-from contextlib import aclosing
+from contextlib import aclosing, contextmanager
 from dataclasses import replace
 from typing import Final
 
@@ -34,7 +34,19 @@ async def motion_file(
     Raises InvalidArgument when the format cannot hold them, or they are too long for a file.
     """
     people = await performances(made, body)
-    return await asyncio.to_thread(encode, people, options, title, scene)
+    with file_fields():
+        return await asyncio.to_thread(encode, people, options, title, scene)
+
+
+@contextmanager
+def file_fields() -> Iterator[None]:
+    """Name fields of a MotionFile as in a request, where it is the field `file`."""
+    try:
+        yield
+    except InvalidArgument as error:
+        if error.field not in FileOptions.__dataclass_fields__:
+            raise
+        raise InvalidArgument(str(error), f"file.{error.field}") from None
 
 
 async def performances(made: AsyncGenerator[Publication], body: str) -> list[Performance]:

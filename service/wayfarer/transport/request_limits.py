@@ -15,6 +15,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from wayfarer.errors import InvalidArgument, WayfarerError
 from wayfarer.transport import errors
+from wayfarer.transport.violations import refusal, sentence
 
 log = structlog.get_logger(__name__)
 
@@ -103,13 +104,7 @@ def add_problem_handlers(app: FastAPI) -> None:
 
     @app.exception_handler(RequestValidationError)
     async def on_validation(request: Request, error: RequestValidationError) -> Response:
-        first = error.errors()[0]
-        if first["type"] == "json_invalid":
-            place = f"{first['ctx']['error']}, at character {first['loc'][-1]}"
-            return problem_response(InvalidArgument(f"the body is not JSON: {place}"))
-        # loc starts with where the value stood: body, query, path
-        found = [(e["loc"][1:], e["msg"]) for e in error.errors()]
-        return problem_response(errors.InvalidRequest(errors.violations(found)))
+        return problem_response(_refusal(request, error))
 
     @app.exception_handler(HTTPException)
     async def on_http(request: Request, error: HTTPException) -> Response:
@@ -121,6 +116,26 @@ def add_problem_handlers(app: FastAPI) -> None:
     async def on_unexpected(request: Request, error: Exception) -> Response:
         errors.log_unexpected(log, error, request.url.path)
         return problem_response(error)
+
+
+def _refusal(request: Request, error: RequestValidationError) -> InvalidArgument:
+    """What FastAPI found wrong in a request."""
+    first = error.errors()[0]
+    if first["type"] == "json_invalid":
+        place = f"{first['ctx']['error']}, at character {first['loc'][-1]}"
+        return InvalidArgument(f"the body is not JSON: {place}")
+    for whole in (each for each in error.errors() if each["loc"] == ("body",)):
+        if whole["type"] == "missing":
+            return InvalidArgument("a JSON body is needed; send content-type: application/json")
+        if isinstance(whole["input"], bytes):  # not read as JSON
+            came = request.headers.get("content-type", "none")[:64]
+            return InvalidArgument(f"send content-type: application/json, not {came}")
+        if whole["type"] == "model_attributes_type":
+            return InvalidArgument(f"the body {sentence(whole)}")
+    # loc starts with where the value stood: body, query, path
+    found = [{**each, "loc": each["loc"][1:]} for each in error.errors()]
+    body = request.scope["route"].body_field
+    return refusal(found, kind=body and body.field_info.annotation)
 
 
 def problem_response(error: BaseException) -> Response:

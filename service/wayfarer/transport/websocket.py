@@ -6,8 +6,8 @@ as the reason (errors.py).
 
 import asyncio
 import contextlib
-from collections.abc import AsyncGenerator
-from contextlib import aclosing
+from collections.abc import AsyncGenerator, Iterator
+from contextlib import aclosing, contextmanager
 from typing import Any, Final, TypeVar
 
 import structlog
@@ -16,11 +16,13 @@ from google.protobuf.message import DecodeError
 from pydantic import BaseModel, ValidationError
 from starlette.datastructures import QueryParams
 
-from wayfarer.errors import InvalidArgument
+from wayfarer.errors import InvalidArgument, unknown_name
 from wayfarer.transport import errors, schema
 from wayfarer.transport.control import control
 from wayfarer.transport.gateway import Gateway
+from wayfarer.transport.goal_convert import renamed
 from wayfarer.transport.stream import MotionStream
+from wayfarer.transport.violations import invalid_request
 from wayfarer.v1 import control_pb2
 
 log = structlog.get_logger(__name__)
@@ -79,7 +81,7 @@ def stream_request(query: QueryParams) -> schema.StreamRequest:
     Raises InvalidArgument.
     """
     if unknown := [name[:32] for name in query if name not in PARAMETERS]:
-        raise InvalidArgument(f"unknown; there are {', '.join(PARAMETERS)}", unknown[0])
+        raise InvalidArgument(unknown_name(unknown[0], PARAMETERS), unknown[0])
     packed: dict[str, Any] = {k: query[k] for k in ("encoding", "profile") if k in query}
     packed["bones"] = query.getlist("bones")
     fps = query.get("fps", "0")
@@ -101,7 +103,18 @@ def stream_request(query: QueryParams) -> schema.StreamRequest:
             **options,
         )
     except ValidationError as error:
-        raise errors.invalid_request(error) from None
+        raise invalid_request(error) from None
+
+
+@contextmanager
+def _query_names() -> Iterator[None]:
+    """Name fields of StreamMotionRequest as the query does."""
+    try:
+        yield
+    except InvalidArgument as error:
+        field = error.field.removeprefix("format.")
+        field = field.replace("session_id", "session").replace("agent_ids", "agent")
+        raise renamed(error, field) from None
 
 
 class LatestText:
@@ -126,6 +139,11 @@ class LatestText:
 
 
 async def _send_stream(socket: WebSocket, gateway: Gateway, texts: LatestText) -> None:
+    with _query_names():
+        await _send_asked(socket, gateway, texts)
+
+
+async def _send_asked(socket: WebSocket, gateway: Gateway, texts: LatestText) -> None:
     request = stream_request(socket.query_params)
     async with gateway.motion.follow(request) as (stream, messages):
         if request.interest is None:
@@ -162,7 +180,7 @@ def _from_json(kind: type[Kind], text: str, field: str) -> Kind:
     try:
         return kind.model_validate_json(text)
     except ValidationError as error:
-        raise errors.invalid_request(error, field) from None
+        raise invalid_request(error, field, kind) from None
 
 
 async def _send(socket: WebSocket, messages: AsyncGenerator[bytes]) -> None:

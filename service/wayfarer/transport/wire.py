@@ -12,7 +12,7 @@ from google.protobuf.message import Message as ProtoMessage
 from pydantic import BaseModel, ValidationError
 
 from wayfarer.errors import InvalidArgument
-from wayfarer.transport.errors import invalid_request
+from wayfarer.transport.violations import invalid_request
 from wayfarer.v1 import common_pb2
 
 MOST_ITEMS: Final = 2048
@@ -33,7 +33,7 @@ def parse(twin: type[Twin], message: ProtoMessage, field: str = "") -> Twin:
     try:
         return twin.model_validate({k: v for k, v in found.items() if k in twin.model_fields})
     except ValidationError as error:
-        raise invalid_request(error, field) from None
+        raise invalid_request(error, field, twin) from None
 
 
 async def first(requests: AsyncIterator[Any], payload: str, seconds: float, hint: str) -> Any:

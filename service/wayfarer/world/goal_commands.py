@@ -155,8 +155,8 @@ class GoalCommands:
             )
         if self._around.scene_of(agent.slot) is None and any(p.needs_scene for p, _ in parts):
             raise FailedPrecondition(
-                "only in a scene can an agent walk about all over it: give the area a centre, or "
-                "create the session in a scene"
+                "only in a scene can an agent walk about all over it: give wander an area, with "
+                "center and radius, or create the session in a scene"
             )
         for part, within in parts:
             other, field = part.named_agent, f"behaviour.{within}agent_id"

@@ -187,18 +187,18 @@ class Membership:
     # Within
 
     def _add(self, spec: SessionSpec, created_at: float) -> Session:
-        self._scenery.enter(spec)
+        session = self._registry.add_session(spec, created_at)
         try:
-            session = self._registry.add_session(spec, created_at)
+            self._scenery.enter(spec, session.session_id)
         except WayfarerError:
-            self._scenery.leave(spec)
+            del self._registry.sessions[session.session_id]
             raise
         session.scene = self._scenery.number(spec.scene)
         return session
 
     def _remove(self, session: Session) -> None:
         del self._registry.sessions[session.session_id]
-        self._scenery.leave(session.spec)
+        self._scenery.leave(session.spec, session.session_id)
 
     def _check_new(self, record: AgentRecord, where: str) -> None:
         """Raises AlreadyExists, and InvalidArgument when its path is too long for this world."""

@@ -4,9 +4,10 @@ import pytest
 
 from tests.transport.fakes import FakeService, opened
 from tests.transport.gateway.calls import TWO, session, session_of_two
+from wayfarer.clips.files import FileFormat, FileOptions
 from wayfarer.errors import FailedPrecondition, InvalidArgument
 from wayfarer.limits import Limits
-from wayfarer.transport import schema
+from wayfarer.transport import motion_files, schema
 
 
 async def test_a_clip_is_a_header_and_batches(service, api):
@@ -69,8 +70,8 @@ async def test_a_clip_as_a_file(service, api):
 @pytest.mark.parametrize(
     ("file", "field"),
     [
-        ({"format": "vrma", "root": "bone"}, "root"),
-        ({"format": "glb", "unit": "cm"}, "unit"),
+        ({"format": "vrma", "root": "bone"}, "file.root"),
+        ({"format": "glb", "unit": "cm"}, "file.unit"),
     ],
 )
 async def test_a_file_that_cannot_be_made_names_the_field(file, field, api):
@@ -78,3 +79,13 @@ async def test_a_file_that_cannot_be_made_names_the_field(file, field, api):
     with pytest.raises(InvalidArgument) as caught:
         await anext(api.motion.generate_clip(request))
     assert caught.value.field == field
+
+
+async def test_people_that_a_file_cannot_hold_are_its_formats_fault(monkeypatch):
+    async def two_people(made, body):
+        return [None, None]
+
+    monkeypatch.setattr(motion_files, "performances", two_people)
+    with pytest.raises(InvalidArgument, match="bvh holds one person, not 2") as caught:
+        await motion_files.motion_file(None, FileOptions(FileFormat.BVH), "", "")
+    assert caught.value.field == "file.format"

@@ -322,5 +322,5 @@ def test_what_is_refused(behaviour, field):
 
 def test_all_over_a_floor_without_end_nobody_walks():
     world, [agent] = populated()
-    with pytest.raises(FailedPrecondition, match="scene"):
+    with pytest.raises(FailedPrecondition, match="an area, with center and radius"):
         world.give(agent, Wander(None), 0.0)

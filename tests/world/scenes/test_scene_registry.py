@@ -80,13 +80,18 @@ def test_a_change_makes_a_version_and_readers_keep_theirs():
 def test_a_scene_with_sessions_stays():
     book = SceneRegistry()
     scene_id = book.add(field()).scene_id
-    book.enter(scene_id)
-    assert book.info(scene_id).sessions == 1
-    with pytest.raises(FailedPrecondition, match="1 sessions are in scene"):
+    for session_id in "abcde":
+        book.enter(scene_id, session_id)
+    assert book.info(scene_id).sessions == 5
+    with pytest.raises(FailedPrecondition, match=r"sessions first: 'a', 'b', 'c' and 2 more$"):
         book.delete(scene_id)
-    book.leave(scene_id)
+    for session_id in "abce":
+        book.leave(scene_id, session_id)
+    with pytest.raises(FailedPrecondition, match=r"sessions first: 'd'$"):
+        book.delete(scene_id)
+    book.leave(scene_id, "d")
     book.delete(scene_id)
-    for ask in (book.info, book.scene, book.delete, book.enter):
+    for ask in (book.info, book.scene, book.delete, lambda gone: book.enter(gone, "f")):
         with pytest.raises(NotFound, match=scene_id):
             ask(scene_id)
 

@@ -292,8 +292,13 @@ def test_the_cap_holds_besides():
     measure(world.load)
     world.create_session(SessionSpec("s"), 0.0)
     assert world.load.capacity(0.0) == 3
-    with pytest.raises(ResourceExhausted, match="0 of 3 agents exist"):
+    with pytest.raises(ResourceExhausted, match="0 of 3 agents exist") as caught:
         world.create_agents("s", people(4), 0.0)
+    assert caught.value.retry_after == 0  # so many will never fit
+    world.create_agents("s", people(2), 0.0)
+    with pytest.raises(ResourceExhausted, match="2 of 3 agents exist") as caught:
+        world.create_agents("s", people(2), 0.0)
+    assert caught.value.retry_after == 5
 
 
 def test_at_the_end_of_the_ladder_nobody_is_let_in_until_there_is_time_again():

@@ -4,7 +4,7 @@ from fastapi import APIRouter
 
 from wayfarer.transport import schema
 from wayfarer.transport.gateway import Gateway
-from wayfarer.transport.http_server.parameters import AgentId, Expected
+from wayfarer.transport.http_server.parameters import AgentId, Expected, fields_of
 
 
 def agent_routes(gateway: Gateway) -> APIRouter:
@@ -40,7 +40,8 @@ def goal_routes(gateway: Gateway) -> APIRouter:
         agent_id: AgentId, goal: schema.Goal, expected_revision: Expected = None
     ) -> schema.GoalRevision:
         """The goal replaces its present goal or path and takes effect within one step (0.2 s)."""
-        return _revision(await goals.give(agent_id, goal, expected_revision))
+        with fields_of("goal"):
+            return _revision(await goals.give(agent_id, goal, expected_revision))
 
     @router.put("/path", operation_id="setPath", summary="Give an agent goals to visit in turn")
     async def set_path(
@@ -68,7 +69,8 @@ def goal_routes(gateway: Gateway) -> APIRouter:
         agent_id: AgentId, request: schema.Behaviour, expected_revision: Expected = None
     ) -> schema.GoalRevision:
         """Patrol, follow, keep away, queue, or a routine of these, until the next goal command."""
-        return _revision(await goals.give(agent_id, request, expected_revision))
+        with fields_of("behaviour"):
+            return _revision(await goals.give(agent_id, request, expected_revision))
 
     @router.delete("/goal", operation_id="clearGoal", summary="Remove the goal or path")
     async def clear_goal(

@@ -4,7 +4,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
-from fastapi import FastAPI
+from fastapi import Depends, FastAPI
 from fastapi.openapi.utils import get_openapi
 from starlette.responses import RedirectResponse
 from starlette.routing import Route
@@ -20,6 +20,7 @@ from wayfarer.transport.http_server.clips import clip_routes, snapshot_routes
 from wayfarer.transport.http_server.events import event_routes
 from wayfarer.transport.http_server.health import health_routes
 from wayfarer.transport.http_server.page_files import PageFiles
+from wayfarer.transport.http_server.parameters import only_known_query
 from wayfarer.transport.http_server.scenes import crowd_routes, scene_routes
 from wayfarer.transport.http_server.sessions import session_routes
 from wayfarer.transport.http_server.unknown_path import UnknownPath
@@ -79,8 +80,10 @@ def http_app(gateway: Gateway) -> FastAPI:
         redoc_url=None,
     )
     for routes in ROUTES:
-        app.include_router(routes(gateway), responses=PROBLEMS)
-    app.include_router(health_routes(gateway))
+        app.include_router(
+            routes(gateway), responses=PROBLEMS, dependencies=[Depends(only_known_query)]
+        )
+    app.include_router(health_routes(gateway))  # probes may add what they like
     add_sockets(app, gateway)
     add_problem_handlers(app)
     limits = gateway.limits

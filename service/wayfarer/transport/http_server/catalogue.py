@@ -1,6 +1,7 @@
 """Routes of CatalogService, and the body meshes."""
 
 import hashlib
+import re
 from functools import lru_cache
 from typing import Annotated, Final
 
@@ -11,7 +12,7 @@ from fastapi.concurrency import run_in_threadpool
 
 from wayfarer.body.glb import body_glb
 from wayfarer.body.library import Detail
-from wayfarer.errors import NotFound
+from wayfarer.errors import InvalidArgument, NotFound
 from wayfarer.spec import BETAS
 from wayfarer.transport import schema
 from wayfarer.transport.bodies import BodyLibrary
@@ -19,6 +20,9 @@ from wayfarer.transport.gateway import Gateway
 
 BETA: Final = r"-?[0-9](\.[0-9]{0,20})?(e-[0-9]{1,3})?"
 """One shape coefficient as text, as JavaScript and Python write it."""
+
+SHAPE: Final = f"^({BETA}(,{BETA}){{{BETAS - 1}}})?$"
+SHAPE_TEXT: Final = f"{BETAS} numbers between -10 and 10, with commas; none: mean body"
 
 
 def catalogue_routes(gateway: Gateway) -> APIRouter:
@@ -72,8 +76,8 @@ def catalogue_routes(gateway: Gateway) -> APIRouter:
             str,
             Query(
                 max_length=400,
-                pattern=f"^({BETA}(,{BETA}){{{BETAS - 1}}})?$",
-                description=f"{BETAS} numbers between -10 and 10, with commas; none: mean body",
+                description=SHAPE_TEXT,
+                json_schema_extra={"pattern": SHAPE},
             ),
         ] = "",
         detail: Annotated[Detail, Query(description="mesh resolution")] = "high",
@@ -103,5 +107,7 @@ def _glb(
 
 
 def _numbers(text: str) -> tuple[float, ...]:
-    """Betas of a query."""
+    """Betas of a query. Raises InvalidArgument."""
+    if not re.fullmatch(SHAPE, text):
+        raise InvalidArgument(f"must be {SHAPE_TEXT}", "betas")
     return tuple(float(part) for part in text.split(",")) if text else (0.0,) * BETAS

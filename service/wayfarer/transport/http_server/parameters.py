@@ -1,16 +1,20 @@
 """Parameters that several routes take."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any, Final
 
-from fastapi import Header, Query
+from fastapi import Header, Query, Request, params
 from fastapi import Path as InPath
+from fastapi.dependencies.utils import get_flat_params
 from pydantic import ValidationError
 
-from wayfarer.errors import InvalidArgument
+from wayfarer.errors import InvalidArgument, unknown_name
 from wayfarer.transport import schema
 from wayfarer.transport.codec import PoseEncoding, PoseProfile
 from wayfarer.transport.codec.pose_format import RATES
-from wayfarer.transport.errors import invalid_request
+from wayfarer.transport.goal_convert import renamed
+from wayfarer.transport.violations import invalid_request
 
 UINT32: Final = (1 << 32) - 1
 
@@ -33,7 +37,7 @@ IdempotencyKey = Annotated[
     str,
     Header(
         max_length=64,
-        pattern=r"^[^\x00-\x1f\x7f]*$",
+        pattern=schema.LINE,
         description="means the same as request_id in the body",
     ),
 ]
@@ -58,6 +62,27 @@ def request_id(in_body: str, in_header: str) -> str:
     if in_body and in_header and in_body != in_header:
         raise InvalidArgument("request_id and Idempotency-Key differ; send one", "request_id")
     return in_body or in_header
+
+
+async def only_known_query(request: Request) -> None:
+    """A dependency: the query has no name but the route's own. Raises InvalidArgument.
+
+    A misspelt `expected_revision` that is ignored would change what it was to protect.
+    """
+    parameters = get_flat_params(request.scope["route"].dependant)
+    known = [each.alias for each in parameters if isinstance(each.field_info, params.Query)]
+    unknown = [name[: schema.ID_LENGTH] for name in request.query_params if name not in known]
+    if unknown:
+        raise InvalidArgument(unknown_name(unknown[0], known), unknown[0])
+
+
+@contextmanager
+def fields_of(message: str) -> Iterator[None]:
+    """Name fields of `message` without it: what the RPC has as a field is the whole request."""
+    try:
+        yield
+    except InvalidArgument as error:
+        raise renamed(error, error.field.removeprefix(f"{message}.")) from None
 
 
 async def pose_format(

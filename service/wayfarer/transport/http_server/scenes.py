@@ -1,26 +1,30 @@
 """Routes of SceneService."""
 
+import re
 from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi import Path as InPath
 from pydantic import ValidationError
 
+from wayfarer.errors import InvalidArgument
 from wayfarer.navigation.checks import HEIGHT, RADIUS, SLOPE_DEG, STEP_HEIGHT, UNIT
 from wayfarer.transport import schema
 from wayfarer.transport.basis import Basis
-from wayfarer.transport.errors import invalid_request
 from wayfarer.transport.gateway import Gateway
 from wayfarer.transport.http_server.parameters import (
     IdempotencyKey,
     SessionId,
     binary_body,
+    fields_of,
     request_id,
 )
+from wayfarer.transport.violations import invalid_request
 
 PNG: Final = "image/png"
 NUMBER: Final = r"-?[0-9]{1,7}(\.[0-9]{1,9})?"
 """One coordinate as text."""
+PLACE: Final = f"^{NUMBER}(,{NUMBER}){{2}}$"
 
 SceneId = Annotated[str, InPath(max_length=schema.ID_LENGTH, description="as given by createScene")]
 ExampleName = Annotated[
@@ -67,7 +71,8 @@ def scene_routes(gateway: Gateway) -> APIRouter:
         known_as = request_id(described.scene.request_id, idempotency_key)
         scene = described.scene.model_copy(update={"request_id": known_as})
         named = described.model_copy(update={"scene": scene})
-        return await scenes.create_from_mesh(named, request.stream())
+        with fields_of("walkable"):
+            return await scenes.create_from_mesh(named, request.stream())
 
     @router.get(
         "/examples", operation_id="listExampleScenes", summary="Scenes that come with the server"
@@ -206,7 +211,7 @@ async def mesh_scene(
         Query(description="as walkable.height", json_schema_extra=schema.bounds(*HEIGHT)),
     ] = None,
     entry: Annotated[
-        list[Annotated[str, Query(pattern=f"^{NUMBER}(,{NUMBER}){{2}}$")]] | None,
+        list[Annotated[str, Query(json_schema_extra={"pattern": PLACE})]] | None,
         Query(max_length=64, description="as entries: x,y,z; may be repeated"),
     ] = None,
     lease_s: Annotated[Number, Query(ge=1, description="as createScene has it")] = None,
@@ -219,6 +224,9 @@ async def mesh_scene(
         "slope_deg": slope_deg,
         "height": height,
     }
+    for k, text in enumerate(entry or ()):
+        if not re.fullmatch(PLACE, text):
+            raise InvalidArgument("must be x,y,z: three numbers with commas", f"entry[{k}]")
     entries = [dict(zip("xyz", map(float, text.split(",")), strict=True)) for text in entry or ()]
     scene = {
         "basis": basis,

@@ -3,7 +3,7 @@
 from enum import StrEnum
 from typing import Annotated
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from wayfarer.body.phenotype import LIMITS
 from wayfarer.spec import BETAS, JOINTS
@@ -89,12 +89,17 @@ class AgentSpec(Message):
         description="loaded motion model that moves it, see /v1/models; else that in use",
     )
 
+    @field_validator("betas")
+    @classmethod
+    def _all_betas(cls, betas: tuple[float, ...]) -> tuple[float, ...]:
+        if betas and len(betas) != BETAS:
+            raise ValueError(f"must be {BETAS} numbers or none, not {len(betas)}")
+        return betas
+
     @model_validator(mode="after")
     def _one_body(self) -> "AgentSpec":
         if self.betas and self.phenotype is not None:
             raise ValueError("give betas or phenotype, not both")
-        if self.betas and len(self.betas) != BETAS:
-            raise ValueError(f"betas must be {BETAS} numbers or none, not {len(self.betas)}")
         return self
 
 

@@ -43,7 +43,10 @@ Bounds stand before the validator: after it, pydantic would write `ge` for `mini
 
 Bool = Annotated[bool, Strict()]
 
-Text = Annotated[str, Field(max_length=64, pattern=r"^[^\x00-\x1f\x7f]*$")]
+LINE: Final = r"^[^\x00-\x1f\x7f]*$"
+"""Pattern of a text without control characters."""
+
+Text = Annotated[str, Field(max_length=64, pattern=LINE)]
 """A short line: no control characters."""
 
 Many = Annotated[tuple[Item, ...], FailFast()]
@@ -90,8 +93,8 @@ class OneOf(Message):
         names = [name for name in type(self).model_fields if name not in self.BESIDE]
         given = [name for name in names if getattr(self, name) is not None]
         if len(given) != 1:
-            found = " and ".join(given) or "none"
-            raise ValueError(f"{found} of {', '.join(names)} is given; exactly one has to be")
+            found = f"{' and '.join(given)} are" if given else "none is"
+            raise ValueError(f"give exactly one of {', '.join(names)}; {found} given")
         return self
 
 

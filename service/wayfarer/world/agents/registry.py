@@ -109,7 +109,7 @@ class Registry:
         if (here := len(self.agents) + sum(len(h.genders) for h in held)) + more > all_:
             raise ResourceExhausted(
                 f"{here} of {all_} agents exist; {more} more were asked for",
-                retry_after=5.0,
+                retry_after=5.0 if more <= all_ else 0.0,
             )
 
     def add_agent(self, session: Session, spec: AgentSpec, slot: int, now: float) -> Agent:

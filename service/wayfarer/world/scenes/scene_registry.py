@@ -30,6 +30,9 @@ from wayfarer.world.scenes.messages import SceneInfo, SceneSource
 NAME: Final = 64
 """Characters of the names of scenes and obstacles."""
 
+NAMED: Final = 3
+"""Sessions that the refusal to delete a scene names at most."""
+
 RETRY_AFTER: Final = 2.0
 
 MAX_BAKES: Final = 5
@@ -46,7 +49,7 @@ class SceneEntry:
     scene: Scene  # as it is now
     created_at: float
     bake_s: float
-    sessions: int = 0
+    sessions: list[str] = field(default_factory=list)  # ids of those in it, oldest first
     changing: Lock = field(default_factory=Lock)  # one change at a time
 
     def info(self) -> SceneInfo:
@@ -61,7 +64,7 @@ class SceneEntry:
             islands=scene.islands,
             bounds=scene.bounds,
             obstacles=dict(scene.obstacles),
-            sessions=self.sessions,
+            sessions=len(self.sessions),
             created_at=self.created_at,
             bake_s=self.bake_s,
             attributes=self.source.attributes,
@@ -160,8 +163,11 @@ class SceneRegistry:
         with self._lock:
             kept = self._find(scene_id)
             if kept.sessions:
+                names = ", ".join(map(repr, kept.sessions[:NAMED]))
+                more = len(kept.sessions) - NAMED
                 raise FailedPrecondition(
-                    f"{kept.sessions} sessions are in scene {scene_id!r}: delete them first"
+                    f"scene {scene_id!r} is in use; delete its sessions first: {names}"
+                    + (f" and {more} more" if more > 0 else "")
                 )
             del self._kept[scene_id]
             if self._diary is not None:
@@ -205,17 +211,17 @@ class SceneRegistry:
 
     # Sessions
 
-    def enter(self, scene_id: str) -> Scene:
+    def enter(self, scene_id: str, session_id: str) -> Scene:
         """A session is opened in it: it cannot be deleted until that has left. Raises NotFound."""
         with self._lock:
             kept = self._find(scene_id)
-            kept.sessions += 1
+            kept.sessions.append(session_id)
             return kept.scene
 
-    def leave(self, scene_id: str) -> None:
+    def leave(self, scene_id: str, session_id: str) -> None:
         """A session in it has ended."""
         with self._lock:
-            self._find(scene_id).sessions -= 1
+            self._find(scene_id).sessions.remove(session_id)
 
     # Within
 

@@ -26,7 +26,7 @@ class WorldScenes:
         self._numbers: dict[str, int] = {}
         self._scenes: dict[int, Scene] = {}
 
-    def enter(self, spec: SessionSpec) -> None:
+    def enter(self, spec: SessionSpec, session_id: str) -> None:
         """A session is opened. Raises FailedPrecondition when its scene is not here."""
         if not spec.scene:
             return
@@ -35,7 +35,7 @@ class WorldScenes:
                 "a session in a scene cannot be recorded: leave out `record`, or `scene`"
             )
         try:
-            scene = self.book.enter(spec.scene)
+            scene = self.book.enter(spec.scene, session_id)
         except NotFound:
             raise FailedPrecondition(
                 f"scene {spec.scene!r} is not here: scenes belong to one server, so create it "
@@ -44,10 +44,10 @@ class WorldScenes:
         number = self._numbers.setdefault(spec.scene, len(self._numbers) + 1)
         self._scenes[number] = scene
 
-    def leave(self, spec: SessionSpec) -> None:
+    def leave(self, spec: SessionSpec, session_id: str) -> None:
         """A session has ended."""
         if spec.scene:
-            self.book.leave(spec.scene)
+            self.book.leave(spec.scene, session_id)
 
     def number(self, scene_id: str) -> int:
         """The scene that a session is in; `NOWHERE` for the empty id."""
