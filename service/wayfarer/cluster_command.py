@@ -92,7 +92,7 @@ def start_command(
     from wayfarer.cluster.ray_actors import RayCluster
 
     rules = LeaseRules(lease, go_on)
-    ray = RayCluster(address)
+    ray = RayCluster(secret, address)
     try:
         link = ray.directory(rules)
         if address:
@@ -120,7 +120,7 @@ def entry_command(
     secret = _secret(True)
     from wayfarer.cluster.ray_actors import RayCluster
 
-    ray = RayCluster(address)
+    ray = RayCluster(secret, address)
     try:
         for host in ray.machines().values():
             _check_links(settings, host)

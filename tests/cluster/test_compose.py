@@ -68,6 +68,15 @@ class Services:
         threading.Thread(target=self._listen, args=[process], daemon=True).start()
         return process
 
+    def entry(self, **more):
+        """One more entry, to its end; `more`: variables of the environment."""
+        found = cluster_compose()["services"]["entry"]
+        address = f"127.0.0.1:{self._port}"
+        return subprocess.run(
+            [sys.executable, "-m", "wayfarer.cli", "cluster", "entry", "--address", address],
+            env=self.environment(found) | more, text=True, capture_output=True, timeout=90,
+        )  # fmt: skip
+
     def _listen(self, process):
         self.said.extend(process.stdout)
 
@@ -137,6 +146,8 @@ async def test_the_commands_of_compose_make_a_cluster(services):
         await session.create_agents(AgentSpec())
         async with session.stream() as stream:
             assert len((await anext(aiter(stream))).frames) == 1
+    stranger = await asyncio.to_thread(services.entry, WF_CLUSTER_SECRET="of another cluster")
+    assert stranger.returncode == 2 and "WF_CLUSTER_SECRET differs" in stranger.stderr
     entry.terminate()
     assert await asyncio.to_thread(entry.wait, 60) == 0, "".join(services.said)
     assert "the nodes go on" in services.said[-1]

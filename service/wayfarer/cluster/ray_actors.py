@@ -6,6 +6,7 @@ Ray starts these actors, watches them and starts them again; between them go two
 
 import asyncio
 import atexit
+import hashlib
 import os
 import signal
 import socket
@@ -33,7 +34,7 @@ from wayfarer.cluster.directory_service import DirectoryService
 from wayfarer.cluster.keeper import NodeKeeper
 from wayfarer.cluster.messages import NodePlan
 from wayfarer.cluster.process_tree import adopt_orphans, descendants, end_descendants
-from wayfarer.errors import Unavailable
+from wayfarer.errors import InvalidArgument, Unavailable
 from wayfarer.logs import configure_logging
 
 log = structlog.get_logger(__name__)
@@ -48,6 +49,9 @@ OBJECT_BYTES: Final = 80 * 1024 * 1024
 
 STARTS: Final = 4
 """Ray starts as many processes at a time as it is told that there are cores."""
+
+START_S: Final = 30.0
+"""For the first answer of the directory, which may be starting."""
 
 CALL_S: Final = 1.5
 LEAVE_S: Final = 3.0
@@ -81,8 +85,14 @@ class RayLink:
 class DirectoryActor:
     """One for a cluster. Started again, it knows nothing, and is told by the nodes."""
 
-    def __init__(self, rules: LeaseRules) -> None:
+    def __init__(self, rules: LeaseRules, digest: str) -> None:
+        """`digest`: of the cluster's secret, which this process need not know."""
         self._service = DirectoryService(rules)
+        self._digest = digest
+
+    def digest(self) -> str:
+        """Of the secret that the cluster was started with."""
+        return self._digest
 
     def answer(self, method: str, body: str) -> str:
         """See `DirectoryService`."""
@@ -110,11 +120,13 @@ class KeeperActor:
 class RayCluster:
     """The actors, as one who may start them sees them. Calls of Ray block: not on an event loop."""
 
-    def __init__(self, address: str = "") -> None:
+    def __init__(self, secret: str, address: str = "") -> None:
         """`address`: of a Ray cluster; empty: one of its own on this machine, which ends with it.
+        `secret`: what the cluster's nodes show each other.
 
         Raises Unavailable.
         """
+        self._digest = hashlib.sha256(secret.encode()).hexdigest()
         self._own = not address
         self._others: Collection[int] = ()  # children of this process that are not Ray's
         self._keepers: dict[str, Any] = {}
@@ -140,20 +152,30 @@ class RayCluster:
             raise Unavailable(f"no Ray cluster at {address or 'this machine'}: {error}") from None
 
     def directory(self, rules: LeaseRules) -> RayLink:
-        """Start it, unless it runs."""
+        """Start it, unless it runs. Raises InvalidArgument, Unavailable."""
         if not self._own and _runs(DIRECTORY):
             log.info("directory runs already, with the lease that it was started with")
-        made = ray.remote(DirectoryActor).options(name=DIRECTORY, **self._life()).remote(rules)
-        return RayLink(made)
+            return self.find_directory()
+        actor = ray.remote(DirectoryActor).options(name=DIRECTORY, **self._life())
+        return RayLink(actor.remote(rules, self._digest))
 
     def find_directory(self) -> RayLink:
-        """The one that runs. Raises Unavailable."""
+        """The one that runs. Raises Unavailable; InvalidArgument where its secret is another."""
         try:
-            return RayLink(ray.get_actor(DIRECTORY))
+            found = ray.get_actor(DIRECTORY)
         except ValueError:
             raise Unavailable(
                 "no directory runs on this Ray cluster; start it with `wayfarer cluster start`"
             ) from None
+        try:
+            digest: str = ray.get(found.digest.remote(), timeout=START_S)
+        except ray.exceptions.RayError as error:
+            raise Unavailable(f"the directory does not answer ({type(error).__name__})") from None
+        if digest != self._digest:
+            raise InvalidArgument(
+                "WF_CLUSTER_SECRET differs from that which the cluster was started with"
+            )
+        return RayLink(found)
 
     def machines(self) -> dict[str, str]:
         """Ray's nodes that may work: address by id."""
