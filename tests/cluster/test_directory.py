@@ -430,8 +430,12 @@ def test_status_counts_room():
     bench.beat()
     status = bench.directory.status(bench.now)
     assert (status.capacity, status.agents) == (200, 30)
+    bench.loads["n0"] = NodeLoad(agents=30, sessions=2, fits=40)  # it has measured
+    bench.loads["n1"] = NodeLoad(fits=400)  # its limits allow 100
+    bench.beat()
+    assert bench.directory.status(bench.now).capacity == 140
     bench.directory.drain("n1")
-    assert bench.directory.status(bench.now).capacity == 100
+    assert bench.directory.status(bench.now).capacity == 40
 
 
 def test_unknown_nodes_are_fenced():

@@ -337,6 +337,10 @@ class _Redirecting(grpc.GenericRpcHandler):
         return _elsewhere(subject, method.path, node)
 
 
+CHANGES: Final = ("placed", "moved", "adopted", "lost", "expired")
+"""Kinds of changes that the directory counts."""
+
+
 class _ClusterFigures(Collector):
     """Metrics of the cluster, as the directory told last."""
 
@@ -350,7 +354,7 @@ class _ClusterFigures(Collector):
         if status is None:
             return
         yield _gauge("nodes", "Nodes with a lease", len(status.nodes))
-        yield _gauge("capacity", "Agents that the nodes have room for", status.capacity)
+        yield _gauge("capacity", "Agents that the nodes can move in time", status.capacity)
         yield _gauge("agents", "Agents on the nodes that take sessions", status.agents)
         sessions = sum(one.load.sessions for one in status.nodes)
         yield _gauge("sessions", "Sessions on all nodes", sessions)
@@ -360,8 +364,8 @@ class _ClusterFigures(Collector):
             "was started",
             labels=["kind"],
         )
-        for kind, count in status.counters.items():
-            changes.add_metric([kind], count)
+        for kind in CHANGES:  # from 0 on: what appears with its first change is not seen to grow
+            changes.add_metric([kind], status.counters.get(kind, 0))
         yield changes
 
 

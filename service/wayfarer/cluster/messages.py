@@ -98,7 +98,7 @@ class NodeInfo(ClusterMessage):
     http_port: int
     peer_port: int  # of the service between nodes; 0: none
     fingerprint: str  # hash over model, bodies, format: sessions move only between equals
-    capacity: int  # agents at most
+    capacity: int  # agents at most, by its limits
 
 
 class NodeLoad(ClusterMessage):
@@ -107,6 +107,7 @@ class NodeLoad(ClusterMessage):
     agents: int = 0
     sessions: int = 0
     ready: bool = True  # it takes new sessions
+    fits: int = 0  # agents that it can move in time, as measured; 0: not known yet
 
 
 class Registration(ClusterMessage):
@@ -187,8 +188,12 @@ class Status(ClusterMessage):
 
     @property
     def capacity(self) -> int:
-        """Agents that the nodes that take sessions have room for."""
-        return sum(one.node.capacity for one in self.nodes if _takes(one))
+        """Agents that the nodes that take sessions can move in time, as far as that is known."""
+        return sum(
+            min(one.node.capacity, one.load.fits or one.node.capacity)
+            for one in self.nodes
+            if _takes(one)
+        )
 
     @property
     def agents(self) -> int:

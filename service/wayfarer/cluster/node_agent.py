@@ -116,7 +116,7 @@ class NodeAgent:
         self._replicas = replicas
         self._replication = replication
         self._stop = stop
-        self._agents = self._sessions = 0
+        self._counted = NodeLoad()
         self._leased = False
         self._held_until = 0.0
         self._busy: dict[int, asyncio.Task[None]] = {}  # slots that are being moved or adopted
@@ -175,9 +175,11 @@ class NodeAgent:
         with contextlib.suppress(WayfarerError, TimeoutError):
             async with asyncio.timeout(STATS_S):
                 stats = await self._gateway.loop_stats()
-            self._agents, self._sessions = stats.agents, stats.sessions
+            self._counted = NodeLoad(
+                agents=stats.agents, sessions=stats.sessions, fits=stats.capacity
+            )
         ready = self._gateway.started and self._gateway.alive and self._tenancy.has_slots
-        return NodeLoad(agents=self._agents, sessions=self._sessions, ready=ready)
+        return self._counted.model_copy(update={"ready": ready})
 
     def _tell_lease(self) -> None:
         leased = self._tenancy.leased

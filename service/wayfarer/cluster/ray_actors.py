@@ -168,7 +168,7 @@ class RayCluster:
                 "no directory runs on this Ray cluster; start it with `wayfarer cluster start`"
             ) from None
         try:
-            digest: str = ray.get(found.digest.remote(), timeout=START_S)
+            digest: Any = ray.get(found.digest.remote(), timeout=START_S)
         except ray.exceptions.RayError as error:
             raise Unavailable(f"the directory does not answer ({type(error).__name__})") from None
         if digest != self._digest:
