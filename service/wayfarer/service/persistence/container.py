@@ -19,7 +19,7 @@ from wayfarer.errors import FailedPrecondition, InvalidArgument
 
 VERSION: Final = 1
 
-BETWEEN_SERVERS: Final = 2
+BETWEEN_SERVERS: Final = 3
 """To be raised when what only servers send each other changes: live sessions, replicas, parts of
 logs, and the calls that bring them (cluster/peer.py). Nodes of other numbers are of another kind.
 """
